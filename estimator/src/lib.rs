@@ -1,0 +1,26 @@
+//! The mathematics of fleetcal: vehicle models, LiDAR odometry, the filter, observability and trust.
+//!
+//! Everything here is a pure function of the messages it is given: no I/O, no clock, no threads.
+//! A recording replayed at any speed gives bit for bit the numbers of the live run.
+//!
+//! Frames: `base` is the rear-axle centre (x forward, y left, yaw counter-clockwise), `lidar` the
+//! scanner. SI units and radians. Transforms are named `a_from_b`; `lidar_in_base` is the LiDAR's
+//! pose in `base`, the paper's compact `T^B_L`.
+//!
+//! Sign of steering: `steering_true = steering_measured - steering_offset`, left positive.
+
+pub mod calibrator;
+pub mod estimate;
+pub mod geometry;
+pub mod lidar_odometry;
+pub mod settings;
+pub mod stream;
+pub mod vehicle;
+
+pub use calibrator::{Calibrator, Checkpoint};
+pub use estimate::{Estimate, Parameter, ParameterEstimate, Status};
+pub use geometry::Pose2;
+pub use lidar_odometry::LidarOdometry;
+pub use settings::EstimatorSettings;
+pub use stream::{DriveSample, Effect, Event, LidarPose, Note, NoteKind, Stamp, Sweep};
+pub use vehicle::{Vehicle, VehicleModel};

@@ -1,0 +1,1 @@
+//! What travels: message types, CDR and JSON codecs, key expressions. No I/O.

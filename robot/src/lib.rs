@@ -1,0 +1,1 @@
+//! The robot's side of the wire: simulator, recordings and their replay.

@@ -1,0 +1,1 @@
+//! The fleetcal service: Zenoh link, one estimator task per robot, store, HTTP API and dashboard.

@@ -1,0 +1,2 @@
+//! The `fleetcal` command.
+fn main() {}
