@@ -1,1 +1,5 @@
 //! The robot's side of the wire: simulator, recordings and their replay.
+//!
+//! Without the feature `wire` the crate is the pure, seeded [`simulator`] alone.
+
+pub mod simulator;
