@@ -1,1 +1,15 @@
 //! What travels: message types, CDR and JSON codecs, key expressions. No I/O.
+//!
+//! A robot's streams are ROS 2 messages, in CDR or in JSON. What the service answers is JSON: the
+//! same documents on Zenoh, over HTTP and from `fleetcal calibrate --json`. Units are SI and
+//! radians, and stand last in the names.
+
+pub mod calibration;
+pub mod estimate;
+pub mod event;
+pub mod key;
+pub mod progress;
+pub mod robot_id;
+
+pub use key::{Key, KeyRoot, Keys, StreamKind};
+pub use robot_id::RobotId;

@@ -1,0 +1,183 @@
+//! The approved calibration on its way to a robot, and the robot's answer.
+//!
+//! What is approved travels as an [`Envelope`]: hash and Ed25519 signature are over the exact bytes
+//! of its `document` string, which is a [`CalibrationDocument`] in JSON. Values are absolute, never
+//! a residual on top of what the robot already applies.
+
+use serde::{Deserialize, Serialize};
+
+use crate::robot_id::RobotId;
+
+/// A signed calibration document.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Envelope {
+    /// The [`CalibrationDocument`] in JSON, byte for byte as it was hashed and signed.
+    pub document: String,
+    /// SHA-256 of the document's bytes, lower-case hexadecimal.
+    pub sha256: String,
+    /// Which of the service's keys signed it.
+    pub key_id: String,
+    /// Ed25519 signature of the document's bytes, base64.
+    pub signature: String,
+}
+
+/// The schema a calibration document says it follows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum CalibrationSchema {
+    /// The first.
+    #[default]
+    #[serde(rename = "fleetcal.calibration/1")]
+    V1,
+}
+
+/// The frame that the LiDAR's pose is given in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum CalibrationFrame {
+    /// The rear axle's centre, x forward, y left, yaw counter-clockwise.
+    #[default]
+    RearAxle,
+}
+
+/// Calibration values, or their sigmas. What was not estimated is absent.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct CalibrationValues {
+    /// `steering_true = steering_measured - steering_offset`, rad, left positive.
+    pub steering_offset_rad: f64,
+    /// The LiDAR's position along x of the frame, m.
+    pub lidar_x_m: f64,
+    /// The LiDAR's position along y of the frame, m.
+    pub lidar_y_m: f64,
+    /// The LiDAR's heading in the frame, rad.
+    pub lidar_yaw_rad: f64,
+    /// True speed over measured speed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub speed_scale: Option<f64>,
+    /// Distance between the axles, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wheelbase_m: Option<f64>,
+    /// True steering angle (less its offset) over the measured one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub steering_gain: Option<f64>,
+    /// How much later a motion shows in the drive stream than in the LiDAR's, s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time_offset_s: Option<f64>,
+}
+
+/// What a person approved for one robot: the content of an [`Envelope`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct CalibrationDocument {
+    /// The schema it follows.
+    pub schema: CalibrationSchema,
+    /// Whom it is for.
+    pub robot: RobotId,
+    /// Counts up with every approval; a robot applies only what is higher than what it holds.
+    pub generation: u64,
+    /// The generation it was compared with; `None` when the robot had none.
+    pub base_generation: Option<u64>,
+    /// The revision of the calibration that was approved.
+    pub revision: u64,
+    /// When, RFC 3339 in UTC.
+    pub approved_at: String,
+    /// By whom.
+    pub approved_by: String,
+    /// The values, absolute.
+    pub values: CalibrationValues,
+    /// Their standard deviations under the same names and units.
+    pub sigmas: CalibrationValues,
+    /// The frame of the LiDAR's pose.
+    pub frame: CalibrationFrame,
+    /// A robot that hears no confirmation for so many seconds after applying reverts by itself.
+    pub confirm_within_s: u32,
+}
+
+/// What became of a calibration on the robot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum AppliedStatus {
+    /// It is in use.
+    Applied,
+    /// The robot will not use it: hash, signature, generation or its own limits.
+    Refused,
+    /// The robot wanted to use it and could not.
+    Failed,
+    /// The robot went back to what it used before.
+    Reverted,
+}
+
+/// A robot's acknowledgement, on `{root}/{robot}/calibration/applied`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Applied {
+    /// Generation of the document it is about; 0 for values the robot brought along.
+    pub generation: u64,
+    /// SHA-256 of the document, lower-case hexadecimal; empty for values the robot brought along.
+    pub sha256: String,
+    /// What became of it.
+    pub status: AppliedStatus,
+    /// Why, for people.
+    #[serde(default)]
+    pub reason: Option<String>,
+    /// When, ns since 1970, by the robot's clock.
+    pub applied_at_ns: i64,
+    /// What the robot now compensates with, when it says so itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub values: Option<CalibrationValues>,
+}
+
+/// The service stored the acknowledgement, on `{root}/{robot}/calibration/confirmed`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Confirmed {
+    /// Generation of the document.
+    pub generation: u64,
+    /// SHA-256 of the document, lower-case hexadecimal.
+    pub sha256: String,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_document_reads_as_documented() {
+        let text = concat!(
+            r#"{"schema":"fleetcal.calibration/1","robot":"tugger_01","generation":4,"#,
+            r#""base_generation":3,"revision":17,"approved_at":"2026-11-21T12:00:00Z","#,
+            r#""approved_by":"ana","values":{"steering_offset_rad":0.051,"lidar_x_m":0.434,"#,
+            r#""lidar_y_m":-0.016,"lidar_yaw_rad":0.0133,"speed_scale":1.002},"#,
+            r#""sigmas":{"steering_offset_rad":0.0002,"lidar_x_m":0.001,"lidar_y_m":0.001,"#,
+            r#""lidar_yaw_rad":0.0003,"speed_scale":0.0005},"frame":"rear_axle","#,
+            r#""confirm_within_s":600}"#
+        );
+        let document: CalibrationDocument = serde_json::from_str(text).unwrap();
+        assert_eq!(document.values.wheelbase_m, None);
+        assert_eq!(serde_json::to_string(&document).unwrap(), text);
+        let other = text.replace("calibration/1", "calibration/2");
+        let error = serde_json::from_str::<CalibrationDocument>(&other)
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains("fleetcal.calibration/2"), "{error}");
+    }
+
+    #[test]
+    fn an_acknowledgement_names_its_unknown_fields() {
+        let text = r#"{"generation":4,"sha256":"ab","status":"reverted","reason":"no confirmation","applied_at_ns":7}"#;
+        let applied: Applied = serde_json::from_str(text).unwrap();
+        assert_eq!(applied.status, AppliedStatus::Reverted);
+        assert_eq!(serde_json::to_string(&applied).unwrap(), text);
+        let wrong = text.replace("\"reason\"", "\"why\"");
+        let error = serde_json::from_str::<Applied>(&wrong)
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains("`why`"), "{error}");
+    }
+}

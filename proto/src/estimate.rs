@@ -1,0 +1,453 @@
+//! What the service says about a robot's calibration: one schema for `fleetcal calibrate --json`,
+//! for `{root}/{robot}/estimate` and for the HTTP API.
+//!
+//! All numbers are finite; JSON has no other.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::robot_id::RobotId;
+
+/// A parameter of the calibration, as documents name it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum ParameterName {
+    /// What the steering sensor shows when the wheel points straight ahead, rad.
+    SteeringOffset,
+    /// The LiDAR's position along x of `base`, m.
+    LidarX,
+    /// The LiDAR's position along y of `base`, m.
+    LidarY,
+    /// The LiDAR's heading in `base`, rad.
+    LidarYaw,
+    /// True speed over measured speed.
+    SpeedScale,
+    /// Distance between the axles, m.
+    Wheelbase,
+    /// How much later a motion shows in the drive stream than in the LiDAR's, s.
+    TimeOffset,
+    /// True steering angle (less its offset) over the measured one.
+    SteeringGain,
+}
+
+impl ParameterName {
+    /// All of them, in the order of documents.
+    pub const ALL: [Self; 8] = [
+        Self::SteeringOffset,
+        Self::LidarX,
+        Self::LidarY,
+        Self::LidarYaw,
+        Self::SpeedScale,
+        Self::Wheelbase,
+        Self::TimeOffset,
+        Self::SteeringGain,
+    ];
+
+    /// The name in documents.
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::SteeringOffset => "steering_offset",
+            Self::LidarX => "lidar_x",
+            Self::LidarY => "lidar_y",
+            Self::LidarYaw => "lidar_yaw",
+            Self::SpeedScale => "speed_scale",
+            Self::Wheelbase => "wheelbase",
+            Self::TimeOffset => "time_offset",
+            Self::SteeringGain => "steering_gain",
+        }
+    }
+
+    /// The parameter's unit.
+    pub const fn unit(self) -> Unit {
+        match self {
+            Self::SteeringOffset | Self::LidarYaw => Unit::Radian,
+            Self::LidarX | Self::LidarY | Self::Wheelbase => Unit::Metre,
+            Self::TimeOffset => Unit::Second,
+            Self::SpeedScale | Self::SteeringGain => Unit::One,
+        }
+    }
+}
+
+/// Unit of a parameter's value and sigma.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum Unit {
+    /// Radian.
+    #[serde(rename = "rad")]
+    Radian,
+    /// Metre.
+    #[serde(rename = "m")]
+    Metre,
+    /// Second.
+    #[serde(rename = "s")]
+    Second,
+    /// A plain ratio.
+    #[serde(rename = "1")]
+    One,
+}
+
+/// How far a parameter is known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum ParameterStatus {
+    /// Its sigma is inside its limit and the data behind it repeat it.
+    Converged,
+    /// On its way.
+    Learning,
+    /// The motions so far say nothing about it.
+    Unobservable,
+    /// Held at its configured value, with its configured doubt.
+    Fixed,
+    /// Not part of the model.
+    Off,
+}
+
+/// One parameter: `P` of the documents.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct ParameterDocument {
+    /// Value, in `unit`.
+    pub value: f64,
+    /// Standard deviation, in `unit`.
+    pub sigma: f64,
+    /// Unit of both.
+    pub unit: Unit,
+    /// How far it is known.
+    pub status: ParameterStatus,
+    /// In words, which motion would make it better known; `None` when nothing is missing.
+    pub needs: Option<String>,
+}
+
+/// Every parameter of a calibration.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Parameters {
+    /// `steering_true = steering_measured - steering_offset`, left positive.
+    pub steering_offset: ParameterDocument,
+    /// The LiDAR's position along x of `base`.
+    pub lidar_x: ParameterDocument,
+    /// The LiDAR's position along y of `base`.
+    pub lidar_y: ParameterDocument,
+    /// The LiDAR's heading in `base`.
+    pub lidar_yaw: ParameterDocument,
+    /// True speed over measured speed.
+    pub speed_scale: ParameterDocument,
+    /// Distance between the axles.
+    pub wheelbase: ParameterDocument,
+    /// How much later a motion shows in the drive stream than in the LiDAR's.
+    pub time_offset: ParameterDocument,
+    /// True steering angle (less its offset) over the measured one.
+    pub steering_gain: ParameterDocument,
+}
+
+impl Parameters {
+    /// One of them by its name.
+    pub fn get(&self, name: ParameterName) -> &ParameterDocument {
+        match name {
+            ParameterName::SteeringOffset => &self.steering_offset,
+            ParameterName::LidarX => &self.lidar_x,
+            ParameterName::LidarY => &self.lidar_y,
+            ParameterName::LidarYaw => &self.lidar_yaw,
+            ParameterName::SpeedScale => &self.speed_scale,
+            ParameterName::Wheelbase => &self.wheelbase,
+            ParameterName::TimeOffset => &self.time_offset,
+            ParameterName::SteeringGain => &self.steering_gain,
+        }
+    }
+
+    /// All of them with their names, in the order of [`ParameterName::ALL`].
+    pub fn iter(&self) -> impl Iterator<Item = (ParameterName, &ParameterDocument)> {
+        ParameterName::ALL
+            .into_iter()
+            .map(|name| (name, self.get(name)))
+    }
+}
+
+/// Whether the filter's innovations are as large as it believes.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Consistency {
+    /// Mean normalised innovation squared over the recent updates.
+    pub nis_mean: f64,
+    /// Its expectation: the degrees of freedom of one update.
+    pub nis_dof: f64,
+    /// How many updates the mean is over.
+    pub samples: u64,
+}
+
+/// What was taken in since the session began.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Counts {
+    /// Drive samples used.
+    pub drive_samples: u64,
+    /// Sweeps or LiDAR poses used.
+    pub scans: u64,
+    /// Sweeps that could not be used.
+    pub scans_rejected: u64,
+    /// Messages that came too late.
+    pub late: u64,
+    /// Messages that came twice.
+    pub duplicates: u64,
+}
+
+/// The state of one robot's calibration now, on `{root}/{robot}/estimate` once a second and from
+/// `GET /api/v1/robots/{id}/estimate`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct EstimateDocument {
+    /// Whose it is.
+    pub robot: RobotId,
+    /// The time it is about, ns since 1970, by the robot's clock.
+    pub stamp_ns: i64,
+    /// Seconds since the session's first message.
+    pub time_s: f64,
+    /// Distance driven in the session, m.
+    pub distance_m: f64,
+    /// The parameters.
+    pub parameters: Parameters,
+    /// Consistency of the filter.
+    pub consistency: Consistency,
+    /// What was taken in.
+    pub counts: Counts,
+}
+
+/// What was seen to happen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum ChangeKind {
+    /// The vehicle is no longer the one that was calibrated.
+    CalibrationChanged,
+    /// The parts were reported as reassembled and the comparison came out equal.
+    CalibrationConfirmed,
+    /// A sensor or the LiDAR odometry failed for a while.
+    Fault,
+}
+
+/// What a change came from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum ChangeCause {
+    /// The steering zero moved.
+    Steering,
+    /// The LiDAR moved on the vehicle.
+    LidarMount,
+    /// Wheels or wheelbase changed.
+    Vehicle,
+    /// The LiDAR odometry failed.
+    Odometry,
+    /// The data do not tell.
+    Unknown,
+}
+
+/// A change or fault that was seen: one of `events`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct ChangeDocument {
+    /// What happened.
+    pub kind: ChangeKind,
+    /// What it came from.
+    pub cause: ChangeCause,
+    /// When it was flagged, in seconds since the session's first message.
+    pub time_s: f64,
+    /// When it began, in seconds since the session's first message.
+    pub onset_s: f64,
+    /// When it was flagged, ns since 1970, by the robot's clock.
+    pub stamp_ns: i64,
+    /// New value less old value of each parameter that moved, in the parameter's unit.
+    pub change: BTreeMap<ParameterName, f64>,
+}
+
+/// A stretch between changes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Segment {
+    /// Its first second, since the session's first message.
+    pub from_s: f64,
+    /// Its last second.
+    pub to_s: f64,
+    /// The parameters at its end.
+    pub parameters: Parameters,
+}
+
+/// How a vehicle steers and where its speed is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum VehicleModel {
+    /// Steered front axle (Ackermann too), speed of the rear axle.
+    Bicycle,
+    /// One steered and driven front wheel, speed of that wheel.
+    Tricycle,
+    /// Two driven wheels on one axle, no steering.
+    Differential,
+}
+
+/// The vehicle a calibration is of.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct VehicleDocument {
+    /// How it steers.
+    pub model: VehicleModel,
+    /// Distance from the rear axle to the steered axle as configured, m.
+    pub wheelbase_m: f64,
+}
+
+/// What a calibration cost.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Timing {
+    /// Median time of one sweep's LiDAR odometry and update, ms.
+    pub scan_median_ms: f64,
+    /// The time that 99 of 100 sweeps stay under, ms.
+    pub scan_p99_ms: f64,
+    /// CPU time of it all, s.
+    pub cpu_s: f64,
+    /// Seconds of recording worked through in one second.
+    pub realtime_factor: f64,
+}
+
+/// What `fleetcal calibrate --json` prints.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct CalibrationReport {
+    /// Whose it is.
+    pub robot: RobotId,
+    /// The vehicle.
+    pub vehicle: VehicleDocument,
+    /// Length of the recording, s.
+    pub duration_s: f64,
+    /// Distance driven, m.
+    pub distance_m: f64,
+    /// Drive samples used.
+    pub drive_samples: u64,
+    /// Sweeps or LiDAR poses used.
+    pub scans: u64,
+    /// Sweeps that could not be used.
+    pub scans_rejected: u64,
+    /// The vehicle as it is at the end.
+    pub parameters: Parameters,
+    /// Consistency of the filter.
+    pub consistency: Consistency,
+    /// Changes and faults, oldest first.
+    pub events: Vec<ChangeDocument>,
+    /// The stretches between changes, oldest first.
+    pub segments: Vec<Segment>,
+    /// What it cost.
+    pub timing: Timing,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parameters() -> Parameters {
+        let p = |name: ParameterName| ParameterDocument {
+            value: 0.1,
+            sigma: 0.2,
+            unit: name.unit(),
+            status: ParameterStatus::Learning,
+            needs: None,
+        };
+        Parameters {
+            steering_offset: p(ParameterName::SteeringOffset),
+            lidar_x: p(ParameterName::LidarX),
+            lidar_y: p(ParameterName::LidarY),
+            lidar_yaw: p(ParameterName::LidarYaw),
+            speed_scale: p(ParameterName::SpeedScale),
+            wheelbase: p(ParameterName::Wheelbase),
+            time_offset: p(ParameterName::TimeOffset),
+            steering_gain: p(ParameterName::SteeringGain),
+        }
+    }
+
+    fn keys(value: &serde_json::Value) -> Vec<&str> {
+        value
+            .as_object()
+            .unwrap()
+            .keys()
+            .map(String::as_str)
+            .collect()
+    }
+
+    #[test]
+    fn a_report_has_the_documented_names() {
+        let report = CalibrationReport {
+            robot: RobotId::parse("tugger_01").unwrap(),
+            vehicle: VehicleDocument {
+                model: VehicleModel::Bicycle,
+                wheelbase_m: 1.2,
+            },
+            duration_s: 1.0,
+            distance_m: 2.0,
+            drive_samples: 3,
+            scans: 4,
+            scans_rejected: 5,
+            parameters: parameters(),
+            consistency: Consistency::default(),
+            events: vec![ChangeDocument {
+                kind: ChangeKind::CalibrationChanged,
+                cause: ChangeCause::LidarMount,
+                time_s: 90.5,
+                onset_s: 90.0,
+                stamp_ns: 7,
+                change: BTreeMap::from([(ParameterName::LidarX, 0.02)]),
+            }],
+            segments: vec![Segment {
+                from_s: 0.0,
+                to_s: 90.0,
+                parameters: parameters(),
+            }],
+            timing: Timing::default(),
+        };
+        let json = serde_json::to_value(&report).unwrap();
+        let mut names = keys(&json);
+        names.sort_unstable();
+        assert_eq!(
+            names,
+            [
+                "consistency",
+                "distance_m",
+                "drive_samples",
+                "duration_s",
+                "events",
+                "parameters",
+                "robot",
+                "scans",
+                "scans_rejected",
+                "segments",
+                "timing",
+                "vehicle"
+            ]
+        );
+        assert_eq!(json["vehicle"]["model"], "bicycle");
+        assert_eq!(json["events"][0]["cause"], "lidar_mount");
+        assert_eq!(json["events"][0]["change"]["lidar_x"], 0.02);
+        assert_eq!(json["parameters"]["speed_scale"]["unit"], "1");
+        assert_eq!(json["parameters"]["lidar_yaw"]["status"], "learning");
+        assert_eq!(
+            json["parameters"]["lidar_yaw"]["needs"],
+            serde_json::Value::Null
+        );
+        assert_eq!(
+            serde_json::from_value::<CalibrationReport>(json).unwrap(),
+            report
+        );
+    }
+
+    #[test]
+    fn parameters_are_found_by_name() {
+        let json = serde_json::to_value(parameters()).unwrap();
+        for (name, document) in parameters().iter() {
+            let found: ParameterDocument =
+                serde_json::from_value(json[name.as_str()].clone()).unwrap();
+            assert_eq!(&found, document);
+            assert_eq!(serde_json::to_value(name).unwrap(), name.as_str());
+        }
+    }
+}

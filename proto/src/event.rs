@@ -1,0 +1,67 @@
+//! What a robot or a tool says besides its streams: events, and how well it follows its path.
+
+use serde::{Deserialize, Serialize};
+
+/// What happened to a robot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum RobotEventKind {
+    /// Parts were taken off and put back: the calibration may have changed.
+    Reassembled,
+    /// Other work was done on the robot.
+    Maintenance,
+    /// The robot was switched on.
+    PowerOn,
+}
+
+/// A note in a robot's history, on `{root}/{robot}/event`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct RobotEvent {
+    /// What happened.
+    pub kind: RobotEventKind,
+    /// When it happened, ns since 1970, by the robot's clock.
+    pub stamp_ns: i64,
+    /// More about it, for people.
+    #[serde(default)]
+    pub note: String,
+}
+
+/// How far a robot is off its path, on `{root}/{robot}/cross_track_error`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct CrossTrackError {
+    /// When it was measured, ns since 1970, by the robot's clock.
+    pub stamp_ns: i64,
+    /// Distance of the rear axle's centre from the path, m, positive when left of it.
+    pub value_m: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_event_reads_as_documented() {
+        let text = r#"{"kind":"reassembled","stamp_ns":5,"note":"new LiDAR bracket"}"#;
+        let event: RobotEvent = serde_json::from_str(text).unwrap();
+        assert_eq!(event.kind, RobotEventKind::Reassembled);
+        assert_eq!(serde_json::to_string(&event).unwrap(), text);
+        assert!(serde_json::from_str::<RobotEvent>(r#"{"kind":"power_on","stamp_ns":5}"#).is_ok());
+    }
+
+    #[test]
+    fn unknown_fields_and_kinds_are_named() {
+        let error = |text| {
+            serde_json::from_str::<RobotEvent>(text)
+                .unwrap_err()
+                .to_string()
+        };
+        assert!(error(r#"{"kind":"power_on","stamp_ns":5,"when":1}"#).contains("`when`"));
+        assert!(error(r#"{"kind":"exploded","stamp_ns":5}"#).contains("`exploded`"));
+        assert!(error(r#"{"kind":"power_on"}"#).contains("`stamp_ns`"));
+    }
+}

@@ -1,0 +1,419 @@
+//! Key expressions: what is sent where. Built and parsed here and nowhere else.
+//!
+//! A key is `{root}/{robot}/{stream}`, or `{root}/@alive/{robot}` and `{root}/@service/{instance}`
+//! for liveliness tokens. A chunk that begins with `@` is not matched by `*` or `**`.
+
+use std::fmt;
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::robot_id::{RobotId, RobotIdRefused};
+
+/// The root chunk when none is configured.
+pub const ROOT_DEFAULT: &str = "fleet";
+/// Longest key that is looked at, in bytes; longer ones are refused unread.
+pub const KEY_BYTES_MAX: usize = 255;
+
+const ALIVE: &str = "@alive";
+const SERVICE: &str = "@service";
+
+/// What a key under a robot carries.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum StreamKind {
+    /// Measured speed and steering, `ackermann_msgs/msg/AckermannDriveStamped`.
+    Drive,
+    /// Raw sweeps, `sensor_msgs/msg/LaserScan`.
+    Scan,
+    /// The LiDAR's pose instead of sweeps, `nav_msgs/msg/Odometry`.
+    LidarOdometry,
+    /// What happened to the robot, [`crate::event::RobotEvent`].
+    Event,
+    /// The service's estimate, [`crate::estimate::EstimateDocument`].
+    Estimate,
+    /// The approved calibration, [`crate::calibration::Envelope`].
+    CalibrationApproved,
+    /// The robot's acknowledgement, [`crate::calibration::Applied`].
+    CalibrationApplied,
+    /// The service's answer to it, [`crate::calibration::Confirmed`].
+    CalibrationConfirmed,
+    /// The path follower's error, [`crate::event::CrossTrackError`].
+    CrossTrackError,
+    /// How far the service got, [`crate::progress::Progress`].
+    Progress,
+}
+
+impl StreamKind {
+    /// All of them.
+    pub const ALL: [Self; 10] = [
+        Self::Drive,
+        Self::Scan,
+        Self::LidarOdometry,
+        Self::Event,
+        Self::Estimate,
+        Self::CalibrationApproved,
+        Self::CalibrationApplied,
+        Self::CalibrationConfirmed,
+        Self::CrossTrackError,
+        Self::Progress,
+    ];
+
+    /// What a robot sends and the service subscribes to.
+    pub const FROM_ROBOT: [Self; 6] = [
+        Self::Drive,
+        Self::Scan,
+        Self::LidarOdometry,
+        Self::Event,
+        Self::CalibrationApplied,
+        Self::CrossTrackError,
+    ];
+
+    /// The chunks behind the robot's: `drive`, `calibration/approved` and so on.
+    pub const fn suffix(self) -> &'static str {
+        match self {
+            Self::Drive => "drive",
+            Self::Scan => "scan",
+            Self::LidarOdometry => "lidar_odometry",
+            Self::Event => "event",
+            Self::Estimate => "estimate",
+            Self::CalibrationApproved => "calibration/approved",
+            Self::CalibrationApplied => "calibration/applied",
+            Self::CalibrationConfirmed => "calibration/confirmed",
+            Self::CrossTrackError => "cross_track_error",
+            Self::Progress => "progress",
+        }
+    }
+
+    fn from_suffix(suffix: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.suffix() == suffix)
+    }
+}
+
+impl fmt::Display for StreamKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.suffix())
+    }
+}
+
+/// The root chunk of all keys, `fleet` unless configured. Same characters as a robot's id.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct KeyRoot(Arc<str>);
+
+impl KeyRoot {
+    /// Checks a text and makes it a root.
+    ///
+    /// # Errors
+    /// When it is not one chunk of the characters a robot's id may have.
+    pub fn parse(text: &str) -> Result<Self, KeyRefused> {
+        chunk(text).map(Self).map_err(KeyRefused::Root)
+    }
+
+    /// The root as text.
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl Default for KeyRoot {
+    fn default() -> Self {
+        Self(Arc::from(ROOT_DEFAULT))
+    }
+}
+
+impl TryFrom<String> for KeyRoot {
+    type Error = KeyRefused;
+
+    fn try_from(text: String) -> Result<Self, Self::Error> {
+        Self::parse(&text)
+    }
+}
+
+impl From<KeyRoot> for String {
+    fn from(root: KeyRoot) -> Self {
+        root.as_str().to_owned()
+    }
+}
+
+/// Name of one service instance in its liveliness token. Same characters as a robot's id.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ServiceInstance(Arc<str>);
+
+impl ServiceInstance {
+    /// Checks a text and makes it an instance's name.
+    ///
+    /// # Errors
+    /// When it is not one chunk of the characters a robot's id may have.
+    pub fn parse(text: &str) -> Result<Self, KeyRefused> {
+        chunk(text).map(Self).map_err(KeyRefused::Instance)
+    }
+
+    /// The name as text.
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+fn chunk(text: &str) -> Result<Arc<str>, RobotIdRefused> {
+    RobotId::parse(text).map(|checked| Arc::from(checked.as_str()))
+}
+
+/// Why a text is no key of ours.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum KeyRefused {
+    /// It is longer than [`KEY_BYTES_MAX`].
+    #[error("key is {length} bytes long, accepted are at most 255")]
+    TooLong {
+        /// Its length in bytes.
+        length: usize,
+    },
+    /// It holds a wildcard: it names many keys.
+    #[error("key {key:?} contains {character:?}, accepted is the key of one stream")]
+    Wildcard {
+        /// The key.
+        key: String,
+        /// The wildcard's character.
+        character: char,
+    },
+    /// Two slashes in a row, or one at an end.
+    #[error("key {key:?} has an empty chunk, accepted are chunks parted by one slash")]
+    EmptyChunk {
+        /// The key.
+        key: String,
+    },
+    /// It is under another root.
+    #[error("key {key:?} is not under {root:?}, accepted is {root}/{{robot}}/{{stream}}")]
+    OtherRoot {
+        /// The key.
+        key: String,
+        /// The configured root.
+        root: String,
+    },
+    /// Its robot chunk is no robot id.
+    #[error("key {key:?}: {reason}")]
+    Robot {
+        /// The key.
+        key: String,
+        /// What is wrong with the id.
+        #[source]
+        reason: RobotIdRefused,
+    },
+    /// Nothing is sent under that name.
+    #[error(
+        "key {key:?} ends in {stream:?}, accepted are drive, scan, lidar_odometry, event, \
+         estimate, calibration/{{approved,applied,confirmed}}, cross_track_error and progress"
+    )]
+    UnknownStream {
+        /// The key.
+        key: String,
+        /// What follows the robot's chunk.
+        stream: String,
+    },
+    /// The configured root is no chunk.
+    #[error("key root: {0}")]
+    Root(#[source] RobotIdRefused),
+    /// The service's name is no chunk.
+    #[error("service instance: {0}")]
+    Instance(#[source] RobotIdRefused),
+}
+
+/// One key, taken apart.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Key {
+    /// `{root}/{robot}/{stream}`.
+    Stream {
+        /// Whose it is.
+        robot: RobotId,
+        /// What it carries.
+        kind: StreamKind,
+    },
+    /// `{root}/@alive/{robot}`: the token of a robot that is there.
+    Alive(RobotId),
+    /// `{root}/@service/{instance}`: the token of a service that is there.
+    Service(ServiceInstance),
+}
+
+/// Builds and parses the keys under one root.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Keys {
+    root: KeyRoot,
+}
+
+impl Keys {
+    /// The keys under `root`.
+    pub fn new(root: KeyRoot) -> Self {
+        Self { root }
+    }
+
+    /// The root.
+    pub fn root(&self) -> &KeyRoot {
+        &self.root
+    }
+
+    /// Key of one robot's stream, `fleet/tugger_01/drive`.
+    pub fn stream(&self, robot: &RobotId, kind: StreamKind) -> String {
+        format!("{}/{robot}/{}", self.root.as_str(), kind.suffix())
+    }
+
+    /// Key expression of every robot's stream of a kind, `fleet/*/drive`.
+    pub fn stream_of_all(&self, kind: StreamKind) -> String {
+        format!("{}/*/{}", self.root.as_str(), kind.suffix())
+    }
+
+    /// Key of a robot's liveliness token, `fleet/@alive/tugger_01`.
+    pub fn alive(&self, robot: &RobotId) -> String {
+        format!("{}/{ALIVE}/{robot}", self.root.as_str())
+    }
+
+    /// Key expression of every robot's liveliness token, `fleet/@alive/*`.
+    pub fn alive_of_all(&self) -> String {
+        format!("{}/{ALIVE}/*", self.root.as_str())
+    }
+
+    /// Key of a service's liveliness token, `fleet/@service/a1b2`.
+    pub fn service(&self, instance: &ServiceInstance) -> String {
+        format!("{}/{SERVICE}/{}", self.root.as_str(), instance.as_str())
+    }
+
+    /// Key expression of every service's liveliness token, `fleet/@service/*`.
+    pub fn service_of_all(&self) -> String {
+        format!("{}/{SERVICE}/*", self.root.as_str())
+    }
+
+    /// Everything under the root but the `@` chunks, `fleet/**`.
+    pub fn everything(&self) -> String {
+        format!("{}/**", self.root.as_str())
+    }
+
+    /// Takes a key apart.
+    ///
+    /// # Errors
+    /// When it is no key of one stream under this root: the sentence names the key and what is
+    /// accepted.
+    pub fn parse(&self, key: &str) -> Result<Key, KeyRefused> {
+        if key.len() > KEY_BYTES_MAX {
+            return Err(KeyRefused::TooLong { length: key.len() });
+        }
+        if let Some(character) = key.chars().find(|c| matches!(c, '*' | '$' | '?' | '#')) {
+            return Err(KeyRefused::Wildcard {
+                key: key.to_owned(),
+                character,
+            });
+        }
+        if key.split('/').any(str::is_empty) {
+            return Err(KeyRefused::EmptyChunk {
+                key: key.to_owned(),
+            });
+        }
+        let other_root = || KeyRefused::OtherRoot {
+            key: key.to_owned(),
+            root: self.root.as_str().to_owned(),
+        };
+        let below_root = key
+            .strip_prefix(self.root.as_str())
+            .and_then(|rest| rest.strip_prefix('/'))
+            .ok_or_else(other_root)?;
+        let (first, rest) = below_root.split_once('/').ok_or_else(other_root)?;
+        let robot = |text: &str| {
+            RobotId::parse(text).map_err(|reason| KeyRefused::Robot {
+                key: key.to_owned(),
+                reason,
+            })
+        };
+        match first {
+            ALIVE => robot(rest).map(Key::Alive),
+            SERVICE => ServiceInstance::parse(rest).map(Key::Service),
+            _ => {
+                let robot = robot(first)?;
+                let kind =
+                    StreamKind::from_suffix(rest).ok_or_else(|| KeyRefused::UnknownStream {
+                        key: key.to_owned(),
+                        stream: rest.to_owned(),
+                    })?;
+                Ok(Key::Stream { robot, kind })
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn robot() -> RobotId {
+        RobotId::parse("tugger_01").unwrap()
+    }
+
+    #[test]
+    fn what_is_built_parses_back() {
+        for root in ["fleet", "plant-3"] {
+            let keys = Keys::new(KeyRoot::parse(root).unwrap());
+            for kind in StreamKind::ALL {
+                let key = keys.stream(&robot(), kind);
+                assert_eq!(
+                    keys.parse(&key),
+                    Ok(Key::Stream {
+                        robot: robot(),
+                        kind
+                    })
+                );
+            }
+            assert_eq!(keys.parse(&keys.alive(&robot())), Ok(Key::Alive(robot())));
+            let instance = ServiceInstance::parse("a1b2").unwrap();
+            assert_eq!(
+                keys.parse(&keys.service(&instance)),
+                Ok(Key::Service(instance))
+            );
+        }
+    }
+
+    #[test]
+    fn the_spelling_is_that_of_the_wire() {
+        let keys = Keys::default();
+        assert_eq!(
+            keys.stream(&robot(), StreamKind::Drive),
+            "fleet/tugger_01/drive"
+        );
+        assert_eq!(
+            keys.stream(&robot(), StreamKind::CalibrationApproved),
+            "fleet/tugger_01/calibration/approved"
+        );
+        assert_eq!(keys.stream_of_all(StreamKind::Scan), "fleet/*/scan");
+        assert_eq!(keys.alive(&robot()), "fleet/@alive/tugger_01");
+        assert_eq!(keys.service_of_all(), "fleet/@service/*");
+    }
+
+    #[test]
+    fn each_refusal_says_what_is_wrong() {
+        let keys = Keys::default();
+        let cases = [
+            ("fleet/*/drive", "contains '*'"),
+            ("fleet/a$*/drive", "contains '$'"),
+            ("fleet//drive", "empty chunk"),
+            ("/fleet/a/drive", "empty chunk"),
+            ("fleet/a/drive/", "empty chunk"),
+            ("fleet", "not under \"fleet\""),
+            ("fleet/a", "not under \"fleet\""),
+            ("fleets/a/drive", "not under \"fleet\""),
+            ("fleet/@robot/drive", "contains '@'"),
+            ("fleet/@alive/@a", "contains '@'"),
+            ("fleet/@alive/a/b", "contains '/'"),
+            ("fleet/@service/a b", "contains ' '"),
+            ("fleet/a/camera", "ends in \"camera\""),
+            ("fleet/a/drive/raw", "ends in \"drive/raw\""),
+        ];
+        for (key, wanted) in cases {
+            let sentence = keys.parse(key).unwrap_err().to_string();
+            assert!(sentence.contains(wanted), "{key:?} gave {sentence:?}");
+            assert!(sentence.contains("accepted"), "{key:?} gave {sentence:?}");
+        }
+        assert!(
+            keys.parse(&"a".repeat(256))
+                .unwrap_err()
+                .to_string()
+                .contains("256 bytes")
+        );
+        assert!(KeyRoot::parse("a/b").is_err());
+    }
+}
