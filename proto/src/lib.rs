@@ -5,11 +5,16 @@
 //! radians, and stand last in the names.
 
 pub mod calibration;
+pub mod cdr;
+pub mod encoding;
 pub mod estimate;
 pub mod event;
 pub mod key;
 pub mod progress;
 pub mod robot_id;
+pub mod ros;
 
+pub use encoding::{DecodeError, Encoding};
 pub use key::{Key, KeyRoot, Keys, StreamKind};
 pub use robot_id::RobotId;
+pub use ros::RosMessage;

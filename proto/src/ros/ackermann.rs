@@ -1,0 +1,65 @@
+//! `ackermann_msgs/msg/AckermannDriveStamped`: a robot's measured speed and steering.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Header, RosMessage};
+use crate::cdr::{CdrError, CdrReader, CdrWriter};
+
+/// Speed and steering of a car-like vehicle.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AckermannDrive {
+    /// Angle of the (virtual) centre wheel, rad, left positive.
+    pub steering_angle: f32,
+    /// Its rate of change, rad/s.
+    #[serde(default)]
+    pub steering_angle_velocity: f32,
+    /// Forward speed, m/s, negative in reverse.
+    pub speed: f32,
+    /// Forward acceleration, m/s^2.
+    #[serde(default)]
+    pub acceleration: f32,
+    /// Forward jerk, m/s^3.
+    #[serde(default)]
+    pub jerk: f32,
+}
+
+/// A drive sample: it describes the interval that ends at its stamp.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AckermannDriveStamped {
+    /// When the interval ended.
+    pub header: Header,
+    /// What was measured.
+    pub drive: AckermannDrive,
+}
+
+impl RosMessage for AckermannDriveStamped {
+    const TYPE: &'static str = "ackermann_msgs/msg/AckermannDriveStamped";
+
+    fn read(mut reader: CdrReader<'_>) -> Result<Self, CdrError> {
+        let header = Header::read(&mut reader)?;
+        let drive = AckermannDrive {
+            steering_angle: reader.f32("drive.steering_angle")?,
+            steering_angle_velocity: reader.f32("drive.steering_angle_velocity")?,
+            speed: reader.f32("drive.speed")?,
+            acceleration: reader.f32("drive.acceleration")?,
+            jerk: reader.f32("drive.jerk")?,
+        };
+        reader.finish("drive.jerk")?;
+        Ok(Self { header, drive })
+    }
+
+    fn write(&self, writer: &mut CdrWriter) {
+        self.header.write(writer);
+        writer.f32(self.drive.steering_angle);
+        writer.f32(self.drive.steering_angle_velocity);
+        writer.f32(self.drive.speed);
+        writer.f32(self.drive.acceleration);
+        writer.f32(self.drive.jerk);
+    }
+
+    fn body_bytes(&self) -> usize {
+        self.header.body_bytes() + 20
+    }
+}

@@ -1,0 +1,101 @@
+//! `builtin_interfaces/msg/Time` and `std_msgs/msg/Header`.
+
+use serde::{Deserialize, Serialize};
+
+use super::serde_forms;
+use crate::cdr::{CdrError, CdrReader, CdrWriter};
+
+/// Nanoseconds of a second.
+pub(super) const NANOSEC_END: u32 = 1_000_000_000;
+
+/// A time since 1970: whole seconds, and nanoseconds that are always added.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize,
+)]
+#[serde(deny_unknown_fields)]
+pub struct Time {
+    /// Seconds.
+    pub sec: i32,
+    /// Nanoseconds, less than 1,000,000,000.
+    #[serde(deserialize_with = "serde_forms::below_a_second")]
+    pub nanosec: u32,
+}
+
+impl Time {
+    /// The time in nanoseconds.
+    pub fn as_ns(self) -> i64 {
+        i64::from(self.sec) * i64::from(NANOSEC_END) + i64::from(self.nanosec)
+    }
+
+    /// The time `stamp_ns` nanoseconds after 1970; `None` outside the 68 years either way that a
+    /// ROS stamp can say.
+    pub fn from_ns(stamp_ns: i64) -> Option<Self> {
+        let second_ns = i64::from(NANOSEC_END);
+        let sec = i32::try_from(stamp_ns.div_euclid(second_ns)).ok()?;
+        let nanosec = u32::try_from(stamp_ns.rem_euclid(second_ns)).ok()?;
+        Some(Self { sec, nanosec })
+    }
+}
+
+/// When and in which frame a message holds.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Header {
+    /// When, by the robot's clock.
+    pub stamp: Time,
+    /// Name of the frame.
+    #[serde(default)]
+    pub frame_id: String,
+}
+
+impl Header {
+    pub(super) fn read(reader: &mut CdrReader<'_>) -> Result<Self, CdrError> {
+        let sec = reader.i32("header.stamp.sec")?;
+        let field = "header.stamp.nanosec";
+        let nanosec = reader.u32(field)?;
+        if nanosec >= NANOSEC_END {
+            let value = nanosec.to_string();
+            return Err(CdrError::Value {
+                field,
+                value,
+                accepted: "less than 1000000000",
+            });
+        }
+        let frame_id = reader.string("header.frame_id")?;
+        Ok(Self {
+            stamp: Time { sec, nanosec },
+            frame_id,
+        })
+    }
+
+    pub(super) fn write(&self, writer: &mut CdrWriter) {
+        writer.i32(self.stamp.sec);
+        writer.u32(self.stamp.nanosec);
+        writer.string(&self.frame_id);
+    }
+
+    pub(super) fn body_bytes(&self) -> usize {
+        // Two words, the length, the NUL, and what aligns the next field.
+        20 + self.frame_id.len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_go_to_nanoseconds_and_back() {
+        for ns in [0, 1, -1, 1_700_000_000_250_000_000, -2_000_000_000] {
+            assert_eq!(Time::from_ns(ns).unwrap().as_ns(), ns);
+        }
+        assert_eq!(
+            Time::from_ns(-1),
+            Some(Time {
+                sec: -1,
+                nanosec: 999_999_999
+            })
+        );
+        assert_eq!(Time::from_ns(i64::MAX), None);
+    }
+}

@@ -1,0 +1,102 @@
+//! The ROS 2 messages that robots send, in CDR and in JSON with the same field names.
+//!
+//! Fields, units and meaning are those of the public message definitions; what a field may hold
+//! physically is checked where it is used, not here.
+
+mod ackermann;
+mod float64;
+mod header;
+mod joint_state;
+mod laser_scan;
+mod odometry;
+mod serde_forms;
+
+pub use ackermann::{AckermannDrive, AckermannDriveStamped};
+pub use float64::Float64;
+pub use header::{Header, Time};
+pub use joint_state::JointState;
+pub use laser_scan::{LaserScan, ScanRefused};
+pub use odometry::{
+    Covariance, Odometry, Pose, PoseWithCovariance, Quaternion, Twist, TwistWithCovariance, Vector3,
+};
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::cdr::{CdrError, CdrReader, CdrWriter};
+use crate::encoding::{DecodeError, Encoding};
+
+/// A ROS 2 message that travels in CDR or JSON.
+pub trait RosMessage: Sized + Serialize + DeserializeOwned {
+    /// Its type, `sensor_msgs/msg/LaserScan`.
+    const TYPE: &'static str;
+
+    /// Reads its fields and makes sure that nothing follows them.
+    ///
+    /// # Errors
+    /// Names the field that is not there or can't be.
+    fn read(reader: CdrReader<'_>) -> Result<Self, CdrError>;
+
+    /// Writes its fields.
+    fn write(&self, writer: &mut CdrWriter);
+
+    /// How many bytes [`Self::write`] is going to write, roughly.
+    fn body_bytes(&self) -> usize;
+
+    /// Reads a payload in CDR of either byte order.
+    ///
+    /// # Errors
+    /// Names the field that is not there or can't be.
+    fn from_cdr(payload: &[u8]) -> Result<Self, DecodeError> {
+        let refused = |reason| DecodeError::Cdr {
+            message: Self::TYPE,
+            reason,
+        };
+        CdrReader::new(payload)
+            .and_then(Self::read)
+            .map_err(refused)
+    }
+
+    /// The message in little-endian CDR, with its four bytes of header.
+    fn to_cdr(&self) -> Vec<u8> {
+        let mut writer = CdrWriter::with_capacity(self.body_bytes());
+        self.write(&mut writer);
+        writer.into_bytes()
+    }
+
+    /// Reads a payload in JSON.
+    ///
+    /// # Errors
+    /// Names the field that is missing, unknown or of another type.
+    fn from_json(payload: &[u8]) -> Result<Self, DecodeError> {
+        let mut json = serde_json::Deserializer::from_slice(payload);
+        let message: Self = serde_path_to_error::deserialize(&mut json).map_err(|error| {
+            DecodeError::json(Self::TYPE, &error.path().to_string(), error.inner())
+        })?;
+        json.end()
+            .map_err(|error| DecodeError::json(Self::TYPE, ".", &error))?;
+        Ok(message)
+    }
+
+    /// The message in JSON.
+    ///
+    /// # Errors
+    /// Never for the messages of this crate; serde's signature has one.
+    fn to_json(&self) -> Result<Vec<u8>, serde_json::Error> {
+        serde_json::to_vec(self)
+    }
+
+    /// Reads a payload in the form that its encoding names.
+    ///
+    /// # Errors
+    /// Names the field that is not there or can't be.
+    fn decode(encoding: Encoding, payload: &[u8]) -> Result<Self, DecodeError> {
+        match encoding {
+            Encoding::Cdr => Self::from_cdr(payload),
+            Encoding::Json => Self::from_json(payload),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

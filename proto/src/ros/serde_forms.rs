@@ -1,0 +1,127 @@
+//! Fields whose JSON form is not what serde would derive.
+
+use std::fmt;
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+use serde::de::{Error, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serializer};
+
+use crate::cdr::STRINGS_MAX;
+
+/// Serializes beams; a number that JSON does not have becomes `null`.
+pub(super) fn beams<S: Serializer>(values: &Arc<[f32]>, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_seq(values.iter())
+}
+
+/// Reads ranges; `null` is no return, which is infinite (ROS REP 117).
+pub(super) fn ranges<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Arc<[f32]>, D::Error> {
+    deserializer.deserialize_seq(Beams {
+        null_is: f32::INFINITY,
+    })
+}
+
+/// Reads intensities; `null` is not a number.
+pub(super) fn intensities<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Arc<[f32]>, D::Error> {
+    deserializer.deserialize_seq(Beams { null_is: f32::NAN })
+}
+
+pub(super) fn no_beams() -> Arc<[f32]> {
+    Arc::from([])
+}
+
+struct Beams {
+    null_is: f32,
+}
+
+impl<'de> Visitor<'de> for Beams {
+    type Value = Arc<[f32]>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("an array of numbers or null")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut beams: A) -> Result<Self::Value, A::Error> {
+        let mut values = Vec::new();
+        while let Some(value) = beams.next_element::<Option<f32>>()? {
+            values.push(value.unwrap_or(self.null_is));
+        }
+        Ok(values.into())
+    }
+}
+
+/// Serializes an array that is longer than serde's own.
+pub(super) fn long_array<S: Serializer, const N: usize>(
+    values: &[f64; N],
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    serializer.collect_seq(values.iter())
+}
+
+/// Reads an array that is longer than serde's own; its length must be exact.
+pub(super) fn long_array_of<'de, D: Deserializer<'de>, const N: usize>(
+    deserializer: D,
+) -> Result<[f64; N], D::Error> {
+    deserializer.deserialize_seq(LongArray::<N>(PhantomData))
+}
+
+struct LongArray<const N: usize>(PhantomData<[f64; N]>);
+
+impl<'de, const N: usize> Visitor<'de> for LongArray<N> {
+    type Value = [f64; N];
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "an array of {N} numbers")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Self::Value, A::Error> {
+        let mut values = [0.0; N];
+        for (index, value) in values.iter_mut().enumerate() {
+            let item = items.next_element()?;
+            *value = item.ok_or_else(|| A::Error::invalid_length(index, &self))?;
+        }
+        match items.next_element::<f64>()? {
+            None => Ok(values),
+            Some(_) => Err(A::Error::invalid_length(N + 1, &self)),
+        }
+    }
+}
+
+/// Reads at most [`STRINGS_MAX`] strings.
+pub(super) fn names<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<String>, D::Error> {
+    deserializer.deserialize_seq(Names)
+}
+
+struct Names;
+
+impl<'de> Visitor<'de> for Names {
+    type Value = Vec<String>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "an array of at most {STRINGS_MAX} strings")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Self::Value, A::Error> {
+        let mut names = Vec::new();
+        while let Some(name) = items.next_element()? {
+            if names.len() == STRINGS_MAX {
+                return Err(A::Error::invalid_length(STRINGS_MAX + 1, &self));
+            }
+            names.push(name);
+        }
+        Ok(names)
+    }
+}
+
+/// Reads the nanoseconds of a stamp, which are less than a second.
+pub(super) fn below_a_second<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
+    let nanosec = u32::deserialize(deserializer)?;
+    if nanosec < super::header::NANOSEC_END {
+        return Ok(nanosec);
+    }
+    Err(D::Error::custom(format!(
+        "{nanosec} ns, accepted is less than 1000000000"
+    )))
+}
