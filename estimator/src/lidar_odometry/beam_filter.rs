@@ -1,0 +1,156 @@
+//! From beams to points: which returns are used, where they lie and when they were taken.
+
+use crate::stream::{Sweep, SweepShape};
+
+/// Most points of a sweep that are used; of more, an evenly spread part is taken.
+pub const POINTS_MAX: usize = 1024;
+/// Returns farther away are not used, m: the local map ends there.
+pub const RANGE_USED_MAX_M: f32 = 60.0;
+/// Steps in range from beam to beam below this are noise, not an edge, m.
+const EDGE_STEP_MIN_M: f32 = 0.08;
+/// A surface hit at more than this tangent of incidence counts as an edge (81 degrees).
+const EDGE_TANGENT: f32 = 6.5;
+/// Returns with more missing beams between them are not neighbours.
+const NEIGHBOUR_GAP_MAX: usize = 4;
+
+/// The usable returns of one sweep in the LiDAR's frame, one array a coordinate.
+#[derive(Debug, Clone, Default)]
+pub struct SweepPoints {
+    /// Position as measured, m.
+    pub x: Vec<f32>,
+    /// Position as measured, m.
+    pub y: Vec<f32>,
+    /// Time of the beam relative to the sweep's reference time, s.
+    pub tau: Vec<f32>,
+    /// One over the range, 1/m.
+    pub inverse_range: Vec<f32>,
+    /// Whether the next point lies on the same surface.
+    pub joined: Vec<bool>,
+}
+
+impl SweepPoints {
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.x.len()
+    }
+
+    fn clear(&mut self) {
+        self.x.clear();
+        self.y.clear();
+        self.tau.clear();
+        self.inverse_range.clear();
+        self.joined.clear();
+    }
+}
+
+/// Turns sweeps into points; keeps the beams' directions from sweep to sweep.
+#[derive(Debug, Clone, Default)]
+pub struct BeamFilter {
+    directions_of: Option<(SweepShape, usize)>,
+    cos: Vec<f32>,
+    sin: Vec<f32>,
+    /// Beams with a return, and whether they lie beside an edge.
+    returns: Vec<Return>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Return {
+    beam: u32,
+    range: f32,
+    beside_edge: bool,
+    joined: bool,
+}
+
+impl BeamFilter {
+    /// Puts the usable returns of `sweep` into `points`.
+    pub fn filter(&mut self, sweep: &Sweep, points: &mut SweepPoints) {
+        self.prepare_directions(sweep.shape(), sweep.ranges_m().len());
+        self.collect_returns(sweep);
+        self.mark_edges(sweep.shape().angle_increment_rad.abs() as f32);
+        self.emit(sweep, points);
+    }
+
+    fn prepare_directions(&mut self, shape: &SweepShape, beams: usize) {
+        if self.directions_of == Some((*shape, beams)) {
+            return;
+        }
+        self.cos.clear();
+        self.sin.clear();
+        for beam in 0..beams {
+            let (s, c) = (shape.angle_min_rad + beam as f64 * shape.angle_increment_rad).sin_cos();
+            self.cos.push(c as f32);
+            self.sin.push(s as f32);
+        }
+        self.directions_of = Some((*shape, beams));
+    }
+
+    fn collect_returns(&mut self, sweep: &Sweep) {
+        let shortest = (sweep.shape().range_min_m as f32).max(0.02);
+        let longest = (sweep.shape().range_max_m as f32).min(RANGE_USED_MAX_M);
+        self.returns.clear();
+        for (beam, &range) in sweep.ranges_m().iter().enumerate() {
+            // Written so that NaN fails.
+            if range >= shortest && range < longest {
+                self.returns.push(Return {
+                    beam: beam as u32,
+                    range,
+                    beside_edge: false,
+                    joined: false,
+                });
+            }
+        }
+    }
+
+    /// Marks the returns at depth discontinuities: mixed pixels lie there, and edges move with
+    /// the viewpoint.
+    fn mark_edges(&mut self, increment: f32) {
+        let mut rest = self.returns.as_mut_slice();
+        while let Some((first, tail)) = rest.split_first_mut() {
+            if let Some(second) = tail.first_mut() {
+                let gap = second.beam - first.beam;
+                if gap <= NEIGHBOUR_GAP_MAX as u32 {
+                    let step = (second.range - first.range).abs();
+                    let width = second.range.min(first.range) * increment * gap as f32;
+                    let is_edge = step > EDGE_STEP_MIN_M + EDGE_TANGENT * width;
+                    first.joined = !is_edge;
+                    first.beside_edge |= is_edge;
+                    second.beside_edge |= is_edge;
+                }
+            }
+            rest = tail;
+        }
+    }
+
+    fn emit(&self, sweep: &Sweep, points: &mut SweepPoints) {
+        points.clear();
+        let middle = 0.5 * (sweep.ranges_m().len() - 1) as f32;
+        let time_increment = sweep.shape().time_increment_s as f32;
+        let stride = self.returns.len().div_ceil(POINTS_MAX).max(1);
+        for (group, chunk) in self.returns.chunks(stride).enumerate() {
+            // Of a group one is taken, which one by a hash: no pattern of the scene can hide in it.
+            let Some(taken) = chunk.get(hash(group as u32) as usize % chunk.len()) else {
+                continue;
+            };
+            if taken.beside_edge {
+                continue;
+            }
+            let beam = taken.beam as usize;
+            let (Some(c), Some(s)) = (self.cos.get(beam), self.sin.get(beam)) else {
+                continue;
+            };
+            points.x.push(taken.range * c);
+            points.y.push(taken.range * s);
+            points.tau.push((beam as f32 - middle) * time_increment);
+            points.inverse_range.push(taken.range.recip());
+            points.joined.push(taken.joined);
+        }
+    }
+}
+
+/// A fixed integer hash (a finaliser after Steele et al.): the same choice on every machine.
+fn hash(value: u32) -> u32 {
+    let mut h = value.wrapping_add(0x9e37_79b9);
+    h = (h ^ (h >> 16)).wrapping_mul(0x85eb_ca6b);
+    h = (h ^ (h >> 13)).wrapping_mul(0xc2b2_ae35);
+    h ^ (h >> 16)
+}

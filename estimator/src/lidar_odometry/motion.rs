@@ -1,0 +1,115 @@
+//! The engine's own motion: pose and velocity of the LiDAR, predicted from sweep to sweep.
+//!
+//! The model is constant velocity under random acceleration, so wide that it decides nothing where
+//! the scene does: a sweep's pose is known to a millimetre, the prediction to a centimetre. It
+//! knows nothing of wheels, steering or where the LiDAR sits.
+
+use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
+
+use super::point_to_line::NormalEquations;
+use crate::geometry::Pose2;
+
+/// Standard deviation of the acceleration between sweeps, m/s².
+const ACCELERATION_MPS2: f64 = 2.0;
+/// Standard deviation of the angular acceleration between sweeps, rad/s².
+const ANGULAR_ACCELERATION_RADPS2: f64 = 3.0;
+/// Standard deviation of an unknown speed, m/s.
+const SPEED_UNKNOWN_MPS: f64 = 1.5;
+/// Standard deviation of an unknown angular speed, rad/s.
+const ANGULAR_SPEED_UNKNOWN_RADPS: f64 = 1.0;
+
+/// Pose and velocity of the LiDAR. Perturbations are the LiDAR's own (right): 0..3 of the pose,
+/// 3..6 of the velocity.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Motion {
+    /// Pose in the odometry frame.
+    pub pose: Pose2,
+    /// Velocity (m/s, m/s, rad/s) in the LiDAR's frame.
+    pub velocity: Vector3<f64>,
+    /// Covariance of pose and velocity.
+    pub covariance: Matrix6<f64>,
+}
+
+impl Motion {
+    /// At a known pose, with a velocity nobody knows.
+    pub fn starting_at(pose: Pose2) -> Self {
+        let mut covariance = Matrix6::zeros();
+        for (index, sigma) in [
+            1e-4,
+            1e-4,
+            1e-5,
+            SPEED_UNKNOWN_MPS,
+            SPEED_UNKNOWN_MPS,
+            ANGULAR_SPEED_UNKNOWN_RADPS,
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            covariance[(index, index)] = sigma * sigma;
+        }
+        Self {
+            pose,
+            velocity: Vector3::zeros(),
+            covariance,
+        }
+    }
+
+    /// The motion `dt` seconds later.
+    #[must_use]
+    pub fn predicted(&self, dt: f64) -> Self {
+        let step = Pose2::exp(&(self.velocity * dt));
+        let mut transition = Matrix6::identity();
+        transition
+            .fixed_view_mut::<3, 3>(0, 0)
+            .copy_from(&step.inverse().adjoint());
+        transition
+            .fixed_view_mut::<3, 3>(0, 3)
+            .copy_from(&(Matrix3::identity() * dt));
+        let mut covariance = transition * self.covariance * transition.transpose();
+        let accelerations = [
+            ACCELERATION_MPS2,
+            ACCELERATION_MPS2,
+            ANGULAR_ACCELERATION_RADPS2,
+        ];
+        for (axis, sigma) in accelerations.into_iter().enumerate() {
+            let variance = sigma * sigma * dt * dt;
+            covariance[(axis, axis)] += 0.25 * variance * dt * dt;
+            covariance[(axis, axis + 3)] += 0.5 * variance * dt;
+            covariance[(axis + 3, axis)] += 0.5 * variance * dt;
+            covariance[(axis + 3, axis + 3)] += variance;
+        }
+        Self {
+            pose: self.pose.compose(&step),
+            velocity: self.velocity,
+            covariance,
+        }
+    }
+
+    /// One Gauss-Newton step from the linearisation point `at` under the prediction `self`.
+    /// Returns the correction and the covariance after it; `None` when the equations are singular.
+    pub fn step(
+        &self,
+        information: &Matrix6<f64>,
+        at: &Self,
+        equations: &NormalEquations,
+    ) -> Option<(Vector6<f64>, Matrix6<f64>)> {
+        let pose = self.pose.between(&at.pose).log();
+        let velocity = at.velocity - self.velocity;
+        let moved = Vector6::new(pose.x, pose.y, pose.z, velocity.x, velocity.y, velocity.z);
+        let covariance = (information + equations.information).cholesky()?.inverse();
+        let correction = covariance * (equations.gradient - information * moved);
+        Some((correction, covariance))
+    }
+
+    /// Applies a correction.
+    pub fn correct(&mut self, correction: &Vector6<f64>) {
+        let twist = Vector3::new(correction[0], correction[1], correction[2]);
+        self.pose = self.pose.compose(&Pose2::exp(&twist));
+        self.velocity += Vector3::new(correction[3], correction[4], correction[5]);
+    }
+
+    /// Inverse of the covariance.
+    pub fn information(&self) -> Option<Matrix6<f64>> {
+        Some(self.covariance.cholesky()?.inverse())
+    }
+}

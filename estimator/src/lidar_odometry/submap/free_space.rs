@@ -1,0 +1,168 @@
+//! Where space was seen free: what appears there later moves (a person, another robot).
+
+use super::{CELL_M, Cell, LocalOrigin, Submap};
+
+/// Edge of a cell of the grid, in cells of the map.
+const SCALE_SHIFT: i32 = 1;
+const FREE_CELL: f32 = (CELL_M * (1 << SCALE_SHIFT) as f64) as f32;
+/// Edge of the grid, in its cells: ±25 m around the LiDAR.
+const GRID: i32 = 256;
+/// Rays end here, m: beyond, too few pass to tell.
+const RAY_MAX_M: f32 = 20.0;
+/// Rays end this far before the return, m.
+const BEFORE_RETURN_M: f32 = 0.35;
+/// One in so many beams marks free space.
+pub const RAY_STRIDE: usize = 4;
+const HIT: i8 = 4;
+const EVIDENCE_MAX: i8 = 20;
+const EVIDENCE_MIN: i8 = -20;
+/// A return in a cell at or below this is a moving object's.
+const FREE: i8 = -6;
+/// What the map holds in a cell that comes down to this is forgotten.
+const FORGET: i8 = -12;
+
+/// Evidence for and against a surface, on a grid that rolls along with the LiDAR.
+#[derive(Debug, Clone)]
+pub struct FreeSpace {
+    evidence: Vec<i8>,
+    /// Lowest cell of the grid.
+    low: Option<Cell>,
+}
+
+impl Default for FreeSpace {
+    fn default() -> Self {
+        Self {
+            evidence: vec![0; (GRID * GRID) as usize],
+            low: None,
+        }
+    }
+}
+
+impl FreeSpace {
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.evidence.fill(0);
+        self.low = None;
+    }
+
+    /// Bytes held.
+    pub fn memory_bytes(&self) -> usize {
+        self.evidence.capacity()
+    }
+
+    fn slot(&self, cell: Cell) -> Option<usize> {
+        let low = self.low?;
+        let (x, y) = (cell.x >> SCALE_SHIFT, cell.y >> SCALE_SHIFT);
+        let inside = (x - low.x) as u32 | (y - low.y) as u32;
+        (inside < GRID as u32).then_some(((y & (GRID - 1)) * GRID + (x & (GRID - 1))) as usize)
+    }
+
+    /// Whether a return in this cell is a moving object's.
+    pub fn was_free(&self, cell: Cell) -> bool {
+        self.slot(cell)
+            .and_then(|slot| self.evidence.get(slot))
+            .is_some_and(|&e| e <= FREE)
+    }
+
+    /// Moves the grid so that `centre` lies in its middle part.
+    pub fn follow(&mut self, centre: Cell) {
+        let wanted = Cell {
+            x: (centre.x >> SCALE_SHIFT) - GRID / 2,
+            y: (centre.y >> SCALE_SHIFT) - GRID / 2,
+        };
+        let Some(low) = self.low else {
+            self.low = Some(wanted);
+            return;
+        };
+        let (dx, dy) = (wanted.x - low.x, wanted.y - low.y);
+        if dx.abs().max(dy.abs()) < 8 {
+            return;
+        }
+        self.low = Some(wanted);
+        if dx.abs().max(dy.abs()) >= GRID {
+            self.evidence.fill(0);
+            return;
+        }
+        let entering = |d: i32, old: i32, new: i32| {
+            if d > 0 {
+                old + GRID..new + GRID
+            } else {
+                new..old
+            }
+        };
+        for x in entering(dx, low.x, wanted.x) {
+            for y in 0..GRID {
+                self.reset(x, y);
+            }
+        }
+        for y in entering(dy, low.y, wanted.y) {
+            for x in 0..GRID {
+                self.reset(x, y);
+            }
+        }
+    }
+
+    fn reset(&mut self, x: i32, y: i32) {
+        if let Some(e) = self
+            .evidence
+            .get_mut(((y & (GRID - 1)) * GRID + (x & (GRID - 1))) as usize)
+        {
+            *e = 0;
+        }
+    }
+
+    /// A return lies in this cell.
+    pub fn hit(&mut self, cell: Cell) {
+        if let Some(slot) = self.slot(cell)
+            && let Some(e) = self.evidence.get_mut(slot)
+        {
+            *e = (*e + HIT).min(EVIDENCE_MAX);
+        }
+    }
+
+    /// A beam went from `from` to `to` (from `origin`, m); forgets what `submap` held on its way.
+    pub fn pass(
+        &mut self,
+        origin: LocalOrigin,
+        from: (f32, f32),
+        to: (f32, f32),
+        submap: &mut Submap,
+    ) {
+        let (dx, dy) = (to.0 - from.0, to.1 - from.1);
+        let range = (dx * dx + dy * dy).sqrt();
+        let length = (range - BEFORE_RETURN_M).min(RAY_MAX_M);
+        let (ux, uy) = (dx / range * FREE_CELL, dy / range * FREE_CELL);
+        let steps = (length / FREE_CELL) as i32;
+        let (mut x, mut y) = from;
+        for _ in 0..steps {
+            x += ux;
+            y += uy;
+            let (cell, _, _) = origin.locate(x, y);
+            let Some(slot) = self.slot(cell) else { return };
+            let Some(e) = self.evidence.get_mut(slot) else {
+                return;
+            };
+            if *e > EVIDENCE_MIN {
+                *e -= 1;
+                if *e == FORGET {
+                    forget_block(submap, cell);
+                }
+            }
+        }
+    }
+}
+
+fn forget_block(submap: &mut Submap, cell: Cell) {
+    let (x, y) = (
+        cell.x >> SCALE_SHIFT << SCALE_SHIFT,
+        cell.y >> SCALE_SHIFT << SCALE_SHIFT,
+    );
+    for dy in 0..1 << SCALE_SHIFT {
+        for dx in 0..1 << SCALE_SHIFT {
+            submap.forget(Cell {
+                x: x + dx,
+                y: y + dy,
+            });
+        }
+    }
+}

@@ -1,0 +1,360 @@
+//! The local map: a table of 10 cm cells, each with the line through the points around it.
+//!
+//! Cells live in tiles of 8 × 8; a toroidal table of tile numbers covers ±100 m around the LiDAR,
+//! so finding a point's line is two array reads. Tiles are a fixed pool: the one unseen longest
+//! makes room. That bounds the memory whatever the route.
+
+mod free_space;
+mod surfel;
+
+pub use free_space::{FreeSpace, RAY_STRIDE};
+pub use surfel::{Line, LineQuality, Moments, WindowMoments};
+
+/// Edge of a cell, m.
+pub const CELL_M: f64 = 0.1;
+const CELL: f32 = CELL_M as f32;
+const CELLS_PER_M: f32 = 1.0 / CELL;
+const TILE_SHIFT: i32 = 3;
+const TILE_CELLS: i32 = 1 << TILE_SHIFT;
+const CELLS_IN_TILE: usize = (TILE_CELLS * TILE_CELLS) as usize;
+/// Edge of the table of tiles.
+const TABLE_TILES: i32 = 256;
+/// Most tiles: 64 cells of 48 bytes each, 2.9 MiB in all.
+pub const TILES_MAX: usize = 960;
+/// Tiles farther from the LiDAR are dropped, in tiles (80 m).
+const TILE_DISTANCE_MAX: i32 = 100;
+/// Added before truncation, so that it rounds down: cells from the local origin to the table's rim.
+const BIAS: i32 = TABLE_TILES / 2 * TILE_CELLS;
+
+/// A cell of the odometry frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Cell {
+    /// Column.
+    pub x: i32,
+    /// Row.
+    pub y: i32,
+}
+
+/// Where single-precision coordinates are measured from: a tile's corner near the LiDAR, so that
+/// they stay exact to micrometres after any distance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LocalOrigin {
+    cell: Cell,
+}
+
+impl LocalOrigin {
+    /// The origin near a point of the odometry frame, m.
+    pub fn near(x_m: f64, y_m: f64) -> Self {
+        let tile_m = CELL_M * f64::from(TILE_CELLS);
+        let corner = |v: f64| ((v / tile_m).floor() as i32) << TILE_SHIFT;
+        Self {
+            cell: Cell {
+                x: corner(x_m),
+                y: corner(y_m),
+            },
+        }
+    }
+
+    /// Its position in the odometry frame, m.
+    pub fn position_m(self) -> (f64, f64) {
+        (
+            f64::from(self.cell.x) * CELL_M,
+            f64::from(self.cell.y) * CELL_M,
+        )
+    }
+
+    /// The cell of a point given from this origin, and the point relative to the cell's centre.
+    #[inline]
+    pub fn locate(self, x: f32, y: f32) -> (Cell, f32, f32) {
+        let column = (x * CELLS_PER_M + BIAS as f32) as i32 - BIAS;
+        let row = (y * CELLS_PER_M + BIAS as f32) as i32 - BIAS;
+        let cell = Cell {
+            x: self.cell.x + column,
+            y: self.cell.y + row,
+        };
+        (
+            cell,
+            x - (column as f32 + 0.5) * CELL,
+            y - (row as f32 + 0.5) * CELL,
+        )
+    }
+
+    /// The centre of a cell, from this origin.
+    pub fn centre_of(self, cell: Cell) -> (f32, f32) {
+        (
+            ((cell.x - self.cell.x) as f32 + 0.5) * CELL,
+            ((cell.y - self.cell.y) as f32 + 0.5) * CELL,
+        )
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+struct TileHeader {
+    x: i32,
+    y: i32,
+    last_update: u32,
+}
+
+/// The local map.
+#[derive(Debug, Clone)]
+pub struct Submap {
+    /// Tile number plus one at (y mod 256, x mod 256); 0: none.
+    table: Vec<u16>,
+    headers: Vec<TileHeader>,
+    lines: Vec<[Line; CELLS_IN_TILE]>,
+    moments: Vec<[Moments; CELLS_IN_TILE]>,
+    updates: u32,
+    to_fit: Vec<Cell>,
+    quality: LineQuality,
+}
+
+impl Default for Submap {
+    fn default() -> Self {
+        Self {
+            table: vec![0; (TABLE_TILES * TABLE_TILES) as usize],
+            headers: Vec::new(),
+            lines: Vec::new(),
+            moments: Vec::new(),
+            updates: 0,
+            to_fit: Vec::new(),
+            quality: LineQuality {
+                points_min: 4.0,
+                across_max_m2: 2.5e-3,
+                along_min_m2: 1e-3,
+                ratio_max: 0.2,
+                noise_floor_m2: 2.5e-5,
+                sightings_min: 1,
+            },
+        }
+    }
+}
+
+fn table_index(tile_x: i32, tile_y: i32) -> usize {
+    ((tile_y & (TABLE_TILES - 1)) * TABLE_TILES + (tile_x & (TABLE_TILES - 1))) as usize
+}
+
+fn cell_in_tile(cell: Cell) -> usize {
+    (((cell.y & (TILE_CELLS - 1)) << TILE_SHIFT) | (cell.x & (TILE_CELLS - 1))) as usize
+}
+
+impl Submap {
+    /// Empties the map.
+    pub fn clear(&mut self) {
+        self.table.fill(0);
+        self.headers.clear();
+        self.lines.clear();
+        self.moments.clear();
+        self.updates = 0;
+    }
+
+    /// Number of map updates so far.
+    pub fn updates(&self) -> u32 {
+        self.updates
+    }
+
+    /// Bytes held.
+    pub fn memory_bytes(&self) -> usize {
+        self.table.capacity() * size_of::<u16>()
+            + self.headers.capacity() * size_of::<TileHeader>()
+            + self.lines.capacity() * size_of::<[Line; CELLS_IN_TILE]>()
+            + self.moments.capacity() * size_of::<[Moments; CELLS_IN_TILE]>()
+            + self.to_fit.capacity() * size_of::<Cell>()
+    }
+
+    #[inline]
+    fn tile_of(&self, cell: Cell) -> Option<usize> {
+        let number = *self
+            .table
+            .get(table_index(cell.x >> TILE_SHIFT, cell.y >> TILE_SHIFT))?
+            as usize;
+        number.checked_sub(1)
+    }
+
+    /// The line of a cell.
+    #[inline]
+    pub fn line(&self, cell: Cell) -> Line {
+        self.tile_of(cell)
+            .and_then(|tile| self.lines.get(tile)?.get(cell_in_tile(cell)).copied())
+            .unwrap_or(Line::NONE)
+    }
+
+    fn moments(&self, cell: Cell) -> Option<&Moments> {
+        let tile = self.tile_of(cell)?;
+        self.moments
+            .get(tile)?
+            .get(cell_in_tile(cell))
+            .filter(|moments| moments.n > 0.0)
+    }
+
+    /// Begins a map update made with the LiDAR at `centre`: far tiles go.
+    pub fn begin_update(&mut self, centre: Cell, range_noise_m: f32) {
+        self.updates += 1;
+        // A line may look as thick as the noise makes it, and no thicker than clutter.
+        self.quality.across_max_m2 = (2.5 * range_noise_m).clamp(0.025, 0.06).powi(2);
+        self.quality.sightings_min = self.updates.min(3) as u16;
+        let (x, y) = (centre.x >> TILE_SHIFT, centre.y >> TILE_SHIFT);
+        let mut tile = 0;
+        while let Some(header) = self.headers.get(tile).copied() {
+            let distance = (header.x - x).abs().max((header.y - y).abs());
+            if distance > TILE_DISTANCE_MAX {
+                self.drop_tile(tile);
+            } else {
+                tile += 1;
+            }
+        }
+    }
+
+    /// Adds a point given from `origin`.
+    pub fn insert(&mut self, origin: LocalOrigin, x: f32, y: f32, weight: f32) {
+        let (cell, x, y) = origin.locate(x, y);
+        let update = self.updates as u16;
+        let Some(tile) = self.tile_or_new(cell) else {
+            return;
+        };
+        if let Some(moments) = self
+            .moments
+            .get_mut(tile)
+            .and_then(|cells| cells.get_mut(cell_in_tile(cell)))
+            && moments.add(x, y, weight, update)
+        {
+            self.to_fit.push(cell);
+        }
+    }
+
+    /// Ends the update: fits the lines around every cell that changed.
+    pub fn end_update(&mut self) {
+        let mut centres = std::mem::take(&mut self.to_fit);
+        let changed = centres.len();
+        for index in 0..changed {
+            let Some(&Cell { x, y }) = centres.get(index) else {
+                continue;
+            };
+            for dy in -1..=1 {
+                for dx in -1..=1 {
+                    centres.push(Cell {
+                        x: x + dx,
+                        y: y + dy,
+                    });
+                }
+            }
+        }
+        let around = centres.split_off(changed);
+        let mut around = around;
+        around.sort_unstable_by_key(|cell| (cell.y, cell.x));
+        around.dedup();
+        for &cell in &around {
+            let line = self.fit(cell);
+            if let Some(tile) = self.tile_of(cell)
+                && let Some(slot) = self
+                    .lines
+                    .get_mut(tile)
+                    .and_then(|cells| cells.get_mut(cell_in_tile(cell)))
+            {
+                *slot = line;
+            }
+        }
+        centres.clear();
+        self.to_fit = centres;
+    }
+
+    /// Forgets what was seen in a cell: a beam went through it.
+    pub fn forget(&mut self, cell: Cell) {
+        if let Some(tile) = self.tile_of(cell) {
+            let slot = cell_in_tile(cell);
+            if let Some(moments) = self
+                .moments
+                .get_mut(tile)
+                .and_then(|cells| cells.get_mut(slot))
+                && moments.n > 0.0
+            {
+                *moments = Moments::default();
+                self.to_fit.push(cell);
+            }
+        }
+    }
+
+    fn fit(&self, cell: Cell) -> Line {
+        let mut window = WindowMoments::default();
+        self.gather(cell, 1, &mut window);
+        if window.count() < 0.5 {
+            return Line::NONE;
+        }
+        let line = window.line(&self.quality);
+        if line.exists() || window.count() > 8.0 {
+            return line;
+        }
+        // Few points: a wider look may still show a line.
+        let mut wide = WindowMoments::default();
+        self.gather(cell, 2, &mut wide);
+        wide.line(&self.quality)
+    }
+
+    fn gather(&self, cell: Cell, reach: i32, window: &mut WindowMoments) {
+        for dy in -reach..=reach {
+            for dx in -reach..=reach {
+                if let Some(moments) = self.moments(Cell {
+                    x: cell.x + dx,
+                    y: cell.y + dy,
+                }) {
+                    window.add(moments, dx as f32 * CELL, dy as f32 * CELL);
+                }
+            }
+        }
+    }
+
+    fn tile_or_new(&mut self, cell: Cell) -> Option<usize> {
+        let (x, y) = (cell.x >> TILE_SHIFT, cell.y >> TILE_SHIFT);
+        if let Some(tile) = self.tile_of(cell) {
+            if let Some(header) = self.headers.get_mut(tile)
+                && (header.x, header.y) == (x, y)
+            {
+                header.last_update = self.updates;
+                return Some(tile);
+            }
+            self.drop_tile(tile);
+        }
+        if self.headers.len() >= TILES_MAX {
+            let oldest = (0..self.headers.len())
+                .min_by_key(|&tile| self.headers.get(tile).map_or(0, |h| h.last_update))?;
+            self.drop_tile(oldest);
+        }
+        self.headers.push(TileHeader {
+            x,
+            y,
+            last_update: self.updates,
+        });
+        self.lines.push([Line::NONE; CELLS_IN_TILE]);
+        self.moments.push([Moments::default(); CELLS_IN_TILE]);
+        let number = self.headers.len();
+        *self.table.get_mut(table_index(x, y))? = number as u16;
+        Some(number - 1)
+    }
+
+    /// Drops a tile; the last one takes its number.
+    fn drop_tile(&mut self, tile: usize) {
+        let header = self.headers.swap_remove(tile);
+        self.lines.swap_remove(tile);
+        self.moments.swap_remove(tile);
+        if let Some(slot) = self.table.get_mut(table_index(header.x, header.y)) {
+            *slot = 0;
+        }
+        if let Some(moved) = self.headers.get(tile)
+            && let Some(slot) = self.table.get_mut(table_index(moved.x, moved.y))
+        {
+            *slot = tile as u16 + 1;
+        }
+    }
+
+    /// Calls `visit` with each cell that has a line, and its line.
+    pub fn for_each_line(&self, mut visit: impl FnMut(Cell, &Line)) {
+        for (header, lines) in self.headers.iter().zip(&self.lines) {
+            for (slot, line) in (0i32..).zip(lines) {
+                if line.exists() {
+                    let x = (header.x << TILE_SHIFT) + (slot & (TILE_CELLS - 1));
+                    let y = (header.y << TILE_SHIFT) + (slot >> TILE_SHIFT);
+                    visit(Cell { x, y }, line);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,189 @@
+//! One cell of the local map: the points that fell into it, and the line through them.
+
+/// Points in one cell, as moments about the cell's centre. Old points fade as new ones come.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Moments {
+    /// Number of points (weighted).
+    pub n: f32,
+    /// Sums of x, y, x², xy and y², m and m².
+    pub sx: f32,
+    /// Sum of y.
+    pub sy: f32,
+    /// Sum of x².
+    pub sxx: f32,
+    /// Sum of xy.
+    pub sxy: f32,
+    /// Sum of y².
+    pub syy: f32,
+    /// `n` when the line was fitted last.
+    pub n_at_fit: f32,
+    /// The map update that added the last point.
+    pub last_update: u16,
+    /// In how many map updates it got points, saturating.
+    pub sightings: u16,
+}
+
+/// Beyond this many points in a cell the old ones fade.
+pub const POINTS_IN_CELL_MAX: f32 = 400.0;
+
+impl Moments {
+    /// Adds a point given relative to the cell's centre. Returns whether the line should be
+    /// fitted again: the first time and each time the points have grown by an eighth.
+    pub fn add(&mut self, x: f32, y: f32, weight: f32, update: u16) -> bool {
+        if self.n > POINTS_IN_CELL_MAX {
+            self.fade(0.5);
+        }
+        self.n += weight;
+        self.sx += weight * x;
+        self.sy += weight * y;
+        self.sxx += weight * x * x;
+        self.sxy += weight * x * y;
+        self.syy += weight * y * y;
+        let is_new_sighting = self.last_update != update || self.sightings == 0;
+        if is_new_sighting {
+            self.last_update = update;
+            self.sightings = self.sightings.saturating_add(1);
+        }
+        let grown = self.n > 1.125 * self.n_at_fit;
+        if grown || (is_new_sighting && self.sightings <= 4) {
+            self.n_at_fit = self.n;
+            return true;
+        }
+        false
+    }
+
+    fn fade(&mut self, factor: f32) {
+        self.n *= factor;
+        self.sx *= factor;
+        self.sy *= factor;
+        self.sxx *= factor;
+        self.sxy *= factor;
+        self.syy *= factor;
+        self.n_at_fit *= factor;
+    }
+}
+
+/// Sums of the moments of a window of cells, about the middle cell's centre.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct WindowMoments {
+    n: f32,
+    sx: f32,
+    sy: f32,
+    sxx: f32,
+    sxy: f32,
+    syy: f32,
+    sightings: u16,
+}
+
+impl WindowMoments {
+    /// Adds the moments of a cell whose centre lies at (`ox`, `oy`) from the middle, m.
+    pub fn add(&mut self, cell: &Moments, ox: f32, oy: f32) {
+        self.n += cell.n;
+        self.sx += cell.sx + cell.n * ox;
+        self.sy += cell.sy + cell.n * oy;
+        self.sxx += cell.sxx + 2.0 * ox * cell.sx + cell.n * ox * ox;
+        self.sxy += cell.sxy + ox * cell.sy + oy * cell.sx + cell.n * ox * oy;
+        self.syy += cell.syy + 2.0 * oy * cell.sy + cell.n * oy * oy;
+        self.sightings = self.sightings.max(cell.sightings);
+    }
+
+    /// Number of points.
+    pub fn count(&self) -> f32 {
+        self.n
+    }
+
+    /// The line through the points, or [`Line::NONE`] when they do not lie on one.
+    pub fn line(&self, quality: &LineQuality) -> Line {
+        if self.n < quality.points_min {
+            return Line::NONE;
+        }
+        let inverse_n = self.n.recip();
+        let (mx, my) = (self.sx * inverse_n, self.sy * inverse_n);
+        let cxx = self.sxx * inverse_n - mx * mx;
+        let cxy = self.sxy * inverse_n - mx * my;
+        let cyy = self.syy * inverse_n - my * my;
+        // Eigenvalues and the minor eigenvector of a symmetric 2×2 matrix.
+        let half_trace = 0.5 * (cxx + cyy);
+        let half_difference = 0.5 * (cxx - cyy);
+        let radius = (half_difference * half_difference + cxy * cxy).sqrt();
+        let along = half_trace + radius;
+        let across = (half_trace - radius).max(0.0);
+        if across > quality.across_max_m2
+            || along < quality.along_min_m2
+            || across > quality.ratio_max * along
+        {
+            return Line::NONE;
+        }
+        let (ex, ey) = if half_difference >= 0.0 {
+            (half_difference + radius, cxy)
+        } else {
+            (cxy, radius - half_difference)
+        };
+        let inverse_norm = (ex * ex + ey * ey).sqrt().recip();
+        let (nx, ny) = (-ey * inverse_norm, ex * inverse_norm);
+        let d = nx * mx + ny * my;
+        // The line's own uncertainty at the cell: that of the mean, and of the direction.
+        let off_centre = (mx * ex + my * ey) * inverse_norm;
+        let spread = across.max(quality.noise_floor_m2);
+        let variance = spread * inverse_n * (1.0 + off_centre * off_centre / along);
+        let variance = if self.sightings < quality.sightings_min {
+            variance + UNCONFIRMED_M2
+        } else {
+            variance
+        };
+        Line {
+            nx,
+            ny,
+            d,
+            variance,
+        }
+    }
+}
+
+/// Added to a line's variance until it was seen often enough, m²: (4 cm)².
+const UNCONFIRMED_M2: f32 = 1.6e-3;
+
+/// What makes a window of points a line.
+#[derive(Debug, Clone, Copy)]
+pub struct LineQuality {
+    /// Fewest points.
+    pub points_min: f32,
+    /// Most variance across the line, m².
+    pub across_max_m2: f32,
+    /// Least variance along the line, m².
+    pub along_min_m2: f32,
+    /// Largest ratio of the two.
+    pub ratio_max: f32,
+    /// The points' noise is taken to be at least this, m².
+    pub noise_floor_m2: f32,
+    /// In how many map updates it must have been seen to count in full.
+    pub sightings_min: u16,
+}
+
+/// The line through a cell: points with `nx·x + ny·y = d`, relative to the cell's centre.
+#[derive(Debug, Clone, Copy)]
+pub struct Line {
+    /// Unit normal.
+    pub nx: f32,
+    /// Unit normal.
+    pub ny: f32,
+    /// Distance of the line from the cell's centre along the normal, m.
+    pub d: f32,
+    /// Variance of `d`, m²; negative where there is no line.
+    pub variance: f32,
+}
+
+impl Line {
+    /// No line in this cell.
+    pub const NONE: Self = Self {
+        nx: 0.0,
+        ny: 0.0,
+        d: 0.0,
+        variance: -1.0,
+    };
+
+    /// Whether there is a line.
+    pub fn exists(&self) -> bool {
+        self.variance >= 0.0
+    }
+}
