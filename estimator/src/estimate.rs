@@ -6,9 +6,7 @@ use crate::geometry::Pose2;
 use crate::stream::Stamp;
 
 /// A parameter of the calibration. The order is the order of every array of parameters.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Parameter {
     /// `delta_off`: what the steering sensor shows when the wheel points straight ahead, rad.

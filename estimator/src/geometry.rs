@@ -25,7 +25,11 @@ pub struct Pose2 {
 
 impl Pose2 {
     /// The frame itself: no translation, no rotation.
-    pub const IDENTITY: Self = Self { x_m: 0.0, y_m: 0.0, yaw_rad: 0.0 };
+    pub const IDENTITY: Self = Self {
+        x_m: 0.0,
+        y_m: 0.0,
+        yaw_rad: 0.0,
+    };
 
     /// A pose from metres and radians.
     pub const fn new(x_m: f64, y_m: f64, yaw_rad: f64) -> Self {
@@ -85,15 +89,27 @@ impl Pose2 {
         } else {
             (w.sin() / w, (1.0 - w.cos()) / w)
         };
-        Self { x_m: a * twist.x - b * twist.y, y_m: b * twist.x + a * twist.y, yaw_rad: w }
+        Self {
+            x_m: a * twist.x - b * twist.y,
+            y_m: b * twist.x + a * twist.y,
+            yaw_rad: w,
+        }
     }
 
     /// Logarithm: the twist whose [`Pose2::exp`] is this pose. The yaw is wrapped.
     pub fn log(&self) -> Vector3<f64> {
         let w = wrap_angle_rad(self.yaw_rad);
         let half = 0.5 * w;
-        let a = if w.abs() < 1e-5 { 1.0 - w * w / 12.0 } else { half / half.tan() };
-        Vector3::new(a * self.x_m + half * self.y_m, -half * self.x_m + a * self.y_m, w)
+        let a = if w.abs() < 1e-5 {
+            1.0 - w * w / 12.0
+        } else {
+            half / half.tan()
+        };
+        Vector3::new(
+            a * self.x_m + half * self.y_m,
+            -half * self.x_m + a * self.y_m,
+            w,
+        )
     }
 
     /// Adjoint: moves a right (local) perturbation of `b` to one of `a`.
@@ -105,7 +121,10 @@ impl Pose2 {
     /// The same pose with its yaw in `(-pi, pi]`.
     #[must_use]
     pub fn wrapped(&self) -> Self {
-        Self { yaw_rad: wrap_angle_rad(self.yaw_rad), ..*self }
+        Self {
+            yaw_rad: wrap_angle_rad(self.yaw_rad),
+            ..*self
+        }
     }
 
     /// Whether all three numbers are finite.

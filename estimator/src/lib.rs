@@ -10,17 +10,23 @@
 //! Sign of steering: `steering_true = steering_measured - steering_offset`, left positive.
 
 pub mod calibrator;
+mod drive_history;
 pub mod estimate;
+pub mod excitation;
+pub mod filter;
 pub mod geometry;
+mod initial_guess;
 pub mod lidar_odometry;
+mod merge;
 pub mod settings;
 pub mod stream;
+mod trust;
 pub mod vehicle;
 
 pub use calibrator::{Calibrator, Checkpoint};
 pub use estimate::{Estimate, Parameter, ParameterEstimate, Status};
 pub use geometry::Pose2;
 pub use lidar_odometry::LidarOdometry;
-pub use settings::EstimatorSettings;
+pub use settings::{EstimatorSettings, Freedom, Measurement};
 pub use stream::{DriveSample, Effect, Event, LidarPose, Note, NoteKind, Stamp, Sweep};
 pub use vehicle::{Vehicle, VehicleModel};

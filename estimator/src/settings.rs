@@ -1,6 +1,9 @@
-//! What a user can set on an estimator. Each key is the key of `[estimator]` in `fleetcal.toml`.
+//! What a user can set on an estimator. Each key is a key of `[estimator]` in `fleetcal.toml`.
 
 use serde::{Deserialize, Serialize};
+
+use crate::estimate::Parameter;
+use crate::filter::noise::MotionNoise;
 
 /// Which measurement the filter makes of the LiDAR's motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -13,7 +16,7 @@ pub enum Measurement {
     Anchored,
 }
 
-/// What becomes of a parameter that need not be estimated.
+/// What becomes of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Freedom {
@@ -25,10 +28,195 @@ pub enum Freedom {
     Off,
 }
 
+/// One number for each parameter, in the parameter's unit.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PerParameter<T> {
+    /// For the steering offset.
+    pub steering_offset: T,
+    /// For the LiDAR's x.
+    pub lidar_x: T,
+    /// For the LiDAR's y.
+    pub lidar_y: T,
+    /// For the LiDAR's yaw.
+    pub lidar_yaw: T,
+    /// For the speed scale.
+    pub speed_scale: T,
+    /// For the wheelbase.
+    pub wheelbase: T,
+    /// For the time offset.
+    pub time_offset: T,
+    /// For the steering gain.
+    pub steering_gain: T,
+}
+
+impl<T> PerParameter<T> {
+    /// The one of a parameter.
+    pub fn get(&self, parameter: Parameter) -> &T {
+        match parameter {
+            Parameter::SteeringOffset => &self.steering_offset,
+            Parameter::LidarX => &self.lidar_x,
+            Parameter::LidarY => &self.lidar_y,
+            Parameter::LidarYaw => &self.lidar_yaw,
+            Parameter::SpeedScale => &self.speed_scale,
+            Parameter::Wheelbase => &self.wheelbase,
+            Parameter::TimeOffset => &self.time_offset,
+            Parameter::SteeringGain => &self.steering_gain,
+        }
+    }
+}
+
 /// Settings of an estimator. `fleetcal.toml` documents each key with its default.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EstimatorSettings {
     /// Which measurement the filter makes.
     pub measurement: Measurement,
+    /// What is estimated. Wheelbase and steering gain are never both.
+    pub free: PerParameter<Freedom>,
+    /// Doubt before the first metre, one standard deviation. The wheelbase's is a share of it.
+    pub prior_sigma: PerParameter<f64>,
+    /// Doubt of the LiDAR's x and y when no nominal mount is given, m.
+    pub unknown_mount_sigma_m: f64,
+    /// Slow drift let in: standard deviation gained in one hour.
+    pub drift_per_sqrt_hour: PerParameter<f64>,
+    /// Called converged below this standard deviation.
+    pub converged_sigma: PerParameter<f64>,
+    /// How far a driven metre can go astray.
+    pub motion_noise: MotionNoise,
+    /// Noise of a given LiDAR pose that carries no covariance: position, m.
+    pub pose_sigma_m: f64,
+    /// Noise of a given LiDAR pose that carries no covariance: heading, rad.
+    pub pose_sigma_rad: f64,
+    /// A new anchor is placed after this distance, m.
+    pub anchor_distance_m: f64,
+    /// Largest time offset either way, s. Poses wait this much longer for their drive samples.
+    pub time_offset_max_s: f64,
+}
+
+impl Default for EstimatorSettings {
+    fn default() -> Self {
+        use Freedom::{Estimated, Fixed, Off};
+        Self {
+            measurement: Measurement::Clone,
+            free: PerParameter {
+                steering_offset: Estimated,
+                lidar_x: Estimated,
+                lidar_y: Estimated,
+                lidar_yaw: Estimated,
+                speed_scale: Estimated,
+                wheelbase: Fixed,
+                time_offset: Estimated,
+                steering_gain: Off,
+            },
+            prior_sigma: PerParameter {
+                steering_offset: 0.15,
+                lidar_x: 0.1,
+                lidar_y: 0.1,
+                lidar_yaw: 0.1,
+                speed_scale: 0.02,
+                wheelbase: 0.005,
+                time_offset: 0.05,
+                steering_gain: 0.02,
+            },
+            unknown_mount_sigma_m: 1.5,
+            drift_per_sqrt_hour: PerParameter {
+                steering_offset: 0.000_3,
+                lidar_x: 0.000_3,
+                lidar_y: 0.000_3,
+                lidar_yaw: 0.000_15,
+                speed_scale: 0.000_3,
+                wheelbase: 0.0,
+                time_offset: 0.000_5,
+                steering_gain: 0.0,
+            },
+            converged_sigma: PerParameter {
+                steering_offset: 0.05f64.to_radians(),
+                lidar_x: 0.005,
+                lidar_y: 0.005,
+                lidar_yaw: 0.1f64.to_radians(),
+                speed_scale: 0.002,
+                wheelbase: 0.005,
+                time_offset: 0.01,
+                steering_gain: 0.005,
+            },
+            motion_noise: MotionNoise::default(),
+            pose_sigma_m: 0.003,
+            pose_sigma_rad: 0.000_5,
+            anchor_distance_m: 3.0,
+            time_offset_max_s: 0.25,
+        }
+    }
+}
+
+/// Why settings were refused.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SettingsRefused {
+    /// They cannot be told apart by any motion.
+    #[error("free.wheelbase and free.steering_gain are both estimated; one of them must be fixed")]
+    WheelbaseAndGain,
+    /// A number that must be positive is not.
+    #[error("{key} is {value}, accepted is a number above 0")]
+    NotPositive {
+        /// The key.
+        key: String,
+        /// Its value.
+        value: f64,
+    },
+}
+
+impl EstimatorSettings {
+    /// Refuses settings that cannot be.
+    ///
+    /// # Errors
+    /// Names the key, its value and what is accepted.
+    pub fn check(&self) -> Result<(), SettingsRefused> {
+        if self.free.wheelbase == Freedom::Estimated
+            && self.free.steering_gain == Freedom::Estimated
+        {
+            return Err(SettingsRefused::WheelbaseAndGain);
+        }
+        for parameter in Parameter::ALL {
+            positive(
+                || format!("prior_sigma.{}", parameter.name()),
+                *self.prior_sigma.get(parameter),
+            )?;
+            let limit = *self.converged_sigma.get(parameter);
+            positive(|| format!("converged_sigma.{}", parameter.name()), limit)?;
+        }
+        for (key, value) in [
+            ("unknown_mount_sigma_m", self.unknown_mount_sigma_m),
+            ("pose_sigma_m", self.pose_sigma_m),
+            ("pose_sigma_rad", self.pose_sigma_rad),
+            ("anchor_distance_m", self.anchor_distance_m),
+            ("time_offset_max_s", self.time_offset_max_s),
+            (
+                "motion_noise.along_m_per_sqrt_m",
+                self.motion_noise.along_m_per_sqrt_m,
+            ),
+            (
+                "motion_noise.across_m_per_sqrt_m",
+                self.motion_noise.across_m_per_sqrt_m,
+            ),
+            (
+                "motion_noise.yaw_rad_per_sqrt_m",
+                self.motion_noise.yaw_rad_per_sqrt_m,
+            ),
+            (
+                "motion_noise.steering_rad_sqrt_m",
+                self.motion_noise.steering_rad_sqrt_m,
+            ),
+        ] {
+            positive(|| key.to_owned(), value)?;
+        }
+        Ok(())
+    }
+}
+
+fn positive(key: impl FnOnce() -> String, value: f64) -> Result<(), SettingsRefused> {
+    if value.is_finite() && value > 0.0 {
+        Ok(())
+    } else {
+        Err(SettingsRefused::NotPositive { key: key(), value })
+    }
 }

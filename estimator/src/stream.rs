@@ -50,8 +50,12 @@ pub struct FieldRefused {
 }
 
 impl FieldRefused {
-    fn new(field: &'static str, value: impl ToString, accepted: &'static str) -> Self {
-        Self { field, value: value.to_string(), accepted }
+    fn new(field: &'static str, value: impl std::fmt::Display, accepted: &'static str) -> Self {
+        Self {
+            field,
+            value: value.to_string(),
+            accepted,
+        }
     }
 }
 
@@ -59,7 +63,11 @@ fn check_stamp(stamp: Stamp) -> Result<(), FieldRefused> {
     if stamp.0 > 0 {
         Ok(())
     } else {
-        Err(FieldRefused::new("header.stamp", format!("{} ns", stamp.0), "a time after 1970"))
+        Err(FieldRefused::new(
+            "header.stamp",
+            format!("{} ns", stamp.0),
+            "a time after 1970",
+        ))
     }
 }
 
@@ -67,7 +75,11 @@ fn check_finite(field: &'static str, value: f64, limit: f64) -> Result<(), Field
     if value.is_finite() && value.abs() <= limit {
         Ok(())
     } else {
-        Err(FieldRefused::new(field, value, "a finite number of physical size"))
+        Err(FieldRefused::new(
+            field,
+            value,
+            "a finite number of physical size",
+        ))
     }
 }
 
@@ -89,7 +101,11 @@ impl DriveSample {
         check_stamp(stamp)?;
         check_finite("drive.speed", speed_mps, SPEED_MAX_MPS)?;
         check_finite("drive.steering_angle", steering_rad, STEERING_MAX_RAD)?;
-        Ok(Self { stamp, speed_mps, steering_rad })
+        Ok(Self {
+            stamp,
+            speed_mps,
+            steering_rad,
+        })
     }
 
     /// End of the interval that the sample describes.
@@ -146,29 +162,61 @@ impl Sweep {
         check_finite("angle_min", shape.angle_min_rad, 10.0)?;
         check_finite("angle_increment", shape.angle_increment_rad, 1.0)?;
         if shape.angle_increment_rad == 0.0 {
-            return Err(FieldRefused::new("angle_increment", 0.0, "a step other than zero"));
+            return Err(FieldRefused::new(
+                "angle_increment",
+                0.0,
+                "a step other than zero",
+            ));
         }
         if !(0.0..=1.0).contains(&shape.time_increment_s) {
-            return Err(FieldRefused::new("time_increment", shape.time_increment_s, "0 to 1 s"));
+            return Err(FieldRefused::new(
+                "time_increment",
+                shape.time_increment_s,
+                "0 to 1 s",
+            ));
         }
         if !(shape.range_min_m >= 0.0 && shape.range_min_m.is_finite()) {
-            return Err(FieldRefused::new("range_min", shape.range_min_m, "0 m or more"));
+            return Err(FieldRefused::new(
+                "range_min",
+                shape.range_min_m,
+                "0 m or more",
+            ));
         }
-        if !(shape.range_max_m > shape.range_min_m) {
-            return Err(FieldRefused::new("range_max", shape.range_max_m, "more than range_min"));
+        if shape.range_max_m.is_nan() || shape.range_max_m <= shape.range_min_m {
+            return Err(FieldRefused::new(
+                "range_max",
+                shape.range_max_m,
+                "more than range_min",
+            ));
         }
         if ranges_m.is_empty() || ranges_m.len() > BEAMS_MAX {
-            return Err(FieldRefused::new("ranges", ranges_m.len(), "1 to 16384 beams"));
+            return Err(FieldRefused::new(
+                "ranges",
+                ranges_m.len(),
+                "1 to 16384 beams",
+            ));
         }
         let span_rad = shape.angle_increment_rad.abs() * (ranges_m.len() - 1) as f64;
         if span_rad > std::f64::consts::TAU + 0.2 {
-            return Err(FieldRefused::new("angle_increment", span_rad, "at most one turn in all"));
+            return Err(FieldRefused::new(
+                "angle_increment",
+                span_rad,
+                "at most one turn in all",
+            ));
         }
         let duration_s = shape.time_increment_s * ranges_m.len() as f64;
         if duration_s > 2.0 {
-            return Err(FieldRefused::new("time_increment", duration_s, "a sweep of at most 2 s"));
+            return Err(FieldRefused::new(
+                "time_increment",
+                duration_s,
+                "a sweep of at most 2 s",
+            ));
         }
-        Ok(Self { stamp, shape, ranges_m })
+        Ok(Self {
+            stamp,
+            shape,
+            ranges_m,
+        })
     }
 
     /// Time of the first beam.
@@ -224,7 +272,11 @@ impl LidarPose {
                 "a positive definite matrix, or zeros for none",
             ));
         }
-        Ok(Self { stamp, pose, covariance })
+        Ok(Self {
+            stamp,
+            pose,
+            covariance,
+        })
     }
 
     /// Time of the pose.

@@ -1,4 +1,11 @@
-//! Vehicle models: how speed and steering move the rear axle.
+//! Vehicle models: how measured speed and steering move the rear axle.
+//!
+//! A model is one file with one function, `motion`: it gives the rear axle's speed and yaw rate and
+//! their derivatives by the parameters. Everything else (prediction, initial guess, advice) is
+//! written on [`Motion`] and knows no model.
+
+mod bicycle;
+mod tricycle;
 
 use serde::{Deserialize, Serialize};
 
@@ -38,6 +45,46 @@ pub struct Vehicle {
     pub speed_measured_at: SpeedMeasuredAt,
 }
 
+/// What the drive sensors say, before any correction.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Drive {
+    /// Measured speed, m/s.
+    pub speed_mps: f64,
+    /// Measured steering angle, rad.
+    pub steering_rad: f64,
+}
+
+/// The parameters a vehicle model depends on.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct DriveParameters {
+    /// `delta_off`, rad.
+    pub steering_offset_rad: f64,
+    /// True speed over measured speed.
+    pub speed_scale: f64,
+    /// Wheelbase, m.
+    pub wheelbase_m: f64,
+    /// True steering angle over measured one, after the offset.
+    pub steering_gain: f64,
+}
+
+/// How many parameters [`Motion`]'s derivatives are by.
+pub const DRIVE_PARAMETERS: usize = 4;
+
+/// The rear axle's motion, with derivatives by (steering offset, speed scale, wheelbase, gain).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Motion {
+    /// Speed of the rear axle along x of `base`, m/s.
+    pub speed_mps: f64,
+    /// Yaw rate, rad/s.
+    pub yaw_rate_radps: f64,
+    /// Derivatives of the speed.
+    pub speed_by: [f64; DRIVE_PARAMETERS],
+    /// Derivatives of the yaw rate.
+    pub yaw_rate_by: [f64; DRIVE_PARAMETERS],
+    /// Derivative of the yaw rate by the true steering angle, 1/s: how far steering noise turns.
+    pub yaw_rate_by_steering: f64,
+}
+
 impl Vehicle {
     /// A vehicle whose speed is measured where its model usually measures it.
     pub fn new(model: VehicleModel, wheelbase_m: f64) -> Self {
@@ -45,6 +92,125 @@ impl Vehicle {
             VehicleModel::Bicycle => SpeedMeasuredAt::RearAxle,
             VehicleModel::Tricycle => SpeedMeasuredAt::SteeredWheel,
         };
-        Self { model, wheelbase_m, speed_measured_at }
+        Self {
+            model,
+            wheelbase_m,
+            speed_measured_at,
+        }
+    }
+
+    /// The rear axle's motion under a drive reading.
+    pub fn motion(&self, drive: Drive, parameters: &DriveParameters) -> Motion {
+        let raw = drive.steering_rad - parameters.steering_offset_rad;
+        let steering = Steering {
+            true_rad: parameters.steering_gain * raw,
+            by_offset: -parameters.steering_gain,
+            by_gain: raw,
+        };
+        match self.speed_measured_at {
+            SpeedMeasuredAt::RearAxle => {
+                bicycle::motion(drive.speed_mps, 0.0, steering, parameters)
+            }
+            SpeedMeasuredAt::RearWheel { lateral_m } => {
+                bicycle::motion(drive.speed_mps, lateral_m, steering, parameters)
+            }
+            SpeedMeasuredAt::SteeredWheel => {
+                tricycle::motion(drive.speed_mps, steering, parameters)
+            }
+        }
+    }
+}
+
+/// The true steering angle and its derivatives by steering offset and gain.
+#[derive(Debug, Clone, Copy)]
+struct Steering {
+    true_rad: f64,
+    by_offset: f64,
+    by_gain: f64,
+}
+
+/// Chain rule: from derivatives by (steering, speed scale, wheelbase) to those by the parameters.
+fn by_parameters(by_steering: f64, by_scale: f64, by_wheelbase: f64, s: Steering) -> [f64; 4] {
+    [
+        by_steering * s.by_offset,
+        by_scale,
+        by_wheelbase,
+        by_steering * s.by_gain,
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn shifted(p: &DriveParameters, index: usize, by: f64) -> DriveParameters {
+        let mut q = *p;
+        match index {
+            0 => q.steering_offset_rad += by,
+            1 => q.speed_scale += by,
+            2 => q.wheelbase_m += by,
+            _ => q.steering_gain += by,
+        }
+        q
+    }
+
+    fn vehicle() -> impl Strategy<Value = Vehicle> {
+        prop_oneof![
+            Just(Vehicle::new(VehicleModel::Bicycle, 1.2)),
+            Just(Vehicle::new(VehicleModel::Tricycle, 1.5)),
+            Just(Vehicle {
+                model: VehicleModel::Bicycle,
+                wheelbase_m: 1.2,
+                speed_measured_at: SpeedMeasuredAt::RearWheel { lateral_m: 0.4 },
+            }),
+        ]
+    }
+
+    proptest! {
+        #[test]
+        fn derivatives_match_differences(
+            vehicle in vehicle(),
+            speed_mps in -2.0..2.0f64,
+            steering_rad in -0.8..0.8f64,
+            offset in -0.15..0.15f64,
+        ) {
+            let drive = Drive { speed_mps, steering_rad };
+            let p = DriveParameters {
+                steering_offset_rad: offset,
+                speed_scale: 1.01,
+                wheelbase_m: vehicle.wheelbase_m,
+                steering_gain: 0.98,
+            };
+            let motion = vehicle.motion(drive, &p);
+            for i in 0..DRIVE_PARAMETERS {
+                let h = 1e-6;
+                let (up, down) = (shifted(&p, i, h), shifted(&p, i, -h));
+                let (up, down) = (vehicle.motion(drive, &up), vehicle.motion(drive, &down));
+                let speed_by = (up.speed_mps - down.speed_mps) / (2.0 * h);
+                let yaw_by = (up.yaw_rate_radps - down.yaw_rate_radps) / (2.0 * h);
+                prop_assert!((speed_by - motion.speed_by[i]).abs() < 1e-6);
+                prop_assert!((yaw_by - motion.yaw_rate_by[i]).abs() < 1e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn steering_left_of_the_offset_turns_left() {
+        let vehicle = Vehicle::new(VehicleModel::Bicycle, 1.2);
+        let p = DriveParameters {
+            steering_offset_rad: 0.05,
+            speed_scale: 1.0,
+            wheelbase_m: 1.2,
+            steering_gain: 1.0,
+        };
+        let motion = vehicle.motion(
+            Drive {
+                speed_mps: 1.0,
+                steering_rad: 0.06,
+            },
+            &p,
+        );
+        assert!((motion.yaw_rate_radps - 0.01f64.tan() / 1.2).abs() < 1e-12);
     }
 }

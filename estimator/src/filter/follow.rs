@@ -1,0 +1,147 @@
+//! Following a robot: which readings the filter takes, when, and from which anchor.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Filter, Innovation, OdometryReading};
+use crate::drive_history::DriveHistory;
+use crate::estimate::Parameter;
+use crate::geometry::Pose2;
+use crate::settings::EstimatorSettings;
+use crate::stream::Stamp;
+
+/// A reading is used once the robot has moved this far since the last one used: readings of a robot
+/// at rest repeat one error and would be averaged as if they were many.
+const MOVED_MIN_M: f64 = 0.02;
+/// The same for turning, rad.
+const MOVED_MIN_RAD: f64 = 0.01;
+/// A new anchor is placed after turning this far, rad.
+const ANCHOR_TURN_RAD: f64 = 2.0;
+
+/// What became of a reading.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Followed {
+    /// It is the anchor now; nothing was measured.
+    Anchored,
+    /// The robot has not moved: kept for later.
+    AtRest,
+    /// The filter was updated.
+    Updated(Moved),
+    /// It could not be used (its drive time lies behind the filter's).
+    Unusable,
+}
+
+/// An update and the motion it was about.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Moved {
+    /// The filter's innovation.
+    pub innovation: Innovation,
+    /// Distance since the update before, m, negative in reverse.
+    pub distance_m: f64,
+    /// Turn since the update before, rad.
+    pub turn_rad: f64,
+}
+
+/// A filter and how far it has come.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Follower {
+    /// The filter.
+    pub filter: Filter,
+    /// Drive time up to which the filter has predicted.
+    reached: Option<Stamp>,
+    /// The last reading that was used.
+    last_used: Option<(Stamp, Pose2)>,
+}
+
+impl Follower {
+    /// Follows with a filter that has no anchor yet.
+    pub fn new(filter: Filter) -> Self {
+        Self {
+            filter,
+            reached: None,
+            last_used: None,
+        }
+    }
+
+    /// The drive time a reading belongs to.
+    pub fn drive_time(&self, reading: &OdometryReading, settings: &EstimatorSettings) -> Stamp {
+        let limit_s = settings.time_offset_max_s;
+        let offset_s = self
+            .filter
+            .value(Parameter::TimeOffset)
+            .clamp(-limit_s, limit_s);
+        reading.stamp.plus_seconds(offset_s)
+    }
+
+    /// Gives up the anchor: what comes next does not compare with what was.
+    pub fn lose_anchor(&mut self) {
+        self.filter.lose_anchor();
+        self.reached = None;
+    }
+
+    /// Takes a reading whose drive samples are all in the history.
+    pub fn follow(
+        &mut self,
+        reading: &OdometryReading,
+        drive: &DriveHistory,
+        settings: &EstimatorSettings,
+    ) -> Followed {
+        let to = self.drive_time(reading, settings);
+        let from = match self.reached {
+            Some(from) if self.filter.is_anchored() && drive.covers(from, to) => from,
+            Some(from) if to <= from => return Followed::Unusable,
+            _ => return self.anchor_at(reading, to, drive),
+        };
+        // 1. Predict up to the reading's time.
+        for segment in drive.segments(from, to) {
+            self.filter.predict(&segment);
+        }
+        self.reached = Some(to);
+        // 2. At rest, wait.
+        if !self.has_moved(reading) {
+            return Followed::AtRest;
+        }
+        // 3. Update, and move the anchor along.
+        if let Some((last, _)) = self.last_used {
+            self.filter
+                .drift(reading.stamp.seconds_since(last).max(0.0));
+        }
+        let (since_m, since_rad) = self.filter.since_anchor();
+        let predicted = self.filter.predicted();
+        let new_anchor = since_m + predicted.distance_m >= settings.anchor_distance_m
+            || since_rad + predicted.turned_rad >= ANCHOR_TURN_RAD;
+        self.last_used = Some((reading.stamp, reading.lidar_in_odom));
+        let (distance_m, turn_rad) = (predicted.end_in_begin.x_m, predicted.end_in_begin.yaw_rad);
+        match self.filter.update(reading, new_anchor) {
+            Some(innovation) => Followed::Updated(Moved {
+                innovation,
+                distance_m,
+                turn_rad,
+            }),
+            None => self.anchor_at(reading, to, drive),
+        }
+    }
+
+    fn has_moved(&self, reading: &OdometryReading) -> bool {
+        let predicted = self.filter.predicted();
+        if predicted.distance_m >= MOVED_MIN_M || predicted.turned_rad >= MOVED_MIN_RAD {
+            return true;
+        }
+        let Some((_, last)) = &self.last_used else {
+            return false;
+        };
+        let moved = last.between(&reading.lidar_in_odom).wrapped();
+        moved.translation().norm() >= MOVED_MIN_M || moved.yaw_rad.abs() >= MOVED_MIN_RAD
+    }
+
+    fn anchor_at(
+        &mut self,
+        reading: &OdometryReading,
+        at: Stamp,
+        drive: &DriveHistory,
+    ) -> Followed {
+        self.filter.start_anchor(reading, drive.at(at));
+        self.reached = Some(at);
+        self.last_used = Some((reading.stamp, reading.lidar_in_odom));
+        Followed::Anchored
+    }
+}

@@ -1,0 +1,462 @@
+//! The extended Kalman filter over body motion and calibration, with a cloned anchor.
+//!
+//! The state is the body's motion since an anchor (3), the LiDAR odometry's own error at that
+//! anchor (3), and the eight calibration parameters. Motion *since the anchor* instead of two poses
+//! in a world frame removes the three directions nothing can observe. Every few metres the newest
+//! pose becomes the anchor, so that an old odometry error cannot live on and a LiDAR that was moved
+//! is seen from then on.
+//!
+//! Perturbations of poses are right (local) ones: `pose_true = pose * exp(error)`.
+
+pub mod follow;
+pub mod noise;
+pub mod prediction;
+pub mod prior;
+
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use serde::{Deserialize, Serialize};
+
+use crate::drive_history::DriveSegment;
+use crate::estimate::Parameter;
+use crate::geometry::Pose2;
+use crate::stream::Stamp;
+use crate::vehicle::{Drive, DriveParameters, Vehicle};
+use noise::MotionNoise;
+use prediction::PredictedMotion;
+use prior::Prior;
+
+/// Number of calibration parameters.
+pub const PARAMETERS: usize = 8;
+/// Dimension of the filter's state.
+const DIM: usize = 6 + PARAMETERS;
+/// First index of the motion since the anchor.
+const MOTION: usize = 0;
+/// First index of the odometry's error at the anchor.
+const ANCHOR: usize = 3;
+/// First index of the parameters.
+const CALIBRATION: usize = 6;
+/// Where the drive parameters stand among the parameters.
+const DRIVE_PARAMETER: [Parameter; 4] = [
+    Parameter::SteeringOffset,
+    Parameter::SpeedScale,
+    Parameter::Wheelbase,
+    Parameter::SteeringGain,
+];
+
+type Covariance = SMatrix<f64, DIM, DIM>;
+type Jacobian = SMatrix<f64, 3, DIM>;
+/// Values of the calibration parameters, in the order of [`Parameter::ALL`].
+pub type Values = SVector<f64, PARAMETERS>;
+/// Their covariance.
+pub type ParameterCovariance = SMatrix<f64, PARAMETERS, PARAMETERS>;
+
+/// A pose of the LiDAR in its odometry frame, as the filter measures it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct OdometryReading {
+    /// Time of the pose, in LiDAR time.
+    pub stamp: Stamp,
+    /// The pose.
+    pub lidar_in_odom: Pose2,
+    /// Covariance of its right perturbation.
+    pub covariance: Matrix3<f64>,
+}
+
+/// What the motion is measured from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Anchor {
+    lidar_in_odom: Pose2,
+    /// Body twist at the anchor.
+    twist: Vector3<f64>,
+    /// Time offset with which the anchor was placed in drive time, s.
+    time_offset_s: f64,
+}
+
+/// Result of one update.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Innovation {
+    /// `log(h^-1 z)`: measured less predicted LiDAR motion, in the LiDAR's frame.
+    pub residual: Vector3<f64>,
+    /// Normalised innovation squared, 3 degrees of freedom.
+    pub nis: f64,
+}
+
+/// Largest normalised innovation squared taken at full weight; beyond it the measurement's noise
+/// is widened until it fits, so that no outlier steers the filter and none starves it.
+const NIS_FULL_WEIGHT_MAX: f64 = 16.3;
+
+/// Share by which one update may change the noise scale, for each unit of NIS over the tolerated one.
+const NOISE_LEARNING_RATE: f64 = 0.02;
+/// Mean NIS that is taken as right: 3 are expected, and a hair more is no reason to widen.
+const NIS_TOLERATED: f64 = 3.4;
+/// Largest share of the tolerated NIS that one update counts for.
+const NIS_EXCESS_MAX: f64 = 10.0;
+/// Largest noise scale: thirty times the configured standard deviation.
+const NOISE_SCALE_MAX: f64 = 900.0;
+
+/// The filter of one robot.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Filter {
+    vehicle: Vehicle,
+    noise: MotionNoise,
+    values: Values,
+    covariance: Covariance,
+    /// Parameters whose values the filter may not change (their doubt still counts).
+    held: [bool; PARAMETERS],
+    random_walk: Values,
+    anchor: Option<Anchor>,
+    body_in_anchor: Pose2,
+    /// Prediction since the last update, not yet in the covariance.
+    predicted: PredictedMotion,
+    /// Distance and turn since the anchor.
+    since_anchor_m: f64,
+    since_anchor_rad: f64,
+    /// How much larger the noise (as a variance) is than configured, at least 1: learnt from the
+    /// innovations, so that a rougher vehicle or a poorer LiDAR only widens the sigmas.
+    noise_scale: f64,
+}
+
+impl Filter {
+    /// A filter that starts from a prior.
+    pub fn new(vehicle: Vehicle, noise: MotionNoise, prior: &Prior) -> Self {
+        let mut covariance = Covariance::zeros();
+        covariance
+            .fixed_view_mut::<PARAMETERS, PARAMETERS>(CALIBRATION, CALIBRATION)
+            .copy_from(&prior.covariance);
+        Self {
+            vehicle,
+            noise,
+            values: prior.values,
+            covariance,
+            held: prior.held,
+            random_walk: prior.random_walk_per_sqrt_s,
+            anchor: None,
+            body_in_anchor: Pose2::IDENTITY,
+            predicted: PredictedMotion::none(),
+            since_anchor_m: 0.0,
+            since_anchor_rad: 0.0,
+            noise_scale: 1.0,
+        }
+    }
+
+    /// How much larger the noise (as a variance) has turned out than configured, at least 1.
+    pub fn noise_scale(&self) -> f64 {
+        self.noise_scale
+    }
+
+    /// Values of the parameters.
+    pub fn values(&self) -> &Values {
+        &self.values
+    }
+
+    /// Value of one parameter.
+    pub fn value(&self, parameter: Parameter) -> f64 {
+        self.values[parameter.index()]
+    }
+
+    /// Covariance of the parameters.
+    pub fn parameter_covariance(&self) -> ParameterCovariance {
+        self.covariance
+            .fixed_view::<PARAMETERS, PARAMETERS>(CALIBRATION, CALIBRATION)
+            .into_owned()
+    }
+
+    /// `lidar_in_base`, the paper's `T^B_L`.
+    pub fn lidar_in_base(&self) -> Pose2 {
+        lidar_in_base(&self.values)
+    }
+
+    /// Whether there is an anchor to measure from.
+    pub fn is_anchored(&self) -> bool {
+        self.anchor.is_some()
+    }
+
+    /// The body's pose in the odometry frame of the LiDAR.
+    pub fn base_in_odom(&self) -> Option<Pose2> {
+        let anchor = self.anchor.as_ref()?;
+        let base_from_lidar = self.lidar_in_base().inverse();
+        Some(
+            anchor
+                .lidar_in_odom
+                .compose(&base_from_lidar)
+                .compose(&self.body_in_anchor),
+        )
+    }
+
+    /// Motion predicted since the last update.
+    pub fn predicted(&self) -> &PredictedMotion {
+        &self.predicted
+    }
+
+    /// Distance (m) and turn (rad) since the anchor.
+    pub fn since_anchor(&self) -> (f64, f64) {
+        (self.since_anchor_m, self.since_anchor_rad)
+    }
+
+    /// Parameters as the vehicle model takes them.
+    pub fn drive_parameters(&self) -> DriveParameters {
+        drive_parameters(&self.values)
+    }
+
+    /// Predicts over one drive reading.
+    pub fn predict(&mut self, segment: &DriveSegment) {
+        let parameters = self.drive_parameters();
+        self.predicted
+            .advance(&self.vehicle, &parameters, &self.noise, segment);
+    }
+
+    /// Gives up the anchor: what comes next does not compare with what was (a gap, a new map).
+    pub fn lose_anchor(&mut self) {
+        self.anchor = None;
+        self.predicted = PredictedMotion::none();
+    }
+
+    /// Makes a reading the first anchor, or the one after a loss. `drive` is the reading then.
+    pub fn start_anchor(&mut self, reading: &OdometryReading, drive: Drive) {
+        let motion = self.vehicle.motion(drive, &self.drive_parameters());
+        self.predicted.twist = Vector3::new(motion.speed_mps, 0.0, motion.yaw_rate_radps);
+        self.place_anchor(reading.lidar_in_odom);
+        let mut covariance = Covariance::zeros();
+        covariance
+            .fixed_view_mut::<PARAMETERS, PARAMETERS>(CALIBRATION, CALIBRATION)
+            .copy_from(&self.parameter_covariance());
+        covariance
+            .fixed_view_mut::<3, 3>(ANCHOR, ANCHOR)
+            .copy_from(&(reading.covariance * self.noise_scale));
+        self.covariance = covariance;
+    }
+
+    /// Lets slow drift in: `elapsed_s` seconds of random walk on the parameters.
+    pub fn drift(&mut self, elapsed_s: f64) {
+        for (i, walk) in self.random_walk.iter().enumerate() {
+            self.covariance[(CALIBRATION + i, CALIBRATION + i)] += walk * walk * elapsed_s;
+        }
+    }
+
+    /// Updates with a reading. Does nothing without an anchor.
+    ///
+    /// Steps: 1 bring the prediction into the covariance, 2 innovation, 3 gain, 4 correction (the
+    /// paper's equations for `r_k`, `S_k`, `K_k`, in Joseph form), 5 a new anchor where asked.
+    pub fn update(&mut self, reading: &OdometryReading, new_anchor: bool) -> Option<Innovation> {
+        // 1. Prediction.
+        self.absorb_prediction();
+        // 2. Innovation: r = log(h^-1 z) and S = H P H^T + R.
+        let (residual, jacobian) = self.innovation(reading)?;
+        let cross = self.covariance * jacobian.transpose();
+        let predicted = jacobian * cross;
+        let mut noise = reading.covariance * self.noise_scale;
+        let nis = normalised_square(&(predicted + noise), &residual)?;
+        self.learn_noise(nis);
+        if nis > NIS_FULL_WEIGHT_MAX {
+            noise = widened(&noise, &predicted, nis);
+        }
+        let innovation_covariance = predicted + noise;
+        // 3. Gain. Held parameters keep their value but not their part in the covariance (Schmidt).
+        let inverse = innovation_covariance.cholesky()?.inverse();
+        let mut gain = cross * inverse;
+        for (i, _) in self.held.iter().enumerate().filter(|(_, held)| **held) {
+            gain.row_mut(CALIBRATION + i).fill(0.0);
+        }
+        // 5a. The reading's own error, which the new anchor takes over.
+        let fresh = new_anchor.then(|| FreshAnchor::of(&noise, &inverse, &cross, &residual));
+        // 4. Correction.
+        self.correct(&(gain * residual));
+        let gain_cross = gain * cross.transpose();
+        self.covariance +=
+            gain * innovation_covariance * gain.transpose() - gain_cross - gain_cross.transpose();
+        symmetrise(&mut self.covariance);
+        // 5. New anchor.
+        if let Some(fresh) = fresh {
+            self.take_anchor(reading, &fresh);
+        }
+        Some(Innovation { residual, nis })
+    }
+
+    /// Opens parameters again: adds variance to them and forgets their correlations.
+    pub fn reopen(&mut self, parameters: &[Parameter], sigma: &Values) {
+        for parameter in parameters {
+            let i = CALIBRATION + parameter.index();
+            let variance = self.covariance[(i, i)] + sigma[parameter.index()].powi(2);
+            self.covariance.row_mut(i).fill(0.0);
+            self.covariance.column_mut(i).fill(0.0);
+            self.covariance[(i, i)] = variance;
+        }
+    }
+
+    /// Multiplicative step towards the tolerated mean NIS; a single outlier counts as ten at most.
+    fn learn_noise(&mut self, nis: f64) {
+        let excess = (nis / NIS_TOLERATED).min(NIS_EXCESS_MAX) - 1.0;
+        let scale = self.noise_scale * (NOISE_LEARNING_RATE * excess).exp();
+        self.noise_scale = scale.clamp(1.0, NOISE_SCALE_MAX);
+    }
+
+    fn absorb_prediction(&mut self) {
+        let predicted = std::mem::replace(&mut self.predicted, PredictedMotion::none());
+        self.predicted.twist = predicted.twist;
+        self.body_in_anchor = self.body_in_anchor.compose(&predicted.end_in_begin);
+        self.since_anchor_m += predicted.distance_m;
+        self.since_anchor_rad += predicted.turned_rad;
+
+        // eta <- Phi eta + Gamma p + w, all else stays: only three rows and columns change.
+        let mut transition = SMatrix::<f64, 3, DIM>::zeros();
+        transition
+            .fixed_view_mut::<3, 3>(0, MOTION)
+            .copy_from(&predicted.by_begin);
+        for (column, parameter) in DRIVE_PARAMETER.iter().enumerate() {
+            transition.set_column(
+                CALIBRATION + parameter.index(),
+                &predicted.by_parameters.column(column),
+            );
+        }
+        let rows = transition * self.covariance;
+        let block = rows * transition.transpose() + predicted.noise * self.noise_scale;
+        self.covariance
+            .fixed_view_mut::<3, DIM>(MOTION, 0)
+            .copy_from(&rows);
+        self.covariance
+            .fixed_view_mut::<DIM, 3>(0, MOTION)
+            .copy_from(&rows.transpose());
+        self.covariance
+            .fixed_view_mut::<3, 3>(MOTION, MOTION)
+            .copy_from(&block);
+    }
+
+    /// Residual and Jacobian of `z = exp(-e_a) X^-1 B X exp(e_k)`.
+    fn innovation(&self, reading: &OdometryReading) -> Option<(Vector3<f64>, Jacobian)> {
+        let anchor = self.anchor.as_ref()?;
+        let x = self.lidar_in_base();
+        let time_offset_s = self.value(Parameter::TimeOffset);
+        // The anchor was placed with the time offset of then: shift it to that of now.
+        let shift = Pose2::exp(&(-anchor.twist * (time_offset_s - anchor.time_offset_s)));
+        let body = shift.compose(&self.body_in_anchor);
+        let h = x.inverse().compose(&body).compose(&x);
+        let z = anchor.lidar_in_odom.between(&reading.lidar_in_odom);
+        let residual = h.between(&z).log();
+
+        let lidar_from_base = x.inverse().adjoint();
+        let back = h.inverse().adjoint();
+        let mut jacobian = Jacobian::zeros();
+        jacobian
+            .fixed_view_mut::<3, 3>(0, MOTION)
+            .copy_from(&lidar_from_base);
+        jacobian.fixed_view_mut::<3, 3>(0, ANCHOR).copy_from(&-back);
+        // X's right perturbation is its additive one turned into the LiDAR's frame.
+        let by_mount = Matrix3::identity() - back;
+        let (s, c) = x.yaw_rad.sin_cos();
+        let turned = Matrix3::new(c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0);
+        jacobian
+            .fixed_view_mut::<3, 3>(0, CALIBRATION + Parameter::LidarX.index())
+            .copy_from(&(by_mount * turned));
+        let moved = self.predicted.twist - body.inverse().adjoint() * anchor.twist;
+        jacobian.set_column(
+            CALIBRATION + Parameter::TimeOffset.index(),
+            &(lidar_from_base * moved),
+        );
+        Some((residual, jacobian))
+    }
+
+    fn correct(&mut self, correction: &SVector<f64, DIM>) {
+        let motion = correction.fixed_rows::<3>(MOTION).into_owned();
+        self.body_in_anchor = self.body_in_anchor.compose(&Pose2::exp(&motion));
+        let at_anchor = correction.fixed_rows::<3>(ANCHOR).into_owned();
+        if let Some(anchor) = self.anchor.as_mut() {
+            // Z_a = T_a exp(e_a): taking the estimated error out leaves a zero-mean one.
+            anchor.lidar_in_odom = anchor.lidar_in_odom.compose(&Pose2::exp(&-at_anchor));
+        }
+        self.values += correction.fixed_rows::<PARAMETERS>(CALIBRATION);
+        let yaw = &mut self.values[Parameter::LidarYaw.index()];
+        *yaw = crate::geometry::wrap_angle_rad(*yaw);
+    }
+
+    fn place_anchor(&mut self, lidar_in_odom: Pose2) {
+        self.anchor = Some(Anchor {
+            lidar_in_odom,
+            twist: self.predicted.twist,
+            time_offset_s: self.value(Parameter::TimeOffset),
+        });
+        let twist = self.predicted.twist;
+        self.predicted = PredictedMotion::none();
+        self.predicted.twist = twist;
+        self.body_in_anchor = Pose2::IDENTITY;
+        self.since_anchor_m = 0.0;
+        self.since_anchor_rad = 0.0;
+    }
+
+    fn take_anchor(&mut self, reading: &OdometryReading, fresh: &FreshAnchor) {
+        self.place_anchor(reading.lidar_in_odom.compose(&Pose2::exp(&-fresh.error)));
+        for block in [MOTION, ANCHOR] {
+            self.covariance.fixed_view_mut::<3, DIM>(block, 0).fill(0.0);
+            self.covariance.fixed_view_mut::<DIM, 3>(0, block).fill(0.0);
+        }
+        self.covariance
+            .fixed_view_mut::<3, 3>(ANCHOR, ANCHOR)
+            .copy_from(&fresh.covariance);
+        self.covariance
+            .fixed_view_mut::<3, PARAMETERS>(ANCHOR, CALIBRATION)
+            .copy_from(&fresh.with_parameters);
+        self.covariance
+            .fixed_view_mut::<PARAMETERS, 3>(CALIBRATION, ANCHOR)
+            .copy_from(&fresh.with_parameters.transpose());
+    }
+}
+
+/// The error of the reading that becomes the anchor, after the update with that same reading.
+struct FreshAnchor {
+    error: Vector3<f64>,
+    covariance: Matrix3<f64>,
+    with_parameters: SMatrix<f64, 3, PARAMETERS>,
+}
+
+impl FreshAnchor {
+    /// With `e_k ~ N(0, R)` in `r = H x + e_k`: mean `R S^-1 r`, covariance `R - R S^-1 R`, and
+    /// covariance with the state `-R S^-1 H P`, whatever gain the state was updated with.
+    fn of(
+        noise: &Matrix3<f64>,
+        inverse: &Matrix3<f64>,
+        cross: &SMatrix<f64, DIM, 3>,
+        residual: &Vector3<f64>,
+    ) -> Self {
+        let error_gain = noise * inverse;
+        // Cov(e - K_e r, x - K r) = -R K^T - K_e H P + K_e S K^T, and K_e S = R.
+        let with_state = -error_gain * cross.transpose();
+        Self {
+            error: error_gain * residual,
+            covariance: noise - error_gain * noise,
+            with_parameters: with_state
+                .fixed_view::<3, PARAMETERS>(0, CALIBRATION)
+                .into_owned(),
+        }
+    }
+}
+
+/// Noise widened so that the innovation comes back to the edge of full weight.
+fn widened(noise: &Matrix3<f64>, predicted: &Matrix3<f64>, nis: f64) -> Matrix3<f64> {
+    noise + (predicted + noise) * (nis / NIS_FULL_WEIGHT_MAX - 1.0)
+}
+
+fn normalised_square(covariance: &Matrix3<f64>, residual: &Vector3<f64>) -> Option<f64> {
+    let solved = covariance.cholesky()?.solve(residual);
+    Some(residual.dot(&solved))
+}
+
+fn symmetrise(covariance: &mut Covariance) {
+    *covariance = (*covariance + covariance.transpose()) * 0.5;
+}
+
+/// `lidar_in_base` out of the parameters.
+pub fn lidar_in_base(values: &Values) -> Pose2 {
+    Pose2::new(
+        values[Parameter::LidarX.index()],
+        values[Parameter::LidarY.index()],
+        values[Parameter::LidarYaw.index()],
+    )
+}
+
+/// The vehicle model's parameters out of the parameters.
+pub fn drive_parameters(values: &Values) -> DriveParameters {
+    DriveParameters {
+        steering_offset_rad: values[Parameter::SteeringOffset.index()],
+        speed_scale: values[Parameter::SpeedScale.index()],
+        wheelbase_m: values[Parameter::Wheelbase.index()],
+        steering_gain: values[Parameter::SteeringGain.index()],
+    }
+}

@@ -1,0 +1,162 @@
+//! Prediction: the body's motion over drive readings, by exact arcs, with its Jacobians.
+
+use nalgebra::{Matrix3, SMatrix, Vector3};
+use serde::{Deserialize, Serialize};
+
+use super::noise::MotionNoise;
+use crate::drive_history::DriveSegment;
+use crate::geometry::Pose2;
+use crate::vehicle::{DRIVE_PARAMETERS, DriveParameters, Vehicle};
+
+/// Derivatives of a pose's right perturbation by the drive parameters.
+pub type ByDriveParameters = SMatrix<f64, 3, DRIVE_PARAMETERS>;
+
+/// A stretch of predicted motion: pose, Jacobians and noise, all of the right perturbation at its
+/// end. Accumulated sample by sample, applied to the filter's covariance once an update.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PredictedMotion {
+    /// `begin_from_end`.
+    pub end_in_begin: Pose2,
+    /// By the right perturbation at the beginning.
+    pub by_begin: Matrix3<f64>,
+    /// By the drive parameters.
+    pub by_parameters: ByDriveParameters,
+    /// Process noise.
+    pub noise: Matrix3<f64>,
+    /// Body twist (m/s, m/s, rad/s) over the last reading.
+    pub twist: Vector3<f64>,
+    /// Distance driven, m, counted without sign.
+    pub distance_m: f64,
+    /// Turned angle, rad, counted without sign.
+    pub turned_rad: f64,
+}
+
+impl PredictedMotion {
+    /// No motion yet.
+    pub fn none() -> Self {
+        Self {
+            end_in_begin: Pose2::IDENTITY,
+            by_begin: Matrix3::identity(),
+            by_parameters: ByDriveParameters::zeros(),
+            noise: Matrix3::zeros(),
+            twist: Vector3::zeros(),
+            distance_m: 0.0,
+            turned_rad: 0.0,
+        }
+    }
+
+    /// Goes on by one reading: `B <- B * exp(twist * dt)`, exact for constant speed and steering.
+    ///
+    /// The right perturbation moves as `eta <- Ad(D^-1) eta + J_r d(twist)`, with the right
+    /// Jacobian `J_r = I - ad/2` to first order in the step, which is below 0.1 rad.
+    pub fn advance(
+        &mut self,
+        vehicle: &Vehicle,
+        parameters: &DriveParameters,
+        noise: &MotionNoise,
+        segment: &DriveSegment,
+    ) {
+        let dt_s = segment.duration_s;
+        let motion = vehicle.motion(segment.drive, parameters);
+        self.twist = Vector3::new(motion.speed_mps, 0.0, motion.yaw_rate_radps);
+        let step = self.twist * dt_s;
+        let arc = Pose2::exp(&step);
+
+        let mut by_parameters = ByDriveParameters::zeros();
+        for (column, (speed_by, yaw_by)) in
+            motion.speed_by.iter().zip(&motion.yaw_rate_by).enumerate()
+        {
+            let twist_by = Vector3::new(speed_by * dt_s, 0.0, yaw_by * dt_s);
+            // (I - ad(step)/2) applied to a twist without lateral part.
+            let (d, turn) = (step.x, step.z);
+            by_parameters.set_column(
+                column,
+                &Vector3::new(
+                    twist_by.x,
+                    -0.5 * (turn * twist_by.x - d * twist_by.z),
+                    twist_by.z,
+                ),
+            );
+        }
+
+        let carry = arc.inverse().adjoint();
+        self.end_in_begin = self.end_in_begin.compose(&arc);
+        self.by_begin = carry * self.by_begin;
+        self.by_parameters = carry * self.by_parameters + by_parameters;
+        self.noise = carry * self.noise * carry.transpose() + noise.of_step(&motion, dt_s);
+        self.distance_m += step.x.abs();
+        self.turned_rad += step.z.abs();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vehicle::{Drive, VehicleModel};
+
+    fn parameters(offset: f64, scale: f64) -> DriveParameters {
+        DriveParameters {
+            steering_offset_rad: offset,
+            speed_scale: scale,
+            wheelbase_m: 1.2,
+            steering_gain: 1.0,
+        }
+    }
+
+    fn drive_curve(offset: f64, scale: f64) -> PredictedMotion {
+        let vehicle = Vehicle::new(VehicleModel::Bicycle, 1.2);
+        let mut motion = PredictedMotion::none();
+        for i in 0..200 {
+            let drive = Drive {
+                speed_mps: 1.0,
+                steering_rad: 0.2 + 0.001 * f64::from(i),
+            };
+            let segment = DriveSegment {
+                duration_s: 0.01,
+                drive,
+            };
+            motion.advance(
+                &vehicle,
+                &parameters(offset, scale),
+                &MotionNoise::default(),
+                &segment,
+            );
+        }
+        motion
+    }
+
+    #[test]
+    fn parameter_jacobians_match_differences() {
+        let here = drive_curve(0.02, 1.0);
+        let h = 1e-6;
+        for (column, up, down) in [
+            (0, drive_curve(0.02 + h, 1.0), drive_curve(0.02 - h, 1.0)),
+            (1, drive_curve(0.02, 1.0 + h), drive_curve(0.02, 1.0 - h)),
+        ] {
+            let numeric = (here.end_in_begin.between(&up.end_in_begin).log()
+                - here.end_in_begin.between(&down.end_in_begin).log())
+                / (2.0 * h);
+            let analytic = here.by_parameters.column(column).into_owned();
+            assert!((numeric - analytic).norm() < 1e-4, "{numeric} {analytic}");
+        }
+    }
+
+    #[test]
+    fn a_full_circle_comes_back_exactly() {
+        let vehicle = Vehicle::new(VehicleModel::Bicycle, 1.2);
+        let p = parameters(0.0, 1.0);
+        let steering_rad = (1.2f64 * std::f64::consts::TAU / 10.0).atan();
+        let segment = DriveSegment {
+            duration_s: 0.1,
+            drive: Drive {
+                speed_mps: 1.0,
+                steering_rad,
+            },
+        };
+        let mut motion = PredictedMotion::none();
+        for _ in 0..100 {
+            motion.advance(&vehicle, &p, &MotionNoise::default(), &segment);
+        }
+        assert!(motion.end_in_begin.translation().norm() < 1e-9);
+    }
+}

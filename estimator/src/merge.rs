@@ -1,0 +1,227 @@
+//! One merger for all of a robot's streams: messages leave it in the order of their stamps.
+//!
+//! Streams reach us in bursts and not quite in order. The merger holds a message until message time
+//! has gone on by [`WINDOW_S`], so that the order in which streams arrive inside the window cannot
+//! change a single bit of the result. Only an explicit end of the session lets out the rest.
+
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+
+use crate::stream::{Dropped, Event, Stamp};
+
+/// How long a message is held, in message time, s.
+pub const WINDOW_S: f64 = 0.5;
+/// Stamps that jump back further than this start a new session, s.
+pub const JUMP_BACK_MIN_S: f64 = 5.0;
+/// Stamps that jump ahead further than this must be confirmed by a second message, s.
+pub const JUMP_AHEAD_MIN_S: f64 = 60.0;
+/// Most messages held at once. Beyond it the oldest leaves before its time.
+pub const HELD_MAX: usize = 4096;
+
+/// Order of messages with one stamp, and their place in the queue.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Stream {
+    Note,
+    Drive,
+    Sweep,
+    LidarPose,
+}
+
+/// What the merger makes of a message.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Merged {
+    /// Next in order.
+    Event(Stamp, Event),
+    /// Left out.
+    Dropped(Dropped),
+    /// A new session begins with this stamp; what was held of the old one has left before.
+    SessionStarted(Stamp),
+}
+
+/// Orders the messages of one robot.
+#[derive(Debug, Clone, Default)]
+pub struct Merger {
+    held: BTreeMap<(Stamp, Stream), Event>,
+    newest: Option<Stamp>,
+    /// Stamp of the last message that left.
+    left: Option<(Stamp, Stream)>,
+    /// A message whose stamp jumped, waiting for a second one to agree.
+    suspect: Option<(Stamp, Stream, Event)>,
+}
+
+impl Merger {
+    /// Takes a message; puts what is in order now into `out`.
+    pub fn push(&mut self, event: Event, out: &mut Vec<Merged>) {
+        let Some((stamp, stream)) = place(&event) else {
+            self.flush(out);
+            return;
+        };
+        let Some(newest) = self.newest else {
+            out.push(Merged::SessionStarted(stamp));
+            self.hold(stamp, stream, event, out);
+            return;
+        };
+        let ahead_s = stamp.seconds_since(newest);
+        let usual = (-JUMP_BACK_MIN_S..=JUMP_AHEAD_MIN_S).contains(&ahead_s);
+        if stream != Stream::Note && !usual {
+            self.jump(stamp, stream, event, out);
+            return;
+        }
+        if stream != Stream::Note && self.suspect.take().is_some() {
+            // The stream goes on where it was: the jump was one message's error.
+            out.push(Merged::Dropped(Dropped::Late));
+        }
+        self.hold(stamp, stream, event, out);
+        self.release(out);
+    }
+
+    /// Lets out everything that is held: the stream has ended.
+    pub fn flush(&mut self, out: &mut Vec<Merged>) {
+        while let Some((key, event)) = self.held.pop_first() {
+            self.left = Some(key);
+            out.push(Merged::Event(key.0, event));
+        }
+    }
+
+    fn jump(&mut self, stamp: Stamp, stream: Stream, event: Event, out: &mut Vec<Merged>) {
+        let confirmed = self
+            .suspect
+            .as_ref()
+            .is_some_and(|(first, ..)| stamp.seconds_since(*first).abs() < JUMP_BACK_MIN_S);
+        if !confirmed {
+            if self.suspect.replace((stamp, stream, event)).is_some() {
+                out.push(Merged::Dropped(Dropped::Late));
+            }
+            return;
+        }
+        let back = self.newest.is_some_and(|newest| stamp < newest);
+        self.flush(out);
+        if let Some((first, first_stream, first_event)) = self.suspect.take() {
+            if back {
+                self.left = None;
+                out.push(Merged::SessionStarted(first.min(stamp)));
+            }
+            self.newest = Some(first);
+            self.hold(first, first_stream, first_event, out);
+        }
+        self.hold(stamp, stream, event, out);
+        self.release(out);
+    }
+
+    fn hold(&mut self, stamp: Stamp, stream: Stream, event: Event, out: &mut Vec<Merged>) {
+        self.newest = self.newest.max(Some(stamp));
+        if self.left.is_some_and(|left| (stamp, stream) <= left) {
+            let again = self.left == Some((stamp, stream));
+            out.push(Merged::Dropped(if again {
+                Dropped::Duplicate
+            } else {
+                Dropped::Late
+            }));
+        } else if let Entry::Vacant(place) = self.held.entry((stamp, stream)) {
+            place.insert(event);
+        } else {
+            out.push(Merged::Dropped(Dropped::Duplicate));
+        }
+    }
+
+    fn release(&mut self, out: &mut Vec<Merged>) {
+        let Some(newest) = self.newest else { return };
+        while let Some(entry) = self.held.first_entry() {
+            let key = *entry.key();
+            let due = newest.seconds_since(key.0) >= WINDOW_S;
+            if !due && self.held.len() <= HELD_MAX {
+                return;
+            }
+            if let Some((key, event)) = self.held.pop_first() {
+                self.left = Some(key);
+                out.push(Merged::Event(key.0, event));
+            }
+        }
+    }
+}
+
+/// Where a message stands in time; `None` for the end of a session.
+fn place(event: &Event) -> Option<(Stamp, Stream)> {
+    match event {
+        Event::Drive(sample) => Some((sample.stamp(), Stream::Drive)),
+        Event::Sweep(sweep) => Some((sweep.reference_stamp(), Stream::Sweep)),
+        Event::LidarPose(pose) => Some((pose.stamp(), Stream::LidarPose)),
+        Event::Note(note) => Some((note.stamp, Stream::Note)),
+        Event::EndOfSession => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stream::DriveSample;
+    use proptest::prelude::*;
+
+    fn drive(ms: i64) -> Event {
+        let stamp = Stamp(1_000_000_000_000 + ms * 1_000_000);
+        Event::Drive(DriveSample::new(stamp, 1.0, 0.0).unwrap())
+    }
+
+    fn order(messages_ms: &[i64]) -> (Vec<i64>, usize, usize) {
+        let mut merger = Merger::default();
+        let mut out = Vec::new();
+        for &ms in messages_ms {
+            merger.push(drive(ms), &mut out);
+        }
+        merger.push(Event::EndOfSession, &mut out);
+        let mut sessions = 0;
+        let mut dropped = 0;
+        let mut stamps = Vec::new();
+        for merged in out {
+            match merged {
+                Merged::Event(stamp, _) => stamps.push((stamp.0 - 1_000_000_000_000) / 1_000_000),
+                Merged::Dropped(_) => dropped += 1,
+                Merged::SessionStarted(_) => sessions += 1,
+            }
+        }
+        (stamps, dropped, sessions)
+    }
+
+    proptest! {
+        #[test]
+        fn any_order_inside_the_window_gives_the_same_result(seed in any::<u64>()) {
+            let straight: Vec<i64> = (0..200).map(|i| i * 10).collect();
+            let mut mixed = straight.clone();
+            let mut state = seed;
+            // Rotating stretches of 0.4 s stays inside the window of 0.5 s.
+            for stretch in mixed.chunks_mut(40) {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                stretch.rotate_left((state >> 33) as usize % stretch.len());
+            }
+            prop_assert_eq!(order(&mixed), order(&straight));
+        }
+    }
+
+    #[test]
+    fn late_and_double_messages_are_dropped_and_counted() {
+        assert_eq!(
+            order(&[0, 10, 10, 600, 700, 5]),
+            (vec![0, 10, 600, 700], 2, 1)
+        );
+    }
+
+    #[test]
+    fn one_wild_stamp_is_dropped_and_two_start_a_session() {
+        let (stamps, dropped, sessions) = order(&[0, 10, 90_000_000, 20, 30]);
+        assert_eq!((stamps, dropped, sessions), (vec![0, 10, 20, 30], 1, 1));
+        let (stamps, dropped, sessions) = order(&[10_000, 10_010, 0, 10, 20]);
+        assert_eq!(
+            (stamps, dropped, sessions),
+            (vec![10_000, 10_010, 0, 10, 20], 0, 2)
+        );
+    }
+
+    #[test]
+    fn a_long_gap_is_no_new_session() {
+        let (stamps, dropped, sessions) = order(&[0, 10, 100_000, 100_010]);
+        assert_eq!(
+            (stamps, dropped, sessions),
+            (vec![0, 10, 100_000, 100_010], 0, 1)
+        );
+    }
+}
