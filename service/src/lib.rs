@@ -1,1 +1,12 @@
 //! The fleetcal service: Zenoh link, one estimator task per robot, store, HTTP API and dashboard.
+//!
+//! The data go one way: `link` (key, size, count) puts a message into its robot's bounded mailbox;
+//! the robot's task in [`fleet`] decodes it and feeds the pure estimator; what the estimator asks
+//! for is done: history to `store`, live updates to `api`'s event stream, the estimate to `link`.
+//!
+//! Exactly one module knows each outside world: `link` knows zenoh, `store` sqlx, `api` axum.
+
+pub mod clock;
+pub mod config;
+pub mod fleet;
+pub mod limits;

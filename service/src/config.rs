@@ -1,0 +1,402 @@
+//! What an operator configures: `fleetcal.toml`, and each robot in it or in the API.
+
+use std::f64::consts::TAU;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+
+use fleetcal_estimator::calibrator::CalibratorConfig;
+use fleetcal_estimator::vehicle::SpeedMeasuredAt;
+use fleetcal_estimator::{EstimatorSettings, Pose2, Vehicle, VehicleModel};
+use fleetcal_proto::{KeyRoot, RobotId};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// Longest wheelbase accepted, m: beyond any vehicle on wheels.
+pub const WHEELBASE_MAX_M: f64 = 30.0;
+/// Farthest a LiDAR can be mounted from the rear axle, m.
+pub const MOUNT_MAX_M: f64 = 30.0;
+
+/// Why a value in a configuration was refused.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[error("{key} is {value}, accepted is {accepted}")]
+pub struct ValueRefused {
+    /// Name of the key.
+    pub key: &'static str,
+    /// The value that was refused.
+    pub value: f64,
+    /// What would have been accepted, in words.
+    pub accepted: &'static str,
+}
+
+/// A wheelbase that a vehicle can have, m.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "f64", into = "f64")]
+pub struct Wheelbase(f64);
+
+impl Wheelbase {
+    /// The wheelbase, m.
+    pub fn metres(self) -> f64 {
+        self.0
+    }
+}
+
+impl TryFrom<f64> for Wheelbase {
+    type Error = ValueRefused;
+
+    fn try_from(metres: f64) -> Result<Self, ValueRefused> {
+        if metres > 0.0 && metres <= WHEELBASE_MAX_M {
+            Ok(Self(metres))
+        } else {
+            let accepted = "more than 0 and at most 30 m";
+            Err(ValueRefused {
+                key: "wheelbase_m",
+                value: metres,
+                accepted,
+            })
+        }
+    }
+}
+
+impl From<Wheelbase> for f64 {
+    fn from(wheelbase: Wheelbase) -> Self {
+        wheelbase.0
+    }
+}
+
+/// The pose of a part on the vehicle, from CAD or tape.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "MountFields", into = "MountFields")]
+pub struct Mount(Pose2);
+
+/// A mount's keys in a file.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MountFields {
+    x_m: f64,
+    y_m: f64,
+    yaw_rad: f64,
+}
+
+impl Mount {
+    /// The pose.
+    pub fn pose(&self) -> Pose2 {
+        self.0
+    }
+}
+
+impl TryFrom<Pose2> for Mount {
+    type Error = ValueRefused;
+
+    fn try_from(pose: Pose2) -> Result<Self, ValueRefused> {
+        let metres = -MOUNT_MAX_M..=MOUNT_MAX_M;
+        let refused = |key, value, accepted| {
+            Err(ValueRefused {
+                key,
+                value,
+                accepted,
+            })
+        };
+        if !metres.contains(&pose.x_m) {
+            return refused("x_m", pose.x_m, "-30 to 30 m");
+        }
+        if !metres.contains(&pose.y_m) {
+            return refused("y_m", pose.y_m, "-30 to 30 m");
+        }
+        if !(-TAU..=TAU).contains(&pose.yaw_rad) {
+            return refused("yaw_rad", pose.yaw_rad, "radians within one turn");
+        }
+        Ok(Self(pose))
+    }
+}
+
+impl TryFrom<MountFields> for Mount {
+    type Error = ValueRefused;
+
+    fn try_from(fields: MountFields) -> Result<Self, ValueRefused> {
+        Self::try_from(Pose2::new(fields.x_m, fields.y_m, fields.yaw_rad))
+    }
+}
+
+impl From<Mount> for MountFields {
+    fn from(mount: Mount) -> Self {
+        Self {
+            x_m: mount.0.x_m,
+            y_m: mount.0.y_m,
+            yaw_rad: mount.0.yaw_rad,
+        }
+    }
+}
+
+/// Whether a robot's drive stream carries the sensor's raw steering angle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DriveSignal {
+    /// As the sensor measures it.
+    #[default]
+    Raw,
+    /// Less the offset that the robot applies, which the service adds back.
+    Compensated,
+}
+
+/// One robot: its vehicle and what is known of it beforehand. The keys of `[[robot]]` in
+/// `fleetcal.toml` (beside `id`) and of the body of `PUT /api/v1/robots/{id}`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RobotConfig {
+    /// How the vehicle steers.
+    pub model: VehicleModel,
+    /// Distance between the axles.
+    pub wheelbase_m: Wheelbase,
+    /// Where the speed is measured; where the model usually measures it unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub speed_measured_at: Option<SpeedMeasuredAt>,
+    /// The LiDAR's pose in `base` from CAD or tape.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nominal: Option<Mount>,
+    /// Whether the drive stream is raw.
+    #[serde(default)]
+    pub drive: DriveSignal,
+    /// The rear axle in the vehicle's `base_link`; documents then also give `lidar_in_base_link`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rear_axle_in_base_link: Option<Mount>,
+    /// Settings of this robot's estimator; those of `[estimator]` unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub estimator: Option<EstimatorSettings>,
+}
+
+impl RobotConfig {
+    /// A robot of which only the vehicle is known.
+    pub fn of_vehicle(model: VehicleModel, wheelbase_m: Wheelbase) -> Self {
+        Self {
+            model,
+            wheelbase_m,
+            speed_measured_at: None,
+            nominal: None,
+            drive: DriveSignal::Raw,
+            rear_axle_in_base_link: None,
+            estimator: None,
+        }
+    }
+
+    /// The vehicle, as the estimator takes it.
+    pub fn vehicle(&self) -> Vehicle {
+        let mut vehicle = Vehicle::new(self.model, self.wheelbase_m.metres());
+        if let Some(place) = self.speed_measured_at {
+            vehicle.speed_measured_at = place;
+        }
+        vehicle
+    }
+
+    /// What this robot's estimator is made with, `defaults` being the settings of `[estimator]`.
+    pub fn calibrator_config(&self, defaults: &EstimatorSettings) -> CalibratorConfig {
+        CalibratorConfig {
+            vehicle: self.vehicle(),
+            nominal_lidar_in_base: self.nominal.map(|mount| mount.pose()),
+            settings: self.estimator.clone().unwrap_or_else(|| defaults.clone()),
+        }
+    }
+}
+
+/// One `[[robot]]` of `fleetcal.toml`.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(try_from = "toml::Table")]
+pub struct RobotEntry {
+    /// Its id, one chunk of a key.
+    pub id: RobotId,
+    /// The rest.
+    pub config: RobotConfig,
+}
+
+impl TryFrom<toml::Table> for RobotEntry {
+    type Error = String;
+
+    // `serde(flatten)` would switch off the refusal of unknown keys.
+    fn try_from(mut table: toml::Table) -> Result<Self, String> {
+        let Some(id) = table.remove("id") else {
+            return Err("a [[robot]] has no `id`".to_owned());
+        };
+        let id: RobotId = id
+            .try_into()
+            .map_err(|error: toml::de::Error| error.message().to_owned())?;
+        let config = table
+            .try_into()
+            .map_err(|error: toml::de::Error| format!("robot {id}: {}", error.message()))?;
+        Ok(Self { id, config })
+    }
+}
+
+/// `fleetcal.toml`.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Config {
+    /// Folder of the databases and keys.
+    pub data: PathBuf,
+    /// Address of the API and the dashboard.
+    pub http: SocketAddr,
+    /// Zenoh endpoints that the embedded router listens on.
+    pub listen: Vec<String>,
+    /// Zenoh routers to connect to.
+    pub connect: Vec<String>,
+    /// A native Zenoh configuration file, taken as it is instead of `listen` and `connect`.
+    pub zenoh_config: Option<PathBuf>,
+    /// First chunk of every key.
+    pub root: KeyRoot,
+    /// Settings of every estimator, unless its robot has its own.
+    pub estimator: EstimatorSettings,
+    /// Robots that are known beforehand.
+    #[serde(rename = "robot")]
+    pub robots: Vec<RobotEntry>,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            data: PathBuf::from("fleetcal-data"),
+            http: SocketAddr::from(([127, 0, 0, 1], 8080)),
+            listen: vec!["tcp/127.0.0.1:7447".to_owned()],
+            connect: Vec::new(),
+            zenoh_config: None,
+            root: KeyRoot::default(),
+            estimator: EstimatorSettings::default(),
+            robots: Vec::new(),
+        }
+    }
+}
+
+/// Why a configuration file could not be used.
+#[derive(Debug, Error)]
+pub enum ConfigError {
+    /// It could not be read.
+    #[error("cannot read the configuration {path}: {source}")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// It is not what is accepted.
+    #[error("the configuration {path} is refused: {reason}")]
+    Refused {
+        /// The file.
+        path: PathBuf,
+        /// Which line and key, and what is accepted.
+        reason: String,
+    },
+}
+
+impl Config {
+    /// Reads a configuration file.
+    ///
+    /// # Errors
+    /// When it cannot be read, is not TOML, or holds an unknown key or a value that cannot be.
+    pub fn read(path: &Path) -> Result<Self, ConfigError> {
+        let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Read {
+            path: path.to_owned(),
+            source,
+        })?;
+        Self::parse(&text).map_err(|reason| ConfigError::Refused {
+            path: path.to_owned(),
+            reason,
+        })
+    }
+
+    /// Parses the text of a configuration file.
+    ///
+    /// # Errors
+    /// One sentence that names the line and the key.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let config: Self = toml::from_str(text).map_err(|error| {
+            let line = error.span().map_or(1, |span| {
+                text.get(..span.start)
+                    .map_or(1, |before| before.matches('\n').count() + 1)
+            });
+            let message = error.message().replace('\n', ", ");
+            format!("line {line}: {message}")
+        })?;
+        let mut seen = std::collections::BTreeSet::new();
+        for robot in &config.robots {
+            if !seen.insert(&robot.id) {
+                return Err(format!("robot {} is configured twice", robot.id));
+            }
+        }
+        Ok(config)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WHOLE: &str = r#"
+        data = "/var/lib/fleetcal"
+        http = "127.0.0.1:9000"
+        listen = ["tcp/127.0.0.1:7447"]
+        connect = []
+
+        [estimator]
+        measurement = "anchored"
+
+        [[robot]]
+        id = "tugger_01"
+        model = "bicycle"
+        wheelbase_m = 1.2
+        nominal = { x_m = 0.434, y_m = 0.0, yaw_rad = 0.0 }
+        drive = "raw"
+    "#;
+
+    fn refusal(text: &str) -> String {
+        Config::parse(text).expect_err("must be refused")
+    }
+
+    #[test]
+    fn the_documented_file_is_accepted() {
+        let config = Config::parse(WHOLE).expect("documented");
+        let robot = config.robots.first().expect("one robot");
+        assert_eq!(robot.id.as_str(), "tugger_01");
+        assert!((robot.config.vehicle().wheelbase_m - 1.2).abs() < 1e-12);
+        assert_eq!(
+            robot.config.nominal.map(|m| m.pose()),
+            Some(Pose2::new(0.434, 0.0, 0.0))
+        );
+    }
+
+    #[test]
+    fn an_unknown_key_is_refused_by_name_at_every_level() {
+        assert!(refusal("htttp = \"127.0.0.1:1\"").contains("htttp"));
+        assert!(refusal("[estimator]\nnoize = 1").contains("noize"));
+        assert!(refusal(&WHOLE.replace("drive =", "driv =")).contains("driv"));
+        assert!(refusal(&WHOLE.replace("yaw_rad = 0.0", "yaw = 0.0")).contains("yaw"));
+    }
+
+    #[test]
+    fn a_value_that_cannot_be_is_refused_with_what_is_accepted() {
+        for wheelbase in ["0.0", "-1.2", "nan", "inf", "31.0"] {
+            let text = WHOLE.replace("wheelbase_m = 1.2", &format!("wheelbase_m = {wheelbase}"));
+            let reason = refusal(&text);
+            assert!(
+                reason.contains("wheelbase_m") && reason.contains("at most 30 m"),
+                "{reason}"
+            );
+        }
+        assert!(refusal(&WHOLE.replace("tugger_01", "tug/ger")).contains("tug/ger"));
+        assert!(refusal(&WHOLE.replace("\"bicycle\"", "\"tank\"")).contains("tank"));
+    }
+
+    #[test]
+    fn a_robot_without_id_or_twice_is_refused() {
+        assert!(refusal("[[robot]]\nmodel = \"bicycle\"\nwheelbase_m = 1.0").contains("`id`"));
+        let robot = "[[robot]]\nid = \"a\"\nmodel = \"bicycle\"\nwheelbase_m = 1.0\n";
+        assert!(refusal(&robot.repeat(2)).contains("robot a is configured twice"));
+    }
+
+    #[test]
+    fn a_robots_configuration_survives_json() {
+        let config = Config::parse(WHOLE).expect("documented");
+        let robot = &config.robots.first().expect("one robot").config;
+        let json = serde_json::to_string(robot).expect("json");
+        assert_eq!(
+            &serde_json::from_str::<RobotConfig>(&json).expect("same"),
+            robot
+        );
+    }
+}

@@ -1,0 +1,344 @@
+//! The fleet as the API, the link and the commands hold it.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, PoisonError, RwLock};
+use std::time::Duration;
+
+use fleetcal_estimator::EstimatorSettings;
+use fleetcal_proto::RobotId;
+use fleetcal_proto::estimate::EstimateDocument;
+use fleetcal_proto::event::RobotEvent;
+use thiserror::Error;
+use tokio::sync::broadcast;
+use tokio_util::sync::CancellationToken;
+use tokio_util::task::TaskTracker;
+
+use crate::clock::SharedClock;
+use crate::config::RobotConfig;
+use crate::fleet::mailbox::{Message, PayloadFormat, Progress};
+use crate::fleet::robot::Robot;
+use crate::fleet::view::{FleetCounters, HistoryEvent, LiveUpdate, RobotView, Stream};
+use crate::limits;
+
+/// An unregistered robot makes room for another after this long without data.
+const UNREGISTERED_KEPT: Duration = Duration::from_mins(1);
+
+/// Where the fleet writes what must outlive it. None of it blocks; what cannot be queued is
+/// counted by the journal.
+pub trait Journal: std::fmt::Debug + Send + Sync + 'static {
+    /// One row of a robot's history, at most one a second of message time.
+    fn record_history(&self, robot: &RobotId, document: &Arc<EstimateDocument>);
+    /// Something happened to a robot.
+    fn record_event(&self, robot: &RobotId, event: &Arc<HistoryEvent>);
+    /// An estimator's state, as JSON. It replaces the robot's earlier one.
+    fn save_checkpoint(&self, robot: &RobotId, stamp_ns: i64, json: String);
+}
+
+/// Why the fleet refused a request.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum FleetRefused {
+    /// No robot of this id has been configured or has sent anything.
+    #[error("no robot {0} is known")]
+    UnknownRobot(RobotId),
+    /// The fleet is full.
+    #[error("{} robots are configured, which is the limit", limits::ROBOTS_MAX)]
+    RobotsMax,
+    /// The note's text is too long.
+    #[error("note has {0} characters, accepted are {max}", max = limits::NOTE_CHARS_MAX)]
+    NoteTooLong(usize),
+    /// The robot has too many notes that wait.
+    #[error("robot {0} has {max} notes that wait", max = limits::MAILBOX_NOTES_MAX)]
+    NotesMax(RobotId),
+}
+
+/// What a fleet begins with.
+#[derive(Debug)]
+pub struct FleetSetup {
+    /// Where time comes from.
+    pub clock: SharedClock,
+    /// Where history goes.
+    pub journal: Arc<dyn Journal>,
+    /// Settings of estimators whose robots have none of their own.
+    pub estimator: EstimatorSettings,
+    /// The robots that are configured.
+    pub robots: BTreeMap<RobotId, RobotConfig>,
+    /// The estimators' states when the service last stopped, as JSON.
+    pub checkpoints: BTreeMap<RobotId, String>,
+}
+
+#[derive(Debug, Default)]
+struct Counts {
+    received: AtomicU64,
+    foreign_keys: AtomicU64,
+    oversized: AtomicU64,
+    beyond_robots_max: AtomicU64,
+    estimator_panics: AtomicU64,
+    by_stream: [AtomicU64; 4],
+}
+
+/// What every task of the fleet shares.
+#[derive(Debug)]
+pub(crate) struct Fleet {
+    pub(crate) clock: SharedClock,
+    pub(crate) journal: Arc<dyn Journal>,
+    pub(crate) estimator: EstimatorSettings,
+    pub(crate) stop: CancellationToken,
+    robots: RwLock<BTreeMap<RobotId, Arc<Robot>>>,
+    live: broadcast::Sender<LiveUpdate>,
+    counts: Counts,
+    tasks: TaskTracker,
+}
+
+impl Fleet {
+    /// Tells every listener; nobody listening is no error.
+    pub(crate) fn announce(&self, update: LiveUpdate) {
+        drop(self.live.send(update));
+    }
+
+    /// Puts an entry into a robot's history and tells every listener.
+    pub(crate) fn record(&self, robot: &RobotId, event: HistoryEvent) {
+        let event = Arc::new(event);
+        self.journal.record_event(robot, &event);
+        self.announce(LiveUpdate::Event {
+            robot: robot.clone(),
+            event,
+        });
+    }
+
+    /// Counts an estimator's panic.
+    pub(crate) fn count_panic(&self) {
+        self.counts.estimator_panics.fetch_add(1, Ordering::Relaxed);
+    }
+
+    // The map is whole after every statement, so the panic of another thread is no reason to stop.
+    fn find(&self, id: &str) -> Option<Arc<Robot>> {
+        self.robots
+            .read()
+            .unwrap_or_else(PoisonError::into_inner)
+            .get(id)
+            .cloned()
+    }
+
+    pub(crate) fn all(&self) -> Vec<Arc<Robot>> {
+        let robots = self.robots.read().unwrap_or_else(PoisonError::into_inner);
+        robots.values().cloned().collect()
+    }
+
+    /// The robot of this id; a new one is taken in unregistered, if there is room.
+    fn find_or_admit(&self, id: &RobotId) -> Option<Arc<Robot>> {
+        if let Some(robot) = self.find(id.as_str()) {
+            return Some(robot);
+        }
+        let mut robots = self.robots.write().unwrap_or_else(PoisonError::into_inner);
+        let unregistered = || robots.values().filter(|robot| robot.config().is_none());
+        if unregistered().count() >= limits::UNREGISTERED_ROBOTS_MAX {
+            let quiet = |robot: &&Arc<Robot>| robot.quiet_for(&*self.clock);
+            let longest = unregistered().max_by_key(quiet)?;
+            if longest
+                .quiet_for(&*self.clock)
+                .is_some_and(|quiet| quiet < UNREGISTERED_KEPT)
+            {
+                return None;
+            }
+            let gone = longest.id.clone();
+            robots.remove(&gone);
+        }
+        let robot = Arc::new(Robot::new(id.clone(), None));
+        Some(Arc::clone(robots.entry(id.clone()).or_insert(robot)))
+    }
+}
+
+/// The fleet, cheap to clone.
+#[derive(Debug, Clone)]
+pub struct FleetHandle {
+    fleet: Arc<Fleet>,
+}
+
+impl FleetHandle {
+    /// Starts the fleet: a task for each configured robot, on the runtime that this is called in.
+    pub fn start(setup: FleetSetup) -> Self {
+        let (live, _) = broadcast::channel(limits::LIVE_UPDATES_MAX);
+        let robots = setup
+            .robots
+            .into_iter()
+            .map(|(id, config)| (id.clone(), Arc::new(Robot::new(id, Some(config)))))
+            .collect();
+        let fleet = Arc::new(Fleet {
+            clock: setup.clock,
+            journal: setup.journal,
+            estimator: setup.estimator,
+            stop: CancellationToken::new(),
+            robots: RwLock::new(robots),
+            live,
+            counts: Counts::default(),
+            tasks: TaskTracker::new(),
+        });
+        Self { fleet }
+    }
+
+    /// Every robot, by id.
+    pub fn robots(&self) -> Vec<RobotView> {
+        self.fleet
+            .all()
+            .iter()
+            .map(|robot| robot.view(&*self.fleet.clock))
+            .collect()
+    }
+
+    /// One robot.
+    pub fn robot(&self, id: &RobotId) -> Option<RobotView> {
+        Some(self.fleet.find(id.as_str())?.view(&*self.fleet.clock))
+    }
+
+    /// Gives a robot its vehicle; it may be unknown, unregistered or configured already. A
+    /// configuration other than the one it has begins its estimate from nothing. To store the
+    /// configuration is the caller's part.
+    ///
+    /// # Errors
+    /// When [`limits::ROBOTS_MAX`] others are configured.
+    pub fn configure(&self, id: &RobotId, config: RobotConfig) -> Result<(), FleetRefused> {
+        let robot = {
+            let mut robots = self
+                .fleet
+                .robots
+                .write()
+                .unwrap_or_else(PoisonError::into_inner);
+            let configured = robots
+                .values()
+                .filter(|robot| robot.config().is_some())
+                .count();
+            let known = robots
+                .get(id)
+                .is_some_and(|robot| robot.config().is_some());
+            if !known && configured >= limits::ROBOTS_MAX {
+                return Err(FleetRefused::RobotsMax);
+            }
+            let robot = || Arc::new(Robot::new(id.clone(), None));
+            Arc::clone(robots.entry(id.clone()).or_insert_with(robot))
+        };
+        robot.set_config(config);
+        Ok(())
+    }
+
+    /// Attaches a note to a robot's history; its estimator hears of it in its turn.
+    ///
+    /// # Errors
+    /// When the robot is unknown, the text too long, or too many notes wait.
+    pub fn note(&self, id: &RobotId, note: &RobotEvent) -> Result<(), FleetRefused> {
+        let chars = note.note.chars().count();
+        if chars > limits::NOTE_CHARS_MAX {
+            return Err(FleetRefused::NoteTooLong(chars));
+        }
+        let robot = self
+            .fleet
+            .find(id.as_str())
+            .ok_or_else(|| FleetRefused::UnknownRobot(id.clone()))?;
+        let Ok(payload) = serde_json::to_vec(note) else {
+            return Err(FleetRefused::NotesMax(id.clone()));
+        };
+        let message = Message {
+            stream: Stream::Event,
+            format: PayloadFormat::Json,
+            payload,
+        };
+        if robot.mailbox.push(message) {
+            Ok(())
+        } else {
+            Err(FleetRefused::NotesMax(id.clone()))
+        }
+    }
+
+    /// Live updates from now on. A listener that lags more than [`limits::LIVE_UPDATES_MAX`]
+    /// behind is told how many it lost.
+    pub fn live(&self) -> broadcast::Receiver<LiveUpdate> {
+        self.fleet.live.subscribe()
+    }
+
+    /// Counters of the whole service.
+    pub fn counters(&self) -> FleetCounters {
+        let counts = &self.fleet.counts;
+        let read = |count: &AtomicU64| count.load(Ordering::Relaxed);
+        let streams = Stream::ALL.into_iter().zip(&counts.by_stream);
+        FleetCounters {
+            received: read(&counts.received),
+            foreign_keys: read(&counts.foreign_keys),
+            oversized: read(&counts.oversized),
+            beyond_robots_max: read(&counts.beyond_robots_max),
+            estimator_panics: read(&counts.estimator_panics),
+            by_stream: streams
+                .map(|(stream, count)| (stream.name(), read(count)))
+                .collect(),
+        }
+    }
+
+    /// How far a robot's task has come; `None` for a robot that is not configured.
+    pub fn progress(&self, id: &RobotId) -> Option<Progress> {
+        let robot = self.fleet.find(id.as_str())?;
+        robot.config()?;
+        Some(robot.mailbox.progress())
+    }
+
+    /// Takes a message in. It never blocks: this runs on the link's receiving threads. `payload`
+    /// is asked for only when the message is kept.
+    pub fn receive(
+        &self,
+        id: &RobotId,
+        stream: Stream,
+        format: PayloadFormat,
+        bytes: usize,
+        payload: impl FnOnce() -> Vec<u8>,
+    ) {
+        let counts = &self.fleet.counts;
+        counts.received.fetch_add(1, Ordering::Relaxed);
+        let [drive, scan, lidar_odometry, event] = &counts.by_stream;
+        let by_stream = match stream {
+            Stream::Drive => drive,
+            Stream::Scan => scan,
+            Stream::LidarOdometry => lidar_odometry,
+            Stream::Event => event,
+        };
+        by_stream.fetch_add(1, Ordering::Relaxed);
+        let Some(robot) = self.fleet.find_or_admit(id) else {
+            counts.beyond_robots_max.fetch_add(1, Ordering::Relaxed);
+            return;
+        };
+        robot.received(stream, &*self.fleet.clock);
+        let limit = limits::payload_bytes_max(stream);
+        if bytes > limit {
+            counts.oversized.fetch_add(1, Ordering::Relaxed);
+            let name = stream.name();
+            let reason = format!("{name}: payload is {bytes} bytes, accepted are {limit} at most");
+            robot.mailbox.refuse(stream, &reason);
+        } else if robot.config().is_none() {
+            robot.mailbox.ignore();
+        } else {
+            robot.mailbox.push(Message {
+                stream,
+                format,
+                payload: payload(),
+            });
+        }
+    }
+
+    /// Counts a message whose key names no robot or no stream.
+    pub fn count_foreign_key(&self) {
+        self.fleet.counts.received.fetch_add(1, Ordering::Relaxed);
+        self.fleet
+            .counts
+            .foreign_keys
+            .fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Notes that a robot's liveliness token came or went.
+    pub fn set_alive(&self, id: &RobotId, alive: bool) {
+        let robot = if alive {
+            self.fleet.find_or_admit(id)
+        } else {
+            self.fleet.find(id.as_str())
+        };
+        if let Some(robot) = robot {
+            robot.set_alive(alive, &*self.fleet.clock);
+        }
+    }
+}

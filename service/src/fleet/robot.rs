@@ -1,0 +1,273 @@
+//! One robot's place in the fleet: its mailbox, its connection, and what its task last said.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use fleetcal_proto::RobotId;
+use fleetcal_proto::estimate::EstimateDocument;
+
+use crate::clock::Clock;
+use crate::config::RobotConfig;
+use crate::fleet::mailbox::Mailbox;
+use crate::fleet::view::{Connection, RobotState, RobotView, Stream, StreamView};
+use crate::limits::{SESSION_ENDS_AFTER, SESSION_ENDS_AFTER_TOKEN, STALE_AFTER};
+
+/// Seconds over which a stream's rate is taken.
+const RATE_WINDOW_S: usize = 5;
+
+/// Receipts of one stream.
+#[derive(Debug, Default)]
+struct Receipts {
+    messages: u64,
+    last_received_ns: Option<i64>,
+    /// `messages` at the last ticks, one a second, oldest first.
+    at_ticks: VecDeque<u64>,
+}
+
+impl Receipts {
+    fn rate_hz(&self) -> f64 {
+        let seconds = self.at_ticks.len().saturating_sub(1);
+        match (self.at_ticks.front(), self.at_ticks.back()) {
+            (Some(first), Some(last)) if seconds > 0 => (last - first) as f64 / seconds as f64,
+            _ => 0.0,
+        }
+    }
+}
+
+/// Whether a robot's session goes on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Session {
+    /// Nothing has come since the last one ended.
+    Ended,
+    /// Messages come, or may still come.
+    Open,
+}
+
+/// What is known of a robot's connection.
+#[derive(Debug)]
+struct Link {
+    streams: [Receipts; 4],
+    last_seen_ns: Option<i64>,
+    last_seen: Option<Duration>,
+    alive: bool,
+    /// When the token went, on the running clock.
+    token_gone: Option<Duration>,
+    session: Session,
+    /// State, staleness and presence as listeners last heard of them.
+    announced: Option<(RobotState, bool, bool)>,
+}
+
+/// What the robot's task last said.
+#[derive(Debug)]
+struct Status {
+    config: Option<RobotConfig>,
+    state: RobotState,
+    estimate: Option<Arc<EstimateDocument>>,
+    estimator_restarts: u32,
+}
+
+/// One robot of the fleet.
+#[derive(Debug)]
+pub struct Robot {
+    /// Its id.
+    pub id: RobotId,
+    /// What waits for its task.
+    pub mailbox: Mailbox,
+    link: Mutex<Link>,
+    status: Mutex<Status>,
+}
+
+/// The values behind the locks are whole after every statement, so the panic of another thread
+/// leaves nothing half done.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Robot {
+    /// A robot that has sent nothing yet.
+    pub fn new(id: RobotId, config: Option<RobotConfig>) -> Self {
+        let state = if config.is_some() {
+            RobotState::NoData
+        } else {
+            RobotState::Unregistered
+        };
+        Self {
+            id,
+            mailbox: Mailbox::default(),
+            link: Mutex::new(Link {
+                streams: Default::default(),
+                last_seen_ns: None,
+                last_seen: None,
+                alive: false,
+                token_gone: None,
+                session: Session::Ended,
+                announced: None,
+            }),
+            status: Mutex::new(Status {
+                config,
+                state,
+                estimate: None,
+                estimator_restarts: 0,
+            }),
+        }
+    }
+
+    /// Notes that a message came on `stream`.
+    pub fn received(&self, stream: Stream, clock: &dyn Clock) {
+        let (now_ns, now) = (clock.now_ns(), clock.elapsed());
+        let mut link = lock(&self.link);
+        link.last_seen_ns = Some(now_ns);
+        link.last_seen = Some(now);
+        link.session = Session::Open;
+        let [drive, scan, lidar_odometry, event] = &mut link.streams;
+        let receipts = match stream {
+            Stream::Drive => drive,
+            Stream::Scan => scan,
+            Stream::LidarOdometry => lidar_odometry,
+            Stream::Event => event,
+        };
+        receipts.messages += 1;
+        receipts.last_received_ns = Some(now_ns);
+    }
+
+    /// Notes that the robot's liveliness token came or went.
+    pub fn set_alive(&self, alive: bool, clock: &dyn Clock) {
+        let mut link = lock(&self.link);
+        link.alive = alive;
+        link.token_gone = (!alive).then(|| clock.elapsed());
+    }
+
+    /// Once a second: moves the rates on.
+    pub fn tick(&self) {
+        for receipts in &mut lock(&self.link).streams {
+            receipts.at_ticks.push_back(receipts.messages);
+            if receipts.at_ticks.len() > RATE_WINDOW_S + 1 {
+                receipts.at_ticks.pop_front();
+            }
+        }
+    }
+
+    /// Whether the session has just ended: its token went or nothing came for long, and all that
+    /// came is worked through. Says so once.
+    pub fn session_just_ended(&self, clock: &dyn Clock) -> bool {
+        let now = clock.elapsed();
+        let mut link = lock(&self.link);
+        let quiet = link
+            .last_seen
+            .map_or(Duration::MAX, |seen| now.saturating_sub(seen));
+        let gone = link.token_gone.is_some_and(|gone| {
+            now.saturating_sub(gone) >= SESSION_ENDS_AFTER_TOKEN
+                && quiet >= SESSION_ENDS_AFTER_TOKEN
+        });
+        let over = gone || quiet >= SESSION_ENDS_AFTER;
+        if link.session == Session::Open && over && self.mailbox.is_idle() {
+            link.session = Session::Ended;
+            return true;
+        }
+        false
+    }
+
+    /// How long nothing has come; `None` when nothing ever has.
+    pub fn quiet_for(&self, clock: &dyn Clock) -> Option<Duration> {
+        lock(&self.link)
+            .last_seen
+            .map(|seen| clock.elapsed().saturating_sub(seen))
+    }
+
+    /// State, staleness and presence, when they differ from what was announced last.
+    pub fn to_announce(&self, clock: &dyn Clock) -> Option<(RobotState, bool, bool)> {
+        let state = self.state();
+        let stale = self.is_stale(clock);
+        let mut link = lock(&self.link);
+        let now = (state, stale, link.alive);
+        if link.announced == Some(now) {
+            return None;
+        }
+        link.announced = Some(now);
+        Some(now)
+    }
+
+    fn is_stale(&self, clock: &dyn Clock) -> bool {
+        self.quiet_for(clock)
+            .is_none_or(|quiet| quiet >= STALE_AFTER)
+    }
+
+    /// Where the robot stands.
+    pub fn state(&self) -> RobotState {
+        lock(&self.status).state
+    }
+
+    /// Its configuration.
+    pub fn config(&self) -> Option<RobotConfig> {
+        lock(&self.status).config.clone()
+    }
+
+    /// The latest estimate.
+    pub fn estimate(&self) -> Option<Arc<EstimateDocument>> {
+        lock(&self.status).estimate.clone()
+    }
+
+    /// Gives the robot a configuration. `false` when it has the same already.
+    pub fn set_config(&self, config: RobotConfig) -> bool {
+        let mut status = lock(&self.status);
+        if status.config.as_ref() == Some(&config) {
+            return false;
+        }
+        status.config = Some(config);
+        status.state = RobotState::NoData;
+        status.estimate = None;
+        true
+    }
+
+    /// Takes what the robot's task has to say.
+    pub fn set_state(&self, state: RobotState) {
+        lock(&self.status).state = state;
+    }
+
+    /// Takes a new estimate.
+    pub fn set_estimate(&self, estimate: Arc<EstimateDocument>) {
+        lock(&self.status).estimate = Some(estimate);
+    }
+
+    /// Counts a restart of the estimator and says how many there were.
+    pub fn count_restart(&self) -> u32 {
+        let mut status = lock(&self.status);
+        status.estimator_restarts = status.estimator_restarts.saturating_add(1);
+        status.estimator_restarts
+    }
+
+    /// The robot as the rest of the service sees it.
+    pub fn view(&self, clock: &dyn Clock) -> RobotView {
+        let stale = self.is_stale(clock);
+        let connection = {
+            let link = lock(&self.link);
+            let streams = Stream::ALL.into_iter().zip(&link.streams);
+            Connection {
+                last_seen_ns: link.last_seen_ns,
+                stale,
+                alive: link.alive,
+                streams: streams
+                    .filter(|(_, receipts)| receipts.messages > 0)
+                    .map(|(stream, receipts)| StreamView {
+                        stream,
+                        messages: receipts.messages,
+                        rate_hz: receipts.rate_hz(),
+                        last_received_ns: receipts.last_received_ns,
+                    })
+                    .collect(),
+            }
+        };
+        let counters = self.mailbox.counters();
+        let status = lock(&self.status);
+        RobotView {
+            id: self.id.clone(),
+            config: status.config.clone(),
+            state: status.state,
+            connection,
+            estimate: status.estimate.clone(),
+            counters,
+            estimator_restarts: status.estimator_restarts,
+        }
+    }
+}

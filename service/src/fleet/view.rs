@@ -1,0 +1,238 @@
+//! What the rest of the service sees of a robot.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use fleetcal_proto::RobotId;
+use fleetcal_proto::estimate::{ChangeDocument, EstimateDocument};
+use fleetcal_proto::event::RobotEvent;
+use serde::{Deserialize, Serialize};
+
+use crate::config::RobotConfig;
+
+/// A stream that a robot sends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stream {
+    /// Measured speed and steering.
+    Drive,
+    /// Raw sweeps.
+    Scan,
+    /// Poses of the LiDAR, made on the robot.
+    LidarOdometry,
+    /// Notes of people and tools.
+    Event,
+}
+
+impl Stream {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Drive, Self::Scan, Self::LidarOdometry, Self::Event];
+
+    /// The name in keys and documents.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Drive => "drive",
+            Self::Scan => "scan",
+            Self::LidarOdometry => "lidar_odometry",
+            Self::Event => "event",
+        }
+    }
+}
+
+/// Where a robot stands, in one word.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RobotState {
+    /// It sends, but nobody has given its vehicle.
+    Unregistered,
+    /// It is configured and sends nothing.
+    NoData,
+    /// Its estimator failed too often and was stopped.
+    Failed,
+    /// Its vehicle is no longer the one that was calibrated; the new values are being learnt.
+    Changed,
+    /// Its parameters are on their way.
+    Learning,
+    /// Every parameter that its motions can tell is converged.
+    Calibrated,
+}
+
+impl RobotState {
+    /// The name in documents.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Unregistered => "unregistered",
+            Self::NoData => "no_data",
+            Self::Failed => "failed",
+            Self::Changed => "changed",
+            Self::Learning => "learning",
+            Self::Calibrated => "calibrated",
+        }
+    }
+}
+
+/// What has come in on one stream.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct StreamView {
+    /// Which stream.
+    pub stream: Stream,
+    /// Messages received.
+    pub messages: u64,
+    /// Messages per second of receipt time, over the last seconds.
+    pub rate_hz: f64,
+    /// When the last one was received, wall time; `None` before the first.
+    pub last_received_ns: Option<i64>,
+}
+
+/// Whether the robot is there.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Connection {
+    /// When anything was last received, wall time.
+    pub last_seen_ns: Option<i64>,
+    /// Whether nothing has come for [`crate::limits::STALE_AFTER`].
+    pub stale: bool,
+    /// Whether its liveliness token stands.
+    pub alive: bool,
+    /// What it sends.
+    pub streams: Vec<StreamView>,
+}
+
+/// What became of a robot's messages:
+/// `received = processed + shed_… + refused + ignored + waiting`, always.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+pub struct Counters {
+    /// Messages that came in.
+    pub received: u64,
+    /// Messages that the estimator has taken.
+    pub processed: u64,
+    /// Drive samples shed because the mailbox was full.
+    pub shed_drive: u64,
+    /// Scans and poses shed because the mailbox was full.
+    pub shed_scans: u64,
+    /// Notes shed because the mailbox was full.
+    pub shed_notes: u64,
+    /// Messages that could not be decoded or hold values that cannot be.
+    pub refused: u64,
+    /// Why the last one was refused.
+    pub last_refusal: Option<String>,
+    /// Messages that came while the robot was not configured.
+    pub ignored: u64,
+    /// Messages that wait in the mailbox or are being worked on.
+    pub waiting: u64,
+}
+
+/// One robot as the rest of the service sees it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RobotView {
+    /// Its id.
+    pub id: RobotId,
+    /// Its configuration; `None` for an unregistered robot.
+    pub config: Option<RobotConfig>,
+    /// Where it stands.
+    pub state: RobotState,
+    /// Whether it is there, and what it sends.
+    pub connection: Connection,
+    /// The latest estimate, once there is one.
+    pub estimate: Option<Arc<EstimateDocument>>,
+    /// What became of its messages.
+    pub counters: Counters,
+    /// Times that its estimator was started anew after a panic.
+    pub estimator_restarts: u32,
+}
+
+/// What the service itself has to say in a robot's history.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ServiceEventKind {
+    /// The robot's clock jumped back by more than 5 s: a new session began.
+    SessionStarted,
+    /// The robot was configured, or configured anew: its estimator begins from nothing.
+    Configured,
+    /// The estimator panicked and was started anew.
+    EstimatorRestarted,
+    /// The estimator panicked too often and was stopped.
+    EstimatorStopped,
+}
+
+/// An entry of a robot's history that the service makes.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ServiceEvent {
+    /// What happened.
+    pub kind: ServiceEventKind,
+    /// When, ns since 1970: by the robot's clock where it has sent, else by the service's.
+    pub stamp_ns: i64,
+    /// More about it, for people.
+    #[serde(default)]
+    pub note: String,
+}
+
+/// An entry of a robot's history. Each has a `kind` and a `stamp_ns`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum HistoryEvent {
+    /// The estimator saw a change or a fault.
+    Change(ChangeDocument),
+    /// A person or a tool attached a note.
+    Note(RobotEvent),
+    /// The service did something.
+    Service(ServiceEvent),
+}
+
+impl HistoryEvent {
+    /// When it happened, ns since 1970, by the robot's clock.
+    pub fn stamp_ns(&self) -> i64 {
+        match self {
+            Self::Change(change) => change.stamp_ns,
+            Self::Note(note) => note.stamp_ns,
+            Self::Service(event) => event.stamp_ns,
+        }
+    }
+}
+
+/// Something that a listener of the event stream wants to know at once.
+#[derive(Debug, Clone, PartialEq)]
+pub enum LiveUpdate {
+    /// A robot's new estimate, at most one a second of message time.
+    Estimate {
+        /// Whose.
+        robot: RobotId,
+        /// What.
+        document: Arc<EstimateDocument>,
+    },
+    /// A robot's state, connection or configuration changed; at most one a second and robot.
+    RobotState {
+        /// Whose.
+        robot: RobotId,
+        /// The new state.
+        state: RobotState,
+        /// Whether nothing has come for [`crate::limits::STALE_AFTER`].
+        stale: bool,
+        /// Whether its liveliness token stands.
+        alive: bool,
+    },
+    /// Something happened to a robot.
+    Event {
+        /// Whose.
+        robot: RobotId,
+        /// What.
+        event: Arc<HistoryEvent>,
+    },
+}
+
+/// Counters of the whole service, for `/metrics`.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+pub struct FleetCounters {
+    /// Messages that came in on any key.
+    pub received: u64,
+    /// Messages on keys that name no robot or no stream.
+    pub foreign_keys: u64,
+    /// Messages larger than [`crate::limits::PAYLOAD_BYTES_MAX`].
+    pub oversized: u64,
+    /// Messages of robots beyond [`crate::limits::UNREGISTERED_ROBOTS_MAX`].
+    pub beyond_robots_max: u64,
+    /// Estimators that panicked.
+    pub estimator_panics: u64,
+    /// Messages received from robots in each stream.
+    pub by_stream: BTreeMap<&'static str, u64>,
+}

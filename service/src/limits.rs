@@ -1,0 +1,68 @@
+//! Every limit of the service: queues, caches, bodies, waits. One name each, all in one place.
+
+use std::time::Duration;
+
+use crate::fleet::Stream;
+
+/// Largest message that the Zenoh transport puts together, in bytes.
+pub const PAYLOAD_BYTES_MAX: usize = 4 * 1024 * 1024;
+
+/// Largest payload taken from a robot on one stream, in bytes. A full mailbox of the largest ones
+/// stays under 16 MiB; the largest scan is 16,384 beams with intensities as JSON.
+pub const fn payload_bytes_max(stream: Stream) -> usize {
+    match stream {
+        Stream::Drive => 4 * 1024,
+        Stream::Scan => 1024 * 1024,
+        Stream::LidarOdometry => 64 * 1024,
+        Stream::Event => 16 * 1024,
+    }
+}
+
+/// Drive samples that wait in a robot's mailbox.
+pub const MAILBOX_DRIVE_SAMPLES_MAX: usize = 1_024;
+/// Scans (or LiDAR poses) that wait in a robot's mailbox.
+pub const MAILBOX_SCANS_MAX: usize = 8;
+/// Notes and other rare messages that wait in a robot's mailbox.
+pub const MAILBOX_NOTES_MAX: usize = 64;
+/// Robots that are configured.
+pub const ROBOTS_MAX: usize = 4_096;
+/// Robots that send without being configured; further ones are counted and forgotten.
+pub const UNREGISTERED_ROBOTS_MAX: usize = 256;
+/// Live updates that a slow listener may lag behind before it loses the oldest.
+pub const LIVE_UPDATES_MAX: usize = 4_096;
+/// Characters of a note that a person or tool attaches.
+pub const NOTE_CHARS_MAX: usize = 1_000;
+/// Characters of a refusal's reason that are kept for the robot's page.
+pub const REFUSAL_CHARS_MAX: usize = 300;
+
+/// A robot is stale after this long without data.
+pub const STALE_AFTER: Duration = Duration::from_secs(3);
+/// A session of a robot ends after this long without data.
+pub const SESSION_ENDS_AFTER: Duration = Duration::from_secs(10);
+/// A robot's session ends this long after its liveliness token went, with nothing more to come.
+pub const SESSION_ENDS_AFTER_TOKEN: Duration = Duration::from_millis(500);
+/// Message time between two checkpoints of an estimator.
+pub const CHECKPOINT_EVERY_S: f64 = 10.0;
+/// Times an estimator is restarted after a panic before its robot is left alone.
+pub const ESTIMATOR_RESTARTS_MAX: u32 = 10;
+
+/// Rows of history that wait for the store's writer.
+pub const STORE_QUEUE_MAX: usize = 16_384;
+/// The store's writer commits at least this often.
+pub const STORE_FLUSH_EVERY: Duration = Duration::from_secs(1);
+
+/// Longest body of an HTTP request, in bytes.
+pub const HTTP_BODY_BYTES_MAX: usize = 64 * 1024;
+/// HTTP connections served at once; further ones wait to be accepted.
+pub const HTTP_CONNECTIONS_MAX: usize = 512;
+/// A client must have sent its request's header within this time.
+pub const HTTP_HEADER_TIMEOUT: Duration = Duration::from_secs(10);
+/// A request is answered within this time (event streams excepted).
+pub const HTTP_REQUEST_TIMEOUT: Duration = Duration::from_secs(10);
+/// Listeners of the event stream at once.
+pub const HTTP_STREAMS_MAX: usize = 64;
+
+/// Opening the Zenoh session may take this long.
+pub const ZENOH_OPEN_TIMEOUT: Duration = Duration::from_secs(10);
+/// The whole shutdown may take this long.
+pub const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(4);
