@@ -1,0 +1,138 @@
+//! What a simulation is made of.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::drive_sensor::DriveSettings;
+use super::lidar::LidarSettings;
+pub use super::people::{PeopleSettings, PersonShape};
+use super::plane::Pose2;
+use super::pose_sensor::PoseSettings;
+use super::route::Route;
+use super::vehicle::VehicleTruth;
+use super::world::World;
+
+/// The calibration a robot has applied: what it believes about itself.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Applied {
+    /// Steering offset that it subtracts from its measured steering, rad.
+    pub steering_offset_rad: f64,
+    /// Pose of the LiDAR in `base` by which it knows where it is.
+    pub lidar_in_base: Pose2,
+}
+
+/// How fast the robot drives: at rest first, then up and down between two speeds, slower in bends.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SpeedProfile {
+    /// Time at rest at the start, s.
+    pub rest_s: f64,
+    /// Slowest speed, m/s.
+    pub min_mps: f64,
+    /// Fastest speed, m/s.
+    pub max_mps: f64,
+    /// Time from one slowest moment to the next, s.
+    pub period_s: f64,
+    /// Acceleration, m/s².
+    pub acceleration_mps2: f64,
+}
+
+impl Default for SpeedProfile {
+    fn default() -> Self {
+        Self {
+            rest_s: 1.0,
+            min_mps: 0.5,
+            max_mps: 1.5,
+            period_s: 23.0,
+            acceleration_mps2: 0.5,
+        }
+    }
+}
+
+/// Something on the vehicle that changes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Change {
+    /// The steering offset jumps by this, rad.
+    SteeringOffset(f64),
+    /// The LiDAR is knocked: its pose in `base` moves by this, coordinate by coordinate.
+    Mount(Pose2),
+    /// The steering offset drifts from now on, rad/s; 0 ends it.
+    SteeringDrift(f64),
+    /// The LiDAR's heading drifts from now on, rad/s; 0 ends it.
+    MountYawDrift(f64),
+}
+
+/// A change and when it happens.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ScheduledChange {
+    /// Time from the start of the simulation, s.
+    pub at_s: f64,
+    /// What changes.
+    pub change: Change,
+}
+
+/// What the robot tells about its LiDAR.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LidarOutput {
+    /// Raw sweeps.
+    Sweeps(LidarSettings),
+    /// Poses of its own odometry: no ray is cast.
+    Poses(PoseSettings),
+}
+
+/// Everything about one simulated robot. The same configuration gives the same messages.
+#[derive(Debug, Clone)]
+pub struct SimulationConfig {
+    /// Where all randomness comes from.
+    pub seed: u64,
+    /// Message time at the start, ns since 1970.
+    pub start_stamp_ns: i64,
+    /// Walls and pillars.
+    pub world: Arc<World>,
+    /// People who walk about.
+    pub people: PeopleSettings,
+    /// The vehicle as it is.
+    pub vehicle: VehicleTruth,
+    /// The calibration the robot starts with.
+    pub applied: Applied,
+    /// What it drives.
+    pub route: Route,
+    /// How fast.
+    pub speed: SpeedProfile,
+    /// Its drive stream.
+    pub drive: DriveSettings,
+    /// Its LiDAR stream.
+    pub lidar: LidarOutput,
+    /// What changes on the way.
+    pub changes: Vec<ScheduledChange>,
+}
+
+impl SimulationConfig {
+    /// A tugger on the figure-eight in the warehouse's staging area with three people, in mint
+    /// condition: the scene of the project's figures.
+    pub fn figure_eight(seed: u64) -> Self {
+        let vehicle = VehicleTruth::default();
+        let applied = Applied {
+            steering_offset_rad: 0.0,
+            lidar_in_base: vehicle.lidar_in_base,
+        };
+        Self {
+            seed,
+            start_stamp_ns: 1_760_000_000_000_000_000,
+            world: Arc::new(World::warehouse(seed)),
+            people: PeopleSettings {
+                count: 3,
+                shape: PersonShape::Legs,
+            },
+            vehicle,
+            applied,
+            route: Route::staging_figure_eight(),
+            speed: SpeedProfile::default(),
+            drive: DriveSettings::default(),
+            lidar: LidarOutput::Sweeps(LidarSettings::default()),
+            changes: Vec::new(),
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! Path following as the robot does it: with the calibration it believes in.
+
+use std::f64::consts::TAU;
+
+use super::config::{Applied, SpeedProfile};
+use super::plane::{Pose2, wrap_angle_rad};
+use super::route::Route;
+use super::vehicle::Command;
+
+/// Curvature for each metre beside the route, 1/m².
+const LATERAL_GAIN_PER_M2: f64 = 0.8;
+/// Curvature for each radian off its heading, 1/m: critically damped along the way.
+const HEADING_GAIN_PER_M: f64 = 1.8;
+/// Largest error that is steered against at once, m.
+const LATERAL_ERROR_MAX_M: f64 = 0.6;
+/// How far ahead in time the route's own curvature is taken, against the actuator's lag, s.
+const PREVIEW_S: f64 = 0.1;
+/// Largest lateral acceleration a route is driven with, m/s².
+const LATERAL_ACCELERATION_MAX_MPS2: f64 = 0.7;
+/// Where on the way ahead the curvature limits the speed, m.
+const CURVATURE_AHEAD_M: [f64; 3] = [0.0, 0.6, 1.2];
+
+/// Follows a route: its curvature fed forward, lateral and heading error fed back. There is no
+/// integral part, so that a steering offset keeps the robot beside its route.
+#[derive(Debug)]
+pub(super) struct Controller {
+    route: Route,
+    profile: SpeedProfile,
+    wheelbase_m: f64,
+    steering_limit_rad: f64,
+    speed_mps: f64,
+    believed_along_m: f64,
+    believed_left_m: f64,
+    true_along_m: f64,
+    true_left_m: f64,
+}
+
+impl Controller {
+    pub fn new(
+        route: Route,
+        profile: SpeedProfile,
+        wheelbase_m: f64,
+        steering_limit_rad: f64,
+    ) -> Self {
+        Self {
+            route,
+            profile,
+            wheelbase_m,
+            steering_limit_rad,
+            speed_mps: 0.0,
+            believed_along_m: 0.0,
+            believed_left_m: 0.0,
+            true_along_m: 0.0,
+            true_left_m: 0.0,
+        }
+    }
+
+    /// How far the robot believes it is to the left of its route, m.
+    pub fn believed_left_m(&self) -> f64 {
+        self.believed_left_m
+    }
+
+    /// How far it really is to the left of its route, m.
+    pub fn true_left_m(&self) -> f64 {
+        self.true_left_m
+    }
+
+    /// The command for the next interval. The robot knows where its LiDAR is and works out its base
+    /// by the mount it believes in; it corrects the steering by the offset it believes in.
+    pub fn command(
+        &mut self,
+        base: &Pose2,
+        lidar: &Pose2,
+        applied: &Applied,
+        time_s: f64,
+        step_s: f64,
+    ) -> Command {
+        let true_place = self.route.nearest(base.point(), self.true_along_m);
+        (self.true_along_m, self.true_left_m) = (true_place.along_m, true_place.left_m);
+        let believed = lidar.compose(&applied.lidar_in_base.inverse());
+        let place = self.route.nearest(believed.point(), self.believed_along_m);
+        (self.believed_along_m, self.believed_left_m) = (place.along_m, place.left_m);
+
+        let heading_rad = wrap_angle_rad(believed.yaw_rad - self.route.heading_at(place.along_m));
+        let left_m = place
+            .left_m
+            .clamp(-LATERAL_ERROR_MAX_M, LATERAL_ERROR_MAX_M);
+        let preview_m = PREVIEW_S * self.speed_mps;
+        let curvature = self.route.curvature_at(place.along_m + preview_m)
+            - LATERAL_GAIN_PER_M2 * left_m
+            - HEADING_GAIN_PER_M * heading_rad;
+        let steering_rad = (self.wheelbase_m * curvature)
+            .atan()
+            .clamp(-self.steering_limit_rad, self.steering_limit_rad);
+        self.speed_mps = self.next_speed_mps(time_s, step_s);
+        Command {
+            speed_mps: self.speed_mps,
+            measured_steering_rad: steering_rad + applied.steering_offset_rad,
+        }
+    }
+
+    fn next_speed_mps(&self, time_s: f64, step_s: f64) -> f64 {
+        let SpeedProfile {
+            rest_s,
+            min_mps,
+            max_mps,
+            period_s,
+            acceleration_mps2,
+        } = self.profile;
+        let wave = 0.5 - 0.5 * (TAU * (time_s - rest_s) / period_s).cos();
+        let mut wanted_mps = min_mps + wave * (max_mps - min_mps);
+        for ahead_m in CURVATURE_AHEAD_M {
+            let curvature = self
+                .route
+                .curvature_at(self.believed_along_m + ahead_m)
+                .abs();
+            wanted_mps =
+                wanted_mps.min((LATERAL_ACCELERATION_MAX_MPS2 / curvature.max(1e-3)).sqrt());
+        }
+        if !self.route.is_closed() {
+            let left_m = (self.route.length_m() - self.believed_along_m).max(0.0);
+            wanted_mps = wanted_mps.min((2.0 * acceleration_mps2 * left_m).sqrt());
+        }
+        if time_s < rest_s {
+            wanted_mps = 0.0;
+        }
+        let most_mps = acceleration_mps2 * step_s;
+        self.speed_mps + (wanted_mps - self.speed_mps).clamp(-most_mps, most_mps)
+    }
+}

@@ -1,0 +1,96 @@
+//! Speed and steering as the robot measures them: averages over the interval that ends at the stamp.
+
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use serde::{Deserialize, Serialize};
+
+use super::message::Drive;
+use super::random::{Stream, stream};
+use super::vehicle::{Motion, VehicleTruth};
+
+/// Slower than this the wheels stand and an encoder shows no noise, m/s.
+const STANDSTILL_MPS: f64 = 1e-3;
+
+/// The drive stream's settings.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct DriveSettings {
+    /// Samples in a second; the interval must be a whole number of milliseconds.
+    pub rate_hz: f64,
+    /// Standard deviation of a speed, m/s; none at rest.
+    pub speed_sigma_mps: f64,
+    /// Standard deviation of a steering angle before it is quantised, rad.
+    pub steering_sigma_rad: f64,
+    /// Step of the steering encoder, rad; 0 for none.
+    pub steering_step_rad: f64,
+}
+
+impl Default for DriveSettings {
+    fn default() -> Self {
+        Self {
+            rate_hz: 100.0,
+            speed_sigma_mps: 0.005,
+            steering_sigma_rad: 0.0,
+            steering_step_rad: 0.25_f64.to_radians(),
+        }
+    }
+}
+
+/// Gathers an interval's motion and measures it.
+#[derive(Debug)]
+pub(super) struct DriveSensor {
+    settings: DriveSettings,
+    random: ChaCha8Rng,
+    speed_sum_mps: f64,
+    steering_sum_rad: f64,
+    steps: u32,
+}
+
+impl DriveSensor {
+    pub fn new(settings: DriveSettings, seed: u64) -> Self {
+        Self {
+            settings,
+            random: stream(seed, Stream::Drive),
+            speed_sum_mps: 0.0,
+            steering_sum_rad: 0.0,
+            steps: 0,
+        }
+    }
+
+    /// Adds one step of the motion.
+    pub fn gather(&mut self, vehicle: &VehicleTruth, motion: &Motion) {
+        self.speed_sum_mps +=
+            vehicle.measured_speed_mps(motion.step_wheel_speed_mps, motion.step_steering_rad);
+        self.steering_sum_rad += vehicle.measured_steering_rad(motion.step_steering_rad);
+        self.steps += 1;
+    }
+
+    /// The sample of the interval that ends at `time_ns` of simulated time.
+    pub fn sample(&mut self, vehicle: &VehicleTruth, time_ns: i64) -> Drive {
+        let steps = f64::from(self.steps.max(1));
+        let speed_mps = self.speed_sum_mps / steps;
+        let steering_rad = self.steering_sum_rad / steps;
+        (self.speed_sum_mps, self.steering_sum_rad, self.steps) = (0.0, 0.0, 0);
+        let speed_noise: f64 = StandardNormal.sample(&mut self.random);
+        let steering_noise: f64 = StandardNormal.sample(&mut self.random);
+        let moving = speed_mps.abs() > STANDSTILL_MPS;
+        let speed_sigma_mps = if moving {
+            self.settings.speed_sigma_mps
+        } else {
+            0.0
+        };
+        let noisy_rad = steering_rad + self.settings.steering_sigma_rad * steering_noise;
+        Drive {
+            stamp_ns: time_ns + (vehicle.time_offset_s * 1e9).round() as i64,
+            speed_mps: speed_mps + speed_sigma_mps * speed_noise,
+            steering_rad: quantise(noisy_rad, self.settings.steering_step_rad),
+        }
+    }
+}
+
+fn quantise(value: f64, step: f64) -> f64 {
+    if step > 0.0 {
+        (value / step).round() * step
+    } else {
+        value
+    }
+}

@@ -1,0 +1,203 @@
+//! The vehicle as it really is, and how it moves.
+
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use serde::{Deserialize, Serialize};
+
+use super::message::TrueParameters;
+use super::plane::Pose2;
+use super::random::{Stream, stream};
+
+/// Fastest turn of the steered wheel, rad/s.
+const STEERING_RATE_MAX_RAD_PER_S: f64 = 1.2;
+/// Time constant of the longitudinal slip's wandering, s.
+const SLIP_CORRELATION_S: f64 = 1.0;
+/// Time constant of the drive motor, s.
+const DRIVE_LAG_S: f64 = 0.1;
+
+/// How the vehicle steers and where it measures its speed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum VehicleModel {
+    /// Steered front axle, speed measured at the rear axle.
+    Bicycle,
+    /// One steered and driven front wheel, speed measured at that wheel.
+    Tricycle,
+}
+
+/// How the wheels slip.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Slip {
+    /// Standard deviation of the true speed's relative deviation from the wheel's, wandering with a
+    /// time constant of 1 s.
+    pub longitudinal_sigma: f64,
+    /// Slip angle of the rear axle for each m/s² of lateral acceleration, outwards, rad.
+    pub lateral_rad_per_mps2: f64,
+}
+
+/// A vehicle with all that is wrong about it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct VehicleTruth {
+    /// How it steers.
+    pub model: VehicleModel,
+    /// Distance between the axles, m.
+    pub wheelbase_m: f64,
+    /// Pose of the LiDAR in `base`.
+    pub lidar_in_base: Pose2,
+    /// What the steering sensor shows when the wheel points straight ahead, rad.
+    pub steering_offset_rad: f64,
+    /// True steering angle over the measured one less its offset.
+    pub steering_gain: f64,
+    /// True speed over measured speed.
+    pub speed_scale: f64,
+    /// How much later a motion shows in the drive stream than in the LiDAR's, s.
+    pub time_offset_s: f64,
+    /// Time constant of the steering actuator, s.
+    pub steering_lag_s: f64,
+    /// Largest true steering angle, rad.
+    pub steering_limit_rad: f64,
+    /// How it slips.
+    pub slip: Slip,
+}
+
+impl Default for VehicleTruth {
+    /// A tugger whose calibration is perfect and whose LiDAR sits at x = +0.434 m.
+    fn default() -> Self {
+        Self {
+            model: VehicleModel::Bicycle,
+            wheelbase_m: 1.2,
+            lidar_in_base: Pose2::new(0.434, 0.0, 0.0),
+            steering_offset_rad: 0.0,
+            steering_gain: 1.0,
+            speed_scale: 1.0,
+            time_offset_s: 0.0,
+            steering_lag_s: 0.08,
+            steering_limit_rad: 0.9,
+            slip: Slip {
+                longitudinal_sigma: 0.002,
+                lateral_rad_per_mps2: 0.0,
+            },
+        }
+    }
+}
+
+impl VehicleTruth {
+    /// The parameters a calibration looks for.
+    pub const fn parameters(&self) -> TrueParameters {
+        TrueParameters {
+            steering_offset_rad: self.steering_offset_rad,
+            lidar_in_base: self.lidar_in_base,
+            speed_scale: self.speed_scale,
+            wheelbase_m: self.wheelbase_m,
+            time_offset_s: self.time_offset_s,
+            steering_gain: self.steering_gain,
+        }
+    }
+
+    /// What the steering sensor shows, before noise and quantisation, rad.
+    pub fn measured_steering_rad(&self, steering_rad: f64) -> f64 {
+        steering_rad / self.steering_gain + self.steering_offset_rad
+    }
+
+    /// The true steering angle for which the sensor shows `measured_rad`, rad.
+    pub fn true_steering_rad(&self, measured_rad: f64) -> f64 {
+        self.steering_gain * (measured_rad - self.steering_offset_rad)
+    }
+
+    /// What the speed sensor shows without noise, m/s, when the wheels turn at `rear_speed_mps` of
+    /// the rear axle. At the steered wheel: `v_front = v / cos(steering)`.
+    pub fn measured_speed_mps(&self, rear_speed_mps: f64, steering_rad: f64) -> f64 {
+        let at_sensor_mps = match self.model {
+            VehicleModel::Bicycle => rear_speed_mps,
+            VehicleModel::Tricycle => rear_speed_mps / steering_rad.cos(),
+        };
+        at_sensor_mps / self.speed_scale
+    }
+}
+
+/// What the controller asks of the actuators.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Command {
+    pub speed_mps: f64,
+    /// What the steering sensor shall show, rad.
+    pub measured_steering_rad: f64,
+}
+
+/// The vehicle's motion, integrated on exact arcs.
+#[derive(Debug)]
+pub(super) struct Motion {
+    pub base: Pose2,
+    /// Mean speed of the rear axle over the last step, as its wheels turn, m/s.
+    pub step_wheel_speed_mps: f64,
+    /// Mean true steering angle over the last step, rad.
+    pub step_steering_rad: f64,
+    /// Speed of the rear axle over ground, m/s.
+    pub speed_mps: f64,
+    pub steering_rad: f64,
+    wheel_speed_mps: f64,
+    slip: f64,
+    random: ChaCha8Rng,
+}
+
+impl Motion {
+    pub fn new(base: Pose2, seed: u64) -> Self {
+        Self {
+            base,
+            step_wheel_speed_mps: 0.0,
+            step_steering_rad: 0.0,
+            speed_mps: 0.0,
+            steering_rad: 0.0,
+            wheel_speed_mps: 0.0,
+            slip: 0.0,
+            random: stream(seed, Stream::Slip),
+        }
+    }
+
+    /// Moves on by `step_s`: actuators first, then one arc with the step's mean speed and steering.
+    pub fn advance(&mut self, vehicle: &VehicleTruth, command: &Command, step_s: f64) {
+        let steering_before_rad = self.steering_rad;
+        self.turn_steering(vehicle, command, step_s);
+        let speed_before_mps = self.wheel_speed_mps;
+        let gain = 1.0 - (-step_s / DRIVE_LAG_S).exp();
+        self.wheel_speed_mps += gain * (command.speed_mps - self.wheel_speed_mps);
+        self.wander_slip(vehicle.slip.longitudinal_sigma, step_s);
+
+        self.step_steering_rad = 0.5 * (steering_before_rad + self.steering_rad);
+        self.step_wheel_speed_mps = 0.5 * (speed_before_mps + self.wheel_speed_mps);
+        self.speed_mps = self.step_wheel_speed_mps * (1.0 + self.slip);
+        let yaw_rate = self.speed_mps * self.step_steering_rad.tan() / vehicle.wheelbase_m;
+        let slip_angle_rad = -vehicle.slip.lateral_rad_per_mps2 * self.speed_mps * yaw_rate;
+        let forward_m = self.speed_mps * step_s;
+        let arc = Pose2::arc(
+            forward_m,
+            forward_m * slip_angle_rad.tan(),
+            yaw_rate * step_s,
+        );
+        self.base = self.base.compose(&arc);
+    }
+
+    fn turn_steering(&mut self, vehicle: &VehicleTruth, command: &Command, step_s: f64) {
+        let limit_rad = vehicle.steering_limit_rad;
+        let wanted_rad = vehicle
+            .true_steering_rad(command.measured_steering_rad)
+            .clamp(-limit_rad, limit_rad);
+        let gain = if vehicle.steering_lag_s > 0.0 {
+            1.0 - (-step_s / vehicle.steering_lag_s).exp()
+        } else {
+            1.0
+        };
+        let most_rad = STEERING_RATE_MAX_RAD_PER_S * step_s;
+        let turn_rad = gain * (wanted_rad - self.steering_rad);
+        self.steering_rad += turn_rad.clamp(-most_rad, most_rad);
+    }
+
+    /// First-order Gauss-Markov process.
+    fn wander_slip(&mut self, sigma: f64, step_s: f64) {
+        if sigma <= 0.0 {
+            return;
+        }
+        let keep = 1.0 - step_s / SLIP_CORRELATION_S;
+        let noise: f64 = StandardNormal.sample(&mut self.random);
+        self.slip = keep * self.slip + sigma * (2.0 * step_s / SLIP_CORRELATION_S).sqrt() * noise;
+    }
+}
