@@ -50,6 +50,28 @@ pub const ESTIMATOR_RESTARTS_MAX: u32 = 10;
 pub const STORE_QUEUE_MAX: usize = 16_384;
 /// The store's writer commits at least this often.
 pub const STORE_FLUSH_EVERY: Duration = Duration::from_secs(1);
+/// Writes that one transaction of the store holds before it is committed early.
+pub const STORE_BATCH_MAX: usize = 4_096;
+/// A robot's latest estimate is stored at most this often; its history every second.
+pub const STORE_CURRENT_EVERY: Duration = Duration::from_secs(10);
+/// Connections that read the database.
+pub const STORE_READERS_MAX: u32 = 4;
+/// A reader waits this long for a connection, a writer for a place in the queue.
+pub const STORE_READ_TIMEOUT: Duration = Duration::from_secs(5);
+/// A write waits this long for another process to let go of the database.
+pub const STORE_BUSY_TIMEOUT: Duration = Duration::from_secs(5);
+/// Seconds of history are kept this long after their receipt.
+pub const HISTORY_SECONDS_KEPT: Duration = Duration::from_secs(3 * 86_400);
+/// Minutes of history are kept this long after their receipt.
+pub const HISTORY_MINUTES_KEPT: Duration = Duration::from_secs(90 * 86_400);
+/// Hours of history, and events, are kept this long after their receipt.
+pub const HISTORY_HOURS_KEPT: Duration = Duration::from_secs(5 * 365 * 86_400);
+/// Answers to requests with an `Idempotency-Key` are kept this long.
+pub const IDEMPOTENCY_KEPT: Duration = Duration::from_secs(86_400);
+/// Old rows of one kind that are deleted at a time, once a second.
+pub const RETENTION_ROWS_MAX: u32 = 2_000;
+/// Rows of one tier of the history that one request reads.
+pub const HISTORY_ROWS_MAX: i64 = 4 * 3_600;
 
 /// Longest body of an HTTP request, in bytes.
 pub const HTTP_BODY_BYTES_MAX: usize = 64 * 1024;

@@ -1,0 +1,213 @@
+//! What a database has to do for the store: one implementation of these traits per database.
+
+use async_trait::async_trait;
+use fleetcal_proto::RobotId;
+use fleetcal_proto::estimate::{EstimateDocument, ParameterName};
+
+use super::error::StoreError;
+use super::record::{
+    CheckpointRecord, CurrentRecord, EventRecord, Expected, HistoryRow, IdempotencyKey, NewEvent,
+    RobotRecord,
+};
+use crate::config::RobotConfig;
+
+/// A robot's configuration to be written.
+#[derive(Debug)]
+pub struct RobotWrite {
+    /// Whose.
+    pub robot: RobotId,
+    /// The configuration.
+    pub config: RobotConfig,
+    /// What must be there now.
+    pub expected: Expected,
+    /// Wall time.
+    pub now_ns: i64,
+}
+
+/// How an event that comes again is recognised, so that it is not written twice.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Repetition {
+    /// It is not: each is an event of its own.
+    Never,
+    /// By its robot, kind, stamp and note: a message that was delivered or replayed twice, or that
+    /// a person gave the service, which passed it on to the estimator.
+    Content,
+    /// By the key of its request.
+    Key(IdempotencyKey),
+}
+
+/// An event to be written.
+#[derive(Debug)]
+pub struct EventWrite {
+    /// The event.
+    pub event: NewEvent,
+    /// What makes it recognisable when it comes again.
+    pub repetition: Repetition,
+}
+
+/// Rows older than these are deleted, a limited number of each kind at a time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Retention {
+    /// Seconds received before this go, s since the Unix epoch.
+    pub seconds_before: i64,
+    /// Minutes received before this go.
+    pub minutes_before: i64,
+    /// Hours and events received before this go.
+    pub hours_before: i64,
+    /// Answers to requests with an `Idempotency-Key` given before this go.
+    pub idempotency_before: i64,
+    /// Rows of one kind deleted at a time.
+    pub rows_max: u32,
+}
+
+/// What one transaction writes.
+#[derive(Debug, Default)]
+pub struct Batch {
+    /// Seconds of history, with their roll-ups.
+    pub history: Vec<HistoryRow>,
+    /// Latest estimates, with when they were received, wall time ns.
+    pub current: Vec<(EstimateDocument, i64)>,
+    /// States of estimators.
+    pub checkpoints: Vec<CheckpointRecord>,
+    /// Events.
+    pub events: Vec<EventWrite>,
+    /// Configurations.
+    pub robots: Vec<RobotWrite>,
+    /// What to delete.
+    pub retention: Option<Retention>,
+    /// Wall time of a write that only proves that the database can be written.
+    pub probe_ns: Option<i64>,
+}
+
+/// What became of the parts of a batch that can be refused, in their order.
+#[derive(Debug, Default)]
+pub struct Outcomes {
+    /// Each event in its place.
+    pub events: Vec<Result<EventRecord, StoreError>>,
+    /// Each configuration's new version.
+    pub robots: Vec<Result<u64, StoreError>>,
+    /// Rows deleted.
+    pub pruned: u64,
+}
+
+/// The one connection that writes.
+#[async_trait]
+pub trait Writer: std::fmt::Debug + Send + 'static {
+    /// Writes all of a batch or nothing of it. A refused event or configuration is an outcome and
+    /// leaves the rest of the batch alone.
+    ///
+    /// # Errors
+    /// [`StoreError::Database`] when nothing was written.
+    async fn commit(&mut self, batch: &Batch) -> Result<Outcomes, StoreError>;
+
+    /// Closes the connection.
+    ///
+    /// # Errors
+    /// [`StoreError::Database`].
+    async fn close(self: Box<Self>) -> Result<(), StoreError>;
+}
+
+/// How finely the history is kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Tier {
+    /// Every second.
+    Second,
+    /// Roll-ups of a minute.
+    Minute,
+    /// Roll-ups of an hour.
+    Hour,
+}
+
+impl Tier {
+    /// Length of one row, s.
+    pub const fn seconds(self) -> i64 {
+        match self {
+            Self::Second => 1,
+            Self::Minute => 60,
+            Self::Hour => 3_600,
+        }
+    }
+
+    /// The next coarser one.
+    pub const fn coarser(self) -> Option<Self> {
+        match self {
+            Self::Second => Some(Self::Minute),
+            Self::Minute => Some(Self::Hour),
+            Self::Hour => None,
+        }
+    }
+}
+
+/// One parameter over one stretch of time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cell {
+    /// Mean value.
+    pub mean: f64,
+    /// Lowest value.
+    pub min: f64,
+    /// Highest value.
+    pub max: f64,
+    /// Mean of the sigmas.
+    pub sigma: f64,
+}
+
+/// One stretch of a robot's history.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stretch {
+    /// Its first second, message time.
+    pub t_s: i64,
+    /// Seconds of data in it.
+    pub count: u32,
+    /// Status of every parameter at its end, see [`super::record::unpack_status`].
+    pub status: u32,
+    /// Mean normalised innovation squared.
+    pub nis: Option<f64>,
+    /// The parameters that were asked for, in that order.
+    pub cells: Vec<Option<Cell>>,
+}
+
+/// Connections that only read.
+#[async_trait]
+pub trait Reader: std::fmt::Debug + Send + Sync + 'static {
+    /// Every robot, by id.
+    async fn robots(&self) -> Result<Vec<RobotRecord>, StoreError>;
+
+    /// One robot.
+    async fn robot(&self, id: &RobotId) -> Result<Option<RobotRecord>, StoreError>;
+
+    /// The latest stored estimate of every robot that has one.
+    async fn current(&self) -> Result<Vec<CurrentRecord>, StoreError>;
+
+    /// The state of every estimator.
+    async fn checkpoints(&self) -> Result<Vec<CheckpointRecord>, StoreError>;
+
+    /// First and last second of message time that any robot has in a tier.
+    async fn extent(&self, tier: Tier) -> Result<Option<(i64, i64)>, StoreError>;
+
+    /// A robot's last second of message time.
+    async fn last_second(&self, id: &RobotId) -> Result<Option<i64>, StoreError>;
+
+    /// A robot's rows of a tier that begin in `from_s..to_s`, oldest first.
+    async fn stretches(
+        &self,
+        id: &RobotId,
+        tier: Tier,
+        parameters: &[ParameterName],
+        from_s: i64,
+        to_s: i64,
+    ) -> Result<Vec<Stretch>, StoreError>;
+
+    /// A robot's events before number `before`, newest first, at most `limit`.
+    async fn events(
+        &self,
+        id: &RobotId,
+        before: Option<i64>,
+        limit: u32,
+    ) -> Result<Vec<EventRecord>, StoreError>;
+
+    /// The newest migration of the database.
+    async fn schema_version(&self) -> Result<i64, StoreError>;
+
+    /// Closes the connections.
+    async fn close(&self);
+}

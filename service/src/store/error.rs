@@ -1,0 +1,96 @@
+//! Why the store could not do what it was asked.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use fleetcal_proto::RobotId;
+use thiserror::Error;
+
+/// What a database driver said. Shared, because one failed commit is told to many callers.
+pub type DriverError = Arc<dyn std::error::Error + Send + Sync>;
+
+/// Why the store could not do what it was asked.
+#[derive(Debug, Clone, Error)]
+pub enum StoreError {
+    /// The folder of the data cannot be made or used.
+    #[error("the data folder {path} cannot be used")]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// What the system said.
+        #[source]
+        source: Arc<std::io::Error>,
+    },
+    /// Another process has the folder.
+    #[error(
+        "the data folder {path} is in use by another fleetcal; stop that one or give another \
+         folder with --data"
+    )]
+    InUse {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// The database was written by a newer fleetcal.
+    #[error(
+        "the database {path} has schema {found}, this fleetcal knows schemas up to {known}; \
+         run a newer fleetcal"
+    )]
+    NewerSchema {
+        /// The database file.
+        path: PathBuf,
+        /// The newest migration in the database.
+        found: i64,
+        /// The newest migration in this program.
+        known: i64,
+    },
+    /// The database could not be brought to this program's schema.
+    #[error("the database could not be brought to the schema of this fleetcal")]
+    Migration(#[source] DriverError),
+    /// The database failed.
+    #[error("the database could not {task}")]
+    Database {
+        /// What it was doing, an infinitive.
+        task: &'static str,
+        /// What the driver said.
+        #[source]
+        source: DriverError,
+    },
+    /// A row holds what this program never writes.
+    #[error("the database holds a {table} that cannot be read: {reason}")]
+    Corrupt {
+        /// The table.
+        table: &'static str,
+        /// What is wrong with the row.
+        reason: String,
+    },
+    /// The writer has too much waiting.
+    #[error("{waiting} writes already wait for the database")]
+    QueueFull {
+        /// How many wait.
+        waiting: usize,
+    },
+    /// The store has been closed.
+    #[error("the store is closed")]
+    Closed,
+    /// The robot's configuration is no longer the one that the caller saw.
+    #[error("robot {robot} is at version {found}")]
+    VersionConflict {
+        /// Whose configuration.
+        robot: RobotId,
+        /// Its version now; 0 while it has none.
+        found: u64,
+    },
+    /// An `Idempotency-Key` came again with another request.
+    #[error("the Idempotency-Key was used before with another request")]
+    KeyReused,
+}
+
+impl StoreError {
+    /// A driver's error with what was being done.
+    pub(super) fn database(task: &'static str) -> impl FnOnce(sqlx::Error) -> Self {
+        move |source| Self::Database {
+            task,
+            source: Arc::new(source),
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! The store's database in SQLite: one connection that writes, a pool that only reads.
+
+mod columns;
+mod read;
+mod write;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use sqlx::migrate::{MigrateError, Migrator};
+use sqlx::sqlite::{
+    SqliteConnectOptions, SqliteConnection, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous,
+};
+use sqlx::{ConnectOptions, Connection};
+
+use super::error::StoreError;
+use super::folder::Folder;
+use super::record::{EventKind, EventSource};
+use crate::limits;
+
+pub(super) use read::SqliteReader;
+pub(super) use write::SqliteWriter;
+
+static MIGRATIONS: Migrator = sqlx::migrate!("../migrations/sqlite");
+
+/// The newest migration in this program.
+pub(super) fn schema_known() -> i64 {
+    MIGRATIONS
+        .iter()
+        .map(|migration| migration.version)
+        .max()
+        .unwrap_or(0)
+}
+
+/// Opens the database of a folder, makes it when it is missing, and brings it to this program's
+/// schema.
+///
+/// # Errors
+/// [`StoreError::NewerSchema`], [`StoreError::Migration`], [`StoreError::Database`] or
+/// [`StoreError::Folder`].
+pub(super) async fn open(
+    folder: &Folder,
+    now_ns: i64,
+) -> Result<(SqliteWriter, SqliteReader), StoreError> {
+    let path = folder.database();
+    let mut connection = options(&path)
+        .create_if_missing(true)
+        .connect()
+        .await
+        .map_err(StoreError::database("be opened"))?;
+    migrate(&mut connection, path.clone()).await?;
+    // Before anything is acknowledged, the new file must also be in its folder for good.
+    folder.sync()?;
+    note_start(&mut connection, now_ns).await?;
+    let pool = SqlitePoolOptions::new()
+        .max_connections(limits::STORE_READERS_MAX)
+        .acquire_timeout(limits::STORE_READ_TIMEOUT)
+        .connect_with(options(&path).read_only(true))
+        .await
+        .map_err(StoreError::database("be opened for reading"))?;
+    Ok((SqliteWriter::new(connection), SqliteReader::new(pool)))
+}
+
+fn options(path: &Path) -> SqliteConnectOptions {
+    SqliteConnectOptions::new()
+        .filename(path)
+        .journal_mode(SqliteJournalMode::Wal)
+        // A commit that was acknowledged outlives the machine's power, not the process alone.
+        .synchronous(SqliteSynchronous::Full)
+        .busy_timeout(limits::STORE_BUSY_TIMEOUT)
+        .foreign_keys(true)
+}
+
+async fn migrate(connection: &mut SqliteConnection, path: PathBuf) -> Result<(), StoreError> {
+    match MIGRATIONS.run_direct(None, connection, false).await {
+        Ok(()) => Ok(()),
+        Err(MigrateError::VersionMissing(found)) => Err(StoreError::NewerSchema {
+            path,
+            found,
+            known: schema_known(),
+        }),
+        Err(error) => Err(StoreError::Migration(Arc::new(error))),
+    }
+}
+
+/// Puts the service's start into the history of every robot whose estimator goes on from here.
+async fn note_start(connection: &mut SqliteConnection, now_ns: i64) -> Result<(), StoreError> {
+    sqlx::query(
+        "INSERT INTO robot_event (robot, kind, stamp_ns, received_ns, source)
+         SELECT robot, ?1, stamp_ns, ?2, ?3 FROM checkpoint",
+    )
+    .bind(EventKind::ServiceStarted.as_str())
+    .bind(now_ns)
+    .bind(EventSource::Service.as_str())
+    .execute(connection)
+    .await
+    .map_err(StoreError::database("note the service's start"))?;
+    Ok(())
+}
+
+/// Closes a connection, which also folds the write-ahead log into the database.
+async fn close(connection: SqliteConnection) -> Result<(), StoreError> {
+    connection
+        .close()
+        .await
+        .map_err(StoreError::database("be closed"))
+}

@@ -1,0 +1,525 @@
+//! The connection that writes: each batch is one transaction.
+
+use std::collections::{BTreeSet, HashMap};
+use std::num::TryFromIntError;
+
+use async_trait::async_trait;
+use fleetcal_proto::RobotId;
+use fleetcal_proto::estimate::EstimateDocument;
+use sqlx::sqlite::{Sqlite, SqliteConnection};
+use sqlx::{AssertSqlSafe, Connection, Row, Transaction};
+
+use super::columns;
+use crate::store::backend::{
+    Batch, EventWrite, Outcomes, Repetition, Retention, RobotWrite, Tier, Writer,
+};
+use crate::store::error::StoreError;
+use crate::store::record::{CheckpointRecord, EventRecord, HistoryRow, IdempotencyKey, NewEvent};
+
+/// Nanoseconds in a second.
+const NS_PER_S: i64 = 1_000_000_000;
+
+/// The one connection that writes.
+#[derive(Debug)]
+pub(in crate::store) struct SqliteWriter {
+    connection: SqliteConnection,
+    /// Keys of the robots of committed transactions.
+    keys: HashMap<RobotId, i64>,
+}
+
+impl SqliteWriter {
+    pub(super) fn new(connection: SqliteConnection) -> Self {
+        Self {
+            connection,
+            keys: HashMap::new(),
+        }
+    }
+}
+
+#[async_trait]
+impl Writer for SqliteWriter {
+    async fn commit(&mut self, batch: &Batch) -> Result<Outcomes, StoreError> {
+        // A deferred transaction that reads first could not become a writing one while another
+        // process writes, whatever the busy timeout.
+        let mut transaction = self
+            .connection
+            .begin_with("BEGIN IMMEDIATE")
+            .await
+            .map_err(StoreError::database("begin to write"))?;
+        let written = write(&mut transaction, &mut self.keys, batch).await;
+        let ended = match written {
+            Ok(outcomes) => transaction
+                .commit()
+                .await
+                .map(|()| outcomes)
+                .map_err(StoreError::database("commit what was written")),
+            Err(error) => {
+                if let Err(source) = transaction.rollback().await {
+                    tracing::error!(%source, "a failed write could not be rolled back");
+                }
+                Err(error)
+            }
+        };
+        if ended.is_err() {
+            // Some of these may have been made by the transaction that is gone.
+            self.keys.clear();
+        }
+        ended
+    }
+
+    async fn close(self: Box<Self>) -> Result<(), StoreError> {
+        super::close(self.connection).await
+    }
+}
+
+type Keys = HashMap<RobotId, i64>;
+
+async fn write(
+    transaction: &mut Transaction<'_, Sqlite>,
+    keys: &mut Keys,
+    batch: &Batch,
+) -> Result<Outcomes, StoreError> {
+    let mut outcomes = Outcomes::default();
+    history(transaction, keys, &batch.history).await?;
+    for (estimate, received_ns) in &batch.current {
+        current(transaction, keys, estimate, *received_ns).await?;
+    }
+    for record in &batch.checkpoints {
+        checkpoint(transaction, keys, record).await?;
+    }
+    for robot in &batch.robots {
+        outcomes
+            .robots
+            .push(refusable(configure(transaction, keys, robot).await)?);
+    }
+    for write in &batch.events {
+        outcomes
+            .events
+            .push(refusable(event(transaction, keys, write).await)?);
+    }
+    if let Some(now_ns) = batch.probe_ns {
+        probe(transaction, now_ns).await?;
+    }
+    if let Some(retention) = &batch.retention {
+        outcomes.pruned = prune(transaction, retention).await?;
+    }
+    Ok(outcomes)
+}
+
+/// Parts what the caller is told from what undoes the whole batch.
+fn refusable<T>(result: Result<T, StoreError>) -> Result<Result<T, StoreError>, StoreError> {
+    match result {
+        Err(refused @ (StoreError::VersionConflict { .. } | StoreError::KeyReused)) => {
+            Ok(Err(refused))
+        }
+        Err(failed) => Err(failed),
+        Ok(value) => Ok(Ok(value)),
+    }
+}
+
+/// The robot's key; makes a row without configuration for one that is new.
+async fn key_of(
+    connection: &mut SqliteConnection,
+    keys: &mut Keys,
+    robot: &RobotId,
+    now_ns: i64,
+) -> Result<i64, StoreError> {
+    if let Some(key) = keys.get(robot) {
+        return Ok(*key);
+    }
+    let key: i64 = sqlx::query_scalar(
+        "INSERT INTO robot (id, created_ns, updated_ns) VALUES (?1, ?2, ?2)
+         ON CONFLICT (id) DO UPDATE SET id = excluded.id RETURNING key",
+    )
+    .bind(robot.as_str())
+    .bind(now_ns)
+    .fetch_one(connection)
+    .await
+    .map_err(StoreError::database("write a robot"))?;
+    keys.insert(robot.clone(), key);
+    Ok(key)
+}
+
+/// Writes seconds and merges them into their minutes and hours.
+///
+/// A second that was there already is overwritten, and its minute and hour are made anew: the
+/// same recording replayed with another wheelbase is not averaged with the first run.
+async fn history(
+    connection: &mut SqliteConnection,
+    keys: &mut Keys,
+    rows: &[HistoryRow],
+) -> Result<(), StoreError> {
+    let mut overwritten = BTreeSet::new();
+    for row in rows {
+        let key = key_of(connection, keys, &row.robot, row.received_s * NS_PER_S).await?;
+        let insert = columns::INSERT_SECOND.as_str();
+        if put_second(connection, insert, key, row, row.t_s).await? == 0 {
+            put_second(
+                connection,
+                columns::REPLACE_SECOND.as_str(),
+                key,
+                row,
+                row.t_s,
+            )
+            .await?;
+            overwritten.insert((key, start(row.t_s, Tier::Minute)));
+            continue;
+        }
+        for (tier, merge) in [
+            (Tier::Minute, columns::MERGE_MINUTE.as_str()),
+            (Tier::Hour, columns::MERGE_HOUR.as_str()),
+        ] {
+            put_second(connection, merge, key, row, start(row.t_s, tier)).await?;
+        }
+    }
+    let hours: BTreeSet<_> = overwritten
+        .iter()
+        .map(|&(key, minute)| (key, start(minute, Tier::Hour)))
+        .collect();
+    for (key, minute) in overwritten {
+        remake(
+            connection,
+            Tier::Minute,
+            columns::REMAKE_MINUTE.as_str(),
+            key,
+            minute,
+        )
+        .await?;
+    }
+    for (key, hour) in hours {
+        remake(
+            connection,
+            Tier::Hour,
+            columns::REMAKE_HOUR.as_str(),
+            key,
+            hour,
+        )
+        .await?;
+    }
+    Ok(())
+}
+
+/// First second of the stretch that `t_s` is in.
+const fn start(t_s: i64, tier: Tier) -> i64 {
+    t_s - t_s.rem_euclid(tier.seconds())
+}
+
+/// Runs a statement that takes the columns of a second; gives the number of rows written.
+async fn put_second(
+    connection: &mut SqliteConnection,
+    sql: &'static str,
+    key: i64,
+    row: &HistoryRow,
+    t_s: i64,
+) -> Result<u64, StoreError> {
+    let mut query = sqlx::query(sql)
+        .bind(t_s)
+        .bind(key)
+        .bind(row.received_s)
+        .bind(i64::from(row.status))
+        .bind(row.nis);
+    for cell in &row.cells {
+        query = query
+            .bind(cell.map(|(value, _)| value))
+            .bind(cell.map(|(_, sigma)| sigma));
+    }
+    let done = query
+        .execute(connection)
+        .await
+        .map_err(StoreError::database("write a robot's history"))?;
+    Ok(done.rows_affected())
+}
+
+async fn remake(
+    connection: &mut SqliteConnection,
+    tier: Tier,
+    sql: &'static str,
+    key: i64,
+    start_s: i64,
+) -> Result<(), StoreError> {
+    let failed = || StoreError::database("roll up a robot's history");
+    let delete = match tier {
+        Tier::Hour => "DELETE FROM history_hour WHERE t = ?1 AND robot = ?2",
+        Tier::Second | Tier::Minute => "DELETE FROM history_minute WHERE t = ?1 AND robot = ?2",
+    };
+    sqlx::query(delete)
+        .bind(start_s)
+        .bind(key)
+        .execute(&mut *connection)
+        .await
+        .map_err(failed())?;
+    sqlx::query(sql)
+        .bind(key)
+        .bind(start_s)
+        .bind(start_s + tier.seconds())
+        .execute(connection)
+        .await
+        .map_err(failed())?;
+    Ok(())
+}
+
+async fn current(
+    connection: &mut SqliteConnection,
+    keys: &mut Keys,
+    estimate: &EstimateDocument,
+    received_ns: i64,
+) -> Result<(), StoreError> {
+    let key = key_of(connection, keys, &estimate.robot, received_ns).await?;
+    sqlx::query(
+        "INSERT INTO robot_current (robot, stamp_ns, received_ns, estimate)
+         VALUES (?1, ?2, ?3, ?4)
+         ON CONFLICT (robot) DO UPDATE SET stamp_ns = excluded.stamp_ns,
+             received_ns = excluded.received_ns, estimate = excluded.estimate",
+    )
+    .bind(key)
+    .bind(estimate.stamp_ns)
+    .bind(received_ns)
+    .bind(json("robot_current", estimate)?)
+    .execute(connection)
+    .await
+    .map_err(StoreError::database("write a robot's estimate"))?;
+    Ok(())
+}
+
+async fn checkpoint(
+    connection: &mut SqliteConnection,
+    keys: &mut Keys,
+    record: &CheckpointRecord,
+) -> Result<(), StoreError> {
+    let key = key_of(connection, keys, &record.robot, record.received_ns).await?;
+    sqlx::query(
+        "INSERT INTO checkpoint (robot, stamp_ns, received_ns, state) VALUES (?1, ?2, ?3, ?4)
+         ON CONFLICT (robot) DO UPDATE SET stamp_ns = excluded.stamp_ns,
+             received_ns = excluded.received_ns, state = excluded.state",
+    )
+    .bind(key)
+    .bind(record.stamp_ns)
+    .bind(record.received_ns)
+    .bind(record.state.as_str())
+    .execute(connection)
+    .await
+    .map_err(StoreError::database("write an estimator's state"))?;
+    Ok(())
+}
+
+/// Writes a robot's configuration; gives its new version.
+async fn configure(
+    connection: &mut SqliteConnection,
+    keys: &mut Keys,
+    write: &RobotWrite,
+) -> Result<u64, StoreError> {
+    let failed = || StoreError::database("write a robot's configuration");
+    let found: Option<i64> = sqlx::query_scalar("SELECT version FROM robot WHERE id = ?1")
+        .bind(write.robot.as_str())
+        .fetch_optional(&mut *connection)
+        .await
+        .map_err(failed())?;
+    let found = count("robot", found.unwrap_or(0))?;
+    if !write.expected.accepts(found) {
+        return Err(StoreError::VersionConflict {
+            robot: write.robot.clone(),
+            found,
+        });
+    }
+    let key = key_of(connection, keys, &write.robot, write.now_ns).await?;
+    let version: i64 = sqlx::query_scalar(
+        "UPDATE robot SET config = ?2, version = version + 1, updated_ns = ?3
+         WHERE key = ?1 RETURNING version",
+    )
+    .bind(key)
+    .bind(json("robot", &write.config)?)
+    .bind(write.now_ns)
+    .fetch_one(connection)
+    .await
+    .map_err(failed())?;
+    count("robot", version)
+}
+
+async fn event(
+    connection: &mut SqliteConnection,
+    keys: &mut Keys,
+    write: &EventWrite,
+) -> Result<EventRecord, StoreError> {
+    let event = &write.event;
+    let failed = || StoreError::database("write an event");
+    let key = key_of(connection, keys, &event.robot, event.received_ns).await?;
+    let before = match &write.repetition {
+        Repetition::Never => None,
+        Repetition::Content => same_content(connection, key, event).await?,
+        Repetition::Key(request) => answered_before(connection, event, request).await?,
+    };
+    if let Some(record) = before {
+        return Ok(record);
+    }
+    let id: i64 = sqlx::query_scalar(
+        "INSERT INTO robot_event
+             (robot, kind, stamp_ns, received_ns, source, author, note, details)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8) RETURNING id",
+    )
+    .bind(key)
+    .bind(event.kind.as_str())
+    .bind(event.stamp_ns)
+    .bind(event.received_ns)
+    .bind(event.source.as_str())
+    .bind(event.author.as_deref())
+    .bind(event.note.as_deref())
+    .bind(
+        event
+            .details
+            .as_ref()
+            .map(|details| json("robot_event", details))
+            .transpose()?,
+    )
+    .fetch_one(&mut *connection)
+    .await
+    .map_err(failed())?;
+    if let Repetition::Key(request) = &write.repetition {
+        sqlx::query(
+            "INSERT INTO idempotency (scope, key, request_sha256, event, received)
+             VALUES (?1, ?2, ?3, ?4, ?5)",
+        )
+        .bind(event.robot.as_str())
+        .bind(request.key.as_str())
+        .bind(request.request_sha256.as_slice())
+        .bind(id)
+        .bind(event.received_ns.div_euclid(NS_PER_S))
+        .execute(connection)
+        .await
+        .map_err(failed())?;
+    }
+    Ok(EventRecord {
+        id,
+        repeated: false,
+        event: event.clone(),
+    })
+}
+
+/// The columns of [`super::read::event_of`].
+const EVENT: &str = "e.id, r.id, e.kind, e.stamp_ns, e.received_ns, e.source, e.author, e.note, \
+                     e.details";
+
+/// The event that the same request wrote before.
+async fn answered_before(
+    connection: &mut SqliteConnection,
+    event: &NewEvent,
+    request: &IdempotencyKey,
+) -> Result<Option<EventRecord>, StoreError> {
+    let sql = format!(
+        "SELECT {EVENT}, i.request_sha256
+         FROM idempotency AS i JOIN robot_event AS e ON e.id = i.event
+         JOIN robot AS r ON r.key = e.robot
+         WHERE i.scope = ?1 AND i.key = ?2"
+    );
+    let failed = || StoreError::database("look up an Idempotency-Key");
+    let found = sqlx::query(AssertSqlSafe(sql))
+        .bind(event.robot.as_str())
+        .bind(request.key.as_str())
+        .fetch_optional(connection)
+        .await
+        .map_err(failed())?;
+    let Some(row) = found else { return Ok(None) };
+    let sha256: Vec<u8> = row.try_get(9).map_err(failed())?;
+    if sha256 != request.request_sha256 {
+        return Err(StoreError::KeyReused);
+    }
+    super::read::event_of(&row, true).map(Some)
+}
+
+/// The event of the same robot, kind, stamp and note.
+async fn same_content(
+    connection: &mut SqliteConnection,
+    key: i64,
+    event: &NewEvent,
+) -> Result<Option<EventRecord>, StoreError> {
+    let sql = format!(
+        "SELECT {EVENT} FROM robot_event AS e JOIN robot AS r ON r.key = e.robot
+         WHERE e.robot = ?1 AND e.stamp_ns = ?2 AND e.kind = ?3 AND e.note IS ?4 LIMIT 1"
+    );
+    let found = sqlx::query(AssertSqlSafe(sql))
+        .bind(key)
+        .bind(event.stamp_ns)
+        .bind(event.kind.as_str())
+        .bind(event.note.as_deref())
+        .fetch_optional(connection)
+        .await
+        .map_err(StoreError::database("look up an event"))?;
+    found
+        .map(|row| super::read::event_of(&row, true))
+        .transpose()
+}
+
+async fn probe(connection: &mut SqliteConnection, now_ns: i64) -> Result<(), StoreError> {
+    sqlx::query("UPDATE probe SET written_ns = ?1")
+        .bind(now_ns)
+        .execute(connection)
+        .await
+        .map_err(StoreError::database("write at all"))?;
+    Ok(())
+}
+
+async fn prune(
+    connection: &mut SqliteConnection,
+    retention: &Retention,
+) -> Result<u64, StoreError> {
+    const HISTORY: [(Tier, &str); 3] = [
+        (
+            Tier::Second,
+            "DELETE FROM history_second WHERE (t, robot) IN (SELECT t, robot
+             FROM history_second WHERE received < ?1 ORDER BY received LIMIT ?2)",
+        ),
+        (
+            Tier::Minute,
+            "DELETE FROM history_minute WHERE (t, robot) IN (SELECT t, robot
+             FROM history_minute WHERE received < ?1 ORDER BY received LIMIT ?2)",
+        ),
+        (
+            Tier::Hour,
+            "DELETE FROM history_hour WHERE (t, robot) IN (SELECT t, robot
+             FROM history_hour WHERE received < ?1 ORDER BY received LIMIT ?2)",
+        ),
+    ];
+    let mut deletes: Vec<(&'static str, i64)> = HISTORY
+        .map(|(tier, sql)| match tier {
+            Tier::Second => (sql, retention.seconds_before),
+            Tier::Minute => (sql, retention.minutes_before),
+            Tier::Hour => (sql, retention.hours_before),
+        })
+        .to_vec();
+    deletes.push((
+        "DELETE FROM robot_event WHERE id IN (SELECT id FROM robot_event
+         WHERE received_ns < ?1 ORDER BY received_ns LIMIT ?2)",
+        retention.hours_before.saturating_mul(NS_PER_S),
+    ));
+    deletes.push((
+        "DELETE FROM idempotency WHERE (scope, key) IN (SELECT scope, key FROM idempotency
+         WHERE received < ?1 ORDER BY received LIMIT ?2)",
+        retention.idempotency_before,
+    ));
+    let mut pruned = 0;
+    for (sql, before) in deletes {
+        let done = sqlx::query(sql)
+            .bind(before)
+            .bind(retention.rows_max)
+            .execute(&mut *connection)
+            .await
+            .map_err(StoreError::database("delete old rows"))?;
+        pruned += done.rows_affected();
+    }
+    Ok(pruned)
+}
+
+fn json<T: serde::Serialize>(table: &'static str, value: &T) -> Result<String, StoreError> {
+    serde_json::to_string(value).map_err(|error| StoreError::Corrupt {
+        table,
+        reason: error.to_string(),
+    })
+}
+
+fn count(table: &'static str, value: i64) -> Result<u64, StoreError> {
+    value
+        .try_into()
+        .map_err(|error: TryFromIntError| StoreError::Corrupt {
+            table,
+            reason: error.to_string(),
+        })
+}
