@@ -14,6 +14,8 @@ export default ts.config(
     rules: {
       'max-lines': ['error', { max: 400, skipBlankLines: true }],
       'svelte/no-navigation-without-resolve': 'off',
+      // Maps and dates here are replaced, never altered in place.
+      'svelte/prefer-svelte-reactivity': 'off',
       // Robots name themselves: nothing they send may become markup.
       'svelte/no-at-html-tags': 'error',
     },

@@ -1,0 +1,76 @@
+/**
+ * The service's event stream, kept open.
+ *
+ * A browser reopens an event stream after a broken connection but gives up on an HTTP error, and it
+ * allows six connections to a host: so a stream that was refused is opened again here, and a tab
+ * that nobody looks at closes its own.
+ */
+
+const PATH = '/api/v1/stream';
+const RETRY_FIRST_MS = 1_000;
+const RETRY_MAX_MS = 15_000;
+
+export type StreamState = 'connecting' | 'live' | 'lost';
+
+/** What listens to the stream. `open` comes at every opening: what was missed must be read anew. */
+export interface StreamListener {
+  open(): void;
+  message(name: string, data: unknown): void;
+}
+
+export class LiveStream {
+  state = $state<StreamState>('connecting');
+  #listener: StreamListener;
+  #names: readonly string[];
+  #source: EventSource | undefined;
+  #retry: ReturnType<typeof setTimeout> | undefined;
+  #wait_ms = RETRY_FIRST_MS;
+
+  constructor(names: readonly string[], listener: StreamListener) {
+    this.#names = names;
+    this.#listener = listener;
+  }
+
+  /** Opens the stream and keeps it open while the page is seen; returns how to end it. */
+  run(): () => void {
+    const onVisible = () => {
+      if (document.hidden) this.#close();
+      else if (!this.#source) this.#open();
+    };
+    document.addEventListener('visibilitychange', onVisible);
+    onVisible();
+    return () => {
+      document.removeEventListener('visibilitychange', onVisible);
+      this.#close();
+    };
+  }
+
+  #open(): void {
+    clearTimeout(this.#retry);
+    const source = new EventSource(PATH);
+    this.#source = source;
+    source.onopen = () => {
+      this.state = 'live';
+      this.#wait_ms = RETRY_FIRST_MS;
+      this.#listener.open();
+    };
+    source.onerror = () => {
+      this.state = 'lost';
+      if (source.readyState !== EventSource.CLOSED) return;
+      this.#close();
+      this.#retry = setTimeout(() => this.#open(), this.#wait_ms);
+      this.#wait_ms = Math.min(this.#wait_ms * 2, RETRY_MAX_MS);
+    };
+    for (const name of this.#names) {
+      source.addEventListener(name, (event: MessageEvent<string>) => {
+        this.#listener.message(name, JSON.parse(event.data));
+      });
+    }
+  }
+
+  #close(): void {
+    clearTimeout(this.#retry);
+    this.#source?.close();
+    this.#source = undefined;
+  }
+}

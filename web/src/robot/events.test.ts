@@ -1,0 +1,34 @@
+import { describe, expect, it } from 'vitest';
+import type { RobotEvent } from '../api/types';
+import { eventFace, eventMarks, eventText } from './events';
+
+const event: RobotEvent = {
+  id: 1,
+  robot: 'tugger_01',
+  kind: 'calibration_changed',
+  time: '2026-11-21T13:00:00Z',
+  source: 'estimator',
+  author: null,
+  note: null,
+  details: { cause: 'lidar_mount', change: { lidar_yaw: Math.PI / 180, lidar_x: -0.03 } },
+};
+
+describe('an event', () => {
+  it('says what moved, how far and in which unit', () => {
+    expect(eventText(event)).toBe(
+      'The LiDAR moved on the vehicle. LiDAR yaw by 1.000°, LiDAR x by \u221230.0\u00a0mm.',
+    );
+  });
+
+  it('keeps the words of a person', () => {
+    expect(eventText({ ...event, details: null, note: 'New bracket' })).toBe('New bracket');
+  });
+
+  it('is shown by its kind when this page does not know it', () => {
+    expect(eventFace('moved_house').word).toBe('moved house');
+  });
+
+  it('marks its time on the charts', () => {
+    expect(eventMarks([event])).toEqual([{ t_s: Date.parse(event.time) / 1000, tone: 'bad' }]);
+  });
+});

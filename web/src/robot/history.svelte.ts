@@ -1,0 +1,137 @@
+/** One robot's history on its page: read for the window that is shown, then kept up live. */
+
+import { get, Refusal } from '../api/client';
+import type { Estimate, HistoryAnswer, ParameterName, RobotEvent } from '../api/types';
+import { now } from '../ui/time.svelte';
+import { CALIBRATED } from '../units/parameters';
+import { allSeries, append, EMPTY, type Series } from './series';
+import { extent, LIVE_MAX_S, type Window } from './window';
+
+/** Points asked for: an hour of seconds, and more than a wide screen has pixels for a chart. */
+const POINTS_MAX = 3600;
+/** A range too long to follow live is read again this often. */
+const REREAD_EVERY_MS = 60_000;
+const EVENTS_MAX = 100;
+
+export class History {
+  readonly id: string;
+  /** Moves whenever `series` has changed, which is altered in place. */
+  changes = $state(0);
+  resolution_s = $state(1);
+  loaded = $state<'loading' | 'ready' | 'failed'>('loading');
+  problem = $state('');
+  events = $state.raw<RobotEvent[]>([]);
+  /** The time under the cursor of all charts, s since 1970. */
+  cursor_s = $state<number | null>(null);
+  #series = new Map<ParameterName, Series>();
+  #window: Window;
+  #reading: AbortController | undefined;
+  #last_s: number | undefined;
+
+  constructor(id: string, window: Window) {
+    this.id = id;
+    this.#window = window;
+  }
+
+  /** One parameter of it. */
+  series(name: ParameterName): Series {
+    void this.changes;
+    return this.#series.get(name) ?? EMPTY;
+  }
+
+  /** The stretch of time that the charts show. */
+  extent(): [from_s: number, to_s: number] {
+    const t_s = this.series('steering_offset').t_s;
+    return extent(this.#window, this.#end_s(), t_s[0]);
+  }
+
+  /** Shows another window. */
+  show(window: Window): void {
+    this.#window = window;
+    this.cursor_s = null;
+    void this.load();
+  }
+
+  /** Reads what the window holds. */
+  async load(): Promise<void> {
+    this.#reading?.abort();
+    const reading = new AbortController();
+    this.#reading = reading;
+    const [from_s, to_s] = extent(this.#window, this.#end_s(), undefined);
+    const query = new URLSearchParams({
+      from: new Date(from_s * 1000).toISOString(),
+      to: new Date(to_s * 1000 + 1000).toISOString(),
+      max_points: String(POINTS_MAX),
+    });
+    for (const name of CALIBRATED) query.append('parameter', name);
+    try {
+      const path = `/robots/${encodeURIComponent(this.id)}/history?${query}`;
+      const { body } = await get<HistoryAnswer>(path, reading.signal);
+      this.#series = allSeries(body, CALIBRATED);
+      this.resolution_s = body.resolution_s;
+      this.loaded = 'ready';
+      this.changes++;
+    } catch (error) {
+      if (reading.signal.aborted) return;
+      this.problem = error instanceof Refusal ? error.message : String(error);
+      this.loaded = 'failed';
+    }
+  }
+
+  /** Reads what happened to the robot. */
+  async loadEvents(): Promise<void> {
+    try {
+      const path = `/robots/${encodeURIComponent(this.id)}/events?limit=${EVENTS_MAX}`;
+      this.events = (await get<{ items: RobotEvent[] }>(path)).body.items;
+    } catch {
+      // The list stays as it is; the bar over the page says that the service is away.
+    }
+  }
+
+  /** Reads everything, and again now and then; returns how to stop. */
+  run(): () => void {
+    void this.load();
+    void this.loadEvents();
+    const timer = setInterval(() => {
+      if (!this.#follows()) void this.load();
+    }, REREAD_EVERY_MS);
+    return () => {
+      clearInterval(timer);
+      this.#reading?.abort();
+    };
+  }
+
+  /** Takes an estimate that has just come. */
+  take(estimate: Estimate): void {
+    if (estimate.robot !== this.id || !this.#follows() || this.loaded !== 'ready') return;
+    const t_s = Math.floor(estimate.stamp_ns / 1e9);
+    this.#last_s = t_s;
+    const last_s = this.#series.get('steering_offset')?.t_s.at(-1);
+    if (last_s !== undefined && t_s - last_s < this.resolution_s) return;
+    const [oldest_s] = extent(this.#window, t_s, undefined);
+    for (const name of CALIBRATED) {
+      const series = this.#series.get(name);
+      const { status } = estimate.parameters[name];
+      if (series && status !== 'fixed' && status !== 'off')
+        append(series, t_s, estimate.parameters[name], oldest_s);
+    }
+    this.changes++;
+  }
+
+  /** Where a range ends: now, or the robot's own last stamp where its clock is another one. */
+  #end_s(): number {
+    const now_s = now.current() / 1000;
+    if (this.#last_s === undefined) return now_s;
+    const length_s = this.#window.kind === 'range' ? this.#window.range.length_s : 0;
+    return Math.abs(now_s - this.#last_s) > length_s ? this.#last_s : now_s;
+  }
+
+  /** Tells where the robot's own clock is, before its history is read. */
+  set last_s(t_s: number) {
+    this.#last_s = t_s;
+  }
+
+  #follows(): boolean {
+    return this.#window.kind === 'range' && this.#window.range.length_s <= LIVE_MAX_S;
+  }
+}

@@ -1,0 +1,181 @@
+/** How one parameter is drawn over time. Sizes, colours and marks; what is drawn comes as columns. */
+
+import uPlot from 'uplot';
+import { colour } from '../ui/theme.svelte';
+import { fixed } from '../units/format';
+import type { Columns } from './series';
+
+const AXIS_WIDTH = 58;
+const FONT = '11.5px "Inter Variable", system-ui, sans-serif';
+const MARK_SIZE = 4.5;
+const DAY_S = 86_400;
+
+/** A mark of something that happened. */
+export interface EventMark {
+  t_s: number;
+  tone: 'bad' | 'warn' | 'quiet';
+}
+
+/** What a chart asks of its page. */
+export interface PlotHost {
+  /** Lowest and highest value now. */
+  values(): [number, number];
+  marks(): readonly EventMark[];
+  /** The cursor moved to a time, or left. */
+  cursor(t_s: number | null): void;
+  /** A stretch of time was cut out with the mouse. */
+  cut(from_s: number, to_s: number): void;
+}
+
+const two = (value: number) => String(value).padStart(2, '0');
+
+/** Labels of a time axis: as fine as its steps are. */
+function timeLabels(splits: number[], step_s: number): string[] {
+  return splits.map((split) => {
+    const date = new Date(split * 1000);
+    const day = `${date.getDate()} ${date.toLocaleString('en-GB', { month: 'short' })}`;
+    if (step_s >= 300 * DAY_S) return String(date.getFullYear());
+    if (step_s >= DAY_S) return day;
+    const minute = `${two(date.getHours())}:${two(date.getMinutes())}`;
+    if (step_s >= 60) return minute === '00:00' ? day : minute;
+    return `${minute}:${two(date.getSeconds())}`;
+  });
+}
+
+/** Labels of a value axis: as many decimals as its steps need. */
+function valueLabels(splits: number[], step: number): string[] {
+  let decimals = 0;
+  while (decimals < 6 && Math.abs(step - Number(step.toFixed(decimals))) > step * 1e-6) decimals++;
+  return splits.map((split) => fixed(split, decimals));
+}
+
+/** Marks over the plot: a dashed line, and a shape at its top that tells them apart. */
+function drawMarks(
+  plot: uPlot,
+  marks: readonly EventMark[],
+  colours: Record<string, string>,
+): void {
+  const { ctx, bbox } = plot;
+  const ratio = devicePixelRatio;
+  ctx.save();
+  for (const { t_s, tone } of marks) {
+    const x = plot.valToPos(t_s, 'x', true);
+    if (x < bbox.left || x > bbox.left + bbox.width) continue;
+    ctx.strokeStyle = ctx.fillStyle = colours[tone] ?? '';
+    ctx.lineWidth = ratio;
+    ctx.setLineDash([3 * ratio, 3 * ratio]);
+    ctx.beginPath();
+    ctx.moveTo(x, bbox.top);
+    ctx.lineTo(x, bbox.top + bbox.height);
+    ctx.stroke();
+    ctx.setLineDash([]);
+    drawShape(ctx, tone, x, bbox.top, MARK_SIZE * ratio);
+  }
+  ctx.restore();
+}
+
+function drawShape(
+  ctx: CanvasRenderingContext2D,
+  tone: EventMark['tone'],
+  x: number,
+  y: number,
+  size: number,
+): void {
+  ctx.beginPath();
+  if (tone === 'bad') {
+    ctx.moveTo(x, y - size);
+    ctx.lineTo(x + size, y);
+    ctx.lineTo(x, y + size);
+    ctx.lineTo(x - size, y);
+    ctx.closePath();
+  } else if (tone === 'warn') {
+    ctx.rect(x - size * 0.8, y - size * 0.8, size * 1.6, size * 1.6);
+  } else {
+    ctx.arc(x, y, size * 0.7, 0, 2 * Math.PI);
+  }
+  ctx.fill();
+}
+
+/** The same colour, more or less transparent. */
+function faded(rgb: string, alpha: number): string {
+  return rgb.replace(/^rgb\((.*)\)$/, `rgba($1, ${alpha})`);
+}
+
+/** Draws `columns` into `element`. Colours are those of the moment: a new theme needs a new plot. */
+export function plot(
+  element: HTMLElement,
+  size: { width: number; height: number },
+  columns: Columns,
+  host: PlotHost,
+): uPlot {
+  const accent = colour('--accent');
+  const colours = { bad: colour('--bad'), warn: colour('--warn'), quiet: colour('--ink-faint') };
+  const axis: uPlot.Axis = {
+    stroke: colours.quiet,
+    font: FONT,
+    grid: { stroke: colour('--line'), width: 1 },
+    ticks: { show: false },
+    gap: 6,
+  };
+  const hidden: uPlot.Series = { width: 0, points: { show: false } };
+  const options: uPlot.Options = {
+    ...size,
+    padding: [8, 14, 0, 0],
+    legend: { show: false },
+    scales: { x: { time: true }, y: { range: () => host.values() } },
+    axes: [
+      {
+        ...axis,
+        size: 26,
+        space: 74,
+        values: (_, splits, __, ___, step) => timeLabels(splits, step),
+      },
+      {
+        ...axis,
+        size: AXIS_WIDTH,
+        space: 36,
+        values: (_, splits, __, ___, step) => valueLabels(splits, step),
+      },
+    ],
+    series: [
+      {},
+      { ...hidden },
+      { ...hidden },
+      { ...hidden },
+      { ...hidden },
+      { stroke: accent, width: 1.75, points: { show: false } },
+    ],
+    bands: [
+      { series: [1, 2], fill: faded(accent, 0.16) },
+      { series: [3, 4], fill: faded(accent, 0.32) },
+    ],
+    cursor: {
+      y: false,
+      sync: { key: 'robot' },
+      points: { show: (_, series) => (series === 5 ? cursorPoint(accent) : (undefined as never)) },
+      drag: { x: true, y: false, setScale: false },
+    },
+    hooks: {
+      draw: [(u) => drawMarks(u, host.marks(), colours)],
+      setCursor: [
+        (u) => host.cursor(u.cursor.idx == null ? null : (u.data[0][u.cursor.idx] ?? null)),
+      ],
+      setSelect: [
+        (u) => {
+          const { left, width } = u.select;
+          if (width < 4) return;
+          host.cut(u.posToVal(left, 'x'), u.posToVal(left + width, 'x'));
+          u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+        },
+      ],
+    },
+  };
+  return new uPlot(options, columns as uPlot.AlignedData, element);
+}
+
+function cursorPoint(stroke: string): HTMLElement {
+  const point = document.createElement('div');
+  point.className = 'cursor-point';
+  point.style.borderColor = stroke;
+  return point;
+}

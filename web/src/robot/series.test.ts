@@ -1,0 +1,117 @@
+import { describe, expect, it } from 'vitest';
+import { append, axisRange, columns, csv, nearest, type Series, seriesOf } from './series';
+
+function series(times: number[], means: number[], sigma = 0.001): Series {
+  return {
+    t_s: [...times],
+    mean: [...means],
+    min: [...means],
+    max: [...means],
+    sigma: means.map(() => sigma),
+    status: means.map(() => 'learning' as const),
+  };
+}
+
+describe('columns of a chart', () => {
+  it('are in shown units, with two sigmas to each side', () => {
+    const [t, top, bottom, high, low, mean] = columns(series([1, 2], [0.1, 0.2]), 'lidar_x', 1);
+    expect(t).toEqual([1, 2]);
+    expect(mean).toEqual([100, 200]);
+    expect(top[0]).toBeCloseTo(102);
+    expect(bottom[0]).toBeCloseTo(98);
+    expect([high, low]).toEqual([
+      [100, 200],
+      [100, 200],
+    ]);
+  });
+
+  it('break where data are missing, and only there', () => {
+    const gap = columns(series([1, 2, 12, 13], [1, 1, 1, 1]), 'lidar_x', 1);
+    expect(gap[0]).toEqual([1, 2, 4, 12, 13]);
+    expect(gap[5]).toEqual([1000, 1000, null, 1000, 1000]);
+    expect(columns(series([0, 60, 120], [1, 1, 1]), 'lidar_x', 60)[0]).toHaveLength(3);
+  });
+});
+
+describe('the axis', () => {
+  it('covers every value, but not a band of metres', () => {
+    const data = columns(series([0, 1, 2], [0, 0.4, 0.434], 0.0005), 'lidar_x', 1);
+    data[1][0] = 5000;
+    const [low, high] = axisRange(data, 4, 'all');
+    expect(low).toBeLessThan(0);
+    expect(high).toBeGreaterThan(434);
+    expect(high).toBeLessThan(600);
+  });
+
+  it('looks at the latest values when asked', () => {
+    const means = Array.from({ length: 100 }, (_, i) => (i < 50 ? 0 : 0.434));
+    const data = columns(
+      series(
+        means.map((_, i) => i),
+        means,
+        0.0005,
+      ),
+      'lidar_x',
+      1,
+    );
+    const [low, high] = axisRange(data, 4, 'latest');
+    expect(low).toBeGreaterThan(430);
+    expect(high).toBeLessThan(438);
+  });
+
+  it('never magnifies noise beyond its smallest span, and stands without data', () => {
+    const [low, high] = axisRange(columns(series([0, 1], [1, 1], 0), 'lidar_x', 1), 4, 'all');
+    expect(high - low).toBeCloseTo(4);
+    expect(axisRange([[], [], [], [], [], []], 4, 'all')).toEqual([-2, 2]);
+  });
+});
+
+describe('live points', () => {
+  it('push out what is older than the window', () => {
+    const kept = series([1, 2, 3], [1, 2, 3]);
+    append(kept, 4, { value: 4, sigma: 0.1, status: 'converged' }, 3);
+    expect(kept.t_s).toEqual([3, 4]);
+    expect(kept.mean).toEqual([3, 4]);
+    expect(kept.status.at(-1)).toBe('converged');
+  });
+});
+
+describe('a CSV file', () => {
+  it('has SI units in its head and all digits in its rows', () => {
+    const text = csv(series([0], [0.1 + 0.2]), 'steering_offset');
+    const [head, row] = text.split('\r\n');
+    expect(head).toBe(
+      'time_utc,steering_offset_rad,steering_offset_sigma_rad,steering_offset_min_rad,steering_offset_max_rad,status',
+    );
+    expect(row).toBe(
+      '1970-01-01T00:00:00.000Z,0.30000000000000004,0.001,0.30000000000000004,0.30000000000000004,learning',
+    );
+  });
+});
+
+describe('the cursor', () => {
+  it('finds the nearest point', () => {
+    expect(nearest([], 3)).toBeNull();
+    expect(nearest([1, 2, 10], 0)).toBe(0);
+    expect(nearest([1, 2, 10], 5)).toBe(1);
+    expect(nearest([1, 2, 10], 7)).toBe(2);
+    expect(nearest([1, 2, 10], 99)).toBe(2);
+  });
+});
+
+describe('an answer of the service', () => {
+  it('becomes columns', () => {
+    const made = seriesOf([
+      {
+        time: '2026-11-21T13:00:00Z',
+        mean: 1,
+        min: 0,
+        max: 2,
+        sigma: 0.1,
+        status: 'converged',
+      },
+    ]);
+    expect(made.t_s).toEqual([Date.UTC(2026, 10, 21, 13) / 1000]);
+    expect(made.max).toEqual([2]);
+  });
+});

@@ -1,0 +1,142 @@
+/** A stretch of history as the charts, the tables and the CSV files take it. */
+
+import type { HistoryAnswer, HistoryPoint, ParameterName, ParameterStatus } from '../api/types';
+import { SHOWN } from '../units/parameters';
+
+/** One parameter over time, SI units and radians; the arrays are equally long. */
+export interface Series {
+  t_s: number[];
+  mean: number[];
+  min: number[];
+  max: number[];
+  sigma: number[];
+  status: ParameterStatus[];
+}
+
+export const EMPTY: Series = { t_s: [], mean: [], min: [], max: [], sigma: [], status: [] };
+
+/** A series of what the service answered. */
+export function seriesOf(points: readonly HistoryPoint[]): Series {
+  return {
+    t_s: points.map(({ time }) => Date.parse(time) / 1000),
+    mean: points.map(({ mean }) => mean),
+    min: points.map(({ min }) => min),
+    max: points.map(({ max }) => max),
+    sigma: points.map(({ sigma }) => sigma),
+    status: points.map(({ status }) => status),
+  };
+}
+
+/** Adds what has just come, and lets go what is older than `oldest_s`. */
+export function append(
+  series: Series,
+  t_s: number,
+  point: { value: number; sigma: number; status: ParameterStatus },
+  oldest_s: number,
+): void {
+  series.t_s.push(t_s);
+  series.mean.push(point.value);
+  series.min.push(point.value);
+  series.max.push(point.value);
+  series.sigma.push(point.sigma);
+  series.status.push(point.status);
+  const keep = series.t_s.findIndex((t) => t >= oldest_s);
+  if (keep > 0) for (const column of Object.values(series)) column.splice(0, keep);
+}
+
+/** How many sigmas the band reaches to each side. */
+export const BAND_SIGMAS = 2;
+/** A stretch without data is a gap when it is longer than this many steps, and than this time. */
+const GAP_STEPS = 3;
+const GAP_MIN_S = 4;
+
+type Column = (number | null)[];
+
+/** Columns for a chart, in shown units: time, band's top and bottom, highest, lowest, value. */
+export type Columns = [number[], Column, Column, Column, Column, Column];
+
+/** What a chart draws; where data are missing stands a row of nulls, which it shows as a gap. */
+export function columns(series: Series, name: ParameterName, resolution_s: number): Columns {
+  const { factor } = SHOWN[name];
+  const gap_s = Math.max(GAP_MIN_S, GAP_STEPS * resolution_s);
+  const out: Columns = [[], [], [], [], [], []];
+  let before_s = Number.POSITIVE_INFINITY;
+  series.t_s.forEach((t_s, i) => {
+    if (t_s - before_s > gap_s) push(out, [before_s + gap_s / 2, null, null, null, null, null]);
+    before_s = t_s;
+    const mean = (series.mean[i] ?? Number.NaN) * factor;
+    const band = (series.sigma[i] ?? Number.NaN) * factor * BAND_SIGMAS;
+    const high = (series.max[i] ?? Number.NaN) * factor;
+    const low = (series.min[i] ?? Number.NaN) * factor;
+    push(out, [t_s, mean + band, mean - band, high, low, mean]);
+  });
+  return out;
+}
+
+function push(out: Columns, row: [number, ...(number | null)[]]): void {
+  out.forEach((column, i) => (column as Column).push(row[i] ?? null));
+}
+
+/** Which values a chart's axis covers: all of them, or the last ones so that little moves show. */
+export type Focus = 'all' | 'latest';
+
+/** The share of the points that `latest` looks at. */
+const LATEST_SHARE = 0.2;
+
+/** Lowest and highest value of the axis, in the shown unit. The band may run out of it. */
+export function axisRange(columns: Columns, smallestSpan: number, focus: Focus): [number, number] {
+  const [, top, bottom, high, low, mean] = columns;
+  const begin = focus === 'all' ? 0 : Math.floor(mean.length * (1 - LATEST_SHARE));
+  let least = Number.POSITIVE_INFINITY;
+  let most = Number.NEGATIVE_INFINITY;
+  for (let i = begin; i < mean.length; i++) {
+    least = Math.min(least, low[i] ?? least);
+    most = Math.max(most, high[i] ?? most);
+  }
+  least = Math.min(least, bottom.at(-1) ?? least);
+  most = Math.max(most, top.at(-1) ?? most);
+  if (!(least <= most)) return [-smallestSpan / 2, smallestSpan / 2];
+  const span = Math.max((most - least) * 1.16, smallestSpan);
+  const middle = (least + most) / 2;
+  return [middle - span / 2, middle + span / 2];
+}
+
+/** A CSV file of a series: SI units and radians, all digits, UTC. */
+export function csv(series: Series, name: ParameterName): string {
+  const { wireUnit } = SHOWN[name];
+  const column = (what: string) => `${name}${what}_${wireUnit}`;
+  const head = ['time_utc', column(''), column('_sigma'), column('_min'), column('_max'), 'status'];
+  const rows = series.t_s.map((t_s, i) =>
+    [
+      new Date(t_s * 1000).toISOString(),
+      series.mean[i],
+      series.sigma[i],
+      series.min[i],
+      series.max[i],
+      series.status[i],
+    ].join(','),
+  );
+  return [head.join(','), ...rows, ''].join('\r\n');
+}
+
+/** Every parameter of an answer as a series. */
+export function allSeries(
+  answer: HistoryAnswer,
+  names: readonly ParameterName[],
+): Map<ParameterName, Series> {
+  return new Map(names.map((name) => [name, seriesOf(answer.parameters[name] ?? [])]));
+}
+
+/** The number of the point nearest to a time; null when there is none. */
+export function nearest(times_s: readonly number[], t_s: number): number | null {
+  if (times_s.length === 0) return null;
+  let low = 0;
+  let high = times_s.length - 1;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if ((times_s[middle] ?? 0) < t_s) low = middle + 1;
+    else high = middle;
+  }
+  const before = times_s[low - 1];
+  return before !== undefined && t_s - before < (times_s[low] ?? 0) - t_s ? low - 1 : low;
+}

@@ -1,0 +1,23 @@
+import { describe, expect, it } from 'vitest';
+import { robotPath, route, withQuery } from './routes.svelte';
+
+describe('routes', () => {
+  it('find the page of an address', () => {
+    expect(route('/')).toEqual({ page: 'fleet' });
+    expect(route('/robots/tugger_01')).toEqual({ page: 'robot', id: 'tugger_01' });
+    expect(route('/robots/a/b')).toMatchObject({ page: 'missing' });
+    expect(route('/robots/%E0%A4%A')).toMatchObject({ page: 'missing' });
+  });
+
+  it('take any name there and back', () => {
+    for (const id of ['tugger_01', '<script>', 'a/b?c#d', '%41', 'Gabelstapler ä']) {
+      expect(route(robotPath(id))).toEqual({ page: 'robot', id });
+    }
+  });
+
+  it('change one query parameter and keep the others', () => {
+    const url = new URL('http://localhost/?state=learning&q=a');
+    expect(withQuery(url, { state: null })).toBe('/?q=a');
+    expect(withQuery(url, { q: '', state: 'changed' })).toBe('/?state=changed');
+  });
+});

@@ -1,0 +1,101 @@
+/** Numbers and times as people read them. The wire has SI units and radians. */
+
+import type { ParameterName } from '../api/types';
+import { SHOWN } from './parameters';
+
+const MINUS = '\u2212';
+
+/** `value` with a fixed number of decimals, a true minus sign, and never a negative zero. */
+export function fixed(value: number, decimals: number): string {
+  if (!Number.isFinite(value)) return 'not known';
+  const text = Math.abs(value).toFixed(decimals);
+  return value < 0 && Number(text) !== 0 ? MINUS + text : text;
+}
+
+/** As {@link fixed}, with a plus sign for what is above zero, so that signs line up. */
+export function signed(value: number, decimals: number): string {
+  const text = fixed(value, decimals);
+  return value > 0 && Number(text) !== 0 ? `+${text}` : text;
+}
+
+/** A parameter's value in its shown unit, without the unit. */
+export function formatValue(name: ParameterName, value: number): string {
+  const { factor, decimals, unit } = SHOWN[name];
+  return unit === '' || name === 'wheelbase'
+    ? fixed(value * factor, decimals)
+    : signed(value * factor, decimals);
+}
+
+/** A sigma in its shown unit; a large one loses its decimals, which would say nothing. */
+export function formatSigma(name: ParameterName, sigma: number): string {
+  const { factor, decimals } = SHOWN[name];
+  const shown = sigma * factor;
+  if (shown >= 10_000) return '> 9999';
+  if (shown >= 1000) return shown.toFixed(0);
+  return fixed(shown, shown >= 10 ? Math.min(decimals, 1) : decimals);
+}
+
+/** The unit as it follows a number: a space before all but the degree sign. */
+export function unitAfter(name: ParameterName): string {
+  const { unit } = SHOWN[name];
+  return unit === '°' || unit === '' ? unit : `\u00a0${unit}`;
+}
+
+/** `+1.234 ± 0.012°`: a value that can stand alone in a sentence. */
+export function formatEstimate(name: ParameterName, value: number, sigma: number): string {
+  return `${formatValue(name, value)} ± ${formatSigma(name, sigma)}${unitAfter(name)}`;
+}
+
+/** `12,345`: a count. */
+export function formatCount(count: number): string {
+  return count.toLocaleString('en-GB').replaceAll(',', '\u202f');
+}
+
+/** `84 m` or `1.24 km`. */
+export function formatDistance(metres: number): string {
+  return metres < 1000 ? `${metres.toFixed(0)} m` : `${(metres / 1000).toFixed(2)} km`;
+}
+
+/** How long ago, in the largest unit that says something. Below `fresh_ms` it is simply `now`. */
+export function formatAge(age_ms: number, fresh_ms = 3000): string {
+  if (age_ms < fresh_ms) return 'now';
+  const seconds = Math.floor(age_ms / 1000);
+  if (seconds < 90) return `${seconds} s ago`;
+  const minutes = Math.floor(seconds / 60);
+  if (minutes < 90) return `${minutes} min ago`;
+  const hours = Math.floor(minutes / 60);
+  if (hours < 48) return `${hours} h ago`;
+  return `${Math.floor(hours / 24)} d ago`;
+}
+
+const clock = new Intl.DateTimeFormat('en-GB', {
+  hour: '2-digit',
+  minute: '2-digit',
+  second: '2-digit',
+  timeZoneName: 'short',
+});
+
+const dated = new Intl.DateTimeFormat('en-GB', {
+  year: 'numeric',
+  month: 'short',
+  day: '2-digit',
+  hour: '2-digit',
+  minute: '2-digit',
+  second: '2-digit',
+  timeZoneName: 'short',
+});
+
+/** `14:03:22 CET`: a time of today. */
+export function formatClock(time_ms: number): string {
+  return clock.format(time_ms);
+}
+
+/** `21 Nov 2026, 14:03:22 CET`: any time. */
+export function formatTime(time_ms: number): string {
+  return dated.format(time_ms);
+}
+
+/** The reader's time zone, by name. */
+export function zoneName(): string {
+  return Intl.DateTimeFormat().resolvedOptions().timeZone;
+}
