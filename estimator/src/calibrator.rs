@@ -403,7 +403,7 @@ impl Calibrator {
             return;
         };
         let prior = with_nominal(config, guess);
-        let filter = Filter::new(*vehicle, config.settings.motion_noise, &prior);
+        let filter = Filter::new(*vehicle, &config.settings, &prior);
         self.follower = Some(Follower::new(filter));
         for reading in std::mem::take(&mut self.readings) {
             self.follow(

@@ -19,6 +19,7 @@ use serde::{Deserialize, Serialize};
 use crate::drive_history::DriveSegment;
 use crate::estimate::Parameter;
 use crate::geometry::Pose2;
+use crate::settings::{EstimatorSettings, Measurement};
 use crate::stream::Stamp;
 use crate::vehicle::{Drive, DriveParameters, Vehicle};
 use noise::MotionNoise;
@@ -93,10 +94,48 @@ const NIS_EXCESS_MAX: f64 = 10.0;
 /// Largest noise scale: thirty times the configured standard deviation.
 const NOISE_SCALE_MAX: f64 = 900.0;
 
+/// Which filter this is.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Form {
+    /// Exact arcs, an anchor that moves along and whose own error is a state, learnt noise.
+    Clone,
+    /// The paper's: Euler steps, the first pose as anchor for ever and taken as exact, and one
+    /// constant covariance of the LiDAR's motion, its diagonal given here.
+    Anchored {
+        /// The paper's `R_k`: variances of x, y (m^2) and yaw (rad^2).
+        variances: Vector3<f64>,
+    },
+}
+
+impl Form {
+    /// The form that the settings ask for.
+    pub fn of(settings: &EstimatorSettings) -> Self {
+        match settings.measurement {
+            Measurement::Clone => Self::Clone,
+            Measurement::Anchored => {
+                let (m, rad) = (settings.pose_sigma_m, settings.pose_sigma_rad);
+                Self::Anchored {
+                    variances: Vector3::new(m * m, m * m, rad * rad),
+                }
+            }
+        }
+    }
+
+    /// The covariance a reading is taken with.
+    fn covariance(&self, reading: &OdometryReading) -> Matrix3<f64> {
+        match self {
+            Self::Clone => reading.covariance,
+            Self::Anchored { variances } => Matrix3::from_diagonal(variances),
+        }
+    }
+}
+
 /// The filter of one robot.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Filter {
     vehicle: Vehicle,
+    form: Form,
     noise: MotionNoise,
     values: Values,
     covariance: Covariance,
@@ -117,14 +156,15 @@ pub struct Filter {
 
 impl Filter {
     /// A filter that starts from a prior.
-    pub fn new(vehicle: Vehicle, noise: MotionNoise, prior: &Prior) -> Self {
+    pub fn new(vehicle: Vehicle, settings: &EstimatorSettings, prior: &Prior) -> Self {
         let mut covariance = Covariance::zeros();
         covariance
             .fixed_view_mut::<PARAMETERS, PARAMETERS>(CALIBRATION, CALIBRATION)
             .copy_from(&prior.covariance);
         Self {
             vehicle,
-            noise,
+            form: Form::of(settings),
+            noise: settings.motion_noise,
             values: prior.values,
             covariance,
             held: prior.held,
@@ -219,9 +259,11 @@ impl Filter {
         covariance
             .fixed_view_mut::<PARAMETERS, PARAMETERS>(CALIBRATION, CALIBRATION)
             .copy_from(&self.parameter_covariance());
-        covariance
-            .fixed_view_mut::<3, 3>(ANCHOR, ANCHOR)
-            .copy_from(&(reading.covariance * self.noise_scale));
+        if self.form == Form::Clone {
+            covariance
+                .fixed_view_mut::<3, 3>(ANCHOR, ANCHOR)
+                .copy_from(&(reading.covariance * self.noise_scale));
+        }
         self.covariance = covariance;
     }
 
@@ -243,11 +285,13 @@ impl Filter {
         let (residual, jacobian) = self.innovation(reading)?;
         let cross = self.covariance * jacobian.transpose();
         let predicted = jacobian * cross;
-        let mut noise = reading.covariance * self.noise_scale;
+        let mut noise = self.form.covariance(reading) * self.noise_scale;
         let nis = normalised_square(&(predicted + noise), &residual)?;
-        self.learn_noise(nis);
-        if nis > NIS_FULL_WEIGHT_MAX {
-            noise = widened(&noise, &predicted, nis);
+        if self.form == Form::Clone {
+            self.learn_noise(nis);
+            if nis > NIS_FULL_WEIGHT_MAX {
+                noise = widened(&noise, &predicted, nis);
+            }
         }
         let innovation_covariance = predicted + noise;
         // 3. Gain. Held parameters keep their value but not their part in the covariance (Schmidt).
@@ -257,7 +301,8 @@ impl Filter {
             gain.row_mut(CALIBRATION + i).fill(0.0);
         }
         // 5a. The reading's own error, which the new anchor takes over.
-        let fresh = new_anchor.then(|| FreshAnchor::of(&noise, &inverse, &cross, &residual));
+        let fresh = (new_anchor && self.form == Form::Clone)
+            .then(|| FreshAnchor::of(&noise, &inverse, &cross, &residual));
         // 4. Correction.
         self.correct(&(gain * residual));
         let gain_cross = gain * cross.transpose();

@@ -208,9 +208,7 @@ impl FleetHandle {
                 .values()
                 .filter(|robot| robot.config().is_some())
                 .count();
-            let known = robots
-                .get(id)
-                .is_some_and(|robot| robot.config().is_some());
+            let known = robots.get(id).is_some_and(|robot| robot.config().is_some());
             if !known && configured >= limits::ROBOTS_MAX {
                 return Err(FleetRefused::RobotsMax);
             }
