@@ -10,6 +10,8 @@ pub const RANGE_USED_MAX_M: f32 = 60.0;
 const EDGE_STEP_MIN_M: f32 = 0.08;
 /// A surface hit at more than this tangent of incidence counts as an edge (81 degrees).
 const EDGE_TANGENT: f32 = 6.5;
+/// Up to this tangent of incidence the surface between two returns is taken as seen (60 degrees).
+const JOINED_TANGENT: f32 = 1.7;
 /// Returns with more missing beams between them are not neighbours.
 const NEIGHBOUR_GAP_MAX: usize = 4;
 
@@ -24,7 +26,7 @@ pub struct SweepPoints {
     pub tau: Vec<f32>,
     /// One over the range, 1/m.
     pub inverse_range: Vec<f32>,
-    /// Whether the next point lies on the same surface.
+    /// Whether the surface goes on to the next point in the open: both see it well.
     pub joined: Vec<bool>,
 }
 
@@ -112,7 +114,7 @@ impl BeamFilter {
                     let step = (second.range - first.range).abs();
                     let width = second.range.min(first.range) * increment * gap as f32;
                     let is_edge = step > EDGE_STEP_MIN_M + EDGE_TANGENT * width;
-                    first.joined = !is_edge;
+                    first.joined = step < EDGE_STEP_MIN_M + JOINED_TANGENT * width;
                     first.beside_edge |= is_edge;
                     second.beside_edge |= is_edge;
                 }
@@ -126,24 +128,41 @@ impl BeamFilter {
         let middle = 0.5 * (sweep.ranges_m().len() - 1) as f32;
         let time_increment = sweep.shape().time_increment_s as f32;
         let stride = self.returns.len().div_ceil(POINTS_MAX).max(1);
+        let mut is_joined = false;
         for (group, chunk) in self.returns.chunks(stride).enumerate() {
             // Of a group one is taken, which one by a hash: no pattern of the scene can hide in it.
-            let Some(taken) = chunk.get(hash(group as u32) as usize % chunk.len()) else {
-                continue;
-            };
-            if taken.beside_edge {
-                continue;
+            let choice = hash(group as u32) as usize % chunk.len();
+            for (index, taken) in chunk.iter().enumerate() {
+                if index == choice && !taken.beside_edge {
+                    self.emit_return(taken, middle, time_increment, points, is_joined);
+                    is_joined = true;
+                }
+                is_joined &= taken.joined;
             }
-            let beam = taken.beam as usize;
-            let (Some(c), Some(s)) = (self.cos.get(beam), self.sin.get(beam)) else {
-                continue;
-            };
-            points.x.push(taken.range * c);
-            points.y.push(taken.range * s);
-            points.tau.push((beam as f32 - middle) * time_increment);
-            points.inverse_range.push(taken.range.recip());
-            points.joined.push(taken.joined);
         }
+        points.joined.push(false);
+    }
+
+    /// Adds one return; `is_joined` tells whether its surface goes back to the point before it.
+    fn emit_return(
+        &self,
+        taken: &Return,
+        middle: f32,
+        time_increment: f32,
+        points: &mut SweepPoints,
+        is_joined: bool,
+    ) {
+        let beam = taken.beam as usize;
+        let (Some(c), Some(s)) = (self.cos.get(beam), self.sin.get(beam)) else {
+            return;
+        };
+        if points.len() > 0 {
+            points.joined.push(is_joined);
+        }
+        points.x.push(taken.range * c);
+        points.y.push(taken.range * s);
+        points.tau.push((beam as f32 - middle) * time_increment);
+        points.inverse_range.push(taken.range.recip());
     }
 }
 

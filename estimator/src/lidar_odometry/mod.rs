@@ -1,33 +1,30 @@
 //! Planar LiDAR odometry: the LiDAR's pose in its own odometry frame, sweep by sweep.
+//!
+//! The odometry frame is the LiDAR's frame at the first sweep. Nothing here knows of wheels,
+//! steering or where the LiDAR sits on the vehicle.
 
 mod beam_filter;
+mod correlative_search;
+mod covariance;
+mod local_map;
 mod motion;
 mod point_to_line;
 mod submap;
+mod tracking;
 
 use nalgebra::Matrix3;
-use serde::{Deserialize, Serialize};
 
 use crate::geometry::Pose2;
 use crate::stream::{Stamp, Sweep};
 use beam_filter::{BeamFilter, SweepPoints};
+use covariance::OpenDirection;
+use local_map::LocalMap;
 use motion::Motion;
-use point_to_line::{Fit, LocalMotion, linearise};
-use submap::{FreeSpace, LocalOrigin, Submap};
+use point_to_line::{Alignment, LocalMotion};
+use submap::LocalOrigin;
+use tracking::{Fit, Track};
 
-/// Whether the pose can be trusted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Tracking {
-    /// The sweep fits the map.
-    Tracking,
-    /// It fits, but a direction is unconstrained or the fit is poor.
-    Degraded,
-    /// It does not fit: the pose is a guess, and its covariance says so.
-    Lost,
-    /// The first sweep that fits again after a loss.
-    Recovered,
-}
+pub use tracking::Tracking;
 
 /// What LiDAR odometry says of one sweep.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,30 +48,42 @@ pub struct OdometryPose {
 /// Fewest usable returns of a sweep.
 const POINTS_MIN: usize = 20;
 /// Most Gauss-Newton iterations.
-const ITERATIONS_MAX: usize = 6;
+const ITERATIONS_MAX: usize = 8;
 /// The iteration ends when a step is smaller than this, m and rad.
 const STEP_MIN: f64 = 5e-5;
-/// The map is updated when the LiDAR has moved this far, m.
-const UPDATE_DISTANCE_M: f64 = 0.12;
-/// The map is updated when the LiDAR has turned this far, rad.
-const UPDATE_ANGLE_RAD: f64 = 0.06;
-/// The map is updated at the latest after this time, s.
-const UPDATE_PERIOD_S: f64 = 2.0;
-/// So many sweeps after the first all go into the map.
-const UPDATES_AT_START: u32 = 5;
+/// A scanner's range noise before it is measured, m.
+const RANGE_NOISE_AT_START_M: f32 = 0.02;
+/// Range noise is measured on at least so many points.
+const NOISE_POINTS_MIN: f32 = 50.0;
+/// Of the points so many are left out when a fit is judged.
+const ASSESS_STRIDE: usize = 3;
+/// A sweep whose ranges all repeat the last one's was sent twice, when the LiDAR has moved by more
+/// than this, m or rad.
+const REPEATED_MOTION: f64 = 0.01;
 
 /// LiDAR odometry of one robot.
 #[derive(Debug, Clone)]
 pub struct LidarOdometry {
     beam_filter: BeamFilter,
     points: SweepPoints,
-    submap: Submap,
-    free_space: FreeSpace,
+    map: LocalMap,
     motion: Option<Motion>,
     last_stamp: Stamp,
+    last_ranges: Vec<f32>,
+    /// The sweep that began the map, until its distortion is known.
+    first_sweep: Option<(SweepPoints, Stamp, Pose2)>,
     range_noise_m: f32,
-    map_pose: Pose2,
-    map_stamp: Stamp,
+    track: Track,
+}
+
+/// A pose of a sweep, and how it fits there.
+#[derive(Debug, Clone)]
+struct Solution {
+    motion: Motion,
+    fit: Fit,
+    open: Option<OpenDirection>,
+    /// Squared residuals over their variances, and the number of them.
+    chi2: (f32, f32),
 }
 
 impl Default for LidarOdometry {
@@ -82,147 +91,233 @@ impl Default for LidarOdometry {
         Self {
             beam_filter: BeamFilter::default(),
             points: SweepPoints::default(),
-            submap: Submap::default(),
-            free_space: FreeSpace::default(),
+            map: LocalMap::default(),
             motion: None,
             last_stamp: Stamp::default(),
-            range_noise_m: 0.02,
-            map_pose: Pose2::IDENTITY,
-            map_stamp: Stamp::default(),
+            last_ranges: Vec::new(),
+            first_sweep: None,
+            range_noise_m: RANGE_NOISE_AT_START_M,
+            track: Track::default(),
         }
     }
 }
 
 impl LidarOdometry {
-    /// Takes one sweep and says where the LiDAR is; `None` when the sweep has too few returns.
+    /// Takes one sweep and says where the LiDAR is; `None` when the sweep has too few returns, is
+    /// not later than the last one, or repeats it.
     pub fn process(&mut self, sweep: &Sweep) -> Option<OdometryPose> {
+        // 1. Beams to points.
         let stamp = sweep.reference_stamp();
         self.beam_filter.filter(sweep, &mut self.points);
         if self.points.len() < POINTS_MIN {
             return None;
         }
         let Some(last) = self.motion.clone() else {
-            let motion = Motion::starting_at(Pose2::IDENTITY);
-            self.last_stamp = stamp;
-            self.update_map(&motion, stamp);
-            self.motion = Some(motion.clone());
-            return Some(OdometryPose {
-                stamp,
-                lidar_in_odom: motion.pose,
-                covariance: motion.covariance.fixed_view::<3, 3>(0, 0).into_owned(),
-                unconstrained_rad: None,
-                fitness: 1.0,
-                tracking: Tracking::Tracking,
-                map_restarted: true,
-            });
+            return Some(self.begin_map(Pose2::IDENTITY, stamp, Tracking::Tracking));
         };
+
+        // 2. Where the LiDAR should be by its own motion.
         let dt = stamp.seconds_since(self.last_stamp);
-        if dt <= 0.0 {
+        if dt <= 0.0 || self.repeats(sweep, &last, dt) {
             return None;
         }
         self.last_stamp = stamp;
         let predicted = last.predicted(dt);
-        let (motion, fit) = self.align(&predicted)?;
-        self.learn_noise(&fit);
-        if self.update_is_due(&motion, stamp) {
-            self.update_map(&motion, stamp);
+
+        // 3. Alignment from there; where it does not fit, from the best poses of a coarse search.
+        let mut solution = self.align(&predicted)?;
+        if !solution.fit.is_good() {
+            self.search(&mut solution, &predicted, dt);
         }
-        let covariance = motion.covariance.fixed_view::<3, 3>(0, 0).into_owned();
-        let pose = OdometryPose {
+
+        // 4. Is it to be believed?
+        if !solution.fit.is_accepted(self.track.is_lost()) {
+            return Some(self.remain_lost(&predicted, &solution, stamp));
+        }
+        let tracking = self.track.found(&solution.fit, solution.open.is_some());
+
+        // 5. The map learns.
+        if let Some((first, first_stamp, first_pose)) = self.first_sweep.take() {
+            self.redo_first(&first, first_stamp, first_pose, &mut solution);
+        }
+        self.learn_noise(solution.chi2);
+        if self.map.is_due(&solution.motion.pose, stamp) {
+            self.map
+                .update(&self.points, &solution.motion, stamp, self.range_noise_m);
+        }
+
+        // 6. The result.
+        self.motion = Some(solution.motion.clone());
+        Some(OdometryPose {
             stamp,
-            lidar_in_odom: motion.pose,
-            covariance,
-            unconstrained_rad: None,
-            fitness: fit.fitness(),
-            tracking: Tracking::Tracking,
+            lidar_in_odom: solution.motion.pose,
+            covariance: covariance::of_pose(&solution.motion.covariance),
+            unconstrained_rad: solution.open.map(|open| open.angle_rad()),
+            fitness: solution.fit.fitness(),
+            tracking,
             map_restarted: false,
-        };
-        self.motion = Some(motion);
-        Some(pose)
+        })
     }
 
-    fn align(&self, predicted: &Motion) -> Option<(Motion, Fit)> {
-        let information = predicted.information()?;
-        let origin = LocalOrigin::near(predicted.pose.x_m, predicted.pose.y_m);
-        let mut motion = predicted.clone();
-        let mut fit = Fit::default();
-        for iteration in 0..ITERATIONS_MAX {
-            let local = LocalMotion::new(&motion, origin);
-            let stride = if iteration == 0 { 2 } else { 1 };
-            let equations = linearise(
-                &self.points,
-                &self.submap,
-                &local,
-                self.range_noise_m,
-                stride,
-            );
-            let (correction, covariance) = predicted.step(&information, &motion, &equations)?;
-            motion.correct(&correction);
-            motion.covariance = covariance;
-            fit = equations.fit;
-            if iteration > 0 && correction.fixed_rows::<3>(0).amax() < STEP_MIN {
-                break;
-            }
-        }
-        Some((motion, fit))
-    }
-
-    fn learn_noise(&mut self, fit: &Fit) {
-        if fit.on_map < 50.0 {
-            return;
-        }
-        let ratio = (fit.chi2 / fit.on_map).clamp(0.25, 4.0);
-        self.range_noise_m = (self.range_noise_m * ratio.powf(0.05)).clamp(0.003, 0.06);
-    }
-
-    fn update_is_due(&self, motion: &Motion, stamp: Stamp) -> bool {
-        let moved = self.map_pose.between(&motion.pose);
-        self.submap.updates() < UPDATES_AT_START
-            || moved.translation().norm() > UPDATE_DISTANCE_M
-            || moved.yaw_rad.abs() > UPDATE_ANGLE_RAD
-            || stamp.seconds_since(self.map_stamp) > UPDATE_PERIOD_S
-    }
-
-    fn update_map(&mut self, motion: &Motion, stamp: Stamp) {
-        self.map_pose = motion.pose;
-        self.map_stamp = stamp;
-        let origin = LocalOrigin::near(motion.pose.x_m, motion.pose.y_m);
-        let local = LocalMotion::new(motion, origin);
-        let from = local.position();
-        let (centre, _, _) = origin.locate(from.0, from.1);
-        self.submap.begin_update(centre, self.range_noise_m);
-        self.free_space.follow(centre);
-        let positions = self
-            .points
-            .x
-            .iter()
-            .zip(&self.points.y)
-            .zip(&self.points.tau);
-        for (index, ((&px, &py), &tau)) in positions.enumerate() {
-            let (qx, qy) = local.deskew(px, py, tau);
-            let point = local.transform(qx, qy);
-            let (cell, _, _) = origin.locate(point.0, point.1);
-            if index % submap::RAY_STRIDE == 0 {
-                self.free_space.pass(origin, from, point, &mut self.submap);
-            }
-            let is_static = !self.free_space.was_free(cell);
-            self.free_space.hit(cell);
-            if is_static {
-                self.submap.insert(origin, point.0, point.1, 1.0);
-            }
-        }
-        self.submap.end_update();
-    }
-}
-
-impl LidarOdometry {
     /// Bytes held for this robot.
     pub fn memory_bytes(&self) -> usize {
-        self.submap.memory_bytes() + self.free_space.memory_bytes()
+        self.map.memory_bytes()
     }
 
     /// The scanner's range noise as measured so far, m (one sigma).
     pub fn range_noise_m(&self) -> f64 {
         f64::from(self.range_noise_m)
+    }
+
+    /// Begins the map with the present sweep, at `pose`.
+    fn begin_map(&mut self, pose: Pose2, stamp: Stamp, tracking: Tracking) -> OdometryPose {
+        let motion = Motion::starting_at(pose);
+        self.map.clear();
+        self.map
+            .update(&self.points, &motion, stamp, self.range_noise_m);
+        self.first_sweep = Some((self.points.clone(), stamp, pose));
+        self.last_stamp = stamp;
+        self.track = Track::default();
+        self.motion = Some(motion.clone());
+        OdometryPose {
+            stamp,
+            lidar_in_odom: pose,
+            covariance: covariance::of_pose(&motion.covariance),
+            unconstrained_rad: None,
+            fitness: 1.0,
+            tracking,
+            map_restarted: true,
+        }
+    }
+
+    /// Whether the driver sent the last sweep again, under a new stamp. At rest this is no fault.
+    fn repeats(&mut self, sweep: &Sweep, last: &Motion, dt: f64) -> bool {
+        let is_equal = self.last_ranges == sweep.ranges_m();
+        if !is_equal {
+            self.last_ranges.clear();
+            self.last_ranges.extend_from_slice(sweep.ranges_m());
+        }
+        is_equal && (last.velocity * dt).amax() > REPEATED_MOTION
+    }
+
+    /// Gauss-Newton from a prediction: each iteration corrects the sweep with the velocity found
+    /// by the one before.
+    fn align(&self, predicted: &Motion) -> Option<Solution> {
+        let mut information = predicted.information()?;
+        let origin = LocalOrigin::near(predicted.pose.x_m, predicted.pose.y_m);
+        let alignment = self.alignment();
+        let mut motion = predicted.clone();
+        let mut open = None;
+        let mut chi2 = (0.0, 0.0);
+        for iteration in 0..ITERATIONS_MAX {
+            let local = LocalMotion::new(&motion, origin);
+            let stride = if iteration == 0 { 2 } else { 1 };
+            let mut equations = alignment.linearise(&local, stride);
+            if let Some(direction) = covariance::suspect_direction(&equations) {
+                let facing = alignment.information_facing(&local, direction);
+                open = covariance::is_open(facing).then_some(OpenDirection { direction });
+            }
+            if let Some(open) = &open {
+                open.remove_from(&mut equations);
+                information = open.decouple(&predicted.covariance).cholesky()?.inverse();
+            }
+            let (correction, covariance) = predicted.step(&information, &motion, &equations)?;
+            motion.correct(&correction);
+            motion.covariance = covariance;
+            chi2 = (equations.chi2, equations.on_map);
+            if iteration > 0 && correction.fixed_rows::<3>(0).amax() < STEP_MIN {
+                break;
+            }
+        }
+        let local = LocalMotion::new(&motion, origin);
+        let fit = alignment.assess(&local, &self.map.free_space, ASSESS_STRIDE);
+        Some(Solution {
+            motion,
+            fit,
+            open,
+            chi2,
+        })
+    }
+
+    fn alignment(&self) -> Alignment<'_> {
+        Alignment {
+            points: &self.points,
+            submap: &self.map.submap,
+            range_noise_m: self.range_noise_m,
+        }
+    }
+
+    /// Looks for a better pose than `solution` around the prediction.
+    fn search(&self, solution: &mut Solution, predicted: &Motion, dt: f64) {
+        let deskew = LocalMotion::new(predicted, LocalOrigin::near(0.0, 0.0));
+        let poses = correlative_search::search(
+            &self.points,
+            &self.map.submap,
+            predicted.pose,
+            &deskew,
+            self.track.window(dt),
+        );
+        for pose in poses {
+            if let Some(found) = self.align(&Motion::searched(pose))
+                && found.fit.beats(&solution.fit)
+            {
+                *solution = found;
+            }
+        }
+    }
+
+    /// The sweep fits nowhere: stays where it was last sure, says so, and in the end gives the map up.
+    fn remain_lost(
+        &mut self,
+        predicted: &Motion,
+        solution: &Solution,
+        stamp: Stamp,
+    ) -> OdometryPose {
+        let tracking = self.track.lost();
+        if self.track.gives_up() {
+            return self.begin_map(predicted.pose, stamp, Tracking::Recovered);
+        }
+        let motion = predicted.stopped();
+        let pose = OdometryPose {
+            stamp,
+            lidar_in_odom: motion.pose,
+            covariance: covariance::of_pose(&motion.covariance),
+            unconstrained_rad: solution.open.map(|open| open.angle_rad()),
+            fitness: solution.fit.fitness(),
+            tracking,
+            map_restarted: false,
+        };
+        self.motion = Some(motion);
+        pose
+    }
+
+    /// The first sweep went into the map distorted by a motion nobody knew. Now that it is known,
+    /// the map is made again and the second sweep aligned again, twice over.
+    fn redo_first(
+        &mut self,
+        first: &SweepPoints,
+        stamp: Stamp,
+        pose: Pose2,
+        solution: &mut Solution,
+    ) {
+        for _ in 0..2 {
+            let mut motion = Motion::starting_at(pose);
+            motion.velocity = solution.motion.velocity;
+            self.map.clear();
+            self.map.update(first, &motion, stamp, self.range_noise_m);
+            let mut start = Motion::searched(solution.motion.pose);
+            start.velocity = solution.motion.velocity;
+            if let Some(again) = self.align(&start) {
+                *solution = again;
+            }
+        }
+    }
+
+    fn learn_noise(&mut self, (chi2, points): (f32, f32)) {
+        if points < NOISE_POINTS_MIN {
+            return;
+        }
+        let ratio = (chi2 / points).clamp(0.25, 4.0);
+        self.range_noise_m = (self.range_noise_m * ratio.powf(0.05)).clamp(0.003, 0.06);
     }
 }

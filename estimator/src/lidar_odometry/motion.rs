@@ -54,6 +54,27 @@ impl Motion {
         }
     }
 
+    /// At a pose found by search, knowing it only roughly and the velocity not at all.
+    pub fn searched(pose: Pose2) -> Self {
+        let mut motion = Self::starting_at(pose);
+        for (index, sigma) in [0.3, 0.3, 0.1].into_iter().enumerate() {
+            motion.covariance[(index, index)] = sigma * sigma;
+        }
+        motion
+    }
+
+    /// Standing still, and sure of nothing beyond what it was sure of.
+    #[must_use]
+    pub fn stopped(&self) -> Self {
+        let mut stopped = Self::starting_at(self.pose);
+        let pose = self.covariance.fixed_view::<3, 3>(0, 0).into_owned();
+        stopped
+            .covariance
+            .fixed_view_mut::<3, 3>(0, 0)
+            .copy_from(&pose);
+        stopped
+    }
+
     /// The motion `dt` seconds later.
     #[must_use]
     pub fn predicted(&self, dt: f64) -> Self {

@@ -7,11 +7,12 @@
 //! With the normal `m` seen from the LiDAR and `q = exp(tau v) p` the derivative is
 //! `j = (m, m_y q_x - m_x q_y)` for the pose and `tau j` for the velocity.
 
-use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix6, Vector2, Vector3, Vector6};
 
 use super::beam_filter::SweepPoints;
 use super::motion::Motion;
-use super::submap::{LocalOrigin, Submap};
+use super::submap::{FreeSpace, LocalOrigin, Submap};
+use super::tracking::Fit;
 
 /// Beyond this many of its sigmas a residual loses its weight (Geman-McClure).
 const ROBUST_SIGMAS: f32 = 3.0;
@@ -20,29 +21,8 @@ const RESIDUAL_FLOOR_M: f32 = 0.002;
 /// Within this many sigmas a point lies on the map.
 const ON_MAP_SIGMAS: f32 = 4.0;
 
-/// How the points of a sweep fit the map at one pose.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Fit {
-    /// Points used.
-    pub points: f32,
-    /// Points in a cell that has a line.
-    pub matched: f32,
-    /// Points on their line within its noise.
-    pub on_map: f32,
-    /// Sum of the squared residuals of the points on the map over their variances.
-    pub chi2: f32,
-}
-
-impl Fit {
-    /// Share of the points that lie on the map.
-    pub fn fitness(&self) -> f64 {
-        if self.points > 0.0 {
-            f64::from(self.on_map / self.points)
-        } else {
-            0.0
-        }
-    }
-}
+/// A surface whose normal is nearer to a direction than this (cosine of 75°) faces it.
+const FACING_COS: f32 = 0.26;
 
 /// The normal equations of one pass over the points.
 #[derive(Debug, Clone)]
@@ -51,8 +31,10 @@ pub struct NormalEquations {
     pub information: Matrix6<f64>,
     /// Minus the gradient.
     pub gradient: Vector6<f64>,
-    /// How the points fit.
-    pub fit: Fit,
+    /// Points on their line within its noise.
+    pub on_map: f32,
+    /// Sum of their squared residuals over their variances.
+    pub chi2: f32,
 }
 
 /// Sums over points, in the order xx, xy, xt, yy, yt, tt of the pose's information.
@@ -128,51 +110,137 @@ impl LocalMotion {
     }
 }
 
-/// One pass over the points: residuals, weights and the normal equations at `motion`. Of the
-/// points every `stride`-th is used.
-pub fn linearise(
-    points: &SweepPoints,
-    submap: &Submap,
-    motion: &LocalMotion,
-    range_noise_m: f32,
-    stride: usize,
-) -> NormalEquations {
-    let mut sums = Sums::default();
-    let mut fit = Fit::default();
-    let noise2 = range_noise_m * range_noise_m;
-    let positions = points.x.iter().zip(&points.y);
-    let timed = positions.zip(points.tau.iter().zip(&points.inverse_range));
-    for ((&px, &py), (&tau, &inverse_range)) in timed.step_by(stride) {
-        fit.points += 1.0;
+/// A point against the line of its cell.
+#[derive(Debug, Clone, Copy)]
+struct Residual {
+    /// The deskewed point in the LiDAR's frame.
+    q: (f32, f32),
+    /// The line's normal in the LiDAR's frame.
+    m: (f32, f32),
+    /// Distance from the line, m.
+    distance: f32,
+    /// Variance of the distance, m²: of the range, as the line sees it, and of the line.
+    variance: f32,
+}
+
+/// The points of a sweep laid over the map: the one place where residuals come from.
+#[derive(Clone, Copy)]
+pub struct Alignment<'a> {
+    /// The sweep.
+    pub points: &'a SweepPoints,
+    /// The map.
+    pub submap: &'a Submap,
+    /// The scanner's range noise, m.
+    pub range_noise_m: f32,
+}
+
+impl Alignment<'_> {
+    /// The residual of a point, where its cell has a line.
+    #[inline]
+    fn residual(
+        &self,
+        motion: &LocalMotion,
+        (px, py): (f32, f32),
+        tau: f32,
+        inverse_range: f32,
+    ) -> Option<Residual> {
         let (qx, qy) = motion.deskew(px, py, tau);
         let (wx, wy) = motion.transform(qx, qy);
         let (cell, cx, cy) = motion.origin.locate(wx, wy);
-        let line = submap.line(cell);
+        let line = self.submap.line(cell);
         if !line.exists() {
-            continue;
+            return None;
         }
-        fit.matched += 1.0;
-        let residual = line.nx * cx + line.ny * cy - line.d;
         let mx = motion.cos * line.nx + motion.sin * line.ny;
         let my = motion.cos * line.ny - motion.sin * line.nx;
-        let cos_incidence = (mx * qx + my * qy) * inverse_range;
-        let variance = noise2 * cos_incidence * cos_incidence
-            + line.variance
-            + RESIDUAL_FLOOR_M * RESIDUAL_FLOOR_M;
-        let normalised2 = residual * residual / variance;
-        if normalised2 < ON_MAP_SIGMAS * ON_MAP_SIGMAS {
-            fit.on_map += 1.0;
-            fit.chi2 += normalised2;
-        }
-        let robust = 1.0 / (1.0 + normalised2 * (1.0 / (ROBUST_SIGMAS * ROBUST_SIGMAS)));
-        sums.add(
-            [mx, my, my * qx - mx * qy],
-            tau,
-            residual,
-            robust * robust / variance,
-        );
+        let seen_m = (mx * qx + my * qy) * inverse_range * self.range_noise_m;
+        Some(Residual {
+            q: (qx, qy),
+            m: (mx, my),
+            distance: line.nx * cx + line.ny * cy - line.d,
+            variance: seen_m * seen_m + line.variance + RESIDUAL_FLOOR_M * RESIDUAL_FLOOR_M,
+        })
     }
-    sums.into_equations(fit)
+
+    /// The points, each with its time and one over its range.
+    fn beams(&self) -> impl Iterator<Item = ((f32, f32), f32, f32)> {
+        let SweepPoints {
+            x,
+            y,
+            tau,
+            inverse_range,
+            ..
+        } = self.points;
+        let positions = x.iter().zip(y);
+        positions
+            .zip(tau.iter().zip(inverse_range))
+            .map(|((x, y), (tau, r))| ((*x, *y), *tau, *r))
+    }
+
+    /// One pass over every `stride`-th point: residuals, weights and the normal equations.
+    pub fn linearise(&self, motion: &LocalMotion, stride: usize) -> NormalEquations {
+        let mut sums = Sums::default();
+        let (mut on_map, mut chi2) = (0.0, 0.0);
+        for (point, tau, inverse_range) in self.beams().step_by(stride) {
+            let Some(residual) = self.residual(motion, point, tau, inverse_range) else {
+                continue;
+            };
+            let Residual {
+                q: (qx, qy),
+                m: (mx, my),
+                distance,
+                variance,
+            } = residual;
+            let normalised2 = distance * distance / variance;
+            if normalised2 < ON_MAP_SIGMAS * ON_MAP_SIGMAS {
+                on_map += 1.0;
+                chi2 += normalised2;
+            }
+            let robust = 1.0 / (1.0 + normalised2 * (1.0 / (ROBUST_SIGMAS * ROBUST_SIGMAS)));
+            let weight = robust * robust / variance;
+            sums.add([mx, my, my * qx - mx * qy], tau, distance, weight);
+        }
+        sums.into_equations(on_map, chi2)
+    }
+
+    /// The information of the surfaces that face `direction` (LiDAR's frame) on the position
+    /// along it: the others tell of it only through the noise of their normals.
+    pub fn information_facing(&self, motion: &LocalMotion, direction: Vector2<f64>) -> f64 {
+        let (ex, ey) = (direction.x as f32, direction.y as f32);
+        let mut sum = 0.0;
+        for (point, tau, inverse_range) in self.beams() {
+            let Some(residual) = self.residual(motion, point, tau, inverse_range) else {
+                continue;
+            };
+            let facing = residual.m.0 * ex + residual.m.1 * ey;
+            let on_map = residual.distance * residual.distance < 9.0 * residual.variance;
+            if on_map && facing.abs() > FACING_COS {
+                sum += facing * facing / residual.variance;
+            }
+        }
+        f64::from(sum)
+    }
+
+    /// Sorts every `stride`-th point: on the map, where space was seen free, or neither.
+    pub fn assess(&self, motion: &LocalMotion, free_space: &FreeSpace, stride: usize) -> Fit {
+        let mut fit = Fit::default();
+        for (point, tau, inverse_range) in self.beams().step_by(stride) {
+            fit.points += 1.0;
+            let residual = self.residual(motion, point, tau, inverse_range);
+            if residual.is_some_and(|r| {
+                r.distance * r.distance < ON_MAP_SIGMAS * ON_MAP_SIGMAS * r.variance
+            }) {
+                fit.on_map += 1.0;
+                continue;
+            }
+            let (qx, qy) = motion.deskew(point.0, point.1, tau);
+            let (wx, wy) = motion.transform(qx, qy);
+            if free_space.was_free(motion.origin.locate(wx, wy).0) {
+                fit.moving += 1.0;
+            }
+        }
+        fit
+    }
 }
 
 impl Sums {
@@ -193,7 +261,7 @@ impl Sums {
         }
     }
 
-    fn into_equations(self, fit: Fit) -> NormalEquations {
+    fn into_equations(self, on_map: f32, chi2: f32) -> NormalEquations {
         let block = |s: [f32; 6]| {
             let [xx, xy, xt, yy, yt, tt] = s.map(f64::from);
             Matrix3::new(xx, xy, xt, xy, yy, yt, xt, yt, tt)
@@ -222,7 +290,8 @@ impl Sums {
         NormalEquations {
             information,
             gradient,
-            fit,
+            on_map,
+            chi2,
         }
     }
 }

@@ -68,7 +68,7 @@ impl Scene {
         scene.add_box(9.4, -1.0, 10.6, 2.2);
         scene.walls.push([8.0, -5.0, 10.5, -3.2]);
         scene.poles = vec![
-            [0.0, 0.0, 0.2],
+            [0.0, 3.2, 0.2],
             [-7.0, 3.5, 0.1],
             [7.5, 3.8, 0.15],
             [7.0, -4.0, 0.1],
@@ -121,6 +121,10 @@ impl Scene {
             let (ax, ay) = (centre[0] - origin[0], centre[1] - origin[1]);
             let along = ax * c + ay * s;
             let across = ax * s - ay * c;
+            // People step aside for a robot.
+            if ax.hypot(ay) < radius + 0.3 {
+                continue;
+            }
             if along > 0.0 && across.abs() < radius {
                 nearest = nearest.min(along - (radius * radius - across * across).sqrt());
             }

@@ -118,7 +118,7 @@ impl Default for Submap {
             updates: 0,
             to_fit: Vec::new(),
             quality: LineQuality {
-                points_min: 4.0,
+                points_min: 3.0,
                 across_max_m2: 2.5e-3,
                 along_min_m2: 1e-3,
                 ratio_max: 0.2,
@@ -191,6 +191,7 @@ impl Submap {
         self.updates += 1;
         // A line may look as thick as the noise makes it, and no thicker than clutter.
         self.quality.across_max_m2 = (2.5 * range_noise_m).clamp(0.025, 0.06).powi(2);
+        self.quality.noise_floor_m2 = (0.7 * range_noise_m).powi(2);
         self.quality.sightings_min = self.updates.min(3) as u16;
         let (x, y) = (centre.x >> TILE_SHIFT, centre.y >> TILE_SHIFT);
         let mut tile = 0;

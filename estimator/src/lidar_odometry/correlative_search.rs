@@ -1,0 +1,259 @@
+//! The coarse stage: a discrete search over x, y and yaw, scored on the occupied map.
+//!
+//! A random subsample of the sweep is laid over the map at every pose of a grid bounded by how far
+//! the LiDAR can have come; the score is the number of points on occupied cells. It runs where the
+//! predicted pose does not fit: at a bad prediction, after missing sweeps, after a loss.
+
+use super::beam_filter::SweepPoints;
+use super::point_to_line::LocalMotion;
+use super::submap::{Cell, LocalOrigin, Submap};
+use crate::geometry::Pose2;
+
+/// Points of the subsample.
+const POINTS_SCORED: usize = 128;
+/// Candidates of the coarse grid that are looked at closely.
+const CANDIDATES: usize = 24;
+/// Candidates that are returned.
+const BEST: usize = 4;
+/// Step of the coarse grid, in cells of the map, and the reach of its widened map.
+const COARSE_CELLS: i32 = 4;
+/// Step of the coarse grid in yaw, rad: 2.5°, half a step moves a point at 10 m by two cells.
+const COARSE_YAW_RAD: f64 = 0.044;
+/// Edge of the picture of the map, in cells (±25.6 m).
+const EDGE: i32 = 512;
+const WORDS: usize = (EDGE / 64) as usize;
+
+/// How far to search on each side of the guess.
+#[derive(Debug, Clone, Copy)]
+pub struct Window {
+    /// In x and y, m.
+    pub reach_m: f64,
+    /// In yaw, rad.
+    pub yaw_rad: f64,
+}
+
+/// The occupied cells around the LiDAR, one bit a cell.
+struct Picture {
+    low: Cell,
+    rows: Vec<[u64; WORDS]>,
+}
+
+impl Picture {
+    fn of(submap: &Submap, centre: Cell) -> Self {
+        let low = Cell {
+            x: centre.x - EDGE / 2,
+            y: centre.y - EDGE / 2,
+        };
+        let mut picture = Self {
+            low,
+            rows: vec![[0; WORDS]; EDGE as usize],
+        };
+        submap.for_each_line(|cell, _| {
+            let (x, y) = (cell.x - low.x, cell.y - low.y);
+            if let Some(row) = usize::try_from(y)
+                .ok()
+                .and_then(|y| picture.rows.get_mut(y))
+                && let Some(word) = usize::try_from(x >> 6).ok().and_then(|x| row.get_mut(x))
+            {
+                *word |= 1 << (x & 63);
+            }
+        });
+        picture
+    }
+
+    /// The picture with every occupied cell widened by `reach` cells on each side.
+    fn widened(&self, reach: usize) -> Self {
+        let mut wide: Vec<[u64; WORDS]> =
+            self.rows.iter().map(|row| widen_row(row, reach)).collect();
+        let narrow = wide.clone();
+        for (index, row) in wide.iter_mut().enumerate() {
+            let from = index.saturating_sub(reach);
+            let to = (index + reach + 1).min(narrow.len());
+            for other in narrow.get(from..to).unwrap_or_default() {
+                for (word, more) in row.iter_mut().zip(other) {
+                    *word |= more;
+                }
+            }
+        }
+        Self {
+            low: self.low,
+            rows: wide,
+        }
+    }
+
+    #[inline]
+    fn holds(&self, cell: Cell) -> bool {
+        let (x, y) = (cell.x - self.low.x, cell.y - self.low.y);
+        usize::try_from(y)
+            .ok()
+            .and_then(|y| self.rows.get(y))
+            .and_then(|row| row.get(usize::try_from(x >> 6).ok()?))
+            .is_some_and(|word| word >> (x & 63) & 1 == 1)
+    }
+
+    fn score(&self, cells: &[Cell], shift: Cell) -> u32 {
+        cells
+            .iter()
+            .map(|cell| {
+                u32::from(self.holds(Cell {
+                    x: cell.x + shift.x,
+                    y: cell.y + shift.y,
+                }))
+            })
+            .sum()
+    }
+}
+
+fn widen_row(row: &[u64; WORDS], reach: usize) -> [u64; WORDS] {
+    let mut wide = *row;
+    for _ in 0..reach {
+        let before = wide;
+        let mut from_left = 0;
+        for (word, &old) in wide.iter_mut().zip(&before) {
+            *word |= old << 1 | from_left;
+            from_left = old >> 63;
+        }
+        let mut from_right = 0;
+        for (word, &old) in wide.iter_mut().zip(&before).rev() {
+            *word |= old >> 1 | from_right;
+            from_right = old << 63;
+        }
+    }
+    wide
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Candidate {
+    score: u32,
+    yaw_step: i32,
+    shift: Cell,
+}
+
+impl Candidate {
+    /// The better first; of equals the one nearer to the guess.
+    fn rank(&self) -> (std::cmp::Reverse<u32>, i32) {
+        let Cell { x, y } = self.shift;
+        (
+            std::cmp::Reverse(self.score),
+            x.abs() + y.abs() + 2 * self.yaw_step.abs(),
+        )
+    }
+}
+
+/// The best poses within `window` of `guess` (whose points are deskewed by `deskew`), best first.
+pub fn search(
+    points: &SweepPoints,
+    submap: &Submap,
+    guess: Pose2,
+    deskew: &LocalMotion,
+    window: Window,
+) -> Vec<Pose2> {
+    let origin = LocalOrigin::near(guess.x_m, guess.y_m);
+    let (ox, oy) = origin.position_m();
+    let position = ((guess.x_m - ox) as f32, (guess.y_m - oy) as f32);
+    let (centre, _, _) = origin.locate(position.0, position.1);
+    let fine = Picture::of(submap, centre);
+    let coarse = fine.widened((COARSE_CELLS / 2) as usize);
+    let stride = points.len().div_ceil(POINTS_SCORED).max(1);
+    let taken: Vec<(f32, f32)> = points
+        .x
+        .iter()
+        .zip(&points.y)
+        .zip(&points.tau)
+        .step_by(stride)
+        .map(|((&x, &y), &tau)| deskew.deskew(x, y, tau))
+        .collect();
+    let cells_at = |yaw_rad: f64, cells: &mut Vec<Cell>| {
+        let (s, c) = yaw_rad.sin_cos();
+        let (s, c) = (s as f32, c as f32);
+        cells.clear();
+        cells.extend(taken.iter().map(|&(x, y)| {
+            origin
+                .locate(c * x - s * y + position.0, s * x + c * y + position.1)
+                .0
+        }));
+    };
+
+    // 1. Every pose of the coarse grid, on the widened map.
+    let mut candidates = Vec::new();
+    let mut cells = Vec::with_capacity(taken.len());
+    let yaw_steps = (window.yaw_rad / COARSE_YAW_RAD).ceil() as i32;
+    let reach = (window.reach_m / super::submap::CELL_M / f64::from(COARSE_CELLS)).ceil() as i32;
+    for yaw_step in -yaw_steps..=yaw_steps {
+        cells_at(
+            guess.yaw_rad + f64::from(yaw_step) * COARSE_YAW_RAD,
+            &mut cells,
+        );
+        for y in -reach..=reach {
+            for x in -reach..=reach {
+                let shift = Cell {
+                    x: x * COARSE_CELLS,
+                    y: y * COARSE_CELLS,
+                };
+                candidates.push(Candidate {
+                    score: coarse.score(&cells, shift),
+                    yaw_step,
+                    shift,
+                });
+            }
+        }
+    }
+    candidates.sort_unstable_by_key(Candidate::rank);
+    candidates.truncate(CANDIDATES);
+
+    // 2. The best of them closely, on the map as it is.
+    let mut close = Vec::with_capacity(candidates.len());
+    for candidate in &candidates {
+        close.extend(refine(
+            &fine,
+            candidate,
+            guess.yaw_rad,
+            &mut cells,
+            &cells_at,
+        ));
+    }
+    close.sort_by_key(|(score, _, _)| std::cmp::Reverse(*score));
+    close.dedup_by_key(|(_, yaw, shift)| ((*yaw * 1e6) as i64, shift.x, shift.y));
+    close
+        .into_iter()
+        .take(BEST)
+        .map(|(_, yaw_rad, shift)| {
+            let cell = super::submap::CELL_M;
+            Pose2::new(
+                guess.x_m + f64::from(shift.x) * cell,
+                guess.y_m + f64::from(shift.y) * cell,
+                yaw_rad,
+            )
+        })
+        .collect()
+}
+
+/// The best pose around a candidate of the coarse grid: score, yaw and shift.
+fn refine(
+    fine: &Picture,
+    candidate: &Candidate,
+    guess_yaw_rad: f64,
+    cells: &mut Vec<Cell>,
+    cells_at: &impl Fn(f64, &mut Vec<Cell>),
+) -> Option<(u32, f64, Cell)> {
+    let half = COARSE_CELLS / 2;
+    let mut best: Option<(u32, f64, Cell)> = None;
+    for quarter in -2..=2 {
+        let yaw_rad = guess_yaw_rad
+            + (f64::from(candidate.yaw_step) + 0.25 * f64::from(quarter)) * COARSE_YAW_RAD;
+        cells_at(yaw_rad, cells);
+        for y in -half..=half {
+            for x in -half..=half {
+                let shift = Cell {
+                    x: candidate.shift.x + x,
+                    y: candidate.shift.y + y,
+                };
+                let score = fine.score(cells, shift);
+                if best.is_none_or(|(highest, _, _)| score > highest) {
+                    best = Some((score, yaw_rad, shift));
+                }
+            }
+        }
+    }
+    best
+}

@@ -1,0 +1,111 @@
+//! What is known of the surroundings, and when a sweep adds to it.
+
+use super::beam_filter::SweepPoints;
+use super::motion::Motion;
+use super::point_to_line::LocalMotion;
+use super::submap::{FreeSpace, LocalOrigin, RAY_STRIDE, Submap};
+use crate::geometry::Pose2;
+use crate::stream::Stamp;
+
+/// The map is updated when the LiDAR has moved this far, m.
+const UPDATE_DISTANCE_M: f64 = 0.12;
+/// The map is updated when the LiDAR has turned this far, rad.
+const UPDATE_ANGLE_RAD: f64 = 0.06;
+/// The map is updated at the latest after this time, s.
+const UPDATE_PERIOD_S: f64 = 2.0;
+/// So many sweeps after the first all go into the map.
+const UPDATES_AT_START: u32 = 5;
+
+/// Returns of one surface farther apart are joined by points this far apart, m.
+const FILL_SPACING_M: f32 = 0.07;
+/// Returns farther apart are not joined, m.
+const FILL_MAX_M: f32 = 0.7;
+/// What such a point weighs against a return.
+const FILL_WEIGHT: f32 = 0.5;
+
+/// The local map: surfaces, free space, and where the LiDAR was at the last update.
+#[derive(Debug, Clone, Default)]
+pub struct LocalMap {
+    /// Lines, cell by cell.
+    pub submap: Submap,
+    /// Where space was seen free.
+    pub free_space: FreeSpace,
+    pose: Pose2,
+    stamp: Stamp,
+}
+
+impl LocalMap {
+    /// Bytes held.
+    pub fn memory_bytes(&self) -> usize {
+        self.submap.memory_bytes() + self.free_space.memory_bytes()
+    }
+
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.submap.clear();
+        self.free_space.clear();
+    }
+
+    /// Whether a sweep at `pose` should go into the map.
+    pub fn is_due(&self, pose: &Pose2, stamp: Stamp) -> bool {
+        let moved = self.pose.between(pose);
+        self.submap.updates() < UPDATES_AT_START
+            || moved.translation().norm() > UPDATE_DISTANCE_M
+            || moved.yaw_rad.abs() > UPDATE_ANGLE_RAD
+            || stamp.seconds_since(self.stamp) > UPDATE_PERIOD_S
+    }
+
+    /// Puts a sweep into the map: the beams mark what is free and forget what they went through,
+    /// then the returns that are not a moving object's are added.
+    pub fn update(
+        &mut self,
+        points: &SweepPoints,
+        motion: &Motion,
+        stamp: Stamp,
+        range_noise_m: f32,
+    ) {
+        self.pose = motion.pose;
+        self.stamp = stamp;
+        let origin = LocalOrigin::near(motion.pose.x_m, motion.pose.y_m);
+        let local = LocalMotion::new(motion, origin);
+        let from = local.position();
+        let (centre, _, _) = origin.locate(from.0, from.1);
+        self.submap.begin_update(centre, range_noise_m);
+        self.free_space.follow(centre);
+        let positions = points.x.iter().zip(&points.y).zip(&points.tau);
+        let mut previous = None;
+        for (index, (((&px, &py), &tau), &joined)) in positions.zip(&points.joined).enumerate() {
+            let (qx, qy) = local.deskew(px, py, tau);
+            let point = local.transform(qx, qy);
+            let (cell, _, _) = origin.locate(point.0, point.1);
+            if index % RAY_STRIDE == 0 {
+                self.free_space.pass(origin, from, point, &mut self.submap);
+            }
+            let is_still = !self.free_space.was_free(cell);
+            self.free_space.hit(cell);
+            if is_still {
+                self.submap.insert(origin, point.0, point.1, 1.0);
+                if let Some(previous) = previous {
+                    self.fill(origin, previous, point);
+                }
+            }
+            previous = (joined && is_still).then_some(point);
+        }
+        self.submap.end_update();
+    }
+
+    /// Fills the surface between two neighbouring returns that lie farther apart than cells.
+    fn fill(&mut self, origin: LocalOrigin, from: (f32, f32), to: (f32, f32)) {
+        let (dx, dy) = (to.0 - from.0, to.1 - from.1);
+        let length2 = dx * dx + dy * dy;
+        if !(FILL_SPACING_M * FILL_SPACING_M..FILL_MAX_M * FILL_MAX_M).contains(&length2) {
+            return;
+        }
+        let parts = (length2.sqrt() / FILL_SPACING_M).ceil();
+        for part in 1..parts as i32 {
+            let share = part as f32 / parts;
+            let (x, y) = (from.0 + share * dx, from.1 + share * dy);
+            self.submap.insert(origin, x, y, FILL_WEIGHT);
+        }
+    }
+}

@@ -1,0 +1,141 @@
+//! Whether a pose can be trusted: how the sweep fits the map there, and what that makes of the state.
+
+use serde::{Deserialize, Serialize};
+
+use super::correlative_search::Window;
+
+/// Whether the pose can be trusted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Tracking {
+    /// The sweep fits the map.
+    Tracking,
+    /// It fits, but a direction is unconstrained or the fit is poor.
+    Degraded,
+    /// It does not fit: the pose is a guess, and its covariance says so.
+    Lost,
+    /// The first sweep that fits again after a loss.
+    Recovered,
+}
+
+/// A fit that explains less than this share of the still points is not a fit.
+const EXPLAINED_MIN: f32 = 0.3;
+/// A pose found again after a loss has to explain this share.
+const EXPLAINED_RECOVERED_MIN: f32 = 0.5;
+/// Below this share the search is asked for a better pose, and the state is degraded.
+const EXPLAINED_GOOD: f32 = 0.6;
+/// Share of all points that has to be on the map, moving or not.
+const ON_MAP_MIN: f32 = 0.12;
+/// Largest speed of a robot that the search allows for, m/s.
+const SPEED_MAX_MPS: f64 = 3.0;
+/// Largest angular speed that the search allows for, rad/s.
+const ANGULAR_SPEED_MAX_RADPS: f64 = 2.5;
+/// After so many sweeps without a fit the map is begun anew.
+pub const LOST_SWEEPS_MAX: u32 = 15;
+
+/// How the points of a sweep fit the map at one pose.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Fit {
+    /// Points looked at.
+    pub points: f32,
+    /// Points on the map, within its noise.
+    pub on_map: f32,
+    /// Points where space was seen free before: people, other robots.
+    pub moving: f32,
+}
+
+impl Fit {
+    /// Share of the points that lie on the map.
+    pub fn fitness(&self) -> f64 {
+        if self.points > 0.0 {
+            f64::from(self.on_map / self.points)
+        } else {
+            0.0
+        }
+    }
+
+    /// Share of the points that do not move that lie on the map.
+    fn explained(&self) -> f32 {
+        if self.on_map < ON_MAP_MIN * self.points {
+            return 0.0;
+        }
+        self.on_map / (self.points - self.moving).max(1.0)
+    }
+
+    /// Whether no better pose has to be looked for.
+    pub fn is_good(&self) -> bool {
+        self.explained() >= EXPLAINED_GOOD
+    }
+
+    /// Whether the sweep lies on the map at all.
+    pub fn is_accepted(&self, lost_before: bool) -> bool {
+        let least = if lost_before {
+            EXPLAINED_RECOVERED_MIN
+        } else {
+            EXPLAINED_MIN
+        };
+        self.explained() >= least
+    }
+
+    /// Whether this fit is clearly better than another.
+    pub fn beats(&self, other: &Self) -> bool {
+        self.on_map > 1.05 * other.on_map
+    }
+}
+
+/// The state from sweep to sweep.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Track {
+    /// Sweeps without a fit, in a row.
+    lost_sweeps: u32,
+}
+
+impl Track {
+    /// Whether the last sweep had no fit.
+    pub fn is_lost(self) -> bool {
+        self.lost_sweeps > 0
+    }
+
+    /// Whether the loss has lasted so long that the map is given up.
+    pub fn gives_up(self) -> bool {
+        self.lost_sweeps >= LOST_SWEEPS_MAX
+    }
+
+    /// How far to search, `dt` seconds after the last sweep: as far as the LiDAR can have come,
+    /// and after a loss farther and farther.
+    pub fn window(self, dt: f64) -> Window {
+        match self.lost_sweeps {
+            0 => Window {
+                reach_m: (SPEED_MAX_MPS * dt).clamp(0.4, 2.5),
+                yaw_rad: (ANGULAR_SPEED_MAX_RADPS * dt).clamp(0.25, std::f64::consts::PI),
+            },
+            1 | 2 => Window {
+                reach_m: 1.6,
+                yaw_rad: 1.05,
+            },
+            _ => Window {
+                reach_m: 3.2,
+                yaw_rad: std::f64::consts::PI,
+            },
+        }
+    }
+
+    /// Notes a sweep that fits.
+    pub fn found(&mut self, fit: &Fit, is_open: bool) -> Tracking {
+        let was_lost = self.is_lost();
+        self.lost_sweeps = 0;
+        if was_lost {
+            Tracking::Recovered
+        } else if is_open || !fit.is_good() {
+            Tracking::Degraded
+        } else {
+            Tracking::Tracking
+        }
+    }
+
+    /// Notes a sweep that does not fit.
+    pub fn lost(&mut self) -> Tracking {
+        self.lost_sweeps += 1;
+        Tracking::Lost
+    }
+}
