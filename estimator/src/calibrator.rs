@@ -5,12 +5,16 @@ use std::collections::VecDeque;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::change::evidence::change_sigma;
+use crate::change::{ChangeWatch, Detected};
 use crate::drive_history::DriveHistory;
-use crate::estimate::{Change, Consistency, Counts, Estimate, Parameter, Segment};
+use crate::estimate::{
+    Change, ChangeKind, Consistency, Counts, Estimate, Parameter, ParameterEstimate, Segment,
+};
 use crate::excitation::Excitation;
 use crate::filter::follow::{Followed, Follower};
 use crate::filter::prior::Prior;
-use crate::filter::{Filter, Innovation, OdometryReading, Values};
+use crate::filter::{Filter, Innovation, OdometryReading, PARAMETERS, ParameterCovariance, Values};
 use crate::geometry::Pose2;
 use crate::initial_guess::{agrees_with, initial_guess};
 use crate::lidar_odometry::{LidarOdometry, Tracking};
@@ -30,6 +34,8 @@ const WAITING_MAX: usize = 64;
 const GUESS_EVERY: usize = 5;
 /// Readings over which the mean NIS is taken.
 const NIS_WINDOW: usize = 200;
+/// Most changes kept of a session.
+const CHANGES_MAX: usize = 64;
 /// Version of the checkpoint's layout.
 const CHECKPOINT_VERSION: u32 = 1;
 
@@ -108,9 +114,10 @@ pub struct Calibrator {
     lidar_odometry: LidarOdometry,
     drive: DriveHistory,
     waiting: VecDeque<Waiting>,
-    /// Readings before the filter has started, for the first guess.
-    readings: Vec<OdometryReading>,
+    /// Recent readings: for the first guess, and to go back to the onset of a change.
+    readings: VecDeque<OdometryReading>,
     since_guess: usize,
+    watch: ChangeWatch,
     follower: Option<Follower>,
     session: Session,
     trust: Trust,
@@ -127,8 +134,9 @@ impl Calibrator {
             lidar_odometry: LidarOdometry::default(),
             drive: DriveHistory::new(HISTORY_S),
             waiting: VecDeque::new(),
-            readings: Vec::new(),
+            readings: VecDeque::new(),
             since_guess: 0,
+            watch: ChangeWatch::default(),
             follower: None,
             session: Session::default(),
             trust: Trust::default(),
@@ -248,11 +256,8 @@ impl Calibrator {
         };
         self.drive.clear();
         self.waiting.clear();
-        self.readings.clear();
         self.told = None;
-        if let Some(follower) = self.follower.as_mut() {
-            follower.lose_anchor();
-        }
+        self.begin_anew();
         effects.push(Effect::SessionStarted(stamp));
     }
 
@@ -366,18 +371,46 @@ impl Calibrator {
         }
     }
 
+    /// Poses before do not compare with those to come.
+    fn begin_anew(&mut self) {
+        self.readings.clear();
+        self.watch.break_window();
+        if let Some(follower) = self.follower.as_mut() {
+            follower.lose_anchor();
+        }
+    }
+
     fn follow(&mut self, waiting: &Waiting, effects: &mut Vec<Effect>) {
         if waiting.anew {
-            self.readings.clear();
-            if let Some(follower) = self.follower.as_mut() {
-                follower.lose_anchor();
-            }
+            self.begin_anew();
         }
+        if self.readings.len() >= READINGS_MAX {
+            self.readings.pop_front();
+        }
+        self.readings.push_back(waiting.reading);
+        if self.follower.is_none() {
+            self.seek_start();
+            return;
+        }
+        self.follow_reading(&waiting.reading);
+        let watched = self.follower.as_ref().and_then(|follower| {
+            self.watch.watch(
+                &waiting.reading,
+                &self.drive,
+                &self.config.vehicle,
+                follower,
+            )
+        });
+        if let Some(detected) = watched {
+            self.change(&detected, effects);
+        }
+    }
+
+    fn follow_reading(&mut self, reading: &OdometryReading) {
         let Some(follower) = self.follower.as_mut() else {
-            self.seek_start(waiting.reading, effects);
             return;
         };
-        let followed = follower.follow(&waiting.reading, &self.drive, &self.config.settings);
+        let followed = follower.follow(reading, &self.drive, &self.config.settings);
         if let Followed::Updated(moved) = followed {
             self.session
                 .excitation
@@ -386,12 +419,8 @@ impl Calibrator {
         }
     }
 
-    /// Before the filter has started: collect readings, guess, and start from the first of them.
-    fn seek_start(&mut self, reading: OdometryReading, effects: &mut Vec<Effect>) {
-        if self.readings.len() >= READINGS_MAX {
-            self.readings.remove(0);
-        }
-        self.readings.push(reading);
+    /// Before the filter has started: guess, and start from the first of the readings.
+    fn seek_start(&mut self) {
         self.since_guess += 1;
         if self.since_guess < GUESS_EVERY {
             return;
@@ -399,21 +428,80 @@ impl Calibrator {
         self.since_guess = 0;
         let config = &self.config;
         let vehicle = &config.vehicle;
-        let Some(guess) = initial_guess(vehicle, &self.prior, &self.readings, &self.drive) else {
+        let readings = self.readings.make_contiguous();
+        let Some(guess) = initial_guess(vehicle, &self.prior, readings, &self.drive) else {
             return;
         };
         let prior = with_nominal(config, guess);
         let filter = Filter::new(*vehicle, &config.settings, &prior);
-        self.follower = Some(Follower::new(filter));
-        for reading in std::mem::take(&mut self.readings) {
-            self.follow(
-                &Waiting {
-                    reading,
-                    anew: false,
-                },
-                effects,
-            );
+        self.follow_again(Follower::new(filter), None);
+    }
+
+    /// Starts a follower and takes it through the readings from a time on.
+    fn follow_again(&mut self, follower: Follower, from: Option<Stamp>) {
+        self.follower = Some(follower);
+        let readings: Vec<_> = self
+            .readings
+            .iter()
+            .filter(|reading| from.is_none_or(|from| reading.stamp >= from))
+            .copied()
+            .collect();
+        for reading in readings {
+            self.follow_reading(&reading);
         }
+    }
+
+    /// The vehicle has changed: go back to before the onset, open what moved, and follow again, so
+    /// that nothing which was absorbed since then stays in the other parameters.
+    fn change(&mut self, detected: &Detected, effects: &mut Vec<Effect>) {
+        let began = self.session.began.unwrap_or(self.session.now);
+        let (onset, after_onset) = detected.onset;
+        let before = self.clone_judgement_of(&detected.filter_before);
+        let from_s = self
+            .session
+            .segments
+            .last()
+            .map_or(0.0, |segment| segment.to_s);
+        let onset_s = onset.seconds_since(began);
+        self.session.segments.push(Segment {
+            from_s,
+            to_s: onset_s,
+            parameters: before,
+        });
+
+        let mut filter = detected.filter_before.clone();
+        filter.lose_anchor();
+        filter.reopen(&detected.parameters, change_sigma);
+        self.session.excitation = Excitation::default();
+        self.session.recent_nis.clear();
+        self.watch.restart();
+        self.follow_again(Follower::new(filter), Some(after_onset));
+
+        let change = Change {
+            kind: ChangeKind::CalibrationChanged,
+            cause: detected.cause,
+            stamp: self.session.now,
+            time_s: self.duration_s(),
+            onset_s,
+            change: self.moved(&detected.parameters, &detected.filter_before),
+        };
+        self.session.changes.push(change.clone());
+        if self.session.changes.len() > CHANGES_MAX {
+            self.session.changes.remove(0);
+            self.session.segments.remove(0);
+        }
+        effects.push(Effect::Change(Box::new(change)));
+        self.tell(effects);
+    }
+
+    fn moved(&self, parameters: &[Parameter], before: &Filter) -> Vec<(Parameter, f64)> {
+        let Some(follower) = &self.follower else {
+            return Vec::new();
+        };
+        parameters
+            .iter()
+            .map(|&p| (p, follower.filter.value(p) - before.value(p)))
+            .collect()
     }
 
     fn note_innovation(&mut self, innovation: &Innovation) {
@@ -431,23 +519,37 @@ impl Calibrator {
         effects.push(Effect::Estimate(Box::new(estimate)));
     }
 
-    fn clone_judgement(&self) -> (Trust, Estimate) {
-        let mut trust = self.trust.clone();
-        let (values, covariance) = match &self.follower {
-            Some(follower) => (
-                *follower.filter.values(),
-                follower.filter.parameter_covariance(),
-            ),
-            None => (self.prior.values, self.prior.covariance),
-        };
+    /// The parameters as a filter sees them, judged by the trust they have earned.
+    fn clone_judgement_of(&self, filter: &Filter) -> [ParameterEstimate; PARAMETERS] {
+        self.judge(
+            &mut self.trust.clone(),
+            filter.values(),
+            &filter.parameter_covariance(),
+        )
+    }
+
+    fn judge(
+        &self,
+        trust: &mut Trust,
+        values: &Values,
+        covariance: &ParameterCovariance,
+    ) -> [ParameterEstimate; PARAMETERS] {
         let prior_sigma = Values::from_fn(|i, _| self.prior.covariance[(i, i)].sqrt());
-        let parameters = trust.judge(
-            &values,
-            &covariance,
+        trust.judge(
+            values,
+            covariance,
             &prior_sigma,
             &self.session.excitation,
             &self.config.settings,
-        );
+        )
+    }
+
+    fn clone_judgement(&self) -> (Trust, Estimate) {
+        let mut trust = self.trust.clone();
+        let parameters = match self.filter() {
+            Some(filter) => self.judge(&mut trust, filter.values(), &filter.parameter_covariance()),
+            None => self.judge(&mut trust, &self.prior.values, &self.prior.covariance),
+        };
         let recent = &self.session.recent_nis;
         let samples = recent.len() as u64;
         let now = self.drive.now();

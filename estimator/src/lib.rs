@@ -10,7 +10,8 @@
 //! Sign of steering: `steering_true = steering_measured - steering_offset`, left positive.
 
 pub mod calibrator;
-mod drive_history;
+pub mod change;
+pub mod drive_history;
 pub mod estimate;
 pub mod excitation;
 pub mod filter;

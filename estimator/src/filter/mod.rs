@@ -183,6 +183,11 @@ impl Filter {
         self.noise_scale
     }
 
+    /// How far a driven metre can go astray, as configured.
+    pub fn motion_noise(&self) -> &MotionNoise {
+        &self.noise
+    }
+
     /// Values of the parameters.
     pub fn values(&self) -> &Values {
         &self.values
@@ -316,11 +321,12 @@ impl Filter {
         Some(Innovation { residual, nis })
     }
 
-    /// Opens parameters again: adds variance to them and forgets their correlations.
-    pub fn reopen(&mut self, parameters: &[Parameter], sigma: &Values) {
-        for parameter in parameters {
+    /// Opens parameters again after a change: adds doubt to them, and forgets what they have to do
+    /// with all others, which was learnt on another vehicle.
+    pub fn reopen(&mut self, parameters: &[Parameter], sigma: impl Fn(Parameter) -> f64) {
+        for &parameter in parameters {
             let i = CALIBRATION + parameter.index();
-            let variance = self.covariance[(i, i)] + sigma[parameter.index()].powi(2);
+            let variance = self.covariance[(i, i)] + sigma(parameter).powi(2);
             self.covariance.row_mut(i).fill(0.0);
             self.covariance.column_mut(i).fill(0.0);
             self.covariance[(i, i)] = variance;

@@ -1,0 +1,149 @@
+//! Change detection: is this still the vehicle that was calibrated, and if not, what moved and when?
+//!
+//! Half-metre windows of motion are compared with what the filter knew *before* them; the
+//! filter itself cannot be asked, because it absorbs a change within seconds.
+
+pub mod evidence;
+pub mod window;
+
+use std::collections::VecDeque;
+
+use crate::drive_history::DriveHistory;
+use crate::estimate::{Cause, Parameter};
+use crate::filter::follow::Follower;
+use crate::filter::{Filter, OdometryReading};
+use crate::stream::Stamp;
+use crate::vehicle::Vehicle;
+use evidence::{Accusation, HYPOTHESES, ONSET_WINDOWS, Reference, strongest};
+use window::{Window, WindowCutter};
+
+/// Windows that are looked back over: some 25 m.
+const WINDOWS_MAX: usize = 50;
+/// Fewest windows before anything is judged.
+const WINDOWS_MIN: usize = 8;
+/// A cause explains what is seen when the misfit stays below this.
+const MISFIT_MAX: f64 = 3.0;
+/// After this many windows without a cause that explains it, the change is called unknown.
+const UNEXPLAINED_WINDOWS: usize = 12;
+
+/// A window with the filter as it was at its beginning.
+#[derive(Debug, Clone)]
+struct Remembered {
+    window: Window,
+    filter: Filter,
+}
+
+/// A change that was detected.
+#[derive(Debug, Clone)]
+pub struct Detected {
+    /// What moved.
+    pub cause: Cause,
+    /// The parameters to open again.
+    pub parameters: Vec<Parameter>,
+    /// Somewhere in this stretch of LiDAR time it happened.
+    pub onset: (Stamp, Stamp),
+    /// The filter as it was before.
+    pub filter_before: Filter,
+}
+
+/// Watches one robot for changes.
+#[derive(Debug, Clone, Default)]
+pub struct ChangeWatch {
+    cutter: WindowCutter,
+    remembered: VecDeque<Remembered>,
+    /// The filter at the beginning of the window that is being cut.
+    filter_at_begin: Option<Filter>,
+}
+
+impl ChangeWatch {
+    /// Forgets the windows: what comes does not compare with what was.
+    pub fn restart(&mut self) {
+        *self = Self::default();
+    }
+
+    /// Begins a new window without forgetting: the LiDAR poses before do not compare.
+    pub fn break_window(&mut self) {
+        self.cutter.restart();
+        self.filter_at_begin = None;
+    }
+
+    /// Takes the reading that the filter has just followed; says when a change is certain.
+    pub fn watch(
+        &mut self,
+        reading: &OdometryReading,
+        drive: &DriveHistory,
+        vehicle: &Vehicle,
+        follower: &Follower,
+    ) -> Option<Detected> {
+        let filter = &follower.filter;
+        let window = self.cutter.push(
+            reading,
+            drive,
+            vehicle,
+            filter.values(),
+            filter.motion_noise(),
+        );
+        let Some(window) = window else {
+            if self.filter_at_begin.is_none() {
+                self.filter_at_begin = Some(filter.clone());
+            }
+            return None;
+        };
+        let begin = self.filter_at_begin.replace(filter.clone());
+        let filter = begin.unwrap_or_else(|| filter.clone());
+        self.remembered.push_back(Remembered { window, filter });
+        if self.remembered.len() > WINDOWS_MAX {
+            self.remembered.pop_front();
+        }
+        self.judge()
+    }
+
+    fn judge(&self) -> Option<Detected> {
+        if self.remembered.len() < WINDOWS_MIN {
+            return None;
+        }
+        let oldest = &self.remembered.front()?.filter;
+        let reference = Reference::new(*oldest.values(), &oldest.parameter_covariance())?;
+        let scale = oldest.noise_scale();
+        let windows = || self.remembered.iter().map(|r| &r.window);
+        // 1. Has anything happened? No single wild window may say so.
+        let alarm = strongest(windows(), &reference, scale, true)?;
+        if alarm.margin < 0.0 {
+            return None;
+        }
+        // 2. What, and when?
+        let accusation = strongest(windows(), &reference, scale, false)?;
+        let explained = accusation.margin > 0.0 && accusation.misfit < MISFIT_MAX;
+        if explained {
+            return self.detected(&accusation, false);
+        }
+        let waited = self.remembered.len() - 1 - alarm.onset;
+        if waited >= UNEXPLAINED_WINDOWS {
+            self.detected(&alarm, true)
+        } else {
+            None
+        }
+    }
+
+    fn detected(&self, accusation: &Accusation, unknown: bool) -> Option<Detected> {
+        let at = self.remembered.get(accusation.onset)?;
+        let before = self.remembered.get(accusation.onset.saturating_sub(1))?;
+        let last = self.remembered.get(accusation.onset + ONSET_WINDOWS - 1)?;
+        let hypothesis = HYPOTHESES.get(accusation.hypothesis)?;
+        let (cause, parameters) = if unknown {
+            let all = HYPOTHESES
+                .iter()
+                .flat_map(|h| h.parameters.iter().copied())
+                .collect();
+            (Cause::Unknown, all)
+        } else {
+            (hypothesis.cause, hypothesis.parameters.to_vec())
+        };
+        Some(Detected {
+            cause,
+            parameters,
+            onset: (at.window.begin, last.window.end),
+            filter_before: before.filter.clone(),
+        })
+    }
+}
