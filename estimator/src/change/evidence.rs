@@ -60,10 +60,12 @@ pub const HYPOTHESES: [Hypothesis; 3] = [
 /// How far a parameter may move in a change, one standard deviation.
 pub fn change_sigma(parameter: Parameter) -> f64 {
     match parameter {
-        Parameter::SteeringOffset | Parameter::LidarYaw => 0.05,
-        Parameter::LidarX | Parameter::LidarY => 0.05,
+        Parameter::SteeringOffset
+        | Parameter::LidarYaw
+        | Parameter::LidarX
+        | Parameter::LidarY
+        | Parameter::TimeOffset => 0.05,
         Parameter::SpeedScale | Parameter::SteeringGain | Parameter::Wheelbase => 0.03,
-        Parameter::TimeOffset => 0.05,
     }
 }
 
