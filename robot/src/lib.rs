@@ -2,4 +2,6 @@
 //!
 //! Without the feature `wire` the crate is the pure, seeded [`simulator`] alone.
 
+#[cfg(feature = "wire")]
+pub mod recording;
 pub mod simulator;

@@ -9,6 +9,7 @@ mod header;
 mod joint_state;
 mod laser_scan;
 mod odometry;
+mod pose_stamped;
 mod serde_forms;
 
 pub use ackermann::{AckermannDrive, AckermannDriveStamped};
@@ -19,6 +20,7 @@ pub use laser_scan::{LaserScan, ScanRefused};
 pub use odometry::{
     Covariance, Odometry, Pose, PoseWithCovariance, Quaternion, Twist, TwistWithCovariance, Vector3,
 };
+pub use pose_stamped::PoseStamped;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;

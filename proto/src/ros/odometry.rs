@@ -164,6 +164,29 @@ fn vector(values: [f64; 3]) -> Vector3 {
     Vector3 { x, y, z }
 }
 
+impl Pose {
+    pub(super) fn read(
+        reader: &mut CdrReader<'_>,
+        [position, orientation]: [&'static str; 2],
+    ) -> Result<Self, CdrError> {
+        let position = vector(reader.f64_array(position)?);
+        let [x, y, z, w] = reader.f64_array(orientation)?;
+        Ok(Self {
+            position,
+            orientation: Quaternion { x, y, z, w },
+        })
+    }
+
+    pub(super) fn write(&self, writer: &mut CdrWriter) {
+        let Self {
+            position,
+            orientation,
+        } = self;
+        writer.f64_array(&[position.x, position.y, position.z]);
+        writer.f64_array(&[orientation.x, orientation.y, orientation.z, orientation.w]);
+    }
+}
+
 impl RosMessage for Odometry {
     const TYPE: &'static str = "nav_msgs/msg/Odometry";
 

@@ -158,6 +158,8 @@ proptest! {
     #[test]
     fn odometry_poses(message in any_odometry()) {
         same_both_ways(&message)?;
+        let pose = message.pose.pose;
+        same_both_ways(&PoseStamped { header: message.header, pose })?;
     }
 
     #[test]

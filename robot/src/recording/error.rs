@@ -1,0 +1,108 @@
+//! Why a recording can't be used.
+
+use std::io;
+use std::path::PathBuf;
+
+use mcap::McapError;
+use thiserror::Error;
+
+/// Why a recording can't be used, in one sentence.
+#[derive(Debug, Error)]
+pub enum RecordingError {
+    /// The file can't be opened, read or written.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        #[source]
+        source: io::Error,
+    },
+    /// The file has no byte in it.
+    #[error("{}: the file is empty, accepted is an MCAP recording", path.display())]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file is of another kind.
+    #[error("{}: this is no MCAP file, accepted is an MCAP recording of ROS 2 messages", path.display())]
+    NotMcap {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file ends before the recording does.
+    #[error(
+        "{}: the recording is truncated: it ends after {readable_s:.3} s and {messages} messages \
+         without the end that a finished recording has",
+        path.display()
+    )]
+    Truncated {
+        /// The file.
+        path: PathBuf,
+        /// Seconds of recording that could be read.
+        readable_s: f64,
+        /// Messages that could be read.
+        messages: u64,
+    },
+    /// Something in the file is not as it was written.
+    #[error(
+        "{}: the recording is damaged after {readable_s:.3} s and {messages} messages: {source}",
+        path.display()
+    )]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// Seconds of recording that could be read.
+        readable_s: f64,
+        /// Messages that could be read.
+        messages: u64,
+        /// What is wrong.
+        #[source]
+        source: Box<McapError>,
+    },
+    /// The file is whole, but there is no message in it.
+    #[error("{}: the recording has no messages", path.display())]
+    NoMessages {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file has more topics than are held.
+    #[error("{}: the recording has more than {limit} topics", path.display())]
+    TooManyChannels {
+        /// The file.
+        path: PathBuf,
+        /// How many are accepted.
+        limit: usize,
+    },
+    /// The messages are so far out of order that they can't be sorted on the way.
+    #[error(
+        "{}: the log times are out of order by {disorder_s:.1} s, which is more than can be held \
+         back; sort the recording first",
+        path.display()
+    )]
+    OutOfOrder {
+        /// The file.
+        path: PathBuf,
+        /// How far.
+        disorder_s: f64,
+    },
+    /// A message could not be written.
+    #[error("{}: can't write the recording: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the writer says.
+        #[source]
+        source: Box<McapError>,
+    },
+}
+
+impl RecordingError {
+    /// The command's exit status: 74 for input and output, 65 for a recording that can't be used.
+    pub fn exit_status(&self) -> u8 {
+        match self {
+            Self::Io { .. } | Self::Write { .. } => 74,
+            _ => 65,
+        }
+    }
+}

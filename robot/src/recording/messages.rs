@@ -1,0 +1,159 @@
+//! The messages of a recording in the order in which they were logged.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use mcap::io::MessageReader;
+
+use super::scan::{Reading, open_reader};
+use super::{HELD_BYTES_MAX, RecordingError};
+
+/// One message of a recording.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RecordedMessage {
+    /// When it was logged, ns since 1970.
+    pub log_time_ns: u64,
+    /// Its topic.
+    pub topic: Arc<str>,
+    /// Its bytes, in its channel's encoding.
+    pub payload: Vec<u8>,
+}
+
+/// Gives the messages of some topics in the order of their log times.
+///
+/// Holds back as many as the recording's own disorder asks for: none of those that come later in
+/// the file can belong before what is given out.
+pub struct Messages {
+    path: PathBuf,
+    topics: Vec<Arc<str>>,
+    reader: MessageReader<BufReader<File>>,
+    reading: Reading,
+    disorder_ns: u64,
+    newest_ns: u64,
+    held: BinaryHeap<Reverse<Held>>,
+    held_bytes: usize,
+    ended: bool,
+}
+
+/// A message on hold, ordered by log time and then by its place in the file.
+struct Held {
+    place: u64,
+    message: RecordedMessage,
+}
+
+impl Held {
+    fn key(&self) -> (u64, u64) {
+        (self.message.log_time_ns, self.place)
+    }
+}
+
+impl PartialEq for Held {
+    fn eq(&self, other: &Self) -> bool {
+        self.key() == other.key()
+    }
+}
+
+impl Eq for Held {}
+
+impl PartialOrd for Held {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Held {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        self.key().cmp(&other.key())
+    }
+}
+
+impl std::fmt::Debug for Messages {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mut shown = f.debug_struct("Messages");
+        shown
+            .field("path", &self.path)
+            .field("topics", &self.topics)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Messages {
+    pub(super) fn open(
+        path: &Path,
+        topics: &[&str],
+        disorder_ns: u64,
+    ) -> Result<Self, RecordingError> {
+        Ok(Self {
+            path: path.to_owned(),
+            topics: topics.iter().map(|&topic| Arc::from(topic)).collect(),
+            reader: open_reader(path)?,
+            reading: Reading::default(),
+            disorder_ns,
+            newest_ns: 0,
+            held: BinaryHeap::new(),
+            held_bytes: 0,
+            ended: false,
+        })
+    }
+
+    /// Reads on in the file until a message can be given out or nothing is left to read.
+    fn read_on(&mut self) -> Result<(), RecordingError> {
+        while !self.ended && !self.can_give_out() {
+            let Some(message) = self.reader.next() else {
+                self.ended = true;
+                return Ok(());
+            };
+            let message = message.map_err(|error| self.reading.refused(&self.path, error))?;
+            self.reading.advance(message.log_time);
+            self.newest_ns = self.newest_ns.max(message.log_time);
+            let wanted = |topic: &&Arc<str>| ***topic == *message.channel.topic;
+            let Some(topic) = self.topics.iter().find(wanted).map(Arc::clone) else {
+                continue;
+            };
+            let payload = message.data.into_owned();
+            self.held_bytes += payload.len();
+            if self.held_bytes > HELD_BYTES_MAX {
+                let disorder_s = self.disorder_ns as f64 * 1e-9;
+                return Err(RecordingError::OutOfOrder {
+                    path: self.path.clone(),
+                    disorder_s,
+                });
+            }
+            let message = RecordedMessage {
+                log_time_ns: message.log_time,
+                topic,
+                payload,
+            };
+            self.held.push(Reverse(Held {
+                place: self.reading.messages(),
+                message,
+            }));
+        }
+        Ok(())
+    }
+
+    fn can_give_out(&self) -> bool {
+        let settled_ns = self.newest_ns.saturating_sub(self.disorder_ns);
+        let oldest = self.held.peek();
+        oldest.is_some_and(|Reverse(held)| held.message.log_time_ns <= settled_ns)
+    }
+}
+
+impl Iterator for Messages {
+    type Item = Result<RecordedMessage, RecordingError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if let Err(error) = self.read_on() {
+            self.ended = true;
+            self.held.clear();
+            return Some(Err(error));
+        }
+        let Reverse(held) = self.held.pop()?;
+        self.held_bytes -= held.message.payload.len();
+        Some(Ok(held.message))
+    }
+}

@@ -1,0 +1,75 @@
+use fleetcal_proto::ros::{Odometry, RosMessage};
+
+use super::*;
+
+/// The folder of recordings; `None`, said aloud, where there is none.
+fn data() -> Option<PathBuf> {
+    let folder = std::env::var_os("FLEETCAL_DATA").map(PathBuf::from);
+    if folder.is_none() {
+        eprintln!("skipped: FLEETCAL_DATA does not say where the recordings are");
+    }
+    folder
+}
+
+#[test]
+fn simulated_sweeps_and_drive_samples_decode() {
+    let Some(folder) = data() else { return };
+    let recording = Recording::open(&folder.join("figure_eight.mcap")).unwrap();
+    let topics = choose_topics(recording.channels(), None, None, None).unwrap();
+    assert_eq!(topics.names(), ["/tugger_01/drive", "/tugger_01/scan"]);
+    assert_eq!(topics.robot(), Some("tugger_01"));
+    let (mut drives, mut scans, mut newest_ns) = (0, 0, 0);
+    for message in recording.messages(&topics.names()).unwrap() {
+        let message = message.unwrap();
+        assert!(message.log_time_ns >= newest_ns);
+        newest_ns = message.log_time_ns;
+        if *message.topic == *topics.drive.topic {
+            drives += 1;
+            AckermannDriveStamped::from_cdr(&message.payload).unwrap();
+        } else {
+            scans += 1;
+            let scan = LaserScan::from_cdr(&message.payload).unwrap();
+            scan.check_beams().unwrap();
+            assert_eq!(scan.ranges.len(), 1024);
+        }
+    }
+    assert_eq!((drives, scans), (12_000, 1_198));
+}
+
+#[test]
+fn poses_of_a_real_vehicle_decode() {
+    let Some(folder) = data() else { return };
+    let recording = Recording::open(&folder.join("sapienza_tricycle.mcap")).unwrap();
+    let topics = choose_topics(recording.channels(), None, None, None).unwrap();
+    assert_eq!(topics.names(), ["/agv/drive", "/agv/lidar_odometry"]);
+    let poses = recording.messages(&["/agv/lidar_odometry"]).unwrap();
+    let count = poses
+        .map(|pose| Odometry::from_cdr(&pose.unwrap().payload).unwrap())
+        .count();
+    assert_eq!(count, 2434);
+}
+
+#[test]
+fn real_scanners_are_checked_and_missing_drives_named() {
+    let Some(folder) = data() else { return };
+    for (file, topic, beams, count) in [
+        ("unsw_ugv.mcap", "/ugv/scan", 361, 2073),
+        ("freiburg_079.mcap", "/pioneer/scan", 360, 4791),
+    ] {
+        let recording = Recording::open(&folder.join(file)).unwrap();
+        assert_eq!(
+            choose_scan_topic(recording.channels(), None).unwrap().topic,
+            topic
+        );
+        let error = choose_topics(recording.channels(), None, None, None).unwrap_err();
+        assert!(error.to_string().contains("no drive topic"), "{error}");
+        let mut scans = 0;
+        for message in recording.messages(&[topic]).unwrap() {
+            let scan = LaserScan::from_cdr(&message.unwrap().payload).unwrap();
+            assert_eq!(scan.ranges.len(), beams);
+            scan.check_beams().unwrap();
+            scans += 1;
+        }
+        assert_eq!(scans, count);
+    }
+}
