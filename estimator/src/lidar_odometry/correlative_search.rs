@@ -6,7 +6,7 @@
 
 use super::beam_filter::SweepPoints;
 use super::point_to_line::LocalMotion;
-use super::submap::{Cell, LocalOrigin, Submap};
+use super::submap::{CELL_M, Cell, LocalOrigin, Submap};
 use crate::geometry::Pose2;
 
 /// Points of the subsample.
@@ -48,7 +48,7 @@ impl Picture {
             low,
             rows: vec![[0; WORDS]; EDGE as usize],
         };
-        submap.for_each_line(|cell, _| {
+        submap.for_each_occupied(|cell| {
             let (x, y) = (cell.x - low.x, cell.y - low.y);
             if let Some(row) = usize::try_from(y)
                 .ok()
@@ -140,6 +140,49 @@ impl Candidate {
     }
 }
 
+/// A subsample of a sweep, laid over the map at one yaw after the other.
+struct Overlay {
+    origin: LocalOrigin,
+    position: (f32, f32),
+    points: Vec<(f32, f32)>,
+    cells: Vec<Cell>,
+}
+
+impl Overlay {
+    fn new(points: &SweepPoints, deskew: &LocalMotion, guess: Pose2) -> Self {
+        let origin = LocalOrigin::near(guess.x_m, guess.y_m);
+        let (ox, oy) = origin.position_m();
+        let stride = points.len().div_ceil(POINTS_SCORED).max(1);
+        let positions = points.x.iter().zip(&points.y).zip(&points.tau);
+        Self {
+            origin,
+            position: ((guess.x_m - ox) as f32, (guess.y_m - oy) as f32),
+            points: positions
+                .step_by(stride)
+                .map(|((&x, &y), &tau)| deskew.deskew(x, y, tau))
+                .collect(),
+            cells: Vec::with_capacity(POINTS_SCORED + 1),
+        }
+    }
+
+    fn centre(&self) -> Cell {
+        self.origin.locate(self.position.0, self.position.1).0
+    }
+
+    /// The cells of the points at a yaw.
+    fn cells_at(&mut self, yaw_rad: f64) -> &[Cell] {
+        let (s, c) = yaw_rad.sin_cos();
+        let (s, c) = (s as f32, c as f32);
+        let (px, py) = self.position;
+        self.cells.clear();
+        for &(x, y) in &self.points {
+            self.cells
+                .push(self.origin.locate(c * x - s * y + px, s * x + c * y + py).0);
+        }
+        &self.cells
+    }
+}
+
 /// The best poses within `window` of `guess` (whose points are deskewed by `deskew`), best first.
 pub fn search(
     points: &SweepPoints,
@@ -148,42 +191,16 @@ pub fn search(
     deskew: &LocalMotion,
     window: Window,
 ) -> Vec<Pose2> {
-    let origin = LocalOrigin::near(guess.x_m, guess.y_m);
-    let (ox, oy) = origin.position_m();
-    let position = ((guess.x_m - ox) as f32, (guess.y_m - oy) as f32);
-    let (centre, _, _) = origin.locate(position.0, position.1);
-    let fine = Picture::of(submap, centre);
+    let mut overlay = Overlay::new(points, deskew, guess);
+    let fine = Picture::of(submap, overlay.centre());
     let coarse = fine.widened((COARSE_CELLS / 2) as usize);
-    let stride = points.len().div_ceil(POINTS_SCORED).max(1);
-    let taken: Vec<(f32, f32)> = points
-        .x
-        .iter()
-        .zip(&points.y)
-        .zip(&points.tau)
-        .step_by(stride)
-        .map(|((&x, &y), &tau)| deskew.deskew(x, y, tau))
-        .collect();
-    let cells_at = |yaw_rad: f64, cells: &mut Vec<Cell>| {
-        let (s, c) = yaw_rad.sin_cos();
-        let (s, c) = (s as f32, c as f32);
-        cells.clear();
-        cells.extend(taken.iter().map(|&(x, y)| {
-            origin
-                .locate(c * x - s * y + position.0, s * x + c * y + position.1)
-                .0
-        }));
-    };
 
     // 1. Every pose of the coarse grid, on the widened map.
     let mut candidates = Vec::new();
-    let mut cells = Vec::with_capacity(taken.len());
     let yaw_steps = (window.yaw_rad / COARSE_YAW_RAD).ceil() as i32;
-    let reach = (window.reach_m / super::submap::CELL_M / f64::from(COARSE_CELLS)).ceil() as i32;
+    let reach = (window.reach_m / CELL_M / f64::from(COARSE_CELLS)).ceil() as i32;
     for yaw_step in -yaw_steps..=yaw_steps {
-        cells_at(
-            guess.yaw_rad + f64::from(yaw_step) * COARSE_YAW_RAD,
-            &mut cells,
-        );
+        let cells = overlay.cells_at(guess.yaw_rad + f64::from(yaw_step) * COARSE_YAW_RAD);
         for y in -reach..=reach {
             for x in -reach..=reach {
                 let shift = Cell {
@@ -191,7 +208,7 @@ pub fn search(
                     y: y * COARSE_CELLS,
                 };
                 candidates.push(Candidate {
-                    score: coarse.score(&cells, shift),
+                    score: coarse.score(cells, shift),
                     yaw_step,
                     shift,
                 });
@@ -202,28 +219,18 @@ pub fn search(
     candidates.truncate(CANDIDATES);
 
     // 2. The best of them closely, on the map as it is.
-    let mut close = Vec::with_capacity(candidates.len());
-    for candidate in &candidates {
-        close.extend(refine(
-            &fine,
-            candidate,
-            guess.yaw_rad,
-            &mut cells,
-            &cells_at,
-        ));
-    }
+    let mut close: Vec<_> = candidates
+        .iter()
+        .filter_map(|candidate| refine(&fine, candidate, guess.yaw_rad, &mut overlay))
+        .collect();
     close.sort_by_key(|(score, _, _)| std::cmp::Reverse(*score));
     close.dedup_by_key(|(_, yaw, shift)| ((*yaw * 1e6) as i64, shift.x, shift.y));
     close
         .into_iter()
         .take(BEST)
         .map(|(_, yaw_rad, shift)| {
-            let cell = super::submap::CELL_M;
-            Pose2::new(
-                guess.x_m + f64::from(shift.x) * cell,
-                guess.y_m + f64::from(shift.y) * cell,
-                yaw_rad,
-            )
+            let (x_m, y_m) = (f64::from(shift.x) * CELL_M, f64::from(shift.y) * CELL_M);
+            Pose2::new(guess.x_m + x_m, guess.y_m + y_m, yaw_rad)
         })
         .collect()
 }
@@ -233,15 +240,14 @@ fn refine(
     fine: &Picture,
     candidate: &Candidate,
     guess_yaw_rad: f64,
-    cells: &mut Vec<Cell>,
-    cells_at: &impl Fn(f64, &mut Vec<Cell>),
+    overlay: &mut Overlay,
 ) -> Option<(u32, f64, Cell)> {
     let half = COARSE_CELLS / 2;
     let mut best: Option<(u32, f64, Cell)> = None;
     for quarter in -2..=2 {
         let yaw_rad = guess_yaw_rad
             + (f64::from(candidate.yaw_step) + 0.25 * f64::from(quarter)) * COARSE_YAW_RAD;
-        cells_at(yaw_rad, cells);
+        let cells = overlay.cells_at(yaw_rad);
         for y in -half..=half {
             for x in -half..=half {
                 let shift = Cell {

@@ -126,7 +126,7 @@ impl LidarOdometry {
 
         // 3. Alignment from there; where it does not fit, from the best poses of a coarse search.
         let mut solution = self.align(&predicted)?;
-        if !solution.fit.is_good() {
+        if self.track.doubts(&solution.fit) || Track::is_vague(&predicted) {
             self.search(&mut solution, &predicted, dt);
         }
 

@@ -63,6 +63,12 @@ impl Motion {
         motion
     }
 
+    /// One sigma of the position, m, and of the yaw, rad.
+    pub fn pose_sigmas(&self) -> (f64, f64) {
+        let position2 = self.covariance[(0, 0)].max(self.covariance[(1, 1)]);
+        (position2.sqrt(), self.covariance[(2, 2)].sqrt())
+    }
+
     /// Standing still, and sure of nothing beyond what it was sure of.
     #[must_use]
     pub fn stopped(&self) -> Self {

@@ -213,8 +213,7 @@ impl Alignment<'_> {
                 continue;
             };
             let facing = residual.m.0 * ex + residual.m.1 * ey;
-            let on_map = residual.distance * residual.distance < 9.0 * residual.variance;
-            if on_map && facing.abs() > FACING_COS {
+            if facing.abs() > FACING_COS {
                 sum += facing * facing / residual.variance;
             }
         }
@@ -226,12 +225,16 @@ impl Alignment<'_> {
         let mut fit = Fit::default();
         for (point, tau, inverse_range) in self.beams().step_by(stride) {
             fit.points += 1.0;
-            let residual = self.residual(motion, point, tau, inverse_range);
-            if residual.is_some_and(|r| {
-                r.distance * r.distance < ON_MAP_SIGMAS * ON_MAP_SIGMAS * r.variance
-            }) {
-                fit.on_map += 1.0;
-                continue;
+            if let Some(Residual {
+                distance, variance, ..
+            }) = self.residual(motion, point, tau, inverse_range)
+            {
+                let normalised2 = distance * distance / variance;
+                fit.score += 1.0 / (1.0 + normalised2 * (1.0 / (ROBUST_SIGMAS * ROBUST_SIGMAS)));
+                if normalised2 < ON_MAP_SIGMAS * ON_MAP_SIGMAS {
+                    fit.on_map += 1.0;
+                    continue;
+                }
             }
             let (qx, qy) = motion.deskew(point.0, point.1, tau);
             let (wx, wy) = motion.transform(qx, qy);

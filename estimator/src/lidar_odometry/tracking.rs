@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::correlative_search::Window;
+use super::motion::Motion;
 
 /// Whether the pose can be trusted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -24,6 +25,14 @@ const EXPLAINED_MIN: f32 = 0.3;
 const EXPLAINED_RECOVERED_MIN: f32 = 0.5;
 /// Below this share the search is asked for a better pose, and the state is degraded.
 const EXPLAINED_GOOD: f32 = 0.6;
+/// A prediction vaguer than this in position (one sigma) may lie outside the alignment's basin, m.
+const BASIN_M: f64 = 0.05;
+/// The same in yaw, rad.
+const BASIN_RAD: f64 = 0.03;
+/// The search is also asked when the points lie less close than this part of what they did of late.
+const CLOSENESS_DROP: f32 = 0.9;
+/// Gain of the mean closeness.
+const CLOSENESS_GAIN: f32 = 0.1;
 /// Share of all points that has to be on the map, moving or not.
 const ON_MAP_MIN: f32 = 0.12;
 /// Largest speed of a robot that the search allows for, m/s.
@@ -42,6 +51,8 @@ pub struct Fit {
     pub on_map: f32,
     /// Points where space was seen free before: people, other robots.
     pub moving: f32,
+    /// Sum over the points of their closeness to the map, 1 for a point on its line.
+    pub score: f32,
 }
 
 impl Fit {
@@ -62,7 +73,12 @@ impl Fit {
         self.on_map / (self.points - self.moving).max(1.0)
     }
 
-    /// Whether no better pose has to be looked for.
+    /// Mean closeness of the points to the map, 0 to 1.
+    fn closeness(&self) -> f32 {
+        self.score / self.points.max(1.0)
+    }
+
+    /// Whether the still points lie on the map as they should.
     pub fn is_good(&self) -> bool {
         self.explained() >= EXPLAINED_GOOD
     }
@@ -79,7 +95,7 @@ impl Fit {
 
     /// Whether this fit is clearly better than another.
     pub fn beats(&self, other: &Self) -> bool {
-        self.on_map > 1.05 * other.on_map
+        self.score > 1.03 * other.score
     }
 }
 
@@ -88,9 +104,22 @@ impl Fit {
 pub struct Track {
     /// Sweeps without a fit, in a row.
     lost_sweeps: u32,
+    /// Mean closeness of the fits of late.
+    closeness: f32,
 }
 
 impl Track {
+    /// Whether the prediction is too vague for the alignment to fall into place from it.
+    pub fn is_vague(predicted: &Motion) -> bool {
+        let (position_m, yaw_rad) = predicted.pose_sigmas();
+        position_m > BASIN_M || yaw_rad > BASIN_RAD
+    }
+
+    /// Whether a better pose should be looked for: the fit is poor, or poorer than those before.
+    pub fn doubts(self, fit: &Fit) -> bool {
+        !fit.is_good() || fit.closeness() < CLOSENESS_DROP * self.closeness
+    }
+
     /// Whether the last sweep had no fit.
     pub fn is_lost(self) -> bool {
         self.lost_sweeps > 0
@@ -124,6 +153,7 @@ impl Track {
     pub fn found(&mut self, fit: &Fit, is_open: bool) -> Tracking {
         let was_lost = self.is_lost();
         self.lost_sweeps = 0;
+        self.closeness += CLOSENESS_GAIN * (fit.closeness() - self.closeness);
         if was_lost {
             Tracking::Recovered
         } else if is_open || !fit.is_good() {

@@ -26,6 +26,9 @@ const TILE_DISTANCE_MAX: i32 = 100;
 /// Added before truncation, so that it rounds down: cells from the local origin to the table's rim.
 const BIAS: i32 = TABLE_TILES / 2 * TILE_CELLS;
 
+/// A window of cells with fewer points is looked at more widely.
+const SPARSE_POINTS: f32 = 8.0;
+
 /// A cell of the odometry frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Cell {
@@ -78,14 +81,6 @@ impl LocalOrigin {
             y - (row as f32 + 0.5) * CELL,
         )
     }
-
-    /// The centre of a cell, from this origin.
-    pub fn centre_of(self, cell: Cell) -> (f32, f32) {
-        (
-            ((cell.x - self.cell.x) as f32 + 0.5) * CELL,
-            ((cell.y - self.cell.y) as f32 + 0.5) * CELL,
-        )
-    }
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -106,10 +101,26 @@ pub struct Submap {
     updates: u32,
     to_fit: Vec<Cell>,
     quality: LineQuality,
+    /// Of a cell on its own.
+    quality_alone: LineQuality,
 }
 
 impl Default for Submap {
     fn default() -> Self {
+        let quality = LineQuality {
+            points_min: 3.0,
+            across_max_m2: 2.5e-3,
+            along_min_m2: 1e-3,
+            ratio_max: 0.2,
+            noise_floor_m2: 2.5e-5,
+            sightings_min: 1,
+        };
+        let quality_alone = LineQuality {
+            points_min: 6.0,
+            along_min_m2: 2e-4,
+            ratio_max: 0.3,
+            ..quality
+        };
         Self {
             table: vec![0; (TABLE_TILES * TABLE_TILES) as usize],
             headers: Vec::new(),
@@ -117,14 +128,8 @@ impl Default for Submap {
             moments: Vec::new(),
             updates: 0,
             to_fit: Vec::new(),
-            quality: LineQuality {
-                points_min: 3.0,
-                across_max_m2: 2.5e-3,
-                along_min_m2: 1e-3,
-                ratio_max: 0.2,
-                noise_floor_m2: 2.5e-5,
-                sightings_min: 1,
-            },
+            quality,
+            quality_alone,
         }
     }
 }
@@ -193,6 +198,12 @@ impl Submap {
         self.quality.across_max_m2 = (2.5 * range_noise_m).clamp(0.025, 0.06).powi(2);
         self.quality.noise_floor_m2 = (0.7 * range_noise_m).powi(2);
         self.quality.sightings_min = self.updates.min(3) as u16;
+        self.quality_alone = LineQuality {
+            points_min: self.quality_alone.points_min,
+            along_min_m2: self.quality_alone.along_min_m2,
+            ratio_max: self.quality_alone.ratio_max,
+            ..self.quality
+        };
         let (x, y) = (centre.x >> TILE_SHIFT, centre.y >> TILE_SHIFT);
         let mut tile = 0;
         while let Some(header) = self.headers.get(tile).copied() {
@@ -281,13 +292,18 @@ impl Submap {
             return Line::NONE;
         }
         let line = window.line(&self.quality);
-        if line.exists() || window.count() > 8.0 {
+        if line.exists() {
             return line;
         }
-        // Few points: a wider look may still show a line.
-        let mut wide = WindowMoments::default();
-        self.gather(cell, 2, &mut wide);
-        wide.line(&self.quality)
+        // Clutter or a corner: the cell alone may still show a line. Few points: a wider look may.
+        let is_sparse = window.count() < SPARSE_POINTS;
+        let mut other = WindowMoments::default();
+        self.gather(cell, if is_sparse { 2 } else { 0 }, &mut other);
+        other.line(if is_sparse {
+            &self.quality
+        } else {
+            &self.quality_alone
+        })
     }
 
     fn gather(&self, cell: Cell, reach: i32, window: &mut WindowMoments) {
@@ -346,14 +362,14 @@ impl Submap {
         }
     }
 
-    /// Calls `visit` with each cell that has a line, and its line.
-    pub fn for_each_line(&self, mut visit: impl FnMut(Cell, &Line)) {
-        for (header, lines) in self.headers.iter().zip(&self.lines) {
-            for (slot, line) in (0i32..).zip(lines) {
-                if line.exists() {
+    /// Calls `visit` with each cell that holds points.
+    pub fn for_each_occupied(&self, mut visit: impl FnMut(Cell)) {
+        for (header, cells) in self.headers.iter().zip(&self.moments) {
+            for (slot, moments) in (0i32..).zip(cells) {
+                if moments.n > 0.0 {
                     let x = (header.x << TILE_SHIFT) + (slot & (TILE_CELLS - 1));
                     let y = (header.y << TILE_SHIFT) + (slot >> TILE_SHIFT);
-                    visit(Cell { x, y }, line);
+                    visit(Cell { x, y });
                 }
             }
         }
