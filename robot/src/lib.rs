@@ -4,4 +4,6 @@
 
 #[cfg(feature = "wire")]
 pub mod recording;
+#[cfg(feature = "wire")]
+pub mod replay;
 pub mod simulator;

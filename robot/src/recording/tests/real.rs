@@ -43,10 +43,10 @@ fn poses_of_a_real_vehicle_decode() {
     let topics = choose_topics(recording.channels(), None, None, None).unwrap();
     assert_eq!(topics.names(), ["/agv/drive", "/agv/lidar_odometry"]);
     let poses = recording.messages(&["/agv/lidar_odometry"]).unwrap();
-    let count = poses
+    let poses: Vec<Odometry> = poses
         .map(|pose| Odometry::from_cdr(&pose.unwrap().payload).unwrap())
-        .count();
-    assert_eq!(count, 2434);
+        .collect();
+    assert_eq!(poses.len(), 2434);
 }
 
 #[test]

@@ -1,0 +1,164 @@
+//! The only place of a replay that knows Zenoh.
+
+use std::time::Duration;
+
+use fleetcal_proto::progress::Progress;
+use fleetcal_proto::{Encoding, RobotId, StreamKind};
+use tokio::time::Instant;
+use zenoh::Wait;
+use zenoh::liveliness::LivelinessToken;
+use zenoh::pubsub::Publisher;
+use zenoh::qos::CongestionControl;
+
+use super::{ReplayError, ReplayOptions};
+
+/// How long one question for the progress may take.
+const PROGRESS_TIMEOUT: Duration = Duration::from_secs(2);
+/// Pause between two looks for a listener.
+const LISTENER_POLL: Duration = Duration::from_millis(10);
+
+/// A robot's session: its streams, its token, and the question for the service's progress.
+#[derive(Debug)]
+pub(super) struct Link {
+    session: zenoh::Session,
+    robot: RobotId,
+    drive: Publisher<'static>,
+    pose: Publisher<'static>,
+    progress_key: String,
+    token: LivelinessToken,
+}
+
+fn at_key(key: &str) -> impl FnOnce(zenoh::Error) -> ReplayError {
+    move |error| ReplayError::Zenoh {
+        key: key.to_owned(),
+        reason: error.to_string(),
+    }
+}
+
+impl Link {
+    /// Connects as the robot and declares its streams and its liveliness token.
+    pub(super) async fn open(
+        options: &ReplayOptions,
+        robot: &RobotId,
+        [drive, pose]: [(StreamKind, Encoding); 2],
+    ) -> Result<Self, ReplayError> {
+        let config = client_config(options)?;
+        // Opening blocks its thread until the connection stands or times out.
+        let opened = tokio::task::spawn_blocking(move || zenoh::open(config).wait()).await?;
+        let session = opened.map_err(|error| ReplayError::Connect {
+            endpoints: options.connect.clone(),
+            reason: error.to_string(),
+        })?;
+        let publisher = async |(kind, encoding): (StreamKind, Encoding)| {
+            let key = options.keys.stream(robot, kind);
+            // Both streams have the same priority and wait for room: one order, nothing dropped.
+            let declared = session
+                .declare_publisher(key.clone())
+                .encoding(encoding.as_str())
+                .congestion_control(CongestionControl::Block);
+            declared.await.map_err(at_key(&key))
+        };
+        let alive = options.keys.alive(robot);
+        let token = session.liveliness().declare_token(alive.clone());
+        Ok(Self {
+            drive: publisher(drive).await?,
+            pose: publisher(pose).await?,
+            progress_key: options.keys.stream(robot, StreamKind::Progress),
+            token: token.await.map_err(at_key(&alive))?,
+            robot: robot.clone(),
+            session,
+        })
+    }
+
+    /// Whose session it is.
+    pub(super) fn robot(&self) -> &RobotId {
+        &self.robot
+    }
+
+    /// Waits until somebody listens to both streams: what is sent before that is lost.
+    pub(super) async fn wait_for_listeners(&self, timeout: Duration) -> Result<(), ReplayError> {
+        let started = Instant::now();
+        for publisher in [&self.drive, &self.pose] {
+            let key = publisher.key_expr().as_str();
+            while !publisher
+                .matching_status()
+                .await
+                .map_err(at_key(key))?
+                .matching()
+            {
+                if started.elapsed() >= timeout {
+                    let seconds = timeout.as_secs_f64();
+                    return Err(ReplayError::NobodyListens {
+                        key: key.to_owned(),
+                        seconds,
+                    });
+                }
+                tokio::time::sleep(LISTENER_POLL).await;
+            }
+        }
+        Ok(())
+    }
+
+    /// Sends a message on one of the streams.
+    pub(super) async fn send(&self, is_drive: bool, payload: Vec<u8>) -> Result<(), ReplayError> {
+        let publisher = if is_drive { &self.drive } else { &self.pose };
+        publisher
+            .put(payload)
+            .await
+            .map_err(at_key(publisher.key_expr().as_str()))
+    }
+
+    /// The service's progress with the robot; `None` when it does not answer.
+    pub(super) async fn progress(&self) -> Result<Option<Progress>, ReplayError> {
+        let key = &self.progress_key;
+        let asked = self.session.get(key).timeout(PROGRESS_TIMEOUT);
+        let replies = asked.await.map_err(at_key(key))?;
+        while let Ok(reply) = replies.recv_async().await {
+            let Ok(sample) = reply.result() else { continue };
+            let progress = serde_json::from_slice(&sample.payload().to_bytes());
+            let refused = |reason| ReplayError::ProgressRefused {
+                key: key.clone(),
+                reason,
+            };
+            return progress.map(Some).map_err(refused);
+        }
+        Ok(None)
+    }
+
+    /// Takes the robot's token back and ends the session.
+    pub(super) async fn close(self) -> Result<(), ReplayError> {
+        self.token
+            .undeclare()
+            .await
+            .map_err(at_key(self.robot.as_str()))?;
+        self.session
+            .close()
+            .await
+            .map_err(at_key(self.robot.as_str()))
+    }
+}
+
+fn client_config(options: &ReplayOptions) -> Result<zenoh::Config, ReplayError> {
+    let endpoints = serde_json::Value::from(options.connect.clone()).to_string();
+    let settings = [
+        ("mode", "\"client\"".to_owned()),
+        ("connect/endpoints", endpoints),
+        (
+            "connect/timeout_ms",
+            options.connect_timeout.as_millis().to_string(),
+        ),
+        ("connect/exit_on_failure", "true".to_owned()),
+        ("scouting/multicast/enabled", "false".to_owned()),
+        ("scouting/gossip/enabled", "false".to_owned()),
+    ];
+    let mut config = zenoh::Config::default();
+    for (field, value) in settings {
+        let set = config.insert_json5(field, &value);
+        set.map_err(|error| ReplayError::Setting {
+            field,
+            value,
+            reason: error.to_string(),
+        })?;
+    }
+    Ok(config)
+}

@@ -1,0 +1,255 @@
+//! Streams a recording over Zenoh as its robot would.
+//!
+//! The messages go out in the order in which they were logged, at a multiple of real time or as
+//! fast as the service works. [`Window`] keeps the sender from running further ahead of
+//! `{root}/{robot}/progress` than the robot's mailbox holds, so nothing is shed. The robot's
+//! liveliness token stands from before the first message until the last was worked through.
+
+mod error;
+mod link;
+mod options;
+mod window;
+
+pub use error::ReplayError;
+pub use options::{Pacing, Rate, RateRefused, ReplayOptions};
+pub use window::{AHEAD_DRIVE_SAMPLES_MAX, AHEAD_SCANS_MAX, Window};
+
+use std::time::Duration;
+
+use fleetcal_proto::{Encoding, RobotId, StreamKind};
+use tokio::sync::mpsc;
+use tokio::time::Instant;
+
+use crate::recording::{
+    ChosenPose, RecordedMessage, Recording, RecordingError, Topics, choose_topics,
+};
+use link::Link;
+
+/// Messages that are read ahead from the file.
+const READ_AHEAD_MAX: usize = 256;
+/// First pause between two looks at the service's progress.
+const POLL_FIRST: Duration = Duration::from_millis(1);
+/// Longest pause between two looks at the service's progress.
+const POLL_LONGEST: Duration = Duration::from_millis(50);
+
+/// How far a replay got.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ReplayProgress {
+    /// Messages sent so far.
+    pub sent: u64,
+    /// Messages to send in all.
+    pub total: u64,
+    /// Milliseconds of recording that were sent.
+    pub recording_ms: u64,
+}
+
+/// What a replay did.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ReplaySummary {
+    /// As whom.
+    pub robot: RobotId,
+    /// Drive samples sent.
+    pub drive_samples: u64,
+    /// Sweeps or LiDAR poses sent.
+    pub scans: u64,
+    /// Messages that the service gave up because its mailbox was full, as it says itself.
+    pub shed: u64,
+    /// How long it took, from the first message until the service had worked through the last.
+    pub duration: Duration,
+}
+
+/// Streams a recording and waits until the service has worked through it. Needs a tokio runtime
+/// with more than one thread, as Zenoh does.
+///
+/// `on_progress` is called after every message.
+///
+/// # Errors
+/// When the recording or its topics can't be used, nobody can be reached or listens, or the
+/// service stops working through what it gets.
+pub async fn replay(
+    options: ReplayOptions,
+    mut on_progress: impl FnMut(ReplayProgress) + Send,
+) -> Result<ReplaySummary, ReplayError> {
+    // 1. What to send, and as whom.
+    let path = options.recording.clone();
+    let recording = tokio::task::spawn_blocking(move || Recording::open(&path)).await??;
+    let topics = choose_topics(
+        recording.channels(),
+        options.drive_topic.as_deref(),
+        options.scan_topic.as_deref(),
+        options.pose_topic.as_deref(),
+    )?;
+    let robot = robot_of(&options, &topics)?;
+
+    // 2. A session, in which somebody listens before anything is sent.
+    let link = Link::open(&options, &robot, streams(&topics)).await?;
+    link.wait_for_listeners(options.connect_timeout).await?;
+
+    // 3. The messages, then the wait for the last of them.
+    let mut sender = Sender {
+        start_ns: recording.start_ns(),
+        total: recording.count(&topics.names()),
+        window: Window::new(link.progress().await?),
+        started: Instant::now(),
+        drive_topic: topics.drive.topic.clone(),
+        link,
+        options,
+    };
+    let mut messages = read_ahead(&recording, &topics);
+    while let Some(message) = messages.recv().await {
+        on_progress(sender.send(message?).await?);
+    }
+    sender.wait_until_done().await?;
+
+    // 4. Only now is the robot gone, so that the service's merger has everything to flush.
+    let Sender {
+        link,
+        window,
+        started,
+        ..
+    } = sender;
+    let duration = started.elapsed();
+    link.close().await?;
+    Ok(ReplaySummary {
+        robot,
+        drive_samples: window.sent_drive_samples(),
+        scans: window.sent_scans(),
+        shed: window.shed(),
+        duration,
+    })
+}
+
+/// The robot asked for, or the one that the topics name.
+fn robot_of(options: &ReplayOptions, topics: &Topics) -> Result<RobotId, ReplayError> {
+    if let Some(robot) = &options.robot {
+        return Ok(robot.clone());
+    }
+    let topic = &topics.drive.topic;
+    let named = topics.robot().ok_or_else(|| ReplayError::NoRobot {
+        topic: topic.clone(),
+    })?;
+    let refused = |reason| ReplayError::RobotRefused {
+        topic: topic.clone(),
+        reason,
+    };
+    RobotId::parse(named).map_err(refused)
+}
+
+/// The robot's streams and how their messages are written, the drive first.
+fn streams(topics: &Topics) -> [(StreamKind, Encoding); 2] {
+    let encoding = |encoding: Option<Encoding>| encoding.unwrap_or_default();
+    let pose = match &topics.pose {
+        ChosenPose::Scan(_) => StreamKind::Scan,
+        ChosenPose::LidarOdometry(_) => StreamKind::LidarOdometry,
+    };
+    [
+        (StreamKind::Drive, encoding(topics.drive.encoding)),
+        (pose, encoding(topics.pose.channel().encoding)),
+    ]
+}
+
+/// Reads the file on a thread of its own, a bounded number of messages ahead.
+fn read_ahead(
+    recording: &Recording,
+    topics: &Topics,
+) -> mpsc::Receiver<Result<RecordedMessage, RecordingError>> {
+    let (sender, receiver) = mpsc::channel(READ_AHEAD_MAX);
+    let names = topics.names();
+    let messages = recording.messages(&names);
+    tokio::task::spawn_blocking(move || {
+        let messages = match messages {
+            Ok(messages) => messages,
+            Err(error) => {
+                // Nobody listens any more when the replay was given up.
+                drop(sender.blocking_send(Err(error)));
+                return;
+            }
+        };
+        for message in messages {
+            if sender.blocking_send(message).is_err() {
+                return;
+            }
+        }
+    });
+    receiver
+}
+
+/// One recording on its way.
+struct Sender {
+    link: Link,
+    options: ReplayOptions,
+    window: Window,
+    drive_topic: String,
+    start_ns: u64,
+    total: u64,
+    started: Instant,
+}
+
+impl Sender {
+    /// Sends one message when its time has come and the service has room for it.
+    async fn send(&mut self, message: RecordedMessage) -> Result<ReplayProgress, ReplayError> {
+        let elapsed_ns = message.log_time_ns.saturating_sub(self.start_ns);
+        if let Some(after) = self.options.rate.after(Duration::from_nanos(elapsed_ns)) {
+            tokio::time::sleep_until(self.started + after).await;
+        }
+        let is_drive = *message.topic == *self.drive_topic;
+        if self.options.pacing == Pacing::ByProgress {
+            self.wait(|window| window.has_room(is_drive)).await?;
+        }
+        self.link.send(is_drive, message.payload).await?;
+        self.window.count_sent(is_drive);
+        Ok(ReplayProgress {
+            sent: self.window.sent(),
+            total: self.total,
+            recording_ms: elapsed_ns / 1_000_000,
+        })
+    }
+
+    async fn wait_until_done(&mut self) -> Result<(), ReplayError> {
+        self.wait(Window::is_done).await
+    }
+
+    /// Asks for the service's progress until the window is as it should be.
+    async fn wait(&mut self, ready: impl Fn(&Window) -> bool) -> Result<(), ReplayError> {
+        let mut pause = POLL_FIRST;
+        let mut advanced_at = Instant::now();
+        while !ready(&self.window) {
+            let progress = self.link.progress().await?;
+            let answered = progress.is_some();
+            if progress.is_some_and(|progress| self.window.report(progress)) {
+                advanced_at = Instant::now();
+                pause = POLL_FIRST;
+                continue;
+            }
+            if advanced_at.elapsed() >= self.options.stall_timeout {
+                return Err(self.stalled(answered));
+            }
+            tokio::time::sleep(pause).await;
+            pause = (2 * pause).min(POLL_LONGEST);
+        }
+        Ok(())
+    }
+
+    fn stalled(&self, answered: bool) -> ReplayError {
+        let robot = self.link.robot().clone();
+        let seconds = self.options.stall_timeout.as_secs_f64();
+        let sent = self.window.sent();
+        if answered {
+            let outstanding = self.window.outstanding();
+            return ReplayError::Stalled {
+                robot,
+                seconds,
+                sent,
+                outstanding,
+            };
+        }
+        ReplayError::NoProgress {
+            robot,
+            seconds,
+            sent,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

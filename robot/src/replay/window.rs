@@ -1,0 +1,214 @@
+//! How far a sender may run ahead of the service.
+
+use fleetcal_proto::progress::Progress;
+
+/// Most drive samples on the way: half of what a robot's mailbox holds, because a service that
+/// starts anew may hold as many again that it has not reported.
+pub const AHEAD_DRIVE_SAMPLES_MAX: u64 = 512;
+/// Most sweeps or LiDAR poses on the way, likewise.
+pub const AHEAD_SCANS_MAX: u64 = 4;
+
+/// What was sent, against what the service says it has worked through.
+///
+/// The service counts from its own start, so its first report is the zero. When its counts fall,
+/// it was started anew: what was on the way then is lost or counted already, and the window is
+/// empty again.
+#[derive(Debug, Clone)]
+pub struct Window {
+    sent: Sent,
+    /// What had been sent when the service's present counts began.
+    sent_before: Sent,
+    zero: Progress,
+    latest: Progress,
+    shed_before: u64,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Sent {
+    drive_samples: u64,
+    scans: u64,
+}
+
+impl Sent {
+    fn sum(self) -> u64 {
+        self.drive_samples + self.scans
+    }
+}
+
+impl Window {
+    /// An empty window; `progress` is the service's report before anything was sent, if it knows
+    /// the robot.
+    pub fn new(progress: Option<Progress>) -> Self {
+        let zero = progress.unwrap_or_default();
+        let none = Sent::default();
+        Self {
+            sent: none,
+            sent_before: none,
+            zero,
+            latest: zero,
+            shed_before: 0,
+        }
+    }
+
+    /// Whether one more message may be sent.
+    pub fn has_room(&self, is_drive: bool) -> bool {
+        if is_drive {
+            self.drive_samples_ahead() < AHEAD_DRIVE_SAMPLES_MAX
+        } else {
+            self.scans_ahead() < AHEAD_SCANS_MAX
+        }
+    }
+
+    /// Counts a message that was sent.
+    pub fn count_sent(&mut self, is_drive: bool) {
+        if is_drive {
+            self.sent.drive_samples += 1;
+        } else {
+            self.sent.scans += 1;
+        }
+    }
+
+    /// Takes the service's report. True when it has moved on.
+    pub fn report(&mut self, progress: Progress) -> bool {
+        let counts = |report: &Progress| [report.drive_samples, report.scans, report.shed];
+        let (before, now) = (counts(&self.latest), counts(&progress));
+        if before.iter().zip(now).any(|(&before, now)| now < before) {
+            self.shed_before = self.shed();
+            self.sent_before = self.sent;
+            self.zero = progress;
+        }
+        self.latest = progress;
+        before != now
+    }
+
+    /// Whether the service is done with everything that was sent.
+    pub fn is_done(&self) -> bool {
+        self.outstanding() == 0
+    }
+
+    /// How many messages are on the way or wait.
+    pub fn outstanding(&self) -> u64 {
+        let done = self.drive_samples_done() + self.scans_done() + self.shed_now();
+        (self.sent.sum() - self.sent_before.sum()).saturating_sub(done)
+    }
+
+    /// How many messages were sent.
+    pub fn sent(&self) -> u64 {
+        self.sent.sum()
+    }
+
+    /// How many drive samples were sent.
+    pub fn sent_drive_samples(&self) -> u64 {
+        self.sent.drive_samples
+    }
+
+    /// How many sweeps or LiDAR poses were sent.
+    pub fn sent_scans(&self) -> u64 {
+        self.sent.scans
+    }
+
+    /// How many messages the service shed since the window was made.
+    pub fn shed(&self) -> u64 {
+        self.shed_before + self.shed_now()
+    }
+
+    // The report does not say of which stream the shed messages were; either stream may count on
+    // their room, because what was shed waits nowhere.
+    fn drive_samples_ahead(&self) -> u64 {
+        let sent = self.sent.drive_samples - self.sent_before.drive_samples;
+        sent.saturating_sub(self.drive_samples_done() + self.shed_now())
+    }
+
+    fn scans_ahead(&self) -> u64 {
+        let sent = self.sent.scans - self.sent_before.scans;
+        sent.saturating_sub(self.scans_done() + self.shed_now())
+    }
+
+    fn drive_samples_done(&self) -> u64 {
+        self.latest
+            .drive_samples
+            .saturating_sub(self.zero.drive_samples)
+    }
+
+    fn scans_done(&self) -> u64 {
+        self.latest.scans.saturating_sub(self.zero.scans)
+    }
+
+    fn shed_now(&self) -> u64 {
+        self.latest.shed.saturating_sub(self.zero.shed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn progress(drive_samples: u64, scans: u64, shed: u64) -> Progress {
+        Progress {
+            drive_samples,
+            scans,
+            shed,
+            stamp_ns: 1,
+        }
+    }
+
+    fn filled() -> Window {
+        let mut window = Window::new(Some(progress(1000, 100, 7)));
+        for _ in 0..AHEAD_DRIVE_SAMPLES_MAX {
+            assert!(window.has_room(true));
+            window.count_sent(true);
+        }
+        for _ in 0..AHEAD_SCANS_MAX {
+            assert!(window.has_room(false));
+            window.count_sent(false);
+        }
+        assert!(!window.has_room(true) && !window.has_room(false));
+        window
+    }
+
+    #[test]
+    fn room_comes_with_progress_on_the_same_stream() {
+        let mut window = filled();
+        assert!(!window.report(progress(1000, 100, 7)));
+        assert!(window.report(progress(1010, 100, 7)));
+        assert!(window.has_room(true) && !window.has_room(false));
+        assert!(window.report(progress(1010, 101, 7)));
+        assert!(window.has_room(false));
+        assert_eq!(window.outstanding(), 512 + 4 - 11);
+        assert!(window.report(progress(1512, 104, 7)));
+        assert!(window.is_done());
+        assert_eq!(window.shed(), 0);
+    }
+
+    #[test]
+    fn what_was_shed_is_not_waited_for() {
+        let mut window = filled();
+        window.report(progress(1510, 103, 10));
+        assert!(window.is_done());
+        assert_eq!(window.shed(), 3);
+    }
+
+    #[test]
+    fn a_service_that_starts_anew_empties_the_window() {
+        let mut window = filled();
+        window.report(progress(1200, 102, 9));
+        window.report(progress(3, 0, 0));
+        assert!(window.is_done(), "{} outstanding", window.outstanding());
+        assert_eq!(window.shed(), 2);
+        window.count_sent(true);
+        window.count_sent(false);
+        assert_eq!(window.outstanding(), 2);
+        window.report(progress(4, 1, 0));
+        assert!(window.is_done());
+        assert_eq!((window.sent_drive_samples(), window.sent_scans()), (513, 5));
+    }
+
+    #[test]
+    fn a_robot_that_is_not_known_yet_starts_from_zero() {
+        let mut window = Window::new(None);
+        window.count_sent(true);
+        assert!(!window.is_done());
+        window.report(progress(1, 0, 0));
+        assert!(window.is_done());
+    }
+}
