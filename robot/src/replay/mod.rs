@@ -12,7 +12,7 @@ mod window;
 
 pub use error::ReplayError;
 pub use options::{Pacing, Rate, RateRefused, ReplayOptions};
-pub use window::{AHEAD_DRIVE_SAMPLES_MAX, AHEAD_SCANS_MAX, Window};
+pub use window::{AHEAD_DRIVE_SAMPLES_MAX, AHEAD_SCANS_MAX, Report, Window};
 
 use std::time::Duration;
 
@@ -31,6 +31,9 @@ const READ_AHEAD_MAX: usize = 256;
 const POLL_FIRST: Duration = Duration::from_millis(1);
 /// Longest pause between two looks at the service's progress.
 const POLL_LONGEST: Duration = Duration::from_millis(50);
+
+/// A service that was silent and then moves no further for so long has lost what was on the way.
+const LOST_AFTER: Duration = Duration::from_secs(2);
 
 /// How far a replay got.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,6 +57,9 @@ pub struct ReplaySummary {
     pub scans: u64,
     /// Messages that the service gave up because its mailbox was full, as it says itself.
     pub shed: u64,
+    /// Messages that were on the way when the service was started anew: lost with it, or counted
+    /// by nobody.
+    pub unconfirmed: u64,
     /// How long it took, from the first message until the service had worked through the last.
     pub duration: Duration,
 }
@@ -115,6 +121,7 @@ pub async fn replay(
         drive_samples: window.sent_drive_samples(),
         scans: window.sent_scans(),
         shed: window.shed(),
+        unconfirmed: window.unconfirmed(),
         duration,
     })
 }
@@ -213,19 +220,41 @@ impl Sender {
     async fn wait(&mut self, ready: impl Fn(&Window) -> bool) -> Result<(), ReplayError> {
         let mut pause = POLL_FIRST;
         let mut advanced_at = Instant::now();
+        let mut silent_since_advance = false;
         while !ready(&self.window) {
             let progress = self.link.progress().await?;
-            let answered = progress.is_some();
-            if progress.is_some_and(|progress| self.window.report(progress)) {
+            let report = progress.map(|progress| self.window.report(progress));
+            if report == Some(Report::StartedAnew) {
+                self.resume().await?;
+            }
+            if matches!(report, Some(Report::MovedOn | Report::StartedAnew)) {
                 advanced_at = Instant::now();
+                silent_since_advance = false;
                 pause = POLL_FIRST;
                 continue;
             }
-            if advanced_at.elapsed() >= self.options.stall_timeout {
-                return Err(self.stalled(answered));
+            silent_since_advance |= report.is_none();
+            let waited = advanced_at.elapsed();
+            if silent_since_advance && report.is_some() && waited >= LOST_AFTER {
+                // It was away and has nothing of ours any more.
+                self.resume().await?;
+                silent_since_advance = false;
+            } else if waited >= self.options.stall_timeout {
+                return Err(self.stalled(report.is_some()));
             }
             tokio::time::sleep(pause).await;
             pause = (2 * pause).min(POLL_LONGEST);
+        }
+        Ok(())
+    }
+
+    /// Goes on with a service that was away: what was on the way is given up.
+    async fn resume(&mut self) -> Result<(), ReplayError> {
+        self.link
+            .wait_for_listeners(self.options.stall_timeout)
+            .await?;
+        if let Some(progress) = self.link.progress().await? {
+            self.window.restart(progress);
         }
         Ok(())
     }

@@ -21,6 +21,18 @@ pub struct Window {
     zero: Progress,
     latest: Progress,
     shed_before: u64,
+    unconfirmed: u64,
+}
+
+/// What a report of the service says beside the one before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Report {
+    /// The service worked through something.
+    MovedOn,
+    /// The counts are the same.
+    Unmoved,
+    /// The counts fell: the service was started anew.
+    StartedAnew,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -47,6 +59,7 @@ impl Window {
             zero,
             latest: zero,
             shed_before: 0,
+            unconfirmed: 0,
         }
     }
 
@@ -68,17 +81,28 @@ impl Window {
         }
     }
 
-    /// Takes the service's report. True when it has moved on.
-    pub fn report(&mut self, progress: Progress) -> bool {
+    /// Takes the service's report.
+    pub fn report(&mut self, progress: Progress) -> Report {
         let counts = |report: &Progress| [report.drive_samples, report.scans, report.shed];
         let (before, now) = (counts(&self.latest), counts(&progress));
         if before.iter().zip(now).any(|(&before, now)| now < before) {
-            self.shed_before = self.shed();
-            self.sent_before = self.sent;
-            self.zero = progress;
+            self.restart(progress);
+            return Report::StartedAnew;
         }
         self.latest = progress;
-        before != now
+        if before == now {
+            Report::Unmoved
+        } else {
+            Report::MovedOn
+        }
+    }
+
+    /// Gives up what is on the way: the service counts anew from `progress`.
+    pub fn restart(&mut self, progress: Progress) {
+        self.unconfirmed += self.outstanding();
+        self.shed_before = self.shed();
+        self.sent_before = self.sent;
+        (self.zero, self.latest) = (progress, progress);
     }
 
     /// Whether the service is done with everything that was sent.
@@ -110,6 +134,12 @@ impl Window {
     /// How many messages the service shed since the window was made.
     pub fn shed(&self) -> u64 {
         self.shed_before + self.shed_now()
+    }
+
+    /// How many messages were on the way when the service was started anew: lost with it, or
+    /// counted by nobody.
+    pub fn unconfirmed(&self) -> u64 {
+        self.unconfirmed
     }
 
     // The report does not say of which stream the shed messages were; either stream may count on
@@ -169,13 +199,13 @@ mod tests {
     #[test]
     fn room_comes_with_progress_on_the_same_stream() {
         let mut window = filled();
-        assert!(!window.report(progress(1000, 100, 7)));
-        assert!(window.report(progress(1010, 100, 7)));
+        assert_eq!(window.report(progress(1000, 100, 7)), Report::Unmoved);
+        assert_eq!(window.report(progress(1010, 100, 7)), Report::MovedOn);
         assert!(window.has_room(true) && !window.has_room(false));
-        assert!(window.report(progress(1010, 101, 7)));
+        assert_eq!(window.report(progress(1010, 101, 7)), Report::MovedOn);
         assert!(window.has_room(false));
         assert_eq!(window.outstanding(), 512 + 4 - 11);
-        assert!(window.report(progress(1512, 104, 7)));
+        assert_eq!(window.report(progress(1512, 104, 7)), Report::MovedOn);
         assert!(window.is_done());
         assert_eq!(window.shed(), 0);
     }
@@ -192,9 +222,9 @@ mod tests {
     fn a_service_that_starts_anew_empties_the_window() {
         let mut window = filled();
         window.report(progress(1200, 102, 9));
-        window.report(progress(3, 0, 0));
+        assert_eq!(window.report(progress(3, 0, 0)), Report::StartedAnew);
         assert!(window.is_done(), "{} outstanding", window.outstanding());
-        assert_eq!(window.shed(), 2);
+        assert_eq!((window.shed(), window.unconfirmed()), (2, 516 - 204));
         window.count_sent(true);
         window.count_sent(false);
         assert_eq!(window.outstanding(), 2);

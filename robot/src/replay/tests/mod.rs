@@ -5,7 +5,7 @@ mod service;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
-use fleetcal_proto::ros::{AckermannDriveStamped, Header, LaserScan, RosMessage, Time};
+use fleetcal_proto::ros::{AckermannDriveStamped, Header, LaserScan, Time};
 use service::Service;
 use tempfile::TempDir;
 
@@ -153,6 +153,47 @@ async fn a_service_that_forgets_its_counts_does_not_stop_a_replay() {
         "the counts were never forgotten"
     );
     assert!(service.seen().waiting_max[1] <= 8);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_service_that_dies_and_comes_back_is_waited_for() {
+    let folder = TempDir::new().unwrap();
+    let first = Service::start(Duration::from_millis(1)).await;
+    let endpoint = first.endpoint.clone();
+    let options = options(recorded(&folder, 30), &first);
+    let (told, mut half) = tokio::sync::mpsc::channel(1);
+    let running = tokio::spawn(replay(options, move |progress| {
+        if progress.sent == 1650 {
+            told.try_send(()).unwrap();
+        }
+    }));
+    half.recv().await.unwrap();
+    first.stop().await;
+    let before = first.seen().stamps_ns;
+    drop(first);
+
+    let second = Service::start_at(endpoint, Duration::from_millis(1)).await;
+    let summary = running.await.unwrap().unwrap();
+    assert_eq!(
+        (summary.drive_samples, summary.scans, summary.shed),
+        (3000, 300, 0)
+    );
+    let after = second.seen().stamps_ns;
+    assert!(
+        before.len() > 1000 && after.len() > 1000,
+        "{} {}",
+        before.len(),
+        after.len()
+    );
+    assert!(after.is_sorted());
+    // No more is lost than what was on the way.
+    let lost = 3300 - before.len() - after.len();
+    assert!(lost <= 516, "{lost} were lost");
+    assert!(
+        summary.unconfirmed >= lost as u64,
+        "{} of {lost}",
+        summary.unconfirmed
+    );
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -118,7 +118,12 @@ impl Drop for Service {
 impl Service {
     /// Starts a router with a service that takes `pace` for each message.
     pub async fn start(pace: Duration) -> Self {
-        let (session, endpoint) = router().await;
+        Self::start_at(format!("tcp/127.0.0.1:{}", free_port()), pace).await
+    }
+
+    /// Starts it where another one was.
+    pub async fn start_at(endpoint: String, pace: Duration) -> Self {
+        let session = router_at(&endpoint).await;
         // It had other senders before.
         let progress = Progress {
             drive_samples: 5000,
@@ -164,6 +169,11 @@ impl Service {
     /// What it saw so far.
     pub fn seen(&self) -> Seen {
         lock(&self.shared).seen.clone()
+    }
+
+    /// Leaves without a word to anybody.
+    pub async fn stop(&self) {
+        self.session.close().await.unwrap();
     }
 
     /// Answers no question for its progress any more.
@@ -249,6 +259,10 @@ pub fn free_port() -> u16 {
 /// A router without a service, and where it listens.
 pub async fn router() -> (zenoh::Session, String) {
     let endpoint = format!("tcp/127.0.0.1:{}", free_port());
+    (router_at(&endpoint).await, endpoint)
+}
+
+async fn router_at(endpoint: &str) -> zenoh::Session {
     let mut config = zenoh::Config::default();
     let settings = [
         ("mode", "\"router\"".to_owned()),
@@ -259,5 +273,5 @@ pub async fn router() -> (zenoh::Session, String) {
     for (field, value) in settings {
         config.insert_json5(field, &value).unwrap();
     }
-    (zenoh::open(config).await.unwrap(), endpoint)
+    zenoh::open(config).await.unwrap()
 }
