@@ -213,7 +213,7 @@ async fn a_rate_is_kept() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_service_that_stops_is_told_apart_from_one_that_is_silent() {
     let folder = TempDir::new().unwrap();
-    let service = Service::start(Duration::from_secs(3600)).await;
+    let service = Service::start(Duration::from_hours(1)).await;
     let mut options = options(recorded(&folder, 10), &service);
     options.stall_timeout = Duration::from_millis(300);
     let error = replay(options.clone(), |_| ()).await.unwrap_err();
