@@ -1,0 +1,107 @@
+//! Simulated messages as the ROS 2 messages that travel.
+
+use fleetcal_proto::ros::{
+    AckermannDrive, AckermannDriveStamped, Header, LaserScan, Odometry, Pose, PoseStamped,
+    Quaternion, Time, Vector3,
+};
+use thiserror::Error;
+
+use crate::simulator::{Drive, LidarPose, Pose2, Sweep, Truth};
+
+/// A stamp that a ROS message cannot carry.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[error("header.stamp is {stamp_ns} ns, accepted are 68 years around 1970")]
+pub struct StampRefused {
+    /// The stamp, ns since 1970.
+    pub stamp_ns: i64,
+}
+
+fn header(stamp_ns: i64, frame_id: &str) -> Result<Header, StampRefused> {
+    let stamp = Time::from_ns(stamp_ns).ok_or(StampRefused { stamp_ns })?;
+    Ok(Header {
+        stamp,
+        frame_id: frame_id.to_owned(),
+    })
+}
+
+/// A drive sample as `ackermann_msgs/msg/AckermannDriveStamped`.
+///
+/// # Errors
+/// When its stamp does not fit.
+pub fn drive_message(drive: &Drive) -> Result<AckermannDriveStamped, StampRefused> {
+    Ok(AckermannDriveStamped {
+        header: header(drive.stamp_ns, "base")?,
+        drive: AckermannDrive {
+            steering_angle: drive.steering_rad as f32,
+            speed: drive.speed_mps as f32,
+            ..AckermannDrive::default()
+        },
+    })
+}
+
+/// A sweep as `sensor_msgs/msg/LaserScan`.
+///
+/// # Errors
+/// When its stamp does not fit.
+pub fn scan_message(sweep: Sweep) -> Result<LaserScan, StampRefused> {
+    let gaps = sweep.ranges_m.len().saturating_sub(1) as f64;
+    Ok(LaserScan {
+        header: header(sweep.stamp_ns, "lidar")?,
+        angle_min: sweep.angle_min_rad as f32,
+        angle_max: (sweep.angle_min_rad + gaps * sweep.angle_increment_rad) as f32,
+        angle_increment: sweep.angle_increment_rad as f32,
+        time_increment: sweep.time_increment_s as f32,
+        scan_time: sweep.scan_time_s as f32,
+        range_min: sweep.range_min_m as f32,
+        range_max: sweep.range_max_m as f32,
+        ranges: sweep.ranges_m.into(),
+        intensities: Vec::new().into(),
+    })
+}
+
+/// The true pose of `base` in the world as `geometry_msgs/msg/PoseStamped`.
+///
+/// # Errors
+/// When its stamp does not fit.
+pub fn truth_message(truth: &Truth) -> Result<PoseStamped, StampRefused> {
+    Ok(PoseStamped {
+        header: header(truth.stamp_ns, "world")?,
+        pose: ros_pose(&truth.base),
+    })
+}
+
+fn ros_pose(pose: &Pose2) -> Pose {
+    Pose {
+        position: Vector3 {
+            x: pose.x_m,
+            y: pose.y_m,
+            z: 0.0,
+        },
+        orientation: Quaternion::from_yaw(pose.yaw_rad),
+    }
+}
+
+/// A LiDAR pose as `nav_msgs/msg/Odometry`.
+///
+/// # Errors
+/// When its stamp does not fit.
+pub fn lidar_pose_message(pose: &LidarPose) -> Result<Odometry, StampRefused> {
+    let mut message = Odometry {
+        header: header(pose.stamp_ns, "lidar_odometry")?,
+        child_frame_id: "lidar".to_owned(),
+        ..Odometry::default()
+    };
+    message.pose.pose = ros_pose(&pose.pose);
+    if let Some(covariance) = pose.covariance {
+        // Rows and columns of x, y and yaw among the six of a ROS pose.
+        let six = [0, 1, 5];
+        for (row, values) in six.into_iter().zip(covariance) {
+            for (column, value) in six.into_iter().zip(values) {
+                if let Some(place) = message.pose.covariance.get_mut(6 * row + column) {
+                    *place = value;
+                }
+            }
+        }
+    }
+    Ok(message)
+}

@@ -1,0 +1,126 @@
+//! A simulated fleet on the real wire: robots that stream their sensors over Zenoh in real time,
+//! pull the approved calibration, apply it and acknowledge it.
+//!
+//! The calibration changes how a robot drives, so that what the service estimates and a person
+//! approves shows in its cross-track error: a closed loop.
+
+mod calibration;
+mod message;
+mod record;
+mod robots;
+mod session;
+mod task;
+#[cfg(test)]
+mod tests;
+
+use std::sync::Arc;
+
+use fleetcal_proto::{Keys, RobotId};
+use thiserror::Error;
+use tokio::task::JoinSet;
+use tokio::time::Instant;
+use tokio_util::sync::CancellationToken;
+
+pub use message::{StampRefused, drive_message, lidar_pose_message, scan_message, truth_message};
+pub use record::{
+    RECORD_DURATION_MAX_S, RecordError, RecordedTruth, RecordedVehicle, TrueSegment, record,
+    truth_path,
+};
+pub use robots::{ROBOTS_MAX, SimulatedRobot, TooManyRobots, simulated_robots};
+pub use session::SessionError;
+
+use crate::simulator::SettingRefused;
+use session::ClientConfig;
+
+/// A fleet to run.
+#[derive(Debug, Clone)]
+pub struct FleetOptions {
+    /// The robots, from [`simulated_robots`].
+    pub robots: Vec<SimulatedRobot>,
+    /// Zenoh endpoints to connect to, `tcp/127.0.0.1:7447`.
+    pub connect: Vec<String>,
+    /// The keys they use.
+    pub keys: Keys,
+    /// Wall time now, ns since 1970: what the messages' stamps begin with.
+    pub start_stamp_ns: i64,
+}
+
+/// What a robot sent.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RobotSummary {
+    /// Whose summary it is.
+    pub id: RobotId,
+    /// Drive samples sent.
+    pub drive_samples: u64,
+    /// Sweeps or LiDAR poses sent.
+    pub scans: u64,
+    /// Messages that were left out because the machine was too slow for real time.
+    pub late: u64,
+    /// Generation of the calibration it holds; 0 for none.
+    pub generation: u64,
+}
+
+/// Why a fleet ended before it was told to.
+#[derive(Debug, Error)]
+pub enum FleetError {
+    /// A robot's configuration cannot be simulated.
+    #[error("robot {robot}: {reason}")]
+    Setting {
+        /// The robot.
+        robot: RobotId,
+        /// The setting.
+        #[source]
+        reason: SettingRefused,
+    },
+    /// Zenoh refused.
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    /// The simulated time left what a ROS stamp can say.
+    #[error("robot {robot}: {reason}")]
+    Stamp {
+        /// The robot.
+        robot: RobotId,
+        /// The stamp.
+        #[source]
+        reason: StampRefused,
+    },
+    /// A robot's task panicked.
+    #[error("a robot's task ended: {0}")]
+    Task(#[from] tokio::task::JoinError),
+}
+
+/// Runs a fleet until `shutdown` is cancelled. A robot that finds nobody to connect to keeps trying.
+///
+/// # Errors
+/// When an endpoint or a robot's configuration cannot be used. The first robot that fails stops the
+/// fleet.
+pub async fn run_fleet(
+    options: FleetOptions,
+    shutdown: CancellationToken,
+) -> Result<Vec<RobotSummary>, FleetError> {
+    let epoch = task::Epoch {
+        instant: Instant::now(),
+        stamp_ns: options.start_stamp_ns,
+    };
+    let client = Arc::new(ClientConfig::new(&options.connect)?);
+    let stop = shutdown.child_token();
+    let mut tasks = JoinSet::new();
+    for robot in options.robots {
+        let (client, keys) = (Arc::clone(&client), options.keys.clone());
+        let stop = stop.clone();
+        tasks.spawn(async move { task::run(robot, &client, &keys, epoch, stop).await });
+    }
+    let mut summaries = Vec::new();
+    let mut failure = None;
+    while let Some(ended) = tasks.join_next().await {
+        match ended.map_err(FleetError::from).and_then(|result| result) {
+            Ok(summary) => summaries.push(summary),
+            Err(error) => {
+                stop.cancel();
+                failure.get_or_insert(error);
+            }
+        }
+    }
+    summaries.sort_by(|a, b| a.id.cmp(&b.id));
+    failure.map_or(Ok(summaries), Err)
+}

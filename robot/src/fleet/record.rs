@@ -1,0 +1,291 @@
+//! A recording of one simulated robot, with the truth beside it.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::CalibrationValues;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::message::{StampRefused, drive_message, scan_message, truth_message};
+use super::robots::SimulatedRobot;
+use crate::recording::{RecordingError, RecordingWriter};
+use crate::simulator::{
+    Emitted, SettingRefused, SimulatedMessage, Simulation, TrueParameters, VehicleModel,
+};
+
+/// Longest recording, s: a day.
+pub const RECORD_DURATION_MAX_S: f64 = 86_400.0;
+
+/// Why a recording was not made.
+#[derive(Debug, Error)]
+pub enum RecordError {
+    /// Longer or shorter than a recording can be.
+    #[error("duration is {0} s, accepted are more than 0 and at most {RECORD_DURATION_MAX_S} s")]
+    Duration(f64),
+    /// The robot's configuration cannot be simulated.
+    #[error(transparent)]
+    Setting(#[from] SettingRefused),
+    /// The simulated time left what a ROS stamp can say.
+    #[error(transparent)]
+    Stamp(#[from] StampRefused),
+    /// The recording could not be written.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// The truth beside it could not be written.
+    #[error("{}: {source}", path.display())]
+    Truth {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        #[source]
+        source: io::Error,
+    },
+}
+
+/// What stands in `OUT.truth.json`: the names of `fleetcal calibrate --json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordedTruth {
+    /// The robot.
+    pub robot: RobotId,
+    /// The vehicle as an operator would register it.
+    pub vehicle: RecordedVehicle,
+    /// Length of the recording, s.
+    pub duration_s: f64,
+    /// Message time of its start, from which seconds count, ns since 1970.
+    pub start_stamp_ns: i64,
+    /// The true values at its end.
+    pub parameters: CalibrationValues,
+    /// The true values from each change to the next.
+    pub segments: Vec<TrueSegment>,
+}
+
+/// A vehicle as it is registered.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct RecordedVehicle {
+    /// How it steers.
+    pub model: VehicleModel,
+    /// Distance between the axles, m.
+    pub wheelbase_m: f64,
+}
+
+/// The true values over a stretch.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct TrueSegment {
+    /// When they begin to hold, s from the start.
+    pub from_s: f64,
+    /// When they cease to, s from the start.
+    pub to_s: f64,
+    /// The values at the stretch's end.
+    pub parameters: CalibrationValues,
+}
+
+/// Where the truth of a recording is written: `OUT.truth.json` beside `OUT.mcap`.
+pub fn truth_path(recording: &Path) -> PathBuf {
+    recording.with_extension("truth.json")
+}
+
+/// Records `duration_s` of a simulated robot: drive, scan and the true pose of `base` at each
+/// sweep's middle into `path`, the true values into the file that [`truth_path`] names. The same
+/// robot gives the same bytes.
+///
+/// # Errors
+/// When the duration or the robot's configuration cannot be, or a file cannot be written.
+pub fn record(
+    robot: &SimulatedRobot,
+    duration_s: f64,
+    path: &Path,
+) -> Result<RecordedTruth, RecordError> {
+    if !(duration_s > 0.0 && duration_s <= RECORD_DURATION_MAX_S) {
+        return Err(RecordError::Duration(duration_s));
+    }
+    let mut simulation = Simulation::new(robot.config.clone())?;
+    let mut writer = RecordingWriter::create(path, &robot.id)?;
+    let start_ns = robot.config.start_stamp_ns;
+    let end_ns = start_ns + (duration_s * 1e9) as i64;
+    let mut segments = Vec::new();
+    let mut changes_s: Vec<f64> = robot
+        .config
+        .changes
+        .iter()
+        .map(|change| change.at_s)
+        .collect();
+    changes_s.retain(|at_s| *at_s > 0.0 && *at_s < duration_s);
+    changes_s.sort_by(f64::total_cmp);
+    changes_s.dedup();
+    changes_s.reverse();
+    let mut segment_from_s = 0.0;
+    let mut parameters = values(&simulation.parameters());
+    loop {
+        let emitted = simulation.advance();
+        let now_ns = simulation.stamp_ns();
+        if let Some(change_s) = changes_s.pop_if(|at_s| (*at_s * 1e9) as i64 + start_ns < now_ns) {
+            segments.push(TrueSegment {
+                from_s: segment_from_s,
+                to_s: change_s,
+                parameters,
+            });
+            segment_from_s = change_s;
+        }
+        if emitted.sent_ns > end_ns {
+            break;
+        }
+        parameters = values(&simulation.parameters());
+        write(&mut writer, emitted)?;
+    }
+    segments.push(TrueSegment {
+        from_s: segment_from_s,
+        to_s: duration_s,
+        parameters,
+    });
+    writer.true_values(texts(&parameters))?;
+    writer.finish()?;
+    let truth = RecordedTruth {
+        robot: robot.id.clone(),
+        vehicle: RecordedVehicle {
+            model: robot.model(),
+            wheelbase_m: robot.wheelbase_m(),
+        },
+        duration_s,
+        start_stamp_ns: start_ns,
+        parameters,
+        segments,
+    };
+    write_truth(&truth_path(path), &truth)?;
+    Ok(truth)
+}
+
+fn write(writer: &mut RecordingWriter, emitted: Emitted) -> Result<(), RecordError> {
+    match emitted.message {
+        SimulatedMessage::Drive(drive) => writer.drive(&drive_message(&drive)?)?,
+        SimulatedMessage::Sweep(sweep) => {
+            writer.scan(&scan_message(sweep)?)?;
+            writer.truth(&truth_message(&emitted.truth)?)?;
+        }
+        // A recorder of the robot's own streams: no one publishes these two as ROS messages.
+        SimulatedMessage::LidarPose(_) | SimulatedMessage::CrossTrackError(_) => {}
+    }
+    Ok(())
+}
+
+fn write_truth(path: &Path, truth: &RecordedTruth) -> Result<(), RecordError> {
+    let failed = |source| RecordError::Truth {
+        path: path.to_owned(),
+        source,
+    };
+    let mut file = File::create(path).map_err(failed)?;
+    serde_json::to_writer_pretty(&mut file, truth).map_err(|error| failed(error.into()))?;
+    file.sync_all().map_err(failed)
+}
+
+fn values(parameters: &TrueParameters) -> CalibrationValues {
+    CalibrationValues {
+        steering_offset_rad: parameters.steering_offset_rad,
+        lidar_x_m: parameters.lidar_in_base.x_m,
+        lidar_y_m: parameters.lidar_in_base.y_m,
+        lidar_yaw_rad: parameters.lidar_in_base.yaw_rad,
+        speed_scale: Some(parameters.speed_scale),
+        wheelbase_m: Some(parameters.wheelbase_m),
+        steering_gain: Some(parameters.steering_gain),
+        time_offset_s: Some(parameters.time_offset_s),
+    }
+}
+
+/// The values by name, for the recording's own metadata.
+fn texts(values: &CalibrationValues) -> BTreeMap<String, String> {
+    let optional = [
+        ("speed_scale", values.speed_scale),
+        ("wheelbase_m", values.wheelbase_m),
+        ("steering_gain", values.steering_gain),
+        ("time_offset_s", values.time_offset_s),
+    ];
+    let always = [
+        ("steering_offset_rad", values.steering_offset_rad),
+        ("lidar_x_m", values.lidar_x_m),
+        ("lidar_y_m", values.lidar_y_m),
+        ("lidar_yaw_rad", values.lidar_yaw_rad),
+    ];
+    let optional = optional
+        .into_iter()
+        .filter_map(|(name, value)| Some((name, value?)));
+    let named = always.into_iter().chain(optional);
+    named
+        .map(|(name, value)| (name.to_owned(), value.to_string()))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use fleetcal_proto::RosMessage;
+    use fleetcal_proto::ros::{LaserScan, PoseStamped};
+
+    use super::super::robots::simulated_robots;
+    use super::*;
+    use crate::recording::Recording;
+    use crate::simulator::{Change, ScheduledChange};
+
+    fn robot() -> SimulatedRobot {
+        let mut robot = simulated_robots(1, 3).unwrap().remove(0);
+        robot.config.start_stamp_ns = 1_760_000_000_000_000_000;
+        robot
+    }
+
+    #[test]
+    fn a_recording_reads_back_with_its_truth_and_is_the_same_each_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("one.mcap");
+        let mut robot = robot();
+        let change = Change::SteeringOffset(0.03);
+        robot.config.changes = vec![ScheduledChange { at_s: 2.0, change }];
+        let truth = record(&robot, 5.0, &path).unwrap();
+
+        let recording = Recording::open(&path).unwrap();
+        let topics = ["/tugger_01/drive", "/tugger_01/scan", "/tugger_01/truth"];
+        let counts = topics.map(|topic| recording.count(&[topic]));
+        assert_eq!(counts, [500, 49, 49]);
+        let payloads = |topic: &str| -> Vec<Vec<u8>> {
+            recording
+                .messages(&[topic])
+                .unwrap()
+                .map(|message| message.unwrap().payload)
+                .collect()
+        };
+        let scan = LaserScan::from_cdr(&payloads(topics[1])[20]).unwrap();
+        let pose = PoseStamped::from_cdr(&payloads(topics[2])[20]).unwrap();
+        let middle_ns = pose.header.stamp.as_ns() - scan.header.stamp.as_ns();
+        assert!((middle_ns - 49_951_172).abs() <= 1, "{middle_ns}");
+
+        let text = std::fs::read(truth_path(&path)).unwrap();
+        assert_eq!(
+            serde_json::from_slice::<RecordedTruth>(&text).unwrap(),
+            truth
+        );
+        let [before, after] = truth.segments.as_slice() else {
+            panic!("two stretches: {:?}", truth.segments);
+        };
+        assert!((before.to_s - 2.0).abs() < 1e-9 && (after.from_s - 2.0).abs() < 1e-9);
+        let jump_rad = after.parameters.steering_offset_rad - before.parameters.steering_offset_rad;
+        assert!((jump_rad - 0.03).abs() < 1e-12);
+        assert_eq!(truth.parameters, after.parameters);
+
+        let again = folder.path().join("two.mcap");
+        record(&robot, 5.0, &again).unwrap();
+        assert!(std::fs::read(&path).unwrap() == std::fs::read(&again).unwrap());
+    }
+
+    #[test]
+    fn what_cannot_be_recorded_is_refused_in_one_sentence() {
+        let folder = tempfile::tempdir().unwrap();
+        let error = |duration_s: f64, file: &str| {
+            record(&robot(), duration_s, &folder.path().join(file))
+                .unwrap_err()
+                .to_string()
+        };
+        assert!(error(-1.0, "a.mcap").starts_with("duration is -1 s"));
+        assert!(error(f64::NAN, "a.mcap").starts_with("duration is NaN s"));
+        assert!(error(1.0, "missing/a.mcap").contains("missing/a.mcap"));
+    }
+}

@@ -1,0 +1,294 @@
+//! Simulated robots against a real Zenoh router in this process.
+
+use std::collections::BTreeMap;
+use std::net::TcpListener;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use fleetcal_proto::calibration::{Applied as Acknowledgement, AppliedStatus, Envelope};
+use fleetcal_proto::event::CrossTrackError;
+use fleetcal_proto::ros::{AckermannDriveStamped, LaserScan};
+use fleetcal_proto::{Encoding, Keys, RosMessage};
+use sha2::{Digest, Sha256};
+use tokio::time::timeout;
+use zenoh::sample::SampleKind;
+
+use super::*;
+
+const START_NS: i64 = 1_760_000_000_000_000_000;
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// A router on a free port of the loopback.
+async fn router() -> (zenoh::Session, String) {
+    let port = TcpListener::bind("127.0.0.1:0")
+        .unwrap()
+        .local_addr()
+        .unwrap()
+        .port();
+    let endpoint = format!("tcp/127.0.0.1:{port}");
+    let mut config = zenoh::Config::default();
+    for (key, value) in [
+        ("mode", "\"router\"".to_owned()),
+        ("listen/endpoints", format!("[\"{endpoint}\"]")),
+        ("scouting/multicast/enabled", "false".to_owned()),
+        ("scouting/gossip/enabled", "false".to_owned()),
+    ] {
+        config.insert_json5(key, &value).unwrap();
+    }
+    (zenoh::open(config).await.unwrap(), endpoint)
+}
+
+fn options(count: usize, endpoint: &str) -> FleetOptions {
+    FleetOptions {
+        robots: simulated_robots(count, 1).unwrap(),
+        connect: vec![endpoint.to_owned()],
+        keys: Keys::default(),
+        start_stamp_ns: START_NS,
+    }
+}
+
+type Payloads = Arc<Mutex<BTreeMap<String, Vec<Vec<u8>>>>>;
+
+/// Everything that comes under a key expression, by key.
+async fn collect(session: &zenoh::Session, key: &str, encoding: Encoding) -> Payloads {
+    let payloads = Payloads::default();
+    let into = Arc::clone(&payloads);
+    session
+        .declare_subscriber(key.to_owned())
+        .callback(move |sample| {
+            assert_eq!(sample.encoding().to_string(), encoding.as_str());
+            let key = sample.key_expr().as_str().to_owned();
+            let payload = sample.payload().to_bytes().into_owned();
+            into.lock().unwrap().entry(key).or_default().push(payload);
+        })
+        .background()
+        .await
+        .unwrap();
+    payloads
+}
+
+async fn until(what: &str, done: impl Fn() -> bool) {
+    let waited = timeout(PATIENCE, async {
+        while !done() {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    });
+    assert!(waited.await.is_ok(), "waited in vain until {what}");
+}
+
+fn envelope(robot: &str, generation: u64) -> Vec<u8> {
+    let values =
+        r#"{"steering_offset_rad":0.02,"lidar_x_m":0.44,"lidar_y_m":0.01,"lidar_yaw_rad":0.02}"#;
+    let document = format!(
+        r#"{{"schema":"fleetcal.calibration/1","robot":"{robot}","generation":{generation},"base_generation":null,"revision":1,"approved_at":"2026-01-01T00:00:00Z","approved_by":"ana","values":{values},"sigmas":{values},"frame":"rear_axle","confirm_within_s":600}}"#
+    );
+    let envelope = Envelope {
+        sha256: format!("{:x}", Sha256::digest(document.as_bytes())),
+        document,
+        key_id: "k".to_owned(),
+        signature: String::new(),
+    };
+    serde_json::to_vec(&envelope).unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn robots_stream_drive_scan_and_cross_track_error() {
+    let (session, endpoint) = router().await;
+    let drives = collect(&session, "fleet/*/drive", Encoding::Cdr).await;
+    let scans = collect(&session, "fleet/*/scan", Encoding::Cdr).await;
+    let errors = collect(&session, "fleet/*/cross_track_error", Encoding::Json).await;
+    let stop = CancellationToken::new();
+    let fleet = tokio::spawn(run_fleet(options(2, &endpoint), stop.clone()));
+    let count = |payloads: &Payloads, robot: &str| {
+        let key = format!("fleet/{robot}");
+        let payloads = payloads.lock().unwrap();
+        payloads
+            .iter()
+            .find(|(k, _)| k.starts_with(&key))
+            .map_or(0, |(_, all)| all.len())
+    };
+    for robot in ["tugger_01", "tugger_02"] {
+        until("each robot drove for two seconds", || {
+            count(&drives, robot) > 200 && count(&errors, robot) > 1
+        })
+        .await;
+    }
+    stop.cancel();
+    let summaries = fleet.await.unwrap().unwrap();
+    until("the last messages are in", || {
+        summaries
+            .iter()
+            .all(|s| count(&scans, s.id.as_str()) as u64 == s.scans)
+    })
+    .await;
+    for summary in summaries {
+        assert_eq!(summary.late, 0);
+        let id = summary.id.as_str();
+        let drives = drives.lock().unwrap()[&format!("fleet/{id}/drive")].clone();
+        assert_eq!(drives.len() as u64, summary.drive_samples, "none lost");
+        let stamps: Vec<_> = drives
+            .iter()
+            .map(|payload| {
+                AckermannDriveStamped::from_cdr(payload)
+                    .unwrap()
+                    .header
+                    .stamp
+                    .as_ns()
+            })
+            .collect();
+        assert!(
+            stamps
+                .windows(2)
+                .all(|pair| pair[1] - pair[0] == 10_000_000)
+        );
+        assert!(stamps[0] > START_NS - 50_000_000 && stamps[0] < START_NS + 5_000_000_000);
+        for payload in &scans.lock().unwrap()[&format!("fleet/{id}/scan")] {
+            let scan = LaserScan::from_cdr(payload).unwrap();
+            scan.check_beams().unwrap();
+            assert_eq!(scan.ranges.len(), 1024);
+            assert!((scan.time_increment - 0.1 / 1024.0).abs() < 1e-9);
+            assert!(scan.ranges.iter().filter(|range| range.is_finite()).count() > 900);
+        }
+        let errors = errors.lock().unwrap()[&format!("fleet/{id}/cross_track_error")].clone();
+        let error: CrossTrackError = serde_json::from_slice(&errors[0]).unwrap();
+        assert!(error.value_m.abs() < 0.5);
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_robot_pulls_applies_and_acknowledges_what_is_approved() {
+    let (session, endpoint) = router().await;
+    let answers = collect(&session, "fleet/*/calibration/applied", Encoding::Json).await;
+    let key = "fleet/tugger_01/calibration/approved";
+    session
+        .declare_queryable(key)
+        .callback(move |query| {
+            let reply = query.reply(key, envelope("tugger_01", 3));
+            zenoh::Wait::wait(reply).unwrap();
+        })
+        .background()
+        .await
+        .unwrap();
+    let stop = CancellationToken::new();
+    let fleet = tokio::spawn(run_fleet(options(1, &endpoint), stop.clone()));
+    let answered = || -> Vec<Acknowledgement> {
+        let answers = answers.lock().unwrap();
+        let all = answers.values().flatten();
+        all.map(|payload| serde_json::from_slice(payload).unwrap())
+            .collect()
+    };
+    let applied = |generation| {
+        answered().iter().any(|answer| {
+            answer.generation == generation && answer.status == AppliedStatus::Applied
+        })
+    };
+    until("the pulled calibration is applied", || applied(3)).await;
+    let first = &answered()[0];
+    assert_eq!(
+        (first.generation, first.sha256.as_str()),
+        (0, ""),
+        "what it brought along"
+    );
+
+    session.put(key, envelope("tugger_01", 4)).await.unwrap();
+    until("the pushed calibration is applied", || applied(4)).await;
+    let values = answered().last().unwrap().values.unwrap();
+    assert!((values.lidar_x_m - 0.44).abs() < 1e-12);
+
+    session.put(key, envelope("tugger_02", 5)).await.unwrap();
+    until("another robot's calibration is refused", || {
+        answered()
+            .iter()
+            .any(|answer| answer.status == AppliedStatus::Refused)
+    })
+    .await;
+    stop.cancel();
+    assert_eq!(fleet.await.unwrap().unwrap()[0].generation, 4);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_robot_waits_for_its_router_shows_its_token_and_speaks_up_when_a_service_comes() {
+    let port = TcpListener::bind("127.0.0.1:0")
+        .unwrap()
+        .local_addr()
+        .unwrap()
+        .port();
+    let endpoint = format!("tcp/127.0.0.1:{port}");
+    let stop = CancellationToken::new();
+    let fleet = tokio::spawn(run_fleet(options(1, &endpoint), stop.clone()));
+    tokio::time::sleep(Duration::from_millis(300)).await;
+    let mut config = zenoh::Config::default();
+    config.insert_json5("mode", "\"router\"").unwrap();
+    config
+        .insert_json5("listen/endpoints", &format!("[\"{endpoint}\"]"))
+        .unwrap();
+    config
+        .insert_json5("scouting/multicast/enabled", "false")
+        .unwrap();
+    let session = zenoh::open(config).await.unwrap();
+    let (seen, gone) = (Arc::new(Mutex::new(false)), Arc::new(Mutex::new(false)));
+    let (into_seen, into_gone) = (Arc::clone(&seen), Arc::clone(&gone));
+    session
+        .liveliness()
+        .declare_subscriber("fleet/@alive/tugger_01")
+        .history(true)
+        .callback(move |sample| match sample.kind() {
+            SampleKind::Put => *into_seen.lock().unwrap() = true,
+            SampleKind::Delete => *into_gone.lock().unwrap() = true,
+        })
+        .background()
+        .await
+        .unwrap();
+    until("the robot's token is there", || *seen.lock().unwrap()).await;
+    let answers = collect(&session, "fleet/*/calibration/applied", Encoding::Json).await;
+    let _service = session
+        .liveliness()
+        .declare_token("fleet/@service/a1")
+        .await
+        .unwrap();
+    until("the robot says what it uses", || {
+        !answers.lock().unwrap().is_empty()
+    })
+    .await;
+    stop.cancel();
+    fleet.await.unwrap().unwrap();
+    until("the token is gone", || *gone.lock().unwrap()).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_endpoint_that_cannot_be_is_refused_with_its_name() {
+    let options = options(1, "nonsense");
+    let error = run_fleet(options, CancellationToken::new())
+        .await
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("connect/endpoints") && error.contains("nonsense"),
+        "{error}"
+    );
+}
+
+#[test]
+fn robots_differ_and_a_smaller_fleet_is_the_start_of_a_larger_one() {
+    let small = simulated_robots(6, 9).unwrap();
+    let large = simulated_robots(50, 9).unwrap();
+    for (a, b) in small.iter().zip(&large) {
+        assert_eq!((&a.id, a.config.vehicle), (&b.id, b.config.vehicle));
+    }
+    for robot in &large {
+        robot.config.check().unwrap();
+        assert!(robot.config.vehicle.steering_offset_rad.abs() < 0.053);
+        let (mount, nominal) = (robot.config.vehicle.lidar_in_base, robot.nominal());
+        assert!(mount.point().distance_m(nominal.point()) < 0.06);
+    }
+    let offsets = large
+        .iter()
+        .map(|robot| robot.config.vehicle.steering_offset_rad.to_bits());
+    assert_eq!(offsets.collect::<std::collections::BTreeSet<_>>().len(), 50);
+    assert!(
+        simulated_robots(501, 9)
+            .unwrap_err()
+            .to_string()
+            .contains("501")
+    );
+}
