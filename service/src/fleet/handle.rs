@@ -7,8 +7,10 @@ use std::time::Duration;
 
 use fleetcal_estimator::EstimatorSettings;
 use fleetcal_proto::RobotId;
+use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_proto::event::RobotEvent;
+use fleetcal_proto::progress::Progress;
 use thiserror::Error;
 use tokio::sync::broadcast;
 use tokio_util::sync::CancellationToken;
@@ -16,9 +18,11 @@ use tokio_util::task::TaskTracker;
 
 use crate::clock::SharedClock;
 use crate::config::RobotConfig;
-use crate::fleet::mailbox::{Message, PayloadFormat, Progress};
+use crate::fleet::decode;
+use crate::fleet::mailbox::Message;
 use crate::fleet::robot::Robot;
 use crate::fleet::view::{FleetCounters, HistoryEvent, LiveUpdate, RobotView, Stream};
+use crate::fleet::{task, watch};
 use crate::limits;
 
 /// An unregistered robot makes room for another after this long without data.
@@ -158,6 +162,7 @@ pub struct FleetHandle {
 impl FleetHandle {
     /// Starts the fleet: a task for each configured robot, on the runtime that this is called in.
     pub fn start(setup: FleetSetup) -> Self {
+        let mut checkpoints = setup.checkpoints;
         let (live, _) = broadcast::channel(limits::LIVE_UPDATES_MAX);
         let robots = setup
             .robots
@@ -174,7 +179,30 @@ impl FleetHandle {
             counts: Counts::default(),
             tasks: TaskTracker::new(),
         });
-        Self { fleet }
+        let handle = Self { fleet };
+        handle
+            .fleet
+            .tasks
+            .spawn(watch::run(Arc::clone(&handle.fleet)));
+        for robot in handle.fleet.all() {
+            let stored = checkpoints.remove(&robot.id);
+            handle.spawn(robot, stored);
+        }
+        handle
+    }
+
+    fn spawn(&self, robot: Arc<Robot>, stored: Option<String>) {
+        self.fleet
+            .tasks
+            .spawn(task::run(Arc::clone(&self.fleet), robot, stored));
+    }
+
+    /// Works through what waits, stores the estimators' states, and ends every task. The link has
+    /// to be closed before.
+    pub async fn stop(&self) {
+        self.fleet.stop.cancel();
+        self.fleet.tasks.close();
+        self.fleet.tasks.wait().await;
     }
 
     /// Every robot, by id.
@@ -215,11 +243,16 @@ impl FleetHandle {
             let robot = || Arc::new(Robot::new(id.clone(), None));
             Arc::clone(robots.entry(id.clone()).or_insert_with(robot))
         };
-        robot.set_config(config);
+        if robot.set_config(config).is_none() {
+            self.spawn(robot, None);
+        } else {
+            robot.mailbox.wake();
+        }
         Ok(())
     }
 
-    /// Attaches a note to a robot's history; its estimator hears of it in its turn.
+    /// Tells a robot's estimator, in its turn, and every listener what a person noted. To store
+    /// the note is the caller's part.
     ///
     /// # Errors
     /// When the robot is unknown, the text too long, or too many notes wait.
@@ -232,19 +265,15 @@ impl FleetHandle {
             .fleet
             .find(id.as_str())
             .ok_or_else(|| FleetRefused::UnknownRobot(id.clone()))?;
-        let Ok(payload) = serde_json::to_vec(note) else {
+        if !robot.mailbox.push_note(decode::note(note)) {
             return Err(FleetRefused::NotesMax(id.clone()));
-        };
-        let message = Message {
-            stream: Stream::Event,
-            format: PayloadFormat::Json,
-            payload,
-        };
-        if robot.mailbox.push(message) {
-            Ok(())
-        } else {
-            Err(FleetRefused::NotesMax(id.clone()))
         }
+        let event = Arc::new(HistoryEvent::Note(note.clone()));
+        self.fleet.announce(LiveUpdate::Event {
+            robot: id.clone(),
+            event,
+        });
+        Ok(())
     }
 
     /// Live updates from now on. A listener that lags more than [`limits::LIVE_UPDATES_MAX`]
@@ -283,7 +312,7 @@ impl FleetHandle {
         &self,
         id: &RobotId,
         stream: Stream,
-        format: PayloadFormat,
+        encoding: Encoding,
         bytes: usize,
         payload: impl FnOnce() -> Vec<u8>,
     ) {
@@ -313,7 +342,7 @@ impl FleetHandle {
         } else {
             robot.mailbox.push(Message {
                 stream,
-                format,
+                encoding,
                 payload: payload(),
             });
         }

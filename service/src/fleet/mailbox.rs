@@ -7,6 +7,9 @@
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use fleetcal_estimator::Note;
+use fleetcal_proto::encoding::Encoding;
+use fleetcal_proto::progress::Progress;
 use tokio::sync::Notify;
 
 use crate::fleet::view::{Counters, Stream};
@@ -17,22 +20,13 @@ use crate::limits::{
 /// Slots that drive samples and scans share.
 const SLOTS_MAX: usize = MAILBOX_DRIVE_SAMPLES_MAX + MAILBOX_SCANS_MAX;
 
-/// How a payload is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum PayloadFormat {
-    /// ROS 2 CDR with its four-byte header.
-    Cdr,
-    /// JSON with the field names of the ROS message.
-    Json,
-}
-
 /// A message as it came in, not decoded yet.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Message {
     /// The stream it came on.
     pub stream: Stream,
     /// How it is written.
-    pub format: PayloadFormat,
+    pub encoding: Encoding,
     /// Its bytes.
     pub payload: Vec<u8>,
 }
@@ -42,6 +36,8 @@ pub struct Message {
 pub enum Item {
     /// A message of the robot.
     Message(Message),
+    /// A note that came over the API: it is in the history already.
+    Note(Note),
     /// The robot's session has ended.
     EndOfSession,
 }
@@ -50,20 +46,12 @@ pub enum Item {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Outcome {
     /// The estimator has it.
-    Processed,
+    Processed {
+        /// Its header stamp, ns since 1970.
+        stamp_ns: i64,
+    },
     /// It was refused, for this reason.
     Refused(String),
-}
-
-/// How far a robot's task has come, as the sender sees it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Progress {
-    /// Drive samples that left the mailbox through the estimator or were refused.
-    pub drive_samples: u64,
-    /// Scans and poses that left it in the same way.
-    pub scans: u64,
-    /// Messages shed.
-    pub shed: u64,
 }
 
 #[derive(Debug, Default)]
@@ -157,7 +145,6 @@ impl Queue {
     fn push_note(&mut self, message: Message) -> bool {
         if self.notes >= MAILBOX_NOTES_MAX {
             self.counters.shed_notes += 1;
-            self.progress.shed += 1;
             return false;
         }
         self.notes += 1;
@@ -210,6 +197,20 @@ impl Mailbox {
         queue.counters.ignored += 1;
     }
 
+    /// Puts a note behind what waits; `false` when too many wait.
+    pub fn push_note(&self, note: Note) -> bool {
+        {
+            let mut queue = self.lock();
+            if queue.notes >= MAILBOX_NOTES_MAX {
+                return false;
+            }
+            queue.notes += 1;
+            queue.items.push_back(Item::Note(note));
+        }
+        self.arrived.notify_one();
+        true
+    }
+
     /// Puts the end of the session behind what waits, unless it stands there already.
     pub fn end_session(&self) {
         {
@@ -243,6 +244,9 @@ impl Mailbox {
                 Stream::Event => queue.notes -= 1,
             }
         }
+        if matches!(item, Item::Note(_)) {
+            queue.notes -= 1;
+        }
         Some(item)
     }
 
@@ -263,10 +267,13 @@ impl Mailbox {
     /// What became of the messages so far.
     pub fn counters(&self) -> Counters {
         let queue = self.lock();
-        let messages =
-            queue.drive + queue.scans + queue.notes + usize::from(queue.in_hand.is_some());
+        let waiting = queue
+            .items
+            .iter()
+            .filter(|item| matches!(item, Item::Message(_)))
+            .count();
         Counters {
-            waiting: messages as u64,
+            waiting: waiting as u64 + u64::from(queue.in_hand.is_some()),
             ..queue.counters.clone()
         }
     }
@@ -279,14 +286,18 @@ impl Mailbox {
 
 impl Queue {
     fn count_outcome(&mut self, stream: Stream, outcome: Outcome) {
-        match stream {
-            Stream::Drive => self.progress.drive_samples += 1,
-            Stream::Scan | Stream::LidarOdometry => self.progress.scans += 1,
-            Stream::Event => {}
-        }
         match outcome {
-            Outcome::Processed => self.counters.processed += 1,
+            Outcome::Processed { stamp_ns } => {
+                self.counters.processed += 1;
+                self.progress.stamp_ns = self.progress.stamp_ns.max(stamp_ns);
+                match stream {
+                    Stream::Drive => self.progress.drive_samples += 1,
+                    Stream::Scan | Stream::LidarOdometry => self.progress.scans += 1,
+                    Stream::Event => {}
+                }
+            }
             Outcome::Refused(mut reason) => {
+                self.progress.shed += u64::from(stream != Stream::Event);
                 if let Some((cut, _)) = reason.char_indices().nth(REFUSAL_CHARS_MAX) {
                     reason.truncate(cut);
                 }
@@ -306,7 +317,7 @@ mod tests {
     fn message(stream: Stream, number: u32) -> Message {
         Message {
             stream,
-            format: PayloadFormat::Cdr,
+            encoding: Encoding::Cdr,
             payload: number.to_le_bytes().to_vec(),
         }
     }
@@ -317,7 +328,7 @@ mod tests {
             if let Item::Message(message) = item {
                 let bytes: [u8; 4] = message.payload.try_into().expect("four bytes");
                 all.push((message.stream, u32::from_le_bytes(bytes)));
-                mailbox.finish(Outcome::Processed);
+                mailbox.finish(Outcome::Processed { stamp_ns: 1 });
             }
         }
         all
@@ -391,7 +402,7 @@ mod tests {
                             if let Some(Item::Message(message)) = mailbox.take() {
                                 let bytes = message.payload.try_into().expect("four bytes");
                                 seen.push(u32::from_le_bytes(bytes));
-                                mailbox.finish(Outcome::Processed);
+                                mailbox.finish(Outcome::Processed { stamp_ns: 1 });
                             }
                             continue;
                         }

@@ -1,12 +1,15 @@
 //! The fleet: one mailbox and one estimator task per robot.
 
+pub mod decode;
+pub mod document;
 mod handle;
 mod mailbox;
 mod robot;
+mod task;
 mod view;
+mod watch;
 
 pub use handle::{FleetHandle, FleetRefused, FleetSetup, Journal};
-pub use mailbox::{PayloadFormat, Progress};
 pub use view::{
     Connection, Counters, FleetCounters, HistoryEvent, LiveUpdate, RobotState, RobotView,
     ServiceEvent, ServiceEventKind, Stream, StreamView,

@@ -62,6 +62,8 @@ struct Link {
 #[derive(Debug)]
 struct Status {
     config: Option<RobotConfig>,
+    /// Goes up with every change of `config`.
+    config_version: u64,
     state: RobotState,
     estimate: Option<Arc<EstimateDocument>>,
     estimator_restarts: u32,
@@ -106,6 +108,7 @@ impl Robot {
             }),
             status: Mutex::new(Status {
                 config,
+                config_version: 0,
                 state,
                 estimate: None,
                 estimator_restarts: 0,
@@ -161,11 +164,11 @@ impl Robot {
                 && quiet >= SESSION_ENDS_AFTER_TOKEN
         });
         let over = gone || quiet >= SESSION_ENDS_AFTER;
-        if link.session == Session::Open && over && self.mailbox.is_idle() {
+        let ends = link.session == Session::Open && over && self.mailbox.is_idle();
+        if ends {
             link.session = Session::Ended;
-            return true;
         }
-        false
+        ends
     }
 
     /// How long nothing has come; `None` when nothing ever has.
@@ -203,21 +206,28 @@ impl Robot {
         lock(&self.status).config.clone()
     }
 
+    /// Its configuration, and a number that goes up with every change of it.
+    pub fn versioned_config(&self) -> Option<(u64, RobotConfig)> {
+        let status = lock(&self.status);
+        Some((status.config_version, status.config.clone()?))
+    }
+
     /// The latest estimate.
     pub fn estimate(&self) -> Option<Arc<EstimateDocument>> {
         lock(&self.status).estimate.clone()
     }
 
-    /// Gives the robot a configuration. `false` when it has the same already.
-    pub fn set_config(&self, config: RobotConfig) -> bool {
+    /// Gives the robot a configuration and says what it had before. The same one again changes
+    /// nothing.
+    pub fn set_config(&self, config: RobotConfig) -> Option<RobotConfig> {
         let mut status = lock(&self.status);
         if status.config.as_ref() == Some(&config) {
-            return false;
+            return status.config.clone();
         }
-        status.config = Some(config);
+        status.config_version += 1;
         status.state = RobotState::NoData;
         status.estimate = None;
-        true
+        status.config.replace(config)
     }
 
     /// Takes what the robot's task has to say.

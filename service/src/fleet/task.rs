@@ -1,0 +1,353 @@
+//! One robot's task: takes what waits in the mailbox, feeds the pure estimator, and does what the
+//! estimator asks for.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+use fleetcal_estimator::calibrator::CalibratorConfig;
+use fleetcal_estimator::{Calibrator, Checkpoint, Effect, Event, Stamp};
+use fleetcal_proto::estimate::{ChangeKind, EstimateDocument, ParameterName, ParameterStatus};
+use serde::{Deserialize, Serialize};
+
+use crate::config::{DriveSignal, RobotConfig};
+use crate::fleet::decode::{self, Decoded};
+use crate::fleet::document;
+use crate::fleet::handle::Fleet;
+use crate::fleet::mailbox::{Item, Message, Outcome};
+use crate::fleet::robot::Robot;
+use crate::fleet::view::{
+    HistoryEvent, LiveUpdate, RobotState, ServiceEvent, ServiceEventKind, Stream,
+};
+use crate::limits::{CHECKPOINT_EVERY_S, ESTIMATOR_RESTARTS_MAX};
+
+/// The parameters that have to be known for a robot to be called calibrated.
+const CALIBRATED: [ParameterName; 4] = [
+    ParameterName::SteeringOffset,
+    ParameterName::LidarX,
+    ParameterName::LidarY,
+    ParameterName::LidarYaw,
+];
+
+/// A stored estimator: its state, and what it was made with. A robot that is configured otherwise
+/// by now begins from nothing.
+#[derive(Debug, Serialize, Deserialize)]
+struct Stored {
+    config: CalibratorConfig,
+    calibrator: Checkpoint,
+}
+
+/// Runs until the fleet stops and the mailbox is empty.
+pub async fn run(fleet: Arc<Fleet>, robot: Arc<Robot>, stored: Option<String>) {
+    let Some((version, config)) = robot.versioned_config() else {
+        return;
+    };
+    let mut task = RobotTask::start(fleet, robot, version, config, stored.as_deref());
+    loop {
+        while let Some(item) = task.robot.mailbox.take() {
+            task.take(item);
+            // A scan takes a millisecond: let the API and the other robots have theirs.
+            tokio::task::yield_now().await;
+        }
+        if task.fleet.stop.is_cancelled() {
+            break;
+        }
+        tokio::select! {
+            () = task.robot.mailbox.arrived() => {}
+            () = task.fleet.stop.cancelled() => {}
+        }
+        task.follow_config();
+    }
+    task.save_checkpoint();
+}
+
+/// What the estimator is doing.
+#[derive(Debug)]
+enum Engine {
+    /// It works.
+    Running(Box<Calibrator>),
+    /// It failed too often.
+    Stopped,
+}
+
+#[derive(Debug)]
+struct RobotTask {
+    fleet: Arc<Fleet>,
+    robot: Arc<Robot>,
+    version: u64,
+    drive: DriveSignal,
+    config: CalibratorConfig,
+    engine: Engine,
+    /// The last state that was stored, to go on from after a panic.
+    last_good: Option<Checkpoint>,
+    checkpointed: Option<Stamp>,
+    newest: Stamp,
+    /// Whether a change was seen and the new values are not known yet.
+    changed: bool,
+}
+
+impl RobotTask {
+    fn start(
+        fleet: Arc<Fleet>,
+        robot: Arc<Robot>,
+        version: u64,
+        config: RobotConfig,
+        stored: Option<&str>,
+    ) -> Self {
+        let drive = config.drive;
+        let config = config.calibrator_config(&fleet.estimator);
+        let restored = stored.and_then(|json| restore(&robot, &config, json));
+        let last_good = restored.as_ref().map(Calibrator::checkpoint);
+        let calibrator = restored.unwrap_or_else(|| Calibrator::new(config.clone()));
+        let mut task = Self {
+            fleet,
+            robot,
+            version,
+            drive,
+            config,
+            engine: Engine::Running(Box::new(calibrator)),
+            last_good,
+            checkpointed: None,
+            newest: Stamp(0),
+            changed: false,
+        };
+        if task.last_good.is_some() {
+            task.show_restored();
+        }
+        task
+    }
+
+    /// Shows the estimate that was restored before the robot sends anything.
+    fn show_restored(&mut self) {
+        let Engine::Running(calibrator) = &self.engine else {
+            return;
+        };
+        let estimate = calibrator.estimate();
+        if estimate.stamp.0 <= 0 {
+            return;
+        }
+        let document = document::estimate_document(&self.robot.id, &estimate);
+        if document::is_finite(&document) {
+            self.robot.set_state(state_of(&document, false));
+            self.robot.set_estimate(Arc::new(document));
+        }
+    }
+
+    /// Begins anew when the robot was configured otherwise.
+    fn follow_config(&mut self) {
+        let Some((version, config)) = self.robot.versioned_config() else {
+            return;
+        };
+        if version != self.version {
+            let (fleet, robot) = (Arc::clone(&self.fleet), Arc::clone(&self.robot));
+            *self = Self::start(fleet, robot, version, config, None);
+        }
+    }
+
+    fn take(&mut self, item: Item) {
+        self.follow_config();
+        match item {
+            Item::Message(message) => {
+                let outcome = self.take_message(&message);
+                if let Outcome::Refused(reason) = &outcome {
+                    tracing::debug!(robot.id = %self.robot.id, reason, "message refused");
+                }
+                self.robot.mailbox.finish(outcome);
+            }
+            Item::Note(note) => {
+                self.step(Event::Note(note));
+            }
+            Item::EndOfSession => {
+                self.step(Event::EndOfSession);
+                self.save_checkpoint();
+            }
+        }
+    }
+
+    fn take_message(&mut self, message: &Message) -> Outcome {
+        let Message {
+            stream,
+            encoding,
+            payload,
+        } = message;
+        if *stream == Stream::Drive && self.drive == DriveSignal::Compensated {
+            return Outcome::Refused(
+                "drive: the robot is declared compensated and has not reported what it applies; \
+                 accepted is drive = \"raw\" until then"
+                    .to_owned(),
+            );
+        }
+        let Decoded { stamp, event, note } = match decode::decode(*stream, *encoding, payload) {
+            Ok(decoded) => decoded,
+            Err(refused) => return Outcome::Refused(refused.to_string()),
+        };
+        if let Some(note) = note {
+            self.fleet.record(&self.robot.id, HistoryEvent::Note(note));
+        }
+        if !self.step(event) {
+            return Outcome::Refused("the robot's estimator is stopped after a fault".to_owned());
+        }
+        self.newest = self.newest.max(stamp);
+        let due = self
+            .checkpointed
+            .is_none_or(|last| stamp.seconds_since(last) >= CHECKPOINT_EVERY_S || stamp < last);
+        if due {
+            self.checkpointed = Some(stamp);
+            self.save_checkpoint();
+        }
+        if self.robot.state() == RobotState::NoData {
+            self.robot.set_state(RobotState::Learning);
+        }
+        Outcome::Processed { stamp_ns: stamp.0 }
+    }
+
+    /// Feeds the estimator. `false` when it is stopped, or failed on this event.
+    fn step(&mut self, event: Event) -> bool {
+        let Engine::Running(calibrator) = &mut self.engine else {
+            return false;
+        };
+        // After a panic the calibrator may be half changed: it is thrown away.
+        let Ok(effects) = catch_unwind(AssertUnwindSafe(|| calibrator.step(event))) else {
+            self.restart("it panicked");
+            return false;
+        };
+        for effect in effects {
+            if !self.perform(effect) {
+                self.restart("its numbers are no longer finite");
+                return false;
+            }
+        }
+        true
+    }
+
+    /// Does what the estimator asks for. `false` when what it says is no estimate.
+    fn perform(&mut self, effect: Effect) -> bool {
+        match effect {
+            Effect::Estimate(estimate) => {
+                let document = document::estimate_document(&self.robot.id, &estimate);
+                if !document::is_finite(&document) {
+                    return false;
+                }
+                self.publish(document);
+            }
+            Effect::Change(change) => {
+                let change = document::change_document(&change);
+                self.changed |= change.kind == ChangeKind::CalibrationChanged;
+                self.fleet
+                    .record(&self.robot.id, HistoryEvent::Change(change));
+            }
+            // The estimator has counted it; its counts stand in every estimate.
+            Effect::Dropped(_) => {}
+            Effect::SessionStarted(stamp) => {
+                self.record_service_event(ServiceEventKind::SessionStarted, stamp, String::new());
+            }
+        }
+        true
+    }
+
+    fn publish(&mut self, document: EstimateDocument) {
+        let state = state_of(&document, self.changed);
+        self.changed = state == RobotState::Changed;
+        let document = Arc::new(document);
+        self.robot.set_state(state);
+        self.robot.set_estimate(Arc::clone(&document));
+        self.fleet.journal.record_history(&self.robot.id, &document);
+        let robot = self.robot.id.clone();
+        self.fleet
+            .announce(LiveUpdate::Estimate { robot, document });
+    }
+
+    /// Starts the estimator anew after a fault: from the last stored state, and from nothing when
+    /// that fails before it could be stored again.
+    fn restart(&mut self, why: &str) {
+        self.fleet.count_panic();
+        let restarts = self.robot.count_restart();
+        if restarts > ESTIMATOR_RESTARTS_MAX {
+            tracing::error!(robot.id = %self.robot.id, restarts, "estimator stopped: {why}");
+            self.engine = Engine::Stopped;
+            self.robot.set_state(RobotState::Failed);
+            let note = format!("{why}, {restarts} times");
+            self.record_service_event(ServiceEventKind::EstimatorStopped, self.newest, note);
+            return;
+        }
+        tracing::error!(robot.id = %self.robot.id, restarts, "estimator started anew: {why}");
+        let calibrator = self
+            .last_good
+            .take()
+            .and_then(|checkpoint| Calibrator::restore(self.config.clone(), &checkpoint).ok())
+            .unwrap_or_else(|| Calibrator::new(self.config.clone()));
+        self.engine = Engine::Running(Box::new(calibrator));
+        let note = why.to_owned();
+        self.record_service_event(ServiceEventKind::EstimatorRestarted, self.newest, note);
+    }
+
+    fn record_service_event(&self, kind: ServiceEventKind, stamp: Stamp, note: String) {
+        let event = ServiceEvent {
+            kind,
+            stamp_ns: stamp.0,
+            note,
+        };
+        self.fleet
+            .record(&self.robot.id, HistoryEvent::Service(event));
+    }
+
+    fn save_checkpoint(&mut self) {
+        let Engine::Running(calibrator) = &self.engine else {
+            return;
+        };
+        if self.newest.0 <= 0 {
+            return;
+        }
+        let checkpoint = calibrator.checkpoint();
+        self.last_good = Some(checkpoint.clone());
+        let stored = Stored {
+            config: self.config.clone(),
+            calibrator: checkpoint,
+        };
+        match serde_json::to_string(&stored) {
+            Ok(json) => self
+                .fleet
+                .journal
+                .save_checkpoint(&self.robot.id, self.newest.0, json),
+            Err(error) => {
+                tracing::error!(robot.id = %self.robot.id, %error, "checkpoint not written");
+            }
+        }
+    }
+}
+
+fn restore(robot: &Robot, config: &CalibratorConfig, json: &str) -> Option<Calibrator> {
+    let stored: Stored = match serde_json::from_str(json) {
+        Ok(stored) => stored,
+        Err(error) => {
+            tracing::warn!(robot.id = %robot.id, %error, "stored estimator cannot be read");
+            return None;
+        }
+    };
+    if stored.config != *config {
+        tracing::info!(robot.id = %robot.id, "configured otherwise: estimator begins from nothing");
+        return None;
+    }
+    match Calibrator::restore(config.clone(), &stored.calibrator) {
+        Ok(calibrator) => Some(calibrator),
+        Err(error) => {
+            tracing::warn!(robot.id = %robot.id, %error, "estimator begins from nothing");
+            None
+        }
+    }
+}
+
+/// Where a robot stands by its estimate.
+fn state_of(document: &EstimateDocument, changed: bool) -> RobotState {
+    let known = CALIBRATED.iter().all(|&name| {
+        let status = document.parameters.get(name).status;
+        matches!(
+            status,
+            ParameterStatus::Converged | ParameterStatus::Fixed | ParameterStatus::Off
+        )
+    });
+    match (known, changed) {
+        (true, _) => RobotState::Calibrated,
+        (false, true) => RobotState::Changed,
+        (false, false) => RobotState::Learning,
+    }
+}

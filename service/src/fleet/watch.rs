@@ -1,0 +1,52 @@
+//! The fleet's one periodic task: rates, staleness, the end of sessions.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::time::MissedTickBehavior;
+
+use crate::fleet::handle::Fleet;
+use crate::fleet::view::LiveUpdate;
+
+/// How often the fleet is looked at.
+const LOOK_EVERY: Duration = Duration::from_millis(250);
+/// Looks in a second: rates are taken, and states announced, once a second.
+const LOOKS_PER_SECOND: u32 = 4;
+
+/// Runs until the fleet stops.
+pub async fn run(fleet: Arc<Fleet>) {
+    let mut ticks = tokio::time::interval(LOOK_EVERY);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut looks = 0_u32;
+    loop {
+        tokio::select! {
+            () = fleet.stop.cancelled() => return,
+            _ = ticks.tick() => {}
+        }
+        looks = looks.wrapping_add(1);
+        look(&fleet, looks.is_multiple_of(LOOKS_PER_SECOND));
+    }
+}
+
+/// Looks once at every robot.
+pub fn look(fleet: &Fleet, whole_second: bool) {
+    let clock = &*fleet.clock;
+    for robot in fleet.all() {
+        if robot.session_just_ended(clock) {
+            robot.mailbox.end_session();
+        }
+        if !whole_second {
+            continue;
+        }
+        robot.tick();
+        if let Some((state, stale, alive)) = robot.to_announce(clock) {
+            let robot = robot.id.clone();
+            fleet.announce(LiveUpdate::RobotState {
+                robot,
+                state,
+                stale,
+                alive,
+            });
+        }
+    }
+}
