@@ -214,6 +214,11 @@ impl Calibrator {
         self.clone_judgement().1
     }
 
+    /// The body's pose in the LiDAR's odometry frame at the last sweep or pose that was used.
+    pub fn base_pose(&self) -> Option<(Stamp, Pose2)> {
+        self.follower.as_ref()?.base_pose()
+    }
+
     /// The filter, once it has started.
     pub fn filter(&self) -> Option<&Filter> {
         self.follower.as_ref().map(|follower| &follower.filter)

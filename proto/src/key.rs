@@ -261,6 +261,11 @@ impl Keys {
         format!("{}/*/{}", self.root.as_str(), kind.suffix())
     }
 
+    /// Key expression of every stream of every robot whose name is one chunk, `fleet/*/*`.
+    pub fn stream_of_all_kinds(&self) -> String {
+        format!("{}/*/*", self.root.as_str())
+    }
+
     /// Key of a robot's liveliness token, `fleet/@alive/tugger_01`.
     pub fn alive(&self, robot: &RobotId) -> String {
         format!("{}/{ALIVE}/{robot}", self.root.as_str())

@@ -7,7 +7,9 @@
 //! Exactly one module knows each outside world: `link` knows zenoh, `store` sqlx, `api` axum.
 
 pub mod clock;
+pub mod command;
 pub mod config;
 pub mod fleet;
 pub mod limits;
+pub mod link;
 pub mod store;

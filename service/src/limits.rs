@@ -86,5 +86,7 @@ pub const HTTP_STREAMS_MAX: usize = 64;
 
 /// Opening the Zenoh session may take this long.
 pub const ZENOH_OPEN_TIMEOUT: Duration = Duration::from_secs(10);
+/// Closing it may take this long; after that the process ends without.
+pub const ZENOH_CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
 /// The whole shutdown may take this long.
 pub const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(4);

@@ -72,6 +72,12 @@ impl Follower {
         reading.stamp.plus_seconds(offset_s)
     }
 
+    /// The body's pose in the LiDAR's odometry frame at the last reading that was used.
+    pub fn base_pose(&self) -> Option<(Stamp, Pose2)> {
+        let (stamp, _) = self.last_used?;
+        Some((stamp, self.filter.base_in_odom()?))
+    }
+
     /// Gives up the anchor: what comes next does not compare with what was.
     pub fn lose_anchor(&mut self) {
         self.filter.lose_anchor();

@@ -299,11 +299,27 @@ impl FleetHandle {
         }
     }
 
-    /// How far a robot's task has come; `None` for a robot that is not configured.
+    /// The ids of all robots.
+    pub fn ids(&self) -> Vec<RobotId> {
+        self.fleet
+            .all()
+            .iter()
+            .map(|robot| robot.id.clone())
+            .collect()
+    }
+
+    /// The latest estimate of every robot that has one.
+    pub fn estimates(&self) -> BTreeMap<RobotId, Arc<EstimateDocument>> {
+        let robots = self.fleet.all();
+        robots
+            .iter()
+            .filter_map(|robot| Some((robot.id.clone(), robot.estimate()?)))
+            .collect()
+    }
+
+    /// How far a robot's task has come; `None` for a robot that is unknown.
     pub fn progress(&self, id: &RobotId) -> Option<Progress> {
-        let robot = self.fleet.find(id.as_str())?;
-        robot.config()?;
-        Some(robot.mailbox.progress())
+        Some(self.fleet.find(id.as_str())?.mailbox.progress())
     }
 
     /// Takes a message in. It never blocks: this runs on the link's receiving threads. `payload`
@@ -316,6 +332,35 @@ impl FleetHandle {
         bytes: usize,
         payload: impl FnOnce() -> Vec<u8>,
     ) {
+        let Some(robot) = self.admit(id, stream) else {
+            return;
+        };
+        let limit = limits::payload_bytes_max(stream);
+        if bytes > limit {
+            self.fleet.counts.oversized.fetch_add(1, Ordering::Relaxed);
+            let name = stream.name();
+            let reason = format!("{name}: payload is {bytes} bytes, accepted are {limit} at most");
+            robot.mailbox.refuse(stream, &reason);
+        } else if robot.config().is_none() {
+            robot.mailbox.ignore(stream);
+        } else {
+            robot.mailbox.push(Message {
+                stream,
+                encoding,
+                payload: payload(),
+            });
+        }
+    }
+
+    /// Counts a message that the link itself refuses.
+    pub fn refuse(&self, id: &RobotId, stream: Stream, reason: &str) {
+        if let Some(robot) = self.admit(id, stream) {
+            robot.mailbox.refuse(stream, reason);
+        }
+    }
+
+    /// Counts a message and finds its robot; `None` when there is no room for another one.
+    fn admit(&self, id: &RobotId, stream: Stream) -> Option<Arc<Robot>> {
         let counts = &self.fleet.counts;
         counts.received.fetch_add(1, Ordering::Relaxed);
         let [drive, scan, lidar_odometry, event] = &counts.by_stream;
@@ -326,26 +371,14 @@ impl FleetHandle {
             Stream::Event => event,
         };
         by_stream.fetch_add(1, Ordering::Relaxed);
-        let Some(robot) = self.fleet.find_or_admit(id) else {
-            counts.beyond_robots_max.fetch_add(1, Ordering::Relaxed);
-            return;
-        };
-        robot.received(stream, &*self.fleet.clock);
-        let limit = limits::payload_bytes_max(stream);
-        if bytes > limit {
-            counts.oversized.fetch_add(1, Ordering::Relaxed);
-            let name = stream.name();
-            let reason = format!("{name}: payload is {bytes} bytes, accepted are {limit} at most");
-            robot.mailbox.refuse(stream, &reason);
-        } else if robot.config().is_none() {
-            robot.mailbox.ignore();
-        } else {
-            robot.mailbox.push(Message {
-                stream,
-                encoding,
-                payload: payload(),
-            });
+        let robot = self.fleet.find_or_admit(id);
+        match &robot {
+            Some(robot) => robot.received(stream, &*self.fleet.clock),
+            None => {
+                counts.beyond_robots_max.fetch_add(1, Ordering::Relaxed);
+            }
         }
+        robot
     }
 
     /// Counts a message whose key names no robot or no stream.

@@ -190,11 +190,12 @@ impl Mailbox {
         queue.count_outcome(stream, Outcome::Refused(reason.to_owned()));
     }
 
-    /// Counts a message of a robot that nobody has configured.
-    pub fn ignore(&self) {
+    /// Counts a message of a robot that nobody has configured. To its sender it is given up.
+    pub fn ignore(&self, stream: Stream) {
         let mut queue = self.lock();
         queue.counters.received += 1;
         queue.counters.ignored += 1;
+        queue.progress.shed += u64::from(stream != Stream::Event);
     }
 
     /// Puts a note behind what waits; `false` when too many wait.

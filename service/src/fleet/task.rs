@@ -41,7 +41,7 @@ pub async fn run(fleet: Arc<Fleet>, robot: Arc<Robot>, stored: Option<String>) {
     let Some((version, config)) = robot.versioned_config() else {
         return;
     };
-    let mut task = RobotTask::start(fleet, robot, version, config, stored.as_deref());
+    let mut task = RobotTask::start(fleet, robot, version, &config, stored.as_deref());
     loop {
         while let Some(item) = task.robot.mailbox.take() {
             task.take(item);
@@ -90,7 +90,7 @@ impl RobotTask {
         fleet: Arc<Fleet>,
         robot: Arc<Robot>,
         version: u64,
-        config: RobotConfig,
+        config: &RobotConfig,
         stored: Option<&str>,
     ) -> Self {
         let drive = config.drive;
@@ -139,7 +139,7 @@ impl RobotTask {
         };
         if version != self.version {
             let (fleet, robot) = (Arc::clone(&self.fleet), Arc::clone(&self.robot));
-            *self = Self::start(fleet, robot, version, config, None);
+            *self = Self::start(fleet, robot, version, &config, None);
         }
     }
 

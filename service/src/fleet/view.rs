@@ -146,6 +146,8 @@ pub struct RobotView {
 pub enum ServiceEventKind {
     /// The robot's clock jumped back by more than 5 s: a new session began.
     SessionStarted,
+    /// The robot was configured, or configured anew: its estimator begins from nothing.
+    Configured,
     /// The estimator panicked and was started anew.
     EstimatorRestarted,
     /// The estimator panicked too often and was stopped.

@@ -1,0 +1,230 @@
+//! `fleetcal calibrate`: the service's estimator over a recording.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use fleetcal_estimator::{Calibrator, EstimatorSettings, Event, Stamp, VehicleModel};
+use fleetcal_proto::RobotId;
+use fleetcal_proto::estimate::CalibrationReport;
+use fleetcal_robot::recording::{ChosenPose, Recording, Topics, choose_topics};
+
+use crate::clock::{Clock, thread_cpu};
+use crate::command::output::{Trajectory, print_json, print_text};
+use crate::command::progress::Progress;
+use crate::command::recording::RecordedStream;
+use crate::command::table::table;
+use crate::command::timing::ScanTimes;
+use crate::command::{CommandError, ModelName};
+use crate::config::{Config, RobotConfig, Wheelbase};
+use crate::fleet::{Stream, document};
+
+/// The robot's name when neither the caller nor the recording has one.
+const UNNAMED: &str = "robot";
+
+/// What `fleetcal calibrate` takes.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// The recording: ROS 2 messages in MCAP
+    pub recording: PathBuf,
+    /// Distance between the axles, in metres
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
+    pub wheelbase: Option<f64>,
+    /// How the vehicle steers [default: bicycle, or what --config says]
+    #[arg(long)]
+    pub model: Option<ModelName>,
+    /// The robot's name [default: the first chunk of the drive topic]
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
+    /// The topic with `AckermannDriveStamped` messages, if there are several
+    #[arg(long, value_name = "TOPIC")]
+    pub drive_topic: Option<String>,
+    /// The topic with `LaserScan` messages, if there are several
+    #[arg(long, value_name = "TOPIC")]
+    pub scan_topic: Option<String>,
+    /// A topic with `Odometry` messages of the LiDAR, instead of its scans
+    #[arg(long, value_name = "TOPIC")]
+    pub pose_topic: Option<String>,
+    /// A `fleetcal.toml`, for the estimator's settings and the robot's vehicle
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Print the whole result as one JSON document
+    #[arg(long)]
+    pub json: bool,
+    /// Write the rear axle's trajectory as a TUM file
+    #[arg(long, value_name = "OUT.tum")]
+    pub trajectory: Option<PathBuf>,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// One sentence, with the exit status that goes with it.
+pub fn run(arguments: &Arguments, clock: &dyn Clock) -> Result<(), CommandError> {
+    let recording = Recording::open(&arguments.recording)?;
+    let topics = choose_topics(
+        recording.channels(),
+        arguments.drive_topic.as_deref(),
+        arguments.scan_topic.as_deref(),
+        arguments.pose_topic.as_deref(),
+    )?;
+    let name = arguments
+        .robot
+        .as_deref()
+        .or_else(|| topics.robot())
+        .unwrap_or(UNNAMED);
+    let robot = RobotId::parse(name)?;
+    let file = arguments
+        .config
+        .as_deref()
+        .map(Config::read)
+        .transpose()?
+        .unwrap_or_default();
+    let config = vehicle_of(arguments, &robot, &file)?;
+    let run = Run::start(&recording, &topics, &config, &file.estimator, arguments)?;
+    let (report, refusals) = run.finish(&robot, clock)?;
+    for refusal in refusals {
+        eprintln!("fleetcal: {refusal}");
+    }
+    if arguments.json {
+        print_json(&report)
+    } else {
+        print_text(&table(&report))
+    }
+}
+
+/// The vehicle: the flags first, then the robot's entry in the file.
+fn vehicle_of(
+    arguments: &Arguments,
+    robot: &RobotId,
+    file: &Config,
+) -> Result<RobotConfig, CommandError> {
+    let entry = file
+        .robots
+        .iter()
+        .find(|entry| entry.id == *robot)
+        .map(|entry| &entry.config);
+    let given = arguments.wheelbase.map(Wheelbase::try_from).transpose()?;
+    let wheelbase = given
+        .or_else(|| entry.map(|config| config.wheelbase_m))
+        .ok_or_else(|| CommandError::WheelbaseMissing {
+            robot: robot.to_string(),
+        })?;
+    let model = arguments.model.map(VehicleModel::from);
+    let mut config = entry.cloned().unwrap_or_else(|| {
+        RobotConfig::of_vehicle(model.unwrap_or(VehicleModel::Bicycle), wheelbase)
+    });
+    config.wheelbase_m = wheelbase;
+    if let Some(model) = model {
+        config.model = model;
+    }
+    Ok(config)
+}
+
+/// One recording on its way through the estimator.
+#[derive(Debug)]
+struct Run<'a> {
+    recording: &'a Recording,
+    topics: &'a Topics,
+    calibrator: Calibrator,
+    drive: RecordedStream,
+    pose: RecordedStream,
+    trajectory: Option<Trajectory>,
+    last_pose: Option<Stamp>,
+    times: ScanTimes,
+}
+
+impl<'a> Run<'a> {
+    fn start(
+        recording: &'a Recording,
+        topics: &'a Topics,
+        config: &RobotConfig,
+        settings: &EstimatorSettings,
+        arguments: &Arguments,
+    ) -> Result<Self, CommandError> {
+        let pose_stream = match topics.pose {
+            ChosenPose::Scan(_) => Stream::Scan,
+            ChosenPose::LidarOdometry(_) => Stream::LidarOdometry,
+        };
+        let trajectory = arguments
+            .trajectory
+            .as_deref()
+            .map(Trajectory::create)
+            .transpose()?;
+        Ok(Self {
+            recording,
+            topics,
+            calibrator: Calibrator::new(config.calibrator_config(settings)),
+            drive: RecordedStream::of(&topics.drive, Stream::Drive),
+            pose: RecordedStream::of(topics.pose.channel(), pose_stream),
+            trajectory,
+            last_pose: None,
+            times: ScanTimes::default(),
+        })
+    }
+
+    /// Works through the recording and gives the report, and what was refused in words.
+    fn finish(
+        mut self,
+        robot: &RobotId,
+        clock: &dyn Clock,
+    ) -> Result<(CalibrationReport, Vec<String>), CommandError> {
+        let began = clock.elapsed();
+        let names = self.topics.names();
+        let mut progress = Progress::over(self.recording.count(&names));
+        for message in self.recording.messages(&names)? {
+            let message = message?;
+            let is_drive = self.drive.carries(&message);
+            let before = thread_cpu();
+            let stream = if is_drive {
+                &mut self.drive
+            } else {
+                &mut self.pose
+            };
+            if let Some(decoded) = stream.decode(&message) {
+                self.calibrator.step(decoded.event);
+            }
+            let spent = thread_cpu().saturating_sub(before);
+            if is_drive {
+                self.times.add(spent);
+            } else {
+                self.times.add_scan(spent);
+            }
+            self.follow_trajectory()?;
+            progress.advance();
+        }
+        let before = thread_cpu();
+        self.calibrator.step(Event::EndOfSession);
+        self.times.add(thread_cpu().saturating_sub(before));
+        self.follow_trajectory()?;
+        progress.finish();
+        self.check_usable(self.recording.path())?;
+        let wall = clock.elapsed().saturating_sub(began);
+        if let Some(trajectory) = self.trajectory.take() {
+            trajectory.finish()?;
+        }
+        let timing = self.times.timing(self.calibrator.duration_s(), wall);
+        let refusals = [self.drive.refusals(), self.pose.refusals()];
+        let report = document::report(robot, &self.calibrator, timing);
+        Ok((report, refusals.into_iter().flatten().collect()))
+    }
+
+    /// Writes the rear axle's pose when it is a new one.
+    fn follow_trajectory(&mut self) -> Result<(), CommandError> {
+        let Some(trajectory) = &mut self.trajectory else {
+            return Ok(());
+        };
+        let Some((stamp, pose)) = self.calibrator.base_pose() else {
+            return Ok(());
+        };
+        if self.last_pose == Some(stamp) {
+            return Ok(());
+        }
+        self.last_pose = Some(stamp);
+        trajectory.add(stamp, &pose)
+    }
+
+    fn check_usable(&self, path: &Path) -> Result<(), CommandError> {
+        self.drive.check_usable(path)?;
+        self.pose.check_usable(path)
+    }
+}

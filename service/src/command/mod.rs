@@ -1,0 +1,143 @@
+//! The commands of `fleetcal`: what each takes, and what it does.
+
+pub mod calibrate;
+pub mod odometry;
+mod output;
+mod progress;
+mod recording;
+mod table;
+mod timing;
+
+use std::path::PathBuf;
+
+use clap::{Parser, Subcommand, ValueEnum};
+use fleetcal_estimator::VehicleModel;
+use fleetcal_proto::robot_id::RobotIdRefused;
+use fleetcal_robot::recording::{RecordingError, TopicError};
+use thiserror::Error;
+
+use crate::config::{ConfigError, ValueRefused};
+
+/// What the shell is told when the caller can mend it.
+pub const EXIT_USAGE: u8 = 2;
+/// What the shell is told when a recording cannot be used.
+pub const EXIT_DATA: u8 = 65;
+/// What the shell is told when reading or writing failed.
+pub const EXIT_IO: u8 = 74;
+/// What the shell is told when a service that was running failed.
+pub const EXIT_FAILED: u8 = 70;
+
+/// Finds, online and during normal driving, how far a robot's steering zero is off and where its
+/// LiDAR really sits.
+#[derive(Debug, Parser)]
+#[command(name = "fleetcal", version, propagate_version = true)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Calibrates the robot of one recording
+    Calibrate(calibrate::Arguments),
+    /// Writes the LiDAR's trajectory of one recording, by LiDAR odometry alone
+    Odometry(odometry::Arguments),
+}
+
+/// How a vehicle steers, as a flag says it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ModelName {
+    /// Steered front axle (Ackermann too), speed measured at the rear axle.
+    Bicycle,
+    /// One steered and driven front wheel, speed measured at that wheel.
+    Tricycle,
+}
+
+impl From<ModelName> for VehicleModel {
+    fn from(name: ModelName) -> Self {
+        match name {
+            ModelName::Bicycle => Self::Bicycle,
+            ModelName::Tricycle => Self::Tricycle,
+        }
+    }
+}
+
+/// Why a command failed, in one sentence.
+#[derive(Debug, Error)]
+pub enum CommandError {
+    /// The recording cannot be read or used.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// Its topics cannot be chosen.
+    #[error(transparent)]
+    Topics(#[from] TopicError),
+    /// The configuration file is refused.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The wheelbase given by flag cannot be.
+    #[error("--wheelbase: {0}")]
+    Wheelbase(#[from] ValueRefused),
+    /// The vehicle's size is not known.
+    #[error(
+        "the wheelbase is missing: give --wheelbase METRES, or a [[robot]] with id = \"{robot}\" \
+         in a --config file"
+    )]
+    WheelbaseMissing {
+        /// The robot of the recording.
+        robot: String,
+    },
+    /// The robot's name is no id.
+    #[error("{refused}; name the robot with --robot")]
+    Robot {
+        /// What is wrong with it.
+        #[from]
+        refused: RobotIdRefused,
+    },
+    /// Nothing in the recording can be used.
+    #[error("{path}: none of the {messages} {what} messages can be used{first}", path = path.display())]
+    Unusable {
+        /// The recording.
+        path: PathBuf,
+        /// Which messages.
+        what: &'static str,
+        /// How many there are.
+        messages: u64,
+        /// Why the first one was refused, behind a colon.
+        first: String,
+    },
+    /// A file could not be written.
+    #[error("cannot write {}: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The standard output could not be written.
+    #[error("cannot write the result: {0}")]
+    Stdout(#[from] std::io::Error),
+    /// The document could not be written as JSON.
+    #[error("cannot write the result: {0}")]
+    Json(#[from] serde_json::Error),
+}
+
+impl CommandError {
+    /// What the shell is told.
+    pub fn exit_status(&self) -> u8 {
+        match self {
+            Self::Recording(error) => error.exit_status(),
+            Self::Topics(error) => error.exit_status(),
+            Self::Config(ConfigError::Read { .. })
+            | Self::Write { .. }
+            | Self::Stdout(_)
+            | Self::Json(_) => EXIT_IO,
+            Self::Config(ConfigError::Refused { .. })
+            | Self::Wheelbase(_)
+            | Self::WheelbaseMissing { .. }
+            | Self::Robot { .. } => EXIT_USAGE,
+            Self::Unusable { .. } => EXIT_DATA,
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! The embedded router's access list: what is not named is denied, declarations included.
+//!
+//! Without it a router relays every robot's data to every other one. Forgotten declarations lose
+//! data silently, so each key stands with everything that its use needs, in each direction.
+
+use fleetcal_proto::key::{Keys, StreamKind};
+use serde_json::{Value, json};
+
+/// What robots send.
+const FROM_ROBOTS: [StreamKind; 6] = [
+    StreamKind::Drive,
+    StreamKind::Scan,
+    StreamKind::LidarOdometry,
+    StreamKind::Event,
+    StreamKind::CalibrationApplied,
+    StreamKind::CrossTrackError,
+];
+/// What the service sends.
+const FROM_SERVICE: [StreamKind; 3] = [
+    StreamKind::Estimate,
+    StreamKind::CalibrationApproved,
+    StreamKind::CalibrationConfirmed,
+];
+/// What the service answers.
+const ANSWERED: [StreamKind; 3] = [
+    StreamKind::Progress,
+    StreamKind::CalibrationApproved,
+    StreamKind::CalibrationConfirmed,
+];
+
+/// The access list as Zenoh's configuration has it.
+pub fn list(keys: &Keys) -> Value {
+    let of = |kinds: &[StreamKind]| -> Vec<String> {
+        kinds.iter().map(|&kind| keys.stream_of_all(kind)).collect()
+    };
+    let alive = vec![keys.alive_of_all()];
+    let service = vec![keys.service_of_all()];
+    let mut subscribed = of(&FROM_ROBOTS);
+    subscribed.push(keys.stream_of_all_kinds());
+    let rules = [
+        rule("streams", "ingress", &["put"], &of(&FROM_ROBOTS)),
+        rule(
+            "streams_wanted",
+            "egress",
+            &["declare_subscriber"],
+            &subscribed,
+        ),
+        rule("presence", "ingress", &["liveliness_token"], &alive),
+        rule(
+            "presence_wanted",
+            "egress",
+            &["declare_liveliness_subscriber"],
+            &alive,
+        ),
+        rule("answers_wanted", "ingress", &["query"], &of(&ANSWERED)),
+        rule(
+            "answers",
+            "egress",
+            &["declare_queryable", "reply"],
+            &of(&ANSWERED),
+        ),
+        rule(
+            "results_wanted",
+            "ingress",
+            &["declare_subscriber"],
+            &of(&FROM_SERVICE),
+        ),
+        rule("results", "egress", &["put"], &of(&FROM_SERVICE)),
+        rule(
+            "service_wanted",
+            "ingress",
+            &["declare_liveliness_subscriber", "liveliness_query"],
+            &service,
+        ),
+        rule(
+            "service",
+            "egress",
+            &["liveliness_token", "reply"],
+            &service,
+        ),
+    ];
+    let names: Vec<&Value> = rules.iter().filter_map(|rule| rule.get("id")).collect();
+    json!({
+        "enabled": true,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": [{ "id": "anybody", "link_protocols": ["tcp", "tls"] }],
+        "policies": [{ "rules": names, "subjects": ["anybody"] }],
+    })
+}
+
+fn rule(id: &str, flow: &str, messages: &[&str], key_exprs: &[String]) -> Value {
+    json!({
+        "id": id,
+        "permission": "allow",
+        "flows": [flow],
+        "messages": messages,
+        "key_exprs": key_exprs,
+    })
+}

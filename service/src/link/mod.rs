@@ -1,0 +1,148 @@
+//! The one module that knows Zenoh: the embedded router, what comes in, what goes out.
+
+mod access;
+mod ingest;
+mod outgoing;
+mod session;
+
+use std::path::PathBuf;
+
+use fleetcal_proto::key::{KeyRefused, Keys, ServiceInstance};
+use thiserror::Error;
+use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
+use zenoh::Session;
+use zenoh::liveliness::LivelinessToken;
+use zenoh::pubsub::Subscriber;
+use zenoh::query::Queryable;
+
+use crate::fleet::FleetHandle;
+use crate::limits;
+
+/// What the link is made with.
+#[derive(Debug, Clone, Default)]
+pub struct LinkSetup {
+    /// Endpoints that the embedded router listens on.
+    pub listen: Vec<String>,
+    /// Routers to connect to.
+    pub connect: Vec<String>,
+    /// A native Zenoh configuration file, taken as it is instead of the two.
+    pub zenoh_config: Option<PathBuf>,
+    /// The keys under the configured root.
+    pub keys: Keys,
+}
+
+/// Why the link could not be opened.
+#[derive(Debug, Error)]
+pub enum LinkError {
+    /// The configuration was refused.
+    #[error("the Zenoh configuration is refused: {0}")]
+    Config(String),
+    /// The session could not be opened.
+    #[error("Zenoh cannot be opened on {endpoints}: {reason}")]
+    Open {
+        /// Where it was to listen and connect.
+        endpoints: String,
+        /// What Zenoh says.
+        reason: String,
+    },
+    /// The session was not open in time.
+    #[error("Zenoh on {endpoints} did not open within {} s", limits::ZENOH_OPEN_TIMEOUT.as_secs())]
+    Timeout {
+        /// Where it was to listen and connect.
+        endpoints: String,
+    },
+    /// A subscriber, queryable or token could not be declared.
+    #[error("Zenoh refused to declare {what}: {reason}")]
+    Declare {
+        /// What was to be declared.
+        what: &'static str,
+        /// What Zenoh says.
+        reason: String,
+    },
+    /// The session's own name is no chunk of a key.
+    #[error(transparent)]
+    Instance(#[from] KeyRefused),
+}
+
+/// The open link. Dropping it without [`Link::close`] leaves the session open until the process
+/// ends.
+#[derive(Debug)]
+pub struct Link {
+    session: Session,
+    streams: Subscriber<()>,
+    presence: Subscriber<()>,
+    progress: Queryable<()>,
+    token: LivelinessToken,
+    publisher: JoinHandle<()>,
+    stop: CancellationToken,
+}
+
+impl Link {
+    /// Opens the session, subscribes to every robot, and begins to publish estimates.
+    ///
+    /// # Errors
+    /// When the configuration is refused, an endpoint is in use, or Zenoh does not open in time.
+    pub async fn open(setup: LinkSetup, fleet: FleetHandle) -> Result<Self, LinkError> {
+        let session = session::open(&setup).await?;
+        let keys = setup.keys;
+        let declared = |what| {
+            move |error: zenoh::Error| LinkError::Declare {
+                what,
+                reason: error.to_string(),
+            }
+        };
+        let presence = ingest::watch_presence(&session, &keys, fleet.clone())
+            .await
+            .map_err(declared("the subscriber of liveliness tokens"))?;
+        let progress = outgoing::answer_progress(&session, &keys, fleet.clone())
+            .await
+            .map_err(declared("the queryable of progress"))?;
+        let streams = ingest::subscribe(&session, &keys, fleet.clone())
+            .await
+            .map_err(declared("the subscriber of robots' streams"))?;
+        // Last: a robot that sees the token finds everything else there.
+        let instance = ServiceInstance::parse(&session.zid().to_string())?;
+        let token = session
+            .liveliness()
+            .declare_token(keys.service(&instance))
+            .await
+            .map_err(declared("the service's liveliness token"))?;
+        let stop = CancellationToken::new();
+        let publishing = outgoing::publish_estimates(session.clone(), keys, fleet, stop.clone());
+        let publisher = tokio::spawn(publishing);
+        Ok(Self {
+            session,
+            streams,
+            presence,
+            progress,
+            token,
+            publisher,
+            stop,
+        })
+    }
+
+    /// Whether the session is open.
+    pub fn is_open(&self) -> bool {
+        !self.session.is_closed()
+    }
+
+    /// Takes no further message, then closes the session.
+    pub async fn close(self) {
+        self.stop.cancel();
+        for undeclared in [
+            self.token.undeclare().await,
+            self.streams.undeclare().await,
+            self.presence.undeclare().await,
+            self.progress.undeclare().await,
+        ] {
+            if let Err(error) = undeclared {
+                tracing::warn!(error, "Zenoh refused to undeclare");
+            }
+        }
+        if let Err(error) = self.publisher.await {
+            tracing::error!(%error, "the publisher of estimates failed");
+        }
+        session::close(self.session).await;
+    }
+}
