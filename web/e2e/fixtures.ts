@@ -1,0 +1,89 @@
+/** A browser page that keeps an account of everything a page of ours must not do. */
+
+import AxeBuilder from '@axe-core/playwright';
+import { expect, type Page, test as base } from '@playwright/test';
+import { Demo } from './demo';
+
+/** What went wrong in the browser, besides what a test looks at. */
+class Account {
+  readonly #wrongs: string[] = [];
+  readonly #origin: string;
+
+  constructor(page: Page, origin: string) {
+    this.#origin = origin;
+    page.on('console', (message) => {
+      if (message.type() === 'error') this.#wrongs.push(`console: ${message.text()}`);
+    });
+    page.on('pageerror', (error) => this.#wrongs.push(`error: ${error.message}`));
+    page.on('request', (request) => {
+      const { origin: to, protocol } = new URL(request.url());
+      if (to !== this.#origin && protocol !== 'blob:') {
+        this.#wrongs.push(`request elsewhere: ${request.url()}`);
+      }
+    });
+  }
+
+  /** Takes what the content security policy reported. */
+  report(violation: string): void {
+    this.#wrongs.push(`content security policy: ${violation}`);
+  }
+
+  /** Forgets complaints that a test has brought about itself, such as a service that is away. */
+  forgive(pattern: RegExp): void {
+    const kept = this.#wrongs.filter((wrong) => !pattern.test(wrong));
+    this.#wrongs.splice(0, this.#wrongs.length, ...kept);
+  }
+
+  /** What went wrong so far. */
+  get wrongs(): readonly string[] {
+    return this.#wrongs;
+  }
+}
+
+interface Given {
+  account: Account;
+}
+
+export const test = base.extend<Given, { demo: Demo }>({
+  demo: [
+    async ({}, use) => {
+      const demo = await Demo.start();
+      await use(demo);
+      await demo.stop();
+    },
+    { scope: 'worker', timeout: 60_000 },
+  ],
+
+  baseURL: async ({ demo }, use) => use(demo.url),
+
+  account: [
+    async ({ page, demo }, use) => {
+      const account = new Account(page, demo.url);
+      await page.exposeFunction('fleetcalReport', (violation: string) => account.report(violation));
+      await page.addInitScript(() => {
+        document.addEventListener('securitypolicyviolation', (event) => {
+          const { violatedDirective, blockedURI, sourceFile, lineNumber } = event;
+          const report = (globalThis as unknown as Record<string, (text: string) => void>)[
+            'fleetcalReport'
+          ];
+          report?.(`${violatedDirective} ${blockedURI} ${sourceFile}:${lineNumber}`);
+        });
+      });
+      await use(account);
+      expect(account.wrongs).toEqual([]);
+    },
+    { auto: true },
+  ],
+});
+
+/** No violation of any accessibility rule, contrast included. */
+export async function accessible(page: Page): Promise<void> {
+  const { violations } = await new AxeBuilder({ page }).analyze();
+  const found = violations.map(({ id, nodes }) => ({
+    id,
+    where: nodes.map(({ html, failureSummary }) => `${html}\n${failureSummary}`),
+  }));
+  expect(found).toEqual([]);
+}
+
+export { expect };

@@ -1,0 +1,81 @@
+import { accessible, expect, test } from './fixtures';
+
+/** A simulated robot is calibrated this long after its start at the latest. */
+const CALIBRATED_WITHIN_MS = 90_000;
+const ROBOTS = 6;
+
+test.describe.configure({ mode: 'serial' });
+
+test('the fleet has its six robots, and each is calibrated in time', async ({ page }) => {
+  test.setTimeout(CALIBRATED_WITHIN_MS + 30_000);
+  await page.goto('/');
+  const rows = page.getByRole('row').filter({ has: page.getByRole('rowheader') });
+  await expect(rows).toHaveCount(ROBOTS);
+  await expect(rows.filter({ hasText: 'Calibrated' })).toHaveCount(ROBOTS, {
+    timeout: CALIBRATED_WITHIN_MS,
+  });
+  for (const row of await rows.all()) {
+    // Four parameters, each with a value, its sigma and its status in words.
+    await expect(row.getByText('converged')).toHaveCount(4);
+    await expect(row.getByText(/^± \d+\.\d+$/)).toHaveCount(4);
+    await expect(row.locator('time')).toHaveText('now');
+  }
+  await expect(page.getByText('Live', { exact: true })).toBeVisible();
+});
+
+test('the page moves without being asked', async ({ page }) => {
+  await page.goto('/');
+  const row = page
+    .getByRole('row')
+    .filter({ has: page.getByRole('rowheader') })
+    .first();
+  const before = await row.innerText();
+  await expect.poll(() => row.innerText(), { timeout: 20_000 }).not.toBe(before);
+});
+
+test('a filter stands in the address and works from it', async ({ page }) => {
+  await page.goto('/');
+  const rows = page.getByRole('row').filter({ has: page.getByRole('rowheader') });
+  await expect(rows).toHaveCount(ROBOTS);
+  const name = (await rows.last().getByRole('link').first().innerText()).trim();
+  await page.getByRole('searchbox').fill(name);
+  await expect(rows).toHaveCount(1);
+  expect(new URL(page.url()).searchParams.get('q')).toBe(name);
+  await page.reload();
+  await expect(rows).toHaveCount(1);
+  await page.goto('/?state=failed');
+  await expect(page.getByText('No robot matches.')).toBeVisible();
+  await page.getByRole('link', { name: /^Show all/ }).click();
+  await expect(rows).toHaveCount(ROBOTS);
+});
+
+for (const colorScheme of ['light', 'dark'] as const) {
+  test(`the fleet is accessible, ${colorScheme}`, async ({ page }) => {
+    await page.emulateMedia({ colorScheme });
+    await page.goto('/');
+    await expect(page.getByRole('rowheader')).toHaveCount(ROBOTS);
+    await accessible(page);
+    await page.setViewportSize({ width: 390, height: 844 });
+    await expect(page.getByRole('listitem')).toHaveCount(ROBOTS);
+    await accessible(page);
+  });
+}
+
+test('a phone shows the fleet without scrolling sideways', async ({ page }) => {
+  await page.setViewportSize({ width: 390, height: 844 });
+  await page.goto('/');
+  await expect(page.getByRole('listitem')).toHaveCount(ROBOTS);
+  const sideways = await page.evaluate(
+    () => document.documentElement.scrollWidth - document.documentElement.clientWidth,
+  );
+  expect(sideways).toBe(0);
+});
+
+test('an address without a page says so', async ({ page, account }) => {
+  await page.goto('/robots/no_such_robot');
+  await expect(page.getByRole('heading', { name: 'No robot has this name' })).toBeVisible();
+  account.forgive(/status of 404/);
+  await page.goto('/nowhere');
+  await expect(page.getByRole('heading', { name: 'There is no such page' })).toBeVisible();
+  await accessible(page);
+});

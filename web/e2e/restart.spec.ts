@@ -1,0 +1,20 @@
+import { expect, test } from './fixtures';
+
+test('a page finds the service again after it was killed', async ({ page, demo, account }) => {
+  await page.goto('/');
+  await expect(page.getByRole('rowheader')).toHaveCount(6);
+  await expect(page.getByText('Live', { exact: true })).toBeVisible();
+  await demo.kill();
+  await expect(page.getByText(/^Not connected/)).toBeVisible();
+  // What was known stays on the page.
+  await expect(page.getByRole('rowheader')).toHaveCount(6);
+  await demo.run();
+  await expect(page.getByText('Live', { exact: true })).toBeVisible({ timeout: 30_000 });
+  await expect(page.getByRole('rowheader').first()).toBeVisible();
+  const row = page
+    .getByRole('row')
+    .filter({ has: page.getByRole('rowheader') })
+    .first();
+  await expect(row.locator('time')).toHaveText('now', { timeout: 20_000 });
+  account.forgive(/ERR_CONNECTION_REFUSED|ERR_INCOMPLETE_CHUNKED|ERR_CONNECTION_RESET|ERR_EMPTY/);
+});

@@ -1,0 +1,129 @@
+import { readFile } from 'node:fs/promises';
+import { accessible, expect, test } from './fixtures';
+
+const CHARTS = ['Steering offset', 'LiDAR x', 'LiDAR y', 'LiDAR yaw'];
+
+test.describe.configure({ mode: 'serial' });
+
+test.beforeEach(async ({ page }) => {
+  await page.goto('/');
+  await page.getByRole('rowheader').first().getByRole('link').click();
+  await expect(page.getByRole('figure')).toHaveCount(CHARTS.length);
+});
+
+test('four charts have data, and the same numbers as a table', async ({ page }) => {
+  for (const label of CHARTS) {
+    const figure = page.getByRole('figure').filter({ hasText: label });
+    const slider = figure.getByRole('slider');
+    // Points come once a second.
+    await expect
+      .poll(async () => Number(await slider.getAttribute('aria-valuemax')), { timeout: 30_000 })
+      .toBeGreaterThan(8);
+    const painted = await figure.locator('canvas').evaluate((canvas: HTMLCanvasElement) => {
+      const data = canvas.getContext('2d')?.getImageData(0, 0, canvas.width, canvas.height).data;
+      return data ? data.filter((value, i) => i % 4 === 3 && value > 0).length : 0;
+    });
+    expect(painted).toBeGreaterThan(1000);
+    await figure.getByRole('button', { name: /^Show as table/ }).click();
+    const rows = figure.getByRole('row');
+    expect(await rows.count()).toBeGreaterThan(8);
+    await expect(rows.nth(1)).toContainText(/\d{4}, \d\d:\d\d:\d\d \S+.*\d/);
+    await figure.getByRole('button', { name: /^Show as table/ }).click();
+    await expect(slider).toBeVisible();
+  }
+});
+
+test('charts are live', async ({ page }) => {
+  const slider = page.getByRole('slider').first();
+  const points = async () => Number(await slider.getAttribute('aria-valuemax'));
+  await expect.poll(points).toBeGreaterThan(1);
+  const before = await points();
+  await expect.poll(points, { timeout: 20_000 }).toBeGreaterThan(before + 2);
+});
+
+test('a chart is read with the keyboard alone', async ({ page }) => {
+  const slider = page.getByRole('slider', { name: /^LiDAR x/ });
+  await expect
+    .poll(async () => Number(await slider.getAttribute('aria-valuemax')))
+    .toBeGreaterThan(4);
+  await slider.focus();
+  await page.keyboard.press('Home');
+  await expect(slider).toHaveAttribute('aria-valuenow', '0');
+  await expect(slider).toHaveAttribute('aria-valuetext', /^\d\d:\d\d:\d\d \S+: .+ ± .+mm$/);
+  await page.keyboard.press('ArrowRight');
+  await expect(slider).toHaveAttribute('aria-valuenow', '1');
+  await page.keyboard.press('Escape');
+  await expect(slider).toHaveAttribute('aria-valuetext', /^now: /);
+});
+
+test('a chart gives its numbers as CSV', async ({ page }) => {
+  const slider = page.getByRole('slider', { name: /^LiDAR yaw/ });
+  await expect
+    .poll(async () => Number(await slider.getAttribute('aria-valuemax')))
+    .toBeGreaterThan(4);
+  const download = page.waitForEvent('download');
+  await page.getByRole('button', { name: 'Download CSV: LiDAR yaw' }).click();
+  const file = await download;
+  expect(file.suggestedFilename()).toMatch(/^\S+_lidar_yaw\.csv$/);
+  const [head, first] = (await readFile(await file.path(), 'utf8')).split('\r\n');
+  expect(head).toContain('time_utc,lidar_yaw_rad,lidar_yaw_sigma_rad');
+  expect(first).toMatch(/^\d{4}-\d\d-\d\dT[\d:.]+Z,-?[\d.e-]+,[\d.e-]+,/);
+});
+
+test('a stretch cut out of a chart stands in the address, and the way back is there', async ({
+  page,
+}) => {
+  const chart = page.getByRole('slider').first();
+  await expect
+    .poll(async () => Number(await chart.getAttribute('aria-valuemax')))
+    .toBeGreaterThan(8);
+  const box = await chart.boundingBox();
+  if (!box) throw new Error('the chart has no place on the page');
+  await page.mouse.move(box.x + box.width * 0.5, box.y + 80);
+  await page.mouse.down();
+  await page.mouse.move(box.x + box.width * 0.9, box.y + 90, { steps: 5 });
+  await page.mouse.up();
+  await expect(page).toHaveURL(/from=.+&to=/);
+  await page.getByRole('link', { name: 'Back to the last hour' }).click();
+  await expect(page).toHaveURL(/range=1h/);
+});
+
+test('a reassembly is reported and stands among what happened', async ({ page }) => {
+  await page.getByRole('button', { name: 'This robot was reassembled' }).click();
+  const dialog = page.getByRole('dialog');
+  await accessible(page);
+  const note = 'New bracket <img src=x onerror=alert(1)>';
+  await dialog.getByRole('textbox').fill(note);
+  await dialog.getByRole('button', { name: 'Report it' }).click();
+  await expect(dialog).toBeHidden();
+  await expect(page.getByRole('listitem').filter({ hasText: note })).toBeVisible();
+});
+
+for (const colorScheme of ['light', 'dark'] as const) {
+  test(`a robot's page is accessible, ${colorScheme}`, async ({ page }) => {
+    await page.emulateMedia({ colorScheme });
+    await page.getByText('Residuals and counts').click();
+    await accessible(page);
+    for (const button of await page.getByRole('button', { name: /^Show as table/ }).all()) {
+      await button.click();
+    }
+    await accessible(page);
+    await page.setViewportSize({ width: 390, height: 844 });
+    await accessible(page);
+  });
+}
+
+test('the colours can be chosen and are kept', async ({ page }) => {
+  await page.emulateMedia({ colorScheme: 'light' });
+  const background = () =>
+    page.evaluate(() => getComputedStyle(document.documentElement).backgroundColor);
+  const light = await background();
+  const button = page.getByRole('button', { name: /^Colours/ });
+  await button.click();
+  await button.click();
+  await expect(button).toHaveText(/Dark/);
+  const dark = await background();
+  expect(dark).not.toBe(light);
+  await page.reload();
+  expect(await background()).toBe(dark);
+});
