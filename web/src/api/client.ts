@@ -29,6 +29,12 @@ interface Problem {
   detail?: string;
 }
 
+/** A text that can begin a line, and be followed by a full stop. */
+export function sentence(text: string): string {
+  const trimmed = text.trim().replace(/\.$/, '');
+  return trimmed.charAt(0).toUpperCase() + trimmed.slice(1);
+}
+
 async function refusal(response: Response): Promise<Refusal> {
   let problem: Problem = {};
   try {
@@ -36,8 +42,8 @@ async function refusal(response: Response): Promise<Refusal> {
   } catch {
     // Not a problem document: the status has to do.
   }
-  const text = problem.detail ?? problem.title ?? `the service answered ${response.status}`;
-  return new Refusal(text, response.status);
+  const text = problem.detail ?? problem.title ?? `The service answered ${response.status}`;
+  return new Refusal(sentence(text), response.status);
 }
 
 async function send(path: string, init: RequestInit): Promise<Response> {
@@ -50,7 +56,7 @@ async function send(path: string, init: RequestInit): Promise<Response> {
     });
   } catch (error) {
     if (error instanceof DOMException && error.name === 'AbortError') throw error;
-    throw new Refusal('the service cannot be reached', 0);
+    throw new Refusal('The service cannot be reached', 0);
   }
   const date = Date.parse(response.headers.get('date') ?? '');
   if (Number.isFinite(date)) now.learn(date);

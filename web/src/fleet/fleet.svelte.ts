@@ -15,6 +15,8 @@ const PAGE_ROBOTS = 500;
 export class RobotEntry {
   readonly id: string;
   robot = $state.raw() as Robot;
+  /** Of its own, so that lists are only sorted again when a state changes. */
+  readonly state = $derived(this.robot.state);
 
   constructor(robot: Robot) {
     this.id = robot.id;

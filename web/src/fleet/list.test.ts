@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
 import type { Parameter, Robot, RobotState } from '../api/types';
-import { counts, filterOf, listed, needs } from './list';
+import { compare, counts, type Filter, filterOf, matches, needs } from './list';
 import { BY_URGENCY, robotFace, ROBOT_STATES, STATUSES } from './states';
 
 const parameter = (need: string | null): Parameter => ({
@@ -27,6 +27,9 @@ function robot(id: string, state: RobotState, wanted: (string | null)[] = []): R
     },
   } as Robot;
 }
+
+const listed = (robots: Robot[], filter: Filter) =>
+  robots.filter((robot) => matches(robot, filter)).toSorted(compare);
 
 const every = { state: null, text: '' };
 

@@ -4,6 +4,9 @@ import type { ParameterName, Robot, RobotState } from '../api/types';
 import { CALIBRATED } from '../units/parameters';
 import { urgency } from './states';
 
+/** What lists go by. */
+export type Listed = Pick<Robot, 'id' | 'state'>;
+
 /** What the reader asked to see; it stands in the address. */
 export interface Filter {
   /** A state, or null for every state. */
@@ -18,7 +21,8 @@ export function filterOf(query: URLSearchParams): Filter {
   return { state, text: query.get('q')?.trim() ?? '' };
 }
 
-function matches(robot: Robot, filter: Filter): boolean {
+/** Whether a robot passes a filter. */
+export function matches(robot: Listed, filter: Filter): boolean {
   if (filter.state !== null && robot.state !== filter.state) return false;
   return robot.id.toLowerCase().includes(filter.text.toLowerCase());
 }
@@ -26,17 +30,12 @@ function matches(robot: Robot, filter: Filter): boolean {
 const byId = new Intl.Collator('en', { numeric: true });
 
 /** Worst first; robots in the same state stay in the order of their ids, so that rows rest. */
-export function compare(a: Robot, b: Robot): number {
+export function compare(a: Listed, b: Listed): number {
   return urgency(a.state) - urgency(b.state) || byId.compare(a.id, b.id);
 }
 
-/** The robots that pass `filter`, worst first. */
-export function listed(robots: Iterable<Robot>, filter: Filter): Robot[] {
-  return [...robots].filter((robot) => matches(robot, filter)).sort(compare);
-}
-
 /** How many robots are in each state, worst first; states without robots are left out. */
-export function counts(robots: Iterable<Robot>): [state: RobotState, count: number][] {
+export function counts(robots: Iterable<Listed>): [state: RobotState, count: number][] {
   const found = new Map<RobotState, number>();
   for (const { state } of robots) found.set(state, (found.get(state) ?? 0) + 1);
   return [...found].sort(([a], [b]) => urgency(a) - urgency(b));

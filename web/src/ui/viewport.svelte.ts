@@ -1,6 +1,6 @@
-/** Whether the page is as narrow as a phone: a table of ten columns then becomes cards. */
+/** Whether the page is too narrow for a table of eight columns, which then becomes cards. */
 
-const NARROW = '(max-width: 900px)';
+const NARROW = '(max-width: 1120px)';
 
 class Viewport {
   narrow = $state(false);
