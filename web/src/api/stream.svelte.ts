@@ -12,10 +12,11 @@ const RETRY_MAX_MS = 15_000;
 
 export type StreamState = 'connecting' | 'live' | 'lost';
 
-/** What listens to the stream. `open` comes at every opening: what was missed must be read anew. */
+/** What listens to the stream. */
 export interface StreamListener {
-  open(): void;
   message(name: string, data: unknown): void;
+  /** The stream broke, or could not be opened. */
+  lost(): void;
 }
 
 export class LiveStream {
@@ -52,10 +53,10 @@ export class LiveStream {
     source.onopen = () => {
       this.state = 'live';
       this.#wait_ms = RETRY_FIRST_MS;
-      this.#listener.open();
     };
     source.onerror = () => {
       this.state = 'lost';
+      this.#listener.lost();
       if (source.readyState !== EventSource.CLOSED) return;
       this.#close();
       this.#retry = setTimeout(() => this.#open(), this.#wait_ms);

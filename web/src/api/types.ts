@@ -15,7 +15,7 @@ export interface Parameter {
   sigma: number;
   unit: 'rad' | 'm' | 's' | '1';
   status: ParameterStatus;
-  needs: string | null;
+  needs?: string | null;
 }
 export interface Estimate {
   robot: string;
@@ -34,17 +34,11 @@ export interface Estimate {
 }
 export type RobotState =
   'unregistered' | 'no_data' | 'failed' | 'changed' | 'learning' | 'calibrated';
-export interface StreamView {
+export interface Stream {
   stream: string;
   messages: number;
   rate_hz: number;
-  last_received_at: string | null;
-}
-export interface Connection {
-  last_seen_at: string | null;
-  stale: boolean;
-  alive: boolean;
-  streams: StreamView[];
+  last_received?: string | null;
 }
 export interface Counters {
   received: number;
@@ -53,51 +47,65 @@ export interface Counters {
   shed_scans: number;
   shed_notes: number;
   refused: number;
-  last_refusal: string | null;
+  ignored: number;
+  last_refusal?: string | null;
   waiting: number;
-  estimator_restarts: number;
 }
-export type VehicleModel = 'bicycle' | 'tricycle';
-export interface RobotConfig {
+export type VehicleModel = 'bicycle' | 'tricycle' | 'differential';
+export interface Vehicle {
   model: VehicleModel;
   wheelbase_m: number;
-  speed_measured_at?: 'rear_axle' | 'steered_wheel' | { rear_wheel: { lateral_m: number } };
-  nominal?: { x_m: number; y_m: number; yaw_rad: number };
-  drive?: 'raw' | 'compensated';
 }
 export interface Robot {
   id: string;
   state: RobotState;
-  config: RobotConfig | null;
-  connection: Connection;
-  estimate: Estimate | null;
+  stale: boolean;
+  alive: boolean;
+  last_seen?: string | null;
+  estimate?: Estimate | null;
+  vehicle?: Vehicle | null;
+  streams: Stream[];
+}
+export interface RobotConfig extends Vehicle {
+  drive?: 'raw' | 'compensated';
+}
+export interface RobotDocument extends Robot {
+  config?: RobotConfig | null;
+  version: number;
   counters: Counters;
+  estimator_restarts: number;
 }
-export interface HistoryPoint {
-  time: string;
-  mean: number;
-  min: number;
-  max: number;
-  sigma: number;
-  status: ParameterStatus;
+export interface RobotPage {
+  items: Robot[];
+  next?: string | null;
 }
-export interface HistoryAnswer {
+export interface RobotStateUpdate {
   robot: string;
-  resolution_s: number;
-  parameters: Partial<Record<ParameterName, HistoryPoint[]>>;
+  state: RobotState;
+  stale: boolean;
+  alive: boolean;
+}
+export interface HistorySeries {
+  parameter: ParameterName;
+  mean: (number | null)[];
+  min: (number | null)[];
+  max: (number | null)[];
+  sigma: (number | null)[];
+  status: (ParameterStatus | null)[];
+}
+export interface HistoryDocument {
+  bucket_s: number;
+  time: string[];
+  series: HistorySeries[];
 }
 export interface RobotEvent {
-  id: number;
+  id?: number | null;
   robot: string;
   kind: string;
   time: string;
+  received: string;
   source: string;
-  author: string | null;
-  note: string | null;
-  details: {
-    cause?: string;
-    time_s?: number;
-    onset_s?: number;
-    change?: Partial<Record<ParameterName, number>>;
-  } | null;
+  author?: string | null;
+  note?: string | null;
+  details?: Record<string, unknown> | null;
 }

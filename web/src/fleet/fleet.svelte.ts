@@ -2,14 +2,14 @@
 
 import { get, Refusal } from '../api/client';
 import { LiveStream } from '../api/stream.svelte';
-import type { Estimate, Robot, RobotState } from '../api/types';
+import type { Estimate, Robot, RobotEvent, RobotPage, RobotStateUpdate } from '../api/types';
 import { now } from '../ui/time.svelte';
 
 /** Updates are shown together this often, however many robots send. */
 const SHOW_EVERY_MS = 500;
 /** The whole fleet is read again this often, for what the stream does not carry. */
 const REREAD_EVERY_MS = 30_000;
-const PAGE_ROBOTS = 500;
+const PAGE_ROBOTS = 1000;
 
 /** One robot. What changes is a single value, so only its own row is worked over. */
 export class RobotEntry {
@@ -26,13 +26,6 @@ export class RobotEntry {
 
 export type Loaded = 'loading' | 'ready' | 'failed';
 
-interface StateUpdate {
-  robot: string;
-  state: RobotState;
-  stale: boolean;
-  alive: boolean;
-}
-
 class Fleet {
   /** Every robot by id. The map is replaced when a robot comes or goes. */
   entries = $state.raw<ReadonlyMap<string, RobotEntry>>(new Map());
@@ -44,14 +37,17 @@ class Fleet {
   stream: LiveStream;
 
   #estimates = new Map<string, Estimate>();
-  #states = new Map<string, StateUpdate>();
+  #states = new Map<string, RobotStateUpdate>();
   #strangers = new Set<string>();
   #listeners = new Set<FleetListener>();
 
   constructor() {
-    this.stream = new LiveStream(['estimate', 'robot_state', 'event'], {
-      open: () => void this.load(),
+    this.stream = new LiveStream(['ready', 'resync', 'estimate', 'robot_state', 'event'], {
       message: (name, data) => this.#take(name, data),
+      lost: () => {
+        // Only to say why there is nothing to show.
+        if (this.loaded !== 'ready') void this.load();
+      },
     });
   }
 
@@ -60,7 +56,6 @@ class Fleet {
     const stop = this.stream.run();
     const show = setInterval(() => this.#show(), SHOW_EVERY_MS);
     const reread = setInterval(() => void this.load(), REREAD_EVERY_MS);
-    void this.load();
     return () => {
       stop();
       clearInterval(show);
@@ -97,9 +92,9 @@ class Fleet {
     }
   }
 
-  /** Reads one robot, which may be new. */
-  async loadRobot(id: string): Promise<void> {
-    const robot = (await get<Robot>(`/robots/${encodeURIComponent(id)}`)).body;
+  /** Takes what was read about one robot, which may be new. */
+  put(robot: Robot): void {
+    const { id } = robot;
     const entry = this.entries.get(id);
     if (entry) entry.robot = robot;
     else this.entries = new Map([...this.entries, [id, new RobotEntry(robot)]]);
@@ -111,11 +106,14 @@ class Fleet {
       this.#estimates.set(estimate.robot, estimate);
       for (const listener of this.#listeners) listener.estimate?.(estimate);
     } else if (name === 'robot_state') {
-      const update = data as StateUpdate;
+      const update = data as RobotStateUpdate;
       this.#states.set(update.robot, update);
+    } else if (name === 'event') {
+      for (const listener of this.#listeners) listener.event?.(data as RobotEvent);
     } else {
-      const { robot } = data as { robot: string };
-      for (const listener of this.#listeners) listener.event?.(robot);
+      // The stream has begun, or has lost something: everything is read anew.
+      void this.load();
+      for (const listener of this.#listeners) listener.resync?.();
     }
   }
 
@@ -124,18 +122,16 @@ class Fleet {
     if (this.#estimates.size === 0 && this.#states.size === 0) return;
     const seen_ms = now.current();
     this.heard_ms = seen_ms;
-    const last_seen_at = new Date(seen_ms).toISOString();
+    const last_seen = new Date(seen_ms).toISOString();
     for (const [id, estimate] of this.#estimates) {
       const entry = this.#entry(id);
       if (!entry) continue;
-      const connection = { ...entry.robot.connection, last_seen_at, stale: false };
-      entry.robot = { ...entry.robot, estimate, connection };
+      entry.robot = { ...entry.robot, estimate, last_seen, stale: false };
     }
     for (const [id, { state, stale, alive }] of this.#states) {
       const entry = this.#entry(id);
       if (!entry) continue;
-      const connection = { ...entry.robot.connection, stale, alive };
-      entry.robot = { ...entry.robot, state, connection };
+      entry.robot = { ...entry.robot, state, stale, alive };
     }
     this.#estimates.clear();
     this.#states.clear();
@@ -146,7 +142,8 @@ class Fleet {
     const entry = this.entries.get(id);
     if (!entry && !this.#strangers.has(id)) {
       this.#strangers.add(id);
-      this.loadRobot(id)
+      get<Robot>(robotUrl(id))
+        .then(({ body }) => this.put(body))
         .catch(() => undefined)
         .finally(() => this.#strangers.delete(id));
     }
@@ -157,20 +154,26 @@ class Fleet {
 /** What a page may want to hear as it comes, before it is shown. */
 export interface FleetListener {
   estimate?(estimate: Estimate): void;
-  event?(robot: string): void;
+  event?(event: RobotEvent): void;
+  /** Something may have been missed. */
+  resync?(): void;
+}
+
+/** The address of a robot in the API. */
+export function robotUrl(id: string): string {
+  return `/robots/${encodeURIComponent(id)}`;
 }
 
 async function readRobots(): Promise<Robot[]> {
   const robots: Robot[] = [];
-  let after: string | null = null;
+  let cursor: string | null | undefined;
   do {
-    const query: string = after === null ? '' : `&after=${encodeURIComponent(after)}`;
-    const page: { items: Robot[]; next: string | null } = (
-      await get<{ items: Robot[]; next: string | null }>(`/robots?limit=${PAGE_ROBOTS}${query}`)
-    ).body;
-    robots.push(...page.items);
-    after = page.next;
-  } while (after !== null);
+    const query = new URLSearchParams({ limit: String(PAGE_ROBOTS) });
+    if (cursor) query.set('cursor', cursor);
+    const { body } = await get<RobotPage>(`/robots?${query}`);
+    robots.push(...body.items);
+    cursor = body.next;
+  } while (cursor);
   return robots;
 }
 

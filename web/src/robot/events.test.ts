@@ -7,6 +7,7 @@ const event: RobotEvent = {
   robot: 'tugger_01',
   kind: 'calibration_changed',
   time: '2026-11-21T13:00:00Z',
+  received: '2026-11-21T13:00:01Z',
   source: 'estimator',
   author: null,
   note: null,

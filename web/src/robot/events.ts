@@ -45,14 +45,15 @@ export function eventFace(kind: string): EventFace {
 
 /** Who says so. */
 export function eventSource({ source, author }: RobotEvent): string {
-  return author ?? SOURCES[source] ?? source;
+  return author || (SOURCES[source] ?? source);
 }
 
 /** What is known of an event beside its kind: cause, how far each parameter moved, the note. */
 export function eventText({ details, note }: RobotEvent): string {
   const parts: string[] = [];
-  if (details?.cause) parts.push(CAUSES[details.cause] ?? details.cause);
-  const moved = Object.entries(details?.change ?? {}).map(([name, by]) => {
+  const cause = details?.cause;
+  if (typeof cause === 'string') parts.push(CAUSES[cause] ?? cause);
+  const moved = changes(details?.change).map(([name, by]) => {
     const shown = SHOWN[name as ParameterName];
     if (!shown) return `${name} ${by}`;
     const value = fixed(by * shown.factor, shown.decimals);
@@ -61,6 +62,14 @@ export function eventText({ details, note }: RobotEvent): string {
   if (moved.length > 0) parts.push(`${moved.join(', ')}.`);
   if (note) parts.push(note);
   return parts.join(' ');
+}
+
+/** How far each parameter moved, in its wire unit. */
+function changes(change: unknown): [name: string, by: number][] {
+  if (typeof change !== 'object' || change === null) return [];
+  return Object.entries(change).filter((entry): entry is [string, number] => {
+    return typeof entry[1] === 'number';
+  });
 }
 
 /** The marks of events on a chart. */

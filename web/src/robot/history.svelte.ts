@@ -1,7 +1,8 @@
 /** One robot's history on its page: read for the window that is shown, then kept up live. */
 
 import { get, Refusal } from '../api/client';
-import type { Estimate, HistoryAnswer, ParameterName, RobotEvent } from '../api/types';
+import type { Estimate, HistoryDocument, ParameterName, RobotEvent } from '../api/types';
+import { robotUrl } from '../fleet/fleet.svelte';
 import { now } from '../ui/time.svelte';
 import { CALIBRATED } from '../units/parameters';
 import { allSeries, append, EMPTY, type Series } from './series';
@@ -17,7 +18,7 @@ export class History {
   readonly id: string;
   /** Moves whenever `series` has changed, which is altered in place. */
   changes = $state(0);
-  resolution_s = $state(1);
+  bucket_s = $state(1);
   loaded = $state<'loading' | 'ready' | 'failed'>('loading');
   problem = $state('');
   events = $state.raw<RobotEvent[]>([]);
@@ -62,13 +63,13 @@ export class History {
       from: new Date(from_s * 1000).toISOString(),
       to: new Date(to_s * 1000 + 1000).toISOString(),
       max_points: String(POINTS_MAX),
+      parameter: CALIBRATED.join(','),
     });
-    for (const name of CALIBRATED) query.append('parameter', name);
     try {
-      const path = `/robots/${encodeURIComponent(this.id)}/history?${query}`;
-      const { body } = await get<HistoryAnswer>(path, reading.signal);
-      this.#series = allSeries(body, CALIBRATED);
-      this.resolution_s = body.resolution_s;
+      const path = `${robotUrl(this.id)}/history?${query}`;
+      const { body } = await get<HistoryDocument>(path, reading.signal);
+      this.#series = allSeries(body);
+      this.bucket_s = body.bucket_s;
       this.loaded = 'ready';
       this.changes++;
     } catch (error) {
@@ -81,7 +82,7 @@ export class History {
   /** Reads what happened to the robot. */
   async loadEvents(): Promise<void> {
     try {
-      const path = `/robots/${encodeURIComponent(this.id)}/events?limit=${EVENTS_MAX}`;
+      const path = `${robotUrl(this.id)}/events?limit=${EVENTS_MAX}`;
       this.events = (await get<{ items: RobotEvent[] }>(path)).body.items;
     } catch {
       // The list stays as it is; the bar over the page says that the service is away.
@@ -107,7 +108,7 @@ export class History {
     const t_s = Math.floor(estimate.stamp_ns / 1e9);
     this.#last_s = t_s;
     const last_s = this.#series.get('steering_offset')?.t_s.at(-1);
-    if (last_s !== undefined && t_s - last_s < this.resolution_s) return;
+    if (last_s !== undefined && t_s - last_s < this.bucket_s) return;
     const [oldest_s] = extent(this.#window, t_s, undefined);
     for (const name of CALIBRATED) {
       const series = this.#series.get(name);

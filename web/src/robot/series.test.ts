@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { append, axisRange, columns, csv, nearest, type Series, seriesOf } from './series';
+import { append, axisRange, columns, csv, nearest, type Series, allSeries } from './series';
 
 function series(times: number[], means: number[], sigma = 0.001): Series {
   return {
@@ -101,17 +101,23 @@ describe('the cursor', () => {
 
 describe('an answer of the service', () => {
   it('becomes columns', () => {
-    const made = seriesOf([
-      {
-        time: '2026-11-21T13:00:00Z',
-        mean: 1,
-        min: 0,
-        max: 2,
-        sigma: 0.1,
-        status: 'converged',
-      },
-    ]);
-    expect(made.t_s).toEqual([Date.UTC(2026, 10, 21, 13) / 1000]);
-    expect(made.max).toEqual([2]);
+    const made = allSeries({
+      bucket_s: 60,
+      time: ['2026-11-21T13:00:00Z', '2026-11-21T13:01:00Z'],
+      series: [
+        {
+          parameter: 'lidar_x',
+          mean: [null, 1],
+          min: [null, 0],
+          max: [null, 2],
+          sigma: [null, 0.1],
+          status: ['fixed', 'converged'],
+        },
+      ],
+    }).get('lidar_x');
+    // Where the parameter was fixed there is nothing to draw.
+    expect(made?.t_s).toEqual([Date.UTC(2026, 10, 21, 13, 1) / 1000]);
+    expect(made?.max).toEqual([2]);
+    expect(made?.status).toEqual(['converged']);
   });
 });

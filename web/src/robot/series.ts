@@ -1,6 +1,6 @@
 /** A stretch of history as the charts, the tables and the CSV files take it. */
 
-import type { HistoryAnswer, HistoryPoint, ParameterName, ParameterStatus } from '../api/types';
+import type { HistoryDocument, HistorySeries, ParameterName, ParameterStatus } from '../api/types';
 import { SHOWN } from '../units/parameters';
 
 /** One parameter over time, SI units and radians; the arrays are equally long. */
@@ -15,16 +15,20 @@ export interface Series {
 
 export const EMPTY: Series = { t_s: [], mean: [], min: [], max: [], sigma: [], status: [] };
 
-/** A series of what the service answered. */
-export function seriesOf(points: readonly HistoryPoint[]): Series {
-  return {
-    t_s: points.map(({ time }) => Date.parse(time) / 1000),
-    mean: points.map(({ mean }) => mean),
-    min: points.map(({ min }) => min),
-    max: points.map(({ max }) => max),
-    sigma: points.map(({ sigma }) => sigma),
-    status: points.map(({ status }) => status),
-  };
+/** One parameter of what the service answered; where it was fixed or off there are no points. */
+export function seriesOf(times_s: readonly number[], given: HistorySeries): Series {
+  const series: Series = { t_s: [], mean: [], min: [], max: [], sigma: [], status: [] };
+  times_s.forEach((t_s, i) => {
+    const mean = given.mean[i] ?? null;
+    if (mean === null) return;
+    series.t_s.push(t_s);
+    series.mean.push(mean);
+    series.min.push(given.min[i] ?? mean);
+    series.max.push(given.max[i] ?? mean);
+    series.sigma.push(given.sigma[i] ?? Number.NaN);
+    series.status.push(given.status[i] ?? 'off');
+  });
+  return series;
 }
 
 /** Adds what has just come, and lets go what is older than `oldest_s`. */
@@ -56,9 +60,9 @@ type Column = (number | null)[];
 export type Columns = [number[], Column, Column, Column, Column, Column];
 
 /** What a chart draws; where data are missing stands a row of nulls, which it shows as a gap. */
-export function columns(series: Series, name: ParameterName, resolution_s: number): Columns {
+export function columns(series: Series, name: ParameterName, bucket_s: number): Columns {
   const { factor } = SHOWN[name];
-  const gap_s = Math.max(GAP_MIN_S, GAP_STEPS * resolution_s);
+  const gap_s = Math.max(GAP_MIN_S, GAP_STEPS * bucket_s);
   const out: Columns = [[], [], [], [], [], []];
   let before_s = Number.POSITIVE_INFINITY;
   series.t_s.forEach((t_s, i) => {
@@ -120,11 +124,9 @@ export function csv(series: Series, name: ParameterName): string {
 }
 
 /** Every parameter of an answer as a series. */
-export function allSeries(
-  answer: HistoryAnswer,
-  names: readonly ParameterName[],
-): Map<ParameterName, Series> {
-  return new Map(names.map((name) => [name, seriesOf(answer.parameters[name] ?? [])]));
+export function allSeries(answer: HistoryDocument): Map<ParameterName, Series> {
+  const times_s = answer.time.map((time) => Date.parse(time) / 1000);
+  return new Map(answer.series.map((given) => [given.parameter, seriesOf(times_s, given)]));
 }
 
 /** The number of the point nearest to a time; null when there is none. */
