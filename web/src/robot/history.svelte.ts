@@ -9,7 +9,7 @@ import { allSeries, append, EMPTY, type Series } from './series';
 import { extent, LIVE_MAX_S, type Window } from './window';
 
 /** Points asked for: an hour of seconds, and more than a wide screen has pixels for a chart. */
-const POINTS_MAX = 3600;
+const POINTS_MAX = 4000;
 /** A range too long to follow live is read again this often. */
 const REREAD_EVERY_MS = 60_000;
 const EVENTS_MAX = 100;
