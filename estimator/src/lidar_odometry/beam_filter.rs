@@ -15,33 +15,127 @@ const JOINED_TANGENT: f32 = 1.7;
 /// Returns with more missing beams between them are not neighbours.
 const NEIGHBOUR_GAP_MAX: usize = 4;
 
-/// The usable returns of one sweep in the LiDAR's frame, one array a coordinate.
+/// Points in a block.
+pub const LANES: usize = 32;
+
+/// A usable return.
+#[derive(Debug, Clone, Copy)]
+pub struct Point {
+    /// Position as measured, in the LiDAR's frame, m.
+    pub x: f32,
+    /// Position as measured, m.
+    pub y: f32,
+    /// Time of the beam relative to the sweep's reference time, s.
+    pub tau_s: f32,
+    /// One over the range, 1/m.
+    pub inverse_range: f32,
+    /// Whether the surface goes on to the next point in the open: both see it well.
+    pub joined: bool,
+}
+
+/// Consecutive points, one array a coordinate.
+#[derive(Debug, Clone)]
+pub struct Block {
+    /// Positions as measured, m.
+    pub x: [f32; LANES],
+    /// Positions as measured, m.
+    pub y: [f32; LANES],
+    /// Times of the beams, s.
+    pub tau_s: [f32; LANES],
+    /// One over the ranges, 1/m.
+    pub inverse_range: [f32; LANES],
+    joined: [bool; LANES],
+    count: usize,
+}
+
+impl Block {
+    const EMPTY: Self = Self {
+        x: [0.0; LANES],
+        y: [0.0; LANES],
+        tau_s: [0.0; LANES],
+        inverse_range: [0.0; LANES],
+        joined: [false; LANES],
+        count: 0,
+    };
+
+    /// Number of points; the lanes beyond are zero.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Mean time of the points, s.
+    pub fn mean_tau_s(&self) -> f32 {
+        self.tau_s.iter().sum::<f32>() / self.count.max(1) as f32
+    }
+
+    fn iter(&self) -> impl Iterator<Item = Point> {
+        let positions = self.x.iter().zip(&self.y);
+        let times = self.tau_s.iter().zip(&self.inverse_range);
+        positions.zip(times).zip(&self.joined).take(self.count).map(
+            |(((&x, &y), (&tau_s, &inverse_range)), &joined)| Point {
+                x,
+                y,
+                tau_s,
+                inverse_range,
+                joined,
+            },
+        )
+    }
+}
+
+/// The usable returns of one sweep in the LiDAR's frame, in the order they were taken.
 #[derive(Debug, Clone, Default)]
 pub struct SweepPoints {
-    /// Position as measured, m.
-    pub x: Vec<f32>,
-    /// Position as measured, m.
-    pub y: Vec<f32>,
-    /// Time of the beam relative to the sweep's reference time, s.
-    pub tau: Vec<f32>,
-    /// One over the range, 1/m.
-    pub inverse_range: Vec<f32>,
-    /// Whether the surface goes on to the next point in the open: both see it well.
-    pub joined: Vec<bool>,
+    blocks: Vec<Block>,
+    len: usize,
 }
 
 impl SweepPoints {
     /// Number of points.
     pub fn len(&self) -> usize {
-        self.x.len()
+        self.len
+    }
+
+    /// The points, block by block.
+    pub fn blocks(&self) -> &[Block] {
+        &self.blocks
+    }
+
+    /// The points, one by one.
+    pub fn iter(&self) -> impl Iterator<Item = Point> {
+        self.blocks.iter().flat_map(Block::iter)
     }
 
     fn clear(&mut self) {
-        self.x.clear();
-        self.y.clear();
-        self.tau.clear();
-        self.inverse_range.clear();
-        self.joined.clear();
+        self.blocks.clear();
+        self.len = 0;
+    }
+
+    /// Tells the last point whether its surface goes on to the next one.
+    fn join_last(&mut self, is_joined: bool) {
+        if let Some(block) = self.blocks.last_mut()
+            && let Some(joined) = block.joined.get_mut(block.count.wrapping_sub(1))
+        {
+            *joined = is_joined;
+        }
+    }
+
+    fn push(&mut self, point: Point) {
+        if self.blocks.last().is_none_or(|block| block.count == LANES) {
+            self.blocks.push(Block::EMPTY);
+        }
+        if let Some(block) = self.blocks.last_mut()
+            && block.count < LANES
+        {
+            let lane = block.count;
+            block.x[lane] = point.x;
+            block.y[lane] = point.y;
+            block.tau_s[lane] = point.tau_s;
+            block.inverse_range[lane] = point.inverse_range;
+            block.joined[lane] = point.joined;
+            block.count += 1;
+            self.len += 1;
+        }
     }
 }
 
@@ -140,7 +234,6 @@ impl BeamFilter {
                 is_joined &= taken.joined;
             }
         }
-        points.joined.push(false);
     }
 
     /// Adds one return; `is_joined` tells whether its surface goes back to the point before it.
@@ -156,13 +249,14 @@ impl BeamFilter {
         let (Some(c), Some(s)) = (self.cos.get(beam), self.sin.get(beam)) else {
             return;
         };
-        if points.len() > 0 {
-            points.joined.push(is_joined);
-        }
-        points.x.push(taken.range * c);
-        points.y.push(taken.range * s);
-        points.tau.push((beam as f32 - middle) * time_increment);
-        points.inverse_range.push(taken.range.recip());
+        points.join_last(is_joined);
+        points.push(Point {
+            x: taken.range * c,
+            y: taken.range * s,
+            tau_s: (beam as f32 - middle) * time_increment,
+            inverse_range: taken.range.recip(),
+            joined: false,
+        });
     }
 }
 

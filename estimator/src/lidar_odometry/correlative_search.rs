@@ -153,13 +153,13 @@ impl Overlay {
         let origin = LocalOrigin::near(guess.x_m, guess.y_m);
         let (ox, oy) = origin.position_m();
         let stride = points.len().div_ceil(POINTS_SCORED).max(1);
-        let positions = points.x.iter().zip(&points.y).zip(&points.tau);
         Self {
             origin,
             position: ((guess.x_m - ox) as f32, (guess.y_m - oy) as f32),
-            points: positions
+            points: points
+                .iter()
                 .step_by(stride)
-                .map(|((&x, &y), &tau)| deskew.deskew(x, y, tau))
+                .map(|point| deskew.deskew(point.x, point.y, point.tau_s))
                 .collect(),
             cells: Vec::with_capacity(POINTS_SCORED + 1),
         }

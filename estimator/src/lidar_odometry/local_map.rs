@@ -8,9 +8,9 @@ use crate::geometry::Pose2;
 use crate::stream::Stamp;
 
 /// The map is updated when the LiDAR has moved this far, m.
-const UPDATE_DISTANCE_M: f64 = 0.12;
+const UPDATE_DISTANCE_M: f64 = 0.2;
 /// The map is updated when the LiDAR has turned this far, rad.
-const UPDATE_ANGLE_RAD: f64 = 0.06;
+const UPDATE_ANGLE_RAD: f64 = 0.1;
 /// The map is updated at the latest after this time, s.
 const UPDATE_PERIOD_S: f64 = 2.0;
 /// So many sweeps after the first all go into the map.
@@ -72,13 +72,14 @@ impl LocalMap {
         let (centre, _, _) = origin.locate(from.0, from.1);
         self.submap.begin_update(centre, range_noise_m);
         self.free_space.follow(centre);
-        let positions = points.x.iter().zip(&points.y).zip(&points.tau);
+        // Other beams mark free space each time.
+        let phase = self.submap.updates() as usize * (RAY_STRIDE / 2 + 1);
         let mut previous = None;
-        for (index, (((&px, &py), &tau), &joined)) in positions.zip(&points.joined).enumerate() {
-            let (qx, qy) = local.deskew(px, py, tau);
+        for (index, returned) in points.iter().enumerate() {
+            let (qx, qy) = local.deskew(returned.x, returned.y, returned.tau_s);
             let point = local.transform(qx, qy);
             let (cell, _, _) = origin.locate(point.0, point.1);
-            if index % RAY_STRIDE == 0 {
+            if (index + phase) % RAY_STRIDE == 0 {
                 self.free_space.pass(origin, from, point, &mut self.submap);
             }
             let is_still = !self.free_space.was_free(cell);
@@ -89,7 +90,7 @@ impl LocalMap {
                     self.fill(origin, previous, point);
                 }
             }
-            previous = (joined && is_still).then_some(point);
+            previous = (returned.joined && is_still).then_some(point);
         }
         self.submap.end_update();
     }

@@ -63,9 +63,9 @@ impl Motion {
         motion
     }
 
-    /// One sigma of the position, m, and of the yaw, rad.
+    /// One sigma of the position along its better known axis, m, and of the yaw, rad.
     pub fn pose_sigmas(&self) -> (f64, f64) {
-        let position2 = self.covariance[(0, 0)].max(self.covariance[(1, 1)]);
+        let position2 = self.covariance[(0, 0)].min(self.covariance[(1, 1)]);
         (position2.sqrt(), self.covariance[(2, 2)].sqrt())
     }
 

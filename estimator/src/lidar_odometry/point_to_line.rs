@@ -7,9 +7,9 @@
 //! With the normal `m` seen from the LiDAR and `q = exp(tau v) p` the derivative is
 //! `j = (m, m_y q_x - m_x q_y)` for the pose and `tau j` for the velocity.
 
-use nalgebra::{Matrix3, Matrix6, Vector2, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix6, Vector2, Vector6};
 
-use super::beam_filter::SweepPoints;
+use super::beam_filter::{Block, LANES, Point, SweepPoints};
 use super::motion::Motion;
 use super::submap::{FreeSpace, LocalOrigin, Submap};
 use super::tracking::Fit;
@@ -45,6 +45,32 @@ struct Sums {
     velocity: [f32; 6],
     gradient_pose: [f32; 3],
     gradient_velocity: [f32; 3],
+    on_map: f32,
+    chi2: f32,
+}
+
+/// Terms of the normal equations: information xx, xy, xt, yy, yt, tt, gradient x, y, t, points on
+/// the map, and their squared normalised residuals.
+const TERMS: usize = 11;
+
+/// The terms of a block, one lane a point.
+struct Terms {
+    sums: [[f32; LANES]; TERMS],
+}
+
+/// A block of points laid over the map, one lane a point.
+struct Laid {
+    /// The deskewed points in the LiDAR's frame.
+    qx: [f32; LANES],
+    qy: [f32; LANES],
+    /// Normals of the lines.
+    nx: [f32; LANES],
+    ny: [f32; LANES],
+    /// Distances from the lines, m, and the lines' variances, m².
+    distance: [f32; LANES],
+    variance: [f32; LANES],
+    /// 1 where there is a line, else 0.
+    matched: [f32; LANES],
 }
 
 /// Pose and velocity in single precision, measured from a local origin.
@@ -113,8 +139,6 @@ impl LocalMotion {
 /// A point against the line of its cell.
 #[derive(Debug, Clone, Copy)]
 struct Residual {
-    /// The deskewed point in the LiDAR's frame.
-    q: (f32, f32),
     /// The line's normal in the LiDAR's frame.
     m: (f32, f32),
     /// Distance from the line, m.
@@ -137,14 +161,8 @@ pub struct Alignment<'a> {
 impl Alignment<'_> {
     /// The residual of a point, where its cell has a line.
     #[inline]
-    fn residual(
-        &self,
-        motion: &LocalMotion,
-        (px, py): (f32, f32),
-        tau: f32,
-        inverse_range: f32,
-    ) -> Option<Residual> {
-        let (qx, qy) = motion.deskew(px, py, tau);
+    fn residual(&self, motion: &LocalMotion, point: &Point) -> Option<Residual> {
+        let (qx, qy) = motion.deskew(point.x, point.y, point.tau_s);
         let (wx, wy) = motion.transform(qx, qy);
         let (cell, cx, cy) = motion.origin.locate(wx, wy);
         let line = self.submap.line(cell);
@@ -153,54 +171,97 @@ impl Alignment<'_> {
         }
         let mx = motion.cos * line.nx + motion.sin * line.ny;
         let my = motion.cos * line.ny - motion.sin * line.nx;
-        let seen_m = (mx * qx + my * qy) * inverse_range * self.range_noise_m;
+        let seen_m = (mx * qx + my * qy) * point.inverse_range * self.range_noise_m;
         Some(Residual {
-            q: (qx, qy),
             m: (mx, my),
             distance: line.nx * cx + line.ny * cy - line.d,
             variance: seen_m * seen_m + line.variance + RESIDUAL_FLOOR_M * RESIDUAL_FLOOR_M,
         })
     }
 
-    /// The points, each with its time and one over its range.
-    fn beams(&self) -> impl Iterator<Item = ((f32, f32), f32, f32)> {
-        let SweepPoints {
-            x,
-            y,
-            tau,
-            inverse_range,
-            ..
-        } = self.points;
-        let positions = x.iter().zip(y);
-        positions
-            .zip(tau.iter().zip(inverse_range))
-            .map(|((x, y), (tau, r))| ((*x, *y), *tau, *r))
-    }
-
-    /// One pass over every `stride`-th point: residuals, weights and the normal equations.
+    /// One pass over every `stride`-th block of points: residuals, weights and normal equations.
     pub fn linearise(&self, motion: &LocalMotion, stride: usize) -> NormalEquations {
         let mut sums = Sums::default();
-        let (mut on_map, mut chi2) = (0.0, 0.0);
-        for (point, tau, inverse_range) in self.beams().step_by(stride) {
-            let Some(residual) = self.residual(motion, point, tau, inverse_range) else {
-                continue;
-            };
-            let Residual {
-                q: (qx, qy),
-                m: (mx, my),
-                distance,
-                variance,
-            } = residual;
-            let normalised2 = distance * distance / variance;
-            if normalised2 < ON_MAP_SIGMAS * ON_MAP_SIGMAS {
-                on_map += 1.0;
-                chi2 += normalised2;
-            }
-            let robust = 1.0 / (1.0 + normalised2 * (1.0 / (ROBUST_SIGMAS * ROBUST_SIGMAS)));
-            let weight = robust * robust / variance;
-            sums.add([mx, my, my * qx - mx * qy], tau, distance, weight);
+        for block in self.points.blocks().iter().step_by(stride) {
+            let laid = self.lay(motion, block);
+            sums.add(&self.weigh(motion, block, &laid), block.mean_tau_s());
         }
-        sums.into_equations(on_map, chi2)
+        sums.into_equations()
+    }
+
+    /// Lays a block over the map: deskews, transforms, and reads the line of each point's cell.
+    #[expect(
+        clippy::needless_range_loop,
+        reason = "plain loops over lanes are vectorised"
+    )]
+    fn lay(&self, motion: &LocalMotion, block: &Block) -> Laid {
+        let mut laid = Laid {
+            qx: [0.0; LANES],
+            qy: [0.0; LANES],
+            nx: [0.0; LANES],
+            ny: [0.0; LANES],
+            distance: [0.0; LANES],
+            variance: [0.0; LANES],
+            matched: [0.0; LANES],
+        };
+        let (mut wx, mut wy) = ([0.0; LANES], [0.0; LANES]);
+        for i in 0..LANES {
+            let (qx, qy) = motion.deskew(block.x[i], block.y[i], block.tau_s[i]);
+            (wx[i], wy[i]) = motion.transform(qx, qy);
+            (laid.qx[i], laid.qy[i]) = (qx, qy);
+        }
+        for i in 0..block.count().min(LANES) {
+            let (cell, cx, cy) = motion.origin.locate(wx[i], wy[i]);
+            let line = self.submap.line(cell);
+            if line.exists() {
+                (laid.nx[i], laid.ny[i]) = (line.nx, line.ny);
+                laid.distance[i] = line.nx * cx + line.ny * cy - line.d;
+                laid.variance[i] = line.variance;
+                laid.matched[i] = 1.0;
+            }
+        }
+        laid
+    }
+
+    /// The terms of the normal equations of a block, lane by lane.
+    #[expect(
+        clippy::needless_range_loop,
+        reason = "plain loops over lanes are vectorised"
+    )]
+    fn weigh(&self, motion: &LocalMotion, block: &Block, laid: &Laid) -> Terms {
+        let mut terms = Terms {
+            sums: [[0.0; LANES]; TERMS],
+        };
+        let noise = self.range_noise_m;
+        for i in 0..LANES {
+            let (qx, qy) = (laid.qx[i], laid.qy[i]);
+            let jx = motion.cos * laid.nx[i] + motion.sin * laid.ny[i];
+            let jy = motion.cos * laid.ny[i] - motion.sin * laid.nx[i];
+            let jt = jy * qx - jx * qy;
+            let seen = (jx * qx + jy * qy) * block.inverse_range[i] * noise;
+            let variance = seen * seen + laid.variance[i] + RESIDUAL_FLOOR_M * RESIDUAL_FLOOR_M;
+            let information = laid.matched[i] / variance;
+            let distance = laid.distance[i];
+            let normalised2 = distance * distance * information;
+            let robust = 1.0 / (1.0 + normalised2 * (1.0 / (ROBUST_SIGMAS * ROBUST_SIGMAS)));
+            let weight = robust * robust * information;
+            let is_on_map = normalised2 < ON_MAP_SIGMAS * ON_MAP_SIGMAS;
+            let on_map = if is_on_map { laid.matched[i] } else { 0.0 };
+            let pull = -weight * distance;
+            let (wx, wy, wt) = (weight * jx, weight * jy, weight * jt);
+            terms.sums[0][i] = wx * jx;
+            terms.sums[1][i] = wx * jy;
+            terms.sums[2][i] = wx * jt;
+            terms.sums[3][i] = wy * jy;
+            terms.sums[4][i] = wy * jt;
+            terms.sums[5][i] = wt * jt;
+            terms.sums[6][i] = pull * jx;
+            terms.sums[7][i] = pull * jy;
+            terms.sums[8][i] = pull * jt;
+            terms.sums[9][i] = on_map;
+            terms.sums[10][i] = on_map * normalised2;
+        }
+        terms
     }
 
     /// The information of the surfaces that face `direction` (LiDAR's frame) on the position
@@ -208,8 +269,8 @@ impl Alignment<'_> {
     pub fn information_facing(&self, motion: &LocalMotion, direction: Vector2<f64>) -> f64 {
         let (ex, ey) = (direction.x as f32, direction.y as f32);
         let mut sum = 0.0;
-        for (point, tau, inverse_range) in self.beams() {
-            let Some(residual) = self.residual(motion, point, tau, inverse_range) else {
+        for point in self.points.iter() {
+            let Some(residual) = self.residual(motion, &point) else {
                 continue;
             };
             let facing = residual.m.0 * ex + residual.m.1 * ey;
@@ -223,11 +284,11 @@ impl Alignment<'_> {
     /// Sorts every `stride`-th point: on the map, where space was seen free, or neither.
     pub fn assess(&self, motion: &LocalMotion, free_space: &FreeSpace, stride: usize) -> Fit {
         let mut fit = Fit::default();
-        for (point, tau, inverse_range) in self.beams().step_by(stride) {
+        for point in self.points.iter().step_by(stride) {
             fit.points += 1.0;
             if let Some(Residual {
                 distance, variance, ..
-            }) = self.residual(motion, point, tau, inverse_range)
+            }) = self.residual(motion, &point)
             {
                 let normalised2 = distance * distance / variance;
                 fit.score += 1.0 / (1.0 + normalised2 * (1.0 / (ROBUST_SIGMAS * ROBUST_SIGMAS)));
@@ -236,7 +297,7 @@ impl Alignment<'_> {
                     continue;
                 }
             }
-            let (qx, qy) = motion.deskew(point.0, point.1, tau);
+            let (qx, qy) = motion.deskew(point.x, point.y, point.tau_s);
             let (wx, wy) = motion.transform(qx, qy);
             if free_space.was_free(motion.origin.locate(wx, wy).0) {
                 fit.moving += 1.0;
@@ -247,54 +308,57 @@ impl Alignment<'_> {
 }
 
 impl Sums {
-    #[inline]
-    fn add(&mut self, j: [f32; 3], tau: f32, residual: f32, weight: f32) {
-        let [jx, jy, jt] = j;
-        let products = [jx * jx, jx * jy, jx * jt, jy * jy, jy * jt, jt * jt];
-        let (w1, w2) = (weight * tau, weight * tau * tau);
-        for (index, product) in products.into_iter().enumerate() {
-            self.pose[index] += weight * product;
-            self.pose_velocity[index] += w1 * product;
-            self.velocity[index] += w2 * product;
+    /// Adds a block's terms. Its beams are 3 % of the sweep, so that their mean time stands for all.
+    fn add(&mut self, terms: &Terms, tau: f32) {
+        let mut total = [0.0; TERMS];
+        for (sum, lanes) in total.iter_mut().zip(&terms.sums) {
+            *sum = sum_of_lanes(lanes);
         }
-        let (g0, g1) = (weight * residual, w1 * residual);
-        for (index, derivative) in j.into_iter().enumerate() {
-            self.gradient_pose[index] -= g0 * derivative;
-            self.gradient_velocity[index] -= g1 * derivative;
+        let [xx, xy, xt, yy, yt, tt, gx, gy, gt, on_map, chi2] = total;
+        for (index, term) in [xx, xy, xt, yy, yt, tt].into_iter().enumerate() {
+            self.pose[index] += term;
+            self.pose_velocity[index] += tau * term;
+            self.velocity[index] += tau * tau * term;
         }
+        for (index, term) in [gx, gy, gt].into_iter().enumerate() {
+            self.gradient_pose[index] += term;
+            self.gradient_velocity[index] += tau * term;
+        }
+        self.on_map += on_map;
+        self.chi2 += chi2;
     }
 
-    fn into_equations(self, on_map: f32, chi2: f32) -> NormalEquations {
+    fn into_equations(self) -> NormalEquations {
         let block = |s: [f32; 6]| {
             let [xx, xy, xt, yy, yt, tt] = s.map(f64::from);
             Matrix3::new(xx, xy, xt, xy, yy, yt, xt, yt, tt)
         };
-        let vector = |s: [f32; 3]| Vector3::from(s.map(f64::from));
+        let (pose, both) = (block(self.pose), block(self.pose_velocity));
         let mut information = Matrix6::zeros();
-        information
-            .fixed_view_mut::<3, 3>(0, 0)
-            .copy_from(&block(self.pose));
-        information
-            .fixed_view_mut::<3, 3>(0, 3)
-            .copy_from(&block(self.pose_velocity));
-        information
-            .fixed_view_mut::<3, 3>(3, 0)
-            .copy_from(&block(self.pose_velocity));
+        information.fixed_view_mut::<3, 3>(0, 0).copy_from(&pose);
+        information.fixed_view_mut::<3, 3>(0, 3).copy_from(&both);
+        information.fixed_view_mut::<3, 3>(3, 0).copy_from(&both);
         information
             .fixed_view_mut::<3, 3>(3, 3)
             .copy_from(&block(self.velocity));
-        let mut gradient = Vector6::zeros();
-        gradient
-            .fixed_rows_mut::<3>(0)
-            .copy_from(&vector(self.gradient_pose));
-        gradient
-            .fixed_rows_mut::<3>(3)
-            .copy_from(&vector(self.gradient_velocity));
+        let [px, py, pt] = self.gradient_pose.map(f64::from);
+        let [vx, vy, vt] = self.gradient_velocity.map(f64::from);
+        let gradient = Vector6::new(px, py, pt, vx, vy, vt);
         NormalEquations {
             information,
             gradient,
-            on_map,
-            chi2,
+            on_map: self.on_map,
+            chi2: self.chi2,
         }
     }
+}
+
+fn sum_of_lanes(lanes: &[f32; LANES]) -> f32 {
+    let mut four = [0.0; 4];
+    for part in lanes.chunks_exact(4) {
+        for (sum, lane) in four.iter_mut().zip(part) {
+            *sum += lane;
+        }
+    }
+    four.iter().sum()
 }

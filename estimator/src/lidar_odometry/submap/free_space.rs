@@ -12,7 +12,7 @@ const RAY_MAX_M: f32 = 20.0;
 /// Rays end this far before the return, m.
 const BEFORE_RETURN_M: f32 = 0.35;
 /// One in so many beams marks free space.
-pub const RAY_STRIDE: usize = 4;
+pub const RAY_STRIDE: usize = 8;
 const HIT: i8 = 4;
 const EVIDENCE_MAX: i8 = 20;
 const EVIDENCE_MIN: i8 = -20;

@@ -19,8 +19,8 @@ const TILE_CELLS: i32 = 1 << TILE_SHIFT;
 const CELLS_IN_TILE: usize = (TILE_CELLS * TILE_CELLS) as usize;
 /// Edge of the table of tiles.
 const TABLE_TILES: i32 = 256;
-/// Most tiles: 64 cells of 48 bytes each, 2.9 MiB in all.
-pub const TILES_MAX: usize = 960;
+/// Most tiles: 64 cells of 52 bytes each, 2.9 MiB in all.
+pub const TILES_MAX: usize = 900;
 /// Tiles farther from the LiDAR are dropped, in tiles (80 m).
 const TILE_DISTANCE_MAX: i32 = 100;
 /// Added before truncation, so that it rounds down: cells from the local origin to the table's rim.
@@ -235,38 +235,45 @@ impl Submap {
 
     /// Ends the update: fits the lines around every cell that changed.
     pub fn end_update(&mut self) {
-        let mut centres = std::mem::take(&mut self.to_fit);
-        let changed = centres.len();
-        for index in 0..changed {
-            let Some(&Cell { x, y }) = centres.get(index) else {
-                continue;
-            };
+        let mut changed = std::mem::take(&mut self.to_fit);
+        for &Cell { x, y } in &changed {
             for dy in -1..=1 {
                 for dx in -1..=1 {
-                    centres.push(Cell {
+                    self.refit(Cell {
                         x: x + dx,
                         y: y + dy,
                     });
                 }
             }
         }
-        let around = centres.split_off(changed);
-        let mut around = around;
-        around.sort_unstable_by_key(|cell| (cell.y, cell.x));
-        around.dedup();
-        for &cell in &around {
-            let line = self.fit(cell);
-            if let Some(tile) = self.tile_of(cell)
-                && let Some(slot) = self
-                    .lines
-                    .get_mut(tile)
-                    .and_then(|cells| cells.get_mut(cell_in_tile(cell)))
-            {
-                *slot = line;
-            }
+        changed.clear();
+        self.to_fit = changed;
+    }
+
+    /// Fits a cell's line, once in an update.
+    fn refit(&mut self, cell: Cell) {
+        let (Some(tile), slot) = (self.tile_of(cell), cell_in_tile(cell)) else {
+            return;
+        };
+        let Some(moments) = self
+            .moments
+            .get_mut(tile)
+            .and_then(|cells| cells.get_mut(slot))
+        else {
+            return;
+        };
+        if moments.last_fit == self.updates {
+            return;
         }
-        centres.clear();
-        self.to_fit = centres;
+        moments.last_fit = self.updates;
+        let line = self.fit(cell);
+        if let Some(old) = self
+            .lines
+            .get_mut(tile)
+            .and_then(|cells| cells.get_mut(slot))
+        {
+            *old = line;
+        }
     }
 
     /// Forgets what was seen in a cell: a beam went through it.
@@ -279,7 +286,10 @@ impl Submap {
                 .and_then(|cells| cells.get_mut(slot))
                 && moments.n > 0.0
             {
-                *moments = Moments::default();
+                *moments = Moments {
+                    last_fit: moments.last_fit,
+                    ..Moments::default()
+                };
                 self.to_fit.push(cell);
             }
         }

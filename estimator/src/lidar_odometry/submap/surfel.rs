@@ -21,6 +21,8 @@ pub struct Moments {
     pub last_update: u16,
     /// In how many map updates it got points, saturating.
     pub sightings: u16,
+    /// The map update that fitted the line last.
+    pub last_fit: u32,
 }
 
 /// Beyond this many points in a cell the old ones fade.
@@ -28,7 +30,7 @@ pub const POINTS_IN_CELL_MAX: f32 = 400.0;
 
 impl Moments {
     /// Adds a point given relative to the cell's centre. Returns whether the line should be
-    /// fitted again: the first time and each time the points have grown by an eighth.
+    /// fitted again: the first time and each time the points have grown by a quarter.
     pub fn add(&mut self, x: f32, y: f32, weight: f32, update: u16) -> bool {
         if self.n > POINTS_IN_CELL_MAX {
             self.fade(0.5);
@@ -44,7 +46,7 @@ impl Moments {
             self.last_update = update;
             self.sightings = self.sightings.saturating_add(1);
         }
-        let grown = self.n > 1.125 * self.n_at_fit;
+        let grown = self.n > 1.25 * self.n_at_fit;
         if grown || (is_new_sighting && self.sightings <= 4) {
             self.n_at_fit = self.n;
             return true;
