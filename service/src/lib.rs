@@ -6,6 +6,7 @@
 //!
 //! Exactly one module knows each outside world: `link` knows zenoh, `store` sqlx, `api` axum.
 
+pub mod api;
 pub mod clock;
 pub mod command;
 pub mod config;

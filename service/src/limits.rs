@@ -61,13 +61,13 @@ pub const STORE_READ_TIMEOUT: Duration = Duration::from_secs(5);
 /// A write waits this long for another process to let go of the database.
 pub const STORE_BUSY_TIMEOUT: Duration = Duration::from_secs(5);
 /// Seconds of history are kept this long after their receipt.
-pub const HISTORY_SECONDS_KEPT: Duration = Duration::from_secs(3 * 86_400);
+pub const HISTORY_SECONDS_KEPT: Duration = Duration::from_hours(3 * 24);
 /// Minutes of history are kept this long after their receipt.
-pub const HISTORY_MINUTES_KEPT: Duration = Duration::from_secs(90 * 86_400);
+pub const HISTORY_MINUTES_KEPT: Duration = Duration::from_hours(90 * 24);
 /// Hours of history, and events, are kept this long after their receipt.
-pub const HISTORY_HOURS_KEPT: Duration = Duration::from_secs(5 * 365 * 86_400);
+pub const HISTORY_HOURS_KEPT: Duration = Duration::from_hours(5 * 365 * 24);
 /// Answers to requests with an `Idempotency-Key` are kept this long.
-pub const IDEMPOTENCY_KEPT: Duration = Duration::from_secs(86_400);
+pub const IDEMPOTENCY_KEPT: Duration = Duration::from_hours(24);
 /// Old rows of one kind that are deleted at a time, once a second.
 pub const RETENTION_ROWS_MAX: u32 = 2_000;
 /// Rows of one tier of the history that one request reads.
@@ -83,6 +83,30 @@ pub const HTTP_HEADER_TIMEOUT: Duration = Duration::from_secs(10);
 pub const HTTP_REQUEST_TIMEOUT: Duration = Duration::from_secs(10);
 /// Listeners of the event stream at once.
 pub const HTTP_STREAMS_MAX: usize = 64;
+/// An event stream without news says this often that it is there.
+pub const HTTP_STREAM_KEEP_ALIVE: Duration = Duration::from_secs(10);
+/// A listener whose event stream broke off comes back after this long.
+pub const HTTP_STREAM_RETRY: Duration = Duration::from_secs(2);
+/// Bytes of a request's header.
+pub const HTTP_HEADER_BYTES_MAX: usize = 32 * 1024;
+/// Entries of a page of a list.
+pub const HTTP_PAGE_MAX: u32 = 1_000;
+/// Entries of a page of a list unless asked for otherwise.
+pub const HTTP_PAGE_DEFAULT: u32 = 100;
+/// Points of a chart's line that one request gets.
+pub const HTTP_POINTS_MAX: u32 = 5_000;
+/// Points of a chart's line unless asked for otherwise.
+pub const HTTP_POINTS_DEFAULT: u32 = 600;
+/// Span of a robot's history unless asked for otherwise, s.
+pub const HTTP_HISTORY_SPAN_DEFAULT_S: i64 = 3_600;
+/// Characters of an `Idempotency-Key`.
+pub const HTTP_IDEMPOTENCY_KEY_CHARS_MAX: usize = 128;
+/// Characters of the name of somebody who attaches a note.
+pub const AUTHOR_CHARS_MAX: usize = 100;
+/// Robots that `/metrics` tells apart; further ones are summed up by the fleet's counters alone.
+pub const METRICS_ROBOTS_MAX: usize = 1_000;
+/// `/readyz` writes to the database at most this often.
+pub const READY_PROBE_EVERY: Duration = Duration::from_secs(1);
 
 /// Opening the Zenoh session may take this long.
 pub const ZENOH_OPEN_TIMEOUT: Duration = Duration::from_secs(10);

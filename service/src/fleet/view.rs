@@ -12,6 +12,7 @@ use crate::config::RobotConfig;
 
 /// A stream that a robot sends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(utoipa::ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Stream {
     /// Measured speed and steering.
@@ -41,6 +42,7 @@ impl Stream {
 
 /// Where a robot stands, in one word.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(utoipa::ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RobotState {
     /// It sends, but nobody has given its vehicle.
@@ -99,7 +101,7 @@ pub struct Connection {
 
 /// What became of a robot's messages:
 /// `received = processed + shed_… + refused + ignored + waiting`, always.
-#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, utoipa::ToSchema)]
 pub struct Counters {
     /// Messages that came in.
     pub received: u64,

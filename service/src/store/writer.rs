@@ -32,7 +32,7 @@ pub(super) enum Command {
     /// Keep an event, and say so if somebody waits.
     Event(EventWrite, Option<Reply<EventRecord>>),
     /// Keep a configuration.
-    Robot(RobotWrite, Reply<u64>),
+    Robot(Box<RobotWrite>, Reply<u64>),
     /// Prove that the database can be written.
     Probe(Reply<()>),
     /// Write everything that was asked for before.
@@ -212,7 +212,7 @@ impl Pending {
                 self.events.push(reply);
             }
             Command::Robot(write, reply) => {
-                self.batch.robots.push(write);
+                self.batch.robots.push(*write);
                 self.robots.push(reply);
             }
             Command::Probe(reply) => self.waiting.push(reply),

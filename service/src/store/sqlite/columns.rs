@@ -53,12 +53,15 @@ pub(super) fn select(tier: Tier, parameters: &[ParameterName]) -> String {
     };
     for parameter in parameters {
         let p = parameter.as_str();
-        columns.push_str(&match tier {
-            Tier::Second => format!(", h.{p}, h.{p}, h.{p}, h.{p}_sigma"),
-            Tier::Minute | Tier::Hour => {
-                format!(", h.{p}_mean, h.{p}_min, h.{p}_max, h.{p}_sigma")
+        match tier {
+            Tier::Second => {
+                append(&mut columns, format_args!(", h.{p}, h.{p}, h.{p}, h.{p}_sigma"));
             }
-        });
+            Tier::Minute | Tier::Hour => {
+                let roll_up = format_args!(", h.{p}_mean, h.{p}_min, h.{p}_max, h.{p}_sigma");
+                append(&mut columns, roll_up);
+            }
+        }
     }
     format!(
         "WITH RECURSIVE tick (t) AS (

@@ -1,0 +1,127 @@
+//! What handlers take out of a request, with a problem document for all that does not fit.
+
+use axum::Json;
+use axum::body::Bytes;
+use axum::extract::{FromRequest, FromRequestParts, Path, Query, Request};
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, HeaderName, StatusCode, header};
+use fleetcal_proto::RobotId;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use sha2::{Digest, Sha256};
+
+use super::problem::Problem;
+
+/// The query of a route without parameters: every parameter is refused by name.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct NoParameters {}
+
+/// A request's query.
+#[derive(Debug)]
+pub(super) struct Parameters<T>(pub(super) T);
+
+impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for Parameters<T> {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Problem> {
+        let Query(query) = Query::try_from_uri(&parts.uri).map_err(|rejection| {
+            Problem::new(StatusCode::BAD_REQUEST, "query_refused", rejection.body_text())
+        })?;
+        Ok(Self(query))
+    }
+}
+
+/// The robot that a path names.
+#[derive(Debug)]
+pub(super) struct RobotPath(pub(super) RobotId);
+
+impl<S: Send + Sync> FromRequestParts<S> for RobotPath {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
+        let refused = |detail: String| {
+            Problem::new(StatusCode::BAD_REQUEST, "value_refused", detail).of_field("id")
+        };
+        let Path(id) = Path::<String>::from_request_parts(parts, state)
+            .await
+            .map_err(|rejection| refused(rejection.body_text()))?;
+        RobotId::parse(&id).map(Self).map_err(|error| refused(error.to_string()))
+    }
+}
+
+/// A request's JSON body.
+#[derive(Debug)]
+pub(super) struct Body<T> {
+    /// What it says.
+    pub(super) value: T,
+    /// SHA-256 of its bytes.
+    pub(super) sha256: [u8; 32],
+}
+
+impl<S: Send + Sync, T: DeserializeOwned> FromRequest<S> for Body<T> {
+    type Rejection = Problem;
+
+    async fn from_request(request: Request, state: &S) -> Result<Self, Problem> {
+        if !is_json(request.headers()) {
+            let detail = "the body must be sent as Content-Type: application/json";
+            let status = StatusCode::UNSUPPORTED_MEDIA_TYPE;
+            return Err(Problem::new(status, "not_json", detail).of_field("Content-Type"));
+        }
+        let bytes = Bytes::from_request(request, state).await.map_err(|rejection| {
+            Problem::new(rejection.status(), "body_refused", rejection.body_text())
+        })?;
+        let Json(value) = Json::from_bytes(&bytes).map_err(|rejection| {
+            Problem::new(rejection.status(), "body_refused", rejection.body_text())
+        })?;
+        Ok(Self { value, sha256: Sha256::digest(&bytes).into() })
+    }
+}
+
+fn is_json(headers: &HeaderMap) -> bool {
+    let content_type = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok());
+    content_type
+        .and_then(|text| text.split(';').next())
+        .is_some_and(|media| media.trim().eq_ignore_ascii_case("application/json"))
+}
+
+/// A header's text.
+pub(super) fn header_text<'a>(
+    headers: &'a HeaderMap,
+    name: &HeaderName,
+) -> Result<Option<&'a str>, Problem> {
+    headers
+        .get(name)
+        .map(|value| {
+            value.to_str().map_err(|_| {
+                let shown = String::from_utf8_lossy(value.as_bytes());
+                Problem::refused(name.as_str(), &shown, "ASCII text")
+            })
+        })
+        .transpose()
+}
+
+/// A number of a query within its limits; `default` when it is not given.
+pub(super) fn number_within(
+    field: &str,
+    given: Option<&str>,
+    range: std::ops::RangeInclusive<u32>,
+    default: u32,
+) -> Result<u32, Problem> {
+    let Some(text) = given else { return Ok(default) };
+    text.parse().ok().filter(|number| range.contains(number)).ok_or_else(|| {
+        let accepted = format!("a whole number from {} to {}", range.start(), range.end());
+        Problem::refused(field, text, &accepted)
+    })
+}
+
+/// A time of a query.
+pub(super) fn time(field: &str, given: Option<&str>) -> Result<Option<jiff::Timestamp>, Problem> {
+    given
+        .map(|text| {
+            text.parse().map_err(|_| {
+                Problem::refused(field, text, "RFC 3339, such as 2026-01-31T12:00:00Z")
+            })
+        })
+        .transpose()
+}

@@ -1,0 +1,136 @@
+//! HTTP: the API under `/api/v1`, health, metrics, and the dashboard's pages.
+//!
+//! Nothing outside this module knows axum. Each route is registered once, by a macro that gives
+//! the router and the OpenAPI document the same path; [`openapi`] therefore lists every route of
+//! the API with its methods, and a layer in [`router`] sees a request's `MatchedPath`.
+
+mod dashboard;
+mod etag;
+mod extract;
+mod health;
+mod layers;
+mod metrics;
+mod problem;
+mod robots;
+mod server;
+mod stream;
+mod time;
+
+#[cfg(test)]
+mod tests;
+
+use axum::Router;
+use axum::http::HeaderMap;
+use axum::middleware;
+use axum::response::Response;
+use tokio::sync::watch;
+use tokio_util::sync::CancellationToken;
+use utoipa::OpenApi;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+pub use server::serve;
+
+use crate::clock::SharedClock;
+use crate::fleet::FleetHandle;
+use crate::store::Store;
+use etag::tagged_json;
+use extract::{NoParameters, Parameters};
+use health::ReadyProbe;
+use problem::Problem;
+use stream::StreamHub;
+
+/// What the API answers from.
+#[derive(Debug, Clone)]
+pub struct ApiSetup {
+    /// The robots.
+    pub fleet: FleetHandle,
+    /// What is kept of them.
+    pub store: Store,
+    /// Where time comes from.
+    pub clock: SharedClock,
+    /// Whether the Zenoh session is open.
+    pub link_open: watch::Receiver<bool>,
+    /// Ends the event streams; the rest ends with [`serve`].
+    pub stop: CancellationToken,
+}
+
+/// What every handler sees.
+#[derive(Debug, Clone)]
+struct ApiState {
+    fleet: FleetHandle,
+    store: Store,
+    clock: SharedClock,
+    link_open: watch::Receiver<bool>,
+    stream: StreamHub,
+    ready: ReadyProbe,
+}
+
+#[derive(OpenApi)]
+#[openapi(
+    info(
+        title = "fleetcal",
+        description = "Calibration of fleets of wheeled robots: what each robot's steering offset \
+            and LiDAR mount are, how they went, and what happened to it.\n\nAngles are in \
+            radians, lengths in metres, times RFC 3339 in UTC. Errors are `Problem` documents \
+            (RFC 9457). Unknown query parameters are refused by name.",
+        license(name = "Apache-2.0", identifier = "Apache-2.0"),
+    ),
+    tags(
+        (name = "robots", description = "Robots, their calibration and their history"),
+        (name = "live", description = "Updates as they come"),
+        (name = "service", description = "The service itself"),
+    ),
+    components(schemas(
+        Problem,
+        robots::RobotStateDocument,
+        robots::EventDocument,
+        robots::SortSchema,
+    )),
+)]
+struct Document;
+
+/// Every route and what stands behind it.
+pub fn router(setup: ApiSetup) -> Router {
+    let state = ApiState {
+        stream: StreamHub::start(&setup.fleet, setup.clock.clone(), setup.stop),
+        fleet: setup.fleet,
+        store: setup.store,
+        clock: setup.clock,
+        link_open: setup.link_open,
+        ready: ReadyProbe::default(),
+    };
+    let (routes, _) = documented().split_for_parts();
+    layers::around(routes.fallback(dashboard::pages).with_state(state))
+}
+
+/// The OpenAPI document of [`router`].
+pub fn openapi() -> utoipa::openapi::OpenApi {
+    documented().into_openapi()
+}
+
+/// The routes with their description. An event stream has no end, so it is not timed.
+fn documented() -> OpenApiRouter<ApiState> {
+    let timed = OpenApiRouter::new()
+        .merge(robots::routes())
+        .routes(routes!(get_openapi))
+        .layer(middleware::from_fn(layers::in_time));
+    let root = OpenApiRouter::new()
+        .routes(routes!(health::healthz))
+        .routes(routes!(health::readyz))
+        .routes(routes!(metrics::metrics))
+        .layer(middleware::from_fn(layers::in_time));
+    OpenApiRouter::with_openapi(Document::openapi())
+        .nest("/api/v1", timed.merge(stream::routes()))
+        .merge(root)
+}
+
+/// Gives this description.
+#[utoipa::path(get, path = "/openapi.json", tag = "service",
+    responses((status = OK, description = "OpenAPI 3.1", body = Object)))]
+async fn get_openapi(
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    tagged_json(&headers, &openapi())
+}

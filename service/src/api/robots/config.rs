@@ -1,0 +1,114 @@
+//! How `GET` and `PUT /robots/{id}` describe a robot's configuration.
+
+use fleetcal_proto::estimate::VehicleModel;
+
+/// A robot's vehicle and what is known of it beforehand. Only `model` and `wheelbase_m` have to be
+/// given; unknown keys are refused by name.
+#[derive(utoipa::ToSchema)]
+#[schema(as = RobotConfig)]
+#[expect(dead_code, reason = "the schema of config::RobotConfig, which a test compares with it")]
+pub(super) struct RobotConfigSchema {
+    /// How the vehicle steers.
+    model: VehicleModel,
+    /// Distance between the axles, m, more than 0 and at most 30.
+    #[schema(exclusive_minimum = 0.0, maximum = 30.0, examples(1.2))]
+    wheelbase_m: f64,
+    /// Where the speed is measured; where the model usually measures it unless given.
+    #[schema(nullable, required = false)]
+    speed_measured_at: Option<SpeedMeasuredAtSchema>,
+    /// The LiDAR's pose in `base` (rear-axle centre, x forward, y left) from CAD or tape.
+    #[schema(nullable, required = false)]
+    nominal: Option<MountSchema>,
+    /// Whether the drive stream carries the raw steering angle; `raw` unless given.
+    #[schema(required = false)]
+    drive: DriveSignalSchema,
+    /// The rear axle in the vehicle's `base_link`.
+    #[schema(nullable, required = false)]
+    rear_axle_in_base_link: Option<MountSchema>,
+    /// Settings of this robot's estimator, with the keys of `[estimator]` in `fleetcal.toml`;
+    /// the service's own unless given.
+    #[schema(nullable, required = false, value_type = Option<Object>)]
+    estimator: Option<serde_json::Value>,
+}
+
+/// The pose of a part on the vehicle.
+#[derive(utoipa::ToSchema)]
+#[schema(as = Mount)]
+#[expect(dead_code, reason = "a schema")]
+pub(super) struct MountSchema {
+    /// Forward of the frame's origin, m.
+    #[schema(minimum = -30.0, maximum = 30.0)]
+    x_m: f64,
+    /// To its left, m.
+    #[schema(minimum = -30.0, maximum = 30.0)]
+    y_m: f64,
+    /// Heading, counter-clockwise, rad.
+    #[schema(minimum = -6.283_185_307_179_586, maximum = 6.283_185_307_179_586)]
+    yaw_rad: f64,
+}
+
+/// Whether a drive stream carries the sensor's raw steering angle.
+#[derive(utoipa::ToSchema)]
+#[schema(as = DriveSignal, rename_all = "snake_case")]
+#[expect(dead_code, reason = "a schema")]
+pub(super) enum DriveSignalSchema {
+    /// As the sensor measures it.
+    Raw,
+    /// Less the offset that the robot applies, which the service adds back.
+    Compensated,
+}
+
+/// Where a speed is measured.
+#[derive(utoipa::ToSchema)]
+#[schema(as = SpeedMeasuredAt, rename_all = "snake_case")]
+#[expect(dead_code, reason = "a schema")]
+pub(super) enum SpeedMeasuredAtSchema {
+    /// At the rear axle's centre.
+    RearAxle,
+    /// At the steered front wheel.
+    SteeredWheel,
+    /// At one rear wheel.
+    RearWheel {
+        /// How far the wheel is to the left of the axle's centre, m.
+        lateral_m: f64,
+    },
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use utoipa::PartialSchema;
+
+    use super::*;
+    use crate::config::RobotConfig;
+
+    #[test]
+    fn the_schema_has_the_keys_of_the_configuration() {
+        let schema = serde_json::to_value(RobotConfigSchema::schema()).unwrap();
+        let described: BTreeSet<_> = schema["properties"].as_object().unwrap().keys().collect();
+        let refusal = serde_json::from_str::<RobotConfig>(r#"{"x": 1}"#).unwrap_err().to_string();
+        let accepted: BTreeSet<_> = refusal.split('`').skip(3).step_by(2).collect();
+        assert_eq!(
+            described.iter().map(|key| key.as_str()).collect::<BTreeSet<_>>(),
+            accepted,
+            "{refusal}"
+        );
+        assert_eq!(schema["required"], serde_json::json!(["model", "wheelbase_m"]));
+    }
+
+    #[test]
+    fn what_the_schema_describes_is_accepted() {
+        for text in [
+            r#"{"model": "bicycle", "wheelbase_m": 1.2}"#,
+            r#"{"model": "tricycle", "wheelbase_m": 1.2, "speed_measured_at": "rear_axle",
+                "nominal": {"x_m": 0.4, "y_m": 0, "yaw_rad": 3.1}, "drive": "compensated",
+                "rear_axle_in_base_link": {"x_m": -0.4, "y_m": 0, "yaw_rad": 0},
+                "estimator": {}}"#,
+            r#"{"model": "bicycle", "wheelbase_m": 1.2,
+                "speed_measured_at": {"rear_wheel": {"lateral_m": 0.3}}}"#,
+        ] {
+            serde_json::from_str::<RobotConfig>(text).unwrap();
+        }
+    }
+}

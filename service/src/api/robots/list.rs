@@ -1,0 +1,148 @@
+//! `GET /robots`: every robot, the worst first.
+
+use std::collections::BTreeMap;
+
+use axum::Json;
+use axum::extract::State;
+use serde::{Deserialize, Serialize};
+
+use super::document::RobotSummary;
+use crate::api::ApiState;
+use crate::api::extract::{Parameters, number_within};
+use crate::api::problem::Problem;
+use crate::fleet::{RobotState, RobotView};
+use crate::limits;
+
+/// Where a robot stands in a list that shows the worst first.
+const fn severity(state: RobotState) -> u8 {
+    match state {
+        RobotState::Failed => 0,
+        RobotState::Changed => 1,
+        RobotState::NoData => 2,
+        RobotState::Unregistered => 3,
+        RobotState::Learning => 4,
+        RobotState::Calibrated => 5,
+    }
+}
+
+const STATES: [RobotState; 6] = [
+    RobotState::Failed,
+    RobotState::Changed,
+    RobotState::NoData,
+    RobotState::Unregistered,
+    RobotState::Learning,
+    RobotState::Calibrated,
+];
+
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ListParameters {
+    /// Only robots in this state.
+    #[param(value_type = Option<RobotState>)]
+    state: Option<String>,
+    /// `severity` (the worst first, then by id) or `id`; by id unless given.
+    #[param(value_type = Option<SortSchema>)]
+    sort: Option<String>,
+    /// Robots of a page, 1 to 1000.
+    #[param(value_type = Option<u32>)]
+    limit: Option<String>,
+    /// `next` of the page before.
+    cursor: Option<String>,
+}
+
+/// The order of a list of robots.
+#[derive(utoipa::ToSchema)]
+#[schema(as = RobotSort, rename_all = "snake_case")]
+#[expect(dead_code, reason = "a schema")]
+pub(in crate::api) enum SortSchema {
+    /// The worst first, then by id.
+    Severity,
+    /// By id.
+    Id,
+}
+
+/// A page of robots.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+pub(super) struct RobotPage {
+    /// The robots.
+    items: Vec<RobotSummary>,
+    /// `cursor` of the next page; absent on the last one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    next: Option<String>,
+    /// How many robots are in each state, whatever was asked for.
+    #[schema(value_type = BTreeMap<String, usize>)]
+    counts: BTreeMap<&'static str, usize>,
+}
+
+/// Lists the robots: those that are configured, and those that send without being configured.
+#[utoipa::path(
+    get,
+    path = "/robots",
+    tag = "robots",
+    params(ListParameters),
+    responses(
+        (status = OK, body = RobotPage),
+        (status = "4XX", description = "Refused", body = Problem,
+            content_type = "application/problem+json"),
+    )
+)]
+pub(super) async fn list_robots(
+    State(api): State<ApiState>,
+    Parameters(query): Parameters<ListParameters>,
+) -> Result<Json<RobotPage>, Problem> {
+    let state = query.state.as_deref().map(state_named).transpose()?;
+    let by_severity = match query.sort.as_deref() {
+        None | Some("id") => false,
+        Some("severity") => true,
+        Some(other) => return Err(Problem::refused("sort", other, "severity or id")),
+    };
+    let all = 1..=limits::HTTP_PAGE_MAX;
+    let default = limits::HTTP_PAGE_DEFAULT;
+    let limit = number_within("limit", query.limit.as_deref(), all, default)? as usize;
+    let after = query.cursor.as_deref().map(position_of).transpose()?;
+
+    let robots = api.fleet.robots();
+    let counts = counts(&robots);
+    let place = |robot: &RobotView| {
+        let rank = if by_severity { severity(robot.state) } else { 0 };
+        (rank, robot.id.as_str().to_owned())
+    };
+    let mut chosen: Vec<_> = robots
+        .into_iter()
+        .filter(|robot| state.is_none_or(|state| robot.state == state))
+        .map(|robot| (place(&robot), robot))
+        .filter(|(place, _)| after.as_ref().is_none_or(|after| place > after))
+        .collect();
+    chosen.sort_by(|(a, _), (b, _)| a.cmp(b));
+    let more = chosen.len() > limit;
+    chosen.truncate(limit);
+    let last = chosen.last().filter(|_| more);
+    let next = last.map(|((rank, id), _)| format!("{rank}.{id}"));
+    let items = chosen.into_iter().map(|(_, robot)| RobotSummary::of(robot)).collect();
+    Ok(Json(RobotPage { items, next, counts }))
+}
+
+fn counts(robots: &[RobotView]) -> BTreeMap<&'static str, usize> {
+    let mut counts: BTreeMap<_, _> = STATES.iter().map(|state| (state.name(), 0)).collect();
+    for robot in robots {
+        *counts.entry(robot.state.name()).or_default() += 1;
+    }
+    counts
+}
+
+fn state_named(name: &str) -> Result<RobotState, Problem> {
+    STATES.into_iter().find(|state| state.name() == name).ok_or_else(|| {
+        let accepted = STATES.map(RobotState::name).join(", ");
+        Problem::refused("state", name, &format!("one of {accepted}"))
+    })
+}
+
+/// The place in the list that a cursor names.
+fn position_of(cursor: &str) -> Result<(u8, String), Problem> {
+    let position = cursor.split_once('.').and_then(|(rank, id)| {
+        let rank = rank.parse().ok()?;
+        Some((rank, id.to_owned()))
+    });
+    position.ok_or_else(|| Problem::refused("cursor", cursor, "`next` of the page before"))
+}

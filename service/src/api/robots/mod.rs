@@ -1,0 +1,28 @@
+//! The robots: list, registration, estimate, history and events.
+
+mod config;
+mod document;
+mod estimate;
+mod events;
+mod history;
+mod list;
+mod registration;
+
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::ApiState;
+
+pub(super) use document::{RobotStateDocument, state_document};
+pub(super) use events::EventDocument;
+pub(super) use list::SortSchema;
+
+/// The routes under `/robots`.
+pub(super) fn routes() -> OpenApiRouter<ApiState> {
+    OpenApiRouter::new()
+        .routes(routes!(list::list_robots))
+        .routes(routes!(registration::get_robot, registration::put_robot))
+        .routes(routes!(estimate::get_estimate))
+        .routes(routes!(history::get_history))
+        .routes(routes!(events::list_events, events::post_event))
+}

@@ -1,0 +1,96 @@
+//! `GET` and `PUT /robots/{id}`: a robot and its configuration.
+
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::Response;
+use fleetcal_proto::RobotId;
+
+use super::config::RobotConfigSchema;
+use super::document::RobotDocument;
+use crate::api::ApiState;
+use crate::api::etag::{expected, versioned_json};
+use crate::api::extract::{Body, NoParameters, Parameters, RobotPath};
+use crate::api::problem::Problem;
+use crate::config::RobotConfig;
+use crate::fleet::FleetRefused;
+use crate::limits;
+
+/// Gives one robot: its state, what it sends, and its configuration. The `ETag` is the version of
+/// the configuration.
+#[utoipa::path(
+    get,
+    path = "/robots/{id}",
+    tag = "robots",
+    params(("id" = RobotId, Path, description = "The robot.")),
+    responses(
+        (status = OK, body = RobotDocument,
+            headers(("ETag" = String, description = "Version of the configuration."))),
+        (status = "4XX", description = "Refused, or unknown", body = Problem,
+            content_type = "application/problem+json"),
+    )
+)]
+pub(super) async fn get_robot(
+    State(api): State<ApiState>,
+    RobotPath(id): RobotPath,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+) -> Result<Response, Problem> {
+    answer(&api, &id, StatusCode::OK).await
+}
+
+/// Registers a robot or changes its configuration. The first configuration is sent with
+/// `If-None-Match: *`, a change with `If-Match` and the `ETag` of `GET`. A robot whose
+/// configuration changes begins its estimate anew.
+#[utoipa::path(
+    put,
+    path = "/robots/{id}",
+    tag = "robots",
+    params(
+        ("id" = RobotId, Path, description = "The robot."),
+        ("If-Match" = Option<String>, Header, description = "The ETag of GET."),
+        ("If-None-Match" = Option<String>, Header, description = "`*` for a new robot."),
+    ),
+    request_body = RobotConfigSchema,
+    responses(
+        (status = OK, description = "Changed", body = RobotDocument,
+            headers(("ETag" = String, description = "Version of the configuration."))),
+        (status = CREATED, description = "Registered", body = RobotDocument,
+            headers(("ETag" = String, description = "Version of the configuration."))),
+        (status = PRECONDITION_FAILED, description = "Changed by somebody else meanwhile",
+            body = Problem, content_type = "application/problem+json"),
+        (status = PRECONDITION_REQUIRED, description = "Neither If-Match nor If-None-Match",
+            body = Problem, content_type = "application/problem+json"),
+        (status = "4XX", description = "Refused", body = Problem,
+            content_type = "application/problem+json"),
+    )
+)]
+pub(super) async fn put_robot(
+    State(api): State<ApiState>,
+    RobotPath(id): RobotPath,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+    headers: HeaderMap,
+    Body { value: config, .. }: Body<RobotConfig>,
+) -> Result<Response, Problem> {
+    let expected = expected(&headers)?;
+    check_room(&api, &id)?;
+    let version = api.store.save_robot(&id, &config, expected).await?;
+    api.fleet.configure(&id, config)?;
+    let status = if version == 1 { StatusCode::CREATED } else { StatusCode::OK };
+    answer(&api, &id, status).await
+}
+
+/// Refuses a robot that the fleet would have no room for, before it is stored.
+fn check_room(api: &ApiState, id: &RobotId) -> Result<(), Problem> {
+    let robots = api.fleet.robots();
+    let configured = robots.iter().filter(|robot| robot.config.is_some() && robot.id != *id);
+    if configured.count() >= limits::ROBOTS_MAX {
+        return Err(FleetRefused::RobotsMax.into());
+    }
+    Ok(())
+}
+
+async fn answer(api: &ApiState, id: &RobotId, status: StatusCode) -> Result<Response, Problem> {
+    let view = api.fleet.robot(id).ok_or_else(|| Problem::robot_unknown(id.as_str()))?;
+    let record = api.store.load_robot(id).await?;
+    let document = RobotDocument::of(view, record.as_ref());
+    Ok(versioned_json(status, record.map_or(0, |record| record.version), document))
+}
