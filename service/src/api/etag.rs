@@ -29,9 +29,9 @@ pub(super) fn tagged_json<T: Serialize>(
 
 /// The tag of these bytes.
 pub(super) fn tag_of(bytes: &[u8]) -> HeaderValue {
-    let digest = Sha256::digest(bytes);
-    let short: String = digest.iter().take(12).map(|byte| format!("{byte:02x}")).collect();
-    quoted(&short)
+    let digest: [u8; 32] = Sha256::digest(bytes).into();
+    let (half, _) = digest.split_at(16);
+    quoted(&half.iter().fold(0, |number: u128, byte| (number << 8) | u128::from(*byte)))
 }
 
 /// A document with the tag of its version.
@@ -40,7 +40,7 @@ pub(super) fn versioned_json<T: Serialize>(
     version: u64,
     document: T,
 ) -> Response {
-    (status, [(header::ETAG, quoted(&version.to_string()))], Json(document)).into_response()
+    (status, [(header::ETAG, quoted(&version))], Json(document)).into_response()
 }
 
 /// Whether `If-None-Match` names this tag.
@@ -77,7 +77,7 @@ pub(super) fn expected(headers: &HeaderMap) -> Result<Expected, Problem> {
     }
 }
 
-fn quoted(tag: &str) -> HeaderValue {
+fn quoted(tag: &impl std::fmt::Display) -> HeaderValue {
     HeaderValue::from_str(&format!("\"{tag}\"")).unwrap_or(HeaderValue::from_static("\"\""))
 }
 

@@ -18,20 +18,27 @@ use crate::store::Store;
 /// The last answer of the database, so that everybody may ask without making it write each time.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ReadyProbe {
-    last: Arc<Mutex<Option<(Duration, Result<(), String>)>>>,
+    last: Arc<Mutex<Option<Probed>>>,
+}
+
+/// An answer of the database, and when it was given on the running clock.
+#[derive(Debug)]
+struct Probed {
+    at: Duration,
+    answer: Result<(), String>,
 }
 
 impl ReadyProbe {
     /// Whether the database can be written, as of the last second.
     async fn database(&self, store: &Store, elapsed: Duration) -> Result<(), String> {
         let mut last = self.last.lock().await;
-        if let Some((asked, answer)) = last.as_ref()
-            && elapsed.saturating_sub(*asked) < limits::READY_PROBE_EVERY
+        if let Some(probed) = last.as_ref()
+            && elapsed.saturating_sub(probed.at) < limits::READY_PROBE_EVERY
         {
-            return answer.clone();
+            return probed.answer.clone();
         }
         let answer = store.probe().await.map_err(|error| error.to_string());
-        *last = Some((elapsed, answer.clone()));
+        *last = Some(Probed { at: elapsed, answer: answer.clone() });
         answer
     }
 }

@@ -69,6 +69,7 @@ async fn method_refused(method: Method, uri: Uri) -> Problem {
     Problem::method_refused(&method, uri.path())
 }
 
+#[expect(clippy::needless_pass_by_value, reason = "the layer hands it over")]
 fn panicked(cause: Box<dyn Any + Send>) -> Response {
     let words = cause
         .downcast_ref::<String>()

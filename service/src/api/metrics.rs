@@ -20,8 +20,7 @@ use crate::fleet::{FleetCounters, RobotView};
 use crate::limits;
 use crate::store::StoreCounters;
 
-/// Counters of the service and of each robot, in the OpenMetrics text format, which Prometheus
-/// reads.
+/// Counters of the service and of each robot, in the text format that Prometheus reads.
 #[utoipa::path(get, path = "/metrics", tag = "service",
     responses((status = OK, description = "Counters", body = String,
         content_type = "application/openmetrics-text")))]
@@ -65,7 +64,7 @@ impl Collector for Snapshot {
             "Whether the Zenoh session is open",
             f64::from(self.link_open),
         )?;
-        self.encode_process(out)?;
+        encode_process(out)?;
         self.encode_fleet(out)?;
         self.encode_store(out)?;
         self.encode_robots(out)
@@ -73,11 +72,6 @@ impl Collector for Snapshot {
 }
 
 impl Snapshot {
-    fn encode_process(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
-        let Some(bytes) = resident_bytes() else { return Ok(()) };
-        gauge(out, "process_resident_memory_bytes", "Memory of the process", bytes)
-    }
-
     fn encode_fleet(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
         let fleet = &self.fleet;
         for (name, help, value) in [
@@ -169,6 +163,11 @@ fn counters<'a>(
         ConstCounter::new(value).encode(family.encode_family(&labels)?)?;
     }
     Ok(())
+}
+
+fn encode_process(out: &mut DescriptorEncoder<'_>) -> fmt::Result {
+    let Some(bytes) = resident_bytes() else { return Ok(()) };
+    gauge(out, "process_resident_memory_bytes", "Memory of the process", bytes)
 }
 
 /// Resident memory of this process; `None` where the system does not say.

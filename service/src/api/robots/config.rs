@@ -42,9 +42,8 @@ pub(super) struct MountSchema {
     /// To its left, m.
     #[schema(minimum = -30.0, maximum = 30.0)]
     y_m: f64,
-    /// Heading, counter-clockwise, rad.
-    #[schema(minimum = -6.283_185_307_179_586, maximum = 6.283_185_307_179_586)]
-    yaw_rad: f64,
+    /// Heading, counter-clockwise, rad, within one turn.
+        yaw_rad: f64,
 }
 
 /// Whether a drive stream carries the sensor's raw steering angle.
