@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::change::evidence::change_sigma;
+use crate::change::long_run::LongRunVariance;
 use crate::change::{ChangeWatch, Detected};
 use crate::drive_history::DriveHistory;
 use crate::estimate::{
@@ -69,6 +70,7 @@ pub struct Checkpoint {
     filter: Option<Filter>,
     session: Session,
     trust: Trust,
+    long_run: LongRunVariance,
 }
 
 /// Why a checkpoint could not be used.
@@ -166,6 +168,7 @@ impl Calibrator {
         });
         restored.session = checkpoint.session.clone();
         restored.trust = checkpoint.trust.clone();
+        restored.watch = ChangeWatch::with_long_run(checkpoint.long_run.clone());
         Ok(restored)
     }
 
@@ -181,6 +184,7 @@ impl Calibrator {
             }),
             session: self.session.clone(),
             trust: self.trust.clone(),
+            long_run: self.watch.long_run().clone(),
         }
     }
 
@@ -404,6 +408,7 @@ impl Calibrator {
                 &self.drive,
                 &self.config.vehicle,
                 follower,
+                &self.config.settings,
             )
         });
         if let Some(detected) = watched {
@@ -540,9 +545,11 @@ impl Calibrator {
         covariance: &ParameterCovariance,
     ) -> [ParameterEstimate; PARAMETERS] {
         let prior_sigma = Values::from_fn(|i, _| self.prior.covariance[(i, i)].sqrt());
+        // Errors that last for metres: the filter takes them as independent, its sigmas may not.
+        let covariance = covariance * self.watch.long_run().ratio();
         trust.judge(
             values,
-            covariance,
+            &covariance,
             &prior_sigma,
             &self.session.excitation,
             &self.config.settings,

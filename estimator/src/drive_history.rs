@@ -8,11 +8,25 @@ use crate::vehicle::Drive;
 /// A drive sample further from its predecessor than this does not describe the time between, s.
 pub const GAP_MIN_S: f64 = 0.5;
 
+/// Readings closer than this are the same code of an encoder, rad.
+const SAME_READING_RAD: f64 = 1e-6;
+/// Largest step of a steering encoder that is believed, rad (2 degrees).
+const ENCODER_STEP_MAX_RAD: f64 = 0.035;
+
 /// Recent drive samples, oldest first. A sample describes the interval that ends at its stamp.
 #[derive(Debug, Clone)]
 pub struct DriveHistory {
-    samples: VecDeque<DriveSample>,
+    samples: VecDeque<Kept>,
     span_s: f64,
+    /// Smallest change between two steering readings so far: the step of a quantised encoder.
+    smallest_change_rad: f64,
+}
+
+/// A sample and how far the vehicle had driven on its steering reading before it.
+#[derive(Debug, Clone, Copy)]
+struct Kept {
+    sample: DriveSample,
+    held_m: f64,
 }
 
 /// A stretch of drive time with one reading.
@@ -22,6 +36,10 @@ pub struct DriveSegment {
     pub duration_s: f64,
     /// The reading that holds over it.
     pub drive: Drive,
+    /// Distance already driven on this very steering reading, m.
+    pub held_m: f64,
+    /// Step of the steering encoder, rad; 0 when it is too fine to see.
+    pub steering_step_rad: f64,
 }
 
 impl DriveHistory {
@@ -30,16 +48,40 @@ impl DriveHistory {
         Self {
             samples: VecDeque::new(),
             span_s,
+            smallest_change_rad: f64::INFINITY,
         }
     }
 
     /// Adds a sample, newer than all before, and lets go of those beyond the span.
     pub fn push(&mut self, sample: DriveSample) {
-        self.samples.push_back(sample);
+        let mut held_m = 0.0;
+        if let Some(Kept {
+            sample: last,
+            held_m: before_m,
+        }) = self.samples.back()
+        {
+            let change_rad = (sample.steering_rad() - last.steering_rad()).abs();
+            let interval_s = sample.stamp().seconds_since(last.stamp());
+            if change_rad < SAME_READING_RAD {
+                held_m = before_m + last.speed_mps().abs() * interval_s.min(GAP_MIN_S);
+            } else {
+                self.smallest_change_rad = self.smallest_change_rad.min(change_rad);
+            }
+        }
+        self.samples.push_back(Kept { sample, held_m });
         while let Some(oldest) = self.samples.front()
-            && sample.stamp().seconds_since(oldest.stamp()) > self.span_s
+            && sample.stamp().seconds_since(oldest.sample.stamp()) > self.span_s
         {
             self.samples.pop_front();
+        }
+    }
+
+    /// Step of the steering encoder, rad; 0 while none is seen.
+    pub fn steering_step_rad(&self) -> f64 {
+        if self.smallest_change_rad <= ENCODER_STEP_MAX_RAD {
+            self.smallest_change_rad
+        } else {
+            0.0
         }
     }
 
@@ -50,7 +92,7 @@ impl DriveHistory {
 
     /// Stamp of the newest sample.
     pub fn newest(&self) -> Option<Stamp> {
-        self.samples.back().map(DriveSample::stamp)
+        self.samples.back().map(|kept| kept.sample.stamp())
     }
 
     /// The newest reading.
@@ -60,18 +102,22 @@ impl DriveHistory {
 
     /// The reading that describes a time; rest when there is none.
     pub fn at(&self, stamp: Stamp) -> Drive {
-        let index = self.samples.partition_point(|s| s.stamp() < stamp);
+        let index = self
+            .samples
+            .partition_point(|kept| kept.sample.stamp() < stamp);
         self.samples.get(index).map_or_else(Drive::default, reading)
     }
 
     /// Whether the interval lies inside the history, without a gap.
     pub fn covers(&self, from: Stamp, to: Stamp) -> bool {
-        let first = self.samples.partition_point(|s| s.stamp() <= from);
+        let first = self
+            .samples
+            .partition_point(|kept| kept.sample.stamp() <= from);
         let Some(before) = first.checked_sub(1).and_then(|i| self.samples.get(i)) else {
             return false;
         };
-        let mut previous = before.stamp();
-        for sample in self.samples.range(first..) {
+        let mut previous = before.sample.stamp();
+        for Kept { sample, .. } in self.samples.range(first..) {
             if sample.stamp().seconds_since(previous) > GAP_MIN_S {
                 return false;
             }
@@ -85,29 +131,35 @@ impl DriveHistory {
 
     /// The readings over `(from, to]`, cut at both ends. Covers what the history covers.
     pub fn segments(&self, from: Stamp, to: Stamp) -> impl Iterator<Item = DriveSegment> + '_ {
-        let first = self.samples.partition_point(|s| s.stamp() <= from);
+        let first = self
+            .samples
+            .partition_point(|kept| kept.sample.stamp() <= from);
         let mut begin = from;
         let mut done = from >= to;
-        self.samples.range(first..).map_while(move |sample| {
+        let steering_step_rad = self.steering_step_rad();
+        self.samples.range(first..).map_while(move |kept| {
             if done {
                 return None;
             }
-            let end = sample.stamp().min(to);
-            done = sample.stamp() >= to;
+            let stamp = kept.sample.stamp();
+            let end = stamp.min(to);
+            done = stamp >= to;
             let duration_s = end.seconds_since(begin);
             begin = end;
             Some(DriveSegment {
                 duration_s,
-                drive: reading(sample),
+                drive: reading(kept),
+                held_m: kept.held_m,
+                steering_step_rad,
             })
         })
     }
 }
 
-fn reading(sample: &DriveSample) -> Drive {
+fn reading(kept: &Kept) -> Drive {
     Drive {
-        speed_mps: sample.speed_mps(),
-        steering_rad: sample.steering_rad(),
+        speed_mps: kept.sample.speed_mps(),
+        steering_rad: kept.sample.steering_rad(),
     }
 }
 

@@ -80,6 +80,9 @@ pub struct EstimatorSettings {
     pub unknown_mount_sigma_m: f64,
     /// Slow drift let in: standard deviation gained in one hour.
     pub drift_per_sqrt_hour: PerParameter<f64>,
+    /// What averaging cannot take away: the scan matcher's own bias, play, correlated slip. It is
+    /// added to every sigma that leaves the estimator.
+    pub systematic_sigma: PerParameter<f64>,
     /// Called converged below this standard deviation.
     pub converged_sigma: PerParameter<f64>,
     /// How far a driven metre can go astray.
@@ -130,6 +133,16 @@ impl Default for EstimatorSettings {
                 time_offset: 0.000_5,
                 steering_gain: 0.0,
             },
+            systematic_sigma: PerParameter {
+                steering_offset: 0.000_03,
+                lidar_x: 0.000_5,
+                lidar_y: 0.000_5,
+                lidar_yaw: 0.000_05,
+                speed_scale: 0.000_3,
+                wheelbase: 0.0,
+                time_offset: 0.002,
+                steering_gain: 0.0,
+            },
             converged_sigma: PerParameter {
                 steering_offset: 0.05f64.to_radians(),
                 lidar_x: 0.005,
@@ -166,6 +179,16 @@ pub enum SettingsRefused {
 }
 
 impl EstimatorSettings {
+    /// What becomes of a parameter. The paper's filter knows the first four only.
+    pub fn freedom(&self, parameter: Parameter) -> Freedom {
+        let in_paper = parameter.index() <= Parameter::LidarYaw.index();
+        if self.measurement == Measurement::Anchored && !in_paper {
+            Freedom::Off
+        } else {
+            *self.free.get(parameter)
+        }
+    }
+
     /// Refuses settings that cannot be.
     ///
     /// # Errors

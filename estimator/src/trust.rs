@@ -30,7 +30,13 @@ impl Trust {
     ) -> [ParameterEstimate; PARAMETERS] {
         Parameter::ALL.map(|parameter| {
             let i = parameter.index();
-            let sigma = covariance[(i, i)].max(0.0).sqrt();
+            let known = covariance[(i, i)] > 0.0;
+            let systematic = if known {
+                *settings.systematic_sigma.get(parameter)
+            } else {
+                0.0
+            };
+            let sigma = covariance[(i, i)].max(0.0).sqrt().hypot(systematic);
             let status = self.status(parameter, sigma, prior_sigma[i], settings);
             ParameterEstimate {
                 value: values[i],
@@ -48,7 +54,7 @@ impl Trust {
         prior_sigma: f64,
         settings: &EstimatorSettings,
     ) -> Status {
-        match settings.free.get(parameter) {
+        match settings.freedom(parameter) {
             Freedom::Off => return Status::Off,
             Freedom::Fixed => return Status::Fixed,
             Freedom::Estimated => {}

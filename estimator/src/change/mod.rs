@@ -4,6 +4,7 @@
 //! filter itself cannot be asked, because it absorbs a change within seconds.
 
 pub mod evidence;
+pub mod long_run;
 pub mod window;
 
 use std::collections::VecDeque;
@@ -11,16 +12,22 @@ use std::collections::VecDeque;
 use crate::drive_history::DriveHistory;
 use crate::estimate::{Cause, Parameter};
 use crate::filter::follow::Follower;
-use crate::filter::{Filter, OdometryReading};
+use crate::filter::{Filter, OdometryReading, ParameterCovariance, Values};
+use crate::settings::EstimatorSettings;
 use crate::stream::Stamp;
 use crate::vehicle::Vehicle;
 use evidence::{Accusation, HYPOTHESES, ONSET_WINDOWS, Reference, strongest};
+use long_run::LongRunVariance;
 use window::{Window, WindowCutter};
 
 /// Windows that are looked back over: some 25 m.
 const WINDOWS_MAX: usize = 50;
 /// Fewest windows before anything is judged.
 const WINDOWS_MIN: usize = 8;
+/// Windows that the long-run variance is behind: a change is flagged before it counts as noise.
+const SETTLED_WINDOWS: usize = 20;
+/// A filter that knows the four parameters to this many times their limits can judge.
+const JUDGE_SIGMA_FACTOR: f64 = 2.0;
 /// A cause explains what is seen when the misfit stays below this.
 const MISFIT_MAX: f64 = 3.0;
 /// After this many windows without a cause that explains it, the change is called unknown.
@@ -53,12 +60,29 @@ pub struct ChangeWatch {
     remembered: VecDeque<Remembered>,
     /// The filter at the beginning of the window that is being cut.
     filter_at_begin: Option<Filter>,
+    long_run: LongRunVariance,
 }
 
 impl ChangeWatch {
     /// Forgets the windows: what comes does not compare with what was.
     pub fn restart(&mut self) {
-        *self = Self::default();
+        *self = Self {
+            long_run: self.long_run.clone(),
+            ..Self::default()
+        };
+    }
+
+    /// A watch that already knows how far windows err together.
+    pub fn with_long_run(long_run: LongRunVariance) -> Self {
+        Self {
+            long_run,
+            ..Self::default()
+        }
+    }
+
+    /// How far windows err together: what every variance has to be multiplied with.
+    pub fn long_run(&self) -> &LongRunVariance {
+        &self.long_run
     }
 
     /// Begins a new window without forgetting: the LiDAR poses before do not compare.
@@ -74,6 +98,7 @@ impl ChangeWatch {
         drive: &DriveHistory,
         vehicle: &Vehicle,
         follower: &Follower,
+        settings: &EstimatorSettings,
     ) -> Option<Detected> {
         let filter = &follower.filter;
         let window = self.cutter.push(
@@ -95,16 +120,37 @@ impl ChangeWatch {
         if self.remembered.len() > WINDOWS_MAX {
             self.remembered.pop_front();
         }
-        self.judge()
+        self.learn(follower.filter.values());
+        self.judge(settings)
     }
 
-    fn judge(&self) -> Option<Detected> {
+    /// The window that has just settled tells how far windows err together.
+    fn learn(&mut self, values: &Values) {
+        let settled = self.remembered.len().checked_sub(SETTLED_WINDOWS + 1);
+        let Some(Remembered { window, filter }) = settled.and_then(|i| self.remembered.get(i))
+        else {
+            return;
+        };
+        let residual = window.residual + window.jacobian * (window.values - values);
+        let scaled = window.covariance * filter.noise_scale();
+        if let Some(factor) = scaled.cholesky()
+            && let Some(whitened) = factor.l().solve_lower_triangular(&residual)
+        {
+            self.long_run.push(&whitened);
+        }
+    }
+
+    fn judge(&self, settings: &EstimatorSettings) -> Option<Detected> {
         if self.remembered.len() < WINDOWS_MIN {
             return None;
         }
         let oldest = &self.remembered.front()?.filter;
-        let reference = Reference::new(*oldest.values(), &oldest.parameter_covariance())?;
-        let scale = oldest.noise_scale();
+        let covariance = oldest.parameter_covariance() * self.long_run.ratio();
+        if !can_judge(&covariance, settings) {
+            return None;
+        }
+        let reference = Reference::new(*oldest.values(), &covariance)?;
+        let scale = oldest.noise_scale() * self.long_run.ratio();
         let windows = || self.remembered.iter().map(|r| &r.window);
         // 1. Has anything happened? No single wild window may say so.
         let alarm = strongest(windows(), &reference, scale, true)?;
@@ -128,7 +174,8 @@ impl ChangeWatch {
     fn detected(&self, accusation: &Accusation, unknown: bool) -> Option<Detected> {
         let at = self.remembered.get(accusation.onset)?;
         let before = self.remembered.get(accusation.onset.saturating_sub(1))?;
-        let last = self.remembered.get(accusation.onset + ONSET_WINDOWS - 1)?;
+        // The onset is known to a window or so: the one behind it is left out as well.
+        let last = self.remembered.get(accusation.onset + ONSET_WINDOWS)?;
         let hypothesis = HYPOTHESES.get(accusation.hypothesis)?;
         let (cause, parameters) = if unknown {
             let all = HYPOTHESES
@@ -146,4 +193,19 @@ impl ChangeWatch {
             filter_before: before.filter.clone(),
         })
     }
+}
+
+/// Whether a filter knows enough to say that something changed.
+fn can_judge(covariance: &ParameterCovariance, settings: &EstimatorSettings) -> bool {
+    [
+        Parameter::SteeringOffset,
+        Parameter::LidarX,
+        Parameter::LidarY,
+        Parameter::LidarYaw,
+    ]
+    .iter()
+    .all(|&p| {
+        let sigma = covariance[(p.index(), p.index())].sqrt();
+        sigma <= JUDGE_SIGMA_FACTOR * settings.converged_sigma.get(p)
+    })
 }

@@ -245,8 +245,14 @@ impl Filter {
     /// Predicts over one drive reading.
     pub fn predict(&mut self, segment: &DriveSegment) {
         let parameters = self.drive_parameters();
-        self.predicted
-            .advance(&self.vehicle, &parameters, &self.noise, segment);
+        let (vehicle, noise) = (&self.vehicle, &self.noise);
+        match self.form {
+            Form::Clone => self.predicted.advance(vehicle, &parameters, noise, segment),
+            Form::Anchored { .. } => {
+                self.predicted
+                    .advance_euler(vehicle, &parameters, noise, segment);
+            }
+        }
     }
 
     /// Gives up the anchor: what comes next does not compare with what was (a gap, a new map).

@@ -8,6 +8,9 @@ use crate::drive_history::DriveSegment;
 use crate::geometry::Pose2;
 use crate::vehicle::{DRIVE_PARAMETERS, DriveParameters, Motion, Vehicle};
 
+/// Time constant with which the twist is smoothed, s.
+const TWIST_TIME_CONSTANT_S: f64 = 0.1;
+
 /// Derivatives of a pose's right perturbation by the drive parameters.
 pub type ByDriveParameters = SMatrix<f64, 3, DRIVE_PARAMETERS>;
 
@@ -23,7 +26,8 @@ pub struct PredictedMotion {
     pub by_parameters: ByDriveParameters,
     /// Process noise.
     pub noise: Matrix3<f64>,
-    /// Body twist (m/s, m/s, rad/s) over the last reading.
+    /// Body twist (m/s, m/s, rad/s) now, smoothed: it says how a shift in time would show, and the
+    /// noise of single readings must not pass for knowledge of that shift.
     pub twist: Vector3<f64>,
     /// Distance driven, m, counted without sign.
     pub distance_m: f64,
@@ -63,13 +67,7 @@ impl PredictedMotion {
         let carried = |speed_by: f64, yaw_by: f64| {
             Vector3::new(speed_by, -0.5 * (turn * speed_by - d * yaw_by), yaw_by)
         };
-        self.finish_step(
-            &motion,
-            segment.duration_s,
-            Pose2::exp(&step),
-            carried,
-            noise,
-        );
+        self.finish_step(&motion, segment, Pose2::exp(&step), carried, noise);
     }
 
     /// Goes on by one reading with the paper's Euler step (its equation 3): straight along the old
@@ -87,22 +85,25 @@ impl PredictedMotion {
         let carried =
             |speed_by: f64, yaw_by: f64| Vector3::new(cos * speed_by, -sin * speed_by, yaw_by);
         let euler = Pose2::new(step.x, 0.0, step.z);
-        self.finish_step(&motion, segment.duration_s, euler, carried, noise);
+        self.finish_step(&motion, segment, euler, carried, noise);
     }
 
     fn begin_step(&mut self, motion: &Motion, dt_s: f64) -> Vector3<f64> {
-        self.twist = Vector3::new(motion.speed_mps, 0.0, motion.yaw_rate_radps);
-        self.twist * dt_s
+        let twist = Vector3::new(motion.speed_mps, 0.0, motion.yaw_rate_radps);
+        let share = dt_s / (dt_s + TWIST_TIME_CONSTANT_S);
+        self.twist += (twist - self.twist) * share;
+        twist * dt_s
     }
 
     fn finish_step(
         &mut self,
         motion: &Motion,
-        dt_s: f64,
+        segment: &DriveSegment,
         arc: Pose2,
         carried: impl Fn(f64, f64) -> Vector3<f64>,
         noise: &MotionNoise,
     ) {
+        let dt_s = segment.duration_s;
         let mut by_parameters = ByDriveParameters::zeros();
         for (column, (speed_by, yaw_by)) in
             motion.speed_by.iter().zip(&motion.yaw_rate_by).enumerate()
@@ -113,7 +114,7 @@ impl PredictedMotion {
         self.end_in_begin = self.end_in_begin.compose(&arc);
         self.by_begin = carry * self.by_begin;
         self.by_parameters = carry * self.by_parameters + by_parameters;
-        self.noise = carry * self.noise * carry.transpose() + noise.of_step(motion, dt_s);
+        self.noise = carry * self.noise * carry.transpose() + noise.of_step(motion, segment);
         self.distance_m += (motion.speed_mps * dt_s).abs();
         self.turned_rad += (motion.yaw_rate_radps * dt_s).abs();
     }
@@ -144,6 +145,8 @@ mod tests {
             let segment = DriveSegment {
                 duration_s: 0.01,
                 drive,
+                held_m: 0.0,
+                steering_step_rad: 0.0,
             };
             motion.advance(
                 &vehicle,
@@ -182,6 +185,8 @@ mod tests {
         let segment = DriveSegment {
             duration_s: 0.01,
             drive,
+            held_m: 0.0,
+            steering_step_rad: 0.0,
         };
         for _ in 0..100 {
             arc.advance(
@@ -215,6 +220,8 @@ mod tests {
                 speed_mps: 1.0,
                 steering_rad,
             },
+            held_m: 0.0,
+            steering_step_rad: 0.0,
         };
         let mut motion = PredictedMotion::none();
         for _ in 0..100 {

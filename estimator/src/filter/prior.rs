@@ -50,14 +50,14 @@ impl Prior {
                 (Parameter::Wheelbase, _) => settings.prior_sigma.wheelbase * vehicle.wheelbase_m,
                 _ => *settings.prior_sigma.get(parameter),
             };
-            if *settings.free.get(parameter) == Freedom::Off {
+            if settings.freedom(parameter) == Freedom::Off {
                 sigma[i] = 0.0;
             }
         }
         Self {
             values,
             covariance: ParameterCovariance::from_diagonal(&sigma.component_mul(&sigma)),
-            held: Parameter::ALL.map(|p| *settings.free.get(p) != Freedom::Estimated),
+            held: Parameter::ALL.map(|p| settings.freedom(p) != Freedom::Estimated),
             random_walk_per_sqrt_s: random_walk(settings),
         }
     }
@@ -65,7 +65,7 @@ impl Prior {
 
 fn random_walk(settings: &EstimatorSettings) -> Values {
     Values::from_iterator(Parameter::ALL.iter().map(|&p| {
-        let free = *settings.free.get(p) == Freedom::Estimated;
+        let free = settings.freedom(p) == Freedom::Estimated;
         if free {
             settings.drift_per_sqrt_hour.get(p) / 60.0
         } else {

@@ -1,0 +1,156 @@
+//! Are the sigmas true? Normalised errors over fixed seeds must lie inside their chi-squared bands.
+
+use fleetcal_estimator::Parameter;
+use fleetcal_estimator::calibrator::CalibratorConfig;
+use fleetcal_estimator::filter::noise::MotionNoise;
+use fleetcal_robot::simulator::{Pose2, SimulationConfig, Slip, VehicleTruth};
+use rand::{Rng, SeedableRng, rngs::StdRng};
+use rand_distr::StandardNormal;
+
+use crate::drive::{Driven, FOUR, drive, error_of, nees, poses, vehicle_of};
+
+/// A tugger whose true parameters are drawn from the filter's priors.
+fn drawn(seed: u64) -> (SimulationConfig, CalibratorConfig) {
+    let mut random = StdRng::seed_from_u64(seed);
+    let mut normal = |sigma: f64| sigma * random.sample::<f64, _>(StandardNormal);
+    let wheelbase_m = 1.2;
+    let mut config = SimulationConfig::figure_eight(seed);
+    config.lidar = poses();
+    config.people.count = 0;
+    config.vehicle = VehicleTruth {
+        wheelbase_m: wheelbase_m * (1.0 + normal(0.005)),
+        lidar_in_base: Pose2::new(0.434 + normal(0.1), normal(0.05), normal(0.1)),
+        steering_offset_rad: normal(0.03),
+        speed_scale: 1.0 + normal(0.02),
+        time_offset_s: normal(0.03),
+        slip: Slip {
+            longitudinal_sigma: 0.002,
+            lateral_rad_per_mps2: 0.0,
+        },
+        ..VehicleTruth::default()
+    };
+    config.applied.lidar_in_base = config.vehicle.lidar_in_base;
+    let calibrator = CalibratorConfig::of(vehicle_of(&config.vehicle, wheelbase_m));
+    (config, calibrator)
+}
+
+/// The same with sensors whose noise is as the filter models it, and the filter told how large.
+fn drawn_with_white_noise(seed: u64) -> (SimulationConfig, CalibratorConfig) {
+    let (speed_sigma_mps, steering_sigma_rad) = (0.05, 0.002);
+    let (mut config, mut calibrator) = drawn(seed);
+    config.vehicle.slip = Slip::default();
+    config.drive.speed_sigma_mps = speed_sigma_mps;
+    config.drive.steering_sigma_rad = steering_sigma_rad;
+    config.drive.steering_step_rad = 0.0;
+    // A white error of one of a hundred samples a second, at 1 m/s: sigma * dt * sqrt(rate).
+    let per_sqrt_m = 0.1;
+    calibrator.settings.motion_noise = MotionNoise {
+        along_m_per_sqrt_m: speed_sigma_mps * per_sqrt_m,
+        across_m_per_sqrt_m: 1e-5,
+        yaw_rad_per_sqrt_m: 1e-5,
+        steering_rad_sqrt_m: steering_sigma_rad * per_sqrt_m,
+    };
+    (config, calibrator)
+}
+
+struct Band {
+    nees: f64,
+    nis: f64,
+    per_parameter: [f64; 4],
+}
+
+fn mean_at(runs: &[(Driven, f64)], time_s: f64) -> Band {
+    let count = runs.len() as f64;
+    let mut band = Band {
+        nees: 0.0,
+        nis: 0.0,
+        per_parameter: [0.0; 4],
+    };
+    for (run, nees) in runs {
+        let (estimate, truth) = run.at(time_s);
+        band.nees += nees / count;
+        band.nis += estimate.consistency.nis_mean / count;
+        for (sum, p) in band.per_parameter.iter_mut().zip(FOUR) {
+            let z = error_of(p, estimate, truth) / estimate.parameter(p).sigma;
+            *sum += z * z / count;
+        }
+    }
+    band
+}
+
+#[test]
+fn normalised_errors_lie_inside_their_band_on_lidar_poses() {
+    for time_s in [20.0, 60.0, 120.0] {
+        let runs: Vec<_> = (1..=60)
+            .map(|seed| {
+                let (config, calibrator) = drawn_with_white_noise(seed);
+                let run = drive(config, calibrator, time_s);
+                let nees = nees(&run.calibrator, &run.last().1, false);
+                (run, nees)
+            })
+            .collect();
+        let band = mean_at(&runs, time_s);
+        println!(
+            "{time_s:>4} s: NEES {:.2} (4), NIS {:.2} (3), each {:.2?} (1)",
+            band.nees, band.nis, band.per_parameter
+        );
+        assert!(
+            (3.3..=4.8).contains(&band.nees),
+            "NEES {} at {time_s} s",
+            band.nees
+        );
+        assert!(
+            (2.4..=3.6).contains(&band.nis),
+            "NIS {} at {time_s} s",
+            band.nis
+        );
+    }
+}
+
+#[test]
+fn raw_sweeps_with_people_and_wrong_numbers_are_never_over_confident() {
+    let mut mean = 0.0;
+    let seeds = 1..=10u64;
+    let count = seeds.clone().count() as f64;
+    for seed in seeds {
+        let (mut config, calibrator) = drawn(seed);
+        let scene = SimulationConfig::figure_eight(seed);
+        config.lidar = scene.lidar;
+        config.people = scene.people;
+        config.vehicle.speed_scale = 1.02;
+        config.vehicle.time_offset_s = 0.1;
+        let run = drive(config, calibrator, 60.0);
+        let (estimate, truth) = run.last();
+        let nees = nees(&run.calibrator, truth, true);
+        println!(
+            "seed {seed}: NEES {nees:.2}, errors {:.2?} sigma, changes {:?}",
+            FOUR.map(|p| error_of(p, estimate, truth) / estimate.parameter(p).sigma),
+            run.changes,
+        );
+        mean += nees / count;
+    }
+    println!("mean NEES {mean:.2} (4)");
+    assert!(mean <= 4.8, "mean NEES {mean}");
+}
+
+#[test]
+fn whatever_is_called_converged_lies_within_four_sigma() {
+    for seed in 1..=20 {
+        let (config, calibrator) = drawn(seed);
+        let run = drive(config, calibrator, 90.0);
+        for (estimate, truth) in &run.estimates {
+            for parameter in Parameter::ALL {
+                let found = estimate.parameter(parameter);
+                let error = error_of(parameter, estimate, truth);
+                assert!(
+                    found.status != fleetcal_estimator::Status::Converged
+                        || error.abs() <= 4.0 * found.sigma,
+                    "seed {seed} at {} s: {} is off by {error}, sigma {}",
+                    estimate.time_s,
+                    parameter.name(),
+                    found.sigma
+                );
+            }
+        }
+    }
+}

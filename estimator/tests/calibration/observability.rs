@@ -1,0 +1,126 @@
+//! What a motion cannot show is not called known, and what is missing is said.
+
+use fleetcal_estimator::calibrator::CalibratorConfig;
+use fleetcal_estimator::{Measurement, Parameter, Pose2 as Pose, Status};
+use fleetcal_robot::simulator::{Point, Pose2, Route, SimulationConfig};
+
+use crate::drive::{Driven, FOUR, drive, error_of, poses, vehicle_of};
+
+fn on_route(route: Route, duration_s: f64) -> Driven {
+    let mut config = SimulationConfig::figure_eight(7);
+    config.route = route;
+    config.lidar = poses();
+    config.vehicle.steering_offset_rad = 0.02;
+    let calibrator = CalibratorConfig::of(vehicle_of(&config.vehicle, config.vehicle.wheelbase_m));
+    drive(config, calibrator, duration_s)
+}
+
+fn assert_mount_is_open(run: &Driven) {
+    let (estimate, _) = run.last();
+    for parameter in [Parameter::LidarX, Parameter::LidarY] {
+        let found = estimate.parameter(parameter);
+        assert_ne!(
+            found.status,
+            Status::Converged,
+            "{}: {found:?}",
+            parameter.name()
+        );
+        let needs = found.needs.as_deref().unwrap_or_default();
+        assert!(
+            needs.contains("turn") || needs.contains("straight"),
+            "needs {needs:?}"
+        );
+    }
+}
+
+#[test]
+fn straight_driving_leaves_the_mount_open_and_finds_the_steering_zero() {
+    let run = on_route(
+        Route::straight(Point::new(0.0, 0.0), Point::new(60.0, 0.0)),
+        50.0,
+    );
+    assert_mount_is_open(&run);
+    let (estimate, truth) = run.last();
+    let offset = estimate.parameter(Parameter::SteeringOffset);
+    assert_eq!(offset.status, Status::Converged);
+    let error = error_of(Parameter::SteeringOffset, estimate, truth);
+    assert!(error.abs() < 0.05f64.to_radians(), "{error}, {offset:?}");
+}
+
+#[test]
+fn one_circle_leaves_the_mount_open() {
+    assert_mount_is_open(&on_route(Route::circle(Point::new(0.0, 0.0), 4.0), 60.0));
+}
+
+#[test]
+fn standing_still_says_nothing() {
+    let mut config = SimulationConfig::figure_eight(7);
+    config.speed.rest_s = 1000.0;
+    let calibrator = CalibratorConfig::of(vehicle_of(&config.vehicle, 1.2));
+    let run = drive(config, calibrator, 30.0);
+    for parameter in FOUR {
+        assert_eq!(
+            run.last().0.parameter(parameter).status,
+            Status::Unobservable
+        );
+    }
+}
+
+#[test]
+fn any_mount_and_any_offset_converge_from_nothing() {
+    for i in 0..11 {
+        let around = std::f64::consts::TAU * f64::from(i) / 11.0;
+        let mut config = SimulationConfig::figure_eight(20 + i as u64);
+        config.people.count = 0;
+        config.lidar = poses();
+        config.vehicle.lidar_in_base =
+            Pose2::new(1.5 * around.cos(), 0.8 * around.sin(), around - 3.0);
+        config.vehicle.steering_offset_rad = if i % 2 == 0 { 0.157 } else { -0.157 };
+        config.applied.lidar_in_base = config.vehicle.lidar_in_base;
+        config.applied.steering_offset_rad = config.vehicle.steering_offset_rad;
+        let calibrator = CalibratorConfig::of(vehicle_of(&config.vehicle, 1.2));
+        let run = drive(config, calibrator, 60.0);
+        let (estimate, truth) = run.last();
+        for parameter in FOUR {
+            let found = estimate.parameter(parameter);
+            let error = error_of(parameter, estimate, truth);
+            assert_eq!(
+                found.status,
+                Status::Converged,
+                "mount {i}: {} {found:?}",
+                parameter.name()
+            );
+            assert!(
+                error.abs() <= 4.0 * found.sigma,
+                "mount {i}: {} {error}",
+                parameter.name()
+            );
+        }
+    }
+}
+
+#[test]
+fn the_papers_own_filter_can_be_chosen_and_is_over_confident() {
+    let mut config = SimulationConfig::figure_eight(5);
+    config.lidar = poses();
+    config.vehicle.steering_offset_rad = 0.03;
+    let mut calibrator = CalibratorConfig::of(vehicle_of(&config.vehicle, 1.2));
+    calibrator.nominal_lidar_in_base = Some(Pose::new(0.434, 0.0, 0.0));
+    calibrator.settings.measurement = Measurement::Anchored;
+    let run = drive(config, calibrator, 60.0);
+    let filter = run.calibrator.filter().unwrap();
+    let x = Parameter::LidarX.index();
+    let error = filter.values()[x] - 0.434;
+    let sigma = filter.parameter_covariance()[(x, x)].sqrt();
+    // The Euler step moves x by v dt / 2, 5 mm at 1 m/s, many of its own sigmas.
+    assert!(
+        error.abs() > 0.002 && error.abs() < 0.02,
+        "x is off by {error}"
+    );
+    assert!(
+        error.abs() > 4.0 * sigma,
+        "x is off by {error}, sigma {sigma}"
+    );
+    let (estimate, truth) = run.last();
+    assert!(error_of(Parameter::SteeringOffset, estimate, truth).abs() < 0.002);
+}
