@@ -79,7 +79,7 @@ impl LocalMap {
             let (qx, qy) = local.deskew(returned.x, returned.y, returned.tau_s);
             let point = local.transform(qx, qy);
             let (cell, _, _) = origin.locate(point.0, point.1);
-            if (index + phase) % RAY_STRIDE == 0 {
+            if (index + phase).is_multiple_of(RAY_STRIDE) {
                 self.free_space.pass(origin, from, point, &mut self.submap);
             }
             let is_still = !self.free_space.was_free(cell);

@@ -222,7 +222,7 @@ impl LidarOdometry {
                 information = open.decouple(&predicted.covariance).cholesky()?.inverse();
             }
             let (correction, covariance) = predicted.step(&information, &motion, &equations)?;
-            motion.correct(&correction);
+            predicted.correct(&mut motion, &correction);
             motion.covariance = covariance;
             chi2 = (equations.chi2, equations.on_map);
             if iteration > 0 && correction.fixed_rows::<3>(0).amax() < STEP_MIN {

@@ -18,6 +18,13 @@ const SPEED_UNKNOWN_MPS: f64 = 1.5;
 /// Standard deviation of an unknown angular speed, rad/s.
 const ANGULAR_SPEED_UNKNOWN_RADPS: f64 = 1.0;
 
+/// Acceleration is not estimated over longer intervals, s.
+const ACCELERATION_INTERVAL_MAX_S: f64 = 0.35;
+/// Gain of the smoothed acceleration.
+const ACCELERATION_GAIN: f64 = 0.6;
+/// Largest acceleration within a sweep, m/s² and rad/s².
+const ACCELERATION_MAX: f64 = 4.0;
+
 /// Pose and velocity of the LiDAR. Perturbations are the LiDAR's own (right): 0..3 of the pose,
 /// 3..6 of the velocity.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,6 +33,11 @@ pub struct Motion {
     pub pose: Pose2,
     /// Velocity (m/s, m/s, rad/s) in the LiDAR's frame.
     pub velocity: Vector3<f64>,
+    /// Acceleration of late (m/s², m/s², rad/s²): it bends the motion within a sweep by up to a
+    /// millimetre and a hundredth of a degree.
+    pub acceleration: Vector3<f64>,
+    /// Seconds since the last sweep, where there is one to compare with.
+    interval_s: Option<f64>,
     /// Covariance of pose and velocity.
     pub covariance: Matrix6<f64>,
 }
@@ -50,6 +62,8 @@ impl Motion {
         Self {
             pose,
             velocity: Vector3::zeros(),
+            acceleration: Vector3::zeros(),
+            interval_s: None,
             covariance,
         }
     }
@@ -63,10 +77,16 @@ impl Motion {
         motion
     }
 
-    /// One sigma of the position along its better known axis, m, and of the yaw, rad.
+    /// One sigma of the position along its best known axis, m, and of the yaw, rad. A corridor's
+    /// axis does not count.
     pub fn pose_sigmas(&self) -> (f64, f64) {
-        let position2 = self.covariance[(0, 0)].min(self.covariance[(1, 1)]);
-        (position2.sqrt(), self.covariance[(2, 2)].sqrt())
+        let (xx, xy, yy) = (
+            self.covariance[(0, 0)],
+            self.covariance[(0, 1)],
+            self.covariance[(1, 1)],
+        );
+        let least = 0.5 * (xx + yy) - (0.25 * (xx - yy).powi(2) + xy * xy).sqrt();
+        (least.max(0.0).sqrt(), self.covariance[(2, 2)].sqrt())
     }
 
     /// Standing still, and sure of nothing beyond what it was sure of.
@@ -108,6 +128,8 @@ impl Motion {
         Self {
             pose: self.pose.compose(&step),
             velocity: self.velocity,
+            acceleration: self.acceleration,
+            interval_s: Some(dt),
             covariance,
         }
     }
@@ -128,11 +150,23 @@ impl Motion {
         Some((correction, covariance))
     }
 
-    /// Applies a correction.
-    pub fn correct(&mut self, correction: &Vector6<f64>) {
+    /// Applies a correction to the motion aligned so far under the prediction `self`.
+    pub fn correct(&self, at: &mut Self, correction: &Vector6<f64>) {
         let twist = Vector3::new(correction[0], correction[1], correction[2]);
-        self.pose = self.pose.compose(&Pose2::exp(&twist));
-        self.velocity += Vector3::new(correction[3], correction[4], correction[5]);
+        at.pose = at.pose.compose(&Pose2::exp(&twist));
+        at.velocity += Vector3::new(correction[3], correction[4], correction[5]);
+        at.acceleration = self.acceleration_towards(&at.velocity);
+    }
+
+    /// The acceleration from the predicted velocity, which is the last sweep's, to this one's,
+    /// smoothed.
+    fn acceleration_towards(&self, velocity: &Vector3<f64>) -> Vector3<f64> {
+        let Some(interval_s) = self.interval_s.filter(|&s| s < ACCELERATION_INTERVAL_MAX_S) else {
+            return Vector3::zeros();
+        };
+        let now = (velocity - self.velocity) / interval_s;
+        let smoothed = self.acceleration + ACCELERATION_GAIN * (now - self.acceleration);
+        smoothed.map(|a| a.clamp(-ACCELERATION_MAX, ACCELERATION_MAX))
     }
 
     /// Inverse of the covariance.

@@ -85,6 +85,10 @@ pub struct LocalMotion {
     vx: f32,
     vy: f32,
     omega: f32,
+    /// Half the acceleration.
+    half_ax: f32,
+    half_ay: f32,
+    half_alpha: f32,
 }
 
 impl LocalMotion {
@@ -101,6 +105,9 @@ impl LocalMotion {
             vx: motion.velocity.x as f32,
             vy: motion.velocity.y as f32,
             omega: motion.velocity.z as f32,
+            half_ax: 0.5 * motion.acceleration.x as f32,
+            half_ay: 0.5 * motion.acceleration.y as f32,
+            half_alpha: 0.5 * motion.acceleration.z as f32,
         }
     }
 
@@ -112,14 +119,15 @@ impl LocalMotion {
     /// Deskews a point: where a beam taken at `tau` would have hit at the reference time.
     #[inline]
     pub fn deskew(&self, x: f32, y: f32, tau: f32) -> (f32, f32) {
-        let a = tau * self.omega;
+        let a = tau * (self.omega + tau * self.half_alpha);
         let a2 = a * a;
         let s = a * (1.0 - a2 * (1.0 / 6.0 - a2 * (1.0 / 120.0)));
         let c = 1.0 - a2 * (0.5 - a2 * (1.0 / 24.0 - a2 * (1.0 / 720.0)));
         // (sin a)/a and (1 - cos a)/a of the exponential map.
         let sa = 1.0 - a2 * (1.0 / 6.0 - a2 * (1.0 / 120.0));
         let ca = a * (0.5 - a2 * (1.0 / 24.0));
-        let (tx, ty) = (tau * self.vx, tau * self.vy);
+        let tx = tau * (self.vx + tau * self.half_ax);
+        let ty = tau * (self.vy + tau * self.half_ay);
         (
             c * x - s * y + sa * tx - ca * ty,
             s * x + c * y + ca * tx + sa * ty,
@@ -190,10 +198,6 @@ impl Alignment<'_> {
     }
 
     /// Lays a block over the map: deskews, transforms, and reads the line of each point's cell.
-    #[expect(
-        clippy::needless_range_loop,
-        reason = "plain loops over lanes are vectorised"
-    )]
     fn lay(&self, motion: &LocalMotion, block: &Block) -> Laid {
         let mut laid = Laid {
             qx: [0.0; LANES],
@@ -224,10 +228,6 @@ impl Alignment<'_> {
     }
 
     /// The terms of the normal equations of a block, lane by lane.
-    #[expect(
-        clippy::needless_range_loop,
-        reason = "plain loops over lanes are vectorised"
-    )]
     fn weigh(&self, motion: &LocalMotion, block: &Block, laid: &Laid) -> Terms {
         let mut terms = Terms {
             sums: [[0.0; LANES]; TERMS],

@@ -195,7 +195,7 @@ impl Submap {
     pub fn begin_update(&mut self, centre: Cell, range_noise_m: f32) {
         self.updates += 1;
         // A line may look as thick as the noise makes it, and no thicker than clutter.
-        self.quality.across_max_m2 = (2.5 * range_noise_m).clamp(0.025, 0.06).powi(2);
+        self.quality.across_max_m2 = (1.6 * range_noise_m).clamp(0.015, 0.06).powi(2);
         self.quality.noise_floor_m2 = (0.7 * range_noise_m).powi(2);
         self.quality.sightings_min = self.updates.min(3) as u16;
         self.quality_alone = LineQuality {
