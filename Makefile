@@ -1,0 +1,101 @@
+# fleetcal: `make demo` shows it, `make test` proves it.
+
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DEFAULT_GOAL := help
+
+CARGO ?= cargo
+BIN := $(or $(CARGO_TARGET_DIR),target)/release/fleetcal
+# Recordings that some tests and figures read; those say that they were skipped where it is not set.
+export FLEETCAL_DATA ?=
+export NPM_CONFIG_FUND = false
+export NPM_CONFIG_AUDIT = false
+export NPM_CONFIG_UPDATE_NOTIFIER = false
+
+.PHONY: help
+help: ## Lists the targets
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-18s %s\n", $$1, $$2}'
+
+.PHONY: demo
+demo: build ## Builds all and starts service, router and six simulated robots: http://127.0.0.1:8080
+	$(BIN) demo
+
+.PHONY: build
+build: dashboard rust ## Builds the dashboard and the binary
+	$(CARGO) build --release --locked -p fleetcal
+
+.PHONY: dashboard
+dashboard: web/dist/index.html ## Builds the dashboard's pages
+
+web/dist/index.html: web/node_modules/.package-lock.json $(shell find web/src web/public web/index.html web/vite.config.ts -type f 2>/dev/null)
+	cd web && npm run build --silent
+	@touch $@
+
+web/node_modules/.package-lock.json: web/package.json web/package-lock.json | node
+	cd web && npm ci --no-progress
+	@touch $@
+
+.PHONY: node
+node:
+	@node -e 'process.exit(+process.versions.node.split(".")[0] < 20)' 2>/dev/null \
+	  || { echo "Node.js 20 or newer is missing: install it with npm, then run make again." >&2; exit 1; }
+
+.PHONY: rust
+rust:
+	@command -v $(CARGO) >/dev/null \
+	  || { echo "Rust is missing: install rustup, which reads rust-toolchain.toml, then run make again." >&2; exit 1; }
+	@command -v cc >/dev/null \
+	  || { echo "A C compiler is missing (SQLite is built from source): install gcc, then run make again." >&2; exit 1; }
+
+.PHONY: chromium
+chromium:
+	@command -v chromium >/dev/null || command -v chromium-browser >/dev/null || { \
+	  if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	    apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq chromium >/dev/null; \
+	  else \
+	    echo "Chromium is missing: install the package chromium, then run make again." >&2; exit 1; \
+	  fi; }
+
+.PHONY: test
+test: check test-rust test-web ## Runs all checks and tests
+
+.PHONY: check
+check: dashboard rust ## Format, lints and types
+	$(CARGO) fmt --check
+	$(CARGO) clippy --release --locked --workspace --all-targets -- -D warnings
+	cd web && npm run check --silent
+
+.PHONY: test-rust
+test-rust: build ## Rust tests, end-to-end ones included
+	$(CARGO) build --release --locked --workspace --tests
+	if $(CARGO) nextest --version >/dev/null 2>&1; then \
+	  FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) nextest run --release --locked --workspace; \
+	else \
+	  FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked --workspace -- --test-threads 2; \
+	fi
+
+.PHONY: test-web
+test-web: build chromium ## The dashboard's unit tests, then the real binary in a browser
+	cd web && npm run test --silent
+	cd web && FLEETCAL_BIN=$(abspath $(BIN)) npm run e2e --silent
+
+.PHONY: audit
+audit: rust ## Licences, bans and sources of all dependencies (cargo-deny)
+	@$(CARGO) deny --version >/dev/null 2>&1 || $(CARGO) install --locked cargo-deny
+	$(CARGO) deny --all-features check bans licenses sources
+
+.PHONY: bench
+bench: rust ## Benchmarks of the estimator's stages
+	$(CARGO) bench --locked -p fleetcal-estimator
+
+.PHONY: doc
+doc: rust ## The crates' documentation
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --locked --workspace --no-deps
+
+.PHONY: screenshots
+screenshots: build chromium ## Takes the pictures in docs/ from the running demo
+	cd web && FLEETCAL_BIN=$(abspath $(BIN)) npm run screenshots
+
+.PHONY: clean
+clean: ## Removes what was built
+	rm -rf target web/dist web/node_modules web/test-results
