@@ -3,7 +3,7 @@
 use super::beam_filter::SweepPoints;
 use super::motion::Motion;
 use super::point_to_line::LocalMotion;
-use super::submap::{FreeSpace, LocalOrigin, RAY_STRIDE, Submap};
+use super::submap::{Cell, FreeSpace, LocalOrigin, RAY_STRIDE, Submap};
 use crate::geometry::Pose2;
 use crate::stream::Stamp;
 
@@ -71,7 +71,7 @@ impl LocalMap {
         let from = local.position();
         let (centre, _, _) = origin.locate(from.0, from.1);
         self.submap.begin_update(centre, range_noise_m);
-        self.free_space.follow(centre);
+        self.free_space.begin_update(centre);
         // Other beams mark free space each time.
         let phase = self.submap.updates() as usize * (RAY_STRIDE / 2 + 1);
         let mut previous = None;
@@ -80,7 +80,9 @@ impl LocalMap {
             let point = local.transform(qx, qy);
             let (cell, _, _) = origin.locate(point.0, point.1);
             if (index + phase).is_multiple_of(RAY_STRIDE) {
-                self.free_space.pass(origin, from, point, &mut self.submap);
+                let cos_incidence = self.cos_incidence(cell, from, point);
+                self.free_space
+                    .pass(origin, from, point, cos_incidence, &mut self.submap);
             }
             let is_still = !self.free_space.was_free(cell);
             self.free_space.hit(cell);
@@ -93,6 +95,17 @@ impl LocalMap {
             previous = (returned.joined && is_still).then_some(point);
         }
         self.submap.end_update();
+    }
+
+    /// Cosine of the incidence of a beam on the line it hits; 1 where none is known.
+    fn cos_incidence(&self, cell: Cell, from: (f32, f32), to: (f32, f32)) -> f32 {
+        let line = self.submap.line(cell);
+        let (dx, dy) = (to.0 - from.0, to.1 - from.1);
+        if line.exists() {
+            (line.nx * dx + line.ny * dy).abs() / (dx * dx + dy * dy).sqrt()
+        } else {
+            1.0
+        }
     }
 
     /// Fills the surface between two neighbouring returns that lie farther apart than cells.

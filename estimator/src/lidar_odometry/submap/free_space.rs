@@ -9,30 +9,39 @@ const FREE_CELL: f32 = (CELL_M * (1 << SCALE_SHIFT) as f64) as f32;
 const GRID: i32 = 256;
 /// Rays end here, m: beyond, too few pass to tell.
 const RAY_MAX_M: f32 = 20.0;
-/// Rays end this far before the return, m.
-const BEFORE_RETURN_M: f32 = 0.35;
+/// A ray ends this far from the surface it hits, measured across the surface, m.
+const BEFORE_SURFACE_M: f32 = 0.3;
+/// Least cosine of incidence that this distance is divided by.
+const COS_INCIDENCE_MIN: f32 = 0.05;
 /// One in so many beams marks free space.
-pub const RAY_STRIDE: usize = 8;
-const HIT: i8 = 4;
-const EVIDENCE_MAX: i8 = 20;
-const EVIDENCE_MIN: i8 = -20;
+pub const RAY_STRIDE: usize = 4;
+/// What returns in a cell add, once in an update; each ray through it takes one.
+const HIT: i8 = 2;
+const EVIDENCE_MAX: i8 = 10;
+const EVIDENCE_MIN: i8 = -40;
 /// A return in a cell at or below this is a moving object's.
-const FREE: i8 = -6;
+const FREE: i8 = -5;
 /// What the map holds in a cell that comes down to this is forgotten.
-const FORGET: i8 = -12;
+const FORGET: i8 = -8;
 
 /// Evidence for and against a surface, on a grid that rolls along with the LiDAR.
 #[derive(Debug, Clone)]
 pub struct FreeSpace {
     evidence: Vec<i8>,
+    /// The update (its low byte) in which a cell was hit last.
+    hit_in: Vec<u8>,
+    update: u8,
     /// Lowest cell of the grid.
     low: Option<Cell>,
 }
 
 impl Default for FreeSpace {
     fn default() -> Self {
+        let cells = (GRID * GRID) as usize;
         Self {
-            evidence: vec![0; (GRID * GRID) as usize],
+            evidence: vec![0; cells],
+            hit_in: vec![0; cells],
+            update: 0,
             low: None,
         }
     }
@@ -47,7 +56,7 @@ impl FreeSpace {
 
     /// Bytes held.
     pub fn memory_bytes(&self) -> usize {
-        self.evidence.capacity()
+        self.evidence.capacity() + self.hit_in.capacity()
     }
 
     fn slot(&self, cell: Cell) -> Option<usize> {
@@ -64,8 +73,9 @@ impl FreeSpace {
             .is_some_and(|&e| e <= FREE)
     }
 
-    /// Moves the grid so that `centre` lies in its middle part.
-    pub fn follow(&mut self, centre: Cell) {
+    /// Begins an update: moves the grid so that `centre` lies in its middle part.
+    pub fn begin_update(&mut self, centre: Cell) {
+        self.update = self.update.wrapping_add(1);
         let wanted = Cell {
             x: (centre.x >> SCALE_SHIFT) - GRID / 2,
             y: (centre.y >> SCALE_SHIFT) - GRID / 2,
@@ -113,24 +123,29 @@ impl FreeSpace {
 
     /// A return lies in this cell.
     pub fn hit(&mut self, cell: Cell) {
-        if let Some(slot) = self.slot(cell)
-            && let Some(e) = self.evidence.get_mut(slot)
+        let Some(slot) = self.slot(cell) else { return };
+        if let (Some(e), Some(hit_in)) = (self.evidence.get_mut(slot), self.hit_in.get_mut(slot))
+            && *hit_in != self.update
         {
+            *hit_in = self.update;
             *e = (*e + HIT).min(EVIDENCE_MAX);
         }
     }
 
-    /// A beam went from `from` to `to` (from `origin`, m); forgets what `submap` held on its way.
+    /// A beam went from `from` to `to` (from `origin`, m) and met the surface there at an incidence
+    /// of this cosine; forgets what `submap` held on its way.
     pub fn pass(
         &mut self,
         origin: LocalOrigin,
         from: (f32, f32),
         to: (f32, f32),
+        cos_incidence: f32,
         submap: &mut Submap,
     ) {
         let (dx, dy) = (to.0 - from.0, to.1 - from.1);
         let range = (dx * dx + dy * dy).sqrt();
-        let length = (range - BEFORE_RETURN_M).min(RAY_MAX_M);
+        let before_return = BEFORE_SURFACE_M / cos_incidence.max(COS_INCIDENCE_MIN);
+        let length = (range - before_return).min(RAY_MAX_M);
         let (ux, uy) = (dx / range * FREE_CELL, dy / range * FREE_CELL);
         let steps = (length / FREE_CELL) as i32;
         let (mut x, mut y) = from;
