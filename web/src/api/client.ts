@@ -1,5 +1,6 @@
 /** Requests to the service. Every failure becomes one {@link Refusal} with a sentence in it. */
 
+import type { Problem } from './types';
 import { now } from '../ui/time.svelte';
 
 const REQUEST_TIMEOUT_MS = 10_000;
@@ -23,12 +24,6 @@ export interface Answer<T> {
   etag: string | null;
 }
 
-/** RFC 9457, as far as a page shows it. */
-interface Problem {
-  title?: string;
-  detail?: string;
-}
-
 /** A text that can begin a line, and be followed by a full stop. */
 export function sentence(text: string): string {
   const trimmed = text.trim().replace(/\.$/, '');
@@ -36,9 +31,9 @@ export function sentence(text: string): string {
 }
 
 async function refusal(response: Response): Promise<Refusal> {
-  let problem: Problem = {};
+  let problem: Partial<Problem> = {};
   try {
-    problem = (await response.json()) as Problem;
+    problem = (await response.json()) as Partial<Problem>;
   } catch {
     // Not a problem document: the status has to do.
   }

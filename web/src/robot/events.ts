@@ -1,6 +1,6 @@
 /** What can happen to a robot, in words. */
 
-import type { ParameterName, RobotEvent } from '../api/types';
+import type { EventKind, ParameterName, RobotEvent } from '../api/types';
 import { fixed, unitAfter } from '../units/format';
 import { SHOWN } from '../units/parameters';
 import type { EventMark } from './plot';
@@ -10,17 +10,17 @@ interface EventFace {
   tone: EventMark['tone'];
 }
 
-const KINDS: Record<string, EventFace> = {
+const KINDS: Record<EventKind, EventFace> = {
   calibration_changed: { word: 'Calibration changed', tone: 'bad' },
   calibration_confirmed: { word: 'Calibration confirmed', tone: 'quiet' },
   fault: { word: 'Fault', tone: 'bad' },
   reassembled: { word: 'Reassembled', tone: 'warn' },
   maintenance: { word: 'Maintenance', tone: 'warn' },
   power_on: { word: 'Switched on', tone: 'quiet' },
-  session_started: { word: 'Data began', tone: 'quiet' },
-  session_ended: { word: 'Data ended', tone: 'quiet' },
+  session_started: { word: 'New session', tone: 'quiet' },
   service_started: { word: 'Service started', tone: 'quiet' },
   estimator_restarted: { word: 'Estimator restarted', tone: 'bad' },
+  estimator_stopped: { word: 'Estimator stopped', tone: 'bad' },
   configured: { word: 'Vehicle given or changed', tone: 'quiet' },
 };
 
@@ -40,7 +40,7 @@ const SOURCES: Record<string, string> = {
 };
 
 export function eventFace(kind: string): EventFace {
-  return KINDS[kind] ?? { word: kind.replaceAll('_', ' '), tone: 'quiet' };
+  return KINDS[kind as EventKind] ?? { word: kind.replaceAll('_', ' '), tone: 'quiet' };
 }
 
 /** Who says so. */

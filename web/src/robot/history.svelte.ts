@@ -1,7 +1,7 @@
 /** One robot's history on its page: read for the window that is shown, then kept up live. */
 
 import { get, Refusal } from '../api/client';
-import type { Estimate, HistoryDocument, ParameterName, RobotEvent } from '../api/types';
+import type { Estimate, EventPage, HistoryDocument, ParameterName, RobotEvent } from '../api/types';
 import { robotUrl } from '../fleet/fleet.svelte';
 import { now } from '../ui/time.svelte';
 import { CALIBRATED } from '../units/parameters';
@@ -83,7 +83,7 @@ export class History {
   async loadEvents(): Promise<void> {
     try {
       const path = `${robotUrl(this.id)}/events?limit=${EVENTS_MAX}`;
-      this.events = (await get<{ items: RobotEvent[] }>(path)).body.items;
+      this.events = (await get<EventPage>(path)).body.items;
     } catch {
       // The list stays as it is; the bar over the page says that the service is away.
     }

@@ -102,11 +102,11 @@ describe('the cursor', () => {
 describe('an answer of the service', () => {
   it('becomes columns', () => {
     const made = allSeries({
-      bucket_s: 60,
       time: ['2026-11-21T13:00:00Z', '2026-11-21T13:01:00Z'],
       series: [
         {
           parameter: 'lidar_x',
+          unit: 'm',
           mean: [null, 1],
           min: [null, 0],
           max: [null, 2],

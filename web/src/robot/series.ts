@@ -124,7 +124,9 @@ export function csv(series: Series, name: ParameterName): string {
 }
 
 /** Every parameter of an answer as a series. */
-export function allSeries(answer: HistoryDocument): Map<ParameterName, Series> {
+export function allSeries(
+  answer: Pick<HistoryDocument, 'time' | 'series'>,
+): Map<ParameterName, Series> {
   const times_s = answer.time.map((time) => Date.parse(time) / 1000);
   return new Map(answer.series.map((given) => [given.parameter, seriesOf(times_s, given)]));
 }
