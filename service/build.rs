@@ -8,7 +8,10 @@ fn main() {
     // The pages are built by npm; without them there is an empty folder, and the service says how
     // to build them.
     if let Err(error) = std::fs::create_dir_all(pages) {
-        println!("cargo::warning=the folder {} cannot be made: {error}", pages.display());
+        println!(
+            "cargo::warning=the folder {} cannot be made: {error}",
+            pages.display()
+        );
     }
     println!("cargo::rerun-if-changed=../web/dist");
 }

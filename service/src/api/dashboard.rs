@@ -43,7 +43,10 @@ fn answer(
         return embedded(name, &file, headers);
     }
     // An address of the dashboard has no ending; a missing file must not look like a page.
-    let is_file = name.rsplit('/').next().is_some_and(|last| last.contains('.'));
+    let is_file = name
+        .rsplit('/')
+        .next()
+        .is_some_and(|last| last.contains('.'));
     if is_file && name != INDEX {
         return Problem::not_found(path).into_response();
     }
@@ -61,7 +64,10 @@ fn embedded(name: &str, file: &EmbeddedFile, headers: &HeaderMap) -> Response {
     } else {
         HeaderValue::from_static("no-cache")
     };
-    let cached = [(header::ETAG, tag.clone()), (header::CACHE_CONTROL, caching)];
+    let cached = [
+        (header::ETAG, tag.clone()),
+        (header::CACHE_CONTROL, caching),
+    ];
     if etag::client_has(headers, &tag) {
         return (StatusCode::NOT_MODIFIED, cached).into_response();
     }

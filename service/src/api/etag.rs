@@ -31,7 +31,11 @@ pub(super) fn tagged_json<T: Serialize>(
 pub(super) fn tag_of(bytes: &[u8]) -> HeaderValue {
     let digest: [u8; 32] = Sha256::digest(bytes).into();
     let (half, _) = digest.split_at(16);
-    quoted(&half.iter().fold(0, |number: u128, byte| (number << 8) | u128::from(*byte)))
+    quoted(
+        &half
+            .iter()
+            .fold(0, |number: u128, byte| (number << 8) | u128::from(*byte)),
+    )
 }
 
 /// A document with the tag of its version.
@@ -45,19 +49,26 @@ pub(super) fn versioned_json<T: Serialize>(
 
 /// Whether `If-None-Match` names this tag.
 pub(super) fn client_has(headers: &HeaderMap, tag: &HeaderValue) -> bool {
-    let Some(named) = headers.get(header::IF_NONE_MATCH).and_then(|value| value.to_str().ok())
+    let Some(named) = headers
+        .get(header::IF_NONE_MATCH)
+        .and_then(|value| value.to_str().ok())
     else {
         return false;
     };
     let Ok(tag) = tag.to_str() else { return false };
-    named.split(',').map(str::trim).any(|one| one == "*" || one.trim_start_matches("W/") == tag)
+    named
+        .split(',')
+        .map(str::trim)
+        .any(|one| one == "*" || one.trim_start_matches("W/") == tag)
 }
 
 /// Which version a change is meant for: `If-Match: "3"`, or `If-None-Match: *` for what must not
 /// be there yet.
 pub(super) fn expected(headers: &HeaderMap) -> Result<Expected, Problem> {
     if let Some(text) = header_text(headers, &header::IF_MATCH)? {
-        let version = text.strip_prefix('"').and_then(|rest| rest.strip_suffix('"'));
+        let version = text
+            .strip_prefix('"')
+            .and_then(|rest| rest.strip_suffix('"'));
         return version
             .and_then(|version| version.parse().ok())
             .map(Expected::Version)
@@ -92,8 +103,14 @@ mod tests {
     #[test]
     fn a_condition_names_a_version() {
         let expected = |name, value| expected(&headers(name, value));
-        assert_eq!(expected(header::IF_MATCH, "\"3\"").unwrap(), Expected::Version(3));
-        assert_eq!(expected(header::IF_NONE_MATCH, "*").unwrap(), Expected::Absent);
+        assert_eq!(
+            expected(header::IF_MATCH, "\"3\"").unwrap(),
+            Expected::Version(3)
+        );
+        assert_eq!(
+            expected(header::IF_NONE_MATCH, "*").unwrap(),
+            Expected::Absent
+        );
         for wrong in ["3", "\"x\"", "*", "W/\"3\"", "\"3\", \"4\"", "\""] {
             assert!(expected(header::IF_MATCH, wrong).is_err(), "{wrong}");
         }
@@ -107,7 +124,10 @@ mod tests {
         let named = format!("\"0\", {}", tag.to_str().unwrap());
         let mut headers = HeaderMap::new();
         assert!(!client_has(&headers, &tag));
-        headers.insert(header::IF_NONE_MATCH, HeaderValue::from_str(&named).unwrap());
+        headers.insert(
+            header::IF_NONE_MATCH,
+            HeaderValue::from_str(&named).unwrap(),
+        );
         assert!(client_has(&headers, &tag));
         assert!(!client_has(&headers, &tag_of(b"y")));
     }

@@ -26,7 +26,11 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for Parameters<T> 
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Problem> {
         let Query(query) = Query::try_from_uri(&parts.uri).map_err(|rejection| {
-            Problem::new(StatusCode::BAD_REQUEST, "query_refused", rejection.body_text())
+            Problem::new(
+                StatusCode::BAD_REQUEST,
+                "query_refused",
+                rejection.body_text(),
+            )
         })?;
         Ok(Self(query))
     }
@@ -46,7 +50,9 @@ impl<S: Send + Sync> FromRequestParts<S> for RobotPath {
         let Path(id) = Path::<String>::from_request_parts(parts, state)
             .await
             .map_err(|rejection| refused(rejection.body_text()))?;
-        RobotId::parse(&id).map(Self).map_err(|error| refused(error.to_string()))
+        RobotId::parse(&id)
+            .map(Self)
+            .map_err(|error| refused(error.to_string()))
     }
 }
 
@@ -68,18 +74,25 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequest<S> for Body<T> {
             let status = StatusCode::UNSUPPORTED_MEDIA_TYPE;
             return Err(Problem::new(status, "not_json", detail).of_field("Content-Type"));
         }
-        let bytes = Bytes::from_request(request, state).await.map_err(|rejection| {
-            Problem::new(rejection.status(), "body_refused", rejection.body_text())
-        })?;
+        let bytes = Bytes::from_request(request, state)
+            .await
+            .map_err(|rejection| {
+                Problem::new(rejection.status(), "body_refused", rejection.body_text())
+            })?;
         let Json(value) = Json::from_bytes(&bytes).map_err(|rejection| {
             Problem::new(rejection.status(), "body_refused", rejection.body_text())
         })?;
-        Ok(Self { value, sha256: Sha256::digest(&bytes).into() })
+        Ok(Self {
+            value,
+            sha256: Sha256::digest(&bytes).into(),
+        })
     }
 }
 
 fn is_json(headers: &HeaderMap) -> bool {
-    let content_type = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok());
+    let content_type = headers
+        .get(header::CONTENT_TYPE)
+        .and_then(|value| value.to_str().ok());
     content_type
         .and_then(|text| text.split(';').next())
         .is_some_and(|media| media.trim().eq_ignore_ascii_case("application/json"))
@@ -108,11 +121,16 @@ pub(super) fn number_within(
     range: std::ops::RangeInclusive<u32>,
     default: u32,
 ) -> Result<u32, Problem> {
-    let Some(text) = given else { return Ok(default) };
-    text.parse().ok().filter(|number| range.contains(number)).ok_or_else(|| {
-        let accepted = format!("a whole number from {} to {}", range.start(), range.end());
-        Problem::refused(field, text, &accepted)
-    })
+    let Some(text) = given else {
+        return Ok(default);
+    };
+    text.parse()
+        .ok()
+        .filter(|number| range.contains(number))
+        .ok_or_else(|| {
+            let accepted = format!("a whole number from {} to {}", range.start(), range.end());
+            Problem::refused(field, text, &accepted)
+        })
 }
 
 /// A time of a query.

@@ -38,7 +38,10 @@ impl ReadyProbe {
             return probed.answer.clone();
         }
         let answer = store.probe().await.map_err(|error| error.to_string());
-        *last = Some(Probed { at: elapsed, answer: answer.clone() });
+        *last = Some(Probed {
+            at: elapsed,
+            answer: answer.clone(),
+        });
         answer
     }
 }
@@ -66,7 +69,10 @@ struct Check {
 
 impl Check {
     fn of(result: Result<(), String>) -> Self {
-        Self { ok: result.is_ok(), detail: result.err() }
+        Self {
+            ok: result.is_ok(),
+            detail: result.err(),
+        }
     }
 }
 
@@ -107,6 +113,10 @@ pub(super) async fn readyz(
         migrations: Check::of(migrations),
         zenoh: Check::of(zenoh),
     };
-    let status = if ready { StatusCode::OK } else { StatusCode::SERVICE_UNAVAILABLE };
+    let status = if ready {
+        StatusCode::OK
+    } else {
+        StatusCode::SERVICE_UNAVAILABLE
+    };
     (status, Json(document)).into_response()
 }

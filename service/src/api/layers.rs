@@ -27,8 +27,14 @@ const SECURITY_HEADERS: [(HeaderName, &str); 6] = [
     (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
     (header::REFERRER_POLICY, "no-referrer"),
     (header::X_FRAME_OPTIONS, "DENY"),
-    (HeaderName::from_static("cross-origin-opener-policy"), "same-origin"),
-    (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
+    (
+        HeaderName::from_static("cross-origin-opener-policy"),
+        "same-origin",
+    ),
+    (
+        HeaderName::from_static("cross-origin-resource-policy"),
+        "same-origin",
+    ),
 ];
 
 /// Puts the layers of all routes around them.
@@ -42,7 +48,9 @@ pub(super) fn around(routes: Router) -> Router {
         .layer(CompressionLayer::new())
         .layer(CatchPanicLayer::custom(panicked))
         .layer(DefaultBodyLimit::max(limits::HTTP_BODY_BYTES_MAX));
-    routes.method_not_allowed_fallback(method_refused).layer(layers)
+    routes
+        .method_not_allowed_fallback(method_refused)
+        .layer(layers)
 }
 
 /// Gives up on a request that takes too long.

@@ -38,7 +38,11 @@ pub(super) async fn metrics(
     }));
     let mut written = String::new();
     text::encode(&mut written, &registry).map_err(|error| {
-        Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "not_serializable", error.to_string())
+        Problem::new(
+            StatusCode::INTERNAL_SERVER_ERROR,
+            "not_serializable",
+            error.to_string(),
+        )
     })?;
     let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
     Ok(([(header::CONTENT_TYPE, kind)], written))
@@ -57,7 +61,12 @@ struct Snapshot {
 impl Collector for Snapshot {
     fn encode(&self, mut encoder: DescriptorEncoder<'_>) -> fmt::Result {
         let out = &mut encoder;
-        gauge(out, "fleetcal_up_seconds", "Time since the start", self.uptime_s)?;
+        gauge(
+            out,
+            "fleetcal_up_seconds",
+            "Time since the start",
+            self.uptime_s,
+        )?;
         gauge(
             out,
             "fleetcal_zenoh_open",
@@ -76,39 +85,95 @@ impl Snapshot {
         let fleet = &self.fleet;
         for (name, help, value) in [
             ("fleetcal_messages", "Messages received", fleet.received),
-            ("fleetcal_foreign_keys", "Messages whose key names no robot", fleet.foreign_keys),
-            ("fleetcal_oversized", "Messages refused for their size", fleet.oversized),
-            ("fleetcal_beyond_robots", "Messages of robots beyond the limit", {
-                fleet.beyond_robots_max
-            }),
-            ("fleetcal_estimator_panics", "Estimators that failed", fleet.estimator_panics),
+            (
+                "fleetcal_foreign_keys",
+                "Messages whose key names no robot",
+                fleet.foreign_keys,
+            ),
+            (
+                "fleetcal_oversized",
+                "Messages refused for their size",
+                fleet.oversized,
+            ),
+            (
+                "fleetcal_beyond_robots",
+                "Messages of robots beyond the limit",
+                { fleet.beyond_robots_max },
+            ),
+            (
+                "fleetcal_estimator_panics",
+                "Estimators that failed",
+                fleet.estimator_panics,
+            ),
         ] {
             counter(out, name, help, value)?;
         }
-        let by_stream = fleet.by_stream.iter().map(|(stream, value)| ([("stream", *stream)], *value));
-        counters(out, "fleetcal_stream_messages", "Messages received by stream", by_stream)
+        let by_stream = fleet
+            .by_stream
+            .iter()
+            .map(|(stream, value)| ([("stream", *stream)], *value));
+        counters(
+            out,
+            "fleetcal_stream_messages",
+            "Messages received by stream",
+            by_stream,
+        )
     }
 
     fn encode_store(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
         let store = &self.store;
         for (name, help, value) in [
-            ("fleetcal_store_commits", "Transactions committed", store.commits),
-            ("fleetcal_store_failed_commits", "Transactions that failed", store.failed_commits),
-            ("fleetcal_store_history_rows", "Seconds of history written", store.history_rows),
-            ("fleetcal_store_refused", "Writes refused by a full queue", store.refused),
-            ("fleetcal_store_lost", "Rows lost by a failing database", store.lost),
-            ("fleetcal_store_pruned_rows", "Rows deleted for their age", store.pruned_rows),
+            (
+                "fleetcal_store_commits",
+                "Transactions committed",
+                store.commits,
+            ),
+            (
+                "fleetcal_store_failed_commits",
+                "Transactions that failed",
+                store.failed_commits,
+            ),
+            (
+                "fleetcal_store_history_rows",
+                "Seconds of history written",
+                store.history_rows,
+            ),
+            (
+                "fleetcal_store_refused",
+                "Writes refused by a full queue",
+                store.refused,
+            ),
+            (
+                "fleetcal_store_lost",
+                "Rows lost by a failing database",
+                store.lost,
+            ),
+            (
+                "fleetcal_store_pruned_rows",
+                "Rows deleted for their age",
+                store.pruned_rows,
+            ),
         ] {
             counter(out, name, help, value)?;
         }
-        gauge(out, "fleetcal_store_waiting", "Writes that wait", store.waiting as f64)
+        gauge(
+            out,
+            "fleetcal_store_waiting",
+            "Writes that wait",
+            store.waiting as f64,
+        )
     }
 
     fn encode_robots(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
         let all = self.robots.len();
         gauge(out, "fleetcal_robots", "Robots known", all as f64)?;
         let beyond = all.saturating_sub(limits::METRICS_ROBOTS_MAX);
-        gauge(out, "fleetcal_robots_beyond_metrics", "Robots without own counters", beyond as f64)?;
+        gauge(
+            out,
+            "fleetcal_robots_beyond_metrics",
+            "Robots without own counters",
+            beyond as f64,
+        )?;
         for (name, help, value) in ROBOT_COUNTERS {
             let shown = self.robots.iter().take(limits::METRICS_ROBOTS_MAX);
             let values = shown.map(|robot| ([("robot", robot.id.as_str())], value(robot)));
@@ -122,27 +187,40 @@ impl Snapshot {
 type RobotCounter = (&'static str, &'static str, fn(&RobotView) -> u64);
 
 const ROBOT_COUNTERS: [RobotCounter; 7] = [
-    ("fleetcal_robot_received", "Messages of the robot", |robot| robot.counters.received),
-    ("fleetcal_robot_processed", "Messages that its estimator took", |robot| {
-        robot.counters.processed
+    (
+        "fleetcal_robot_received",
+        "Messages of the robot",
+        |robot| robot.counters.received,
+    ),
+    (
+        "fleetcal_robot_processed",
+        "Messages that its estimator took",
+        |robot| robot.counters.processed,
+    ),
+    ("fleetcal_robot_shed_drive", "Drive samples shed", |robot| {
+        robot.counters.shed_drive
     }),
-    ("fleetcal_robot_shed_drive", "Drive samples shed", |robot| robot.counters.shed_drive),
-    ("fleetcal_robot_shed_scans", "Scans and poses shed", |robot| robot.counters.shed_scans),
-    ("fleetcal_robot_refused", "Messages refused", |robot| robot.counters.refused),
-    ("fleetcal_robot_ignored", "Messages before it was configured", |robot| {
-        robot.counters.ignored
+    (
+        "fleetcal_robot_shed_scans",
+        "Scans and poses shed",
+        |robot| robot.counters.shed_scans,
+    ),
+    ("fleetcal_robot_refused", "Messages refused", |robot| {
+        robot.counters.refused
     }),
-    ("fleetcal_robot_estimator_restarts", "Restarts of its estimator", |robot| {
-        u64::from(robot.estimator_restarts)
-    }),
+    (
+        "fleetcal_robot_ignored",
+        "Messages before it was configured",
+        |robot| robot.counters.ignored,
+    ),
+    (
+        "fleetcal_robot_estimator_restarts",
+        "Restarts of its estimator",
+        |robot| u64::from(robot.estimator_restarts),
+    ),
 ];
 
-fn counter(
-    out: &mut DescriptorEncoder<'_>,
-    name: &str,
-    help: &str,
-    value: u64,
-) -> fmt::Result {
+fn counter(out: &mut DescriptorEncoder<'_>, name: &str, help: &str, value: u64) -> fmt::Result {
     let counter = ConstCounter::new(value);
     counter.encode(out.encode_descriptor(name, help, None, MetricType::Counter)?)
 }
@@ -166,8 +244,15 @@ fn counters<'a>(
 }
 
 fn encode_process(out: &mut DescriptorEncoder<'_>) -> fmt::Result {
-    let Some(bytes) = resident_bytes() else { return Ok(()) };
-    gauge(out, "process_resident_memory_bytes", "Memory of the process", bytes)
+    let Some(bytes) = resident_bytes() else {
+        return Ok(());
+    };
+    gauge(
+        out,
+        "process_resident_memory_bytes",
+        "Memory of the process",
+        bytes,
+    )
 }
 
 /// Resident memory of this process; `None` where the system does not say.

@@ -58,7 +58,11 @@ impl Problem {
 
     /// Nothing is there under this address.
     pub(super) fn not_found(path: &str) -> Self {
-        Self::new(StatusCode::NOT_FOUND, "not_found", format!("nothing is at {path}"))
+        Self::new(
+            StatusCode::NOT_FOUND,
+            "not_found",
+            format!("nothing is at {path}"),
+        )
     }
 
     /// The address is there, but not for this method.
@@ -99,18 +103,28 @@ impl From<StoreError> for Problem {
             StoreError::VersionConflict { .. } => {
                 Self::new(StatusCode::PRECONDITION_FAILED, "version_conflict", detail)
             }
-            StoreError::KeyReused => {
-                Self::new(StatusCode::UNPROCESSABLE_ENTITY, "idempotency_key_reused", detail)
-                    .of_field("Idempotency-Key")
-            }
+            StoreError::KeyReused => Self::new(
+                StatusCode::UNPROCESSABLE_ENTITY,
+                "idempotency_key_reused",
+                detail,
+            )
+            .of_field("Idempotency-Key"),
             StoreError::Corrupt { .. } => {
                 tracing::error!(%detail, "a row of the database cannot be read");
-                Self::new(StatusCode::INTERNAL_SERVER_ERROR, "database_corrupt", detail)
+                Self::new(
+                    StatusCode::INTERNAL_SERVER_ERROR,
+                    "database_corrupt",
+                    detail,
+                )
             }
             other => {
                 let source = std::error::Error::source(&other).map(ToString::to_string);
                 tracing::error!(%detail, ?source, "the database failed a request");
-                Self::new(StatusCode::SERVICE_UNAVAILABLE, "database_unavailable", detail)
+                Self::new(
+                    StatusCode::SERVICE_UNAVAILABLE,
+                    "database_unavailable",
+                    detail,
+                )
             }
         }
     }
@@ -136,8 +150,7 @@ impl From<FleetRefused> for Problem {
 
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
-        let status =
-            StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
+        let status = StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
         let mut response = (status, Json(self)).into_response();
         let headers = response.headers_mut();
         let problem = HeaderValue::from_static("application/problem+json");

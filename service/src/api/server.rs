@@ -26,10 +26,18 @@ pub async fn serve(listener: TcpListener, routes: Router, stop: CancellationToke
     let graceful = GracefulShutdown::new();
     let places = Arc::new(Semaphore::new(limits::HTTP_CONNECTIONS_MAX));
     while let Some((connection, place)) = accept(&listener, &places, &stop).await {
-        tokio::spawn(serve_connection(connection, place, routes.clone(), graceful.watcher()));
+        tokio::spawn(serve_connection(
+            connection,
+            place,
+            routes.clone(),
+            graceful.watcher(),
+        ));
     }
     drop(listener);
-    if tokio::time::timeout(DRAIN_TIMEOUT, graceful.shutdown()).await.is_err() {
+    if tokio::time::timeout(DRAIN_TIMEOUT, graceful.shutdown())
+        .await
+        .is_err()
+    {
         tracing::warn!("some HTTP requests were cut off by the shutdown");
     }
 }

@@ -83,15 +83,27 @@ impl StreamHub {
 fn frame(id: u64, update: &LiveUpdate, now_ns: i64) -> Option<Frame> {
     let (kind, robot, data) = match update {
         LiveUpdate::Estimate { robot, document } => ("estimate", robot, json(document.as_ref())?),
-        LiveUpdate::RobotState { robot, state, stale, alive } => {
-            ("robot_state", robot, json(&state_document(robot, *state, *stale, *alive))?)
-        }
+        LiveUpdate::RobotState {
+            robot,
+            state,
+            stale,
+            alive,
+        } => (
+            "robot_state",
+            robot,
+            json(&state_document(robot, *state, *stale, *alive))?,
+        ),
         LiveUpdate::Event { robot, event } => {
             let document = EventDocument::of(NewEvent::of(robot, event, now_ns));
             ("event", robot, json(&document)?)
         }
     };
-    Some(Frame { id, kind, robot: Some(robot.clone()), data })
+    Some(Frame {
+        id,
+        kind,
+        robot: Some(robot.clone()),
+        data,
+    })
 }
 
 fn json<T: Serialize>(document: &T) -> Option<String> {
@@ -102,7 +114,12 @@ fn json<T: Serialize>(document: &T) -> Option<String> {
 
 /// Tells a listener that it missed something and should read again what it shows.
 fn resync(id: u64) -> Frame {
-    Frame { id, kind: "resync", robot: None, data: "{}".to_owned() }
+    Frame {
+        id,
+        kind: "resync",
+        robot: None,
+        data: "{}".to_owned(),
+    }
 }
 
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
@@ -140,11 +157,21 @@ pub(super) async fn get_stream(
     let robot = query.robot.as_deref().map(robot_named).transpose()?;
     let hub = api.stream;
     let place = Arc::clone(&hub.places).try_acquire_owned().map_err(|_| {
-        let detail = format!("{} listen already, which is the limit", limits::HTTP_STREAMS_MAX);
+        let detail = format!(
+            "{} listen already, which is the limit",
+            limits::HTTP_STREAMS_MAX
+        );
         Problem::new(StatusCode::SERVICE_UNAVAILABLE, "streams_full", detail)
     })?;
-    let first = if headers.contains_key("last-event-id") { "resync" } else { "ready" };
-    let first = Event::default().event(first).data("{}").retry(limits::HTTP_STREAM_RETRY);
+    let first = if headers.contains_key("last-event-id") {
+        "resync"
+    } else {
+        "ready"
+    };
+    let first = Event::default()
+        .event(first)
+        .data("{}")
+        .retry(limits::HTTP_STREAM_RETRY);
     let updates = BroadcastStream::new(hub.frames.subscribe())
         .filter_map(move |frame| std::future::ready(event(frame.ok(), robot.as_ref())))
         .take_until(hub.stop.cancelled_owned());
@@ -175,7 +202,10 @@ fn event(frame: Option<Arc<Frame>>, robot: Option<&RobotId>) -> Option<Event> {
         _ => true,
     };
     wanted.then(|| {
-        Event::default().id(frame.id.to_string()).event(frame.kind).data(frame.data.as_str())
+        Event::default()
+            .id(frame.id.to_string())
+            .event(frame.kind)
+            .data(frame.data.as_str())
     })
 }
 

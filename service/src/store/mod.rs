@@ -159,7 +159,8 @@ impl Store {
             expected,
             now_ns,
         };
-        self.ask(|reply| Command::Robot(Box::new(write), reply)).await
+        self.ask(|reply| Command::Robot(Box::new(write), reply))
+            .await
     }
 
     /// Waits until everything that was handed over before is committed.

@@ -6,7 +6,10 @@ use fleetcal_proto::estimate::VehicleModel;
 /// given; unknown keys are refused by name.
 #[derive(utoipa::ToSchema)]
 #[schema(as = RobotConfig)]
-#[expect(dead_code, reason = "the schema of config::RobotConfig, which a test compares with it")]
+#[expect(
+    dead_code,
+    reason = "the schema of config::RobotConfig, which a test compares with it"
+)]
 pub(super) struct RobotConfigSchema {
     /// How the vehicle steers.
     model: VehicleModel,
@@ -43,7 +46,7 @@ pub(super) struct MountSchema {
     #[schema(minimum = -30.0, maximum = 30.0)]
     y_m: f64,
     /// Heading, counter-clockwise, rad, within one turn.
-        yaw_rad: f64,
+    yaw_rad: f64,
 }
 
 /// Whether a drive stream carries the sensor's raw steering angle.
@@ -86,14 +89,22 @@ mod tests {
     fn the_schema_has_the_keys_of_the_configuration() {
         let schema = serde_json::to_value(RobotConfigSchema::schema()).unwrap();
         let described: BTreeSet<_> = schema["properties"].as_object().unwrap().keys().collect();
-        let refusal = serde_json::from_str::<RobotConfig>(r#"{"x": 1}"#).unwrap_err().to_string();
+        let refusal = serde_json::from_str::<RobotConfig>(r#"{"x": 1}"#)
+            .unwrap_err()
+            .to_string();
         let accepted: BTreeSet<_> = refusal.split('`').skip(3).step_by(2).collect();
         assert_eq!(
-            described.iter().map(|key| key.as_str()).collect::<BTreeSet<_>>(),
+            described
+                .iter()
+                .map(|key| key.as_str())
+                .collect::<BTreeSet<_>>(),
             accepted,
             "{refusal}"
         );
-        assert_eq!(schema["required"], serde_json::json!(["model", "wheelbase_m"]));
+        assert_eq!(
+            schema["required"],
+            serde_json::json!(["model", "wheelbase_m"])
+        );
     }
 
     #[test]

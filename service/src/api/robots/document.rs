@@ -3,13 +3,14 @@
 use std::sync::Arc;
 
 use fleetcal_proto::RobotId;
-use fleetcal_proto::estimate::EstimateDocument;
+use fleetcal_proto::estimate::{EstimateDocument, VehicleDocument};
 use jiff::Timestamp;
 use serde::Serialize;
 
 use super::config::RobotConfigSchema;
 use crate::api::time;
 use crate::config::RobotConfig;
+use crate::fleet::document::vehicle_document;
 use crate::fleet::{Counters, RobotState, RobotView, Stream, StreamView};
 use crate::store::RobotRecord;
 
@@ -29,12 +30,26 @@ pub(super) struct RobotSummary {
     pub(super) last_seen: Option<Timestamp>,
     /// The latest estimate, once there is one.
     pub(super) estimate: Option<EstimateDocument>,
+    /// Its vehicle; absent for a robot that nobody has described yet.
+    vehicle: Option<VehicleDocument>,
+    /// What it sends.
+    streams: Vec<StreamDocument>,
 }
 
 impl RobotSummary {
     /// The summary of a robot.
     pub(super) fn of(view: RobotView) -> Self {
         Self {
+            vehicle: view
+                .config
+                .as_ref()
+                .map(|config| vehicle_document(&config.vehicle())),
+            streams: view
+                .connection
+                .streams
+                .iter()
+                .map(StreamDocument::of)
+                .collect(),
             id: view.id,
             state: view.state,
             stale: view.connection.stale,
@@ -58,8 +73,6 @@ pub(super) struct RobotDocument {
     /// When `config` last changed.
     #[schema(value_type = Option<String>, format = DateTime)]
     configured: Option<Timestamp>,
-    /// What it sends.
-    streams: Vec<StreamDocument>,
     /// What became of its messages:
     /// `received = processed + shed_… + refused + ignored + waiting`.
     counters: Counters,
@@ -70,13 +83,13 @@ pub(super) struct RobotDocument {
 impl RobotDocument {
     /// The document of a robot and what the store knows of it.
     pub(super) fn of(view: RobotView, record: Option<&RobotRecord>) -> Self {
-        let configured =
-            record.filter(|record| record.version > 0).map(|record| record.updated_ns);
+        let configured = record
+            .filter(|record| record.version > 0)
+            .map(|record| record.updated_ns);
         Self {
             config: view.config.clone(),
             version: record.map_or(0, |record| record.version),
             configured: configured.map(time::of_ns),
-            streams: view.connection.streams.iter().map(StreamDocument::of).collect(),
             counters: view.counters.clone(),
             estimator_restarts: view.estimator_restarts,
             summary: RobotSummary::of(view),
@@ -130,5 +143,10 @@ pub(in crate::api) fn state_document(
     stale: bool,
     alive: bool,
 ) -> RobotStateDocument {
-    RobotStateDocument { robot: robot.clone(), state, stale, alive }
+    RobotStateDocument {
+        robot: robot.clone(),
+        state,
+        stale,
+        alive,
+    }
 }

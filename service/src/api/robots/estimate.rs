@@ -34,7 +34,10 @@ pub(super) async fn get_estimate(
     Parameters(NoParameters {}): Parameters<NoParameters>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let view = api.fleet.robot(&id).ok_or_else(|| Problem::robot_unknown(id.as_str()))?;
+    let view = api
+        .fleet
+        .robot(&id)
+        .ok_or_else(|| Problem::robot_unknown(id.as_str()))?;
     let estimate = view.estimate.ok_or_else(|| {
         let detail = format!("robot {id} has no estimate yet");
         Problem::new(StatusCode::NOT_FOUND, "estimate_missing", detail)

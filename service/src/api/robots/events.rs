@@ -15,9 +15,7 @@ use crate::api::problem::Problem;
 use crate::api::time;
 use crate::fleet::RobotView;
 use crate::limits;
-use crate::store::{
-    EventKind, EventRecord, EventSource, IdempotencyKey, NewEvent, kind_of_note,
-};
+use crate::store::{EventKind, EventRecord, EventSource, IdempotencyKey, NewEvent, kind_of_note};
 
 static IDEMPOTENCY_KEY: HeaderName = HeaderName::from_static("idempotency-key");
 
@@ -64,7 +62,10 @@ impl EventDocument {
     }
 
     fn of_record(record: EventRecord) -> Self {
-        Self { id: Some(record.id), ..Self::of(record.event) }
+        Self {
+            id: Some(record.id),
+            ..Self::of(record.event)
+        }
     }
 }
 
@@ -114,7 +115,10 @@ pub(super) async fn list_events(
     let mut records = api.store.events(&id, before, limit + 1).await?;
     let more = records.len() > limit as usize;
     records.truncate(limit as usize);
-    let next = records.last().filter(|_| more).map(|last| last.id.to_string());
+    let next = records
+        .last()
+        .filter(|_| more)
+        .map(|last| last.id.to_string());
     let items = records.into_iter().map(EventDocument::of_record).collect();
     Ok(Json(EventPage { items, next }))
 }
@@ -166,14 +170,25 @@ pub(super) async fn post_event(
     RobotPath(id): RobotPath,
     Parameters(NoParameters {}): Parameters<NoParameters>,
     headers: HeaderMap,
-    Body { value: body, sha256 }: Body<NewEventDocument>,
+    Body {
+        value: body,
+        sha256,
+    }: Body<NewEventDocument>,
 ) -> Result<Response, Problem> {
     let view = known(&api, &id)?;
     let key = idempotency_key(&headers, sha256)?;
     check_length("note", &body.note, limits::NOTE_CHARS_MAX)?;
-    check_length("author", body.author.as_deref().unwrap_or(""), limits::AUTHOR_CHARS_MAX)?;
+    check_length(
+        "author",
+        body.author.as_deref().unwrap_or(""),
+        limits::AUTHOR_CHARS_MAX,
+    )?;
     let stamp_ns = stamp_of(&body, &view, api.clock.now_ns())?;
-    let note = RobotEvent { kind: body.kind, stamp_ns, note: body.note };
+    let note = RobotEvent {
+        kind: body.kind,
+        stamp_ns,
+        note: body.note,
+    };
     let event = NewEvent {
         robot: id.clone(),
         kind: kind_of_note(note.kind),
@@ -185,7 +200,9 @@ pub(super) async fn post_event(
         details: None,
     };
     let record = api.store.record_event(event, key).await?;
-    if !record.repeated && let Err(refused) = api.fleet.note(&id, &note) {
+    if !record.repeated
+        && let Err(refused) = api.fleet.note(&id, &note)
+    {
         // It is stored, so the client must not send it again.
         tracing::error!(robot.id = %id, %refused, "a note did not reach the estimator");
     }
@@ -193,17 +210,23 @@ pub(super) async fn post_event(
 }
 
 fn known(api: &ApiState, id: &RobotId) -> Result<RobotView, Problem> {
-    api.fleet.robot(id).ok_or_else(|| Problem::robot_unknown(id.as_str()))
+    api.fleet
+        .robot(id)
+        .ok_or_else(|| Problem::robot_unknown(id.as_str()))
 }
 
 /// When a note's event happened.
 fn stamp_of(body: &NewEventDocument, view: &RobotView, now_ns: i64) -> Result<i64, Problem> {
     let Some(time) = body.time else {
-        return Ok(view.estimate.as_ref().map_or(now_ns, |estimate| estimate.stamp_ns));
+        return Ok(view
+            .estimate
+            .as_ref()
+            .map_or(now_ns, |estimate| estimate.stamp_ns));
     };
-    i64::try_from(time.as_nanosecond()).ok().filter(|stamp_ns| *stamp_ns > 0).ok_or_else(|| {
-        Problem::refused("time", &time.to_string(), "a time between 1970 and 2262")
-    })
+    i64::try_from(time.as_nanosecond())
+        .ok()
+        .filter(|stamp_ns| *stamp_ns > 0)
+        .ok_or_else(|| Problem::refused("time", &time.to_string(), "a time between 1970 and 2262"))
 }
 
 fn check_length(field: &str, text: &str, chars_max: usize) -> Result<(), Problem> {
@@ -220,13 +243,24 @@ fn idempotency_key(
     headers: &HeaderMap,
     request_sha256: [u8; 32],
 ) -> Result<Option<IdempotencyKey>, Problem> {
-    let Some(key) = header_text(headers, &IDEMPOTENCY_KEY)? else { return Ok(None) };
+    let Some(key) = header_text(headers, &IDEMPOTENCY_KEY)? else {
+        return Ok(None);
+    };
     if key.is_empty() || key.len() > limits::HTTP_IDEMPOTENCY_KEY_CHARS_MAX {
-        return Err(Problem::refused("Idempotency-Key", key, "1 to 128 characters"));
+        return Err(Problem::refused(
+            "Idempotency-Key",
+            key,
+            "1 to 128 characters",
+        ));
     }
-    Ok(Some(IdempotencyKey { key: key.to_owned(), request_sha256 }))
+    Ok(Some(IdempotencyKey {
+        key: key.to_owned(),
+        request_sha256,
+    }))
 }
 
 fn number_of(cursor: &str) -> Result<i64, Problem> {
-    cursor.parse().map_err(|_| Problem::refused("cursor", cursor, "`next` of the page before"))
+    cursor
+        .parse()
+        .map_err(|_| Problem::refused("cursor", cursor, "`next` of the page before"))
 }

@@ -94,7 +94,10 @@ pub(super) async fn get_history(
 ) -> Result<Json<HistoryDocument>, Problem> {
     let parameters = match query.parameter.as_deref() {
         None => ParameterName::ALL.to_vec(),
-        Some(names) => names.split(',').map(parameter_named).collect::<Result<_, _>>()?,
+        Some(names) => names
+            .split(',')
+            .map(parameter_named)
+            .collect::<Result<_, _>>()?,
     };
     let points = query.max_points.as_deref();
     let range = 2..=limits::HTTP_POINTS_MAX;
@@ -102,11 +105,18 @@ pub(super) async fn get_history(
     let from = extract::time("from", query.from.as_deref())?;
     let to = extract::time("to", query.to.as_deref())?;
 
-    let view = api.fleet.robot(&id).ok_or_else(|| Problem::robot_unknown(id.as_str()))?;
+    let view = api
+        .fleet
+        .robot(&id)
+        .ok_or_else(|| Problem::robot_unknown(id.as_str()))?;
     let to_s = match (to, view.estimate) {
         (Some(to), _) => to.as_second() + i64::from(to.subsec_nanosecond() > 0),
         (None, Some(estimate)) => estimate.stamp_ns.div_euclid(1_000_000_000) + 1,
-        (None, None) => api.store.last_second(&id).await?.map_or(0, |last_s| last_s + 1),
+        (None, None) => api
+            .store
+            .last_second(&id)
+            .await?
+            .map_or(0, |last_s| last_s + 1),
     };
     let from_s = match from {
         Some(from) => from.as_second(),
@@ -117,16 +127,25 @@ pub(super) async fn get_history(
         let accepted = format!("a time before `to`, {}", time::of_seconds(to_s));
         return Err(Problem::refused("from", &given, &accepted));
     }
-    let query = HistoryQuery { robot: id, parameters, from_s, to_s, points_max };
+    let query = HistoryQuery {
+        robot: id,
+        parameters,
+        from_s,
+        to_s,
+        points_max,
+    };
     let history = api.store.history(&query).await?;
     Ok(Json(document(query, &history)))
 }
 
 fn parameter_named(name: &str) -> Result<ParameterName, Problem> {
-    ParameterName::ALL.into_iter().find(|parameter| parameter.as_str() == name).ok_or_else(|| {
-        let accepted = ParameterName::ALL.map(ParameterName::as_str).join(", ");
-        Problem::refused("parameter", name, &format!("some of {accepted}"))
-    })
+    ParameterName::ALL
+        .into_iter()
+        .find(|parameter| parameter.as_str() == name)
+        .ok_or_else(|| {
+            let accepted = ParameterName::ALL.map(ParameterName::as_str).join(", ");
+            Problem::refused("parameter", name, &format!("some of {accepted}"))
+        })
 }
 
 fn document(query: HistoryQuery, history: &History) -> HistoryDocument {
@@ -142,7 +161,10 @@ fn document(query: HistoryQuery, history: &History) -> HistoryDocument {
         from: time::of_seconds(query.from_s),
         to: time::of_seconds(query.to_s),
         bucket_s: history.bucket_s,
-        time: stretches.iter().map(|stretch| time::of_seconds(stretch.t_s)).collect(),
+        time: stretches
+            .iter()
+            .map(|stretch| time::of_seconds(stretch.t_s))
+            .collect(),
         count: stretches.iter().map(|stretch| stretch.count).collect(),
         nis: stretches.iter().map(|stretch| stretch.nis).collect(),
         series,
@@ -163,6 +185,9 @@ fn series(parameter: ParameterName, index: usize, stretches: &[Stretch]) -> Seri
         min: column(|cell| cell.min),
         max: column(|cell| cell.max),
         sigma: column(|cell| cell.sigma),
-        status: stretches.iter().map(|stretch| unpack_status(stretch.status, parameter)).collect(),
+        status: stretches
+            .iter()
+            .map(|stretch| unpack_status(stretch.status, parameter))
+            .collect(),
     }
 }

@@ -105,7 +105,11 @@ pub(super) async fn list_robots(
     let robots = api.fleet.robots();
     let counts = counts(&robots);
     let place = |robot: &RobotView| {
-        let rank = if by_severity { severity(robot.state) } else { 0 };
+        let rank = if by_severity {
+            severity(robot.state)
+        } else {
+            0
+        };
         (rank, robot.id.as_str().to_owned())
     };
     let mut chosen: Vec<_> = robots
@@ -119,8 +123,15 @@ pub(super) async fn list_robots(
     chosen.truncate(limit);
     let last = chosen.last().filter(|_| more);
     let next = last.map(|((rank, id), _)| format!("{rank}.{id}"));
-    let items = chosen.into_iter().map(|(_, robot)| RobotSummary::of(robot)).collect();
-    Ok(Json(RobotPage { items, next, counts }))
+    let items = chosen
+        .into_iter()
+        .map(|(_, robot)| RobotSummary::of(robot))
+        .collect();
+    Ok(Json(RobotPage {
+        items,
+        next,
+        counts,
+    }))
 }
 
 fn counts(robots: &[RobotView]) -> BTreeMap<&'static str, usize> {
@@ -132,10 +143,13 @@ fn counts(robots: &[RobotView]) -> BTreeMap<&'static str, usize> {
 }
 
 fn state_named(name: &str) -> Result<RobotState, Problem> {
-    STATES.into_iter().find(|state| state.name() == name).ok_or_else(|| {
-        let accepted = STATES.map(RobotState::name).join(", ");
-        Problem::refused("state", name, &format!("one of {accepted}"))
-    })
+    STATES
+        .into_iter()
+        .find(|state| state.name() == name)
+        .ok_or_else(|| {
+            let accepted = STATES.map(RobotState::name).join(", ");
+            Problem::refused("state", name, &format!("one of {accepted}"))
+        })
 }
 
 /// The place in the list that a cursor names.

@@ -74,14 +74,20 @@ pub(super) async fn put_robot(
     check_room(&api, &id)?;
     let version = api.store.save_robot(&id, &config, expected).await?;
     api.fleet.configure(&id, config)?;
-    let status = if version == 1 { StatusCode::CREATED } else { StatusCode::OK };
+    let status = if version == 1 {
+        StatusCode::CREATED
+    } else {
+        StatusCode::OK
+    };
     answer(&api, &id, status).await
 }
 
 /// Refuses a robot that the fleet would have no room for, before it is stored.
 fn check_room(api: &ApiState, id: &RobotId) -> Result<(), Problem> {
     let robots = api.fleet.robots();
-    let configured = robots.iter().filter(|robot| robot.config.is_some() && robot.id != *id);
+    let configured = robots
+        .iter()
+        .filter(|robot| robot.config.is_some() && robot.id != *id);
     if configured.count() >= limits::ROBOTS_MAX {
         return Err(FleetRefused::RobotsMax.into());
     }
@@ -89,8 +95,15 @@ fn check_room(api: &ApiState, id: &RobotId) -> Result<(), Problem> {
 }
 
 async fn answer(api: &ApiState, id: &RobotId, status: StatusCode) -> Result<Response, Problem> {
-    let view = api.fleet.robot(id).ok_or_else(|| Problem::robot_unknown(id.as_str()))?;
+    let view = api
+        .fleet
+        .robot(id)
+        .ok_or_else(|| Problem::robot_unknown(id.as_str()))?;
     let record = api.store.load_robot(id).await?;
     let document = RobotDocument::of(view, record.as_ref());
-    Ok(versioned_json(status, record.map_or(0, |record| record.version), document))
+    Ok(versioned_json(
+        status,
+        record.map_or(0, |record| record.version),
+        document,
+    ))
 }

@@ -55,7 +55,10 @@ pub(super) fn select(tier: Tier, parameters: &[ParameterName]) -> String {
         let p = parameter.as_str();
         match tier {
             Tier::Second => {
-                append(&mut columns, format_args!(", h.{p}, h.{p}, h.{p}, h.{p}_sigma"));
+                append(
+                    &mut columns,
+                    format_args!(", h.{p}, h.{p}, h.{p}, h.{p}_sigma"),
+                );
             }
             Tier::Minute | Tier::Hour => {
                 let roll_up = format_args!(", h.{p}_mean, h.{p}_min, h.{p}_max, h.{p}_sigma");
