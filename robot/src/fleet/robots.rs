@@ -9,8 +9,9 @@ use rand_chacha::ChaCha8Rng;
 use thiserror::Error;
 
 use crate::simulator::{
-    Applied, DriveSettings, LidarOutput, LidarSettings, PeopleSettings, PersonShape, Point, Pose2,
-    Route, SimulationConfig, Slip, SpeedProfile, VehicleModel, VehicleTruth, World,
+    Applied, DriveSettings, LidarOutput, LidarSettings, LocalisationNoise, PeopleSettings,
+    PersonShape, Point, Pose2, Route, SimulationConfig, Slip, SpeedProfile, VehicleModel,
+    VehicleTruth, World,
 };
 
 /// Most robots of one simulated fleet.
@@ -91,6 +92,7 @@ fn robot(number: usize, seed: u64, world: &Arc<World>) -> Option<SimulatedRobot>
             period_s: random.random_range(17.0..29.0),
             ..SpeedProfile::default()
         },
+        localisation: LocalisationNoise::default(),
         drive: DriveSettings::default(),
         lidar: LidarOutput::Sweeps(LidarSettings {
             field_of_view_rad: TAU,

@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 
 use thiserror::Error;
 
-use super::config::{LidarOutput, SimulationConfig};
+use super::config::{LidarOutput, LocalisationNoise, SimulationConfig};
 use super::lidar::{BEAMS_MAX, BEAMS_MIN, LidarSettings};
 use super::people::PEOPLE_MAX;
 use super::pose_sensor::PoseSettings;
@@ -163,6 +163,10 @@ impl SimulationConfig {
 
     fn check_speed(&self) -> Result<(), SettingRefused> {
         let speed = &self.speed;
+        let LocalisationNoise {
+            position_sigma_m,
+            yaw_sigma_rad,
+        } = self.localisation;
         let fastest = speed.min_mps..=10.0;
         check([
             ("speed.rest_s", speed.rest_s, 0.0..=1e9, "0 s or more"),
@@ -174,6 +178,18 @@ impl SimulationConfig {
                 speed.acceleration_mps2,
                 0.01..=10.0,
                 "0.01 to 10 m/s²",
+            ),
+            (
+                "localisation.position_sigma_m",
+                position_sigma_m,
+                0.0..=1.0,
+                "0 to 1 m",
+            ),
+            (
+                "localisation.yaw_sigma_rad",
+                yaw_sigma_rad,
+                0.0..=0.5,
+                "0 to 0.5 rad",
             ),
         ])
     }

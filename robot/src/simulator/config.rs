@@ -49,6 +49,25 @@ impl Default for SpeedProfile {
     }
 }
 
+/// How well the robot knows where its LiDAR is. Without any noise its wheel would stand still on a
+/// straight, and all that a coarse steering encoder shows there would be one wrong number.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct LocalisationNoise {
+    /// Standard deviation of each coordinate, anew ten times a second, m.
+    pub position_sigma_m: f64,
+    /// The same of the heading, rad.
+    pub yaw_sigma_rad: f64,
+}
+
+impl Default for LocalisationNoise {
+    fn default() -> Self {
+        Self {
+            position_sigma_m: 0.003,
+            yaw_sigma_rad: 0.1_f64.to_radians(),
+        }
+    }
+}
+
 /// Something on the vehicle that changes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -101,6 +120,8 @@ pub struct SimulationConfig {
     pub route: Route,
     /// How fast.
     pub speed: SpeedProfile,
+    /// How well it knows where it is.
+    pub localisation: LocalisationNoise,
     /// Its drive stream.
     pub drive: DriveSettings,
     /// Its LiDAR stream.
@@ -130,6 +151,7 @@ impl SimulationConfig {
             applied,
             route: Route::staging_figure_eight(),
             speed: SpeedProfile::default(),
+            localisation: LocalisationNoise::default(),
             drive: DriveSettings::default(),
             lidar: LidarOutput::Sweeps(LidarSettings::default()),
             changes: Vec::new(),

@@ -2,8 +2,12 @@
 
 use std::f64::consts::TAU;
 
-use super::config::{Applied, SpeedProfile};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::config::{Applied, LocalisationNoise, SimulationConfig, SpeedProfile};
 use super::plane::{Pose2, wrap_angle_rad};
+use super::random::{Stream, stream};
 use super::route::Route;
 use super::vehicle::Command;
 
@@ -20,6 +24,9 @@ const LATERAL_ACCELERATION_MAX_MPS2: f64 = 0.7;
 /// Where on the way ahead the curvature limits the speed, m.
 const CURVATURE_AHEAD_M: [f64; 3] = [0.0, 0.6, 1.2];
 
+/// Commands from one fix of the localisation to the next.
+const COMMANDS_PER_LOCALISATION: u32 = 5;
+
 /// Follows a route: its curvature fed forward, lateral and heading error fed back. There is no
 /// integral part, so that a steering offset keeps the robot beside its route.
 #[derive(Debug)]
@@ -29,6 +36,11 @@ pub(super) struct Controller {
     wheelbase_m: f64,
     steering_limit_rad: f64,
     speed_mps: f64,
+    noise: LocalisationNoise,
+    random: ChaCha8Rng,
+    commands: u32,
+    /// What the localisation is off by now, in the LiDAR's frame.
+    off: Pose2,
     believed_along_m: f64,
     believed_left_m: f64,
     true_along_m: f64,
@@ -36,18 +48,17 @@ pub(super) struct Controller {
 }
 
 impl Controller {
-    pub fn new(
-        route: Route,
-        profile: SpeedProfile,
-        wheelbase_m: f64,
-        steering_limit_rad: f64,
-    ) -> Self {
+    pub fn new(config: &SimulationConfig) -> Self {
         Self {
-            route,
-            profile,
-            wheelbase_m,
-            steering_limit_rad,
+            route: config.route.clone(),
+            profile: config.speed,
+            wheelbase_m: config.vehicle.wheelbase_m,
+            steering_limit_rad: config.vehicle.steering_limit_rad,
             speed_mps: 0.0,
+            noise: config.localisation,
+            random: stream(config.seed, Stream::Localisation),
+            commands: 0,
+            off: Pose2::default(),
             believed_along_m: 0.0,
             believed_left_m: 0.0,
             true_along_m: 0.0,
@@ -77,7 +88,10 @@ impl Controller {
     ) -> Command {
         let true_place = self.route.nearest(base.point(), self.true_along_m);
         (self.true_along_m, self.true_left_m) = (true_place.along_m, true_place.left_m);
-        let believed = lidar.compose(&applied.lidar_in_base.inverse());
+        self.localise();
+        let believed = lidar
+            .compose(&self.off)
+            .compose(&applied.lidar_in_base.inverse());
         let place = self.route.nearest(believed.point(), self.believed_along_m);
         (self.believed_along_m, self.believed_left_m) = (place.along_m, place.left_m);
 
@@ -97,6 +111,25 @@ impl Controller {
             speed_mps: self.speed_mps,
             measured_steering_rad: steering_rad + applied.steering_offset_rad,
         }
+    }
+
+    fn localise(&mut self) {
+        if self.commands.is_multiple_of(COMMANDS_PER_LOCALISATION) {
+            let mut draw = |sigma: f64| {
+                let noise: f64 = StandardNormal.sample(&mut self.random);
+                sigma * noise
+            };
+            let LocalisationNoise {
+                position_sigma_m,
+                yaw_sigma_rad,
+            } = self.noise;
+            self.off = Pose2::new(
+                draw(position_sigma_m),
+                draw(position_sigma_m),
+                draw(yaw_sigma_rad),
+            );
+        }
+        self.commands = self.commands.wrapping_add(1);
     }
 
     fn next_speed_mps(&self, time_s: f64, step_s: f64) -> f64 {

@@ -28,8 +28,8 @@ mod world;
 
 pub use check::SettingRefused;
 pub use config::{
-    Applied, Change, LidarOutput, PeopleSettings, PersonShape, ScheduledChange, SimulationConfig,
-    SpeedProfile,
+    Applied, Change, LidarOutput, LocalisationNoise, PeopleSettings, PersonShape, ScheduledChange,
+    SimulationConfig, SpeedProfile,
 };
 pub use drive_sensor::DriveSettings;
 pub use lidar::LidarSettings;

@@ -14,6 +14,7 @@ pub(super) enum Stream {
     Lidar,
     Pose,
     Slip,
+    Localisation,
 }
 
 /// The generator of one part.

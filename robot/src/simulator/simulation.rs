@@ -71,17 +71,11 @@ impl Simulation {
             ..Moment::default()
         };
         let (lidar, memory_ns) = lidar_source(&config);
-        let controller = Controller::new(
-            config.route.clone(),
-            config.speed,
-            vehicle.wheelbase_m,
-            vehicle.steering_limit_rad,
-        );
         Ok(Self {
             now_ns: 0,
             motion: Motion::new(start, config.seed),
             track: Track::new(0, STEP_NS, memory_ns, moment),
-            controller,
+            controller: Controller::new(&config),
             command: Command::default(),
             steering_drift_rad_per_s: 0.0,
             yaw_drift_rad_per_s: 0.0,

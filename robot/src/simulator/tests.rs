@@ -173,39 +173,34 @@ fn each_beam_is_cast_from_its_own_moment() {
         let world = Arc::clone(&config.world);
         let messages = run(config, 14.0);
         let (sweep, _) = *sweeps(&messages).last().unwrap();
-        // The same drive again with a pose stream at the beams' rate tells where the LiDAR was.
+        // The same drive again with a pose stream at 1 kHz tells where the LiDAR was.
         truths.lidar = LidarOutput::Poses(PoseSettings {
             rate_hz: 1000.0,
             phase_s: 0.0,
             ..PoseSettings::default()
         });
         let truths = run(truths, 14.1);
+        let poses: Vec<_> = truths
+            .iter()
+            .filter(|emitted| matches!(emitted.message, SimulatedMessage::LidarPose(_)))
+            .map(|emitted| emitted.truth)
+            .collect();
         let lidar_at = |stamp_ns: i64| {
-            let after = truths
-                .iter()
-                .position(|t| {
-                    matches!(t.message, SimulatedMessage::LidarPose(_)) && t.sent_ns > stamp_ns
-                })
-                .unwrap();
-            truths[after].truth.lidar
+            let after = poses.partition_point(|truth| truth.stamp_ns <= stamp_ns);
+            let (before, after) = (poses[after - 1], poses[after]);
+            let fraction = (stamp_ns - before.stamp_ns) as f64 * 1e-6;
+            before.lidar.toward(&after.lidar, fraction)
         };
-        for beam in (0..sweep.ranges_m.len()).step_by(37) {
+        for beam in 0..sweep.ranges_m.len() {
             let offset_ns = (beam as f64 * sweep.time_increment_s * 1e9) as i64;
             let pose = lidar_at(sweep.stamp_ns + offset_ns);
             let bearing_rad =
                 pose.yaw_rad + sweep.angle_min_rad + beam as f64 * sweep.angle_increment_rad;
-            // The pose is up to 1 ms away from the beam's: a small cone around it holds the range.
-            let around = [-0.002, 0.0, 0.002].map(|turn_rad| {
-                world
-                    .range_m(pose.point(), bearing_rad + turn_rad, 40.0)
-                    .unwrap_or(40.0)
-            });
-            let low = around.iter().copied().fold(f64::INFINITY, f64::min) - 0.004;
-            let high = around.iter().copied().fold(0.0, f64::max) + 0.004;
+            let expected_m = world.range_m(pose.point(), bearing_rad, 40.0).unwrap();
             let range_m = f64::from(sweep.ranges_m[beam]);
             assert!(
-                (low..=high).contains(&range_m),
-                "beam {beam}: {range_m} not {low}..{high}"
+                (range_m - expected_m).abs() < 1e-5,
+                "beam {beam}: {range_m} {expected_m}"
             );
         }
     }
