@@ -50,6 +50,14 @@ pub struct Merger {
 }
 
 impl Merger {
+    /// A merger that goes on where another one was at this stamp.
+    pub fn resuming(now: Stamp) -> Self {
+        Self {
+            newest: Some(now),
+            ..Self::default()
+        }
+    }
+
     /// Takes a message; puts what is in order now into `out`.
     pub fn push(&mut self, event: Event, out: &mut Vec<Merged>) {
         let Some((stamp, stream)) = place(&event) else {

@@ -75,6 +75,11 @@ impl Trust {
             Status::Learning
         }
     }
+
+    /// Takes all trust away: the vehicle may not be the one that earned it.
+    pub fn withdraw(&mut self) {
+        self.converged = [false; PARAMETERS];
+    }
 }
 
 /// What is missing, as an instruction a driver can follow.

@@ -1,23 +1,38 @@
 //! The crate graph is the architecture, and one module knows each outside world: these tests keep
 //! it so.
 
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_path_buf()
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .unwrap()
+        .to_path_buf()
 }
 
 /// Names of a crate's normal dependencies (not of its tests or benches).
 fn dependencies(package: &str) -> BTreeSet<String> {
     let output = Command::new(env!("CARGO"))
-        .args(["metadata", "--no-deps", "--format-version", "1", "--offline"])
+        .args([
+            "metadata",
+            "--no-deps",
+            "--format-version",
+            "1",
+            "--offline",
+        ])
         .current_dir(root())
         .output()
         .unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let packages = metadata["packages"].as_array().unwrap();
     let found = packages.iter().find(|p| p["name"] == package).unwrap();
@@ -34,7 +49,10 @@ fn assert_only(package: &str, allowed: &[&str]) {
     let allowed: BTreeSet<String> = allowed.iter().map(|&name| name.to_owned()).collect();
     let found = dependencies(package);
     let strangers: Vec<_> = found.difference(&allowed).collect();
-    assert!(strangers.is_empty(), "{package} must not depend on {strangers:?}");
+    assert!(
+        strangers.is_empty(),
+        "{package} must not depend on {strangers:?}"
+    );
 }
 
 #[test]
@@ -44,14 +62,20 @@ fn the_estimator_is_pure() {
 
 #[test]
 fn what_travels_knows_no_transport() {
-    assert_only("fleetcal-proto", &["serde", "serde_json", "thiserror", "utoipa"]);
+    assert_only(
+        "fleetcal-proto",
+        &["serde", "serde_json", "thiserror", "utoipa"],
+    );
 }
 
 #[test]
 fn the_robots_side_knows_neither_service_nor_estimator() {
     let found = dependencies("fleetcal-robot");
     for stranger in ["fleetcal", "fleetcal-estimator", "sqlx", "axum"] {
-        assert!(!found.contains(stranger), "fleetcal-robot must not depend on {stranger}");
+        assert!(
+            !found.contains(stranger),
+            "fleetcal-robot must not depend on {stranger}"
+        );
     }
 }
 
@@ -75,7 +99,9 @@ fn uses(path: &Path, word: &str) -> Vec<String> {
     text.lines()
         .map(str::trim)
         .filter(|line| !line.starts_with("//"))
-        .filter(|line| line.contains(&format!("{word}::")) || line.contains(&format!("use {word};")))
+        .filter(|line| {
+            line.contains(&format!("{word}::")) || line.contains(&format!("use {word};"))
+        })
         .map(str::to_owned)
         .collect()
 }
@@ -88,7 +114,11 @@ fn assert_known_only_in(crate_folder: &str, word: &str, rooms: &[&str]) {
             continue;
         }
         let found = uses(&path, word);
-        assert!(found.is_empty(), "{} knows {word}: {found:?}", inside.display());
+        assert!(
+            found.is_empty(),
+            "{} knows {word}: {found:?}",
+            inside.display()
+        );
     }
 }
 
@@ -96,7 +126,14 @@ fn assert_known_only_in(crate_folder: &str, word: &str, rooms: &[&str]) {
 fn one_module_of_the_service_knows_each_outside_world() {
     assert_known_only_in("service", "zenoh", &["link"]);
     assert_known_only_in("service", "sqlx", &["store"]);
-    for word in ["axum", "hyper", "hyper_util", "tower", "tower_http", "utoipa_axum"] {
+    for word in [
+        "axum",
+        "hyper",
+        "hyper_util",
+        "tower",
+        "tower_http",
+        "utoipa_axum",
+    ] {
         assert_known_only_in("service", word, &["api"]);
     }
 }
@@ -104,7 +141,13 @@ fn one_module_of_the_service_knows_each_outside_world() {
 #[test]
 fn pure_crates_touch_no_outside_world() {
     for folder in ["estimator", "proto"] {
-        for word in ["std::fs", "std::net", "std::process", "std::thread", "std::env"] {
+        for word in [
+            "std::fs",
+            "std::net",
+            "std::process",
+            "std::thread",
+            "std::env",
+        ] {
             assert_known_only_in(folder, word, &[]);
         }
     }
@@ -112,13 +155,23 @@ fn pure_crates_touch_no_outside_world() {
 
 #[test]
 fn files_say_what_they_hold_and_stay_readable() {
-    let nameless = ["util", "utils", "helper", "helpers", "common", "misc", "manager"];
+    let nameless = [
+        "util", "utils", "helper", "helpers", "common", "misc", "manager",
+    ];
     for folder in ["proto", "estimator", "robot", "service"] {
         for path in sources(&root().join(folder).join("src")) {
             let stem = path.file_stem().unwrap().to_string_lossy().into_owned();
-            assert!(!nameless.contains(&stem.as_str()), "{} names nothing", path.display());
+            assert!(
+                !nameless.contains(&stem.as_str()),
+                "{} names nothing",
+                path.display()
+            );
             let lines = fs::read_to_string(&path).unwrap().lines().count();
-            assert!(lines <= 600, "{} has {lines} lines: split it", path.display());
+            assert!(
+                lines <= 600,
+                "{} has {lines} lines: split it",
+                path.display()
+            );
         }
     }
 }

@@ -13,12 +13,12 @@ pub mod noise;
 pub mod prediction;
 pub mod prior;
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, Vector3, Vector4};
 use serde::{Deserialize, Serialize};
 
 use crate::drive_history::DriveSegment;
 use crate::estimate::Parameter;
-use crate::geometry::Pose2;
+use crate::geometry::{Pose2, wrap_angle_rad};
 use crate::settings::{EstimatorSettings, Measurement};
 use crate::stream::Stamp;
 use crate::vehicle::{Drive, DriveParameters, Vehicle};
@@ -339,6 +339,35 @@ impl Filter {
         }
     }
 
+    /// Fuses what is known of some parameters from elsewhere, as one measurement of them.
+    pub fn fuse(
+        &mut self,
+        parameters: &[Parameter; 4],
+        values: &Values,
+        covariance: &ParameterCovariance,
+    ) {
+        let indices = parameters.map(Parameter::index);
+        let mut residual = Vector4::from_fn(|i, _| values[indices[i]] - self.values[indices[i]]);
+        for (i, parameter) in parameters.iter().enumerate() {
+            if *parameter == Parameter::LidarYaw {
+                residual[i] = wrap_angle_rad(residual[i]);
+            }
+        }
+        let cross = SMatrix::<f64, DIM, 4>::from_fn(|row, column| {
+            self.covariance[(row, CALIBRATION + indices[column])]
+        });
+        let innovation_covariance = Matrix4::from_fn(|i, j| {
+            cross[(CALIBRATION + indices[i], j)] + covariance[(indices[i], indices[j])]
+        });
+        let Some(factor) = innovation_covariance.cholesky() else {
+            return;
+        };
+        let gain = cross * factor.inverse();
+        self.correct(&(gain * residual));
+        self.covariance -= gain * cross.transpose();
+        symmetrise(&mut self.covariance);
+    }
+
     /// Multiplicative step towards the tolerated mean NIS; a single outlier counts as ten at most.
     fn learn_noise(&mut self, nis: f64) {
         let excess = (nis / NIS_TOLERATED).min(NIS_EXCESS_MAX) - 1.0;
@@ -421,7 +450,7 @@ impl Filter {
         }
         self.values += correction.fixed_rows::<PARAMETERS>(CALIBRATION);
         let yaw = &mut self.values[Parameter::LidarYaw.index()];
-        *yaw = crate::geometry::wrap_angle_rad(*yaw);
+        *yaw = wrap_angle_rad(*yaw);
     }
 
     fn place_anchor(&mut self, lidar_in_odom: Pose2) {

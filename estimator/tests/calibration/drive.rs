@@ -136,7 +136,8 @@ pub fn drive(config: SimulationConfig, calibrator: CalibratorConfig, duration_s:
     }
 }
 
-fn event_of(message: SimulatedMessage) -> Option<Event> {
+/// A simulated message as the estimator takes it.
+pub fn event_of(message: SimulatedMessage) -> Option<Event> {
     match message {
         SimulatedMessage::Drive(d) => Some(Event::Drive(
             DriveSample::new(Stamp(d.stamp_ns), d.speed_mps, d.steering_rad).unwrap(),

@@ -1,10 +1,11 @@
 //! Checkpoints, gaps, sessions and bad order.
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
-use fleetcal_estimator::{Calibrator, Checkpoint, Parameter};
-use fleetcal_robot::simulator::SimulationConfig;
+use fleetcal_estimator::estimate::{Cause, Change, ChangeKind};
+use fleetcal_estimator::{Calibrator, Checkpoint, Effect, Event, Note, NoteKind, Parameter, Stamp};
+use fleetcal_robot::simulator::{Pose2, Simulation, SimulationConfig, VehicleTruth};
 
-use crate::drive::{drive, poses, vehicle_of};
+use crate::drive::{drive, event_of, poses, vehicle_of};
 
 #[test]
 fn a_checkpoint_comes_back_bit_for_bit_and_is_small() {
@@ -21,4 +22,88 @@ fn a_checkpoint_comes_back_bit_for_bit_and_is_small() {
     for parameter in Parameter::ALL {
         assert_eq!(before.parameter(parameter), after.parameter(parameter));
     }
+}
+
+/// Feeds a drive to a calibrator that has lived before.
+fn feed(calibrator: &mut Calibrator, config: SimulationConfig, duration_s: f64) -> Vec<Change> {
+    let start_ns = config.start_stamp_ns;
+    let mut simulation = Simulation::new(config).unwrap();
+    let mut changes = Vec::new();
+    loop {
+        let emitted = simulation.advance();
+        if (emitted.sent_ns - start_ns) as f64 * 1e-9 > duration_s {
+            return changes;
+        }
+        let Some(event) = event_of(emitted.message) else {
+            continue;
+        };
+        for effect in calibrator.step(event) {
+            if let Effect::Change(change) = effect {
+                changes.push(*change);
+            }
+        }
+    }
+}
+
+/// A robot's day and the day after, on which its vehicle may be another.
+fn two_days(
+    note: Option<NoteKind>,
+    change: impl FnOnce(&mut VehicleTruth),
+) -> (Vec<Change>, Calibrator) {
+    let mut config = SimulationConfig::figure_eight(9);
+    config.lidar = poses();
+    config.vehicle.steering_offset_rad = 0.02;
+    let calibrator = CalibratorConfig::of(vehicle_of(&config.vehicle, 1.2));
+    let mut calibrator = Calibrator::new(calibrator);
+    assert_eq!(feed(&mut calibrator, config.clone(), 60.0), []);
+
+    config.seed = 10;
+    config.start_stamp_ns += 20 * 3600 * 1_000_000_000;
+    change(&mut config.vehicle);
+    if let Some(kind) = note {
+        let stamp = Stamp(config.start_stamp_ns);
+        calibrator.step(Event::Note(Note { stamp, kind }));
+    }
+    let changes = feed(&mut calibrator, config, 60.0);
+    (changes, calibrator)
+}
+
+#[test]
+fn the_same_vehicle_on_the_next_day_is_confirmed() {
+    for note in [None, Some(NoteKind::Reassembled), Some(NoteKind::PowerOn)] {
+        let (changes, calibrator) = two_days(note, |_| {});
+        let kinds: Vec<_> = changes.iter().map(|c| c.kind).collect();
+        assert_eq!(kinds, [ChangeKind::CalibrationConfirmed], "{note:?}");
+        let offset = calibrator
+            .estimate()
+            .parameter(Parameter::SteeringOffset)
+            .clone();
+        assert!(
+            (offset.value - 0.02).abs() < 4.0 * offset.sigma,
+            "{offset:?}"
+        );
+    }
+}
+
+#[test]
+fn another_vehicle_on_the_next_day_is_told_from_the_stored_one() {
+    let (changes, calibrator) = two_days(None, |vehicle| vehicle.steering_offset_rad = 0.03);
+    assert_eq!(changes.len(), 1, "{changes:?}");
+    assert_eq!(
+        (changes[0].kind, changes[0].cause),
+        (ChangeKind::CalibrationChanged, Cause::Steering)
+    );
+    let moved = calibrator.changes()[0].change[0];
+    assert!(
+        moved.0 == Parameter::SteeringOffset && (moved.1 - 0.01).abs() < 1e-3,
+        "{moved:?}"
+    );
+
+    let (changes, calibrator) = two_days(Some(NoteKind::Reassembled), |vehicle| {
+        vehicle.lidar_in_base = Pose2::new(-0.3, 0.2, 2.5);
+    });
+    assert_eq!(changes.len(), 1, "{changes:?}");
+    assert_eq!(changes[0].cause, Cause::LidarMount);
+    let yaw = calibrator.estimate().parameter(Parameter::LidarYaw).value;
+    assert!((yaw - 2.5).abs() < 1e-3, "{yaw}");
 }

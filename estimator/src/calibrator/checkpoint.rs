@@ -1,0 +1,86 @@
+//! What is stored of a calibrator, and how it goes on from there.
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::comparison::Comparison;
+use super::session::Session;
+use super::{Calibrator, CalibratorConfig};
+use crate::change::ChangeWatch;
+use crate::change::long_run::LongRunVariance;
+use crate::filter::Filter;
+use crate::filter::follow::Follower;
+use crate::merge::Merger;
+use crate::trust::Trust;
+
+/// Version of the checkpoint's layout.
+const VERSION: u32 = 2;
+
+/// A calibrator's state, to be stored and restored. The local map is not in it: it is rebuilt.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Checkpoint {
+    version: u32,
+    filter: Option<Filter>,
+    session: Session,
+    trust: Trust,
+    long_run: LongRunVariance,
+    comparison: Option<Comparison>,
+}
+
+/// Why a checkpoint could not be used.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum CheckpointRefused {
+    /// It was written by another version of the estimator.
+    #[error("the checkpoint is of version {found}, this estimator reads version {wanted}")]
+    Version {
+        /// Version in the checkpoint.
+        found: u32,
+        /// Version that can be read.
+        wanted: u32,
+    },
+}
+
+impl Calibrator {
+    /// An estimator that goes on from a checkpoint, under a new anchor and local map. Its session
+    /// goes on too, unless the robot's clock says otherwise.
+    ///
+    /// # Errors
+    /// When the checkpoint is of another version.
+    pub fn restore(
+        config: CalibratorConfig,
+        checkpoint: &Checkpoint,
+    ) -> Result<Self, CheckpointRefused> {
+        if checkpoint.version != VERSION {
+            return Err(CheckpointRefused::Version {
+                found: checkpoint.version,
+                wanted: VERSION,
+            });
+        }
+        let mut restored = Self::new(config);
+        if checkpoint.session.began.is_some() {
+            restored.merger = Merger::resuming(checkpoint.session.now);
+        }
+        restored.follower = checkpoint.filter.clone().map(Follower::new);
+        restored.session = checkpoint.session.clone();
+        restored.trust = checkpoint.trust.clone();
+        restored.watch = ChangeWatch::with_long_run(checkpoint.long_run.clone());
+        restored.comparison.clone_from(&checkpoint.comparison);
+        Ok(restored)
+    }
+
+    /// What has to be stored to go on later.
+    pub fn checkpoint(&self) -> Checkpoint {
+        Checkpoint {
+            version: VERSION,
+            filter: self.filter().map(|filter| {
+                let mut filter = filter.clone();
+                filter.lose_anchor();
+                filter
+            }),
+            session: self.session.clone(),
+            trust: self.trust.clone(),
+            long_run: self.watch.long_run().clone(),
+            comparison: self.comparison.clone(),
+        }
+    }
+}

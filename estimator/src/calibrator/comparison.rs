@@ -1,0 +1,176 @@
+//! Is this still the vehicle that was calibrated? A new session against the stored calibration.
+//!
+//! After a power cycle or a reassembly the filter starts anew and knows nothing of what is stored.
+//! Once it has converged the two are compared, `d' (P_new + P_stored)^-1 d` with four degrees of
+//! freedom, *before* they are fused: a stored calibration that is fused first hides the change.
+
+use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
+
+use crate::estimate::{Cause, Parameter};
+use crate::filter::{ParameterCovariance, Values};
+use crate::geometry::wrap_angle_rad;
+use crate::settings::EstimatorSettings;
+
+/// The parameters that are compared.
+pub(super) const COMPARED: [Parameter; 4] = [
+    Parameter::SteeringOffset,
+    Parameter::LidarX,
+    Parameter::LidarY,
+    Parameter::LidarYaw,
+];
+/// `chi^2` with 4 degrees of freedom exceeds this once in 10,000 comparisons.
+const CHI2_SAME_MAX: f64 = 23.5;
+/// The same for what a cause leaves unexplained: 3 degrees of freedom without the steering zero...
+const CHI2_WITHOUT_STEERING_MAX: f64 = 21.1;
+/// ...and 1 without the mount.
+const CHI2_WITHOUT_MOUNT_MAX: f64 = 15.1;
+
+/// Why a comparison was begun.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Occasion {
+    /// A new session: the stored calibration holds until it is contradicted.
+    NewSession,
+    /// A person says that parts were off: nothing holds until it is found again.
+    Reassembled,
+}
+
+/// A stored calibration that waits to be compared with a new one.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct Comparison {
+    pub occasion: Occasion,
+    pub values: Values,
+    /// Its covariance, with what averaging cannot take away.
+    pub covariance: ParameterCovariance,
+}
+
+/// The outcome.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Verdict {
+    /// Equal as far as the data tell.
+    Same,
+    /// Different: what moved.
+    Changed(Cause, Vec<Parameter>),
+}
+
+impl Comparison {
+    pub fn new(
+        occasion: Occasion,
+        values: Values,
+        covariance: &ParameterCovariance,
+        settings: &EstimatorSettings,
+    ) -> Self {
+        Self {
+            occasion,
+            values,
+            covariance: with_systematic(covariance, settings),
+        }
+    }
+
+    /// Compares with what the new session has found.
+    pub fn verdict(
+        &self,
+        values: &Values,
+        covariance: &ParameterCovariance,
+        settings: &EstimatorSettings,
+    ) -> Verdict {
+        let mut apart = values - self.values;
+        let yaw = Parameter::LidarYaw.index();
+        apart[yaw] = wrap_angle_rad(apart[yaw]);
+        let doubt = with_systematic(covariance, settings) + self.covariance;
+        let chi2 = |parameters: &[Parameter]| chi_squared(&apart, &doubt, parameters);
+        if chi2(&COMPARED) <= CHI2_SAME_MAX {
+            return Verdict::Same;
+        }
+        let (steering, mount) = COMPARED.split_at(1);
+        if chi2(mount) <= CHI2_WITHOUT_STEERING_MAX {
+            Verdict::Changed(Cause::Steering, steering.to_vec())
+        } else if chi2(steering) <= CHI2_WITHOUT_MOUNT_MAX {
+            Verdict::Changed(Cause::LidarMount, mount.to_vec())
+        } else {
+            Verdict::Changed(Cause::Unknown, COMPARED.to_vec())
+        }
+    }
+}
+
+/// Whether a new session knows enough for a comparison.
+pub(super) fn knows_enough(covariance: &ParameterCovariance, settings: &EstimatorSettings) -> bool {
+    COMPARED.iter().all(|&parameter| {
+        let sigma = covariance[(parameter.index(), parameter.index())].sqrt();
+        sigma <= *settings.converged_sigma.get(parameter)
+    })
+}
+
+fn with_systematic(
+    covariance: &ParameterCovariance,
+    settings: &EstimatorSettings,
+) -> ParameterCovariance {
+    let mut with = *covariance;
+    for parameter in Parameter::ALL {
+        let i = parameter.index();
+        with[(i, i)] += settings.systematic_sigma.get(parameter).powi(2);
+    }
+    with
+}
+
+/// Squared normalised difference over some parameters, the others left out.
+fn chi_squared(apart: &Values, doubt: &ParameterCovariance, parameters: &[Parameter]) -> f64 {
+    let size = parameters.len();
+    let part = DVector::from_fn(size, |i, _| apart[parameters[i].index()]);
+    let block = DMatrix::from_fn(size, size, |i, j| {
+        doubt[(parameters[i].index(), parameters[j].index())]
+    });
+    block
+        .cholesky()
+        .map_or(f64::INFINITY, |factor| part.dot(&factor.solve(&part)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stored() -> Comparison {
+        let covariance = ParameterCovariance::identity() * 1e-8;
+        Comparison::new(
+            Occasion::NewSession,
+            Values::zeros(),
+            &covariance,
+            &EstimatorSettings::default(),
+        )
+    }
+
+    fn verdict(moves: &[(Parameter, f64)]) -> Verdict {
+        let mut values = Values::zeros();
+        for (parameter, by) in moves {
+            values[parameter.index()] = *by;
+        }
+        let covariance = ParameterCovariance::identity() * 1e-8;
+        stored().verdict(&values, &covariance, &EstimatorSettings::default())
+    }
+
+    #[test]
+    fn what_moved_is_named() {
+        assert_eq!(verdict(&[(Parameter::LidarX, 0.0005)]), Verdict::Same);
+        let steering = verdict(&[(Parameter::SteeringOffset, 0.01)]);
+        assert!(matches!(steering, Verdict::Changed(Cause::Steering, _)));
+        let mount = verdict(&[(Parameter::LidarX, 0.02), (Parameter::LidarYaw, 0.01)]);
+        assert!(matches!(mount, Verdict::Changed(Cause::LidarMount, _)));
+        let both = verdict(&[(Parameter::LidarX, 0.02), (Parameter::SteeringOffset, 0.01)]);
+        assert!(matches!(both, Verdict::Changed(Cause::Unknown, _)));
+    }
+
+    #[test]
+    fn a_yaw_is_compared_the_short_way_round() {
+        let mut stored = stored();
+        stored.values[Parameter::LidarYaw.index()] = std::f64::consts::PI - 1e-4;
+        let mut values = Values::zeros();
+        values[Parameter::LidarYaw.index()] = -std::f64::consts::PI + 1e-4;
+        let covariance = ParameterCovariance::identity() * 1e-8;
+        let settings = EstimatorSettings::default();
+        assert_eq!(
+            stored.verdict(&values, &covariance, &settings),
+            Verdict::Same
+        );
+    }
+}

@@ -1,0 +1,217 @@
+//! From LiDAR poses to the filter: its start, its way, and its return to before a change.
+
+use super::comparison::{COMPARED, Comparison, Occasion, Verdict, knows_enough};
+use super::{Calibrator, CalibratorConfig, Waiting};
+use crate::change::Detected;
+use crate::change::evidence::change_sigma;
+use crate::estimate::{Cause, Change, ChangeKind, Parameter};
+use crate::excitation::Excitation;
+use crate::filter::follow::{Followed, Follower};
+use crate::filter::prior::Prior;
+use crate::filter::{Filter, OdometryReading, Values};
+use crate::initial_guess::{agrees_with, initial_guess};
+use crate::stream::{Effect, Stamp};
+
+/// Most LiDAR poses kept: an hour of them is not needed for a first guess.
+const READINGS_MAX: usize = 1200;
+/// A new guess is tried after this many new readings.
+const GUESS_EVERY: usize = 5;
+
+impl Calibrator {
+    /// Poses before do not compare with those to come.
+    pub(super) fn begin_anew(&mut self) {
+        self.readings.clear();
+        self.watch.break_window();
+        if let Some(follower) = self.follower.as_mut() {
+            follower.lose_anchor();
+        }
+    }
+
+    /// Takes a LiDAR pose whose drive samples are there.
+    pub(super) fn follow(&mut self, waiting: &Waiting, effects: &mut Vec<Effect>) {
+        if waiting.anew {
+            self.begin_anew();
+        }
+        if self.readings.len() >= READINGS_MAX {
+            self.readings.pop_front();
+        }
+        self.readings.push_back(waiting.reading);
+        if self.follower.is_none() {
+            self.seek_start();
+            return;
+        }
+        self.follow_reading(&waiting.reading);
+        let watched = self.follower.as_ref().and_then(|follower| {
+            self.watch.watch(
+                &waiting.reading,
+                &self.drive,
+                &self.config.vehicle,
+                follower,
+                &self.config.settings,
+            )
+        });
+        if let Some(detected) = watched {
+            self.change(&detected, effects);
+        }
+        self.compare(effects);
+    }
+
+    fn follow_reading(&mut self, reading: &OdometryReading) {
+        let Some(follower) = self.follower.as_mut() else {
+            return;
+        };
+        let followed = follower.follow(reading, &self.drive, &self.config.settings);
+        if let Followed::Updated(moved) = followed {
+            self.session.count_update(&moved);
+        }
+    }
+
+    /// Before the filter has started: guess, and start from the first of the readings.
+    fn seek_start(&mut self) {
+        self.since_guess += 1;
+        if self.since_guess < GUESS_EVERY {
+            return;
+        }
+        self.since_guess = 0;
+        let config = &self.config;
+        let vehicle = &config.vehicle;
+        let readings = self.readings.make_contiguous();
+        let Some(guess) = initial_guess(vehicle, &self.prior, readings, &self.drive) else {
+            return;
+        };
+        let prior = with_nominal(config, guess);
+        let filter = Filter::new(*vehicle, &config.settings, &prior);
+        self.follow_again(Follower::new(filter), None);
+    }
+
+    /// Starts a follower and takes it through the readings from a time on.
+    fn follow_again(&mut self, follower: Follower, from: Option<Stamp>) {
+        self.follower = Some(follower);
+        let readings: Vec<_> = self
+            .readings
+            .iter()
+            .filter(|reading| from.is_none_or(|from| reading.stamp >= from))
+            .copied()
+            .collect();
+        for reading in readings {
+            self.follow_reading(&reading);
+        }
+    }
+
+    /// The vehicle has changed: go back to before the onset, open what moved, and follow again, so
+    /// that nothing which was absorbed since then stays in the other parameters.
+    fn change(&mut self, detected: &Detected, effects: &mut Vec<Effect>) {
+        let (onset, after_onset) = detected.onset;
+        let onset_s = self.session.seconds_to(onset);
+        let before = self.judge_filter(&detected.filter_before);
+        self.session.close_segment(onset_s, before);
+
+        let mut filter = detected.filter_before.clone();
+        filter.lose_anchor();
+        filter.reopen(&detected.parameters, change_sigma);
+        self.watch.restart();
+        self.follow_again(Follower::new(filter), Some(after_onset));
+        let kind = ChangeKind::CalibrationChanged;
+        self.report(kind, detected.cause, onset_s, &detected.parameters, effects);
+    }
+
+    /// Starts the filter anew, to be compared with what is known so far.
+    pub(super) fn begin_comparison(&mut self, occasion: Occasion) {
+        if let Some(follower) = self.follower.take() {
+            let filter = &follower.filter;
+            let covariance = filter.parameter_covariance() * self.watch.long_run().ratio();
+            let settings = &self.config.settings;
+            // An unfinished session has learnt nothing that a comparison could be held to.
+            if self.comparison.is_none() && knows_enough(&covariance, settings) {
+                let values = *filter.values();
+                self.comparison = Some(Comparison::new(occasion, values, &covariance, settings));
+            }
+        }
+        if let Some(comparison) = self.comparison.as_mut()
+            && occasion == Occasion::Reassembled
+        {
+            comparison.occasion = occasion;
+        }
+        if occasion == Occasion::Reassembled {
+            self.trust.withdraw();
+        }
+        self.session.excitation = Excitation::default();
+        self.readings.clear();
+        self.watch.restart();
+    }
+
+    /// Holds the new session against the stored calibration, once it knows enough.
+    fn compare(&mut self, effects: &mut Vec<Effect>) {
+        let (Some(comparison), Some(filter)) = (&self.comparison, self.filter()) else {
+            return;
+        };
+        let settings = &self.config.settings;
+        let covariance = filter.parameter_covariance() * self.watch.long_run().ratio();
+        if !knows_enough(&covariance, settings) {
+            return;
+        }
+        let verdict = comparison.verdict(filter.values(), &covariance, settings);
+        let Some(stored) = self.comparison.take() else {
+            return;
+        };
+        match verdict {
+            Verdict::Same => {
+                if let Some(follower) = self.follower.as_mut() {
+                    let filter = &mut follower.filter;
+                    filter.fuse(&COMPARED, &stored.values, &stored.covariance);
+                }
+                let kind = ChangeKind::CalibrationConfirmed;
+                self.report(kind, Cause::Unknown, 0.0, &[], effects);
+            }
+            Verdict::Changed(cause, parameters) => {
+                let before = self.judge_values(&stored.values);
+                self.session.close_segment(0.0, before);
+                let kind = ChangeKind::CalibrationChanged;
+                self.report(kind, cause, 0.0, &parameters, effects);
+            }
+        }
+    }
+
+    fn report(
+        &mut self,
+        kind: ChangeKind,
+        cause: Cause,
+        onset_s: f64,
+        parameters: &[Parameter],
+        effects: &mut Vec<Effect>,
+    ) {
+        self.session.note_change(Change {
+            kind,
+            cause,
+            stamp: self.session.now,
+            time_s: self.session.duration_s(),
+            onset_s,
+            change: parameters.iter().map(|&p| (p, 0.0)).collect(),
+        });
+        let values = self.filter().map_or(Values::zeros(), |f| *f.values());
+        self.session.update_last_change(&values);
+        if let Some(change) = self.session.changes.last() {
+            effects.push(Effect::Change(Box::new(change.clone())));
+        }
+        self.tell(effects);
+    }
+}
+
+/// A guess joined with the nominal mount, where the two agree: the nominal mount is evidence too.
+fn with_nominal(config: &CalibratorConfig, guess: Prior) -> Prior {
+    let Some(nominal) = config.nominal_lidar_in_base else {
+        return guess;
+    };
+    let nominal = Prior::cold(&config.vehicle, Some(nominal), &config.settings);
+    if !agrees_with(&nominal, &guess) {
+        return guess;
+    }
+    // The guess is where to linearise; what is believed is the nominal mount's doubt around it.
+    let x = Parameter::LidarX.index();
+    let mut joined = guess;
+    joined
+        .covariance
+        .fixed_view_mut::<3, 3>(x, x)
+        .copy_from(&nominal.covariance.fixed_view::<3, 3>(x, x));
+    joined
+}

@@ -1,0 +1,338 @@
+//! One robot's estimator: a pure `step(event) -> effects`.
+
+mod checkpoint;
+mod comparison;
+mod config;
+mod following;
+mod session;
+
+use std::collections::VecDeque;
+
+pub use checkpoint::{Checkpoint, CheckpointRefused};
+pub use config::CalibratorConfig;
+
+use comparison::{Comparison, Occasion};
+use session::Session;
+
+use crate::change::ChangeWatch;
+use crate::drive_history::DriveHistory;
+use crate::estimate::{Change, Estimate, ParameterEstimate, Segment};
+use crate::filter::follow::Follower;
+use crate::filter::prior::Prior;
+use crate::filter::{Filter, OdometryReading, PARAMETERS, ParameterCovariance, Values};
+use crate::geometry::Pose2;
+use crate::lidar_odometry::{LidarOdometry, Tracking};
+use crate::merge::{Merged, Merger};
+use crate::stream::{DriveSample, Dropped, Effect, Event, LidarPose, Note, NoteKind, Stamp, Sweep};
+use crate::trust::Trust;
+
+/// How far back drive samples and LiDAR poses are kept, s.
+const HISTORY_S: f64 = 60.0;
+/// Most LiDAR poses waiting for the drive samples of their time.
+const WAITING_MAX: usize = 64;
+/// A robot that was silent for longer has been out of sight, and may come back another, s.
+const NEW_SESSION_GAP_S: f64 = 600.0;
+/// An estimate is told once in this much message time, s.
+const TELL_EVERY_S: f64 = 1.0;
+
+/// A LiDAR pose waiting for its drive samples.
+#[derive(Debug, Clone)]
+struct Waiting {
+    reading: OdometryReading,
+    /// Whether poses before it do not compare with it.
+    anew: bool,
+}
+
+/// One robot's estimator.
+#[derive(Debug, Clone)]
+pub struct Calibrator {
+    config: CalibratorConfig,
+    prior: Prior,
+    merger: Merger,
+    lidar_odometry: LidarOdometry,
+    drive: DriveHistory,
+    waiting: VecDeque<Waiting>,
+    /// Recent readings: for the first guess, and to go back to the onset of a change.
+    readings: VecDeque<OdometryReading>,
+    since_guess: usize,
+    watch: ChangeWatch,
+    follower: Option<Follower>,
+    /// The stored calibration, while a new session has not been held against it.
+    comparison: Option<Comparison>,
+    session: Session,
+    trust: Trust,
+    told: Option<Stamp>,
+}
+
+impl Calibrator {
+    /// An estimator that knows nothing yet but its vehicle.
+    pub fn new(config: CalibratorConfig) -> Self {
+        Self {
+            prior: Prior::cold(&config.vehicle, None, &config.settings),
+            merger: Merger::default(),
+            lidar_odometry: LidarOdometry::default(),
+            drive: DriveHistory::new(HISTORY_S),
+            waiting: VecDeque::new(),
+            readings: VecDeque::new(),
+            since_guess: 0,
+            watch: ChangeWatch::default(),
+            follower: None,
+            comparison: None,
+            session: Session::default(),
+            trust: Trust::default(),
+            told: None,
+            config,
+        }
+    }
+
+    /// The configuration it was made with.
+    pub fn config(&self) -> &CalibratorConfig {
+        &self.config
+    }
+
+    /// Takes one event, in any order inside the merger's window, and says what has to be done.
+    pub fn step(&mut self, event: Event) -> Vec<Effect> {
+        let ends = event == Event::EndOfSession;
+        // 1. Order by stamp.
+        let mut merged = Vec::new();
+        self.merger.push(event, &mut merged);
+        // 2. Work through what is in order now.
+        let mut effects = Vec::new();
+        for merged in merged {
+            match merged {
+                Merged::Event(stamp, event) => self.take(stamp, event, &mut effects),
+                Merged::Dropped(dropped) => self.drop_message(dropped, &mut effects),
+                Merged::SessionStarted(stamp) => self.start_session(stamp, &mut effects),
+            }
+        }
+        // 3. At the end, work through what still waits.
+        if ends {
+            self.work_off(true, &mut effects);
+            self.tell(&mut effects);
+        }
+        effects
+    }
+
+    /// The estimate now.
+    pub fn estimate(&self) -> Estimate {
+        self.judged().1
+    }
+
+    /// The body's pose in the LiDAR's odometry frame at the last sweep or pose that was used.
+    pub fn base_pose(&self) -> Option<(Stamp, Pose2)> {
+        self.follower.as_ref()?.base_pose()
+    }
+
+    /// The filter, once it has started.
+    pub fn filter(&self) -> Option<&Filter> {
+        self.follower.as_ref().map(|follower| &follower.filter)
+    }
+
+    /// Changes and faults of this session, oldest first.
+    pub fn changes(&self) -> &[Change] {
+        &self.session.changes
+    }
+
+    /// The stretches of this session over which the vehicle stayed the same.
+    pub fn segments(&self) -> Vec<Segment> {
+        self.session.segments_with(self.estimate().parameters)
+    }
+
+    /// Seconds of message time since the session's first message.
+    pub fn duration_s(&self) -> f64 {
+        self.session.duration_s()
+    }
+
+    fn start_session(&mut self, stamp: Stamp, effects: &mut Vec<Effect>) {
+        self.drive.clear();
+        self.waiting.clear();
+        self.told = None;
+        self.begin_comparison(Occasion::NewSession);
+        self.session = Session::starting(stamp);
+        effects.push(Effect::SessionStarted(stamp));
+    }
+
+    fn drop_message(&mut self, dropped: Dropped, effects: &mut Vec<Effect>) {
+        self.session.count_dropped(dropped);
+        effects.push(Effect::Dropped(dropped));
+    }
+
+    fn take(&mut self, stamp: Stamp, event: Event, effects: &mut Vec<Effect>) {
+        self.session.now = self.session.now.max(stamp);
+        match event {
+            Event::Drive(sample) => self.take_drive(sample),
+            Event::Sweep(sweep) => self.take_sweep(&sweep, effects),
+            Event::LidarPose(pose) => self.take_pose(&pose),
+            Event::Note(note) => self.take_note(&note),
+            Event::EndOfSession => {}
+        }
+        self.work_off(false, effects);
+        let now = self.session.now;
+        if self
+            .told
+            .is_none_or(|told| now.seconds_since(told) >= TELL_EVERY_S)
+        {
+            self.tell(effects);
+        }
+    }
+
+    fn take_drive(&mut self, sample: DriveSample) {
+        let last = self.drive.newest();
+        self.session.count_drive(&sample, last);
+        if last.is_some_and(|last| sample.stamp().seconds_since(last) > NEW_SESSION_GAP_S) {
+            self.begin_comparison(Occasion::NewSession);
+        }
+        self.drive.push(sample);
+    }
+
+    fn take_note(&mut self, note: &Note) {
+        match note.kind {
+            NoteKind::Reassembled => self.begin_comparison(Occasion::Reassembled),
+            NoteKind::PowerOn => self.begin_comparison(Occasion::NewSession),
+            // Work that takes nothing apart is only remembered.
+            NoteKind::Maintenance => {}
+        }
+    }
+
+    fn take_sweep(&mut self, sweep: &Sweep, effects: &mut Vec<Effect>) {
+        let pose = self.lidar_odometry.process(sweep);
+        let Some(pose) = pose.filter(|pose| pose.tracking != Tracking::Lost) else {
+            self.drop_message(Dropped::UnusableSweep, effects);
+            return;
+        };
+        let reading = OdometryReading {
+            stamp: pose.stamp,
+            lidar_in_odom: pose.lidar_in_odom,
+            covariance: pose.covariance,
+        };
+        let anew = pose.map_restarted || pose.tracking == Tracking::Recovered;
+        self.wait(Waiting { reading, anew });
+    }
+
+    fn take_pose(&mut self, pose: &LidarPose) {
+        let settings = &self.config.settings;
+        let own = nalgebra::Vector3::new(
+            settings.pose_sigma_m,
+            settings.pose_sigma_m,
+            settings.pose_sigma_rad,
+        );
+        // A given covariance is of the odometry frame's axes; the filter takes the pose's own.
+        let covariance = pose.covariance().map_or_else(
+            || nalgebra::Matrix3::from_diagonal(&own.component_mul(&own)),
+            |given| {
+                let turn = Pose2::new(0.0, 0.0, -pose.pose().yaw_rad).adjoint();
+                turn * given * turn.transpose()
+            },
+        );
+        let reading = OdometryReading {
+            stamp: pose.stamp(),
+            lidar_in_odom: pose.pose(),
+            covariance,
+        };
+        self.wait(Waiting {
+            reading,
+            anew: false,
+        });
+    }
+
+    fn wait(&mut self, waiting: Waiting) {
+        self.session.counts.scans += 1;
+        if self.waiting.len() >= WAITING_MAX {
+            self.waiting.pop_front();
+        }
+        self.waiting.push_back(waiting);
+    }
+
+    /// Works off the LiDAR poses whose drive samples are there; at the end, those that never will
+    /// have them are left.
+    fn work_off(&mut self, ends: bool, effects: &mut Vec<Effect>) {
+        while let Some(front) = self.waiting.front() {
+            let due = match &self.follower {
+                Some(follower) => follower.drive_time(&front.reading, &self.config.settings),
+                None => front.reading.stamp,
+            };
+            if self.drive.newest().is_none_or(|newest| newest < due) {
+                if ends {
+                    self.waiting.clear();
+                }
+                return;
+            }
+            if let Some(waiting) = self.waiting.pop_front() {
+                self.follow(&waiting, effects);
+            }
+        }
+    }
+
+    fn tell(&mut self, effects: &mut Vec<Effect>) {
+        let (trust, estimate) = self.judged();
+        self.trust = trust;
+        self.told = Some(self.session.now);
+        if let Some(follower) = &self.follower {
+            self.session.update_last_change(follower.filter.values());
+        }
+        effects.push(Effect::Estimate(Box::new(estimate)));
+    }
+
+    /// What is to be said of the vehicle now: a stored calibration holds until it is contradicted,
+    /// unless somebody said that the vehicle was taken apart.
+    fn judged(&self) -> (Trust, Estimate) {
+        let mut trust = self.trust.clone();
+        let held = self
+            .comparison
+            .as_ref()
+            .filter(|comparison| comparison.occasion == Occasion::NewSession);
+        let parameters = match (held, self.filter()) {
+            (Some(held), _) => self.judge(&mut trust, &held.values, &held.covariance),
+            (None, Some(filter)) => {
+                // Errors that last for metres: the filter takes them as independent.
+                let covariance = filter.parameter_covariance() * self.watch.long_run().ratio();
+                self.judge(&mut trust, filter.values(), &covariance)
+            }
+            (None, None) => self.judge(&mut trust, &self.prior.values, &self.prior.covariance),
+        };
+        let now = self.drive.now();
+        let base_in_odom = self.filter().and_then(Filter::base_in_odom);
+        let estimate = Estimate {
+            stamp: self.session.now,
+            time_s: self.session.duration_s(),
+            distance_m: self.session.distance_m,
+            parameters,
+            consistency: self.session.consistency(),
+            counts: self.session.counts,
+            base_in_odom: base_in_odom.unwrap_or(Pose2::IDENTITY).wrapped(),
+            drive_now: [now.speed_mps, now.steering_rad],
+        };
+        (trust, estimate)
+    }
+
+    fn judge(
+        &self,
+        trust: &mut Trust,
+        values: &Values,
+        covariance: &ParameterCovariance,
+    ) -> [ParameterEstimate; PARAMETERS] {
+        let prior_sigma = Values::from_fn(|i, _| self.prior.covariance[(i, i)].sqrt());
+        let excitation = &self.session.excitation;
+        trust.judge(
+            values,
+            covariance,
+            &prior_sigma,
+            excitation,
+            &self.config.settings,
+        )
+    }
+
+    /// The parameters as a filter of this session saw them.
+    fn judge_filter(&self, filter: &Filter) -> [ParameterEstimate; PARAMETERS] {
+        let covariance = filter.parameter_covariance() * self.watch.long_run().ratio();
+        self.judge(&mut self.trust.clone(), filter.values(), &covariance)
+    }
+
+    /// Stored values, with the doubt of now.
+    fn judge_values(&self, values: &Values) -> [ParameterEstimate; PARAMETERS] {
+        let covariance = self
+            .filter()
+            .map_or(self.prior.covariance, Filter::parameter_covariance);
+        self.judge(&mut self.trust.clone(), values, &covariance)
+    }
+}

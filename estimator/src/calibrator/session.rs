@@ -1,0 +1,139 @@
+//! What is counted over a session.
+
+use std::collections::VecDeque;
+
+use serde::{Deserialize, Serialize};
+
+use crate::drive_history::GAP_MIN_S;
+use crate::estimate::{Change, Consistency, Counts, ParameterEstimate, Segment};
+use crate::excitation::Excitation;
+use crate::filter::follow::Moved;
+use crate::filter::{PARAMETERS, Values};
+use crate::stream::{DriveSample, Dropped, Stamp};
+
+/// Readings over which the mean NIS is taken.
+const NIS_WINDOW: usize = 200;
+/// Most changes kept of a session.
+const CHANGES_MAX: usize = 64;
+
+/// A stretch of one robot's life over which its clock went on.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub(super) struct Session {
+    pub began: Option<Stamp>,
+    pub now: Stamp,
+    pub distance_m: f64,
+    pub counts: Counts,
+    pub excitation: Excitation,
+    recent_nis: VecDeque<f64>,
+    pub changes: Vec<Change>,
+    pub segments: Vec<Segment>,
+    /// The parameters before the last change, to say how far they moved.
+    values_before: Option<Values>,
+}
+
+impl Session {
+    pub fn starting(stamp: Stamp) -> Self {
+        Self {
+            began: Some(stamp),
+            now: stamp,
+            ..Self::default()
+        }
+    }
+
+    /// Seconds from the session's first message to a stamp.
+    pub fn seconds_to(&self, stamp: Stamp) -> f64 {
+        self.began.map_or(0.0, |began| stamp.seconds_since(began))
+    }
+
+    pub fn duration_s(&self) -> f64 {
+        self.seconds_to(self.now)
+    }
+
+    pub fn count_drive(&mut self, sample: &DriveSample, last: Option<Stamp>) {
+        self.counts.drive_samples += 1;
+        let Some(last) = last else { return };
+        let interval_s = sample.stamp().seconds_since(last);
+        if interval_s < GAP_MIN_S {
+            self.distance_m += sample.speed_mps().abs() * interval_s;
+        }
+    }
+
+    pub fn count_dropped(&mut self, dropped: Dropped) {
+        match dropped {
+            Dropped::Late => self.counts.late += 1,
+            Dropped::Duplicate => self.counts.duplicates += 1,
+            Dropped::UnusableSweep => self.counts.scans_rejected += 1,
+        }
+    }
+
+    pub fn count_update(&mut self, moved: &Moved) {
+        self.excitation.add(moved.distance_m, moved.turn_rad);
+        self.recent_nis.push_back(moved.innovation.nis);
+        if self.recent_nis.len() > NIS_WINDOW {
+            self.recent_nis.pop_front();
+        }
+    }
+
+    pub fn consistency(&self) -> Consistency {
+        let samples = self.recent_nis.len() as u64;
+        let sum: f64 = self.recent_nis.iter().sum();
+        Consistency {
+            nis_mean: if samples == 0 {
+                0.0
+            } else {
+                sum / samples as f64
+            },
+            nis_dof: 3.0,
+            samples,
+        }
+    }
+
+    /// Where the current stretch of an unchanged vehicle began, s.
+    fn segment_from_s(&self) -> f64 {
+        self.segments.last().map_or(0.0, |segment| segment.to_s)
+    }
+
+    /// Closes the stretch up to the onset of a change.
+    pub fn close_segment(&mut self, to_s: f64, before: [ParameterEstimate; PARAMETERS]) {
+        let from_s = self.segment_from_s();
+        self.values_before = Some(Values::from_iterator(before.iter().map(|p| p.value)));
+        self.segments.push(Segment {
+            from_s,
+            to_s,
+            parameters: before,
+        });
+        self.excitation = Excitation::default();
+        self.recent_nis.clear();
+    }
+
+    /// All stretches, the current one included.
+    pub fn segments_with(&self, now: [ParameterEstimate; PARAMETERS]) -> Vec<Segment> {
+        let mut segments = self.segments.clone();
+        segments.push(Segment {
+            from_s: self.segment_from_s(),
+            to_s: self.duration_s(),
+            parameters: now,
+        });
+        segments
+    }
+
+    pub fn note_change(&mut self, change: Change) {
+        self.changes.push(change);
+        if self.changes.len() > CHANGES_MAX {
+            self.changes.remove(0);
+            if !self.segments.is_empty() {
+                self.segments.remove(0);
+            }
+        }
+    }
+
+    /// Says anew how far the parameters of the last change have moved: it is known ever better.
+    pub fn update_last_change(&mut self, values: &Values) {
+        let (Some(before), Some(last)) = (&self.values_before, self.changes.last_mut()) else {
+            return;
+        };
+        for (parameter, moved) in &mut last.change {
+            *moved = values[parameter.index()] - before[parameter.index()];
+        }
+    }
+}
