@@ -96,6 +96,11 @@ impl SweepPoints {
         self.len
     }
 
+    /// Bytes held.
+    pub fn memory_bytes(&self) -> usize {
+        self.blocks.capacity() * size_of::<Block>()
+    }
+
     /// The points, block by block.
     pub fn blocks(&self) -> &[Block] {
         &self.blocks
@@ -164,6 +169,12 @@ impl BeamFilter {
         self.collect_returns(sweep);
         self.mark_edges(sweep.shape().angle_increment_rad.abs() as f32);
         self.emit(sweep, points);
+    }
+
+    /// Bytes held.
+    pub fn memory_bytes(&self) -> usize {
+        (self.cos.capacity() + self.sin.capacity()) * size_of::<f32>()
+            + self.returns.capacity() * size_of::<Return>()
     }
 
     fn prepare_directions(&mut self, shape: &SweepShape, beams: usize) {

@@ -131,7 +131,7 @@ impl LidarOdometry {
         }
 
         // 4. Is it to be believed?
-        if !solution.fit.is_accepted(self.track.is_lost()) {
+        if !self.track.accepts(&solution.fit) {
             return Some(self.remain_lost(&predicted, &solution, stamp));
         }
         let tracking = self.track.found(&solution.fit, solution.open.is_some());
@@ -162,6 +162,13 @@ impl LidarOdometry {
     /// Bytes held for this robot.
     pub fn memory_bytes(&self) -> usize {
         self.map.memory_bytes()
+            + self.points.memory_bytes()
+            + self.beam_filter.memory_bytes()
+            + self.last_ranges.capacity() * size_of::<f32>()
+            + self
+                .first_sweep
+                .as_ref()
+                .map_or(0, |(points, _, _)| points.memory_bytes())
     }
 
     /// The scanner's range noise as measured so far, m (one sigma).
@@ -277,7 +284,8 @@ impl LidarOdometry {
         if self.track.gives_up() {
             return self.begin_map(predicted.pose, stamp, Tracking::Recovered);
         }
-        let motion = predicted.stopped();
+        let window = self.track.window(0.0);
+        let motion = predicted.lost(window.reach_m, window.yaw_rad);
         let pose = OdometryPose {
             stamp,
             lidar_in_odom: motion.pose,

@@ -89,16 +89,15 @@ impl Motion {
         (least.max(0.0).sqrt(), self.covariance[(2, 2)].sqrt())
     }
 
-    /// Standing still, and sure of nothing beyond what it was sure of.
+    /// Standing still, and no surer of the pose than that it lies within these of the prediction.
     #[must_use]
-    pub fn stopped(&self) -> Self {
-        let mut stopped = Self::starting_at(self.pose);
-        let pose = self.covariance.fixed_view::<3, 3>(0, 0).into_owned();
-        stopped
-            .covariance
-            .fixed_view_mut::<3, 3>(0, 0)
-            .copy_from(&pose);
-        stopped
+    pub fn lost(&self, reach_m: f64, yaw_rad: f64) -> Self {
+        let mut lost = Self::starting_at(self.pose);
+        for (index, sigma) in [reach_m, reach_m, yaw_rad].into_iter().enumerate() {
+            let variance = self.covariance[(index, index)].max(sigma * sigma);
+            lost.covariance[(index, index)] = variance;
+        }
+        lost
     }
 
     /// The motion `dt` seconds later.

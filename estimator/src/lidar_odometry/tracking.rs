@@ -31,6 +31,10 @@ const BASIN_M: f64 = 0.05;
 const BASIN_RAD: f64 = 0.03;
 /// The search is also asked when the points lie less close than this part of what they did of late.
 const CLOSENESS_DROP: f32 = 0.9;
+/// A sweep less close than this part is lost; one found again has to come nearer to it.
+const CLOSENESS_MIN: f32 = 0.45;
+/// The same after a loss.
+const CLOSENESS_RECOVERED_MIN: f32 = 0.75;
 /// Gain of the mean closeness.
 const CLOSENESS_GAIN: f32 = 0.1;
 /// Share of all points that has to be on the map, moving or not.
@@ -83,16 +87,6 @@ impl Fit {
         self.explained() >= EXPLAINED_GOOD
     }
 
-    /// Whether the sweep lies on the map at all.
-    pub fn is_accepted(&self, lost_before: bool) -> bool {
-        let least = if lost_before {
-            EXPLAINED_RECOVERED_MIN
-        } else {
-            EXPLAINED_MIN
-        };
-        self.explained() >= least
-    }
-
     /// Whether this fit is clearly better than another.
     pub fn beats(&self, other: &Self) -> bool {
         self.score > 1.03 * other.score
@@ -118,6 +112,17 @@ impl Track {
     /// Whether a better pose should be looked for: the fit is poor, or poorer than those before.
     pub fn doubts(self, fit: &Fit) -> bool {
         !fit.is_good() || fit.closeness() < CLOSENESS_DROP * self.closeness
+    }
+
+    /// Whether the sweep lies on the map: it explains enough, and not suddenly much less than of
+    /// late, as after a kidnap. To be found again takes more.
+    pub fn accepts(self, fit: &Fit) -> bool {
+        let (explained_min, closeness_part) = if self.is_lost() {
+            (EXPLAINED_RECOVERED_MIN, CLOSENESS_RECOVERED_MIN)
+        } else {
+            (EXPLAINED_MIN, CLOSENESS_MIN)
+        };
+        fit.explained() >= explained_min && fit.closeness() >= closeness_part * self.closeness
     }
 
     /// Whether the last sweep had no fit.
