@@ -69,6 +69,24 @@ pub struct CalibrationValues {
     pub time_offset_s: Option<f64>,
 }
 
+impl CalibrationValues {
+    /// Those that are there, each under the name it has on the wire.
+    pub fn fields(&self) -> impl Iterator<Item = (&'static str, f64)> {
+        [
+            ("steering_offset_rad", Some(self.steering_offset_rad)),
+            ("lidar_x_m", Some(self.lidar_x_m)),
+            ("lidar_y_m", Some(self.lidar_y_m)),
+            ("lidar_yaw_rad", Some(self.lidar_yaw_rad)),
+            ("speed_scale", self.speed_scale),
+            ("wheelbase_m", self.wheelbase_m),
+            ("steering_gain", self.steering_gain),
+            ("time_offset_s", self.time_offset_s),
+        ]
+        .into_iter()
+        .filter_map(|(name, value)| value.map(|value| (name, value)))
+    }
+}
+
 /// What a person approved for one robot: the content of an [`Envelope`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]

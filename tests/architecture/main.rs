@@ -64,7 +64,16 @@ fn the_estimator_is_pure() {
 fn what_travels_knows_no_transport() {
     assert_only(
         "fleetcal-proto",
-        &["serde", "serde_json", "thiserror", "utoipa"],
+        &[
+            "base64",
+            "ed25519-dalek",
+            "serde",
+            "serde_json",
+            "serde_path_to_error",
+            "sha2",
+            "thiserror",
+            "utoipa",
+        ],
     );
 }
 

@@ -1,0 +1,321 @@
+//! Seals a calibration document, and opens what was sealed.
+//!
+//! Hash and Ed25519 signature ([RFC 8032](https://www.rfc-editor.org/rfc/rfc8032)) are over the
+//! exact bytes of an envelope's `document` string, so nobody has to agree on a canonical JSON.
+//! Keys travel as base64 of their 32 bytes; a key's id is the beginning of its SHA-256.
+
+use std::fmt;
+use std::str::FromStr;
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD as BASE64;
+use ed25519_dalek::{Signature, Signer as _};
+use serde::Deserialize;
+use sha2::{Digest, Sha256};
+use thiserror::Error;
+
+use crate::calibration::{CalibrationDocument, CalibrationSchema, Envelope};
+
+/// Largest envelope that is read, bytes.
+pub const ENVELOPE_BYTES_MAX: usize = 64 * 1024;
+/// Most keys that are trusted at once: one in use, its predecessors and its successor.
+pub const TRUSTED_KEYS_MAX: usize = 8;
+/// Bytes of a secret and of a public key.
+pub const KEY_BYTES: usize = 32;
+
+/// Hexadecimal digits of the public key's SHA-256 that make its id.
+const KEY_ID_CHARACTERS: usize = 16;
+
+/// The secret half of a key. Its bytes are erased when it is dropped and never shown by `Debug`.
+#[derive(Clone)]
+pub struct SigningKey(ed25519_dalek::SigningKey);
+
+impl SigningKey {
+    /// The key that 32 bytes of a cryptographic random source make.
+    pub fn from_bytes(secret: &[u8; KEY_BYTES]) -> Self {
+        Self(ed25519_dalek::SigningKey::from_bytes(secret))
+    }
+
+    /// The secret bytes, to be kept where nobody else can read them.
+    pub fn to_bytes(&self) -> [u8; KEY_BYTES] {
+        self.0.to_bytes()
+    }
+
+    /// The public half.
+    pub fn public_key(&self) -> PublicKey {
+        PublicKey(self.0.verifying_key())
+    }
+}
+
+impl fmt::Debug for SigningKey {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "SigningKey({})", self.public_key().id())
+    }
+}
+
+/// The public half of a key: what a robot is given once. Written as base64.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PublicKey(ed25519_dalek::VerifyingKey);
+
+/// Why a text is no public key.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error(
+    "public key {text:?} is {fault}, accepted is base64 of the 32 bytes of an Ed25519 public key"
+)]
+pub struct PublicKeyRefused {
+    /// The text.
+    pub text: String,
+    /// What is wrong with it.
+    pub fault: &'static str,
+}
+
+impl PublicKey {
+    /// Its short name, lower-case hexadecimal: the beginning of the SHA-256 of its 32 bytes.
+    pub fn id(&self) -> String {
+        let mut id = sha256_hex(self.0.as_bytes());
+        id.truncate(KEY_ID_CHARACTERS);
+        id
+    }
+}
+
+impl fmt::Display for PublicKey {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(&BASE64.encode(self.0.as_bytes()))
+    }
+}
+
+impl FromStr for PublicKey {
+    type Err = PublicKeyRefused;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let refused = |fault| PublicKeyRefused {
+            text: text.chars().take(80).collect(),
+            fault,
+        };
+        let bytes = BASE64
+            .decode(text.trim())
+            .map_err(|_| refused("not base64"))?;
+        let bytes = <[u8; KEY_BYTES]>::try_from(bytes).map_err(|_| refused("not 32 bytes long"))?;
+        let key = ed25519_dalek::VerifyingKey::from_bytes(&bytes)
+            .map_err(|_| refused("no point of the curve"))?;
+        // A key of small order "verifies" one signature for many documents.
+        if key.is_weak() {
+            return Err(refused("weak"));
+        }
+        Ok(Self(key))
+    }
+}
+
+/// The keys whose signatures count, at least one.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TrustedKeys(Vec<PublicKey>);
+
+/// Why keys cannot be trusted together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[error("{count} trusted keys were given, accepted are 1 to 8")]
+pub struct TrustedKeysRefused {
+    /// How many were given.
+    pub count: usize,
+}
+
+impl TrustedKeys {
+    /// Trusts several keys: the service's present one, and those before and after a change of key.
+    ///
+    /// # Errors
+    /// When there is none, or more than [`TRUSTED_KEYS_MAX`].
+    pub fn new(keys: Vec<PublicKey>) -> Result<Self, TrustedKeysRefused> {
+        let count = keys.len();
+        if count == 0 || count > TRUSTED_KEYS_MAX {
+            return Err(TrustedKeysRefused { count });
+        }
+        Ok(Self(keys))
+    }
+
+    /// The ids of the keys, parted by commas.
+    pub fn ids(&self) -> String {
+        let ids: Vec<String> = self.0.iter().map(PublicKey::id).collect();
+        ids.join(", ")
+    }
+
+    fn find(&self, id: &str) -> Option<&PublicKey> {
+        self.0.iter().find(|key| key.id() == id)
+    }
+}
+
+impl From<PublicKey> for TrustedKeys {
+    fn from(key: PublicKey) -> Self {
+        Self(vec![key])
+    }
+}
+
+/// Why a document was not sealed.
+#[derive(Debug, Error)]
+pub enum SealRefused {
+    /// A value or sigma is not a finite number, which JSON cannot carry.
+    #[error("{field} is {value}, accepted are finite numbers")]
+    NotFinite {
+        /// Its path in the document.
+        field: String,
+        /// What it is.
+        value: f64,
+    },
+    /// It cannot be written as JSON.
+    #[error("the document cannot be written: {0}")]
+    Json(#[from] serde_json::Error),
+    /// Nobody would read it.
+    #[error("the envelope is {length} bytes long, accepted are at most 65536")]
+    TooLarge {
+        /// Its length in bytes.
+        length: usize,
+    },
+}
+
+/// Writes a document once, and hashes and signs exactly what was written.
+///
+/// # Errors
+/// When a number is not finite, or the whole is longer than [`ENVELOPE_BYTES_MAX`].
+pub fn seal(document: &CalibrationDocument, key: &SigningKey) -> Result<Envelope, SealRefused> {
+    for (name, group) in [("values", &document.values), ("sigmas", &document.sigmas)] {
+        if let Some((field, value)) = group.fields().find(|(_, value)| !value.is_finite()) {
+            let field = format!("{name}.{field}");
+            return Err(SealRefused::NotFinite { field, value });
+        }
+    }
+    let document = serde_json::to_string(document)?;
+    let envelope = Envelope {
+        sha256: sha256_hex(document.as_bytes()),
+        key_id: key.public_key().id(),
+        signature: BASE64.encode(key.0.sign(document.as_bytes()).to_bytes()),
+        document,
+    };
+    let length = serde_json::to_vec(&envelope)?.len();
+    if length > ENVELOPE_BYTES_MAX {
+        return Err(SealRefused::TooLarge { length });
+    }
+    Ok(envelope)
+}
+
+/// SHA-256 of some bytes in lower-case hexadecimal, as envelopes and acknowledgements carry it.
+pub fn sha256_hex(bytes: &[u8]) -> String {
+    format!("{:x}", Sha256::digest(bytes))
+}
+
+/// Why an envelope was not opened: which check failed.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum EnvelopeRefused {
+    /// Longer than [`ENVELOPE_BYTES_MAX`], and not looked at.
+    #[error("envelope is {length} bytes long, accepted are at most 65536")]
+    TooLarge {
+        /// Its length in bytes.
+        length: usize,
+    },
+    /// The envelope itself is no JSON of its form.
+    #[error("envelope: {0}")]
+    Form(String),
+    /// The document was altered, or the hash was.
+    #[error("sha256 is {said}, the document's is {found}")]
+    Hash {
+        /// What the envelope says.
+        said: String,
+        /// What the document's bytes give.
+        found: String,
+    },
+    /// Signed with a key that is not trusted.
+    #[error("key_id is {key_id:?}, accepted are {trusted}")]
+    KeyUnknown {
+        /// Which key the envelope names.
+        key_id: String,
+        /// The ids of the trusted keys.
+        trusted: String,
+    },
+    /// The signature is not that of the trusted key over these bytes.
+    #[error("signature is {fault}, accepted is that of key {key_id} over the document's bytes")]
+    Signature {
+        /// Which key it should be of.
+        key_id: String,
+        /// What is wrong with it.
+        fault: &'static str,
+    },
+    /// Signed and whole, but of a schema that is not known here.
+    #[error("schema is {found}, accepted is \"fleetcal.calibration/1\"")]
+    Schema {
+        /// What the document says, as JSON.
+        found: String,
+    },
+    /// Signed and whole, but not a document of its schema.
+    #[error("document: {0}")]
+    Document(String),
+}
+
+impl Envelope {
+    /// Reads an envelope, without opening it.
+    ///
+    /// # Errors
+    /// When it is longer than [`ENVELOPE_BYTES_MAX`] or not an envelope in JSON.
+    pub fn from_json(payload: &[u8]) -> Result<Self, EnvelopeRefused> {
+        let length = payload.len();
+        if length > ENVELOPE_BYTES_MAX {
+            return Err(EnvelopeRefused::TooLarge { length });
+        }
+        read(payload).map_err(EnvelopeRefused::Form)
+    }
+
+    /// Opens it: hash, key id, signature, schema and document are checked in this order, so that
+    /// nothing is read of a document that nobody signed.
+    ///
+    /// # Errors
+    /// Which check failed, with what was found and what is accepted.
+    pub fn open(&self, trusted: &TrustedKeys) -> Result<CalibrationDocument, EnvelopeRefused> {
+        let bytes = self.document.as_bytes();
+        let found = sha256_hex(bytes);
+        if found != self.sha256 {
+            let said = self.sha256.chars().take(80).collect();
+            return Err(EnvelopeRefused::Hash { said, found });
+        }
+        let Some(key) = trusted.find(&self.key_id) else {
+            return Err(EnvelopeRefused::KeyUnknown {
+                key_id: self.key_id.chars().take(80).collect(),
+                trusted: trusted.ids(),
+            });
+        };
+        let refused = |fault| EnvelopeRefused::Signature {
+            key_id: self.key_id.clone(),
+            fault,
+        };
+        let signature = BASE64
+            .decode(&self.signature)
+            .map_err(|_| refused("not base64"))?;
+        let signature =
+            Signature::from_slice(&signature).map_err(|_| refused("not 64 bytes long"))?;
+        key.0
+            .verify_strict(bytes, &signature)
+            .map_err(|_| refused("another one"))?;
+        read_document(bytes)
+    }
+}
+
+/// Only the schema, so that a document of a later one is refused for that and for nothing else.
+#[derive(Deserialize)]
+struct SchemaAlone {
+    schema: serde_json::Value,
+}
+
+fn read_document(bytes: &[u8]) -> Result<CalibrationDocument, EnvelopeRefused> {
+    let SchemaAlone { schema } = read(bytes).map_err(EnvelopeRefused::Document)?;
+    let found = schema.to_string();
+    if serde_json::from_value::<CalibrationSchema>(schema).is_err() {
+        return Err(EnvelopeRefused::Schema { found });
+    }
+    read(bytes).map_err(EnvelopeRefused::Document)
+}
+
+/// Reads JSON; the sentence names the field.
+fn read<T: for<'a> Deserialize<'a>>(bytes: &[u8]) -> Result<T, String> {
+    let mut json = serde_json::Deserializer::from_slice(bytes);
+    let value = serde_path_to_error::deserialize(&mut json).map_err(|error| error.to_string())?;
+    json.end().map_err(|error| error.to_string())?;
+    Ok(value)
+}
+
+#[cfg(test)]
+mod tests;
