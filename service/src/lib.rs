@@ -13,4 +13,5 @@ pub mod config;
 pub mod fleet;
 pub mod limits;
 pub mod link;
+pub mod service;
 pub mod store;

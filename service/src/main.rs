@@ -1,11 +1,20 @@
 //! The `fleetcal` command.
 
+use std::error::Error as _;
+use std::io::IsTerminal as _;
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::Duration;
 
 use clap::Parser;
-use fleetcal::clock::SystemClock;
-use fleetcal::command::{Cli, Command, CommandError, calibrate, odometry};
+use fleetcal::clock::{SharedClock, SystemClock};
+use fleetcal::command::{
+    Cli, Command, CommandError, calibrate, demo, odometry, replay, serve, simulate,
+};
 use tracing_subscriber::EnvFilter;
+
+/// Threads that still work for a library when a command has ended get this long.
+const LEFT_OVER_TIMEOUT: Duration = Duration::from_millis(100);
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
@@ -13,25 +22,55 @@ fn main() -> ExitCode {
     match run(&cli.command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("fleetcal: {error}");
+            eprintln!("fleetcal: {}", in_one_sentence(&error));
             ExitCode::from(error.exit_status())
         }
     }
 }
 
 fn run(command: &Command) -> Result<(), CommandError> {
-    let clock = SystemClock::start();
+    let clock: SharedClock = Arc::new(SystemClock::start());
     match command {
-        Command::Calibrate(arguments) => calibrate::run(arguments, &clock),
-        Command::Odometry(arguments) => odometry::run(arguments, &clock),
+        Command::Calibrate(arguments) => calibrate::run(arguments, &*clock),
+        Command::Odometry(arguments) => odometry::run(arguments, &*clock),
+        Command::Serve(arguments) => on_runtime(serve::run(arguments, clock)),
+        Command::Replay(arguments) => on_runtime(replay::run(arguments)),
+        Command::Simulate(arguments) => on_runtime(simulate::run(arguments, clock)),
+        Command::Demo(arguments) => on_runtime(demo::run(arguments, clock)),
     }
+}
+
+/// Runs a command that waits for the world, on as many threads as there are cores.
+fn on_runtime(command: impl Future<Output = Result<(), CommandError>>) -> Result<(), CommandError> {
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .enable_all()
+        .build()?;
+    let result = runtime.block_on(command);
+    runtime.shutdown_timeout(LEFT_OVER_TIMEOUT);
+    result
+}
+
+/// An error with what it came from, each said once.
+fn in_one_sentence(error: &CommandError) -> String {
+    let mut sentence = error.to_string();
+    let mut source = error.source();
+    while let Some(reason) = source {
+        let reason_text = reason.to_string();
+        if !sentence.contains(&reason_text) {
+            sentence = format!("{sentence}: {reason_text}");
+        }
+        source = reason.source();
+    }
+    sentence
 }
 
 /// Logs go to standard error; `RUST_LOG` chooses which.
 fn log() {
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
+    let filter = EnvFilter::try_from_default_env()
+        .unwrap_or_else(|_| EnvFilter::new("info,zenoh=warn,zenoh_transport=warn"));
     tracing_subscriber::fmt()
         .with_env_filter(filter)
+        .with_ansi(std::io::stderr().is_terminal())
         .with_writer(std::io::stderr)
         .init();
 }

@@ -1,10 +1,15 @@
 //! The commands of `fleetcal`: what each takes, and what it does.
 
 pub mod calibrate;
+pub mod demo;
 pub mod odometry;
 mod output;
 mod progress;
 mod recording;
+pub mod replay;
+pub mod serve;
+pub mod simulate;
+mod stopping;
 mod table;
 mod timing;
 
@@ -13,10 +18,14 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand, ValueEnum};
 use fleetcal_estimator::VehicleModel;
 use fleetcal_proto::robot_id::RobotIdRefused;
+use fleetcal_robot::fleet::{FleetError, RecordError, TooManyRobots};
 use fleetcal_robot::recording::{RecordingError, TopicError};
+use fleetcal_robot::replay::ReplayError;
 use thiserror::Error;
 
 use crate::config::{ConfigError, ValueRefused};
+use crate::link::LinkError;
+use crate::service::ServiceError;
 
 /// What the shell is told when the caller can mend it.
 pub const EXIT_USAGE: u8 = 2;
@@ -24,7 +33,7 @@ pub const EXIT_USAGE: u8 = 2;
 pub const EXIT_DATA: u8 = 65;
 /// What the shell is told when reading or writing failed.
 pub const EXIT_IO: u8 = 74;
-/// What the shell is told when a service that was running failed.
+/// What the shell is told when a part of the program failed by itself.
 pub const EXIT_FAILED: u8 = 70;
 
 /// Finds, online and during normal driving, how far a robot's steering zero is off and where its
@@ -44,6 +53,14 @@ pub enum Command {
     Calibrate(calibrate::Arguments),
     /// Writes the LiDAR's trajectory of one recording, by LiDAR odometry alone
     Odometry(odometry::Arguments),
+    /// Runs the service
+    Serve(serve::Arguments),
+    /// Streams a recording to a service as its robot would
+    Replay(replay::Arguments),
+    /// Drives simulated robots, or records one
+    Simulate(simulate::Arguments),
+    /// Runs the service with six simulated robots, to look at
+    Demo(demo::Arguments),
 }
 
 /// How a vehicle steers, as a flag says it.
@@ -118,6 +135,30 @@ pub enum CommandError {
     /// The standard output could not be written.
     #[error("cannot write the result: {0}")]
     Stdout(#[from] std::io::Error),
+    /// The service could not be started.
+    #[error(transparent)]
+    Service(#[from] ServiceError),
+    /// A recording could not be streamed.
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
+    /// More robots than one process simulates.
+    #[error("--robots: {0}")]
+    TooManyRobots(#[from] TooManyRobots),
+    /// A recording is of one robot.
+    #[error("--robots is {robots}, accepted with --record is 1")]
+    OneRobot {
+        /// How many were asked for.
+        robots: usize,
+    },
+    /// A simulated robot could not be recorded.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// A simulated fleet failed.
+    #[error(transparent)]
+    Fleet(#[from] FleetError),
+    /// A task of the command ended early.
+    #[error("a task of the command ended early: {0}")]
+    Task(#[from] tokio::task::JoinError),
     /// The document could not be written as JSON.
     #[error("cannot write the result: {0}")]
     Json(#[from] serde_json::Error),
@@ -127,16 +168,28 @@ impl CommandError {
     /// What the shell is told.
     pub fn exit_status(&self) -> u8 {
         match self {
-            Self::Recording(error) => error.exit_status(),
+            Self::Recording(error) | Self::Record(RecordError::Recording(error)) => {
+                error.exit_status()
+            }
             Self::Topics(error) => error.exit_status(),
-            Self::Config(ConfigError::Read { .. })
+            Self::Replay(error) => error.exit_status(),
+            Self::Record(RecordError::Truth { .. })
+            | Self::Config(ConfigError::Read { .. })
             | Self::Write { .. }
             | Self::Stdout(_)
             | Self::Json(_) => EXIT_IO,
             Self::Config(ConfigError::Refused { .. })
             | Self::Wheelbase(_)
             | Self::WheelbaseMissing { .. }
-            | Self::Robot { .. } => EXIT_USAGE,
+            | Self::Robot { .. }
+            | Self::TooManyRobots(_)
+            | Self::OneRobot { .. }
+            | Self::Record(_)
+            | Self::Service(
+                ServiceError::Link(LinkError::Config(_)) | ServiceError::TooManyRobots { .. },
+            ) => EXIT_USAGE,
+            Self::Service(_) | Self::Fleet(_) => EXIT_IO,
+            Self::Task(_) => EXIT_FAILED,
             Self::Unusable { .. } => EXIT_DATA,
         }
     }

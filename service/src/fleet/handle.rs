@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, PoisonError, RwLock};
 use std::time::Duration;
 
-use fleetcal_estimator::EstimatorSettings;
+use fleetcal_estimator::{Calibrator, Effect, EstimatorSettings, Event};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::estimate::EstimateDocument;
@@ -81,6 +81,9 @@ struct Counts {
     by_stream: [AtomicU64; 4],
 }
 
+/// How an estimator takes an event.
+pub(crate) type Step = fn(&mut Calibrator, Event) -> Vec<Effect>;
+
 /// What every task of the fleet shares.
 #[derive(Debug)]
 pub(crate) struct Fleet {
@@ -88,6 +91,8 @@ pub(crate) struct Fleet {
     pub(crate) journal: Arc<dyn Journal>,
     pub(crate) estimator: EstimatorSettings,
     pub(crate) stop: CancellationToken,
+    /// [`Calibrator::step`], or what a test puts in its place.
+    pub(crate) step: Step,
     robots: RwLock<BTreeMap<RobotId, Arc<Robot>>>,
     live: broadcast::Sender<LiveUpdate>,
     counts: Counts,
@@ -162,6 +167,11 @@ pub struct FleetHandle {
 impl FleetHandle {
     /// Starts the fleet: a task for each configured robot, on the runtime that this is called in.
     pub fn start(setup: FleetSetup) -> Self {
+        Self::start_with(setup, Calibrator::step)
+    }
+
+    /// Starts the fleet with estimators that take events by `step`.
+    pub(crate) fn start_with(setup: FleetSetup, step: Step) -> Self {
         let mut checkpoints = setup.checkpoints;
         let (live, _) = broadcast::channel(limits::LIVE_UPDATES_MAX);
         let robots = setup
@@ -174,6 +184,7 @@ impl FleetHandle {
             journal: setup.journal,
             estimator: setup.estimator,
             stop: CancellationToken::new(),
+            step,
             robots: RwLock::new(robots),
             live,
             counts: Counts::default(),

@@ -6,6 +6,8 @@ mod handle;
 mod mailbox;
 mod robot;
 mod task;
+#[cfg(test)]
+mod tests;
 mod view;
 mod watch;
 

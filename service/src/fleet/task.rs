@@ -206,7 +206,8 @@ impl RobotTask {
             return false;
         };
         // After a panic the calibrator may be half changed: it is thrown away.
-        let Ok(effects) = catch_unwind(AssertUnwindSafe(|| calibrator.step(event))) else {
+        let step = self.fleet.step;
+        let Ok(effects) = catch_unwind(AssertUnwindSafe(|| step(calibrator, event))) else {
             self.restart("it panicked");
             return false;
         };

@@ -1,0 +1,121 @@
+//! `fleetcal demo`: the service, its router and a small simulated fleet in one process.
+
+use std::net::{SocketAddr, TcpListener};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::Args;
+use fleetcal_estimator::{Pose2, VehicleModel};
+use fleetcal_proto::Keys;
+use fleetcal_robot::fleet::{FleetOptions, SimulatedRobot, run_fleet, simulated_robots};
+use fleetcal_robot::simulator;
+use tokio_util::sync::CancellationToken;
+
+use crate::clock::SharedClock;
+use crate::command::CommandError;
+use crate::command::output::print_text;
+use crate::command::stopping::{Signals, stop_in_time};
+use crate::config::{Config, Mount, RobotConfig, RobotEntry, ValueRefused, Wheelbase};
+use crate::service::{Service, ServiceError};
+
+/// What `fleetcal demo` takes.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// How many robots
+    #[arg(long, value_name = "N", default_value_t = 6)]
+    pub robots: usize,
+    /// Keep the data in this folder; without it each demo begins with none
+    #[arg(long, value_name = "DIR")]
+    pub data: Option<PathBuf>,
+    /// Address of the dashboard
+    #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:8080")]
+    pub http: SocketAddr,
+    /// Zenoh endpoint between the robots and the service
+    #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7447")]
+    pub listen: String,
+    /// What the robots' faults and the sensors' noise are drawn from
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    pub seed: u64,
+}
+
+/// Runs until SIGTERM or SIGINT.
+///
+/// # Errors
+/// When an address is in use or the data folder cannot be used.
+pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), CommandError> {
+    let robots = simulated_robots(arguments.robots, arguments.seed)?;
+    let data = match &arguments.data {
+        Some(data) => data.clone(),
+        None => fresh_folder(arguments.http)?,
+    };
+    let config = Config {
+        data,
+        http: arguments.http,
+        listen: vec![arguments.listen.clone()],
+        robots: robots.iter().map(entry).collect::<Result<_, _>>()?,
+        ..Config::default()
+    };
+    let mut signals = Signals::listen()?;
+    let service = Service::start(config, Arc::clone(&clock)).await?;
+    print_text(&format!(
+        "{} simulated robots are on their way: http://{}\nCtrl-C ends the demo.\n",
+        robots.len(),
+        service.http_address(),
+    ))?;
+    let stop = CancellationToken::new();
+    let fleet = tokio::spawn(run_fleet(
+        FleetOptions {
+            robots,
+            connect: vec![arguments.listen.clone()],
+            keys: Keys::default(),
+            start_stamp_ns: clock.now_ns(),
+        },
+        stop.clone(),
+    ));
+    signals.stop().await;
+    stop.cancel();
+    let ended = fleet.await;
+    stop_in_time(service, signals).await;
+    ended??;
+    Ok(())
+}
+
+/// The robot as an operator would register it: its drawing, not its truth.
+fn entry(robot: &SimulatedRobot) -> Result<RobotEntry, ValueRefused> {
+    let model = match robot.model() {
+        simulator::VehicleModel::Bicycle => VehicleModel::Bicycle,
+        simulator::VehicleModel::Tricycle => VehicleModel::Tricycle,
+    };
+    let nominal = robot.nominal();
+    let nominal = Pose2::new(nominal.x_m, nominal.y_m, nominal.yaw_rad);
+    let mut config = RobotConfig::of_vehicle(model, Wheelbase::try_from(robot.wheelbase_m())?);
+    config.nominal = Some(Mount::try_from(nominal)?);
+    Ok(RobotEntry {
+        id: robot.id.clone(),
+        config,
+    })
+}
+
+/// The demo's own folder, emptied. Its name holds the port, and the port is free: no other demo
+/// works in it.
+fn fresh_folder(http: SocketAddr) -> Result<PathBuf, CommandError> {
+    drop(
+        TcpListener::bind(http).map_err(|source| ServiceError::Http {
+            address: http,
+            source,
+        })?,
+    );
+    let folder = std::env::temp_dir().join(format!("fleetcal-demo-{}", http.port()));
+    remove(&folder).map_err(|source| CommandError::Write {
+        path: folder.clone(),
+        source,
+    })?;
+    Ok(folder)
+}
+
+fn remove(folder: &Path) -> std::io::Result<()> {
+    match std::fs::remove_dir_all(folder) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
+    }
+}

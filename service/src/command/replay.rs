@@ -1,0 +1,79 @@
+//! `fleetcal replay`: streams a recording over Zenoh as its robot would.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use fleetcal_proto::{KeyRoot, Keys, RobotId};
+use fleetcal_robot::replay::{Rate, ReplayOptions, ReplaySummary, replay};
+
+use crate::command::CommandError;
+use crate::command::output::print_text;
+use crate::command::progress::Progress;
+
+/// What `fleetcal replay` takes.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// The recording: ROS 2 messages in MCAP
+    pub recording: PathBuf,
+    /// The service's Zenoh endpoint; of several, the first that answers is taken
+    #[arg(long, value_name = "ENDPOINT", required = true)]
+    pub connect: Vec<String>,
+    /// As which robot [default: the first chunk of the drive topic]
+    #[arg(long, value_name = "ID", value_parser = RobotId::parse)]
+    pub robot: Option<RobotId>,
+    /// How many times as fast as it was recorded, or `max`: as fast as the service works
+    #[arg(long, value_name = "N|max", default_value = "1", value_parser = str::parse::<Rate>)]
+    pub rate: Rate,
+    /// The topic with `AckermannDriveStamped` messages, if there are several
+    #[arg(long, value_name = "TOPIC")]
+    pub drive_topic: Option<String>,
+    /// The topic with `LaserScan` messages, if there are several
+    #[arg(long, value_name = "TOPIC")]
+    pub scan_topic: Option<String>,
+    /// A topic with `Odometry` messages of the LiDAR, instead of its scans
+    #[arg(long, value_name = "TOPIC")]
+    pub pose_topic: Option<String>,
+    /// First chunk of every key
+    #[arg(long, value_name = "CHUNK", default_value = "fleet", value_parser = KeyRoot::parse)]
+    pub root: KeyRoot,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// One sentence, with the exit status that goes with it.
+pub async fn run(arguments: &Arguments) -> Result<(), CommandError> {
+    let mut options = ReplayOptions::new(arguments.recording.clone(), arguments.connect.clone());
+    options.robot.clone_from(&arguments.robot);
+    options.rate = arguments.rate;
+    options.drive_topic.clone_from(&arguments.drive_topic);
+    options.scan_topic.clone_from(&arguments.scan_topic);
+    options.pose_topic.clone_from(&arguments.pose_topic);
+    options.keys = Keys::new(arguments.root.clone());
+    let mut bar = None;
+    let summary = replay(options, |progress| {
+        bar.get_or_insert_with(|| Progress::over(progress.total))
+            .advance();
+    })
+    .await?;
+    if let Some(bar) = bar {
+        bar.finish();
+    }
+    print_text(&in_words(&summary))
+}
+
+fn in_words(summary: &ReplaySummary) -> String {
+    let ReplaySummary {
+        robot,
+        drive_samples,
+        scans,
+        shed,
+        unconfirmed,
+        duration,
+    } = summary;
+    format!(
+        "{robot}: {drive_samples} drive samples and {scans} scans sent in {:.1} s; {shed} shed or \
+         refused by the service, {unconfirmed} lost while it restarted\n",
+        duration.as_secs_f64()
+    )
+}

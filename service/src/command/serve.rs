@@ -1,0 +1,74 @@
+//! `fleetcal serve`: the service, until it is told to stop.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use clap::Args;
+
+use crate::clock::SharedClock;
+use crate::command::CommandError;
+use crate::command::stopping::{Signals, stop_in_time};
+use crate::config::Config;
+use crate::service::Service;
+
+/// What `fleetcal serve` takes. A flag counts more than the file.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// A `fleetcal.toml`
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Folder of the database [default: fleetcal-data]
+    #[arg(long, value_name = "DIR")]
+    pub data: Option<PathBuf>,
+    /// Address of the API and the dashboard [default: 127.0.0.1:8080]
+    #[arg(long, value_name = "ADDR")]
+    pub http: Option<SocketAddr>,
+    /// Zenoh endpoint to listen on; may be repeated [default: tcp/127.0.0.1:7447]
+    #[arg(long, value_name = "ENDPOINT")]
+    pub listen: Vec<String>,
+    /// Zenoh router to connect to; may be repeated
+    #[arg(long, value_name = "ENDPOINT")]
+    pub connect: Vec<String>,
+}
+
+impl Arguments {
+    fn config(&self) -> Result<Config, CommandError> {
+        let mut config = self
+            .config
+            .as_deref()
+            .map(Config::read)
+            .transpose()?
+            .unwrap_or_default();
+        if let Some(data) = &self.data {
+            config.data.clone_from(data);
+        }
+        if let Some(http) = self.http {
+            config.http = http;
+        }
+        if !self.listen.is_empty() {
+            config.listen.clone_from(&self.listen);
+        }
+        if !self.connect.is_empty() {
+            config.connect.clone_from(&self.connect);
+        }
+        Ok(config)
+    }
+}
+
+/// Runs until SIGTERM or SIGINT.
+///
+/// # Errors
+/// When the configuration is refused or the service cannot be started.
+pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), CommandError> {
+    let config = arguments.config()?;
+    let mut signals = Signals::listen()?;
+    let listen = config.listen.join(" ");
+    let service = Service::start(config, Arc::clone(&clock)).await?;
+    let http = service.http_address();
+    tracing::info!(%http, zenoh = listen, "fleetcal is ready: http://{http}");
+    signals.stop().await;
+    tracing::info!("stopping");
+    stop_in_time(service, signals).await;
+    Ok(())
+}

@@ -1,0 +1,122 @@
+//! `fleetcal simulate`: closed-loop simulated robots on the wire, or a recording of one.
+
+use std::path::PathBuf;
+
+use clap::{ArgGroup, Args};
+use fleetcal_proto::{KeyRoot, Keys};
+use fleetcal_robot::fleet::{
+    FleetOptions, RobotSummary, SimulatedRobot, record, run_fleet, simulated_robots, truth_path,
+};
+use tokio_util::sync::CancellationToken;
+
+use crate::clock::SharedClock;
+use crate::command::CommandError;
+use crate::command::output::print_text;
+use crate::command::stopping::Signals;
+
+/// What `fleetcal simulate` takes.
+#[derive(Debug, Args)]
+#[command(group = ArgGroup::new("whereto").required(true).args(["connect", "record"]))]
+pub struct Arguments {
+    /// How many robots
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub robots: usize,
+    /// Drive in real time, connected to this Zenoh endpoint; may be repeated
+    #[arg(long, value_name = "ENDPOINT")]
+    pub connect: Vec<String>,
+    /// Record one robot instead, with its truth beside it
+    #[arg(long, value_name = "OUT.mcap")]
+    pub record: Option<PathBuf>,
+    /// Length of the recording, in seconds
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        default_value_t = 120.0,
+        requires = "record"
+    )]
+    pub duration: f64,
+    /// What the robots' faults and the sensors' noise are drawn from
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    pub seed: u64,
+    /// First chunk of every key
+    #[arg(long, value_name = "CHUNK", default_value = "fleet", value_parser = KeyRoot::parse)]
+    pub root: KeyRoot,
+}
+
+/// Drives until SIGTERM or SIGINT, or records.
+///
+/// # Errors
+/// One sentence, with the exit status that goes with it.
+pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), CommandError> {
+    let robots = simulated_robots(arguments.robots, arguments.seed)?;
+    match &arguments.record {
+        Some(path) => record_one(&robots, arguments.duration, path.clone()).await,
+        None => drive(robots, arguments, clock).await,
+    }
+}
+
+async fn record_one(
+    robots: &[SimulatedRobot],
+    duration_s: f64,
+    path: PathBuf,
+) -> Result<(), CommandError> {
+    let [robot] = robots else {
+        return Err(CommandError::OneRobot {
+            robots: robots.len(),
+        });
+    };
+    let (robot, recorded) = (robot.clone(), path.clone());
+    let recording =
+        tokio::task::spawn_blocking(move || record(&robot, duration_s, &recorded)).await?;
+    let truth = recording?;
+    print_text(&format!(
+        "{}: {duration_s} s of {}, wheelbase {} m; the truth is in {}\n",
+        path.display(),
+        truth.robot,
+        truth.vehicle.wheelbase_m,
+        truth_path(&path).display(),
+    ))
+}
+
+async fn drive(
+    robots: Vec<SimulatedRobot>,
+    arguments: &Arguments,
+    clock: SharedClock,
+) -> Result<(), CommandError> {
+    let mut signals = Signals::listen()?;
+    let options = FleetOptions {
+        robots,
+        connect: arguments.connect.clone(),
+        keys: Keys::new(arguments.root.clone()),
+        start_stamp_ns: clock.now_ns(),
+    };
+    let stop = CancellationToken::new();
+    let fleet = run_fleet(options, stop.clone());
+    tokio::pin!(fleet);
+    let summaries = tokio::select! {
+        ended = &mut fleet => ended?,
+        () = signals.stop() => {
+            stop.cancel();
+            fleet.await?
+        }
+    };
+    print_text(&in_words(&summaries))
+}
+
+/// One line for each robot.
+fn in_words(summaries: &[RobotSummary]) -> String {
+    let line = |summary: &RobotSummary| {
+        let RobotSummary {
+            id,
+            drive_samples,
+            scans,
+            late,
+            generation,
+        } = summary;
+        format!(
+            "{id}: {drive_samples} drive samples and {scans} scans sent, {late} left out as late, \
+             calibration {generation}\n"
+        )
+    };
+    summaries.iter().map(line).collect()
+}

@@ -1,0 +1,180 @@
+//! The whole service in one value: what `serve` runs, and `demo` runs beside its robots.
+
+use std::collections::BTreeMap;
+use std::net::SocketAddr;
+use std::sync::Arc;
+
+use fleetcal_proto::{Keys, RobotId};
+use thiserror::Error;
+use tokio::net::TcpListener;
+use tokio::sync::watch;
+use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
+
+use crate::api::{self, ApiSetup};
+use crate::clock::SharedClock;
+use crate::config::{Config, RobotConfig};
+use crate::fleet::{FleetHandle, FleetSetup};
+use crate::limits;
+use crate::link::{Link, LinkError, LinkSetup};
+use crate::store::{Expected, Store, StoreError};
+
+/// Why the service could not be started.
+#[derive(Debug, Error)]
+pub enum ServiceError {
+    /// Its HTTP address cannot be listened on.
+    #[error("cannot listen on {address} for HTTP: {source}")]
+    Http {
+        /// The address.
+        address: SocketAddr,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// Its store cannot be opened or read.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// Zenoh cannot be opened.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// More robots are configured than there is room for.
+    #[error(
+        "{configured} robots are configured, accepted are {} at most",
+        limits::ROBOTS_MAX
+    )]
+    TooManyRobots {
+        /// How many there are.
+        configured: usize,
+    },
+}
+
+/// The running service.
+#[derive(Debug)]
+pub struct Service {
+    fleet: FleetHandle,
+    store: Store,
+    link: Link,
+    link_open: watch::Sender<bool>,
+    http: JoinHandle<()>,
+    http_address: SocketAddr,
+    stop: CancellationToken,
+}
+
+impl Service {
+    /// Starts everything: the store, a task for each robot, the API, and at last the link.
+    ///
+    /// # Errors
+    /// When an address is in use, the store cannot be opened, or Zenoh refuses its configuration.
+    pub async fn start(config: Config, clock: SharedClock) -> Result<Self, ServiceError> {
+        let refused = |source| ServiceError::Http {
+            address: config.http,
+            source,
+        };
+        let listener = TcpListener::bind(config.http).await.map_err(refused)?;
+        let http_address = listener.local_addr().map_err(refused)?;
+        let store = Store::open(&config.data, Arc::clone(&clock)).await?;
+        let fleet = start_fleet(&config, &store, Arc::clone(&clock)).await?;
+        let stop = CancellationToken::new();
+        let (link_open, link_is_open) = watch::channel(false);
+        let routes = api::router(ApiSetup {
+            fleet: fleet.clone(),
+            store: store.clone(),
+            clock,
+            link_open: link_is_open,
+            stop: stop.clone(),
+        });
+        let http = tokio::spawn(api::serve(listener, routes, stop.clone()));
+        let setup = LinkSetup {
+            listen: config.listen,
+            connect: config.connect,
+            zenoh_config: config.zenoh_config,
+            keys: Keys::new(config.root),
+        };
+        let link = match Link::open(setup, fleet.clone()).await {
+            Ok(link) => link,
+            Err(error) => {
+                stop.cancel();
+                fleet.stop().await;
+                close_store(&store).await;
+                return Err(error.into());
+            }
+        };
+        link_open.send_replace(true);
+        Ok(Self {
+            fleet,
+            store,
+            link,
+            link_open,
+            http,
+            http_address,
+            stop,
+        })
+    }
+
+    /// Where the API and the dashboard are.
+    pub fn http_address(&self) -> SocketAddr {
+        self.http_address
+    }
+
+    /// The robots.
+    pub fn fleet(&self) -> &FleetHandle {
+        &self.fleet
+    }
+
+    /// Takes no further message, works through what waits, stores it, and ends.
+    pub async fn stop(self) {
+        self.link_open.send_replace(false);
+        self.stop.cancel();
+        self.link.close().await;
+        self.fleet.stop().await;
+        close_store(&self.store).await;
+        if let Err(error) = self.http.await {
+            tracing::error!(%error, "the HTTP server failed");
+        }
+    }
+}
+
+async fn close_store(store: &Store) {
+    if let Err(error) = store.close().await {
+        tracing::error!(%error, "the store did not close");
+    }
+}
+
+/// The fleet as it was stored, and as the configuration file has it: of a robot that is in both,
+/// the file's vehicle counts.
+async fn start_fleet(
+    config: &Config,
+    store: &Store,
+    clock: SharedClock,
+) -> Result<FleetHandle, ServiceError> {
+    let mut robots: BTreeMap<RobotId, RobotConfig> = BTreeMap::new();
+    for record in store.load_robots().await? {
+        if let Some(stored) = record.config {
+            robots.insert(record.id, stored);
+        }
+    }
+    for entry in &config.robots {
+        if robots.get(&entry.id) != Some(&entry.config) {
+            store
+                .save_robot(&entry.id, &entry.config, Expected::Any)
+                .await?;
+            robots.insert(entry.id.clone(), entry.config.clone());
+        }
+    }
+    if robots.len() > limits::ROBOTS_MAX {
+        return Err(ServiceError::TooManyRobots {
+            configured: robots.len(),
+        });
+    }
+    let checkpoints = store.load_checkpoints().await?;
+    let checkpoints = checkpoints
+        .into_iter()
+        .map(|record| (record.robot, record.state))
+        .collect();
+    Ok(FleetHandle::start(FleetSetup {
+        clock,
+        journal: Arc::new(store.clone()),
+        estimator: config.estimator.clone(),
+        robots,
+        checkpoints,
+    }))
+}
