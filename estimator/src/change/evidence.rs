@@ -9,7 +9,7 @@
 
 use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector3};
 
-use super::window::{Window, WindowJacobian};
+use super::window::Window;
 use crate::estimate::{Cause, Parameter};
 use crate::filter::{PARAMETERS, ParameterCovariance, Values};
 
@@ -143,8 +143,7 @@ fn term(window: &Window, reference: &Reference, noise_scale: f64, clipped: bool)
     let shifted: Vector3<f64> =
         window.residual + window.jacobian * (window.values - reference.values);
     let inverse = (window.covariance * noise_scale).cholesky()?.inverse();
-    let weighted: SMatrix<f64, PARAMETERS, 3> =
-        WindowJacobian::transpose(&window.jacobian) * inverse;
+    let weighted: SMatrix<f64, PARAMETERS, 3> = window.jacobian.transpose() * inverse;
     let information = weighted * window.jacobian;
     let length = shifted.dot(&(inverse * shifted));
     let shrink = if clipped && length > WINDOW_CHI2_MAX {

@@ -1,12 +1,13 @@
 //! Windows of motion: what drive and LiDAR say of the same half metre, and how far they disagree.
 
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
 use crate::drive_history::DriveHistory;
 use crate::estimate::Parameter;
+use crate::filter::constraint::{ByParameters, LidarMotion};
 use crate::filter::noise::MotionNoise;
 use crate::filter::prediction::PredictedMotion;
-use crate::filter::{OdometryReading, PARAMETERS, Values, drive_parameters, lidar_in_base};
+use crate::filter::{OdometryReading, Values, drive_parameters, lidar_in_base};
 use crate::stream::Stamp;
 use crate::vehicle::Vehicle;
 
@@ -14,9 +15,6 @@ use crate::vehicle::Vehicle;
 const WINDOW_M: f64 = 0.5;
 /// Or after this turn, rad.
 const WINDOW_RAD: f64 = 0.25;
-
-/// Derivatives of a window's residual by the parameters.
-pub type WindowJacobian = SMatrix<f64, 3, PARAMETERS>;
 
 /// One window: residual of `B X = X Z` under some parameters, linear around them.
 #[derive(Debug, Clone)]
@@ -28,7 +26,7 @@ pub struct Window {
     /// Measured less predicted LiDAR motion, in the LiDAR's frame.
     pub residual: Vector3<f64>,
     /// How the prediction moves with the parameters.
-    pub jacobian: WindowJacobian,
+    pub jacobian: ByParameters,
     /// Covariance of the residual at the right parameters.
     pub covariance: Matrix3<f64>,
     /// The parameters the residual was taken with.
@@ -110,44 +108,17 @@ fn measure(
         motion.advance(vehicle, &parameters, noise, &segment);
         twist_at_begin.get_or_insert(motion.twist);
     }
-    let x = lidar_in_base(values);
-    let body = motion.end_in_begin;
-    let h = x.inverse().compose(&body).compose(&x);
-    let z = begin.lidar_in_odom.between(&end.lidar_in_odom);
-
-    let lidar_from_base = x.inverse().adjoint();
-    let back = h.inverse().adjoint();
-    let mut jacobian = WindowJacobian::zeros();
-    for (column, parameter) in [
-        Parameter::SteeringOffset,
-        Parameter::SpeedScale,
-        Parameter::Wheelbase,
-        Parameter::SteeringGain,
-    ]
-    .iter()
-    .enumerate()
-    {
-        jacobian.set_column(
-            parameter.index(),
-            &(lidar_from_base * motion.by_parameters.column(column)),
-        );
-    }
-    let (s, c) = x.yaw_rad.sin_cos();
-    let turned = Matrix3::new(c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0);
-    jacobian
-        .fixed_view_mut::<3, 3>(0, Parameter::LidarX.index())
-        .copy_from(&((Matrix3::identity() - back) * turned));
-    let moved = motion.twist - body.inverse().adjoint() * twist_at_begin.unwrap_or(motion.twist);
-    jacobian.set_column(Parameter::TimeOffset.index(), &(lidar_from_base * moved));
-
-    let covariance = lidar_from_base * motion.noise * lidar_from_base.transpose()
-        + back * begin.covariance * back.transpose()
+    let predicted = LidarMotion::new(&lidar_in_base(values), &motion.end_in_begin);
+    let measured = begin.lidar_in_odom.between(&end.lidar_in_odom);
+    let twist_at_begin = twist_at_begin.unwrap_or(motion.twist);
+    let covariance = predicted.by_body * motion.noise * predicted.by_body.transpose()
+        + predicted.carry * begin.covariance * predicted.carry.transpose()
         + end.covariance;
     Window {
         begin: begin.stamp,
         end: end.stamp,
-        residual: h.between(&z).log(),
-        jacobian,
+        residual: predicted.end_in_begin.between(&measured).log(),
+        jacobian: predicted.by_parameters(&motion, &twist_at_begin),
         covariance,
         values: *values,
     }

@@ -8,6 +8,7 @@
 //!
 //! Perturbations of poses are right (local) ones: `pose_true = pose * exp(error)`.
 
+pub mod constraint;
 pub mod follow;
 pub mod noise;
 pub mod prediction;
@@ -22,6 +23,7 @@ use crate::geometry::{Pose2, wrap_angle_rad};
 use crate::settings::{EstimatorSettings, Measurement};
 use crate::stream::Stamp;
 use crate::vehicle::{Drive, DriveParameters, Vehicle};
+use constraint::LidarMotion;
 use noise::MotionNoise;
 use prediction::PredictedMotion;
 use prior::Prior;
@@ -414,28 +416,23 @@ impl Filter {
         // The anchor was placed with the time offset of then: shift it to that of now.
         let shift = Pose2::exp(&(-anchor.twist * (time_offset_s - anchor.time_offset_s)));
         let body = shift.compose(&self.body_in_anchor);
-        let h = x.inverse().compose(&body).compose(&x);
-        let z = anchor.lidar_in_odom.between(&reading.lidar_in_odom);
-        let residual = h.between(&z).log();
+        let predicted = LidarMotion::new(&x, &body);
+        let measured = anchor.lidar_in_odom.between(&reading.lidar_in_odom);
+        let residual = predicted.end_in_begin.between(&measured).log();
 
-        let lidar_from_base = x.inverse().adjoint();
-        let back = h.inverse().adjoint();
         let mut jacobian = Jacobian::zeros();
         jacobian
             .fixed_view_mut::<3, 3>(0, MOTION)
-            .copy_from(&lidar_from_base);
-        jacobian.fixed_view_mut::<3, 3>(0, ANCHOR).copy_from(&-back);
-        // X's right perturbation is its additive one turned into the LiDAR's frame.
-        let by_mount = Matrix3::identity() - back;
-        let (s, c) = x.yaw_rad.sin_cos();
-        let turned = Matrix3::new(c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0);
+            .copy_from(&predicted.by_body);
+        jacobian
+            .fixed_view_mut::<3, 3>(0, ANCHOR)
+            .copy_from(&-predicted.carry);
         jacobian
             .fixed_view_mut::<3, 3>(0, CALIBRATION + Parameter::LidarX.index())
-            .copy_from(&(by_mount * turned));
-        let moved = self.predicted.twist - body.inverse().adjoint() * anchor.twist;
+            .copy_from(&predicted.by_mount);
         jacobian.set_column(
             CALIBRATION + Parameter::TimeOffset.index(),
-            &(lidar_from_base * moved),
+            &predicted.by_time(&body, &anchor.twist, &self.predicted.twist),
         );
         Some((residual, jacobian))
     }
