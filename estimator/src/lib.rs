@@ -9,6 +9,7 @@
 //!
 //! Sign of steering: `steering_true = steering_measured - steering_offset`, left positive.
 
+pub mod advice;
 pub mod calibrator;
 pub mod change;
 pub mod drive_history;

@@ -2,13 +2,16 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::advice::{Knowledge, advise, best_for};
 use crate::estimate::{Parameter, ParameterEstimate, Status};
-use crate::excitation::Excitation;
 use crate::filter::{PARAMETERS, ParameterCovariance, Values};
 use crate::settings::{EstimatorSettings, Freedom};
+use crate::vehicle::Vehicle;
 
 /// A parameter is unobservable while its doubt is above this share of its prior.
 const UNOBSERVABLE_SHARE: f64 = 0.5;
+/// What is said where no single manoeuvre would help much.
+const MORE_DRIVING: &str = "more driving with turns to both sides";
 /// A converged parameter stays so until its sigma exceeds its limit by this factor.
 const HYSTERESIS: f64 = 1.2;
 
@@ -25,24 +28,40 @@ impl Trust {
         values: &Values,
         covariance: &ParameterCovariance,
         prior_sigma: &Values,
-        excitation: &Excitation,
+        vehicle: &Vehicle,
         settings: &EstimatorSettings,
     ) -> [ParameterEstimate; PARAMETERS] {
+        let statuses = Parameter::ALL.map(|parameter| {
+            let sigma = reported_sigma(parameter, covariance, settings);
+            self.status(parameter, sigma, prior_sigma[parameter.index()], settings)
+        });
+        let open = |status: &Status| matches!(status, Status::Learning | Status::Unobservable);
+        // What to drive is worked out only for a robot that still has to learn something.
+        let advice = if statuses.iter().any(open) {
+            advise(&Knowledge {
+                vehicle,
+                values,
+                covariance,
+                settings,
+            })
+        } else {
+            Vec::new()
+        };
         Parameter::ALL.map(|parameter| {
             let i = parameter.index();
-            let known = covariance[(i, i)] > 0.0;
-            let systematic = if known {
-                *settings.systematic_sigma.get(parameter)
+            let status = statuses[i];
+            let needs = if open(&status) {
+                best_for(parameter, covariance[(i, i)].sqrt(), &advice)
+                    .map(|best| best.manoeuvre.instruction.clone())
+                    .or_else(|| Some(MORE_DRIVING.to_owned()))
             } else {
-                0.0
+                None
             };
-            let sigma = covariance[(i, i)].max(0.0).sqrt().hypot(systematic);
-            let status = self.status(parameter, sigma, prior_sigma[i], settings);
             ParameterEstimate {
                 value: values[i],
-                sigma,
+                sigma: reported_sigma(parameter, covariance, settings),
                 status,
-                needs: needs(parameter, status, excitation),
+                needs,
             }
         })
     }
@@ -82,21 +101,17 @@ impl Trust {
     }
 }
 
-/// What is missing, as an instruction a driver can follow.
-fn needs(parameter: Parameter, status: Status, excitation: &Excitation) -> Option<String> {
-    match status {
-        Status::Converged | Status::Fixed | Status::Off => None,
-        Status::Learning | Status::Unobservable => Some(
-            match parameter {
-                Parameter::SteeringOffset | Parameter::LidarYaw => excitation.missing_straight(),
-                Parameter::SpeedScale => "20 m of driving with turns",
-                Parameter::TimeOffset => "driving with changing speed and steering",
-                Parameter::LidarX
-                | Parameter::LidarY
-                | Parameter::Wheelbase
-                | Parameter::SteeringGain => excitation.missing_turn(),
-            }
-            .to_owned(),
-        ),
+/// The sigma that leaves the estimator: with what averaging cannot take away.
+fn reported_sigma(
+    parameter: Parameter,
+    covariance: &ParameterCovariance,
+    settings: &EstimatorSettings,
+) -> f64 {
+    let variance = covariance[(parameter.index(), parameter.index())];
+    if variance <= 0.0 {
+        return 0.0;
     }
+    variance
+        .sqrt()
+        .hypot(*settings.systematic_sigma.get(parameter))
 }

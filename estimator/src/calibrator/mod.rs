@@ -14,9 +14,11 @@ pub use config::CalibratorConfig;
 use comparison::{Comparison, Occasion};
 use session::Session;
 
+use crate::advice::{Advice, Knowledge, advise};
 use crate::change::ChangeWatch;
 use crate::drive_history::DriveHistory;
 use crate::estimate::{Change, Estimate, ParameterEstimate, Segment};
+use crate::excitation::Excitation;
 use crate::filter::follow::Follower;
 use crate::filter::prior::Prior;
 use crate::filter::{Filter, OdometryReading, PARAMETERS, ParameterCovariance, Values};
@@ -136,6 +138,25 @@ impl Calibrator {
     /// The stretches of this session over which the vehicle stayed the same.
     pub fn segments(&self) -> Vec<Segment> {
         self.session.segments_with(self.estimate().parameters)
+    }
+
+    /// Every manoeuvre of the library with what it would add for this robot now.
+    pub fn advice(&self) -> Vec<Advice> {
+        let (values, covariance) = match self.filter() {
+            Some(filter) => (*filter.values(), filter.parameter_covariance()),
+            None => (self.prior.values, self.prior.covariance),
+        };
+        advise(&Knowledge {
+            vehicle: &self.config.vehicle,
+            values: &values,
+            covariance: &covariance,
+            settings: &self.config.settings,
+        })
+    }
+
+    /// Distance driven so far in each kind of motion.
+    pub fn excitation(&self) -> &Excitation {
+        &self.session.excitation
     }
 
     /// Seconds of message time since the session's first message.
@@ -312,12 +333,12 @@ impl Calibrator {
         covariance: &ParameterCovariance,
     ) -> [ParameterEstimate; PARAMETERS] {
         let prior_sigma = Values::from_fn(|i, _| self.prior.covariance[(i, i)].sqrt());
-        let excitation = &self.session.excitation;
+        let vehicle = &self.config.vehicle;
         trust.judge(
             values,
             covariance,
             &prior_sigma,
-            excitation,
+            vehicle,
             &self.config.settings,
         )
     }

@@ -1,0 +1,175 @@
+//! Which manoeuvre would tell most about a parameter: the information each would add for this robot
+//! now, by the filter's own equations.
+
+pub mod manoeuvre;
+
+use nalgebra::Vector3;
+
+use crate::estimate::Parameter;
+use crate::filter::constraint::LidarMotion;
+use crate::filter::noise::MotionNoise;
+use crate::filter::prediction::PredictedMotion;
+use crate::filter::{PARAMETERS, ParameterCovariance, Values, drive_parameters, lidar_in_base};
+use crate::settings::{EstimatorSettings, Freedom};
+use crate::vehicle::Vehicle;
+use manoeuvre::{Manoeuvre, library};
+
+/// Readings in one window of a manoeuvre: 0.6 s, some half a metre.
+const WINDOW_READINGS: usize = 12;
+/// Noise of the LiDAR's motion over one window: a scan matcher's, at both ends.
+const WINDOW_SIGMA: [f64; 3] = [0.003, 0.003, 0.000_7];
+/// A manoeuvre is worth asking for when it takes this share of a parameter's doubt away.
+const WORTH_SHARE: f64 = 0.1;
+
+/// A manoeuvre with what it would add.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Advice {
+    /// The manoeuvre.
+    pub manoeuvre: Manoeuvre,
+    /// Standard deviations afterwards, in the order of [`Parameter::ALL`].
+    pub sigma_after: Values,
+}
+
+/// What is known of the robot that is to be advised.
+#[derive(Debug, Clone, Copy)]
+pub struct Knowledge<'a> {
+    /// Its vehicle.
+    pub vehicle: &'a Vehicle,
+    /// Its parameters.
+    pub values: &'a Values,
+    /// Their covariance.
+    pub covariance: &'a ParameterCovariance,
+    /// Its settings.
+    pub settings: &'a EstimatorSettings,
+}
+
+/// Every manoeuvre of the library with what it would add, in the library's order.
+pub fn advise(knowledge: &Knowledge) -> Vec<Advice> {
+    library(knowledge.vehicle)
+        .into_iter()
+        .filter_map(|manoeuvre| {
+            let sigma_after = sigma_after(&manoeuvre, knowledge)?;
+            Some(Advice {
+                manoeuvre,
+                sigma_after,
+            })
+        })
+        .collect()
+}
+
+/// The manoeuvre that takes most doubt from a parameter for each metre driven; `None` when none
+/// takes a tenth of it.
+pub fn best_for(parameter: Parameter, sigma_now: f64, advice: &[Advice]) -> Option<&Advice> {
+    let gain = |advice: &Advice| {
+        let share = advice.sigma_after[parameter.index()] / sigma_now;
+        (-share.ln()) / (5.0 + advice.manoeuvre.distance_m())
+    };
+    advice
+        .iter()
+        .filter(|advice| advice.sigma_after[parameter.index()] < (1.0 - WORTH_SHARE) * sigma_now)
+        .max_by(|a, b| gain(a).total_cmp(&gain(b)))
+}
+
+/// `P_after = (P^-1 + sum J' S^-1 J)^-1` over the manoeuvre's windows.
+fn sigma_after(manoeuvre: &Manoeuvre, knowledge: &Knowledge) -> Option<Values> {
+    let mut information = inverse(knowledge)?;
+    let parameters = drive_parameters(knowledge.values);
+    let mount = lidar_in_base(knowledge.values);
+    let offset_rad = parameters.steering_offset_rad;
+    let readings = manoeuvre.readings(knowledge.vehicle);
+    let noise: &MotionNoise = &knowledge.settings.motion_noise;
+    let sigma = Vector3::from(WINDOW_SIGMA);
+    let lidar = nalgebra::Matrix3::from_diagonal(&sigma.component_mul(&sigma));
+    for window in readings.chunks(WINDOW_READINGS) {
+        let mut motion = PredictedMotion::none();
+        let mut twist_at_begin = None;
+        for reading in window {
+            let mut measured = *reading;
+            measured.drive.steering_rad += offset_rad;
+            motion.advance(knowledge.vehicle, &parameters, noise, &measured);
+            twist_at_begin.get_or_insert(motion.twist);
+        }
+        let predicted = LidarMotion::new(&mount, &motion.end_in_begin);
+        let covariance = predicted.by_body * motion.noise * predicted.by_body.transpose() + lidar;
+        let jacobian = predicted.by_parameters(&motion, &twist_at_begin.unwrap_or(motion.twist));
+        let weighted = jacobian.transpose() * covariance.cholesky()?.inverse();
+        information += weighted * jacobian;
+    }
+    let after = information.cholesky()?.inverse();
+    Some(Values::from_fn(|i, _| after[(i, i)].sqrt()))
+}
+
+/// Information of what is known now. What is not estimated stays as it is.
+fn inverse(knowledge: &Knowledge) -> Option<ParameterCovariance> {
+    let mut covariance = *knowledge.covariance;
+    for parameter in Parameter::ALL {
+        let i = parameter.index();
+        if knowledge.settings.freedom(parameter) == Freedom::Off {
+            covariance[(i, i)] += 1e-16;
+        }
+    }
+    debug_assert_eq!(covariance.nrows(), PARAMETERS);
+    Some(covariance.cholesky()?.inverse())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::filter::prior::Prior;
+    use crate::vehicle::VehicleModel;
+
+    fn best(parameter: Parameter, known: &[(Parameter, f64)]) -> &'static str {
+        let vehicle = Vehicle::new(VehicleModel::Bicycle, 1.2);
+        let settings = EstimatorSettings::default();
+        let mut prior = Prior::cold(&vehicle, None, &settings);
+        for (parameter, sigma) in known {
+            prior.covariance[(parameter.index(), parameter.index())] = sigma * sigma;
+        }
+        let advice = advise(&Knowledge {
+            vehicle: &vehicle,
+            values: &prior.values,
+            covariance: &prior.covariance,
+            settings: &settings,
+        });
+        let i = parameter.index();
+        let sigma = prior.covariance[(i, i)].sqrt();
+        best_for(parameter, sigma, &advice).unwrap().manoeuvre.name
+    }
+
+    #[test]
+    fn a_mount_needs_turns_and_a_clock_needs_changing_speed() {
+        let known = [
+            (Parameter::SteeringOffset, 0.001),
+            (Parameter::LidarYaw, 0.001),
+        ];
+        assert!(
+            ["left_turn", "right_turn", "s_curve", "left_circle"]
+                .contains(&best(Parameter::LidarX, &known))
+        );
+        let mount = [
+            (Parameter::SteeringOffset, 1e-4),
+            (Parameter::LidarX, 1e-3),
+            (Parameter::LidarY, 1e-3),
+            (Parameter::LidarYaw, 1e-4),
+            (Parameter::SpeedScale, 1e-3),
+        ];
+        assert_eq!(best(Parameter::TimeOffset, &mount), "stop_and_go");
+    }
+
+    #[test]
+    fn straight_driving_does_not_tell_where_the_lidar_sits() {
+        let vehicle = Vehicle::new(VehicleModel::Tricycle, 1.5);
+        let settings = EstimatorSettings::default();
+        let prior = Prior::cold(&vehicle, None, &settings);
+        let advice = advise(&Knowledge {
+            vehicle: &vehicle,
+            values: &prior.values,
+            covariance: &prior.covariance,
+            settings: &settings,
+        });
+        let straight = &advice[0];
+        assert_eq!(straight.manoeuvre.name, "straight");
+        assert!(straight.sigma_after[Parameter::LidarX.index()] > 1.0);
+        assert!(straight.sigma_after[Parameter::SteeringOffset.index()] < 0.01);
+    }
+}
