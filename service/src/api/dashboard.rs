@@ -75,3 +75,72 @@ fn embedded(name: &str, file: &EmbeddedFile, headers: &HeaderMap) -> Response {
         .unwrap_or(HeaderValue::from_static("application/octet-stream"));
     (cached, [(header::CONTENT_TYPE, mime)], file.data.clone()).into_response()
 }
+
+#[cfg(test)]
+mod tests {
+    use std::borrow::Cow;
+
+    use axum::body::to_bytes;
+    use rust_embed::Metadata;
+
+    use super::*;
+
+    fn file(name: &str) -> Option<EmbeddedFile> {
+        let (data, mimetype): (&[u8], _) = match name {
+            "index.html" => (b"<!doctype html>", "text/html"),
+            "assets/main-abc123.js" => (b"main()", "text/javascript"),
+            "favicon.svg" => (b"<svg/>", "image/svg+xml"),
+            _ => return None,
+        };
+        let metadata = Metadata::__rust_embed_new([0; 32], None, None, mimetype);
+        Some(EmbeddedFile {
+            data: Cow::Borrowed(data),
+            metadata,
+        })
+    }
+
+    async fn get(path: &str, built: bool) -> (u16, String, String) {
+        let get = |name: &str| file(name).filter(|_| built);
+        let response = answer(&Method::GET, path, &HeaderMap::new(), get);
+        let caching = response.headers().get(header::CACHE_CONTROL);
+        let caching = caching
+            .map_or("", |value| value.to_str().unwrap())
+            .to_owned();
+        let status = response.status().as_u16();
+        let body = to_bytes(response.into_body(), 1_000).await.unwrap();
+        (status, caching, String::from_utf8(body.to_vec()).unwrap())
+    }
+
+    #[tokio::test]
+    async fn every_address_of_the_dashboard_is_its_page() {
+        let page = (200, "no-cache".to_owned(), "<!doctype html>".to_owned());
+        for path in ["/", "/index.html", "/robots/tugger_01", "/settings"] {
+            assert_eq!(get(path, true).await, page, "{path}");
+        }
+    }
+
+    #[tokio::test]
+    async fn files_whose_names_change_are_kept_for_ever() {
+        let (status, caching, body) = get("/assets/main-abc123.js", true).await;
+        assert_eq!((status, body.as_str()), (200, "main()"));
+        assert_eq!(caching, "public, max-age=31536000, immutable");
+        assert_eq!(get("/favicon.svg", true).await.1, "no-cache");
+        assert_eq!(get("/assets/main-000000.js", true).await.0, 404);
+    }
+
+    #[tokio::test]
+    async fn a_file_that_the_client_has_is_not_sent_again() {
+        let first = answer(&Method::GET, "/favicon.svg", &HeaderMap::new(), file);
+        let tag = first.headers()[header::ETAG].clone();
+        let has = HeaderMap::from_iter([(header::IF_NONE_MATCH, tag)]);
+        let again = answer(&Method::GET, "/favicon.svg", &has, file);
+        assert_eq!(again.status(), StatusCode::NOT_MODIFIED);
+    }
+
+    #[tokio::test]
+    async fn without_pages_it_says_how_to_build_them() {
+        let (status, _, body) = get("/", false).await;
+        assert_eq!((status, body.contains("make dashboard")), (404, true));
+        assert_eq!(get("/robots/a", false).await.0, 404);
+    }
+}

@@ -11,6 +11,7 @@ use serde::de::DeserializeOwned;
 use sha2::{Digest, Sha256};
 
 use super::problem::Problem;
+use crate::limits;
 
 /// The query of a route without parameters: every parameter is refused by name.
 #[derive(Debug, Deserialize)]
@@ -26,11 +27,8 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for Parameters<T> 
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Problem> {
         let Query(query) = Query::try_from_uri(&parts.uri).map_err(|rejection| {
-            Problem::new(
-                StatusCode::BAD_REQUEST,
-                "query_refused",
-                rejection.body_text(),
-            )
+            let status = StatusCode::BAD_REQUEST;
+            unreadable(status, "query_refused", "the query", &rejection.body_text())
         })?;
         Ok(Self(query))
     }
@@ -77,15 +75,42 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequest<S> for Body<T> {
         let bytes = Bytes::from_request(request, state)
             .await
             .map_err(|rejection| {
-                Problem::new(rejection.status(), "body_refused", rejection.body_text())
+                let detail = match rejection.status() {
+                    StatusCode::PAYLOAD_TOO_LARGE => {
+                        format!(
+                            "the body is larger than {} bytes",
+                            limits::HTTP_BODY_BYTES_MAX
+                        )
+                    }
+                    _ => rejection.body_text(),
+                };
+                Problem::new(rejection.status(), "body_refused", detail)
             })?;
         let Json(value) = Json::from_bytes(&bytes).map_err(|rejection| {
-            Problem::new(rejection.status(), "body_refused", rejection.body_text())
+            unreadable(
+                rejection.status(),
+                "body_refused",
+                "the body",
+                &rejection.body_text(),
+            )
         })?;
         Ok(Self {
             value,
             sha256: Sha256::digest(&bytes).into(),
         })
+    }
+}
+
+/// The problem of a query or body that does not fit. What is said of it reads
+/// "Failed to …: the field: what is wrong with it", with the field left out when it is the whole.
+fn unreadable(status: StatusCode, code: &'static str, part: &str, said: &str) -> Problem {
+    let reason = said.split_once(": ").map_or(said, |(_, reason)| reason);
+    let is_field = |name: &str| !name.contains([' ', '`']);
+    match reason.split_once(": ").filter(|(name, _)| is_field(name)) {
+        Some((field, reason)) => {
+            Problem::new(status, code, format!("{part}: {reason}")).of_field(field)
+        }
+        None => Problem::new(status, code, format!("{part}: {reason}")),
     }
 }
 

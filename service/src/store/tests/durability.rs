@@ -18,7 +18,11 @@ const CHILD: &str = "store::tests::durability::child_that_is_killed";
 
 async fn raw(folder: &Path) -> sqlx::SqliteConnection {
     let database = folder.join("fleetcal.db");
-    sqlx::sqlite::SqliteConnectOptions::new().filename(database).connect().await.unwrap()
+    sqlx::sqlite::SqliteConnectOptions::new()
+        .filename(database)
+        .connect()
+        .await
+        .unwrap()
 }
 
 /// Writes a second of history again and again and tells each that is committed, until it is
@@ -28,7 +32,11 @@ async fn raw(folder: &Path) -> sqlx::SqliteConnection {
 async fn child_that_is_killed() {
     let folder = std::env::var(FOLDER).unwrap();
     let store = open(Path::new(&folder), &clock()).await;
-    let first = store.last_second(&robot("a")).await.unwrap().map_or(NOW_S, |last| last + 1_000);
+    let first = store
+        .last_second(&robot("a"))
+        .await
+        .unwrap()
+        .map_or(NOW_S, |last| last + 1_000);
     for second in first..first + 1_000_000 {
         record(&store, "a", second, 0.5);
         store.flush().await.unwrap();
@@ -68,8 +76,15 @@ async fn a_killed_store_has_every_committed_second() {
     }
     let (first, last) = (committed[0], *committed.last().unwrap());
     let store = open(folder.path(), &clock()).await;
-    let history = store.history(&query("a", first, last + 1, 5_000)).await.unwrap();
-    let found: Vec<_> = history.stretches.iter().map(|stretch| stretch.t_s).collect();
+    let history = store
+        .history(&query("a", first, last + 1, 5_000))
+        .await
+        .unwrap();
+    let found: Vec<_> = history
+        .stretches
+        .iter()
+        .map(|stretch| stretch.t_s)
+        .collect();
     for second in &committed {
         assert!(found.contains(second), "second {second} is lost");
     }
@@ -86,8 +101,10 @@ async fn the_database_is_durable_and_checked() {
     let folder = tempfile::tempdir().unwrap();
     let store = open(folder.path(), &clock()).await;
     let mut raw = raw(folder.path()).await;
-    let mode: String =
-        sqlx::query_scalar("PRAGMA journal_mode").fetch_one(&mut raw).await.unwrap();
+    let mode: String = sqlx::query_scalar("PRAGMA journal_mode")
+        .fetch_one(&mut raw)
+        .await
+        .unwrap();
     assert_eq!(mode, "wal");
     let (found, known) = store.schema().await.unwrap();
     assert_eq!(found, known);
@@ -99,8 +116,13 @@ async fn a_second_process_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let clock = clock();
     let store = open(folder.path(), &clock).await;
-    let refused = Store::open(folder.path(), Arc::clone(&clock) as _).await.unwrap_err();
-    assert!(refused.to_string().contains("in use by another fleetcal"), "{refused}");
+    let refused = Store::open(folder.path(), Arc::clone(&clock) as _)
+        .await
+        .unwrap_err();
+    assert!(
+        refused.to_string().contains("in use by another fleetcal"),
+        "{refused}"
+    );
     drop(store);
 }
 
@@ -117,7 +139,16 @@ async fn a_newer_schema_is_refused() {
     .await
     .unwrap();
     let refused = Store::open(folder.path(), clock as _).await.unwrap_err();
-    assert!(matches!(refused, StoreError::NewerSchema { found: 99_991_231_235_959, .. }), "{refused}");
+    assert!(
+        matches!(
+            refused,
+            StoreError::NewerSchema {
+                found: 99_991_231_235_959,
+                ..
+            }
+        ),
+        "{refused}"
+    );
 }
 
 #[tokio::test]
@@ -126,8 +157,18 @@ async fn what_is_no_database_is_refused_and_left_alone() {
     let database = folder.path().join("fleetcal.db");
     std::fs::write(&database, "not a database, but a long letter ".repeat(100)).unwrap();
     let refused = Store::open(folder.path(), clock() as _).await.unwrap_err();
-    assert!(matches!(refused, StoreError::Database { .. } | StoreError::Migration(_)), "{refused}");
-    assert!(std::fs::read_to_string(&database).unwrap().starts_with("not a database"));
+    assert!(
+        matches!(
+            refused,
+            StoreError::Database { .. } | StoreError::Migration(_)
+        ),
+        "{refused}"
+    );
+    assert!(
+        std::fs::read_to_string(&database)
+            .unwrap()
+            .starts_with("not a database")
+    );
 }
 
 #[tokio::test]
@@ -155,13 +196,19 @@ async fn a_locked_database_refuses_who_waits_and_keeps_the_history() {
     record(&store, "a", NOW_S, 0.25);
     let config: RobotConfig =
         serde_json::from_str(r#"{"model": "bicycle", "wheelbase_m": 1.0}"#).unwrap();
-    let refused = store.save_robot(&robot("a"), &config, Expected::Any).await.unwrap_err();
+    let refused = store
+        .save_robot(&robot("a"), &config, Expected::Any)
+        .await
+        .unwrap_err();
     assert!(matches!(refused, StoreError::Database { .. }), "{refused}");
     // Readers are not kept waiting.
     assert!(store.load_robots().await.unwrap().is_empty());
     lock.rollback().await.unwrap();
     store.flush().await.unwrap();
-    let history = store.history(&query("a", NOW_S, NOW_S + 1, 2)).await.unwrap();
+    let history = store
+        .history(&query("a", NOW_S, NOW_S + 1, 2))
+        .await
+        .unwrap();
     assert_eq!(history.stretches.len(), 1);
     let counters = store.counters();
     assert_eq!((counters.lost, counters.failed_commits), (0, 1));
@@ -176,8 +223,14 @@ async fn readers_run_beside_the_writer() {
         tokio::spawn(async move {
             let mut seen = 0;
             while seen < 300 {
-                let history = store.history(&query("a", NOW_S, NOW_S + 300, 600)).await.unwrap();
-                assert!(history.stretches.len() >= seen, "a reader went back in time");
+                let history = store
+                    .history(&query("a", NOW_S, NOW_S + 300, 600))
+                    .await
+                    .unwrap();
+                assert!(
+                    history.stretches.len() >= seen,
+                    "a reader went back in time"
+                );
                 seen = history.stretches.len();
             }
         })
@@ -188,7 +241,10 @@ async fn readers_run_beside_the_writer() {
         store.flush().await.unwrap();
     }
     let all = futures::future::join_all(readers);
-    for reader in tokio::time::timeout(Duration::from_secs(30), all).await.unwrap() {
+    for reader in tokio::time::timeout(Duration::from_secs(30), all)
+        .await
+        .unwrap()
+    {
         reader.unwrap();
     }
 }

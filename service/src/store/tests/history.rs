@@ -9,7 +9,11 @@ use crate::store::{Cell, History};
 const START_S: i64 = NOW_S - NOW_S % 3_600;
 
 fn offsets(history: &History) -> Vec<Cell> {
-    history.stretches.iter().map(|stretch| stretch.cells[0].unwrap()).collect()
+    history
+        .stretches
+        .iter()
+        .map(|stretch| stretch.cells[0].unwrap())
+        .collect()
 }
 
 fn close_to(a: f64, b: f64) -> bool {
@@ -23,7 +27,9 @@ async fn pruned(store: &Store, rows: u64) {
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
     };
-    tokio::time::timeout(Duration::from_secs(30), done).await.unwrap();
+    tokio::time::timeout(Duration::from_secs(30), done)
+        .await
+        .unwrap();
 }
 
 #[tokio::test]
@@ -35,16 +41,41 @@ async fn seconds_come_back_as_they_were() {
         record(&store, "b", START_S + second, -1.0);
     }
     store.flush().await.unwrap();
-    let history = store.history(&query("a", START_S, START_S + 6, 600)).await.unwrap();
+    let history = store
+        .history(&query("a", START_S, START_S + 6, 600))
+        .await
+        .unwrap();
     assert_eq!(history.bucket_s, 1);
-    let times: Vec<_> = history.stretches.iter().map(|stretch| stretch.t_s - START_S).collect();
+    let times: Vec<_> = history
+        .stretches
+        .iter()
+        .map(|stretch| stretch.t_s - START_S)
+        .collect();
     assert_eq!(times, [0, 1, 2, 5]);
-    assert_eq!(offsets(&history)[3], Cell { mean: 5.0, min: 5.0, max: 5.0, sigma: 0.01 });
+    assert_eq!(
+        offsets(&history)[3],
+        Cell {
+            mean: 5.0,
+            min: 5.0,
+            max: 5.0,
+            sigma: 0.01
+        }
+    );
     assert_eq!(history.stretches[0].nis, Some(3.0));
     // The end is not part of the span, and an unknown robot has no history.
-    let history = store.history(&query("a", START_S, START_S + 5, 600)).await.unwrap();
+    let history = store
+        .history(&query("a", START_S, START_S + 5, 600))
+        .await
+        .unwrap();
     assert_eq!(history.stretches.len(), 3);
-    assert!(store.history(&query("c", START_S, START_S + 5, 600)).await.unwrap().stretches.is_empty());
+    assert!(
+        store
+            .history(&query("c", START_S, START_S + 5, 600))
+            .await
+            .unwrap()
+            .stretches
+            .is_empty()
+    );
 }
 
 #[tokio::test]
@@ -54,7 +85,10 @@ async fn fixed_parameters_have_no_history() {
     record(&store, "a", START_S, 0.1);
     store.flush().await.unwrap();
     let parameters = vec![ParameterName::Wheelbase, ParameterName::LidarX];
-    let query = HistoryQuery { parameters, ..query("a", START_S, START_S + 1, 2) };
+    let query = HistoryQuery {
+        parameters,
+        ..query("a", START_S, START_S + 1, 2)
+    };
     let history = store.history(&query).await.unwrap();
     assert_eq!(history.stretches[0].cells[0], None);
     assert_eq!(history.stretches[0].cells[1].unwrap().mean, 0.5);
@@ -80,7 +114,10 @@ async fn down_sampling_keeps_extremes_and_the_limit() {
     for points_max in [2, 7, 60, 599, 5_000] {
         let query = query("a", START_S + 13, START_S + span_s, points_max);
         let history = store.history(&query).await.unwrap();
-        assert!(history.stretches.len() <= points_max as usize, "{points_max}");
+        assert!(
+            history.stretches.len() <= points_max as usize,
+            "{points_max}"
+        );
         let cells = offsets(&history);
         let max = cells.iter().map(|cell| cell.max).fold(f64::MIN, f64::max);
         let min = cells.iter().map(|cell| cell.min).fold(f64::MAX, f64::min);
@@ -102,18 +139,31 @@ async fn minutes_and_hours_tell_what_the_seconds_told() {
     store.flush().await.unwrap();
     clock.advance(Duration::from_hours(4 * 24));
     pruned(&store, 150).await;
-    let history = store.history(&query("a", START_S, START_S + 150, 600)).await.unwrap();
+    let history = store
+        .history(&query("a", START_S, START_S + 150, 600))
+        .await
+        .unwrap();
     assert_eq!(history.bucket_s, 60);
-    let counts: Vec<_> = history.stretches.iter().map(|stretch| stretch.count).collect();
+    let counts: Vec<_> = history
+        .stretches
+        .iter()
+        .map(|stretch| stretch.count)
+        .collect();
     assert_eq!(counts, [60, 60, 30]);
     let cells = offsets(&history);
-    assert!(close_to(cells[0].mean, 29.5) && close_to(cells[2].mean, 14.5), "{cells:?}");
+    assert!(
+        close_to(cells[0].mean, 29.5) && close_to(cells[2].mean, 14.5),
+        "{cells:?}"
+    );
     assert_eq!((cells[1].min, cells[1].max), (0.0, 59.0));
     assert!(close_to(cells[0].sigma, 0.01));
 
     clock.advance(Duration::from_hours(100 * 24));
     pruned(&store, 153).await;
-    let history = store.history(&query("a", START_S, START_S + 150, 600)).await.unwrap();
+    let history = store
+        .history(&query("a", START_S, START_S + 150, 600))
+        .await
+        .unwrap();
     assert_eq!((history.bucket_s, history.stretches.len()), (3_600, 1));
     assert_eq!(history.stretches[0].count, 150);
     let all: i64 = (0..150).map(|second| second % 60).sum();
@@ -121,7 +171,14 @@ async fn minutes_and_hours_tell_what_the_seconds_told() {
 
     clock.advance(Duration::from_hours(6 * 365 * 24));
     pruned(&store, 154).await;
-    assert!(store.history(&query("a", START_S, START_S + 150, 600)).await.unwrap().stretches.is_empty());
+    assert!(
+        store
+            .history(&query("a", START_S, START_S + 150, 600))
+            .await
+            .unwrap()
+            .stretches
+            .is_empty()
+    );
 }
 
 #[tokio::test]
@@ -131,7 +188,10 @@ async fn retention_goes_by_receipt_time() {
     // A robot whose clock is in 1980 sends now; one whose clock is in 2060 sent a week ago.
     let (past_s, future_s) = (315_532_800, 2_840_140_800);
     store.record_history(&estimate("past", past_s, 1.0, 0.0), NOW_S * NS);
-    store.record_history(&estimate("future", future_s, 1.0, 0.0), (NOW_S - 7 * 86_400) * NS);
+    store.record_history(
+        &estimate("future", future_s, 1.0, 0.0),
+        (NOW_S - 7 * 86_400) * NS,
+    );
     store.flush().await.unwrap();
     pruned(&store, 1).await;
     let seconds = |name: &'static str, t_s| {
@@ -160,9 +220,16 @@ async fn coarser_rows_go_before_the_finer_ones_without_overlap() {
         store.record_history(&estimate, (NOW_S + 4 * 86_400) * NS);
     }
     store.flush().await.unwrap();
-    let history = store.history(&query("a", START_S, START_S + 400, 600)).await.unwrap();
+    let history = store
+        .history(&query("a", START_S, START_S + 400, 600))
+        .await
+        .unwrap();
     assert_eq!(history.bucket_s, 60);
-    let counts: Vec<_> = history.stretches.iter().map(|stretch| stretch.count).collect();
+    let counts: Vec<_> = history
+        .stretches
+        .iter()
+        .map(|stretch| stretch.count)
+        .collect();
     assert_eq!(counts, [60, 60, 60, 40, 60, 60, 40]);
 }
 
@@ -179,17 +246,37 @@ async fn a_recording_replayed_again_replaces_its_first_run() {
     }
     clock.advance(Duration::from_hours(4 * 24));
     pruned(&store, 90).await;
-    let history = store.history(&query("a", START_S, START_S + 90, 600)).await.unwrap();
-    let told: Vec<_> =
-        history.stretches.iter().map(|s| (s.count, s.cells[0].unwrap())).collect();
-    let cell = Cell { mean: 3.0, min: 3.0, max: 3.0, sigma: 0.01 };
-    assert_eq!(told.iter().map(|(count, _)| *count).collect::<Vec<_>>(), [60, 30]);
+    let history = store
+        .history(&query("a", START_S, START_S + 90, 600))
+        .await
+        .unwrap();
+    let told: Vec<_> = history
+        .stretches
+        .iter()
+        .map(|s| (s.count, s.cells[0].unwrap()))
+        .collect();
+    let cell = Cell {
+        mean: 3.0,
+        min: 3.0,
+        max: 3.0,
+        sigma: 0.01,
+    };
+    assert_eq!(
+        told.iter().map(|(count, _)| *count).collect::<Vec<_>>(),
+        [60, 30]
+    );
     for (_, found) in told {
-        assert_eq!((found.mean, found.min, found.max), (cell.mean, cell.min, cell.max));
+        assert_eq!(
+            (found.mean, found.min, found.max),
+            (cell.mean, cell.min, cell.max)
+        );
     }
     clock.advance(Duration::from_hours(100 * 24));
     pruned(&store, 92).await;
-    let history = store.history(&query("a", START_S, START_S + 90, 600)).await.unwrap();
+    let history = store
+        .history(&query("a", START_S, START_S + 90, 600))
+        .await
+        .unwrap();
     assert_eq!(history.stretches[0].count, 90);
     assert_eq!(offsets(&history)[0].min, 3.0);
 }
@@ -200,24 +287,38 @@ async fn a_lidar_that_looks_backwards_is_one_line() {
     let clock = clock();
     let store = open(folder.path(), &clock).await;
     for second in 0..120 {
-        let yaw_rad = if second % 2 == 0 { PI - 0.01 } else { -PI + 0.01 };
+        let yaw_rad = if second % 2 == 0 {
+            PI - 0.01
+        } else {
+            -PI + 0.01
+        };
         let estimate = estimate("a", START_S + second, 0.0, yaw_rad);
         store.record_history(&estimate, NOW_S * NS);
     }
     store.flush().await.unwrap();
     let yaws = |history: &History| -> Vec<Cell> {
-        history.stretches.iter().map(|stretch| stretch.cells[1].unwrap()).collect()
+        history
+            .stretches
+            .iter()
+            .map(|stretch| stretch.cells[1].unwrap())
+            .collect()
     };
     let span = |points_max| query("a", START_S, START_S + 120, points_max);
     for points_max in [600, 3] {
         let history = store.history(&span(points_max)).await.unwrap();
         for cell in yaws(&history) {
-            assert!((cell.mean - PI).abs() < 0.02 && cell.max - cell.min < 0.03, "{cell:?}");
+            assert!(
+                (cell.mean - PI).abs() < 0.02 && cell.max - cell.min < 0.03,
+                "{cell:?}"
+            );
         }
     }
     clock.advance(Duration::from_hours(4 * 24));
     pruned(&store, 120).await;
     for cell in yaws(&store.history(&span(600)).await.unwrap()) {
-        assert!((cell.mean - PI).abs() < 1e-3 && cell.max - cell.min < 0.03, "{cell:?}");
+        assert!(
+            (cell.mean - PI).abs() < 1e-3 && cell.max - cell.min < 0.03,
+            "{cell:?}"
+        );
     }
 }

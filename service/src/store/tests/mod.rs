@@ -39,12 +39,16 @@ fn estimate(name: &str, t_s: i64, offset_rad: f64, yaw_rad: f64) -> EstimateDocu
         let (value, status) = match parameter {
             ParameterName::SteeringOffset => (offset_rad, ParameterStatus::Converged),
             ParameterName::LidarYaw => (yaw_rad, ParameterStatus::Learning),
-            ParameterName::Wheelbase | ParameterName::SteeringGain => {
-                (1.0, ParameterStatus::Fixed)
-            }
+            ParameterName::Wheelbase | ParameterName::SteeringGain => (1.0, ParameterStatus::Fixed),
             _ => (0.5, ParameterStatus::Unobservable),
         };
-        ParameterDocument { value, sigma: 0.01, unit: parameter.unit(), status, needs: None }
+        ParameterDocument {
+            value,
+            sigma: 0.01,
+            unit: parameter.unit(),
+            status,
+            needs: None,
+        }
     };
     EstimateDocument {
         robot: robot(name),
@@ -61,7 +65,11 @@ fn estimate(name: &str, t_s: i64, offset_rad: f64, yaw_rad: f64) -> EstimateDocu
             time_offset: parameter(ParameterName::TimeOffset),
             steering_gain: parameter(ParameterName::SteeringGain),
         },
-        consistency: Consistency { nis_mean: 3.0, nis_dof: 3.0, samples: 10 },
+        consistency: Consistency {
+            nis_mean: 3.0,
+            nis_dof: 3.0,
+            samples: 10,
+        },
         counts: Counts::default(),
     }
 }
@@ -73,5 +81,11 @@ fn record(store: &Store, name: &str, t_s: i64, offset_rad: f64) {
 
 fn query(name: &str, from_s: i64, to_s: i64, points_max: u32) -> HistoryQuery {
     let parameters = vec![ParameterName::SteeringOffset, ParameterName::LidarYaw];
-    HistoryQuery { robot: robot(name), parameters, from_s, to_s, points_max }
+    HistoryQuery {
+        robot: robot(name),
+        parameters,
+        from_s,
+        to_s,
+        points_max,
+    }
 }

@@ -29,12 +29,18 @@ async fn everything_is_there_after_a_restart() {
     let folder = tempfile::tempdir().unwrap();
     let clock = clock();
     let store = open(folder.path(), &clock).await;
-    store.save_robot(&robot("a"), &config(1.2), Expected::Absent).await.unwrap();
+    store
+        .save_robot(&robot("a"), &config(1.2), Expected::Absent)
+        .await
+        .unwrap();
     store.save_checkpoint(&robot("a"), 7, r#"{"state": [0.1]}"#.to_owned());
     store.save_checkpoint(&robot("a"), 8, r#"{"state": [0.2]}"#.to_owned());
     record(&store, "a", NOW_S, 0.1);
     record(&store, "a", NOW_S + 1, 0.2);
-    let told = store.record_event(event("new bracket"), None).await.unwrap();
+    let told = store
+        .record_event(event("new bracket"), None)
+        .await
+        .unwrap();
     store.close().await.unwrap();
     assert!(matches!(store.flush().await, Err(StoreError::Closed)));
     drop(store);
@@ -42,14 +48,26 @@ async fn everything_is_there_after_a_restart() {
     let store = open(folder.path(), &clock).await;
     let robots = store.load_robots().await.unwrap();
     assert_eq!(robots.len(), 1);
-    assert_eq!((robots[0].version, &robots[0].config), (1, &Some(config(1.2))));
+    assert_eq!(
+        (robots[0].version, &robots[0].config),
+        (1, &Some(config(1.2)))
+    );
     let checkpoints = store.load_checkpoints().await.unwrap();
     assert_eq!(checkpoints.len(), 1);
-    assert_eq!((checkpoints[0].stamp_ns, checkpoints[0].state.as_str()), (8, r#"{"state": [0.2]}"#));
+    assert_eq!(
+        (checkpoints[0].stamp_ns, checkpoints[0].state.as_str()),
+        (8, r#"{"state": [0.2]}"#)
+    );
     let current = store.load_current().await.unwrap();
     assert_eq!(current[0].estimate, estimate("a", NOW_S + 1, 0.2, 0.0));
-    assert_eq!(store.last_second(&robot("a")).await.unwrap(), Some(NOW_S + 1));
-    let history = store.history(&query("a", NOW_S, NOW_S + 2, 600)).await.unwrap();
+    assert_eq!(
+        store.last_second(&robot("a")).await.unwrap(),
+        Some(NOW_S + 1)
+    );
+    let history = store
+        .history(&query("a", NOW_S, NOW_S + 2, 600))
+        .await
+        .unwrap();
     assert_eq!(history.stretches.len(), 2);
     let events = store.events(&robot("a"), None, 10).await.unwrap();
     let kinds: Vec<_> = events.iter().map(|record| record.event.kind).collect();
@@ -62,13 +80,18 @@ async fn a_configuration_is_changed_only_by_who_saw_it() {
     let folder = tempfile::tempdir().unwrap();
     let store = open(folder.path(), &clock()).await;
     let save = async |wheelbase_m, expected| {
-        store.save_robot(&robot("a"), &config(wheelbase_m), expected).await
+        store
+            .save_robot(&robot("a"), &config(wheelbase_m), expected)
+            .await
     };
     assert_eq!(save(1.0, Expected::Version(0)).await.unwrap(), 1);
     assert_eq!(save(1.1, Expected::Version(1)).await.unwrap(), 2);
     for stale in [Expected::Absent, Expected::Version(1), Expected::Version(3)] {
         let refused = save(9.0, stale).await.unwrap_err();
-        assert!(matches!(refused, StoreError::VersionConflict { found: 2, .. }), "{refused}");
+        assert!(
+            matches!(refused, StoreError::VersionConflict { found: 2, .. }),
+            "{refused}"
+        );
     }
     assert_eq!(save(1.2, Expected::Any).await.unwrap(), 3);
     let stored = store.load_robot(&robot("a")).await.unwrap().unwrap();
@@ -84,7 +107,10 @@ async fn of_many_writers_with_the_same_version_one_wins() {
         let store = store.clone();
         async move {
             let wheelbase_m = 1.0 + f64::from(number) / 100.0;
-            store.save_robot(&robot("a"), &config(wheelbase_m), Expected::Absent).await.is_ok()
+            store
+                .save_robot(&robot("a"), &config(wheelbase_m), Expected::Absent)
+                .await
+                .is_ok()
         }
     });
     let won = futures::future::join_all(tries).await;
@@ -96,16 +122,28 @@ async fn a_repeated_request_is_answered_with_the_same_event() {
     let folder = tempfile::tempdir().unwrap();
     let store = open(folder.path(), &clock()).await;
     let key = |sha: u8| {
-        Some(IdempotencyKey { key: "k".to_owned(), request_sha256: [sha; 32] })
+        Some(IdempotencyKey {
+            key: "k".to_owned(),
+            request_sha256: [sha; 32],
+        })
     };
     let first = store.record_event(event("x"), key(1)).await.unwrap();
     let second = store.record_event(event("x"), key(1)).await.unwrap();
-    assert_eq!((first.id, first.repeated, second.repeated), (second.id, false, true));
+    assert_eq!(
+        (first.id, first.repeated, second.repeated),
+        (second.id, false, true)
+    );
     let refused = store.record_event(event("y"), key(2)).await.unwrap_err();
     assert!(matches!(refused, StoreError::KeyReused), "{refused}");
     // Without a key, or for another robot, it is another event.
-    assert_ne!(store.record_event(event("x"), None).await.unwrap().id, first.id);
-    let other = NewEvent { robot: robot("b"), ..event("x") };
+    assert_ne!(
+        store.record_event(event("x"), None).await.unwrap().id,
+        first.id
+    );
+    let other = NewEvent {
+        robot: robot("b"),
+        ..event("x")
+    };
     assert!(!store.record_event(other, key(1)).await.unwrap().repeated);
     assert_eq!(store.events(&robot("a"), None, 10).await.unwrap().len(), 2);
 }
@@ -114,7 +152,10 @@ async fn a_repeated_request_is_answered_with_the_same_event() {
 async fn a_note_that_comes_again_through_the_fleet_is_one_event() {
     let folder = tempfile::tempdir().unwrap();
     let store = open(folder.path(), &clock()).await;
-    store.record_event(event("new bracket"), None).await.unwrap();
+    store
+        .record_event(event("new bracket"), None)
+        .await
+        .unwrap();
     let note = |note: &str| {
         let note = note.to_owned();
         Arc::new(HistoryEvent::Note(RobotEvent {
@@ -128,7 +169,10 @@ async fn a_note_that_comes_again_through_the_fleet_is_one_event() {
     }
     store.flush().await.unwrap();
     let events = store.events(&robot("a"), None, 10).await.unwrap();
-    let notes: Vec<_> = events.iter().map(|record| record.event.note.as_deref()).collect();
+    let notes: Vec<_> = events
+        .iter()
+        .map(|record| record.event.note.as_deref())
+        .collect();
     assert_eq!(notes, [None, Some("other"), Some("new bracket")]);
 }
 
@@ -137,11 +181,20 @@ async fn events_come_in_pages() {
     let folder = tempfile::tempdir().unwrap();
     let store = open(folder.path(), &clock()).await;
     for number in 0..5 {
-        store.record_event(event(&number.to_string()), None).await.unwrap();
+        store
+            .record_event(event(&number.to_string()), None)
+            .await
+            .unwrap();
     }
     let first = store.events(&robot("a"), None, 3).await.unwrap();
-    let rest = store.events(&robot("a"), Some(first[2].id), 3).await.unwrap();
-    let notes: Vec<_> =
-        first.iter().chain(&rest).map(|record| record.event.note.clone().unwrap()).collect();
+    let rest = store
+        .events(&robot("a"), Some(first[2].id), 3)
+        .await
+        .unwrap();
+    let notes: Vec<_> = first
+        .iter()
+        .chain(&rest)
+        .map(|record| record.event.note.clone().unwrap())
+        .collect();
     assert_eq!(notes, ["4", "3", "2", "1", "0"]);
 }
