@@ -119,104 +119,90 @@ fn sixty_walking_people_neither_pull_the_pose_nor_stay_in_the_map() {
     assert_accurate(&pairs, 4.0, 0.02);
 }
 
+fn assert_reads(scanner: &Scanner, mm: f64, deg: f64) {
+    let pairs = drive_all(&Scene::warehouse(), scanner, 250, 1);
+    assert_eq!(pairs.len(), 250, "{scanner:?}");
+    assert_eq!(lost_sweeps(&pairs), 0, "{scanner:?}");
+    let (position_mm, yaw_deg) = rms(&pairs, 10);
+    assert!(
+        position_mm < mm && yaw_deg < deg,
+        "{position_mm} mm {yaw_deg} deg {scanner:?}"
+    );
+}
+
 #[test]
-fn any_common_scanner_is_read() {
-    let half_turn = std::f64::consts::PI;
-    let usual = Scanner::default();
-    let cases = [
-        (
-            Scanner {
-                beams: 180,
-                ..usual
+fn any_number_of_beams_is_read() {
+    for (beams, mm, deg) in [(180, 5.0, 0.03), (360, 3.2, 0.02), (4096, 1.8, 0.01)] {
+        assert_reads(
+            &Scanner {
+                beams,
+                ..Scanner::default()
             },
-            5.0,
-            0.03,
-        ),
-        (
-            Scanner {
-                beams: 360,
-                ..usual
-            },
-            3.2,
-            0.02,
-        ),
-        (
-            Scanner {
-                beams: 4096,
-                ..usual
-            },
-            1.8,
-            0.01,
-        ),
-        (
-            Scanner {
-                beams: 512,
-                fov_rad: half_turn,
-                ..usual
-            },
-            3.0,
-            0.025,
-        ),
-        (
-            Scanner {
-                beams: 811,
-                fov_rad: 1.5 * half_turn,
-                ..usual
-            },
-            2.2,
-            0.015,
-        ),
-        (
-            Scanner {
-                clockwise: true,
-                ..usual
-            },
-            1.8,
-            0.01,
-        ),
-        (
-            Scanner {
-                rolling: false,
-                ..usual
-            },
-            1.8,
-            0.01,
-        ),
-        (
-            Scanner {
-                dropped: 0.3,
-                ..usual
-            },
-            2.2,
-            0.013,
-        ),
-        (
-            Scanner {
-                range_max_m: 8.0,
-                ..usual
-            },
-            2.4,
-            0.018,
-        ),
-        (
-            Scanner {
-                noise_m: 0.03,
-                ..usual
-            },
-            3.2,
-            0.02,
-        ),
-    ];
-    for (scanner, mm, deg) in cases {
-        let pairs = drive_all(&Scene::warehouse(), &scanner, 250, 1);
-        assert_eq!(pairs.len(), 250, "{scanner:?}");
-        assert_eq!(lost_sweeps(&pairs), 0, "{scanner:?}");
-        let (position_mm, yaw_deg) = rms(&pairs, 10);
-        assert!(
-            position_mm < mm && yaw_deg < deg,
-            "{position_mm} mm {yaw_deg} deg {scanner:?}"
+            mm,
+            deg,
         );
     }
+}
+
+#[test]
+fn any_field_of_view_and_direction_is_read() {
+    let half_turn = std::f64::consts::PI;
+    let narrow = Scanner {
+        beams: 512,
+        fov_rad: half_turn,
+        ..Scanner::default()
+    };
+    assert_reads(&narrow, 3.0, 0.025);
+    let wide = Scanner {
+        beams: 811,
+        fov_rad: 1.5 * half_turn,
+        ..Scanner::default()
+    };
+    assert_reads(&wide, 2.2, 0.015);
+    assert_reads(
+        &Scanner {
+            clockwise: true,
+            ..Scanner::default()
+        },
+        1.8,
+        0.01,
+    );
+    assert_reads(
+        &Scanner {
+            rolling: false,
+            ..Scanner::default()
+        },
+        1.8,
+        0.01,
+    );
+}
+
+#[test]
+fn dropped_beams_short_sight_and_noise_are_borne() {
+    assert_reads(
+        &Scanner {
+            dropped: 0.3,
+            ..Scanner::default()
+        },
+        2.2,
+        0.013,
+    );
+    assert_reads(
+        &Scanner {
+            range_max_m: 8.0,
+            ..Scanner::default()
+        },
+        2.4,
+        0.018,
+    );
+    assert_reads(
+        &Scanner {
+            noise_m: 0.03,
+            ..Scanner::default()
+        },
+        3.2,
+        0.02,
+    );
 }
 
 #[test]

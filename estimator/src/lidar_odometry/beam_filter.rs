@@ -101,6 +101,17 @@ impl SweepPoints {
         self.blocks.capacity() * size_of::<Block>()
     }
 
+    /// Mean square of the beams' times, s².
+    pub fn mean_tau2_s2(&self) -> f64 {
+        let sum: f32 = self
+            .blocks
+            .iter()
+            .flat_map(|block| &block.tau_s)
+            .map(|t| t * t)
+            .sum();
+        f64::from(sum) / self.len.max(1) as f64
+    }
+
     /// The points, block by block.
     pub fn blocks(&self) -> &[Block] {
         &self.blocks
@@ -277,4 +288,74 @@ fn hash(value: u32) -> u32 {
     h = (h ^ (h >> 16)).wrapping_mul(0x85eb_ca6b);
     h = (h ^ (h >> 13)).wrapping_mul(0xc2b2_ae35);
     h ^ (h >> 16)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stream::Stamp;
+
+    fn points_of(ranges: &[f32], increment: f64, time_increment_s: f64) -> SweepPoints {
+        let shape = SweepShape {
+            angle_min_rad: 0.0,
+            angle_increment_rad: increment,
+            time_increment_s,
+            range_min_m: 0.1,
+            range_max_m: 30.0,
+        };
+        let sweep = Sweep::new(Stamp(1), shape, ranges.to_vec().into()).unwrap();
+        let mut points = SweepPoints::default();
+        BeamFilter::default().filter(&sweep, &mut points);
+        points
+    }
+
+    #[test]
+    fn only_finite_ranges_inside_the_limits_are_points() {
+        let ranges = [
+            f32::NAN,
+            f32::INFINITY,
+            -1.0,
+            0.05,
+            30.0,
+            5.0,
+            f32::NEG_INFINITY,
+        ];
+        let points: Vec<_> = points_of(&ranges, 0.01, 0.0).iter().collect();
+        assert_eq!(points.len(), 1);
+        assert!((points[0].x - 5.0 * 0.05_f32.cos()).abs() < 1e-6);
+        assert!((points[0].inverse_range - 0.2).abs() < 1e-7);
+    }
+
+    #[test]
+    fn times_are_about_the_middle_of_the_sweep() {
+        let points = points_of(&[3.0; 101], 0.01, 1e-3);
+        let times: Vec<_> = points.iter().map(|point| point.tau_s).collect();
+        assert!((times[0] + 0.05).abs() < 1e-6 && (times[100] - 0.05).abs() < 1e-6);
+        assert!((points.mean_tau2_s2() - 0.1 * 0.1 / 12.0).abs() < 2e-5);
+    }
+
+    #[test]
+    fn both_sides_of_an_edge_are_left_out() {
+        let mut ranges = vec![2.0; 40];
+        ranges[20..].fill(6.0);
+        let points = points_of(&ranges, 0.006, 0.0);
+        assert_eq!(points.len(), 38);
+        // The surfaces before and after are not joined over it.
+        let joined = points.iter().filter(|point| point.joined).count();
+        assert_eq!(joined, 36);
+    }
+
+    #[test]
+    fn more_beams_than_are_used_are_thinned_evenly_and_always_alike() {
+        let points = points_of(&[4.0; 4000], 0.0015, 0.0);
+        assert_eq!(points.len(), 1000);
+        assert!(points.blocks().iter().all(|block| block.count() <= LANES));
+        let again = points_of(&[4.0; 4000], 0.0015, 0.0);
+        assert!(
+            points
+                .iter()
+                .zip(again.iter())
+                .all(|(a, b)| a.x.to_bits() == b.x.to_bits())
+        );
+    }
 }

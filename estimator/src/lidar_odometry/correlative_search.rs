@@ -263,3 +263,69 @@ fn refine(
     }
     best
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lidar_odometry::beam_filter::BeamFilter;
+    use crate::lidar_odometry::local_map::LocalMap;
+    use crate::lidar_odometry::motion::Motion;
+    use crate::stream::{Stamp, Sweep, SweepShape};
+
+    /// A sweep from the middle of a room of 9 m by 6 m with a pillar in a corner.
+    fn room() -> SweepPoints {
+        let ranges: Vec<f32> = (0..720)
+            .map(|beam| {
+                let (s, c) = (f64::from(beam) * std::f64::consts::TAU / 720.0).sin_cos();
+                let x = if c > 0.0 { 5.0 / c } else { -4.0 / c };
+                let y = if s > 0.0 { 3.5 / s } else { -2.5 / s };
+                let pillar = if s > 0.1 && c > 0.5 {
+                    2.6 / c.max(s)
+                } else {
+                    99.0
+                };
+                x.min(y).min(pillar) as f32
+            })
+            .collect();
+        let shape = SweepShape {
+            angle_min_rad: 0.0,
+            angle_increment_rad: std::f64::consts::TAU / 720.0,
+            time_increment_s: 0.0,
+            range_min_m: 0.1,
+            range_max_m: 30.0,
+        };
+        let sweep = Sweep::new(Stamp(1), shape, ranges.into()).unwrap();
+        let mut points = SweepPoints::default();
+        BeamFilter::default().filter(&sweep, &mut points);
+        points
+    }
+
+    #[test]
+    fn a_pose_a_metre_and_forty_degrees_away_is_found() {
+        let points = room();
+        let mut map = LocalMap::default();
+        map.update(
+            &points,
+            &Motion::starting_at(Pose2::IDENTITY),
+            Stamp(1),
+            0.01,
+        );
+        let deskew = LocalMotion::new(
+            &Motion::starting_at(Pose2::IDENTITY),
+            LocalOrigin::near(0.0, 0.0),
+        );
+        for (x, y, yaw) in [(1.0, 0.1, 0.7), (-0.7, 0.7, -0.7), (0.0, -1.2, 0.3)] {
+            let guess = Pose2::new(x, y, yaw);
+            let window = Window {
+                reach_m: 1.6,
+                yaw_rad: 1.05,
+            };
+            let best = search(&points, &map.submap, guess, &deskew, window)[0];
+            let off = best.translation().norm();
+            assert!(
+                off < 0.15 && best.yaw_rad.abs() < 0.04,
+                "{best:?} from {guess:?}"
+            );
+        }
+    }
+}

@@ -151,7 +151,11 @@ impl LidarOdometry {
         Some(OdometryPose {
             stamp,
             lidar_in_odom: solution.motion.pose,
-            covariance: covariance::of_pose(&solution.motion.covariance),
+            covariance: covariance::of_pose(
+                &solution.motion,
+                &predicted,
+                self.points.mean_tau2_s2(),
+            ),
             unconstrained_rad: solution.open.map(|open| open.angle_rad()),
             fitness: solution.fit.fitness(),
             tracking,
@@ -189,7 +193,7 @@ impl LidarOdometry {
         OdometryPose {
             stamp,
             lidar_in_odom: pose,
-            covariance: covariance::of_pose(&motion.covariance),
+            covariance: covariance::of_pose(&motion, &motion, 0.0),
             unconstrained_rad: None,
             fitness: 1.0,
             tracking,
@@ -289,7 +293,7 @@ impl LidarOdometry {
         let pose = OdometryPose {
             stamp,
             lidar_in_odom: motion.pose,
-            covariance: covariance::of_pose(&motion.covariance),
+            covariance: covariance::of_pose(&motion, &motion, 0.0),
             unconstrained_rad: solution.open.map(|open| open.angle_rad()),
             fitness: solution.fit.fitness(),
             tracking,

@@ -20,8 +20,6 @@ const ANGULAR_SPEED_UNKNOWN_RADPS: f64 = 1.0;
 
 /// Acceleration is not estimated over longer intervals, s.
 const ACCELERATION_INTERVAL_MAX_S: f64 = 0.35;
-/// Gain of the smoothed acceleration.
-const ACCELERATION_GAIN: f64 = 0.6;
 /// Largest acceleration within a sweep, m/s² and rad/s².
 const ACCELERATION_MAX: f64 = 4.0;
 
@@ -33,7 +31,7 @@ pub struct Motion {
     pub pose: Pose2,
     /// Velocity (m/s, m/s, rad/s) in the LiDAR's frame.
     pub velocity: Vector3<f64>,
-    /// Acceleration of late (m/s², m/s², rad/s²): it bends the motion within a sweep by up to a
+    /// Acceleration since the last sweep (m/s², m/s², rad/s²): it bends the motion within a sweep by up to a
     /// millimetre and a hundredth of a degree.
     pub acceleration: Vector3<f64>,
     /// Seconds since the last sweep, where there is one to compare with.
@@ -157,19 +155,59 @@ impl Motion {
         at.acceleration = self.acceleration_towards(&at.velocity);
     }
 
-    /// The acceleration from the predicted velocity, which is the last sweep's, to this one's,
-    /// smoothed.
+    /// The acceleration from the predicted velocity, which is the last sweep's, to this one's.
     fn acceleration_towards(&self, velocity: &Vector3<f64>) -> Vector3<f64> {
         let Some(interval_s) = self.interval_s.filter(|&s| s < ACCELERATION_INTERVAL_MAX_S) else {
             return Vector3::zeros();
         };
-        let now = (velocity - self.velocity) / interval_s;
-        let smoothed = self.acceleration + ACCELERATION_GAIN * (now - self.acceleration);
-        smoothed.map(|a| a.clamp(-ACCELERATION_MAX, ACCELERATION_MAX))
+        let acceleration = (velocity - self.velocity) / interval_s;
+        acceleration.map(|a| a.clamp(-ACCELERATION_MAX, ACCELERATION_MAX))
     }
 
     /// Inverse of the covariance.
     pub fn information(&self) -> Option<Matrix6<f64>> {
         Some(self.covariance.cholesky()?.inverse())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn prediction_drives_the_arc_and_grows_less_sure() {
+        let mut motion = Motion::starting_at(Pose2::new(1.0, 2.0, 0.3));
+        motion.velocity = Vector3::new(1.0, 0.0, 0.5);
+        let predicted = motion.predicted(0.2);
+        let wanted = motion
+            .pose
+            .compose(&Pose2::exp(&Vector3::new(0.2, 0.0, 0.1)));
+        assert_eq!(predicted.pose, wanted);
+        let difference = predicted.covariance - predicted.covariance.transpose();
+        assert!(difference.amax() < 1e-15);
+        assert!(predicted.covariance.cholesky().is_some());
+        assert!(predicted.pose_sigmas().0 > motion.pose_sigmas().0);
+    }
+
+    #[test]
+    fn a_step_weighs_the_points_against_the_prediction() {
+        let mut predicted = Motion::starting_at(Pose2::IDENTITY);
+        predicted.covariance = Matrix6::identity() * 0.04;
+        // The points say x = 1 with as much information as the prediction says x = 0.
+        let mut equations = NormalEquations {
+            information: Matrix6::zeros(),
+            gradient: Vector6::zeros(),
+            on_map: 0.0,
+            chi2: 0.0,
+        };
+        equations.information[(0, 0)] = 25.0;
+        equations.gradient[0] = 25.0;
+        let information = predicted.information().unwrap();
+        let (correction, covariance) = predicted
+            .step(&information, &predicted, &equations)
+            .unwrap();
+        assert!((correction[0] - 0.5).abs() < 1e-12);
+        assert!((covariance[(0, 0)] - 0.02).abs() < 1e-12);
+        assert!((covariance[(1, 1)] - 0.04).abs() < 1e-12);
     }
 }

@@ -362,3 +362,24 @@ fn sum_of_lanes(lanes: &[f32; LANES]) -> f32 {
     }
     four.iter().sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Pose2;
+    use nalgebra::Vector3;
+
+    #[test]
+    fn deskewing_is_the_exponential_map() {
+        let mut motion = Motion::starting_at(Pose2::new(3.0, -2.0, 0.4));
+        motion.velocity = Vector3::new(1.3, -0.2, 1.1);
+        let local = LocalMotion::new(&motion, LocalOrigin::near(3.0, -2.0));
+        for tau in [-0.05, 0.0, 0.013, 0.05] {
+            let moved = Pose2::exp(&(motion.velocity * tau));
+            let wanted = moved.transform_point(Vector2::new(7.0, -4.0));
+            let (x, y) = local.deskew(7.0, -4.0, tau as f32);
+            assert!((f64::from(x) - wanted.x).abs() < 2e-6, "{x} {wanted}");
+            assert!((f64::from(y) - wanted.y).abs() < 2e-6, "{y} {wanted}");
+        }
+    }
+}

@@ -1,8 +1,5 @@
 //! A small world to drive a LiDAR through, with its truth: walls, walking people, a rolling sweep.
-#![expect(
-    dead_code,
-    reason = "each test and bench uses its own part of the scene"
-)]
+#![expect(clippy::unwrap_used, reason = "a scene that cannot be ends its test")]
 
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;

@@ -181,3 +181,89 @@ fn forget_block(submap: &mut Submap, cell: Cell) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cell_at(x: f32, y: f32) -> Cell {
+        LocalOrigin::near(0.0, 0.0).locate(x, y).0
+    }
+
+    #[test]
+    fn where_beams_went_through_a_return_is_a_moving_objects() {
+        let (mut free, mut submap) = (FreeSpace::default(), Submap::default());
+        for _ in 0..6 {
+            free.begin_update(cell_at(0.0, 0.0));
+            free.pass(
+                LocalOrigin::near(0.0, 0.0),
+                (0.1, 0.1),
+                (5.1, 0.1),
+                1.0,
+                &mut submap,
+            );
+        }
+        assert!(free.was_free(cell_at(2.5, 0.1)));
+        assert!(!free.was_free(cell_at(5.1, 0.1)), "the surface itself");
+        assert!(!free.was_free(cell_at(4.95, 0.1)), "just before it");
+        assert!(!free.was_free(cell_at(2.5, 1.1)), "nobody looked there");
+        for _ in 0..20 {
+            free.begin_update(cell_at(0.0, 0.0));
+            free.hit(cell_at(2.5, 0.1));
+            free.hit(cell_at(2.5, 0.1));
+        }
+        assert!(
+            !free.was_free(cell_at(2.5, 0.1)),
+            "what stays is a surface in the end"
+        );
+    }
+
+    #[test]
+    fn a_beam_along_a_wall_does_not_wear_it_away() {
+        let (mut free, mut submap) = (FreeSpace::default(), Submap::default());
+        let origin = LocalOrigin::near(0.0, 0.0);
+        for _ in 0..20 {
+            free.begin_update(cell_at(0.0, 0.0));
+            // From 0.5 m beside the wall to a place 5 m along it.
+            free.pass(origin, (0.1, 0.5), (5.1, 0.0), 0.0995, &mut submap);
+        }
+        assert!(!free.was_free(cell_at(4.0, 0.1)));
+        assert!(free.was_free(cell_at(1.2, 0.39)));
+    }
+
+    #[test]
+    fn what_a_beam_goes_through_is_forgotten() {
+        let (mut free, mut submap) = (FreeSpace::default(), Submap::default());
+        let origin = LocalOrigin::near(0.0, 0.0);
+        submap.begin_update(cell_at(0.0, 0.0), 0.02);
+        for i in 0..40 {
+            submap.insert(origin, 3.0, 0.01 * i as f32, 1.0);
+        }
+        submap.end_update();
+        assert!(submap.line(cell_at(3.0, 0.2)).exists());
+        for _ in 0..12 {
+            submap.begin_update(cell_at(0.0, 0.0), 0.02);
+            free.begin_update(cell_at(0.0, 0.0));
+            for y in [-0.1, 0.05, 0.15, 0.25, 0.35, 0.45] {
+                free.pass(origin, (0.1, 0.1), (9.0, y * 3.0 - 0.2), 1.0, &mut submap);
+            }
+            submap.end_update();
+        }
+        assert!(!submap.line(cell_at(3.0, 0.2)).exists());
+    }
+
+    #[test]
+    fn the_grid_rolls_along_and_forgets_what_it_leaves() {
+        let (mut free, mut submap) = (FreeSpace::default(), Submap::default());
+        let origin = LocalOrigin::near(0.0, 0.0);
+        for _ in 0..8 {
+            free.begin_update(cell_at(0.0, 0.0));
+            free.pass(origin, (0.1, 0.1), (9.1, 0.1), 1.0, &mut submap);
+        }
+        free.begin_update(cell_at(10.0, 0.0));
+        assert!(free.was_free(cell_at(4.0, 0.1)), "still inside");
+        free.begin_update(cell_at(40.0, 0.0));
+        free.begin_update(cell_at(0.0, 0.0));
+        assert!(!free.was_free(cell_at(4.0, 0.1)), "was outside");
+    }
+}

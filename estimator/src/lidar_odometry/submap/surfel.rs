@@ -189,3 +189,70 @@ impl Line {
         self.variance >= 0.0
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const QUALITY: LineQuality = LineQuality {
+        points_min: 3.0,
+        across_max_m2: 6e-4,
+        along_min_m2: 1e-3,
+        ratio_max: 0.2,
+        noise_floor_m2: 1e-4,
+        sightings_min: 1,
+    };
+
+    fn window_of(points: &[(f32, f32)]) -> WindowMoments {
+        let mut cell = Moments::default();
+        for &(x, y) in points {
+            cell.add(x, y, 1.0, 1);
+        }
+        let mut window = WindowMoments::default();
+        // Seen from a neighbour 0.1 m to the left.
+        window.add(&cell, 0.1, 0.0);
+        window
+    }
+
+    #[test]
+    fn points_along_a_wall_give_its_line_about_the_window() {
+        // The wall x·0.6 + y·0.8 = 0.02 about the cell, so 0.08 about the window.
+        let points: Vec<_> = (-10..=10)
+            .map(|i| 0.01 * i as f32)
+            .map(|t| (0.6 * 0.02 - 0.8 * t, 0.8 * 0.02 + 0.6 * t))
+            .collect();
+        let line = window_of(&points).line(&QUALITY);
+        let sign = line.nx.signum();
+        assert!((sign * line.nx - 0.6).abs() < 1e-3 && (sign * line.ny - 0.8).abs() < 1e-3);
+        assert!((sign * line.d - 0.08).abs() < 1e-3, "{line:?}");
+        // 21 points of at least the noise floor, some way from their middle.
+        assert!(
+            line.variance > 1e-4 / 21.0 && line.variance < 3.0 * 1e-4 / 21.0,
+            "{line:?}"
+        );
+    }
+
+    #[test]
+    fn a_corner_and_a_few_points_give_none() {
+        let corner: Vec<_> = (0..10)
+            .flat_map(|i| [(0.01 * i as f32, 0.0), (0.0, 0.01 * i as f32)])
+            .collect();
+        assert!(!window_of(&corner).line(&QUALITY).exists());
+        assert!(
+            !window_of(&[(0.0, 0.0), (0.09, 0.0)])
+                .line(&QUALITY)
+                .exists()
+        );
+    }
+
+    #[test]
+    fn a_line_is_fitted_again_as_its_points_grow() {
+        let mut cell = Moments::default();
+        let refits = (0..1000_u32)
+            .filter(|&i| cell.add(0.0, 0.0, 1.0, (i / 100) as u16))
+            .count();
+        assert!((15..60).contains(&refits), "{refits}");
+        assert!(cell.n <= POINTS_IN_CELL_MAX + 1.0);
+        assert_eq!(cell.sightings, 10);
+    }
+}
