@@ -93,6 +93,8 @@ pub struct EstimatorSettings {
     pub pose_sigma_rad: f64,
     /// A new anchor is placed after this distance, m.
     pub anchor_distance_m: f64,
+    /// Change detection gives one false alarm in so many hours of driving.
+    pub false_alarm_hours: f64,
     /// Largest time offset either way, s. Poses wait this much longer for their drive samples.
     pub time_offset_max_s: f64,
 }
@@ -157,6 +159,7 @@ impl Default for EstimatorSettings {
             pose_sigma_m: 0.003,
             pose_sigma_rad: 0.000_5,
             anchor_distance_m: 3.0,
+            false_alarm_hours: 10_000.0,
             time_offset_max_s: 0.25,
         }
     }
@@ -212,6 +215,7 @@ impl EstimatorSettings {
             ("pose_sigma_m", self.pose_sigma_m),
             ("pose_sigma_rad", self.pose_sigma_rad),
             ("anchor_distance_m", self.anchor_distance_m),
+            ("false_alarm_hours", self.false_alarm_hours),
             ("time_offset_max_s", self.time_offset_max_s),
             (
                 "motion_noise.along_m_per_sqrt_m",

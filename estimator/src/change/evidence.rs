@@ -7,11 +7,12 @@
 //! twice over, chi-squared with as many degrees of freedom as the cause has parameters. `D` is how
 //! large a change may be; it keeps out what the motion cannot show.
 
-use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::window::Window;
 use crate::estimate::{Cause, Parameter};
-use crate::filter::{PARAMETERS, ParameterCovariance, Values};
+use crate::filter::constraint::ByParameters;
+use crate::filter::{PARAMETERS, ParameterCovariance, Values, apart};
 
 type Information = SMatrix<f64, PARAMETERS, PARAMETERS>;
 type Score = SVector<f64, PARAMETERS>;
@@ -26,36 +27,68 @@ pub const ONSET_WINDOWS: usize = 2;
 pub const WINDOWS_AFTER_MIN: usize = 3;
 /// Fewest windows before an onset.
 const WINDOWS_BEFORE_MIN: usize = 2;
+/// Windows in an hour of driving at 1 m/s.
+pub const WINDOWS_PER_HOUR: f64 = 7200.0;
+/// The parameters that a cause can move are the first of all.
+const MOVABLE: usize = 5;
 
-/// A cause: its parameters, how far they may have moved, and its threshold.
+/// A cause: its parameters, and how its evidence behaves while nothing changes.
+#[derive(Debug)]
 pub struct Hypothesis {
     /// The cause.
     pub cause: Cause,
-    /// The parameters that it moves.
+    /// The parameters that it moves, all among the first [`MOVABLE`].
     pub parameters: &'static [Parameter],
-    /// Twice the log likelihood ratio at which it is believed.
-    pub threshold: f64,
+    /// Threshold for one false alarm in a single window, by the fit of `examples/false_alarms.rs`.
+    pub threshold_at_one: f64,
+    /// What the threshold gains when the run between false alarms grows `e` times longer.
+    pub threshold_per_log: f64,
 }
 
-/// The causes that are told apart. The thresholds are those of `chi^2` with 1, 3 and 1 degrees of
-/// freedom at the same tail probability, chosen for one false alarm in 10,000 robot-hours.
-pub const HYPOTHESES: [Hypothesis; 3] = [
+/// Number of causes that are told apart.
+pub const CAUSES: usize = 3;
+
+/// The causes that are told apart.
+pub const HYPOTHESES: [Hypothesis; CAUSES] = [
     Hypothesis {
         cause: Cause::Steering,
         parameters: &[Parameter::SteeringOffset],
-        threshold: 40.0,
+        threshold_at_one: -1.6,
+        threshold_per_log: 2.07,
     },
     Hypothesis {
         cause: Cause::LidarMount,
         parameters: &[Parameter::LidarX, Parameter::LidarY, Parameter::LidarYaw],
-        threshold: 46.0,
+        threshold_at_one: 1.9,
+        threshold_per_log: 2.21,
     },
     Hypothesis {
         cause: Cause::Vehicle,
         parameters: &[Parameter::SpeedScale],
-        threshold: 40.0,
+        threshold_at_one: -1.6,
+        threshold_per_log: 2.07,
     },
 ];
+
+/// Twice the log likelihood ratios at which each of [`HYPOTHESES`] is believed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Thresholds([f64; CAUSES]);
+
+impl Thresholds {
+    /// Thresholds with one false alarm in so many hours of driving, the causes taking equal shares.
+    pub fn for_false_alarm_hours(hours: f64) -> Self {
+        let windows = CAUSES as f64 * hours * WINDOWS_PER_HOUR;
+        let log = windows.ln().max(0.0);
+        Self(HYPOTHESES.each_ref().map(|hypothesis| {
+            hypothesis.threshold_at_one + hypothesis.threshold_per_log * log
+        }))
+    }
+
+    /// In the order of [`HYPOTHESES`].
+    pub fn values(&self) -> &[f64; CAUSES] {
+        &self.0
+    }
+}
 
 /// How far a parameter may move in a change, one standard deviation.
 pub fn change_sigma(parameter: Parameter) -> f64 {
@@ -70,20 +103,52 @@ pub fn change_sigma(parameter: Parameter) -> f64 {
 }
 
 /// What windows say about the parameters, around one reference.
-#[derive(Clone)]
-struct Sum {
+#[derive(Debug, Clone)]
+pub struct Evidence {
     information: Information,
     score: Score,
     /// Sum of squared whitened residuals.
     cost: f64,
 }
 
-impl Sum {
+impl Evidence {
     fn zero() -> Self {
         Self {
             information: Information::zeros(),
             score: Score::zeros(),
             cost: 0.0,
+        }
+    }
+
+    /// Of one window, around the parameters it was taken with; `None` when its covariance is none.
+    pub fn of_window(
+        residual: &Vector3<f64>,
+        jacobian: &ByParameters,
+        covariance: &Matrix3<f64>,
+    ) -> Option<Self> {
+        let inverse = covariance.cholesky()?.inverse();
+        let weighted = jacobian.transpose() * inverse;
+        Some(Self {
+            information: weighted * jacobian,
+            score: weighted * residual,
+            cost: residual.dot(&(inverse * residual)),
+        })
+    }
+
+    /// The same around other parameters, `by` away, with all noise `scale` times as large, and
+    /// clipped to the length that one window may have.
+    fn around(&self, by: &Values, scale: f64, clipped: bool) -> Self {
+        let shift = self.information * by;
+        let cost = (self.cost + by.dot(&(2.0 * self.score + shift))).max(0.0) / scale;
+        let shrink = if clipped && cost > WINDOW_CHI2_MAX {
+            (WINDOW_CHI2_MAX / cost).sqrt()
+        } else {
+            1.0
+        };
+        Self {
+            information: self.information / scale,
+            score: (self.score + shift) * (shrink / scale),
+            cost: cost * shrink * shrink,
         }
     }
 
@@ -101,6 +166,7 @@ impl Sum {
 }
 
 /// The reference that windows are judged by: the parameters before them, with their doubt.
+#[derive(Debug, Clone)]
 pub struct Reference {
     /// Values.
     pub values: Values,
@@ -132,41 +198,23 @@ pub struct Accusation {
     pub onset: usize,
     /// By how much its threshold is exceeded.
     pub margin: f64,
-    /// The margin and the squared residuals of the onset's own windows: all that it explains.
-    explained: f64,
     /// Mean squared whitened residual of the windows after the onset, per degree of freedom, once
     /// the change is allowed for: near 1 when the cause explains what is seen.
     pub misfit: f64,
 }
 
-fn term(window: &Window, reference: &Reference, noise_scale: f64, clipped: bool) -> Option<Sum> {
-    let shifted: Vector3<f64> =
-        window.residual + window.jacobian * (window.values - reference.values);
-    let inverse = (window.covariance * noise_scale).cholesky()?.inverse();
-    let weighted: SMatrix<f64, PARAMETERS, 3> = window.jacobian.transpose() * inverse;
-    let information = weighted * window.jacobian;
-    let length = shifted.dot(&(inverse * shifted));
-    let shrink = if clipped && length > WINDOW_CHI2_MAX {
-        (WINDOW_CHI2_MAX / length).sqrt()
-    } else {
-        1.0
-    };
-    Some(Sum {
-        information,
-        score: weighted * shifted * shrink,
-        cost: length * shrink * shrink,
-    })
-}
-
-fn terms<'a>(
-    windows: impl Iterator<Item = &'a Window>,
-    reference: &Reference,
-    noise_scale: f64,
-    clipped: bool,
-) -> Option<Vec<Sum>> {
-    windows
-        .map(|window| term(window, reference, noise_scale, clipped))
-        .collect()
+/// What speaks for a change in one window.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Candidate {
+    /// Index of the window.
+    pub onset: usize,
+    /// Twice the log likelihood ratio of each of [`HYPOTHESES`].
+    pub ratios: [f64; CAUSES],
+    windows_after: usize,
+    /// Squared residuals of the onset's own windows, which a change there explains.
+    excluded: f64,
+    /// Squared residuals after the onset with the parameters that fit before and after.
+    cost_after: f64,
 }
 
 /// The strongest accusation over all onsets and causes, by residuals that are clipped (to ask
@@ -176,87 +224,132 @@ pub fn strongest<'a>(
     reference: &Reference,
     noise_scale: f64,
     clipped: bool,
+    thresholds: &Thresholds,
 ) -> Option<Accusation> {
-    let terms = terms(windows, reference, noise_scale, clipped)?;
-    let mut before = Sum {
+    let mut best: Option<(f64, Accusation)> = None;
+    for candidate in candidates(windows, reference, noise_scale, clipped) {
+        let pairs = candidate.ratios.iter().zip(thresholds.values());
+        for (index, (ratio, threshold)) in pairs.enumerate() {
+            let margin = ratio - threshold;
+            // All that it explains: what it removes after the onset, and the onset's own windows.
+            let explained = margin + candidate.excluded;
+            if best.is_some_and(|(most, _)| explained <= most) {
+                continue;
+            }
+            let freed = HYPOTHESES.get(index).map_or(0, |h| h.parameters.len());
+            let freedom = (3 * candidate.windows_after - freed).max(1) as f64;
+            let accusation = Accusation {
+                hypothesis: index,
+                onset: candidate.onset,
+                margin,
+                misfit: (candidate.cost_after - ratio).max(0.0) / freedom,
+            };
+            best = Some((explained, accusation));
+        }
+    }
+    best.map(|(_, accusation)| accusation)
+}
+
+/// What speaks for a change at every onset that has windows enough before and after it.
+pub fn candidates<'a>(
+    windows: impl Iterator<Item = &'a Window>,
+    reference: &Reference,
+    noise_scale: f64,
+    clipped: bool,
+) -> Vec<Candidate> {
+    let terms: Vec<_> = windows
+        .map(|window| {
+            let by = apart(&window.values, &reference.values);
+            window.evidence.around(&by, noise_scale, clipped)
+        })
+        .collect();
+    let mut before = Evidence {
         information: reference.information,
-        ..Sum::zero()
+        ..Evidence::zero()
     };
-    let mut after = Sum::zero();
+    let mut after = Evidence::zero();
     terms
         .iter()
         .skip(ONSET_WINDOWS)
         .for_each(|term| after.add(term));
-    let mut best: Option<Accusation> = None;
+    let mut candidates = Vec::with_capacity(terms.len());
     for (onset, term) in terms.iter().enumerate() {
         let windows_after = terms.len().saturating_sub(onset + ONSET_WINDOWS);
         if windows_after < WINDOWS_AFTER_MIN {
             break;
         }
-        if onset >= WINDOWS_BEFORE_MIN {
-            let excluded: f64 = terms
-                .iter()
-                .skip(onset)
-                .take(ONSET_WINDOWS)
-                .map(|term| term.cost)
-                .sum();
-            for mut accusation in accuse(&before, &after, onset, windows_after) {
-                accusation.explained = accusation.margin + excluded;
-                if best.is_none_or(|best| accusation.explained > best.explained) {
-                    best = Some(accusation);
-                }
-            }
+        if onset >= WINDOWS_BEFORE_MIN
+            && let Some((ratios, cost_after)) = compare(&before, &after)
+        {
+            let own = terms.iter().skip(onset).take(ONSET_WINDOWS);
+            candidates.push(Candidate {
+                onset,
+                ratios,
+                windows_after,
+                excluded: own.map(|term| term.cost).sum(),
+                cost_after,
+            });
         }
         before.add(term);
         if let Some(next) = terms.get(onset + ONSET_WINDOWS) {
             after.remove(next);
         }
     }
-    best
+    candidates
 }
 
-fn accuse(before: &Sum, after: &Sum, onset: usize, windows_after: usize) -> Vec<Accusation> {
-    let Some(common) = (before.information + after.information).cholesky() else {
-        return Vec::new();
-    };
-    let common_solution = common.solve(&(before.score + after.score));
-    let score = after.score - after.information * common_solution;
-    let information = after.information - after.information * common.solve(&after.information);
-    // Squared residuals after the onset at the common solution.
-    let cost_after = after.cost - 2.0 * after.score.dot(&common_solution)
-        + common_solution.dot(&(after.information * common_solution));
-    HYPOTHESES
-        .iter()
-        .enumerate()
-        .filter_map(|(index, hypothesis)| {
-            let ratio = likelihood_ratio(&score, &information, hypothesis.parameters)?;
-            let freedom = (3 * windows_after - hypothesis.parameters.len()).max(1) as f64;
-            Some(Accusation {
-                hypothesis: index,
-                onset,
-                margin: ratio - hypothesis.threshold,
-                explained: 0.0,
-                misfit: (cost_after - ratio).max(0.0) / freedom,
-            })
-        })
-        .collect()
+/// The ratios of one onset, and the squared residuals after it at the common solution.
+fn compare(before: &Evidence, after: &Evidence) -> Option<([f64; CAUSES], f64)> {
+    let common = (before.information + after.information).cholesky()?;
+    let solution = common.solve(&(before.score + after.score));
+    let fitted = after.information * solution;
+    let score = after.score - fitted;
+    // I_a - I_a (I_a + I_b)^-1 I_a = I_a - (L^-1 I_a)' (L^-1 I_a), where a cause can move things.
+    let columns = after.information.fixed_columns::<MOVABLE>(0);
+    let mut half = columns.into_owned();
+    common
+        .l_dirty()
+        .solve_lower_triangular_mut(&mut half)
+        .then_some(())?;
+    let information = columns.fixed_rows::<MOVABLE>(0) - half.tr_mul(&half);
+    let cost_after = after.cost + solution.dot(&(fitted - 2.0 * after.score));
+    let mut ratios = [0.0; CAUSES];
+    for (ratio, hypothesis) in ratios.iter_mut().zip(&HYPOTHESES) {
+        *ratio = likelihood_ratio(&score, &information, hypothesis.parameters)?;
+    }
+    Some((ratios, cost_after))
 }
 
+/// `s' (M + D^-1)^-1 s` over a cause's parameters, by elimination.
 fn likelihood_ratio(
     score: &Score,
-    information: &Information,
+    information: &SMatrix<f64, MOVABLE, MOVABLE>,
     parameters: &[Parameter],
 ) -> Option<f64> {
-    let size = parameters.len();
-    let part = DVector::from_fn(size, |i, _| score[parameters[i].index()]);
-    let block = DMatrix::from_fn(size, size, |i, j| {
-        let prior = if i == j {
-            change_sigma(parameters[i]).powi(-2)
-        } else {
-            0.0
-        };
-        information[(parameters[i].index(), parameters[j].index())] + prior
-    });
-    let solved = block.cholesky()?.solve(&part);
-    Some(part.dot(&solved))
+    const SIZE_MAX: usize = 3;
+    let size = parameters.len().min(SIZE_MAX);
+    let mut rest = [0.0; SIZE_MAX];
+    let mut block = [[0.0; SIZE_MAX]; SIZE_MAX];
+    for (i, a) in parameters.iter().enumerate().take(size) {
+        rest[i] = score[a.index()];
+        for (j, b) in parameters.iter().enumerate().take(size) {
+            block[i][j] = information[(a.index(), b.index())];
+        }
+        block[i][i] += change_sigma(*a).powi(-2);
+    }
+    let mut ratio = 0.0;
+    for pivot in 0..size {
+        if block[pivot][pivot] <= 0.0 {
+            return None;
+        }
+        ratio += rest[pivot] * rest[pivot] / block[pivot][pivot];
+        for row in pivot + 1..size {
+            let share = block[row][pivot] / block[pivot][pivot];
+            rest[row] -= share * rest[pivot];
+            for column in pivot + 1..size {
+                block[row][column] -= share * block[pivot][column];
+            }
+        }
+    }
+    Some(ratio)
 }

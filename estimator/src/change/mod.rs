@@ -12,16 +12,16 @@ use std::collections::VecDeque;
 use crate::drive_history::DriveHistory;
 use crate::estimate::{Cause, Parameter};
 use crate::filter::follow::Follower;
-use crate::filter::{Filter, OdometryReading, ParameterCovariance, Values};
+use crate::filter::{Filter, OdometryReading, ParameterCovariance, Values, apart};
 use crate::settings::EstimatorSettings;
 use crate::stream::Stamp;
 use crate::vehicle::Vehicle;
-use evidence::{Accusation, HYPOTHESES, ONSET_WINDOWS, Reference, strongest};
+use evidence::{Accusation, HYPOTHESES, ONSET_WINDOWS, Reference, Thresholds, strongest};
 use long_run::LongRunVariance;
 use window::{Window, WindowCutter};
 
 /// Windows that are looked back over: some 25 m.
-const WINDOWS_MAX: usize = 50;
+pub const WINDOWS_MAX: usize = 50;
 /// Fewest windows before anything is judged.
 const WINDOWS_MIN: usize = 8;
 /// Windows that the long-run variance is behind: a change is flagged before it counts as noise.
@@ -131,7 +131,7 @@ impl ChangeWatch {
         else {
             return;
         };
-        let residual = window.residual + window.jacobian * (window.values - values);
+        let residual = window.residual + window.jacobian * apart(&window.values, values);
         let scaled = window.covariance * filter.noise_scale();
         if let Some(factor) = scaled.cholesky()
             && let Some(whitened) = factor.l().solve_lower_triangular(&residual)
@@ -151,14 +151,15 @@ impl ChangeWatch {
         }
         let reference = Reference::new(*oldest.values(), &covariance)?;
         let scale = oldest.noise_scale() * self.long_run.ratio();
+        let thresholds = Thresholds::for_false_alarm_hours(settings.false_alarm_hours);
         let windows = || self.remembered.iter().map(|r| &r.window);
         // 1. Has anything happened? No single wild window may say so.
-        let alarm = strongest(windows(), &reference, scale, true)?;
+        let alarm = strongest(windows(), &reference, scale, true, &thresholds)?;
         if alarm.margin < 0.0 {
             return None;
         }
         // 2. What, and when?
-        let accusation = strongest(windows(), &reference, scale, false)?;
+        let accusation = strongest(windows(), &reference, scale, false, &thresholds)?;
         let explained = accusation.margin > 0.0 && accusation.misfit < MISFIT_MAX;
         if explained {
             return self.detected(&accusation, false);

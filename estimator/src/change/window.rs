@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::evidence::Evidence;
 use crate::drive_history::DriveHistory;
 use crate::estimate::Parameter;
 use crate::filter::constraint::{ByParameters, LidarMotion};
@@ -31,6 +32,8 @@ pub struct Window {
     pub covariance: Matrix3<f64>,
     /// The parameters the residual was taken with.
     pub values: Values,
+    /// What it says about them.
+    pub evidence: Evidence,
 }
 
 /// Cuts a robot's readings into windows.
@@ -80,7 +83,7 @@ impl WindowCutter {
             return None;
         }
         self.begin = Some(*reading);
-        Some(measure(
+        measure(
             &begin,
             reading,
             drive,
@@ -88,7 +91,7 @@ impl WindowCutter {
             vehicle,
             values,
             noise,
-        ))
+        )
     }
 }
 
@@ -100,7 +103,7 @@ fn measure(
     vehicle: &Vehicle,
     values: &Values,
     noise: &MotionNoise,
-) -> Window {
+) -> Option<Window> {
     let parameters = drive_parameters(values);
     let mut motion = PredictedMotion::none();
     let mut twist_at_begin = None;
@@ -114,12 +117,15 @@ fn measure(
     let covariance = predicted.by_body * motion.noise * predicted.by_body.transpose()
         + predicted.carry * begin.covariance * predicted.carry.transpose()
         + end.covariance;
-    Window {
+    let residual = predicted.end_in_begin.between(&measured).log();
+    let jacobian = predicted.by_parameters(&motion, &twist_at_begin);
+    Some(Window {
         begin: begin.stamp,
         end: end.stamp,
-        residual: predicted.end_in_begin.between(&measured).log(),
-        jacobian: predicted.by_parameters(&motion, &twist_at_begin),
+        residual,
+        jacobian,
         covariance,
         values: *values,
-    }
+        evidence: Evidence::of_window(&residual, &jacobian, &covariance)?,
+    })
 }

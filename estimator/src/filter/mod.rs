@@ -525,6 +525,14 @@ fn symmetrise(covariance: &mut Covariance) {
     *covariance = (*covariance + covariance.transpose()) * 0.5;
 }
 
+/// `values - from`, the yaw the short way round.
+pub fn apart(values: &Values, from: &Values) -> Values {
+    let mut apart = values - from;
+    let yaw = &mut apart[Parameter::LidarYaw.index()];
+    *yaw = wrap_angle_rad(*yaw);
+    apart
+}
+
 /// `lidar_in_base` out of the parameters.
 pub fn lidar_in_base(values: &Values) -> Pose2 {
     Pose2::new(

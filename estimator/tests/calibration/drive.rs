@@ -109,19 +109,32 @@ pub fn vehicle_of(truth: &VehicleTruth, wheelbase_m: f64) -> Vehicle {
 
 /// Drives a simulation past a calibrator of the given configuration.
 pub fn drive(config: SimulationConfig, calibrator: CalibratorConfig, duration_s: f64) -> Driven {
+    drive_disturbed(config, calibrator, duration_s, |_, message| vec![message])
+}
+
+/// The same with every message replaced by what `disturb` makes of it at its time (s).
+pub fn drive_disturbed(
+    config: SimulationConfig,
+    calibrator: CalibratorConfig,
+    duration_s: f64,
+    mut disturb: impl FnMut(f64, SimulatedMessage) -> Vec<SimulatedMessage>,
+) -> Driven {
     let start_ns = config.start_stamp_ns;
     let mut simulation = Simulation::new(config).unwrap();
     let mut calibrator = Calibrator::new(calibrator);
     let (mut estimates, mut changes) = (Vec::new(), Vec::new());
     loop {
         let emitted = simulation.advance();
-        if (emitted.sent_ns - start_ns) as f64 * 1e-9 > duration_s {
+        let time_s = (emitted.sent_ns - start_ns) as f64 * 1e-9;
+        if time_s > duration_s {
             break;
         }
-        let Some(event) = event_of(emitted.message) else {
-            continue;
-        };
-        for effect in calibrator.step(event) {
+        let disturbed = disturb(time_s, emitted.message);
+        for effect in disturbed
+            .into_iter()
+            .filter_map(event_of)
+            .flat_map(|event| calibrator.step(event))
+        {
             match effect {
                 Effect::Estimate(estimate) => estimates.push((*estimate, simulation.parameters())),
                 Effect::Change(change) => changes.push(*change),

@@ -8,6 +8,11 @@
 
 mod changes;
 mod consistency;
+mod drawn;
 mod drive;
+mod efficiency;
+mod false_alarms;
 mod observability;
 mod restarts;
+mod synthetic_windows;
+mod unchanged;
