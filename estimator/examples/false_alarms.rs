@@ -12,6 +12,7 @@
 #[path = "../tests/calibration/drawn.rs"]
 mod drawn;
 #[path = "../tests/calibration/drive.rs"]
+#[expect(dead_code, reason = "the tests use more of it")]
 mod drive;
 #[path = "../tests/calibration/synthetic_windows.rs"]
 mod synthetic_windows;
@@ -114,8 +115,7 @@ fn line(points: &[(&Alarms, f64)]) -> (f64, f64) {
         weighed(&|log, _| log) / weight,
         weighed(&|_, level| level) / weight,
     );
-    let slope =
-        weighed(&|x, y| (x - log) * (y - level)) / weighed(&|x, _| (x - log) * (x - log));
+    let slope = weighed(&|x, y| (x - log) * (y - level)) / weighed(&|x, _| (x - log) * (x - log));
     (level - slope * log, slope)
 }
 
@@ -135,7 +135,10 @@ fn campaign(hours: u64) {
                         println!("robot {seed}: {change:?}");
                     }
                     if seed % 100 == 0 {
-                        println!("{seed} robot-hours begun, {} alarms", alarms.load(Ordering::Relaxed));
+                        println!(
+                            "{seed} robot-hours begun, {} alarms",
+                            alarms.load(Ordering::Relaxed)
+                        );
                     }
                 }
             });

@@ -79,9 +79,11 @@ impl Thresholds {
     pub fn for_false_alarm_hours(hours: f64) -> Self {
         let windows = CAUSES as f64 * hours * WINDOWS_PER_HOUR;
         let log = windows.ln().max(0.0);
-        Self(HYPOTHESES.each_ref().map(|hypothesis| {
-            hypothesis.threshold_at_one + hypothesis.threshold_per_log * log
-        }))
+        Self(
+            HYPOTHESES
+                .each_ref()
+                .map(|hypothesis| hypothesis.threshold_at_one + hypothesis.threshold_per_log * log),
+        )
     }
 
     /// In the order of [`HYPOTHESES`].
@@ -320,36 +322,21 @@ fn compare(before: &Evidence, after: &Evidence) -> Option<([f64; CAUSES], f64)> 
     Some((ratios, cost_after))
 }
 
-/// `s' (M + D^-1)^-1 s` over a cause's parameters, by elimination.
+/// `s' (M + D^-1)^-1 s` over a cause's parameters, of which there are three at most: places that
+/// are left over hold a one and no score.
 fn likelihood_ratio(
     score: &Score,
     information: &SMatrix<f64, MOVABLE, MOVABLE>,
     parameters: &[Parameter],
 ) -> Option<f64> {
-    const SIZE_MAX: usize = 3;
-    let size = parameters.len().min(SIZE_MAX);
-    let mut rest = [0.0; SIZE_MAX];
-    let mut block = [[0.0; SIZE_MAX]; SIZE_MAX];
-    for (i, a) in parameters.iter().enumerate().take(size) {
-        rest[i] = score[a.index()];
-        for (j, b) in parameters.iter().enumerate().take(size) {
-            block[i][j] = information[(a.index(), b.index())];
+    let mut part = Vector3::zeros();
+    let mut block = Matrix3::identity();
+    for (i, a) in parameters.iter().enumerate() {
+        part[i] = score[a.index()];
+        for (j, b) in parameters.iter().enumerate() {
+            block[(i, j)] = information[(a.index(), b.index())];
         }
-        block[i][i] += change_sigma(*a).powi(-2);
+        block[(i, i)] += change_sigma(*a).powi(-2);
     }
-    let mut ratio = 0.0;
-    for pivot in 0..size {
-        if block[pivot][pivot] <= 0.0 {
-            return None;
-        }
-        ratio += rest[pivot] * rest[pivot] / block[pivot][pivot];
-        for row in pivot + 1..size {
-            let share = block[row][pivot] / block[pivot][pivot];
-            rest[row] -= share * rest[pivot];
-            for column in pivot + 1..size {
-                block[row][column] -= share * block[pivot][column];
-            }
-        }
-    }
-    Some(ratio)
+    Some(part.dot(&block.cholesky()?.solve(&part)))
 }

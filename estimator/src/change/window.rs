@@ -83,15 +83,7 @@ impl WindowCutter {
             return None;
         }
         self.begin = Some(*reading);
-        measure(
-            &begin,
-            reading,
-            drive,
-            (from, to),
-            vehicle,
-            values,
-            noise,
-        )
+        measure(&begin, reading, drive, (from, to), vehicle, values, noise)
     }
 }
 

@@ -166,7 +166,10 @@ fn the_filter_is_as_good_as_a_batch_solution_of_the_same_data() {
     }
     for ([filter, batch], parameter) in squares.iter().zip(FOUR) {
         let ratio = (filter / batch).sqrt();
-        println!("{}: RMSE over the batch solution's {ratio:.3}", parameter.name());
+        println!(
+            "{}: RMSE over the batch solution's {ratio:.3}",
+            parameter.name()
+        );
         assert!(ratio <= 1.15, "{}: {ratio}", parameter.name());
     }
 }

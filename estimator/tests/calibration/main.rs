@@ -14,5 +14,6 @@ mod efficiency;
 mod false_alarms;
 mod observability;
 mod restarts;
+#[expect(dead_code, reason = "an example measures each cause alone")]
 mod synthetic_windows;
 mod unchanged;

@@ -38,11 +38,16 @@ pub fn windows_of(route: Route, duration_s: f64) -> Vec<Window> {
     config.route = route;
     config.lidar = poses();
     let mut values = Values::zeros();
-    for (value, known) in
-        values
-            .iter_mut()
-            .zip([0.0, config.vehicle.lidar_in_base.x_m, 0.0, 0.0, 1.0, 1.2, 0.0, 1.0])
-    {
+    for (value, known) in values.iter_mut().zip([
+        0.0,
+        config.vehicle.lidar_in_base.x_m,
+        0.0,
+        0.0,
+        1.0,
+        1.2,
+        0.0,
+        1.0,
+    ]) {
         *value = known;
     }
     let vehicle = Vehicle::new(VehicleModel::Bicycle, 1.2);
