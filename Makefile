@@ -88,6 +88,10 @@ audit: rust ## Licences, bans and sources of all dependencies (cargo-deny)
 bench: rust ## Benchmarks of the estimator's stages
 	$(CARGO) bench --locked -p fleetcal-estimator
 
+.PHONY: false-alarms
+false-alarms: rust ## 3,000 simulated robot-hours without a change at the real threshold: under an hour
+	$(CARGO) run --release --locked -p fleetcal-estimator --example false_alarms -- campaign 3000
+
 .PHONY: doc
 doc: rust ## The crates' documentation
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --locked --workspace --no-deps
