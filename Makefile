@@ -22,7 +22,7 @@ demo: build ## Builds all and starts service, router and six simulated robots: h
 
 .PHONY: build
 build: dashboard rust ## Builds the dashboard and the binary
-	$(CARGO) build --release --locked -p fleetcal
+	$(CARGO) build --release --locked --workspace
 
 .PHONY: dashboard
 dashboard: web/dist/index.html ## Builds the dashboard's pages

@@ -136,10 +136,10 @@ impl Default for EstimatorSettings {
                 steering_gain: 0.0,
             },
             systematic_sigma: PerParameter {
-                steering_offset: 0.000_03,
+                steering_offset: 0.000_1,
                 lidar_x: 0.000_5,
                 lidar_y: 0.000_5,
-                lidar_yaw: 0.000_05,
+                lidar_yaw: 0.000_15,
                 speed_scale: 0.000_3,
                 wheelbase: 0.0,
                 time_offset: 0.002,
