@@ -85,6 +85,8 @@ pub struct EstimatorSettings {
     pub systematic_sigma: PerParameter<f64>,
     /// Called converged below this standard deviation.
     pub converged_sigma: PerParameter<f64>,
+    /// Farther from its neutral value no vehicle is: a value beyond is never called converged.
+    pub physical_limit: PerParameter<f64>,
     /// How far a driven metre can go astray.
     pub motion_noise: MotionNoise,
     /// Noise of a given LiDAR pose that carries no covariance: position, m.
@@ -155,6 +157,16 @@ impl Default for EstimatorSettings {
                 time_offset: 0.01,
                 steering_gain: 0.005,
             },
+            physical_limit: PerParameter {
+                steering_offset: 15f64.to_radians(),
+                lidar_x: 5.0,
+                lidar_y: 3.0,
+                lidar_yaw: std::f64::consts::TAU,
+                speed_scale: 0.2,
+                wheelbase: 10.0,
+                time_offset: 0.25,
+                steering_gain: 0.5,
+            },
             motion_noise: MotionNoise::default(),
             pose_sigma_m: 0.003,
             pose_sigma_rad: 0.000_5,
@@ -209,6 +221,8 @@ impl EstimatorSettings {
             )?;
             let limit = *self.converged_sigma.get(parameter);
             positive(|| format!("converged_sigma.{}", parameter.name()), limit)?;
+            let limit = *self.physical_limit.get(parameter);
+            positive(|| format!("physical_limit.{}", parameter.name()), limit)?;
         }
         for (key, value) in [
             ("unknown_mount_sigma_m", self.unknown_mount_sigma_m),

@@ -12,6 +12,10 @@ use crate::vehicle::Vehicle;
 const UNOBSERVABLE_SHARE: f64 = 0.5;
 /// What is said where no single manoeuvre would help much.
 const MORE_DRIVING: &str = "more driving with turns to both sides";
+/// What is said of a value that no vehicle has.
+const CHECK_VEHICLE: &str = "a look at the vehicle and its configuration: this cannot be";
+/// A value that was beyond its limit must come this far inside it to be believed again.
+const RELEASE_SHARE: f64 = 0.93;
 /// A converged parameter stays so until its sigma exceeds its limit by this factor.
 const HYSTERESIS: f64 = 1.2;
 
@@ -19,6 +23,8 @@ const HYSTERESIS: f64 = 1.2;
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Trust {
     converged: [bool; PARAMETERS],
+    /// Values beyond what a vehicle can be.
+    impossible: [bool; PARAMETERS],
 }
 
 impl Trust {
@@ -32,8 +38,10 @@ impl Trust {
         settings: &EstimatorSettings,
     ) -> [ParameterEstimate; PARAMETERS] {
         let statuses = Parameter::ALL.map(|parameter| {
+            let i = parameter.index();
+            self.limit(parameter, values[i], settings);
             let sigma = reported_sigma(parameter, covariance, settings);
-            self.status(parameter, sigma, prior_sigma[parameter.index()], settings)
+            self.status(parameter, sigma, prior_sigma[i], settings)
         });
         let open = |status: &Status| matches!(status, Status::Learning | Status::Unobservable);
         // What to drive is worked out only for a robot that still has to learn something.
@@ -50,7 +58,9 @@ impl Trust {
         Parameter::ALL.map(|parameter| {
             let i = parameter.index();
             let status = statuses[i];
-            let needs = if open(&status) {
+            let needs = if self.impossible[i] {
+                Some(CHECK_VEHICLE.to_owned())
+            } else if open(&status) {
                 best_for(parameter, covariance[(i, i)].sqrt(), &advice)
                     .map(|best| best.manoeuvre.instruction.clone())
                     .or_else(|| Some(MORE_DRIVING.to_owned()))
@@ -78,6 +88,10 @@ impl Trust {
             Freedom::Fixed => return Status::Fixed,
             Freedom::Estimated => {}
         }
+        if self.impossible[parameter.index()] {
+            self.converged[parameter.index()] = false;
+            return Status::Learning;
+        }
         let limit = *settings.converged_sigma.get(parameter);
         let converged = &mut self.converged[parameter.index()];
         *converged = sigma
@@ -93,6 +107,22 @@ impl Trust {
         } else {
             Status::Learning
         }
+    }
+
+    /// Notes a value that no vehicle has, until it is well inside the limits again.
+    fn limit(&mut self, parameter: Parameter, value: f64, settings: &EstimatorSettings) {
+        let neutral = match parameter {
+            Parameter::SpeedScale | Parameter::SteeringGain => 1.0,
+            _ => 0.0,
+        };
+        let limit = *settings.physical_limit.get(parameter);
+        let impossible = &mut self.impossible[parameter.index()];
+        let bound = if *impossible {
+            limit * RELEASE_SHARE
+        } else {
+            limit
+        };
+        *impossible = (value - neutral).abs() > bound;
     }
 
     /// Takes all trust away: the vehicle may not be the one that earned it.
@@ -114,4 +144,31 @@ fn reported_sigma(
     variance
         .sqrt()
         .hypot(*settings.systematic_sigma.get(parameter))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vehicle::VehicleModel;
+
+    #[test]
+    fn a_value_beyond_its_limit_is_not_believed_until_it_is_well_inside() {
+        let settings = EstimatorSettings::default();
+        let vehicle = Vehicle::new(VehicleModel::Bicycle, 1.2);
+        let covariance = ParameterCovariance::identity() * 1e-9;
+        let mut trust = Trust::default();
+        let mut judged = |offset_deg: f64| {
+            let mut values = Values::zeros();
+            values[Parameter::SteeringOffset.index()] = offset_deg.to_radians();
+            let prior_sigma = Values::repeat(1.0);
+            let [offset, ..] = trust.judge(&values, &covariance, &prior_sigma, &vehicle, &settings);
+            offset
+        };
+        assert_eq!(judged(14.9).status, Status::Converged);
+        let beyond = judged(15.1);
+        assert_eq!(beyond.status, Status::Learning);
+        assert!(beyond.needs.unwrap().contains("look at the vehicle"));
+        assert_eq!(judged(14.5).status, Status::Learning);
+        assert_eq!(judged(13.5).status, Status::Converged);
+    }
 }

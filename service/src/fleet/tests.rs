@@ -318,7 +318,10 @@ async fn a_stopped_fleet_leaves_a_state_that_another_one_goes_on_from() {
     let second = bench_with(&["robot"], checkpoints.clone(), Calibrator::step);
     second.restored("robot").await;
     let kept = |bench: &Bench| bench.view("robot").estimate.unwrap().counts.drive_samples;
-    assert!(kept(&second) >= kept(&first), "what was known is shown before anything comes");
+    assert!(
+        kept(&second) >= kept(&first),
+        "what was known is shown before anything comes"
+    );
     for number in 300..600 {
         second.send("robot", Stream::Drive, &drive(number));
     }
