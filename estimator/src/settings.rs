@@ -101,6 +101,18 @@ pub struct EstimatorSettings {
     pub time_offset_max_s: f64,
 }
 
+/// What no vehicle on wheels is beyond.
+const PHYSICAL_LIMIT: PerParameter<f64> = PerParameter {
+    steering_offset: 15f64.to_radians(),
+    lidar_x: 5.0,
+    lidar_y: 3.0,
+    lidar_yaw: std::f64::consts::TAU,
+    speed_scale: 0.2,
+    wheelbase: 10.0,
+    time_offset: 0.25,
+    steering_gain: 0.5,
+};
+
 impl Default for EstimatorSettings {
     fn default() -> Self {
         use Freedom::{Estimated, Fixed, Off};
@@ -157,16 +169,7 @@ impl Default for EstimatorSettings {
                 time_offset: 0.01,
                 steering_gain: 0.005,
             },
-            physical_limit: PerParameter {
-                steering_offset: 15f64.to_radians(),
-                lidar_x: 5.0,
-                lidar_y: 3.0,
-                lidar_yaw: std::f64::consts::TAU,
-                speed_scale: 0.2,
-                wheelbase: 10.0,
-                time_offset: 0.25,
-                steering_gain: 0.5,
-            },
+            physical_limit: PHYSICAL_LIMIT,
             motion_noise: MotionNoise::default(),
             pose_sigma_m: 0.003,
             pose_sigma_rad: 0.000_5,
