@@ -13,7 +13,9 @@ test.beforeEach(async ({ page }) => {
 
 test('four charts have data, and the same numbers as a table', async ({ page }) => {
   for (const label of CHARTS) {
-    const figure = page.getByRole('figure').filter({ hasText: label });
+    const figure = page
+      .getByRole('figure')
+      .filter({ has: page.getByRole('heading', { name: new RegExp(`^${label} `) }) });
     const slider = figure.getByRole('slider');
     // Points come once a second.
     await expect

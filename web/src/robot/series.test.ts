@@ -33,6 +33,20 @@ describe('columns of a chart', () => {
   });
 });
 
+describe('an unobservable value', () => {
+  it('is only what was assumed: it has a band, no line, and no say in the axis', () => {
+    const unknown = series([0, 1], [0, 0.434], 0.0005);
+    unknown.status[0] = 'unobservable';
+    unknown.sigma[0] = 1;
+    const data = columns(unknown, 'lidar_x', 1);
+    expect(data[5]).toEqual([null, 434]);
+    expect(data[1][0]).toBe(2000);
+    expect(axisRange(data, 4, 'all')[0]).toBeGreaterThan(400);
+    unknown.status[1] = 'unobservable';
+    expect(axisRange(columns(unknown, 'lidar_x', 1), 4, 'all')).toEqual([-2, 2]);
+  });
+});
+
 describe('the axis', () => {
   it('covers every value, but not a band of metres', () => {
     const data = columns(series([0, 1, 2], [0, 0.4, 0.434], 0.0005), 'lidar_x', 1);

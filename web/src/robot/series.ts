@@ -59,7 +59,10 @@ type Column = (number | null)[];
 /** Columns for a chart, in shown units: time, band's top and bottom, highest, lowest, value. */
 export type Columns = [number[], Column, Column, Column, Column, Column];
 
-/** What a chart draws; where data are missing stands a row of nulls, which it shows as a gap. */
+/**
+ * What a chart draws; where data are missing stands a row of nulls, which it shows as a gap. An
+ * unobservable value is only what was assumed before, so it has a band and no line.
+ */
 export function columns(series: Series, name: ParameterName, bucket_s: number): Columns {
   const { factor } = SHOWN[name];
   const gap_s = Math.max(GAP_MIN_S, GAP_STEPS * bucket_s);
@@ -70,6 +73,10 @@ export function columns(series: Series, name: ParameterName, bucket_s: number): 
     before_s = t_s;
     const mean = (series.mean[i] ?? Number.NaN) * factor;
     const band = (series.sigma[i] ?? Number.NaN) * factor * BAND_SIGMAS;
+    if (series.status[i] === 'unobservable') {
+      push(out, [t_s, mean + band, mean - band, null, null, null]);
+      return;
+    }
     const high = (series.max[i] ?? Number.NaN) * factor;
     const low = (series.min[i] ?? Number.NaN) * factor;
     push(out, [t_s, mean + band, mean - band, high, low, mean]);
@@ -97,8 +104,10 @@ export function axisRange(columns: Columns, smallestSpan: number, focus: Focus):
     least = Math.min(least, low[i] ?? least);
     most = Math.max(most, high[i] ?? most);
   }
-  least = Math.min(least, bottom.at(-1) ?? least);
-  most = Math.max(most, top.at(-1) ?? most);
+  if (mean.at(-1) !== null) {
+    least = Math.min(least, bottom.at(-1) ?? least);
+    most = Math.max(most, top.at(-1) ?? most);
+  }
   if (!(least <= most)) return [-smallestSpan / 2, smallestSpan / 2];
   const span = Math.max((most - least) * 1.16, smallestSpan);
   const middle = (least + most) / 2;
