@@ -2,7 +2,7 @@
 
 import AxeBuilder from '@axe-core/playwright';
 import { expect, type Page, test as base } from '@playwright/test';
-import { Demo } from './demo';
+import { Service } from './binary';
 
 /** What went wrong in the browser, besides what a test looks at. */
 class Account {
@@ -44,21 +44,29 @@ interface Given {
   account: Account;
 }
 
-export const test = base.extend<Given, { demo: Demo }>({
-  demo: [
-    async ({}, use) => {
-      const demo = await Demo.start();
-      await use(demo);
-      await demo.stop();
+interface Shared {
+  /** What the tests of a file run against: the demo, or a service without robots. */
+  command: 'demo' | 'serve';
+  service: Service;
+}
+
+export const test = base.extend<Given, Shared>({
+  command: ['demo', { option: true, scope: 'worker' }],
+
+  service: [
+    async ({ command }, use) => {
+      const service = await Service.start(command);
+      await use(service);
+      await service.stop();
     },
     { scope: 'worker', timeout: 60_000 },
   ],
 
-  baseURL: async ({ demo }, use) => use(demo.url),
+  baseURL: async ({ service }, use) => use(service.url),
 
   account: [
-    async ({ page, demo }, use) => {
-      const account = new Account(page, demo.url);
+    async ({ page, service }, use) => {
+      const account = new Account(page, service.url);
       await page.exposeFunction('fleetcalReport', (violation: string) => account.report(violation));
       await page.addInitScript(() => {
         document.addEventListener('securitypolicyviolation', (event) => {

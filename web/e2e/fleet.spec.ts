@@ -4,8 +4,6 @@ import { accessible, expect, test } from './fixtures';
 const CALIBRATED_WITHIN_MS = 90_000;
 const ROBOTS = 6;
 
-test.describe.configure({ mode: 'serial' });
-
 test('the fleet has its six robots, and each is calibrated in time', async ({ page }) => {
   test.setTimeout(CALIBRATED_WITHIN_MS + 30_000);
   await page.goto('/');

@@ -1,14 +1,14 @@
 import { expect, test } from './fixtures';
 
-test('a page finds the service again after it was killed', async ({ page, demo, account }) => {
+test('a page finds the service again after it was killed', async ({ page, service, account }) => {
   await page.goto('/');
   await expect(page.getByRole('rowheader')).toHaveCount(6);
   await expect(page.getByText('Live', { exact: true })).toBeVisible();
-  await demo.kill();
+  await service.kill();
   await expect(page.getByText(/^Not connected/)).toBeVisible();
   // What was known stays on the page.
   await expect(page.getByRole('rowheader')).toHaveCount(6);
-  await demo.run();
+  await service.run();
   await expect(page.getByText('Live', { exact: true })).toBeVisible({ timeout: 30_000 });
   await expect(page.getByRole('rowheader').first()).toBeVisible();
   const row = page

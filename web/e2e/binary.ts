@@ -1,4 +1,4 @@
-/** The real `fleetcal demo`, started for a test and ended after it. */
+/** The real `fleetcal` binary, started for a test and ended after it. */
 
 import { type ChildProcess, spawn } from 'node:child_process';
 import { once } from 'node:events';
@@ -22,37 +22,53 @@ async function freePort(): Promise<number> {
   return address.port;
 }
 
-/** A running demo on ports and in a folder of its own. */
-export class Demo {
+/** The binary to be tested. */
+function binary(): string {
+  const path = process.env.FLEETCAL_BIN;
+  if (!path) throw new Error('FLEETCAL_BIN must name the fleetcal binary to be tested');
+  return path;
+}
+
+/** Ends a process, and waits until it has. */
+async function end(child: ChildProcess | undefined, signal: NodeJS.Signals): Promise<void> {
+  if (!child || child.exitCode !== null || child.signalCode !== null) return;
+  const exit = once(child, 'exit');
+  child.kill(signal);
+  const late = setTimeout(() => child.kill('SIGKILL'), STOPPED_WITHIN_MS);
+  await exit;
+  clearTimeout(late);
+}
+
+/** A running service on ports and in a folder of its own, with its robots (`demo`) or without. */
+export class Service {
   readonly url: string;
   readonly zenoh: string;
-  #binary: string;
+  #command: 'demo' | 'serve';
   #folder: string;
   #process: ChildProcess | undefined;
+  #robots: ChildProcess | undefined;
   #log: string[] = [];
 
-  private constructor(binary: string, folder: string, http: number, zenoh: number) {
-    this.#binary = binary;
+  private constructor(command: 'demo' | 'serve', folder: string, http: number, zenoh: number) {
+    this.#command = command;
     this.#folder = folder;
     this.url = `http://127.0.0.1:${http}`;
     this.zenoh = `tcp/127.0.0.1:${zenoh}`;
   }
 
-  /** Starts a demo with an empty folder, and waits until it is ready. */
-  static async start(): Promise<Demo> {
-    const binary = process.env.FLEETCAL_BIN;
-    if (!binary) throw new Error('FLEETCAL_BIN must name the fleetcal binary to be tested');
+  /** Starts the service with an empty folder, and waits until it is ready. */
+  static async start(command: 'demo' | 'serve'): Promise<Service> {
     const folder = await mkdtemp(join(tmpdir(), 'fleetcal-e2e-'));
-    const demo = new Demo(binary, folder, await freePort(), await freePort());
-    await demo.run();
-    return demo;
+    const service = new Service(command, folder, await freePort(), await freePort());
+    await service.run();
+    return service;
   }
 
   /** Starts the process; again after {@link kill}. */
   async run(): Promise<void> {
     const http = this.url.replace('http://', '');
     const flags = ['--http', http, '--listen', this.zenoh, '--data', this.#folder];
-    const child = spawn(this.#binary, ['demo', ...flags], { stdio: ['ignore', 'pipe', 'pipe'] });
+    const child = spawn(binary(), [this.#command, ...flags], { stdio: ['ignore', 'pipe', 'pipe'] });
     this.#process = child;
     const keep = (chunk: Buffer) => {
       this.#log.push(...chunk.toString().split('\n').filter(Boolean));
@@ -63,7 +79,7 @@ export class Demo {
     const until = Date.now() + READY_WITHIN_MS;
     while (!(await this.#ready())) {
       if (child.exitCode !== null || child.signalCode !== null || Date.now() > until) {
-        throw new Error(`fleetcal demo did not become ready:\n${this.#log.join('\n')}`);
+        throw new Error(`fleetcal ${this.#command} did not become ready:\n${this.#log.join('\n')}`);
       }
       await new Promise((resolve) => setTimeout(resolve, 100));
     }
@@ -77,25 +93,21 @@ export class Demo {
     }
   }
 
-  /** Kills the process as a power cut would. */
+  /** Has one simulated robot drive and send to the service. */
+  simulate(): void {
+    const flags = ['simulate', '--robots', '1', '--connect', this.zenoh];
+    this.#robots = spawn(binary(), flags, { stdio: 'ignore' });
+  }
+
+  /** Kills the service as a power cut would. */
   async kill(): Promise<void> {
-    await this.#end('SIGKILL');
+    await end(this.#process, 'SIGKILL');
   }
 
-  /** Ends the process as an operator would, and removes its folder. */
+  /** Ends everything as an operator would, and removes the folder. */
   async stop(): Promise<void> {
-    await this.#end('SIGTERM');
+    await end(this.#robots, 'SIGTERM');
+    await end(this.#process, 'SIGTERM');
     await rm(this.#folder, { recursive: true, force: true });
-  }
-
-  async #end(signal: NodeJS.Signals): Promise<void> {
-    const child = this.#process;
-    this.#process = undefined;
-    if (!child || child.exitCode !== null || child.signalCode !== null) return;
-    const exit = once(child, 'exit');
-    child.kill(signal);
-    const late = setTimeout(() => child.kill('SIGKILL'), STOPPED_WITHIN_MS);
-    await exit;
-    clearTimeout(late);
   }
 }
