@@ -99,6 +99,9 @@ pub struct ParameterEstimate {
     pub needs: Option<String>,
 }
 
+/// One estimate for each of [`Parameter::ALL`].
+pub type ParameterEstimates = [ParameterEstimate; Parameter::ALL.len()];
+
 /// Whether the filter's innovations are as large as it believes.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Consistency {
@@ -135,7 +138,7 @@ pub struct Estimate {
     /// Distance driven in the session, m.
     pub distance_m: f64,
     /// The parameters, in the order of [`Parameter::ALL`].
-    pub parameters: [ParameterEstimate; 8],
+    pub parameters: ParameterEstimates,
     /// Consistency of the filter.
     pub consistency: Consistency,
     /// What was taken in.
@@ -216,5 +219,5 @@ pub struct Segment {
     /// Last second of the stretch.
     pub to_s: f64,
     /// The parameters at its end.
-    pub parameters: [ParameterEstimate; 8],
+    pub parameters: ParameterEstimates,
 }

@@ -78,6 +78,9 @@ pub struct EstimatorSettings {
     pub prior_sigma: PerParameter<f64>,
     /// Doubt of the LiDAR's x and y when no nominal mount is given, m.
     pub unknown_mount_sigma_m: f64,
+    /// How far tyres may drift outwards in a bend: standard deviation of the slip angle for each
+    /// m/s^2 of lateral acceleration, rad.
+    pub side_slip_sigma_rad_per_mps2: f64,
     /// Slow drift let in: standard deviation gained in one hour.
     pub drift_per_sqrt_hour: PerParameter<f64>,
     /// What averaging cannot take away: the scan matcher's own bias, play, correlated slip. It is
@@ -139,6 +142,7 @@ impl Default for EstimatorSettings {
                 steering_gain: 0.02,
             },
             unknown_mount_sigma_m: 1.5,
+            side_slip_sigma_rad_per_mps2: 0.003,
             drift_per_sqrt_hour: PerParameter {
                 steering_offset: 0.000_3,
                 lidar_x: 0.000_3,
@@ -229,6 +233,10 @@ impl EstimatorSettings {
         }
         for (key, value) in [
             ("unknown_mount_sigma_m", self.unknown_mount_sigma_m),
+            (
+                "side_slip_sigma_rad_per_mps2",
+                self.side_slip_sigma_rad_per_mps2,
+            ),
             ("pose_sigma_m", self.pose_sigma_m),
             ("pose_sigma_rad", self.pose_sigma_rad),
             ("anchor_distance_m", self.anchor_distance_m),

@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::advice::{Knowledge, advise, best_for};
-use crate::estimate::{Parameter, ParameterEstimate, Status};
-use crate::filter::{PARAMETERS, ParameterCovariance, Values};
+use crate::estimate::{Parameter, ParameterEstimate, ParameterEstimates, Status};
+use crate::filter::{ParameterCovariance, Values};
 use crate::settings::{EstimatorSettings, Freedom};
 use crate::vehicle::Vehicle;
 
@@ -22,9 +22,9 @@ const HYSTERESIS: f64 = 1.2;
 /// The trust a robot's parameters have earned.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Trust {
-    converged: [bool; PARAMETERS],
+    converged: [bool; Parameter::ALL.len()],
     /// Values beyond what a vehicle can be.
-    impossible: [bool; PARAMETERS],
+    impossible: [bool; Parameter::ALL.len()],
 }
 
 impl Trust {
@@ -36,7 +36,7 @@ impl Trust {
         prior_sigma: &Values,
         vehicle: &Vehicle,
         settings: &EstimatorSettings,
-    ) -> [ParameterEstimate; PARAMETERS] {
+    ) -> ParameterEstimates {
         let statuses = Parameter::ALL.map(|parameter| {
             let i = parameter.index();
             self.limit(parameter, values[i], settings);
@@ -127,7 +127,7 @@ impl Trust {
 
     /// Takes all trust away: the vehicle may not be the one that earned it.
     pub fn withdraw(&mut self) {
-        self.converged = [false; PARAMETERS];
+        self.converged = [false; Parameter::ALL.len()];
     }
 }
 

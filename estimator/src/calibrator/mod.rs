@@ -17,11 +17,11 @@ use session::Session;
 use crate::advice::{Advice, Knowledge, advise};
 use crate::change::ChangeWatch;
 use crate::drive_history::DriveHistory;
-use crate::estimate::{Change, Estimate, ParameterEstimate, Segment};
+use crate::estimate::{Change, Estimate, ParameterEstimates, Segment};
 use crate::excitation::Excitation;
 use crate::filter::follow::Follower;
 use crate::filter::prior::Prior;
-use crate::filter::{Filter, OdometryReading, PARAMETERS, ParameterCovariance, Values};
+use crate::filter::{Filter, OdometryReading, ParameterCovariance, Values};
 use crate::geometry::Pose2;
 use crate::lidar_odometry::{LidarOdometry, Tracking};
 use crate::merge::{Merged, Merger};
@@ -331,7 +331,7 @@ impl Calibrator {
         trust: &mut Trust,
         values: &Values,
         covariance: &ParameterCovariance,
-    ) -> [ParameterEstimate; PARAMETERS] {
+    ) -> ParameterEstimates {
         let prior_sigma = Values::from_fn(|i, _| self.prior.covariance[(i, i)].sqrt());
         let vehicle = &self.config.vehicle;
         trust.judge(
@@ -344,13 +344,13 @@ impl Calibrator {
     }
 
     /// The parameters as a filter of this session saw them.
-    fn judge_filter(&self, filter: &Filter) -> [ParameterEstimate; PARAMETERS] {
+    fn judge_filter(&self, filter: &Filter) -> ParameterEstimates {
         let covariance = filter.parameter_covariance() * self.watch.long_run().ratio();
         self.judge(&mut self.trust.clone(), filter.values(), &covariance)
     }
 
     /// Stored values, with the doubt of now.
-    fn judge_values(&self, values: &Values) -> [ParameterEstimate; PARAMETERS] {
+    fn judge_values(&self, values: &Values) -> ParameterEstimates {
         let covariance = self
             .filter()
             .map_or(self.prior.covariance, Filter::parameter_covariance);

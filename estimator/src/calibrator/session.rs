@@ -5,10 +5,10 @@ use std::collections::VecDeque;
 use serde::{Deserialize, Serialize};
 
 use crate::drive_history::GAP_MIN_S;
-use crate::estimate::{Change, Consistency, Counts, ParameterEstimate, Segment};
+use crate::estimate::{Change, Consistency, Counts, ParameterEstimates, Segment};
 use crate::excitation::Excitation;
 use crate::filter::follow::Moved;
-use crate::filter::{PARAMETERS, Values};
+use crate::filter::{Values, apart};
 use crate::stream::{DriveSample, Dropped, Stamp};
 
 /// Readings over which the mean NIS is taken.
@@ -94,9 +94,11 @@ impl Session {
     }
 
     /// Closes the stretch up to the onset of a change.
-    pub fn close_segment(&mut self, to_s: f64, before: [ParameterEstimate; PARAMETERS]) {
+    pub fn close_segment(&mut self, to_s: f64, before: ParameterEstimates) {
         let from_s = self.segment_from_s();
-        self.values_before = Some(Values::from_iterator(before.iter().map(|p| p.value)));
+        self.values_before = Some(Values::from_fn(|i, _| {
+            before.get(i).map_or(0.0, |parameter| parameter.value)
+        }));
         self.segments.push(Segment {
             from_s,
             to_s,
@@ -107,7 +109,7 @@ impl Session {
     }
 
     /// All stretches, the current one included.
-    pub fn segments_with(&self, now: [ParameterEstimate; PARAMETERS]) -> Vec<Segment> {
+    pub fn segments_with(&self, now: ParameterEstimates) -> Vec<Segment> {
         let mut segments = self.segments.clone();
         segments.push(Segment {
             from_s: self.segment_from_s(),
@@ -132,8 +134,9 @@ impl Session {
         let (Some(before), Some(last)) = (&self.values_before, self.changes.last_mut()) else {
             return;
         };
+        let apart = apart(values, before);
         for (parameter, moved) in &mut last.change {
-            *moved = values[parameter.index()] - before[parameter.index()];
+            *moved = apart[parameter.index()];
         }
     }
 }

@@ -62,7 +62,7 @@ impl LidarMotion {
         let mut by = ByParameters::zeros();
         for (column, parameter) in DRIVE_PARAMETER.iter().enumerate() {
             by.set_column(
-                parameter.index(),
+                *parameter,
                 &(self.by_body * motion.by_parameters.column(column)),
             );
         }

@@ -22,14 +22,17 @@ use crate::estimate::Parameter;
 use crate::geometry::{Pose2, wrap_angle_rad};
 use crate::settings::{EstimatorSettings, Measurement};
 use crate::stream::Stamp;
-use crate::vehicle::{Drive, DriveParameters, Vehicle};
+use crate::vehicle::{DRIVE_PARAMETERS, Drive, DriveParameters, Vehicle};
 use constraint::LidarMotion;
 use noise::MotionNoise;
 use prediction::PredictedMotion;
 use prior::Prior;
 
-/// Number of calibration parameters.
-pub const PARAMETERS: usize = 8;
+/// Number of parameters in the filter: those of [`Parameter::ALL`] and the side slip.
+pub const PARAMETERS: usize = Parameter::ALL.len() + 1;
+/// Where the side slip stands among them. It is no calibration and is not published, but what is not
+/// known of it goes into `x_off`: at a speed `v` it shifts the LiDAR by `c v^2`.
+pub const SIDE_SLIP: usize = Parameter::ALL.len();
 /// Dimension of the filter's state.
 const DIM: usize = 6 + PARAMETERS;
 /// First index of the motion since the anchor.
@@ -39,16 +42,17 @@ const ANCHOR: usize = 3;
 /// First index of the parameters.
 const CALIBRATION: usize = 6;
 /// Where the drive parameters stand among the parameters.
-const DRIVE_PARAMETER: [Parameter; 4] = [
-    Parameter::SteeringOffset,
-    Parameter::SpeedScale,
-    Parameter::Wheelbase,
-    Parameter::SteeringGain,
+const DRIVE_PARAMETER: [usize; DRIVE_PARAMETERS] = [
+    Parameter::SteeringOffset.index(),
+    Parameter::SpeedScale.index(),
+    Parameter::Wheelbase.index(),
+    Parameter::SteeringGain.index(),
+    SIDE_SLIP,
 ];
 
 type Covariance = SMatrix<f64, DIM, DIM>;
 type Jacobian = SMatrix<f64, 3, DIM>;
-/// Values of the calibration parameters, in the order of [`Parameter::ALL`].
+/// Values of the parameters, in the order of [`Parameter::ALL`], the side slip last.
 pub type Values = SVector<f64, PARAMETERS>;
 /// Their covariance.
 pub type ParameterCovariance = SMatrix<f64, PARAMETERS, PARAMETERS>;
@@ -266,7 +270,11 @@ impl Filter {
     /// Makes a reading the first anchor, or the one after a loss. `drive` is the reading then.
     pub fn start_anchor(&mut self, reading: &OdometryReading, drive: Drive) {
         let motion = self.vehicle.motion(drive, &self.drive_parameters());
-        self.predicted.twist = Vector3::new(motion.speed_mps, 0.0, motion.yaw_rate_radps);
+        self.predicted.twist = Vector3::new(
+            motion.speed_mps,
+            motion.side_speed_mps,
+            motion.yaw_rate_radps,
+        );
         self.place_anchor(reading.lidar_in_odom);
         let mut covariance = Covariance::zeros();
         covariance
@@ -391,7 +399,7 @@ impl Filter {
             .copy_from(&predicted.by_begin);
         for (column, parameter) in DRIVE_PARAMETER.iter().enumerate() {
             transition.set_column(
-                CALIBRATION + parameter.index(),
+                CALIBRATION + parameter,
                 &predicted.by_parameters.column(column),
             );
         }
@@ -549,5 +557,6 @@ pub fn drive_parameters(values: &Values) -> DriveParameters {
         speed_scale: values[Parameter::SpeedScale.index()],
         wheelbase_m: values[Parameter::Wheelbase.index()],
         steering_gain: values[Parameter::SteeringGain.index()],
+        side_slip_rad_per_mps2: values[SIDE_SLIP],
     }
 }

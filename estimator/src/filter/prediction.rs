@@ -62,10 +62,14 @@ impl PredictedMotion {
     ) {
         let motion = vehicle.motion(segment.drive, parameters);
         let step = self.begin_step(&motion, segment.duration_s);
-        let (d, turn) = (step.x, step.z);
-        // (I - ad(step)/2) applied to a twist without lateral part.
-        let carried = |speed_by: f64, yaw_by: f64| {
-            Vector3::new(speed_by, -0.5 * (turn * speed_by - d * yaw_by), yaw_by)
+        // (I - ad(step)/2) applied to a change of the twist.
+        let carried = |by: Vector3<f64>| {
+            by - 0.5
+                * Vector3::new(
+                    step.y * by.z - step.z * by.y,
+                    step.z * by.x - step.x * by.z,
+                    0.0,
+                )
         };
         self.finish_step(&motion, segment, Pose2::exp(&step), carried, noise);
     }
@@ -83,13 +87,17 @@ impl PredictedMotion {
         let step = self.begin_step(&motion, segment.duration_s);
         let (sin, cos) = step.z.sin_cos();
         let carried =
-            |speed_by: f64, yaw_by: f64| Vector3::new(cos * speed_by, -sin * speed_by, yaw_by);
-        let euler = Pose2::new(step.x, 0.0, step.z);
+            |by: Vector3<f64>| Vector3::new(cos * by.x + sin * by.y, cos * by.y - sin * by.x, by.z);
+        let euler = Pose2::new(step.x, step.y, step.z);
         self.finish_step(&motion, segment, euler, carried, noise);
     }
 
     fn begin_step(&mut self, motion: &Motion, dt_s: f64) -> Vector3<f64> {
-        let twist = Vector3::new(motion.speed_mps, 0.0, motion.yaw_rate_radps);
+        let twist = Vector3::new(
+            motion.speed_mps,
+            motion.side_speed_mps,
+            motion.yaw_rate_radps,
+        );
         let share = dt_s / (dt_s + TWIST_TIME_CONSTANT_S);
         self.twist += (twist - self.twist) * share;
         twist * dt_s
@@ -100,15 +108,19 @@ impl PredictedMotion {
         motion: &Motion,
         segment: &DriveSegment,
         arc: Pose2,
-        carried: impl Fn(f64, f64) -> Vector3<f64>,
+        carried: impl Fn(Vector3<f64>) -> Vector3<f64>,
         noise: &MotionNoise,
     ) {
         let dt_s = segment.duration_s;
         let mut by_parameters = ByDriveParameters::zeros();
-        for (column, (speed_by, yaw_by)) in
-            motion.speed_by.iter().zip(&motion.yaw_rate_by).enumerate()
-        {
-            by_parameters.set_column(column, &carried(speed_by * dt_s, yaw_by * dt_s));
+        let by = motion
+            .speed_by
+            .iter()
+            .zip(&motion.side_speed_by)
+            .zip(&motion.yaw_rate_by);
+        for (column, ((speed_by, side_by), yaw_by)) in by.enumerate() {
+            let twist_by = Vector3::new(*speed_by, *side_by, *yaw_by);
+            by_parameters.set_column(column, &carried(twist_by * dt_s));
         }
         let carry = arc.inverse().adjoint();
         self.end_in_begin = self.end_in_begin.compose(&arc);
@@ -131,6 +143,7 @@ mod tests {
             speed_scale: scale,
             wheelbase_m: 1.2,
             steering_gain: 1.0,
+            side_slip_rad_per_mps2: 0.004,
         }
     }
 

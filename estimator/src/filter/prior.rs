@@ -2,16 +2,16 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{PARAMETERS, ParameterCovariance, Values};
+use super::{PARAMETERS, ParameterCovariance, SIDE_SLIP, Values};
 use crate::estimate::Parameter;
 use crate::geometry::Pose2;
-use crate::settings::{EstimatorSettings, Freedom};
+use crate::settings::{EstimatorSettings, Freedom, Measurement};
 use crate::vehicle::Vehicle;
 
 /// Values, doubts and freedoms of the parameters at a filter's start.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Prior {
-    /// Values, in the order of [`Parameter::ALL`].
+    /// Values, in the order of [`Parameter::ALL`], the side slip last.
     pub values: Values,
     /// Their covariance.
     pub covariance: ParameterCovariance,
@@ -54,22 +54,27 @@ impl Prior {
                 sigma[i] = 0.0;
             }
         }
+        if settings.measurement == Measurement::Clone {
+            sigma[SIDE_SLIP] = settings.side_slip_sigma_rad_per_mps2;
+        }
         Self {
             values,
             covariance: ParameterCovariance::from_diagonal(&sigma.component_mul(&sigma)),
-            held: Parameter::ALL.map(|p| settings.freedom(p) != Freedom::Estimated),
+            held: std::array::from_fn(|i| {
+                Parameter::ALL
+                    .get(i)
+                    .is_some_and(|&p| settings.freedom(p) != Freedom::Estimated)
+            }),
             random_walk_per_sqrt_s: random_walk(settings),
         }
     }
 }
 
 fn random_walk(settings: &EstimatorSettings) -> Values {
-    Values::from_iterator(Parameter::ALL.iter().map(|&p| {
-        let free = settings.freedom(p) == Freedom::Estimated;
-        if free {
+    Values::from_fn(|i, _| match Parameter::ALL.get(i) {
+        Some(&p) if settings.freedom(p) == Freedom::Estimated => {
             settings.drift_per_sqrt_hour.get(p) / 60.0
-        } else {
-            0.0
         }
-    }))
+        _ => 0.0,
+    })
 }

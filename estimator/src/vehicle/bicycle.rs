@@ -39,5 +39,6 @@ pub(super) fn motion(
             steering,
         ),
         yaw_rate_by_steering: yaw_rate_by_kappa * kappa_by_steering,
+        ..Motion::default()
     }
 }

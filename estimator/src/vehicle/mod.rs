@@ -65,20 +65,27 @@ pub struct DriveParameters {
     pub wheelbase_m: f64,
     /// True steering angle over measured one, after the offset.
     pub steering_gain: f64,
+    /// Slip angle of the rear axle, outwards, for each m/s^2 of lateral acceleration, rad.
+    pub side_slip_rad_per_mps2: f64,
 }
 
 /// How many parameters [`Motion`]'s derivatives are by.
-pub const DRIVE_PARAMETERS: usize = 4;
+pub const DRIVE_PARAMETERS: usize = 5;
 
-/// The rear axle's motion, with derivatives by (steering offset, speed scale, wheelbase, gain).
+/// The rear axle's motion, with derivatives by (steering offset, speed scale, wheelbase, gain, side
+/// slip).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Motion {
     /// Speed of the rear axle along x of `base`, m/s.
     pub speed_mps: f64,
     /// Yaw rate, rad/s.
     pub yaw_rate_radps: f64,
+    /// Speed of the rear axle to its left, m/s: side slip.
+    pub side_speed_mps: f64,
     /// Derivatives of the speed.
     pub speed_by: [f64; DRIVE_PARAMETERS],
+    /// Derivatives of the side speed.
+    pub side_speed_by: [f64; DRIVE_PARAMETERS],
     /// Derivatives of the yaw rate.
     pub yaw_rate_by: [f64; DRIVE_PARAMETERS],
     /// Derivative of the yaw rate by the true steering angle, 1/s: how far steering noise turns.
@@ -107,7 +114,7 @@ impl Vehicle {
             by_offset: -parameters.steering_gain,
             by_gain: raw,
         };
-        match self.speed_measured_at {
+        let rolling = match self.speed_measured_at {
             SpeedMeasuredAt::RearAxle => {
                 bicycle::motion(drive.speed_mps, 0.0, steering, parameters)
             }
@@ -117,8 +124,27 @@ impl Vehicle {
             SpeedMeasuredAt::SteeredWheel => {
                 tricycle::motion(drive.speed_mps, steering, parameters)
             }
-        }
+        };
+        with_side_slip(rolling, parameters.side_slip_rad_per_mps2)
     }
+}
+
+/// Tyres drift outwards by an angle that grows with the lateral acceleration `v theta'`:
+/// `v_y = -c v^2 theta'`.
+fn with_side_slip(rolling: Motion, slip: f64) -> Motion {
+    let (v, yaw_rate) = (rolling.speed_mps, rolling.yaw_rate_radps);
+    let mut motion = rolling;
+    motion.side_speed_mps = -slip * v * v * yaw_rate;
+    for (by, (speed_by, yaw_by)) in motion
+        .side_speed_by
+        .iter_mut()
+        .zip(rolling.speed_by.iter().zip(&rolling.yaw_rate_by))
+    {
+        *by = -slip * v * (2.0 * yaw_rate * speed_by + v * yaw_by);
+    }
+    let [.., by_slip] = &mut motion.side_speed_by;
+    *by_slip = -v * v * yaw_rate;
+    motion
 }
 
 /// The true steering angle and its derivatives by steering offset and gain.
@@ -130,12 +156,18 @@ struct Steering {
 }
 
 /// Chain rule: from derivatives by (steering, speed scale, wheelbase) to those by the parameters.
-fn by_parameters(by_steering: f64, by_scale: f64, by_wheelbase: f64, s: Steering) -> [f64; 4] {
+fn by_parameters(
+    by_steering: f64,
+    by_scale: f64,
+    by_wheelbase: f64,
+    s: Steering,
+) -> [f64; DRIVE_PARAMETERS] {
     [
         by_steering * s.by_offset,
         by_scale,
         by_wheelbase,
         by_steering * s.by_gain,
+        0.0,
     ]
 }
 
@@ -150,7 +182,8 @@ mod tests {
             0 => q.steering_offset_rad += by,
             1 => q.speed_scale += by,
             2 => q.wheelbase_m += by,
-            _ => q.steering_gain += by,
+            3 => q.steering_gain += by,
+            _ => q.side_slip_rad_per_mps2 += by,
         }
         q
     }
@@ -181,6 +214,7 @@ mod tests {
                 speed_scale: 1.01,
                 wheelbase_m: vehicle.wheelbase_m,
                 steering_gain: 0.98,
+                side_slip_rad_per_mps2: 0.01,
             };
             let motion = vehicle.motion(drive, &p);
             for i in 0..DRIVE_PARAMETERS {
@@ -189,6 +223,8 @@ mod tests {
                 let (up, down) = (vehicle.motion(drive, &up), vehicle.motion(drive, &down));
                 let speed_by = (up.speed_mps - down.speed_mps) / (2.0 * h);
                 let yaw_by = (up.yaw_rate_radps - down.yaw_rate_radps) / (2.0 * h);
+                let side_by = (up.side_speed_mps - down.side_speed_mps) / (2.0 * h);
+                prop_assert!((side_by - motion.side_speed_by[i]).abs() < 1e-6);
                 prop_assert!((speed_by - motion.speed_by[i]).abs() < 1e-6);
                 prop_assert!((yaw_by - motion.yaw_rate_by[i]).abs() < 1e-6);
             }
@@ -203,6 +239,7 @@ mod tests {
             speed_scale: 1.0,
             wheelbase_m: 1.2,
             steering_gain: 1.0,
+            side_slip_rad_per_mps2: 0.0,
         };
         let motion = vehicle.motion(
             Drive {

@@ -24,5 +24,6 @@ pub(super) fn motion(
             steering,
         ),
         yaw_rate_by_steering,
+        ..Motion::default()
     }
 }

@@ -24,7 +24,7 @@ pub fn drawn(seed: u64) -> (SimulationConfig, CalibratorConfig) {
         time_offset_s: normal(0.03),
         slip: Slip {
             longitudinal_sigma: 0.002,
-            lateral_rad_per_mps2: 0.0,
+            lateral_rad_per_mps2: normal(0.003).abs(),
         },
         ..VehicleTruth::default()
     };
@@ -37,7 +37,7 @@ pub fn drawn(seed: u64) -> (SimulationConfig, CalibratorConfig) {
 pub fn drawn_with_white_noise(seed: u64) -> (SimulationConfig, CalibratorConfig) {
     let (speed_sigma_mps, steering_sigma_rad) = (0.05, 0.002);
     let (mut config, mut calibrator) = drawn(seed);
-    config.vehicle.slip = Slip::default();
+    config.vehicle.slip.longitudinal_sigma = 0.0;
     config.drive.speed_sigma_mps = speed_sigma_mps;
     config.drive.steering_sigma_rad = steering_sigma_rad;
     config.drive.steering_step_rad = 0.0;

@@ -5,7 +5,8 @@ use fleetcal_estimator::drive_history::DriveHistory;
 use fleetcal_estimator::filter::prediction::PredictedMotion;
 use fleetcal_estimator::filter::prior::Prior;
 use fleetcal_estimator::filter::{
-    OdometryReading, PARAMETERS, ParameterCovariance, Values, drive_parameters, lidar_in_base,
+    OdometryReading, PARAMETERS, ParameterCovariance, SIDE_SLIP, Values, drive_parameters,
+    lidar_in_base,
 };
 use fleetcal_estimator::{DriveSample, Freedom, Parameter, Pose2, Stamp};
 use fleetcal_robot::simulator::{SimulatedMessage, Simulation, SimulationConfig};
@@ -80,14 +81,15 @@ fn stretch(
 
     let mut by_parameters = ByParameters::zeros();
     let drive_parameters = [
-        Parameter::SteeringOffset,
-        Parameter::SpeedScale,
-        Parameter::Wheelbase,
-        Parameter::SteeringGain,
+        Parameter::SteeringOffset.index(),
+        Parameter::SpeedScale.index(),
+        Parameter::Wheelbase.index(),
+        Parameter::SteeringGain.index(),
+        SIDE_SLIP,
     ];
     for (column, parameter) in drive_parameters.iter().enumerate() {
         let by = to_lidar * motion.by_parameters.column(column);
-        by_parameters.set_column(parameter.index(), &by);
+        by_parameters.set_column(*parameter, &by);
     }
     let turn = Pose2::new(0.0, 0.0, -x.yaw_rad).adjoint();
     by_parameters
