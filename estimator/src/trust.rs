@@ -6,12 +6,16 @@ use crate::advice::{Knowledge, advise, best_for};
 use crate::estimate::{Parameter, ParameterEstimate, ParameterEstimates, Status};
 use crate::filter::{ParameterCovariance, Values};
 use crate::settings::{EstimatorSettings, Freedom};
-use crate::vehicle::Vehicle;
+use crate::stream::Stamp;
 
+/// Parameters that are reported.
+const REPORTED: usize = Parameter::ALL.len();
 /// A parameter is unobservable while its doubt is above this share of its prior.
 const UNOBSERVABLE_SHARE: f64 = 0.5;
 /// What is said where no single manoeuvre would help much.
 const MORE_DRIVING: &str = "more driving with turns to both sides";
+/// An instruction stands for this long before it is worked out again, s of message time.
+const ADVICE_HOLDS_S: f64 = 10.0;
 /// What is said of a value that no vehicle has.
 const CHECK_VEHICLE: &str = "a look at the vehicle and its configuration: this cannot be";
 /// A value that was beyond its limit must come this far inside it to be believed again.
@@ -25,55 +29,97 @@ pub struct Trust {
     converged: [bool; Parameter::ALL.len()],
     /// Values beyond what a vehicle can be.
     impossible: [bool; Parameter::ALL.len()],
+    advised: Option<Advised>,
+}
+
+/// What was last said to be missing. Working it out takes as long as ten scans, so it is said again
+/// for a while.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Advised {
+    at: Stamp,
+    statuses: [Status; REPORTED],
+    needs: [Option<String>; REPORTED],
+}
+
+/// What a judgement is made from.
+#[derive(Debug, Clone, Copy)]
+pub struct Grounds<'a> {
+    /// The time it is made at.
+    pub now: Stamp,
+    /// Doubts before the first metre.
+    pub prior_sigma: &'a Values,
+    /// What is known of the robot now.
+    pub knowledge: Knowledge<'a>,
 }
 
 impl Trust {
-    /// Judges the parameters from what the filter says and what was driven.
-    pub fn judge(
-        &mut self,
-        values: &Values,
-        covariance: &ParameterCovariance,
-        prior_sigma: &Values,
-        vehicle: &Vehicle,
-        settings: &EstimatorSettings,
-    ) -> ParameterEstimates {
+    /// Judges the parameters.
+    pub fn judge(&mut self, grounds: &Grounds) -> ParameterEstimates {
+        let Knowledge {
+            values,
+            covariance,
+            settings,
+            ..
+        } = grounds.knowledge;
         let statuses = Parameter::ALL.map(|parameter| {
             let i = parameter.index();
             self.limit(parameter, values[i], settings);
             let sigma = reported_sigma(parameter, covariance, settings);
-            self.status(parameter, sigma, prior_sigma[i], settings)
+            self.status(parameter, sigma, grounds.prior_sigma[i], settings)
         });
-        let open = |status: &Status| matches!(status, Status::Learning | Status::Unobservable);
-        // What to drive is worked out only for a robot that still has to learn something.
-        let advice = if statuses.iter().any(open) {
-            advise(&Knowledge {
-                vehicle,
-                values,
-                covariance,
-                settings,
-            })
-        } else {
-            Vec::new()
-        };
+        let needs = self.needs(grounds, statuses);
         Parameter::ALL.map(|parameter| {
             let i = parameter.index();
-            let status = statuses[i];
-            let needs = if self.impossible[i] {
-                Some(CHECK_VEHICLE.to_owned())
-            } else if open(&status) {
-                best_for(parameter, covariance[(i, i)].sqrt(), &advice)
-                    .map(|best| best.manoeuvre.instruction.clone())
-                    .or_else(|| Some(MORE_DRIVING.to_owned()))
-            } else {
-                None
-            };
             ParameterEstimate {
                 value: values[i],
                 sigma: reported_sigma(parameter, covariance, settings),
-                status,
-                needs,
+                status: statuses[i],
+                needs: needs[i].clone(),
             }
         })
+    }
+
+    /// What is missing, as instructions a driver can follow.
+    fn needs(
+        &mut self,
+        grounds: &Grounds,
+        statuses: [Status; REPORTED],
+    ) -> [Option<String>; REPORTED] {
+        let fresh = self.advised.as_ref().filter(|advised| {
+            let age_s = grounds.now.seconds_since(advised.at);
+            advised.statuses == statuses && (0.0..ADVICE_HOLDS_S).contains(&age_s)
+        });
+        if let Some(advised) = fresh {
+            return advised.needs.clone();
+        }
+        let open = |status: &Status| matches!(status, Status::Learning | Status::Unobservable);
+        // What to drive is worked out only for a robot that still has to learn something.
+        let advice = if statuses.iter().any(open) {
+            advise(&grounds.knowledge)
+        } else {
+            Vec::new()
+        };
+        let needs = Parameter::ALL.map(|parameter| {
+            let i = parameter.index();
+            if self.impossible[i] {
+                return Some(CHECK_VEHICLE.to_owned());
+            }
+            if !open(&statuses[i]) {
+                return None;
+            }
+            let sigma_now = grounds.knowledge.covariance[(i, i)].sqrt();
+            let best = best_for(parameter, sigma_now, &advice);
+            Some(best.map_or_else(
+                || MORE_DRIVING.to_owned(),
+                |best| best.manoeuvre.instruction.clone(),
+            ))
+        });
+        self.advised = Some(Advised {
+            at: grounds.now,
+            statuses,
+            needs: needs.clone(),
+        });
+        needs
     }
 
     fn status(
@@ -149,7 +195,7 @@ fn reported_sigma(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vehicle::VehicleModel;
+    use crate::vehicle::{Vehicle, VehicleModel};
 
     #[test]
     fn a_value_beyond_its_limit_is_not_believed_until_it_is_well_inside() {
@@ -161,7 +207,16 @@ mod tests {
             let mut values = Values::zeros();
             values[Parameter::SteeringOffset.index()] = offset_deg.to_radians();
             let prior_sigma = Values::repeat(1.0);
-            let [offset, ..] = trust.judge(&values, &covariance, &prior_sigma, &vehicle, &settings);
+            let [offset, ..] = trust.judge(&Grounds {
+                now: Stamp(1),
+                prior_sigma: &prior_sigma,
+                knowledge: Knowledge {
+                    vehicle: &vehicle,
+                    values: &values,
+                    covariance: &covariance,
+                    settings: &settings,
+                },
+            });
             offset
         };
         assert_eq!(judged(14.9).status, Status::Converged);

@@ -26,7 +26,7 @@ use crate::geometry::Pose2;
 use crate::lidar_odometry::{LidarOdometry, Tracking};
 use crate::merge::{Merged, Merger};
 use crate::stream::{DriveSample, Dropped, Effect, Event, LidarPose, Note, NoteKind, Stamp, Sweep};
-use crate::trust::Trust;
+use crate::trust::{Grounds, Trust};
 
 /// How far back drive samples and LiDAR poses are kept, s.
 const HISTORY_S: f64 = 60.0;
@@ -333,14 +333,16 @@ impl Calibrator {
         covariance: &ParameterCovariance,
     ) -> ParameterEstimates {
         let prior_sigma = Values::from_fn(|i, _| self.prior.covariance[(i, i)].sqrt());
-        let vehicle = &self.config.vehicle;
-        trust.judge(
-            values,
-            covariance,
-            &prior_sigma,
-            vehicle,
-            &self.config.settings,
-        )
+        trust.judge(&Grounds {
+            now: self.session.now,
+            prior_sigma: &prior_sigma,
+            knowledge: Knowledge {
+                vehicle: &self.config.vehicle,
+                values,
+                covariance,
+                settings: &self.config.settings,
+            },
+        })
     }
 
     /// The parameters as a filter of this session saw them.

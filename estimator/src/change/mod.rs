@@ -165,7 +165,9 @@ impl ChangeWatch {
             return self.detected(&accusation, false);
         }
         let waited = self.remembered.len() - 1 - alarm.onset;
-        if waited >= UNEXPLAINED_WINDOWS {
+        // Without a cause it takes twice the evidence: a model that does not quite fit is no change.
+        let beyond_doubt = alarm.margin > thresholds.values()[alarm.hypothesis];
+        if waited >= UNEXPLAINED_WINDOWS && beyond_doubt {
             self.detected(&alarm, true)
         } else {
             None
