@@ -92,6 +92,10 @@ bench: rust ## Benchmarks of the estimator's stages
 false-alarms: rust ## 3,000 simulated robot-hours without a change at the real threshold: under an hour
 	$(CARGO) run --release --locked -p fleetcal-estimator --example false_alarms -- campaign 3000
 
+.PHONY: load
+load: build ## 50 robots at once: prints the CPU time per robot-second
+	FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked -p fleetcal-tests --test load -- --nocapture
+
 .PHONY: doc
 doc: rust ## The crates' documentation
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --locked --workspace --no-deps

@@ -8,7 +8,8 @@ use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::vehicle::SpeedMeasuredAt;
 use fleetcal_estimator::{EstimatorSettings, Pose2, Vehicle, VehicleModel};
 use fleetcal_proto::{KeyRoot, RobotId};
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
 /// Longest wheelbase accepted, m: beyond any vehicle on wheels.
@@ -160,7 +161,11 @@ pub struct RobotConfig {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rear_axle_in_base_link: Option<Mount>,
     /// Settings of this robot's estimator; those of `[estimator]` unless given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "checked_settings_if_any"
+    )]
     pub estimator: Option<EstimatorSettings>,
 }
 
@@ -195,6 +200,24 @@ impl RobotConfig {
             settings: self.estimator.clone().unwrap_or_else(|| defaults.clone()),
         }
     }
+}
+
+/// Settings that an estimator can work with.
+fn checked_settings<'de, D: Deserializer<'de>>(from: D) -> Result<EstimatorSettings, D::Error> {
+    let settings = EstimatorSettings::deserialize(from)?;
+    settings.check().map_err(D::Error::custom)?;
+    Ok(settings)
+}
+
+/// The same, where there need not be any.
+fn checked_settings_if_any<'de, D: Deserializer<'de>>(
+    from: D,
+) -> Result<Option<EstimatorSettings>, D::Error> {
+    let settings = Option::<EstimatorSettings>::deserialize(from)?;
+    if let Some(settings) = &settings {
+        settings.check().map_err(D::Error::custom)?;
+    }
+    Ok(settings)
 }
 
 /// One `[[robot]]` of `fleetcal.toml`.
@@ -242,6 +265,7 @@ pub struct Config {
     /// First chunk of every key.
     pub root: KeyRoot,
     /// Settings of every estimator, unless its robot has its own.
+    #[serde(deserialize_with = "checked_settings")]
     pub estimator: EstimatorSettings,
     /// Robots that are known beforehand.
     #[serde(rename = "robot")]
@@ -357,6 +381,52 @@ mod tests {
         assert_eq!(
             robot.config.nominal.map(|m| m.pose()),
             Some(Pose2::new(0.434, 0.0, 0.0))
+        );
+    }
+
+    #[test]
+    fn the_example_holds_every_key_with_its_default() {
+        let example = include_str!("../../fleetcal.example.toml");
+        assert_eq!(Config::parse(example), Ok(Config::default()));
+        let written: toml::Table = toml::from_str(example).expect("TOML");
+        let settings = toml::Table::try_from(EstimatorSettings::default()).expect("a table");
+        for (key, value) in settings {
+            assert_eq!(
+                written["estimator"].get(&key),
+                Some(&value),
+                "estimator.{key}"
+            );
+        }
+        // What is commented out there is accepted as well.
+        let whole = example
+            .replace("# zenoh_config", "zenoh_config")
+            .replace("# [[robot]]", "[[robot]]")
+            .replace("# [robot.estimator]", "[robot.estimator]");
+        let keys = [
+            "id",
+            "model",
+            "wheelbase_m",
+            "speed_",
+            "nominal",
+            "drive",
+            "rear_axle_in",
+        ];
+        let whole = keys.iter().fold(whole, |text, key| {
+            text.replace(&format!("\n# {key}"), &format!("\n{key}"))
+        });
+        let config = Config::parse(&whole).expect("documented");
+        assert_eq!(config.robots.len(), 1);
+    }
+
+    #[test]
+    fn settings_that_contradict_each_other_are_refused() {
+        let both = "[estimator]\npose_sigma_m = -1.0";
+        assert!(refusal(both).contains("pose_sigma_m"), "{}", refusal(both));
+        let robot = WHOLE.to_owned() + "[robot.estimator]\nanchor_distance_m = 0.0";
+        assert!(
+            refusal(&robot).contains("anchor_distance_m"),
+            "{}",
+            refusal(&robot)
         );
     }
 

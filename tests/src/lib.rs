@@ -1,1 +1,14 @@
 //! End-to-end tests: real processes, real Zenoh, real browser.
+//!
+//! Here is what they share: the built binary, a running service, and recordings.
+
+#![expect(
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test that cannot go on fails"
+)]
+
+pub mod binary;
+pub mod http;
+pub mod recording;
+pub mod service;

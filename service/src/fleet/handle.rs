@@ -140,7 +140,7 @@ impl Fleet {
             return Some(robot);
         }
         let mut robots = self.robots.write().unwrap_or_else(PoisonError::into_inner);
-        let unregistered = || robots.values().filter(|robot| robot.config().is_none());
+        let unregistered = || robots.values().filter(|robot| !robot.is_configured());
         if unregistered().count() >= limits::UNREGISTERED_ROBOTS_MAX {
             let quiet = |robot: &&Arc<Robot>| robot.quiet_for(&*self.clock);
             let longest = unregistered().max_by_key(quiet)?;
@@ -245,9 +245,9 @@ impl FleetHandle {
                 .unwrap_or_else(PoisonError::into_inner);
             let configured = robots
                 .values()
-                .filter(|robot| robot.config().is_some())
+                .filter(|robot| robot.is_configured())
                 .count();
-            let known = robots.get(id).is_some_and(|robot| robot.config().is_some());
+            let known = robots.get(id).is_some_and(|robot| robot.is_configured());
             if !known && configured >= limits::ROBOTS_MAX {
                 return Err(FleetRefused::RobotsMax);
             }
@@ -352,7 +352,7 @@ impl FleetHandle {
             let name = stream.name();
             let reason = format!("{name}: payload is {bytes} bytes, accepted are {limit} at most");
             robot.mailbox.refuse(stream, &reason);
-        } else if robot.config().is_none() {
+        } else if !robot.is_configured() {
             robot.mailbox.ignore(stream);
         } else {
             robot.mailbox.push(Message {

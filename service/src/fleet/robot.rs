@@ -201,9 +201,14 @@ impl Robot {
         lock(&self.status).state
     }
 
-    /// Its configuration.
-    pub fn config(&self) -> Option<RobotConfig> {
-        lock(&self.status).config.clone()
+    /// Whether it has a configuration.
+    pub fn is_configured(&self) -> bool {
+        lock(&self.status).config.is_some()
+    }
+
+    /// The number that goes up with every change of the configuration.
+    pub fn config_version(&self) -> u64 {
+        lock(&self.status).config_version
     }
 
     /// Its configuration, and a number that goes up with every change of it.

@@ -134,10 +134,10 @@ impl RobotTask {
 
     /// Begins anew when the robot was configured otherwise.
     fn follow_config(&mut self) {
-        let Some((version, config)) = self.robot.versioned_config() else {
+        if self.robot.config_version() == self.version {
             return;
-        };
-        if version != self.version {
+        }
+        if let Some((version, config)) = self.robot.versioned_config() {
             let (fleet, robot) = (Arc::clone(&self.fleet), Arc::clone(&self.robot));
             *self = Self::start(fleet, robot, version, &config, None);
         }

@@ -1,0 +1,30 @@
+//! Recordings: those that the environment names, and simulated ones.
+
+use std::env;
+use std::path::{Path, PathBuf};
+
+use fleetcal_robot::fleet::{RecordedTruth, record, simulated_robots};
+
+/// A recording of the folder that `FLEETCAL_DATA` names. Says so when it is not set.
+///
+/// # Panics
+/// When the folder is named and the recording is not in it.
+pub fn named(file: &str) -> Option<PathBuf> {
+    let Some(folder) = env::var_os("FLEETCAL_DATA").filter(|folder| !folder.is_empty()) else {
+        eprintln!("skipped: FLEETCAL_DATA is not set, and the test needs {file} of it");
+        return None;
+    };
+    let path = Path::new(&folder).join(file);
+    assert!(path.is_file(), "{} is not there", path.display());
+    Some(path)
+}
+
+/// Records `duration_s` of a simulated robot, always the same, as `path`.
+///
+/// # Panics
+/// When it cannot be written.
+pub fn simulated(path: &Path, duration_s: f64) -> RecordedTruth {
+    let robots = simulated_robots(1, 7).expect("one robot");
+    let robot = robots.first().expect("one robot");
+    record(robot, duration_s, path).expect("a recording")
+}

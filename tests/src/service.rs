@@ -1,0 +1,264 @@
+//! A running service: the built binary on free loopback ports and a folder of its own.
+
+use std::fs;
+use std::io::Read;
+use std::net::{SocketAddr, TcpListener};
+use std::path::PathBuf;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+use crate::{binary, http};
+
+/// Longest wait for anything that a service should do.
+const WAIT_MAX: Duration = Duration::from_secs(30);
+/// Pause between two looks.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
+
+/// A service, which is killed when it goes out of scope.
+#[derive(Debug)]
+pub struct Service {
+    child: Child,
+    folder: TempDir,
+    http: SocketAddr,
+    zenoh: SocketAddr,
+}
+
+fn free_port() -> SocketAddr {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
+    listener.local_addr().expect("its address")
+}
+
+/// Time now: a test waits for another process.
+#[expect(
+    clippy::disallowed_methods,
+    reason = "waiting for another process takes real time"
+)]
+pub fn now() -> Instant {
+    Instant::now()
+}
+
+/// Waits until `look` gives something.
+///
+/// # Panics
+/// When it never does.
+pub fn wait_for<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
+    let began = now();
+    loop {
+        if let Some(found) = look() {
+            return found;
+        }
+        assert!(
+            began.elapsed() < WAIT_MAX,
+            "{what} did not come within {WAIT_MAX:?}"
+        );
+        std::thread::sleep(LOOK_EVERY);
+    }
+}
+
+impl Service {
+    /// Starts a service that knows `robots`, each a bicycle of 1.2 m unless `config` says more.
+    ///
+    /// # Panics
+    /// When it does not become ready.
+    pub fn start(robots: &[&str]) -> Self {
+        let entry = |robot: &&str| {
+            format!("[[robot]]\nid = \"{robot}\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n\n")
+        };
+        Self::start_with(&robots.iter().map(entry).collect::<String>())
+    }
+
+    /// Starts a service with a configuration file.
+    ///
+    /// # Panics
+    /// When it does not become ready.
+    pub fn start_with(config: &str) -> Self {
+        let folder = TempDir::new().expect("a folder");
+        fs::write(folder.path().join("fleetcal.toml"), config).expect("a configuration");
+        let (http, zenoh) = (free_port(), free_port());
+        let child = spawn(&folder, http, zenoh);
+        let service = Self {
+            child,
+            folder,
+            http,
+            zenoh,
+        };
+        service.wait_until_ready();
+        service
+    }
+
+    /// Starts the service anew on the same folder and ports.
+    ///
+    /// # Panics
+    /// When it still runs or does not become ready.
+    pub fn restart(&mut self) {
+        assert!(
+            self.child.try_wait().expect("a status").is_some(),
+            "the service still runs"
+        );
+        self.child = spawn(&self.folder, self.http, self.zenoh);
+        self.wait_until_ready();
+    }
+
+    fn wait_until_ready(&self) {
+        wait_for("readiness", || {
+            http::get(self.http, "/readyz").filter(|answer| answer.status == 200)
+        });
+    }
+
+    /// Where robots connect.
+    pub fn endpoint(&self) -> String {
+        format!("tcp/{}", self.zenoh)
+    }
+
+    /// The folder of its data.
+    pub fn data(&self) -> PathBuf {
+        self.folder.path().join("data")
+    }
+
+    /// Its process.
+    pub fn pid(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// The answer of `GET path`.
+    ///
+    /// # Panics
+    /// When there is none.
+    pub fn get(&self, path: &str) -> Value {
+        let answer = http::get(self.http, path).expect("an answer");
+        assert_eq!(answer.status, 200, "{path}: {}", answer.body);
+        serde_json::from_str(&answer.body).expect("JSON")
+    }
+
+    /// The answer of `GET path`, when it is a good one.
+    pub fn try_get(&self, path: &str) -> Option<Value> {
+        let answer = http::get(self.http, path).filter(|answer| answer.status == 200)?;
+        serde_json::from_str(&answer.body).ok()
+    }
+
+    /// One robot.
+    pub fn robot(&self, id: &str) -> Value {
+        self.get(&format!("/api/v1/robots/{id}"))
+    }
+
+    /// A robot's estimate once its session has ended and everything was worked through: it has
+    /// used as many drive samples as were sent.
+    pub fn estimate_of(&self, id: &str, drive_samples: u64) -> Value {
+        wait_for("the end of the session", || {
+            let estimate = self.try_get(&format!("/api/v1/robots/{id}/estimate"))?;
+            (estimate["counts"]["drive_samples"] == drive_samples).then_some(estimate)
+        })
+    }
+
+    /// Checks that every message of a robot is accounted for and that none waits; gives the
+    /// counters.
+    ///
+    /// # Panics
+    /// When one is missing.
+    pub fn accounts_of(&self, id: &str) -> Value {
+        let counters = wait_for("an empty mailbox", || {
+            Some(self.robot(id)["counters"].clone()).filter(|counters| counters["waiting"] == 0)
+        });
+        let count = |name: &str| counters[name].as_u64().expect("a count");
+        let kept = count("processed") + count("refused") + count("ignored");
+        let shed = count("shed_drive") + count("shed_scans") + count("shed_notes");
+        assert_eq!(count("received"), kept + shed, "{counters}");
+        counters
+    }
+
+    /// CPU time that it has used, s.
+    ///
+    /// # Panics
+    /// When the system does not tell.
+    pub fn cpu_s(&self) -> f64 {
+        // Fields 14 and 15 of proc(5) stat, in ticks of 10 ms; the second field may hold spaces.
+        let stat = fs::read_to_string(format!("/proc/{}/stat", self.pid())).expect("proc");
+        let (_, fields) = stat.rsplit_once(')').expect("a stat line");
+        let ticks = |at: usize| -> f64 {
+            let field = fields.split_whitespace().nth(at).expect("a field");
+            field.parse().expect("a number")
+        };
+        (ticks(11) + ticks(12)) / 100.0
+    }
+
+    /// Memory that it holds, bytes.
+    ///
+    /// # Panics
+    /// When the system does not tell.
+    pub fn memory_bytes(&self) -> u64 {
+        let status = fs::read_to_string(format!("/proc/{}/status", self.pid())).expect("proc");
+        let line = status
+            .lines()
+            .find(|line| line.starts_with("VmRSS:"))
+            .expect("VmRSS");
+        let kib: u64 = line
+            .split_whitespace()
+            .nth(1)
+            .expect("a field")
+            .parse()
+            .expect("a number");
+        kib * 1024
+    }
+
+    /// Ends it without warning.
+    ///
+    /// # Panics
+    /// When that fails.
+    pub fn kill(&mut self) {
+        self.child.kill().expect("SIGKILL");
+        self.child.wait().expect("its end");
+    }
+
+    /// Asks it to stop; gives its exit status and how long it took.
+    ///
+    /// # Panics
+    /// When it does not end.
+    pub fn terminate(&mut self) -> (ExitStatus, Duration) {
+        let began = now();
+        let asked = Command::new("kill")
+            .arg(self.pid().to_string())
+            .status()
+            .expect("kill");
+        assert!(asked.success());
+        let status = wait_for("its end", || self.child.try_wait().expect("a status"));
+        (status, began.elapsed())
+    }
+}
+
+impl Drop for Service {
+    fn drop(&mut self) {
+        if self.child.kill().is_err() || self.child.wait().is_err() {
+            eprintln!("the service {} was not ended", self.child.id());
+        }
+        // Of a failing test, what the service had to say.
+        let mut said = String::new();
+        if let Some(stderr) = self.child.stderr.as_mut()
+            && stderr.read_to_string(&mut said).is_ok()
+        {
+            eprintln!("{said}");
+        }
+    }
+}
+
+fn spawn(folder: &TempDir, http: SocketAddr, zenoh: SocketAddr) -> Child {
+    Command::new(binary::path())
+        .arg("serve")
+        .arg("--config")
+        .arg(folder.path().join("fleetcal.toml"))
+        .arg("--data")
+        .arg(folder.path().join("data"))
+        .args([
+            "--http",
+            &http.to_string(),
+            "--listen",
+            &format!("tcp/{zenoh}"),
+        ])
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the service starts")
+}
