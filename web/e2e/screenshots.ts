@@ -5,7 +5,7 @@ import { expect, test } from './fixtures';
 const DOCS = '../docs';
 
 test('fleet and robot', async ({ page }) => {
-  await page.setViewportSize({ width: 1360, height: 640 });
+  await page.setViewportSize({ width: 1360, height: 580 });
   await page.goto('/');
   await expect(page.getByRole('rowheader')).toHaveCount(6);
   const calibrated = page.getByRole('row').filter({ hasText: 'Calibrated' });
@@ -15,8 +15,8 @@ test('fleet and robot', async ({ page }) => {
   await page.setViewportSize({ width: 1360, height: 1020 });
   const slider = page.getByRole('slider').first();
   await expect
-    .poll(async () => Number(await slider.getAttribute('aria-valuemax')), { timeout: 60_000 })
-    .toBeGreaterThan(30);
+    .poll(async () => Number(await slider.getAttribute('aria-valuemax')), { timeout: 180_000 })
+    .toBeGreaterThan(120);
   await page.mouse.move(0, 0);
   await page.screenshot({ path: `${DOCS}/robot.png` });
 });
