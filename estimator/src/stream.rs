@@ -50,7 +50,11 @@ pub struct FieldRefused {
 }
 
 impl FieldRefused {
-    fn new(field: &'static str, value: impl std::fmt::Display, accepted: &'static str) -> Self {
+    pub(crate) fn new(
+        field: &'static str,
+        value: impl std::fmt::Display,
+        accepted: &'static str,
+    ) -> Self {
         Self {
             field,
             value: value.to_string(),

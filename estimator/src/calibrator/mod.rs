@@ -87,6 +87,13 @@ impl Calibrator {
         }
     }
 
+    /// The same with another LiDAR odometry: one that localises in a known map.
+    #[must_use]
+    pub fn with_lidar_odometry(mut self, lidar_odometry: LidarOdometry) -> Self {
+        self.lidar_odometry = lidar_odometry;
+        self
+    }
+
     /// The configuration it was made with.
     pub fn config(&self) -> &CalibratorConfig {
         &self.config

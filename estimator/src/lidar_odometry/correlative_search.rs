@@ -13,6 +13,11 @@ use crate::geometry::Pose2;
 const POINTS_SCORED: usize = 128;
 /// Candidates of the coarse grid that are looked at closely.
 const CANDIDATES: usize = 24;
+/// In a window that reaches farther, m, poses at which a quarter of the points fit badly are passed
+/// over.
+const WIDE_M: f64 = 4.0;
+/// Candidates that are held before the best are picked out.
+const CANDIDATES_HELD_MAX: usize = 1 << 16;
 /// Candidates that are returned.
 const BEST: usize = 4;
 /// Step of the coarse grid, in cells of the map, and the reach of its widened map.
@@ -48,7 +53,7 @@ impl Picture {
             low,
             rows: vec![[0; WORDS]; EDGE as usize],
         };
-        submap.for_each_occupied(|cell| {
+        submap.for_each_occupied(centre, EDGE / 2, |cell| {
             let (x, y) = (cell.x - low.x, cell.y - low.y);
             if let Some(row) = usize::try_from(y)
                 .ok()
@@ -153,14 +158,15 @@ impl Overlay {
         let origin = LocalOrigin::near(guess.x_m, guess.y_m);
         let (ox, oy) = origin.position_m();
         let stride = points.len().div_ceil(POINTS_SCORED).max(1);
+        // Every fourth point first: any first part is spread over the sweep.
+        let points = (0..4).flat_map(|phase| {
+            let part = points.iter().skip(phase * stride).step_by(4 * stride);
+            part.map(|point| deskew.deskew(point.x, point.y, point.tau_s))
+        });
         Self {
             origin,
             position: ((guess.x_m - ox) as f32, (guess.y_m - oy) as f32),
-            points: points
-                .iter()
-                .step_by(stride)
-                .map(|point| deskew.deskew(point.x, point.y, point.tau_s))
-                .collect(),
+            points: points.collect(),
             cells: Vec::with_capacity(POINTS_SCORED + 1),
         }
     }
@@ -199,6 +205,7 @@ pub fn search(
     let mut candidates = Vec::new();
     let yaw_steps = (window.yaw_rad / COARSE_YAW_RAD).ceil() as i32;
     let reach = (window.reach_m / CELL_M / f64::from(COARSE_CELLS)).ceil() as i32;
+    let is_wide = window.reach_m > WIDE_M;
     for yaw_step in -yaw_steps..=yaw_steps {
         let cells = overlay.cells_at(guess.yaw_rad + f64::from(yaw_step) * COARSE_YAW_RAD);
         for y in -reach..=reach {
@@ -207,6 +214,10 @@ pub fn search(
                     x: x * COARSE_CELLS,
                     y: y * COARSE_CELLS,
                 };
+                let first = cells.get(..cells.len() / 4).unwrap_or_default();
+                if is_wide && coarse.score(first, shift) * 2 < first.len() as u32 {
+                    continue;
+                }
                 candidates.push(Candidate {
                     score: coarse.score(cells, shift),
                     yaw_step,
@@ -214,9 +225,11 @@ pub fn search(
                 });
             }
         }
+        if candidates.len() > CANDIDATES_HELD_MAX {
+            keep_best(&mut candidates);
+        }
     }
-    candidates.sort_unstable_by_key(Candidate::rank);
-    candidates.truncate(CANDIDATES);
+    keep_best(&mut candidates);
 
     // 2. The best of them closely, on the map as it is.
     let mut close: Vec<_> = candidates
@@ -233,6 +246,11 @@ pub fn search(
             Pose2::new(guess.x_m + x_m, guess.y_m + y_m, yaw_rad)
         })
         .collect()
+}
+
+fn keep_best(candidates: &mut Vec<Candidate>) {
+    candidates.sort_unstable_by_key(Candidate::rank);
+    candidates.truncate(CANDIDATES);
 }
 
 /// The best pose around a candidate of the coarse grid: score, yaw and shift.

@@ -1,9 +1,11 @@
 //! What is known of the surroundings, and when a sweep adds to it.
 
+use std::sync::Arc;
+
 use super::beam_filter::SweepPoints;
 use super::motion::Motion;
 use super::point_to_line::LocalMotion;
-use super::submap::{Cell, FreeSpace, LocalOrigin, RAY_STRIDE, Submap};
+use super::submap::{Cell, FreeSpace, KnownMap, LocalOrigin, RAY_STRIDE, Submap};
 use crate::geometry::Pose2;
 use crate::stream::Stamp;
 
@@ -35,12 +37,20 @@ pub struct LocalMap {
 }
 
 impl LocalMap {
-    /// Bytes held.
+    /// A map in which nothing was seen yet but what is known.
+    pub fn knowing(known: Arc<KnownMap>) -> Self {
+        Self {
+            submap: Submap::knowing(known),
+            ..Self::default()
+        }
+    }
+
+    /// Bytes held, without the known map.
     pub fn memory_bytes(&self) -> usize {
         self.submap.memory_bytes() + self.free_space.memory_bytes()
     }
 
-    /// Forgets everything.
+    /// Forgets all that was seen; what is known stays.
     pub fn clear(&mut self) {
         self.submap.clear();
         self.free_space.clear();
@@ -71,7 +81,7 @@ impl LocalMap {
         let from = local.position();
         let (centre, _, _) = origin.locate(from.0, from.1);
         self.submap.begin_update(centre, range_noise_m);
-        self.free_space.begin_update(centre);
+        self.free_space.begin_update(centre, self.submap.known());
         // Other beams mark free space each time.
         let phase = self.submap.updates() as usize * (RAY_STRIDE / 2 + 1);
         let mut previous = None;

@@ -1,7 +1,7 @@
 //! Planar LiDAR odometry: the LiDAR's pose in its own odometry frame, sweep by sweep.
 //!
-//! The odometry frame is the LiDAR's frame at the first sweep. Nothing here knows of wheels,
-//! steering or where the LiDAR sits on the vehicle.
+//! The odometry frame is the LiDAR's frame at the first sweep, or the frame of a known map. Nothing
+//! here knows of wheels, steering or where the LiDAR sits on the vehicle.
 
 mod beam_filter;
 mod correlative_search;
@@ -12,16 +12,19 @@ mod point_to_line;
 mod submap;
 mod tracking;
 
+use std::sync::Arc;
+
 use nalgebra::Matrix3;
 
 use crate::geometry::Pose2;
-use crate::stream::{Stamp, Sweep};
+use crate::occupancy_grid::{ORIGIN_MAX_M, OccupancyGrid};
+use crate::stream::{FieldRefused, Stamp, Sweep};
 use beam_filter::{BeamFilter, SweepPoints};
 use covariance::OpenDirection;
 use local_map::LocalMap;
 use motion::Motion;
 use point_to_line::{Alignment, LocalMotion};
-use submap::LocalOrigin;
+use submap::{KnownMap, LocalOrigin};
 use tracking::{Fit, Track};
 
 pub use tracking::Tracking;
@@ -68,7 +71,8 @@ pub struct LidarOdometry {
     points: SweepPoints,
     map: LocalMap,
     motion: Option<Motion>,
-    last_stamp: Stamp,
+    /// Of the last sweep, once there was one.
+    last_stamp: Option<Stamp>,
     last_ranges: Vec<f32>,
     /// The sweep that began the map, until its distortion is known.
     first_sweep: Option<(SweepPoints, Stamp, Pose2)>,
@@ -93,7 +97,7 @@ impl Default for LidarOdometry {
             points: SweepPoints::default(),
             map: LocalMap::default(),
             motion: None,
-            last_stamp: Stamp::default(),
+            last_stamp: None,
             last_ranges: Vec::new(),
             first_sweep: None,
             range_noise_m: RANGE_NOISE_AT_START_M,
@@ -103,6 +107,29 @@ impl Default for LidarOdometry {
 }
 
 impl LidarOdometry {
+    /// Odometry in a map that was made before, from a start known to half a metre and 15 degrees;
+    /// farther off it says that it is lost, and looks around for the place. Poses are the LiDAR's
+    /// in the map. What the LiDAR sees beside the map it keeps as it does without one; the map
+    /// itself never changes. A grid says where a wall is to within half a cell, so motions over a
+    /// few metres are known better without it.
+    ///
+    /// # Errors
+    /// Names the start when it is no pose.
+    pub fn with_map(grid: &OccupancyGrid, lidar_in_map: Pose2) -> Result<Self, FieldRefused> {
+        let Pose2 { x_m, y_m, yaw_rad } = lidar_in_map;
+        if !lidar_in_map.is_finite() || x_m.abs() > ORIGIN_MAX_M || y_m.abs() > ORIGIN_MAX_M {
+            let accepted = "a finite pose within 1000 km";
+            let value = format!("[{x_m}, {y_m}, {yaw_rad}]");
+            return Err(FieldRefused::new("start", value, accepted));
+        }
+        Ok(Self {
+            map: LocalMap::knowing(Arc::new(KnownMap::new(grid))),
+            motion: Some(Motion::searched(lidar_in_map)),
+            track: Track::in_known_map(),
+            ..Self::default()
+        })
+    }
+
     /// Takes one sweep and says where the LiDAR is; `None` when the sweep has too few returns, is
     /// not later than the last one, or repeats it.
     pub fn process(&mut self, sweep: &Sweep) -> Option<OdometryPose> {
@@ -117,17 +144,17 @@ impl LidarOdometry {
         };
 
         // 2. Where the LiDAR should be by its own motion.
-        let dt = stamp.seconds_since(self.last_stamp);
-        if dt <= 0.0 || self.repeats(sweep, &last, dt) {
+        let dt = self.last_stamp.map(|before| stamp.seconds_since(before));
+        if dt.is_some_and(|dt| dt <= 0.0 || self.repeats(sweep, &last, dt)) {
             return None;
         }
-        self.last_stamp = stamp;
-        let predicted = last.predicted(dt);
+        self.last_stamp = Some(stamp);
+        let predicted = dt.map_or_else(|| last.clone(), |dt| last.predicted(dt));
 
         // 3. Alignment from there; where it does not fit, from the best poses of a coarse search.
         let mut solution = self.align(&predicted)?;
         if self.track.doubts(&solution.fit) || Track::is_vague(&predicted) {
-            self.search(&mut solution, &predicted, dt);
+            self.search(&mut solution, &predicted, dt.unwrap_or_default());
         }
 
         // 4. Is it to be believed?
@@ -140,7 +167,9 @@ impl LidarOdometry {
         if let Some((first, first_stamp, first_pose)) = self.first_sweep.take() {
             self.redo_first(&first, first_stamp, first_pose, &mut solution);
         }
-        self.learn_noise(solution.chi2);
+        if self.map.submap.known().is_none() {
+            self.learn_noise(solution.chi2);
+        }
         if self.map.is_due(&solution.motion.pose, stamp) {
             self.map
                 .update(&self.points, &solution.motion, stamp, self.range_noise_m);
@@ -163,7 +192,7 @@ impl LidarOdometry {
         })
     }
 
-    /// Bytes held for this robot.
+    /// Bytes held for this robot, without a known map, which clones share.
     pub fn memory_bytes(&self) -> usize {
         self.map.memory_bytes()
             + self.points.memory_bytes()
@@ -187,7 +216,7 @@ impl LidarOdometry {
         self.map
             .update(&self.points, &motion, stamp, self.range_noise_m);
         self.first_sweep = Some((self.points.clone(), stamp, pose));
-        self.last_stamp = stamp;
+        self.last_stamp = Some(stamp);
         self.track = Track::default();
         self.motion = Some(motion.clone());
         OdometryPose {
@@ -285,7 +314,11 @@ impl LidarOdometry {
         stamp: Stamp,
     ) -> OdometryPose {
         let tracking = self.track.lost();
-        if self.track.gives_up() {
+        if self.track.gives_up() && self.map.submap.known().is_some() {
+            // What was seen may have misled it; the known map has not changed.
+            self.map.clear();
+            self.track.forget();
+        } else if self.track.gives_up() {
             return self.begin_map(predicted.pose, stamp, Tracking::Recovered);
         }
         let window = self.track.window(0.0);

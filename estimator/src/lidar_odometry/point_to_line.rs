@@ -281,26 +281,34 @@ impl Alignment<'_> {
         f64::from(sum)
     }
 
-    /// Sorts every `stride`-th point: on the map, where space was seen free, or neither.
+    /// Sorts every `stride`-th point: on the map, where space was seen free, or neither; and where a
+    /// map was known before, whether it agrees.
     pub fn assess(&self, motion: &LocalMotion, free_space: &FreeSpace, stride: usize) -> Fit {
         let mut fit = Fit::default();
         for point in self.points.iter().step_by(stride) {
             fit.points += 1.0;
-            if let Some(Residual {
-                distance, variance, ..
-            }) = self.residual(motion, &point)
-            {
-                let normalised2 = distance * distance / variance;
-                fit.score += 1.0 / (1.0 + normalised2 * (1.0 / (ROBUST_SIGMAS * ROBUST_SIGMAS)));
-                if normalised2 < ON_MAP_SIGMAS * ON_MAP_SIGMAS {
-                    fit.on_map += 1.0;
-                    continue;
-                }
-            }
-            let (qx, qy) = motion.deskew(point.x, point.y, point.tau_s);
-            let (wx, wy) = motion.transform(qx, qy);
-            if free_space.was_free(motion.origin.locate(wx, wy).0) {
+            let cell = || {
+                let (qx, qy) = motion.deskew(point.x, point.y, point.tau_s);
+                let (wx, wy) = motion.transform(qx, qy);
+                motion.origin.locate(wx, wy).0
+            };
+            let normalised2 = self
+                .residual(motion, &point)
+                .map_or(f32::INFINITY, |r| r.distance * r.distance / r.variance);
+            let is_on_map = normalised2 < ON_MAP_SIGMAS * ON_MAP_SIGMAS;
+            fit.score += 1.0 / (1.0 + normalised2 * (1.0 / (ROBUST_SIGMAS * ROBUST_SIGMAS)));
+            if is_on_map {
+                fit.on_map += 1.0;
+            } else if free_space.was_free(cell()) {
                 fit.moving += 1.0;
+            }
+            if let Some(known) = self.submap.known() {
+                let cell = cell();
+                if known.line(cell).exists() && is_on_map {
+                    fit.agrees += 1.0;
+                } else if known.is_free(cell) || known.line(cell).exists() {
+                    fit.disagrees += 1.0;
+                }
             }
         }
         fit

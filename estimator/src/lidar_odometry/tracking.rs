@@ -39,12 +39,22 @@ const CLOSENESS_RECOVERED_MIN: f32 = 0.75;
 const CLOSENESS_GAIN: f32 = 0.1;
 /// Share of all points that has to be on the map, moving or not.
 const ON_MAP_MIN: f32 = 0.12;
+/// A map known before is asked when it says something of this share of the points.
+const KNOWN_MIN: f32 = 0.2;
+/// In it a pose is found when it agrees with this share of them: people stand before walls.
+const AGREEMENT_FOUND: f32 = 0.45;
+/// What a point where nothing is known counts then.
+const SILENT_WEIGHT: f32 = 0.3;
+/// Below this share the robot and its map have parted.
+const AGREEMENT_MIN: f32 = 0.25;
 /// Largest speed of a robot that the search allows for, m/s.
 const SPEED_MAX_MPS: f64 = 3.0;
 /// Largest angular speed that the search allows for, rad/s.
 const ANGULAR_SPEED_MAX_RADPS: f64 = 2.5;
-/// After so many sweeps without a fit the map is begun anew.
+/// After so many sweeps without a fit the map is begun anew; one known before is searched widely.
 pub const LOST_SWEEPS_MAX: u32 = 15;
+/// How far, m.
+const WIDE_REACH_M: f64 = 8.0;
 
 /// How the points of a sweep fit the map at one pose.
 #[derive(Debug, Clone, Copy, Default)]
@@ -57,6 +67,10 @@ pub struct Fit {
     pub moving: f32,
     /// Sum over the points of their closeness to the map, 1 for a point on its line.
     pub score: f32,
+    /// Points on the surfaces of a map known before.
+    pub agrees: f32,
+    /// Points where that map has nothing, or a surface elsewhere.
+    pub disagrees: f32,
 }
 
 impl Fit {
@@ -82,6 +96,20 @@ impl Fit {
         self.score / self.points.max(1.0)
     }
 
+    /// Share of the points that lie where a map known before says; `None` where it says nothing.
+    fn agreement(&self) -> Option<f32> {
+        let said = self.agrees + self.disagrees;
+        (said > KNOWN_MIN * self.points).then(|| self.agrees / said)
+    }
+
+    /// Whether it fits a known map so well that this is the place. Points where nothing is known
+    /// count a little against it, or a view away from the map would fit anywhere.
+    fn places(&self) -> bool {
+        let said = self.agrees + self.disagrees;
+        let silent = self.points - said;
+        self.agrees >= AGREEMENT_FOUND * (said + SILENT_WEIGHT * silent)
+    }
+
     /// Whether the still points lie on the map as they should.
     pub fn is_good(&self) -> bool {
         self.explained() >= EXPLAINED_GOOD
@@ -100,6 +128,15 @@ pub struct Track {
     lost_sweeps: u32,
     /// Mean closeness of the fits of late.
     closeness: f32,
+    /// Whether the map was known before, and whether a pose in it was found yet.
+    known_map: Option<Placed>,
+}
+
+/// Whether a pose in a known map was found yet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Placed {
+    No,
+    Yes,
 }
 
 impl Track {
@@ -114,20 +151,44 @@ impl Track {
         !fit.is_good() || fit.closeness() < CLOSENESS_DROP * self.closeness
     }
 
+    /// Before the first pose in a map that was known before.
+    pub fn in_known_map() -> Self {
+        Self {
+            known_map: Some(Placed::No),
+            ..Self::default()
+        }
+    }
+
     /// Whether the sweep lies on the map: it explains enough, and not suddenly much less than of
-    /// late, as after a kidnap. To be found again takes more.
+    /// late, as after a kidnap. To be found again takes more; a place in a known map is found by
+    /// what that map says.
     pub fn accepts(self, fit: &Fit) -> bool {
-        let (explained_min, closeness_part) = if self.is_lost() {
-            (EXPLAINED_RECOVERED_MIN, CLOSENESS_RECOVERED_MIN)
+        if self.known_map == Some(Placed::No) {
+            return fit.places();
+        }
+        let (explained_min, closeness_part, agreement_min) = if self.is_lost() {
+            (
+                EXPLAINED_RECOVERED_MIN,
+                CLOSENESS_RECOVERED_MIN,
+                AGREEMENT_FOUND,
+            )
         } else {
-            (EXPLAINED_MIN, CLOSENESS_MIN)
+            (EXPLAINED_MIN, CLOSENESS_MIN, AGREEMENT_MIN)
         };
-        fit.explained() >= explained_min && fit.closeness() >= closeness_part * self.closeness
+        fit.explained() >= explained_min
+            && fit.closeness() >= closeness_part * self.closeness
+            && fit.agreement().is_none_or(|share| share >= agreement_min)
     }
 
     /// Whether the last sweep had no fit.
     pub fn is_lost(self) -> bool {
         self.lost_sweeps > 0
+    }
+
+    /// What was seen is given up: only what was known before counts.
+    pub fn forget(&mut self) {
+        self.known_map = self.known_map.map(|_| Placed::No);
+        self.closeness = 0.0;
     }
 
     /// Whether the loss has lasted so long that the map is given up.
@@ -136,7 +197,7 @@ impl Track {
     }
 
     /// How far to search, `dt` seconds after the last sweep: as far as the LiDAR can have come,
-    /// and after a loss farther and farther.
+    /// and after a loss farther and farther. A known map is searched widely now and then.
     pub fn window(self, dt: f64) -> Window {
         match self.lost_sweeps {
             0 => Window {
@@ -146,6 +207,10 @@ impl Track {
             1 | 2 => Window {
                 reach_m: 1.6,
                 yaw_rad: 1.05,
+            },
+            n if self.known_map.is_some() && n.is_multiple_of(LOST_SWEEPS_MAX) => Window {
+                reach_m: WIDE_REACH_M,
+                yaw_rad: std::f64::consts::PI,
             },
             _ => Window {
                 reach_m: 3.2,
@@ -158,6 +223,7 @@ impl Track {
     pub fn found(&mut self, fit: &Fit, is_open: bool) -> Tracking {
         let was_lost = self.is_lost();
         self.lost_sweeps = 0;
+        self.known_map = self.known_map.map(|_| Placed::Yes);
         self.closeness += CLOSENESS_GAIN * (fit.closeness() - self.closeness);
         if was_lost {
             Tracking::Recovered

@@ -1,6 +1,8 @@
 //! Where space was seen free: what appears there later moves (a person, another robot).
 
-use super::{CELL_M, Cell, LocalOrigin, Submap};
+use std::ops::Range;
+
+use super::{CELL_M, Cell, KnownMap, LocalOrigin, Submap};
 
 /// Edge of a cell of the grid, in cells of the map.
 const SCALE_SHIFT: i32 = 1;
@@ -23,6 +25,8 @@ const EVIDENCE_MIN: i8 = -40;
 const FREE: i8 = -5;
 /// What the map holds in a cell that comes down to this is forgotten.
 const FORGET: i8 = -8;
+/// Evidence of a cell that a known map calls free: what stands there takes a while to be a surface.
+const KNOWN_FREE: i8 = -15;
 
 /// Evidence for and against a surface, on a grid that rolls along with the LiDAR.
 #[derive(Debug, Clone)]
@@ -73,8 +77,9 @@ impl FreeSpace {
             .is_some_and(|&e| e <= FREE)
     }
 
-    /// Begins an update: moves the grid so that `centre` lies in its middle part.
-    pub fn begin_update(&mut self, centre: Cell) {
+    /// Begins an update: moves the grid so that `centre` lies in its middle part. What comes in is
+    /// as free as the known map says.
+    pub fn begin_update(&mut self, centre: Cell, known: Option<&KnownMap>) {
         self.update = self.update.wrapping_add(1);
         let wanted = Cell {
             x: (centre.x >> SCALE_SHIFT) - GRID / 2,
@@ -82,6 +87,9 @@ impl FreeSpace {
         };
         let Some(low) = self.low else {
             self.low = Some(wanted);
+            if known.is_some() {
+                self.enter(wanted.x..wanted.x + GRID, wanted.y..wanted.y + GRID, known);
+            }
             return;
         };
         let (dx, dy) = (wanted.x - low.x, wanted.y - low.y);
@@ -89,8 +97,10 @@ impl FreeSpace {
             return;
         }
         self.low = Some(wanted);
+        let all_x = wanted.x..wanted.x + GRID;
+        let all_y = wanted.y..wanted.y + GRID;
         if dx.abs().max(dy.abs()) >= GRID {
-            self.evidence.fill(0);
+            self.enter(all_x, all_y, known);
             return;
         }
         let entering = |d: i32, old: i32, new: i32| {
@@ -100,24 +110,20 @@ impl FreeSpace {
                 new..old
             }
         };
-        for x in entering(dx, low.x, wanted.x) {
-            for y in 0..GRID {
-                self.reset(x, y);
-            }
-        }
-        for y in entering(dy, low.y, wanted.y) {
-            for x in 0..GRID {
-                self.reset(x, y);
-            }
-        }
+        self.enter(entering(dx, low.x, wanted.x), all_y, known);
+        self.enter(all_x, entering(dy, low.y, wanted.y), known);
     }
 
-    fn reset(&mut self, x: i32, y: i32) {
-        if let Some(e) = self
-            .evidence
-            .get_mut(((y & (GRID - 1)) * GRID + (x & (GRID - 1))) as usize)
-        {
-            *e = 0;
+    /// Cells come into the grid.
+    fn enter(&mut self, columns: Range<i32>, rows: Range<i32>, known: Option<&KnownMap>) {
+        for y in rows {
+            for x in columns.clone() {
+                let slot = ((y & (GRID - 1)) * GRID + (x & (GRID - 1))) as usize;
+                let is_free = known.is_some_and(|known| is_known_free(known, x, y));
+                if let Some(e) = self.evidence.get_mut(slot) {
+                    *e = if is_free { KNOWN_FREE } else { 0 };
+                }
+            }
         }
     }
 
@@ -167,6 +173,18 @@ impl FreeSpace {
     }
 }
 
+fn is_known_free(known: &KnownMap, x: i32, y: i32) -> bool {
+    let (x, y) = (x << SCALE_SHIFT, y << SCALE_SHIFT);
+    let mut cells =
+        (0..1 << SCALE_SHIFT).flat_map(|dy| (0..1 << SCALE_SHIFT).map(move |dx| (dx, dy)));
+    cells.all(|(dx, dy)| {
+        known.is_free(Cell {
+            x: x + dx,
+            y: y + dy,
+        })
+    })
+}
+
 fn forget_block(submap: &mut Submap, cell: Cell) {
     let (x, y) = (
         cell.x >> SCALE_SHIFT << SCALE_SHIFT,
@@ -194,7 +212,7 @@ mod tests {
     fn where_beams_went_through_a_return_is_a_moving_objects() {
         let (mut free, mut submap) = (FreeSpace::default(), Submap::default());
         for _ in 0..6 {
-            free.begin_update(cell_at(0.0, 0.0));
+            free.begin_update(cell_at(0.0, 0.0), None);
             free.pass(
                 LocalOrigin::near(0.0, 0.0),
                 (0.1, 0.1),
@@ -208,7 +226,7 @@ mod tests {
         assert!(!free.was_free(cell_at(4.95, 0.1)), "just before it");
         assert!(!free.was_free(cell_at(2.5, 1.1)), "nobody looked there");
         for _ in 0..20 {
-            free.begin_update(cell_at(0.0, 0.0));
+            free.begin_update(cell_at(0.0, 0.0), None);
             free.hit(cell_at(2.5, 0.1));
             free.hit(cell_at(2.5, 0.1));
         }
@@ -223,7 +241,7 @@ mod tests {
         let (mut free, mut submap) = (FreeSpace::default(), Submap::default());
         let origin = LocalOrigin::near(0.0, 0.0);
         for _ in 0..20 {
-            free.begin_update(cell_at(0.0, 0.0));
+            free.begin_update(cell_at(0.0, 0.0), None);
             // From 0.5 m beside the wall to a place 5 m along it.
             free.pass(origin, (0.1, 0.5), (5.1, 0.0), 0.0995, &mut submap);
         }
@@ -243,7 +261,7 @@ mod tests {
         assert!(submap.line(cell_at(3.0, 0.2)).exists());
         for _ in 0..12 {
             submap.begin_update(cell_at(0.0, 0.0), 0.02);
-            free.begin_update(cell_at(0.0, 0.0));
+            free.begin_update(cell_at(0.0, 0.0), None);
             for y in [-0.1, 0.05, 0.15, 0.25, 0.35, 0.45] {
                 free.pass(origin, (0.1, 0.1), (9.0, y * 3.0 - 0.2), 1.0, &mut submap);
             }
@@ -257,13 +275,13 @@ mod tests {
         let (mut free, mut submap) = (FreeSpace::default(), Submap::default());
         let origin = LocalOrigin::near(0.0, 0.0);
         for _ in 0..8 {
-            free.begin_update(cell_at(0.0, 0.0));
+            free.begin_update(cell_at(0.0, 0.0), None);
             free.pass(origin, (0.1, 0.1), (9.1, 0.1), 1.0, &mut submap);
         }
-        free.begin_update(cell_at(10.0, 0.0));
+        free.begin_update(cell_at(10.0, 0.0), None);
         assert!(free.was_free(cell_at(4.0, 0.1)), "still inside");
-        free.begin_update(cell_at(40.0, 0.0));
-        free.begin_update(cell_at(0.0, 0.0));
+        free.begin_update(cell_at(40.0, 0.0), None);
+        free.begin_update(cell_at(0.0, 0.0), None);
         assert!(!free.was_free(cell_at(4.0, 0.1)), "was outside");
     }
 }

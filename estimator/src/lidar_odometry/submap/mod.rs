@@ -1,103 +1,36 @@
-//! The local map: a table of 10 cm cells, each with the line through the points around it.
+//! The map that sweeps are aligned with: a table of 10 cm cells, each with the line through the
+//! points around it.
 //!
-//! Cells live in tiles of 8 × 8; a toroidal table of tile numbers covers ±100 m around the LiDAR,
-//! so finding a point's line is two array reads. Tiles are a fixed pool: the one unseen longest
-//! makes room. That bounds the memory whatever the route.
+//! What the LiDAR has seen lies in a bounded pool of tiles around it. Where a known map is given,
+//! its lines stand first: they never change and never make room.
 
+mod cell;
+mod edges;
 mod free_space;
+mod known_map;
 mod surfel;
+#[cfg(test)]
+mod tests;
+mod tiles;
 
+use std::sync::Arc;
+
+pub use cell::{CELL_M, Cell, LocalOrigin};
 pub use free_space::{FreeSpace, RAY_STRIDE};
+pub use known_map::KnownMap;
 pub use surfel::{Line, LineQuality, Moments, WindowMoments};
 
-/// Edge of a cell, m.
-pub const CELL_M: f64 = 0.1;
-const CELL: f32 = CELL_M as f32;
-const CELLS_PER_M: f32 = 1.0 / CELL;
-const TILE_SHIFT: i32 = 3;
-const TILE_CELLS: i32 = 1 << TILE_SHIFT;
-const CELLS_IN_TILE: usize = (TILE_CELLS * TILE_CELLS) as usize;
-/// Edge of the table of tiles.
-const TABLE_TILES: i32 = 256;
-/// Most tiles: 64 cells of 52 bytes each, 2.9 MiB in all.
-pub const TILES_MAX: usize = 900;
-/// Tiles farther from the LiDAR are dropped, in tiles (80 m).
-const TILE_DISTANCE_MAX: i32 = 100;
-/// Added before truncation, so that it rounds down: cells from the local origin to the table's rim.
-const BIAS: i32 = TABLE_TILES / 2 * TILE_CELLS;
+use cell::CELL;
+use tiles::TilePool;
 
 /// A window of cells with fewer points is looked at more widely.
 const SPARSE_POINTS: f32 = 8.0;
 
-/// A cell of the odometry frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Cell {
-    /// Column.
-    pub x: i32,
-    /// Row.
-    pub y: i32,
-}
-
-/// Where single-precision coordinates are measured from: a tile's corner near the LiDAR, so that
-/// they stay exact to micrometres after any distance.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct LocalOrigin {
-    cell: Cell,
-}
-
-impl LocalOrigin {
-    /// The origin near a point of the odometry frame, m.
-    pub fn near(x_m: f64, y_m: f64) -> Self {
-        let tile_m = CELL_M * f64::from(TILE_CELLS);
-        let corner = |v: f64| ((v / tile_m).floor() as i32) << TILE_SHIFT;
-        Self {
-            cell: Cell {
-                x: corner(x_m),
-                y: corner(y_m),
-            },
-        }
-    }
-
-    /// Its position in the odometry frame, m.
-    pub fn position_m(self) -> (f64, f64) {
-        (
-            f64::from(self.cell.x) * CELL_M,
-            f64::from(self.cell.y) * CELL_M,
-        )
-    }
-
-    /// The cell of a point given from this origin, and the point relative to the cell's centre.
-    #[inline]
-    pub fn locate(self, x: f32, y: f32) -> (Cell, f32, f32) {
-        let column = (x * CELLS_PER_M + BIAS as f32) as i32 - BIAS;
-        let row = (y * CELLS_PER_M + BIAS as f32) as i32 - BIAS;
-        let cell = Cell {
-            x: self.cell.x + column,
-            y: self.cell.y + row,
-        };
-        (
-            cell,
-            x - (column as f32 + 0.5) * CELL,
-            y - (row as f32 + 0.5) * CELL,
-        )
-    }
-}
-
-#[derive(Debug, Clone, Copy)]
-struct TileHeader {
-    x: i32,
-    y: i32,
-    last_update: u32,
-}
-
-/// The local map.
+/// The map.
 #[derive(Debug, Clone)]
 pub struct Submap {
-    /// Tile number plus one at (y mod 256, x mod 256); 0: none.
-    table: Vec<u16>,
-    headers: Vec<TileHeader>,
-    lines: Vec<[Line; CELLS_IN_TILE]>,
-    moments: Vec<[Moments; CELLS_IN_TILE]>,
+    tiles: TilePool,
+    known: Option<Arc<KnownMap>>,
     updates: u32,
     to_fit: Vec<Cell>,
     quality: LineQuality,
@@ -122,10 +55,8 @@ impl Default for Submap {
             ..quality
         };
         Self {
-            table: vec![0; (TABLE_TILES * TABLE_TILES) as usize],
-            headers: Vec::new(),
-            lines: Vec::new(),
-            moments: Vec::new(),
+            tiles: TilePool::default(),
+            known: None,
             updates: 0,
             to_fit: Vec::new(),
             quality,
@@ -134,22 +65,24 @@ impl Default for Submap {
     }
 }
 
-fn table_index(tile_x: i32, tile_y: i32) -> usize {
-    ((tile_y & (TABLE_TILES - 1)) * TABLE_TILES + (tile_x & (TABLE_TILES - 1))) as usize
-}
-
-fn cell_in_tile(cell: Cell) -> usize {
-    (((cell.y & (TILE_CELLS - 1)) << TILE_SHIFT) | (cell.x & (TILE_CELLS - 1))) as usize
-}
-
 impl Submap {
-    /// Empties the map.
+    /// A map in which nothing was seen yet but what is known.
+    pub fn knowing(known: Arc<KnownMap>) -> Self {
+        Self {
+            known: Some(known),
+            ..Self::default()
+        }
+    }
+
+    /// Forgets all that was seen; what is known stays.
     pub fn clear(&mut self) {
-        self.table.fill(0);
-        self.headers.clear();
-        self.lines.clear();
-        self.moments.clear();
+        self.tiles.clear();
         self.updates = 0;
+    }
+
+    /// What was known before, where a map was given.
+    pub fn known(&self) -> Option<&KnownMap> {
+        self.known.as_deref()
     }
 
     /// Number of map updates so far.
@@ -157,38 +90,21 @@ impl Submap {
         self.updates
     }
 
-    /// Bytes held.
+    /// Bytes held, without the known map, which robots share.
     pub fn memory_bytes(&self) -> usize {
-        self.table.capacity() * size_of::<u16>()
-            + self.headers.capacity() * size_of::<TileHeader>()
-            + self.lines.capacity() * size_of::<[Line; CELLS_IN_TILE]>()
-            + self.moments.capacity() * size_of::<[Moments; CELLS_IN_TILE]>()
-            + self.to_fit.capacity() * size_of::<Cell>()
+        self.tiles.memory_bytes() + self.to_fit.capacity() * size_of::<Cell>()
     }
 
-    #[inline]
-    fn tile_of(&self, cell: Cell) -> Option<usize> {
-        let number = *self
-            .table
-            .get(table_index(cell.x >> TILE_SHIFT, cell.y >> TILE_SHIFT))?
-            as usize;
-        number.checked_sub(1)
-    }
-
-    /// The line of a cell.
+    /// The line of a cell: the known one, else the one that was seen.
     #[inline]
     pub fn line(&self, cell: Cell) -> Line {
-        self.tile_of(cell)
-            .and_then(|tile| self.lines.get(tile)?.get(cell_in_tile(cell)).copied())
-            .unwrap_or(Line::NONE)
-    }
-
-    fn moments(&self, cell: Cell) -> Option<&Moments> {
-        let tile = self.tile_of(cell)?;
-        self.moments
-            .get(tile)?
-            .get(cell_in_tile(cell))
-            .filter(|moments| moments.n > 0.0)
+        if let Some(known) = &self.known {
+            let line = known.line(cell);
+            if line.exists() {
+                return line;
+            }
+        }
+        self.tiles.line(cell)
     }
 
     /// Begins a map update made with the LiDAR at `centre`: far tiles go.
@@ -204,29 +120,17 @@ impl Submap {
             ratio_max: self.quality_alone.ratio_max,
             ..self.quality
         };
-        let (x, y) = (centre.x >> TILE_SHIFT, centre.y >> TILE_SHIFT);
-        let mut tile = 0;
-        while let Some(header) = self.headers.get(tile).copied() {
-            let distance = (header.x - x).abs().max((header.y - y).abs());
-            if distance > TILE_DISTANCE_MAX {
-                self.drop_tile(tile);
-            } else {
-                tile += 1;
-            }
-        }
+        self.tiles.drop_far(centre);
     }
 
-    /// Adds a point given from `origin`.
+    /// Adds a point given from `origin`, unless it lies on what is known.
     pub fn insert(&mut self, origin: LocalOrigin, x: f32, y: f32, weight: f32) {
         let (cell, x, y) = origin.locate(x, y);
-        let update = self.updates as u16;
-        let Some(tile) = self.tile_or_new(cell) else {
+        if self.known().is_some_and(|known| known.line(cell).exists()) {
             return;
-        };
-        if let Some(moments) = self
-            .moments
-            .get_mut(tile)
-            .and_then(|cells| cells.get_mut(cell_in_tile(cell)))
+        }
+        let update = self.updates as u16;
+        if let Some(moments) = self.tiles.moments_or_new(cell, self.updates)
             && moments.add(x, y, weight, update)
         {
             self.to_fit.push(cell);
@@ -252,14 +156,7 @@ impl Submap {
 
     /// Fits a cell's line, once in an update.
     fn refit(&mut self, cell: Cell) {
-        let (Some(tile), slot) = (self.tile_of(cell), cell_in_tile(cell)) else {
-            return;
-        };
-        let Some(moments) = self
-            .moments
-            .get_mut(tile)
-            .and_then(|cells| cells.get_mut(slot))
-        else {
+        let Some(moments) = self.tiles.moments_mut(cell) else {
             return;
         };
         if moments.last_fit == self.updates {
@@ -267,31 +164,19 @@ impl Submap {
         }
         moments.last_fit = self.updates;
         let line = self.fit(cell);
-        if let Some(old) = self
-            .lines
-            .get_mut(tile)
-            .and_then(|cells| cells.get_mut(slot))
-        {
-            *old = line;
-        }
+        self.tiles.set_line(cell, line);
     }
 
     /// Forgets what was seen in a cell: a beam went through it.
     pub fn forget(&mut self, cell: Cell) {
-        if let Some(tile) = self.tile_of(cell) {
-            let slot = cell_in_tile(cell);
-            if let Some(moments) = self
-                .moments
-                .get_mut(tile)
-                .and_then(|cells| cells.get_mut(slot))
-                && moments.n > 0.0
-            {
-                *moments = Moments {
-                    last_fit: moments.last_fit,
-                    ..Moments::default()
-                };
-                self.to_fit.push(cell);
-            }
+        if let Some(moments) = self.tiles.moments_mut(cell)
+            && moments.n > 0.0
+        {
+            *moments = Moments {
+                last_fit: moments.last_fit,
+                ..Moments::default()
+            };
+            self.to_fit.push(cell);
         }
     }
 
@@ -319,7 +204,7 @@ impl Submap {
     fn gather(&self, cell: Cell, reach: i32, window: &mut WindowMoments) {
         for dy in -reach..=reach {
             for dx in -reach..=reach {
-                if let Some(moments) = self.moments(Cell {
+                if let Some(moments) = self.tiles.moments(Cell {
                     x: cell.x + dx,
                     y: cell.y + dy,
                 }) {
@@ -329,123 +214,12 @@ impl Submap {
         }
     }
 
-    fn tile_or_new(&mut self, cell: Cell) -> Option<usize> {
-        let (x, y) = (cell.x >> TILE_SHIFT, cell.y >> TILE_SHIFT);
-        if let Some(tile) = self.tile_of(cell) {
-            if let Some(header) = self.headers.get_mut(tile)
-                && (header.x, header.y) == (x, y)
-            {
-                header.last_update = self.updates;
-                return Some(tile);
-            }
-            self.drop_tile(tile);
+    /// Calls `visit` with each occupied cell at most `reach` cells from `centre` in x and y, and
+    /// perhaps some that lie farther away.
+    pub fn for_each_occupied(&self, centre: Cell, reach: i32, mut visit: impl FnMut(Cell)) {
+        if let Some(known) = &self.known {
+            known.for_each_occupied(centre, reach, &mut visit);
         }
-        if self.headers.len() >= TILES_MAX {
-            let oldest = (0..self.headers.len())
-                .min_by_key(|&tile| self.headers.get(tile).map_or(0, |h| h.last_update))?;
-            self.drop_tile(oldest);
-        }
-        self.headers.push(TileHeader {
-            x,
-            y,
-            last_update: self.updates,
-        });
-        self.lines.push([Line::NONE; CELLS_IN_TILE]);
-        self.moments.push([Moments::default(); CELLS_IN_TILE]);
-        let number = self.headers.len();
-        *self.table.get_mut(table_index(x, y))? = number as u16;
-        Some(number - 1)
-    }
-
-    /// Drops a tile; the last one takes its number.
-    fn drop_tile(&mut self, tile: usize) {
-        let header = self.headers.swap_remove(tile);
-        self.lines.swap_remove(tile);
-        self.moments.swap_remove(tile);
-        if let Some(slot) = self.table.get_mut(table_index(header.x, header.y)) {
-            *slot = 0;
-        }
-        if let Some(moved) = self.headers.get(tile)
-            && let Some(slot) = self.table.get_mut(table_index(moved.x, moved.y))
-        {
-            *slot = tile as u16 + 1;
-        }
-    }
-
-    /// Calls `visit` with each cell that holds points.
-    pub fn for_each_occupied(&self, mut visit: impl FnMut(Cell)) {
-        for (header, cells) in self.headers.iter().zip(&self.moments) {
-            for (slot, moments) in (0i32..).zip(cells) {
-                if moments.n > 0.0 {
-                    let x = (header.x << TILE_SHIFT) + (slot & (TILE_CELLS - 1));
-                    let y = (header.y << TILE_SHIFT) + (slot >> TILE_SHIFT);
-                    visit(Cell { x, y });
-                }
-            }
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A wall along y at `x_m`, seen a few times.
-    fn wall_at(submap: &mut Submap, x_m: f64, y_m: f64) -> LocalOrigin {
-        let origin = LocalOrigin::near(x_m, y_m);
-        let (ox, oy) = origin.position_m();
-        let (x, y) = ((x_m - ox) as f32, (y_m - oy) as f32);
-        for update in 0..4 {
-            submap.begin_update(origin.locate(x, y).0, 0.015);
-            for i in 0..60 {
-                submap.insert(origin, x, y + 0.01 * i as f32, 1.0);
-                submap.insert(origin, x, y + 0.01 * i as f32 + 0.002 * update as f32, 1.0);
-            }
-            submap.end_update();
-        }
-        origin
-    }
-
-    #[test]
-    fn a_wall_is_where_it_is_a_thousand_kilometres_from_the_start_too() {
-        for x_m in [0.0437, -12.3437, 1.0e6 + 0.0437] {
-            let mut submap = Submap::default();
-            let origin = wall_at(&mut submap, x_m, -3.0);
-            let (ox, oy) = origin.position_m();
-            // A point 3 cm to the right of the wall.
-            let (cell, cx, cy) = origin.locate((x_m + 0.03 - ox) as f32, (-2.7 - oy) as f32);
-            let line = submap.line(cell);
-            assert!(line.exists());
-            let distance = (line.nx * cx + line.ny * cy - line.d).abs();
-            assert!((distance - 0.03).abs() < 1e-4, "{distance} at {x_m}");
-        }
-    }
-
-    #[test]
-    fn the_pool_of_tiles_is_bounded_and_the_latest_stay() {
-        let mut submap = Submap::default();
-        for i in 0..1500 {
-            wall_at(
-                &mut submap,
-                1.7 * f64::from(i % 100),
-                1.7 * f64::from(i / 100),
-            );
-        }
-        assert!(submap.headers.len() <= TILES_MAX);
-        assert!(submap.memory_bytes() < 7 << 19, "{}", submap.memory_bytes());
-        let origin = LocalOrigin::near(1.7 * 99.0, 1.7 * 14.0);
-        let (ox, oy) = origin.position_m();
-        let (cell, _, _) = origin.locate((1.7 * 99.0 - ox) as f32, (1.7 * 14.0 + 0.3 - oy) as f32);
-        assert!(submap.line(cell).exists());
-    }
-
-    #[test]
-    fn tiles_far_behind_are_dropped() {
-        let mut submap = Submap::default();
-        let origin = wall_at(&mut submap, 0.0, 0.0);
-        wall_at(&mut submap, 60.0, 0.0);
-        assert!(submap.line(origin.locate(0.01, 0.3).0).exists());
-        wall_at(&mut submap, 120.0, 0.0);
-        assert!(!submap.line(origin.locate(0.01, 0.3).0).exists());
+        self.tiles.for_each_occupied(visit);
     }
 }

@@ -1,0 +1,76 @@
+//! Cells, tiles of cells, and the origin that single-precision coordinates are measured from.
+
+/// Edge of a cell, m.
+pub const CELL_M: f64 = 0.1;
+pub(super) const CELL: f32 = CELL_M as f32;
+const CELLS_PER_M: f32 = 1.0 / CELL;
+pub(super) const TILE_SHIFT: i32 = 3;
+/// Edge of a tile, in cells.
+pub(super) const TILE_CELLS: i32 = 1 << TILE_SHIFT;
+pub(super) const CELLS_IN_TILE: usize = (TILE_CELLS * TILE_CELLS) as usize;
+/// Edge of the local map's table of tiles.
+pub(super) const TABLE_TILES: i32 = 256;
+/// Added before truncation, so that it rounds down: cells from the local origin to the table's rim.
+const BIAS: i32 = TABLE_TILES / 2 * TILE_CELLS;
+
+/// A cell of the odometry frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Cell {
+    /// Column.
+    pub x: i32,
+    /// Row.
+    pub y: i32,
+}
+
+impl Cell {
+    /// Its place in its tile.
+    #[inline]
+    pub(super) fn slot(self) -> usize {
+        (((self.y & (TILE_CELLS - 1)) << TILE_SHIFT) | (self.x & (TILE_CELLS - 1))) as usize
+    }
+}
+
+/// Where single-precision coordinates are measured from: a tile's corner near the LiDAR, so that
+/// they stay exact to micrometres after any distance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LocalOrigin {
+    cell: Cell,
+}
+
+impl LocalOrigin {
+    /// The origin near a point of the odometry frame, m.
+    pub fn near(x_m: f64, y_m: f64) -> Self {
+        let tile_m = CELL_M * f64::from(TILE_CELLS);
+        let corner = |v: f64| ((v / tile_m).floor() as i32) << TILE_SHIFT;
+        Self {
+            cell: Cell {
+                x: corner(x_m),
+                y: corner(y_m),
+            },
+        }
+    }
+
+    /// Its position in the odometry frame, m.
+    pub fn position_m(self) -> (f64, f64) {
+        (
+            f64::from(self.cell.x) * CELL_M,
+            f64::from(self.cell.y) * CELL_M,
+        )
+    }
+
+    /// The cell of a point given from this origin, and the point relative to the cell's centre.
+    #[inline]
+    pub fn locate(self, x: f32, y: f32) -> (Cell, f32, f32) {
+        let column = (x * CELLS_PER_M + BIAS as f32) as i32 - BIAS;
+        let row = (y * CELLS_PER_M + BIAS as f32) as i32 - BIAS;
+        let cell = Cell {
+            x: self.cell.x + column,
+            y: self.cell.y + row,
+        };
+        (
+            cell,
+            x - (column as f32 + 0.5) * CELL,
+            y - (row as f32 + 0.5) * CELL,
+        )
+    }
+}
