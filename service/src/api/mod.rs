@@ -5,6 +5,7 @@
 //! the API with its methods, and a layer in [`router`] sees a request's `MatchedPath`.
 
 mod dashboard;
+mod documentation;
 mod etag;
 mod extract;
 mod health;
@@ -101,7 +102,11 @@ pub fn router(setup: ApiSetup) -> Router {
         ready: ReadyProbe::default(),
     };
     let (routes, _) = documented().split_for_parts();
-    layers::around(routes.fallback(dashboard::pages).with_state(state))
+    let routes = routes
+        .merge(documentation::routes())
+        .fallback(dashboard::pages)
+        .with_state(state);
+    layers::around(routes)
 }
 
 /// The OpenAPI document of [`router`].

@@ -117,6 +117,33 @@ async fn the_description_is_served_with_a_tag() {
     assert_eq!((again.status.as_u16(), again.body.as_str()), (304, ""));
 }
 
+#[tokio::test]
+async fn the_description_can_be_read_in_a_browser() {
+    let bench = bench(&[]).await;
+    let moved = bench.get("/docs").await;
+    assert_eq!(
+        (moved.status.as_u16(), moved.header("location")),
+        (303, "/docs/")
+    );
+    let page = bench.get("/docs/").await;
+    assert!(page.body.contains("swagger-ui-bundle.js"), "{}", page.body);
+    assert!(!page.header("content-security-policy").contains("unsafe"));
+    assert_eq!(
+        bench
+            .get("/docs/swagger-ui-bundle.js")
+            .await
+            .status
+            .as_u16(),
+        200
+    );
+    let start = bench.get("/docs/swagger-initializer.js").await.body;
+    assert!(
+        start.contains("/api/v1/openapi.json") && !start.contains("https://"),
+        "{start}"
+    );
+    assert_snapshot!(bench.get("/docs/none.js").await.told(), @"404 not_found: nothing is at /docs/none.js");
+}
+
 /// Every operation of the description, with its path made real.
 fn operations() -> Vec<(String, String)> {
     let document = serde_json::to_value(openapi()).unwrap();
