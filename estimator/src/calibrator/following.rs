@@ -119,7 +119,7 @@ impl Calibrator {
     pub(super) fn begin_comparison(&mut self, occasion: Occasion) {
         if let Some(follower) = self.follower.take() {
             let filter = &follower.filter;
-            let covariance = filter.parameter_covariance() * self.watch.long_run().ratio();
+            let covariance = self.watch.long_run().claim(&filter.parameter_covariance());
             let settings = &self.config.settings;
             // An unfinished session has learnt nothing that a comparison could be held to.
             if self.comparison.is_none() && knows_enough(&covariance, settings) {
@@ -146,7 +146,7 @@ impl Calibrator {
             return;
         };
         let settings = &self.config.settings;
-        let covariance = filter.parameter_covariance() * self.watch.long_run().ratio();
+        let covariance = self.watch.long_run().claim(&filter.parameter_covariance());
         if !knows_enough(&covariance, settings) {
             return;
         }

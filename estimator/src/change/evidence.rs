@@ -17,9 +17,8 @@ use crate::filter::{PARAMETERS, ParameterCovariance, Values, apart};
 type Information = SMatrix<f64, PARAMETERS, PARAMETERS>;
 type Score = SVector<f64, PARAMETERS>;
 
-/// Largest squared length of a whitened residual that counts in full: one wild window alone can
-/// never reach a threshold.
-const WINDOW_CHI2_MAX: f64 = 16.0;
+/// [`Thresholds::window_chi2_max`] where errors are as large as taken for.
+pub const WINDOW_CHI2_MAX: f64 = 16.0;
 /// Windows that a change takes: they count on neither side of it. A LiDAR that is knocked moves in
 /// the first, and its sweep correction still believes that motion in the second.
 pub const ONSET_WINDOWS: usize = 2;
@@ -72,23 +71,49 @@ pub const HYPOTHESES: [Hypothesis; CAUSES] = [
 
 /// Twice the log likelihood ratios at which each of [`HYPOTHESES`] is believed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Thresholds([f64; CAUSES]);
+pub struct Thresholds {
+    of_causes: [f64; CAUSES],
+    window_chi2_max: f64,
+}
 
 impl Thresholds {
     /// Thresholds with one false alarm in so many hours of driving, the causes taking equal shares.
     pub fn for_false_alarm_hours(hours: f64) -> Self {
         let windows = CAUSES as f64 * hours * WINDOWS_PER_HOUR;
         let log = windows.ln().max(0.0);
-        Self(
-            HYPOTHESES
+        Self {
+            of_causes: HYPOTHESES
                 .each_ref()
                 .map(|hypothesis| hypothesis.threshold_at_one + hypothesis.threshold_per_log * log),
-        )
+            window_chi2_max: WINDOW_CHI2_MAX,
+        }
+    }
+
+    /// Thresholds where the errors of a cause's parameters are so many times as large (as variances)
+    /// as taken for.
+    #[must_use]
+    pub fn raised(&self, ratios: &Values) -> Self {
+        let mut raised = *self;
+        let mut least = f64::INFINITY;
+        for (threshold, hypothesis) in raised.of_causes.iter_mut().zip(&HYPOTHESES) {
+            let moved = hypothesis.parameters.iter().map(|p| ratios[p.index()]);
+            let ratio = moved.fold(1.0, f64::max);
+            *threshold *= ratio;
+            least = least.min(ratio);
+        }
+        raised.window_chi2_max *= least;
+        raised
     }
 
     /// In the order of [`HYPOTHESES`].
     pub fn values(&self) -> &[f64; CAUSES] {
-        &self.0
+        &self.of_causes
+    }
+
+    /// Largest squared length of a whitened residual that counts in full: one wild window alone can
+    /// never reach a threshold.
+    pub fn window_chi2_max(&self) -> f64 {
+        self.window_chi2_max
     }
 }
 
@@ -138,12 +163,12 @@ impl Evidence {
     }
 
     /// The same around other parameters, `by` away, with all noise `scale` times as large, and
-    /// clipped to the length that one window may have.
-    fn around(&self, by: &Values, scale: f64, clipped: bool) -> Self {
+    /// clipped to the squared length that one window may have.
+    fn around(&self, by: &Values, scale: f64, chi2_max: f64) -> Self {
         let shift = self.information * by;
         let cost = (self.cost + by.dot(&(2.0 * self.score + shift))).max(0.0) / scale;
-        let shrink = if clipped && cost > WINDOW_CHI2_MAX {
-            (WINDOW_CHI2_MAX / cost).sqrt()
+        let shrink = if cost > chi2_max {
+            (chi2_max / cost).sqrt()
         } else {
             1.0
         };
@@ -219,17 +244,17 @@ pub struct Candidate {
     cost_after: f64,
 }
 
-/// The strongest accusation over all onsets and causes, by residuals that are clipped (to ask
-/// whether anything happened) or in full (to ask what).
+/// The strongest accusation over all onsets and causes, by residuals clipped to a squared
+/// length (to ask whether anything happened) or, with infinity, in full (to ask what).
 pub fn strongest<'a>(
     windows: impl Iterator<Item = &'a Window>,
     reference: &Reference,
     noise_scale: f64,
-    clipped: bool,
+    window_chi2_max: f64,
     thresholds: &Thresholds,
 ) -> Option<Accusation> {
     let mut best: Option<(f64, Accusation)> = None;
-    for candidate in candidates(windows, reference, noise_scale, clipped) {
+    for candidate in candidates(windows, reference, noise_scale, window_chi2_max) {
         let pairs = candidate.ratios.iter().zip(thresholds.values());
         for (index, (ratio, threshold)) in pairs.enumerate() {
             let margin = ratio - threshold;
@@ -257,12 +282,12 @@ pub fn candidates<'a>(
     windows: impl Iterator<Item = &'a Window>,
     reference: &Reference,
     noise_scale: f64,
-    clipped: bool,
+    window_chi2_max: f64,
 ) -> Vec<Candidate> {
     let terms: Vec<_> = windows
         .map(|window| {
             let by = apart(&window.values, &reference.values);
-            window.evidence.around(&by, noise_scale, clipped)
+            window.evidence.around(&by, noise_scale, window_chi2_max)
         })
         .collect();
     let mut before = Evidence {

@@ -1,75 +1,193 @@
-//! How far windows of motion err together: the long-run variance of their whitened residuals.
+//! Do the data repeat what they say? The filter's claims against the scatter of disjoint blocks.
 //!
-//! On a real vehicle the errors of neighbouring windows are not independent: play, load and floor
-//! last for metres. A sum over `n` windows then errs by more than `sqrt(n)` windows would. The ratio
-//! of the two, learnt from stretches some while ago, scales down the evidence for a change.
+//! On a real vehicle the errors of neighbouring windows are not independent: slip, play, load and
+//! floor last for metres. Each block of some metres pulls the parameters its own way, by
+//! `u = P J' S^-1 r`; if the noise were what the filter takes it for, `u` would have the covariance
+//! `P J' S^-1 J P`. The ratio of the two, summed over the blocks, is how much larger a parameter's
+//! variance really is (the sandwich estimator with clusters, of White and of Liang and Zeger). It
+//! widens what is claimed and raises what a change has to show.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Windows in a block: errors that last longer than some 4 m are for the change test to judge.
-const BLOCK: usize = 8;
-/// Blocks over which the ratio is remembered.
-const MEMORY_BLOCKS: f64 = 30.0;
-/// Blocks' worth of belief in a ratio of 1 at the start.
-const PRIOR_BLOCKS: f64 = 4.0;
+use super::window::Window;
+use crate::filter::constraint::ByParameters;
+use crate::filter::{PARAMETERS, ParameterCovariance, Values, apart};
+use crate::stream::Stamp;
 
-/// Learns the ratio of long-run to window variance.
+/// Windows in a block: errors that last longer than some 5 m are for the change test to judge.
+const BLOCK: usize = 8;
+/// Blocks that are remembered.
+const MEMORY_BLOCKS: f64 = 60.0;
+/// Fewest blocks, some 20 m, before the scatter is believed to be small.
+const BLOCKS_MIN: f64 = 5.0;
+/// The ratio until then: five times the standard deviation.
+const UNPROVEN_RATIO: f64 = 25.0;
+/// Share of the worst ratio that every parameter has at least: what lasts is seldom one's alone.
+const SHARED: f64 = 0.5;
+/// How much is added to an excess of scatter that is known from one block alone.
+const DOUBT_BLOCKS: f64 = 6.0;
+/// Largest squared error of a block, in its variances: a fault is no noise.
+const SQUARE_MAX: f64 = 400.0;
+
+/// Windows without a gap between them, as one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Block {
+    end: Stamp,
+    residual: Vector3<f64>,
+    jacobian: ByParameters,
+    /// Of the motion, and of the pose at its beginning.
+    covariance: Matrix3<f64>,
+    windows: usize,
+}
+
+impl Block {
+    fn begin(window: &Window, residual: Vector3<f64>) -> Self {
+        Self {
+            end: window.end,
+            residual,
+            jacobian: window.jacobian,
+            covariance: window.covariance - window.end_covariance,
+            windows: 1,
+        }
+    }
+
+    /// The LiDAR pose between two windows is in both and cancels.
+    fn extended(&self, window: &Window, residual: Vector3<f64>) -> Self {
+        let carry = window.carry;
+        Self {
+            end: window.end,
+            residual: carry * self.residual + residual,
+            jacobian: carry * self.jacobian + window.jacobian,
+            covariance: carry * self.covariance * carry.transpose() + window.motion_covariance,
+            windows: self.windows + 1,
+        }
+    }
+}
+
+/// Learns how far the filter's claims are from what blocks of data repeat.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct LongRunVariance {
-    sum: Vector3<f64>,
-    in_block: usize,
-    ratio: f64,
+    block: Option<Block>,
+    /// Sum of `J' S^-1 r r' S^-1 J` over the blocks.
+    scatter: SMatrix<f64, PARAMETERS, PARAMETERS>,
+    /// Sum of `J' S^-1 J`: what the scatter should be.
+    expected: SMatrix<f64, PARAMETERS, PARAMETERS>,
     blocks: f64,
 }
 
-impl Default for LongRunVariance {
-    fn default() -> Self {
-        Self {
-            sum: Vector3::zeros(),
-            in_block: 0,
-            ratio: 1.0,
-            blocks: PRIOR_BLOCKS,
-        }
-    }
-}
-
 impl LongRunVariance {
-    /// Takes the whitened residual of the next window.
-    pub fn push(&mut self, whitened: &Vector3<f64>) {
-        self.sum += whitened;
-        self.in_block += 1;
-        if self.in_block < BLOCK {
-            return;
+    /// Takes the next window, by the parameters as they are known now, its noise `scale` times as
+    /// large as configured.
+    pub fn push(&mut self, window: &Window, values: &Values, scale: f64) {
+        let residual = window.residual + window.jacobian * apart(&window.values, values);
+        let block = match self.block.take() {
+            Some(before) if before.end == window.begin => before.extended(window, residual),
+            _ => Block::begin(window, residual),
+        };
+        if block.windows < BLOCK {
+            self.block = Some(block);
+        } else {
+            let covariance = (block.covariance + window.end_covariance) * scale;
+            self.learn(&block, &covariance);
         }
-        let ratio = self.sum.norm_squared() / (3 * BLOCK) as f64;
-        self.ratio += (ratio - self.ratio) / (self.blocks + 1.0);
-        self.blocks = (self.blocks + 1.0).min(MEMORY_BLOCKS);
-        self.sum = Vector3::zeros();
-        self.in_block = 0;
     }
 
-    /// The ratio, at least 1.
-    pub fn ratio(&self) -> f64 {
-        self.ratio.max(1.0)
+    fn learn(&mut self, block: &Block, covariance: &Matrix3<f64>) {
+        let Some(factor) = covariance.cholesky() else {
+            return;
+        };
+        let weighed = factor.solve(&block.residual);
+        let square = block.residual.dot(&weighed);
+        let score: SVector<f64, PARAMETERS> = block.jacobian.tr_mul(&weighed);
+        let kept = 1.0 - 1.0 / MEMORY_BLOCKS;
+        self.scatter =
+            self.scatter * kept + score * score.transpose() * (SQUARE_MAX / square.max(SQUARE_MAX));
+        self.expected =
+            self.expected * kept + block.jacobian.tr_mul(&factor.solve(&block.jacobian));
+        self.blocks = self.blocks * kept + 1.0;
+    }
+
+    /// What comes does not continue what was.
+    pub fn break_block(&mut self) {
+        self.block = None;
+    }
+
+    /// For each parameter, how many times larger its variance is than the filter's `covariance`
+    /// says; at least 1.
+    pub fn ratios(&self, covariance: &ParameterCovariance) -> Values {
+        let scatter = (covariance * self.scatter * covariance).diagonal();
+        let expected = (covariance * self.expected * covariance).diagonal();
+        let ratios = scatter.zip_map(&expected, |scatter, expected| {
+            if expected > 0.0 {
+                scatter / expected
+            } else {
+                1.0
+            }
+        });
+        let least = (SHARED * ratios.max()).max(1.0);
+        ratios.map(|ratio| ratio.max(least))
+    }
+
+    /// The covariance that may be claimed when the filter has this one.
+    pub fn claim(&self, covariance: &ParameterCovariance) -> ParameterCovariance {
+        // An excess of scatter is itself known from a few blocks only.
+        let doubt = 1.0 + DOUBT_BLOCKS / self.blocks.max(1.0);
+        let least = if self.is_known() { 1.0 } else { UNPROVEN_RATIO };
+        let widths = self
+            .ratios(covariance)
+            .map(|ratio| (1.0 + doubt * (ratio - 1.0)).max(least).sqrt());
+        let widths = ParameterCovariance::from_diagonal(&widths);
+        widths * covariance * widths
+    }
+
+    /// Whether enough blocks were seen.
+    pub fn is_known(&self) -> bool {
+        self.blocks > BLOCKS_MIN - 0.5
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::change::evidence::Evidence;
+    use crate::estimate::Parameter;
 
-    fn ratio(residual: impl Fn(usize) -> f64) -> f64 {
+    /// Windows whose poses are exact and whose motion errs along the track as told.
+    fn ratio(error: impl Fn(usize) -> f64) -> f64 {
         let mut variance = LongRunVariance::default();
-        for i in 0..800 {
-            variance.push(&Vector3::repeat(residual(i)));
+        let covariance = Matrix3::identity();
+        let x = Parameter::LidarX.index();
+        let mut jacobian = ByParameters::zeros();
+        jacobian[(0, x)] = 1.0;
+        for i in 0..2000 {
+            let residual = Vector3::new(error(i), 0.0, 0.0);
+            let window = Window {
+                begin: Stamp(i as i64),
+                end: Stamp(i as i64 + 1),
+                residual,
+                jacobian,
+                covariance,
+                carry: Matrix3::identity(),
+                motion_covariance: covariance,
+                end_covariance: Matrix3::zeros(),
+                values: Values::zeros(),
+                evidence: Evidence::of_window(&residual, &jacobian, &covariance).unwrap(),
+            };
+            variance.push(&window, &Values::zeros(), 1.0);
         }
-        variance.ratio()
+        variance.ratios(&ParameterCovariance::identity())[x]
     }
 
     #[test]
     fn errors_that_alternate_do_not_add_up_and_those_that_last_do() {
         assert!(ratio(|i| if i % 2 == 0 { 1.0 } else { -1.0 }) < 1.05);
-        assert!((ratio(|_| 1.0) - 8.0).abs() < 0.5);
+        assert!((ratio(|_| 1.0) - BLOCK as f64).abs() < 0.5);
+    }
+
+    #[test]
+    fn nothing_is_claimed_before_data_have_repeated_it() {
+        let claim = LongRunVariance::default().claim(&ParameterCovariance::identity());
+        assert!((claim[(0, 0)] - UNPROVEN_RATIO).abs() < 1e-9);
     }
 }

@@ -12,7 +12,7 @@ use std::collections::VecDeque;
 use crate::drive_history::DriveHistory;
 use crate::estimate::{Cause, Parameter};
 use crate::filter::follow::Follower;
-use crate::filter::{Filter, OdometryReading, ParameterCovariance, Values, apart};
+use crate::filter::{Filter, OdometryReading, ParameterCovariance};
 use crate::settings::EstimatorSettings;
 use crate::stream::Stamp;
 use crate::vehicle::Vehicle;
@@ -61,19 +61,19 @@ pub struct ChangeWatch {
     /// The filter at the beginning of the window that is being cut.
     filter_at_begin: Option<Filter>,
     long_run: LongRunVariance,
+    /// The newest windows that have not told yet how far they err together.
+    unlearnt: usize,
 }
 
 impl ChangeWatch {
     /// Forgets the windows: what comes does not compare with what was.
     pub fn restart(&mut self) {
-        *self = Self {
-            long_run: self.long_run.clone(),
-            ..Self::default()
-        };
+        *self = Self::with_long_run(self.long_run.clone());
     }
 
     /// A watch that already knows how far windows err together.
-    pub fn with_long_run(long_run: LongRunVariance) -> Self {
+    pub fn with_long_run(mut long_run: LongRunVariance) -> Self {
+        long_run.break_block();
         Self {
             long_run,
             ..Self::default()
@@ -120,23 +120,27 @@ impl ChangeWatch {
         if self.remembered.len() > WINDOWS_MAX {
             self.remembered.pop_front();
         }
-        self.learn(follower.filter.values());
+        self.unlearnt += 1;
+        self.learn(follower, settings);
         self.judge(settings)
     }
 
-    /// The window that has just settled tells how far windows err together.
-    fn learn(&mut self, values: &Values) {
-        let settled = self.remembered.len().checked_sub(SETTLED_WINDOWS + 1);
-        let Some(Remembered { window, filter }) = settled.and_then(|i| self.remembered.get(i))
-        else {
-            return;
+    /// Windows that have settled tell how far they err together. While the filter still learns,
+    /// nothing can be taken for a change and all are settled.
+    fn learn(&mut self, follower: &Follower, settings: &EstimatorSettings) {
+        let covariance = follower.filter.parameter_covariance();
+        let unsettled = if self.long_run.is_known() && can_judge(&covariance, settings) {
+            SETTLED_WINDOWS
+        } else {
+            0
         };
-        let residual = window.residual + window.jacobian * apart(&window.values, values);
-        let scaled = window.covariance * filter.noise_scale();
-        if let Some(factor) = scaled.cholesky()
-            && let Some(whitened) = factor.l().solve_lower_triangular(&residual)
-        {
-            self.long_run.push(&whitened);
+        while self.unlearnt > unsettled {
+            let next = self.remembered.len().checked_sub(self.unlearnt);
+            self.unlearnt -= 1;
+            if let Some(Remembered { window, filter }) = next.and_then(|i| self.remembered.get(i)) {
+                let values = follower.filter.values();
+                self.long_run.push(window, values, filter.noise_scale());
+            }
         }
     }
 
@@ -145,21 +149,29 @@ impl ChangeWatch {
             return None;
         }
         let oldest = &self.remembered.front()?.filter;
-        let covariance = oldest.parameter_covariance() * self.long_run.ratio();
+        let covariance = self.long_run.claim(&oldest.parameter_covariance());
         if !can_judge(&covariance, settings) {
             return None;
         }
         let reference = Reference::new(*oldest.values(), &covariance)?;
-        let scale = oldest.noise_scale() * self.long_run.ratio();
-        let thresholds = Thresholds::for_false_alarm_hours(settings.false_alarm_hours);
+        let scale = oldest.noise_scale();
+        let ratios = self.long_run.ratios(&oldest.parameter_covariance());
+        let thresholds =
+            Thresholds::for_false_alarm_hours(settings.false_alarm_hours).raised(&ratios);
         let windows = || self.remembered.iter().map(|r| &r.window);
         // 1. Has anything happened? No single wild window may say so.
-        let alarm = strongest(windows(), &reference, scale, true, &thresholds)?;
+        let alarm = strongest(
+            windows(),
+            &reference,
+            scale,
+            thresholds.window_chi2_max(),
+            &thresholds,
+        )?;
         if alarm.margin < 0.0 {
             return None;
         }
         // 2. What, and when?
-        let accusation = strongest(windows(), &reference, scale, false, &thresholds)?;
+        let accusation = strongest(windows(), &reference, scale, f64::INFINITY, &thresholds)?;
         let explained = accusation.margin > 0.0 && accusation.misfit < MISFIT_MAX;
         if explained {
             return self.detected(&accusation, false);

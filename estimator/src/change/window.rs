@@ -30,6 +30,12 @@ pub struct Window {
     pub jacobian: ByParameters,
     /// Covariance of the residual at the right parameters.
     pub covariance: Matrix3<f64>,
+    /// A right perturbation of the LiDAR at the beginning, carried to the end.
+    pub carry: Matrix3<f64>,
+    /// What of the covariance is the motion's.
+    pub motion_covariance: Matrix3<f64>,
+    /// What of the covariance is the pose's at the end.
+    pub end_covariance: Matrix3<f64>,
     /// The parameters the residual was taken with.
     pub values: Values,
     /// What it says about them.
@@ -106,7 +112,8 @@ fn measure(
     let predicted = LidarMotion::new(&lidar_in_base(values), &motion.end_in_begin);
     let measured = begin.lidar_in_odom.between(&end.lidar_in_odom);
     let twist_at_begin = twist_at_begin.unwrap_or(motion.twist);
-    let covariance = predicted.by_body * motion.noise * predicted.by_body.transpose()
+    let motion_covariance = predicted.by_body * motion.noise * predicted.by_body.transpose();
+    let covariance = motion_covariance
         + predicted.carry * begin.covariance * predicted.carry.transpose()
         + end.covariance;
     let residual = predicted.end_in_begin.between(&measured).log();
@@ -117,6 +124,9 @@ fn measure(
         residual,
         jacobian,
         covariance,
+        carry: predicted.carry,
+        motion_covariance,
+        end_covariance: end.covariance,
         values: *values,
         evidence: Evidence::of_window(&residual, &jacobian, &covariance)?,
     })

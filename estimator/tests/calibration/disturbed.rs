@@ -91,7 +91,7 @@ fn small_car(config: &mut SimulationConfig) {
     config.vehicle.wheelbase_m = 0.33;
     config.vehicle.lidar_in_base = Pose2::new(0.26, 0.01, -0.0225);
     config.vehicle.slip = Slip {
-        longitudinal_sigma: 0.02,
+        longitudinal_sigma: 0.01,
         lateral_rad_per_mps2: 0.01,
     };
     config.speed.min_mps = 0.8;

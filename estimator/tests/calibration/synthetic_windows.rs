@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use fleetcal_estimator::change::WINDOWS_MAX;
 use fleetcal_estimator::change::evidence::{
-    CAUSES, Evidence, Reference, Thresholds, candidates, strongest,
+    CAUSES, Evidence, Reference, Thresholds, WINDOW_CHI2_MAX, candidates, strongest,
 };
 use fleetcal_estimator::change::window::{Window, WindowCutter};
 use fleetcal_estimator::drive_history::DriveHistory;
@@ -145,7 +145,12 @@ impl NoiseWindows {
     /// The largest ratio of each cause over all onsets.
     pub fn largest_ratios(&self) -> [f64; CAUSES] {
         let mut largest = [0.0_f64; CAUSES];
-        for candidate in candidates(self.remembered.iter(), &self.reference(), 1.0, true) {
+        for candidate in candidates(
+            self.remembered.iter(),
+            &self.reference(),
+            1.0,
+            WINDOW_CHI2_MAX,
+        ) {
             for (most, ratio) in largest.iter_mut().zip(candidate.ratios) {
                 *most = most.max(ratio);
             }
@@ -156,8 +161,14 @@ impl NoiseWindows {
     /// Whether the change test raises an alarm now.
     pub fn alarms(&self, thresholds: &Thresholds) -> bool {
         let reference = self.reference();
-        strongest(self.remembered.iter(), &reference, 1.0, true, thresholds)
-            .is_some_and(|accusation| accusation.margin >= 0.0)
+        strongest(
+            self.remembered.iter(),
+            &reference,
+            1.0,
+            thresholds.window_chi2_max(),
+            thresholds,
+        )
+        .is_some_and(|accusation| accusation.margin >= 0.0)
     }
 }
 
