@@ -247,7 +247,7 @@ proptest! {
         sent.sigmas.lidar_yaw_rad = numbers[3];
         sent.sigmas.wheelbase_m = Some(numbers[4]);
         let sent = CalibrationDocument {
-            generation, base_generation, confirm_within_s, approved_by, ..sent
+            generation, base_generation, approved_by, confirm_within_s, ..sent
         };
         let opened = seal(&sent, &key()).unwrap().open(&trusted()).unwrap();
         prop_assert_eq!(format!("{opened:?}"), format!("{sent:?}"));
