@@ -65,9 +65,13 @@ check: dashboard rust ## Format, lints and types
 	$(CARGO) clippy --release --locked --workspace --all-targets -- -D warnings
 	cd web && npm run check --silent
 
+.PHONY: build-for-tests
+build-for-tests: dashboard rust
+	@# Binary and tests in one go: apart, their features differ and Zenoh is compiled twice.
+	$(CARGO) build --release --locked --workspace --bins --tests
+
 .PHONY: test-rust
-test-rust: build ## Rust tests, end-to-end ones included
-	$(CARGO) build --release --locked --workspace --tests
+test-rust: build-for-tests ## Rust tests, end-to-end ones included
 	if $(CARGO) nextest --version >/dev/null 2>&1; then \
 	  FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) nextest run --release --locked --workspace; \
 	else \
@@ -75,7 +79,7 @@ test-rust: build ## Rust tests, end-to-end ones included
 	fi
 
 .PHONY: test-web
-test-web: build chromium ## The dashboard's unit tests, then the real binary in a browser
+test-web: build-for-tests chromium ## The dashboard's unit tests, then the real binary in a browser
 	cd web && npm run test --silent
 	cd web && FLEETCAL_BIN=$(abspath $(BIN)) npm run e2e --silent
 
