@@ -172,6 +172,19 @@ impl Calibrator {
         }
     }
 
+    /// Whether one of the parameters is not known to its limit.
+    fn is_learning(&self, parameters: &[Parameter]) -> bool {
+        let Some(filter) = self.filter() else {
+            return true;
+        };
+        let covariance = filter.parameter_covariance();
+        parameters.iter().any(|&parameter| {
+            let i = parameter.index();
+            let limit = *self.config.settings.converged_sigma.get(parameter);
+            covariance[(i, i)].sqrt() > limit
+        })
+    }
+
     fn report(
         &mut self,
         kind: ChangeKind,
@@ -191,7 +204,12 @@ impl Calibrator {
         let values = self.filter().map_or(Values::zeros(), |f| *f.values());
         self.session.update_last_change(&values);
         if let Some(change) = self.session.changes.last() {
-            effects.push(Effect::Change(Box::new(change.clone())));
+            let mut told = change.clone();
+            if self.is_learning(parameters) {
+                // How far is not known yet, and a first number would stay in the history for good.
+                told.change.clear();
+            }
+            effects.push(Effect::Change(Box::new(told)));
         }
         self.tell(effects);
     }

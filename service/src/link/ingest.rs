@@ -34,6 +34,8 @@ fn take(fleet: &FleetHandle, keys: &Keys, sample: &Sample) {
         StreamKind::Scan => Stream::Scan,
         StreamKind::LidarOdometry => Stream::LidarOdometry,
         StreamKind::Event => Stream::Event,
+        // A robot's own words that nothing here uses yet.
+        StreamKind::CrossTrackError | StreamKind::CalibrationApplied => return,
         _ => {
             fleet.count_foreign_key();
             return;
