@@ -6,6 +6,7 @@
 //!
 //! Exactly one module knows each outside world: `link` knows zenoh, `store` sqlx, `api` axum.
 
+pub mod access;
 pub mod api;
 pub mod clock;
 pub mod command;

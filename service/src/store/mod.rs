@@ -3,6 +3,7 @@
 //! One task writes, a few connections read. Nothing outside this module knows the database; what a
 //! database has to do is said by the traits in [`backend`].
 
+mod audit;
 mod backend;
 mod error;
 mod folder;
@@ -23,6 +24,7 @@ use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::EstimateDocument;
 use tokio::sync::{mpsc, oneshot};
 
+pub use audit::AuditEntry;
 pub use backend::{Cell, Stretch};
 pub use error::{DriverError, StoreError};
 pub use history::{History, HistoryQuery};

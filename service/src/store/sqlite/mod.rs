@@ -1,5 +1,6 @@
 //! The store's database in SQLite: one connection that writes, a pool that only reads.
 
+mod audit;
 mod columns;
 mod read;
 mod write;

@@ -1,0 +1,79 @@
+//! Who does something, for the audit.
+
+use super::Role;
+
+/// How an actor proved who it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Authentication {
+    /// A person who signed in.
+    Session,
+    /// An API token.
+    Token,
+    /// The link that the service printed at its first start.
+    SetupLink,
+    /// A message over Zenoh under the robot's own key.
+    Zenoh,
+    /// The service itself.
+    Service,
+    /// Somebody with the data folder at hand.
+    CommandLine,
+}
+
+impl Authentication {
+    /// All of them.
+    pub const ALL: [Self; 6] = [
+        Self::Session,
+        Self::Token,
+        Self::SetupLink,
+        Self::Zenoh,
+        Self::Service,
+        Self::CommandLine,
+    ];
+
+    /// The name in the audit.
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Session => "session",
+            Self::Token => "token",
+            Self::SetupLink => "setup_link",
+            Self::Zenoh => "zenoh",
+            Self::Service => "service",
+            Self::CommandLine => "command_line",
+        }
+    }
+}
+
+/// Who does something.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Actor {
+    /// A person's or token's name, a robot's id, or `fleetcal`.
+    pub name: String,
+    /// How that is known.
+    pub authentication: Authentication,
+    /// What the actor may do; `None` for the service itself.
+    pub role: Option<Role>,
+    /// The HTTP request's id.
+    pub request: Option<String>,
+}
+
+impl Actor {
+    /// The service itself.
+    pub fn service() -> Self {
+        Self {
+            name: "fleetcal".to_owned(),
+            authentication: Authentication::Service,
+            role: None,
+            request: None,
+        }
+    }
+
+    /// A robot that speaks under its own keys.
+    pub fn robot(id: &fleetcal_proto::RobotId) -> Self {
+        Self {
+            name: id.as_str().to_owned(),
+            authentication: Authentication::Zenoh,
+            role: Some(Role::Robot),
+            request: None,
+        }
+    }
+}
