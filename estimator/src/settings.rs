@@ -158,7 +158,8 @@ impl Default for EstimatorSettings {
                 lidar_x: 0.000_5,
                 lidar_y: 0.000_5,
                 lidar_yaw: 0.000_15,
-                speed_scale: 0.000_3,
+                // A tyre's rolling radius changes by as much with load and warmth.
+                speed_scale: 0.001,
                 wheelbase: 0.0,
                 time_offset: 0.002,
                 steering_gain: 0.0,

@@ -16,6 +16,8 @@ use crate::stream::{Effect, Stamp};
 const READINGS_MAX: usize = 1200;
 /// A new guess is tried after this many new readings.
 const GUESS_EVERY: usize = 5;
+/// But not before this share of all readings is new: a robot that only circles tells no more by a few.
+const GUESS_SHARE: usize = 16;
 
 impl Calibrator {
     /// Poses before do not compare with those to come.
@@ -40,7 +42,9 @@ impl Calibrator {
             self.seek_start();
             return;
         }
-        self.follow_reading(&waiting.reading);
+        if !self.watch.has_fault() {
+            self.follow_reading(&waiting.reading);
+        }
         let watched = self.follower.as_ref().and_then(|follower| {
             self.watch.watch(
                 &waiting.reading,
@@ -51,7 +55,10 @@ impl Calibrator {
             )
         });
         if let Some(detected) = watched {
-            self.change(&detected, effects);
+            match detected.kind {
+                ChangeKind::Fault => self.fail(&detected, effects),
+                _ => self.change(&detected, effects),
+            }
         }
         self.compare(effects);
     }
@@ -69,7 +76,7 @@ impl Calibrator {
     /// Before the filter has started: guess, and start from the first of the readings.
     fn seek_start(&mut self) {
         self.since_guess += 1;
-        if self.since_guess < GUESS_EVERY {
+        if self.since_guess < GUESS_EVERY.max(self.readings.len() / GUESS_SHARE) {
             return;
         }
         self.since_guess = 0;
@@ -96,6 +103,16 @@ impl Calibrator {
         for reading in readings {
             self.follow_reading(&reading);
         }
+    }
+
+    /// Something failed: the filter is as it was before, and waits until it is over.
+    fn fail(&mut self, detected: &Detected, effects: &mut Vec<Effect>) {
+        let mut filter = detected.filter_before.clone();
+        filter.lose_anchor();
+        self.follower = Some(Follower::new(filter));
+        self.readings.clear();
+        let onset_s = self.session.seconds_to(detected.onset.0);
+        self.report(detected.kind, detected.cause, onset_s, &[], effects);
     }
 
     /// The vehicle has changed: go back to before the onset, open what moved, and follow again, so

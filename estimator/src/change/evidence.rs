@@ -9,9 +9,8 @@
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
-use super::window::Window;
+use super::window::{Innovation, Window};
 use crate::estimate::{Cause, Parameter};
-use crate::filter::constraint::ByParameters;
 use crate::filter::{PARAMETERS, ParameterCovariance, Values, apart};
 
 type Information = SMatrix<f64, PARAMETERS, PARAMETERS>;
@@ -27,7 +26,7 @@ pub const WINDOWS_AFTER_MIN: usize = 3;
 /// Fewest windows before an onset.
 const WINDOWS_BEFORE_MIN: usize = 2;
 /// Windows in an hour of driving at 1 m/s.
-pub const WINDOWS_PER_HOUR: f64 = 7200.0;
+pub const WINDOWS_PER_HOUR: f64 = 9000.0;
 /// The parameters that a cause can move are the first of all.
 const MOVABLE: usize = 5;
 
@@ -94,14 +93,14 @@ impl Thresholds {
     #[must_use]
     pub fn raised(&self, ratios: &Values) -> Self {
         let mut raised = *self;
-        let mut least = f64::INFINITY;
+        let mut most = 1.0_f64;
         for (threshold, hypothesis) in raised.of_causes.iter_mut().zip(&HYPOTHESES) {
             let moved = hypothesis.parameters.iter().map(|p| ratios[p.index()]);
             let ratio = moved.fold(1.0, f64::max);
             *threshold *= ratio;
-            least = least.min(ratio);
+            most = most.max(ratio);
         }
-        raised.window_chi2_max *= least;
+        raised.window_chi2_max *= most;
         raised
     }
 
@@ -148,11 +147,12 @@ impl Evidence {
     }
 
     /// Of one window, around the parameters it was taken with; `None` when its covariance is none.
-    pub fn of_window(
-        residual: &Vector3<f64>,
-        jacobian: &ByParameters,
-        covariance: &Matrix3<f64>,
-    ) -> Option<Self> {
+    pub fn of_window(innovation: &Innovation) -> Option<Self> {
+        let Innovation {
+            residual,
+            jacobian,
+            covariance,
+        } = innovation;
         let inverse = covariance.cholesky()?.inverse();
         let weighted = jacobian.transpose() * inverse;
         Some(Self {
@@ -162,33 +162,48 @@ impl Evidence {
         })
     }
 
-    /// The same around other parameters, `by` away, with all noise `scale` times as large, and
-    /// clipped to the squared length that one window may have.
-    fn around(&self, by: &Values, scale: f64, chi2_max: f64) -> Self {
-        let shift = self.information * by;
-        let cost = (self.cost + by.dot(&(2.0 * self.score + shift))).max(0.0) / scale;
+    fn add(&mut self, term: &Term) {
+        self.information += term.information;
+        self.score += term.score;
+        self.cost += term.cost;
+    }
+
+    /// Without the terms given.
+    fn without(&self, terms: &[Term]) -> Self {
+        let mut rest = self.clone();
+        for term in terms {
+            rest.information -= term.information;
+            rest.score -= term.score;
+            rest.cost -= term.cost;
+        }
+        rest
+    }
+}
+
+/// One window's evidence around the reference, clipped.
+struct Term<'a> {
+    information: &'a Information,
+    score: Score,
+    cost: f64,
+}
+
+impl<'a> Term<'a> {
+    /// `chi2_max` is in units of the noise as configured.
+    fn new(window: &'a Window, reference: &Reference, chi2_max: f64) -> Self {
+        let evidence = &window.evidence;
+        let by = apart(&window.values, &reference.values);
+        let shift = evidence.information * by;
+        let cost = (evidence.cost + by.dot(&(2.0 * evidence.score + shift))).max(0.0);
         let shrink = if cost > chi2_max {
             (chi2_max / cost).sqrt()
         } else {
             1.0
         };
         Self {
-            information: self.information / scale,
-            score: (self.score + shift) * (shrink / scale),
+            information: &evidence.information,
+            score: (evidence.score + shift) * shrink,
             cost: cost * shrink * shrink,
         }
-    }
-
-    fn add(&mut self, term: &Self) {
-        self.information += term.information;
-        self.score += term.score;
-        self.cost += term.cost;
-    }
-
-    fn remove(&mut self, term: &Self) {
-        self.information -= term.information;
-        self.score -= term.score;
-        self.cost -= term.cost;
     }
 }
 
@@ -244,17 +259,28 @@ pub struct Candidate {
     cost_after: f64,
 }
 
-/// The strongest accusation over all onsets and causes, by residuals clipped to a squared
-/// length (to ask whether anything happened) or, with infinity, in full (to ask what).
+/// How windows are searched for a change.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Search {
+    /// How many times larger the noise (as a variance) is than the windows take it for.
+    pub noise_scale: f64,
+    /// Squared length that one window may have; without a limit the question is what happened, with
+    /// one it is whether anything did.
+    pub window_chi2_max: f64,
+    /// Every onset is tried. Else they lie the wider the longer ago, a fifth apart: it is enough to
+    /// see that something happened.
+    pub every_onset: bool,
+}
+
+/// The strongest accusation over all onsets and causes.
 pub fn strongest<'a>(
     windows: impl Iterator<Item = &'a Window>,
     reference: &Reference,
-    noise_scale: f64,
-    window_chi2_max: f64,
+    search: &Search,
     thresholds: &Thresholds,
 ) -> Option<Accusation> {
     let mut best: Option<(f64, Accusation)> = None;
-    for candidate in candidates(windows, reference, noise_scale, window_chi2_max) {
+    for candidate in candidates(windows, reference, search) {
         let pairs = candidate.ratios.iter().zip(thresholds.values());
         for (index, (ratio, threshold)) in pairs.enumerate() {
             let margin = ratio - threshold;
@@ -277,58 +303,59 @@ pub fn strongest<'a>(
     best.map(|(_, accusation)| accusation)
 }
 
-/// What speaks for a change at every onset that has windows enough before and after it.
+/// What speaks for a change at the onsets that have windows enough before and after them.
 pub fn candidates<'a>(
     windows: impl Iterator<Item = &'a Window>,
     reference: &Reference,
-    noise_scale: f64,
-    window_chi2_max: f64,
+    search: &Search,
 ) -> Vec<Candidate> {
+    // All sums are in units of the noise as configured, and the reference's doubt with them.
+    let scale = search.noise_scale;
     let terms: Vec<_> = windows
-        .map(|window| {
-            let by = apart(&window.values, &reference.values);
-            window.evidence.around(&by, noise_scale, window_chi2_max)
-        })
+        .map(|window| Term::new(window, reference, search.window_chi2_max * scale))
         .collect();
-    let mut before = Evidence {
-        information: reference.information,
-        ..Evidence::zero()
-    };
+    let mut all = Evidence::zero();
+    for term in &terms {
+        all.add(term);
+    }
+    all.information += reference.information * scale;
     let mut after = Evidence::zero();
-    terms
-        .iter()
-        .skip(ONSET_WINDOWS)
-        .for_each(|term| after.add(term));
+    let mut due = WINDOWS_AFTER_MIN;
     let mut candidates = Vec::with_capacity(terms.len());
-    for (onset, term) in terms.iter().enumerate() {
-        let windows_after = terms.len().saturating_sub(onset + ONSET_WINDOWS);
-        if windows_after < WINDOWS_AFTER_MIN {
+    for (first_after, term) in terms.iter().enumerate().rev() {
+        after.add(term);
+        let windows_after = terms.len() - first_after;
+        let onset = first_after.saturating_sub(ONSET_WINDOWS);
+        if onset < WINDOWS_BEFORE_MIN {
             break;
         }
-        if onset >= WINDOWS_BEFORE_MIN
-            && let Some((ratios, cost_after)) = compare(&before, &after)
-        {
-            let own = terms.iter().skip(onset).take(ONSET_WINDOWS);
+        if windows_after < due {
+            continue;
+        }
+        due = if search.every_onset {
+            windows_after + 1
+        } else {
+            (windows_after + 1).max((6 * windows_after).div_ceil(5))
+        };
+        let own = terms.get(onset..first_after).unwrap_or_default();
+        if let Some((ratios, cost_after)) = compare(&all.without(own), &after, scale) {
             candidates.push(Candidate {
                 onset,
-                ratios,
+                ratios: ratios.map(|ratio| ratio / scale),
                 windows_after,
-                excluded: own.map(|term| term.cost).sum(),
-                cost_after,
+                excluded: own.iter().map(|term| term.cost).sum::<f64>() / scale,
+                cost_after: cost_after / scale,
             });
-        }
-        before.add(term);
-        if let Some(next) = terms.get(onset + ONSET_WINDOWS) {
-            after.remove(next);
         }
     }
     candidates
 }
 
-/// The ratios of one onset, and the squared residuals after it at the common solution.
-fn compare(before: &Evidence, after: &Evidence) -> Option<([f64; CAUSES], f64)> {
-    let common = (before.information + after.information).cholesky()?;
-    let solution = common.solve(&(before.score + after.score));
+/// The ratios of one onset, and the squared residuals after it at the common solution; `both` is the
+/// evidence before and after it.
+fn compare(both: &Evidence, after: &Evidence, scale: f64) -> Option<([f64; CAUSES], f64)> {
+    let common = both.information.cholesky()?;
+    let solution = common.solve(&both.score);
     let fitted = after.information * solution;
     let score = after.score - fitted;
     // I_a - I_a (I_a + I_b)^-1 I_a = I_a - (L^-1 I_a)' (L^-1 I_a), where a cause can move things.
@@ -342,7 +369,7 @@ fn compare(before: &Evidence, after: &Evidence) -> Option<([f64; CAUSES], f64)> 
     let cost_after = after.cost + solution.dot(&(fitted - 2.0 * after.score));
     let mut ratios = [0.0; CAUSES];
     for (ratio, hypothesis) in ratios.iter_mut().zip(&HYPOTHESES) {
-        *ratio = likelihood_ratio(&score, &information, hypothesis.parameters)?;
+        *ratio = likelihood_ratio(&score, &information, hypothesis.parameters, scale)?;
     }
     Some((ratios, cost_after))
 }
@@ -353,6 +380,7 @@ fn likelihood_ratio(
     score: &Score,
     information: &SMatrix<f64, MOVABLE, MOVABLE>,
     parameters: &[Parameter],
+    scale: f64,
 ) -> Option<f64> {
     let mut part = Vector3::zeros();
     let mut block = Matrix3::identity();
@@ -361,7 +389,7 @@ fn likelihood_ratio(
         for (j, b) in parameters.iter().enumerate() {
             block[(i, j)] = information[(a.index(), b.index())];
         }
-        block[(i, i)] += change_sigma(*a).powi(-2);
+        block[(i, i)] += scale * change_sigma(*a).powi(-2);
     }
     Some(part.dot(&block.cholesky()?.solve(&part)))
 }

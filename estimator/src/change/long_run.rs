@@ -16,7 +16,7 @@ use crate::filter::{PARAMETERS, ParameterCovariance, Values, apart};
 use crate::stream::Stamp;
 
 /// Windows in a block: errors that last longer than some 5 m are for the change test to judge.
-const BLOCK: usize = 8;
+const BLOCK: usize = 10;
 /// Blocks that are remembered.
 const MEMORY_BLOCKS: f64 = 60.0;
 /// Fewest blocks, some 20 m, before the scatter is believed to be small.
@@ -27,6 +27,8 @@ const UNPROVEN_RATIO: f64 = 25.0;
 const SHARED: f64 = 0.5;
 /// How much is added to an excess of scatter that is known from one block alone.
 const DOUBT_BLOCKS: f64 = 6.0;
+/// The first block is fitted as if it were the only one; its leverage is bounded as of so many.
+const LEVERAGE_BLOCKS_MIN: f64 = 2.0;
 /// Largest squared error of a block, in its variances: a fault is no noise.
 const SQUARE_MAX: f64 = 400.0;
 
@@ -101,11 +103,17 @@ impl LongRunVariance {
         let square = block.residual.dot(&weighed);
         let score: SVector<f64, PARAMETERS> = block.jacobian.tr_mul(&weighed);
         let kept = 1.0 - 1.0 / MEMORY_BLOCKS;
-        self.scatter =
-            self.scatter * kept + score * score.transpose() * (SQUARE_MAX / square.max(SQUARE_MAX));
+        let weight = SQUARE_MAX / square.max(SQUARE_MAX) / (1.0 - self.leverage());
+        self.scatter = self.scatter * kept + score * score.transpose() * weight;
         self.expected =
             self.expected * kept + block.jacobian.tr_mul(&factor.solve(&block.jacobian));
         self.blocks = self.blocks * kept + 1.0;
+    }
+
+    /// Share of the next block in the values that it is held against: they were fitted to it too,
+    /// so that it scatters by so much less than it errs.
+    fn leverage(&self) -> f64 {
+        1.0 / (self.blocks + 1.0).max(LEVERAGE_BLOCKS_MIN)
     }
 
     /// What comes does not continue what was.
@@ -116,8 +124,10 @@ impl LongRunVariance {
     /// For each parameter, how many times larger its variance is than the filter's `covariance`
     /// says; at least 1.
     pub fn ratios(&self, covariance: &ParameterCovariance) -> Values {
-        let scatter = (covariance * self.scatter * covariance).diagonal();
-        let expected = (covariance * self.expected * covariance).diagonal();
+        let seen = |sum: &SMatrix<f64, PARAMETERS, PARAMETERS>| {
+            Values::from_fn(|i, _| covariance.column(i).dot(&(sum * covariance.column(i))))
+        };
+        let (scatter, expected) = (seen(&self.scatter), seen(&self.expected));
         let ratios = scatter.zip_map(&expected, |scatter, expected| {
             if expected > 0.0 {
                 scatter / expected
@@ -129,14 +139,19 @@ impl LongRunVariance {
         ratios.map(|ratio| ratio.max(least))
     }
 
+    /// The same with the doubt of a scatter that is itself known from a few blocks only.
+    pub fn doubtful_ratios(&self, covariance: &ParameterCovariance) -> Values {
+        let doubt = 1.0 + DOUBT_BLOCKS / self.blocks.max(1.0);
+        self.ratios(covariance)
+            .map(|ratio| 1.0 + doubt * (ratio - 1.0))
+    }
+
     /// The covariance that may be claimed when the filter has this one.
     pub fn claim(&self, covariance: &ParameterCovariance) -> ParameterCovariance {
-        // An excess of scatter is itself known from a few blocks only.
-        let doubt = 1.0 + DOUBT_BLOCKS / self.blocks.max(1.0);
         let least = if self.is_known() { 1.0 } else { UNPROVEN_RATIO };
         let widths = self
-            .ratios(covariance)
-            .map(|ratio| (1.0 + doubt * (ratio - 1.0)).max(least).sqrt());
+            .doubtful_ratios(covariance)
+            .map(|ratio| ratio.max(least).sqrt());
         let widths = ParameterCovariance::from_diagonal(&widths);
         widths * covariance * widths
     }
@@ -151,6 +166,7 @@ impl LongRunVariance {
 mod tests {
     use super::*;
     use crate::change::evidence::Evidence;
+    use crate::change::window::{Innovation, Track};
     use crate::estimate::Parameter;
 
     /// Windows whose poses are exact and whose motion errs along the track as told.
@@ -162,6 +178,11 @@ mod tests {
         jacobian[(0, x)] = 1.0;
         for i in 0..2000 {
             let residual = Vector3::new(error(i), 0.0, 0.0);
+            let innovation = Innovation {
+                residual,
+                jacobian,
+                covariance,
+            };
             let window = Window {
                 begin: Stamp(i as i64),
                 end: Stamp(i as i64 + 1),
@@ -172,7 +193,9 @@ mod tests {
                 motion_covariance: covariance,
                 end_covariance: Matrix3::zeros(),
                 values: Values::zeros(),
-                evidence: Evidence::of_window(&residual, &jacobian, &covariance).unwrap(),
+                track: Track::default(),
+                innovation,
+                evidence: Evidence::of_window(&innovation).unwrap(),
             };
             variance.push(&window, &Values::zeros(), 1.0);
         }

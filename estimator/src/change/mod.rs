@@ -1,37 +1,39 @@
 //! Change detection: is this still the vehicle that was calibrated, and if not, what moved and when?
 //!
-//! Half-metre windows of motion are compared with what the filter knew *before* them; the
-//! filter itself cannot be asked, because it absorbs a change within seconds.
+//! Windows of 0.4 m are compared with what the filter knew *before* them; the filter itself cannot
+//! be asked, because it absorbs a change within seconds.
 
 pub mod evidence;
+pub mod fault;
 pub mod long_run;
 pub mod window;
 
 use std::collections::VecDeque;
 
 use crate::drive_history::DriveHistory;
-use crate::estimate::{Cause, Parameter};
+use crate::estimate::{Cause, ChangeKind, Parameter};
 use crate::filter::follow::Follower;
 use crate::filter::{Filter, OdometryReading, ParameterCovariance};
 use crate::settings::EstimatorSettings;
 use crate::stream::Stamp;
 use crate::vehicle::Vehicle;
-use evidence::{Accusation, HYPOTHESES, ONSET_WINDOWS, Reference, Thresholds, strongest};
+use evidence::{Accusation, HYPOTHESES, ONSET_WINDOWS, Reference, Search, Thresholds, strongest};
+use fault::{Fault, FaultWatch};
 use long_run::LongRunVariance;
 use window::{Window, WindowCutter};
 
 /// Windows that are looked back over: some 25 m.
-pub const WINDOWS_MAX: usize = 50;
+pub const WINDOWS_MAX: usize = 60;
 /// Fewest windows before anything is judged.
 const WINDOWS_MIN: usize = 8;
 /// Windows that the long-run variance is behind: a change is flagged before it counts as noise.
-const SETTLED_WINDOWS: usize = 20;
+const SETTLED_WINDOWS: usize = 25;
 /// A filter that knows the four parameters to this many times their limits can judge.
 const JUDGE_SIGMA_FACTOR: f64 = 2.0;
 /// A cause explains what is seen when the misfit stays below this.
 const MISFIT_MAX: f64 = 3.0;
 /// After this many windows without a cause that explains it, the change is called unknown.
-const UNEXPLAINED_WINDOWS: usize = 12;
+const UNEXPLAINED_WINDOWS: usize = 15;
 
 /// A window with the filter as it was at its beginning.
 #[derive(Debug, Clone)]
@@ -43,7 +45,9 @@ struct Remembered {
 /// A change that was detected.
 #[derive(Debug, Clone)]
 pub struct Detected {
-    /// What moved.
+    /// A change of the vehicle, or a fault.
+    pub kind: ChangeKind,
+    /// What moved or failed.
     pub cause: Cause,
     /// The parameters to open again.
     pub parameters: Vec<Parameter>,
@@ -61,6 +65,7 @@ pub struct ChangeWatch {
     /// The filter at the beginning of the window that is being cut.
     filter_at_begin: Option<Filter>,
     long_run: LongRunVariance,
+    faults: FaultWatch,
     /// The newest windows that have not told yet how far they err together.
     unlearnt: usize,
 }
@@ -106,7 +111,7 @@ impl ChangeWatch {
             drive,
             vehicle,
             filter.values(),
-            filter.motion_noise(),
+            (filter.motion_noise(), filter.noise_scale()),
         );
         let Some(window) = window else {
             if self.filter_at_begin.is_none() {
@@ -114,6 +119,10 @@ impl ChangeWatch {
             }
             return None;
         };
+        let fault = self.faults.push(&window.track);
+        if self.faults.active().is_some() {
+            return fault.map(|(fault, lasted)| self.failed(fault, lasted, &window, filter));
+        }
         let begin = self.filter_at_begin.replace(filter.clone());
         let filter = begin.unwrap_or_else(|| filter.clone());
         self.remembered.push_back(Remembered { window, filter });
@@ -123,6 +132,33 @@ impl ChangeWatch {
         self.unlearnt += 1;
         self.learn(follower, settings);
         self.judge(settings)
+    }
+
+    /// Whether a fault lasts: nothing may be learnt.
+    pub fn has_fault(&self) -> bool {
+        self.faults.active().is_some()
+    }
+
+    /// A fault has been going on over the last windows: they are forgotten, and the filter is as it
+    /// was before.
+    fn failed(&mut self, fault: Fault, lasted: usize, last: &Window, now: &Filter) -> Detected {
+        // The last window is not remembered yet; the one before the first may be touched too.
+        let kept = self.remembered.len().saturating_sub(lasted);
+        let (begin, filter_before) = match self.remembered.get(kept) {
+            Some(first) => (first.window.begin, first.filter.clone()),
+            None => (last.begin, now.clone()),
+        };
+        self.remembered.truncate(kept);
+        self.unlearnt = self.unlearnt.min(kept);
+        self.long_run.break_block();
+        self.filter_at_begin = None;
+        Detected {
+            kind: ChangeKind::Fault,
+            cause: fault.cause(),
+            parameters: Vec::new(),
+            onset: (begin, last.end),
+            filter_before,
+        }
     }
 
     /// Windows that have settled tell how far they err together. While the filter still learns,
@@ -154,29 +190,37 @@ impl ChangeWatch {
             return None;
         }
         let reference = Reference::new(*oldest.values(), &covariance)?;
-        let scale = oldest.noise_scale();
-        let ratios = self.long_run.ratios(&oldest.parameter_covariance());
+        let ratios = self
+            .long_run
+            .doubtful_ratios(&oldest.parameter_covariance());
         let thresholds =
             Thresholds::for_false_alarm_hours(settings.false_alarm_hours).raised(&ratios);
         let windows = || self.remembered.iter().map(|r| &r.window);
+        let mut search = Search {
+            noise_scale: oldest.noise_scale(),
+            window_chi2_max: thresholds.window_chi2_max(),
+            every_onset: false,
+        };
         // 1. Has anything happened? No single wild window may say so.
-        let alarm = strongest(
-            windows(),
-            &reference,
-            scale,
-            thresholds.window_chi2_max(),
-            &thresholds,
-        )?;
+        let alarm = strongest(windows(), &reference, &search, &thresholds)?;
         if alarm.margin < 0.0 {
             return None;
         }
+        let waited = self.remembered.len() - 1 - alarm.onset;
+        if self
+            .faults
+            .may_be_stuck(waited.saturating_sub(ONSET_WINDOWS))
+        {
+            return None;
+        }
         // 2. What, and when?
-        let accusation = strongest(windows(), &reference, scale, f64::INFINITY, &thresholds)?;
+        search.window_chi2_max = f64::INFINITY;
+        search.every_onset = true;
+        let accusation = strongest(windows(), &reference, &search, &thresholds)?;
         let explained = accusation.margin > 0.0 && accusation.misfit < MISFIT_MAX;
         if explained {
             return self.detected(&accusation, false);
         }
-        let waited = self.remembered.len() - 1 - alarm.onset;
         // Without a cause it takes twice the evidence: a model that does not quite fit is no change.
         let beyond_doubt = alarm.margin > thresholds.values()[alarm.hypothesis];
         if waited >= UNEXPLAINED_WINDOWS && beyond_doubt {
@@ -202,6 +246,7 @@ impl ChangeWatch {
             (hypothesis.cause, hypothesis.parameters.to_vec())
         };
         Some(Detected {
+            kind: ChangeKind::CalibrationChanged,
             cause,
             parameters,
             onset: (at.window.begin, last.window.end),

@@ -1,21 +1,39 @@
-//! Windows of motion: what drive and LiDAR say of the same half metre, and how far they disagree.
+//! Windows of motion: what drive and LiDAR say of the same 0.4 m, and how far they disagree.
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::evidence::Evidence;
-use crate::drive_history::DriveHistory;
+use super::evidence::{Evidence, WINDOW_CHI2_MAX};
+use crate::drive_history::{DriveHistory, DriveSegment};
 use crate::estimate::Parameter;
 use crate::filter::constraint::{ByParameters, LidarMotion};
 use crate::filter::noise::MotionNoise;
 use crate::filter::prediction::PredictedMotion;
-use crate::filter::{OdometryReading, Values, drive_parameters, lidar_in_base};
+use crate::filter::{OdometryReading, Values, apart, drive_parameters, lidar_in_base};
 use crate::stream::Stamp;
 use crate::vehicle::Vehicle;
 
 /// A window ends after this distance, m.
-const WINDOW_M: f64 = 0.5;
+const WINDOW_M: f64 = 0.4;
 /// Or after this turn, rad.
-const WINDOW_RAD: f64 = 0.25;
+const WINDOW_RAD: f64 = 0.2;
+
+/// Least turn for each radian of steering over a window that says something about the steering.
+const STEERED_MIN: f64 = 0.1;
+
+/// What drive and LiDAR say of a window's way, before any statistics.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Track {
+    /// Way of the wheels, m.
+    pub driven_m: f64,
+    /// Way of the body by the LiDAR, m.
+    pub moved_m: f64,
+    /// First steering reading, rad.
+    pub steering_rad: f64,
+    /// Difference between its largest and smallest reading, rad.
+    pub steering_spread_rad: f64,
+    /// Steering angle by which the LiDAR's turn differs from the drive's, rad.
+    pub steering_error_rad: f64,
+}
 
 /// One window: residual of `B X = X Z` under some parameters, linear around them.
 #[derive(Debug, Clone)]
@@ -38,20 +56,60 @@ pub struct Window {
     pub end_covariance: Matrix3<f64>,
     /// The parameters the residual was taken with.
     pub values: Values,
-    /// What it says about them.
+    /// What drive and LiDAR say of its way.
+    pub track: Track,
+    /// What of the residual is new.
+    pub innovation: Innovation,
+    /// What that says about the parameters.
     pub evidence: Evidence,
+}
+
+/// A window's residual less what the windows before tell of it: they share a LiDAR pose, whose error
+/// has one sign in the one and the other in the next. What is left is white.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Innovation {
+    /// Residual, by the window's own parameters.
+    pub residual: Vector3<f64>,
+    /// How it moves with the parameters.
+    pub jacobian: ByParameters,
+    /// Its covariance.
+    pub covariance: Matrix3<f64>,
+}
+
+impl Innovation {
+    /// With `Cov(r_k, r_k-1) = -Ad(h^-1) R_k-1`; `own` is the window's residual as it is.
+    fn after(own: Self, carry: &Matrix3<f64>, values: &Values, before: &Window) -> Option<Self> {
+        let last = &before.innovation;
+        let last_residual = last.residual + last.jacobian * apart(&before.values, values);
+        let inverse = last.covariance.cholesky()?.inverse();
+        let gain = -carry * before.end_covariance * inverse;
+        Some(Self {
+            residual: own.residual - gain * last_residual,
+            jacobian: own.jacobian - gain * last.jacobian,
+            covariance: own.covariance - gain * last.covariance * gain.transpose(),
+        })
+    }
+
+    fn is_wild(&self, noise_scale: f64) -> bool {
+        self.covariance.cholesky().is_none_or(|factor| {
+            let square = self.residual.dot(&factor.solve(&self.residual));
+            square > WINDOW_CHI2_MAX * noise_scale
+        })
+    }
 }
 
 /// Cuts a robot's readings into windows.
 #[derive(Debug, Clone, Default)]
 pub struct WindowCutter {
     begin: Option<OdometryReading>,
+    /// The window before, when it ends where the next one begins and nothing wild was in it.
+    before: Option<Window>,
 }
 
 impl WindowCutter {
     /// Begins anew with the next reading.
     pub fn restart(&mut self) {
-        self.begin = None;
+        *self = Self::default();
     }
 
     /// Takes a reading; gives the window that it completes.
@@ -61,7 +119,7 @@ impl WindowCutter {
         drive: &DriveHistory,
         vehicle: &Vehicle,
         values: &Values,
-        noise: &MotionNoise,
+        (noise, noise_scale): (&MotionNoise, f64),
     ) -> Option<Window> {
         let Some(begin) = self.begin else {
             self.begin = Some(*reading);
@@ -73,6 +131,7 @@ impl WindowCutter {
             reading.stamp.plus_seconds(offset_s),
         );
         if !drive.covers(from, to) {
+            self.restart();
             self.begin = Some(*reading);
             return None;
         }
@@ -89,15 +148,23 @@ impl WindowCutter {
             return None;
         }
         self.begin = Some(*reading);
-        measure(&begin, reading, drive, (from, to), vehicle, values, noise)
+        let ways = drive.segments(from, to);
+        let mut window = measure(&begin, reading, ways, vehicle, values, noise)?;
+        if let Some(before) = self.before.take()
+            && let Some(new) = Innovation::after(window.innovation, &window.carry, values, &before)
+        {
+            window.innovation = new;
+            window.evidence = Evidence::of_window(&new)?;
+        }
+        self.before = Some(window.clone()).filter(|window| !window.innovation.is_wild(noise_scale));
+        Some(window)
     }
 }
 
 fn measure(
     begin: &OdometryReading,
     end: &OdometryReading,
-    drive: &DriveHistory,
-    (from, to): (Stamp, Stamp),
+    ways: impl Iterator<Item = DriveSegment>,
     vehicle: &Vehicle,
     values: &Values,
     noise: &MotionNoise,
@@ -105,7 +172,10 @@ fn measure(
     let parameters = drive_parameters(values);
     let mut motion = PredictedMotion::none();
     let mut twist_at_begin = None;
-    for segment in drive.segments(from, to) {
+    let (mut least_rad, mut most_rad) = (f64::INFINITY, f64::NEG_INFINITY);
+    for segment in ways {
+        least_rad = least_rad.min(segment.drive.steering_rad);
+        most_rad = most_rad.max(segment.drive.steering_rad);
         motion.advance(vehicle, &parameters, noise, &segment);
         twist_at_begin.get_or_insert(motion.twist);
     }
@@ -118,6 +188,21 @@ fn measure(
         + end.covariance;
     let residual = predicted.end_in_begin.between(&measured).log();
     let jacobian = predicted.by_parameters(&motion, &twist_at_begin);
+    let mount = lidar_in_base(values);
+    let body = mount.compose(&measured).compose(&mount.inverse());
+    let turn_by_steering = jacobian[(2, Parameter::SteeringOffset.index())].abs();
+    let track = Track {
+        driven_m: motion.distance_m,
+        moved_m: body.translation().norm(),
+        steering_rad: least_rad,
+        steering_spread_rad: most_rad - least_rad,
+        steering_error_rad: residual.z / turn_by_steering.max(STEERED_MIN),
+    };
+    let innovation = Innovation {
+        residual,
+        jacobian,
+        covariance,
+    };
     Some(Window {
         begin: begin.stamp,
         end: end.stamp,
@@ -128,6 +213,8 @@ fn measure(
         motion_covariance,
         end_covariance: end.covariance,
         values: *values,
-        evidence: Evidence::of_window(&residual, &jacobian, &covariance)?,
+        track,
+        innovation,
+        evidence: Evidence::of_window(&innovation)?,
     })
 }

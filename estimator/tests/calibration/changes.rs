@@ -90,7 +90,7 @@ fn a_jump_of_the_steering_zero_is_flagged_as_steering() {
 #[test]
 fn a_knocked_lidar_is_flagged_as_lidar_mount() {
     let knock = Pose2::new(0.03, 0.0, -1.5f64.to_radians());
-    check(Change::Mount(knock), Cause::LidarMount, 3.5);
+    check(Change::Mount(knock), Cause::LidarMount, 3.0);
 }
 
 #[test]

@@ -15,7 +15,7 @@ const DURATION_S: f64 = 120.0;
 /// What happens to a robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Disturbance {
-    /// A car of 0.33 m wheelbase at up to 2.4 m/s, its wheels slipping by 2 % and sideways.
+    /// A car of 0.33 m wheelbase at up to 2.4 m/s, its wheels slipping by 1 % and sideways.
     SlippingCar,
     /// One circle after the other, all to the left.
     OneSided,
@@ -28,16 +28,6 @@ pub enum Disturbance {
     /// The wheels turn in the air: the LiDAR stands.
     WheelLift,
 }
-
-/// All of them.
-pub const DISTURBANCES: [Disturbance; 6] = [
-    Disturbance::SlippingCar,
-    Disturbance::OneSided,
-    Disturbance::LeftLoop,
-    Disturbance::StuckSteering,
-    Disturbance::Pushed,
-    Disturbance::WheelLift,
-];
 
 /// Drives a robot that it happens to.
 pub fn disturbed(disturbance: Disturbance, seed: u64) -> Driven {
@@ -80,7 +70,7 @@ pub fn disturbed(disturbance: Disturbance, seed: u64) -> Driven {
         Disturbance::WheelLift => {
             let mut lift = WheelLift::default();
             drive_disturbed(config, calibrator, DURATION_S, move |time_s, message| {
-                lift.disturb(time_s, message)
+                lift.disturb(time_s, &message)
             })
         }
         _ => drive(config, calibrator, DURATION_S),
@@ -109,10 +99,11 @@ struct WheelLift {
 impl WheelLift {
     const LENGTH_NS: i64 = 5_000_000_000;
 
-    fn disturb(&mut self, time_s: f64, message: SimulatedMessage) -> Vec<SimulatedMessage> {
+    fn disturb(&mut self, time_s: f64, message: &SimulatedMessage) -> Vec<SimulatedMessage> {
         let later = if self.done { Self::LENGTH_NS } else { 0 };
         match message {
-            SimulatedMessage::Drive(mut drive) => {
+            SimulatedMessage::Drive(drive) => {
+                let mut drive = *drive;
                 drive.stamp_ns += later;
                 let mut messages = vec![SimulatedMessage::Drive(drive)];
                 if time_s >= BEGIN_S && !self.done {
@@ -129,7 +120,8 @@ impl WheelLift {
                 }
                 messages
             }
-            SimulatedMessage::LidarPose(mut pose) => {
+            SimulatedMessage::LidarPose(pose) => {
+                let mut pose = *pose;
                 pose.stamp_ns += later;
                 if !self.done {
                     self.last_pose = Some(pose);

@@ -6,8 +6,12 @@
     reason = "figures are printed beside their bounds"
 )]
 
+mod changed;
 mod changes;
 mod consistency;
+mod delays;
+mod disturbances;
+mod disturbed;
 mod drawn;
 mod drive;
 mod efficiency;

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use fleetcal_estimator::change::WINDOWS_MAX;
 use fleetcal_estimator::change::evidence::{
-    CAUSES, Evidence, Reference, Thresholds, WINDOW_CHI2_MAX, candidates, strongest,
+    CAUSES, Evidence, Reference, Search, Thresholds, WINDOW_CHI2_MAX, candidates, strongest,
 };
 use fleetcal_estimator::change::window::{Window, WindowCutter};
 use fleetcal_estimator::drive_history::DriveHistory;
@@ -22,6 +22,13 @@ use crate::drive::poses;
 const KEPT: f64 = 0.998;
 /// Doubt of the parameters before the first window: twice the limits of convergence.
 const PRIOR_SIGMA: [f64; PARAMETERS] = [1.7e-3, 0.01, 0.01, 3.5e-3, 4e-3, 6e-3, 0.02, 1e-6, 3e-3];
+
+/// The search for an alarm.
+const SEARCH: Search = Search {
+    noise_scale: 1.0,
+    window_chi2_max: WINDOW_CHI2_MAX,
+    every_onset: false,
+};
 
 /// The routes that windows are cut from.
 pub fn routes() -> [Route; 3] {
@@ -78,7 +85,7 @@ pub fn windows_of(route: Route, duration_s: f64) -> Vec<Window> {
                 // A pose waits for the drive samples of its time.
                 if let Some(due) = waiting.replace(reading) {
                     let noise = MotionNoise::default();
-                    windows.extend(cutter.push(&due, &drive, &vehicle, &values, &noise));
+                    windows.extend(cutter.push(&due, &drive, &vehicle, &values, (&noise, 1.0)));
                 }
             }
             SimulatedMessage::Sweep(_) | SimulatedMessage::CrossTrackError(_) => {}
@@ -114,11 +121,10 @@ impl NoiseWindows {
     pub fn advance(&mut self) {
         let mut window = self.pool[self.next].clone();
         self.next = (self.next + 1) % self.pool.len();
-        let factor = window.covariance.cholesky().unwrap();
+        let factor = window.innovation.covariance.cholesky().unwrap();
         let noise = Vector3::from_fn(|_, _| self.random.sample::<f64, _>(StandardNormal));
-        window.residual = factor.l() * noise;
-        window.evidence =
-            Evidence::of_window(&window.residual, &window.jacobian, &window.covariance).unwrap();
+        window.innovation.residual = factor.l() * noise;
+        window.evidence = Evidence::of_window(&window.innovation).unwrap();
         self.remembered.push_back(window);
         if self.remembered.len() > WINDOWS_MAX {
             self.forget_oldest();
@@ -127,7 +133,7 @@ impl NoiseWindows {
 
     /// What leaves the memory is what the reference knows.
     fn forget_oldest(&mut self) {
-        let oldest = self.remembered.pop_front().unwrap();
+        let oldest = self.remembered.pop_front().unwrap().innovation;
         let inverse = oldest.covariance.cholesky().unwrap().inverse();
         let weighted = oldest.jacobian.transpose() * inverse;
         let prior = SVector::from_fn(|i, _| PRIOR_SIGMA[i].powi(-2));
@@ -145,12 +151,7 @@ impl NoiseWindows {
     /// The largest ratio of each cause over all onsets.
     pub fn largest_ratios(&self) -> [f64; CAUSES] {
         let mut largest = [0.0_f64; CAUSES];
-        for candidate in candidates(
-            self.remembered.iter(),
-            &self.reference(),
-            1.0,
-            WINDOW_CHI2_MAX,
-        ) {
+        for candidate in candidates(self.remembered.iter(), &self.reference(), &SEARCH) {
             for (most, ratio) in largest.iter_mut().zip(candidate.ratios) {
                 *most = most.max(ratio);
             }
@@ -161,14 +162,8 @@ impl NoiseWindows {
     /// Whether the change test raises an alarm now.
     pub fn alarms(&self, thresholds: &Thresholds) -> bool {
         let reference = self.reference();
-        strongest(
-            self.remembered.iter(),
-            &reference,
-            1.0,
-            thresholds.window_chi2_max(),
-            thresholds,
-        )
-        .is_some_and(|accusation| accusation.margin >= 0.0)
+        strongest(self.remembered.iter(), &reference, &SEARCH, thresholds)
+            .is_some_and(|accusation| accusation.margin >= 0.0)
     }
 }
 

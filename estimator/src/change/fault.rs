@@ -1,0 +1,212 @@
+//! Faults: what no calibration explains. Wheels and LiDAR disagree by far, or the steering reading
+//! stands still while the vehicle turns.
+//!
+//! While a fault lasts nothing may be learnt from the data; the calibration is as it was before.
+
+use super::window::Track;
+use crate::estimate::Cause;
+
+/// Windows in a row that begin or end a fault.
+const IN_A_ROW: usize = 2;
+/// Wheels and LiDAR disagree when one of them has moved less than this share of the other.
+const DISAGREE_SHARE: f64 = 0.3;
+/// Shortest way that is compared, m.
+const COMPARED_MIN_M: f64 = 0.3;
+/// A reading that changes less than this stands still, rad.
+const SAME_READING_RAD: f64 = 1e-6;
+/// Windows over which a steering reading has to stand still.
+const STUCK_WINDOWS: usize = 6;
+/// After so many the curves would have shown that it is stuck: the vehicle keeps to one curve.
+const UNDECIDED_WINDOWS_MAX: usize = 2 * STUCK_WINDOWS;
+/// Spread of the true steering angle over them, rad (6 degrees): a coarse encoder has less.
+const STUCK_SPREAD_RAD: f64 = 0.1;
+/// How often the true angle changes from window to window, and by how much, rad: a steering zero
+/// that jumps does it once or twice.
+const STUCK_CHANGES_MIN: usize = 4;
+const STUCK_CHANGE_RAD: f64 = 0.015;
+
+/// What is wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fault {
+    /// The LiDAR moves and the wheels do not: a dead speed sensor, or somebody pushes.
+    NotDriven,
+    /// The wheels turn and the LiDAR stands: spinning or lifted wheels, or a LiDAR that sees nothing
+    /// of its way.
+    NotMoving,
+    /// The steering reading stands still while the vehicle's curve changes.
+    StuckSteering,
+}
+
+impl Fault {
+    /// What to tell.
+    pub fn cause(self) -> Cause {
+        match self {
+            Self::NotDriven => Cause::Vehicle,
+            Self::NotMoving => Cause::Unknown,
+            Self::StuckSteering => Cause::Steering,
+        }
+    }
+}
+
+/// Watches the windows' ways for faults.
+#[derive(Debug, Clone, Default)]
+pub struct FaultWatch {
+    active: Option<Fault>,
+    /// Windows in a row that speak for a fault, or for the end of the active one.
+    in_a_row: usize,
+    last: Option<Fault>,
+    /// Windows with one and the same steering reading, newest last.
+    standing: Vec<Track>,
+}
+
+impl FaultWatch {
+    /// The fault that lasts.
+    pub fn active(&self) -> Option<Fault> {
+        self.active
+    }
+
+    /// Whether the steering reading may have stuck so many windows ago: it has stood still since, and
+    /// the curves driven have not told yet.
+    pub fn may_be_stuck(&self, windows: usize) -> bool {
+        let standing = self.standing.len();
+        standing >= windows.max(2) && standing < UNDECIDED_WINDOWS_MAX
+    }
+
+    /// Takes the next window; gives a fault that has just become certain, and how many windows it
+    /// has lasted.
+    pub fn push(&mut self, track: &Track) -> Option<(Fault, usize)> {
+        self.follow_steering(track);
+        if let Some(active) = self.active {
+            let over = match active {
+                Fault::StuckSteering => self.standing.len() <= 1,
+                Fault::NotDriven | Fault::NotMoving => disagreement(track).is_none(),
+            };
+            self.in_a_row = if over { self.in_a_row + 1 } else { 0 };
+            if self.in_a_row >= IN_A_ROW {
+                *self = Self::default();
+            }
+            return None;
+        }
+        let found = if self.is_stuck() {
+            Some((Fault::StuckSteering, self.standing.len()))
+        } else {
+            self.disagrees(track)
+        };
+        if let Some((fault, _)) = found {
+            self.active = Some(fault);
+            self.in_a_row = 0;
+        }
+        found
+    }
+
+    fn disagrees(&mut self, track: &Track) -> Option<(Fault, usize)> {
+        let seen = disagreement(track);
+        self.in_a_row = match seen {
+            None => 0,
+            Some(_) if seen == self.last => self.in_a_row + 1,
+            Some(_) => 1,
+        };
+        self.last = seen;
+        seen.filter(|_| self.in_a_row >= IN_A_ROW)
+            .map(|fault| (fault, self.in_a_row))
+    }
+
+    fn follow_steering(&mut self, track: &Track) {
+        let same = track.steering_spread_rad < SAME_READING_RAD
+            && self.standing.last().is_none_or(|last| {
+                (last.steering_rad - track.steering_rad).abs() < SAME_READING_RAD
+            });
+        if !same {
+            self.standing.clear();
+        }
+        if track.steering_spread_rad < SAME_READING_RAD {
+            if self.standing.len() >= 4 * STUCK_WINDOWS {
+                self.standing.remove(0);
+            }
+            self.standing.push(*track);
+        }
+    }
+
+    fn is_stuck(&self) -> bool {
+        if self.standing.len() < STUCK_WINDOWS {
+            return false;
+        }
+        let errors = || self.standing.iter().map(|track| track.steering_error_rad);
+        let (least, most) = errors().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), e| {
+            (low.min(e), high.max(e))
+        });
+        let changes = errors()
+            .zip(errors().skip(1))
+            .filter(|(before, after)| (after - before).abs() > STUCK_CHANGE_RAD)
+            .count();
+        most - least > STUCK_SPREAD_RAD && changes >= STUCK_CHANGES_MIN
+    }
+}
+
+fn disagreement(track: &Track) -> Option<Fault> {
+    let Track {
+        driven_m, moved_m, ..
+    } = *track;
+    if driven_m.max(moved_m) < COMPARED_MIN_M {
+        None
+    } else if driven_m < DISAGREE_SHARE * moved_m {
+        Some(Fault::NotDriven)
+    } else if moved_m < DISAGREE_SHARE * driven_m {
+        Some(Fault::NotMoving)
+    } else {
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn track(driven_m: f64, moved_m: f64) -> Track {
+        Track {
+            driven_m,
+            moved_m,
+            steering_rad: 0.1,
+            steering_spread_rad: 0.01,
+            steering_error_rad: 0.0,
+        }
+    }
+
+    #[test]
+    fn two_windows_begin_a_fault_and_two_end_it() {
+        let mut watch = FaultWatch::default();
+        assert_eq!(watch.push(&track(0.0, 0.5)), None);
+        assert_eq!(watch.push(&track(0.0, 0.5)), Some((Fault::NotDriven, 2)));
+        assert_eq!(watch.push(&track(0.0, 0.5)), None);
+        assert_eq!(watch.push(&track(0.5, 0.5)), None);
+        assert_eq!(watch.active(), Some(Fault::NotDriven));
+        watch.push(&track(0.5, 0.5));
+        assert_eq!(watch.active(), None);
+    }
+
+    #[test]
+    fn one_wild_window_and_a_wrong_scale_are_none() {
+        let mut watch = FaultWatch::default();
+        for (driven_m, moved_m) in [(0.5, 0.0), (0.5, 0.5), (0.5, 0.3), (0.5, 0.3), (0.2, 0.5)] {
+            assert_eq!(watch.push(&track(driven_m, moved_m)), None);
+        }
+    }
+
+    #[test]
+    fn a_reading_that_stands_still_in_changing_curves_is_stuck() {
+        let stuck = |error: &dyn Fn(usize) -> f64| {
+            let mut watch = FaultWatch::default();
+            (0..12).any(|i| {
+                let standing = Track {
+                    steering_spread_rad: 0.0,
+                    steering_error_rad: error(i),
+                    ..track(0.5, 0.5)
+                };
+                watch.push(&standing).is_some()
+            })
+        };
+        assert!(stuck(&|i| 0.03 * i as f64));
+        assert!(!stuck(&|_| 0.002), "straight ahead");
+        assert!(!stuck(&|i| if i < 6 { 0.0 } else { 0.15 }), "a jump");
+    }
+}

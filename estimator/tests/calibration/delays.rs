@@ -1,0 +1,53 @@
+//! How soon a change is seen. The whole table: `cargo run --release -p fleetcal-estimator --example
+//! estimator_figures -- delays`.
+
+use fleetcal_estimator::estimate::Cause;
+use fleetcal_robot::simulator::{Change, Pose2};
+
+use crate::changed::{changed, found};
+use crate::drive::poses;
+
+/// Found within so many seconds on every seed, once, and as what it is.
+fn assert_found(change: Change, cause: Cause, delay_max_s: f64) {
+    for seed in 1..=4 {
+        let run = changed(seed, change, Some(poses()), 62.0 + delay_max_s);
+        assert!(!run.changes.is_empty(), "seed {seed}, {change:?}: not seen");
+        let found = found(&run).unwrap();
+        println!(
+            "seed {seed}, {change:?}: {:.1} s, {:.1} m",
+            found.delay_s, found.delay_m
+        );
+        assert_eq!(found.cause, cause, "seed {seed}, {change:?}");
+        assert_eq!(
+            found.events, 1,
+            "seed {seed}, {change:?}: {:?}",
+            run.changes
+        );
+        assert!(
+            (0.0..=delay_max_s).contains(&found.delay_s),
+            "seed {seed}, {change:?}: after {} s",
+            found.delay_s
+        );
+    }
+}
+
+fn steering(deg: f64) -> Change {
+    Change::SteeringOffset(deg.to_radians())
+}
+
+fn mount(x_m: f64, yaw_deg: f64) -> Change {
+    Change::Mount(Pose2::new(x_m, 0.0, yaw_deg.to_radians()))
+}
+
+#[test]
+fn a_steering_zero_that_moves_is_seen_the_sooner_the_farther() {
+    assert_found(steering(2.0), Cause::Steering, 4.0);
+    assert_found(steering(0.5), Cause::Steering, 10.0);
+    assert_found(steering(0.25), Cause::Steering, 40.0);
+}
+
+#[test]
+fn a_lidar_that_moves_is_seen_the_sooner_the_farther() {
+    assert_found(mount(0.0, 1.0), Cause::LidarMount, 8.0);
+    assert_found(mount(0.03, 0.0), Cause::LidarMount, 15.0);
+}
