@@ -44,6 +44,31 @@ impl<'a> CdrReader<'a> {
         self.body.len().saturating_sub(self.position)
     }
 
+    /// Reads a `uint8`.
+    ///
+    /// # Errors
+    /// When the payload ends before.
+    pub fn u8(&mut self, field: &'static str) -> Result<u8, CdrError> {
+        let bytes = self.take(field, 1)?;
+        Ok(bytes.first().copied().unwrap_or_default())
+    }
+
+    /// Reads a `boolean`.
+    ///
+    /// # Errors
+    /// When the payload ends before, or it is neither 0 nor 1.
+    pub fn bool(&mut self, field: &'static str) -> Result<bool, CdrError> {
+        match self.u8(field)? {
+            0 => Ok(false),
+            1 => Ok(true),
+            other => Err(CdrError::Value {
+                field,
+                value: other.to_string(),
+                accepted: "0 or 1",
+            }),
+        }
+    }
+
     /// Reads an `int32`.
     ///
     /// # Errors
@@ -92,6 +117,38 @@ impl<'a> CdrReader<'a> {
             *value = self.f64_from(bytes);
         }
         Ok(values)
+    }
+
+    /// Reads a sequence of `uint8` in one allocation of its exact size.
+    ///
+    /// # Errors
+    /// When the sequence claims more than the payload holds.
+    pub fn byte_sequence(&mut self, field: &'static str) -> Result<Arc<[u8]>, CdrError> {
+        let count = self.length(field, 1)?;
+        self.take(field, count).map(Arc::from)
+    }
+
+    /// Reads a sequence of at most `count_max` elements of at least `element_bytes` each, one by
+    /// one with `read`.
+    ///
+    /// # Errors
+    /// When the sequence claims more than is accepted or the payload holds, and what `read` says.
+    pub fn sequence<T>(
+        &mut self,
+        field: &'static str,
+        element_bytes: usize,
+        count_max: usize,
+        mut read: impl FnMut(&mut Self) -> Result<T, CdrError>,
+    ) -> Result<Vec<T>, CdrError> {
+        let count = self.length(field, element_bytes)?;
+        if count > count_max {
+            return Err(CdrError::Length {
+                field,
+                claimed: count as u32,
+                accepted: count_max,
+            });
+        }
+        (0..count).map(|_| read(self)).collect()
     }
 
     /// Reads a sequence of `float32` in one allocation of its exact size.
@@ -150,15 +207,7 @@ impl<'a> CdrReader<'a> {
     /// # Errors
     /// As for one string, and when there are too many.
     pub fn string_sequence(&mut self, field: &'static str) -> Result<Vec<String>, CdrError> {
-        let count = self.length(field, 4)?;
-        if count > STRINGS_MAX {
-            return Err(CdrError::Length {
-                field,
-                claimed: count as u32,
-                accepted: STRINGS_MAX,
-            });
-        }
-        (0..count).map(|_| self.string(field)).collect()
+        self.sequence(field, 4, STRINGS_MAX, |reader| reader.string(field))
     }
 
     /// Ends the reading behind `last_field`.

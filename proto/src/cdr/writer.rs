@@ -17,6 +17,27 @@ impl CdrWriter {
         Self { bytes }
     }
 
+    /// Writes a `uint8`.
+    pub fn u8(&mut self, value: u8) {
+        self.bytes.push(value);
+    }
+
+    /// Writes a `boolean`.
+    pub fn bool(&mut self, value: bool) {
+        self.u8(u8::from(value));
+    }
+
+    /// Writes a sequence of `uint8` with its length.
+    pub fn byte_sequence(&mut self, values: &[u8]) {
+        self.length(values.len());
+        self.bytes.extend_from_slice(values);
+    }
+
+    /// Writes the length of a sequence whose elements follow.
+    pub fn sequence_length(&mut self, count: usize) {
+        self.length(count);
+    }
+
     /// Writes an `int32`.
     pub fn i32(&mut self, value: i32) {
         self.aligned(value.to_le_bytes());

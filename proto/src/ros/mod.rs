@@ -9,6 +9,7 @@ mod header;
 mod joint_state;
 mod laser_scan;
 mod odometry;
+mod point_cloud2;
 mod pose_stamped;
 mod serde_forms;
 
@@ -20,6 +21,7 @@ pub use laser_scan::{LaserScan, ScanRefused};
 pub use odometry::{
     Covariance, Odometry, Pose, PoseWithCovariance, Quaternion, Twist, TwistWithCovariance, Vector3,
 };
+pub use point_cloud2::{CloudRefused, Column, PointCloud2, PointDatatype, PointField};
 pub use pose_stamped::PoseStamped;
 
 use serde::Serialize;

@@ -4,9 +4,12 @@ use std::fmt;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serializer};
 
+use super::point_cloud2::{FIELDS_MAX, PointField};
 use crate::cdr::STRINGS_MAX;
 
 /// Serializes beams; a number that JSON does not have becomes `null`.
@@ -91,27 +94,34 @@ impl<'de, const N: usize> Visitor<'de> for LongArray<N> {
 
 /// Reads at most [`STRINGS_MAX`] strings.
 pub(super) fn names<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<String>, D::Error> {
-    deserializer.deserialize_seq(Names)
+    deserializer.deserialize_seq(AtMost::<String, STRINGS_MAX>(PhantomData))
 }
 
-struct Names;
+/// Reads at most [`FIELDS_MAX`] fields of points.
+pub(super) fn point_fields<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Vec<PointField>, D::Error> {
+    deserializer.deserialize_seq(AtMost::<PointField, FIELDS_MAX>(PhantomData))
+}
 
-impl<'de> Visitor<'de> for Names {
-    type Value = Vec<String>;
+struct AtMost<T, const N: usize>(PhantomData<T>);
+
+impl<'de, T: Deserialize<'de>, const N: usize> Visitor<'de> for AtMost<T, N> {
+    type Value = Vec<T>;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "an array of at most {STRINGS_MAX} strings")
+        write!(f, "an array of at most {N} elements")
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Self::Value, A::Error> {
-        let mut names = Vec::new();
-        while let Some(name) = items.next_element()? {
-            if names.len() == STRINGS_MAX {
-                return Err(A::Error::invalid_length(STRINGS_MAX + 1, &self));
+        let mut elements = Vec::new();
+        while let Some(element) = items.next_element()? {
+            if elements.len() == N {
+                return Err(A::Error::invalid_length(N + 1, &self));
             }
-            names.push(name);
+            elements.push(element);
         }
-        Ok(names)
+        Ok(elements)
     }
 }
 
@@ -124,4 +134,39 @@ pub(super) fn below_a_second<'de, D: Deserializer<'de>>(deserializer: D) -> Resu
     Err(D::Error::custom(format!(
         "{nanosec} ns, accepted is less than 1000000000"
     )))
+}
+
+/// Writes bytes as base64, as ROS's JSON bridges do.
+pub(super) fn base64<S: Serializer>(bytes: &Arc<[u8]>, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(&STANDARD.encode(bytes))
+}
+
+/// Reads bytes from base64 or from an array of numbers.
+pub(super) fn bytes<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Arc<[u8]>, D::Error> {
+    deserializer.deserialize_any(Bytes)
+}
+
+struct Bytes;
+
+impl<'de> Visitor<'de> for Bytes {
+    type Value = Arc<[u8]>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("bytes as a string in base64 or an array of numbers")
+    }
+
+    fn visit_str<E: Error>(self, text: &str) -> Result<Self::Value, E> {
+        match STANDARD.decode(text) {
+            Ok(bytes) => Ok(bytes.into()),
+            Err(error) => Err(E::custom(format!("no base64: {error}"))),
+        }
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Self::Value, A::Error> {
+        let mut bytes = Vec::new();
+        while let Some(byte) = items.next_element()? {
+            bytes.push(byte);
+        }
+        Ok(bytes.into())
+    }
 }

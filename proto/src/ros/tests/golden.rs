@@ -9,7 +9,7 @@ const JOINTS: &str = "0001000000f1536580b2e60e010000000000000002000000050000006c
     7269676874000000020000009a9999999999b93f9a9999999999c93f0200000000000000000000000000f03f00000000\
     0000004000000000";
 
-fn bytes(hex: &str) -> Vec<u8> {
+pub(super) fn bytes(hex: &str) -> Vec<u8> {
     let digits: Vec<u8> = hex.bytes().filter(u8::is_ascii_hexdigit).collect();
     let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap();
     digits.chunks(2).map(byte).collect()
@@ -67,6 +67,7 @@ fn the_expected_size_is_enough_for_one_allocation() {
     check(&drive());
     check(&joints());
     check(&odometry());
+    check(&super::point_cloud2::cloud());
     check(&Float64 { data: 1.0 });
 }
 

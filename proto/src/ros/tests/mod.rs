@@ -2,6 +2,7 @@
 
 mod golden;
 mod mutated;
+mod point_cloud2;
 mod refusals;
 mod round_trips;
 

@@ -44,6 +44,16 @@ impl Footprint for Odometry {
     }
 }
 
+impl Footprint for PointCloud2 {
+    const FIXED_BYTES: usize = 64 * size_of::<PointField>();
+
+    fn allocated_bytes(&self) -> usize {
+        let names: usize = self.fields.iter().map(|field| field.name.capacity()).sum();
+        let fields = self.fields.capacity() * size_of::<PointField>();
+        self.data.len() + names + fields + self.header.frame_id.capacity()
+    }
+}
+
 impl Footprint for Float64 {
     fn allocated_bytes(&self) -> usize {
         0
@@ -122,12 +132,13 @@ fn attack<M: Footprint>(message: &M, payloads: usize, rng: &mut StdRng) -> usize
 #[test]
 fn a_million_mutated_payloads_do_no_harm() {
     let mut rng = StdRng::seed_from_u64(0x5eed);
-    let each = PAYLOADS / 5;
+    let each = PAYLOADS / 6;
     let refused = [
         attack(&scan(), each, &mut rng),
         attack(&drive(), each, &mut rng),
         attack(&joints(), each, &mut rng),
         attack(&odometry(), each, &mut rng),
+        attack(&super::point_cloud2::cloud(), each, &mut rng),
         attack(&Float64 { data: 1.5 }, each, &mut rng),
     ];
     // A mutation that is never noticed, or always, would test nothing.
