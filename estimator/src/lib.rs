@@ -21,6 +21,7 @@ mod initial_guess;
 pub mod lidar_odometry;
 mod merge;
 pub mod occupancy_grid;
+pub mod point_cloud;
 pub mod settings;
 pub mod stream;
 mod trust;

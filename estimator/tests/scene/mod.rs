@@ -24,7 +24,7 @@ pub struct Person {
 }
 
 impl Person {
-    fn position(&self, t: f64) -> [f64; 2] {
+    pub fn position(&self, t: f64) -> [f64; 2] {
         let swing = self.reach_m * (self.speed_mps / self.reach_m * t + self.phase).sin();
         let (s, c) = self.heading_rad.sin_cos();
         [self.centre[0] + swing * c, self.centre[1] + swing * s]
@@ -100,7 +100,7 @@ impl Scene {
         self
     }
 
-    fn range_from(&self, origin: [f64; 2], angle_rad: f64, people: &[[f64; 2]]) -> f64 {
+    pub fn range_from(&self, origin: [f64; 2], angle_rad: f64, people: &[[f64; 2]]) -> f64 {
         let (s, c) = angle_rad.sin_cos();
         let mut nearest = f64::INFINITY;
         for [x0, y0, x1, y1] in &self.walls {
@@ -159,7 +159,7 @@ impl Default for Scanner {
 }
 
 impl Scanner {
-    fn shape(&self) -> SweepShape {
+    pub fn shape(&self) -> SweepShape {
         let sign = if self.clockwise { -1.0 } else { 1.0 };
         let increment = self.fov_rad / self.beams as f64;
         SweepShape {
