@@ -5,12 +5,16 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
+use fleetcal_estimator::point_cloud::PlanarBand;
 use fleetcal_estimator::vehicle::SpeedMeasuredAt;
 use fleetcal_estimator::{EstimatorSettings, Pose2, Vehicle, VehicleModel};
+use fleetcal_proto::encoding::ScanType;
 use fleetcal_proto::{KeyRoot, RobotId};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
+
+use crate::fleet::ScanSettings;
 
 /// Longest wheelbase accepted, m: beyond any vehicle on wheels.
 pub const WHEELBASE_MAX_M: f64 = 30.0;
@@ -160,6 +164,12 @@ pub struct RobotConfig {
     /// The rear axle in the vehicle's `base_link`; documents then also give `lidar_in_base_link`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rear_axle_in_base_link: Option<Mount>,
+    /// Which message its scans are, where they do not say so themselves.
+    #[serde(default)]
+    pub scan_type: ScanType,
+    /// What is taken of the clouds of a 3D scanner; the default band unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub point_cloud: Option<PlanarBand>,
     /// Settings of this robot's estimator; those of `[estimator]` unless given.
     #[serde(
         default,
@@ -179,7 +189,17 @@ impl RobotConfig {
             nominal: None,
             drive: DriveSignal::Raw,
             rear_axle_in_base_link: None,
+            scan_type: ScanType::default(),
+            point_cloud: None,
             estimator: None,
+        }
+    }
+
+    /// How its scans are taken.
+    pub fn scans(&self) -> ScanSettings {
+        ScanSettings {
+            scan_type: self.scan_type,
+            band: self.point_cloud.unwrap_or_default(),
         }
     }
 
@@ -450,6 +470,35 @@ mod tests {
         }
         assert!(refusal(&WHOLE.replace("tugger_01", "tug/ger")).contains("tug/ger"));
         assert!(refusal(&WHOLE.replace("\"bicycle\"", "\"tank\"")).contains("tank"));
+    }
+
+    #[test]
+    fn a_3d_scanner_is_configured_by_type_and_band() {
+        let scans = |text: &str| {
+            let config = Config::parse(text)?;
+            Ok::<_, String>(config.robots.first().expect("one robot").config.scans())
+        };
+        let laser = scans(WHOLE).expect("documented");
+        assert_eq!(laser.scan_type, ScanType::LaserScan);
+        let text = format!(
+            "{WHOLE}scan_type = \"point_cloud2\"\n\
+             point_cloud = {{ height_min_m = -0.2, height_max_m = 1.5, beams = 720 }}\n"
+        );
+        let cloud = scans(&text).expect("documented");
+        assert_eq!(cloud.scan_type, ScanType::PointCloud2);
+        assert_ne!(cloud.band, laser.band);
+        let reason = scans(&text.replace("1.5", "-1.5")).expect_err("upside down");
+        assert!(
+            reason.contains("height_max_m is -1.5, accepted is"),
+            "{reason}"
+        );
+        let reason = scans(&text.replace("beams", "beens")).expect_err("unknown");
+        assert!(reason.contains("beens"), "{reason}");
+        let reason = scans(&text.replace("point_cloud2", "image")).expect_err("unknown");
+        assert!(
+            reason.contains("image") && reason.contains("point_cloud2"),
+            "{reason}"
+        );
     }
 
     #[test]

@@ -8,11 +8,11 @@ use crate::fleet::Stream;
 pub const PAYLOAD_BYTES_MAX: usize = 4 * 1024 * 1024;
 
 /// Largest payload taken from a robot on one stream, in bytes. A full mailbox of the largest ones
-/// stays under 16 MiB; the largest scan is 16,384 beams with intensities as JSON.
+/// stays under 24 MiB; the largest scan is a cloud of 32,768 points of 48 bytes and some more.
 pub const fn payload_bytes_max(stream: Stream) -> usize {
     match stream {
         Stream::Drive => 4 * 1024,
-        Stream::Scan => 1024 * 1024,
+        Stream::Scan => 2 * 1024 * 1024,
         Stream::LidarOdometry => 64 * 1024,
         Stream::Event => 16 * 1024,
     }

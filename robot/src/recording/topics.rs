@@ -1,6 +1,6 @@
 //! Which topics of a recording to use.
 
-use fleetcal_proto::ros::{AckermannDriveStamped, LaserScan, Odometry, RosMessage};
+use fleetcal_proto::ros::{AckermannDriveStamped, LaserScan, Odometry, PointCloud2, RosMessage};
 use thiserror::Error;
 
 use super::Channel;
@@ -8,7 +8,7 @@ use super::Channel;
 /// What the LiDAR's motion is taken from.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ChosenPose {
-    /// Raw sweeps.
+    /// Raw sweeps, or the clouds of a 3D scanner: the channel's type tells.
     Scan(Channel),
     /// Poses of a LiDAR odometry that ran on the robot.
     LidarOdometry(Channel),
@@ -90,8 +90,8 @@ pub enum TopicError {
         topic: String,
         /// Its type, and its encoding where that is the trouble.
         found: String,
-        /// The type that is needed.
-        needed: &'static str,
+        /// The types that would do.
+        needed: String,
     },
     /// Two flags that exclude each other.
     #[error("--scan-topic and --pose-topic are both given, accepted is one of them")]
@@ -113,23 +113,30 @@ impl TopicError {
 struct Wanted {
     what: &'static str,
     flag: &'static str,
-    message_type: &'static str,
+    /// The types that would do, the preferred first.
+    message_types: &'static [&'static str],
+}
+
+impl Wanted {
+    fn needed(&self) -> String {
+        self.message_types.join(" or ")
+    }
 }
 
 const DRIVE: Wanted = Wanted {
     what: "drive",
     flag: "--drive-topic",
-    message_type: AckermannDriveStamped::TYPE,
+    message_types: &[AckermannDriveStamped::TYPE],
 };
 const SCAN: Wanted = Wanted {
     what: "scan",
     flag: "--scan-topic",
-    message_type: LaserScan::TYPE,
+    message_types: &[LaserScan::TYPE, PointCloud2::TYPE],
 };
 const POSE: Wanted = Wanted {
     what: "LiDAR pose",
     flag: "--pose-topic",
-    message_type: Odometry::TYPE,
+    message_types: &[Odometry::TYPE],
 };
 
 /// Chooses the topics of a calibration: those asked for, else by message type when only one would
@@ -144,7 +151,7 @@ pub fn choose_topics(
     pose_topic: Option<&str>,
 ) -> Result<Topics, TopicError> {
     let drive = choose(channels, &DRIVE, drive_topic)?
-        .ok_or_else(|| missing(channels, DRIVE.what, DRIVE.message_type.to_owned()))?;
+        .ok_or_else(|| missing(channels, DRIVE.what, DRIVE.needed()))?;
     let pose = match (scan_topic, pose_topic) {
         (Some(_), Some(_)) => return Err(TopicError::ScanAndPose),
         (None, Some(_)) => choose(channels, &POSE, pose_topic)?.map(ChosenPose::LidarOdometry),
@@ -153,12 +160,13 @@ pub fn choose_topics(
             None => choose(channels, &POSE, None)?.map(ChosenPose::LidarOdometry),
         },
     };
-    let needed = || format!("{} or {}", SCAN.message_type, POSE.message_type);
+    let needed = || format!("{} or {}", SCAN.needed(), POSE.needed());
     let pose = pose.ok_or_else(|| missing(channels, "scan or LiDAR pose", needed()))?;
     Ok(Topics { drive, pose })
 }
 
-/// Chooses the topic with sweeps: the one asked for, else the only one.
+/// Chooses the topic with sweeps: the one asked for, else the only one; clouds when there are no
+/// sweeps.
 ///
 /// # Errors
 /// Says that there is none, lists the candidates, or names the flag that can't be.
@@ -166,27 +174,30 @@ pub fn choose_scan_topic(
     channels: &[Channel],
     scan_topic: Option<&str>,
 ) -> Result<Channel, TopicError> {
-    choose(channels, &SCAN, scan_topic)?
-        .ok_or_else(|| missing(channels, SCAN.what, SCAN.message_type.to_owned()))
+    choose(channels, &SCAN, scan_topic)?.ok_or_else(|| missing(channels, SCAN.what, SCAN.needed()))
 }
 
-/// The topic asked for, or the only one of the type; `None` when there is none of the type.
+/// The topic asked for, or the only one of the preferred type that there is; `None` when there is
+/// none of any.
 fn choose(
     channels: &[Channel],
     wanted: &Wanted,
     asked: Option<&str>,
 ) -> Result<Option<Channel>, TopicError> {
-    let fits = |channel: &&Channel| {
-        channel.message_type == wanted.message_type && channel.encoding.is_some()
-    };
     if let Some(topic) = asked {
-        return asked_for(channels, wanted, topic, fits).map(Some);
+        return asked_for(channels, wanted, topic).map(Some);
     }
-    let candidates: Vec<&Channel> = channels.iter().filter(fits).collect();
-    match candidates.as_slice() {
-        [] => Ok(None),
-        [only] => Ok(Some((*only).clone())),
-        several => {
+    let of_type = |message_type: &&str| -> Vec<&Channel> {
+        let fits = |channel: &&Channel| {
+            channel.message_type == *message_type && channel.encoding.is_some()
+        };
+        channels.iter().filter(fits).collect()
+    };
+    let mut candidates = wanted.message_types.iter().map(of_type);
+    match candidates.find(|of_type| !of_type.is_empty()).as_deref() {
+        None | Some([]) => Ok(None),
+        Some([only]) => Ok(Some((*only).clone())),
+        Some(several) => {
             let names: Vec<&str> = several
                 .iter()
                 .map(|channel| channel.topic.as_str())
@@ -201,12 +212,13 @@ fn choose(
     }
 }
 
-fn asked_for(
-    channels: &[Channel],
-    wanted: &Wanted,
-    topic: &str,
-    fits: impl Fn(&&Channel) -> bool,
-) -> Result<Channel, TopicError> {
+fn asked_for(channels: &[Channel], wanted: &Wanted, topic: &str) -> Result<Channel, TopicError> {
+    let fits = |channel: &&Channel| {
+        wanted
+            .message_types
+            .contains(&channel.message_type.as_str())
+            && channel.encoding.is_some()
+    };
     let of_name = || channels.iter().filter(|channel| channel.topic == topic);
     if let Some(channel) = of_name().find(fits) {
         return Ok(channel.clone());
@@ -225,7 +237,7 @@ fn asked_for(
                 flag,
                 topic,
                 found,
-                needed: wanted.message_type,
+                needed: wanted.needed(),
             })
         }
     }

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use fleetcal_proto::progress::Progress;
-use fleetcal_proto::{Encoding, RobotId, StreamKind};
+use fleetcal_proto::{RobotId, StreamKind};
 use tokio::time::Instant;
 use zenoh::Wait;
 use zenoh::liveliness::LivelinessToken;
@@ -40,7 +40,7 @@ impl Link {
     pub(super) async fn open(
         options: &ReplayOptions,
         robot: &RobotId,
-        [drive, pose]: [(StreamKind, Encoding); 2],
+        [drive, pose]: [(StreamKind, String); 2],
     ) -> Result<Self, ReplayError> {
         let config = client_config(options)?;
         // Opening blocks its thread until the connection stands or times out.
@@ -49,12 +49,12 @@ impl Link {
             endpoints: options.connect.clone(),
             reason: error.to_string(),
         })?;
-        let publisher = async |(kind, encoding): (StreamKind, Encoding)| {
+        let publisher = async |(kind, encoding): (StreamKind, String)| {
             let key = options.keys.stream(robot, kind);
             // Both streams have the same priority and wait for room: one order, nothing dropped.
             let declared = session
                 .declare_publisher(key.clone())
-                .encoding(encoding.as_str())
+                .encoding(encoding)
                 .congestion_control(CongestionControl::Block);
             declared.await.map_err(at_key(&key))
         };

@@ -16,12 +16,12 @@ pub use window::{AHEAD_DRIVE_SAMPLES_MAX, AHEAD_SCANS_MAX, Report, Window};
 
 use std::time::Duration;
 
-use fleetcal_proto::{Encoding, RobotId, StreamKind};
+use fleetcal_proto::{RobotId, StreamKind};
 use tokio::sync::mpsc;
 use tokio::time::Instant;
 
 use crate::recording::{
-    ChosenPose, RecordedMessage, Recording, RecordingError, Topics, choose_topics,
+    Channel, ChosenPose, RecordedMessage, Recording, RecordingError, Topics, choose_topics,
 };
 use link::Link;
 
@@ -143,16 +143,13 @@ fn robot_of(options: &ReplayOptions, topics: &Topics) -> Result<RobotId, ReplayE
 }
 
 /// The robot's streams and how their messages are written, the drive first.
-fn streams(topics: &Topics) -> [(StreamKind, Encoding); 2] {
-    let encoding = |encoding: Option<Encoding>| encoding.unwrap_or_default();
+fn streams(topics: &Topics) -> [(StreamKind, String); 2] {
+    let encoding = |channel: &Channel| channel.encoding.unwrap_or_default().as_str().to_owned();
     let pose = match &topics.pose {
-        ChosenPose::Scan(_) => StreamKind::Scan,
-        ChosenPose::LidarOdometry(_) => StreamKind::LidarOdometry,
+        ChosenPose::Scan(channel) => (StreamKind::Scan, channel.scan_form().to_text()),
+        ChosenPose::LidarOdometry(channel) => (StreamKind::LidarOdometry, encoding(channel)),
     };
-    [
-        (StreamKind::Drive, encoding(topics.drive.encoding)),
-        (pose, encoding(topics.pose.channel().encoding)),
-    ]
+    [(StreamKind::Drive, encoding(&topics.drive)), pose]
 }
 
 /// Reads the file on a thread of its own, a bounded number of messages ahead.

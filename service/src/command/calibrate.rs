@@ -9,6 +9,7 @@ use fleetcal_proto::estimate::CalibrationReport;
 use fleetcal_robot::recording::{ChosenPose, Recording, Topics, choose_topics};
 
 use crate::clock::{Clock, thread_cpu};
+use crate::command::height_band::HeightBand;
 use crate::command::output::{Trajectory, print_json, print_text};
 use crate::command::progress::Progress;
 use crate::command::recording::RecordedStream;
@@ -38,7 +39,7 @@ pub struct Arguments {
     /// The topic with `AckermannDriveStamped` messages, if there are several
     #[arg(long, value_name = "TOPIC")]
     pub drive_topic: Option<String>,
-    /// The topic with `LaserScan` messages, if there are several
+    /// The topic with `LaserScan` or `PointCloud2` messages, if there are several
     #[arg(long, value_name = "TOPIC")]
     pub scan_topic: Option<String>,
     /// A topic with `Odometry` messages of the LiDAR, instead of its scans
@@ -47,6 +48,9 @@ pub struct Arguments {
     /// A `fleetcal.toml`, for the estimator's settings and the robot's vehicle
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
+    /// Of clouds, the heights to take in the LiDAR's frame [default: -0.5,0.5, or what --config says]
+    #[arg(long, value_name = "MIN_M,MAX_M", allow_hyphen_values = true)]
+    pub height_band: Option<HeightBand>,
     /// Print the whole result as one JSON document
     #[arg(long)]
     pub json: bool,
@@ -150,12 +154,14 @@ impl<'a> Run<'a> {
             .as_deref()
             .map(Trajectory::create)
             .transpose()?;
+        let configured = config.point_cloud.unwrap_or_default();
+        let band = HeightBand::or_of(arguments.height_band, configured);
         Ok(Self {
             recording,
             topics,
             calibrator: Calibrator::new(config.calibrator_config(settings)),
-            drive: RecordedStream::of(&topics.drive, Stream::Drive),
-            pose: RecordedStream::of(topics.pose.channel(), pose_stream),
+            drive: RecordedStream::of(&topics.drive, Stream::Drive, band),
+            pose: RecordedStream::of(topics.pose.channel(), pose_stream, band),
             trajectory,
             last_pose: None,
             times: ScanTimes::default(),

@@ -2,6 +2,7 @@
 
 pub mod calibrate;
 pub mod demo;
+mod height_band;
 pub mod odometry;
 mod output;
 mod progress;

@@ -4,12 +4,14 @@ use std::path::PathBuf;
 
 use clap::Args;
 use fleetcal_estimator::lidar_odometry::{OdometryPose, Tracking};
+use fleetcal_estimator::point_cloud::PlanarBand;
 use fleetcal_estimator::{Event, LidarOdometry, Pose2};
 use fleetcal_robot::recording::{Recording, choose_scan_topic};
 use serde::Serialize;
 
 use crate::clock::{Clock, thread_cpu};
 use crate::command::CommandError;
+use crate::command::height_band::HeightBand;
 use crate::command::output::{Trajectory, print_json, print_text};
 use crate::command::progress::Progress;
 use crate::command::recording::RecordedStream;
@@ -21,12 +23,15 @@ use crate::fleet::Stream;
 pub struct Arguments {
     /// The recording: ROS 2 messages in MCAP
     pub recording: PathBuf,
-    /// The topic with `LaserScan` messages, if there are several
+    /// The topic with `LaserScan` or `PointCloud2` messages, if there are several
     #[arg(long, value_name = "TOPIC")]
     pub scan_topic: Option<String>,
     /// Write the LiDAR's trajectory as a TUM file: each sweep's reference time and pose
     #[arg(long, value_name = "OUT.tum")]
     pub trajectory: PathBuf,
+    /// Of clouds, the heights to take in the LiDAR's frame [default: -0.5,0.5]
+    #[arg(long, value_name = "MIN_M,MAX_M", allow_hyphen_values = true)]
+    pub height_band: Option<HeightBand>,
     /// Print a summary as one JSON document
     #[arg(long)]
     pub json: bool,
@@ -98,8 +103,9 @@ impl Summary {
 pub fn run(arguments: &Arguments, clock: &dyn Clock) -> Result<(), CommandError> {
     let recording = Recording::open(&arguments.recording)?;
     let channel = choose_scan_topic(recording.channels(), arguments.scan_topic.as_deref())?;
+    let band = HeightBand::or_of(arguments.height_band, PlanarBand::default());
     let mut trajectory = Trajectory::create(&arguments.trajectory)?;
-    let mut stream = RecordedStream::of(&channel, Stream::Scan);
+    let mut stream = RecordedStream::of(&channel, Stream::Scan, band);
     let topics = [channel.topic.as_str()];
     let mut progress = Progress::over(recording.count(&topics));
     let began = clock.elapsed();

@@ -2,31 +2,37 @@
 
 use std::path::{Path, PathBuf};
 
-use fleetcal_proto::Encoding;
+use fleetcal_estimator::point_cloud::PlanarBand;
+use fleetcal_proto::encoding::{Form, ScanType};
 use fleetcal_robot::recording::{Channel, RecordedMessage};
 
 use crate::command::CommandError;
-use crate::fleet::Stream;
 use crate::fleet::decode::{self, Decoded};
+use crate::fleet::{ScanSettings, Stream};
 
 /// One stream of a recording.
 #[derive(Debug)]
 pub struct RecordedStream {
     topic: String,
     stream: Stream,
-    encoding: Encoding,
+    form: Form,
+    scans: ScanSettings,
     messages: u64,
     refused: u64,
     first_refusal: Option<String>,
 }
 
 impl RecordedStream {
-    /// The stream that a channel carries.
-    pub fn of(channel: &Channel, stream: Stream) -> Self {
+    /// The stream that a channel carries; of clouds `band` is taken.
+    pub fn of(channel: &Channel, stream: Stream, band: PlanarBand) -> Self {
         Self {
             topic: channel.topic.clone(),
             stream,
-            encoding: channel.encoding.unwrap_or_default(),
+            form: channel.scan_form(),
+            scans: ScanSettings {
+                scan_type: ScanType::LaserScan,
+                band,
+            },
             messages: 0,
             refused: 0,
             first_refusal: None,
@@ -41,7 +47,7 @@ impl RecordedStream {
     /// Decodes and checks a message; `None` when it is refused, which is counted.
     pub fn decode(&mut self, message: &RecordedMessage) -> Option<Decoded> {
         self.messages += 1;
-        match decode::decode(self.stream, self.encoding, &message.payload) {
+        match decode::decode(self.stream, self.form, &self.scans, &message.payload) {
             Ok(decoded) => Some(decoded),
             Err(refused) => {
                 self.refused += 1;

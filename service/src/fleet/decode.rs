@@ -3,14 +3,15 @@
 
 use fleetcal_estimator::stream::{FieldRefused, SweepShape};
 use fleetcal_estimator::{DriveSample, Event, LidarPose, Note, NoteKind, Pose2, Stamp, Sweep};
-use fleetcal_proto::encoding::{DecodeError, Encoding};
+use fleetcal_proto::encoding::{DecodeError, Form, ScanType};
 use fleetcal_proto::event::{RobotEvent, RobotEventKind};
 use fleetcal_proto::ros::{
-    AckermannDriveStamped, LaserScan, Odometry, Quaternion, RosMessage, ScanRefused,
+    AckermannDriveStamped, LaserScan, Odometry, PointCloud2, Quaternion, RosMessage, ScanRefused,
 };
 use nalgebra::Matrix3;
 use thiserror::Error;
 
+use crate::fleet::cloud::{self, CloudUnusable, ScanSettings};
 use crate::fleet::view::Stream;
 use crate::limits::NOTE_CHARS_MAX;
 
@@ -31,6 +32,9 @@ pub enum MessageRefused {
     /// The scan contradicts itself.
     #[error("scan: {0}")]
     Scan(#[from] ScanRefused),
+    /// The cloud contradicts itself, or no sweep can be made of it.
+    #[error("scan: {0}")]
+    Cloud(#[from] CloudUnusable),
     /// A field holds what cannot be.
     #[error("{stream}: {source}", stream = stream.name())]
     Field {
@@ -70,25 +74,33 @@ pub struct Decoded {
     pub note: Option<RobotEvent>,
 }
 
-/// Decodes and checks one payload.
+/// Decodes and checks one payload. What a scan is, it says itself, or `scans` does.
 ///
 /// # Errors
 /// One sentence: the stream, the field, its value and what is accepted.
 pub fn decode(
     stream: Stream,
-    encoding: Encoding,
+    form: Form,
+    scans: &ScanSettings,
     payload: &[u8],
 ) -> Result<Decoded, MessageRefused> {
+    let encoding = form.encoding;
     let refused = |source| MessageRefused::Payload { stream, source };
     let event = match stream {
         Stream::Drive => {
             let message = AckermannDriveStamped::decode(encoding, payload).map_err(refused)?;
             Event::Drive(drive_sample(&message)?)
         }
-        Stream::Scan => {
-            let message = LaserScan::decode(encoding, payload).map_err(refused)?;
-            Event::Sweep(sweep(message)?)
-        }
+        Stream::Scan => match form.scan_type.unwrap_or(scans.scan_type) {
+            ScanType::LaserScan => {
+                let message = LaserScan::decode(encoding, payload).map_err(refused)?;
+                Event::Sweep(sweep(message)?)
+            }
+            ScanType::PointCloud2 => {
+                let message = PointCloud2::decode(encoding, payload).map_err(refused)?;
+                Event::Sweep(cloud::sweep(&message, &scans.band)?)
+            }
+        },
         Stream::LidarOdometry => {
             let message = Odometry::decode(encoding, payload).map_err(refused)?;
             Event::LidarPose(lidar_pose(&message)?)
@@ -232,6 +244,7 @@ pub fn note(message: &RobotEvent) -> Note {
 mod tests {
     use std::sync::Arc;
 
+    use fleetcal_proto::Encoding;
     use fleetcal_proto::ros::{Header, Time};
 
     use super::*;
@@ -261,18 +274,28 @@ mod tests {
         }
     }
 
+    fn decode_cdr(stream: Stream, payload: &[u8]) -> Result<Decoded, MessageRefused> {
+        decode(
+            stream,
+            Encoding::Cdr.into(),
+            &ScanSettings::default(),
+            payload,
+        )
+    }
+
     fn refusal(stream: Stream, payload: &[u8]) -> String {
-        decode(stream, Encoding::Cdr, payload)
+        decode_cdr(stream, payload)
             .expect_err("must be refused")
             .to_string()
     }
 
     #[test]
     fn a_scan_with_every_kind_of_range_is_accepted() {
-        let decoded = decode(Stream::Scan, Encoding::Cdr, &scan().to_cdr()).expect("normal input");
+        let decoded = decode_cdr(Stream::Scan, &scan().to_cdr()).expect("normal input");
         assert_eq!(decoded.stamp, Stamp(1_700_000_000_000_000_005));
         let json = scan().to_json().expect("json");
-        assert!(decode(Stream::Scan, Encoding::Json, &json).is_ok());
+        let form = Encoding::Json.into();
+        assert!(decode(Stream::Scan, form, &ScanSettings::default(), &json).is_ok());
     }
 
     #[test]
@@ -399,7 +422,7 @@ mod tests {
     #[test]
     fn an_event_is_json_with_known_keys() {
         let payload = br#"{"kind": "reassembled", "stamp_ns": 7, "note": "new bracket"}"#;
-        let decoded = decode(Stream::Event, Encoding::Cdr, payload).expect("documented");
+        let decoded = decode_cdr(Stream::Event, payload).expect("documented");
         assert_eq!(
             decoded.event,
             Event::Note(Note {

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use fleetcal_estimator::{Calibrator, Effect, EstimatorSettings, Event};
 use fleetcal_proto::RobotId;
-use fleetcal_proto::encoding::Encoding;
+use fleetcal_proto::encoding::Form;
 use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_proto::event::RobotEvent;
 use fleetcal_proto::progress::Progress;
@@ -339,7 +339,7 @@ impl FleetHandle {
         &self,
         id: &RobotId,
         stream: Stream,
-        encoding: Encoding,
+        form: impl Into<Form>,
         bytes: usize,
         payload: impl FnOnce() -> Vec<u8>,
     ) {
@@ -357,7 +357,7 @@ impl FleetHandle {
         } else {
             robot.mailbox.push(Message {
                 stream,
-                encoding,
+                form: form.into(),
                 payload: payload(),
             });
         }

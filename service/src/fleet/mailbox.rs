@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use fleetcal_estimator::Note;
-use fleetcal_proto::encoding::Encoding;
+use fleetcal_proto::encoding::Form;
 use fleetcal_proto::progress::Progress;
 use tokio::sync::Notify;
 
@@ -26,7 +26,7 @@ pub struct Message {
     /// The stream it came on.
     pub stream: Stream,
     /// How it is written.
-    pub encoding: Encoding,
+    pub form: Form,
     /// Its bytes.
     pub payload: Vec<u8>,
 }
@@ -311,6 +311,7 @@ impl Queue {
 
 #[cfg(test)]
 mod tests {
+    use fleetcal_proto::Encoding;
     use proptest::prelude::*;
 
     use super::*;
@@ -318,7 +319,7 @@ mod tests {
     fn message(stream: Stream, number: u32) -> Message {
         Message {
             stream,
-            encoding: Encoding::Cdr,
+            form: Encoding::Cdr.into(),
             payload: number.to_le_bytes().to_vec(),
         }
     }

@@ -1,5 +1,6 @@
 //! The fleet: one mailbox and one estimator task per robot.
 
+mod cloud;
 pub mod decode;
 pub mod document;
 mod handle;
@@ -11,6 +12,7 @@ mod tests;
 mod view;
 mod watch;
 
+pub use cloud::ScanSettings;
 pub use handle::{FleetHandle, FleetRefused, FleetSetup, Journal};
 pub use view::{
     Connection, Counters, FleetCounters, HistoryEvent, LiveUpdate, RobotState, RobotView,

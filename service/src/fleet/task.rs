@@ -10,6 +10,7 @@ use fleetcal_proto::estimate::{ChangeKind, EstimateDocument, ParameterName, Para
 use serde::{Deserialize, Serialize};
 
 use crate::config::{DriveSignal, RobotConfig};
+use crate::fleet::cloud::ScanSettings;
 use crate::fleet::decode::{self, Decoded};
 use crate::fleet::document;
 use crate::fleet::handle::Fleet;
@@ -75,6 +76,7 @@ struct RobotTask {
     robot: Arc<Robot>,
     version: u64,
     drive: DriveSignal,
+    scans: ScanSettings,
     config: CalibratorConfig,
     engine: Engine,
     /// The last state that was stored, to go on from after a panic.
@@ -93,7 +95,7 @@ impl RobotTask {
         config: &RobotConfig,
         stored: Option<&str>,
     ) -> Self {
-        let drive = config.drive;
+        let (drive, scans) = (config.drive, config.scans());
         let config = config.calibrator_config(&fleet.estimator);
         let restored = stored.and_then(|json| restore(&robot, &config, json));
         let last_good = restored.as_ref().map(Calibrator::checkpoint);
@@ -103,6 +105,7 @@ impl RobotTask {
             robot,
             version,
             drive,
+            scans,
             config,
             engine: Engine::Running(Box::new(calibrator)),
             last_good,
@@ -166,7 +169,7 @@ impl RobotTask {
     fn take_message(&mut self, message: &Message) -> Outcome {
         let Message {
             stream,
-            encoding,
+            form,
             payload,
         } = message;
         if *stream == Stream::Drive && self.drive == DriveSignal::Compensated {
@@ -176,10 +179,11 @@ impl RobotTask {
                     .to_owned(),
             );
         }
-        let Decoded { stamp, event, note } = match decode::decode(*stream, *encoding, payload) {
-            Ok(decoded) => decoded,
-            Err(refused) => return Outcome::Refused(refused.to_string()),
-        };
+        let Decoded { stamp, event, note } =
+            match decode::decode(*stream, *form, &self.scans, payload) {
+                Ok(decoded) => decoded,
+                Err(refused) => return Outcome::Refused(refused.to_string()),
+            };
         if let Some(note) = note {
             self.fleet.record(&self.robot.id, HistoryEvent::Note(note));
         }

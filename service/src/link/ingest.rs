@@ -1,6 +1,6 @@
 //! What comes in: robots' streams and their liveliness tokens.
 
-use fleetcal_proto::encoding::Encoding;
+use fleetcal_proto::encoding::Form;
 use fleetcal_proto::key::{Key, Keys, StreamKind};
 use zenoh::pubsub::Subscriber;
 use zenoh::sample::{Locality, Sample, SampleKind};
@@ -50,10 +50,10 @@ fn take(fleet: &FleetHandle, keys: &Keys, sample: &Sample) {
         return;
     }
     let payload = sample.payload();
-    match Encoding::parse(&sample.encoding().to_string()) {
-        Ok(encoding) => {
+    match Form::parse(&sample.encoding().to_string()) {
+        Ok(form) => {
             let bytes = || payload.to_bytes().into_owned();
-            fleet.receive(&robot, stream, encoding, payload.len(), bytes);
+            fleet.receive(&robot, stream, form, payload.len(), bytes);
         }
         Err(refused) => fleet.refuse(&robot, stream, &format!("{}: {refused}", stream.name())),
     }

@@ -1,4 +1,4 @@
-use fleetcal_proto::ros::{AckermannDriveStamped, LaserScan, Odometry, RosMessage};
+use fleetcal_proto::ros::{AckermannDriveStamped, LaserScan, Odometry, PointCloud2, RosMessage};
 
 use super::*;
 
@@ -160,4 +160,18 @@ fn a_topic_that_cannot_be_is_named_with_what_could() {
         &["are both given"],
         2,
     );
+}
+
+#[test]
+fn clouds_do_where_there_are_no_sweeps() {
+    let cloud = channel("/a/points", PointCloud2::TYPE);
+    let channels = [drive_on("/a/drive"), cloud.clone(), odometry_on("/a/odom")];
+    let topics = choose_topics(&channels, None, None, None).unwrap();
+    assert_eq!(topics.pose, ChosenPose::Scan(cloud.clone()));
+    assert_eq!(choose_scan_topic(&channels, None).unwrap(), cloud);
+    let both = [drive_on("/a/drive"), cloud.clone(), scan_on("/a/scan")];
+    let topics = choose_topics(&both, None, None, None).unwrap();
+    assert_eq!(topics.names(), ["/a/drive", "/a/scan"]);
+    let topics = choose_topics(&both, None, Some("/a/points"), None).unwrap();
+    assert_eq!(topics.pose, ChosenPose::Scan(cloud));
 }

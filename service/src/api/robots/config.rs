@@ -28,6 +28,12 @@ pub(super) struct RobotConfigSchema {
     /// The rear axle in the vehicle's `base_link`.
     #[schema(nullable, required = false)]
     rear_axle_in_base_link: Option<MountSchema>,
+    /// Which message its scans are, where they do not say so themselves; `laser_scan` unless given.
+    #[schema(required = false)]
+    scan_type: ScanTypeSchema,
+    /// What is taken of the clouds of a 3D scanner: the keys of `point_cloud` in `fleetcal.toml`.
+    #[schema(nullable, required = false)]
+    point_cloud: Option<PlanarBandSchema>,
     /// Settings of this robot's estimator, with the keys of `[estimator]` in `fleetcal.toml`;
     /// the service's own unless given.
     #[schema(nullable, required = false, value_type = Option<Object>)]
@@ -58,6 +64,47 @@ pub(super) enum DriveSignalSchema {
     Raw,
     /// Less the offset that the robot applies, which the service adds back.
     Compensated,
+}
+
+/// A message that a scan may be.
+#[derive(utoipa::ToSchema)]
+#[schema(as = ScanType)]
+#[expect(dead_code, reason = "a schema")]
+pub(super) enum ScanTypeSchema {
+    /// `sensor_msgs/msg/LaserScan`.
+    #[schema(rename = "laser_scan")]
+    LaserScan,
+    /// `sensor_msgs/msg/PointCloud2`.
+    #[schema(rename = "point_cloud2")]
+    PointCloud2,
+}
+
+/// The band of heights in the LiDAR's frame that makes a planar sweep of a cloud.
+#[derive(utoipa::ToSchema)]
+#[schema(as = PlanarBand)]
+#[expect(dead_code, reason = "a schema")]
+pub(super) struct PlanarBandSchema {
+    /// Lowest height taken, m; −0.5 unless given.
+    #[schema(required = false, minimum = -50.0, maximum = 50.0)]
+    height_min_m: f64,
+    /// Highest height taken, m; 0.5 unless given.
+    #[schema(required = false, minimum = -50.0, maximum = 50.0)]
+    height_max_m: f64,
+    /// What is nearer is the robot itself, m; 0.3 unless given.
+    #[schema(required = false, minimum = 0.0, maximum = 300.0)]
+    range_min_m: f64,
+    /// What is farther is left out, m; 60 unless given.
+    #[schema(required = false, minimum = 0.0, maximum = 300.0)]
+    range_max_m: f64,
+    /// What is this near to floor or ceiling belongs to it, m; 0.1 unless given.
+    #[schema(required = false, minimum = 0.0, maximum = 1.0)]
+    clearance_m: f64,
+    /// Beams of a whole turn; as many as the cloud has columns unless given, else 1024.
+    #[schema(nullable, required = false, minimum = 90, maximum = 16384)]
+    beams: Option<u32>,
+    /// Takes all points as measured at the stamp, for a cloud that was deskewed before.
+    #[schema(required = false)]
+    ignore_times: bool,
 }
 
 /// Where a speed is measured.
@@ -114,6 +161,9 @@ mod tests {
             r#"{"model": "tricycle", "wheelbase_m": 1.2, "speed_measured_at": "rear_axle",
                 "nominal": {"x_m": 0.4, "y_m": 0, "yaw_rad": 3.1}, "drive": "compensated",
                 "rear_axle_in_base_link": {"x_m": -0.4, "y_m": 0, "yaw_rad": 0},
+                "scan_type": "point_cloud2",
+                "point_cloud": {"height_min_m": -0.2, "height_max_m": 1, "range_min_m": 0.5,
+                    "range_max_m": 40, "clearance_m": 0.05, "beams": 720, "ignore_times": true},
                 "estimator": {}}"#,
             r#"{"model": "bicycle", "wheelbase_m": 1.2,
                 "speed_measured_at": {"rear_wheel": {"lateral_m": 0.3}}}"#,
