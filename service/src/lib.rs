@@ -14,5 +14,6 @@ pub mod config;
 pub mod fleet;
 pub mod limits;
 pub mod link;
+pub mod map_server;
 pub mod service;
 pub mod store;

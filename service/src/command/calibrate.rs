@@ -10,6 +10,7 @@ use fleetcal_robot::recording::{ChosenPose, Recording, Topics, choose_topics};
 
 use crate::clock::{Clock, thread_cpu};
 use crate::command::height_band::HeightBand;
+use crate::command::known_map::KnownMapArguments;
 use crate::command::output::{Trajectory, print_json, print_text};
 use crate::command::progress::Progress;
 use crate::command::recording::RecordedStream;
@@ -51,6 +52,9 @@ pub struct Arguments {
     /// Of clouds, the heights to take in the LiDAR's frame [default: -0.5,0.5, or what --config says]
     #[arg(long, value_name = "MIN_M,MAX_M", allow_hyphen_values = true)]
     pub height_band: Option<HeightBand>,
+    /// A known map to localise in.
+    #[command(flatten)]
+    pub known_map: KnownMapArguments,
     /// Print the whole result as one JSON document
     #[arg(long)]
     pub json: bool,
@@ -159,7 +163,8 @@ impl<'a> Run<'a> {
         Ok(Self {
             recording,
             topics,
-            calibrator: Calibrator::new(config.calibrator_config(settings)),
+            calibrator: Calibrator::new(config.calibrator_config(settings))
+                .with_lidar_odometry(arguments.known_map.lidar_odometry()?),
             drive: RecordedStream::of(&topics.drive, Stream::Drive, band),
             pose: RecordedStream::of(topics.pose.channel(), pose_stream, band),
             trajectory,

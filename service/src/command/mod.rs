@@ -3,6 +3,7 @@
 pub mod calibrate;
 pub mod demo;
 mod height_band;
+mod known_map;
 pub mod odometry;
 mod output;
 mod progress;
@@ -18,6 +19,7 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand, ValueEnum};
 use fleetcal_estimator::VehicleModel;
+use fleetcal_estimator::stream::FieldRefused;
 use fleetcal_proto::robot_id::RobotIdRefused;
 use fleetcal_robot::fleet::{FleetError, RecordError, TooManyRobots};
 use fleetcal_robot::recording::{RecordingError, TopicError};
@@ -26,6 +28,7 @@ use thiserror::Error;
 
 use crate::config::{ConfigError, ValueRefused};
 use crate::link::LinkError;
+use crate::map_server::MapRefused;
 use crate::service::ServiceError;
 
 /// What the shell is told when the caller can mend it.
@@ -97,6 +100,12 @@ pub enum CommandError {
     /// The wheelbase given by flag cannot be.
     #[error("--wheelbase: {0}")]
     Wheelbase(#[from] ValueRefused),
+    /// The known map cannot be used.
+    #[error(transparent)]
+    Map(#[from] MapRefused),
+    /// The start in it cannot be.
+    #[error("--{0}")]
+    Start(#[from] FieldRefused),
     /// The vehicle's size is not known.
     #[error(
         "the wheelbase is missing: give --wheelbase METRES, or a [[robot]] with id = \"{robot}\" \
@@ -174,13 +183,16 @@ impl CommandError {
             }
             Self::Topics(error) => error.exit_status(),
             Self::Replay(error) => error.exit_status(),
-            Self::Record(RecordError::Truth { .. })
+            Self::Map(refused) if !refused.is_io() => EXIT_DATA,
+            Self::Map(_)
+            | Self::Record(RecordError::Truth { .. })
             | Self::Config(ConfigError::Read { .. })
             | Self::Write { .. }
             | Self::Stdout(_)
             | Self::Json(_) => EXIT_IO,
             Self::Config(ConfigError::Refused { .. })
             | Self::Wheelbase(_)
+            | Self::Start(_)
             | Self::WheelbaseMissing { .. }
             | Self::Robot { .. }
             | Self::TooManyRobots(_)

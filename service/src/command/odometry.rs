@@ -5,13 +5,14 @@ use std::path::PathBuf;
 use clap::Args;
 use fleetcal_estimator::lidar_odometry::{OdometryPose, Tracking};
 use fleetcal_estimator::point_cloud::PlanarBand;
-use fleetcal_estimator::{Event, LidarOdometry, Pose2};
+use fleetcal_estimator::{Event, Pose2};
 use fleetcal_robot::recording::{Recording, choose_scan_topic};
 use serde::Serialize;
 
 use crate::clock::{Clock, thread_cpu};
 use crate::command::CommandError;
 use crate::command::height_band::HeightBand;
+use crate::command::known_map::KnownMapArguments;
 use crate::command::output::{Trajectory, print_json, print_text};
 use crate::command::progress::Progress;
 use crate::command::recording::RecordedStream;
@@ -32,6 +33,9 @@ pub struct Arguments {
     /// Of clouds, the heights to take in the LiDAR's frame [default: -0.5,0.5]
     #[arg(long, value_name = "MIN_M,MAX_M", allow_hyphen_values = true)]
     pub height_band: Option<HeightBand>,
+    /// A known map to localise in.
+    #[command(flatten)]
+    pub known_map: KnownMapArguments,
     /// Print a summary as one JSON document
     #[arg(long)]
     pub json: bool,
@@ -104,12 +108,13 @@ pub fn run(arguments: &Arguments, clock: &dyn Clock) -> Result<(), CommandError>
     let recording = Recording::open(&arguments.recording)?;
     let channel = choose_scan_topic(recording.channels(), arguments.scan_topic.as_deref())?;
     let band = HeightBand::or_of(arguments.height_band, PlanarBand::default());
+    let mut odometry = arguments.known_map.lidar_odometry()?;
     let mut trajectory = Trajectory::create(&arguments.trajectory)?;
     let mut stream = RecordedStream::of(&channel, Stream::Scan, band);
     let topics = [channel.topic.as_str()];
     let mut progress = Progress::over(recording.count(&topics));
     let began = clock.elapsed();
-    let (mut odometry, mut times) = (LidarOdometry::default(), ScanTimes::default());
+    let mut times = ScanTimes::default();
     let (mut summary, mut first, mut last) = (Summary::default(), None, None);
     for message in recording.messages(&topics)? {
         let message = message?;
