@@ -2,11 +2,13 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+mod known_map;
+
 use std::fs;
 use std::path::Path;
 use std::process::Output;
 
-use fleetcal_tests::{binary, recording};
+use fleetcal_tests::{binary, clouds, recording};
 use tempfile::TempDir;
 
 /// Asserts one sentence on standard error that contains `wanted`, and the exit status.
@@ -114,6 +116,28 @@ fn the_real_tricycle_meets_its_figures() {
         ("lidar_yaw", -0.002, degree),
     ];
     assert_near(&report, &cases, 4.0, [0.010, 0.02]);
+}
+
+#[test]
+fn the_clouds_of_a_3d_scanner_are_calibrated_to_their_truth() {
+    let folder = TempDir::new().unwrap();
+    let planar = folder.path().join("robot.mcap");
+    let truth = recording::simulated(&planar, 60.0);
+    let path = folder.path().join("clouds.mcap");
+    clouds::of_sweeps(&planar, &path);
+    let wheelbase = truth.vehicle.wheelbase_m.to_string();
+    let path = path.to_str().unwrap();
+    let flags = ["--wheelbase", &wheelbase, "--height-band", "-0.4,1"];
+    let report = binary::run_json(["calibrate", path, "--json"].iter().chain(&flags));
+    assert_eq!(report["scans_rejected"], 0);
+    let truth = truth.parameters;
+    let cases = [
+        ("steering_offset", truth.steering_offset_rad, 0.0015),
+        ("lidar_x", truth.lidar_x_m, 0.006),
+        ("lidar_y", truth.lidar_y_m, 0.006),
+        ("lidar_yaw", truth.lidar_yaw_rad, 0.0015),
+    ];
+    assert_near(&report, &cases, 5.0, [0.0; 2]);
 }
 
 #[test]

@@ -10,7 +10,7 @@ use std::time::Duration;
 use fleetcal_proto::RobotId;
 use fleetcal_robot::replay::{Pacing, Rate, ReplayOptions, ReplaySummary, replay};
 use fleetcal_tests::service::{Service, wait_for};
-use fleetcal_tests::{binary, recording};
+use fleetcal_tests::{binary, clouds, recording};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -73,6 +73,14 @@ async fn the_figure_eight_replayed_gives_the_numbers_of_calibrate() {
     let Some(path) = recording::named("figure_eight.mcap") else {
         return;
     };
+    replay_equals_calibrate(&path, "tugger_01").await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_clouds_of_a_3d_scanner_replayed_give_the_numbers_of_calibrate() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("clouds.mcap");
+    clouds::of_sweeps(&recorded(&folder, 30.0), &path);
     replay_equals_calibrate(&path, "tugger_01").await;
 }
 

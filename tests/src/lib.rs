@@ -9,6 +9,7 @@
 )]
 
 pub mod binary;
+pub mod clouds;
 pub mod http;
 pub mod recording;
 pub mod service;
