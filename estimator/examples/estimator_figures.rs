@@ -12,15 +12,20 @@ mod changed;
 #[path = "../tests/calibration/disturbed.rs"]
 mod disturbed;
 #[path = "../tests/calibration/drive.rs"]
+#[expect(dead_code, reason = "the tests use more of it")]
 mod drive;
 
+use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use changed::{changed, found};
 use disturbed::{Disturbance, disturbed};
 use drive::{Driven, FOUR, drive, error_of, event_of, nees, poses, vehicle_of};
 use fleetcal_estimator::calibrator::CalibratorConfig;
+use fleetcal_estimator::drive_history::DriveHistory;
 use fleetcal_estimator::estimate::Cause;
+use fleetcal_estimator::filter::OdometryReading;
+use fleetcal_estimator::filter::follow::Follower;
 use fleetcal_estimator::geometry::wrap_angle_rad;
 use fleetcal_estimator::{Calibrator, Event, LidarOdometry, LidarPose, Parameter, Pose2, Status};
 use fleetcal_robot::simulator::{
@@ -159,7 +164,7 @@ fn delay_row(
 /// A tenth of a degree an hour: followed, or flagged.
 fn drift(seeds: u64) {
     println!("two hours with a drift of 0.1° an hour from the tenth minute on");
-    println!("drift         seed  largest error      in sigmas  events");
+    println!("drift         seed  largest error      in sigmas  events  first seen after");
     let per_s = 0.1f64.to_radians() / 3600.0;
     for (name, change, parameter) in [
         (
@@ -188,9 +193,16 @@ fn drift(seeds: u64) {
                 sigmas = sigmas.max(error / estimate.parameter(parameter).sigma);
             }
             println!(
-                "{name:<12} {seed:>5} {:>13.4}° {sigmas:>14.1} {:>7}",
+                "{name:<12} {seed:>5} {:>13.4}° {sigmas:>14.1} {:>7}  {}",
                 largest.to_degrees(),
-                run.changes.len()
+                run.changes.len(),
+                run.changes
+                    .first()
+                    .map_or("never".to_owned(), |seen| format!(
+                        "{:.0} min as {:?}",
+                        (seen.time_s - 600.0) / 60.0,
+                        seen.cause
+                    ))
             );
         }
     }
@@ -254,13 +266,15 @@ fn steps() {
     let start_ns = config.start_stamp_ns;
     let mut simulation = Simulation::new(config).unwrap();
     let (mut calibrator, mut odometry) = (Calibrator::new(calibrator), LidarOdometry::default());
-    let (mut odometry_time, mut filter_time, mut scans) = (Duration::ZERO, Duration::ZERO, 0_u32);
+    let (mut bare, mut times) = (BareFilter::default(), StepTimes::default());
     loop {
         let emitted = simulation.advance();
         let time_s = (emitted.sent_ns - start_ns) as f64 * 1e-9;
         if time_s > 120.0 {
             break;
         }
+        // The first minute fills the map, the windows and the caches.
+        let counts = time_s > 60.0;
         let Some(event) = event_of(emitted.message) else {
             continue;
         };
@@ -269,11 +283,15 @@ fn steps() {
             let Some(pose) = odometry.process(sweep) else {
                 continue;
             };
-            // The first minute fills the map, the windows and the caches.
-            if time_s > 60.0 {
-                odometry_time += begin.elapsed();
-                scans += 1;
+            if counts {
+                times.odometry += begin.elapsed();
+                times.scans += 1;
             }
+            bare.waiting.push_back(OdometryReading {
+                stamp: pose.stamp,
+                lidar_in_odom: pose.lidar_in_odom,
+                covariance: pose.covariance,
+            });
             let lidar_in_odom = Pose2 {
                 yaw_rad: wrap_angle_rad(pose.lidar_in_odom.yaw_rad),
                 ..pose.lidar_in_odom
@@ -282,26 +300,99 @@ fn steps() {
         } else {
             event
         };
+        if let Event::Drive(sample) = &event {
+            bare.drive.push(*sample);
+        }
         let begin = now();
         calibrator.step(event);
-        if time_s > 60.0 {
-            filter_time += begin.elapsed();
+        if counts {
+            times.calibrator += begin.elapsed();
+            times.filter += bare.follow(&calibrator);
+        } else {
+            bare.waiting.clear();
         }
     }
-    let per_scan_us = |time: Duration| 1e6 * time.as_secs_f64() / f64::from(scans);
-    let (odometry_us, filter_us) = (per_scan_us(odometry_time), per_scan_us(filter_time));
-    println!("for each scan of 1024 beams, over {scans} scans of the same run");
-    println!("LiDAR odometry                                    {odometry_us:>7.1} µs");
-    println!("filter: 10 predictions, update, windows, tests    {filter_us:>7.1} µs");
-    println!(
-        "the filter's share of the LiDAR odometry          {:>7.1} %",
-        100.0 * filter_us / odometry_us
-    );
+    times.print();
     let written = serde_json::to_string(&calibrator.checkpoint()).unwrap();
     println!(
-        "state to be stored                                {:>7.1} KiB",
+        "state to be stored                                      {:>7.1} KiB",
         written.len() as f64 / 1024.0
     );
+}
+
+/// A filter that does nothing but predict and update, from where a calibrator has come to.
+struct BareFilter {
+    drive: DriveHistory,
+    waiting: VecDeque<OdometryReading>,
+    follower: Option<Follower>,
+}
+
+impl Default for BareFilter {
+    fn default() -> Self {
+        Self {
+            drive: DriveHistory::new(60.0),
+            waiting: VecDeque::new(),
+            follower: None,
+        }
+    }
+}
+
+impl BareFilter {
+    /// Follows the readings whose drive samples are there, and says how long that took.
+    fn follow(&mut self, calibrator: &Calibrator) -> Duration {
+        let settings = &calibrator.config().settings;
+        let filter = calibrator.filter().unwrap();
+        let follower = self
+            .follower
+            .get_or_insert_with(|| Follower::new(filter.clone()));
+        let newest = self.drive.newest().unwrap();
+        let mut taken = Duration::ZERO;
+        while let Some(reading) = self.waiting.front()
+            && follower.drive_time(reading, settings) <= newest
+        {
+            let begin = now();
+            follower.follow(reading, &self.drive, settings);
+            taken += begin.elapsed();
+            self.waiting.pop_front();
+        }
+        taken
+    }
+}
+
+#[derive(Default)]
+struct StepTimes {
+    scans: u32,
+    odometry: Duration,
+    filter: Duration,
+    calibrator: Duration,
+}
+
+impl StepTimes {
+    fn print(&self) {
+        let per_scan_us = |time: Duration| 1e6 * time.as_secs_f64() / f64::from(self.scans);
+        let odometry_us = per_scan_us(self.odometry);
+        println!(
+            "for each scan of 1024 beams, over {} scans of the same run",
+            self.scans
+        );
+        println!("LiDAR odometry                                          {odometry_us:>7.1} µs");
+        for (name, time) in [
+            (
+                "filter: 10 predictions and an update              ",
+                self.filter,
+            ),
+            (
+                "all but the odometry: order, filter, tests, advice",
+                self.calibrator,
+            ),
+        ] {
+            let us = per_scan_us(time);
+            println!(
+                "{name}      {us:>7.1} µs, {:.1} % of the odometry",
+                100.0 * us / odometry_us
+            );
+        }
+    }
 }
 
 #[expect(

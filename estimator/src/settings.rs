@@ -1,5 +1,7 @@
 //! What a user can set on an estimator. Each key is a key of `[estimator]` in `fleetcal.toml`.
 
+mod given;
+
 use serde::{Deserialize, Serialize};
 
 use crate::estimate::Parameter;
@@ -73,8 +75,10 @@ pub struct EstimatorSettings {
     /// Which measurement the filter makes.
     pub measurement: Measurement,
     /// What is estimated. Wheelbase and steering gain are never both.
+    #[serde(deserialize_with = "given::free")]
     pub free: PerParameter<Freedom>,
     /// Doubt before the first metre, one standard deviation. The wheelbase's is a share of it.
+    #[serde(deserialize_with = "given::prior_sigma")]
     pub prior_sigma: PerParameter<f64>,
     /// Doubt of the LiDAR's x and y when no nominal mount is given, m.
     pub unknown_mount_sigma_m: f64,
@@ -82,13 +86,17 @@ pub struct EstimatorSettings {
     /// m/s^2 of lateral acceleration, rad.
     pub side_slip_sigma_rad_per_mps2: f64,
     /// Slow drift let in: standard deviation gained in one hour.
+    #[serde(deserialize_with = "given::drift_per_sqrt_hour")]
     pub drift_per_sqrt_hour: PerParameter<f64>,
     /// What averaging cannot take away: the scan matcher's own bias, play, correlated slip. It is
     /// added to every sigma that leaves the estimator.
+    #[serde(deserialize_with = "given::systematic_sigma")]
     pub systematic_sigma: PerParameter<f64>,
     /// Called converged below this standard deviation.
+    #[serde(deserialize_with = "given::converged_sigma")]
     pub converged_sigma: PerParameter<f64>,
     /// Farther from its neutral value no vehicle is: a value beyond is never called converged.
+    #[serde(deserialize_with = "given::physical_limit")]
     pub physical_limit: PerParameter<f64>,
     /// How far a driven metre can go astray.
     pub motion_noise: MotionNoise,

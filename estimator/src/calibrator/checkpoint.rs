@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::comparison::Comparison;
+use super::drift::Baseline;
 use super::session::Session;
 use super::{Calibrator, CalibratorConfig};
 use crate::change::ChangeWatch;
@@ -14,7 +15,7 @@ use crate::merge::Merger;
 use crate::trust::Trust;
 
 /// Version of the checkpoint's layout.
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 
 /// A calibrator's state, to be stored and restored. The local map is not in it: it is rebuilt.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -25,6 +26,7 @@ pub struct Checkpoint {
     trust: Trust,
     long_run: LongRunVariance,
     comparison: Option<Comparison>,
+    baseline: Option<Baseline>,
 }
 
 /// Why a checkpoint could not be used.
@@ -65,6 +67,7 @@ impl Calibrator {
         restored.trust = checkpoint.trust.clone();
         restored.watch = ChangeWatch::with_long_run(checkpoint.long_run.clone());
         restored.comparison.clone_from(&checkpoint.comparison);
+        restored.baseline.clone_from(&checkpoint.baseline);
         Ok(restored)
     }
 
@@ -81,6 +84,7 @@ impl Calibrator {
             trust: self.trust.clone(),
             long_run: self.watch.long_run().clone(),
             comparison: self.comparison.clone(),
+            baseline: self.baseline.clone(),
         }
     }
 }

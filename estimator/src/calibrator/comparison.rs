@@ -19,12 +19,31 @@ pub(super) const COMPARED: [Parameter; 4] = [
     Parameter::LidarY,
     Parameter::LidarYaw,
 ];
-/// `chi^2` with 4 degrees of freedom exceeds this once in 10,000 comparisons.
-const CHI2_SAME_MAX: f64 = 23.5;
-/// The same for what a cause leaves unexplained: 3 degrees of freedom without the steering zero...
-const CHI2_WITHOUT_STEERING_MAX: f64 = 21.1;
-/// ...and 1 without the mount.
-const CHI2_WITHOUT_MOUNT_MAX: f64 = 15.1;
+/// How far two calibrations of one vehicle may lie apart, as chi-squared.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Limits {
+    /// All four together, 4 degrees of freedom.
+    same: f64,
+    /// What is left when the steering zero is let go, 3 degrees of freedom.
+    without_steering: f64,
+    /// What is left when the mount is let go, 1 degree of freedom.
+    without_mount: f64,
+}
+
+/// Of a new session and the stored calibration: exceeded once in 10,000 comparisons.
+pub(super) const SESSIONS: Limits = Limits {
+    same: 23.5,
+    without_steering: 21.1,
+    without_mount: 15.1,
+};
+
+/// Of one and the same session over time: exceeded once in ten million comparisons, for there is one
+/// a minute.
+pub(super) const DRIFT: Limits = Limits {
+    same: 38.2,
+    without_steering: 35.4,
+    without_mount: 28.4,
+};
 
 /// Why a comparison was begun.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -74,19 +93,20 @@ impl Comparison {
         values: &Values,
         covariance: &ParameterCovariance,
         settings: &EstimatorSettings,
+        limits: &Limits,
     ) -> Verdict {
         let mut apart = values - self.values;
         let yaw = Parameter::LidarYaw.index();
         apart[yaw] = wrap_angle_rad(apart[yaw]);
         let doubt = with_systematic(covariance, settings) + self.covariance;
         let chi2 = |parameters: &[Parameter]| chi_squared(&apart, &doubt, parameters);
-        if chi2(&COMPARED) <= CHI2_SAME_MAX {
+        if chi2(&COMPARED) <= limits.same {
             return Verdict::Same;
         }
         let (steering, mount) = COMPARED.split_at(1);
-        if chi2(mount) <= CHI2_WITHOUT_STEERING_MAX {
+        if chi2(mount) <= limits.without_steering {
             Verdict::Changed(Cause::Steering, steering.to_vec())
-        } else if chi2(steering) <= CHI2_WITHOUT_MOUNT_MAX {
+        } else if chi2(steering) <= limits.without_mount {
             Verdict::Changed(Cause::LidarMount, mount.to_vec())
         } else {
             Verdict::Changed(Cause::Unknown, COMPARED.to_vec())
@@ -146,7 +166,12 @@ mod tests {
             values[parameter.index()] = *by;
         }
         let covariance = ParameterCovariance::identity() * 1e-8;
-        stored().verdict(&values, &covariance, &EstimatorSettings::default())
+        stored().verdict(
+            &values,
+            &covariance,
+            &EstimatorSettings::default(),
+            &SESSIONS,
+        )
     }
 
     #[test]
@@ -169,7 +194,7 @@ mod tests {
         let covariance = ParameterCovariance::identity() * 1e-8;
         let settings = EstimatorSettings::default();
         assert_eq!(
-            stored.verdict(&values, &covariance, &settings),
+            stored.verdict(&values, &covariance, &settings, &SESSIONS),
             Verdict::Same
         );
     }

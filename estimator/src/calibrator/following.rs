@@ -1,6 +1,6 @@
 //! From LiDAR poses to the filter: its start, its way, and its return to before a change.
 
-use super::comparison::{COMPARED, Comparison, Occasion, Verdict, knows_enough};
+use super::comparison::{COMPARED, Comparison, Occasion, SESSIONS, Verdict, knows_enough};
 use super::{Calibrator, CalibratorConfig, Waiting};
 use crate::change::Detected;
 use crate::change::evidence::change_sigma;
@@ -61,6 +61,7 @@ impl Calibrator {
             }
         }
         self.compare(effects);
+        self.check_drift(effects);
     }
 
     fn follow_reading(&mut self, reading: &OdometryReading) {
@@ -119,6 +120,7 @@ impl Calibrator {
     /// that nothing which was absorbed since then stays in the other parameters.
     fn change(&mut self, detected: &Detected, effects: &mut Vec<Effect>) {
         let (onset, after_onset) = detected.onset;
+        self.baseline = None;
         let onset_s = self.session.seconds_to(onset);
         let before = self.judge_filter(&detected.filter_before);
         self.session.close_segment(onset_s, before);
@@ -153,6 +155,7 @@ impl Calibrator {
             self.trust.withdraw();
         }
         self.session.excitation = Excitation::default();
+        self.baseline = None;
         self.readings.clear();
         self.watch.restart();
     }
@@ -167,7 +170,7 @@ impl Calibrator {
         if !knows_enough(&covariance, settings) {
             return;
         }
-        let verdict = comparison.verdict(filter.values(), &covariance, settings);
+        let verdict = comparison.verdict(filter.values(), &covariance, settings, &SESSIONS);
         let Some(stored) = self.comparison.take() else {
             return;
         };
@@ -202,7 +205,7 @@ impl Calibrator {
         })
     }
 
-    fn report(
+    pub(super) fn report(
         &mut self,
         kind: ChangeKind,
         cause: Cause,

@@ -3,6 +3,7 @@
 mod checkpoint;
 mod comparison;
 mod config;
+mod drift;
 mod following;
 mod session;
 
@@ -12,6 +13,7 @@ pub use checkpoint::{Checkpoint, CheckpointRefused};
 pub use config::CalibratorConfig;
 
 use comparison::{Comparison, Occasion};
+use drift::Baseline;
 use session::Session;
 
 use crate::advice::{Advice, Knowledge, advise};
@@ -61,6 +63,8 @@ pub struct Calibrator {
     follower: Option<Follower>,
     /// The stored calibration, while a new session has not been held against it.
     comparison: Option<Comparison>,
+    /// What the calibration of now is held against, to see slow drift.
+    baseline: Option<Baseline>,
     session: Session,
     trust: Trust,
     told: Option<Stamp>,
@@ -80,6 +84,7 @@ impl Calibrator {
             watch: ChangeWatch::default(),
             follower: None,
             comparison: None,
+            baseline: None,
             session: Session::default(),
             trust: Trust::default(),
             told: None,

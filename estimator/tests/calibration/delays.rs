@@ -1,11 +1,12 @@
 //! How soon a change is seen. The whole table: `cargo run --release -p fleetcal-estimator --example
 //! estimator_figures -- delays`.
 
+use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::estimate::Cause;
-use fleetcal_robot::simulator::{Change, Pose2};
+use fleetcal_robot::simulator::{Change, Pose2, ScheduledChange, SimulationConfig};
 
-use crate::changed::{changed, found};
-use crate::drive::poses;
+use crate::changed::{CHANGE_S, changed, found};
+use crate::drive::{drive, poses, vehicle_of};
 
 /// Found within so many seconds on every seed, once, and as what it is.
 fn assert_found(change: Change, cause: Cause, delay_max_s: f64) {
@@ -50,4 +51,32 @@ fn a_steering_zero_that_moves_is_seen_the_sooner_the_farther() {
 fn a_lidar_that_moves_is_seen_the_sooner_the_farther() {
     assert_found(mount(0.0, 1.0), Cause::LidarMount, 8.0);
     assert_found(mount(0.03, 0.0), Cause::LidarMount, 15.0);
+}
+
+/// A tenth of a degree an hour is beneath what any window shows.
+fn assert_drift_found(change: Change, cause: Cause) {
+    let mut config = SimulationConfig::figure_eight(3);
+    config.lidar = poses();
+    config.changes = vec![ScheduledChange {
+        at_s: CHANGE_S,
+        change,
+    }];
+    let calibrator = CalibratorConfig::of(vehicle_of(&config.vehicle, config.vehicle.wheelbase_m));
+    let run = drive(config, calibrator, CHANGE_S + 4500.0);
+    assert!(!run.changes.is_empty(), "{change:?}: not seen");
+    for flagged in &run.changes {
+        println!("{change:?}: {:.0} s, {:?}", flagged.time_s, flagged.change);
+        assert_eq!(flagged.cause, cause, "{change:?}");
+        let [(_, moved), ..] = flagged.change.as_slice() else {
+            panic!("{flagged:?}");
+        };
+        assert!(moved.abs() < 0.125f64.to_radians(), "{flagged:?}");
+    }
+}
+
+#[test]
+fn a_drift_of_a_tenth_of_a_degree_an_hour_is_seen() {
+    let per_s = 0.1f64.to_radians() / 3600.0;
+    assert_drift_found(Change::SteeringDrift(per_s), Cause::Steering);
+    assert_drift_found(Change::MountYawDrift(per_s), Cause::LidarMount);
 }

@@ -1,0 +1,94 @@
+//! Slow drift: is the calibration of now still that of some time ago?
+//!
+//! What moves by a tenth of a degree an hour no window of some metres can show, and the filter
+//! follows it. Once a minute its values are therefore held against those of when they were first
+//! known this well. The two share data, so the doubts that are added here are more than there are.
+
+use serde::{Deserialize, Serialize};
+
+use super::Calibrator;
+use super::comparison::{COMPARED, Comparison, DRIFT, Occasion, Verdict, knows_enough};
+use crate::estimate::ChangeKind;
+use crate::settings::EstimatorSettings;
+use crate::stream::{Effect, Stamp};
+
+/// Time between two comparisons, s of message time.
+const EVERY_S: f64 = 60.0;
+/// A calibration with less than this share of the baseline's doubt becomes the new baseline.
+const CLOSER_SHARE: f64 = 0.6;
+
+/// The calibration that later ones are held against.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct Baseline {
+    calibration: Comparison,
+    /// When it was taken.
+    since: Stamp,
+    /// When it was last held against a newer one.
+    compared: Stamp,
+}
+
+impl Baseline {
+    /// Whether another is known so much better that this one should give way to it.
+    fn is_poorer_than(&self, other: &Self, settings: &EstimatorSettings) -> bool {
+        let doubt = |baseline: &Self| -> f64 {
+            let covariance = &baseline.calibration.covariance;
+            let shares = COMPARED.iter().map(|&parameter| {
+                let i = parameter.index();
+                covariance[(i, i)].sqrt() / settings.converged_sigma.get(parameter)
+            });
+            shares.sum()
+        };
+        doubt(other) < CLOSER_SHARE * doubt(self)
+    }
+}
+
+impl Calibrator {
+    /// Holds the filter's values against the baseline, and says so when they have drifted away.
+    pub(super) fn check_drift(&mut self, effects: &mut Vec<Effect>) {
+        let now = self.session.now;
+        let is_due = self
+            .baseline
+            .as_ref()
+            .is_none_or(|baseline| now.seconds_since(baseline.compared) >= EVERY_S);
+        let Some(filter) = self
+            .filter()
+            .filter(|_| is_due && self.comparison.is_none())
+        else {
+            return;
+        };
+        let settings = &self.config.settings;
+        let covariance = self.watch.long_run().claim(&filter.parameter_covariance());
+        if !knows_enough(&covariance, settings) {
+            return;
+        }
+        let values = *filter.values();
+        let newest = Baseline {
+            calibration: Comparison::new(Occasion::NewSession, values, &covariance, settings),
+            since: now,
+            compared: now,
+        };
+        let Some(mut baseline) = self.baseline.take() else {
+            self.baseline = Some(newest);
+            return;
+        };
+        let stored = &baseline.calibration;
+        match stored.verdict(&values, &covariance, settings, &DRIFT) {
+            Verdict::Same if baseline.is_poorer_than(&newest, settings) => {
+                self.baseline = Some(newest);
+            }
+            Verdict::Same => {
+                baseline.compared = now;
+                self.baseline = Some(baseline);
+            }
+            Verdict::Changed(cause, parameters) => {
+                self.baseline = Some(newest);
+                let before = self.judge_values(&stored.values);
+                self.session
+                    .close_segment(self.session.duration_s(), before);
+                let onset_s = self.session.seconds_to(baseline.since);
+                let kind = ChangeKind::CalibrationChanged;
+                self.report(kind, cause, onset_s, &parameters, effects);
+            }
+        }
+    }
+}
