@@ -6,6 +6,10 @@ use crate::store::audit::AuditEntry;
 use crate::store::error::StoreError;
 
 /// Appends a row; the caller's transaction is the one of the change.
+#[cfg_attr(
+    not(test),
+    expect(dead_code, reason = "users, tokens and approvals are its callers")
+)]
 pub(super) async fn append(
     connection: &mut SqliteConnection,
     entry: &AuditEntry,
@@ -31,4 +35,37 @@ pub(super) async fn append(
     .fetch_one(connection)
     .await
     .map_err(StoreError::database("write the audit"))
+}
+
+#[cfg(test)]
+mod tests {
+    use sqlx::Connection;
+
+    use super::*;
+    use crate::access::Actor;
+
+    #[tokio::test]
+    async fn a_row_is_never_changed_and_never_deleted() {
+        let mut connection = SqliteConnection::connect("sqlite::memory:").await.unwrap();
+        super::super::MIGRATIONS
+            .run_direct(None, &mut connection, false)
+            .await
+            .unwrap();
+        let entry = AuditEntry {
+            at_ns: 7,
+            actor: Actor::service(),
+            action: "deployment.offer",
+            subject: "deployment",
+            subject_id: "1".to_owned(),
+            robot: None,
+            before: None,
+            after: Some(serde_json::json!({ "state": "offered" })),
+            reason: None,
+        };
+        assert_eq!(append(&mut connection, &entry).await.unwrap(), 1);
+        for sql in ["UPDATE audit SET actor = 'x'", "DELETE FROM audit"] {
+            let refused = sqlx::query(sql).execute(&mut connection).await.unwrap_err();
+            assert!(refused.to_string().contains("never"), "{refused}");
+        }
+    }
 }
