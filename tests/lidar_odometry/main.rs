@@ -148,7 +148,7 @@ fn every_sweep_of_the_figure_eight_is_tracked() {
 }
 
 /// CPU time of a sweep of 1024 beams, from its message to its pose, deskew and map upkeep included:
-/// a tenth of small_gicp's, which `estimator/benches/peers/compare.py` measures in the same run.
+/// a tenth of `small_gicp`'s, which `estimator/benches/peers/compare.py` measures in the same run.
 #[test]
 fn a_sweep_takes_no_more_than_a_tenth_of_the_next_best_engines_time() {
     const MEDIAN_MAX_MS: f64 = 0.137;
