@@ -67,9 +67,7 @@ fn assert_drift_found(change: Change, cause: Cause) {
     for flagged in &run.changes {
         println!("{change:?}: {:.0} s, {:?}", flagged.time_s, flagged.change);
         assert_eq!(flagged.cause, cause, "{change:?}");
-        let [(_, moved), ..] = flagged.change.as_slice() else {
-            panic!("{flagged:?}");
-        };
+        let (_, moved) = flagged.change.first().unwrap();
         assert!(moved.abs() < 0.125f64.to_radians(), "{flagged:?}");
     }
 }
