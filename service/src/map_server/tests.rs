@@ -104,7 +104,7 @@ fn each_field_that_cannot_be_is_named_with_value_and_what_is_accepted() {
         ),
         (
             swap("resolution: 0.050000", "resolution: .inf"),
-            "resolution is ",
+            "line 2 column 13: non-finite float `.inf`",
         ),
         (
             swap("[-1.0, 2.5, 0.1]", "[-1.0, 2.5]"),
