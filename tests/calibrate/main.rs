@@ -116,6 +116,8 @@ fn the_real_tricycle_meets_its_figures() {
         ("lidar_yaw", -0.002, degree),
     ];
     assert_near(&report, &cases, 4.0, [0.010, 0.02]);
+    let events = report["events"].as_array().unwrap();
+    assert!(events.is_empty(), "nothing failed or moved: {events:?}");
 }
 
 #[test]

@@ -24,6 +24,10 @@ const STUCK_SPREAD_RAD: f64 = 0.1;
 /// that jumps does it once or twice.
 const STUCK_CHANGES_MIN: usize = 4;
 const STUCK_CHANGE_RAD: f64 = 0.015;
+/// Spread and changes must also be more than so many standard deviations of a window's angle: a
+/// scanner with noisy poses on slow wheels turned far tells each one to a few degrees only.
+const STUCK_SPREAD_SIGMAS: f64 = 6.0;
+const STUCK_CHANGE_SIGMAS: f64 = 2.6;
 
 /// What is wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -57,6 +61,9 @@ pub struct FaultWatch {
     last: Option<Fault>,
     /// Windows with one and the same steering reading, newest last.
     standing: Vec<Track>,
+    /// How much larger the noise (as a variance) was than configured when the reading began to stand
+    /// still: a sensor that sticks makes it look larger still.
+    noise_scale: f64,
 }
 
 impl FaultWatch {
@@ -72,10 +79,11 @@ impl FaultWatch {
         standing >= windows.max(2) && standing < UNDECIDED_WINDOWS_MAX
     }
 
-    /// Takes the next window; gives a fault that has just become certain, and how many windows it
+    /// Takes the next window, and how much larger the noise (as a variance) has turned out than
+    /// configured; gives a fault that has just become certain, and how many windows it
     /// has lasted.
-    pub fn push(&mut self, track: &Track) -> Option<(Fault, usize)> {
-        self.follow_steering(track);
+    pub fn push(&mut self, track: &Track, noise_scale: f64) -> Option<(Fault, usize)> {
+        self.follow_steering(track, noise_scale);
         if let Some(active) = self.active {
             let over = match active {
                 Fault::StuckSteering => self.standing.len() <= 1,
@@ -111,13 +119,16 @@ impl FaultWatch {
             .map(|fault| (fault, self.in_a_row))
     }
 
-    fn follow_steering(&mut self, track: &Track) {
+    fn follow_steering(&mut self, track: &Track, noise_scale: f64) {
         let same = track.steering_spread_rad < SAME_READING_RAD
             && self.standing.last().is_none_or(|last| {
                 (last.steering_rad - track.steering_rad).abs() < SAME_READING_RAD
             });
         if !same {
             self.standing.clear();
+        }
+        if self.standing.is_empty() {
+            self.noise_scale = noise_scale;
         }
         if track.steering_spread_rad < SAME_READING_RAD {
             if self.standing.len() >= 4 * STUCK_WINDOWS {
@@ -131,15 +142,26 @@ impl FaultWatch {
         if self.standing.len() < STUCK_WINDOWS {
             return false;
         }
-        let errors = || self.standing.iter().map(|track| track.steering_error_rad);
-        let (least, most) = errors().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), e| {
-            (low.min(e), high.max(e))
+        let by_error =
+            |a: &&Track, b: &&Track| a.steering_error_rad.total_cmp(&b.steering_error_rad);
+        let tracks = || self.standing.iter();
+        let (Some(least), Some(most)) = (tracks().min_by(by_error), tracks().max_by(by_error))
+        else {
+            return false;
+        };
+        let pairs = tracks().zip(tracks().skip(1));
+        let changes = pairs.filter(|(before, after)| {
+            self.differ_by(before, after, STUCK_CHANGE_RAD, STUCK_CHANGE_SIGMAS)
         });
-        let changes = errors()
-            .zip(errors().skip(1))
-            .filter(|(before, after)| (after - before).abs() > STUCK_CHANGE_RAD)
-            .count();
-        most - least > STUCK_SPREAD_RAD && changes >= STUCK_CHANGES_MIN
+        self.differ_by(least, most, STUCK_SPREAD_RAD, STUCK_SPREAD_SIGMAS)
+            && changes.count() >= STUCK_CHANGES_MIN
+    }
+
+    /// Whether the true steering angles of two windows differ by more than this, and surely.
+    fn differ_by(&self, a: &Track, b: &Track, least_rad: f64, sigmas: f64) -> bool {
+        let apart_rad = (a.steering_error_rad - b.steering_error_rad).abs();
+        let sigma_rad = a.steering_sigma_rad.max(b.steering_sigma_rad) * self.noise_scale.sqrt();
+        apart_rad > least_rad.max(sigmas * sigma_rad)
     }
 }
 
@@ -169,18 +191,22 @@ mod tests {
             steering_rad: 0.1,
             steering_spread_rad: 0.01,
             steering_error_rad: 0.0,
+            steering_sigma_rad: 0.003,
         }
     }
 
     #[test]
     fn two_windows_begin_a_fault_and_two_end_it() {
         let mut watch = FaultWatch::default();
-        assert_eq!(watch.push(&track(0.0, 0.5)), None);
-        assert_eq!(watch.push(&track(0.0, 0.5)), Some((Fault::NotDriven, 2)));
-        assert_eq!(watch.push(&track(0.0, 0.5)), None);
-        assert_eq!(watch.push(&track(0.5, 0.5)), None);
+        assert_eq!(watch.push(&track(0.0, 0.5), 1.0), None);
+        assert_eq!(
+            watch.push(&track(0.0, 0.5), 1.0),
+            Some((Fault::NotDriven, 2))
+        );
+        assert_eq!(watch.push(&track(0.0, 0.5), 1.0), None);
+        assert_eq!(watch.push(&track(0.5, 0.5), 1.0), None);
         assert_eq!(watch.active(), Some(Fault::NotDriven));
-        watch.push(&track(0.5, 0.5));
+        watch.push(&track(0.5, 0.5), 1.0);
         assert_eq!(watch.active(), None);
     }
 
@@ -188,13 +214,13 @@ mod tests {
     fn one_wild_window_and_a_wrong_scale_are_none() {
         let mut watch = FaultWatch::default();
         for (driven_m, moved_m) in [(0.5, 0.0), (0.5, 0.5), (0.5, 0.3), (0.5, 0.3), (0.2, 0.5)] {
-            assert_eq!(watch.push(&track(driven_m, moved_m)), None);
+            assert_eq!(watch.push(&track(driven_m, moved_m), 1.0), None);
         }
     }
 
     #[test]
     fn a_reading_that_stands_still_in_changing_curves_is_stuck() {
-        let stuck = |error: &dyn Fn(usize) -> f64| {
+        let stuck_with = |noise_scale: f64, error: &dyn Fn(usize) -> f64| {
             let mut watch = FaultWatch::default();
             (0..12).any(|i| {
                 let standing = Track {
@@ -202,11 +228,17 @@ mod tests {
                     steering_error_rad: error(i),
                     ..track(0.5, 0.5)
                 };
-                watch.push(&standing).is_some()
+                watch.push(&standing, noise_scale).is_some()
             })
         };
+        let stuck = |error: &dyn Fn(usize) -> f64| stuck_with(1.0, error);
         assert!(stuck(&|i| 0.03 * i as f64));
         assert!(!stuck(&|_| 0.002), "straight ahead");
         assert!(!stuck(&|i| if i < 6 { 0.0 } else { 0.15 }), "a jump");
+        // What a tricycle with noisy poses showed on one held curve.
+        let held = [0.130, 0.076, 0.110, 0.015, 0.036, -0.002];
+        let noisy = |i: usize| held[i % held.len()];
+        assert!(stuck(&noisy));
+        assert!(!stuck_with(500.0, &noisy), "as uncertain as that");
     }
 }

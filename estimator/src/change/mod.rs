@@ -119,7 +119,7 @@ impl ChangeWatch {
             }
             return None;
         };
-        let fault = self.faults.push(&window.track);
+        let fault = self.faults.push(&window.track, filter.noise_scale());
         if self.faults.active().is_some() {
             return fault.map(|(fault, lasted)| self.failed(fault, lasted, &window, filter));
         }

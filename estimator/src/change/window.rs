@@ -33,6 +33,8 @@ pub struct Track {
     pub steering_spread_rad: f64,
     /// Steering angle by which the LiDAR's turn differs from the drive's, rad.
     pub steering_error_rad: f64,
+    /// Its standard deviation by the configured noise, rad.
+    pub steering_sigma_rad: f64,
 }
 
 /// One window: residual of `B X = X Z` under some parameters, linear around them.
@@ -190,13 +192,16 @@ fn measure(
     let jacobian = predicted.by_parameters(&motion, &twist_at_begin);
     let mount = lidar_in_base(values);
     let body = mount.compose(&measured).compose(&mount.inverse());
-    let turn_by_steering = jacobian[(2, Parameter::SteeringOffset.index())].abs();
+    let turn_by_steering = jacobian[(2, Parameter::SteeringOffset.index())]
+        .abs()
+        .max(STEERED_MIN);
     let track = Track {
         driven_m: motion.distance_m,
         moved_m: body.translation().norm(),
         steering_rad: least_rad,
         steering_spread_rad: most_rad - least_rad,
-        steering_error_rad: residual.z / turn_by_steering.max(STEERED_MIN),
+        steering_error_rad: residual.z / turn_by_steering,
+        steering_sigma_rad: covariance[(2, 2)].sqrt() / turn_by_steering,
     };
     let innovation = Innovation {
         residual,
