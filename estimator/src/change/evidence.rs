@@ -6,6 +6,11 @@
 //! `M = I_a - I_a (I_a + I_b)^-1 I_a`, and `s_c' (M_c + D^-1)^-1 s_c` is the log likelihood ratio
 //! twice over, chi-squared with as many degrees of freedom as the cause has parameters. `D` is how
 //! large a change may be; it keeps out what the motion cannot show.
+//!
+//! Nothing stays quite as it was: over some metres slip or localisation move what a parameter seems
+//! to be by a `W` that no averaging takes away. So what speaks for a change is how much better `D`
+//! explains the score than `W` does, `s_c' (M_c + D^-1)^-1 s_c - s_c' (M_c + W^-1)^-1 s_c`; with
+//! much information that is `Delta' (W^-1 - D^-1) Delta`, and small wander is never an alarm.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
@@ -125,6 +130,19 @@ pub fn change_sigma(parameter: Parameter) -> f64 {
         | Parameter::LidarY
         | Parameter::TimeOffset => 0.05,
         Parameter::SpeedScale | Parameter::SteeringGain | Parameter::Wheelbase => 0.03,
+    }
+}
+
+/// How far a parameter may seem to wander while nothing changes, one standard deviation of the
+/// difference between two stretches of some metres. A change of six of them is the smallest that is
+/// ever flagged: 0.05 degrees of steering, 0.07 of yaw, 2.5 mm.
+pub fn wander_sigma(parameter: Parameter) -> f64 {
+    match parameter {
+        Parameter::SteeringOffset => 1.5e-4,
+        Parameter::LidarYaw => 2e-4,
+        Parameter::LidarX | Parameter::LidarY => 4e-4,
+        Parameter::SpeedScale => 7e-4,
+        Parameter::TimeOffset | Parameter::SteeringGain | Parameter::Wheelbase => 1e-3,
     }
 }
 
@@ -252,6 +270,8 @@ pub struct Candidate {
     pub onset: usize,
     /// Twice the log likelihood ratio of each of [`HYPOTHESES`].
     pub ratios: [f64; CAUSES],
+    /// Squared residuals that each of them explains.
+    explained: [f64; CAUSES],
     windows_after: usize,
     /// Squared residuals of the onset's own windows, which a change there explains.
     excluded: f64,
@@ -281,11 +301,11 @@ pub fn strongest<'a>(
 ) -> Option<Accusation> {
     let mut best: Option<(f64, Accusation)> = None;
     for candidate in candidates(windows, reference, search) {
-        let pairs = candidate.ratios.iter().zip(thresholds.values());
-        for (index, (ratio, threshold)) in pairs.enumerate() {
-            let margin = ratio - threshold;
+        let ratios = candidate.ratios.iter().zip(&candidate.explained);
+        let pairs = ratios.zip(thresholds.values());
+        for (index, ((ratio, after), threshold)) in pairs.enumerate() {
             // All that it explains: what it removes after the onset, and the onset's own windows.
-            let explained = margin + candidate.excluded;
+            let explained = after - threshold + candidate.excluded;
             if best.is_some_and(|(most, _)| explained <= most) {
                 continue;
             }
@@ -294,8 +314,8 @@ pub fn strongest<'a>(
             let accusation = Accusation {
                 hypothesis: index,
                 onset: candidate.onset,
-                margin,
-                misfit: (candidate.cost_after - ratio).max(0.0) / freedom,
+                margin: ratio - threshold,
+                misfit: (candidate.cost_after - after).max(0.0) / freedom,
             };
             best = Some((explained, accusation));
         }
@@ -338,10 +358,11 @@ pub fn candidates<'a>(
             (windows_after + 1).max((6 * windows_after).div_ceil(5))
         };
         let own = terms.get(onset..first_after).unwrap_or_default();
-        if let Some((ratios, cost_after)) = compare(&all.without(own), &after, scale) {
+        if let Some((compared, cost_after)) = compare(&all.without(own), &after, scale) {
             candidates.push(Candidate {
                 onset,
-                ratios: ratios.map(|ratio| ratio / scale),
+                ratios: compared.map(|of_cause| of_cause.ratio / scale),
+                explained: compared.map(|of_cause| of_cause.explained / scale),
                 windows_after,
                 excluded: own.iter().map(|term| term.cost).sum::<f64>() / scale,
                 cost_after: cost_after / scale,
@@ -351,9 +372,18 @@ pub fn candidates<'a>(
     candidates
 }
 
-/// The ratios of one onset, and the squared residuals after it at the common solution; `both` is the
+/// What speaks for a cause at one onset.
+#[derive(Debug, Clone, Copy, Default)]
+struct Support {
+    /// Twice the log likelihood ratio against wander.
+    ratio: f64,
+    /// Squared residuals that a change of this cause explains.
+    explained: f64,
+}
+
+/// What speaks for each cause at one onset, and the squared residuals after it at the common solution; `both` is the
 /// evidence before and after it.
-fn compare(both: &Evidence, after: &Evidence, scale: f64) -> Option<([f64; CAUSES], f64)> {
+fn compare(both: &Evidence, after: &Evidence, scale: f64) -> Option<([Support; CAUSES], f64)> {
     let common = both.information.cholesky()?;
     let solution = common.solve(&both.score);
     let fitted = after.information * solution;
@@ -367,29 +397,36 @@ fn compare(both: &Evidence, after: &Evidence, scale: f64) -> Option<([f64; CAUSE
         .then_some(())?;
     let information = columns.fixed_rows::<MOVABLE>(0) - half.tr_mul(&half);
     let cost_after = after.cost + solution.dot(&(fitted - 2.0 * after.score));
-    let mut ratios = [0.0; CAUSES];
-    for (ratio, hypothesis) in ratios.iter_mut().zip(&HYPOTHESES) {
-        *ratio = likelihood_ratio(&score, &information, hypothesis.parameters, scale)?;
+    let mut compared = [Support::default(); CAUSES];
+    for (support, hypothesis) in compared.iter_mut().zip(&HYPOTHESES) {
+        *support = support_of(&score, &information, hypothesis.parameters, scale)?;
     }
-    Some((ratios, cost_after))
+    Some((compared, cost_after))
 }
 
-/// `s' (M + D^-1)^-1 s` over a cause's parameters, of which there are three at most: places that
-/// are left over hold a one and no score.
-fn likelihood_ratio(
+/// `s' (M + D^-1)^-1 s`, with and without `s' (M + W^-1)^-1 s`, over a cause's parameters, of which
+/// there are three at most: places that are left over hold a one and no score.
+fn support_of(
     score: &Score,
     information: &SMatrix<f64, MOVABLE, MOVABLE>,
     parameters: &[Parameter],
     scale: f64,
-) -> Option<f64> {
+) -> Option<Support> {
     let mut part = Vector3::zeros();
-    let mut block = Matrix3::identity();
+    let (mut changed, mut wandered) = (Matrix3::identity(), Matrix3::identity());
     for (i, a) in parameters.iter().enumerate() {
         part[i] = score[a.index()];
         for (j, b) in parameters.iter().enumerate() {
-            block[(i, j)] = information[(a.index(), b.index())];
+            changed[(i, j)] = information[(a.index(), b.index())];
+            wandered[(i, j)] = changed[(i, j)];
         }
-        block[(i, i)] += scale * change_sigma(*a).powi(-2);
+        changed[(i, i)] += scale * change_sigma(*a).powi(-2);
+        wandered[(i, i)] += scale * wander_sigma(*a).powi(-2);
     }
-    Some(part.dot(&block.cholesky()?.solve(&part)))
+    let explained = part.dot(&changed.cholesky()?.solve(&part));
+    let by_wander = part.dot(&wandered.cholesky()?.solve(&part));
+    Some(Support {
+        ratio: explained - by_wander,
+        explained,
+    })
 }
