@@ -71,7 +71,7 @@ pub struct CalibrationValues {
 
 impl CalibrationValues {
     /// Those that are there, each under the name it has on the wire.
-    pub fn fields(&self) -> impl Iterator<Item = (&'static str, f64)> {
+    pub fn fields(&self) -> impl Iterator<Item = (&'static str, f64)> + use<> {
         [
             ("steering_offset_rad", Some(self.steering_offset_rad)),
             ("lidar_x_m", Some(self.lidar_x_m)),

@@ -31,6 +31,7 @@ async fn main() -> Result<(), Box<dyn Error + Send + Sync>> {
         robots: simulated_robots(robots, 1)?,
         connect: vec![endpoint],
         keys,
+        trusted: None,
         start_stamp_ns: 1_760_000_000_000_000_000,
     };
     let stop = CancellationToken::new();

@@ -15,22 +15,24 @@ mod tests;
 
 use std::sync::Arc;
 
+use fleetcal_proto::signing::TrustedKeys;
 use fleetcal_proto::{Keys, RobotId};
 use thiserror::Error;
 use tokio::task::JoinSet;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
+pub use crate::session::SessionError;
 pub use message::{StampRefused, drive_message, lidar_pose_message, scan_message, truth_message};
 pub use record::{
     RECORD_DURATION_MAX_S, RecordError, RecordedTruth, RecordedVehicle, TrueSegment, record,
     truth_path,
 };
 pub use robots::{ROBOTS_MAX, SimulatedRobot, TooManyRobots, simulated_robots};
-pub use session::SessionError;
 
+use crate::agent::TransitionRefused;
+use crate::session::ClientConfig;
 use crate::simulator::SettingRefused;
-use session::ClientConfig;
 
 /// A fleet to run.
 #[derive(Debug, Clone)]
@@ -41,6 +43,8 @@ pub struct FleetOptions {
     pub connect: Vec<String>,
     /// The keys they use.
     pub keys: Keys,
+    /// Whose signatures they trust; with `None` they take no calibration and answer none.
+    pub trusted: Option<TrustedKeys>,
     /// Wall time now, ns since 1970: what the messages' stamps begin with.
     pub start_stamp_ns: i64,
 }
@@ -84,6 +88,9 @@ pub enum FleetError {
         #[source]
         reason: StampRefused,
     },
+    /// A robot's agent is at odds with itself.
+    #[error(transparent)]
+    Agent(#[from] TransitionRefused),
     /// A robot's task panicked.
     #[error("a robot's task ended: {0}")]
     Task(#[from] tokio::task::JoinError),
@@ -107,8 +114,10 @@ pub async fn run_fleet(
     let mut tasks = JoinSet::new();
     for robot in options.robots {
         let (client, keys) = (Arc::clone(&client), options.keys.clone());
-        let stop = stop.clone();
-        tasks.spawn(async move { task::run(robot, &client, &keys, epoch, stop).await });
+        let (trusted, stop) = (options.trusted.clone(), stop.clone());
+        tasks.spawn(async move {
+            task::run(robot, &client, &keys, trusted.as_ref(), epoch, stop).await
+        });
     }
     let mut summaries = Vec::new();
     let mut failure = None;

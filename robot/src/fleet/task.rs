@@ -1,26 +1,29 @@
 //! One robot in real time.
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
-use fleetcal_proto::calibration::{Applied as Acknowledgement, AppliedStatus};
 use fleetcal_proto::event::CrossTrackError;
+use fleetcal_proto::signing::TrustedKeys;
 use fleetcal_proto::{Keys, RobotId, RosMessage, StreamKind};
 use tokio::sync::mpsc;
 use tokio::time::{Instant, MissedTickBehavior, interval};
 use tokio_util::sync::CancellationToken;
-use tracing::{debug, info, warn};
+use tracing::{debug, warn};
 
-use super::calibration::{Held, Offered};
+use super::calibration::{agent, applied_of};
 use super::message::{StampRefused, drive_message, lidar_pose_message, scan_message};
 use super::robots::SimulatedRobot;
-use super::session::{ClientConfig, Incoming, RobotSession};
+use super::session::RobotSession;
 use super::{FleetError, RobotSummary};
+use crate::agent::{Activation, Agent, Effect, Event, HookAnswer, Outcome, PULL_PERIOD};
+use crate::session::ClientConfig;
 use crate::simulator::{Emitted, SimulatedMessage, Simulation};
 
 /// How often a robot looks for what is due: the drive stream's interval.
 const TICK: Duration = Duration::from_millis(10);
-/// How often it asks for the approved calibration, besides when a service comes up.
-const PULL_PERIOD: Duration = Duration::from_mins(1);
+/// How often its agent looks at its deadlines.
+const AGENT_TICK: Duration = Duration::from_millis(200);
 /// What is later than this is left out: a robot does not replay its past.
 const LATE_MAX: Duration = Duration::from_secs(2);
 
@@ -42,13 +45,17 @@ pub(super) async fn run(
     mut robot: SimulatedRobot,
     client: &ClientConfig,
     keys: &Keys,
+    trusted: Option<&TrustedKeys>,
     epoch: Epoch,
     stop: CancellationToken,
 ) -> Result<RobotSummary, FleetError> {
     let id = robot.id.clone();
     let opened = RobotSession::open(client, keys, &id, &stop).await?;
     robot.config.start_stamp_ns = epoch.now_ns();
-    let held = Held::new(id.clone(), robot.config.applied);
+    let agent = trusted.map(|trusted| {
+        let nominal = robot.config.applied;
+        agent(id.clone(), trusted.clone(), nominal, epoch.now_ns())
+    });
     let mut simulation = Simulation::new(robot.config).map_err(|reason| FleetError::Setting {
         robot: id.clone(),
         reason,
@@ -67,7 +74,7 @@ pub(super) async fn run(
     let mut driver = Driver {
         simulation,
         next,
-        held,
+        agent,
         session,
         epoch,
         summary,
@@ -81,7 +88,8 @@ pub(super) async fn run(
 struct Driver {
     simulation: Simulation,
     next: Emitted,
-    held: Held,
+    /// Taken while it is at work; a robot that trusts no key has none.
+    agent: Option<Agent>,
     session: RobotSession,
     epoch: Epoch,
     summary: RobotSummary,
@@ -90,26 +98,29 @@ struct Driver {
 impl Driver {
     async fn drive(
         &mut self,
-        mut incoming: mpsc::Receiver<Incoming>,
+        mut incoming: mpsc::Receiver<Event>,
         stop: &CancellationToken,
     ) -> Result<(), FleetError> {
         let mut tick = interval(TICK);
         tick.set_missed_tick_behavior(MissedTickBehavior::Skip);
         let mut pull = interval(PULL_PERIOD);
         pull.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        self.acknowledge().await?;
+        let mut agent_tick = interval(AGENT_TICK);
+        agent_tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        self.calibrate(Event::Restarted { written: false }).await?;
         loop {
             tokio::select! {
                 biased;
                 () = stop.cancelled() => return Ok(()),
-                Some(message) = incoming.recv() => match message {
-                    Incoming::Approved(payload) => self.consider(&payload).await?,
-                    Incoming::ServiceUp => {
-                        self.acknowledge().await?;
-                        self.session.pull().await?;
+                Some(event) = incoming.recv() => {
+                    let is_service = event == Event::ServiceUp;
+                    self.calibrate(event).await?;
+                    if is_service {
+                        self.pull().await?;
                     }
-                },
-                _ = pull.tick() => self.session.pull().await?,
+                }
+                _ = pull.tick() => self.pull().await?,
+                _ = agent_tick.tick() => self.calibrate(Event::Tick).await?,
                 _ = tick.tick() => self.send_due().await?,
             }
         }
@@ -171,52 +182,67 @@ impl Driver {
         Ok(self.session.send(kind, payload).await?)
     }
 
-    /// Applies an offered calibration and answers.
-    async fn consider(&mut self, payload: &[u8]) -> Result<(), FleetError> {
-        let robot = self.summary.id.clone();
-        match self.held.offer(payload) {
-            Offered::Taken(applied) => {
-                self.simulation.set_applied(applied);
-                self.summary.generation = self.held.generation();
-                let generation = self.summary.generation;
-                info!(robot.id = %robot, generation, "applied an approved calibration");
-                self.acknowledge().await
-            }
-            Offered::Refused {
-                generation,
-                sha256,
-                reason,
-            } => {
-                warn!(robot.id = %robot, generation, reason, "refused a calibration");
-                let answer = Acknowledgement {
-                    generation,
-                    sha256,
-                    status: AppliedStatus::Refused,
-                    reason: Some(reason),
-                    applied_at_ns: self.epoch.now_ns(),
-                    values: None,
-                };
-                self.answer(&answer).await
-            }
-            Offered::Known => Ok(()),
-            Offered::Unreadable(reason) => {
-                debug!(robot.id = %robot, reason, "an offered calibration cannot be read");
-                Ok(())
+    /// Hands an event to the robot's agent and puts into effect what it decides.
+    async fn calibrate(&mut self, event: Event) -> Result<(), FleetError> {
+        let Some(mut agent) = self.agent.take() else {
+            return Ok(());
+        };
+        let mut events = VecDeque::from([event]);
+        while let Some(event) = events.pop_front() {
+            for effect in agent.step(event, self.epoch.now_ns())? {
+                events.extend(self.perform(effect).await?);
             }
         }
+        self.summary.generation = agent.memory().held.generation;
+        self.agent = Some(agent);
+        Ok(())
     }
 
-    /// Says what the robot uses now.
-    async fn acknowledge(&mut self) -> Result<(), FleetError> {
-        let answer = self.held.acknowledgement(self.epoch.now_ns());
-        self.answer(&answer).await
+    /// A simulated robot applies at once, in motion: it never stands still, and its steering takes a
+    /// new zero from one command to the next.
+    async fn perform(&mut self, effect: Effect) -> Result<Option<Event>, FleetError> {
+        let robot = &self.summary.id;
+        match effect {
+            Effect::AskHook(_) => {
+                return Ok(Some(Event::HookAnswered(HookAnswer::Go { before: None })));
+            }
+            Effect::Write(values) => {
+                self.simulation.set_applied(applied_of(&values));
+                return Ok(Some(Event::Written(Ok(()))));
+            }
+            Effect::Activate(_) => return Ok(Some(Event::Activated(Activation::Done))),
+            Effect::Restore(fallback) => {
+                if let Some(values) = fallback.held.values {
+                    self.simulation.set_applied(applied_of(&values));
+                }
+                return Ok(Some(Event::Restored(Ok(()))));
+            }
+            Effect::TellReverted(ending) => {
+                if let Outcome::Answered { reason, .. } = ending.outcome {
+                    let generation = ending.generation;
+                    warn!(robot.id = %robot, generation, reason, "back to the former calibration");
+                }
+                return Ok(Some(Event::RevertTold(Ok(()))));
+            }
+            Effect::Acknowledge(answer) => {
+                let (generation, status) = (answer.generation, answer.status);
+                let reason = answer.reason.as_deref().unwrap_or_default();
+                debug!(robot.id = %robot, generation, ?status, reason, "answers a calibration");
+                self.session.calibration.acknowledge(&answer).await?;
+            }
+            Effect::AskConfirmed => self.session.calibration.ask_confirmed().await?,
+            Effect::Pull => self.pull().await?,
+            Effect::Note(note) => debug!(robot.id = %robot, "{note}"),
+        }
+        Ok(None)
     }
 
-    async fn answer(&mut self, answer: &Acknowledgement) -> Result<(), FleetError> {
-        Ok(self
-            .session
-            .send(StreamKind::CalibrationApplied, json(answer))
-            .await?)
+    async fn pull(&self) -> Result<(), FleetError> {
+        if self.agent.is_some() {
+            self.session.calibration.ask_confirmed().await?;
+            self.session.calibration.ask_approved().await?;
+        }
+        Ok(())
     }
 }
 

@@ -5,15 +5,19 @@ use std::net::TcpListener;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use fleetcal_proto::calibration::{Applied as Acknowledgement, AppliedStatus, Envelope};
+use fleetcal_proto::calibration::{
+    Applied as Acknowledgement, AppliedStatus, CalibrationDocument, CalibrationFrame,
+    CalibrationSchema, CalibrationValues, Confirmed, Envelope,
+};
 use fleetcal_proto::event::CrossTrackError;
 use fleetcal_proto::ros::{AckermannDriveStamped, LaserScan};
+use fleetcal_proto::signing::{SigningKey, seal};
 use fleetcal_proto::{Encoding, Keys, RosMessage};
-use sha2::{Digest, Sha256};
 use tokio::time::timeout;
 use zenoh::sample::SampleKind;
 
 use super::*;
+use crate::simulator::{LidarOutput, PoseSettings};
 
 const START_NS: i64 = 1_760_000_000_000_000_000;
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -43,6 +47,7 @@ fn options(count: usize, endpoint: &str) -> FleetOptions {
         robots: simulated_robots(count, 1).unwrap(),
         connect: vec![endpoint.to_owned()],
         keys: Keys::default(),
+        trusted: Some(key().public_key().into()),
         start_stamp_ns: START_NS,
     }
 }
@@ -76,19 +81,42 @@ async fn until(what: &str, done: impl Fn() -> bool) {
     assert!(waited.await.is_ok(), "waited in vain until {what}");
 }
 
-fn envelope(robot: &str, generation: u64) -> Vec<u8> {
-    let values =
-        r#"{"steering_offset_rad":0.02,"lidar_x_m":0.44,"lidar_y_m":0.01,"lidar_yaw_rad":0.02}"#;
-    let document = format!(
-        r#"{{"schema":"fleetcal.calibration/1","robot":"{robot}","generation":{generation},"base_generation":null,"revision":1,"approved_at":"2026-01-01T00:00:00Z","approved_by":"ana","values":{values},"sigmas":{values},"frame":"rear_axle","confirm_within_s":600}}"#
-    );
-    let envelope = Envelope {
-        sha256: format!("{:x}", Sha256::digest(document.as_bytes())),
-        document,
-        key_id: "k".to_owned(),
-        signature: String::new(),
+fn key() -> SigningKey {
+    SigningKey::from_bytes(&[3; 32])
+}
+
+/// A signed calibration; generation 9 lies outside the robots' limits.
+fn envelope(robot: &str, generation: u64, confirm_within_s: u32) -> Vec<u8> {
+    let values = CalibrationValues {
+        steering_offset_rad: if generation == 9 { 0.5 } else { 0.02 },
+        lidar_x_m: 0.44,
+        lidar_y_m: 0.01,
+        lidar_yaw_rad: 0.02,
+        ..CalibrationValues::default()
     };
-    serde_json::to_vec(&envelope).unwrap()
+    envelope_of(values, robot, generation, confirm_within_s)
+}
+
+fn envelope_of(
+    values: CalibrationValues,
+    robot: &str,
+    generation: u64,
+    confirm_within_s: u32,
+) -> Vec<u8> {
+    let document = CalibrationDocument {
+        schema: CalibrationSchema::V1,
+        robot: RobotId::parse(robot).unwrap(),
+        generation,
+        base_generation: Some(generation - 1),
+        revision: 1,
+        approved_at: "2026-01-01T00:00:00Z".to_owned(),
+        approved_by: "ana".to_owned(),
+        values,
+        sigmas: values,
+        frame: CalibrationFrame::RearAxle,
+        confirm_within_s,
+    };
+    serde_json::to_vec(&seal(&document, &key()).unwrap()).unwrap()
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -163,7 +191,7 @@ async fn a_robot_pulls_applies_and_acknowledges_what_is_approved() {
     session
         .declare_queryable(key)
         .callback(move |query| {
-            let reply = query.reply(key, envelope("tugger_01", 3));
+            let reply = query.reply(key, envelope("tugger_01", 3, 600));
             zenoh::Wait::wait(reply).unwrap();
         })
         .background()
@@ -190,20 +218,122 @@ async fn a_robot_pulls_applies_and_acknowledges_what_is_approved() {
         "what it brought along"
     );
 
-    session.put(key, envelope("tugger_01", 4)).await.unwrap();
+    // Without a confirmation the robot goes back to where it was, which nobody confirmed either.
+    let pushed = envelope("tugger_01", 4, 1);
+    session.put(key, pushed.clone()).await.unwrap();
     until("the pushed calibration is applied", || applied(4)).await;
-    let values = answered().last().unwrap().values.unwrap();
-    assert!((values.lidar_x_m - 0.44).abs() < 1e-12);
+    let ended = |generation, status| {
+        let of = move |answer: &&Acknowledgement| {
+            answer.generation == generation && answer.status == status
+        };
+        answered().iter().find(of).cloned()
+    };
+    let reverted = || ended(4, AppliedStatus::Reverted);
+    until("it went back by itself", || reverted().is_some()).await;
+    let values = reverted().unwrap().values.unwrap();
+    assert!(
+        values.steering_offset_rad.abs() < 1e-12,
+        "what it brought along"
+    );
 
-    session.put(key, envelope("tugger_02", 5)).await.unwrap();
-    until("another robot's calibration is refused", || {
-        answered()
-            .iter()
-            .any(|answer| answer.status == AppliedStatus::Refused)
+    let confirmed = envelope("tugger_01", 5, 2);
+    session.put(key, confirmed.clone()).await.unwrap();
+    until("the next one is applied", || applied(5)).await;
+    let sha256 = serde_json::from_slice::<Envelope>(&confirmed)
+        .unwrap()
+        .sha256;
+    let confirmation = Confirmed {
+        generation: 5,
+        sha256,
+    };
+    let payload = serde_json::to_vec(&confirmation).unwrap();
+    let confirmed_key = "fleet/tugger_01/calibration/confirmed";
+    session.put(confirmed_key, payload).await.unwrap();
+
+    for (payload, generation, reason) in [
+        (envelope("tugger_02", 7, 600), 7, "robot is tugger_02"),
+        (pushed, 4, "accepted are higher ones than 5"),
+        (
+            envelope("tugger_01", 9, 600),
+            9,
+            "steering_offset_rad is 0.5",
+        ),
+    ] {
+        session.put(key, payload).await.unwrap();
+        let refused = || {
+            let refused = AppliedStatus::Refused;
+            let about = |answer: &&Acknowledgement| {
+                answer.generation == generation && answer.status == refused
+            };
+            let answers = answered();
+            let reason_of = answers.iter().find(about)?.reason.clone();
+            Some(reason_of.unwrap_or_default())
+        };
+        until("it is refused", || refused().is_some()).await;
+        assert!(refused().unwrap().contains(reason), "{:?}", refused());
+    }
+    // Longer than it would have waited for the confirmation.
+    tokio::time::sleep(Duration::from_millis(2500)).await;
+    assert!(ended(5, AppliedStatus::Reverted).is_none());
+    stop.cancel();
+    assert_eq!(fleet.await.unwrap().unwrap()[0].generation, 5);
+}
+
+/// In real time, with one reading a second: some with the wrong steering zero, and as many with the right one.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_robot_stops_weaving_once_its_true_calibration_is_approved() {
+    const READINGS: usize = 12;
+    /// Until it is on its way.
+    const SETTLING: usize = 3;
+    let (session, endpoint) = router().await;
+    let payloads = collect(&session, "fleet/*/cross_track_error", Encoding::Json).await;
+    let mut options = options(1, &endpoint);
+    let config = &mut options.robots[0].config;
+    config.vehicle.steering_offset_rad = 2.92_f64.to_radians();
+    config.lidar = LidarOutput::Poses(PoseSettings::default());
+    let truth = config.vehicle;
+    let stop = CancellationToken::new();
+    let fleet = tokio::spawn(run_fleet(options, stop.clone()));
+    let errors_m = || -> Vec<f64> {
+        let payloads = payloads.lock().unwrap();
+        let read = |payload: &Vec<u8>| serde_json::from_slice::<CrossTrackError>(payload);
+        let all = payloads.values().flatten();
+        all.map(|payload| read(payload).unwrap().value_m).collect()
+    };
+    let rms_m = |errors: &[f64]| {
+        let squares: f64 = errors.iter().map(|error| error * error).sum();
+        (squares / errors.len() as f64).sqrt()
+    };
+    until("it drove with what it brought along", || {
+        errors_m().len() >= SETTLING + READINGS
     })
     .await;
+    let wrong = errors_m().split_off(SETTLING);
+    let mount = truth.lidar_in_base;
+    let values = CalibrationValues {
+        steering_offset_rad: truth.steering_offset_rad,
+        lidar_x_m: mount.x_m,
+        lidar_y_m: mount.y_m,
+        lidar_yaw_rad: mount.yaw_rad,
+        ..CalibrationValues::default()
+    };
+    let approved = envelope_of(values, "tugger_01", 1, 600);
+    let key = "fleet/tugger_01/calibration/approved";
+    session.put(key, approved).await.unwrap();
+    let from = errors_m().len() + SETTLING;
+    until("it drove with what was approved", || {
+        errors_m().len() >= from + READINGS
+    })
+    .await;
+    let right = errors_m().split_off(from);
     stop.cancel();
-    assert_eq!(fleet.await.unwrap().unwrap()[0].generation, 4);
+    assert_eq!(fleet.await.unwrap().unwrap()[0].generation, 1);
+    let (before_m, after_m) = (rms_m(&wrong), rms_m(&right));
+    println!("cross-track error {before_m:.4} m before, {after_m:.4} m after");
+    assert!(
+        after_m < 0.5 * before_m,
+        "{before_m} m before, {after_m} m after"
+    );
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -68,6 +68,7 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
             robots,
             connect: vec![arguments.listen.clone()],
             keys: Keys::default(),
+            trusted: None,
             start_stamp_ns: clock.now_ns(),
         },
         stop.clone(),

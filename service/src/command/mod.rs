@@ -21,6 +21,7 @@ use clap::{Parser, Subcommand, ValueEnum};
 use fleetcal_estimator::VehicleModel;
 use fleetcal_estimator::stream::FieldRefused;
 use fleetcal_proto::robot_id::RobotIdRefused;
+use fleetcal_proto::signing::TrustedKeysRefused;
 use fleetcal_robot::fleet::{FleetError, RecordError, TooManyRobots};
 use fleetcal_robot::recording::{RecordingError, TopicError};
 use fleetcal_robot::replay::ReplayError;
@@ -160,6 +161,9 @@ pub enum CommandError {
         /// How many were asked for.
         robots: usize,
     },
+    /// Too many keys to trust.
+    #[error("--service-key: {0}")]
+    Keys(#[from] TrustedKeysRefused),
     /// A simulated robot could not be recorded.
     #[error(transparent)]
     Record(#[from] RecordError),
@@ -195,6 +199,7 @@ impl CommandError {
             | Self::Start(_)
             | Self::WheelbaseMissing { .. }
             | Self::Robot { .. }
+            | Self::Keys(_)
             | Self::TooManyRobots(_)
             | Self::OneRobot { .. }
             | Self::Record(_)

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{ArgGroup, Args};
+use fleetcal_proto::signing::{PublicKey, TrustedKeys};
 use fleetcal_proto::{KeyRoot, Keys};
 use fleetcal_robot::fleet::{
     FleetOptions, RobotSummary, SimulatedRobot, record, run_fleet, simulated_robots, truth_path,
@@ -35,6 +36,11 @@ pub struct Arguments {
         requires = "record"
     )]
     pub duration: f64,
+    /// The service's public key, as `GET /api/v1/signing-key` shows it: the robots apply, at once
+    /// and in motion, what is approved for them; without it they take no calibration; may be
+    /// repeated
+    #[arg(long, value_name = "PUBLICKEY", requires = "connect")]
+    pub service_key: Vec<PublicKey>,
     /// What the robots' faults and the sensors' noise are drawn from
     #[arg(long, value_name = "S", default_value_t = 1)]
     pub seed: u64,
@@ -83,11 +89,16 @@ async fn drive(
     arguments: &Arguments,
     clock: SharedClock,
 ) -> Result<(), CommandError> {
+    let trusted = match arguments.service_key.as_slice() {
+        [] => None,
+        keys => Some(TrustedKeys::new(keys.to_vec())?),
+    };
     let mut signals = Signals::listen()?;
     let options = FleetOptions {
         robots,
         connect: arguments.connect.clone(),
         keys: Keys::new(arguments.root.clone()),
+        trusted,
         start_stamp_ns: clock.now_ns(),
     };
     let stop = CancellationToken::new();

@@ -1,0 +1,258 @@
+//! What a robot believes at all: its own limits, whoever signed.
+
+use fleetcal_proto::calibration::CalibrationValues;
+use serde::Deserialize;
+use thiserror::Error;
+
+/// Lowest and highest value that is accepted, both included. In files it is `[lowest, highest]`.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(try_from = "[f64; 2]")]
+pub struct Range {
+    lowest: f64,
+    highest: f64,
+}
+
+/// Why two numbers are no range.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+#[error("range is [{lowest}, {highest}], accepted are two finite numbers, the lower one first")]
+pub struct RangeRefused {
+    lowest: f64,
+    highest: f64,
+}
+
+impl Range {
+    /// The range from `lowest` to `highest`.
+    ///
+    /// # Errors
+    /// When one is not finite, or they are the wrong way round.
+    pub fn new(lowest: f64, highest: f64) -> Result<Self, RangeRefused> {
+        if lowest.is_finite() && highest.is_finite() && lowest <= highest {
+            return Ok(Self { lowest, highest });
+        }
+        Err(RangeRefused { lowest, highest })
+    }
+
+    /// From `middle - most` to `middle + most`.
+    const fn around(middle: f64, most: f64) -> Self {
+        Self {
+            lowest: middle - most,
+            highest: middle + most,
+        }
+    }
+
+    fn holds(self, value: f64) -> bool {
+        (self.lowest..=self.highest).contains(&value)
+    }
+}
+
+impl TryFrom<[f64; 2]> for Range {
+    type Error = RangeRefused;
+
+    fn try_from([lowest, highest]: [f64; 2]) -> Result<Self, Self::Error> {
+        Self::new(lowest, highest)
+    }
+}
+
+/// The limits of each value under its name on the wire. What a file leaves out keeps its default.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limits {
+    /// rad; 15° to either side unless set.
+    pub steering_offset_rad: Range,
+    /// m; from 2 m behind the rear axle to 6 m ahead of it unless set.
+    pub lidar_x_m: Range,
+    /// m; 1.5 m to either side unless set.
+    pub lidar_y_m: Range,
+    /// rad; any direction unless set.
+    pub lidar_yaw_rad: Range,
+    /// 0.8 to 1.25 unless set.
+    pub speed_scale: Range,
+    /// m; 0.1 m to 10 m unless set.
+    pub wheelbase_m: Range,
+    /// 0.5 to 2 unless set.
+    pub steering_gain: Range,
+    /// s; half a second to either side unless set.
+    pub time_offset_s: Range,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            steering_offset_rad: Range::around(0.0, 15.0_f64.to_radians()),
+            lidar_x_m: Range::around(2.0, 4.0),
+            lidar_y_m: Range::around(0.0, 1.5),
+            lidar_yaw_rad: Range::around(0.0, std::f64::consts::PI),
+            speed_scale: Range::around(1.025, 0.225),
+            wheelbase_m: Range::around(5.05, 4.95),
+            steering_gain: Range::around(1.25, 0.75),
+            time_offset_s: Range::around(0.0, 0.5),
+        }
+    }
+}
+
+/// A value that this robot does not believe.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[error("values.{field} is {value}, this robot accepts {} to {}", range.lowest, range.highest)]
+pub struct OutsideLimits {
+    /// Its name on the wire.
+    pub field: &'static str,
+    /// What it is.
+    pub value: f64,
+    /// What is accepted.
+    pub range: Range,
+}
+
+impl Limits {
+    /// The default limits, with the mount within `most_m` and `most_rad` of where it should be.
+    pub fn around_mount(x_m: f64, y_m: f64, yaw_rad: f64, most_m: f64, most_rad: f64) -> Self {
+        Self {
+            lidar_x_m: Range::around(x_m, most_m),
+            lidar_y_m: Range::around(y_m, most_m),
+            lidar_yaw_rad: Range::around(yaw_rad, most_rad),
+            ..Self::default()
+        }
+    }
+
+    /// Checks every value that is there.
+    ///
+    /// # Errors
+    /// The first one that is outside.
+    pub fn check(&self, values: &CalibrationValues) -> Result<(), OutsideLimits> {
+        let refused = values.fields().find_map(|(field, value)| {
+            let range = self.of(field)?;
+            (!range.holds(value)).then_some(OutsideLimits {
+                field,
+                value,
+                range,
+            })
+        });
+        refused.map_or(Ok(()), Err)
+    }
+
+    fn of(&self, field: &str) -> Option<Range> {
+        match field {
+            "steering_offset_rad" => Some(self.steering_offset_rad),
+            "lidar_x_m" => Some(self.lidar_x_m),
+            "lidar_y_m" => Some(self.lidar_y_m),
+            "lidar_yaw_rad" => Some(self.lidar_yaw_rad),
+            "speed_scale" => Some(self.speed_scale),
+            "wheelbase_m" => Some(self.wheelbase_m),
+            "steering_gain" => Some(self.steering_gain),
+            "time_offset_s" => Some(self.time_offset_s),
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn values() -> CalibrationValues {
+        CalibrationValues {
+            steering_offset_rad: 0.05,
+            lidar_x_m: 0.434,
+            lidar_y_m: 0.0,
+            lidar_yaw_rad: 3.0,
+            speed_scale: Some(1.0),
+            wheelbase_m: Some(1.2),
+            steering_gain: Some(1.0),
+            time_offset_s: Some(-0.05),
+        }
+    }
+
+    #[test]
+    fn every_value_of_the_wire_has_a_limit() {
+        let limits = Limits::default();
+        let mut fields = values().fields().peekable();
+        assert!(fields.peek().is_some());
+        for (field, _) in fields {
+            assert!(limits.of(field).is_some(), "{field}");
+        }
+        limits.check(&values()).unwrap();
+    }
+
+    #[test]
+    fn a_value_outside_is_named_with_what_is_accepted() {
+        let cases = [
+            (
+                CalibrationValues {
+                    steering_offset_rad: 0.27,
+                    ..values()
+                },
+                "steering_offset_rad is 0.27",
+            ),
+            (
+                CalibrationValues {
+                    lidar_x_m: -2.5,
+                    ..values()
+                },
+                "lidar_x_m is -2.5",
+            ),
+            (
+                CalibrationValues {
+                    lidar_y_m: 1.6,
+                    ..values()
+                },
+                "lidar_y_m is 1.6",
+            ),
+            (
+                CalibrationValues {
+                    lidar_yaw_rad: 3.2,
+                    ..values()
+                },
+                "lidar_yaw_rad is 3.2",
+            ),
+            (
+                CalibrationValues {
+                    speed_scale: Some(0.7),
+                    ..values()
+                },
+                "speed_scale is 0.7",
+            ),
+            (
+                CalibrationValues {
+                    wheelbase_m: Some(0.0),
+                    ..values()
+                },
+                "wheelbase_m is 0",
+            ),
+            (
+                CalibrationValues {
+                    steering_gain: Some(3.0),
+                    ..values()
+                },
+                "steering_gain is 3",
+            ),
+            (
+                CalibrationValues {
+                    time_offset_s: Some(1.0),
+                    ..values()
+                },
+                "time_offset_s is 1",
+            ),
+            (
+                CalibrationValues {
+                    steering_offset_rad: f64::NAN,
+                    ..values()
+                },
+                "steering_offset_rad is NaN",
+            ),
+        ];
+        for (values, wanted) in cases {
+            let sentence = Limits::default().check(&values).unwrap_err().to_string();
+            assert!(
+                sentence.contains(wanted) && sentence.contains("accepts"),
+                "{sentence}"
+            );
+        }
+    }
+
+    #[test]
+    fn ranges_are_two_finite_numbers_in_order() {
+        for (lowest, highest) in [(1.0, 0.0), (f64::NAN, 1.0), (0.0, f64::INFINITY)] {
+            assert!(Range::new(lowest, highest).is_err());
+        }
+        assert!(Range::new(0.0, 0.0).unwrap().holds(0.0));
+    }
+}

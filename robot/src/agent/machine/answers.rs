@@ -1,0 +1,111 @@
+//! What the agent answers, and how often.
+
+use fleetcal_proto::calibration::{Applied, AppliedStatus, Envelope};
+
+use super::Agent;
+use crate::agent::event::Effect;
+use crate::agent::offer::Refusal;
+use crate::agent::state::{Phase, Rest};
+
+/// How often an answer is repeated that nobody has confirmed: while the deadline runs, and else.
+const REPEAT_URGENT_NS: i64 = 5_000_000_000;
+const REPEAT_NS: i64 = 60_000_000_000;
+/// The same refusal of a document that leaves no trace is not given more often.
+const SAME_REFUSAL_NS: i64 = 30_000_000_000;
+/// Most answers that wait for confirmation; the oldest goes first.
+const UNSTORED_MAX: usize = 4;
+
+impl Agent {
+    /// The service offers what was decided upon: as long as that is not what the robot holds, it
+    /// has not heard of the decision.
+    pub(super) fn remind(&mut self, envelope: &Envelope, now_ns: i64) -> Vec<Effect> {
+        let latest = self.memory.latest.as_ref();
+        let about_it = latest.filter(|latest| latest.sha256 == envelope.sha256);
+        match about_it {
+            Some(latest) if !self.memory.held.is(latest.generation, &latest.sha256) => {
+                let effect = Effect::Acknowledge(latest.clone());
+                self.repeat_at_ns = now_ns.saturating_add(self.repeat_pause_ns());
+                vec![effect]
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    /// Answers a document that leaves no trace.
+    pub(super) fn refuse(&mut self, refusal: Refusal, now_ns: i64) -> Vec<Effect> {
+        let said = self.last_refusal.as_ref().is_some_and(|(last, at_ns)| {
+            *last == refusal && now_ns.saturating_sub(*at_ns) < SAME_REFUSAL_NS
+        });
+        if said {
+            return Vec::new();
+        }
+        self.last_refusal = Some((refusal.clone(), now_ns));
+        vec![Effect::Acknowledge(Applied {
+            generation: refusal.generation,
+            sha256: refusal.sha256,
+            status: AppliedStatus::Refused,
+            reason: Some(refusal.reason),
+            applied_at_ns: now_ns,
+            values: self.memory.held.values,
+        })]
+    }
+
+    /// Answers a signed document once and for all.
+    pub(super) fn decide(
+        &mut self,
+        generation: u64,
+        sha256: String,
+        status: AppliedStatus,
+        reason: Option<String>,
+        now_ns: i64,
+    ) -> Vec<Effect> {
+        let answer = Applied {
+            generation,
+            sha256,
+            status,
+            reason,
+            applied_at_ns: now_ns,
+            values: self.memory.held.values,
+        };
+        let memory = &mut self.memory;
+        memory.highest = memory.highest.max(generation);
+        memory.latest = Some(answer.clone());
+        memory
+            .unstored
+            .retain(|earlier| !same_document(earlier, &answer));
+        memory.unstored.push(answer.clone());
+        let surplus = memory.unstored.len().saturating_sub(UNSTORED_MAX);
+        memory.unstored.drain(..surplus);
+        self.repeat_at_ns = now_ns.saturating_add(self.repeat_pause_ns());
+        vec![Effect::Acknowledge(answer)]
+    }
+
+    /// Says all there is to say: the service may be new, or may have been restored from a backup.
+    pub(super) fn report(&mut self, now_ns: i64) -> Vec<Effect> {
+        let memory = &self.memory;
+        let about_held = |answer: &Applied| memory.held.is(answer.generation, &answer.sha256);
+        let mut answers: Vec<Applied> = Vec::new();
+        if !memory.unstored.iter().chain(&memory.latest).any(about_held) {
+            answers.extend(memory.held.acknowledgement());
+        }
+        answers.extend(memory.unstored.iter().cloned());
+        if let Some(latest) = &memory.latest
+            && !answers.contains(latest)
+        {
+            answers.push(latest.clone());
+        }
+        self.repeat_at_ns = now_ns.saturating_add(self.repeat_pause_ns());
+        answers.into_iter().map(Effect::Acknowledge).collect()
+    }
+
+    pub(super) fn repeat_pause_ns(&self) -> i64 {
+        match self.memory.phase {
+            Phase::Resting(Rest::Unconfirmed(_)) => REPEAT_URGENT_NS,
+            _ => REPEAT_NS,
+        }
+    }
+}
+
+fn same_document(a: &Applied, b: &Applied) -> bool {
+    a.generation == b.generation && a.sha256 == b.sha256
+}

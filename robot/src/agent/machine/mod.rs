@@ -1,0 +1,228 @@
+//! The agent's decisions, without clock, wire or disk: events in, effects out.
+//!
+//! Whoever performs the effects writes the memory down before the first of them, so that a kill at
+//! any moment resumes where it was.
+
+mod answers;
+mod applying;
+
+use fleetcal_proto::calibration::{Applied, AppliedStatus, Confirmed, Envelope};
+
+use super::event::{Effect, Event, TransitionRefused};
+use super::offer::{Identity, Refusal, Verdict, judge};
+use super::state::{Memory, Phase, Rest, Trial};
+
+/// What a robot that was off while its deadline passed waits for the service, once.
+const RESTART_GRACE_NS: i64 = 30_000_000_000;
+
+/// A robot's side of the life cycle.
+#[derive(Debug, Clone)]
+pub struct Agent {
+    identity: Identity,
+    memory: Memory,
+    /// A document came while another one was in hand.
+    pull_after: bool,
+    busy_until_ns: Option<i64>,
+    restore_again_ns: Option<i64>,
+    repeat_at_ns: i64,
+    last_refusal: Option<(Refusal, i64)>,
+}
+
+impl Agent {
+    /// An agent that goes on where `memory` ends. Its first event is [`Event::Restarted`].
+    pub fn new(identity: Identity, memory: Memory) -> Self {
+        Self {
+            identity,
+            memory,
+            pull_after: false,
+            busy_until_ns: None,
+            restore_again_ns: None,
+            repeat_at_ns: 0,
+            last_refusal: None,
+        }
+    }
+
+    /// What it remembers: to be written down before the effects of a step are performed.
+    pub fn memory(&self) -> &Memory {
+        &self.memory
+    }
+
+    /// Takes one event.
+    ///
+    /// # Errors
+    /// When the event cannot happen in this phase; nothing has changed then.
+    pub fn step(&mut self, event: Event, now_ns: i64) -> Result<Vec<Effect>, TransitionRefused> {
+        let refused = TransitionRefused::new(&event, &self.memory.phase);
+        match (event, self.memory.phase.clone()) {
+            (Event::Restarted { written }, phase) => Ok(self.resume(phase, written, now_ns)),
+            (Event::Offered(envelope), Phase::Resting(rest)) => {
+                Ok(self.consider(&envelope, rest, now_ns))
+            }
+            (Event::Offered(_), _) => {
+                self.pull_after = true;
+                Ok(Vec::new())
+            }
+            (Event::Confirmed(confirmed), _) => Ok(self.confirmed(&confirmed)),
+            (Event::ServiceUp, _) => Ok(self.report(now_ns)),
+            (Event::Tick, phase) => Ok(self.tick(phase, now_ns)),
+            (Event::HookAnswered(answer), Phase::Asking { offer, rest }) => {
+                Ok(self.hook_answered(answer, offer, rest, now_ns))
+            }
+            (
+                Event::Written(result),
+                Phase::Writing {
+                    offer,
+                    rest,
+                    before,
+                },
+            ) => Ok(self.written(result, offer, rest, before)),
+            (
+                Event::Activated(activation),
+                Phase::Activating {
+                    offer,
+                    rest,
+                    before,
+                },
+            ) => Ok(self.activated(activation, offer, rest, before, now_ns)),
+            (Event::Restored(result), Phase::Restoring { ending, .. }) => {
+                Ok(self.restored(result, ending, now_ns))
+            }
+            (
+                Event::RevertTold(result),
+                Phase::Restoring {
+                    fallback,
+                    rest,
+                    ending,
+                },
+            ) => Ok(self.reverted(result, fallback.held, rest, ending, now_ns)),
+            (
+                Event::HookAnswered(_)
+                | Event::Written(_)
+                | Event::Activated(_)
+                | Event::Restored(_)
+                | Event::RevertTold(_),
+                _,
+            ) => Err(refused),
+        }
+    }
+
+    fn resume(&mut self, phase: Phase, written: bool, now_ns: i64) -> Vec<Effect> {
+        let mut effects = match phase {
+            // The file is right: only the hook has to be told, once more perhaps.
+            Phase::Writing {
+                offer,
+                rest,
+                before,
+            }
+            | Phase::Activating {
+                offer,
+                rest,
+                before,
+            } if written => self.activate(offer, rest, before),
+            Phase::Restoring { fallback, .. } => vec![Effect::Restore(fallback)],
+            // What was asked or about to be written comes again with the next pull.
+            Phase::Resting(rest)
+            | Phase::Asking { rest, .. }
+            | Phase::Writing { rest, .. }
+            | Phase::Activating { rest, .. } => self.rest(rest),
+        };
+        if let Rest::Unconfirmed(trial) = self.memory.phase.rest_mut() {
+            put_off(trial, now_ns);
+        }
+        effects.extend(self.report(now_ns));
+        effects
+    }
+
+    fn rest(&mut self, rest: Rest) -> Vec<Effect> {
+        self.memory.phase = Phase::Resting(rest);
+        if std::mem::take(&mut self.pull_after) {
+            return vec![Effect::Pull];
+        }
+        Vec::new()
+    }
+
+    fn consider(&mut self, envelope: &Envelope, rest: Rest, now_ns: i64) -> Vec<Effect> {
+        match judge(&self.identity, &self.memory, envelope) {
+            Verdict::Fit(offer) => {
+                self.busy_until_ns = None;
+                let ask = Effect::AskHook(offer.clone());
+                self.memory.phase = Phase::Asking { offer, rest };
+                vec![ask]
+            }
+            Verdict::Known => self.remind(envelope, now_ns),
+            Verdict::Unfit(refusal) => {
+                let Refusal {
+                    generation,
+                    sha256,
+                    reason,
+                } = refusal;
+                self.decide(
+                    generation,
+                    sha256,
+                    AppliedStatus::Refused,
+                    Some(reason),
+                    now_ns,
+                )
+            }
+            Verdict::Stale(refusal) | Verdict::Forged(refusal) => self.refuse(refusal, now_ns),
+            Verdict::Mistaken(reason) => vec![Effect::Note(format!(
+                "an altered copy of a document that was decided upon is ignored: {reason}"
+            ))],
+        }
+    }
+
+    fn confirmed(&mut self, confirmed: &Confirmed) -> Vec<Effect> {
+        let Confirmed { generation, sha256 } = confirmed;
+        let is_it = |answer: &Applied| answer.generation == *generation && answer.sha256 == *sha256;
+        self.memory.unstored.retain(|answer| !is_it(answer));
+        if self.memory.held.is(*generation, sha256) {
+            *self.memory.phase.rest_mut() = Rest::Settled;
+        }
+        Vec::new()
+    }
+
+    fn tick(&mut self, phase: Phase, now_ns: i64) -> Vec<Effect> {
+        let mut effects = Vec::new();
+        match phase {
+            Phase::Resting(Rest::Unconfirmed(trial)) if now_ns >= trial.until_ns => {
+                return self.give_up(trial);
+            }
+            Phase::Restoring { fallback, .. } if passed(self.restore_again_ns, now_ns) => {
+                self.restore_again_ns = None;
+                effects.push(Effect::Restore(fallback));
+            }
+            _ => {}
+        }
+        if passed(self.busy_until_ns, now_ns) {
+            self.busy_until_ns = None;
+            effects.push(Effect::Pull);
+        }
+        if !self.memory.unstored.is_empty() && now_ns >= self.repeat_at_ns {
+            self.repeat_at_ns = now_ns.saturating_add(self.repeat_pause_ns());
+            let answers = self.memory.unstored.iter().cloned();
+            effects.extend(answers.map(Effect::Acknowledge));
+            effects.push(Effect::AskConfirmed);
+        }
+        effects
+    }
+}
+
+/// Through a restart the deadline stands. But a clock that was set back does not make it longer,
+/// and a robot that was off when it passed first hears what the service says, once.
+fn put_off(trial: &mut Trial, now_ns: i64) {
+    let latest_ns = now_ns.saturating_add(seconds(trial.confirm_within_s));
+    trial.until_ns = trial.until_ns.min(latest_ns);
+    let grace_ns = now_ns.saturating_add(RESTART_GRACE_NS);
+    if trial.until_ns < grace_ns && !trial.put_off {
+        trial.until_ns = grace_ns;
+        trial.put_off = true;
+    }
+}
+
+fn passed(at_ns: Option<i64>, now_ns: i64) -> bool {
+    at_ns.is_some_and(|at_ns| now_ns >= at_ns)
+}
+
+fn seconds(count: u32) -> i64 {
+    i64::from(count).saturating_mul(1_000_000_000)
+}

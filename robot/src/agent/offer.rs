@@ -1,0 +1,150 @@
+//! Whether a document may be applied.
+
+use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::{CalibrationDocument, Envelope};
+use fleetcal_proto::signing::TrustedKeys;
+
+use super::limits::Limits;
+use super::state::{Memory, Offer, Phase, Rest};
+
+/// Longest time that a document may leave a robot without confirmation, s.
+pub const CONFIRM_WITHIN_MAX_S: u32 = 86_400;
+
+/// What an agent is given and keeps.
+#[derive(Debug, Clone)]
+pub struct Identity {
+    /// Whose agent it is.
+    pub robot: RobotId,
+    /// Whose signatures count.
+    pub trusted: TrustedKeys,
+    /// What the robot believes.
+    pub limits: Limits,
+}
+
+/// What an agent makes of an envelope.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Verdict {
+    /// Every check passed.
+    Fit(Offer),
+    /// It was decided upon before, or is in use.
+    Known,
+    /// Signed, but not for now: it is answered and leaves no trace.
+    Stale(Refusal),
+    /// Signed and new, but not to be applied, now or later.
+    Unfit(Refusal),
+    /// Nobody who is trusted signed it as it is.
+    Forged(Refusal),
+    /// Not what was signed, under the name of something that was decided upon: an answer would
+    /// speak of that.
+    Mistaken(String),
+}
+
+/// A refusal with what it is about.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Refusal {
+    pub generation: u64,
+    pub sha256: String,
+    pub reason: String,
+}
+
+/// Judges an envelope: signature first, then robot, generation, what it was compared with, values.
+pub(super) fn judge(identity: &Identity, memory: &Memory, envelope: &Envelope) -> Verdict {
+    let sha256 = envelope.sha256.clone();
+    let document = match envelope.open(&identity.trusted) {
+        Ok(document) => document,
+        Err(error) if is_known(memory, None, &sha256) => {
+            return Verdict::Mistaken(error.to_string());
+        }
+        Err(error) => {
+            return Verdict::Forged(Refusal {
+                generation: claimed_generation(&envelope.document),
+                sha256,
+                reason: error.to_string(),
+            });
+        }
+    };
+    let generation = document.generation;
+    if is_known(memory, Some(generation), &sha256) {
+        return Verdict::Known;
+    }
+    let refusal = |reason| Refusal {
+        generation,
+        sha256: sha256.clone(),
+        reason,
+    };
+    if document.robot != identity.robot {
+        // Its generation counts for another robot.
+        return Verdict::Stale(refusal(format!(
+            "robot is {}, this one is {}",
+            document.robot, identity.robot
+        )));
+    }
+    if generation <= memory.highest {
+        return Verdict::Stale(refusal(format!(
+            "generation is {generation}, accepted are higher ones than {}",
+            memory.highest
+        )));
+    }
+    match objection(identity, memory, &document) {
+        Some(reason) => Verdict::Unfit(refusal(reason)),
+        None => Verdict::Fit(Offer {
+            generation,
+            sha256,
+            confirm_within_s: document.confirm_within_s,
+            values: document.values,
+            document: envelope.document.clone(),
+        }),
+    }
+}
+
+fn objection(
+    identity: &Identity,
+    memory: &Memory,
+    document: &CalibrationDocument,
+) -> Option<String> {
+    let confirmed = confirmed_generation(memory);
+    let base = document.base_generation;
+    if base.unwrap_or(0) < confirmed {
+        let base = base.map_or_else(|| "none".to_owned(), |base| base.to_string());
+        return Some(format!(
+            "base_generation is {base}, accepted are {confirmed} and higher ones: it was compared \
+             with something older than what the robot holds"
+        ));
+    }
+    let confirm_within_s = document.confirm_within_s;
+    if !(1..=CONFIRM_WITHIN_MAX_S).contains(&confirm_within_s) {
+        return Some(format!(
+            "confirm_within_s is {confirm_within_s}, accepted are 1 to {CONFIRM_WITHIN_MAX_S}"
+        ));
+    }
+    let outside = identity.limits.check(&document.values).err()?;
+    Some(outside.to_string())
+}
+
+/// The generation that both sides know to be in use: an unconfirmed one may be news to the service.
+fn confirmed_generation(memory: &Memory) -> u64 {
+    match &memory.phase {
+        Phase::Resting(Rest::Unconfirmed(trial)) => trial.fallback.held.generation,
+        _ => memory.held.generation,
+    }
+}
+
+fn is_known(memory: &Memory, generation: Option<u64>, sha256: &str) -> bool {
+    let same = |its_generation, its_sha256: &str| {
+        generation.is_none_or(|generation| generation == its_generation) && its_sha256 == sha256
+    };
+    let held = &memory.held;
+    (held.generation > 0 && same(held.generation, &held.sha256))
+        || memory
+            .latest
+            .as_ref()
+            .is_some_and(|latest| same(latest.generation, &latest.sha256))
+}
+
+/// The generation an unopened document says it has, to name it in the refusal; 0 when it says none.
+fn claimed_generation(document: &str) -> u64 {
+    serde_json::from_str::<serde_json::Value>(document)
+        .ok()
+        .and_then(|document| document.get("generation")?.as_u64())
+        .unwrap_or(0)
+}

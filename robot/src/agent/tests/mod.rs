@@ -1,0 +1,79 @@
+//! The agent alone, then over a real router.
+
+mod sequences;
+mod service;
+mod transitions;
+mod wire;
+
+use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::{
+    CalibrationDocument, CalibrationFrame, CalibrationSchema, CalibrationValues, Envelope,
+};
+use fleetcal_proto::signing::{SigningKey, seal};
+
+use super::{Held, Identity, Limits, Memory};
+
+/// When the tests' clocks begin, ns since 1970.
+pub(super) const START_NS: i64 = 1_795_000_000_000_000_000;
+/// One second, ns.
+pub(super) const SECOND_NS: i64 = 1_000_000_000;
+
+pub(super) fn robot() -> RobotId {
+    RobotId::parse("tugger_01").unwrap()
+}
+
+/// The service's key.
+pub(super) fn key() -> SigningKey {
+    SigningKey::from_bytes(&[3; 32])
+}
+
+/// A key that nobody trusts.
+pub(super) fn strange_key() -> SigningKey {
+    SigningKey::from_bytes(&[4; 32])
+}
+
+/// The values of a generation: no two have the same.
+pub(super) fn values(generation: u64) -> CalibrationValues {
+    CalibrationValues {
+        steering_offset_rad: 0.001 * generation as f64,
+        lidar_x_m: 0.434,
+        lidar_y_m: -0.016,
+        lidar_yaw_rad: 0.0133,
+        speed_scale: Some(1.002),
+        ..CalibrationValues::default()
+    }
+}
+
+/// A document that a robot which holds the generation before it takes.
+pub(super) fn document(generation: u64) -> CalibrationDocument {
+    CalibrationDocument {
+        schema: CalibrationSchema::V1,
+        robot: robot(),
+        generation,
+        base_generation: generation.checked_sub(1),
+        revision: 10 + generation,
+        approved_at: "2026-11-21T12:00:00Z".to_owned(),
+        approved_by: "ana".to_owned(),
+        values: values(generation),
+        sigmas: CalibrationValues::default(),
+        frame: CalibrationFrame::RearAxle,
+        confirm_within_s: 600,
+    }
+}
+
+pub(super) fn sealed(document: &CalibrationDocument) -> Envelope {
+    seal(document, &key()).unwrap()
+}
+
+pub(super) fn identity() -> Identity {
+    Identity {
+        robot: robot(),
+        trusted: key().public_key().into(),
+        limits: Limits::default(),
+    }
+}
+
+/// What an agent remembers that starts for the first time.
+pub(super) fn first_memory() -> Memory {
+    Memory::new(robot(), Held::brought_along(None, START_NS))
+}

@@ -1,0 +1,250 @@
+//! A service's half of the calibration keys: seals real documents, answers questions, and says what
+//! it has stored.
+
+use std::net::TcpListener;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use fleetcal_proto::calibration::{Applied, AppliedStatus, Confirmed, Envelope};
+use fleetcal_proto::key::ServiceInstance;
+use fleetcal_proto::{Keys, StreamKind};
+use tokio::io::copy_bidirectional;
+use tokio::net::TcpStream;
+use tokio::sync::mpsc;
+use tokio::task::JoinHandle;
+use zenoh::Wait;
+use zenoh::liveliness::LivelinessToken;
+use zenoh::query::Queryable;
+
+use super::*;
+
+/// Longest time anything may take.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+#[derive(Debug, Default)]
+struct Stored {
+    approved: Option<Envelope>,
+    confirmed: Option<Confirmed>,
+    answers: Vec<Applied>,
+}
+
+/// A router, and a service in it once it was told to serve.
+pub struct Service {
+    pub endpoint: String,
+    session: zenoh::Session,
+    stored: Arc<Mutex<Stored>>,
+    confirms: Arc<AtomicBool>,
+    token: Option<LivelinessToken>,
+    queryables: Vec<Queryable<()>>,
+}
+
+pub fn free_endpoint() -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    format!("tcp/{}", listener.local_addr().unwrap())
+}
+
+pub async fn until(what: &str, mut done: impl FnMut() -> bool) {
+    let waited = tokio::time::timeout(PATIENCE, async {
+        while !done() {
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+    });
+    assert!(waited.await.is_ok(), "waited in vain until {what}");
+}
+
+impl Service {
+    /// A router that serves nobody yet, and listens to what robots answer.
+    pub async fn router(endpoint: String) -> Self {
+        let mut config = zenoh::Config::default();
+        for (key, value) in [
+            ("mode", "\"router\"".to_owned()),
+            ("listen/endpoints", format!("[\"{endpoint}\"]")),
+            ("scouting/multicast/enabled", "false".to_owned()),
+            ("scouting/gossip/enabled", "false".to_owned()),
+        ] {
+            config.insert_json5(key, &value).unwrap();
+        }
+        let service = Self {
+            endpoint,
+            session: zenoh::open(config).await.unwrap(),
+            stored: Arc::default(),
+            confirms: Arc::new(AtomicBool::new(false)),
+            token: None,
+            queryables: Vec::new(),
+        };
+        service.listen().await;
+        service
+    }
+
+    /// A service that confirms what it stores.
+    pub async fn start() -> Self {
+        let mut service = Self::router(free_endpoint()).await;
+        service.confirms(true);
+        service.serve().await;
+        service
+    }
+
+    pub fn confirms(&self, whether: bool) {
+        self.confirms.store(whether, Ordering::SeqCst);
+    }
+
+    /// Answers questions from now on, then shows its token.
+    pub async fn serve(&mut self) {
+        let approved = |stored: &Stored| serde_json::to_vec(stored.approved.as_ref()?).ok();
+        let confirmed = |stored: &Stored| serde_json::to_vec(stored.confirmed.as_ref()?).ok();
+        self.answer(StreamKind::CalibrationApproved, approved).await;
+        self.answer(StreamKind::CalibrationConfirmed, confirmed)
+            .await;
+        let instance = ServiceInstance::parse("a1").unwrap();
+        let token = Keys::default().service(&instance);
+        let declared = self.session.liveliness().declare_token(token).await;
+        self.token = Some(declared.unwrap());
+    }
+
+    /// Takes its token and its answers back.
+    pub async fn leave(&mut self) {
+        self.token.take().unwrap().undeclare().await.unwrap();
+        for queryable in self.queryables.drain(..) {
+            queryable.undeclare().await.unwrap();
+        }
+    }
+
+    /// Stores what is approved; the next question brings it.
+    pub fn store(&self, envelope: &Envelope) {
+        self.stored.lock().unwrap().approved = Some(envelope.clone());
+    }
+
+    /// Stores it and pushes it.
+    pub async fn approve(&self, envelope: &Envelope) {
+        self.store(envelope);
+        self.push(serde_json::to_vec(envelope).unwrap()).await;
+    }
+
+    pub async fn push(&self, payload: Vec<u8>) {
+        let key = Keys::default().stream(&robot(), StreamKind::CalibrationApproved);
+        self.session.put(key, payload).await.unwrap();
+    }
+
+    pub fn answers(&self) -> Vec<Applied> {
+        self.stored.lock().unwrap().answers.clone()
+    }
+
+    /// The first answer of this kind on a generation.
+    pub fn answer_on(&self, generation: u64, status: AppliedStatus) -> Option<Applied> {
+        let mut answers = self.answers().into_iter();
+        answers.find(|answer| answer.generation == generation && answer.status == status)
+    }
+
+    pub async fn wait_for(&self, generation: u64, status: AppliedStatus) -> Applied {
+        let what = format!("{status:?} {generation}");
+        until(&what, || self.answer_on(generation, status).is_some()).await;
+        self.answer_on(generation, status).unwrap()
+    }
+
+    /// The robot listens to what is pushed.
+    pub async fn wait_for_robot(&self) {
+        let key = Keys::default().stream(&robot(), StreamKind::CalibrationApproved);
+        let publisher = self.session.declare_publisher(key).await.unwrap();
+        until("the robot listens", || {
+            publisher.matching_status().wait().unwrap().matching()
+        })
+        .await;
+    }
+
+    async fn answer(&mut self, kind: StreamKind, payload: fn(&Stored) -> Option<Vec<u8>>) {
+        let stored = Arc::clone(&self.stored);
+        let queryable = self
+            .session
+            .declare_queryable(Keys::default().stream_of_all(kind));
+        let queryable = queryable.complete(true).callback(move |query| {
+            if let Some(payload) = payload(&stored.lock().unwrap()) {
+                let key = Keys::default().stream(&robot(), kind);
+                query.reply(key, payload).wait().unwrap();
+            }
+        });
+        self.queryables.push(queryable.await.unwrap());
+    }
+
+    /// Stores every answer, and says so afterwards.
+    async fn listen(&self) {
+        let (sender, mut to_confirm) = mpsc::channel::<Confirmed>(64);
+        let (stored, confirms) = (Arc::clone(&self.stored), Arc::clone(&self.confirms));
+        let key = Keys::default().stream_of_all(StreamKind::CalibrationApplied);
+        let subscriber = self
+            .session
+            .declare_subscriber(key)
+            .callback(move |sample| {
+                let answer: Applied = serde_json::from_slice(&sample.payload().to_bytes()).unwrap();
+                let confirmed = Confirmed {
+                    generation: answer.generation,
+                    sha256: answer.sha256.clone(),
+                };
+                let mut stored = stored.lock().unwrap();
+                stored.answers.push(answer);
+                if confirms.load(Ordering::SeqCst) {
+                    stored.confirmed = Some(confirmed.clone());
+                    sender.try_send(confirmed).unwrap();
+                }
+            });
+        subscriber.background().await.unwrap();
+        let session = self.session.clone();
+        tokio::spawn(async move {
+            let key = Keys::default().stream(&robot(), StreamKind::CalibrationConfirmed);
+            while let Some(confirmed) = to_confirm.recv().await {
+                let payload = serde_json::to_vec(&confirmed).unwrap();
+                if session.put(&key, payload).await.is_err() {
+                    return;
+                }
+            }
+        });
+    }
+}
+
+/// A link that can be cut: everything between its endpoint and the router's goes through it.
+pub struct Link {
+    pub endpoint: String,
+    address: String,
+    router: String,
+    task: Option<JoinHandle<()>>,
+}
+
+impl Link {
+    pub async fn to(router: &str) -> Self {
+        let endpoint = free_endpoint();
+        let address = |endpoint: &str| endpoint.strip_prefix("tcp/").unwrap().to_owned();
+        let mut link = Self {
+            address: address(&endpoint),
+            router: address(router),
+            endpoint,
+            task: None,
+        };
+        link.mend().await;
+        link
+    }
+
+    /// Nothing goes through, and nobody can connect.
+    pub async fn cut(&mut self) {
+        let task = self.task.take().unwrap();
+        task.abort();
+        assert!(task.await.unwrap_err().is_cancelled());
+    }
+
+    pub async fn mend(&mut self) {
+        let listener = tokio::net::TcpListener::bind(&self.address).await.unwrap();
+        let router = self.router.clone();
+        self.task = Some(tokio::spawn(async move {
+            // Aborted with the task, and every connection with them.
+            let mut connections = tokio::task::JoinSet::new();
+            loop {
+                let (mut near, _) = listener.accept().await.unwrap();
+                let router = router.clone();
+                connections.spawn(async move {
+                    let mut far = TcpStream::connect(router).await.unwrap();
+                    // A connection that breaks is what a cut is for.
+                    copy_bidirectional(&mut near, &mut far).await.ok();
+                });
+            }
+        }));
+    }
+}

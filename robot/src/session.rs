@@ -1,0 +1,140 @@
+//! A robot's Zenoh session: a client that waits for its router for as long as it takes.
+
+use std::time::Duration;
+
+use fleetcal_proto::{Encoding, Keys, RobotId, StreamKind};
+use thiserror::Error;
+use tokio_util::sync::CancellationToken;
+use tracing::{debug, info};
+use zenoh::Wait;
+use zenoh::pubsub::Publisher;
+use zenoh::qos::CongestionControl;
+
+/// How long one attempt to connect may take.
+const CONNECT_TIMEOUT_MS: u64 = 2000;
+/// Pause between two attempts.
+const CONNECT_PAUSE: Duration = Duration::from_secs(1);
+/// Largest message a robot reads, bytes.
+const MESSAGE_BYTES_MAX: usize = 4 * 1024 * 1024;
+
+/// Why Zenoh refused.
+#[derive(Debug, Error)]
+pub enum SessionError {
+    /// The client's configuration cannot be.
+    #[error("{field} is {value}: {reason}")]
+    Config {
+        /// Zenoh's key.
+        field: &'static str,
+        /// Its value.
+        value: String,
+        /// What Zenoh says.
+        reason: String,
+    },
+    /// Something could not be declared or sent.
+    #[error("{key}: {reason}")]
+    Key {
+        /// The key expression.
+        key: String,
+        /// What Zenoh says.
+        reason: String,
+    },
+    /// The thread that opens a session ended.
+    #[error("opening a Zenoh session: {0}")]
+    Opening(#[from] tokio::task::JoinError),
+}
+
+pub(crate) fn at_key(key: &str) -> impl FnOnce(zenoh::Error) -> SessionError {
+    move |error| SessionError::Key {
+        key: key.to_owned(),
+        reason: error.to_string(),
+    }
+}
+
+/// A checked configuration of a client.
+#[derive(Debug, Clone)]
+pub(crate) struct ClientConfig(zenoh::Config);
+
+impl ClientConfig {
+    pub fn new(connect: &[String]) -> Result<Self, SessionError> {
+        let endpoints = serde_json::Value::from(connect.to_vec()).to_string();
+        let settings = [
+            ("mode", "\"client\"".to_owned()),
+            ("connect/endpoints", endpoints),
+            ("connect/timeout_ms", CONNECT_TIMEOUT_MS.to_string()),
+            ("connect/exit_on_failure", "true".to_owned()),
+            ("scouting/multicast/enabled", "false".to_owned()),
+            ("scouting/gossip/enabled", "false".to_owned()),
+            (
+                "transport/link/rx/max_message_size",
+                MESSAGE_BYTES_MAX.to_string(),
+            ),
+        ];
+        let mut config = zenoh::Config::default();
+        for (field, value) in settings {
+            config
+                .insert_json5(field, &value)
+                .map_err(|error| SessionError::Config {
+                    field,
+                    value,
+                    reason: error.to_string(),
+                })?;
+        }
+        Ok(Self(config))
+    }
+
+    /// Opens a session, again and again until somebody is there; `None` when told to stop before.
+    pub async fn open(
+        &self,
+        robot: &RobotId,
+        stop: &CancellationToken,
+    ) -> Result<Option<zenoh::Session>, SessionError> {
+        let mut attempts = 0_u32;
+        while !stop.is_cancelled() {
+            let config = self.0.clone();
+            // Opening blocks its thread until the connection stands or times out.
+            let opened = tokio::task::spawn_blocking(move || zenoh::open(config).wait()).await?;
+            match opened {
+                Ok(session) => return Ok(Some(session)),
+                Err(error) if attempts == 0 => {
+                    info!(robot.id = %robot, %error, "nobody to connect to yet, trying on");
+                }
+                Err(error) => debug!(robot.id = %robot, %error, attempts, "still nobody there"),
+            }
+            attempts = attempts.saturating_add(1);
+            tokio::select! {
+                () = stop.cancelled() => {}
+                () = tokio::time::sleep(CONNECT_PAUSE) => {}
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// Declares one of a robot's streams.
+pub(crate) async fn publisher(
+    session: &zenoh::Session,
+    keys: &Keys,
+    robot: &RobotId,
+    kind: StreamKind,
+    encoding: Encoding,
+) -> Result<Publisher<'static>, SessionError> {
+    let key = keys.stream(robot, kind);
+    // An acknowledgement must arrive; of the streams the next message is worth more than the last.
+    let congestion_control = match kind {
+        StreamKind::CalibrationApplied => CongestionControl::Block,
+        _ => CongestionControl::Drop,
+    };
+    session
+        .declare_publisher(key.clone())
+        .encoding(encoding.as_str())
+        .congestion_control(congestion_control)
+        .await
+        .map_err(at_key(&key))
+}
+
+/// Ends a session.
+pub(crate) async fn close(session: &zenoh::Session) {
+    if let Err(error) = session.close().await {
+        debug!(%error, "a robot's Zenoh session did not close");
+    }
+}
