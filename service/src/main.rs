@@ -9,7 +9,7 @@ use std::time::Duration;
 use clap::Parser;
 use fleetcal::clock::{SharedClock, SystemClock};
 use fleetcal::command::{
-    Cli, Command, CommandError, calibrate, demo, odometry, replay, serve, simulate,
+    Cli, Command, CommandError, agent, calibrate, demo, odometry, replay, serve, simulate,
 };
 use tracing_subscriber::EnvFilter;
 
@@ -35,6 +35,7 @@ fn run(command: &Command) -> Result<(), CommandError> {
         Command::Odometry(arguments) => odometry::run(arguments, &*clock),
         Command::Serve(arguments) => on_runtime(serve::run(arguments, clock)),
         Command::Replay(arguments) => on_runtime(replay::run(arguments)),
+        Command::Agent(arguments) => on_runtime(agent::run(arguments, clock)),
         Command::Simulate(arguments) => on_runtime(simulate::run(arguments, clock)),
         Command::Demo(arguments) => on_runtime(demo::run(arguments, clock)),
     }

@@ -1,5 +1,6 @@
 //! The commands of `fleetcal`: what each takes, and what it does.
 
+pub mod agent;
 pub mod calibrate;
 pub mod demo;
 mod height_band;
@@ -22,6 +23,7 @@ use fleetcal_estimator::VehicleModel;
 use fleetcal_estimator::stream::FieldRefused;
 use fleetcal_proto::robot_id::RobotIdRefused;
 use fleetcal_proto::signing::TrustedKeysRefused;
+use fleetcal_robot::agent::AgentError;
 use fleetcal_robot::fleet::{FleetError, RecordError, TooManyRobots};
 use fleetcal_robot::recording::{RecordingError, TopicError};
 use fleetcal_robot::replay::ReplayError;
@@ -62,6 +64,8 @@ pub enum Command {
     Serve(serve::Arguments),
     /// Streams a recording to a service as its robot would
     Replay(replay::Arguments),
+    /// Brings what is approved for a robot into use, on the robot itself
+    Agent(agent::Arguments),
     /// Drives simulated robots, or records one
     Simulate(simulate::Arguments),
     /// Runs the service with six simulated robots, to look at
@@ -161,9 +165,28 @@ pub enum CommandError {
         /// How many were asked for.
         robots: usize,
     },
+    /// A robot's agent could not work.
+    #[error(transparent)]
+    Agent(#[from] AgentError),
     /// Too many keys to trust.
     #[error("--service-key: {0}")]
     Keys(#[from] TrustedKeysRefused),
+    /// A file could not be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A robot's own limits are refused.
+    #[error("{}: {source}", path.display())]
+    Limits {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: Box<toml::de::Error>,
+    },
     /// A simulated robot could not be recorded.
     #[error(transparent)]
     Record(#[from] RecordError),
@@ -190,7 +213,10 @@ impl CommandError {
             Self::Map(refused) if !refused.is_io() => EXIT_DATA,
             Self::Map(_)
             | Self::Record(RecordError::Truth { .. })
+            Self::Agent(error) => error.exit_status(),
+            Self::Record(RecordError::Truth { .. })
             | Self::Config(ConfigError::Read { .. })
+            | Self::Read { .. }
             | Self::Write { .. }
             | Self::Stdout(_)
             | Self::Json(_) => EXIT_IO,
@@ -200,6 +226,7 @@ impl CommandError {
             | Self::WheelbaseMissing { .. }
             | Self::Robot { .. }
             | Self::Keys(_)
+            | Self::Limits { .. }
             | Self::TooManyRobots(_)
             | Self::OneRobot { .. }
             | Self::Record(_)
