@@ -1,0 +1,182 @@
+//! A service's half of the calibration keys, in a router of its own.
+
+use std::net::TcpListener;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use fleetcal_proto::calibration::{
+    Applied, AppliedStatus, CalibrationDocument, CalibrationFrame, CalibrationSchema,
+    CalibrationValues, Confirmed, Envelope,
+};
+use fleetcal_proto::signing::{SigningKey, seal};
+use fleetcal_proto::{Keys, RobotId, StreamKind};
+use tokio::sync::mpsc;
+use zenoh::{Session, Wait};
+
+/// Longest time that anything may take.
+const PATIENCE: Duration = Duration::from_secs(45);
+
+fn robot() -> RobotId {
+    RobotId::parse("tugger_01").unwrap()
+}
+
+pub fn key() -> SigningKey {
+    SigningKey::from_bytes(&[5; 32])
+}
+
+/// The steering offset of a generation: no two have the same.
+pub fn offset_rad(generation: u64) -> f64 {
+    1e-4 * generation as f64
+}
+
+pub fn approved(generation: u64) -> Envelope {
+    let values = CalibrationValues {
+        steering_offset_rad: offset_rad(generation),
+        lidar_x_m: 0.434,
+        lidar_y_m: -0.016,
+        lidar_yaw_rad: 0.0133,
+        ..CalibrationValues::default()
+    };
+    let document = CalibrationDocument {
+        schema: CalibrationSchema::V1,
+        robot: robot(),
+        generation,
+        base_generation: generation.checked_sub(1),
+        revision: generation,
+        approved_at: "2026-11-21T12:00:00Z".to_owned(),
+        approved_by: "ana".to_owned(),
+        values,
+        sigmas: CalibrationValues::default(),
+        frame: CalibrationFrame::RearAxle,
+        confirm_within_s: 600,
+    };
+    seal(&document, &key()).unwrap()
+}
+
+pub async fn until(what: &str, mut done: impl FnMut() -> bool) {
+    let waited = tokio::time::timeout(PATIENCE, async {
+        while !done() {
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+    });
+    assert!(waited.await.is_ok(), "waited in vain until {what}");
+}
+
+#[derive(Default)]
+struct Stored {
+    approved: Option<Envelope>,
+    confirmed: Option<Confirmed>,
+    answers: Vec<Applied>,
+}
+
+pub struct Service {
+    pub endpoint: String,
+    session: Session,
+    stored: Arc<Mutex<Stored>>,
+}
+
+impl Service {
+    pub async fn start() -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let endpoint = format!("tcp/{}", listener.local_addr().unwrap());
+        drop(listener);
+        let mut config = zenoh::Config::default();
+        for (name, value) in [
+            ("mode", "\"router\"".to_owned()),
+            ("listen/endpoints", format!("[\"{endpoint}\"]")),
+            ("scouting/multicast/enabled", "false".to_owned()),
+        ] {
+            config.insert_json5(name, &value).unwrap();
+        }
+        let service = Self {
+            endpoint,
+            session: zenoh::open(config).await.unwrap(),
+            stored: Arc::default(),
+        };
+        service.listen().await;
+        let document = |stored: &Stored| serde_json::to_vec(stored.approved.as_ref()?).ok();
+        let confirmed = |stored: &Stored| serde_json::to_vec(stored.confirmed.as_ref()?).ok();
+        service
+            .answer(StreamKind::CalibrationApproved, document)
+            .await;
+        service
+            .answer(StreamKind::CalibrationConfirmed, confirmed)
+            .await;
+        service
+    }
+
+    pub async fn approve(&self, envelope: &Envelope) {
+        self.stored.lock().unwrap().approved = Some(envelope.clone());
+        let key = Keys::default().stream(&robot(), StreamKind::CalibrationApproved);
+        let payload = serde_json::to_vec(envelope).unwrap();
+        self.session.put(key, payload).await.unwrap();
+    }
+
+    pub fn answers(&self) -> Vec<Applied> {
+        self.stored.lock().unwrap().answers.clone()
+    }
+
+    pub fn has_applied(&self, generation: u64) -> bool {
+        let applied = AppliedStatus::Applied;
+        let answers = self.answers();
+        let mut about_it = answers
+            .iter()
+            .filter(|answer| answer.generation == generation);
+        about_it.any(|answer| answer.status == applied)
+    }
+
+    /// Each answer names the document that was approved, and says with what the robot drives then.
+    pub fn assert_every_answer_is_true(&self) {
+        for answer in self.answers() {
+            assert_eq!(answer.status, AppliedStatus::Applied, "{answer:?}");
+            assert_eq!(answer.sha256, approved(answer.generation).sha256);
+            let values = answer.values.unwrap();
+            assert_eq!(
+                values.steering_offset_rad.to_bits(),
+                offset_rad(answer.generation).to_bits()
+            );
+        }
+    }
+
+    async fn answer(&self, kind: StreamKind, payload: fn(&Stored) -> Option<Vec<u8>>) {
+        let stored = Arc::clone(&self.stored);
+        let key = Keys::default().stream(&robot(), kind);
+        let queryable = self.session.declare_queryable(key.clone());
+        let answering = queryable.complete(true).callback(move |query| {
+            if let Some(payload) = payload(&stored.lock().unwrap()) {
+                query.reply(&key, payload).wait().unwrap();
+            }
+        });
+        answering.background().await.unwrap();
+    }
+
+    /// Stores every answer, and says so afterwards.
+    async fn listen(&self) {
+        let (sender, mut to_confirm) = mpsc::channel::<Confirmed>(64);
+        let stored = Arc::clone(&self.stored);
+        let key = Keys::default().stream(&robot(), StreamKind::CalibrationApplied);
+        let subscriber = self
+            .session
+            .declare_subscriber(key)
+            .callback(move |sample| {
+                let answer: Applied = serde_json::from_slice(&sample.payload().to_bytes()).unwrap();
+                let confirmed = Confirmed {
+                    generation: answer.generation,
+                    sha256: answer.sha256.clone(),
+                };
+                let mut stored = stored.lock().unwrap();
+                stored.answers.push(answer);
+                stored.confirmed = Some(confirmed.clone());
+                sender.try_send(confirmed).unwrap();
+            });
+        subscriber.background().await.unwrap();
+        let session = self.session.clone();
+        tokio::spawn(async move {
+            let key = Keys::default().stream(&robot(), StreamKind::CalibrationConfirmed);
+            while let Some(confirmed) = to_confirm.recv().await {
+                let payload = serde_json::to_vec(&confirmed).unwrap();
+                session.put(&key, payload).await.unwrap();
+            }
+        });
+    }
+}
