@@ -11,6 +11,7 @@ pub mod api;
 pub mod clock;
 pub mod command;
 pub mod config;
+pub mod entropy;
 pub mod fleet;
 pub mod limits;
 pub mod link;

@@ -101,8 +101,6 @@ pub const HTTP_POINTS_DEFAULT: u32 = 600;
 pub const HTTP_HISTORY_SPAN_DEFAULT_S: i64 = 3_600;
 /// Characters of an `Idempotency-Key`.
 pub const HTTP_IDEMPOTENCY_KEY_CHARS_MAX: usize = 128;
-/// Characters of the name of somebody who attaches a note.
-pub const AUTHOR_CHARS_MAX: usize = 100;
 /// Robots that `/metrics` tells apart; further ones are summed up by the fleet's counters alone.
 pub const METRICS_ROBOTS_MAX: usize = 1_000;
 /// `/readyz` writes to the database at most this often.
@@ -114,3 +112,42 @@ pub const ZENOH_OPEN_TIMEOUT: Duration = Duration::from_secs(10);
 pub const ZENOH_CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
 /// The whole shutdown may take this long.
 pub const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(4);
+
+/// Characters of the name of a user or a token.
+pub const ACCOUNT_NAME_CHARS_MAX: usize = 64;
+/// Fewest characters of a password.
+pub const PASSWORD_CHARS_MIN: usize = 12;
+/// Most characters of a password.
+pub const PASSWORD_CHARS_MAX: usize = 128;
+/// Passwords that are hashed at once, each with 19 MiB and a core.
+pub const PASSWORD_HASHES_MAX: usize = 2;
+/// Passwords that are hashed or wait for it; whoever comes then is told to come again.
+pub const PASSWORD_HASHES_WAITING_MAX: usize = 16;
+/// A session that is not used ends after this long.
+pub const SESSION_IDLE_MAX: Duration = Duration::from_hours(12);
+/// A session ends after this long however much it is used.
+pub const SESSION_MAX: Duration = Duration::from_hours(7 * 24);
+/// The use of a session or token is written down at most this often.
+pub const SESSION_USE_NOTED_EVERY: Duration = Duration::from_secs(60);
+/// Sessions of one user; the oldest ends when there would be more.
+pub const SESSIONS_PER_USER_MAX: u32 = 16;
+/// An open event stream asks this often whether its listener may still hear.
+pub const STREAM_ACCESS_CHECKED_EVERY: Duration = Duration::from_secs(2);
+/// The code for the first administrator counts this long.
+pub const SETUP_CODE_MAX: Duration = Duration::from_hours(24);
+/// Users.
+pub const USERS_MAX: u32 = 10_000;
+/// Tokens that are kept, revoked ones too.
+pub const TOKENS_MAX: u32 = 10_000;
+/// Longest time that a token can be made to count.
+pub const TOKEN_EXPIRES_MAX: Duration = Duration::from_hours(10 * 365 * 24);
+/// Tries to sign in under one name at once, and the time after which one more is let through.
+pub const SIGN_IN_NAME_BURST: u32 = 10;
+/// See [`SIGN_IN_NAME_BURST`].
+pub const SIGN_IN_NAME_EVERY: Duration = Duration::from_secs(30);
+/// Tries to sign in from one address at once, and the time after which one more is let through.
+pub const SIGN_IN_ADDRESS_BURST: u32 = 60;
+/// See [`SIGN_IN_ADDRESS_BURST`].
+pub const SIGN_IN_ADDRESS_EVERY: Duration = Duration::from_secs(2);
+/// Names, and addresses, whose tries are remembered.
+pub const SIGN_IN_KEYS_MAX: usize = 4_096;

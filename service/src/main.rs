@@ -9,7 +9,8 @@ use std::time::Duration;
 use clap::Parser;
 use fleetcal::clock::{SharedClock, SystemClock};
 use fleetcal::command::{
-    Cli, Command, CommandError, agent, calibrate, demo, odometry, replay, serve, simulate,
+    Cli, Command, CommandError, agent, backup, calibrate, demo, odometry, replay, serve, simulate,
+    token, user,
 };
 use tracing_subscriber::EnvFilter;
 
@@ -38,6 +39,9 @@ fn run(command: &Command) -> Result<(), CommandError> {
         Command::Agent(arguments) => on_runtime(agent::run(arguments, clock)),
         Command::Simulate(arguments) => on_runtime(simulate::run(arguments, clock)),
         Command::Demo(arguments) => on_runtime(demo::run(arguments, clock)),
+        Command::Token(arguments) => on_runtime(token::run(arguments, clock)),
+        Command::User(arguments) => on_runtime(user::run(arguments, clock)),
+        Command::Backup(arguments) => on_runtime(backup::run(arguments)),
     }
 }
 

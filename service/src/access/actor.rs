@@ -67,6 +67,16 @@ impl Actor {
         }
     }
 
+    /// Somebody who runs a command beside the service, and may do what the data folder allows.
+    pub fn command_line() -> Self {
+        Self {
+            name: "command line".to_owned(),
+            authentication: Authentication::CommandLine,
+            role: Some(Role::Admin),
+            request: None,
+        }
+    }
+
     /// A robot that speaks under its own keys.
     pub fn robot(id: &fleetcal_proto::RobotId) -> Self {
         Self {

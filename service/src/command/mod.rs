@@ -1,6 +1,7 @@
 //! The commands of `fleetcal`: what each takes, and what it does.
 
 pub mod agent;
+pub mod backup;
 pub mod calibrate;
 pub mod demo;
 mod height_band;
@@ -15,6 +16,8 @@ pub mod simulate;
 mod stopping;
 mod table;
 mod timing;
+pub mod token;
+pub mod user;
 
 use std::path::PathBuf;
 
@@ -29,10 +32,13 @@ use fleetcal_robot::recording::{RecordingError, TopicError};
 use fleetcal_robot::replay::ReplayError;
 use thiserror::Error;
 
+use crate::access::{GrantRefused, HashFailed, NameRefused, PasswordRefused};
 use crate::config::{ConfigError, ValueRefused};
+use crate::entropy::NoEntropy;
 use crate::link::LinkError;
 use crate::map_server::MapRefused;
 use crate::service::ServiceError;
+use crate::store::{AccountRefused, StoreError};
 
 /// What the shell is told when the caller can mend it.
 pub const EXIT_USAGE: u8 = 2;
@@ -70,6 +76,12 @@ pub enum Command {
     Simulate(simulate::Arguments),
     /// Runs the service with six simulated robots, to look at
     Demo(demo::Arguments),
+    /// Makes, lists and revokes API tokens; works beside a running service
+    Token(token::Arguments),
+    /// Makes, lists and changes users; works beside a running service
+    User(user::Arguments),
+    /// Copies the database into a file; works beside a running service
+    Backup(backup::Arguments),
 }
 
 /// How a vehicle steers, as a flag says it.
@@ -193,6 +205,33 @@ pub enum CommandError {
     /// A simulated fleet failed.
     #[error(transparent)]
     Fleet(#[from] FleetError),
+    /// The database of a data folder could not be read or changed.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// A user or token was not changed.
+    #[error(transparent)]
+    Account(#[from] AccountRefused),
+    /// No user has this name.
+    #[error("--name: no user {0:?} is known")]
+    UserUnknown(String),
+    /// The name cannot be one.
+    #[error("--name: {0}")]
+    Name(#[from] NameRefused),
+    /// Role and robot do not go together.
+    #[error("--role, --robot: {0}")]
+    Grant(#[from] GrantRefused),
+    /// The password is too short or too long.
+    #[error(transparent)]
+    Password(#[from] PasswordRefused),
+    /// The password was typed differently the second time.
+    #[error("the two passwords are not the same")]
+    PasswordsDiffer,
+    /// The password could not be hashed.
+    #[error(transparent)]
+    Hash(#[from] HashFailed),
+    /// The system has no randomness.
+    #[error("the system gives no random bytes: {0}")]
+    Entropy(#[from] NoEntropy),
     /// A task of the command ended early.
     #[error("a task of the command ended early: {0}")]
     Task(#[from] tokio::task::JoinError),
@@ -211,10 +250,9 @@ impl CommandError {
             Self::Topics(error) => error.exit_status(),
             Self::Replay(error) => error.exit_status(),
             Self::Map(refused) if !refused.is_io() => EXIT_DATA,
+            Self::Agent(error) => error.exit_status(),
             Self::Map(_)
             | Self::Record(RecordError::Truth { .. })
-            Self::Agent(error) => error.exit_status(),
-            Self::Record(RecordError::Truth { .. })
             | Self::Config(ConfigError::Read { .. })
             | Self::Read { .. }
             | Self::Write { .. }
@@ -233,8 +271,15 @@ impl CommandError {
             | Self::Service(
                 ServiceError::Link(LinkError::Config(_)) | ServiceError::TooManyRobots { .. },
             ) => EXIT_USAGE,
-            Self::Service(_) | Self::Fleet(_) => EXIT_IO,
-            Self::Task(_) => EXIT_FAILED,
+            Self::Store(StoreError::Account(_) | StoreError::Missing { .. })
+            | Self::Account(_)
+            | Self::UserUnknown(_)
+            | Self::Name(_)
+            | Self::Grant(_)
+            | Self::Password(_)
+            | Self::PasswordsDiffer => EXIT_USAGE,
+            Self::Service(_) | Self::Fleet(_) | Self::Store(_) => EXIT_IO,
+            Self::Task(_) | Self::Hash(_) | Self::Entropy(_) => EXIT_FAILED,
             Self::Unusable { .. } => EXIT_DATA,
         }
     }

@@ -4,6 +4,9 @@ use async_trait::async_trait;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::{EstimateDocument, ParameterName};
 
+use super::accounts::{
+    AccountReader, CredentialUse, TokenRecord, TokenWrite, UserRecord, UserWrite, Written,
+};
 use super::error::StoreError;
 use super::record::{
     CheckpointRecord, CurrentRecord, EventRecord, Expected, HistoryRow, IdempotencyKey, NewEvent,
@@ -73,6 +76,12 @@ pub struct Batch {
     pub events: Vec<EventWrite>,
     /// Configurations.
     pub robots: Vec<RobotWrite>,
+    /// Users and their sessions.
+    pub users: Vec<UserWrite>,
+    /// Tokens.
+    pub tokens: Vec<TokenWrite>,
+    /// Sessions and tokens that were used.
+    pub uses: Vec<CredentialUse>,
     /// What to delete.
     pub retention: Option<Retention>,
     /// Wall time of a write that only proves that the database can be written.
@@ -86,6 +95,10 @@ pub struct Outcomes {
     pub events: Vec<Result<EventRecord, StoreError>>,
     /// Each configuration's new version.
     pub robots: Vec<Result<u64, StoreError>>,
+    /// Each user in its place.
+    pub users: Vec<Result<Written<UserRecord>, StoreError>>,
+    /// Each token in its place.
+    pub tokens: Vec<Result<Written<TokenRecord>, StoreError>>,
     /// Rows deleted.
     pub pruned: u64,
 }
@@ -168,7 +181,7 @@ pub struct Stretch {
 
 /// Connections that only read.
 #[async_trait]
-pub trait Reader: std::fmt::Debug + Send + Sync + 'static {
+pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
     /// Every robot, by id.
     async fn robots(&self) -> Result<Vec<RobotRecord>, StoreError>;
 

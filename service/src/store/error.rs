@@ -6,6 +6,8 @@ use std::sync::Arc;
 use fleetcal_proto::RobotId;
 use thiserror::Error;
 
+use super::accounts::AccountRefused;
+
 /// What a database driver said. Shared, because one failed commit is told to many callers.
 pub type DriverError = Arc<dyn std::error::Error + Send + Sync>;
 
@@ -42,6 +44,32 @@ pub enum StoreError {
         found: i64,
         /// The newest migration in this program.
         known: i64,
+    },
+    /// The running service keeps the database at another schema.
+    #[error(
+        "the running service keeps schema {found}, this fleetcal knows {known}; use the fleetcal \
+         of the service"
+    )]
+    OtherSchema {
+        /// The newest migration in the database.
+        found: i64,
+        /// The newest migration in this program.
+        known: i64,
+    },
+    /// There is no database.
+    #[error("there is no database at {path}; `fleetcal serve` makes one")]
+    Missing {
+        /// Where one was looked for.
+        path: PathBuf,
+    },
+    /// A backup could not be written.
+    #[error("the backup {path} cannot be written")]
+    Backup {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        #[source]
+        source: Arc<std::io::Error>,
     },
     /// The database could not be brought to this program's schema.
     #[error("the database could not be brought to the schema of this fleetcal")]
@@ -80,6 +108,9 @@ pub enum StoreError {
         /// Its version now; 0 while it has none.
         found: u64,
     },
+    /// A user, session or token was not changed.
+    #[error(transparent)]
+    Account(#[from] AccountRefused),
     /// An `Idempotency-Key` came again with another request.
     #[error("the Idempotency-Key was used before with another request")]
     KeyReused,

@@ -53,7 +53,12 @@ impl Folder {
 
     /// The database in it.
     pub fn database(&self) -> PathBuf {
-        self.path.join(DATABASE_FILE)
+        Self::database_in(&self.path)
+    }
+
+    /// The database of a folder.
+    pub fn database_in(path: &Path) -> PathBuf {
+        path.join(DATABASE_FILE)
     }
 
     /// Makes the names of the files in it durable: a new database is not there after a power cut

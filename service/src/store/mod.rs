@@ -3,6 +3,8 @@
 //! One task writes, a few connections read. Nothing outside this module knows the database; what a
 //! database has to do is said by the traits in [`backend`].
 
+mod accounts;
+mod administration;
 mod audit;
 mod backend;
 mod error;
@@ -24,6 +26,11 @@ use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::EstimateDocument;
 use tokio::sync::{mpsc, oneshot};
 
+pub use accounts::{
+    AccountRefused, Credential, SessionRecord, TokenChange, TokenRecord, UserChange, UserEdit,
+    UserRecord, Written,
+};
+pub use administration::{Administration, backup};
 pub use audit::AuditEntry;
 pub use backend::{Cell, Stretch};
 pub use error::{DriverError, StoreError};

@@ -10,6 +10,7 @@ use fleetcal_proto::estimate::EstimateDocument;
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::MissedTickBehavior;
 
+use super::accounts::{CredentialUse, TokenRecord, TokenWrite, UserRecord, UserWrite, Written};
 use super::backend::{Batch, EventWrite, Outcomes, Retention, RobotWrite, Writer};
 use super::error::StoreError;
 use super::record::{CheckpointRecord, EventRecord, HistoryRow};
@@ -33,6 +34,12 @@ pub(super) enum Command {
     Event(EventWrite, Option<Reply<EventRecord>>),
     /// Keep a configuration.
     Robot(Box<RobotWrite>, Reply<u64>),
+    /// Change a user.
+    User(Box<UserWrite>, Reply<Written<UserRecord>>),
+    /// Change a token.
+    Token(Box<TokenWrite>, Reply<Written<TokenRecord>>),
+    /// Note that a session or token was used.
+    Use(CredentialUse),
     /// Prove that the database can be written.
     Probe(Reply<()>),
     /// Write everything that was asked for before.
@@ -58,6 +65,8 @@ struct Pending {
     current: HashMap<RobotId, (EstimateDocument, i64)>,
     events: Vec<Option<Reply<EventRecord>>>,
     robots: Vec<Reply<u64>>,
+    users: Vec<Reply<Written<UserRecord>>>,
+    tokens: Vec<Reply<Written<TokenRecord>>>,
     waiting: Vec<Reply<()>>,
     everything: bool,
     close: bool,
@@ -171,6 +180,12 @@ impl<W: Writer> WriterTask<W> {
         for (reply, outcome) in self.pending.robots.drain(..).zip(outcomes.robots) {
             answer(reply, outcome);
         }
+        for (reply, outcome) in self.pending.users.drain(..).zip(outcomes.users) {
+            answer(reply, outcome);
+        }
+        for (reply, outcome) in self.pending.tokens.drain(..).zip(outcomes.tokens) {
+            answer(reply, outcome);
+        }
         self.pending.everything = false;
         if !self.pending.close {
             for reply in self.pending.waiting.drain(..) {
@@ -215,6 +230,15 @@ impl Pending {
                 self.batch.robots.push(*write);
                 self.robots.push(reply);
             }
+            Command::User(write, reply) => {
+                self.batch.users.push(*write);
+                self.users.push(reply);
+            }
+            Command::Token(write, reply) => {
+                self.batch.tokens.push(*write);
+                self.tokens.push(reply);
+            }
+            Command::Use(used) => self.batch.uses.push(used),
             Command::Probe(reply) => self.waiting.push(reply),
             Command::Flush(reply) => {
                 self.everything = true;
@@ -232,6 +256,8 @@ impl Pending {
     fn is_urgent(&self) -> bool {
         !self.waiting.is_empty()
             || !self.robots.is_empty()
+            || !self.users.is_empty()
+            || !self.tokens.is_empty()
             || self.events.iter().any(Option::is_some)
             || self.batch.history.len() >= limits::STORE_BATCH_MAX
     }
@@ -253,6 +279,15 @@ impl Pending {
         for reply in self.robots.drain(..) {
             answer(reply, Err(error.clone()));
         }
+        self.batch.users.clear();
+        for reply in self.users.drain(..) {
+            answer(reply, Err(error.clone()));
+        }
+        self.batch.tokens.clear();
+        for reply in self.tokens.drain(..) {
+            answer(reply, Err(error.clone()));
+        }
+        self.batch.uses.clear();
         for reply in self.waiting.drain(..) {
             answer(reply, Err(error.clone()));
         }

@@ -1,5 +1,6 @@
 //! The store's database in SQLite: one connection that writes, a pool that only reads.
 
+mod accounts;
 mod audit;
 mod columns;
 mod read;
@@ -14,6 +15,7 @@ use sqlx::sqlite::{
 };
 use sqlx::{ConnectOptions, Connection};
 
+use super::backend::Reader as _;
 use super::error::StoreError;
 use super::folder::Folder;
 use super::record::{EventKind, EventSource};
@@ -53,13 +55,64 @@ pub(super) async fn open(
     // Before anything is acknowledged, the new file must also be in its folder for good.
     folder.sync()?;
     note_start(&mut connection, now_ns).await?;
+    let reader = readers(&path).await?;
+    Ok((SqliteWriter::new(connection), reader))
+}
+
+/// Opens the database of a folder for administration. A folder that is held is migrated, and made
+/// when it is missing; that of a running service is taken as it is.
+///
+/// # Errors
+/// [`StoreError::OtherSchema`] when the running service is another version; else those of
+/// [`open`].
+pub(super) async fn administer(
+    path: &Path,
+    held: Option<&Folder>,
+) -> Result<(SqliteWriter, SqliteReader), StoreError> {
+    let mut connection = options(path)
+        .create_if_missing(held.is_some())
+        .connect()
+        .await
+        .map_err(StoreError::database("be opened"))?;
+    if let Some(folder) = held {
+        migrate(&mut connection, path.to_owned()).await?;
+        folder.sync()?;
+    }
+    let reader = readers(path).await?;
+    let (found, known) = (reader.schema_version().await?, schema_known());
+    if found != known {
+        return Err(StoreError::OtherSchema { found, known });
+    }
+    Ok((SqliteWriter::new(connection), reader))
+}
+
+/// Copies a database as it is now into `to`, which is empty or missing.
+///
+/// # Errors
+/// [`StoreError::Database`].
+pub(super) async fn copy(path: &Path, to: &Path) -> Result<(), StoreError> {
+    let failed = || StoreError::database("be copied");
+    let mut connection = options(path)
+        .read_only(true)
+        .connect()
+        .await
+        .map_err(StoreError::database("be opened for reading"))?;
+    sqlx::query("VACUUM INTO ?1")
+        .bind(to.to_string_lossy().into_owned())
+        .execute(&mut connection)
+        .await
+        .map_err(failed())?;
+    close(connection).await
+}
+
+async fn readers(path: &Path) -> Result<SqliteReader, StoreError> {
     let pool = SqlitePoolOptions::new()
         .max_connections(limits::STORE_READERS_MAX)
         .acquire_timeout(limits::STORE_READ_TIMEOUT)
-        .connect_with(options(&path).read_only(true))
+        .connect_with(options(path).read_only(true))
         .await
         .map_err(StoreError::database("be opened for reading"))?;
-    Ok((SqliteWriter::new(connection), SqliteReader::new(pool)))
+    Ok(SqliteReader::new(pool))
 }
 
 fn options(path: &Path) -> SqliteConnectOptions {

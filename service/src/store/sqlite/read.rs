@@ -23,6 +23,10 @@ impl SqliteReader {
     pub(super) fn new(pool: SqlitePool) -> Self {
         Self { pool }
     }
+
+    pub(super) fn pool(&self) -> &SqlitePool {
+        &self.pool
+    }
 }
 
 #[async_trait]
@@ -245,7 +249,11 @@ fn robot_id(row: &SqliteRow, table: &'static str, index: usize) -> Result<RobotI
     RobotId::parse(&id).map_err(corrupt(table))
 }
 
-fn column<'r, T>(row: &'r SqliteRow, table: &'static str, index: usize) -> Result<T, StoreError>
+pub(super) fn column<'r, T>(
+    row: &'r SqliteRow,
+    table: &'static str,
+    index: usize,
+) -> Result<T, StoreError>
 where
     T: sqlx::Decode<'r, sqlx::Sqlite> + sqlx::Type<sqlx::Sqlite>,
 {
@@ -259,7 +267,7 @@ fn parsed<T: serde::de::DeserializeOwned>(
     serde_json::from_str(json).map_err(corrupt(table))
 }
 
-fn corrupt<E: std::fmt::Display>(table: &'static str) -> impl FnOnce(E) -> StoreError {
+pub(super) fn corrupt<E: std::fmt::Display>(table: &'static str) -> impl FnOnce(E) -> StoreError {
     move |error| StoreError::Corrupt {
         table,
         reason: error.to_string(),

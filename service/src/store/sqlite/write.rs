@@ -9,6 +9,7 @@ use fleetcal_proto::estimate::EstimateDocument;
 use sqlx::sqlite::{Sqlite, SqliteConnection};
 use sqlx::{AssertSqlSafe, Connection, Row, Transaction};
 
+use super::accounts;
 use super::columns;
 use crate::store::backend::{
     Batch, EventWrite, Outcomes, Repetition, Retention, RobotWrite, Tier, Writer,
@@ -97,6 +98,19 @@ async fn write(
             .events
             .push(refusable(event(transaction, keys, write).await)?);
     }
+    for write in &batch.users {
+        outcomes
+            .users
+            .push(refusable(accounts::write_user(transaction, write).await)?);
+    }
+    for write in &batch.tokens {
+        outcomes
+            .tokens
+            .push(refusable(accounts::write_token(transaction, write).await)?);
+    }
+    for used in &batch.uses {
+        accounts::note_use(transaction, used).await?;
+    }
     if let Some(now_ns) = batch.probe_ns {
         probe(transaction, now_ns).await?;
     }
@@ -109,9 +123,11 @@ async fn write(
 /// Parts what the caller is told from what undoes the whole batch.
 fn refusable<T>(result: Result<T, StoreError>) -> Result<Result<T, StoreError>, StoreError> {
     match result {
-        Err(refused @ (StoreError::VersionConflict { .. } | StoreError::KeyReused)) => {
-            Ok(Err(refused))
-        }
+        Err(
+            refused @ (StoreError::VersionConflict { .. }
+            | StoreError::KeyReused
+            | StoreError::Account(_)),
+        ) => Ok(Err(refused)),
         Err(failed) => Err(failed),
         Ok(value) => Ok(Ok(value)),
     }

@@ -1,5 +1,6 @@
 //! The store as its callers see it.
 
+mod accounts;
 mod durability;
 mod history;
 mod records;

@@ -1,0 +1,98 @@
+//! What a route asks of its caller.
+
+use super::{Grant, Role};
+
+/// What a route asks of its caller.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Access {
+    /// Nothing.
+    Public,
+    /// A viewer at least.
+    Viewer,
+    /// An operator at least.
+    Operator,
+    /// An approver at least.
+    Approver,
+    /// An administrator.
+    Admin,
+    /// The robot that the path names, and nobody else.
+    OwnRobot,
+    /// The robot that the path names, or a viewer at least.
+    OwnRobotOrViewer,
+}
+
+impl Access {
+    /// Whether somebody with `grant` may call a route whose path names `robot`. A public route
+    /// lets everybody in, also without any grant.
+    pub fn permits(self, grant: &Grant, robot: Option<&str>) -> bool {
+        let own = || {
+            let bound = grant.robot().map(fleetcal_proto::RobotId::as_str);
+            bound.is_some() && bound == robot
+        };
+        let at_least = |role: Role| grant.role() != Role::Robot && grant.role() >= role;
+        match self {
+            Self::Public => true,
+            Self::Viewer => at_least(Role::Viewer),
+            Self::Operator => at_least(Role::Operator),
+            Self::Approver => at_least(Role::Approver),
+            Self::Admin => at_least(Role::Admin),
+            Self::OwnRobot => own(),
+            Self::OwnRobotOrViewer => own() || at_least(Role::Viewer),
+        }
+    }
+
+    /// Who is let in, in words.
+    pub const fn accepted(self) -> &'static str {
+        match self {
+            Self::Public => "everybody",
+            Self::Viewer => "a viewer at least",
+            Self::Operator => "an operator at least",
+            Self::Approver => "an approver at least",
+            Self::Admin => "an administrator",
+            Self::OwnRobot => "the robot itself",
+            Self::OwnRobotOrViewer => "the robot itself or a viewer at least",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fleetcal_proto::RobotId;
+
+    use super::*;
+
+    const ALL: [Access; 7] = [
+        Access::Public,
+        Access::Viewer,
+        Access::Operator,
+        Access::Approver,
+        Access::Admin,
+        Access::OwnRobot,
+        Access::OwnRobotOrViewer,
+    ];
+
+    /// Which of [`ALL`] let somebody in, as ones and zeros.
+    fn permitted(grant: &Grant, robot: Option<&str>) -> String {
+        let digit = |access: &Access| {
+            if access.permits(grant, robot) {
+                '1'
+            } else {
+                '0'
+            }
+        };
+        ALL.iter().map(digit).collect()
+    }
+
+    #[test]
+    fn every_role_may_what_it_says() {
+        let person = |role| permitted(&Grant::of_person(role).unwrap(), Some("a"));
+        assert_eq!(person(Role::Viewer), "1100001");
+        assert_eq!(person(Role::Operator), "1110001");
+        assert_eq!(person(Role::Approver), "1111001");
+        assert_eq!(person(Role::Admin), "1111101");
+        let robot = Grant::of_token(Role::Robot, RobotId::parse("a").ok()).unwrap();
+        assert_eq!(permitted(&robot, Some("a")), "1000011");
+        assert_eq!(permitted(&robot, Some("b")), "1000000");
+        assert_eq!(permitted(&robot, None), "1000000");
+    }
+}

@@ -1,0 +1,96 @@
+//! A limit on how often somebody may try, in bounded memory.
+
+use std::collections::HashMap;
+use std::time::Duration;
+
+/// Lets each key try `burst` times at once and then once every `every`: the generic cell rate
+/// algorithm (ITU-T I.371), which keeps one time a key. Times are of a clock that never goes back.
+#[derive(Debug)]
+pub struct Throttle {
+    every: Duration,
+    burst: u32,
+    keys_max: usize,
+    /// When a key's tries so far are worked off.
+    worked_off: HashMap<String, Duration>,
+}
+
+impl Throttle {
+    /// A throttle that remembers `keys_max` keys at most.
+    pub fn new(every: Duration, burst: u32, keys_max: usize) -> Self {
+        Self {
+            every,
+            burst,
+            keys_max,
+            worked_off: HashMap::new(),
+        }
+    }
+
+    /// Counts a try at `now`.
+    ///
+    /// # Errors
+    /// How long to wait when there were too many; the try does not count then.
+    pub fn take(&mut self, key: &str, now: Duration) -> Result<(), Duration> {
+        let worked_off = self.worked_off.get(key).copied().unwrap_or(now).max(now);
+        let full = self.every * self.burst.saturating_sub(1);
+        let ahead = worked_off.saturating_sub(now);
+        if ahead > full {
+            return Err(ahead.saturating_sub(full));
+        }
+        self.make_room(key, now);
+        self.worked_off
+            .insert(key.to_owned(), worked_off.saturating_add(self.every));
+        Ok(())
+    }
+
+    /// Forgets a key's tries, since the last one was right.
+    pub fn forget(&mut self, key: &str) {
+        self.worked_off.remove(key);
+    }
+
+    /// Keeps the memory bounded: first what is worked off goes, then the key that will be first.
+    fn make_room(&mut self, key: &str, now: Duration) {
+        if self.worked_off.len() < self.keys_max || self.worked_off.contains_key(key) {
+            return;
+        }
+        self.worked_off.retain(|_, worked_off| *worked_off > now);
+        if self.worked_off.len() >= self.keys_max {
+            let first = self.worked_off.iter().min_by_key(|(_, at)| **at);
+            if let Some(key) = first.map(|(key, _)| key.clone()) {
+                self.worked_off.remove(&key);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const S: Duration = Duration::from_secs(1);
+
+    #[test]
+    fn a_burst_is_let_through_and_then_one_at_a_time() {
+        let mut throttle = Throttle::new(10 * S, 3, 100);
+        for _ in 0..3 {
+            assert_eq!(throttle.take("a", S), Ok(()));
+        }
+        assert_eq!(throttle.take("a", S), Err(10 * S));
+        assert_eq!(throttle.take("a", 6 * S), Err(5 * S));
+        assert_eq!(throttle.take("b", 6 * S), Ok(()));
+        assert_eq!(throttle.take("a", 11 * S), Ok(()));
+        assert_eq!(throttle.take("a", 11 * S), Err(10 * S));
+        throttle.forget("a");
+        assert_eq!(throttle.take("a", 11 * S), Ok(()));
+    }
+
+    #[test]
+    fn the_memory_stays_bounded_under_ever_new_keys() {
+        let mut throttle = Throttle::new(10 * S, 1, 50);
+        for number in 0..10_000 {
+            assert_eq!(throttle.take(&number.to_string(), S), Ok(()));
+            assert!(throttle.worked_off.len() <= 50);
+        }
+        assert_eq!(throttle.take("late", 100 * S), Ok(()));
+        assert_eq!(throttle.worked_off.len(), 1);
+    }
+}

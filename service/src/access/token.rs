@@ -1,0 +1,112 @@
+//! API tokens: their text, and how long one counts.
+
+use super::secret::{hex, is_hex};
+use super::{Random, SecretHash};
+
+/// What every token begins with, so that one that leaked is recognised.
+const PREFIX: &str = "cal_";
+
+/// The text of an API token. Shown once; only its hash is kept.
+#[derive(Clone)]
+pub struct TokenValue(String);
+
+impl TokenValue {
+    /// A new token.
+    pub fn new(random: &Random) -> Self {
+        Self(format!("{PREFIX}{}", hex(random)))
+    }
+
+    /// A token that somebody shows; `None` when it has not the form of one.
+    pub fn parse(text: &str) -> Option<Self> {
+        is_hex(text.strip_prefix(PREFIX)?).then(|| Self(text.to_owned()))
+    }
+
+    /// The text, for the one time that it is shown.
+    pub fn reveal(&self) -> &str {
+        &self.0
+    }
+
+    /// What is stored.
+    pub fn hash(&self) -> SecretHash {
+        SecretHash::of(&self.0)
+    }
+}
+
+impl std::fmt::Debug for TokenValue {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("TokenValue(…)")
+    }
+}
+
+/// Whether a token counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TokenState {
+    /// It does.
+    Valid,
+    /// No longer, by its own end.
+    Expired,
+    /// No longer, by somebody's will.
+    Revoked,
+}
+
+/// From when to when a token counts, wall time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TokenSpan {
+    /// When it was made.
+    pub created_ns: i64,
+    /// When it ends; `None` when it does not by itself.
+    pub expires_ns: Option<i64>,
+    /// When it was revoked.
+    pub revoked_ns: Option<i64>,
+}
+
+impl TokenSpan {
+    /// Whether a token counts at `now_ns`.
+    pub fn state(&self, now_ns: i64) -> TokenState {
+        if self.revoked_ns.is_some() {
+            TokenState::Revoked
+        } else if self
+            .expires_ns
+            .is_some_and(|expires_ns| now_ns >= expires_ns)
+        {
+            TokenState::Expired
+        } else {
+            TokenState::Valid
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_token_is_parsed_from_its_own_text_alone() {
+        let token = TokenValue::new(&[7; 32]);
+        let shown = token.reveal().to_owned();
+        assert_eq!(TokenValue::parse(&shown).unwrap().hash(), token.hash());
+        for garbage in [
+            "",
+            "cal_",
+            "cal_07",
+            &shown[4..],
+            &shown.replace("cal_", "Cal_"),
+        ] {
+            assert!(TokenValue::parse(garbage).is_none(), "{garbage}");
+        }
+        assert!(!format!("{token:?}").contains("07"));
+    }
+
+    #[test]
+    fn a_token_ends_at_its_time_or_by_will() {
+        let span = |expires_ns, revoked_ns| TokenSpan {
+            created_ns: 0,
+            expires_ns,
+            revoked_ns,
+        };
+        assert_eq!(span(None, None).state(i64::MAX), TokenState::Valid);
+        assert_eq!(span(Some(10), None).state(9), TokenState::Valid);
+        assert_eq!(span(Some(10), None).state(10), TokenState::Expired);
+        assert_eq!(span(None, Some(5)).state(0), TokenState::Revoked);
+    }
+}

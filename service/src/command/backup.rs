@@ -1,0 +1,28 @@
+//! `fleetcal backup`: the database as of one moment, in one file.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::command::CommandError;
+use crate::store;
+
+/// What `fleetcal backup` takes.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// The folder of the service's data
+    #[arg(long, value_name = "DIR")]
+    pub data: PathBuf,
+    /// The file to write; one that is there is replaced once the new one is complete
+    #[arg(long, value_name = "FILE")]
+    pub to: PathBuf,
+}
+
+/// Copies the database.
+///
+/// # Errors
+/// When there is none, or the file cannot be written.
+pub async fn run(arguments: &Arguments) -> Result<(), CommandError> {
+    store::backup(&arguments.data, &arguments.to).await?;
+    Ok(())
+}

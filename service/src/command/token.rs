@@ -1,0 +1,202 @@
+//! `fleetcal token`: API tokens, with the data folder at hand.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::{Args, Subcommand};
+use fleetcal_proto::RobotId;
+use jiff::{Span, SpanRelativeTo, Timestamp, Unit};
+
+use crate::access::{AccountName, Actor, Grant, Role, TokenState, TokenValue};
+use crate::clock::SharedClock;
+use crate::command::CommandError;
+use crate::command::output::print_text;
+use crate::entropy;
+use crate::limits;
+use crate::store::{Administration, TokenChange, TokenRecord};
+
+/// What `fleetcal token` takes.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// What to do.
+    #[command(subcommand)]
+    pub action: Action,
+}
+
+/// What is done with tokens.
+#[derive(Debug, Subcommand)]
+pub enum Action {
+    /// Makes a token and prints it alone on standard output; it is not shown again
+    Create(Create),
+    /// Lists the tokens
+    List(Folder),
+    /// Revokes a token
+    Revoke(Revoke),
+}
+
+/// Where the data are.
+#[derive(Debug, Args)]
+pub struct Folder {
+    /// The folder of the service's data
+    #[arg(long, value_name = "DIR")]
+    pub data: PathBuf,
+}
+
+/// What `fleetcal token create` takes.
+#[derive(Debug, Args)]
+pub struct Create {
+    /// The folder of the service's data
+    #[arg(long, value_name = "DIR")]
+    pub data: PathBuf,
+    /// viewer, operator, approver, admin or robot
+    #[arg(long, value_parser = role)]
+    pub role: Role,
+    /// What the audit calls whoever uses it
+    #[arg(long)]
+    pub name: String,
+    /// The one robot that a token of role robot is for
+    #[arg(long, value_name = "ID")]
+    pub robot: Option<RobotId>,
+    /// How long it counts, such as 30d or 12h; for ever unless given
+    #[arg(long, value_name = "SPAN", value_parser = span)]
+    pub expires: Option<Duration>,
+}
+
+/// What `fleetcal token revoke` takes.
+#[derive(Debug, Args)]
+pub struct Revoke {
+    /// The folder of the service's data
+    #[arg(long, value_name = "DIR")]
+    pub data: PathBuf,
+    /// Its number in `fleetcal token list`
+    #[arg(value_name = "NUMBER")]
+    pub id: i64,
+}
+
+/// The role of a name on the command line.
+pub(super) fn role(name: &str) -> Result<Role, String> {
+    Role::parse(name).ok_or_else(|| {
+        let accepted = Role::ALL.map(Role::as_str).join(", ");
+        format!("role is {name:?}, accepted is one of {accepted}")
+    })
+}
+
+/// A span of time, days being 24 hours.
+fn span(text: &str) -> Result<Duration, String> {
+    let max = limits::TOKEN_EXPIRES_MAX;
+    let seconds = text.parse::<Span>().ok().and_then(|span| {
+        span.total((Unit::Second, SpanRelativeTo::days_are_24_hours()))
+            .ok()
+    });
+    seconds
+        .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
+        .filter(|span| !span.is_zero() && *span <= max)
+        .ok_or_else(|| {
+            let days = max.as_secs() / 86_400;
+            format!("{text:?} is not accepted; give up to {days} days, such as 30d or 12h")
+        })
+}
+
+/// Does what was asked for.
+///
+/// # Errors
+/// When the data folder cannot be used, or the token is refused.
+pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), CommandError> {
+    let now_ns = clock.now_ns();
+    match &arguments.action {
+        Action::Create(create) => self::create(create, now_ns).await,
+        Action::List(folder) => list(folder, now_ns).await,
+        Action::Revoke(revoke) => self::revoke(revoke, now_ns).await,
+    }
+}
+
+async fn create(arguments: &Create, now_ns: i64) -> Result<(), CommandError> {
+    let value = TokenValue::new(&entropy::secret()?);
+    let lasts_ns = |span: Duration| i64::try_from(span.as_nanos()).unwrap_or(i64::MAX);
+    let change = TokenChange::Create {
+        name: AccountName::parse(&arguments.name)?,
+        grant: Grant::of_token(arguments.role, arguments.robot.clone())?,
+        hash: value.hash(),
+        expires_ns: arguments
+            .expires
+            .map(|span| now_ns.saturating_add(lasts_ns(span))),
+        key: None,
+    };
+    let mut database = Administration::open(&arguments.data).await?;
+    database
+        .write_token(Actor::command_line(), now_ns, change)
+        .await?;
+    database.close().await?;
+    print_text(&format!("{}\n", value.reveal()))
+}
+
+async fn revoke(arguments: &Revoke, now_ns: i64) -> Result<(), CommandError> {
+    let change = TokenChange::Revoke { id: arguments.id };
+    let mut database = Administration::open(&arguments.data).await?;
+    database
+        .write_token(Actor::command_line(), now_ns, change)
+        .await?;
+    database.close().await?;
+    Ok(())
+}
+
+async fn list(arguments: &Folder, now_ns: i64) -> Result<(), CommandError> {
+    let database = Administration::open(&arguments.data).await?;
+    let tokens = database.tokens().await?;
+    database.close().await?;
+    let rows: String = tokens.iter().map(|token| row(token, now_ns)).collect();
+    print_text(&format!(
+        "{:>6}  {:<9}  {:<9}  {:<20}  {:<20}  NAME\n{rows}",
+        "NUMBER", "ROLE", "STATE", "EXPIRES", "LAST USED"
+    ))
+}
+
+fn row(token: &TokenRecord, now_ns: i64) -> String {
+    let state = match token.state(now_ns) {
+        TokenState::Valid => "valid",
+        TokenState::Expired => "expired",
+        TokenState::Revoked => "revoked",
+    };
+    let robot = token.grant.robot();
+    let robot = robot.map_or_else(String::new, |id| format!(" (robot {id})"));
+    format!(
+        "{:>6}  {:<9}  {:<9}  {:<20}  {:<20}  {}{robot}\n",
+        token.id,
+        token.grant.role().as_str(),
+        state,
+        time(token.span.expires_ns),
+        time(token.used_ns),
+        token.name
+    )
+}
+
+/// A time in a list, to the second.
+pub(super) fn time(ns: Option<i64>) -> String {
+    let seconds = ns.map(|ns| ns.div_euclid(1_000_000_000));
+    seconds
+        .and_then(|seconds| Timestamp::from_second(seconds).ok())
+        .map_or_else(|| "never".to_owned(), |time| time.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spans_are_read_with_their_unit() {
+        assert_eq!(span("30d"), Ok(Duration::from_hours(720)));
+        assert_eq!(span("12h"), Ok(Duration::from_hours(12)));
+        for refused in ["", "30", "d", "-1d", "0s", "10000d", "1 month"] {
+            assert!(span(refused).is_err(), "{refused}");
+        }
+    }
+
+    #[test]
+    fn a_time_that_never_was_is_never() {
+        assert_eq!(time(None), "never");
+        assert_eq!(
+            time(Some(1_767_225_600_500_000_000)),
+            "2026-01-01T00:00:00Z"
+        );
+    }
+}

@@ -1,0 +1,179 @@
+//! `fleetcal user`: people who sign in, with the data folder at hand.
+
+use std::io::{BufRead as _, IsTerminal as _, Write as _};
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+use rustix::termios::{LocalModes, OptionalActions, tcgetattr, tcsetattr};
+
+use crate::access::{AccountName, Actor, Grant, Password, PasswordHash, Role};
+use crate::clock::SharedClock;
+use crate::command::CommandError;
+use crate::command::output::print_text;
+use crate::command::token::{Folder, role, time};
+use crate::entropy;
+use crate::store::{Administration, Expected, UserChange, UserEdit, UserRecord};
+
+/// What `fleetcal user` takes.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// What to do.
+    #[command(subcommand)]
+    pub action: Action,
+}
+
+/// What is done with users.
+#[derive(Debug, Subcommand)]
+pub enum Action {
+    /// Makes a user; the password is asked for, or read from standard input
+    Create(Create),
+    /// Lists the users
+    List(Folder),
+    /// Sets a user's password, asked for or read from standard input, and ends the user's sessions
+    Password(Named),
+    /// Refuses a user to sign in from now on, and ends the user's sessions
+    Disable(Named),
+}
+
+/// What `fleetcal user create` takes.
+#[derive(Debug, Args)]
+pub struct Create {
+    /// The folder of the service's data
+    #[arg(long, value_name = "DIR")]
+    pub data: PathBuf,
+    /// viewer, operator, approver or admin
+    #[arg(long, value_parser = role)]
+    pub role: Role,
+    /// The name to sign in with
+    #[arg(long)]
+    pub name: String,
+}
+
+/// A user.
+#[derive(Debug, Args)]
+pub struct Named {
+    /// The folder of the service's data
+    #[arg(long, value_name = "DIR")]
+    pub data: PathBuf,
+    /// The user's name
+    #[arg(long)]
+    pub name: String,
+}
+
+/// Does what was asked for.
+///
+/// # Errors
+/// When the data folder cannot be used, or name or password are refused.
+pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), CommandError> {
+    let now_ns = clock.now_ns();
+    match &arguments.action {
+        Action::Create(create) => {
+            let change = UserChange::Create {
+                name: AccountName::parse(&create.name)?,
+                grant: Grant::of_person(create.role)?,
+                password: asked_for()?,
+                key: None,
+            };
+            let mut database = Administration::open(&create.data).await?;
+            database
+                .write_user(Actor::command_line(), now_ns, change)
+                .await?;
+            database.close().await?;
+            Ok(())
+        }
+        Action::List(folder) => list(folder).await,
+        Action::Password(named) => {
+            let edit = UserEdit {
+                password: Some(asked_for()?),
+                ..UserEdit::default()
+            };
+            self::edit(named, edit, now_ns).await
+        }
+        Action::Disable(named) => {
+            let edit = UserEdit {
+                disabled: Some(true),
+                ..UserEdit::default()
+            };
+            self::edit(named, edit, now_ns).await
+        }
+    }
+}
+
+async fn edit(named: &Named, edit: UserEdit, now_ns: i64) -> Result<(), CommandError> {
+    let mut database = Administration::open(&named.data).await?;
+    let user = database.user_named(&named.name).await?;
+    let user = user.ok_or_else(|| CommandError::UserUnknown(named.name.clone()))?;
+    let change = UserChange::Edit {
+        id: user.id,
+        expected: Expected::Version(user.version),
+        edit,
+        keep: None,
+    };
+    database
+        .write_user(Actor::command_line(), now_ns, change)
+        .await?;
+    database.close().await?;
+    Ok(())
+}
+
+async fn list(arguments: &Folder) -> Result<(), CommandError> {
+    let database = Administration::open(&arguments.data).await?;
+    let users = database.users().await?;
+    database.close().await?;
+    let rows: String = users.iter().map(row).collect();
+    print_text(&format!(
+        "{:<9}  {:<8}  {:<20}  NAME\n{rows}",
+        "ROLE", "STATE", "LAST SIGNED IN"
+    ))
+}
+
+fn row(user: &UserRecord) -> String {
+    let state = if user.disabled { "disabled" } else { "enabled" };
+    format!(
+        "{:<9}  {state:<8}  {:<20}  {}\n",
+        user.grant.role().as_str(),
+        time(user.signed_in_ns),
+        user.name
+    )
+}
+
+/// The hash of the password that somebody types, twice and unseen, or that stands on the first
+/// line of standard input.
+fn asked_for() -> Result<PasswordHash, CommandError> {
+    let typed = if std::io::stdin().is_terminal() {
+        let first = unseen("Password: ")?;
+        if unseen("Once more: ")? != first {
+            return Err(CommandError::PasswordsDiffer);
+        }
+        first
+    } else {
+        line()?
+    };
+    Ok(PasswordHash::of(
+        &Password::parse(&typed)?,
+        &entropy::salt()?,
+    )?)
+}
+
+/// A line that is typed without being shown.
+fn unseen(prompt: &str) -> Result<String, std::io::Error> {
+    let mut stderr = std::io::stderr();
+    stderr.write_all(prompt.as_bytes())?;
+    stderr.flush()?;
+    let stdin = std::io::stdin();
+    let shown = tcgetattr(&stdin)?;
+    let mut hidden = shown.clone();
+    hidden.local_modes.remove(LocalModes::ECHO);
+    tcsetattr(&stdin, OptionalActions::Flush, &hidden)?;
+    let typed = line();
+    tcsetattr(&stdin, OptionalActions::Flush, &shown)?;
+    stderr.write_all(b"\n")?;
+    typed
+}
+
+/// A line of standard input, without its end.
+fn line() -> Result<String, std::io::Error> {
+    let mut line = String::new();
+    std::io::stdin().lock().read_line(&mut line)?;
+    Ok(line.trim_end_matches(['\r', '\n']).to_owned())
+}

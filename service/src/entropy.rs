@@ -1,0 +1,37 @@
+//! The one place where randomness for secrets enters the service.
+
+use crate::access::Random;
+
+/// The system gave no random bytes.
+pub type NoEntropy = getrandom::Error;
+
+/// Random bytes of a secret.
+///
+/// # Errors
+/// When the system gives none.
+pub fn secret() -> Result<Random, NoEntropy> {
+    let mut bytes = Random::default();
+    getrandom::fill(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// Random bytes of a password's salt.
+///
+/// # Errors
+/// When the system gives none.
+pub fn salt() -> Result<[u8; 16], NoEntropy> {
+    let mut bytes = [0; 16];
+    getrandom::fill(&mut bytes)?;
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn secrets_differ() {
+        assert_ne!(secret().unwrap(), secret().unwrap());
+        assert_ne!(salt().unwrap(), salt().unwrap());
+    }
+}
