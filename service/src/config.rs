@@ -143,6 +143,52 @@ pub enum DriveSignal {
     Compensated,
 }
 
+/// Where people reach the service: scheme, host and maybe port, such as
+/// `https://fleetcal.example.com`. With https, a proxy before the service ends the encryption.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "String")]
+pub struct PublicUrl(String);
+
+impl PublicUrl {
+    /// The address, without a slash at its end.
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+
+    /// Whether browsers reach the service encrypted.
+    pub fn is_https(&self) -> bool {
+        self.0.starts_with("https://")
+    }
+}
+
+impl TryFrom<String> for PublicUrl {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        let host = text
+            .strip_prefix("https://")
+            .or_else(|| text.strip_prefix("http://"))
+            .unwrap_or("");
+        let accepted =
+            |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || ".-:[]".contains(c);
+        if !host.is_empty() && host.chars().all(accepted) {
+            return Ok(Self(text));
+        }
+        Err(format!(
+            "public_url is {text:?}, accepted is scheme, host in lower case and port alone, such \
+             as https://fleetcal.example.com"
+        ))
+    }
+}
+
+impl std::str::FromStr for PublicUrl {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        Self::try_from(text.to_owned())
+    }
+}
+
 /// One robot: its vehicle and what is known of it beforehand. The keys of `[[robot]]` in
 /// `fleetcal.toml` (beside `id`) and of the body of `PUT /api/v1/robots/{id}`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -276,6 +322,8 @@ pub struct Config {
     pub data: PathBuf,
     /// Address of the API and the dashboard.
     pub http: SocketAddr,
+    /// Where people reach them, when that is another address.
+    pub public_url: Option<PublicUrl>,
     /// Zenoh endpoints that the embedded router listens on.
     pub listen: Vec<String>,
     /// Zenoh routers to connect to.
@@ -297,6 +345,7 @@ impl Default for Config {
         Self {
             data: PathBuf::from("fleetcal-data"),
             http: SocketAddr::from(([127, 0, 0, 1], 8080)),
+            public_url: None,
             listen: vec!["tcp/127.0.0.1:7447".to_owned()],
             connect: Vec::new(),
             zenoh_config: None,
@@ -420,6 +469,7 @@ mod tests {
         // What is commented out there is accepted as well.
         let whole = example
             .replace("# zenoh_config", "zenoh_config")
+            .replace("# public_url", "public_url")
             .replace("# [[robot]]", "[[robot]]")
             .replace("# [robot.estimator]", "[robot.estimator]");
         let keys = [

@@ -11,9 +11,11 @@ use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
-use crate::api::{self, ApiSetup};
+use crate::access::SetupCode;
+use crate::api::{self, AccessSetup, ApiSetup};
 use crate::clock::SharedClock;
-use crate::config::{Config, RobotConfig};
+use crate::config::{Config, PublicUrl, RobotConfig};
+use crate::entropy::{self, NoEntropy};
 use crate::fleet::{FleetHandle, FleetSetup};
 use crate::limits;
 use crate::link::{Link, LinkError, LinkSetup};
@@ -36,6 +38,9 @@ pub enum ServiceError {
     /// Zenoh cannot be opened.
     #[error(transparent)]
     Link(#[from] LinkError),
+    /// The system has no randomness.
+    #[error("the system gives no random bytes: {0}")]
+    Entropy(#[from] NoEntropy),
     /// More robots are configured than there is room for.
     #[error(
         "{configured} robots are configured, accepted are {} at most",
@@ -56,6 +61,9 @@ pub struct Service {
     link_open: watch::Sender<bool>,
     http: JoinHandle<()>,
     http_address: SocketAddr,
+    public_url: Option<PublicUrl>,
+    /// The text of the code that makes the first administrator, while there is nobody.
+    setup_code: Option<String>,
     stop: CancellationToken,
 }
 
@@ -75,11 +83,16 @@ impl Service {
         let fleet = start_fleet(&config, &store, Arc::clone(&clock)).await?;
         let stop = CancellationToken::new();
         let (link_open, link_is_open) = watch::channel(false);
+        let (setup_code, setup_text) = setup_code(&store, clock.now_ns()).await?.unzip();
         let routes = api::router(ApiSetup {
             fleet: fleet.clone(),
             store: store.clone(),
             clock,
             link_open: link_is_open,
+            access: AccessSetup {
+                public_url: config.public_url.clone(),
+                setup_code,
+            },
             stop: stop.clone(),
         });
         let http = tokio::spawn(api::serve(listener, routes, stop.clone()));
@@ -106,6 +119,8 @@ impl Service {
             link_open,
             http,
             http_address,
+            public_url: config.public_url,
+            setup_code: setup_text,
             stop,
         })
     }
@@ -113,6 +128,26 @@ impl Service {
     /// Where the API and the dashboard are.
     pub fn http_address(&self) -> SocketAddr {
         self.http_address
+    }
+
+    /// Where people reach the API and the dashboard.
+    pub fn url(&self) -> String {
+        match &self.public_url {
+            Some(url) => url.as_str().to_owned(),
+            None => format!("http://{}", self.http_address),
+        }
+    }
+
+    /// The link by which the first administrator is made; `None` once there are users. The code
+    /// stands behind the `#`, which browsers do not send.
+    pub fn setup_link(&self) -> Option<String> {
+        let code = self.setup_code.as_ref()?;
+        Some(format!("{}/setup#code={code}", self.url()))
+    }
+
+    /// What is kept.
+    pub fn store(&self) -> &Store {
+        &self.store
     }
 
     /// The robots.
@@ -131,6 +166,17 @@ impl Service {
             tracing::error!(%error, "the HTTP server failed");
         }
     }
+}
+
+/// A new code for the first administrator, when there is no user.
+async fn setup_code(
+    store: &Store,
+    now_ns: i64,
+) -> Result<Option<(SetupCode, String)>, ServiceError> {
+    if store.has_users().await? {
+        return Ok(None);
+    }
+    Ok(Some(SetupCode::new(&entropy::secret()?, now_ns)))
 }
 
 async fn close_store(store: &Store) {

@@ -13,13 +13,17 @@ pub struct Answer {
     pub body: String,
 }
 
-/// Asks for `path`; `None` when nobody answers.
-pub fn get(address: SocketAddr, path: &str) -> Option<Answer> {
+/// Asks for `path` with an API token, or without; `None` when nobody answers.
+pub fn get(address: SocketAddr, path: &str, token: Option<&str>) -> Option<Answer> {
+    let credential = token.map_or_else(String::new, |token| {
+        format!("Authorization: Bearer {token}\r\n")
+    });
     let mut connection = TcpStream::connect(address).ok()?;
     connection
         .set_read_timeout(Some(Duration::from_secs(10)))
         .ok()?;
-    let request = format!("GET {path} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n");
+    let request =
+        format!("GET {path} HTTP/1.1\r\nHost: {address}\r\n{credential}Connection: close\r\n\r\n");
     connection.write_all(request.as_bytes()).ok()?;
     let mut answer = String::new();
     connection.read_to_string(&mut answer).ok()?;

@@ -24,6 +24,7 @@ pub struct Service {
     folder: TempDir,
     http: SocketAddr,
     zenoh: SocketAddr,
+    token: String,
 }
 
 fn free_port() -> SocketAddr {
@@ -79,13 +80,15 @@ impl Service {
         fs::write(folder.path().join("fleetcal.toml"), config).expect("a configuration");
         let (http, zenoh) = (free_port(), free_port());
         let child = spawn(&folder, http, zenoh);
-        let service = Self {
+        let mut service = Self {
             child,
             folder,
             http,
             zenoh,
+            token: String::new(),
         };
         service.wait_until_ready();
+        service.token = service.made_token(&["--role", "admin", "--name", "tests"]);
         service
     }
 
@@ -104,8 +107,33 @@ impl Service {
 
     fn wait_until_ready(&self) {
         wait_for("readiness", || {
-            http::get(self.http, "/readyz").filter(|answer| answer.status == 200)
+            http::get(self.http, "/readyz", None).filter(|answer| answer.status == 200)
         });
+    }
+
+    /// A token that the command line makes beside the service.
+    ///
+    /// # Panics
+    /// When it is not made.
+    pub fn made_token(&self, arguments: &[&str]) -> String {
+        let output = Command::new(binary::path())
+            .args(["token", "create", "--data"])
+            .arg(self.data())
+            .args(arguments)
+            .output()
+            .expect("the binary runs");
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{}: {errors}", output.status);
+        let printed = String::from_utf8(output.stdout).expect("text");
+        printed.trim_end().to_owned()
+    }
+
+    /// The status of `GET path` with a token, or without.
+    ///
+    /// # Panics
+    /// When there is no answer.
+    pub fn status(&self, path: &str, token: Option<&str>) -> u16 {
+        http::get(self.http, path, token).expect("an answer").status
     }
 
     /// Where robots connect.
@@ -128,14 +156,15 @@ impl Service {
     /// # Panics
     /// When there is none.
     pub fn get(&self, path: &str) -> Value {
-        let answer = http::get(self.http, path).expect("an answer");
+        let answer = http::get(self.http, path, Some(&self.token)).expect("an answer");
         assert_eq!(answer.status, 200, "{path}: {}", answer.body);
         serde_json::from_str(&answer.body).expect("JSON")
     }
 
     /// The answer of `GET path`, when it is a good one.
     pub fn try_get(&self, path: &str) -> Option<Value> {
-        let answer = http::get(self.http, path).filter(|answer| answer.status == 200)?;
+        let answer = http::get(self.http, path, Some(&self.token));
+        let answer = answer.filter(|answer| answer.status == 200)?;
         serde_json::from_str(&answer.body).ok()
     }
 

@@ -12,6 +12,9 @@ use sha2::{Digest, Sha256};
 
 use super::problem::Problem;
 use crate::limits;
+use crate::store::IdempotencyKey;
+
+static IDEMPOTENCY_KEY: HeaderName = HeaderName::from_static("idempotency-key");
 
 /// The query of a route without parameters: every parameter is refused by name.
 #[derive(Debug, Deserialize)]
@@ -137,6 +140,27 @@ pub(super) fn header_text<'a>(
             })
         })
         .transpose()
+}
+
+/// The `Idempotency-Key` of a request.
+pub(super) fn idempotency_key(
+    headers: &HeaderMap,
+    request_sha256: [u8; 32],
+) -> Result<Option<IdempotencyKey>, Problem> {
+    let Some(key) = header_text(headers, &IDEMPOTENCY_KEY)? else {
+        return Ok(None);
+    };
+    if key.is_empty() || key.len() > limits::HTTP_IDEMPOTENCY_KEY_CHARS_MAX {
+        return Err(Problem::refused(
+            "Idempotency-Key",
+            key,
+            "1 to 128 characters",
+        ));
+    }
+    Ok(Some(IdempotencyKey {
+        key: key.to_owned(),
+        request_sha256,
+    }))
 }
 
 /// A number of a query within its limits; `default` when it is not given.

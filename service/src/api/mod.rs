@@ -4,6 +4,7 @@
 //! the router and the OpenAPI document the same path; [`openapi`] therefore lists every route of
 //! the API with its methods, and a layer in [`router`] sees a request's `MatchedPath`.
 
+mod access;
 mod dashboard;
 mod documentation;
 mod etag;
@@ -26,15 +27,18 @@ use axum::middleware;
 use axum::response::Response;
 use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
-use utoipa::OpenApi;
+use utoipa::openapi::security::{ApiKey, ApiKeyValue, HttpAuthScheme, HttpBuilder, SecurityScheme};
+use utoipa::{Modify, OpenApi};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+pub use access::AccessSetup;
 pub use server::serve;
 
 use crate::clock::SharedClock;
 use crate::fleet::FleetHandle;
 use crate::store::Store;
+use access::AccessState;
 use etag::tagged_json;
 use extract::{NoParameters, Parameters};
 use health::ReadyProbe;
@@ -52,6 +56,8 @@ pub struct ApiSetup {
     pub clock: SharedClock,
     /// Whether the Zenoh session is open.
     pub link_open: watch::Receiver<bool>,
+    /// Who gets in.
+    pub access: AccessSetup,
     /// Ends the event streams; the rest ends with [`serve`].
     pub stop: CancellationToken,
 }
@@ -65,6 +71,21 @@ struct ApiState {
     link_open: watch::Receiver<bool>,
     stream: StreamHub,
     ready: ReadyProbe,
+    access: AccessState,
+}
+
+impl ApiState {
+    fn start(setup: ApiSetup) -> Self {
+        Self {
+            stream: StreamHub::start(&setup.fleet, setup.clock.clone(), setup.stop),
+            fleet: setup.fleet,
+            store: setup.store,
+            clock: setup.clock,
+            link_open: setup.link_open,
+            ready: ReadyProbe::default(),
+            access: AccessState::new(&setup.access),
+        }
+    }
 }
 
 #[derive(OpenApi)]
@@ -79,9 +100,12 @@ struct ApiState {
     ),
     tags(
         (name = "robots", description = "Robots, their calibration and their history"),
+        (name = "access", description = "Signing in, users and tokens"),
         (name = "live", description = "Updates as they come"),
         (name = "service", description = "The service itself"),
     ),
+    security(("token" = []), ("session" = [])),
+    modifiers(&Credentials),
     components(schemas(
         Problem,
         robots::RobotStateDocument,
@@ -91,18 +115,37 @@ struct ApiState {
 )]
 struct Document;
 
+/// How callers prove who they are, in the description.
+struct Credentials;
+
+impl Modify for Credentials {
+    fn modify(&self, document: &mut utoipa::openapi::OpenApi) {
+        let token = HttpBuilder::new()
+            .scheme(HttpAuthScheme::Bearer)
+            .bearer_format("cal_…")
+            .description(Some(
+                "An API token, of `POST /tokens` or `fleetcal token create`.",
+            ))
+            .build();
+        let session = ApiKeyValue::with_description(
+            "fleetcal_session",
+            "The cookie of `POST /session`; `__Host-fleetcal_session` over HTTPS.",
+        );
+        let components = document.components.get_or_insert_default();
+        components.add_security_scheme("token", SecurityScheme::Http(token));
+        components.add_security_scheme("session", SecurityScheme::ApiKey(ApiKey::Cookie(session)));
+    }
+}
+
 /// Every route and what stands behind it.
 pub fn router(setup: ApiSetup) -> Router {
-    let state = ApiState {
-        stream: StreamHub::start(&setup.fleet, setup.clock.clone(), setup.stop),
-        fleet: setup.fleet,
-        store: setup.store,
-        clock: setup.clock,
-        link_open: setup.link_open,
-        ready: ReadyProbe::default(),
-    };
+    let cross_origin = access::cross_origin_refused(setup.access.public_url.as_ref());
+    let state = ApiState::start(setup);
     let (routes, _) = documented().split_for_parts();
+    let authorise = middleware::from_fn_with_state(state.clone(), access::authorise);
     let routes = routes
+        .route_layer(authorise)
+        .layer(cross_origin)
         .merge(documentation::routes())
         .fallback(dashboard::pages)
         .with_state(state);
@@ -118,6 +161,7 @@ pub fn openapi() -> utoipa::openapi::OpenApi {
 fn documented() -> OpenApiRouter<ApiState> {
     let timed = OpenApiRouter::new()
         .merge(robots::routes())
+        .merge(access::routes())
         .routes(routes!(get_openapi))
         .layer(middleware::from_fn(layers::in_time));
     let root = OpenApiRouter::new()

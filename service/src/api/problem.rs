@@ -6,7 +6,7 @@ use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 
 use crate::fleet::FleetRefused;
-use crate::store::StoreError;
+use crate::store::{AccountRefused, StoreError};
 
 /// What a client should wait before it asks again, s.
 const RETRY_AFTER_S: u32 = 2;
@@ -34,6 +34,9 @@ pub(super) struct Problem {
     /// The parameter, field or header that was refused.
     #[serde(skip_serializing_if = "Option::is_none")]
     field: Option<String>,
+    /// Seconds to wait before the next try; the header `Retry-After`.
+    #[serde(skip)]
+    retry_after_s: Option<u32>,
 }
 
 impl Problem {
@@ -46,6 +49,7 @@ impl Problem {
             code,
             detail: detail.into(),
             field: None,
+            retry_after_s: None,
         }
     }
 
@@ -89,6 +93,17 @@ impl Problem {
         Self::new(StatusCode::SERVICE_UNAVAILABLE, "timeout", detail)
     }
 
+    /// The HTTP status.
+    pub(super) fn status(&self) -> StatusCode {
+        StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR)
+    }
+
+    /// The same problem, with the seconds to wait before the next try.
+    pub(super) fn retry_after(mut self, seconds: u32) -> Self {
+        self.retry_after_s = Some(seconds);
+        self
+    }
+
     /// The same problem, with the parameter, field or header that it is about.
     pub(super) fn of_field(mut self, field: &str) -> Self {
         self.field = Some(field.to_owned());
@@ -109,6 +124,7 @@ impl From<StoreError> for Problem {
                 detail,
             )
             .of_field("Idempotency-Key"),
+            StoreError::Account(refused) => refused.into(),
             StoreError::Corrupt { .. } => {
                 tracing::error!(%detail, "a row of the database cannot be read");
                 Self::new(
@@ -127,6 +143,24 @@ impl From<StoreError> for Problem {
                 )
             }
         }
+    }
+}
+
+impl From<AccountRefused> for Problem {
+    fn from(refused: AccountRefused) -> Self {
+        let (status, code) = match &refused {
+            AccountRefused::UserUnknown(_) => (StatusCode::NOT_FOUND, "user_unknown"),
+            AccountRefused::TokenUnknown(_) => (StatusCode::NOT_FOUND, "token_unknown"),
+            AccountRefused::SessionUnknown => (StatusCode::UNAUTHORIZED, "session_ended"),
+            AccountRefused::NameTaken(_) => (StatusCode::CONFLICT, "name_taken"),
+            AccountRefused::VersionConflict { .. } => {
+                (StatusCode::PRECONDITION_FAILED, "version_conflict")
+            }
+            AccountRefused::LastAdmin => (StatusCode::CONFLICT, "last_admin"),
+            AccountRefused::AlreadySetUp => (StatusCode::CONFLICT, "already_set_up"),
+            AccountRefused::Full { .. } => (StatusCode::CONFLICT, "full"),
+        };
+        Self::new(status, code, refused.to_string())
     }
 }
 
@@ -150,13 +184,20 @@ impl From<FleetRefused> for Problem {
 
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
-        let status = StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
+        let status = self.status();
+        let retry_after_s = self.retry_after_s;
         let mut response = (status, Json(self)).into_response();
         let headers = response.headers_mut();
         let problem = HeaderValue::from_static("application/problem+json");
         headers.insert(header::CONTENT_TYPE, problem);
-        if status == StatusCode::SERVICE_UNAVAILABLE {
-            headers.insert(header::RETRY_AFTER, HeaderValue::from(RETRY_AFTER_S));
+        let retry_after_s =
+            retry_after_s.or((status == StatusCode::SERVICE_UNAVAILABLE).then_some(RETRY_AFTER_S));
+        if let Some(seconds) = retry_after_s {
+            headers.insert(header::RETRY_AFTER, HeaderValue::from(seconds));
+        }
+        if status == StatusCode::UNAUTHORIZED {
+            let challenge = HeaderValue::from_static("Bearer realm=\"fleetcal\"");
+            headers.insert(header::WWW_AUTHENTICATE, challenge);
         }
         response
     }

@@ -5,7 +5,7 @@ use std::io::ErrorKind;
 use std::sync::Arc;
 use std::time::Duration;
 
-use axum::Router;
+use axum::{Extension, Router};
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::server::graceful::{GracefulShutdown, Watcher};
@@ -13,7 +13,9 @@ use hyper_util::service::TowerToHyperService;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio_util::sync::CancellationToken;
+use tower::Layer;
 
+use super::access::PeerAddress;
 use crate::limits;
 
 /// Wait after a failed accept, which mostly means that the process has no file left to open.
@@ -81,6 +83,8 @@ async fn serve_connection(
     routes: Router,
     watcher: Watcher,
 ) {
+    let peer = PeerAddress(connection.peer_addr().ok().map(|address| address.ip()));
+    let routes = Extension(peer).layer(routes);
     let mut builder = http1::Builder::new();
     builder
         .timer(TokioTimer::new())

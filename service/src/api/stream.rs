@@ -19,6 +19,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::ApiState;
+use super::access::{Caller, permission_ended};
 use super::extract::Parameters;
 use super::problem::Problem;
 use super::robots::{EventDocument, state_document};
@@ -152,10 +153,11 @@ pub(super) struct StreamParameters {
 pub(super) async fn get_stream(
     State(api): State<ApiState>,
     Parameters(query): Parameters<StreamParameters>,
+    caller: Caller,
     headers: HeaderMap,
 ) -> Result<impl IntoResponse, Problem> {
     let robot = query.robot.as_deref().map(robot_named).transpose()?;
-    let hub = api.stream;
+    let hub = api.stream.clone();
     let place = Arc::clone(&hub.places).try_acquire_owned().map_err(|_| {
         let detail = format!(
             "{} listen already, which is the limit",
@@ -174,7 +176,8 @@ pub(super) async fn get_stream(
         .retry(limits::HTTP_STREAM_RETRY);
     let updates = BroadcastStream::new(hub.frames.subscribe())
         .filter_map(move |frame| std::future::ready(event(frame.ok(), robot.as_ref())))
-        .take_until(hub.stop.cancelled_owned());
+        .take_until(hub.stop.cancelled_owned())
+        .take_until(Box::pin(permission_ended(api, caller)));
     let events = stream::once(std::future::ready(first)).chain(updates);
     let keep_alive = KeepAlive::new().interval(limits::HTTP_STREAM_KEEP_ALIVE);
     Ok(Sse::new(holding(place, events)).keep_alive(keep_alive))

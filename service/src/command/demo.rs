@@ -11,12 +11,15 @@ use fleetcal_robot::fleet::{FleetOptions, SimulatedRobot, run_fleet, simulated_r
 use fleetcal_robot::simulator;
 use tokio_util::sync::CancellationToken;
 
+use crate::access::{AccountName, Actor, Grant, Password, PasswordHash, Role};
 use crate::clock::SharedClock;
 use crate::command::CommandError;
 use crate::command::output::print_text;
 use crate::command::stopping::{Signals, stop_in_time};
 use crate::config::{Config, Mount, RobotConfig, RobotEntry, ValueRefused, Wheelbase};
+use crate::entropy;
 use crate::service::{Service, ServiceError};
+use crate::store::{Store, UserChange};
 
 /// What `fleetcal demo` takes.
 #[derive(Debug, Args)]
@@ -57,8 +60,9 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
     };
     let mut signals = Signals::listen()?;
     let service = Service::start(config, Arc::clone(&clock)).await?;
+    let accounts = seed_accounts(service.store()).await?;
     print_text(&format!(
-        "{} simulated robots are on their way: http://{}\nCtrl-C ends the demo.\n",
+        "{} simulated robots are on their way: http://{}\n{accounts}Ctrl-C ends the demo.\n",
         robots.len(),
         service.http_address(),
     ))?;
@@ -79,6 +83,39 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
     stop_in_time(service, signals).await;
     ended??;
     Ok(())
+}
+
+/// One account of each role, and a second approver, since nobody approves what he has proposed.
+const ACCOUNTS: [(&str, Role); 5] = [
+    ("admin", Role::Admin),
+    ("approver", Role::Approver),
+    ("approver2", Role::Approver),
+    ("operator", Role::Operator),
+    ("viewer", Role::Viewer),
+];
+/// Digits of the demo's passwords: 64 bits, short enough to type.
+const PASSWORD_DIGITS: usize = 16;
+
+/// Makes the demo's accounts in a store without users; says who they are.
+async fn seed_accounts(store: &Store) -> Result<String, CommandError> {
+    if store.has_users().await? {
+        return Ok("The accounts are those of this folder's first demo.\n".to_owned());
+    }
+    let mut told = vec!["Sign in with one of these accounts, made for this demo:\n".to_owned()];
+    for (name, role) in ACCOUNTS {
+        let random = entropy::secret()?;
+        let digits = random.iter().map(|byte| format!("{byte:02x}"));
+        let text: String = digits.take(PASSWORD_DIGITS / 2).collect();
+        let change = UserChange::Create {
+            name: AccountName::parse(name)?,
+            grant: Grant::of_person(role)?,
+            password: PasswordHash::of(&Password::parse(&text)?, &entropy::salt()?)?,
+            key: None,
+        };
+        store.write_user(Actor::service(), change).await?;
+        told.push(format!("  {name:<10} {text}\n"));
+    }
+    Ok(told.concat())
 }
 
 /// The robot as an operator would register it: its drawing, not its truth.

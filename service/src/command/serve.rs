@@ -8,8 +8,9 @@ use clap::Args;
 
 use crate::clock::SharedClock;
 use crate::command::CommandError;
+use crate::command::output::print_text;
 use crate::command::stopping::{Signals, stop_in_time};
-use crate::config::Config;
+use crate::config::{Config, PublicUrl};
 use crate::service::Service;
 
 /// What `fleetcal serve` takes. A flag counts more than the file.
@@ -24,6 +25,10 @@ pub struct Arguments {
     /// Address of the API and the dashboard [default: 127.0.0.1:8080]
     #[arg(long, value_name = "ADDR")]
     pub http: Option<SocketAddr>,
+    /// Where people reach the dashboard, such as https://fleetcal.example.com behind a proxy
+    /// [default: the address of --http]
+    #[arg(long, value_name = "URL")]
+    pub public_url: Option<PublicUrl>,
     /// Zenoh endpoint to listen on; may be repeated [default: tcp/127.0.0.1:7447]
     #[arg(long, value_name = "ENDPOINT")]
     pub listen: Vec<String>,
@@ -46,6 +51,9 @@ impl Arguments {
         if let Some(http) = self.http {
             config.http = http;
         }
+        if let Some(url) = &self.public_url {
+            config.public_url = Some(url.clone());
+        }
         if !self.listen.is_empty() {
             config.listen.clone_from(&self.listen);
         }
@@ -67,6 +75,10 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
     let service = Service::start(config, Arc::clone(&clock)).await?;
     let http = service.http_address();
     tracing::info!(%http, zenoh = listen, "fleetcal is ready: http://{http}");
+    if let Some(link) = service.setup_link() {
+        // Not into the log, which others may read.
+        print_text(&format!("set up at {link}\n"))?;
+    }
     signals.stop().await;
     tracing::info!("stopping");
     stop_in_time(service, signals).await;

@@ -2,7 +2,7 @@
 
 use axum::Json;
 use axum::extract::State;
-use axum::http::{HeaderMap, HeaderName, StatusCode};
+use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::event::{RobotEvent, RobotEventKind};
@@ -10,14 +10,15 @@ use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 
 use crate::api::ApiState;
-use crate::api::extract::{Body, NoParameters, Parameters, RobotPath, header_text, number_within};
+use crate::api::access::Caller;
+use crate::api::extract::{
+    Body, NoParameters, Parameters, RobotPath, idempotency_key, number_within,
+};
 use crate::api::problem::Problem;
 use crate::api::time;
 use crate::fleet::RobotView;
 use crate::limits;
-use crate::store::{EventKind, EventRecord, EventSource, IdempotencyKey, NewEvent, kind_of_note};
-
-static IDEMPOTENCY_KEY: HeaderName = HeaderName::from_static("idempotency-key");
+use crate::store::{EventKind, EventRecord, EventSource, NewEvent, kind_of_note};
 
 /// Something that happened to a robot.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
@@ -123,7 +124,7 @@ pub(super) async fn list_events(
     Ok(Json(EventPage { items, next }))
 }
 
-/// A note that a person or tool attaches to a robot's history.
+/// A note that a person or tool attaches to a robot's history. Its author is the caller.
 #[derive(Debug, Deserialize, utoipa::ToSchema)]
 #[schema(as = NewEvent)]
 #[serde(deny_unknown_fields)]
@@ -138,10 +139,6 @@ pub(super) struct NewEventDocument {
     #[serde(default)]
     #[schema(max_length = 1000)]
     note: String,
-    /// Who says so, at most 100 characters.
-    #[serde(default)]
-    #[schema(max_length = 100)]
-    author: Option<String>,
 }
 
 /// Attaches a note to a robot's history, such as "the LiDAR was taken off and put back". With an
@@ -169,6 +166,7 @@ pub(super) async fn post_event(
     State(api): State<ApiState>,
     RobotPath(id): RobotPath,
     Parameters(NoParameters {}): Parameters<NoParameters>,
+    caller: Caller,
     headers: HeaderMap,
     Body {
         value: body,
@@ -178,11 +176,6 @@ pub(super) async fn post_event(
     let view = known(&api, &id)?;
     let key = idempotency_key(&headers, sha256)?;
     check_length("note", &body.note, limits::NOTE_CHARS_MAX)?;
-    check_length(
-        "author",
-        body.author.as_deref().unwrap_or(""),
-        limits::AUTHOR_CHARS_MAX,
-    )?;
     let stamp_ns = stamp_of(&body, &view, api.clock.now_ns())?;
     let note = RobotEvent {
         kind: body.kind,
@@ -195,7 +188,7 @@ pub(super) async fn post_event(
         stamp_ns,
         received_ns: api.clock.now_ns(),
         source: EventSource::Person,
-        author: body.author.filter(|author| !author.is_empty()),
+        author: Some(caller.actor.name),
         note: Some(note.note.clone()).filter(|note| !note.is_empty()),
         details: None,
     };
@@ -237,26 +230,6 @@ fn check_length(field: &str, text: &str, chars_max: usize) -> Result<(), Problem
         return Err(Problem::new(status, "value_refused", detail).of_field(field));
     }
     Ok(())
-}
-
-fn idempotency_key(
-    headers: &HeaderMap,
-    request_sha256: [u8; 32],
-) -> Result<Option<IdempotencyKey>, Problem> {
-    let Some(key) = header_text(headers, &IDEMPOTENCY_KEY)? else {
-        return Ok(None);
-    };
-    if key.is_empty() || key.len() > limits::HTTP_IDEMPOTENCY_KEY_CHARS_MAX {
-        return Err(Problem::refused(
-            "Idempotency-Key",
-            key,
-            "1 to 128 characters",
-        ));
-    }
-    Ok(Some(IdempotencyKey {
-        key: key.to_owned(),
-        request_sha256,
-    }))
 }
 
 fn number_of(cursor: &str) -> Result<i64, Problem> {

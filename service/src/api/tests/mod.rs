@@ -1,5 +1,7 @@
 //! Every route as a client sees it.
 
+mod access;
+mod permission;
 mod robots;
 mod server;
 mod service;
@@ -20,22 +22,28 @@ use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 use tower::ServiceExt;
 
-use super::{ApiSetup, router};
+use super::{AccessSetup, ApiSetup, router};
+use crate::access::{AccountName, Actor, Grant, Role, SetupCode, TokenValue};
 use crate::clock::MockClock;
 use crate::config::RobotConfig;
 use crate::fleet::{FleetHandle, FleetSetup};
-use crate::store::{Expected, Store};
+use crate::store::{Expected, Store, TokenChange};
 
 /// 2026-01-01T00:00:00Z.
 const NOW_NS: i64 = 1_767_225_600_000_000_000;
 
-/// A service without its Zenoh link.
+/// A service without its Zenoh link. Requests without a credential of their own are sent with the
+/// token of an administrator named "tester".
 struct Bench {
+    setup: ApiSetup,
     routes: Router,
     fleet: FleetHandle,
     store: Store,
     link_open: watch::Sender<bool>,
     stop: CancellationToken,
+    clock: Arc<MockClock>,
+    token: String,
+    setup_code: String,
     _folder: TempDir,
 }
 
@@ -74,21 +82,56 @@ async fn bench(robots: &[&str]) -> Bench {
     });
     let (link_open, is_open) = watch::channel(true);
     let stop = CancellationToken::new();
-    let routes = router(ApiSetup {
+    let (setup_code, setup_text) = SetupCode::new(&[0xab; 32], NOW_NS);
+    let setup = ApiSetup {
         fleet: fleet.clone(),
         store: store.clone(),
-        clock,
+        clock: clock.clone(),
         link_open: is_open,
+        access: AccessSetup {
+            public_url: None,
+            setup_code: Some(setup_code),
+        },
         stop: stop.clone(),
-    });
+    };
+    let routes = router(setup.clone());
+    let token = token(&store, "tester", grant(Role::Admin), None).await;
     Bench {
+        setup,
         routes,
         fleet,
         store,
         link_open,
         stop,
+        clock,
+        token,
+        setup_code: setup_text,
         _folder: folder,
     }
+}
+
+/// A role; of a robot, that of robot `a`.
+fn grant(role: Role) -> Grant {
+    Grant::of_token(role, (role == Role::Robot).then(|| robot("a"))).unwrap()
+}
+
+/// Makes a token as the command line does.
+async fn token(store: &Store, name: &str, grant: Grant, expires_ns: Option<i64>) -> String {
+    let mut random = [0; 32];
+    random[..name.len()].copy_from_slice(name.as_bytes());
+    let value = TokenValue::new(&random);
+    let change = TokenChange::Create {
+        name: AccountName::parse(name).unwrap(),
+        grant,
+        hash: value.hash(),
+        expires_ns,
+        key: None,
+    };
+    store
+        .write_token(Actor::command_line(), change)
+        .await
+        .unwrap();
+    value.reveal().to_owned()
 }
 
 impl Bench {
@@ -109,14 +152,7 @@ impl Bench {
         headers: &[(&str, &str)],
         body: impl Into<Body>,
     ) -> Answer {
-        let mut request = Request::builder().method(method).uri(uri);
-        if !headers.iter().any(|(name, _)| *name == "content-type") {
-            request = request.header("content-type", "application/json");
-        }
-        for (name, value) in headers {
-            request = request.header(*name, *value);
-        }
-        let request = request.body(body.into()).unwrap();
+        let request = self.request(method, uri, headers, body);
         let response = self.routes.clone().oneshot(request).await.unwrap();
         let (parts, body) = response.into_parts();
         let bytes = axum::body::to_bytes(body, 16 << 20).await.unwrap();
@@ -127,13 +163,33 @@ impl Bench {
         }
     }
 
+    /// A request as [`Bench`] says; an empty `authorization` sends none.
+    fn request(
+        &self,
+        method: &str,
+        uri: &str,
+        headers: &[(&str, &str)],
+        body: impl Into<Body>,
+    ) -> Request<Body> {
+        let has = |wanted: &str| headers.iter().any(|(name, _)| *name == wanted);
+        let mut request = Request::builder().method(method).uri(uri);
+        if !has("content-type") {
+            request = request.header("content-type", "application/json");
+        }
+        if !has("authorization") && !has("cookie") {
+            request = request.header("authorization", format!("Bearer {}", self.token));
+        }
+        for (name, value) in headers {
+            if (*name, *value) != ("authorization", "") {
+                request = request.header(*name, *value);
+            }
+        }
+        request.body(body.into()).unwrap()
+    }
+
     /// The first bytes of an answer that has no end.
     async fn begin(&self, uri: &str, headers: &[(&str, &str)]) -> axum::body::BodyDataStream {
-        let mut request = Request::builder().uri(uri);
-        for (name, value) in headers {
-            request = request.header(*name, *value);
-        }
-        let request = request.body(Body::empty()).unwrap();
+        let request = self.request("GET", uri, headers, "");
         let response = self.routes.clone().oneshot(request).await.unwrap();
         assert_eq!(response.status(), StatusCode::OK);
         response.into_body().into_data_stream()

@@ -51,9 +51,13 @@ async fn a_slow_header_is_given_up_and_others_are_served_meanwhile() {
 async fn a_slow_body_is_a_problem_in_time() {
     let bench = bench(&[]).await;
     let (address, _) = served(&bench).await;
-    let request = b"PUT /api/v1/robots/a HTTP/1.1\r\nHost: x\r\nIf-None-Match: *\r\n\
-        Content-Type: application/json\r\nContent-Length: 100\r\nConnection: close\r\n\r\n{";
-    let answer = tokio::time::timeout(Duration::from_secs(15), talk(address, request))
+    let request = format!(
+        "PUT /api/v1/robots/a HTTP/1.1\r\nHost: x\r\nIf-None-Match: *\r\n\
+         Authorization: Bearer {}\r\nContent-Type: application/json\r\nContent-Length: 100\r\n\
+         Connection: close\r\n\r\n{{",
+        bench.token
+    );
+    let answer = tokio::time::timeout(Duration::from_secs(15), talk(address, request.as_bytes()))
         .await
         .unwrap();
     assert!(answer.starts_with("HTTP/1.1 503"), "{answer}");
@@ -91,10 +95,11 @@ async fn garbage_ends_one_connection() {
 async fn a_shutdown_ends_streams_and_idle_connections() {
     let bench = bench(&[]).await;
     let (address, server) = served(&bench).await;
-    let stream = tokio::spawn(talk(
-        address,
-        b"GET /api/v1/stream HTTP/1.1\r\nHost: x\r\n\r\n",
-    ));
+    let request = format!(
+        "GET /api/v1/stream HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer {}\r\n\r\n",
+        bench.token
+    );
+    let stream = tokio::spawn(async move { talk(address, request.as_bytes()).await });
     let idle = tokio::spawn(talk(address, b"GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n"));
     // Both have been answered once a third request has.
     talk(

@@ -145,7 +145,7 @@ async fn the_description_can_be_read_in_a_browser() {
 }
 
 /// Every operation of the description, with its path made real.
-fn operations() -> Vec<(String, String)> {
+pub(super) fn operations() -> Vec<(String, String)> {
     let document = serde_json::to_value(openapi()).unwrap();
     let paths = document["paths"].as_object().unwrap();
     let methods = |item: &Value| {
@@ -158,7 +158,14 @@ fn operations() -> Vec<(String, String)> {
     paths
         .iter()
         .flat_map(|(path, item)| methods(item).into_iter().map(move |m| (m, path)))
-        .map(|(method, path)| (method.to_uppercase(), path.replace("{id}", "a")))
+        .map(|(method, path)| {
+            let id = if path.contains("/robots/") {
+                "a"
+            } else {
+                "999999"
+            };
+            (method.to_uppercase(), path.replace("{id}", id))
+        })
         .collect()
 }
 
@@ -166,7 +173,7 @@ fn operations() -> Vec<(String, String)> {
 async fn every_route_refuses_unknown_parameters_and_has_security_headers() {
     let bench = bench(&["a"]).await;
     let operations = operations();
-    assert_eq!(operations.len(), 12);
+    assert!(operations.len() > 20);
     for (method, path) in operations {
         let headers = [("if-match", "\"1\"")];
         let answer = bench
@@ -195,7 +202,14 @@ async fn every_route_refuses_other_methods() {
     let bench = bench(&["a"]).await;
     let operations = operations();
     for (_, path) in &operations {
+        let is_answered = |method: &str| {
+            let operation = (method.to_owned(), path.clone());
+            operations.contains(&operation)
+        };
         for method in ["DELETE", "PATCH", "TRACE", "BREW"] {
+            if is_answered(method) {
+                continue;
+            }
             let told = bench.send(method, path, &[]).await.told();
             assert_eq!(
                 told,

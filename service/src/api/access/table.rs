@@ -1,0 +1,62 @@
+//! The one table of who may call what. A route that is not in it is refused to everybody, and a
+//! test compares it with the OpenAPI document.
+
+use axum::http::Method;
+
+use crate::access::Access::{self, Admin, Operator, Public, Viewer};
+
+/// Method, path as the routes have it, and what is asked of the caller.
+pub(in crate::api) const TABLE: &[(&str, &str, Access)] = &[
+    ("GET", "/healthz", Public),
+    ("GET", "/readyz", Public),
+    ("GET", "/metrics", Public),
+    ("POST", "/api/v1/setup", Public),
+    ("POST", "/api/v1/session", Public),
+    ("GET", "/api/v1/session", Viewer),
+    ("DELETE", "/api/v1/session", Viewer),
+    ("POST", "/api/v1/session/password", Viewer),
+    ("GET", "/api/v1/tokens", Admin),
+    ("POST", "/api/v1/tokens", Admin),
+    ("DELETE", "/api/v1/tokens/{id}", Admin),
+    ("GET", "/api/v1/users", Admin),
+    ("POST", "/api/v1/users", Admin),
+    ("GET", "/api/v1/users/{id}", Admin),
+    ("PATCH", "/api/v1/users/{id}", Admin),
+    ("DELETE", "/api/v1/users/{id}", Admin),
+    ("GET", "/api/v1/openapi.json", Viewer),
+    ("GET", "/api/v1/stream", Viewer),
+    ("GET", "/api/v1/robots", Viewer),
+    ("GET", "/api/v1/robots/{id}", Viewer),
+    ("PUT", "/api/v1/robots/{id}", Operator),
+    ("GET", "/api/v1/robots/{id}/estimate", Viewer),
+    ("GET", "/api/v1/robots/{id}/history", Viewer),
+    ("GET", "/api/v1/robots/{id}/events", Viewer),
+    ("POST", "/api/v1/robots/{id}/events", Operator),
+];
+
+/// What a route asks of its caller; `None` of a route that is not in the table.
+pub(super) fn access(method: &Method, path: &str) -> Option<Access> {
+    // The router answers HEAD with what GET does.
+    let method = if *method == Method::HEAD {
+        "GET"
+    } else {
+        method.as_str()
+    };
+    TABLE
+        .iter()
+        .find(|(of_method, of_path, _)| *of_method == method && *of_path == path)
+        .map(|(_, _, access)| *access)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn head_is_get_and_the_rest_is_as_written() {
+        assert_eq!(access(&Method::HEAD, "/healthz"), Some(Public));
+        assert_eq!(access(&Method::PUT, "/api/v1/robots/{id}"), Some(Operator));
+        assert_eq!(access(&Method::PUT, "/api/v1/robots/a"), None);
+        assert_eq!(access(&Method::POST, "/healthz"), None);
+    }
+}
