@@ -11,6 +11,24 @@ const READY_WITHIN_MS = 30_000;
 const STOPPED_WITHIN_MS = 10_000;
 const LOG_LINES_MAX = 60;
 
+/** The administrator of every service that a test starts, the demo's apart. */
+export const ADMIN = { name: 'ada', password: 'correct horse battery' };
+
+/** What a browser keeps of somebody who signed in. */
+export interface SignedIn {
+  cookies: {
+    name: string;
+    value: string;
+    domain: string;
+    path: string;
+    expires: number;
+    httpOnly: boolean;
+    secure: boolean;
+    sameSite: 'Strict';
+  }[];
+  origins: [];
+}
+
 /** A port that is free now. */
 async function freePort(): Promise<number> {
   const server = createServer().listen(0, '127.0.0.1');
@@ -48,6 +66,9 @@ export class Service {
   #process: ChildProcess | undefined;
   #robots: ChildProcess | undefined;
   #log: string[] = [];
+  /** What it printed for people, whole. */
+  #printed = '';
+  #signedIn = new Map<string, Promise<SignedIn>>();
 
   private constructor(command: 'demo' | 'serve', folder: string, http: number, zenoh: number) {
     this.#command = command;
@@ -75,6 +96,7 @@ export class Service {
       this.#log.splice(0, Math.max(0, this.#log.length - LOG_LINES_MAX));
     };
     child.stdout?.on('data', keep);
+    child.stdout?.on('data', (chunk: Buffer) => (this.#printed += chunk.toString()));
     child.stderr?.on('data', keep);
     const until = Date.now() + READY_WITHIN_MS;
     while (!(await this.#ready())) {
@@ -91,6 +113,60 @@ export class Service {
     } catch {
       return false;
     }
+  }
+
+  /** What stands behind a word that the service printed; waits until it has. */
+  async #told(pattern: RegExp): Promise<string> {
+    const until = Date.now() + READY_WITHIN_MS;
+    for (;;) {
+      const found = pattern.exec(this.#printed)?.[1];
+      if (found !== undefined) return found;
+      if (Date.now() > until) throw new Error(`${pattern} was not printed:\n${this.#printed}`);
+      await new Promise((resolve) => setTimeout(resolve, 50));
+    }
+  }
+
+  /** The link by which the first administrator is made. */
+  setupLink(): Promise<string> {
+    return this.#told(/^set up at (\S+)$/m);
+  }
+
+  /** A browser's state in which `name` is signed in: of the demo one of its accounts. */
+  signedIn(name: string): Promise<SignedIn> {
+    const known = this.#signedIn.get(name) ?? this.#signIn(name);
+    this.#signedIn.set(name, known);
+    return known;
+  }
+
+  async #signIn(name: string): Promise<SignedIn> {
+    if (this.#command === 'demo') {
+      const password = await this.#told(new RegExp(`^  ${name} +(\\S+)$`, 'm'));
+      return this.#begin('/api/v1/session', { name, password });
+    }
+    const code = new URL(await this.setupLink()).hash.replace('#code=', '');
+    return this.#begin('/api/v1/setup', { code, ...ADMIN });
+  }
+
+  async #begin(path: string, body: object): Promise<SignedIn> {
+    const response = await fetch(this.url + path, {
+      method: 'POST',
+      headers: { 'content-type': 'application/json' },
+      body: JSON.stringify(body),
+    });
+    const [pair] = (response.headers.get('set-cookie') ?? '').split(';');
+    const [name, value] = (pair ?? '').split('=');
+    if (!response.ok || !name || !value) throw new Error(`signing in failed: ${response.status}`);
+    const cookie = {
+      name,
+      value,
+      domain: '127.0.0.1',
+      path: '/',
+      expires: -1,
+      httpOnly: true,
+      secure: false,
+      sameSite: 'Strict' as const,
+    };
+    return { cookies: [cookie], origins: [] };
   }
 
   /** Has one simulated robot drive and send to the service. */

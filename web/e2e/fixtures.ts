@@ -42,11 +42,16 @@ class Account {
 
 interface Given {
   account: Account;
+  /** Who is signed in: one of the demo's accounts, or nobody. */
+  as: string | null;
 }
 
 interface Shared {
-  /** What the tests of a file run against: the demo, or a service without robots. */
-  command: 'demo' | 'serve';
+  /**
+   * What the tests of a file run against: the demo, a service without robots, or one that nobody
+   * has set up.
+   */
+  command: 'demo' | 'serve' | 'unset';
   service: Service;
 }
 
@@ -55,12 +60,18 @@ export const test = base.extend<Given, Shared>({
 
   service: [
     async ({ command }, use) => {
-      const service = await Service.start(command);
+      const service = await Service.start(command === 'demo' ? 'demo' : 'serve');
       await use(service);
       await service.stop();
     },
     { scope: 'worker', timeout: 60_000 },
   ],
+
+  as: ['operator', { option: true }],
+
+  storageState: async ({ as, service }, use) => {
+    await use(as === null ? { cookies: [], origins: [] } : await service.signedIn(as));
+  },
 
   baseURL: async ({ service }, use) => use(service.url),
 

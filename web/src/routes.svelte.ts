@@ -1,11 +1,17 @@
 /** Which page an address shows, by the browser's History API. */
 
 export type Route =
-  { page: 'fleet' } | { page: 'robot'; id: string } | { page: 'missing'; path: string };
+  | { page: 'fleet' }
+  | { page: 'robot'; id: string }
+  | { page: 'setup' }
+  | { page: 'account' }
+  | { page: 'missing'; path: string };
 
 /** The page at `path`. */
 export function route(path: string): Route {
   if (path === '/') return { page: 'fleet' };
+  if (path === '/setup') return { page: 'setup' };
+  if (path === '/account') return { page: 'account' };
   const robot = /^\/robots\/([^/]+)\/?$/.exec(path)?.[1];
   if (robot === undefined) return { page: 'missing', path };
   try {

@@ -5,6 +5,8 @@ describe('routes', () => {
   it('find the page of an address', () => {
     expect(route('/')).toEqual({ page: 'fleet' });
     expect(route('/robots/tugger_01')).toEqual({ page: 'robot', id: 'tugger_01' });
+    expect(route('/setup')).toEqual({ page: 'setup' });
+    expect(route('/account')).toEqual({ page: 'account' });
     expect(route('/robots/a/b')).toMatchObject({ page: 'missing' });
     expect(route('/robots/%E0%A4%A')).toMatchObject({ page: 'missing' });
   });

@@ -24,6 +24,14 @@ export interface Answer<T> {
   etag: string | null;
 }
 
+/** Told the `code` of every answer that says that nobody, or nobody any more, is signed in. */
+let unauthorised: (code: string) => void = () => undefined;
+
+/** Has `listener` told whenever the service asks for a credential. */
+export function onUnauthorised(listener: (code: string) => void): void {
+  unauthorised = listener;
+}
+
 /** A text that can begin a line, and be followed by a full stop. */
 export function sentence(text: string): string {
   const trimmed = text.trim().replace(/\.$/, '');
@@ -37,11 +45,13 @@ async function refusal(response: Response): Promise<Refusal> {
   } catch {
     // Not a problem document: the status has to do.
   }
+  if (response.status === 401) unauthorised(problem.code ?? '');
   const text = problem.detail ?? problem.title ?? `The service answered ${response.status}`;
   return new Refusal(sentence(text), response.status);
 }
 
-async function send(path: string, init: RequestInit): Promise<Response> {
+/** Any request; most are {@link get}, {@link put}, {@link post} or {@link remove}. */
+export async function send(path: string, init: RequestInit): Promise<Response> {
   let response: Response;
   try {
     response = await fetch(BASE + path, {
@@ -76,12 +86,18 @@ export async function put<T>(path: string, body: unknown, etag: string | null): 
   return (await response.json()) as T;
 }
 
-/** POST that creates something; sending it again under the same key does nothing. */
-export async function post<T>(path: string, body: unknown, idempotencyKey: string): Promise<T> {
+/** DELETE. */
+export async function remove(path: string): Promise<void> {
+  await send(path, { method: 'DELETE' });
+}
+
+/** POST that creates something; sending it again under the same key, if any, does nothing. */
+export async function post<T>(path: string, body: unknown, idempotencyKey?: string): Promise<T> {
+  const key: HeadersInit = idempotencyKey ? { 'idempotency-key': idempotencyKey } : {};
   const response = await send(path, {
     method: 'POST',
     body: JSON.stringify(body),
-    headers: { 'content-type': 'application/json', 'idempotency-key': idempotencyKey },
+    headers: { 'content-type': 'application/json', ...key },
   });
   return (await response.json()) as T;
 }

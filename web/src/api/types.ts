@@ -26,3 +26,6 @@ export type EventKind = Schemas['EventKind'];
 export type EventPage = Schemas['EventPage'];
 export type NewEvent = Schemas['NewEvent'];
 export type Problem = Schemas['Problem'];
+
+export type Session = Schemas['Session'];
+export type Role = Schemas['Role'];

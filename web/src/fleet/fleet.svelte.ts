@@ -45,8 +45,8 @@ class Fleet {
     this.stream = new LiveStream(['ready', 'resync', 'estimate', 'robot_state', 'event'], {
       message: (name, data) => this.#take(name, data),
       lost: () => {
-        // Only to say why there is nothing to show.
-        if (this.loaded !== 'ready') void this.load();
+        // To say why there is nothing to show, and to notice that the session has ended.
+        void this.load();
       },
     });
   }

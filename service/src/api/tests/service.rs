@@ -33,9 +33,9 @@ async fn a_closed_store_is_unavailable() {
     let answer = bench
         .send_body("POST", "/api/v1/robots/a/events", &[], body)
         .await;
-    assert_snapshot!(answer.told(), @"503 database_unavailable: the store is closed");
+    assert_snapshot!(answer.told(), @"503 database_unavailable: the database could not read a token");
     assert_eq!(answer.header("retry-after"), "2");
-    assert_snapshot!(bench.get("/api/v1/robots/a/history").await.told(), @"503 database_unavailable: the database could not read the latest estimate");
+    assert_snapshot!(bench.get("/api/v1/robots/a/history").await.told(), @"503 database_unavailable: the database could not read a token");
 }
 
 #[tokio::test]

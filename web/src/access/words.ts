@@ -1,0 +1,11 @@
+/** What each role may do, in words. */
+
+import type { Role } from '../api/types';
+
+export const ROLE_WORDS: Record<Role, string> = {
+  robot: 'one robot, which pulls its own calibration',
+  viewer: 'you read everything and change nothing',
+  operator: 'you read, register robots, attach notes and propose',
+  approver: 'you also approve what somebody else has proposed',
+  admin: 'you also keep users and tokens',
+};
