@@ -88,6 +88,18 @@ pub enum Unit {
     One,
 }
 
+impl Unit {
+    /// The name in documents.
+    pub const fn symbol(self) -> &'static str {
+        match self {
+            Self::Radian => "rad",
+            Self::Metre => "m",
+            Self::Second => "s",
+            Self::One => "1",
+        }
+    }
+}
+
 /// How far a parameter is known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

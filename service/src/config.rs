@@ -14,6 +14,7 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
+use crate::approval::Policy;
 use crate::fleet::ScanSettings;
 
 /// Longest wheelbase accepted, m: beyond any vehicle on wheels.
@@ -275,6 +276,13 @@ fn checked_settings<'de, D: Deserializer<'de>>(from: D) -> Result<EstimatorSetti
     Ok(settings)
 }
 
+/// A policy that can be followed.
+fn checked_policy<'de, D: Deserializer<'de>>(from: D) -> Result<Policy, D::Error> {
+    let policy = Policy::deserialize(from)?;
+    policy.check().map_err(D::Error::custom)?;
+    Ok(policy)
+}
+
 /// The same, where there need not be any.
 fn checked_settings_if_any<'de, D: Deserializer<'de>>(
     from: D,
@@ -335,6 +343,9 @@ pub struct Config {
     /// Settings of every estimator, unless its robot has its own.
     #[serde(deserialize_with = "checked_settings")]
     pub estimator: EstimatorSettings,
+    /// When something is proposed, who has to agree, and when it counts as proven.
+    #[serde(deserialize_with = "checked_policy")]
+    pub approval: Policy,
     /// Robots that are known beforehand.
     #[serde(rename = "robot")]
     pub robots: Vec<RobotEntry>,
@@ -351,6 +362,7 @@ impl Default for Config {
             zenoh_config: None,
             root: KeyRoot::default(),
             estimator: EstimatorSettings::default(),
+            approval: Policy::default(),
             robots: Vec::new(),
         }
     }
@@ -466,10 +478,19 @@ mod tests {
                 "estimator.{key}"
             );
         }
+        let policy = toml::Table::try_from(Policy::default()).expect("a table");
+        for (key, value) in policy {
+            assert_eq!(
+                written["approval"].get(&key),
+                Some(&value),
+                "approval.{key}"
+            );
+        }
         // What is commented out there is accepted as well.
         let whole = example
             .replace("# zenoh_config", "zenoh_config")
             .replace("# public_url", "public_url")
+            .replace("# approve_within", "approve_within")
             .replace("# [[robot]]", "[[robot]]")
             .replace("# [robot.estimator]", "[robot.estimator]");
         let keys = [
@@ -498,6 +519,23 @@ mod tests {
             "{}",
             refusal(&robot)
         );
+    }
+
+    #[test]
+    fn a_policy_that_cannot_be_followed_is_refused() {
+        let refused = |text: &str| refusal(&format!("[approval]\n{text}"));
+        assert!(refused("confirm_within_s = 0").contains("approval.confirm_within_s is 0"));
+        assert!(refused("propse = true").contains("propse"));
+        let wide = "approve_within = { steering_offset_deg = 6.0, lidar_yaw_deg = 1.0, \
+                    lidar_position_mm = 10.0 }";
+        assert!(
+            refused(wide).contains("approve_within is wider"),
+            "{}",
+            refused(wide)
+        );
+        let none = "verify_within = { steering_offset_deg = 0.0, lidar_yaw_deg = 1.0, \
+                    lidar_position_mm = 10.0 }";
+        assert!(refused(none).contains("verify_within.steering_offset_deg is 0"));
     }
 
     #[test]

@@ -8,6 +8,8 @@
 
 pub mod access;
 pub mod api;
+pub mod approval;
+pub mod clerk;
 pub mod clock;
 pub mod command;
 pub mod config;
@@ -17,4 +19,5 @@ pub mod limits;
 pub mod link;
 pub mod map_server;
 pub mod service;
+pub mod signing_key;
 pub mod store;

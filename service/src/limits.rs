@@ -35,6 +35,17 @@ pub const NOTE_CHARS_MAX: usize = 1_000;
 /// Characters of a refusal's reason that are kept for the robot's page.
 pub const REFUSAL_CHARS_MAX: usize = 300;
 
+/// Robots' answers that wait to be stored.
+pub const ANSWERS_MAX: usize = 1_024;
+/// Longest cross-track error of a robot, in bytes.
+pub const CROSS_TRACK_BYTES_MAX: usize = 1_024;
+/// Longest answer of a robot, in bytes.
+pub const ANSWER_BYTES_MAX: usize = 16 * 1024;
+/// What could not be sent is tried again after this long.
+pub const POST_RETRY: Duration = Duration::from_secs(5);
+/// What waits to be sent is looked through at least this often.
+pub const POST_EVERY: Duration = Duration::from_secs(30);
+
 /// A robot is stale after this long without data.
 pub const STALE_AFTER: Duration = Duration::from_secs(3);
 /// A session of a robot ends after this long without data.
@@ -93,6 +104,10 @@ pub const HTTP_HEADER_BYTES_MAX: usize = 32 * 1024;
 pub const HTTP_PAGE_MAX: u32 = 1_000;
 /// Entries of a page of a list unless asked for otherwise.
 pub const HTTP_PAGE_DEFAULT: u32 = 100;
+/// Proposals that one request approves.
+pub const APPROVED_AT_ONCE_MAX: usize = 500;
+/// Rows of the audit in one file.
+pub const AUDIT_FILE_ROWS_MAX: u32 = 100_000;
 /// Points of a chart's line that one request gets.
 pub const HTTP_POINTS_MAX: u32 = 5_000;
 /// Points of a chart's line unless asked for otherwise.

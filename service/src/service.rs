@@ -13,12 +13,14 @@ use tokio_util::sync::CancellationToken;
 
 use crate::access::SetupCode;
 use crate::api::{self, AccessSetup, ApiSetup};
+use crate::clerk::{Clerk, ClerkSetup};
 use crate::clock::SharedClock;
 use crate::config::{Config, PublicUrl, RobotConfig};
 use crate::entropy::{self, NoEntropy};
-use crate::fleet::{FleetHandle, FleetSetup};
+use crate::fleet::{CrossTrack, FleetHandle, FleetSetup};
 use crate::limits;
 use crate::link::{Link, LinkError, LinkSetup};
+use crate::signing_key::{self, KeyError};
 use crate::store::{Expected, Store, StoreError};
 
 /// Why the service could not be started.
@@ -35,6 +37,9 @@ pub enum ServiceError {
     /// Its store cannot be opened or read.
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// There is no signing key.
+    #[error(transparent)]
+    Key(#[from] KeyError),
     /// Zenoh cannot be opened.
     #[error(transparent)]
     Link(#[from] LinkError),
@@ -56,6 +61,7 @@ pub enum ServiceError {
 #[derive(Debug)]
 pub struct Service {
     fleet: FleetHandle,
+    clerk: Clerk,
     store: Store,
     link: Link,
     link_open: watch::Sender<bool>,
@@ -81,11 +87,23 @@ impl Service {
         let http_address = listener.local_addr().map_err(refused)?;
         let store = Store::open(&config.data, Arc::clone(&clock)).await?;
         let fleet = start_fleet(&config, &store, Arc::clone(&clock)).await?;
+        let key = signing_key::load_or_make(&config.data, || {
+            entropy::secret().map_err(|error| std::io::Error::other(error.to_string()))
+        })?;
+        let clerk = Clerk::start(ClerkSetup {
+            store: store.clone(),
+            fleet: fleet.clone(),
+            clock: Arc::clone(&clock),
+            policy: config.approval,
+            key,
+        })
+        .await?;
         let stop = CancellationToken::new();
         let (link_open, link_is_open) = watch::channel(false);
         let (setup_code, setup_text) = setup_code(&store, clock.now_ns()).await?.unzip();
         let routes = api::router(ApiSetup {
             fleet: fleet.clone(),
+            clerk: clerk.clone(),
             store: store.clone(),
             clock,
             link_open: link_is_open,
@@ -102,10 +120,11 @@ impl Service {
             zenoh_config: config.zenoh_config,
             keys: Keys::new(config.root),
         };
-        let link = match Link::open(setup, fleet.clone()).await {
+        let link = match Link::open(setup, fleet.clone(), clerk.clone()).await {
             Ok(link) => link,
             Err(error) => {
                 stop.cancel();
+                clerk.stop().await;
                 fleet.stop().await;
                 close_store(&store).await;
                 return Err(error.into());
@@ -114,6 +133,7 @@ impl Service {
         link_open.send_replace(true);
         Ok(Self {
             fleet,
+            clerk,
             store,
             link,
             link_open,
@@ -145,14 +165,9 @@ impl Service {
         Some(format!("{}/setup#code={code}", self.url()))
     }
 
-    /// What is kept.
-    pub fn store(&self) -> &Store {
-        &self.store
-    }
-
-    /// The robots.
-    pub fn fleet(&self) -> &FleetHandle {
-        &self.fleet
+    /// The life cycle of calibrations.
+    pub fn clerk(&self) -> &Clerk {
+        &self.clerk
     }
 
     /// Takes no further message, works through what waits, stores it, and ends.
@@ -160,6 +175,7 @@ impl Service {
         self.link_open.send_replace(false);
         self.stop.cancel();
         self.link.close().await;
+        self.clerk.stop().await;
         self.fleet.stop().await;
         close_store(&self.store).await;
         if let Err(error) = self.http.await {
@@ -211,6 +227,11 @@ async fn start_fleet(
             configured: robots.len(),
         });
     }
+    let mut cross_tracks: BTreeMap<RobotId, BTreeMap<u64, CrossTrack>> = BTreeMap::new();
+    for record in store.load_cross_tracks().await? {
+        let of_robot = cross_tracks.entry(record.robot).or_default();
+        of_robot.insert(record.generation, record.errors);
+    }
     let checkpoints = store.load_checkpoints().await?;
     let checkpoints = checkpoints
         .into_iter()
@@ -221,6 +242,7 @@ async fn start_fleet(
         journal: Arc::new(store.clone()),
         estimator: config.estimator.clone(),
         robots,
+        cross_tracks,
         checkpoints,
     }))
 }

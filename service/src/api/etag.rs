@@ -88,6 +88,18 @@ pub(super) fn expected(headers: &HeaderMap) -> Result<Expected, Problem> {
     }
 }
 
+/// The version that a change of what exists is meant for: `If-Match: "3"`.
+pub(super) fn expected_version(headers: &HeaderMap) -> Result<u64, Problem> {
+    match expected(headers)? {
+        Expected::Version(version) => Ok(version),
+        Expected::Any | Expected::Absent => {
+            let detail = "send the ETag of GET as If-Match";
+            let status = StatusCode::PRECONDITION_REQUIRED;
+            Err(Problem::new(status, "precondition_required", detail).of_field("If-Match"))
+        }
+    }
+}
+
 fn quoted(tag: &impl std::fmt::Display) -> HeaderValue {
     HeaderValue::from_str(&format!("\"{tag}\"")).unwrap_or(HeaderValue::from_static("\"\""))
 }

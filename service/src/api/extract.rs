@@ -192,3 +192,21 @@ pub(super) fn time(field: &str, given: Option<&str>) -> Result<Option<jiff::Time
         })
         .transpose()
 }
+
+/// Refuses a text that is too long.
+pub(super) fn check_length(field: &str, text: &str, chars_max: usize) -> Result<(), Problem> {
+    let chars = text.chars().count();
+    if chars > chars_max {
+        let detail = format!("{field} has {chars} characters, accepted are {chars_max} at most");
+        let status = StatusCode::BAD_REQUEST;
+        return Err(Problem::new(status, "value_refused", detail).of_field(field));
+    }
+    Ok(())
+}
+
+/// The number that a cursor names.
+pub(super) fn number_of(cursor: &str) -> Result<i64, Problem> {
+    cursor
+        .parse()
+        .map_err(|_| Problem::refused("cursor", cursor, "`next` of the page before"))
+}

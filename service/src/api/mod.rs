@@ -5,6 +5,8 @@
 //! the API with its methods, and a layer in [`router`] sees a request's `MatchedPath`.
 
 mod access;
+mod approval;
+mod csv;
 mod dashboard;
 mod documentation;
 mod etag;
@@ -35,6 +37,7 @@ use utoipa_axum::routes;
 pub use access::AccessSetup;
 pub use server::serve;
 
+use crate::clerk::Clerk;
 use crate::clock::SharedClock;
 use crate::fleet::FleetHandle;
 use crate::store::Store;
@@ -50,6 +53,8 @@ use stream::StreamHub;
 pub struct ApiSetup {
     /// The robots.
     pub fleet: FleetHandle,
+    /// The life cycle of their calibrations.
+    pub clerk: Clerk,
     /// What is kept of them.
     pub store: Store,
     /// Where time comes from.
@@ -66,6 +71,7 @@ pub struct ApiSetup {
 #[derive(Debug, Clone)]
 struct ApiState {
     fleet: FleetHandle,
+    clerk: Clerk,
     store: Store,
     clock: SharedClock,
     link_open: watch::Receiver<bool>,
@@ -79,6 +85,7 @@ impl ApiState {
         Self {
             stream: StreamHub::start(&setup.fleet, setup.clock.clone(), setup.stop),
             fleet: setup.fleet,
+            clerk: setup.clerk,
             store: setup.store,
             clock: setup.clock,
             link_open: setup.link_open,
@@ -101,6 +108,7 @@ impl ApiState {
     tags(
         (name = "robots", description = "Robots, their calibration and their history"),
         (name = "access", description = "Signing in, users and tokens"),
+        (name = "approval", description = "What is proposed, approved, sent, applied and proven"),
         (name = "live", description = "Updates as they come"),
         (name = "service", description = "The service itself"),
     ),
@@ -162,6 +170,7 @@ fn documented() -> OpenApiRouter<ApiState> {
     let timed = OpenApiRouter::new()
         .merge(robots::routes())
         .merge(access::routes())
+        .merge(approval::routes())
         .routes(routes!(get_openapi))
         .layer(middleware::from_fn(layers::in_time));
     let root = OpenApiRouter::new()

@@ -5,6 +5,7 @@ use axum::http::{HeaderValue, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 
+use crate::approval::Refused;
 use crate::fleet::FleetRefused;
 use crate::store::{AccountRefused, StoreError};
 
@@ -125,6 +126,7 @@ impl From<StoreError> for Problem {
             )
             .of_field("Idempotency-Key"),
             StoreError::Account(refused) => refused.into(),
+            StoreError::Refused(refused) => refused.into(),
             StoreError::Corrupt { .. } => {
                 tracing::error!(%detail, "a row of the database cannot be read");
                 Self::new(
@@ -161,6 +163,39 @@ impl From<AccountRefused> for Problem {
             AccountRefused::Full { .. } => (StatusCode::CONFLICT, "full"),
         };
         Self::new(status, code, refused.to_string())
+    }
+}
+
+impl From<Refused> for Problem {
+    fn from(refused: Refused) -> Self {
+        let detail = refused.to_string();
+        let conflict = |code| Self::new(StatusCode::CONFLICT, code, detail.clone());
+        let value = |field: &str| {
+            Self::new(StatusCode::BAD_REQUEST, "value_refused", detail.clone()).of_field(field)
+        };
+        match refused {
+            Refused::Stale { .. } => {
+                Self::new(StatusCode::PRECONDITION_FAILED, "version_conflict", detail)
+            }
+            Refused::OtherRevision { .. } => {
+                Self::new(StatusCode::PRECONDITION_FAILED, "other_revision", detail)
+                    .of_field("sha256")
+            }
+            Refused::OwnProposal(_) | Refused::ApprovedAlready(_) => {
+                Self::new(StatusCode::FORBIDDEN, "second_person_needed", detail)
+            }
+            Refused::ProposalClosed { .. } | Refused::NotOpen(_) => conflict("proposal_closed"),
+            Refused::Deployment { .. } | Refused::NotUnderway(_) => conflict("wrong_state"),
+            Refused::Underway { .. } => conflict("deployment_underway"),
+            Refused::OutOfLimits { field, .. } => value(field),
+            Refused::ReasonMissing => value("reason"),
+            Refused::NothingToReturnTo | Refused::NothingEarlier => {
+                conflict("nothing_to_return_to")
+            }
+            Refused::NeverOffered { .. } => value("generation"),
+            Refused::OtherDocument { .. } => value("sha256"),
+            Refused::Seal(_) => Self::new(StatusCode::INTERNAL_SERVER_ERROR, "not_signed", detail),
+        }
     }
 }
 

@@ -94,6 +94,11 @@ fn frame(id: u64, update: &LiveUpdate, now_ns: i64) -> Option<Frame> {
             robot,
             json(&state_document(robot, *state, *stale, *alive))?,
         ),
+        LiveUpdate::Approval { robot } => (
+            "approval",
+            robot,
+            json(&serde_json::json!({ "robot": robot }))?,
+        ),
         LiveUpdate::Event { robot, event } => {
             let document = EventDocument::of(NewEvent::of(robot, event, now_ns));
             ("event", robot, json(&document)?)

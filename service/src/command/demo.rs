@@ -7,6 +7,7 @@ use std::sync::Arc;
 use clap::Args;
 use fleetcal_estimator::{Pose2, VehicleModel};
 use fleetcal_proto::Keys;
+use fleetcal_proto::signing::TrustedKeys;
 use fleetcal_robot::fleet::{FleetOptions, SimulatedRobot, run_fleet, simulated_robots};
 use fleetcal_robot::simulator;
 use tokio_util::sync::CancellationToken;
@@ -72,7 +73,7 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
             robots,
             connect: vec![arguments.listen.clone()],
             keys: Keys::default(),
-            trusted: None,
+            trusted: Some(TrustedKeys::from(service.clerk().public_key())),
             start_stamp_ns: clock.now_ns(),
         },
         stop.clone(),

@@ -3,6 +3,7 @@
 
 use fleetcal_estimator::stream::{FieldRefused, SweepShape};
 use fleetcal_estimator::{DriveSample, Event, LidarPose, Note, NoteKind, Pose2, Stamp, Sweep};
+use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::encoding::{DecodeError, Form, ScanType};
 use fleetcal_proto::event::{RobotEvent, RobotEventKind};
 use fleetcal_proto::ros::{
@@ -136,6 +137,28 @@ pub fn drive_sample(message: &AckermannDriveStamped) -> Result<DriveSample, Mess
     DriveSample::new(stamp, speed_mps, steering_rad).map_err(|source| MessageRefused::Field {
         stream: Stream::Drive,
         source,
+    })
+}
+
+/// A drive sample as the sensors measured it, of a robot that takes off `values` before it sends:
+/// `steering_sent = steering_gain (steering_measured - steering_offset)` and
+/// `speed_sent = speed_scale speed_measured`.
+///
+/// # Errors
+/// Names the field that is no physical value then.
+pub fn added_back(
+    sample: &DriveSample,
+    values: &CalibrationValues,
+) -> Result<DriveSample, MessageRefused> {
+    let gain = values.steering_gain.unwrap_or(1.0);
+    let scale = values.speed_scale.unwrap_or(1.0);
+    let steering_rad = sample.steering_rad() / gain + values.steering_offset_rad;
+    let speed_mps = sample.speed_mps() / scale;
+    DriveSample::new(sample.stamp(), speed_mps, steering_rad).map_err(|source| {
+        MessageRefused::Field {
+            stream: Stream::Drive,
+            source,
+        }
     })
 }
 

@@ -18,9 +18,10 @@ use tokio_util::task::TaskTracker;
 
 use crate::clock::SharedClock;
 use crate::config::RobotConfig;
+use crate::fleet::cross_track::{self, CrossTrack, UsedValues};
 use crate::fleet::decode;
 use crate::fleet::mailbox::Message;
-use crate::fleet::robot::Robot;
+use crate::fleet::robot::{Robot, Used};
 use crate::fleet::view::{FleetCounters, HistoryEvent, LiveUpdate, RobotView, Stream};
 use crate::fleet::{task, watch};
 use crate::limits;
@@ -35,6 +36,8 @@ pub trait Journal: std::fmt::Debug + Send + Sync + 'static {
     fn record_history(&self, robot: &RobotId, document: &Arc<EstimateDocument>);
     /// Something happened to a robot.
     fn record_event(&self, robot: &RobotId, event: &Arc<HistoryEvent>);
+    /// How well a robot follows its path with one calibration. It replaces the earlier one.
+    fn save_cross_track(&self, robot: &RobotId, generation: u64, errors: &CrossTrack);
     /// An estimator's state, as JSON. It replaces the robot's earlier one.
     fn save_checkpoint(&self, robot: &RobotId, stamp_ns: i64, json: String);
 }
@@ -67,6 +70,8 @@ pub struct FleetSetup {
     pub estimator: EstimatorSettings,
     /// The robots that are configured.
     pub robots: BTreeMap<RobotId, RobotConfig>,
+    /// How well robots followed their paths, by generation.
+    pub cross_tracks: BTreeMap<RobotId, BTreeMap<u64, CrossTrack>>,
     /// The estimators' states when the service last stopped, as JSON.
     pub checkpoints: BTreeMap<RobotId, String>,
 }
@@ -173,6 +178,7 @@ impl FleetHandle {
     /// Starts the fleet with estimators that take events by `step`.
     pub(crate) fn start_with(setup: FleetSetup, step: Step) -> Self {
         let mut checkpoints = setup.checkpoints;
+        let mut cross_tracks = setup.cross_tracks;
         let (live, _) = broadcast::channel(limits::LIVE_UPDATES_MAX);
         let robots = setup
             .robots
@@ -196,6 +202,9 @@ impl FleetHandle {
             .tasks
             .spawn(watch::run(Arc::clone(&handle.fleet)));
         for robot in handle.fleet.all() {
+            if let Some(stored) = cross_tracks.remove(&robot.id) {
+                robot.restore_cross_tracks(stored);
+            }
             let stored = checkpoints.remove(&robot.id);
             handle.spawn(robot, stored);
         }
@@ -285,6 +294,39 @@ impl FleetHandle {
             event,
         });
         Ok(())
+    }
+
+    /// Takes what a robot compensates with, oldest first, and the generation that a fresh estimate
+    /// has to verify, with since when it is in use.
+    pub fn use_values(&self, id: &RobotId, values: Vec<UsedValues>, on_trial: Option<(u64, i64)>) {
+        if let Some(robot) = self.fleet.find(id.as_str()) {
+            robot.set_used(Used { values, on_trial });
+        }
+    }
+
+    /// Tells every listener; nobody listening is no error.
+    pub fn announce(&self, update: LiveUpdate) {
+        self.fleet.announce(update);
+    }
+
+    /// Takes how far a robot was off its path. It never blocks: this runs on the link's receiving
+    /// threads. Robots that are not registered are not listened to.
+    pub fn take_cross_track_error(&self, id: &RobotId, encoding: Encoding, payload: &[u8]) {
+        let robot = self.fleet.find(id.as_str());
+        let Some(robot) = robot.filter(|robot| robot.is_configured()) else {
+            return;
+        };
+        match cross_track::read(encoding, payload) {
+            Ok((stamp_ns, error_m)) => robot.take_cross_track_error(stamp_ns, error_m),
+            Err(reason) => tracing::debug!(robot.id = %id, reason, "message refused"),
+        }
+    }
+
+    /// How well a robot follows its path, by the generation of the calibration it used; 0 is what
+    /// it drove with before any was applied.
+    pub fn cross_tracks(&self, id: &RobotId) -> BTreeMap<u64, CrossTrack> {
+        let robot = self.fleet.find(id.as_str());
+        robot.map(|robot| robot.cross_tracks()).unwrap_or_default()
     }
 
     /// Live updates from now on. A listener that lags more than [`limits::LIVE_UPDATES_MAX`]

@@ -1,6 +1,7 @@
 //! The fleet: one mailbox and one estimator task per robot.
 
 mod cloud;
+mod cross_track;
 pub mod decode;
 pub mod document;
 mod handle;
@@ -9,10 +10,12 @@ mod robot;
 mod task;
 #[cfg(test)]
 mod tests;
+mod trial;
 mod view;
 mod watch;
 
 pub use cloud::ScanSettings;
+pub use cross_track::{BIN_WIDTH_M, BINS_PER_SIDE, CrossTrack, GENERATIONS_MAX, UsedValues};
 pub use handle::{FleetHandle, FleetRefused, FleetSetup, Journal};
 pub use view::{
     Connection, Counters, FleetCounters, HistoryEvent, LiveUpdate, RobotState, RobotView,

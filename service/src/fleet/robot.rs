@@ -1,14 +1,16 @@
 //! One robot's place in the fleet: its mailbox, its connection, and what its task last said.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::estimate::EstimateDocument;
 
 use crate::clock::Clock;
 use crate::config::RobotConfig;
+use crate::fleet::cross_track::{CrossTrack, CrossTracks, UsedValues};
 use crate::fleet::mailbox::Mailbox;
 use crate::fleet::view::{Connection, RobotState, RobotView, Stream, StreamView};
 use crate::limits::{SESSION_ENDS_AFTER, SESSION_ENDS_AFTER_TOKEN, STALE_AFTER};
@@ -67,6 +69,17 @@ struct Status {
     state: RobotState,
     estimate: Option<Arc<EstimateDocument>>,
     estimator_restarts: u32,
+    used: Used,
+    fresh: Option<(u64, Arc<EstimateDocument>)>,
+}
+
+/// What a robot compensates with, as far as it has said.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Used {
+    /// Values, oldest first.
+    pub values: Vec<UsedValues>,
+    /// The generation to be verified, and since when it is in use.
+    pub on_trial: Option<(u64, i64)>,
 }
 
 /// One robot of the fleet.
@@ -78,6 +91,7 @@ pub struct Robot {
     pub mailbox: Mailbox,
     link: Mutex<Link>,
     status: Mutex<Status>,
+    cross_tracks: Mutex<CrossTracks>,
 }
 
 /// The values behind the locks are whole after every statement, so the panic of another thread
@@ -112,7 +126,10 @@ impl Robot {
                 state,
                 estimate: None,
                 estimator_restarts: 0,
+                used: Used::default(),
+                fresh: None,
             }),
+            cross_tracks: Mutex::default(),
         }
     }
 
@@ -245,6 +262,67 @@ impl Robot {
         lock(&self.status).estimate = Some(estimate);
     }
 
+    /// Takes what the robot compensates with.
+    pub fn set_used(&self, used: Used) {
+        let mut status = lock(&self.status);
+        let fresh = status.fresh.take();
+        let on_trial = used.on_trial.map(|(generation, _)| generation);
+        status.fresh = fresh.filter(|(generation, _)| Some(*generation) == on_trial);
+        status.used = used;
+    }
+
+    /// What the robot compensated with at `stamp_ns`; of a time before it has said so, the first
+    /// that it said.
+    pub fn values_at(&self, stamp_ns: i64) -> Option<CalibrationValues> {
+        self.used_at(stamp_ns).map(|used| used.values)
+    }
+
+    fn used_at(&self, stamp_ns: i64) -> Option<UsedValues> {
+        let status = lock(&self.status);
+        let values = &status.used.values;
+        let then = values.iter().rev().find(|used| used.since_ns <= stamp_ns);
+        then.or(values.first()).copied()
+    }
+
+    /// Takes how far the robot was off its path, m; without a stamp it is of now.
+    pub fn take_cross_track_error(&self, stamp_ns: Option<i64>, error_m: f64) {
+        let used = self.used_at(stamp_ns.unwrap_or(i64::MAX));
+        let generation = used.map_or(0, |used| used.generation);
+        lock(&self.cross_tracks).add(generation, error_m);
+    }
+
+    /// How well it follows its path, by generation.
+    pub fn cross_tracks(&self) -> BTreeMap<u64, CrossTrack> {
+        lock(&self.cross_tracks).all().clone()
+    }
+
+    /// What of that has changed since this was last asked.
+    pub fn unsaved_cross_tracks(&self) -> Vec<(u64, CrossTrack)> {
+        lock(&self.cross_tracks).take_unsaved()
+    }
+
+    /// Goes on from what was stored.
+    pub fn restore_cross_tracks(&self, stored: BTreeMap<u64, CrossTrack>) {
+        *lock(&self.cross_tracks) = CrossTracks::of(stored);
+    }
+
+    /// The generation to be verified, and since when it is in use.
+    pub fn on_trial(&self) -> Option<(u64, i64)> {
+        lock(&self.status).used.on_trial
+    }
+
+    /// Takes an estimate of the generation on trial.
+    pub fn set_fresh(&self, generation: u64, estimate: Arc<EstimateDocument>) {
+        let mut status = lock(&self.status);
+        if status
+            .used
+            .on_trial
+            .is_some_and(|(on_trial, _)| on_trial == generation)
+        {
+            status.fresh = Some((generation, estimate));
+        }
+    }
+
     /// Counts a restart of the estimator and says how many there were.
     pub fn count_restart(&self) -> u32 {
         let mut status = lock(&self.status);
@@ -281,6 +359,7 @@ impl Robot {
             state: status.state,
             connection,
             estimate: status.estimate.clone(),
+            fresh: status.fresh.clone(),
             counters,
             estimator_restarts: status.estimator_restarts,
         }

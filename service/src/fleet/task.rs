@@ -16,9 +16,8 @@ use crate::fleet::document;
 use crate::fleet::handle::Fleet;
 use crate::fleet::mailbox::{Item, Message, Outcome};
 use crate::fleet::robot::Robot;
-use crate::fleet::view::{
-    HistoryEvent, LiveUpdate, RobotState, ServiceEvent, ServiceEventKind, Stream,
-};
+use crate::fleet::trial::Trial;
+use crate::fleet::view::{HistoryEvent, LiveUpdate, RobotState, ServiceEvent, ServiceEventKind};
 use crate::limits::{CHECKPOINT_EVERY_S, ESTIMATOR_RESTARTS_MAX};
 
 /// The parameters that have to be known for a robot to be called calibrated.
@@ -85,6 +84,8 @@ struct RobotTask {
     newest: Stamp,
     /// Whether a change was seen and the new values are not known yet.
     changed: bool,
+    /// What proves the values that the robot has begun to use.
+    trial: Option<Trial>,
 }
 
 impl RobotTask {
@@ -112,6 +113,7 @@ impl RobotTask {
             checkpointed: None,
             newest: Stamp(0),
             changed: false,
+            trial: None,
         };
         if task.last_good.is_some() {
             task.show_restored();
@@ -172,18 +174,15 @@ impl RobotTask {
             form,
             payload,
         } = message;
-        if *stream == Stream::Drive && self.drive == DriveSignal::Compensated {
-            return Outcome::Refused(
-                "drive: the robot is declared compensated and has not reported what it applies; \
-                 accepted is drive = \"raw\" until then"
-                    .to_owned(),
-            );
-        }
         let Decoded { stamp, event, note } =
             match decode::decode(*stream, *form, &self.scans, payload) {
                 Ok(decoded) => decoded,
                 Err(refused) => return Outcome::Refused(refused.to_string()),
             };
+        let event = match self.raw(event) {
+            Ok(event) => event,
+            Err(reason) => return Outcome::Refused(reason),
+        };
         if let Some(note) = note {
             self.fleet.record(&self.robot.id, HistoryEvent::Note(note));
         }
@@ -204,8 +203,30 @@ impl RobotTask {
         Outcome::Processed { stamp_ns: stamp.0 }
     }
 
-    /// Feeds the estimator. `false` when it is stopped, or failed on this event.
+    /// What the sensor measured, where the robot takes off what it compensates with.
+    fn raw(&self, event: Event) -> Result<Event, String> {
+        let Event::Drive(sample) = &event else {
+            return Ok(event);
+        };
+        if self.drive == DriveSignal::Raw {
+            return Ok(event);
+        }
+        let Some(values) = self.robot.values_at(sample.stamp().0) else {
+            return Err(
+                "drive: the robot is declared compensated and has not reported what it applies; \
+                 accepted is drive = \"raw\" until then"
+                    .to_owned(),
+            );
+        };
+        decode::added_back(sample, &values)
+            .map(Event::Drive)
+            .map_err(|refused| refused.to_string())
+    }
+
+    /// Feeds the estimator, and the one of the values on trial. `false` when it is stopped, or failed on this event.
     fn step(&mut self, event: Event) -> bool {
+        self.trial = Trial::follow(self.trial.take(), &self.robot, &self.config)
+            .and_then(|trial| trial.take(&self.robot, &event));
         let Engine::Running(calibrator) = &mut self.engine else {
             return false;
         };

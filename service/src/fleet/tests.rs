@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use fleetcal_estimator::{Calibrator, Effect, EstimatorSettings, Event, VehicleModel};
 use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_proto::event::{RobotEvent, RobotEventKind};
@@ -42,6 +43,8 @@ impl Journal for Kept {
             .push((robot.clone(), Arc::clone(event)));
     }
 
+    fn save_cross_track(&self, _: &RobotId, _: u64, _: &CrossTrack) {}
+
     fn save_checkpoint(&self, robot: &RobotId, _: i64, json: String) {
         self.checkpoints.lock().unwrap().insert(robot.clone(), json);
     }
@@ -77,6 +80,7 @@ fn bench_of(
         clock: clock.clone(),
         journal: kept.clone(),
         estimator: EstimatorSettings::default(),
+        cross_tracks: BTreeMap::new(),
         robots,
         checkpoints,
     };
@@ -420,4 +424,77 @@ async fn a_compensated_robot_is_not_estimated_from_half_the_truth() {
     let counters = bench.view("robot").counters;
     assert_eq!((counters.processed, counters.refused), (0, 1));
     assert!(counters.last_refusal.unwrap().contains("compensated"));
+}
+
+/// Takes the place of an estimator: says what steering it was fed as its steering offset.
+fn telling(calibrator: &mut Calibrator, event: Event) -> Vec<Effect> {
+    let Event::Drive(sample) = event else {
+        return Vec::new();
+    };
+    let mut estimate = calibrator.estimate();
+    estimate.stamp = sample.stamp();
+    if let Some(first) = estimate.parameters.first_mut() {
+        first.value = sample.steering_rad();
+    }
+    vec![Effect::Estimate(Box::new(estimate))]
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_a_compensated_robot_takes_off_is_added_back_from_that_moment_on() {
+    let config = RobotConfig {
+        drive: DriveSignal::Compensated,
+        ..vehicle()
+    };
+    let bench = bench_of(
+        BTreeMap::from([(id("robot"), config)]),
+        BTreeMap::new(),
+        telling,
+    );
+    let used = |since_ns, generation, steering_offset_rad| UsedValues {
+        since_ns,
+        generation,
+        values: CalibrationValues {
+            steering_offset_rad,
+            ..CalibrationValues::default()
+        },
+    };
+    let stamp_ns = |number: i64| BEGIN_NS + number * 10_000_000;
+    let both = vec![used(stamp_ns(0), 0, 0.01), used(stamp_ns(2), 4, 0.05)];
+    bench.fleet.use_values(&id("robot"), both, None);
+    let mut told = Vec::new();
+    for number in 0..4 {
+        bench.send("robot", Stream::Drive, &drive(number));
+        bench.worked_off("robot").await;
+        let estimate = bench.view("robot").estimate.unwrap();
+        told.push(estimate.parameters.steering_offset.value);
+    }
+    let sent = told[0] - 0.01;
+    for (told, offset) in told.iter().zip([0.01, 0.01, 0.05, 0.05]) {
+        assert!((told - sent - offset).abs() < 1e-6, "{told:?}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn values_on_trial_are_judged_by_an_estimator_of_their_own() {
+    let bench = bench(&["robot"]);
+    let since_ns = BEGIN_NS + 100 * 10_000_000;
+    bench
+        .fleet
+        .use_values(&id("robot"), Vec::new(), Some((3, since_ns)));
+    for number in 0..100 {
+        bench.send("robot", Stream::Drive, &drive(number));
+    }
+    bench.worked_off("robot").await;
+    assert_eq!(bench.view("robot").fresh, None, "nothing came since");
+    for number in 100..700 {
+        bench.send("robot", Stream::Drive, &drive(number));
+        bench.worked_off("robot").await;
+    }
+    let (generation, fresh) = bench.view("robot").fresh.expect("an estimate of its own");
+    let all = bench.view("robot").estimate.unwrap();
+    assert_eq!(generation, 3);
+    assert!(fresh.counts.drive_samples < all.counts.drive_samples);
+    assert!(fresh.distance_m < all.distance_m);
+    bench.fleet.use_values(&id("robot"), Vec::new(), None);
+    assert_eq!(bench.view("robot").fresh, None, "the trial is over");
 }

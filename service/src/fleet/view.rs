@@ -158,6 +158,9 @@ pub struct RobotView {
     pub connection: Connection,
     /// The latest estimate, once there is one.
     pub estimate: Option<Arc<EstimateDocument>>,
+    /// An estimate from nothing but what came since the values of this generation are in use;
+    /// `None` while nothing is to be verified.
+    pub fresh: Option<(u64, Arc<EstimateDocument>)>,
     /// What became of its messages.
     pub counters: Counters,
     /// Times that its estimator was started anew after a panic.
@@ -234,6 +237,11 @@ pub enum LiveUpdate {
         stale: bool,
         /// Whether its liveliness token stands.
         alive: bool,
+    },
+    /// A record of a robot's life cycle changed: what is shown of it should be read again.
+    Approval {
+        /// Whose.
+        robot: RobotId,
     },
     /// Something happened to a robot.
     Event {

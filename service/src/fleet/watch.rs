@@ -13,6 +13,9 @@ const LOOK_EVERY: Duration = Duration::from_millis(250);
 /// Looks in a second: rates are taken, and states announced, once a second.
 const LOOKS_PER_SECOND: u32 = 4;
 
+/// Looks between two rounds of storing how well robots follow their paths.
+const LOOKS_PER_SAVE: u32 = 40;
+
 /// Runs until the fleet stops.
 pub async fn run(fleet: Arc<Fleet>) {
     let mut ticks = tokio::time::interval(LOOK_EVERY);
@@ -20,11 +23,27 @@ pub async fn run(fleet: Arc<Fleet>) {
     let mut looks = 0_u32;
     loop {
         tokio::select! {
-            () = fleet.stop.cancelled() => return,
+            () = fleet.stop.cancelled() => {
+                save_cross_tracks(&fleet);
+                return;
+            }
             _ = ticks.tick() => {}
         }
         looks = looks.wrapping_add(1);
         look(&fleet, looks.is_multiple_of(LOOKS_PER_SECOND));
+        if looks.is_multiple_of(LOOKS_PER_SAVE) {
+            save_cross_tracks(&fleet);
+        }
+    }
+}
+
+fn save_cross_tracks(fleet: &Fleet) {
+    for robot in fleet.all() {
+        for (generation, errors) in robot.unsaved_cross_tracks() {
+            fleet
+                .journal
+                .save_cross_track(&robot.id, generation, &errors);
+        }
     }
 }
 

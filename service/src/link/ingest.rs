@@ -1,12 +1,16 @@
 //! What comes in: robots' streams and their liveliness tokens.
 
-use fleetcal_proto::encoding::Form;
+use fleetcal_proto::RobotId;
+use fleetcal_proto::encoding::{Encoding, Form};
 use fleetcal_proto::key::{Key, Keys, StreamKind};
 use zenoh::pubsub::Subscriber;
 use zenoh::sample::{Locality, Sample, SampleKind};
 use zenoh::{Result, Session};
 
+use super::calibration;
+use crate::clerk::Clerk;
 use crate::fleet::{FleetHandle, Stream};
+use crate::limits;
 
 /// Subscribes to every robot's streams with one callback: a queue for each stream would lose the
 /// order in which a robot has sent. The callback runs on Zenoh's receiving threads and never
@@ -15,16 +19,17 @@ pub async fn subscribe(
     session: &Session,
     keys: &Keys,
     fleet: FleetHandle,
+    clerk: Clerk,
 ) -> Result<Subscriber<()>> {
     let own_keys = keys.clone();
     session
         .declare_subscriber(keys.stream_of_all_kinds())
         .allowed_origin(Locality::Remote)
-        .callback(move |sample| take(&fleet, &own_keys, &sample))
+        .callback(move |sample| take(&fleet, &clerk, &own_keys, &sample))
         .await
 }
 
-fn take(fleet: &FleetHandle, keys: &Keys, sample: &Sample) {
+fn take(fleet: &FleetHandle, clerk: &Clerk, keys: &Keys, sample: &Sample) {
     let Ok(Key::Stream { robot, kind }) = keys.parse(sample.key_expr().as_str()) else {
         fleet.count_foreign_key();
         return;
@@ -34,8 +39,14 @@ fn take(fleet: &FleetHandle, keys: &Keys, sample: &Sample) {
         StreamKind::Scan => Stream::Scan,
         StreamKind::LidarOdometry => Stream::LidarOdometry,
         StreamKind::Event => Stream::Event,
-        // A robot's own words that nothing here uses yet.
-        StreamKind::CrossTrackError | StreamKind::CalibrationApplied => return,
+        StreamKind::CalibrationApplied => {
+            calibration::take_answer(clerk, &robot, sample);
+            return;
+        }
+        StreamKind::CrossTrackError => {
+            take_cross_track_error(fleet, &robot, sample);
+            return;
+        }
         _ => {
             fleet.count_foreign_key();
             return;
@@ -56,6 +67,17 @@ fn take(fleet: &FleetHandle, keys: &Keys, sample: &Sample) {
             fleet.receive(&robot, stream, form, payload.len(), bytes);
         }
         Err(refused) => fleet.refuse(&robot, stream, &format!("{}: {refused}", stream.name())),
+    }
+}
+
+fn take_cross_track_error(fleet: &FleetHandle, robot: &RobotId, sample: &Sample) {
+    let payload = sample.payload();
+    let fits = payload.len() <= limits::CROSS_TRACK_BYTES_MAX;
+    if sample.kind() != SampleKind::Put || !fits {
+        return;
+    }
+    if let Ok(encoding) = Encoding::parse(&sample.encoding().to_string()) {
+        fleet.take_cross_track_error(robot, encoding, &payload.to_bytes());
     }
 }
 

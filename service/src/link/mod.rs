@@ -1,6 +1,7 @@
 //! The one module that knows Zenoh: the embedded router, what comes in, what goes out.
 
 mod access;
+mod calibration;
 mod ingest;
 mod outgoing;
 mod session;
@@ -16,6 +17,7 @@ use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Subscriber;
 use zenoh::query::Queryable;
 
+use crate::clerk::Clerk;
 use crate::fleet::FleetHandle;
 use crate::limits;
 
@@ -74,7 +76,10 @@ pub struct Link {
     presence: Subscriber<()>,
     progress: Queryable<()>,
     token: LivelinessToken,
+    approved: Queryable<()>,
+    confirmed: Queryable<()>,
     publisher: JoinHandle<()>,
+    poster: JoinHandle<()>,
     stop: CancellationToken,
 }
 
@@ -83,7 +88,11 @@ impl Link {
     ///
     /// # Errors
     /// When the configuration is refused, an endpoint is in use, or Zenoh does not open in time.
-    pub async fn open(setup: LinkSetup, fleet: FleetHandle) -> Result<Self, LinkError> {
+    pub async fn open(
+        setup: LinkSetup,
+        fleet: FleetHandle,
+        clerk: Clerk,
+    ) -> Result<Self, LinkError> {
         let session = session::open(&setup).await?;
         let keys = setup.keys;
         let declared = |what| {
@@ -98,7 +107,13 @@ impl Link {
         let progress = outgoing::answer_progress(&session, &keys, fleet.clone())
             .await
             .map_err(declared("the queryable of progress"))?;
-        let streams = ingest::subscribe(&session, &keys, fleet.clone())
+        let approved = calibration::answer_approved(&session, &keys, clerk.clone())
+            .await
+            .map_err(declared("the queryable of approved calibrations"))?;
+        let confirmed = calibration::answer_confirmed(&session, &keys, clerk.clone())
+            .await
+            .map_err(declared("the queryable of confirmations"))?;
+        let streams = ingest::subscribe(&session, &keys, fleet.clone(), clerk.clone())
             .await
             .map_err(declared("the subscriber of robots' streams"))?;
         // Last: a robot that sees the token finds everything else there.
@@ -109,6 +124,8 @@ impl Link {
             .await
             .map_err(declared("the service's liveliness token"))?;
         let stop = CancellationToken::new();
+        let posting = calibration::post(session.clone(), keys.clone(), clerk, stop.clone());
+        let poster = tokio::spawn(posting);
         let publishing = outgoing::publish_estimates(session.clone(), keys, fleet, stop.clone());
         let publisher = tokio::spawn(publishing);
         Ok(Self {
@@ -117,7 +134,10 @@ impl Link {
             presence,
             progress,
             token,
+            approved,
+            confirmed,
             publisher,
+            poster,
             stop,
         })
     }
@@ -135,6 +155,8 @@ impl Link {
             self.streams.undeclare().await,
             self.presence.undeclare().await,
             self.progress.undeclare().await,
+            self.approved.undeclare().await,
+            self.confirmed.undeclare().await,
         ] {
             if let Err(error) = undeclared {
                 tracing::warn!(error, "Zenoh refused to undeclare");
@@ -142,6 +164,9 @@ impl Link {
         }
         if let Err(error) = self.publisher.await {
             tracing::error!(%error, "the publisher of estimates failed");
+        }
+        if let Err(error) = self.poster.await {
+            tracing::error!(%error, "the sender of calibrations failed");
         }
         session::close(self.session).await;
     }

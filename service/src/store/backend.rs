@@ -2,16 +2,21 @@
 
 use async_trait::async_trait;
 use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::Envelope;
 use fleetcal_proto::estimate::{EstimateDocument, ParameterName};
 
 use super::accounts::{
     AccountReader, CredentialUse, TokenRecord, TokenWrite, UserRecord, UserWrite, Written,
 };
+use super::approvals::{
+    AuditFilter, AuditRow, Decided, Decision, HoldWrite, ProposalFilter, SiteHold,
+};
 use super::error::StoreError;
 use super::record::{
-    CheckpointRecord, CurrentRecord, EventRecord, Expected, HistoryRow, IdempotencyKey, NewEvent,
-    RobotRecord,
+    CheckpointRecord, CrossTrackRecord, CurrentRecord, EventRecord, Expected, HistoryRow,
+    IdempotencyKey, NewEvent, RobotRecord,
 };
+use crate::approval::{Deployment, Parcel, Proposal, Revision, RobotLedger};
 use crate::config::RobotConfig;
 
 /// A robot's configuration to be written.
@@ -72,6 +77,8 @@ pub struct Batch {
     pub current: Vec<(EstimateDocument, i64)>,
     /// States of estimators.
     pub checkpoints: Vec<CheckpointRecord>,
+    /// How well robots follow their paths.
+    pub cross_tracks: Vec<CrossTrackRecord>,
     /// Events.
     pub events: Vec<EventWrite>,
     /// Configurations.
@@ -82,6 +89,10 @@ pub struct Batch {
     pub tokens: Vec<TokenWrite>,
     /// Sessions and tokens that were used.
     pub uses: Vec<CredentialUse>,
+    /// Decisions on robots' records.
+    pub decisions: Vec<Decision>,
+    /// Changes of the site-wide stop.
+    pub holds: Vec<HoldWrite>,
     /// What to delete.
     pub retention: Option<Retention>,
     /// Wall time of a write that only proves that the database can be written.
@@ -99,6 +110,10 @@ pub struct Outcomes {
     pub users: Vec<Result<Written<UserRecord>, StoreError>>,
     /// Each token in its place.
     pub tokens: Vec<Result<Written<TokenRecord>, StoreError>>,
+    /// Each decision in its place.
+    pub decisions: Vec<Result<Decided, StoreError>>,
+    /// Each change of the site-wide stop.
+    pub holds: Vec<Result<SiteHold, StoreError>>,
     /// Rows deleted.
     pub pruned: u64,
 }
@@ -194,6 +209,9 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
     /// The state of every estimator.
     async fn checkpoints(&self) -> Result<Vec<CheckpointRecord>, StoreError>;
 
+    /// How well every robot follows its path.
+    async fn cross_tracks(&self) -> Result<Vec<CrossTrackRecord>, StoreError>;
+
     /// First and last second of message time that any robot has in a tier.
     async fn extent(&self, tier: Tier) -> Result<Option<(i64, i64)>, StoreError>;
 
@@ -220,6 +238,42 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
 
     /// The newest migration of the database.
     async fn schema_version(&self) -> Result<i64, StoreError>;
+
+    /// The life cycle's records of every robot that has any.
+    async fn ledgers(&self) -> Result<Vec<RobotLedger>, StoreError>;
+
+    /// A signed document.
+    async fn envelope(
+        &self,
+        robot: &RobotId,
+        generation: u64,
+    ) -> Result<Option<Envelope>, StoreError>;
+
+    /// What is to be sent, and was not.
+    async fn outbox(&self) -> Result<Vec<(RobotId, Parcel)>, StoreError>;
+
+    /// Proposals with what they propose, newest first.
+    async fn proposals(
+        &self,
+        filter: &ProposalFilter,
+    ) -> Result<Vec<(Proposal, Revision)>, StoreError>;
+
+    /// One proposal with what it proposes.
+    async fn proposal(&self, id: u64) -> Result<Option<(Proposal, Revision)>, StoreError>;
+
+    /// A robot's deployments before number `before`, newest first.
+    async fn deployments(
+        &self,
+        robot: &RobotId,
+        before: Option<i64>,
+        limit: u32,
+    ) -> Result<Vec<Deployment>, StoreError>;
+
+    /// The site-wide stop.
+    async fn site_hold(&self) -> Result<SiteHold, StoreError>;
+
+    /// Rows of the audit, newest first.
+    async fn audit(&self, filter: &AuditFilter) -> Result<Vec<AuditRow>, StoreError>;
 
     /// Closes the connections.
     async fn close(&self);

@@ -7,6 +7,7 @@ use fleetcal_proto::RobotId;
 use thiserror::Error;
 
 use super::accounts::AccountRefused;
+use crate::approval::Refused;
 
 /// What a database driver said. Shared, because one failed commit is told to many callers.
 pub type DriverError = Arc<dyn std::error::Error + Send + Sync>;
@@ -111,6 +112,9 @@ pub enum StoreError {
     /// A user, session or token was not changed.
     #[error(transparent)]
     Account(#[from] AccountRefused),
+    /// A decision does not fit the records.
+    #[error(transparent)]
+    Refused(#[from] Refused),
     /// An `Idempotency-Key` came again with another request.
     #[error("the Idempotency-Key was used before with another request")]
     KeyReused,

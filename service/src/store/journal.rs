@@ -8,8 +8,9 @@ use fleetcal_proto::event::{RobotEvent, RobotEventKind};
 
 use super::Store;
 use super::backend::Repetition;
-use super::record::{EventKind, EventSource, NewEvent};
-use crate::fleet::{HistoryEvent, Journal, ServiceEvent, ServiceEventKind};
+use super::record::{CrossTrackRecord, EventKind, EventSource, NewEvent};
+use super::writer::Command;
+use crate::fleet::{CrossTrack, HistoryEvent, Journal, ServiceEvent, ServiceEventKind};
 
 impl Journal for Store {
     fn record_history(&self, _robot: &RobotId, document: &Arc<EstimateDocument>) {
@@ -23,6 +24,15 @@ impl Journal for Store {
             HistoryEvent::Change(_) | HistoryEvent::Service(_) => Repetition::Never,
         };
         self.offer_event(NewEvent::of(robot, event, received_ns), repetition);
+    }
+
+    fn save_cross_track(&self, robot: &RobotId, generation: u64, errors: &CrossTrack) {
+        let record = CrossTrackRecord {
+            robot: robot.clone(),
+            generation,
+            errors: errors.clone(),
+        };
+        self.offer(Command::CrossTrack(Box::new(record)));
     }
 
     fn save_checkpoint(&self, robot: &RobotId, stamp_ns: i64, json: String) {

@@ -5,6 +5,7 @@
 
 mod accounts;
 mod administration;
+mod approvals;
 mod audit;
 mod backend;
 mod error;
@@ -31,14 +32,17 @@ pub use accounts::{
     UserRecord, Written,
 };
 pub use administration::{Administration, backup};
+pub use approvals::{
+    AuditFilter, AuditRow, Decided, Decision, HoldWrite, ProposalFilter, SiteHold,
+};
 pub use audit::AuditEntry;
 pub use backend::{Cell, Stretch};
 pub use error::{DriverError, StoreError};
 pub use history::{History, HistoryQuery};
 pub use journal::kind_of_note;
 pub use record::{
-    CheckpointRecord, CurrentRecord, EventKind, EventRecord, EventSource, Expected, IdempotencyKey,
-    NewEvent, RobotRecord, unpack_status,
+    CheckpointRecord, CrossTrackRecord, CurrentRecord, EventKind, EventRecord, EventSource,
+    Expected, IdempotencyKey, NewEvent, RobotRecord, unpack_status,
 };
 
 use crate::clock::SharedClock;
@@ -230,6 +234,14 @@ impl Store {
     /// The database's failure.
     pub async fn load_checkpoints(&self) -> Result<Vec<CheckpointRecord>, StoreError> {
         self.shared.reader.checkpoints().await
+    }
+
+    /// How well every robot follows its path, by generation.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn load_cross_tracks(&self) -> Result<Vec<CrossTrackRecord>, StoreError> {
+        self.shared.reader.cross_tracks().await
     }
 
     /// A robot's history at the finest resolution that fits into `points_max` stretches.

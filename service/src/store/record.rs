@@ -5,6 +5,7 @@ use fleetcal_proto::estimate::{EstimateDocument, ParameterName, ParameterStatus}
 use serde::{Deserialize, Serialize};
 
 use crate::config::RobotConfig;
+use crate::fleet::CrossTrack;
 
 /// Nanoseconds in a second.
 const NS_PER_S: i64 = 1_000_000_000;
@@ -59,6 +60,17 @@ pub struct CheckpointRecord {
     pub received_ns: i64,
     /// The state as JSON.
     pub state: String,
+}
+
+/// How well a robot follows its path with one calibration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CrossTrackRecord {
+    /// Whose.
+    pub robot: RobotId,
+    /// Generation of the calibration; 0 for what it drove with at first.
+    pub generation: u64,
+    /// The errors.
+    pub errors: CrossTrack,
 }
 
 /// The latest estimate the store has of a robot.
@@ -179,11 +191,35 @@ pub enum EventKind {
     EstimatorStopped,
     /// The service was started and went on from the robot's stored state.
     ServiceStarted,
+    /// A calibration was proposed.
+    Proposed,
+    /// Enough people have agreed to a proposal.
+    Approved,
+    /// A proposal ended without approval.
+    ProposalClosed,
+    /// The approved calibration was offered to the robot.
+    Offered,
+    /// The robot uses the approved calibration.
+    Applied,
+    /// The robot did not take the approved calibration, or not keep it.
+    NotApplied,
+    /// A fresh estimate agrees with what the robot uses.
+    Verified,
+    /// A fresh estimate disagrees with what the robot uses.
+    VerificationFailed,
+    /// The robot did not move enough to tell.
+    Inconclusive,
+    /// The former calibration is on its way back.
+    RollingBack,
+    /// The robot uses its former calibration again.
+    RolledBack,
+    /// The robot did not take its former calibration.
+    RollbackFailed,
 }
 
 impl EventKind {
     /// All of them.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 23] = [
         Self::CalibrationChanged,
         Self::CalibrationConfirmed,
         Self::Fault,
@@ -195,6 +231,18 @@ impl EventKind {
         Self::EstimatorRestarted,
         Self::EstimatorStopped,
         Self::ServiceStarted,
+        Self::Proposed,
+        Self::Approved,
+        Self::ProposalClosed,
+        Self::Offered,
+        Self::Applied,
+        Self::NotApplied,
+        Self::Verified,
+        Self::VerificationFailed,
+        Self::Inconclusive,
+        Self::RollingBack,
+        Self::RolledBack,
+        Self::RollbackFailed,
     ];
 
     /// The name in documents and in the database.
@@ -211,6 +259,18 @@ impl EventKind {
             Self::EstimatorRestarted => "estimator_restarted",
             Self::EstimatorStopped => "estimator_stopped",
             Self::ServiceStarted => "service_started",
+            Self::Proposed => "proposed",
+            Self::Approved => "approved",
+            Self::ProposalClosed => "proposal_closed",
+            Self::Offered => "offered",
+            Self::Applied => "applied",
+            Self::NotApplied => "not_applied",
+            Self::Verified => "verified",
+            Self::VerificationFailed => "verification_failed",
+            Self::Inconclusive => "inconclusive",
+            Self::RollingBack => "rolling_back",
+            Self::RolledBack => "rolled_back",
+            Self::RollbackFailed => "rollback_failed",
         }
     }
 

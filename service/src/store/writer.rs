@@ -11,9 +11,10 @@ use tokio::sync::{mpsc, oneshot};
 use tokio::time::MissedTickBehavior;
 
 use super::accounts::{CredentialUse, TokenRecord, TokenWrite, UserRecord, UserWrite, Written};
+use super::approvals::{Decided, Decision, HoldWrite, SiteHold};
 use super::backend::{Batch, EventWrite, Outcomes, Retention, RobotWrite, Writer};
 use super::error::StoreError;
-use super::record::{CheckpointRecord, EventRecord, HistoryRow};
+use super::record::{CheckpointRecord, CrossTrackRecord, EventRecord, HistoryRow};
 use crate::clock::SharedClock;
 use crate::limits;
 
@@ -30,6 +31,8 @@ pub(super) enum Command {
     History(Box<EstimateDocument>, i64),
     /// Keep an estimator's state.
     Checkpoint(CheckpointRecord),
+    /// Keep how well a robot follows its path.
+    CrossTrack(Box<CrossTrackRecord>),
     /// Keep an event, and say so if somebody waits.
     Event(EventWrite, Option<Reply<EventRecord>>),
     /// Keep a configuration.
@@ -40,6 +43,10 @@ pub(super) enum Command {
     Token(Box<TokenWrite>, Reply<Written<TokenRecord>>),
     /// Note that a session or token was used.
     Use(CredentialUse),
+    /// Take a decision on a robot's records.
+    Decide(Box<Decision>, Reply<Decided>),
+    /// Hold or release the site-wide stop.
+    Hold(Box<HoldWrite>, Reply<SiteHold>),
     /// Prove that the database can be written.
     Probe(Reply<()>),
     /// Write everything that was asked for before.
@@ -67,6 +74,8 @@ struct Pending {
     robots: Vec<Reply<u64>>,
     users: Vec<Reply<Written<UserRecord>>>,
     tokens: Vec<Reply<Written<TokenRecord>>>,
+    decisions: Vec<Reply<Decided>>,
+    holds: Vec<Reply<SiteHold>>,
     waiting: Vec<Reply<()>>,
     everything: bool,
     close: bool,
@@ -186,6 +195,12 @@ impl<W: Writer> WriterTask<W> {
         for (reply, outcome) in self.pending.tokens.drain(..).zip(outcomes.tokens) {
             answer(reply, outcome);
         }
+        for (reply, outcome) in self.pending.decisions.drain(..).zip(outcomes.decisions) {
+            answer(reply, outcome);
+        }
+        for (reply, outcome) in self.pending.holds.drain(..).zip(outcomes.holds) {
+            answer(reply, outcome);
+        }
         self.pending.everything = false;
         if !self.pending.close {
             for reply in self.pending.waiting.drain(..) {
@@ -222,6 +237,12 @@ impl Pending {
                     .retain(|earlier| earlier.robot != record.robot);
                 self.batch.checkpoints.push(record);
             }
+            Command::CrossTrack(record) => {
+                self.batch.cross_tracks.retain(|earlier| {
+                    earlier.robot != record.robot || earlier.generation != record.generation
+                });
+                self.batch.cross_tracks.push(*record);
+            }
             Command::Event(write, reply) => {
                 self.batch.events.push(write);
                 self.events.push(reply);
@@ -239,6 +260,14 @@ impl Pending {
                 self.tokens.push(reply);
             }
             Command::Use(used) => self.batch.uses.push(used),
+            Command::Decide(decision, reply) => {
+                self.batch.decisions.push(*decision);
+                self.decisions.push(reply);
+            }
+            Command::Hold(write, reply) => {
+                self.batch.holds.push(*write);
+                self.holds.push(reply);
+            }
             Command::Probe(reply) => self.waiting.push(reply),
             Command::Flush(reply) => {
                 self.everything = true;
@@ -258,6 +287,8 @@ impl Pending {
             || !self.robots.is_empty()
             || !self.users.is_empty()
             || !self.tokens.is_empty()
+            || !self.decisions.is_empty()
+            || !self.holds.is_empty()
             || self.events.iter().any(Option::is_some)
             || self.batch.history.len() >= limits::STORE_BATCH_MAX
     }
@@ -288,6 +319,14 @@ impl Pending {
             answer(reply, Err(error.clone()));
         }
         self.batch.uses.clear();
+        self.batch.decisions.clear();
+        for reply in self.decisions.drain(..) {
+            answer(reply, Err(error.clone()));
+        }
+        self.batch.holds.clear();
+        for reply in self.holds.drain(..) {
+            answer(reply, Err(error.clone()));
+        }
         for reply in self.waiting.drain(..) {
             answer(reply, Err(error.clone()));
         }

@@ -3,7 +3,9 @@
 
 use axum::http::Method;
 
-use crate::access::Access::{self, Admin, Operator, Public, Viewer};
+use crate::access::Access::{
+    self, Admin, Approver, Operator, OwnRobot, OwnRobotOrViewer, Public, Viewer,
+};
 
 /// Method, path as the routes have it, and what is asked of the caller.
 pub(in crate::api) const TABLE: &[(&str, &str, Access)] = &[
@@ -23,6 +25,17 @@ pub(in crate::api) const TABLE: &[(&str, &str, Access)] = &[
     ("GET", "/api/v1/users/{id}", Admin),
     ("PATCH", "/api/v1/users/{id}", Admin),
     ("DELETE", "/api/v1/users/{id}", Admin),
+    ("GET", "/api/v1/signing-key", Public),
+    ("GET", "/api/v1/proposals", Viewer),
+    ("POST", "/api/v1/proposals", Operator),
+    ("POST", "/api/v1/proposals/approve", Approver),
+    ("GET", "/api/v1/proposals/{id}", Viewer),
+    ("POST", "/api/v1/proposals/{id}/approve", Approver),
+    ("POST", "/api/v1/proposals/{id}/reject", Approver),
+    ("POST", "/api/v1/proposals/{id}/withdraw", Operator),
+    ("GET", "/api/v1/site/hold", Viewer),
+    ("PUT", "/api/v1/site/hold", Approver),
+    ("GET", "/api/v1/audit", Viewer),
     ("GET", "/api/v1/openapi.json", Viewer),
     ("GET", "/api/v1/stream", Viewer),
     ("GET", "/api/v1/robots", Viewer),
@@ -30,6 +43,12 @@ pub(in crate::api) const TABLE: &[(&str, &str, Access)] = &[
     ("PUT", "/api/v1/robots/{id}", Operator),
     ("GET", "/api/v1/robots/{id}/estimate", Viewer),
     ("GET", "/api/v1/robots/{id}/history", Viewer),
+    ("GET", "/api/v1/robots/{id}/cross_track_error", Viewer),
+    ("GET", "/api/v1/robots/{id}/shadow", Viewer),
+    ("GET", "/api/v1/robots/{id}/deployments", Viewer),
+    ("POST", "/api/v1/robots/{id}/rollback", Approver),
+    ("GET", "/api/v1/robots/{id}/calibration", OwnRobotOrViewer),
+    ("PUT", "/api/v1/robots/{id}/calibration/applied", OwnRobot),
     ("GET", "/api/v1/robots/{id}/events", Viewer),
     ("POST", "/api/v1/robots/{id}/events", Operator),
 ];

@@ -8,7 +8,9 @@ use jiff::Timestamp;
 use serde::Serialize;
 
 use super::config::RobotConfigSchema;
+use crate::api::approval::CalibrationSummary;
 use crate::api::time;
+use crate::approval::RobotLedger;
 use crate::config::RobotConfig;
 use crate::fleet::document::vehicle_document;
 use crate::fleet::{Counters, RobotState, RobotView, Stream, StreamView};
@@ -34,11 +36,13 @@ pub(super) struct RobotSummary {
     vehicle: Option<VehicleDocument>,
     /// What it sends.
     streams: Vec<StreamDocument>,
+    /// Where its calibration stands.
+    calibration: CalibrationSummary,
 }
 
 impl RobotSummary {
     /// The summary of a robot.
-    pub(super) fn of(view: RobotView) -> Self {
+    pub(super) fn of(view: RobotView, ledger: &RobotLedger) -> Self {
         Self {
             vehicle: view
                 .config
@@ -50,6 +54,7 @@ impl RobotSummary {
                 .iter()
                 .map(StreamDocument::of)
                 .collect(),
+            calibration: CalibrationSummary::of(ledger),
             id: view.id,
             state: view.state,
             stale: view.connection.stale,
@@ -82,7 +87,7 @@ pub(super) struct RobotDocument {
 
 impl RobotDocument {
     /// The document of a robot and what the store knows of it.
-    pub(super) fn of(view: RobotView, record: Option<&RobotRecord>) -> Self {
+    pub(super) fn of(view: RobotView, record: Option<&RobotRecord>, ledger: &RobotLedger) -> Self {
         let configured = record
             .filter(|record| record.version > 0)
             .map(|record| record.updated_ns);
@@ -92,7 +97,7 @@ impl RobotDocument {
             configured: configured.map(time::of_ns),
             counters: view.counters.clone(),
             estimator_restarts: view.estimator_restarts,
-            summary: RobotSummary::of(view),
+            summary: RobotSummary::of(view, ledger),
         }
     }
 }

@@ -12,7 +12,8 @@ use serde::{Deserialize, Serialize};
 use crate::api::ApiState;
 use crate::api::access::Caller;
 use crate::api::extract::{
-    Body, NoParameters, Parameters, RobotPath, idempotency_key, number_within,
+    Body, NoParameters, Parameters, RobotPath, check_length, idempotency_key, number_of,
+    number_within,
 };
 use crate::api::problem::Problem;
 use crate::api::time;
@@ -220,20 +221,4 @@ fn stamp_of(body: &NewEventDocument, view: &RobotView, now_ns: i64) -> Result<i6
         .ok()
         .filter(|stamp_ns| *stamp_ns > 0)
         .ok_or_else(|| Problem::refused("time", &time.to_string(), "a time between 1970 and 2262"))
-}
-
-fn check_length(field: &str, text: &str, chars_max: usize) -> Result<(), Problem> {
-    let chars = text.chars().count();
-    if chars > chars_max {
-        let detail = format!("{field} has {chars} characters, accepted are {chars_max} at most");
-        let status = StatusCode::BAD_REQUEST;
-        return Err(Problem::new(status, "value_refused", detail).of_field(field));
-    }
-    Ok(())
-}
-
-fn number_of(cursor: &str) -> Result<i64, Problem> {
-    cursor
-        .parse()
-        .map_err(|_| Problem::refused("cursor", cursor, "`next` of the page before"))
 }

@@ -2,12 +2,14 @@
 
 use axum::Json;
 use axum::extract::State;
+use axum::response::{IntoResponse, Response};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::{ParameterName, ParameterStatus, Unit};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 
 use crate::api::ApiState;
+use crate::api::csv;
 use crate::api::extract::{self, Parameters, RobotPath, number_within};
 use crate::api::problem::Problem;
 use crate::api::time;
@@ -31,6 +33,8 @@ pub(super) struct HistoryParameters {
     /// At most this many stretches, 2 to 5000; 600 unless given.
     #[param(value_type = Option<u32>)]
     max_points: Option<String>,
+    /// `json` or `csv` (to be saved); `json` unless given.
+    format: Option<String>,
 }
 
 /// A robot's history in columns: entry `i` of every list is about the stretch of `bucket_s`
@@ -91,7 +95,12 @@ pub(super) async fn get_history(
     State(api): State<ApiState>,
     RobotPath(id): RobotPath,
     Parameters(query): Parameters<HistoryParameters>,
-) -> Result<Json<HistoryDocument>, Problem> {
+) -> Result<Response, Problem> {
+    let as_csv = match query.format.as_deref() {
+        None | Some("json") => false,
+        Some("csv") => true,
+        Some(other) => return Err(Problem::refused("format", other, "json or csv")),
+    };
     let parameters = match query.parameter.as_deref() {
         None => ParameterName::ALL.to_vec(),
         Some(names) => names
@@ -112,11 +121,11 @@ pub(super) async fn get_history(
     let to_s = match (to, view.estimate) {
         (Some(to), _) => to.as_second() + i64::from(to.subsec_nanosecond() > 0),
         (None, Some(estimate)) => estimate.stamp_ns.div_euclid(1_000_000_000) + 1,
-        (None, None) => api
-            .store
-            .last_second(&id)
-            .await?
-            .map_or(0, |last_s| last_s + 1),
+        // Of a robot without data there is nothing, whatever the span.
+        (None, None) => match api.store.last_second(&id).await? {
+            Some(last_s) => last_s + 1,
+            None => api.clock.now_ns().div_euclid(1_000_000_000) + 1,
+        },
     };
     let from_s = match from {
         Some(from) => from.as_second(),
@@ -135,7 +144,38 @@ pub(super) async fn get_history(
         points_max,
     };
     let history = api.store.history(&query).await?;
-    Ok(Json(document(query, &history)))
+    let document = document(query, &history);
+    if as_csv {
+        let name = format!("{}_history.csv", document.robot);
+        return Ok(csv::file(csv::CSV, &name, document.csv()));
+    }
+    Ok(Json(document).into_response())
+}
+
+impl HistoryDocument {
+    /// One line for each stretch; empty fields where nothing was estimated.
+    fn csv(&self) -> String {
+        let mut names = vec!["time".to_owned(), "seconds_of_data".to_owned()];
+        for series in &self.series {
+            let parameter = series.parameter.as_str();
+            let unit = series.unit.symbol();
+            for part in ["mean", "min", "max", "sigma"] {
+                names.push(format!("{parameter}_{part} ({unit})"));
+            }
+        }
+        let mut text = csv::line(names.iter().map(String::as_str));
+        for (index, (time, count)) in self.time.iter().zip(&self.count).enumerate() {
+            let mut fields = vec![time.to_string(), count.to_string()];
+            for series in &self.series {
+                for column in [&series.mean, &series.min, &series.max, &series.sigma] {
+                    let value = column.get(index).copied().flatten();
+                    fields.push(value.map_or_else(String::new, |value| value.to_string()));
+                }
+            }
+            text.push_str(&csv::line(fields.iter().map(String::as_str)));
+        }
+        text
+    }
 }
 
 fn parameter_named(name: &str) -> Result<ParameterName, Problem> {

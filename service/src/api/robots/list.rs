@@ -125,7 +125,10 @@ pub(super) async fn list_robots(
     let next = last.map(|((rank, id), _)| format!("{rank}.{id}"));
     let items = chosen
         .into_iter()
-        .map(|(_, robot)| RobotSummary::of(robot))
+        .map(|(_, robot)| {
+            let ledger = api.clerk.ledger(&robot.id);
+            RobotSummary::of(robot, &ledger)
+        })
         .collect();
     Ok(Json(RobotPage {
         items,

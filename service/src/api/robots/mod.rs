@@ -1,6 +1,7 @@
 //! The robots: list, registration, estimate, history and events.
 
 mod config;
+mod cross_track;
 mod document;
 mod estimate;
 mod events;
@@ -24,5 +25,6 @@ pub(super) fn routes() -> OpenApiRouter<ApiState> {
         .routes(routes!(registration::get_robot, registration::put_robot))
         .routes(routes!(estimate::get_estimate))
         .routes(routes!(history::get_history))
+        .routes(routes!(cross_track::get_cross_track_error))
         .routes(routes!(events::list_events, events::post_event))
 }

@@ -100,7 +100,7 @@ async fn answer(api: &ApiState, id: &RobotId, status: StatusCode) -> Result<Resp
         .robot(id)
         .ok_or_else(|| Problem::robot_unknown(id.as_str()))?;
     let record = api.store.load_robot(id).await?;
-    let document = RobotDocument::of(view, record.as_ref());
+    let document = RobotDocument::of(view, record.as_ref(), &api.clerk.ledger(id));
     Ok(versioned_json(
         status,
         record.map_or(0, |record| record.version),

@@ -15,6 +15,7 @@ use axum::body::Body;
 use axum::http::{HeaderMap, Request, StatusCode};
 use fleetcal_estimator::EstimatorSettings;
 use fleetcal_proto::RobotId;
+use fleetcal_proto::signing::SigningKey;
 use futures::StreamExt;
 use serde_json::Value;
 use tempfile::TempDir;
@@ -24,6 +25,8 @@ use tower::ServiceExt;
 
 use super::{AccessSetup, ApiSetup, router};
 use crate::access::{AccountName, Actor, Grant, Role, SetupCode, TokenValue};
+use crate::approval::Policy;
+use crate::clerk::{Clerk, ClerkSetup};
 use crate::clock::MockClock;
 use crate::config::RobotConfig;
 use crate::fleet::{FleetHandle, FleetSetup};
@@ -38,6 +41,7 @@ struct Bench {
     setup: ApiSetup,
     routes: Router,
     fleet: FleetHandle,
+    clerk: Clerk,
     store: Store,
     link_open: watch::Sender<bool>,
     stop: CancellationToken,
@@ -78,13 +82,24 @@ async fn bench(robots: &[&str]) -> Bench {
         journal: Arc::new(store.clone()),
         estimator: EstimatorSettings::default(),
         robots: robots.iter().map(|name| (robot(name), config())).collect(),
+        cross_tracks: BTreeMap::new(),
         checkpoints: BTreeMap::new(),
     });
+    let clerk = Clerk::start(ClerkSetup {
+        store: store.clone(),
+        fleet: fleet.clone(),
+        clock: clock.clone(),
+        policy: Policy::default(),
+        key: SigningKey::from_bytes(&[7; 32]),
+    })
+    .await
+    .unwrap();
     let (link_open, is_open) = watch::channel(true);
     let stop = CancellationToken::new();
     let (setup_code, setup_text) = SetupCode::new(&[0xab; 32], NOW_NS);
     let setup = ApiSetup {
         fleet: fleet.clone(),
+        clerk: clerk.clone(),
         store: store.clone(),
         clock: clock.clone(),
         link_open: is_open,
@@ -100,6 +115,7 @@ async fn bench(robots: &[&str]) -> Bench {
         setup,
         routes,
         fleet,
+        clerk,
         store,
         link_open,
         stop,

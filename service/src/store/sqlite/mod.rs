@@ -1,6 +1,7 @@
 //! The store's database in SQLite: one connection that writes, a pool that only reads.
 
 mod accounts;
+mod approvals;
 mod audit;
 mod columns;
 mod read;

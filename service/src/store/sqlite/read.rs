@@ -2,15 +2,19 @@
 
 use async_trait::async_trait;
 use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::Envelope;
 use fleetcal_proto::estimate::ParameterName;
 use sqlx::sqlite::{SqlitePool, SqliteRow};
 use sqlx::{AssertSqlSafe, Row};
 
-use super::columns;
+use super::{approvals, columns};
+use crate::approval::{Deployment, Parcel, Proposal, Revision, RobotLedger};
+use crate::store::approvals::{AuditFilter, AuditRow, ProposalFilter, SiteHold};
 use crate::store::backend::{Cell, Reader, Stretch, Tier};
 use crate::store::error::StoreError;
 use crate::store::record::{
-    CheckpointRecord, CurrentRecord, EventKind, EventRecord, EventSource, NewEvent, RobotRecord,
+    CheckpointRecord, CrossTrackRecord, CurrentRecord, EventKind, EventRecord, EventSource,
+    NewEvent, RobotRecord,
 };
 
 /// The pool of connections that only read.
@@ -83,6 +87,24 @@ impl Reader for SqliteReader {
                     stamp_ns: column(row, "checkpoint", 1)?,
                     received_ns: column(row, "checkpoint", 2)?,
                     state: column(row, "checkpoint", 3)?,
+                })
+            })
+            .collect()
+    }
+
+    async fn cross_tracks(&self) -> Result<Vec<CrossTrackRecord>, StoreError> {
+        let rows = sqlx::query("SELECT robot, generation, errors FROM cross_track")
+            .fetch_all(&self.pool)
+            .await
+            .map_err(StoreError::database("read how robots follow their paths"))?;
+        rows.iter()
+            .map(|row| {
+                let generation: i64 = column(row, "cross_track", 1)?;
+                let errors: String = column(row, "cross_track", 2)?;
+                Ok(CrossTrackRecord {
+                    robot: robot_id(row, "cross_track", 0)?,
+                    generation: generation.unsigned_abs(),
+                    errors: parsed("cross_track", &errors)?,
                 })
             })
             .collect()
@@ -173,6 +195,50 @@ impl Reader for SqliteReader {
             .map_err(StoreError::database("read its schema's version"))
     }
 
+    async fn ledgers(&self) -> Result<Vec<RobotLedger>, StoreError> {
+        approvals::ledgers(&self.pool).await
+    }
+
+    async fn envelope(
+        &self,
+        robot: &RobotId,
+        generation: u64,
+    ) -> Result<Option<Envelope>, StoreError> {
+        approvals::envelope(&self.pool, robot, generation).await
+    }
+
+    async fn outbox(&self) -> Result<Vec<(RobotId, Parcel)>, StoreError> {
+        approvals::outbox(&self.pool).await
+    }
+
+    async fn proposals(
+        &self,
+        filter: &ProposalFilter,
+    ) -> Result<Vec<(Proposal, Revision)>, StoreError> {
+        approvals::proposals(&self.pool, filter).await
+    }
+
+    async fn proposal(&self, id: u64) -> Result<Option<(Proposal, Revision)>, StoreError> {
+        approvals::proposal(&self.pool, id).await
+    }
+
+    async fn deployments(
+        &self,
+        robot: &RobotId,
+        before: Option<i64>,
+        limit: u32,
+    ) -> Result<Vec<Deployment>, StoreError> {
+        approvals::deployments(&self.pool, robot, before, limit).await
+    }
+
+    async fn site_hold(&self) -> Result<SiteHold, StoreError> {
+        approvals::site_hold(&self.pool).await
+    }
+
+    async fn audit(&self, filter: &AuditFilter) -> Result<Vec<AuditRow>, StoreError> {
+        approvals::audit_rows(&self.pool, filter).await
+    }
+
     async fn close(&self) {
         self.pool.close().await;
     }
@@ -244,7 +310,11 @@ pub(super) fn event_of(row: &SqliteRow, repeated: bool) -> Result<EventRecord, S
     })
 }
 
-fn robot_id(row: &SqliteRow, table: &'static str, index: usize) -> Result<RobotId, StoreError> {
+pub(super) fn robot_id(
+    row: &SqliteRow,
+    table: &'static str,
+    index: usize,
+) -> Result<RobotId, StoreError> {
     let id: String = column(row, table, index)?;
     RobotId::parse(&id).map_err(corrupt(table))
 }
@@ -260,7 +330,7 @@ where
     row.try_get(index).map_err(corrupt(table))
 }
 
-fn parsed<T: serde::de::DeserializeOwned>(
+pub(super) fn parsed<T: serde::de::DeserializeOwned>(
     table: &'static str,
     json: &str,
 ) -> Result<T, StoreError> {

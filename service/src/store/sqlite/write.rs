@@ -9,16 +9,21 @@ use fleetcal_proto::estimate::EstimateDocument;
 use sqlx::sqlite::{Sqlite, SqliteConnection};
 use sqlx::{AssertSqlSafe, Connection, Row, Transaction};
 
-use super::accounts;
-use super::columns;
+use super::{accounts, approvals, columns};
+use crate::store::approvals::Decided;
 use crate::store::backend::{
     Batch, EventWrite, Outcomes, Repetition, Retention, RobotWrite, Tier, Writer,
 };
 use crate::store::error::StoreError;
-use crate::store::record::{CheckpointRecord, EventRecord, HistoryRow, IdempotencyKey, NewEvent};
+use crate::store::record::{
+    CheckpointRecord, CrossTrackRecord, EventRecord, HistoryRow, IdempotencyKey, NewEvent,
+};
 
 /// Nanoseconds in a second.
 const NS_PER_S: i64 = 1_000_000_000;
+
+/// Calibrations of a robot whose cross-track errors are kept, beside the first.
+const CROSS_TRACKS_KEPT: i64 = crate::fleet::GENERATIONS_MAX as i64 - 1;
 
 /// The one connection that writes.
 #[derive(Debug)]
@@ -88,10 +93,31 @@ async fn write(
     for record in &batch.checkpoints {
         checkpoint(transaction, keys, record).await?;
     }
+    for record in &batch.cross_tracks {
+        cross_track(transaction, record).await?;
+    }
     for robot in &batch.robots {
         outcomes
             .robots
             .push(refusable(configure(transaction, keys, robot).await)?);
+    }
+    for decision in &batch.decisions {
+        let decided = refusable(approvals::decide(transaction, decision).await)?;
+        if let Ok(Decided::Taken(outcome)) = &decided {
+            for made in decision.events(outcome) {
+                let write = EventWrite {
+                    event: made,
+                    repetition: Repetition::Never,
+                };
+                event(transaction, keys, &write).await?;
+            }
+        }
+        outcomes.decisions.push(decided);
+    }
+    for hold in &batch.holds {
+        outcomes
+            .holds
+            .push(refusable(approvals::hold(transaction, hold).await)?);
     }
     for write in &batch.events {
         outcomes
@@ -126,7 +152,8 @@ fn refusable<T>(result: Result<T, StoreError>) -> Result<Result<T, StoreError>, 
         Err(
             refused @ (StoreError::VersionConflict { .. }
             | StoreError::KeyReused
-            | StoreError::Account(_)),
+            | StoreError::Account(_)
+            | StoreError::Refused(_)),
         ) => Ok(Err(refused)),
         Err(failed) => Err(failed),
         Ok(value) => Ok(Ok(value)),
@@ -315,6 +342,34 @@ async fn checkpoint(
     .execute(connection)
     .await
     .map_err(StoreError::database("write an estimator's state"))?;
+    Ok(())
+}
+
+async fn cross_track(
+    connection: &mut SqliteConnection,
+    record: &CrossTrackRecord,
+) -> Result<(), StoreError> {
+    let failed = || StoreError::database("write how a robot follows its path");
+    sqlx::query(
+        "INSERT INTO cross_track (robot, generation, errors) VALUES (?1, ?2, ?3)
+         ON CONFLICT (robot, generation) DO UPDATE SET errors = excluded.errors",
+    )
+    .bind(record.robot.as_str())
+    .bind(record.generation as i64)
+    .bind(json("cross_track", &record.errors)?)
+    .execute(&mut *connection)
+    .await
+    .map_err(failed())?;
+    // Beside what it drove with at first, the latest ones are kept.
+    sqlx::query(
+        "DELETE FROM cross_track WHERE robot = ?1 AND generation > 0 AND generation NOT IN
+         (SELECT generation FROM cross_track WHERE robot = ?1 ORDER BY generation DESC LIMIT ?2)",
+    )
+    .bind(record.robot.as_str())
+    .bind(CROSS_TRACKS_KEPT)
+    .execute(connection)
+    .await
+    .map_err(failed())?;
     Ok(())
 }
 
@@ -509,6 +564,11 @@ async fn prune(
     deletes.push((
         "DELETE FROM idempotency WHERE (scope, key) IN (SELECT scope, key FROM idempotency
          WHERE received < ?1 ORDER BY received LIMIT ?2)",
+        retention.idempotency_before,
+    ));
+    deletes.push((
+        "DELETE FROM proposal_request WHERE (robot, key) IN (SELECT robot, key
+         FROM proposal_request WHERE received < ?1 ORDER BY received LIMIT ?2)",
         retention.idempotency_before,
     ));
     let mut pruned = 0;

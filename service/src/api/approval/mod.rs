@@ -1,0 +1,35 @@
+//! Proposals, deployments, what robots hold, the site-wide stop, and the audit.
+
+mod audit;
+mod calibration;
+mod deployments;
+mod document;
+mod proposals;
+mod several;
+mod site;
+
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::ApiState;
+
+pub(super) use document::CalibrationSummary;
+
+/// The routes of the life cycle.
+pub(super) fn routes() -> OpenApiRouter<ApiState> {
+    OpenApiRouter::new()
+        .routes(routes!(proposals::list_proposals, proposals::post_proposal))
+        .routes(routes!(several::approve_several))
+        .routes(routes!(proposals::get_proposal))
+        .routes(routes!(proposals::approve_proposal))
+        .routes(routes!(proposals::reject_proposal))
+        .routes(routes!(proposals::withdraw_proposal))
+        .routes(routes!(deployments::list_deployments))
+        .routes(routes!(deployments::get_shadow))
+        .routes(routes!(deployments::roll_back))
+        .routes(routes!(calibration::get_calibration))
+        .routes(routes!(calibration::put_applied))
+        .routes(routes!(calibration::get_signing_key))
+        .routes(routes!(site::get_hold, site::put_hold))
+        .routes(routes!(audit::list_audit))
+}

@@ -1,0 +1,196 @@
+//! Sends values on their way to the robot: approved ones, and former ones on the way back.
+
+use fleetcal_proto::calibration::{
+    CalibrationDocument, CalibrationFrame, CalibrationSchema, CalibrationValues,
+};
+use fleetcal_proto::signing::seal;
+use jiff::Timestamp;
+
+use super::command::Refused;
+use super::deployment::{Deployment, DeploymentEvent, DeploymentState, GenerationRef};
+use super::ledger::Parcel;
+use super::proposal::Proposal;
+use super::revision::{Evidence, Origin};
+use super::shadow::InUse;
+use super::step::{Draft, after};
+
+impl Draft<'_> {
+    /// Queues a revision for the robot: of an approved proposal, or an earlier one.
+    pub(super) fn deploy(
+        &mut self,
+        proposal: Option<&Proposal>,
+        revision: u64,
+        nominal: Option<CalibrationValues>,
+    ) -> Result<(), Refused> {
+        let shadow = &self.outcome.ledger.shadow;
+        let brought_along = |values| InUse {
+            generation: 0,
+            revision: None,
+            values,
+            since_ns: 0,
+        };
+        let base = shadow.in_use.clone().or(nominal.map(brought_along));
+        let base_generation = base.as_ref().map(|base| base.generation);
+        let desired_before = shadow.desired.clone();
+        let approved_by = self.approvers(proposal);
+        let offer = self.sign(revision, base_generation, &approved_by)?;
+        let now_ns = self.standing.now_ns;
+        let deployment = Deployment {
+            id: self.ids.deployment,
+            robot: self.outcome.ledger.shadow.robot.clone(),
+            version: 1,
+            state: DeploymentState::Queued,
+            proposal: proposal.map(|proposal| proposal.id),
+            approved_by,
+            offer,
+            earlier: Vec::new(),
+            base,
+            desired_before,
+            created_ns: now_ns,
+            expires_ns: after(now_ns, self.standing.policy.expires_after_s),
+            offered_ns: None,
+            applied_ns: None,
+            closed_ns: None,
+            verification: None,
+            reason: None,
+        };
+        self.ids.deployment += 1;
+        self.save_deployment("deployment.create", None, deployment, None);
+        Ok(())
+    }
+
+    fn approvers(&self, proposal: Option<&Proposal>) -> String {
+        let names = proposal.map(|proposal| {
+            let names: Vec<&str> = proposal
+                .approvals
+                .iter()
+                .map(|one| one.by.as_str())
+                .collect();
+            names.join(", ")
+        });
+        names.unwrap_or_else(|| self.standing.actor.name.clone())
+    }
+
+    /// Signs a revision under the next generation and makes it what the robot should hold.
+    fn sign(
+        &mut self,
+        revision: u64,
+        base_generation: Option<u64>,
+        approved_by: &str,
+    ) -> Result<GenerationRef, Refused> {
+        let named = self.outcome.ledger.revisions.get(&revision);
+        let named = named.ok_or(Refused::NothingToReturnTo)?;
+        let mut shadow = self.outcome.ledger.shadow.clone();
+        shadow.generation_last += 1;
+        let generation = shadow.generation_last;
+        let document = CalibrationDocument {
+            schema: CalibrationSchema::V1,
+            robot: shadow.robot.clone(),
+            generation,
+            base_generation,
+            revision,
+            approved_at: time_of(self.standing.now_ns),
+            approved_by: approved_by.to_owned(),
+            values: named.values,
+            sigmas: named.sigmas,
+            frame: CalibrationFrame::RearAxle,
+            confirm_within_s: self.standing.policy.confirm_within_s,
+        };
+        let envelope =
+            seal(&document, self.standing.key).map_err(|error| Refused::Seal(error.to_string()))?;
+        let offer = GenerationRef {
+            generation,
+            sha256: envelope.sha256.clone(),
+            revision,
+        };
+        shadow.desired = Some(offer.clone());
+        self.save_shadow("shadow.desire", shadow, None);
+        self.outcome.envelopes.push((generation, envelope));
+        self.outcome.parcels.push(Parcel::Approved(generation));
+        Ok(offer)
+    }
+
+    /// Brings the former values back, whatever the deployment is doing; with none under way, the
+    /// verified ones before those in use.
+    pub(super) fn roll_back(&mut self, reason: String) -> Result<(), Refused> {
+        let Some(before) = self.outcome.ledger.live.clone() else {
+            return self.return_to_verified(reason);
+        };
+        let action = "deployment.roll_back";
+        if before.state == DeploymentState::Queued {
+            let event = DeploymentEvent::RollBack;
+            return self.advance(&before, before.clone(), event, action, Some(reason));
+        }
+        let state = before.state.after(DeploymentEvent::RollBack)?;
+        let Some(base) = before.base.clone() else {
+            if before.state == DeploymentState::Offered {
+                // A robot that has taken it goes back by itself: nobody confirms it.
+                let event = DeploymentEvent::TimeOut;
+                return self.advance(&before, before.clone(), event, action, Some(reason));
+            }
+            return Err(Refused::NothingToReturnTo);
+        };
+        let approved = before.earlier.first().unwrap_or(&before.offer).revision;
+        self.decline(approved);
+        let revision = self.revision_of(&base);
+        let by = self.standing.actor.name.clone();
+        let offer = self.sign(revision, Some(before.offer.generation), &by)?;
+        let mut live = before.clone();
+        live.earlier.push(std::mem::replace(&mut live.offer, offer));
+        live.expires_ns = after(self.standing.now_ns, self.standing.policy.expires_after_s);
+        live.state = state;
+        self.advance(
+            &before,
+            live,
+            DeploymentEvent::RollBack,
+            action,
+            Some(reason),
+        )
+    }
+
+    /// A revision of what the robot used, which it may have brought along.
+    fn revision_of(&mut self, base: &InUse) -> u64 {
+        let known = base
+            .revision
+            .filter(|id| self.outcome.ledger.revisions.contains_key(id));
+        known.unwrap_or_else(|| {
+            let values = (base.values, CalibrationValues::default());
+            self.add_revision(Origin::Robot, values, Evidence::default())
+                .id
+        })
+    }
+
+    fn return_to_verified(&mut self, reason: String) -> Result<(), Refused> {
+        let shadow = &self.outcome.ledger.shadow;
+        let in_use = shadow.in_use.as_ref().ok_or(Refused::NothingToReturnTo)?;
+        let used = in_use.revision;
+        let earlier = shadow.verified.iter().rev();
+        let verified = earlier.map(|one| one.revision).find(|id| Some(*id) != used);
+        let revision = match (verified, shadow.before.clone()) {
+            (Some(revision), _) => revision,
+            (None, Some(before)) => self.revision_of(&before),
+            (None, None) => return Err(Refused::NothingEarlier),
+        };
+        if let Some(used) = used {
+            self.decline(used);
+        }
+        self.deploy(None, revision, None)?;
+        if let Some(live) = &mut self.outcome.ledger.live {
+            live.reason = Some(reason.clone());
+        }
+        for deployment in &mut self.outcome.deployments {
+            deployment.reason = Some(reason.clone());
+        }
+        if let Some(transition) = self.outcome.transitions.last_mut() {
+            transition.reason = Some(reason);
+        }
+        Ok(())
+    }
+}
+
+/// RFC 3339 in UTC.
+fn time_of(ns: i64) -> String {
+    Timestamp::from_nanosecond(i128::from(ns))
+        .unwrap_or(Timestamp::UNIX_EPOCH)
+        .to_string()
+}

@@ -1,0 +1,199 @@
+//! How well a robot follows its path, as it says itself: one histogram for each calibration that
+//! it has used.
+
+use std::collections::BTreeMap;
+
+use fleetcal_proto::calibration::CalibrationValues;
+use fleetcal_proto::encoding::Encoding;
+use fleetcal_proto::event::CrossTrackError;
+use fleetcal_proto::ros::{Float64, RosMessage};
+use serde::{Deserialize, Serialize};
+
+/// Width of a bin, m.
+pub const BIN_WIDTH_M: f64 = 0.01;
+/// Bins to either side of the path. What lies outside goes into the outermost ones.
+pub const BINS_PER_SIDE: usize = 50;
+/// Calibrations of a robot whose histograms are kept.
+pub const GENERATIONS_MAX: usize = 8;
+/// Errors beyond this are no path following, m.
+const ERROR_MAX_M: f64 = 100.0;
+
+/// Cross-track errors of one robot with one calibration.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CrossTrack {
+    /// How many there are.
+    pub count: u64,
+    /// Their sum, m.
+    pub sum_m: f64,
+    /// Sum of their squares, m^2.
+    pub sum_square_m2: f64,
+    /// How many lie in each bin, from far right of the path to far left.
+    pub bins: Vec<u64>,
+}
+
+impl Default for CrossTrack {
+    fn default() -> Self {
+        Self {
+            count: 0,
+            sum_m: 0.0,
+            sum_square_m2: 0.0,
+            bins: vec![0; 2 * BINS_PER_SIDE],
+        }
+    }
+}
+
+impl CrossTrack {
+    /// Takes one error, m, positive when left of the path.
+    pub fn add(&mut self, error_m: f64) {
+        self.count += 1;
+        self.sum_m += error_m;
+        self.sum_square_m2 += error_m * error_m;
+        let bin = (error_m / BIN_WIDTH_M).floor() + BINS_PER_SIDE as f64;
+        let last = self.bins.len().saturating_sub(1);
+        let bin = (bin.max(0.0) as usize).min(last);
+        if let Some(count) = self.bins.get_mut(bin) {
+            *count += 1;
+        }
+    }
+
+    /// Root mean square, m.
+    pub fn rms_m(&self) -> f64 {
+        (self.sum_square_m2 / self.count.max(1) as f64).sqrt()
+    }
+
+    /// Mean, m.
+    pub fn mean_m(&self) -> f64 {
+        self.sum_m / self.count.max(1) as f64
+    }
+}
+
+/// Values that a robot compensates with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UsedValues {
+    /// Since when, ns since 1970 by the robot's clock.
+    pub since_ns: i64,
+    /// Generation of their document; 0 for what the robot brought along.
+    pub generation: u64,
+    /// The values.
+    pub values: CalibrationValues,
+}
+
+/// The histograms of one robot, by generation; 0 is what it drove with before any was applied.
+#[derive(Debug, Clone, Default)]
+pub struct CrossTracks {
+    by_generation: BTreeMap<u64, CrossTrack>,
+    /// Generations that have changed since they were last taken for the store.
+    unsaved: BTreeMap<u64, ()>,
+}
+
+impl CrossTracks {
+    /// Those that were stored.
+    pub fn of(stored: BTreeMap<u64, CrossTrack>) -> Self {
+        Self {
+            by_generation: stored,
+            unsaved: BTreeMap::new(),
+        }
+    }
+
+    /// Takes an error of a robot that used `generation` then.
+    pub fn add(&mut self, generation: u64, error_m: f64) {
+        self.by_generation
+            .entry(generation)
+            .or_default()
+            .add(error_m);
+        self.unsaved.insert(generation, ());
+        // What it drove with at first stays: it is what all others are held against.
+        while self.by_generation.len() > GENERATIONS_MAX {
+            let Some(oldest) = self.by_generation.keys().copied().find(|one| *one > 0) else {
+                return;
+            };
+            self.by_generation.remove(&oldest);
+            self.unsaved.remove(&oldest);
+        }
+    }
+
+    /// All of them.
+    pub fn all(&self) -> &BTreeMap<u64, CrossTrack> {
+        &self.by_generation
+    }
+
+    /// Those that have changed since this was last asked.
+    pub fn take_unsaved(&mut self) -> Vec<(u64, CrossTrack)> {
+        let unsaved = std::mem::take(&mut self.unsaved).into_keys();
+        unsaved
+            .filter_map(|one| Some((one, self.by_generation.get(&one)?.clone())))
+            .collect()
+    }
+}
+
+/// Reads a robot's message: its own stamp, where it has one, and the error in metres.
+///
+/// # Errors
+/// Says what is wrong with it.
+pub fn read(encoding: Encoding, payload: &[u8]) -> Result<(Option<i64>, f64), String> {
+    let (stamp_ns, error_m) = match encoding {
+        Encoding::Json => {
+            let error: CrossTrackError = serde_json::from_slice(payload)
+                .map_err(|error| format!("cross_track_error: {error}"))?;
+            (Some(error.stamp_ns), error.value_m)
+        }
+        Encoding::Cdr => {
+            let message = Float64::from_cdr(payload);
+            let message = message.map_err(|error| format!("cross_track_error: {error}"))?;
+            (None, message.data)
+        }
+    };
+    if !(error_m.abs() <= ERROR_MAX_M) {
+        return Err(format!(
+            "cross_track_error: value_m is {error_m}, accepted are -{ERROR_MAX_M} to {ERROR_MAX_M}"
+        ));
+    }
+    Ok((stamp_ns, error_m))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_fall_into_their_bins_and_none_is_lost() {
+        let mut errors = CrossTrack::default();
+        for error_m in [-3.0, -0.5, -0.001, 0.0, 0.009, 0.499, 7.0] {
+            errors.add(error_m);
+        }
+        assert_eq!(errors.bins.iter().sum::<u64>(), errors.count);
+        assert_eq!(
+            (errors.bins[0], errors.bins[49], errors.bins[50]),
+            (2, 1, 2)
+        );
+        assert_eq!(errors.bins[99], 2);
+    }
+
+    #[test]
+    fn the_first_and_the_latest_calibrations_are_kept() {
+        let mut tracks = CrossTracks::default();
+        for generation in 0..20 {
+            tracks.add(generation, 0.1);
+        }
+        let kept: Vec<u64> = tracks.all().keys().copied().collect();
+        assert_eq!(kept, [0, 13, 14, 15, 16, 17, 18, 19]);
+        assert_eq!(tracks.take_unsaved().len(), 8);
+        assert!(tracks.take_unsaved().is_empty());
+    }
+
+    #[test]
+    fn both_forms_are_read_and_nonsense_is_named() {
+        let json = br#"{"stamp_ns": 7, "value_m": -0.25}"#;
+        assert_eq!(read(Encoding::Json, json), Ok((Some(7), -0.25)));
+        let mut cdr = vec![0, 1, 0, 0];
+        cdr.extend(0.5_f64.to_le_bytes());
+        assert_eq!(read(Encoding::Cdr, &cdr), Ok((None, 0.5)));
+        assert!(
+            read(Encoding::Json, b"{}")
+                .unwrap_err()
+                .contains("stamp_ns")
+        );
+        let far = br#"{"stamp_ns": 7, "value_m": 1e9}"#;
+        assert!(read(Encoding::Json, far).unwrap_err().contains("accepted"));
+    }
+}

@@ -1,0 +1,163 @@
+//! Calibrations on the wire: what robots ask for, what they are sent, what they answer.
+
+use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::Applied;
+use fleetcal_proto::key::{Key, Keys, StreamKind};
+use serde::Serialize;
+use tokio_util::sync::CancellationToken;
+use zenoh::bytes::Encoding;
+use zenoh::qos::{CongestionControl, Priority};
+use zenoh::query::{Query, Queryable};
+use zenoh::sample::{Sample, SampleKind};
+use zenoh::{Result, Session, Wait};
+
+use crate::clerk::{Clerk, Letter};
+use crate::limits;
+
+/// Takes a robot's answer.
+pub fn take_answer(clerk: &Clerk, robot: &RobotId, sample: &Sample) {
+    let payload = sample.payload();
+    if sample.kind() != SampleKind::Put || payload.len() > limits::ANSWER_BYTES_MAX {
+        let bytes = payload.len();
+        tracing::warn!(robot.id = %robot, bytes, "an answer is no message of an accepted size");
+        return;
+    }
+    match serde_json::from_slice::<Applied>(&payload.to_bytes()) {
+        Ok(applied) => clerk.take_answer(robot, applied),
+        Err(error) => tracing::warn!(robot.id = %robot, %error, "an answer cannot be read"),
+    }
+}
+
+/// Answers what a robot should hold, from the database.
+pub async fn answer_approved(
+    session: &Session,
+    keys: &Keys,
+    clerk: Clerk,
+) -> Result<Queryable<()>> {
+    let own_keys = keys.clone();
+    // The database is asked on the runtime: Zenoh's threads must not wait for it.
+    let runtime = tokio::runtime::Handle::current();
+    session
+        .declare_queryable(keys.stream_of_all(StreamKind::CalibrationApproved))
+        .complete(true)
+        .callback(move |query| {
+            let (clerk, keys) = (clerk.clone(), own_keys.clone());
+            runtime.spawn(async move { reply_approved(&clerk, &keys, &query).await });
+        })
+        .await
+}
+
+async fn reply_approved(clerk: &Clerk, keys: &Keys, query: &Query) {
+    let Ok(Key::Stream { robot, .. }) = keys.parse(query.key_expr().as_str()) else {
+        // A question about all robots at once is nobody's own.
+        return;
+    };
+    match clerk.approved(&robot).await {
+        Ok(Some(envelope)) => {
+            reply(
+                query,
+                keys,
+                &robot,
+                StreamKind::CalibrationApproved,
+                &envelope,
+            );
+        }
+        Ok(None) => {}
+        Err(error) => tracing::error!(robot.id = %robot, %error, "a question was not answered"),
+    }
+}
+
+/// Answers which of a robot's answers is stored.
+pub async fn answer_confirmed(
+    session: &Session,
+    keys: &Keys,
+    clerk: Clerk,
+) -> Result<Queryable<()>> {
+    let own_keys = keys.clone();
+    session
+        .declare_queryable(keys.stream_of_all(StreamKind::CalibrationConfirmed))
+        .complete(true)
+        .callback(move |query| {
+            if let Ok(Key::Stream { robot, .. }) = own_keys.parse(query.key_expr().as_str())
+                && let Some(confirmed) = clerk.confirmed(&robot)
+            {
+                let kind = StreamKind::CalibrationConfirmed;
+                reply(&query, &own_keys, &robot, kind, &confirmed);
+            }
+        })
+        .await
+}
+
+fn reply<T: Serialize>(query: &Query, keys: &Keys, robot: &RobotId, kind: StreamKind, said: &T) {
+    let Ok(json) = serde_json::to_vec(said) else {
+        return;
+    };
+    let reply = query.reply(keys.stream(robot, kind), json);
+    if let Err(error) = reply.encoding(Encoding::APPLICATION_JSON).wait() {
+        tracing::debug!(robot.id = %robot, error, "a question was not answered");
+    }
+}
+
+/// Sends what was decided, until `stop`. What is not sent stays in the outbox.
+pub async fn post(session: Session, keys: Keys, clerk: Clerk, stop: CancellationToken) {
+    loop {
+        let pause = if post_all(&session, &keys, &clerk).await {
+            limits::POST_EVERY
+        } else {
+            limits::POST_RETRY
+        };
+        tokio::select! {
+            () = stop.cancelled() => return,
+            () = clerk.post_comes() => {}
+            () = tokio::time::sleep(pause) => {}
+        }
+    }
+}
+
+/// Sends what waits; whether all of it went.
+async fn post_all(session: &Session, keys: &Keys, clerk: &Clerk) -> bool {
+    let parcels = match clerk.parcels().await {
+        Ok(parcels) => parcels,
+        Err(error) => {
+            tracing::error!(%error, "the outbox cannot be read");
+            return false;
+        }
+    };
+    let mut all = true;
+    for (robot, parcel) in parcels {
+        let put = match clerk.letter(&robot, parcel).await {
+            Ok(None) => continue,
+            Ok(Some(letter)) => put(session, keys, &robot, &letter).await,
+            Err(error) => Err(error.into()),
+        };
+        let sent = match put {
+            Ok(()) => clerk.sent(&robot, parcel).await.map_err(Into::into),
+            Err(error) => Err(error),
+        };
+        if let Err(error) = sent {
+            all = false;
+            tracing::warn!(robot.id = %robot, ?parcel, error, "not sent, and tried again");
+        }
+    }
+    all
+}
+
+/// Waits for room instead of dropping: a calibration is no estimate that comes again in a second.
+async fn put(session: &Session, keys: &Keys, robot: &RobotId, letter: &Letter) -> Result<()> {
+    let (kind, json) = match letter {
+        Letter::Approved(envelope) => (
+            StreamKind::CalibrationApproved,
+            serde_json::to_vec(envelope)?,
+        ),
+        Letter::Confirmed(confirmed) => (
+            StreamKind::CalibrationConfirmed,
+            serde_json::to_vec(confirmed)?,
+        ),
+    };
+    session
+        .put(keys.stream(robot, kind), json)
+        .encoding(Encoding::APPLICATION_JSON)
+        .congestion_control(CongestionControl::Block)
+        .priority(Priority::InteractiveHigh)
+        .await
+}

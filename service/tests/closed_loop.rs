@@ -1,0 +1,172 @@
+//! The whole loop with everything real but the robots' bodies: they weave because their steering
+//! zero is off, the service finds that out, two people approve, the robots apply and prove it.
+
+use std::net::{SocketAddr, TcpListener};
+use std::sync::Arc;
+use std::time::Duration;
+
+use fleetcal::access::{Actor, Authentication, Role};
+use fleetcal::approval::{Command, DeploymentState, Policy, ProposalState};
+use fleetcal::clock::{Clock, SystemClock};
+use fleetcal::config::{Config, Mount, RobotConfig, RobotEntry, Wheelbase};
+use fleetcal::service::Service;
+use fleetcal::store::ProposalFilter;
+use fleetcal_estimator::{Pose2, VehicleModel};
+use fleetcal_proto::signing::TrustedKeys;
+use fleetcal_proto::{Keys, RobotId};
+use fleetcal_robot::fleet::{FleetOptions, SimulatedRobot, run_fleet, simulated_robots};
+use tokio_util::sync::CancellationToken;
+
+/// The offsets of the paper's two runs, degrees.
+const OFFSETS_DEG: [f64; 2] = [2.92, -1.25];
+/// What is left after the push must be below this, degrees.
+const RESIDUAL_MAX_DEG: f64 = 0.1;
+/// How long the whole may take.
+const PATIENCE: Duration = Duration::from_secs(200);
+
+fn free_port() -> u16 {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    listener.local_addr().unwrap().port()
+}
+
+fn robots() -> Vec<SimulatedRobot> {
+    let mut robots = simulated_robots(OFFSETS_DEG.len(), 3).unwrap();
+    for (robot, offset_deg) in robots.iter_mut().zip(OFFSETS_DEG) {
+        robot.config.vehicle.steering_offset_rad = offset_deg.to_radians();
+    }
+    robots
+}
+
+fn entry(robot: &SimulatedRobot) -> RobotEntry {
+    let nominal = robot.nominal();
+    let wheelbase = Wheelbase::try_from(robot.wheelbase_m()).unwrap();
+    let mut config = RobotConfig::of_vehicle(VehicleModel::Bicycle, wheelbase);
+    let nominal = Pose2::new(nominal.x_m, nominal.y_m, nominal.yaw_rad);
+    config.nominal = Some(Mount::try_from(nominal).unwrap());
+    RobotEntry {
+        id: robot.id.clone(),
+        config,
+    }
+}
+
+fn approver() -> Actor {
+    Actor {
+        name: "ana".to_owned(),
+        authentication: Authentication::Session,
+        role: Some(Role::Approver),
+        request: None,
+    }
+}
+
+/// Approves what waits for a robot, once it waits.
+async fn approve(service: &Service, robot: &RobotId) {
+    let clerk = service.clerk();
+    until("a proposal", || clerk.ledger(robot).open.is_some()).await;
+    let open = clerk.ledger(robot).open.clone().unwrap();
+    let command = Command::Approve {
+        proposal: open.id,
+        version: Some(open.version),
+        sha256: open.revision_sha256,
+        reason: Some("looks right".to_owned()),
+    };
+    clerk
+        .decide(robot, command, approver(), None)
+        .await
+        .unwrap();
+}
+
+async fn until(what: &str, mut is: impl FnMut() -> bool) {
+    let waited = async {
+        while !is() {
+            tokio::time::sleep(Duration::from_millis(200)).await;
+        }
+    };
+    let ended = tokio::time::timeout(PATIENCE, waited).await;
+    assert!(ended.is_ok(), "no {what} within {PATIENCE:?}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_offset_is_found_approved_pulled_and_proven() {
+    let data = tempfile::tempdir().unwrap();
+    let endpoint = format!("tcp/127.0.0.1:{}", free_port());
+    let robots = robots();
+    let config = Config {
+        data: data.path().join("data"),
+        http: SocketAddr::from(([127, 0, 0, 1], 0)),
+        listen: vec![endpoint.clone()],
+        robots: robots.iter().map(entry).collect(),
+        approval: Policy {
+            stable_for_s: 3.0,
+            ..Policy::default()
+        },
+        ..Config::default()
+    };
+    let clock = Arc::new(SystemClock::start());
+    let service = Service::start(config, clock.clone()).await.unwrap();
+    let stop = CancellationToken::new();
+    let fleet = tokio::spawn(run_fleet(
+        FleetOptions {
+            robots: robots.clone(),
+            connect: vec![endpoint],
+            keys: Keys::default(),
+            trusted: Some(TrustedKeys::from(service.clerk().public_key())),
+            start_stamp_ns: clock.now_ns(),
+        },
+        stop.clone(),
+    ));
+
+    for robot in &robots {
+        approve(&service, &robot.id).await;
+    }
+    for robot in &robots {
+        let clerk = service.clerk();
+        let verified = || !clerk.ledger(&robot.id).shadow.verified.is_empty();
+        until("verified calibration", verified).await;
+    }
+    for (robot, offset_deg) in robots.iter().zip(OFFSETS_DEG) {
+        let deployments = service
+            .store()
+            .deployments(&robot.id, None, 1)
+            .await
+            .unwrap();
+        let deployment = deployments.first().unwrap();
+        assert_eq!(deployment.state, DeploymentState::Verified);
+        let ledger = service.clerk().ledger(&robot.id);
+        assert!(ledger.shadow.in_sync());
+        let used = ledger.shadow.in_use.as_ref().unwrap().values;
+        let residual_deg = (offset_deg - used.steering_offset_rad.to_degrees()).abs();
+        let errors = service.fleet().cross_tracks(&robot.id);
+        let rms_mm = |generation| {
+            errors
+                .get(&generation)
+                .map_or(f64::NAN, |e| 1e3 * e.rms_m())
+        };
+        let (before_mm, after_mm) = (rms_mm(0), rms_mm(deployment.offer.generation));
+        println!(
+            "{}: offset {offset_deg:+.2} deg, used {:+.3} deg, residual {residual_deg:.3} deg; \
+             cross-track error {before_mm:.0} mm RMS before, {after_mm:.0} mm after",
+            robot.id,
+            used.steering_offset_rad.to_degrees(),
+        );
+        assert!(residual_deg < RESIDUAL_MAX_DEG, "{residual_deg}");
+        assert!(after_mm < before_mm, "{before_mm} {after_mm}");
+    }
+    let filter = ProposalFilter {
+        limit: 10,
+        ..ProposalFilter::default()
+    };
+    let proposals = service.store().proposals(&filter).await.unwrap();
+    assert_eq!(
+        proposals.len(),
+        OFFSETS_DEG.len(),
+        "nothing else was proposed"
+    );
+    assert!(
+        proposals
+            .iter()
+            .all(|(one, _)| one.state == ProposalState::Approved)
+    );
+    stop.cancel();
+    fleet.await.unwrap().unwrap();
+    service.stop().await;
+}
