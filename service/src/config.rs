@@ -14,6 +14,7 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
+use crate::alert::AlertPolicy;
 use crate::approval::Policy;
 use crate::fleet::ScanSettings;
 
@@ -283,6 +284,13 @@ fn checked_policy<'de, D: Deserializer<'de>>(from: D) -> Result<Policy, D::Error
     Ok(policy)
 }
 
+/// Alerts that can be followed.
+fn checked_alerts<'de, D: Deserializer<'de>>(from: D) -> Result<AlertPolicy, D::Error> {
+    let policy = AlertPolicy::deserialize(from)?;
+    policy.check().map_err(D::Error::custom)?;
+    Ok(policy)
+}
+
 /// The same, where there need not be any.
 fn checked_settings_if_any<'de, D: Deserializer<'de>>(
     from: D,
@@ -346,6 +354,9 @@ pub struct Config {
     /// When something is proposed, who has to agree, and when it counts as proven.
     #[serde(deserialize_with = "checked_policy")]
     pub approval: Policy,
+    /// What operators are called for, and after how long.
+    #[serde(deserialize_with = "checked_alerts")]
+    pub alerts: AlertPolicy,
     /// Robots that are known beforehand.
     #[serde(rename = "robot")]
     pub robots: Vec<RobotEntry>,
@@ -363,6 +374,7 @@ impl Default for Config {
             root: KeyRoot::default(),
             estimator: EstimatorSettings::default(),
             approval: Policy::default(),
+            alerts: AlertPolicy::default(),
             robots: Vec::new(),
         }
     }

@@ -1,4 +1,4 @@
-//! The one place where randomness for secrets enters the service.
+//! The one place where randomness enters the service.
 
 use crate::access::Random;
 
@@ -25,6 +25,16 @@ pub fn salt() -> Result<[u8; 16], NoEntropy> {
     Ok(bytes)
 }
 
+/// A number from 0 to 1, by which what waits does not come back all at once.
+///
+/// # Errors
+/// When the system gives none.
+pub fn jitter() -> Result<f64, NoEntropy> {
+    let mut bytes = [0; 4];
+    getrandom::fill(&mut bytes)?;
+    Ok(f64::from(u32::from_le_bytes(bytes)) / f64::from(u32::MAX))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -33,5 +43,6 @@ mod tests {
     fn secrets_differ() {
         assert_ne!(secret().unwrap(), secret().unwrap());
         assert_ne!(salt().unwrap(), salt().unwrap());
+        assert!((0.0..=1.0).contains(&jitter().unwrap()));
     }
 }

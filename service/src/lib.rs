@@ -7,17 +7,21 @@
 //! Exactly one module knows each outside world: `link` knows zenoh, `store` sqlx, `api` axum.
 
 pub mod access;
+pub mod alert;
 pub mod api;
 pub mod approval;
 pub mod clerk;
 pub mod clock;
 pub mod command;
 pub mod config;
+pub mod courier;
 pub mod entropy;
 pub mod fleet;
 pub mod limits;
 pub mod link;
 pub mod map_server;
+pub mod sentry;
 pub mod service;
 pub mod signing_key;
 pub mod store;
+pub mod webhook;

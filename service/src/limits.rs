@@ -46,6 +46,40 @@ pub const POST_RETRY: Duration = Duration::from_secs(5);
 /// What waits to be sent is looked through at least this often.
 pub const POST_EVERY: Duration = Duration::from_secs(30);
 
+/// Sightings of alerts that one transaction takes; the rest follows a second later.
+pub const ALERTS_AT_ONCE_MAX: usize = 1_000;
+/// Changes of one alert that are remembered, the latest.
+pub const ALERT_CHANGES_MAX: u32 = 500;
+/// Alerts that are over are kept this long.
+pub const ALERTS_KEPT: Duration = Duration::from_hours(365 * 24);
+
+/// Webhooks at once.
+pub const WEBHOOKS_MAX: usize = 16;
+/// Longest address of a webhook, in bytes.
+pub const WEBHOOK_URL_BYTES_MAX: usize = 2_000;
+/// Messages that wait for one receiver; beyond, the oldest is given up.
+pub const WEBHOOK_WAITING_MAX: u32 = 1_000;
+/// Messages of one webhook that are kept after they were taken or given up, the latest.
+pub const WEBHOOK_LOG_MAX: u32 = 1_000;
+/// Attempts of one message that are kept, the latest.
+pub const WEBHOOK_ATTEMPTS_KEPT: usize = 20;
+/// A message is looked for this often.
+pub const WEBHOOK_LOOK_EVERY: Duration = Duration::from_secs(1);
+/// A receiver must take the connection within this time.
+pub const WEBHOOK_CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
+/// A receiver must have answered within this time.
+pub const WEBHOOK_TIMEOUT: Duration = Duration::from_secs(10);
+/// Bytes of the header of a receiver's answer; its body is not read.
+pub const WEBHOOK_ANSWER_BYTES_MAX: usize = 16 * 1024;
+/// Characters of an attempt's error that are kept.
+pub const WEBHOOK_ERROR_CHARS_MAX: usize = 300;
+/// The first wait after a failed attempt; it doubles with each.
+pub const WEBHOOK_BACKOFF_FIRST: Duration = Duration::from_secs(5);
+/// The longest wait between two attempts.
+pub const WEBHOOK_BACKOFF_MAX: Duration = Duration::from_hours(1);
+/// A message that was not taken for so long is given up.
+pub const WEBHOOK_RETRY_FOR: Duration = Duration::from_hours(24);
+
 /// A robot is stale after this long without data.
 pub const STALE_AFTER: Duration = Duration::from_secs(3);
 /// A session of a robot ends after this long without data.

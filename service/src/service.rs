@@ -17,9 +17,11 @@ use crate::clerk::{Clerk, ClerkSetup};
 use crate::clock::SharedClock;
 use crate::config::{Config, PublicUrl, RobotConfig};
 use crate::entropy::{self, NoEntropy};
+use crate::courier::{Courier, CourierSetup};
 use crate::fleet::{CrossTrack, FleetHandle, FleetSetup};
 use crate::limits;
 use crate::link::{Link, LinkError, LinkSetup};
+use crate::sentry::{Sentry, SentrySetup};
 use crate::signing_key::{self, KeyError};
 use crate::store::{Expected, Store, StoreError};
 
@@ -62,6 +64,8 @@ pub enum ServiceError {
 pub struct Service {
     fleet: FleetHandle,
     clerk: Clerk,
+    sentry: Sentry,
+    courier: Courier,
     store: Store,
     link: Link,
     link_open: watch::Sender<bool>,
@@ -98,12 +102,27 @@ impl Service {
             key,
         })
         .await?;
+        let sentry = Sentry::start(SentrySetup {
+            store: store.clone(),
+            fleet: fleet.clone(),
+            clerk: clerk.clone(),
+            clock: Arc::clone(&clock),
+            policy: config.alerts,
+        })
+        .await?;
+        let courier = Courier::start(CourierSetup {
+            store: store.clone(),
+            clock: Arc::clone(&clock),
+            jitter: entropy::jitter,
+        });
         let stop = CancellationToken::new();
         let (link_open, link_is_open) = watch::channel(false);
         let (setup_code, setup_text) = setup_code(&store, clock.now_ns()).await?.unzip();
         let routes = api::router(ApiSetup {
             fleet: fleet.clone(),
             clerk: clerk.clone(),
+            sentry: sentry.clone(),
+            courier: courier.clone(),
             store: store.clone(),
             clock,
             link_open: link_is_open,
@@ -124,6 +143,8 @@ impl Service {
             Ok(link) => link,
             Err(error) => {
                 stop.cancel();
+                sentry.stop().await;
+                courier.stop().await;
                 clerk.stop().await;
                 fleet.stop().await;
                 close_store(&store).await;
@@ -134,6 +155,8 @@ impl Service {
         Ok(Self {
             fleet,
             clerk,
+            sentry,
+            courier,
             store,
             link,
             link_open,
@@ -175,6 +198,8 @@ impl Service {
         self.link_open.send_replace(false);
         self.stop.cancel();
         self.link.close().await;
+        self.sentry.stop().await;
+        self.courier.stop().await;
         self.clerk.stop().await;
         self.fleet.stop().await;
         close_store(&self.store).await;

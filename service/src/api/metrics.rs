@@ -1,5 +1,6 @@
 //! `/metrics`: counters for Prometheus.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
 
@@ -16,6 +17,8 @@ use prometheus_client::registry::Registry;
 use super::ApiState;
 use super::extract::{NoParameters, Parameters};
 use super::problem::Problem;
+use crate::alert::{AlertKind, ConditionName};
+use crate::courier::CourierCounters;
 use crate::fleet::{FleetCounters, RobotView};
 use crate::limits;
 use crate::store::StoreCounters;
@@ -33,6 +36,9 @@ pub(super) async fn metrics(
         fleet: api.fleet.counters(),
         robots: Arc::new(api.fleet.robots()),
         store: api.store.counters(),
+        alerts: api.sentry.counts(),
+        courier: api.courier.counters(),
+        waiting_deliveries: api.store.waiting_deliveries().await.ok(),
         link_open: *api.link_open.borrow(),
         uptime_s: api.clock.elapsed().as_secs_f64(),
     }));
@@ -54,6 +60,10 @@ struct Snapshot {
     fleet: FleetCounters,
     robots: Arc<Vec<RobotView>>,
     store: StoreCounters,
+    alerts: BTreeMap<(AlertKind, ConditionName), u64>,
+    courier: CourierCounters,
+    /// `None` while the database does not say.
+    waiting_deliveries: Option<u64>,
     link_open: bool,
     uptime_s: f64,
 }
@@ -76,6 +86,7 @@ impl Collector for Snapshot {
         encode_process(out)?;
         self.encode_fleet(out)?;
         self.encode_store(out)?;
+        self.encode_alerts(out)?;
         self.encode_robots(out)
     }
 }
@@ -162,6 +173,55 @@ impl Snapshot {
             "Writes that wait",
             store.waiting as f64,
         )
+    }
+
+    /// Every kind in every active state, so that none appears only with its first alert.
+    fn encode_alerts(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
+        let help = "Active alerts";
+        let mut family = out.encode_descriptor("fleetcal_alerts", help, None, MetricType::Gauge)?;
+        for kind in AlertKind::ALL {
+            for state in ConditionName::ALL {
+                if state == ConditionName::Normal {
+                    continue;
+                }
+                let labels = [
+                    ("kind", kind.as_str()),
+                    ("severity", kind.severity().as_str()),
+                    ("state", state.as_str()),
+                ];
+                let count = self.alerts.get(&(kind, state)).copied().unwrap_or(0);
+                ConstGauge::new(count as f64).encode(family.encode_family(&labels)?)?;
+            }
+        }
+        let courier = &self.courier;
+        for (name, help, value) in [
+            (
+                "fleetcal_webhook_delivered",
+                "Messages that a receiver has taken",
+                courier.delivered,
+            ),
+            (
+                "fleetcal_webhook_failed_attempts",
+                "Attempts to send a message that failed",
+                courier.failed_attempts,
+            ),
+            (
+                "fleetcal_webhook_given_up",
+                "Messages that were given up",
+                courier.given_up,
+            ),
+        ] {
+            counter(out, name, help, value)?;
+        }
+        match self.waiting_deliveries {
+            Some(waiting) => gauge(
+                out,
+                "fleetcal_webhook_waiting",
+                "Messages that wait for their receiver",
+                waiting as f64,
+            ),
+            None => Ok(()),
+        }
     }
 
     fn encode_robots(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {

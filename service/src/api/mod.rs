@@ -5,6 +5,7 @@
 //! the API with its methods, and a layer in [`router`] sees a request's `MatchedPath`.
 
 mod access;
+mod alerts;
 mod approval;
 mod csv;
 mod dashboard;
@@ -19,6 +20,7 @@ mod robots;
 mod server;
 mod stream;
 mod time;
+mod webhooks;
 
 #[cfg(test)]
 mod tests;
@@ -39,7 +41,9 @@ pub use server::serve;
 
 use crate::clerk::Clerk;
 use crate::clock::SharedClock;
+use crate::courier::Courier;
 use crate::fleet::FleetHandle;
+use crate::sentry::Sentry;
 use crate::store::Store;
 use access::AccessState;
 use etag::tagged_json;
@@ -55,6 +59,10 @@ pub struct ApiSetup {
     pub fleet: FleetHandle,
     /// The life cycle of their calibrations.
     pub clerk: Clerk,
+    /// What is wrong with them.
+    pub sentry: Sentry,
+    /// Who is told of that.
+    pub courier: Courier,
     /// What is kept of them.
     pub store: Store,
     /// Where time comes from.
@@ -72,6 +80,8 @@ pub struct ApiSetup {
 struct ApiState {
     fleet: FleetHandle,
     clerk: Clerk,
+    sentry: Sentry,
+    courier: Courier,
     store: Store,
     clock: SharedClock,
     link_open: watch::Receiver<bool>,
@@ -86,6 +96,8 @@ impl ApiState {
             stream: StreamHub::start(&setup.fleet, setup.clock.clone(), setup.stop),
             fleet: setup.fleet,
             clerk: setup.clerk,
+            sentry: setup.sentry,
+            courier: setup.courier,
             store: setup.store,
             clock: setup.clock,
             link_open: setup.link_open,
@@ -109,6 +121,7 @@ impl ApiState {
         (name = "robots", description = "Robots, their calibration and their history"),
         (name = "access", description = "Signing in, users and tokens"),
         (name = "approval", description = "What is proposed, approved, sent, applied and proven"),
+        (name = "alerts", description = "What is wrong, who has taken it on, and who is told"),
         (name = "live", description = "Updates as they come"),
         (name = "service", description = "The service itself"),
     ),
@@ -171,6 +184,8 @@ fn documented() -> OpenApiRouter<ApiState> {
         .merge(robots::routes())
         .merge(access::routes())
         .merge(approval::routes())
+        .merge(alerts::routes())
+        .merge(webhooks::routes())
         .routes(routes!(get_openapi))
         .layer(middleware::from_fn(layers::in_time));
     let root = OpenApiRouter::new()

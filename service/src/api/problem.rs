@@ -5,6 +5,7 @@ use axum::http::{HeaderValue, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 
+use crate::alert::AlertRefused;
 use crate::approval::Refused;
 use crate::fleet::FleetRefused;
 use crate::store::{AccountRefused, StoreError};
@@ -127,6 +128,8 @@ impl From<StoreError> for Problem {
             .of_field("Idempotency-Key"),
             StoreError::Account(refused) => refused.into(),
             StoreError::Refused(refused) => refused.into(),
+            StoreError::Alert(refused) => refused.into(),
+            StoreError::Webhook(refused) => refused.into(),
             StoreError::Corrupt { .. } => {
                 tracing::error!(%detail, "a row of the database cannot be read");
                 Self::new(
@@ -196,6 +199,18 @@ impl From<Refused> for Problem {
             Refused::OtherDocument { .. } => value("sha256"),
             Refused::Seal(_) => Self::new(StatusCode::INTERNAL_SERVER_ERROR, "not_signed", detail),
         }
+    }
+}
+
+impl From<AlertRefused> for Problem {
+    fn from(refused: AlertRefused) -> Self {
+        let detail = refused.to_string();
+        let (status, code) = match refused {
+            AlertRefused::Unknown(_) => (StatusCode::NOT_FOUND, "alert_unknown"),
+            AlertRefused::Stale { .. } => (StatusCode::PRECONDITION_FAILED, "version_conflict"),
+            AlertRefused::AcknowledgedAlready(_) => (StatusCode::CONFLICT, "acknowledged_already"),
+        };
+        Self::new(status, code, detail)
     }
 }
 

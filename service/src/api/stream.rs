@@ -23,6 +23,7 @@ use super::access::{Caller, permission_ended};
 use super::extract::Parameters;
 use super::problem::Problem;
 use super::robots::{EventDocument, state_document};
+use crate::alert::AlertDocument;
 use crate::clock::SharedClock;
 use crate::fleet::{FleetHandle, LiveUpdate};
 use crate::limits;
@@ -99,6 +100,7 @@ fn frame(id: u64, update: &LiveUpdate, now_ns: i64) -> Option<Frame> {
             robot,
             json(&serde_json::json!({ "robot": robot }))?,
         ),
+        LiveUpdate::Alert { robot, alert } => ("alert", robot, json(&AlertDocument::of(alert))?),
         LiveUpdate::Event { robot, event } => {
             let document = EventDocument::of(NewEvent::of(robot, event, now_ns));
             ("event", robot, json(&document)?)
@@ -138,7 +140,8 @@ pub(super) struct StreamParameters {
 }
 
 /// Streams live updates as server-sent events: `estimate` (`EstimateDocument`, once a second and
-/// robot), `robot_state` (`RobotStateUpdate`), `event` (`Event`), and `resync` when updates were
+/// robot), `robot_state` (`RobotStateUpdate`), `event` (`Event`), `alert` (`Alert`, with each change
+/// of one; state `normal` is its end), and `resync` when updates were
 /// missed and the client should read again what it shows. It begins with `ready`, or with `resync`
 /// when the client says by `Last-Event-ID` that it was here before.
 #[utoipa::path(

@@ -8,6 +8,7 @@ use fleetcal_proto::estimate::{ChangeDocument, EstimateDocument};
 use fleetcal_proto::event::RobotEvent;
 use serde::{Deserialize, Serialize};
 
+use crate::alert::Alert;
 use crate::config::RobotConfig;
 
 /// A stream that a robot sends.
@@ -242,6 +243,13 @@ pub enum LiveUpdate {
     Approval {
         /// Whose.
         robot: RobotId,
+    },
+    /// An alert of a robot changed.
+    Alert {
+        /// Whose.
+        robot: RobotId,
+        /// The alert as it stands now; one that is [`crate::alert::ConditionName::Normal`] is over.
+        alert: Arc<Alert>,
     },
     /// Something happened to a robot.
     Event {

@@ -8,6 +8,7 @@ use fleetcal_proto::estimate::{EstimateDocument, ParameterName};
 use super::accounts::{
     AccountReader, CredentialUse, TokenRecord, TokenWrite, UserRecord, UserWrite, Written,
 };
+use super::alerts::{AlertChange, AlertFilter, AlertMoment, AlertWrite};
 use super::approvals::{
     AuditFilter, AuditRow, Decided, Decision, HoldWrite, ProposalFilter, SiteHold,
 };
@@ -16,8 +17,11 @@ use super::record::{
     CheckpointRecord, CrossTrackRecord, CurrentRecord, EventRecord, Expected, HistoryRow,
     IdempotencyKey, NewEvent, RobotRecord,
 };
+use super::webhooks::{DueDelivery, WebhookWrite, WebhookWritten};
+use crate::alert::Alert;
 use crate::approval::{Deployment, Parcel, Proposal, Revision, RobotLedger};
 use crate::config::RobotConfig;
+use crate::webhook::{Delivery, Webhook};
 
 /// A robot's configuration to be written.
 #[derive(Debug)]
@@ -64,6 +68,8 @@ pub struct Retention {
     pub hours_before: i64,
     /// Answers to requests with an `Idempotency-Key` given before this go.
     pub idempotency_before: i64,
+    /// Alerts that were over before this go.
+    pub alerts_before: i64,
     /// Rows of one kind deleted at a time.
     pub rows_max: u32,
 }
@@ -93,6 +99,10 @@ pub struct Batch {
     pub decisions: Vec<Decision>,
     /// Changes of the site-wide stop.
     pub holds: Vec<HoldWrite>,
+    /// Changes of alerts.
+    pub alerts: Vec<AlertWrite>,
+    /// Changes of webhooks and their deliveries.
+    pub webhooks: Vec<WebhookWrite>,
     /// What to delete.
     pub retention: Option<Retention>,
     /// Wall time of a write that only proves that the database can be written.
@@ -114,6 +124,10 @@ pub struct Outcomes {
     pub decisions: Vec<Result<Decided, StoreError>>,
     /// Each change of the site-wide stop.
     pub holds: Vec<Result<SiteHold, StoreError>>,
+    /// What became of the alerts of each write.
+    pub alerts: Vec<Result<Vec<AlertChange>, StoreError>>,
+    /// Each change of a webhook or delivery.
+    pub webhooks: Vec<Result<WebhookWritten, StoreError>>,
     /// Rows deleted.
     pub pruned: u64,
 }
@@ -274,6 +288,32 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
 
     /// Rows of the audit, newest first.
     async fn audit(&self, filter: &AuditFilter) -> Result<Vec<AuditRow>, StoreError>;
+
+    /// Every alert that is not over.
+    async fn active_alerts(&self) -> Result<Vec<Alert>, StoreError>;
+
+    /// Alerts, the most urgent first, the newest first among equals.
+    async fn alerts(&self, filter: &AlertFilter) -> Result<Vec<Alert>, StoreError>;
+
+    /// One alert with how it went, oldest change first.
+    async fn alert(&self, id: u64) -> Result<Option<(Alert, Vec<AlertMoment>)>, StoreError>;
+
+    /// Every webhook, oldest first.
+    async fn webhooks(&self) -> Result<Vec<Webhook>, StoreError>;
+
+    /// A webhook's deliveries before number `before`, newest first.
+    async fn deliveries(
+        &self,
+        webhook: u64,
+        before: Option<i64>,
+        limit: u32,
+    ) -> Result<Vec<Delivery>, StoreError>;
+
+    /// The oldest delivery of each webhook that is due.
+    async fn due_deliveries(&self, now_ns: i64) -> Result<Vec<DueDelivery>, StoreError>;
+
+    /// How many deliveries wait.
+    async fn waiting_deliveries(&self) -> Result<u64, StoreError>;
 
     /// Closes the connections.
     async fn close(&self);

@@ -7,7 +7,9 @@ use fleetcal_proto::RobotId;
 use thiserror::Error;
 
 use super::accounts::AccountRefused;
+use crate::alert::AlertRefused;
 use crate::approval::Refused;
+use crate::webhook::WebhookRefused;
 
 /// What a database driver said. Shared, because one failed commit is told to many callers.
 pub type DriverError = Arc<dyn std::error::Error + Send + Sync>;
@@ -115,6 +117,12 @@ pub enum StoreError {
     /// A decision does not fit the records.
     #[error(transparent)]
     Refused(#[from] Refused),
+    /// An acknowledgement does not fit the alert.
+    #[error(transparent)]
+    Alert(#[from] AlertRefused),
+    /// A webhook cannot be made, or is not there.
+    #[error(transparent)]
+    Webhook(#[from] WebhookRefused),
     /// An `Idempotency-Key` came again with another request.
     #[error("the Idempotency-Key was used before with another request")]
     KeyReused,

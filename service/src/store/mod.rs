@@ -5,6 +5,7 @@
 
 mod accounts;
 mod administration;
+mod alerts;
 mod approvals;
 mod audit;
 mod backend;
@@ -14,6 +15,7 @@ mod history;
 mod journal;
 mod record;
 mod sqlite;
+mod webhooks;
 mod writer;
 
 #[cfg(test)]
@@ -32,6 +34,9 @@ pub use accounts::{
     UserRecord, Written,
 };
 pub use administration::{Administration, backup};
+pub use alerts::{
+    AcknowledgeWrite, AlertChange, AlertFilter, AlertMoment, AlertSelection, AlertWrite,
+};
 pub use approvals::{
     AuditFilter, AuditRow, Decided, Decision, HoldWrite, ProposalFilter, SiteHold,
 };
@@ -43,6 +48,9 @@ pub use journal::kind_of_note;
 pub use record::{
     CheckpointRecord, CrossTrackRecord, CurrentRecord, EventKind, EventRecord, EventSource,
     Expected, IdempotencyKey, NewEvent, RobotRecord, unpack_status,
+};
+pub use webhooks::{
+    AttemptWrite, CreateWrite, DeleteWrite, DueDelivery, WebhookWrite, WebhookWritten,
 };
 
 use crate::clock::SharedClock;

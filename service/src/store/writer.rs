@@ -11,10 +11,12 @@ use tokio::sync::{mpsc, oneshot};
 use tokio::time::MissedTickBehavior;
 
 use super::accounts::{CredentialUse, TokenRecord, TokenWrite, UserRecord, UserWrite, Written};
+use super::alerts::{AlertChange, AlertWrite};
 use super::approvals::{Decided, Decision, HoldWrite, SiteHold};
 use super::backend::{Batch, EventWrite, Outcomes, Retention, RobotWrite, Writer};
 use super::error::StoreError;
 use super::record::{CheckpointRecord, CrossTrackRecord, EventRecord, HistoryRow};
+use super::webhooks::{WebhookWrite, WebhookWritten};
 use crate::clock::SharedClock;
 use crate::limits;
 
@@ -47,6 +49,10 @@ pub(super) enum Command {
     Decide(Box<Decision>, Reply<Decided>),
     /// Hold or release the site-wide stop.
     Hold(Box<HoldWrite>, Reply<SiteHold>),
+    /// Change alerts.
+    Alerts(Box<AlertWrite>, Reply<Vec<AlertChange>>),
+    /// Change a webhook or a delivery.
+    Webhook(Box<WebhookWrite>, Reply<WebhookWritten>),
     /// Prove that the database can be written.
     Probe(Reply<()>),
     /// Write everything that was asked for before.
@@ -76,6 +82,8 @@ struct Pending {
     tokens: Vec<Reply<Written<TokenRecord>>>,
     decisions: Vec<Reply<Decided>>,
     holds: Vec<Reply<SiteHold>>,
+    alerts: Vec<Reply<Vec<AlertChange>>>,
+    webhooks: Vec<Reply<WebhookWritten>>,
     waiting: Vec<Reply<()>>,
     everything: bool,
     close: bool,
@@ -201,6 +209,12 @@ impl<W: Writer> WriterTask<W> {
         for (reply, outcome) in self.pending.holds.drain(..).zip(outcomes.holds) {
             answer(reply, outcome);
         }
+        for (reply, outcome) in self.pending.alerts.drain(..).zip(outcomes.alerts) {
+            answer(reply, outcome);
+        }
+        for (reply, outcome) in self.pending.webhooks.drain(..).zip(outcomes.webhooks) {
+            answer(reply, outcome);
+        }
         self.pending.everything = false;
         if !self.pending.close {
             for reply in self.pending.waiting.drain(..) {
@@ -268,6 +282,14 @@ impl Pending {
                 self.batch.holds.push(*write);
                 self.holds.push(reply);
             }
+            Command::Alerts(write, reply) => {
+                self.batch.alerts.push(*write);
+                self.alerts.push(reply);
+            }
+            Command::Webhook(write, reply) => {
+                self.batch.webhooks.push(*write);
+                self.webhooks.push(reply);
+            }
             Command::Probe(reply) => self.waiting.push(reply),
             Command::Flush(reply) => {
                 self.everything = true;
@@ -289,6 +311,8 @@ impl Pending {
             || !self.tokens.is_empty()
             || !self.decisions.is_empty()
             || !self.holds.is_empty()
+            || !self.alerts.is_empty()
+            || !self.webhooks.is_empty()
             || self.events.iter().any(Option::is_some)
             || self.batch.history.len() >= limits::STORE_BATCH_MAX
     }
@@ -325,6 +349,14 @@ impl Pending {
         }
         self.batch.holds.clear();
         for reply in self.holds.drain(..) {
+            answer(reply, Err(error.clone()));
+        }
+        self.batch.alerts.clear();
+        for reply in self.alerts.drain(..) {
+            answer(reply, Err(error.clone()));
+        }
+        self.batch.webhooks.clear();
+        for reply in self.webhooks.drain(..) {
             answer(reply, Err(error.clone()));
         }
         for reply in self.waiting.drain(..) {
@@ -367,6 +399,7 @@ fn retention(now_ns: i64) -> Retention {
         minutes_before: before(limits::HISTORY_MINUTES_KEPT),
         hours_before: before(limits::HISTORY_HOURS_KEPT),
         idempotency_before: before(limits::IDEMPOTENCY_KEPT),
+        alerts_before: before(limits::ALERTS_KEPT),
         rows_max: limits::RETENTION_ROWS_MAX,
     }
 }

@@ -1,10 +1,12 @@
 //! The store's database in SQLite: one connection that writes, a pool that only reads.
 
 mod accounts;
+mod alerts;
 mod approvals;
 mod audit;
 mod columns;
 mod read;
+mod webhooks;
 mod write;
 
 use std::path::{Path, PathBuf};

@@ -7,8 +7,10 @@ use fleetcal_proto::estimate::ParameterName;
 use sqlx::sqlite::{SqlitePool, SqliteRow};
 use sqlx::{AssertSqlSafe, Row};
 
-use super::{approvals, columns};
+use super::{alerts, approvals, columns, webhooks};
+use crate::alert::Alert;
 use crate::approval::{Deployment, Parcel, Proposal, Revision, RobotLedger};
+use crate::store::alerts::{AlertFilter, AlertMoment};
 use crate::store::approvals::{AuditFilter, AuditRow, ProposalFilter, SiteHold};
 use crate::store::backend::{Cell, Reader, Stretch, Tier};
 use crate::store::error::StoreError;
@@ -16,6 +18,8 @@ use crate::store::record::{
     CheckpointRecord, CrossTrackRecord, CurrentRecord, EventKind, EventRecord, EventSource,
     NewEvent, RobotRecord,
 };
+use crate::store::webhooks::DueDelivery;
+use crate::webhook::{Delivery, Webhook};
 
 /// The pool of connections that only read.
 #[derive(Debug)]
@@ -237,6 +241,39 @@ impl Reader for SqliteReader {
 
     async fn audit(&self, filter: &AuditFilter) -> Result<Vec<AuditRow>, StoreError> {
         approvals::audit_rows(&self.pool, filter).await
+    }
+
+    async fn active_alerts(&self) -> Result<Vec<Alert>, StoreError> {
+        alerts::active_alerts(&self.pool).await
+    }
+
+    async fn alerts(&self, filter: &AlertFilter) -> Result<Vec<Alert>, StoreError> {
+        alerts::alerts(&self.pool, filter).await
+    }
+
+    async fn alert(&self, id: u64) -> Result<Option<(Alert, Vec<AlertMoment>)>, StoreError> {
+        alerts::alert(&self.pool, id).await
+    }
+
+    async fn webhooks(&self) -> Result<Vec<Webhook>, StoreError> {
+        webhooks::webhooks(&self.pool).await
+    }
+
+    async fn deliveries(
+        &self,
+        webhook: u64,
+        before: Option<i64>,
+        limit: u32,
+    ) -> Result<Vec<Delivery>, StoreError> {
+        webhooks::deliveries(&self.pool, webhook, before, limit).await
+    }
+
+    async fn due_deliveries(&self, now_ns: i64) -> Result<Vec<DueDelivery>, StoreError> {
+        webhooks::due(&self.pool, now_ns).await
+    }
+
+    async fn waiting_deliveries(&self) -> Result<u64, StoreError> {
+        webhooks::waiting(&self.pool).await
     }
 
     async fn close(&self) {

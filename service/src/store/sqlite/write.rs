@@ -9,7 +9,7 @@ use fleetcal_proto::estimate::EstimateDocument;
 use sqlx::sqlite::{Sqlite, SqliteConnection};
 use sqlx::{AssertSqlSafe, Connection, Row, Transaction};
 
-use super::{accounts, approvals, columns};
+use super::{accounts, alerts, approvals, columns, webhooks};
 use crate::store::approvals::Decided;
 use crate::store::backend::{
     Batch, EventWrite, Outcomes, Repetition, Retention, RobotWrite, Tier, Writer,
@@ -111,6 +111,8 @@ async fn write(
                 };
                 event(transaction, keys, &write).await?;
             }
+            let (policy, now_ns) = (&decision.policy, decision.now_ns);
+            webhooks::enqueue_proposals(transaction, outcome, policy, now_ns).await?;
         }
         outcomes.decisions.push(decided);
     }
@@ -118,6 +120,16 @@ async fn write(
         outcomes
             .holds
             .push(refusable(approvals::hold(transaction, hold).await)?);
+    }
+    for write in &batch.alerts {
+        outcomes
+            .alerts
+            .push(refusable(alerts::write(transaction, write).await)?);
+    }
+    for write in &batch.webhooks {
+        outcomes
+            .webhooks
+            .push(refusable(webhooks::write(transaction, write).await)?);
     }
     for write in &batch.events {
         outcomes
@@ -153,7 +165,9 @@ fn refusable<T>(result: Result<T, StoreError>) -> Result<Result<T, StoreError>, 
             refused @ (StoreError::VersionConflict { .. }
             | StoreError::KeyReused
             | StoreError::Account(_)
-            | StoreError::Refused(_)),
+            | StoreError::Refused(_)
+            | StoreError::Alert(_)
+            | StoreError::Webhook(_)),
         ) => Ok(Err(refused)),
         Err(failed) => Err(failed),
         Ok(value) => Ok(Ok(value)),
@@ -570,6 +584,11 @@ async fn prune(
         "DELETE FROM proposal_request WHERE (robot, key) IN (SELECT robot, key
          FROM proposal_request WHERE received < ?1 ORDER BY received LIMIT ?2)",
         retention.idempotency_before,
+    ));
+    deletes.push((
+        "DELETE FROM alert WHERE id IN (SELECT id FROM alert
+         WHERE ended_ns < ?1 ORDER BY ended_ns LIMIT ?2)",
+        retention.alerts_before.saturating_mul(NS_PER_S),
     ));
     let mut pruned = 0;
     for (sql, before) in deletes {

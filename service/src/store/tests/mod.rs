@@ -1,6 +1,7 @@
 //! The store as its callers see it.
 
 mod accounts;
+mod alerts;
 mod durability;
 mod history;
 mod records;

@@ -1,0 +1,68 @@
+//! What is alerted, and after how long.
+
+use serde::{Deserialize, Serialize};
+
+use super::condition::Periods;
+use super::kind::AlertKind;
+
+/// `[alerts]` of `fleetcal.toml`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct AlertPolicy {
+    /// Something has to be wrong for so long before it alerts, s.
+    pub pending_s: f64,
+    /// And right again for so long before it is over, s.
+    pub recovering_s: f64,
+    /// Kinds that never alert.
+    pub off: Vec<AlertKind>,
+}
+
+impl Default for AlertPolicy {
+    fn default() -> Self {
+        Self {
+            pending_s: 10.0,
+            recovering_s: 60.0,
+            off: Vec::new(),
+        }
+    }
+}
+
+impl AlertPolicy {
+    /// Whether its numbers can be worked with.
+    ///
+    /// # Errors
+    /// One sentence that names the key, the value and what is accepted.
+    pub fn check(&self) -> Result<(), String> {
+        let numbers = [
+            ("pending_s", self.pending_s),
+            ("recovering_s", self.recovering_s),
+        ];
+        for (key, value) in numbers {
+            if !(0.0..=86_400.0).contains(&value) {
+                return Err(format!("alerts.{key} is {value}, accepted is 0 to 86400"));
+            }
+        }
+        Ok(())
+    }
+
+    /// How long a kind has to last before it counts. What the records say is a fact at once; what
+    /// the robot's data say may pass.
+    pub fn periods(&self, kind: AlertKind) -> Periods {
+        let of_data = Periods {
+            pending_ns: (self.pending_s * 1e9) as i64,
+            recovering_ns: (self.recovering_s * 1e9) as i64,
+        };
+        match kind {
+            AlertKind::Drift | AlertKind::OutOfSync | AlertKind::NoData => of_data,
+            // It is told once, when it has happened.
+            AlertKind::Fault => Periods {
+                pending_ns: 0,
+                ..of_data
+            },
+            AlertKind::RollbackFailed
+            | AlertKind::VerificationFailed
+            | AlertKind::EstimatorFailed
+            | AlertKind::NotApplied => Periods::NONE,
+        }
+    }
+}

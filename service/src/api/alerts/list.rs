@@ -1,0 +1,100 @@
+//! `GET /alerts`: what is or was wrong with which robot.
+
+use axum::Json;
+use axum::extract::State;
+use fleetcal_proto::RobotId;
+use serde::{Deserialize, Serialize};
+
+use crate::alert::{AlertDocument, ConditionName};
+use crate::api::ApiState;
+use crate::api::extract::{Parameters, number_within};
+use crate::api::problem::Problem;
+use crate::limits;
+use crate::store::{AlertFilter, AlertSelection};
+
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub(super) struct AlertParameters {
+    /// Only those that are `active` (all but `normal`), or in one state: `pending`, `alerting`,
+    /// `recovering`, `no_data`, or `normal` for those that are over.
+    state: Option<String>,
+    /// Only of this robot.
+    #[param(value_type = Option<RobotId>)]
+    robot: Option<String>,
+    /// Alerts of a page, 1 to 1000.
+    #[param(value_type = Option<u32>)]
+    limit: Option<String>,
+    /// `next` of the page before.
+    cursor: Option<String>,
+}
+
+/// A page of alerts, the most urgent first.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+pub(super) struct AlertPage {
+    items: Vec<AlertDocument>,
+    /// `cursor` of the next page; absent on the last one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    next: Option<String>,
+}
+
+/// Lists alerts: active ones first, by kind, the worst first; then those that are pending; then
+/// those that are over, the newest first.
+#[utoipa::path(
+    get,
+    path = "/alerts",
+    tag = "alerts",
+    params(AlertParameters),
+    responses(
+        (status = OK, body = AlertPage),
+        (status = "4XX", description = "Refused", body = Problem,
+            content_type = "application/problem+json"),
+    )
+)]
+pub(super) async fn list_alerts(
+    State(api): State<ApiState>,
+    Parameters(query): Parameters<AlertParameters>,
+) -> Result<Json<AlertPage>, Problem> {
+    let all = 1..=limits::HTTP_PAGE_MAX;
+    let default = limits::HTTP_PAGE_DEFAULT;
+    let limit = number_within("limit", query.limit.as_deref(), all, default)?;
+    let filter = AlertFilter {
+        robot: query.robot.as_deref().map(robot_named).transpose()?,
+        selection: query.state.as_deref().map(selection).transpose()?,
+        after: query.cursor.as_deref().map(place_of).transpose()?,
+        limit: limit + 1,
+    };
+    let mut found = api.store.alerts(&filter).await?;
+    let more = found.len() > limit as usize;
+    found.truncate(limit as usize);
+    let last = found.last().filter(|_| more);
+    let next = last.map(|last| format!("{}-{}", last.rank(), last.id));
+    let items = found.iter().map(AlertDocument::of).collect();
+    Ok(Json(AlertPage { items, next }))
+}
+
+fn selection(name: &str) -> Result<AlertSelection, Problem> {
+    if name == "active" {
+        return Ok(AlertSelection::Active);
+    }
+    let state = ConditionName::parse(name).map(AlertSelection::In);
+    state.ok_or_else(|| {
+        let accepted = ConditionName::ALL.map(ConditionName::as_str).join(", ");
+        Problem::refused("state", name, &format!("active or one of {accepted}"))
+    })
+}
+
+/// The rank and number that a cursor names.
+fn place_of(cursor: &str) -> Result<(u32, i64), Problem> {
+    let place = cursor
+        .split_once('-')
+        .and_then(|(rank, id)| Some((rank.parse().ok()?, id.parse().ok()?)));
+    place.ok_or_else(|| Problem::refused("cursor", cursor, "`next` of the page before"))
+}
+
+fn robot_named(id: &str) -> Result<RobotId, Problem> {
+    RobotId::parse(id).map_err(|error| {
+        let status = axum::http::StatusCode::BAD_REQUEST;
+        Problem::new(status, "value_refused", error.to_string()).of_field("robot")
+    })
+}

@@ -1,0 +1,17 @@
+//! What operators are called for, and who has taken it on.
+
+mod list;
+mod one;
+
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::ApiState;
+
+/// The routes of alerts.
+pub(super) fn routes() -> OpenApiRouter<ApiState> {
+    OpenApiRouter::new()
+        .routes(routes!(list::list_alerts))
+        .routes(routes!(one::get_alert))
+        .routes(routes!(one::acknowledge_alert))
+}

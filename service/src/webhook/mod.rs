@@ -1,0 +1,15 @@
+//! Telling other programs over HTTP: what is sent to whom, how it is signed, and when it is tried
+//! again. Pure: no clock, no randomness, no wire.
+//!
+//! Messages follow the Standard Webhooks scheme: a JSON body with `type`, `timestamp` and `data`,
+//! and the headers `webhook-id`, `webhook-timestamp` and `webhook-signature`.
+
+mod delivery;
+mod message;
+mod record;
+mod signature;
+
+pub use delivery::{Attempt, Delivery, DeliveryState, backoff};
+pub use message::Message;
+pub use record::{Webhook, WebhookEvent, WebhookRefused, WebhookUrl};
+pub use signature::Secret;
