@@ -1,6 +1,7 @@
 //! Every route as a client sees it.
 
 mod access;
+mod alerts;
 mod permission;
 mod robots;
 mod server;
@@ -25,11 +26,14 @@ use tower::ServiceExt;
 
 use super::{AccessSetup, ApiSetup, router};
 use crate::access::{AccountName, Actor, Grant, Role, SetupCode, TokenValue};
+use crate::alert::AlertPolicy;
 use crate::approval::Policy;
 use crate::clerk::{Clerk, ClerkSetup};
 use crate::clock::MockClock;
 use crate::config::RobotConfig;
+use crate::courier::{Courier, CourierSetup};
 use crate::fleet::{FleetHandle, FleetSetup};
+use crate::sentry::{Sentry, SentrySetup};
 use crate::store::{Expected, Store, TokenChange};
 
 /// 2026-01-01T00:00:00Z.
@@ -94,12 +98,28 @@ async fn bench(robots: &[&str]) -> Bench {
     })
     .await
     .unwrap();
+    let sentry = Sentry::start(SentrySetup {
+        store: store.clone(),
+        fleet: fleet.clone(),
+        clerk: clerk.clone(),
+        clock: clock.clone(),
+        policy: AlertPolicy::default(),
+    })
+    .await
+    .unwrap();
+    let courier = Courier::start(CourierSetup {
+        store: store.clone(),
+        clock: clock.clone(),
+        jitter: crate::entropy::jitter,
+    });
     let (link_open, is_open) = watch::channel(true);
     let stop = CancellationToken::new();
     let (setup_code, setup_text) = SetupCode::new(&[0xab; 32], NOW_NS);
     let setup = ApiSetup {
         fleet: fleet.clone(),
         clerk: clerk.clone(),
+        sentry,
+        courier,
         store: store.clone(),
         clock: clock.clone(),
         link_open: is_open,
