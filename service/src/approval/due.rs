@@ -157,9 +157,14 @@ fn verification_due(
     }
     let since_ns = live.applied_ns.unwrap_or(live.created_ns);
     let given_ns = i64::from(policy.verify_within_s).saturating_mul(1_000_000_000);
+    let reason = if failed_before {
+        "a fresh estimate disagreed with it, and nobody decided in time"
+    } else {
+        "the robot has not moved enough to tell"
+    };
     (situation.now_ns.saturating_sub(since_ns) >= given_ns).then(|| Command::GiveUp {
         deployment,
-        reason: "the robot has not moved enough to tell".to_owned(),
+        reason: reason.to_owned(),
     })
 }
 

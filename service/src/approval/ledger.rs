@@ -6,7 +6,7 @@ use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
 use serde_json::Value;
 
-use super::deployment::Deployment;
+use super::deployment::{Deployment, GenerationRef};
 use super::proposal::Proposal;
 use super::revision::Revision;
 use super::shadow::Shadow;
@@ -20,6 +20,8 @@ pub struct RobotLedger {
     pub open: Option<Proposal>,
     /// The deployment under way, if any.
     pub live: Option<Deployment>,
+    /// The document that a robot's answer is about, which the records above may not name any more.
+    pub answered: Option<GenerationRef>,
     /// Every revision that these name.
     pub revisions: BTreeMap<u64, Revision>,
 }
@@ -31,8 +33,22 @@ impl RobotLedger {
             shadow: Shadow::new(robot),
             open: None,
             live: None,
+            answered: None,
             revisions: BTreeMap::new(),
         }
+    }
+
+    /// The signed document of a generation, where the records name it.
+    pub(super) fn reference(&self, generation: u64) -> Option<&GenerationRef> {
+        let live = self.live.iter();
+        let offers = live.flat_map(|live| {
+            let earlier = live.earlier.iter().chain(&live.desired_before);
+            earlier.chain(std::iter::once(&live.offer))
+        });
+        let shadow = &self.shadow;
+        let named = offers.chain(&shadow.desired).chain(&shadow.verified);
+        let mut named = named.chain(&self.answered);
+        named.find(|one| one.generation == generation)
     }
 
     /// The revisions that the records name.
@@ -43,10 +59,12 @@ impl RobotLedger {
         ids.extend(shadow.in_use.iter().filter_map(|one| one.revision));
         ids.extend(shadow.before.iter().filter_map(|one| one.revision));
         ids.extend(shadow.declined);
+        ids.extend(self.answered.iter().map(|one| one.revision));
         ids.extend(self.open.iter().map(|one| one.revision));
         if let Some(live) = &self.live {
             ids.push(live.offer.revision);
             ids.extend(live.earlier.iter().map(|one| one.revision));
+            ids.extend(live.desired_before.iter().map(|one| one.revision));
             ids.extend(live.base.iter().filter_map(|base| base.revision));
         }
         ids.sort_unstable();

@@ -21,6 +21,7 @@ impl Draft<'_> {
         proposal: Option<&Proposal>,
         revision: u64,
         nominal: Option<CalibrationValues>,
+        reason: Option<String>,
     ) -> Result<(), Refused> {
         let shadow = &self.outcome.ledger.shadow;
         let brought_along = |values| InUse {
@@ -52,10 +53,10 @@ impl Draft<'_> {
             applied_ns: None,
             closed_ns: None,
             verification: None,
-            reason: None,
+            reason: reason.clone(),
         };
         self.ids.deployment += 1;
-        self.save_deployment("deployment.create", None, deployment, None);
+        self.save_deployment("deployment.create", None, deployment, reason);
         Ok(())
     }
 
@@ -174,17 +175,7 @@ impl Draft<'_> {
         if let Some(used) = used {
             self.decline(used);
         }
-        self.deploy(None, revision, None)?;
-        if let Some(live) = &mut self.outcome.ledger.live {
-            live.reason = Some(reason.clone());
-        }
-        for deployment in &mut self.outcome.deployments {
-            deployment.reason = Some(reason.clone());
-        }
-        if let Some(transition) = self.outcome.transitions.last_mut() {
-            transition.reason = Some(reason);
-        }
-        Ok(())
+        self.deploy(None, revision, None, Some(reason))
     }
 }
 

@@ -80,6 +80,12 @@ impl Shadow {
         }
     }
 
+    /// Whether the robot has said that it uses this generation.
+    pub fn uses(&self, generation: u64) -> bool {
+        let in_use = self.in_use.as_ref();
+        in_use.is_some_and(|in_use| in_use.generation == generation)
+    }
+
     /// Whether the robot holds what it should.
     pub fn in_sync(&self) -> bool {
         match (&self.desired, &self.in_use) {

@@ -66,7 +66,7 @@ pub fn step(
         }
         Command::Offer { generation } => draft.offer(generation)?,
         Command::Offered { generation } => {
-            draft.outcome.sent = Some(Parcel::Approved(generation));
+            draft.offered(generation);
         }
         Command::Acknowledge(applied) => draft.acknowledge(applied)?,
         Command::Confirmed { generation } => draft.confirmed(generation)?,
@@ -82,6 +82,7 @@ pub fn step(
             draft.roll_back(said(reason)?)?;
         }
     }
+    draft.outcome.ledger.answered = None;
     Ok(draft.outcome)
 }
 
@@ -133,10 +134,7 @@ impl<'a> Draft<'a> {
             .as_ref()
             .map(|in_use| in_use.values)
             .or(nominal);
-        let two = base.is_some_and(|base| {
-            let limits = self.standing.policy.two_approvers_beyond.limits();
-            exceeds(&difference(&base, &values), &limits)
-        });
+        let approvals_needed = self.approvers_needed(base.as_ref(), &values);
         let now_ns = self.standing.now_ns;
         let proposal = Proposal {
             id: self.ids.proposal,
@@ -151,7 +149,7 @@ impl<'a> Draft<'a> {
             expires_ns: after(now_ns, self.standing.policy.expires_after_s),
             base,
             base_generation: shadow.in_use.as_ref().map(|in_use| in_use.generation),
-            approvals_needed: if two { 2 } else { 1 },
+            approvals_needed,
             approvals: Vec::new(),
             closing: None,
         };
@@ -169,6 +167,10 @@ impl<'a> Draft<'a> {
     ) -> Result<(), Refused> {
         let before = self.open_proposal(id, version)?;
         let actor = self.standing.actor;
+        if self.standing.now_ns >= before.expires_ns {
+            let state = ProposalState::Expired;
+            return Err(Refused::ProposalClosed { state });
+        }
         if before.revision_sha256 != sha256 {
             return Err(Refused::OtherRevision {
                 given: sha256,
@@ -184,6 +186,7 @@ impl<'a> Draft<'a> {
         }
         self.nothing_underway()?;
         let mut proposal = before.clone();
+        proposal.approvals_needed = self.approvers_needed_now(&before);
         proposal.approvals.push(Approval {
             by: actor.name.clone(),
             at_ns: self.standing.now_ns,
@@ -200,9 +203,26 @@ impl<'a> Draft<'a> {
         proposal.version += 1;
         self.save_proposal(action, Some(&before), proposal.clone(), reason);
         if enough {
-            self.deploy(Some(&proposal), proposal.revision, proposal.base)?;
+            self.deploy(Some(&proposal), proposal.revision, proposal.base, None)?;
         }
         Ok(())
+    }
+
+    /// How many people have to agree to a change.
+    fn approvers_needed(&self, base: Option<&CalibrationValues>, to: &CalibrationValues) -> u32 {
+        let limits = self.standing.policy.two_approvers_beyond.limits();
+        let large = base.is_some_and(|base| exceeds(&difference(base, to), &limits));
+        if large { 2 } else { 1 }
+    }
+
+    /// How many have to agree to a proposal now: the robot may use something else by now than
+    /// when it was made, so that the change is a larger one.
+    fn approvers_needed_now(&self, proposal: &Proposal) -> u32 {
+        let ledger = &self.outcome.ledger;
+        let base = ledger.shadow.in_use.as_ref().map(|in_use| in_use.values);
+        let proposed = ledger.revisions.get(&proposal.revision);
+        let now = proposed.map_or(1, |to| self.approvers_needed(base.as_ref(), &to.values));
+        proposal.approvals_needed.max(now)
     }
 
     /// Ends a proposal otherwise than by approval.
@@ -273,6 +293,14 @@ impl<'a> Draft<'a> {
         Ok(())
     }
 
+    /// The robot was shown the document. One that nobody was to see yet still has to be sent.
+    fn offered(&mut self, generation: u64) {
+        let live = self.live_offer(generation);
+        if live.is_none_or(|live| live.state != DeploymentState::Queued) {
+            self.outcome.sent = Some(Parcel::Approved(generation));
+        }
+    }
+
     /// The robot was told that its answer is stored.
     fn confirmed(&mut self, generation: u64) -> Result<(), Refused> {
         self.outcome.sent = Some(Parcel::Confirmed(generation));
@@ -304,16 +332,17 @@ impl<'a> Draft<'a> {
             same_document(&live.offer, &applied)?;
             return self.answer_to_offer(&live, applied);
         }
-        let desired = self.outcome.ledger.shadow.desired.clone();
-        let about_desired = desired.filter(|one| one.generation == applied.generation);
-        if let Some(desired) = &about_desired {
-            same_document(desired, &applied)?;
+        let ledger = &self.outcome.ledger;
+        let named = ledger.reference(applied.generation).cloned();
+        if let Some(named) = &named {
+            same_document(named, &applied)?;
         }
+        let desired = ledger.shadow.desired.as_ref();
+        let is_desired = desired.is_some_and(|one| one.generation == applied.generation);
         // A robot that uses what is not wanted any more is not told to keep it: it goes back.
-        let unwanted = applied.status == AppliedStatus::Applied
-            && applied.generation > 0
-            && about_desired.is_none();
-        self.report(&applied, about_desired.map(|one| one.revision), !unwanted);
+        let unwanted =
+            applied.status == AppliedStatus::Applied && applied.generation > 0 && !is_desired;
+        self.report(&applied, named.map(|one| one.revision), !unwanted);
         Ok(())
     }
 
@@ -342,30 +371,23 @@ impl<'a> Draft<'a> {
     fn report(&mut self, applied: &Applied, revision: Option<u64>, confirm: bool) {
         let generation = applied.generation;
         let now_ns = self.standing.now_ns;
-        let known = revision.and_then(|id| self.outcome.ledger.revisions.get(&id));
-        let values = applied.values.or(known.map(|revision| revision.values));
         let mut shadow = self.outcome.ledger.shadow.clone();
         match applied.status {
-            AppliedStatus::Applied => {
-                let is_held = |in_use: &InUse| in_use.generation == generation;
-                if !shadow.in_use.as_ref().is_some_and(is_held) {
-                    shadow.before = shadow.in_use.take();
-                }
+            AppliedStatus::Applied => self.now_uses(&mut shadow, applied, revision),
+            // It may have gone back from what it never told us that it used.
+            AppliedStatus::Reverted if shadow.uses(generation) => {
+                let before = shadow.before.take();
+                let values = applied
+                    .values
+                    .or(before.as_ref().map(|before| before.values));
                 shadow.in_use = values.map(|values| InUse {
-                    generation,
-                    revision: revision.filter(|_| generation > 0),
+                    generation: before.as_ref().map_or(0, |before| before.generation),
+                    revision: before.and_then(|before| before.revision),
                     values,
                     since_ns: applied.applied_at_ns,
                 });
             }
-            AppliedStatus::Reverted => {
-                if let Some(mut before) = shadow.before.take() {
-                    before.values = applied.values.unwrap_or(before.values);
-                    before.since_ns = applied.applied_at_ns;
-                    shadow.in_use = Some(before);
-                }
-            }
-            AppliedStatus::Refused | AppliedStatus::Failed => {}
+            AppliedStatus::Reverted | AppliedStatus::Refused | AppliedStatus::Failed => {}
         }
         let reported = Reported {
             generation,
@@ -392,6 +414,25 @@ impl<'a> Draft<'a> {
             shadow.reported = Some(reported);
             self.save_shadow("shadow.report", shadow, applied.reason.clone());
         }
+    }
+
+    /// What a robot uses that says it has applied something; unknown when nobody can say.
+    fn now_uses(&self, shadow: &mut Shadow, applied: &Applied, revision: Option<u64>) {
+        let generation = applied.generation;
+        let known = revision.and_then(|id| self.outcome.ledger.revisions.get(&id));
+        let held = shadow.in_use.clone().filter(|_| shadow.uses(generation));
+        if held.is_none() {
+            shadow.before = shadow.in_use.take();
+        }
+        let values = applied.values.or(known.map(|revision| revision.values));
+        let values = values.or(held.as_ref().map(|held| held.values));
+        let revision = revision.or(held.and_then(|held| held.revision));
+        shadow.in_use = values.map(|values| InUse {
+            generation,
+            revision: revision.filter(|_| generation > 0),
+            values,
+            since_ns: applied.applied_at_ns,
+        });
     }
 
     fn judge(&mut self, id: u64, verification: Verification) -> Result<(), Refused> {
@@ -495,8 +536,11 @@ impl<'a> Draft<'a> {
 
     /// The service does not propose this again by itself.
     pub(super) fn decline(&mut self, revision: u64) {
-        self.outcome.ledger.shadow.declined = Some(revision);
-        self.outcome.shadow_changed = true;
+        let mut shadow = self.outcome.ledger.shadow.clone();
+        if shadow.declined != Some(revision) {
+            shadow.declined = Some(revision);
+            self.save_shadow("shadow.decline", shadow, None);
+        }
     }
 
     pub(super) fn add_revision(

@@ -12,8 +12,8 @@ use sqlx::{QueryBuilder, Row, Sqlite};
 use super::audit;
 use super::read::{column, parsed, robot_id};
 use crate::approval::{
-    self, Deployment, NextIds, Outcome, Parcel, Proposal, Refused, Revision, RobotLedger, Shadow,
-    Standing,
+    self, Deployment, GenerationRef, NextIds, Outcome, Parcel, Proposal, Refused, Revision,
+    RobotLedger, Shadow, Standing,
 };
 use crate::store::approvals::{
     AuditFilter, AuditRow, Decided, Decision, HoldWrite, ProposalFilter, SiteHold,
@@ -34,7 +34,11 @@ pub(super) async fn decide(
     if let Some(proposal) = answered(connection, decision).await? {
         return Ok(Decided::Repeated(Box::new(proposal)));
     }
-    let ledger = ledger(connection, &decision.robot).await?;
+    let answered = match &decision.command {
+        approval::Command::Acknowledge(applied) => Some(applied.generation),
+        _ => None,
+    };
+    let ledger = ledger(connection, &decision.robot, answered).await?;
     let standing = Standing {
         policy: &decision.policy,
         key: &decision.key,
@@ -246,10 +250,11 @@ async fn next_ids(connection: &mut SqliteConnection) -> Result<NextIds, StoreErr
     })
 }
 
-/// One robot's records.
+/// One robot's records, with the document of the generation that an answer is about.
 async fn ledger(
     connection: &mut SqliteConnection,
     robot: &RobotId,
+    answered: Option<u64>,
 ) -> Result<RobotLedger, StoreError> {
     let failed = || StoreError::database("read a robot's records");
     let row = sqlx::query("SELECT record FROM shadow WHERE robot = ?1")
@@ -276,6 +281,9 @@ async fn ledger(
         .await
         .map_err(failed())?;
     ledger.live = row.map(|row| record(&row, "deployment", 0)).transpose()?;
+    if let Some(generation) = answered {
+        ledger.answered = given_out(connection, robot, generation).await?;
+    }
     for id in ledger.named_revisions() {
         let row = sqlx::query("SELECT record FROM revision WHERE id = ?1")
             .bind(id as i64)
@@ -285,6 +293,31 @@ async fn ledger(
         ledger.revisions.insert(id, record(&row, "revision", 0)?);
     }
     Ok(ledger)
+}
+
+/// What was given out under a generation.
+async fn given_out(
+    connection: &mut SqliteConnection,
+    robot: &RobotId,
+    generation: u64,
+) -> Result<Option<GenerationRef>, StoreError> {
+    let row = sqlx::query(
+        "SELECT (record ->> '$.document') ->> '$.revision', record ->> '$.sha256'
+         FROM envelope WHERE robot = ?1 AND generation = ?2",
+    )
+    .bind(robot.as_str())
+    .bind(i64::try_from(generation).unwrap_or(i64::MAX))
+    .fetch_optional(connection)
+    .await
+    .map_err(StoreError::database("read what was given out"))?;
+    let of = |row: SqliteRow| {
+        Ok(GenerationRef {
+            generation,
+            revision: number(&row, 0)?,
+            sha256: column(&row, "envelope", 1)?,
+        })
+    };
+    row.map(of).transpose()
 }
 
 /// The records of every robot that has any.
