@@ -7,6 +7,8 @@
 mod answers;
 mod duty;
 mod offer;
+#[cfg(test)]
+mod tests;
 
 pub use offer::Letter;
 
@@ -176,6 +178,31 @@ impl Clerk {
         actor: Actor,
         idempotency: Option<IdempotencyKey>,
     ) -> Result<Decided, StoreError> {
+        let (clerk, robot) = (self.clone(), robot.clone());
+        self.see_through(async move { clerk.take(&robot, command, actor, idempotency).await })
+            .await
+    }
+
+    /// Does something to its end, even if whoever asked for it goes away meanwhile: what is
+    /// committed has to be known here and sent.
+    async fn see_through<T: Send + 'static>(
+        &self,
+        work: impl Future<Output = Result<T, StoreError>> + Send + 'static,
+    ) -> Result<T, StoreError> {
+        let ended = self.inner.tasks.spawn(work).await;
+        ended.unwrap_or_else(|ended| match ended.try_into_panic() {
+            Ok(panic) => std::panic::resume_unwind(panic),
+            Err(_) => Err(StoreError::Closed),
+        })
+    }
+
+    async fn take(
+        &self,
+        robot: &RobotId,
+        command: Command,
+        actor: Actor,
+        idempotency: Option<IdempotencyKey>,
+    ) -> Result<Decided, StoreError> {
         let desk = self.desk(robot);
         let _turn = desk.turn.lock().await;
         let decision = Decision {
@@ -221,6 +248,12 @@ impl Clerk {
             now_ns: self.inner.clock.now_ns(),
             reason,
         };
+        let clerk = self.clone();
+        self.see_through(async move { clerk.take_hold(write).await })
+            .await
+    }
+
+    async fn take_hold(&self, write: HoldWrite) -> Result<SiteHold, StoreError> {
         let hold = self.inner.store.hold(write).await?;
         let mut known = self
             .inner

@@ -76,6 +76,8 @@ impl Clerk {
         robot: &RobotId,
         parcel: Parcel,
     ) -> Result<Option<Letter>, StoreError> {
+        // The parcel is read from the store, which knows of a decision before the desk does.
+        drop(self.desk(robot).turn.lock().await);
         let ledger = self.ledger(robot);
         match parcel {
             Parcel::Approved(generation) => {
