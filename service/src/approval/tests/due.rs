@@ -1,0 +1,251 @@
+//! What time and the estimates ask for.
+
+use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};
+use fleetcal_proto::estimate::{
+    Consistency, Counts, EstimateDocument, ParameterDocument, ParameterName, ParameterStatus,
+    Parameters,
+};
+use fleetcal_proto::signing::SigningKey;
+
+use crate::access::{Actor, Authentication, Role};
+use crate::approval::{
+    Candidate, Command, DeploymentState, NextIds, Policy, RobotLedger, Situation, Standing, due,
+    step,
+};
+
+const NOW_NS: i64 = 1_763_700_000_000_000_000;
+
+/// An estimate that has converged on this steering offset.
+fn estimate(offset_rad: f64, second: i64) -> EstimateDocument {
+    let parameter = |name: ParameterName| ParameterDocument {
+        value: match name {
+            ParameterName::SteeringOffset => offset_rad,
+            ParameterName::LidarX => 0.434,
+            ParameterName::LidarY | ParameterName::LidarYaw => 0.0,
+            _ => 1.0,
+        },
+        sigma: 0.000_2,
+        unit: name.unit(),
+        status: match name {
+            ParameterName::Wheelbase | ParameterName::SteeringGain => ParameterStatus::Fixed,
+            _ => ParameterStatus::Converged,
+        },
+        needs: None,
+    };
+    EstimateDocument {
+        robot: RobotId::parse("tugger_01").unwrap(),
+        stamp_ns: NOW_NS + second * 1_000_000_000,
+        time_s: 100.0,
+        distance_m: 80.0,
+        parameters: Parameters {
+            steering_offset: parameter(ParameterName::SteeringOffset),
+            lidar_x: parameter(ParameterName::LidarX),
+            lidar_y: parameter(ParameterName::LidarY),
+            lidar_yaw: parameter(ParameterName::LidarYaw),
+            speed_scale: parameter(ParameterName::SpeedScale),
+            wheelbase: parameter(ParameterName::Wheelbase),
+            time_offset: parameter(ParameterName::TimeOffset),
+            steering_gain: parameter(ParameterName::SteeringGain),
+        },
+        consistency: Consistency::default(),
+        counts: Counts::default(),
+    }
+}
+
+/// One robot whose commands are taken as the clerk takes them.
+struct Bench {
+    ledger: RobotLedger,
+    ids: NextIds,
+    policy: Policy,
+}
+
+impl Bench {
+    fn new() -> Self {
+        Self {
+            ledger: RobotLedger::new(RobotId::parse("tugger_01").unwrap()),
+            ids: NextIds {
+                revision: 1,
+                proposal: 1,
+                deployment: 1,
+            },
+            policy: Policy::default(),
+        }
+    }
+
+    fn take(&mut self, command: Command, actor: &Actor) {
+        let key = SigningKey::from_bytes(&[7; 32]);
+        let standing = Standing {
+            policy: &self.policy,
+            key: &key,
+            actor,
+            now_ns: NOW_NS,
+        };
+        let outcome = step(&self.ledger, command, self.ids, &standing).unwrap();
+        self.ids.revision += 1;
+        self.ids.proposal += 1;
+        self.ids.deployment += 1;
+        self.ledger = outcome.ledger;
+    }
+
+    fn due(&self, estimate: Option<&EstimateDocument>, fresh: bool) -> Option<Command> {
+        let situation = Situation {
+            now_ns: NOW_NS,
+            estimate: estimate.filter(|_| !fresh),
+            stable: true,
+            fresh: estimate.filter(|_| fresh),
+            nominal: Some(CalibrationValues {
+                lidar_x_m: 0.434,
+                ..CalibrationValues::default()
+            }),
+        };
+        due(&self.ledger, &situation, &self.policy)
+    }
+
+    /// Takes what is due by the service itself.
+    fn do_due(&mut self, estimate: &EstimateDocument, fresh: bool) -> Option<&'static str> {
+        let command = self.due(Some(estimate), fresh)?;
+        let name = match command {
+            Command::Propose { .. } => "propose",
+            Command::Supersede { .. } => "supersede",
+            Command::Void { .. } => "void",
+            Command::Judge { verification, .. } if verification.within => "verify",
+            Command::Judge { .. } => "fail",
+            _ => "another",
+        };
+        self.take(command, &Actor::service());
+        Some(name)
+    }
+
+    fn approve(&mut self) {
+        let open = self.ledger.open.clone().unwrap();
+        let person = Actor {
+            name: "ana".to_owned(),
+            authentication: Authentication::Session,
+            role: Some(Role::Approver),
+            request: None,
+        };
+        let command = Command::Approve {
+            proposal: open.id,
+            version: Some(open.version),
+            sha256: open.revision_sha256,
+            reason: None,
+        };
+        self.take(command, &person);
+    }
+
+    /// Brings the deployment under way to the trial.
+    fn try_out(&mut self) {
+        let offer = self.ledger.live.clone().unwrap().offer;
+        let generation = offer.generation;
+        let applied = Applied {
+            generation,
+            sha256: offer.sha256,
+            status: AppliedStatus::Applied,
+            reason: None,
+            applied_at_ns: NOW_NS,
+            values: None,
+        };
+        self.take(Command::Offer { generation }, &Actor::service());
+        self.take(Command::Acknowledge(applied), &Actor::service());
+        self.take(Command::Confirmed { generation }, &Actor::service());
+    }
+
+    fn state(&self) -> Option<DeploymentState> {
+        self.ledger.live.as_ref().map(|live| live.state)
+    }
+}
+
+#[test]
+fn what_differs_from_what_is_used_is_proposed_once() {
+    let mut bench = Bench::new();
+    assert_eq!(
+        bench.do_due(&estimate(0.002, 0), false),
+        None,
+        "0.11 degrees"
+    );
+    assert_eq!(bench.do_due(&estimate(0.05, 0), false), Some("propose"));
+    assert_eq!(bench.do_due(&estimate(0.05, 1), false), None);
+    bench.policy.propose = false;
+    assert_eq!(Bench::new().due(None, false), None);
+}
+
+#[test]
+fn a_newer_estimate_that_disagrees_ends_a_proposal_and_makes_the_next() {
+    let mut bench = Bench::new();
+    bench.do_due(&estimate(0.05, 0), false);
+    assert_eq!(bench.do_due(&estimate(0.051, 1), false), None);
+    assert_eq!(bench.do_due(&estimate(0.06, 2), false), Some("supersede"));
+    assert!(bench.ledger.open.is_none());
+    assert_eq!(bench.do_due(&estimate(0.06, 3), false), Some("propose"));
+    let open = bench.ledger.open.as_ref().unwrap();
+    let proposed = bench.ledger.revisions[&open.revision].values;
+    assert!((proposed.steering_offset_rad - 0.06).abs() < 1e-12);
+}
+
+#[test]
+fn a_newer_estimate_that_disagrees_voids_what_no_robot_uses_yet() {
+    let mut bench = Bench::new();
+    bench.do_due(&estimate(0.05, 0), false);
+    bench.approve();
+    assert_eq!(bench.do_due(&estimate(0.05, 1), false), None);
+    assert_eq!(bench.do_due(&estimate(0.06, 2), false), Some("void"));
+    assert_eq!(bench.state(), None);
+    assert_eq!(bench.ledger.shadow.desired, None);
+    // Once it is in use, the fresh estimate judges it and nothing else.
+    assert_eq!(bench.do_due(&estimate(0.07, 3), false), Some("propose"));
+    bench.approve();
+    bench.try_out();
+    assert_eq!(bench.do_due(&estimate(0.05, 4), false), None);
+    assert_eq!(bench.state(), Some(DeploymentState::Verifying));
+}
+
+#[test]
+fn what_is_used_is_judged_by_a_fresh_estimate() {
+    for (found_rad, expected, state) in [
+        (0.0505, Some("verify"), None),
+        (0.06, Some("fail"), Some(DeploymentState::RollingBack)),
+        // Outside by less than its own uncertainty.
+        (0.05 + 0.002_8, None, Some(DeploymentState::Verifying)),
+    ] {
+        let mut bench = Bench::new();
+        bench.do_due(&estimate(0.05, 0), false);
+        bench.approve();
+        bench.try_out();
+        let mut early = estimate(found_rad, 10);
+        early.distance_m = 59.0;
+        assert_eq!(bench.do_due(&early, true), None, "too little driven");
+        assert_eq!(bench.do_due(&estimate(found_rad, 20), true), expected);
+        assert_eq!(bench.state(), state, "{found_rad}");
+        assert_eq!(bench.do_due(&estimate(found_rad, 30), true), None, "once");
+    }
+}
+
+#[test]
+fn what_was_rejected_is_not_proposed_again() {
+    let mut bench = Bench::new();
+    bench.do_due(&estimate(0.05, 0), false);
+    let open = bench.ledger.open.clone().unwrap();
+    let reject = Command::Reject {
+        proposal: open.id,
+        version: Some(open.version),
+        reason: "it was pushed by hand".to_owned(),
+    };
+    bench.take(reject, &Actor::service());
+    assert_eq!(bench.do_due(&estimate(0.05, 1), false), None);
+    assert_eq!(bench.do_due(&estimate(0.06, 2), false), Some("propose"));
+}
+
+#[test]
+fn an_estimate_is_a_candidate_once_it_has_stood_still() {
+    let policy = Policy::default();
+    let mut candidate = Candidate::default();
+    assert!(!candidate.observe(Some(&estimate(0.05, 0)), &policy));
+    assert!(!candidate.observe(Some(&estimate(0.05, 9)), &policy));
+    assert!(candidate.observe(Some(&estimate(0.05, 10)), &policy));
+    assert!(!candidate.observe(Some(&estimate(0.06, 11)), &policy));
+    assert!(!candidate.observe(Some(&estimate(0.06, 20)), &policy));
+    assert!(candidate.observe(Some(&estimate(0.06, 21)), &policy));
+    assert!(!candidate.observe(None, &policy));
+    assert!(!candidate.observe(Some(&estimate(0.06, 40)), &policy));
+}
