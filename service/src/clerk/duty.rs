@@ -31,7 +31,7 @@ pub(super) async fn attend(clerk: Clerk) {
 
 impl Clerk {
     /// Looks once at every robot's records and does what is due.
-    async fn look(&self, candidates: &mut BTreeMap<RobotId, Candidate>) {
+    pub(super) async fn look(&self, candidates: &mut BTreeMap<RobotId, Candidate>) {
         let now_ns = self.inner.clock.now_ns();
         for view in self.inner.fleet.robots() {
             if view.config.is_none() {
