@@ -79,6 +79,16 @@ pub struct StoreCounters {
     pub waiting: u64,
 }
 
+/// What an acknowledged commit outlives.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outlives {
+    /// The machine's power. The service knows nothing else.
+    Power,
+    /// The process alone. With this, the test that takes the power away shows that it can fail.
+    #[doc(hidden)]
+    Process,
+}
+
 /// The store. Cheap to clone; the database is closed by [`Store::close`].
 #[derive(Debug, Clone)]
 pub struct Store {
@@ -102,8 +112,21 @@ impl Store {
     /// [`StoreError::InUse`] when another process has it, [`StoreError::NewerSchema`] when a newer
     /// program wrote it, and whatever else keeps it from being opened.
     pub async fn open(folder: &Path, clock: SharedClock) -> Result<Self, StoreError> {
+        Self::open_with(folder, clock, Outlives::Power).await
+    }
+
+    /// The same, with commits that may outlive less.
+    ///
+    /// # Errors
+    /// As [`Store::open`].
+    #[doc(hidden)]
+    pub async fn open_with(
+        folder: &Path,
+        clock: SharedClock,
+        outlives: Outlives,
+    ) -> Result<Self, StoreError> {
         let folder = Folder::hold(folder)?;
-        let (writer, reader) = sqlite::open(&folder, clock.now_ns()).await?;
+        let (writer, reader) = sqlite::open(&folder, clock.now_ns(), outlives).await?;
         let (commands, inbox) = mpsc::channel(limits::STORE_QUEUE_MAX);
         let counters = Arc::new(WriterCounters::default());
         let task = WriterTask::new(writer, Arc::clone(&clock), Arc::clone(&counters));

@@ -18,6 +18,7 @@ use sqlx::sqlite::{
 };
 use sqlx::{ConnectOptions, Connection};
 
+use super::Outlives;
 use super::backend::Reader as _;
 use super::error::StoreError;
 use super::folder::Folder;
@@ -47,9 +48,15 @@ pub(super) fn schema_known() -> i64 {
 pub(super) async fn open(
     folder: &Folder,
     now_ns: i64,
+    outlives: Outlives,
 ) -> Result<(SqliteWriter, SqliteReader), StoreError> {
     let path = folder.database();
+    let synchronous = match outlives {
+        Outlives::Power => SqliteSynchronous::Full,
+        Outlives::Process => SqliteSynchronous::Normal,
+    };
     let mut connection = options(&path)
+        .synchronous(synchronous)
         .create_if_missing(true)
         .connect()
         .await
