@@ -56,6 +56,15 @@ chromium:
 	    echo "Chromium is missing: install the package chromium, then run make again." >&2; exit 1; \
 	  fi; }
 
+.PHONY: strace
+strace:
+	@command -v strace >/dev/null || { \
+	  if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	    apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq strace >/dev/null; \
+	  else \
+	    echo "strace is missing, which the power-loss test needs: install the package strace, then run make again." >&2; exit 1; \
+	  fi; }
+
 .PHONY: test
 test: check test-rust test-web ## Runs all checks and tests
 
@@ -71,7 +80,7 @@ build-for-tests: dashboard rust
 	$(CARGO) build --release --locked --workspace --bins --tests
 
 .PHONY: test-rust
-test-rust: build-for-tests ## Rust tests, end-to-end ones included
+test-rust: build-for-tests strace ## Rust tests, end-to-end ones included
 	if $(CARGO) nextest --version >/dev/null 2>&1; then \
 	  FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) nextest run --release --locked --workspace; \
 	else \
@@ -99,6 +108,10 @@ false-alarms: rust ## 3,000 simulated robot-hours without a change at the real t
 .PHONY: load
 load: build ## 50 robots at once: prints the CPU time per robot-second
 	FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked -p fleetcal-tests --test load -- --nocapture
+
+.PHONY: kill-rounds
+kill-rounds: rust ## Kills the deciding process 3,000 times: nothing acknowledged may be lost
+	KILL_ROUNDS=3000 $(CARGO) test --release --locked -p fleetcal-tests --test durability -- --nocapture kill::
 
 .PHONY: doc
 doc: rust ## The crates' documentation

@@ -223,7 +223,7 @@ const FOUR: [ParameterName; 4] = [
 
 fn drift(situation: &Situation<'_>) -> Seen {
     let view = situation.view;
-    if view.connection.stale || matches!(view.state, RobotState::NoData | RobotState::Failed) {
+    if is_silent(situation) || matches!(view.state, RobotState::NoData | RobotState::Failed) {
         return Seen::Unknown;
     }
     let changed = view.state == RobotState::Changed;
@@ -255,6 +255,17 @@ fn drift(situation: &Situation<'_>) -> Seen {
         (Compared::Near, false) => Seen::Clear,
         (Compared::NotYet, false) => Seen::Unknown,
     }
+}
+
+/// Whether the robot has sent nothing for so long that its estimate is no longer of now. A gap of
+/// seconds, as a radio link has them, is none.
+fn is_silent(situation: &Situation<'_>) -> bool {
+    let connection = &situation.view.connection;
+    let pending_ns = situation.policy.periods(AlertKind::Drift).pending_ns;
+    let quiet_ns = connection
+        .last_seen_ns
+        .map(|seen_ns| situation.now_ns.saturating_sub(seen_ns));
+    connection.stale && quiet_ns.is_none_or(|quiet_ns| quiet_ns >= pending_ns)
 }
 
 enum Compared {

@@ -114,6 +114,7 @@ fn client(tls: ClientConfig) -> HttpClient {
         .wrap_connector(http);
     Client::builder(TokioExecutor::new())
         .pool_max_idle_per_host(0)
+        .retry_canceled_requests(false)
         .http1_max_buf_size(limits::WEBHOOK_ANSWER_BYTES_MAX)
         .build(https)
 }

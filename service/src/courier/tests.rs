@@ -194,7 +194,13 @@ async fn a_message_is_signed_and_sent_again_until_it_is_taken() {
         failed_attempts: 2,
         given_up: 0,
     };
-    assert_eq!(courier.counters(), counters);
+    // They are counted after they are written down.
+    let counted = async {
+        while courier.counters() != counters {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    };
+    tokio::time::timeout(PATIENCE, counted).await.unwrap();
     courier.stop().await;
 }
 

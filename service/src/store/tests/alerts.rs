@@ -306,17 +306,24 @@ async fn too_many_that_wait_or_are_done_shed_their_oldest() {
     let webhook = create(&store, "http://a/", &WebhookEvent::ALL)
         .await
         .unwrap();
-    let rounds = i64::from(limits::WEBHOOK_WAITING_MAX + limits::WEBHOOK_LOG_MAX) / 2 + 5;
-    let mut writes = Vec::new();
-    for round in 0..rounds {
-        for observation in [Firing, Clear] {
-            let name = "a";
-            writes.push((name, observation, round));
-        }
-    }
-    for (name, observation, at_s) in writes {
-        observe(&store, name, AlertKind::NotApplied, observation, at_s).await;
-    }
+    let messages = limits::WEBHOOK_WAITING_MAX + limits::WEBHOOK_LOG_MAX + 10;
+    let sighting = |number: u32| Sighting {
+        kind: AlertKind::NotApplied,
+        observation: if number.is_multiple_of(2) {
+            Firing
+        } else {
+            Clear
+        },
+        what: String::new(),
+    };
+    let write = AlertWrite::Observe {
+        sightings: (0..messages)
+            .map(|number| (robot("a"), sighting(number)))
+            .collect(),
+        policy: Arc::new(AlertPolicy::default()),
+        now_ns: NOW_S * NS,
+    };
+    store.write_alerts(write).await.unwrap();
     assert_eq!(
         store.waiting_deliveries().await.unwrap(),
         u64::from(limits::WEBHOOK_WAITING_MAX)

@@ -1,0 +1,181 @@
+//! Two people who approve the same proposal at once, on the real store.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use fleetcal::access::{Actor, Authentication, Role};
+use fleetcal::approval::{Command, Evidence, Origin, Policy, ProposalState, Refused};
+use fleetcal::clock::SystemClock;
+use fleetcal::store::{Decided, Decision, ProposalFilter, Store, StoreError};
+use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::CalibrationValues;
+use fleetcal_proto::signing::SigningKey;
+
+use crate::records;
+
+/// Proposals that two approve at once.
+const PROPOSALS: usize = 1_000;
+/// Of so many robots at the same time, so that some share a transaction and some do not.
+const ROBOTS: usize = 20;
+
+fn person(name: &str) -> Actor {
+    Actor {
+        name: name.to_owned(),
+        authentication: Authentication::Session,
+        role: Some(Role::Approver),
+        request: None,
+    }
+}
+
+async fn decide(
+    store: &Store,
+    robot: &RobotId,
+    command: Command,
+    by: &str,
+) -> Result<Decided, StoreError> {
+    let decision = Decision {
+        robot: robot.clone(),
+        command,
+        actor: person(by),
+        policy: Arc::new(Policy::default()),
+        key: Arc::new(SigningKey::from_bytes(&[7; 32])),
+        now_ns: 1_763_700_000_000_000_000,
+        idempotency: None,
+    };
+    store.decide(decision).await
+}
+
+async fn propose(store: &Store, robot: &RobotId) -> (u64, Command) {
+    let values = CalibrationValues {
+        steering_offset_rad: 0.02,
+        lidar_x_m: 0.434,
+        ..CalibrationValues::default()
+    };
+    let command = Command::Propose {
+        origin: Origin::Person,
+        values,
+        sigmas: CalibrationValues::default(),
+        evidence: Evidence::default(),
+        nominal: None,
+        reason: None,
+    };
+    let Ok(Decided::Taken(outcome)) = decide(store, robot, command, "carla").await else {
+        panic!("a proposal is refused");
+    };
+    let proposal = outcome.proposals.last().unwrap();
+    let approve = Command::Approve {
+        proposal: proposal.id,
+        version: Some(proposal.version),
+        sha256: proposal.revision_sha256.clone(),
+        reason: None,
+    };
+    (proposal.id, approve)
+}
+
+/// Both try at once; who won.
+async fn race(store: &Store, robot: &RobotId) -> &'static str {
+    let (id, approve) = propose(store, robot).await;
+    let attempt = |name: &'static str| {
+        let (store, robot, approve) = (store.clone(), robot.clone(), approve.clone());
+        tokio::spawn(async move { decide(&store, &robot, approve, name).await })
+    };
+    let (ana, bruno) = (attempt("ana"), attempt("bruno"));
+    let (ana, bruno) = (ana.await.unwrap(), bruno.await.unwrap());
+    let (winner, loser) = match (ana, bruno) {
+        (Ok(_), Err(loser)) => ("ana", loser),
+        (Err(loser), Ok(_)) => ("bruno", loser),
+        other => panic!("proposal {id}: {other:?}"),
+    };
+    let StoreError::Refused(refused) = loser else {
+        panic!("{loser}")
+    };
+    assert_eq!(refused, Refused::Stale { found: 2 });
+    let (proposal, _) = store.proposal(id).await.unwrap().unwrap();
+    assert_eq!(proposal.state, ProposalState::Approved);
+    let by: Vec<_> = proposal
+        .approvals
+        .iter()
+        .map(|one| one.by.as_str())
+        .collect();
+    assert_eq!(by, [winner]);
+    // Nobody has seen it yet: it is taken back, and the next one can be proposed.
+    let reason = "the next one follows".to_owned();
+    let withdraw = Command::RollBack {
+        version: None,
+        reason,
+    };
+    decide(store, robot, withdraw, "ana").await.unwrap();
+    winner
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn of_two_approvers_at_once_exactly_one_wins() {
+    let folder = tempfile::tempdir().unwrap();
+    let clock = Arc::new(SystemClock::start());
+    let store = Store::open(folder.path(), clock).await.unwrap();
+    let mut races = tokio::task::JoinSet::new();
+    for number in 0..ROBOTS {
+        let store = store.clone();
+        races.spawn(async move {
+            let robot = RobotId::parse(&format!("tugger_{number}")).unwrap();
+            let mut won_by_ana = 0;
+            for _ in 0..PROPOSALS / ROBOTS {
+                won_by_ana += usize::from(race(&store, &robot).await == "ana");
+            }
+            won_by_ana
+        });
+    }
+    let won_by_ana: usize = races.join_all().await.into_iter().sum();
+    let filter = ProposalFilter {
+        state: Some(ProposalState::Approved),
+        limit: 2_000,
+        ..ProposalFilter::default()
+    };
+    assert_eq!(store.proposals(&filter).await.unwrap().len(), PROPOSALS);
+    store.close().await.unwrap();
+    let records = records::read(folder.path()).await.unwrap();
+    let rows = records.audit.values().flatten();
+    let approvals = rows.filter(|one| one.row.action == "proposal.approve");
+    assert_eq!(approvals.count(), PROPOSALS);
+    println!("{PROPOSALS} races, {won_by_ana} won by the first");
+}
+
+async fn snapshot(folder: &Path) -> String {
+    format!("{:?}", records::read(folder).await.unwrap())
+}
+
+#[tokio::test]
+async fn what_is_refused_leaves_nothing_behind() {
+    let folder = tempfile::tempdir().unwrap();
+    let clock = Arc::new(SystemClock::start());
+    let store = Store::open(folder.path(), clock).await.unwrap();
+    let robot = RobotId::parse("tugger_1").unwrap();
+    let (id, approve) = propose(&store, &robot).await;
+    let Command::Approve { sha256, .. } = &approve else {
+        panic!("no approval")
+    };
+    let with = |version, sha256: &str| Command::Approve {
+        proposal: id,
+        version: Some(version),
+        sha256: sha256.to_owned(),
+        reason: None,
+    };
+    let before = snapshot(folder.path()).await;
+    let stale = decide(&store, &robot, with(7, sha256), "ana").await;
+    assert!(matches!(
+        stale,
+        Err(StoreError::Refused(Refused::Stale { found: 1 }))
+    ));
+    let other = decide(&store, &robot, with(1, "ab"), "ana").await;
+    assert!(matches!(
+        other,
+        Err(StoreError::Refused(Refused::OtherRevision { .. }))
+    ));
+    let own = decide(&store, &robot, with(1, sha256), "carla").await;
+    assert!(matches!(
+        own,
+        Err(StoreError::Refused(Refused::OwnProposal(_)))
+    ));
+    assert_eq!(snapshot(folder.path()).await, before);
+    store.close().await.unwrap();
+}

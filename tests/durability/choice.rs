@@ -1,0 +1,136 @@
+//! What the deciding process tries next.
+
+use fleetcal::approval::{
+    Command, Deployment, DeploymentState, Evidence, Origin, Proposal, RobotLedger, Verification,
+};
+use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};
+use rand::Rng;
+use rand::rngs::StdRng;
+
+/// Something that mostly fits the records, so that every state is reached.
+pub fn choose(random: &mut StdRng, ledger: &RobotLedger, now_ns: i64) -> Command {
+    if let Some(live) = &ledger.live {
+        return for_deployment(random, live, now_ns);
+    }
+    if let Some(open) = &ledger.open {
+        return for_proposal(random, open);
+    }
+    match random.random_range(0..10) {
+        0 | 1 => roll_back(ledger.shadow.version),
+        2 => match &ledger.shadow.desired {
+            Some(desired) => Command::Acknowledge(Applied {
+                generation: desired.generation,
+                sha256: desired.sha256.clone(),
+                status: AppliedStatus::Applied,
+                reason: None,
+                applied_at_ns: now_ns,
+                values: None,
+            }),
+            None => propose(random),
+        },
+        _ => propose(random),
+    }
+}
+
+fn propose(random: &mut StdRng) -> Command {
+    let values = CalibrationValues {
+        steering_offset_rad: random.random_range(-0.05..0.05),
+        lidar_x_m: random.random_range(0.40..0.45),
+        lidar_y_m: random.random_range(-0.02..0.02),
+        lidar_yaw_rad: random.random_range(-0.05..0.05),
+        ..CalibrationValues::default()
+    };
+    let nominal = CalibrationValues {
+        lidar_x_m: 0.425,
+        ..CalibrationValues::default()
+    };
+    Command::Propose {
+        origin: Origin::Estimator,
+        values,
+        sigmas: CalibrationValues::default(),
+        evidence: Evidence::default(),
+        nominal: Some(nominal),
+        reason: None,
+    }
+}
+
+fn roll_back(version: u64) -> Command {
+    Command::RollBack {
+        version: Some(version),
+        reason: "it weaves".to_owned(),
+    }
+}
+
+fn for_proposal(random: &mut StdRng, open: &Proposal) -> Command {
+    let (proposal, version) = (open.id, Some(open.version));
+    let reason = "as it was tried".to_owned();
+    match random.random_range(0..12) {
+        0 => Command::Reject {
+            proposal,
+            version,
+            reason,
+        },
+        1 => Command::Withdraw {
+            proposal,
+            version,
+            reason: None,
+        },
+        2 => Command::Supersede { proposal, reason },
+        3 => propose(random),
+        _ => Command::Approve {
+            proposal,
+            version,
+            sha256: open.revision_sha256.clone(),
+            reason: None,
+        },
+    }
+}
+
+fn for_deployment(random: &mut StdRng, live: &Deployment, now_ns: i64) -> Command {
+    use DeploymentState as S;
+    let generation = live.offer.generation;
+    let deployment = live.id;
+    let reason = "as it was tried".to_owned();
+    let answer = |status| {
+        Command::Acknowledge(Applied {
+            generation,
+            sha256: live.offer.sha256.clone(),
+            status,
+            reason: None,
+            applied_at_ns: now_ns,
+            values: None,
+        })
+    };
+    let judge = |within| Command::Judge {
+        deployment,
+        verification: Verification {
+            at_ns: now_ns,
+            distance_m: 80.0,
+            residual: [0.0; 4],
+            sigma: [0.0; 4],
+            within,
+        },
+    };
+    let roll_back = || Command::RollBack {
+        version: None,
+        reason: "it weaves".to_owned(),
+    };
+    match (live.state, random.random_range(0..10)) {
+        (_, 0) => roll_back(),
+        (S::Queued, 1..=7) => Command::Offer { generation },
+        (S::Queued, _) => Command::GiveUp { deployment, reason },
+        (S::Offered | S::RollingBack, 1..=4) => Command::Offered { generation },
+        (S::Offered | S::RollingBack, 5..=7) => answer(AppliedStatus::Applied),
+        (S::Offered, 8) => answer(AppliedStatus::Refused),
+        (S::Offered, _) => Command::Void { deployment, reason },
+        (S::RollingBack, 8) => answer(AppliedStatus::Failed),
+        (S::RollingBack, _) => Command::GiveUp { deployment, reason },
+        (S::Applied, 1 | 2) => answer(AppliedStatus::Applied),
+        (S::Applied, _) => Command::Confirmed { generation },
+        (_, 1..=4) => judge(true),
+        (_, 5 | 6) => judge(false),
+        (_, 7) => answer(AppliedStatus::Reverted),
+        (_, 8) => answer(AppliedStatus::Applied),
+        _ => Command::GiveUp { deployment, reason },
+    }
+}

@@ -1,0 +1,207 @@
+//! Takes decisions on a few robots' calibrations, through the real clerk and the real store, until
+//! it is killed or has taken as many as it was told to. It says before and after each what it does.
+//!
+//! `fleetcal-decider FOLDER SEED ROBOTS DECISIONS SESSIONS power|process`
+
+#![expect(
+    clippy::unwrap_used,
+    reason = "a process for a test, whose failure is to be seen"
+)]
+
+mod choice;
+mod said;
+
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::Path;
+use std::sync::Arc;
+
+use fleetcal::access::{Actor, Authentication, Role};
+use fleetcal::approval::{self, NextIds, Outcome, Parcel, Policy, Standing};
+use fleetcal::clerk::{Clerk, ClerkSetup};
+use fleetcal::clock::{SharedClock, SystemClock};
+use fleetcal::config::{RobotConfig, Wheelbase};
+use fleetcal::fleet::{FleetHandle, FleetSetup};
+use fleetcal::store::{Decided, Outlives, Store, StoreError};
+use fleetcal_estimator::{EstimatorSettings, VehicleModel};
+use fleetcal_proto::RobotId;
+use fleetcal_proto::signing::SigningKey;
+use rand::rngs::StdRng;
+use rand::{Rng, SeedableRng};
+
+use said::{Effect, Row, Said};
+
+/// What a run is asked for.
+struct Order {
+    folder: String,
+    seed: u64,
+    robots: usize,
+    decisions: usize,
+    sessions: u64,
+    outlives: Outlives,
+}
+
+fn main() {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let [folder, seed, robots, decisions, sessions, outlives] = words.as_slice() else {
+        panic!("accepted are FOLDER SEED ROBOTS DECISIONS SESSIONS power|process");
+    };
+    let order = Order {
+        folder: folder.clone(),
+        seed: seed.parse().unwrap(),
+        robots: robots.parse().unwrap(),
+        decisions: decisions.parse().unwrap(),
+        sessions: sessions.parse().unwrap(),
+        outlives: match outlives.as_str() {
+            "power" => Outlives::Power,
+            "process" => Outlives::Process,
+            other => panic!("{other} is neither power nor process"),
+        },
+    };
+    let mut runtime = tokio::runtime::Builder::new_multi_thread();
+    let runtime = runtime.worker_threads(2).enable_all().build().unwrap();
+    for session in 0..order.sessions {
+        runtime.block_on(run(&order, session));
+    }
+}
+
+/// One line at once, so that a line that was heard was said as a whole.
+fn say(said: &Said) {
+    let mut line = serde_json::to_vec(said).unwrap();
+    line.push(b'\n');
+    let mut out = std::io::stdout().lock();
+    out.write_all(&line).unwrap();
+    out.flush().unwrap();
+}
+
+async fn run(order: &Order, session: u64) {
+    let clock: SharedClock = Arc::new(SystemClock::start());
+    let folder = Path::new(&order.folder);
+    let store = Store::open_with(folder, Arc::clone(&clock), order.outlives);
+    let store = store.await.unwrap();
+    let vehicle =
+        || RobotConfig::of_vehicle(VehicleModel::Bicycle, Wheelbase::try_from(1.2).unwrap());
+    let ids = (1..=order.robots).map(|number| RobotId::parse(&format!("tugger_{number}")).unwrap());
+    let ids: Vec<_> = ids.collect();
+    let fleet = FleetHandle::start(FleetSetup {
+        clock: Arc::clone(&clock),
+        journal: Arc::new(store.clone()),
+        estimator: EstimatorSettings::default(),
+        robots: ids.iter().map(|id| (id.clone(), vehicle())).collect(),
+        cross_tracks: BTreeMap::new(),
+        checkpoints: BTreeMap::new(),
+    });
+    let policy = Policy::default();
+    let clerk = Clerk::start(ClerkSetup {
+        store: store.clone(),
+        fleet: fleet.clone(),
+        clock: Arc::clone(&clock),
+        policy,
+        key: key(),
+    });
+    let clerk = clerk.await.unwrap();
+    say(&Said::Opened);
+    let mut workers = tokio::task::JoinSet::new();
+    for (number, robot) in ids.into_iter().enumerate() {
+        let seed = order
+            .seed
+            .wrapping_mul(1_000)
+            .wrapping_add(session * 100 + number as u64);
+        let worker = Worker {
+            robot,
+            clerk: clerk.clone(),
+            clock: Arc::clone(&clock),
+            random: StdRng::seed_from_u64(seed),
+        };
+        workers.spawn(worker.work(order.decisions / order.robots));
+    }
+    while let Some(ended) = workers.join_next().await {
+        ended.unwrap();
+    }
+    clerk.stop().await;
+    fleet.stop().await;
+    store.close().await.unwrap();
+    say(&Said::Closed);
+}
+
+fn key() -> SigningKey {
+    SigningKey::from_bytes(&[7; 32])
+}
+
+/// Decides for one robot, one thing after another.
+struct Worker {
+    robot: RobotId,
+    clerk: Clerk,
+    clock: SharedClock,
+    random: StdRng,
+}
+
+impl Worker {
+    async fn work(mut self, decisions: usize) {
+        for _ in 0..decisions {
+            let actor = self.actor();
+            let ledger = self.clerk.ledger(&self.robot);
+            let command = choice::choose(&mut self.random, &ledger, self.clock.now_ns());
+            let standing = Standing {
+                policy: self.clerk.policy(),
+                key: &key(),
+                actor: &actor,
+                now_ns: self.clock.now_ns(),
+            };
+            // Numbers that the store gives to nothing.
+            let ids = NextIds {
+                revision: u64::MAX / 4,
+                proposal: u64::MAX / 4,
+                deployment: u64::MAX / 4,
+            };
+            let expected = approval::step(&ledger, command.clone(), ids, &standing);
+            let robot = self.robot.to_string();
+            say(&Said::Tries(match &expected {
+                Ok(outcome) => effect(&robot, outcome),
+                Err(_) => Effect {
+                    robot: robot.clone(),
+                    rows: Vec::new(),
+                    parcels: Vec::new(),
+                    sent: None,
+                },
+            }));
+            match self.clerk.decide(&self.robot, command, actor, None).await {
+                Ok(Decided::Taken(outcome)) => say(&Said::Done(effect(&robot, &outcome))),
+                Err(StoreError::Refused(_)) => say(&Said::Refused { robot }),
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+
+    fn actor(&mut self) -> Actor {
+        let names = ["ana", "bruno", "carla", "service"];
+        match names[self.random.random_range(0..names.len())] {
+            "service" => Actor::service(),
+            name => Actor {
+                name: name.to_owned(),
+                authentication: Authentication::Session,
+                role: Some(Role::Approver),
+                request: None,
+            },
+        }
+    }
+}
+
+fn effect(robot: &str, outcome: &Outcome) -> Effect {
+    let parcel = |parcel: &Parcel| match parcel {
+        Parcel::Approved(generation) => ("approved".to_owned(), *generation),
+        Parcel::Confirmed(generation) => ("confirmed".to_owned(), *generation),
+    };
+    let rows = outcome.transitions.iter().map(|transition| Row {
+        action: transition.action.to_owned(),
+        subject: transition.subject.as_str().to_owned(),
+        subject_id: transition.subject_id.clone(),
+        after: transition.after.clone(),
+    });
+    Effect {
+        robot: robot.to_owned(),
+        rows: rows.collect(),
+        parcels: outcome.parcels.iter().map(parcel).collect(),
+        sent: outcome.sent.as_ref().map(parcel),
+    }
+}

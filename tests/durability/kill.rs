@@ -1,0 +1,105 @@
+//! `kill -9` at random moments: nothing that was acknowledged is lost, and nothing is half done.
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use rand::rngs::StdRng;
+use rand::{Rng, SeedableRng};
+
+use crate::said::Said;
+use crate::witness::Witness;
+
+/// Rounds that the suite takes; `KILL_ROUNDS` asks for another number.
+const ROUNDS: u64 = 300;
+/// Rounds that go on with the same database.
+const ROUNDS_OF_A_DATABASE: u64 = 15;
+
+fn decider(folder: &Path, seed: u64) -> Child {
+    let seed = seed.to_string();
+    let order = [seed.as_str(), "3", "1000000", "1", "power"];
+    Command::new(env!("CARGO_BIN_EXE_fleetcal-decider"))
+        .arg(folder)
+        .args(order)
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap()
+}
+
+/// Lets the process decide until it is killed at a random moment, and hears all that it said.
+fn one_round(folder: &Path, seed: u64, witness: &mut Witness) {
+    let mut random = StdRng::seed_from_u64(seed);
+    let mut child = decider(folder, seed);
+    let out = BufReader::new(child.stdout.take().unwrap());
+    // Some die before they are open, too.
+    let early = random.random_range(0..10) == 0;
+    let delay = Duration::from_micros(random.random_range(0..60_000));
+    let (opened, is_open) = std::sync::mpsc::sync_channel(1);
+    let listener = std::thread::spawn(move || {
+        let mut heard = Vec::new();
+        for line in out.split(b'\n') {
+            // The last line may be cut short: then nobody was told.
+            let Ok(said) = serde_json::from_slice::<Said>(&line.unwrap()) else {
+                break;
+            };
+            if said == Said::Opened {
+                opened.send(()).unwrap();
+            }
+            heard.push(said);
+        }
+        heard
+    });
+    if !early {
+        let opened = is_open.recv_timeout(Duration::from_secs(60));
+        assert!(opened.is_ok(), "seed {seed}: {:?}", child.wait());
+    }
+    std::thread::sleep(delay);
+    child.kill().unwrap();
+    let ended = child.wait().unwrap();
+    assert!(
+        !ended.success() && ended.code().is_none(),
+        "seed {seed}: {ended}"
+    );
+    for said in listener.join().unwrap() {
+        witness.hear(said);
+    }
+}
+
+#[tokio::test]
+async fn a_killed_service_loses_nothing_that_it_acknowledged() {
+    let rounds = std::env::var("KILL_ROUNDS").map_or(ROUNDS, |text| text.parse().unwrap());
+    let base = std::env::var("KILL_SEED").map_or(1, |text| text.parse().unwrap());
+    let (mut acknowledged, mut unheard) = (0, 0);
+    let mut folder = tempfile::tempdir().unwrap();
+    let mut witness = Witness::default();
+    for round in 0..rounds {
+        if round % ROUNDS_OF_A_DATABASE == 0 {
+            folder = tempfile::tempdir().unwrap();
+            witness = Witness::default();
+        }
+        let seed = base + round;
+        one_round(folder.path(), seed, &mut witness);
+        match witness.check(folder.path()).await {
+            Ok(records) => {
+                acknowledged += witness.acknowledged;
+                witness.acknowledged = 0;
+                witness.settle(&records);
+                unheard += witness.unheard;
+                witness.unheard = 0;
+            }
+            Err(fault) => {
+                let kept = folder.keep();
+                panic!("KILL_SEED={seed}, {}: {fault:?}", kept.display());
+            }
+        }
+    }
+    println!(
+        "{rounds} kills, {acknowledged} acknowledged decisions, 0 lost, 0 half applied; \
+         {unheard} were committed and not yet acknowledged"
+    );
+    assert!(
+        acknowledged as u64 > rounds,
+        "{acknowledged} decisions are too few to tell"
+    );
+}

@@ -1,0 +1,18 @@
+//! What was acknowledged stays, whatever happens to the process or to the machine.
+
+#![expect(
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::print_stdout,
+    clippy::indexing_slicing,
+    reason = "a test that cannot go on fails, and says what it has counted"
+)]
+
+mod approvers;
+mod disk;
+mod kill;
+mod power;
+mod records;
+mod said;
+mod trace;
+mod witness;
