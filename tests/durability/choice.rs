@@ -111,26 +111,44 @@ fn for_deployment(random: &mut StdRng, live: &Deployment, now_ns: i64) -> Comman
             within,
         },
     };
-    let roll_back = || Command::RollBack {
-        version: None,
-        reason: "it weaves".to_owned(),
-    };
-    match (live.state, random.random_range(0..10)) {
-        (_, 0) => roll_back(),
-        (S::Queued, 1..=7) => Command::Offer { generation },
-        (S::Queued, _) => Command::GiveUp { deployment, reason },
-        (S::Offered | S::RollingBack, 1..=4) => Command::Offered { generation },
-        (S::Offered | S::RollingBack, 5..=7) => answer(AppliedStatus::Applied),
-        (S::Offered, 8) => answer(AppliedStatus::Refused),
-        (S::Offered, _) => Command::Void { deployment, reason },
-        (S::RollingBack, 8) => answer(AppliedStatus::Failed),
-        (S::RollingBack, _) => Command::GiveUp { deployment, reason },
-        (S::Applied, 1 | 2) => answer(AppliedStatus::Applied),
-        (S::Applied, _) => Command::Confirmed { generation },
-        (_, 1..=4) => judge(true),
-        (_, 5 | 6) => judge(false),
-        (_, 7) => answer(AppliedStatus::Reverted),
-        (_, 8) => answer(AppliedStatus::Applied),
-        _ => Command::GiveUp { deployment, reason },
+    let roll = random.random_range(0..10);
+    if roll == 0 {
+        return Command::RollBack {
+            version: None,
+            reason: "it weaves".to_owned(),
+        };
+    }
+    let give_up = Command::GiveUp { deployment, reason };
+    match live.state {
+        S::Queued => match roll {
+            1..=7 => Command::Offer { generation },
+            _ => give_up,
+        },
+        S::Offered => match roll {
+            1..=4 => Command::Offered { generation },
+            5..=7 => answer(AppliedStatus::Applied),
+            8 => answer(AppliedStatus::Refused),
+            _ => Command::Void {
+                deployment,
+                reason: "a newer estimate disagrees".to_owned(),
+            },
+        },
+        S::RollingBack => match roll {
+            1..=4 => Command::Offered { generation },
+            5..=7 => answer(AppliedStatus::Applied),
+            8 => answer(AppliedStatus::Failed),
+            _ => give_up,
+        },
+        S::Applied => match roll {
+            1 | 2 => answer(AppliedStatus::Applied),
+            _ => Command::Confirmed { generation },
+        },
+        _ => match roll {
+            1..=4 => judge(true),
+            5 | 6 => judge(false),
+            7 => answer(AppliedStatus::Reverted),
+            8 => answer(AppliedStatus::Applied),
+            _ => give_up,
+        },
     }
 }

@@ -32,7 +32,7 @@ pub enum Event {
 }
 
 const CALLS: &str = "trace=openat,pwrite64,write,pwritev,writev,fsync,fdatasync,ftruncate,\
-    unlink,unlinkat,rename,renameat,renameat2,fallocate,sync_file_range";
+    ?unlink,unlinkat,?rename,?renameat,renameat2,fallocate,?sync_file_range";
 
 /// What keeps this machine from recording, in one sentence.
 pub fn missing() -> Option<String> {
@@ -179,10 +179,14 @@ impl Reader {
 
     /// A call on an open file of the folder, or on the folder.
     fn written(&mut self, name: &str, words: &[&str], result: &str, begun: usize) {
-        let path = words[0]
-            .split_once('<')
-            .map(|(_, path)| unescaped(path.trim_end_matches('>')));
-        let path = path.unwrap_or_default();
+        let Some((_, path)) = words[0].split_once('<') else {
+            return;
+        };
+        let Some((path, "")) = path.split_once('>') else {
+            // Of a file that is gone already.
+            return;
+        };
+        let path = unescaped(path);
         if path == self.folder && name.ends_with("sync") {
             self.events.push(Event::SyncFolder { begun });
             return;
