@@ -339,6 +339,12 @@ impl<'a> Draft<'a> {
         }
         let desired = ledger.shadow.desired.as_ref();
         let is_desired = desired.is_some_and(|one| one.generation == applied.generation);
+        // That an older one was refused, or dropped, is no news of a robot that uses a newer one.
+        let uses_newer = |in_use: &InUse| in_use.generation > applied.generation;
+        let is_old = ledger.shadow.in_use.as_ref().is_some_and(uses_newer);
+        if is_old && !is_desired && applied.status != AppliedStatus::Applied {
+            return Ok(());
+        }
         // A robot that uses what is not wanted any more is not told to keep it: it goes back.
         let unwanted =
             applied.status == AppliedStatus::Applied && applied.generation > 0 && !is_desired;
@@ -406,7 +412,12 @@ impl<'a> Draft<'a> {
                     ..reported.clone()
                 }
         }) || shadow.in_use != self.outcome.ledger.shadow.in_use;
-        if confirm && generation > 0 {
+        // One confirmation waits at a time, and that of what is under way goes first.
+        let live = self.outcome.ledger.live.as_ref();
+        let another_waits = live.is_some_and(|live| {
+            live.state == DeploymentState::Applied && live.offer.generation != generation
+        });
+        if confirm && generation > 0 && !another_waits {
             self.outcome.parcels.push(Parcel::Confirmed(generation));
         }
         // The same answer again, because its confirmation was lost, is no news.
