@@ -99,6 +99,22 @@ async fn a_late_word_about_the_values_on_their_way_out_does_not_hide_what_is_use
 }
 
 #[tokio::test]
+async fn an_old_answer_does_not_take_the_place_of_a_new_one() {
+    let office = Office::open(Policy::default()).await;
+    office.approve(0.02, None).await;
+    office.drive_on_trial().await;
+    office.verify(true).await;
+    office.approve(0.05, None).await;
+    assert_eq!(office.asked().await.unwrap().generation, 2);
+    office.post().await;
+    office.answer(2, AppliedStatus::Applied).await.unwrap();
+    // It was on its way for long.
+    office.answer(1, AppliedStatus::Failed).await.unwrap();
+    assert!(is_confirmation_of(&office.post().await, 2));
+    assert_eq!(office.state(), Some(DeploymentState::Verifying));
+}
+
+#[tokio::test]
 async fn a_robot_that_does_not_drive_is_inconclusive_after_a_day() {
     let office = Office::open(Policy::default()).await;
     office.approve(0.02, None).await;
