@@ -91,30 +91,7 @@ impl Service {
         let http_address = listener.local_addr().map_err(refused)?;
         let store = Store::open(&config.data, Arc::clone(&clock)).await?;
         let fleet = start_fleet(&config, &store, Arc::clone(&clock)).await?;
-        let key = signing_key::load_or_make(&config.data, || {
-            entropy::secret().map_err(|error| std::io::Error::other(error.to_string()))
-        })?;
-        let clerk = Clerk::start(ClerkSetup {
-            store: store.clone(),
-            fleet: fleet.clone(),
-            clock: Arc::clone(&clock),
-            policy: config.approval,
-            key,
-        })
-        .await?;
-        let sentry = Sentry::start(SentrySetup {
-            store: store.clone(),
-            fleet: fleet.clone(),
-            clerk: clerk.clone(),
-            clock: Arc::clone(&clock),
-            policy: config.alerts,
-        })
-        .await?;
-        let courier = Courier::start(CourierSetup {
-            store: store.clone(),
-            clock: Arc::clone(&clock),
-            jitter: entropy::jitter,
-        });
+        let (clerk, sentry, courier) = start_staff(&config, &store, &fleet, &clock).await?;
         let stop = CancellationToken::new();
         let (link_open, link_is_open) = watch::channel(false);
         let (setup_code, setup_text) = setup_code(&store, clock.now_ns()).await?.unzip();
@@ -218,6 +195,41 @@ async fn setup_code(
         return Ok(None);
     }
     Ok(Some(SetupCode::new(&entropy::secret()?, now_ns)))
+}
+
+/// Those who look after the fleet: the clerk for its calibrations, the sentry for what is wrong
+/// with it, and the courier for who is told of that.
+async fn start_staff(
+    config: &Config,
+    store: &Store,
+    fleet: &FleetHandle,
+    clock: &SharedClock,
+) -> Result<(Clerk, Sentry, Courier), ServiceError> {
+    let key = signing_key::load_or_make(&config.data, || {
+        entropy::secret().map_err(|error| std::io::Error::other(error.to_string()))
+    })?;
+    let clerk = Clerk::start(ClerkSetup {
+        store: store.clone(),
+        fleet: fleet.clone(),
+        clock: Arc::clone(clock),
+        policy: config.approval,
+        key,
+    })
+    .await?;
+    let sentry = Sentry::start(SentrySetup {
+        store: store.clone(),
+        fleet: fleet.clone(),
+        clerk: clerk.clone(),
+        clock: Arc::clone(clock),
+        policy: config.alerts.clone(),
+    })
+    .await?;
+    let courier = Courier::start(CourierSetup {
+        store: store.clone(),
+        clock: Arc::clone(clock),
+        jitter: entropy::jitter,
+    });
+    Ok((clerk, sentry, courier))
 }
 
 async fn close_store(store: &Store) {

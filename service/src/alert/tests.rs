@@ -35,9 +35,8 @@ fn expected(was: ConditionName, seen: Observation) -> (ConditionName, ConditionN
     use Observation as O;
     match (was, seen) {
         (C::Normal, O::Firing) => (C::Pending, C::Pending),
-        (C::Normal, O::Clear | O::Unknown) => (C::Normal, C::Normal),
         (C::Pending, O::Firing) => (C::Pending, C::Alerting),
-        (C::Pending, O::Clear | O::Unknown) => (C::Normal, C::Normal),
+        (C::Normal | C::Pending, O::Clear | O::Unknown) => (C::Normal, C::Normal),
         (C::Alerting | C::Recovering | C::NoData, O::Firing) => (C::Alerting, C::Alerting),
         (C::Alerting | C::NoData, O::Clear) => (C::Recovering, C::Recovering),
         (C::Recovering, O::Clear) => (C::Recovering, C::Normal),

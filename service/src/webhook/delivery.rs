@@ -115,10 +115,12 @@ impl Delivery {
         let last_ns = self
             .created_ns
             .saturating_add(nanoseconds(limits::WEBHOOK_RETRY_FOR));
-        after.state = match taken {
-            true => DeliveryState::Delivered,
-            false if after.due_ns > last_ns => DeliveryState::GivenUp,
-            false => DeliveryState::Waiting,
+        after.state = if taken {
+            DeliveryState::Delivered
+        } else if after.due_ns > last_ns {
+            DeliveryState::GivenUp
+        } else {
+            DeliveryState::Waiting
         };
         after.finished_ns = (after.state != DeliveryState::Waiting).then_some(now_ns);
         after
@@ -172,11 +174,12 @@ mod tests {
 
     #[test]
     fn the_wait_doubles_up_to_an_hour_and_jitter_takes_up_to_a_half() {
-        let seconds = |made, jitter| backoff(made, jitter).as_secs_f64();
-        assert_eq!([1, 2, 3].map(|made| seconds(made, 0.0)), [5.0, 10.0, 20.0]);
-        assert_eq!(seconds(40, 0.0), 3_600.0);
-        assert_eq!(seconds(1, 1.0), 2.5);
-        assert_eq!(seconds(1, 7.0), 2.5);
+        let milliseconds = |made, jitter| backoff(made, jitter).as_millis();
+        let first = [1, 2, 3].map(|made| milliseconds(made, 0.0));
+        assert_eq!(first, [5_000, 10_000, 20_000]);
+        assert_eq!(milliseconds(40, 0.0), 3_600_000);
+        assert_eq!(milliseconds(1, 1.0), 2_500);
+        assert_eq!(milliseconds(1, 7.0), 2_500);
     }
 
     #[test]

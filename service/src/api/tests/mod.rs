@@ -98,20 +98,7 @@ async fn bench(robots: &[&str]) -> Bench {
     })
     .await
     .unwrap();
-    let sentry = Sentry::start(SentrySetup {
-        store: store.clone(),
-        fleet: fleet.clone(),
-        clerk: clerk.clone(),
-        clock: clock.clone(),
-        policy: AlertPolicy::default(),
-    })
-    .await
-    .unwrap();
-    let courier = Courier::start(CourierSetup {
-        store: store.clone(),
-        clock: clock.clone(),
-        jitter: crate::entropy::jitter,
-    });
+    let (sentry, courier) = watchers(&store, &fleet, &clerk, &clock).await;
     let (link_open, is_open) = watch::channel(true);
     let stop = CancellationToken::new();
     let (setup_code, setup_text) = SetupCode::new(&[0xab; 32], NOW_NS);
@@ -144,6 +131,28 @@ async fn bench(robots: &[&str]) -> Bench {
         setup_code: setup_text,
         _folder: folder,
     }
+}
+
+/// Those who look for what is wrong and tell it.
+async fn watchers(
+    store: &Store,
+    fleet: &FleetHandle,
+    clerk: &Clerk,
+    clock: &Arc<MockClock>,
+) -> (Sentry, Courier) {
+    let sentry = Sentry::start(SentrySetup {
+        store: store.clone(),
+        fleet: fleet.clone(),
+        clerk: clerk.clone(),
+        clock: clock.clone(),
+        policy: AlertPolicy::default(),
+    });
+    let courier = Courier::start(CourierSetup {
+        store: store.clone(),
+        clock: clock.clone(),
+        jitter: crate::entropy::jitter,
+    });
+    (sentry.await.unwrap(), courier)
 }
 
 /// A role; of a robot, that of robot `a`.
