@@ -17,6 +17,7 @@ use thiserror::Error;
 use crate::alert::AlertPolicy;
 use crate::approval::Policy;
 use crate::fleet::ScanSettings;
+use crate::public_url::PublicUrl;
 
 /// Longest wheelbase accepted, m: beyond any vehicle on wheels.
 pub const WHEELBASE_MAX_M: f64 = 30.0;
@@ -143,52 +144,6 @@ pub enum DriveSignal {
     Raw,
     /// Less the offset that the robot applies, which the service adds back.
     Compensated,
-}
-
-/// Where people reach the service: scheme, host and maybe port, such as
-/// `https://fleetcal.example.com`. With https, a proxy before the service ends the encryption.
-#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
-#[serde(try_from = "String")]
-pub struct PublicUrl(String);
-
-impl PublicUrl {
-    /// The address, without a slash at its end.
-    pub fn as_str(&self) -> &str {
-        &self.0
-    }
-
-    /// Whether browsers reach the service encrypted.
-    pub fn is_https(&self) -> bool {
-        self.0.starts_with("https://")
-    }
-}
-
-impl TryFrom<String> for PublicUrl {
-    type Error = String;
-
-    fn try_from(text: String) -> Result<Self, String> {
-        let host = text
-            .strip_prefix("https://")
-            .or_else(|| text.strip_prefix("http://"))
-            .unwrap_or("");
-        let accepted =
-            |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || ".-:[]".contains(c);
-        if !host.is_empty() && host.chars().all(accepted) {
-            return Ok(Self(text));
-        }
-        Err(format!(
-            "public_url is {text:?}, accepted is scheme, host in lower case and port alone, such \
-             as https://fleetcal.example.com"
-        ))
-    }
-}
-
-impl std::str::FromStr for PublicUrl {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        Self::try_from(text.to_owned())
-    }
 }
 
 /// One robot: its vehicle and what is known of it beforehand. The keys of `[[robot]]` in

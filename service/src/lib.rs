@@ -20,6 +20,7 @@ pub mod fleet;
 pub mod limits;
 pub mod link;
 pub mod map_server;
+pub mod public_url;
 pub mod sentry;
 pub mod service;
 pub mod signing_key;

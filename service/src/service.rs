@@ -15,12 +15,13 @@ use crate::access::SetupCode;
 use crate::api::{self, AccessSetup, ApiSetup};
 use crate::clerk::{Clerk, ClerkSetup};
 use crate::clock::SharedClock;
-use crate::config::{Config, PublicUrl, RobotConfig};
+use crate::config::{Config, RobotConfig};
 use crate::courier::{Courier, CourierSetup};
 use crate::entropy::{self, NoEntropy};
 use crate::fleet::{CrossTrack, FleetHandle, FleetSetup};
 use crate::limits;
 use crate::link::{Link, LinkError, LinkSetup};
+use crate::public_url::PublicUrl;
 use crate::sentry::{Sentry, SentrySetup};
 use crate::signing_key::{self, KeyError};
 use crate::store::{Expected, Store, StoreError};
@@ -163,6 +164,16 @@ impl Service {
     pub fn setup_link(&self) -> Option<String> {
         let code = self.setup_code.as_ref()?;
         Some(format!("{}/setup#code={code}", self.url()))
+    }
+
+    /// The robots.
+    pub fn fleet(&self) -> &FleetHandle {
+        &self.fleet
+    }
+
+    /// What is kept.
+    pub fn store(&self) -> &Store {
+        &self.store
     }
 
     /// The life cycle of calibrations.

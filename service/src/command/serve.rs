@@ -10,7 +10,8 @@ use crate::clock::SharedClock;
 use crate::command::CommandError;
 use crate::command::output::print_text;
 use crate::command::stopping::{Signals, stop_in_time};
-use crate::config::{Config, PublicUrl};
+use crate::config::Config;
+use crate::public_url::PublicUrl;
 use crate::service::Service;
 
 /// What `fleetcal serve` takes. A flag counts more than the file.

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use fleetcal_estimator::{Calibrator, Effect, EstimatorSettings, Event};
 use fleetcal_proto::RobotId;
-use fleetcal_proto::encoding::Form;
+use fleetcal_proto::encoding::{Encoding, Form};
 use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_proto::event::RobotEvent;
 use fleetcal_proto::progress::Progress;

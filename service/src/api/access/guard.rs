@@ -12,7 +12,7 @@ use super::table;
 use crate::access::Access;
 use crate::api::ApiState;
 use crate::api::problem::Problem;
-use crate::config::PublicUrl;
+use crate::public_url::PublicUrl;
 
 /// Lets a request through to its route when the table of permissions says so, with its
 /// [`super::Caller`].

@@ -21,7 +21,7 @@ use utoipa_axum::routes;
 
 use super::ApiState;
 use crate::access::SetupCode;
-use crate::config::PublicUrl;
+use crate::public_url::PublicUrl;
 use crate::store::{Store, StoreError};
 use cookie::CookiePolicy;
 use password::PasswordWork;

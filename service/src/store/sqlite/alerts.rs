@@ -87,7 +87,7 @@ async fn tell(
     now_ns: i64,
 ) -> Result<(), StoreError> {
     let message = Message::of_alert(alert, notice, now_ns);
-    let message = message.map_err(unwritable)?;
+    let message = message.map_err(|error| unwritable(&error))?;
     webhooks::enqueue(connection, &message, now_ns).await
 }
 
@@ -132,7 +132,7 @@ async fn save(
     now_ns: i64,
 ) -> Result<(), StoreError> {
     let failed = || StoreError::database("write an alert");
-    let record = serde_json::to_string(alert).map_err(unwritable)?;
+    let record = serde_json::to_string(alert).map_err(|error| unwritable(&error))?;
     let is_new = alert.id == 0;
     let id: i64 = sqlx::query_scalar(if is_new {
         "INSERT INTO alert (record, rank) VALUES (?1, ?2) RETURNING id"
@@ -289,11 +289,7 @@ fn number(number: i64) -> Result<u64, StoreError> {
     })
 }
 
-#[expect(
-    clippy::needless_pass_by_value,
-    reason = "it takes the error of a `map_err`"
-)]
-fn unwritable(error: serde_json::Error) -> StoreError {
+fn unwritable(error: &serde_json::Error) -> StoreError {
     StoreError::Corrupt {
         table: TABLE,
         reason: error.to_string(),
