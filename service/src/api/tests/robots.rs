@@ -236,7 +236,7 @@ async fn history_refuses_by_name() {
     assert_snapshot!(told("a/history?from=yesterday").await, @r#"400 value_refused [from]: from is "yesterday", accepted is RFC 3339, such as 2026-01-31T12:00:00Z"#);
     assert_snapshot!(told("a/history?from=2026-01-02T00:00:00Z&to=2026-01-01T00:00:00Z").await, @r#"400 value_refused [from]: from is "2026-01-02T00:00:00Z", accepted is a time before `to`, 2026-01-01T00:00:00Z"#);
     assert_snapshot!(told("a/history?max_points=1").await, @r#"400 value_refused [max_points]: max_points is "1", accepted is a whole number from 2 to 5000"#);
-    assert_snapshot!(told("a/history?points=1").await, @"400 query_refused [points]: the query: unknown field `points`, expected one of `parameter`, `from`, `to`, `max_points`");
+    assert_snapshot!(told("a/history?points=1").await, @"400 query_refused [points]: the query: unknown field `points`, expected one of `parameter`, `from`, `to`, `max_points`, `format`");
     // A span of thousands of years is read, not run through.
     assert_eq!(
         told("a/history?from=0001-01-01T00:00:00Z&to=9999-01-01T00:00:00Z").await,

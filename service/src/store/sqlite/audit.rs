@@ -6,10 +6,6 @@ use crate::store::audit::AuditEntry;
 use crate::store::error::StoreError;
 
 /// Appends a row; the caller's transaction is the one of the change.
-#[cfg_attr(
-    not(test),
-    expect(dead_code, reason = "users, tokens and approvals are its callers")
-)]
 pub(super) async fn append(
     connection: &mut SqliteConnection,
     entry: &AuditEntry,
