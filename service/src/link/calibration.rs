@@ -6,16 +6,30 @@ use fleetcal_proto::key::{Key, Keys, StreamKind};
 use serde::Serialize;
 use tokio_util::sync::CancellationToken;
 use zenoh::bytes::Encoding;
+use zenoh::pubsub::Subscriber;
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::query::{Query, Queryable};
-use zenoh::sample::{Sample, SampleKind};
+use zenoh::sample::{Locality, Sample, SampleKind};
 use zenoh::{Result, Session, Wait};
 
 use crate::clerk::{Clerk, Letter};
 use crate::limits;
 
-/// Takes a robot's answer.
-pub fn take_answer(clerk: &Clerk, robot: &RobotId, sample: &Sample) {
+/// Hears what robots answer. The callback runs on Zenoh's receiving threads and never blocks.
+pub async fn hear_answers(session: &Session, keys: &Keys, clerk: Clerk) -> Result<Subscriber<()>> {
+    let own_keys = keys.clone();
+    session
+        .declare_subscriber(keys.stream_of_all(StreamKind::CalibrationApplied))
+        .allowed_origin(Locality::Remote)
+        .callback(move |sample| {
+            if let Ok(Key::Stream { robot, .. }) = own_keys.parse(sample.key_expr().as_str()) {
+                take_answer(&clerk, &robot, &sample);
+            }
+        })
+        .await
+}
+
+fn take_answer(clerk: &Clerk, robot: &RobotId, sample: &Sample) {
     let payload = sample.payload();
     if sample.kind() != SampleKind::Put || payload.len() > limits::ANSWER_BYTES_MAX {
         let bytes = payload.len();

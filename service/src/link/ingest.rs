@@ -7,8 +7,6 @@ use zenoh::pubsub::Subscriber;
 use zenoh::sample::{Locality, Sample, SampleKind};
 use zenoh::{Result, Session};
 
-use super::calibration;
-use crate::clerk::Clerk;
 use crate::fleet::{FleetHandle, Stream};
 use crate::limits;
 
@@ -19,17 +17,16 @@ pub async fn subscribe(
     session: &Session,
     keys: &Keys,
     fleet: FleetHandle,
-    clerk: Clerk,
 ) -> Result<Subscriber<()>> {
     let own_keys = keys.clone();
     session
         .declare_subscriber(keys.stream_of_all_kinds())
         .allowed_origin(Locality::Remote)
-        .callback(move |sample| take(&fleet, &clerk, &own_keys, &sample))
+        .callback(move |sample| take(&fleet, &own_keys, &sample))
         .await
 }
 
-fn take(fleet: &FleetHandle, clerk: &Clerk, keys: &Keys, sample: &Sample) {
+fn take(fleet: &FleetHandle, keys: &Keys, sample: &Sample) {
     let Ok(Key::Stream { robot, kind }) = keys.parse(sample.key_expr().as_str()) else {
         fleet.count_foreign_key();
         return;
@@ -39,10 +36,6 @@ fn take(fleet: &FleetHandle, clerk: &Clerk, keys: &Keys, sample: &Sample) {
         StreamKind::Scan => Stream::Scan,
         StreamKind::LidarOdometry => Stream::LidarOdometry,
         StreamKind::Event => Stream::Event,
-        StreamKind::CalibrationApplied => {
-            calibration::take_answer(clerk, &robot, sample);
-            return;
-        }
         StreamKind::CrossTrackError => {
             take_cross_track_error(fleet, &robot, sample);
             return;

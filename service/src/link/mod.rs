@@ -78,6 +78,7 @@ pub struct Link {
     token: LivelinessToken,
     approved: Queryable<()>,
     confirmed: Queryable<()>,
+    answers: Subscriber<()>,
     publisher: JoinHandle<()>,
     poster: JoinHandle<()>,
     stop: CancellationToken,
@@ -113,7 +114,10 @@ impl Link {
         let confirmed = calibration::answer_confirmed(&session, &keys, clerk.clone())
             .await
             .map_err(declared("the queryable of confirmations"))?;
-        let streams = ingest::subscribe(&session, &keys, fleet.clone(), clerk.clone())
+        let answers = calibration::hear_answers(&session, &keys, clerk.clone())
+            .await
+            .map_err(declared("the subscriber of robots' answers"))?;
+        let streams = ingest::subscribe(&session, &keys, fleet.clone())
             .await
             .map_err(declared("the subscriber of robots' streams"))?;
         // Last: a robot that sees the token finds everything else there.
@@ -136,6 +140,7 @@ impl Link {
             token,
             approved,
             confirmed,
+            answers,
             publisher,
             poster,
             stop,
@@ -157,6 +162,7 @@ impl Link {
             self.progress.undeclare().await,
             self.approved.undeclare().await,
             self.confirmed.undeclare().await,
+            self.answers.undeclare().await,
         ] {
             if let Err(error) = undeclared {
                 tracing::warn!(error, "Zenoh refused to undeclare");
