@@ -7,8 +7,11 @@
 //! anew, with one [`Transition`] for each change, or refuses and changes nothing. [`due`] says
 //! which command time and the estimates ask for.
 
+mod answer;
+mod ask;
 mod command;
 mod deployment;
+mod draft;
 mod due;
 mod ledger;
 mod policy;

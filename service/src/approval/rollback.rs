@@ -8,11 +8,11 @@ use jiff::Timestamp;
 
 use super::command::Refused;
 use super::deployment::{Deployment, DeploymentEvent, DeploymentState, GenerationRef};
+use super::draft::{Draft, after};
 use super::ledger::Parcel;
 use super::proposal::Proposal;
 use super::revision::{Evidence, Origin};
 use super::shadow::InUse;
-use super::step::{Draft, after};
 
 impl Draft<'_> {
     /// Queues a revision for the robot: of an approved proposal, or an earlier one.

@@ -5,7 +5,9 @@ mod alerts;
 mod approvals;
 mod audit;
 mod columns;
+mod events;
 mod read;
+mod records;
 mod webhooks;
 mod write;
 

@@ -7,7 +7,7 @@ use fleetcal_proto::estimate::ParameterName;
 use sqlx::sqlite::{SqlitePool, SqliteRow};
 use sqlx::{AssertSqlSafe, Row};
 
-use super::{alerts, approvals, columns, webhooks};
+use super::{alerts, columns, records, webhooks};
 use crate::alert::Alert;
 use crate::approval::{Deployment, Parcel, Proposal, Revision, RobotLedger};
 use crate::store::alerts::{AlertFilter, AlertMoment};
@@ -200,7 +200,7 @@ impl Reader for SqliteReader {
     }
 
     async fn ledgers(&self) -> Result<Vec<RobotLedger>, StoreError> {
-        approvals::ledgers(&self.pool).await
+        records::ledgers(&self.pool).await
     }
 
     async fn envelope(
@@ -208,22 +208,22 @@ impl Reader for SqliteReader {
         robot: &RobotId,
         generation: u64,
     ) -> Result<Option<Envelope>, StoreError> {
-        approvals::envelope(&self.pool, robot, generation).await
+        records::envelope(&self.pool, robot, generation).await
     }
 
     async fn outbox(&self) -> Result<Vec<(RobotId, Parcel)>, StoreError> {
-        approvals::outbox(&self.pool).await
+        records::outbox(&self.pool).await
     }
 
     async fn proposals(
         &self,
         filter: &ProposalFilter,
     ) -> Result<Vec<(Proposal, Revision)>, StoreError> {
-        approvals::proposals(&self.pool, filter).await
+        records::proposals(&self.pool, filter).await
     }
 
     async fn proposal(&self, id: u64) -> Result<Option<(Proposal, Revision)>, StoreError> {
-        approvals::proposal(&self.pool, id).await
+        records::proposal(&self.pool, id).await
     }
 
     async fn deployments(
@@ -232,15 +232,15 @@ impl Reader for SqliteReader {
         before: Option<i64>,
         limit: u32,
     ) -> Result<Vec<Deployment>, StoreError> {
-        approvals::deployments(&self.pool, robot, before, limit).await
+        records::deployments(&self.pool, robot, before, limit).await
     }
 
     async fn site_hold(&self) -> Result<SiteHold, StoreError> {
-        approvals::site_hold(&self.pool).await
+        records::site_hold(&self.pool).await
     }
 
     async fn audit(&self, filter: &AuditFilter) -> Result<Vec<AuditRow>, StoreError> {
-        approvals::audit_rows(&self.pool, filter).await
+        records::audit_rows(&self.pool, filter).await
     }
 
     async fn active_alerts(&self) -> Result<Vec<Alert>, StoreError> {

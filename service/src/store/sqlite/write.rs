@@ -7,20 +7,18 @@ use async_trait::async_trait;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::EstimateDocument;
 use sqlx::sqlite::{Sqlite, SqliteConnection};
-use sqlx::{AssertSqlSafe, Connection, Row, Transaction};
+use sqlx::{Connection, Transaction};
 
-use super::{accounts, alerts, approvals, columns, webhooks};
+use super::{accounts, alerts, approvals, columns, events, webhooks};
 use crate::store::approvals::Decided;
 use crate::store::backend::{
     Batch, EventWrite, Outcomes, Repetition, Retention, RobotWrite, Tier, Writer,
 };
 use crate::store::error::StoreError;
-use crate::store::record::{
-    CheckpointRecord, CrossTrackRecord, EventRecord, HistoryRow, IdempotencyKey, NewEvent,
-};
+use crate::store::record::{CheckpointRecord, CrossTrackRecord, HistoryRow};
 
 /// Nanoseconds in a second.
-const NS_PER_S: i64 = 1_000_000_000;
+pub(super) const NS_PER_S: i64 = 1_000_000_000;
 
 /// Calibrations of a robot whose cross-track errors are kept, beside the first.
 const CROSS_TRACKS_KEPT: i64 = crate::fleet::GENERATIONS_MAX as i64 - 1;
@@ -78,7 +76,7 @@ impl Writer for SqliteWriter {
     }
 }
 
-type Keys = HashMap<RobotId, i64>;
+pub(super) type Keys = HashMap<RobotId, i64>;
 
 async fn write(
     transaction: &mut Transaction<'_, Sqlite>,
@@ -109,7 +107,7 @@ async fn write(
                     event: made,
                     repetition: Repetition::Never,
                 };
-                event(transaction, keys, &write).await?;
+                events::write(transaction, keys, &write).await?;
             }
             let (policy, now_ns) = (&decision.policy, decision.now_ns);
             webhooks::enqueue_proposals(transaction, outcome, policy, now_ns).await?;
@@ -134,7 +132,7 @@ async fn write(
     for write in &batch.events {
         outcomes
             .events
-            .push(refusable(event(transaction, keys, write).await)?);
+            .push(refusable(events::write(transaction, keys, write).await)?);
     }
     for write in &batch.users {
         outcomes
@@ -175,7 +173,7 @@ fn refusable<T>(result: Result<T, StoreError>) -> Result<Result<T, StoreError>, 
 }
 
 /// The robot's key; makes a row without configuration for one that is new.
-async fn key_of(
+pub(super) async fn key_of(
     connection: &mut SqliteConnection,
     keys: &mut Keys,
     robot: &RobotId,
@@ -420,119 +418,6 @@ async fn configure(
     count("robot", version)
 }
 
-async fn event(
-    connection: &mut SqliteConnection,
-    keys: &mut Keys,
-    write: &EventWrite,
-) -> Result<EventRecord, StoreError> {
-    let event = &write.event;
-    let failed = || StoreError::database("write an event");
-    let key = key_of(connection, keys, &event.robot, event.received_ns).await?;
-    let before = match &write.repetition {
-        Repetition::Never => None,
-        Repetition::Content => same_content(connection, key, event).await?,
-        Repetition::Key(request) => answered_before(connection, event, request).await?,
-    };
-    if let Some(record) = before {
-        return Ok(record);
-    }
-    let id: i64 = sqlx::query_scalar(
-        "INSERT INTO robot_event
-             (robot, kind, stamp_ns, received_ns, source, author, note, details)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8) RETURNING id",
-    )
-    .bind(key)
-    .bind(event.kind.as_str())
-    .bind(event.stamp_ns)
-    .bind(event.received_ns)
-    .bind(event.source.as_str())
-    .bind(event.author.as_deref())
-    .bind(event.note.as_deref())
-    .bind(
-        event
-            .details
-            .as_ref()
-            .map(|details| json("robot_event", details))
-            .transpose()?,
-    )
-    .fetch_one(&mut *connection)
-    .await
-    .map_err(failed())?;
-    if let Repetition::Key(request) = &write.repetition {
-        sqlx::query(
-            "INSERT INTO idempotency (scope, key, request_sha256, event, received)
-             VALUES (?1, ?2, ?3, ?4, ?5)",
-        )
-        .bind(event.robot.as_str())
-        .bind(request.key.as_str())
-        .bind(request.request_sha256.as_slice())
-        .bind(id)
-        .bind(event.received_ns.div_euclid(NS_PER_S))
-        .execute(connection)
-        .await
-        .map_err(failed())?;
-    }
-    Ok(EventRecord {
-        id,
-        repeated: false,
-        event: event.clone(),
-    })
-}
-
-/// The columns of [`super::read::event_of`].
-const EVENT: &str = "e.id, r.id, e.kind, e.stamp_ns, e.received_ns, e.source, e.author, e.note, \
-                     e.details";
-
-/// The event that the same request wrote before.
-async fn answered_before(
-    connection: &mut SqliteConnection,
-    event: &NewEvent,
-    request: &IdempotencyKey,
-) -> Result<Option<EventRecord>, StoreError> {
-    let sql = format!(
-        "SELECT {EVENT}, i.request_sha256
-         FROM idempotency AS i JOIN robot_event AS e ON e.id = i.event
-         JOIN robot AS r ON r.key = e.robot
-         WHERE i.scope = ?1 AND i.key = ?2"
-    );
-    let failed = || StoreError::database("look up an Idempotency-Key");
-    let found = sqlx::query(AssertSqlSafe(sql))
-        .bind(event.robot.as_str())
-        .bind(request.key.as_str())
-        .fetch_optional(connection)
-        .await
-        .map_err(failed())?;
-    let Some(row) = found else { return Ok(None) };
-    let sha256: Vec<u8> = row.try_get(9).map_err(failed())?;
-    if sha256 != request.request_sha256 {
-        return Err(StoreError::KeyReused);
-    }
-    super::read::event_of(&row, true).map(Some)
-}
-
-/// The event of the same robot, kind, stamp and note.
-async fn same_content(
-    connection: &mut SqliteConnection,
-    key: i64,
-    event: &NewEvent,
-) -> Result<Option<EventRecord>, StoreError> {
-    let sql = format!(
-        "SELECT {EVENT} FROM robot_event AS e JOIN robot AS r ON r.key = e.robot
-         WHERE e.robot = ?1 AND e.stamp_ns = ?2 AND e.kind = ?3 AND e.note IS ?4 LIMIT 1"
-    );
-    let found = sqlx::query(AssertSqlSafe(sql))
-        .bind(key)
-        .bind(event.stamp_ns)
-        .bind(event.kind.as_str())
-        .bind(event.note.as_deref())
-        .fetch_optional(connection)
-        .await
-        .map_err(StoreError::database("look up an event"))?;
-    found
-        .map(|row| super::read::event_of(&row, true))
-        .transpose()
-}
-
 async fn probe(connection: &mut SqliteConnection, now_ns: i64) -> Result<(), StoreError> {
     sqlx::query("UPDATE probe SET written_ns = ?1")
         .bind(now_ns)
@@ -603,7 +488,10 @@ async fn prune(
     Ok(pruned)
 }
 
-fn json<T: serde::Serialize>(table: &'static str, value: &T) -> Result<String, StoreError> {
+pub(super) fn json<T: serde::Serialize>(
+    table: &'static str,
+    value: &T,
+) -> Result<String, StoreError> {
     serde_json::to_string(value).map_err(|error| StoreError::Corrupt {
         table,
         reason: error.to_string(),

@@ -1,0 +1,223 @@
+//! What people are asked for, and what they answer.
+
+use fleetcal_proto::calibration::CalibrationValues;
+
+use super::command::Refused;
+use super::draft::{Draft, after, fresh};
+use super::policy::Policy;
+use super::proposal::{Approval, Closing, Proposal, ProposalEvent, ProposalState};
+use super::revision::{Evidence, Origin};
+use super::values::{difference, exceeds};
+use crate::access::Authentication;
+
+impl Draft<'_> {
+    pub(super) fn propose(
+        &mut self,
+        origin: Origin,
+        (values, sigmas): (CalibrationValues, CalibrationValues),
+        evidence: Evidence,
+        nominal: Option<CalibrationValues>,
+        reason: Option<String>,
+    ) -> Result<(), Refused> {
+        within_limits(&values, self.standing.policy)?;
+        self.nothing_underway()?;
+        if let Some(open) = &self.outcome.ledger.open {
+            let id = open.id;
+            let newer = "a newer proposal was made".to_owned();
+            self.close(id, None, ProposalEvent::Supersede, Some(newer))?;
+        }
+        let revision = self.add_revision(origin, (values, sigmas), evidence);
+        let shadow = &self.outcome.ledger.shadow;
+        let base = shadow
+            .in_use
+            .as_ref()
+            .map(|in_use| in_use.values)
+            .or(nominal);
+        let approvals_needed = self.approvers_needed(base.as_ref(), &values);
+        let now_ns = self.standing.now_ns;
+        let proposal = Proposal {
+            id: self.ids.proposal,
+            robot: shadow.robot.clone(),
+            version: 1,
+            state: ProposalState::Proposed,
+            revision: revision.id,
+            revision_sha256: revision.sha256,
+            proposed_by: self.standing.actor.name.clone(),
+            reason: reason.clone(),
+            created_ns: now_ns,
+            expires_ns: after(now_ns, self.standing.policy.expires_after_s),
+            base,
+            base_generation: shadow.in_use.as_ref().map(|in_use| in_use.generation),
+            approvals_needed,
+            approvals: Vec::new(),
+            closing: None,
+        };
+        self.ids.proposal += 1;
+        self.save_proposal("proposal.create", None, proposal, reason);
+        Ok(())
+    }
+
+    pub(super) fn approve(
+        &mut self,
+        id: u64,
+        version: Option<u64>,
+        sha256: String,
+        reason: Option<String>,
+    ) -> Result<(), Refused> {
+        let before = self.open_proposal(id, version)?;
+        let actor = self.standing.actor;
+        if self.standing.now_ns >= before.expires_ns {
+            let state = ProposalState::Expired;
+            return Err(Refused::ProposalClosed { state });
+        }
+        if before.revision_sha256 != sha256 {
+            return Err(Refused::OtherRevision {
+                given: sha256,
+                found: before.revision_sha256,
+            });
+        }
+        let by_service = actor.authentication == Authentication::Service;
+        if before.proposed_by == actor.name && !by_service {
+            return Err(Refused::OwnProposal(actor.name.clone()));
+        }
+        if before.approvals.iter().any(|one| one.by == actor.name) {
+            return Err(Refused::ApprovedAlready(actor.name.clone()));
+        }
+        self.nothing_underway()?;
+        let mut proposal = before.clone();
+        proposal.approvals_needed = self.approvers_needed_now(&before);
+        proposal.approvals.push(Approval {
+            by: actor.name.clone(),
+            at_ns: self.standing.now_ns,
+            sha256,
+            reason: reason.clone(),
+        });
+        let enough = proposal.approvals.len() >= proposal.approvals_needed as usize;
+        let (event, action) = if enough {
+            (ProposalEvent::Approve, "proposal.approve")
+        } else {
+            (ProposalEvent::ApproveInPart, "proposal.approve_in_part")
+        };
+        proposal.state = before.state.after(event)?;
+        proposal.version += 1;
+        self.save_proposal(action, Some(&before), proposal.clone(), reason);
+        if enough {
+            self.deploy(Some(&proposal), proposal.revision, proposal.base, None)?;
+        }
+        Ok(())
+    }
+
+    /// How many people have to agree to a change.
+    fn approvers_needed(&self, base: Option<&CalibrationValues>, to: &CalibrationValues) -> u32 {
+        let limits = self.standing.policy.two_approvers_beyond.limits();
+        let large = base.is_some_and(|base| exceeds(&difference(base, to), &limits));
+        if large { 2 } else { 1 }
+    }
+
+    /// How many have to agree to a proposal now: the robot may use something else by now than
+    /// when it was made, so that the change is a larger one.
+    fn approvers_needed_now(&self, proposal: &Proposal) -> u32 {
+        let ledger = &self.outcome.ledger;
+        let base = ledger.shadow.in_use.as_ref().map(|in_use| in_use.values);
+        let proposed = ledger.revisions.get(&proposal.revision);
+        let now = proposed.map_or(1, |to| self.approvers_needed(base.as_ref(), &to.values));
+        proposal.approvals_needed.max(now)
+    }
+
+    /// Ends a proposal otherwise than by approval.
+    pub(super) fn close(
+        &mut self,
+        id: u64,
+        version: Option<u64>,
+        event: ProposalEvent,
+        reason: Option<String>,
+    ) -> Result<(), Refused> {
+        let before = self.open_proposal(id, version)?;
+        let mut proposal = before.clone();
+        proposal.state = before.state.after(event)?;
+        proposal.version += 1;
+        proposal.closing = Some(Closing {
+            by: self.standing.actor.name.clone(),
+            at_ns: self.standing.now_ns,
+            reason: reason.clone(),
+        });
+        let action = match event {
+            ProposalEvent::Reject => "proposal.reject",
+            ProposalEvent::Withdraw => "proposal.withdraw",
+            ProposalEvent::Expire => "proposal.expire",
+            _ => "proposal.supersede",
+        };
+        if matches!(event, ProposalEvent::Reject | ProposalEvent::Withdraw) {
+            self.decline(before.revision);
+        }
+        self.save_proposal(action, Some(&before), proposal, reason);
+        Ok(())
+    }
+
+    fn open_proposal(&self, id: u64, version: Option<u64>) -> Result<Proposal, Refused> {
+        let open = self.outcome.ledger.open.as_ref();
+        let open = open
+            .filter(|open| open.id == id)
+            .ok_or(Refused::NotOpen(id))?;
+        fresh(version, open.version)?;
+        Ok(open.clone())
+    }
+
+    fn nothing_underway(&self) -> Result<(), Refused> {
+        match &self.outcome.ledger.live {
+            Some(live) => Err(Refused::Underway {
+                deployment: live.id,
+                state: live.state,
+            }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// What no robot can have is not even proposed.
+fn within_limits(values: &CalibrationValues, policy: &Policy) -> Result<(), Refused> {
+    let steering_rad = policy.steering_offset_max_deg.to_radians();
+    let distance_m = policy.lidar_distance_max_m;
+    let checks = [
+        (
+            "steering_offset_rad",
+            values.steering_offset_rad,
+            steering_rad,
+        ),
+        ("lidar_x_m", values.lidar_x_m, distance_m),
+        ("lidar_y_m", values.lidar_y_m, distance_m),
+        ("lidar_yaw_rad", values.lidar_yaw_rad, std::f64::consts::TAU),
+    ];
+    for (field, value, most) in checks {
+        if !(value.abs() <= most) {
+            let accepted = format!("{:.4} to {most:.4}", -most);
+            return Err(Refused::OutOfLimits {
+                field,
+                value,
+                accepted,
+            });
+        }
+    }
+    let positive = [
+        ("speed_scale", values.speed_scale),
+        ("wheelbase_m", values.wheelbase_m),
+        ("steering_gain", values.steering_gain),
+    ];
+    for (field, value) in positive {
+        if let Some(value) = value.filter(|value| !(*value > 0.0 && *value <= 30.0)) {
+            return Err(Refused::OutOfLimits {
+                field,
+                value,
+                accepted: "more than 0 and at most 30".to_owned(),
+            });
+        }
+    }
+    match values.time_offset_s.filter(|value| !(value.abs() <= 10.0)) {
+        Some(value) => Err(Refused::OutOfLimits {
+            field: "time_offset_s",
+            value,
+            accepted: "-10 to 10".to_owned(),
+        }),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,194 @@
+//! A step in the making: the records as they will be, and each change of one.
+
+use fleetcal_proto::calibration::CalibrationValues;
+use serde::Serialize;
+use serde_json::Value;
+
+use super::command::{Refused, Standing};
+use super::deployment::{Deployment, DeploymentEvent, DeploymentState};
+use super::ledger::{NextIds, Outcome, RobotLedger, Subject, Transition};
+use super::proposal::{Proposal, ProposalState};
+use super::revision::{Evidence, Origin, Revision};
+use super::shadow::Shadow;
+
+/// Nanoseconds in a second.
+const NS_PER_S: i64 = 1_000_000_000;
+
+/// What a step has made so far.
+pub(super) struct Draft<'a> {
+    pub(super) standing: &'a Standing<'a>,
+    pub(super) ids: NextIds,
+    pub(super) outcome: Outcome,
+}
+
+impl<'a> Draft<'a> {
+    pub(super) fn new(ledger: &RobotLedger, ids: NextIds, standing: &'a Standing<'a>) -> Self {
+        Self {
+            standing,
+            ids,
+            outcome: Outcome {
+                ledger: ledger.clone(),
+                revisions: Vec::new(),
+                proposals: Vec::new(),
+                deployments: Vec::new(),
+                shadow_changed: false,
+                envelopes: Vec::new(),
+                parcels: Vec::new(),
+                sent: None,
+                transitions: Vec::new(),
+            },
+        }
+    }
+
+    pub(super) fn live_offer(&self, generation: u64) -> Option<Deployment> {
+        let live = self.outcome.ledger.live.as_ref();
+        live.filter(|live| live.offer.generation == generation)
+            .cloned()
+    }
+
+    pub(super) fn underway(&self, id: u64) -> Result<Deployment, Refused> {
+        let live = self.outcome.ledger.live.as_ref();
+        live.filter(|live| live.id == id)
+            .cloned()
+            .ok_or(Refused::NotUnderway(id))
+    }
+
+    /// Moves a deployment on and writes it down.
+    pub(super) fn advance(
+        &mut self,
+        before: &Deployment,
+        mut after: Deployment,
+        event: DeploymentEvent,
+        action: &'static str,
+        reason: Option<String>,
+    ) -> Result<(), Refused> {
+        after.state = before.state.after(event)?;
+        after.version += 1;
+        if reason.is_some() {
+            after.reason.clone_from(&reason);
+        }
+        if !after.state.is_live() {
+            after.closed_ns = Some(self.standing.now_ns);
+        }
+        self.settle(&after);
+        self.save_deployment(action, Some(before), after, reason);
+        Ok(())
+    }
+
+    /// What the end of a deployment leaves the robot with.
+    fn settle(&mut self, deployment: &Deployment) {
+        use DeploymentState as S;
+        let given_up = matches!(
+            deployment.state,
+            S::Refused | S::Failed | S::TimedOut | S::Withdrawn
+        );
+        if given_up {
+            let mut shadow = self.outcome.ledger.shadow.clone();
+            shadow.desired.clone_from(&deployment.desired_before);
+            self.save_shadow("shadow.desire", shadow, None);
+        }
+        if matches!(deployment.state, S::Refused | S::Failed | S::Withdrawn) {
+            self.decline(deployment.offer.revision);
+        }
+    }
+
+    /// The service does not propose this again by itself.
+    pub(super) fn decline(&mut self, revision: u64) {
+        let mut shadow = self.outcome.ledger.shadow.clone();
+        if shadow.declined != Some(revision) {
+            shadow.declined = Some(revision);
+            self.save_shadow("shadow.decline", shadow, None);
+        }
+    }
+
+    pub(super) fn add_revision(
+        &mut self,
+        origin: Origin,
+        values: (CalibrationValues, CalibrationValues),
+        evidence: Evidence,
+    ) -> Revision {
+        let robot = self.outcome.ledger.shadow.robot.clone();
+        let id = self.ids.revision;
+        self.ids.revision += 1;
+        let revision = Revision::new(id, robot, origin, values, evidence, self.standing.now_ns);
+        self.outcome.ledger.revisions.insert(id, revision.clone());
+        self.outcome.revisions.push(revision.clone());
+        revision
+    }
+
+    pub(super) fn save_proposal(
+        &mut self,
+        action: &'static str,
+        before: Option<&Proposal>,
+        after: Proposal,
+        reason: Option<String>,
+    ) {
+        let id = after.id.to_string();
+        self.note(Subject::Proposal, id, action, before, &after, reason);
+        self.outcome.ledger.open =
+            Some(after.clone()).filter(|one| one.state == ProposalState::Proposed);
+        self.outcome.proposals.push(after);
+    }
+
+    pub(super) fn save_deployment(
+        &mut self,
+        action: &'static str,
+        before: Option<&Deployment>,
+        after: Deployment,
+        reason: Option<String>,
+    ) {
+        let id = after.id.to_string();
+        self.note(Subject::Deployment, id, action, before, &after, reason);
+        self.outcome.ledger.live = Some(after.clone()).filter(|one| one.state.is_live());
+        self.outcome.deployments.push(after);
+    }
+
+    pub(super) fn save_shadow(
+        &mut self,
+        action: &'static str,
+        mut after: Shadow,
+        reason: Option<String>,
+    ) {
+        let before = self.outcome.ledger.shadow.clone();
+        after.version += 1;
+        let id = after.robot.to_string();
+        self.note(Subject::Shadow, id, action, Some(&before), &after, reason);
+        self.outcome.ledger.shadow = after;
+        self.outcome.shadow_changed = true;
+    }
+
+    fn note<T: Serialize>(
+        &mut self,
+        subject: Subject,
+        subject_id: String,
+        action: &'static str,
+        before: Option<&T>,
+        after: &T,
+        reason: Option<String>,
+    ) {
+        self.outcome.transitions.push(Transition {
+            subject,
+            subject_id,
+            action,
+            before: before.map(json),
+            after: json(after),
+            reason,
+        });
+    }
+}
+
+/// The records hold finite numbers and text, which JSON can carry.
+fn json<T: Serialize>(record: &T) -> Value {
+    serde_json::to_value(record).unwrap_or(Value::Null)
+}
+
+pub(super) fn after(now_ns: i64, seconds: u32) -> i64 {
+    now_ns.saturating_add(i64::from(seconds).saturating_mul(NS_PER_S))
+}
+
+pub(super) fn fresh(expected: Option<u64>, found: u64) -> Result<(), Refused> {
+    if expected.is_some_and(|expected| expected != found) {
+        return Err(Refused::Stale { found });
+    }
+    Ok(())
+}
