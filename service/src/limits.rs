@@ -177,7 +177,7 @@ pub const SESSION_IDLE_MAX: Duration = Duration::from_hours(12);
 /// A session ends after this long however much it is used.
 pub const SESSION_MAX: Duration = Duration::from_hours(7 * 24);
 /// The use of a session or token is written down at most this often.
-pub const SESSION_USE_NOTED_EVERY: Duration = Duration::from_secs(60);
+pub const SESSION_USE_NOTED_EVERY: Duration = Duration::from_mins(1);
 /// Sessions of one user; the oldest ends when there would be more.
 pub const SESSIONS_PER_USER_MAX: u32 = 16;
 /// An open event stream asks this often whether its listener may still hear.

@@ -84,6 +84,7 @@ fn write(folder: &Path, path: &Path, secret: &[u8]) -> Result<(), Error> {
 mod tests {
     use super::*;
 
+    #[expect(clippy::unnecessary_wraps, reason = "takes the place of what can fail")]
     fn sevens() -> Result<[u8; KEY_BYTES], Error> {
         Ok([7; KEY_BYTES])
     }

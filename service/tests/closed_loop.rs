@@ -1,6 +1,12 @@
 //! The whole loop with everything real but the robots' bodies: they weave because their steering
 //! zero is off, the service finds that out, two people approve, the robots apply and prove it.
 
+#![expect(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test that cannot go on fails, and prints its figures"
+)]
+
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::time::Duration;
@@ -124,33 +130,40 @@ async fn an_offset_is_found_approved_pulled_and_proven() {
         until("verified calibration", verified).await;
     }
     for (robot, offset_deg) in robots.iter().zip(OFFSETS_DEG) {
-        let deployments = service
-            .store()
-            .deployments(&robot.id, None, 1)
-            .await
-            .unwrap();
-        let deployment = deployments.first().unwrap();
-        assert_eq!(deployment.state, DeploymentState::Verified);
-        let ledger = service.clerk().ledger(&robot.id);
-        assert!(ledger.shadow.in_sync());
-        let used = ledger.shadow.in_use.as_ref().unwrap().values;
-        let residual_deg = (offset_deg - used.steering_offset_rad.to_degrees()).abs();
-        let errors = service.fleet().cross_tracks(&robot.id);
-        let rms_mm = |generation| {
-            errors
-                .get(&generation)
-                .map_or(f64::NAN, |e| 1e3 * e.rms_m())
-        };
-        let (before_mm, after_mm) = (rms_mm(0), rms_mm(deployment.offer.generation));
-        println!(
-            "{}: offset {offset_deg:+.2} deg, used {:+.3} deg, residual {residual_deg:.3} deg; \
-             cross-track error {before_mm:.0} mm RMS before, {after_mm:.0} mm after",
-            robot.id,
-            used.steering_offset_rad.to_degrees(),
-        );
-        assert!(residual_deg < RESIDUAL_MAX_DEG, "{residual_deg}");
-        assert!(after_mm < before_mm, "{before_mm} {after_mm}");
+        is_proven(&service, &robot.id, offset_deg).await;
     }
+    nothing_else_was_proposed(&service).await;
+    stop.cancel();
+    fleet.await.unwrap().unwrap();
+    service.stop().await;
+}
+
+/// Holds a robot against its truth, and against how it drove before.
+async fn is_proven(service: &Service, robot: &RobotId, offset_deg: f64) {
+    let deployments = service.store().deployments(robot, None, 1).await.unwrap();
+    let deployment = deployments.first().unwrap();
+    assert_eq!(deployment.state, DeploymentState::Verified);
+    let ledger = service.clerk().ledger(robot);
+    assert!(ledger.shadow.in_sync());
+    let used = ledger.shadow.in_use.as_ref().unwrap().values;
+    let residual_deg = (offset_deg - used.steering_offset_rad.to_degrees()).abs();
+    let errors = service.fleet().cross_tracks(robot);
+    let rms_mm = |generation| {
+        errors
+            .get(&generation)
+            .map_or(f64::NAN, |e| 1e3 * e.rms_m())
+    };
+    let (before_mm, after_mm) = (rms_mm(0), rms_mm(deployment.offer.generation));
+    println!(
+        "{robot}: offset {offset_deg:+.2} deg, used {:+.3} deg, residual {residual_deg:.3} deg; \
+             cross-track error {before_mm:.0} mm RMS before, {after_mm:.0} mm after",
+        used.steering_offset_rad.to_degrees(),
+    );
+    assert!(residual_deg < RESIDUAL_MAX_DEG, "{residual_deg}");
+    assert!(after_mm < before_mm, "{before_mm} {after_mm}");
+}
+
+async fn nothing_else_was_proposed(service: &Service) {
     let filter = ProposalFilter {
         limit: 10,
         ..ProposalFilter::default()
@@ -166,7 +179,4 @@ async fn an_offset_is_found_approved_pulled_and_proven() {
             .iter()
             .all(|(one, _)| one.state == ProposalState::Approved)
     );
-    stop.cancel();
-    fleet.await.unwrap().unwrap();
-    service.stop().await;
 }

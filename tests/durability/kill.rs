@@ -51,7 +51,7 @@ fn one_round(folder: &Path, seed: u64, witness: &mut Witness) {
         heard
     });
     if !early {
-        let opened = is_open.recv_timeout(Duration::from_secs(60));
+        let opened = is_open.recv_timeout(Duration::from_mins(1));
         assert!(opened.is_ok(), "seed {seed}: {:?}", child.wait());
     }
     std::thread::sleep(delay);

@@ -25,7 +25,7 @@ pub struct Records {
     /// The audit by robot, oldest first.
     pub audit: BTreeMap<String, Vec<Audited>>,
     /// Proposals, deployments and shadows under their name in the audit.
-    pub records: BTreeMap<(String, String), Value>,
+    pub by_subject: BTreeMap<(String, String), Value>,
     /// Signed documents by robot and generation.
     pub envelopes: BTreeMap<(String, u64), Envelope>,
     /// Revisions' hashes by number.
@@ -46,7 +46,7 @@ pub async fn read(folder: &Path) -> Result<Records, sqlx::Error> {
     let records = Records {
         complaints: complaints(&mut connection).await?,
         audit: audit(&mut connection).await?,
-        records: records(&mut connection).await?,
+        by_subject: records(&mut connection).await?,
         envelopes: envelopes(&mut connection).await?,
         revisions: revisions(&mut connection).await?,
         outbox: outbox(&mut connection).await?,

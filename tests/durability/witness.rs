@@ -223,9 +223,9 @@ fn audit_agrees(records: &Records) -> Result<(), Fault> {
             *events.entry((robot.clone(), kind.to_owned())).or_default() += 1;
         }
     }
-    if replayed != records.records {
+    if replayed != records.by_subject {
         let differ = records
-            .records
+            .by_subject
             .iter()
             .find(|(name, record)| replayed.get(*name) != Some(*record));
         return Err(Fault::Disagrees(format!(
@@ -248,7 +248,7 @@ fn deployments_agree(records: &Records) -> Result<(), Fault> {
     let key = SigningKey::from_bytes(&[7; 32]).public_key();
     let trusted = TrustedKeys::new(vec![key]).map_err(|error| Fault::Damaged(error.to_string()))?;
     let of = |subject: &'static str| {
-        let all = records.records.iter();
+        let all = records.by_subject.iter();
         all.filter(move |((found, _), _)| found == subject)
             .map(|(_, record)| record)
     };

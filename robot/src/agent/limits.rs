@@ -173,6 +173,7 @@ mod tests {
     }
 
     #[test]
+    #[expect(clippy::too_many_lines, reason = "one case for each value")]
     fn a_value_outside_is_named_with_what_is_accepted() {
         let cases = [
             (

@@ -37,7 +37,7 @@ impl PartialEq for SecretHash {
 
 /// Random bytes in hexadecimal digits.
 pub(super) fn hex(random: &Random) -> String {
-    random.iter().map(|byte| format!("{byte:02x}")).collect()
+    hex::encode(random)
 }
 
 /// Whether a text is what [`hex`] writes.

@@ -9,7 +9,7 @@ use super::ledger::Parcel;
 use super::shadow::{InUse, Reported, Shadow};
 
 impl Draft<'_> {
-    pub(super) fn acknowledge(&mut self, applied: Applied) -> Result<(), Refused> {
+    pub(super) fn acknowledge(&mut self, applied: &Applied) -> Result<(), Refused> {
         let last = self.outcome.ledger.shadow.generation_last;
         if applied.generation > last {
             return Err(Refused::NeverOffered {
@@ -18,13 +18,13 @@ impl Draft<'_> {
             });
         }
         if let Some(live) = self.live_offer(applied.generation) {
-            same_document(&live.offer, &applied)?;
+            same_document(&live.offer, applied)?;
             return self.answer_to_offer(&live, applied);
         }
         let ledger = &self.outcome.ledger;
         let named = ledger.reference(applied.generation).cloned();
         if let Some(named) = &named {
-            same_document(named, &applied)?;
+            same_document(named, applied)?;
         }
         let desired = ledger.shadow.desired.as_ref();
         let is_desired = desired.is_some_and(|one| one.generation == applied.generation);
@@ -37,12 +37,12 @@ impl Draft<'_> {
         // A robot that uses what is not wanted any more is not told to keep it: it goes back.
         let unwanted =
             applied.status == AppliedStatus::Applied && applied.generation > 0 && !is_desired;
-        self.report(&applied, named.map(|one| one.revision), !unwanted);
+        self.report(applied, named.map(|one| one.revision), !unwanted);
         Ok(())
     }
 
     /// The robot answers what it is offered now.
-    fn answer_to_offer(&mut self, before: &Deployment, applied: Applied) -> Result<(), Refused> {
+    fn answer_to_offer(&mut self, before: &Deployment, applied: &Applied) -> Result<(), Refused> {
         use DeploymentState as S;
         let (event, action) = match applied.status {
             AppliedStatus::Applied => (DeploymentEvent::Applied, "deployment.apply"),
@@ -58,7 +58,7 @@ impl Draft<'_> {
             let reason = applied.reason.clone();
             self.advance(before, live, event, action, reason)?;
         }
-        self.report(&applied, Some(before.offer.revision), true);
+        self.report(applied, Some(before.offer.revision), true);
         Ok(())
     }
 

@@ -189,7 +189,7 @@ fn within_limits(values: &CalibrationValues, policy: &Policy) -> Result<(), Refu
         ("lidar_yaw_rad", values.lidar_yaw_rad, std::f64::consts::TAU),
     ];
     for (field, value, most) in checks {
-        if !(value.abs() <= most) {
+        if !(-most..=most).contains(&value) {
             let accepted = format!("{:.4} to {most:.4}", -most);
             return Err(Refused::OutOfLimits {
                 field,
@@ -212,7 +212,10 @@ fn within_limits(values: &CalibrationValues, policy: &Policy) -> Result<(), Refu
             });
         }
     }
-    match values.time_offset_s.filter(|value| !(value.abs() <= 10.0)) {
+    match values
+        .time_offset_s
+        .filter(|value| !(-10.0..=10.0).contains(value))
+    {
         Some(value) => Err(Refused::OutOfLimits {
             field: "time_offset_s",
             value,

@@ -12,6 +12,10 @@ use crate::access::Actor;
 
 /// What is asked of one robot's records.
 #[derive(Debug, Clone, PartialEq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "one command at a time is made, and moved twice"
+)]
 pub enum Command {
     /// Ask people for these values. An open proposal of the robot is superseded.
     Propose {

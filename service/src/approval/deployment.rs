@@ -158,9 +158,10 @@ impl DeploymentState {
             (Self::Offered | Self::Applied | Self::Verifying, E::Failed | E::Reverted) => {
                 Ok(Self::Failed)
             }
-            (Self::Applied, E::Confirmed) => Ok(Self::Verifying),
+            (Self::Applied, E::Confirmed) | (Self::Verifying, E::VerificationFailed) => {
+                Ok(Self::Verifying)
+            }
             (Self::Verifying, E::Verified) => Ok(Self::Verified),
-            (Self::Verifying, E::VerificationFailed) => Ok(Self::Verifying),
             (Self::Verifying, E::TooLittleMotion) => Ok(Self::Inconclusive),
             (Self::Queued | Self::Offered, E::TimeOut) => Ok(Self::TimedOut),
             // Nobody has seen it: there is nothing to bring back.

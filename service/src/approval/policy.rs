@@ -70,7 +70,7 @@ pub struct Policy {
     pub two_approvers_beyond: Tolerance,
     /// Steering offsets beyond this are refused, degrees to either side.
     pub steering_offset_max_deg: f64,
-    /// LiDARs farther than this from the rear axle are refused, m along x and along y.
+    /// A LiDAR farther than this from the rear axle is refused, m along x and along y.
     pub lidar_distance_max_m: f64,
     /// A proposal expires after so long, and a deployment that no robot has taken, s.
     pub expires_after_s: u32,

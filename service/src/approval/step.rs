@@ -56,7 +56,7 @@ pub fn step(
         Command::Offered { generation } => {
             draft.offered(generation);
         }
-        Command::Acknowledge(applied) => draft.acknowledge(applied)?,
+        Command::Acknowledge(applied) => draft.acknowledge(&applied)?,
         Command::Confirmed { generation } => draft.confirmed(generation)?,
         Command::Judge {
             deployment,

@@ -270,8 +270,8 @@ impl CommandError {
             | Self::Record(_)
             | Self::Service(
                 ServiceError::Link(LinkError::Config(_)) | ServiceError::TooManyRobots { .. },
-            ) => EXIT_USAGE,
-            Self::Store(StoreError::Account(_) | StoreError::Missing { .. })
+            )
+            | Self::Store(StoreError::Account(_) | StoreError::Missing { .. })
             | Self::Account(_)
             | Self::UserUnknown(_)
             | Self::Name(_)

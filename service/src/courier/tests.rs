@@ -18,7 +18,7 @@ use crate::webhook::{Delivery, Secret, WebhookEvent, WebhookUrl};
 /// 2026-01-01T00:00:00Z.
 const NOW_NS: i64 = 1_767_225_600_000_000_000;
 /// Longer than anything here takes.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_mins(1);
 
 fn secret() -> Secret {
     Secret::from_bytes(vec![9; 32])

@@ -1,7 +1,7 @@
 //! How well a robot follows its path, as it says itself: one histogram for each calibration that
 //! it has used.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::encoding::Encoding;
@@ -83,7 +83,7 @@ pub struct UsedValues {
 pub struct CrossTracks {
     by_generation: BTreeMap<u64, CrossTrack>,
     /// Generations that have changed since they were last taken for the store.
-    unsaved: BTreeMap<u64, ()>,
+    unsaved: BTreeSet<u64>,
 }
 
 impl CrossTracks {
@@ -91,7 +91,7 @@ impl CrossTracks {
     pub fn of(stored: BTreeMap<u64, CrossTrack>) -> Self {
         Self {
             by_generation: stored,
-            unsaved: BTreeMap::new(),
+            unsaved: BTreeSet::new(),
         }
     }
 
@@ -101,7 +101,7 @@ impl CrossTracks {
             .entry(generation)
             .or_default()
             .add(error_m);
-        self.unsaved.insert(generation, ());
+        self.unsaved.insert(generation);
         // What it drove with at first stays: it is what all others are held against.
         while self.by_generation.len() > GENERATIONS_MAX {
             let Some(oldest) = self.by_generation.keys().copied().find(|one| *one > 0) else {
@@ -119,7 +119,7 @@ impl CrossTracks {
 
     /// Those that have changed since this was last asked.
     pub fn take_unsaved(&mut self) -> Vec<(u64, CrossTrack)> {
-        let unsaved = std::mem::take(&mut self.unsaved).into_keys();
+        let unsaved = std::mem::take(&mut self.unsaved).into_iter();
         unsaved
             .filter_map(|one| Some((one, self.by_generation.get(&one)?.clone())))
             .collect()
@@ -143,7 +143,7 @@ pub fn read(encoding: Encoding, payload: &[u8]) -> Result<(Option<i64>, f64), St
             (None, message.data)
         }
     };
-    if !(error_m.abs() <= ERROR_MAX_M) {
+    if !(-ERROR_MAX_M..=ERROR_MAX_M).contains(&error_m) {
         return Err(format!(
             "cross_track_error: value_m is {error_m}, accepted are -{ERROR_MAX_M} to {ERROR_MAX_M}"
         ));

@@ -426,6 +426,10 @@ async fn a_compensated_robot_is_not_estimated_from_half_the_truth() {
     assert!(counters.last_refusal.unwrap().contains("compensated"));
 }
 
+#[expect(
+    clippy::needless_pass_by_value,
+    reason = "has the signature of what it takes the place of"
+)]
 /// Takes the place of an estimator: says what steering it was fed as its steering offset.
 fn telling(calibrator: &mut Calibrator, event: Event) -> Vec<Effect> {
     let Event::Drive(sample) = event else {

@@ -48,8 +48,7 @@ impl Secret {
     /// every webhook.
     pub fn message_id(&self, subject: &str) -> String {
         let code = self.code(&["webhook-id ", subject]);
-        let digits: String = code.iter().map(|byte| format!("{byte:02x}")).collect();
-        let digits: String = digits.chars().take(ID_DIGITS).collect();
+        let digits: String = hex::encode(code).chars().take(ID_DIGITS).collect();
         format!("msg_{digits}")
     }
 

@@ -192,6 +192,7 @@ impl Robot {
         }
     }
 
+    #[expect(clippy::needless_pass_by_value, reason = "a step is used up")]
     fn go(&mut self, step: Step) {
         match step {
             Step::Offer {

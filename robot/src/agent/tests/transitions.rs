@@ -98,6 +98,7 @@ fn agents() -> Vec<(&'static str, Vec<Event>)> {
     ]
 }
 
+#[expect(clippy::too_many_lines, reason = "one line for each event")]
 fn events() -> Vec<(&'static str, Event)> {
     let altered = |generation| {
         let envelope = sealed(&document(generation));

@@ -56,7 +56,7 @@ pub(super) async fn set_up(
     Body { value: body, .. }: Body<SetupDocument>,
 ) -> Result<Response, Problem> {
     let access = &api.access;
-    access.limits.from_address(peer, api.clock.elapsed())?;
+    access.limits.count_address(peer, api.clock.elapsed())?;
     if access.has_users(&api.store).await? {
         return Err(crate::store::StoreError::from(AccountRefused::AlreadySetUp).into());
     }

@@ -61,7 +61,7 @@ impl Default for SignInLimits {
 
 impl SignInLimits {
     /// Counts a try from an address.
-    pub(super) fn from_address(&self, peer: PeerAddress, now: Duration) -> Result<(), Problem> {
+    pub(super) fn count_address(&self, peer: PeerAddress, now: Duration) -> Result<(), Problem> {
         take(&self.by_address, &peer.key(), now)
     }
 }
@@ -94,25 +94,21 @@ pub(super) async fn verified(
         .take(limits::ACCOUNT_NAME_CHARS_MAX)
         .collect::<String>()
         .to_lowercase();
-    limits.from_address(peer, now)?;
+    limits.count_address(peer, now)?;
     take(&limits.by_name, &key, now)?;
     let user = api.store.user_named(name).await?;
     let hash = user
         .as_ref()
         .map_or_else(PasswordHash::of_nobody, |user| user.password.clone());
     let right = api.access.passwords.verify(hash, password).await?;
-    match user.filter(|user| right && !user.disabled) {
-        Some(user) => {
-            let mut by_name = limits
-                .by_name
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner);
-            by_name.forget(&key);
-            Ok(user)
-        }
-        None => {
-            tracing::warn!(peer = %peer.key(), "a sign-in was refused");
-            Err(unauthorised("sign_in_refused", "name or password is wrong"))
-        }
-    }
+    let Some(user) = user.filter(|user| right && !user.disabled) else {
+        tracing::warn!(peer = %peer.key(), "a sign-in was refused");
+        return Err(unauthorised("sign_in_refused", "name or password is wrong"));
+    };
+    let mut by_name = limits
+        .by_name
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner);
+    by_name.forget(&key);
+    Ok(user)
 }

@@ -174,7 +174,7 @@ pub(super) struct InUseDocument {
 }
 
 impl InUseDocument {
-    fn of(in_use: InUse) -> Self {
+    fn of(in_use: &InUse) -> Self {
         Self {
             generation: in_use.generation,
             revision: in_use.revision,
@@ -263,7 +263,7 @@ impl DeploymentDocument {
             approved_by: deployment.approved_by,
             offer: deployment.offer,
             earlier: deployment.earlier,
-            base: deployment.base.map(InUseDocument::of),
+            base: deployment.base.as_ref().map(InUseDocument::of),
             created: time::of_ns(deployment.created_ns),
             expires: time::of_ns(deployment.expires_ns),
             offered: deployment.offered_ns.map(time::of_ns),
@@ -339,8 +339,8 @@ impl ShadowDocument {
             version: shadow.version,
             desired: shadow.desired,
             reported: shadow.reported.map(ReportedDocument::of),
-            in_use: shadow.in_use.map(InUseDocument::of),
-            before: shadow.before.map(InUseDocument::of),
+            in_use: shadow.in_use.as_ref().map(InUseDocument::of),
+            before: shadow.before.as_ref().map(InUseDocument::of),
             verified: shadow.verified,
             proposal: ledger.open.as_ref().map(|open| open.id),
             deployment: ledger.live.clone().map(DeploymentDocument::of),

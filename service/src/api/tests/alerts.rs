@@ -13,7 +13,7 @@ use crate::fleet::Stream;
 use crate::store::AlertWrite;
 
 /// Longer than anything here takes.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_mins(1);
 
 impl Bench {
     /// Something is wrong with a robot, as the rules would have seen it.

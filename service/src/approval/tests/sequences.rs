@@ -132,6 +132,8 @@ fn policy() -> impl Strategy<Value = Policy> {
 }
 
 /// The command that an attempt is for these records.
+#[expect(clippy::too_many_lines, reason = "one arm for each command")]
+#[expect(clippy::needless_pass_by_value, reason = "an attempt is used up")]
 fn command(attempt: Attempt, model: &Model, now_ns: i64) -> Command {
     let open = model.ledger.open.as_ref();
     let live = model.ledger.live.as_ref();

@@ -119,7 +119,7 @@ async fn a_robot_that_does_not_drive_is_inconclusive_after_a_day() {
     let office = Office::open(Policy::default()).await;
     office.approve(0.02, None).await;
     office.drive_on_trial().await;
-    office.clock.advance(24 * HOUR - Duration::from_secs(1));
+    office.clock.advance(Duration::from_secs(24 * 3600 - 1));
     office.look().await;
     assert_eq!(office.state(), Some(DeploymentState::Verifying));
     office.clock.advance(Duration::from_secs(1));

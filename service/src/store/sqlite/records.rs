@@ -38,7 +38,7 @@ pub(super) async fn ledgers(pool: &SqlitePool) -> Result<Vec<RobotLedger>, Store
     for row in rows.await.map_err(failed())? {
         let open: Proposal = record(&row, "proposal", 0)?;
         of(&open.robot.clone(), &mut |ledger| {
-            ledger.open = Some(open.clone())
+            ledger.open = Some(open.clone());
         });
     }
     let mut live = QueryBuilder::<Sqlite>::new("SELECT record FROM deployment WHERE ");
@@ -46,7 +46,7 @@ pub(super) async fn ledgers(pool: &SqlitePool) -> Result<Vec<RobotLedger>, Store
     for row in rows.map_err(failed())? {
         let live: Deployment = record(&row, "deployment", 0)?;
         of(&live.robot.clone(), &mut |ledger| {
-            ledger.live = Some(live.clone())
+            ledger.live = Some(live.clone());
         });
     }
     for ledger in found.values_mut() {

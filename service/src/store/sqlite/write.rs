@@ -10,7 +10,7 @@ use sqlx::sqlite::{Sqlite, SqliteConnection};
 use sqlx::{Connection, Transaction};
 
 use super::{accounts, alerts, approvals, columns, events, webhooks};
-use crate::store::approvals::Decided;
+use crate::store::approvals::{Decided, Decision};
 use crate::store::backend::{
     Batch, EventWrite, Outcomes, Repetition, Retention, RobotWrite, Tier, Writer,
 };
@@ -100,19 +100,9 @@ async fn write(
             .push(refusable(configure(transaction, keys, robot).await)?);
     }
     for decision in &batch.decisions {
-        let decided = refusable(approvals::decide(transaction, decision).await)?;
-        if let Ok(Decided::Taken(outcome)) = &decided {
-            for made in decision.events(outcome) {
-                let write = EventWrite {
-                    event: made,
-                    repetition: Repetition::Never,
-                };
-                events::write(transaction, keys, &write).await?;
-            }
-            let (policy, now_ns) = (&decision.policy, decision.now_ns);
-            webhooks::enqueue_proposals(transaction, outcome, policy, now_ns).await?;
-        }
-        outcomes.decisions.push(decided);
+        outcomes
+            .decisions
+            .push(decide(transaction, keys, decision).await?);
     }
     for hold in &batch.holds {
         outcomes
@@ -154,6 +144,27 @@ async fn write(
         outcomes.pruned = prune(transaction, retention).await?;
     }
     Ok(outcomes)
+}
+
+/// Takes a decision, and writes what follows from it: events, and messages to those who watch.
+async fn decide(
+    transaction: &mut Transaction<'_, Sqlite>,
+    keys: &mut Keys,
+    decision: &Decision,
+) -> Result<Result<Decided, StoreError>, StoreError> {
+    let decided = refusable(approvals::decide(transaction, decision).await)?;
+    if let Ok(Decided::Taken(outcome)) = &decided {
+        for made in decision.events(outcome) {
+            let write = EventWrite {
+                event: made,
+                repetition: Repetition::Never,
+            };
+            events::write(transaction, keys, &write).await?;
+        }
+        let (policy, now_ns) = (&decision.policy, decision.now_ns);
+        webhooks::enqueue_proposals(transaction, outcome, policy, now_ns).await?;
+    }
+    Ok(decided)
 }
 
 /// Parts what the caller is told from what undoes the whole batch.

@@ -160,7 +160,7 @@ async fn edit(
     if disabled || edit.password.is_some() {
         sqlx::query("DELETE FROM session WHERE user = ?1 AND (?2 IS NULL OR sha256 <> ?2)")
             .bind(id)
-            .bind(keep.map(|hash| hash.as_bytes()))
+            .bind(keep.map(SecretHash::as_bytes))
             .execute(&mut *connection)
             .await
             .map_err(StoreError::database("end a user's sessions"))?;
