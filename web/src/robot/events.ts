@@ -22,6 +22,18 @@ const KINDS: Record<EventKind, EventFace> = {
   estimator_restarted: { word: 'Estimator restarted', tone: 'bad' },
   estimator_stopped: { word: 'Estimator stopped', tone: 'bad' },
   configured: { word: 'Vehicle given or changed', tone: 'quiet' },
+  proposed: { word: 'Proposed', tone: 'quiet' },
+  approved: { word: 'Approved', tone: 'quiet' },
+  proposal_closed: { word: 'Proposal closed', tone: 'quiet' },
+  offered: { word: 'Sent to the robot', tone: 'quiet' },
+  applied: { word: 'Applied by the robot', tone: 'warn' },
+  not_applied: { word: 'Not applied', tone: 'bad' },
+  verified: { word: 'Verified by driving', tone: 'quiet' },
+  verification_failed: { word: 'Verification failed', tone: 'bad' },
+  inconclusive: { word: 'Not proven: too little motion', tone: 'quiet' },
+  rolling_back: { word: 'Going back', tone: 'warn' },
+  rolled_back: { word: 'Former values are back', tone: 'warn' },
+  rollback_failed: { word: 'Roll-back failed', tone: 'bad' },
 };
 
 const CAUSES: Record<string, string> = {
