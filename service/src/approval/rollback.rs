@@ -161,19 +161,32 @@ impl Draft<'_> {
         })
     }
 
+    /// What somebody has gone back from is not gone back to, whatever it has proven once.
+    fn forget_proof(&mut self, revision: u64) {
+        let mut shadow = self.outcome.ledger.shadow.clone();
+        shadow.verified.retain(|one| one.revision != revision);
+        if shadow.verified.len() < self.outcome.ledger.shadow.verified.len() {
+            self.save_shadow("shadow.forget", shadow, None);
+        }
+    }
+
     fn return_to_verified(&mut self, reason: String) -> Result<(), Refused> {
         let shadow = &self.outcome.ledger.shadow;
         let in_use = shadow.in_use.as_ref().ok_or(Refused::NothingToReturnTo)?;
         let used = in_use.revision;
         let earlier = shadow.verified.iter().rev();
         let verified = earlier.map(|one| one.revision).find(|id| Some(*id) != used);
-        let revision = match (verified, shadow.before.clone()) {
+        let declined = shadow.declined;
+        let before = shadow.before.clone();
+        let before = before.filter(|one| one.revision.is_none() || one.revision != declined);
+        let revision = match (verified, before) {
             (Some(revision), _) => revision,
             (None, Some(before)) => self.revision_of(&before),
             (None, None) => return Err(Refused::NothingEarlier),
         };
         if let Some(used) = used {
             self.decline(used);
+            self.forget_proof(used);
         }
         self.deploy(None, revision, None, Some(reason))
     }

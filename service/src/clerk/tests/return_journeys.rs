@@ -126,6 +126,26 @@ async fn with_nothing_under_way_it_goes_back_to_what_was_verified() {
 }
 
 #[tokio::test]
+async fn going_back_twice_does_not_return_to_what_was_left() {
+    let office = Office::open(Policy::default()).await;
+    for offset_rad in [0.02, 0.05, 0.08] {
+        office.approve(offset_rad, None).await;
+        office.drive_on_trial().await;
+        office.verify(true).await;
+    }
+    for offset_rad in [0.05, 0.02] {
+        office.roll_back().await.unwrap();
+        assert_eq!(office.asked().await.unwrap().values, values(offset_rad));
+        office.drive_on_trial().await;
+        office.verify(true).await;
+    }
+    assert_eq!(
+        office.roll_back().await.unwrap_err(),
+        Refused::NothingEarlier
+    );
+}
+
+#[tokio::test]
 async fn what_failed_and_nobody_decided_upon_says_so() {
     let office = Office::open(Policy::default()).await;
     office.approve(0.02, None).await;
