@@ -4,6 +4,7 @@ mod audit;
 mod calibration;
 mod deployments;
 mod document;
+mod policy;
 mod proposals;
 mod several;
 mod site;
@@ -30,6 +31,7 @@ pub(super) fn routes() -> OpenApiRouter<ApiState> {
         .routes(routes!(calibration::get_calibration))
         .routes(routes!(calibration::put_applied))
         .routes(routes!(calibration::get_signing_key))
+        .routes(routes!(policy::get_policy))
         .routes(routes!(site::get_hold, site::put_hold))
         .routes(routes!(audit::list_audit))
 }
