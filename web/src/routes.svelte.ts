@@ -1,24 +1,57 @@
 /** Which page an address shows, by the browser's History API. */
 
+export const SETTINGS = ['policy', 'users', 'tokens', 'webhooks'] as const;
+export type Setting = (typeof SETTINGS)[number];
+
 export type Route =
   | { page: 'fleet' }
   | { page: 'robot'; id: string }
+  | { page: 'approvals' }
+  | { page: 'proposal'; id: number }
+  | { page: 'alerts' }
+  | { page: 'audit' }
+  | { page: 'settings'; of: Setting }
+  | { page: 'health' }
   | { page: 'setup' }
   | { page: 'account' }
   | { page: 'missing'; path: string };
 
+/** Pages that are an address and nothing else. */
+const PLAIN: Record<string, Route> = {
+  '/': { page: 'fleet' },
+  '/approvals': { page: 'approvals' },
+  '/alerts': { page: 'alerts' },
+  '/audit': { page: 'audit' },
+  '/settings': { page: 'settings', of: 'policy' },
+  '/health': { page: 'health' },
+  '/setup': { page: 'setup' },
+  '/account': { page: 'account' },
+};
+
 /** The page at `path`. */
 export function route(path: string): Route {
-  if (path === '/') return { page: 'fleet' };
-  if (path === '/setup') return { page: 'setup' };
-  if (path === '/account') return { page: 'account' };
-  const robot = /^\/robots\/([^/]+)\/?$/.exec(path)?.[1];
-  if (robot === undefined) return { page: 'missing', path };
-  try {
-    return { page: 'robot', id: decodeURIComponent(robot) };
-  } catch {
-    return { page: 'missing', path };
+  const plain = Object.hasOwn(PLAIN, path) ? PLAIN[path] : undefined;
+  if (plain) return plain;
+  const missing: Route = { page: 'missing', path };
+  const [, folder, name] = /^\/([a-z]+)\/([^/]+)\/?$/.exec(path) ?? [];
+  if (folder === 'approvals' && name && /^\d{1,15}$/.test(name)) {
+    return { page: 'proposal', id: Number(name) };
   }
+  if (folder === 'settings') {
+    const of = SETTINGS.find((setting) => setting === name);
+    return of ? { page: 'settings', of } : missing;
+  }
+  if (folder !== 'robots' || name === undefined) return missing;
+  try {
+    return { page: 'robot', id: decodeURIComponent(name) };
+  } catch {
+    return missing;
+  }
+}
+
+/** The address of a proposal's page. */
+export function proposalPath(id: number): string {
+  return `/approvals/${id}`;
 }
 
 /** The address of a robot's page. */

@@ -7,6 +7,13 @@ describe('routes', () => {
     expect(route('/robots/tugger_01')).toEqual({ page: 'robot', id: 'tugger_01' });
     expect(route('/setup')).toEqual({ page: 'setup' });
     expect(route('/account')).toEqual({ page: 'account' });
+    expect(route('/approvals')).toEqual({ page: 'approvals' });
+    expect(route('/approvals/12')).toEqual({ page: 'proposal', id: 12 });
+    expect(route('/approvals/twelve')).toMatchObject({ page: 'missing' });
+    expect(route('/settings')).toEqual({ page: 'settings', of: 'policy' });
+    expect(route('/settings/tokens')).toEqual({ page: 'settings', of: 'tokens' });
+    expect(route('/settings/everything')).toMatchObject({ page: 'missing' });
+    expect(route('/toString')).toMatchObject({ page: 'missing' });
     expect(route('/robots/a/b')).toMatchObject({ page: 'missing' });
     expect(route('/robots/%E0%A4%A')).toMatchObject({ page: 'missing' });
   });

@@ -5,6 +5,7 @@ import { now } from '../ui/time.svelte';
 
 const REQUEST_TIMEOUT_MS = 10_000;
 const BASE = '/api/v1';
+const LIST_PAGE = 1000;
 
 /** A request that did not do what it was for. */
 export class Refusal extends Error {
@@ -15,6 +16,11 @@ export class Refusal extends Error {
     readonly status: number,
   ) {
     super(message);
+  }
+
+  /** Whether somebody else was faster: what was looked at is no longer what is there. */
+  get changed(): boolean {
+    return this.status === 412;
   }
 }
 
@@ -30,6 +36,11 @@ let unauthorised: (code: string) => void = () => undefined;
 /** Has `listener` told whenever the service asks for a credential. */
 export function onUnauthorised(listener: (code: string) => void): void {
   unauthorised = listener;
+}
+
+/** Why something failed, in a sentence. */
+export function problemOf(error: unknown): string {
+  return error instanceof Refusal ? error.message : String(error);
 }
 
 /** A text that can begin a line, and be followed by a full stop. */
@@ -86,9 +97,54 @@ export async function put<T>(path: string, body: unknown, etag: string | null): 
   return (await response.json()) as T;
 }
 
-/** DELETE. */
-export async function remove(path: string): Promise<void> {
-  await send(path, { method: 'DELETE' });
+/** A change of what is there at version `etag`; refused when that is no longer its version. */
+export async function change<T>(
+  method: 'POST' | 'PUT' | 'PATCH',
+  path: string,
+  body: unknown,
+  etag: string,
+): Promise<Answer<T>> {
+  const response = await send(path, {
+    method,
+    body: JSON.stringify(body),
+    headers: { 'content-type': 'application/json', 'if-match': etag },
+  });
+  return { body: (await response.json()) as T, etag: response.headers.get('etag') };
+}
+
+/** The `ETag` of version `version`, where a list gives versions. */
+export function etagOf(version: number): string {
+  return `"${version}"`;
+}
+
+/** Every entry of a list that comes in pages, up to `most` of them. */
+export async function list<T>(
+  path: string,
+  query: Record<string, string>,
+  most: number,
+): Promise<T[]> {
+  const found: T[] = [];
+  let cursor: string | null | undefined;
+  do {
+    const limit = String(Math.min(LIST_PAGE, most - found.length));
+    const parameters = new URLSearchParams({ ...query, limit });
+    if (cursor) parameters.set('cursor', cursor);
+    const { body } = await get<{ items: T[]; next?: string | null }>(`${path}?${parameters}`);
+    found.push(...body.items);
+    cursor = body.next;
+  } while (cursor && found.length < most);
+  return found;
+}
+
+/** A key under which a request that creates something counts once, however often it is sent. */
+export function onceKey(): string {
+  const bytes = crypto.getRandomValues(new Uint8Array(16));
+  return Array.from(bytes, (byte) => byte.toString(16).padStart(2, '0')).join('');
+}
+
+/** DELETE; `etag` is the version that is looked at, where there are versions. */
+export async function remove(path: string, etag?: string): Promise<void> {
+  await send(path, { method: 'DELETE', headers: etag ? { 'if-match': etag } : {} });
 }
 
 /** POST that creates something; sending it again under the same key, if any, does nothing. */

@@ -29,3 +29,37 @@ export type Problem = Schemas['Problem'];
 
 export type Session = Schemas['Session'];
 export type Role = Schemas['Role'];
+
+export type Values = Schemas['CalibrationValues'];
+export type CalibrationSummary = Schemas['CalibrationSummary'];
+export type Policy = Schemas['Policy'];
+export type Tolerance = Schemas['Tolerance'];
+export type Proposal = Schemas['Proposal'];
+export type ProposalState = Schemas['ProposalState'];
+export type ProposalPage = Schemas['ProposalPage'];
+export type SeveralApprovals = Schemas['SeveralApprovals'];
+export type SeveralAnswer = Schemas['SeveralAnswer'];
+export type SiteHold = Schemas['SiteHold'];
+export type Shadow = Schemas['Shadow'];
+export type Deployment = Schemas['Deployment'];
+export type DeploymentPage = Schemas['DeploymentPage'];
+export type DeploymentState = Schemas['DeploymentState'];
+export type CrossTrackErrors = Schemas['CrossTrackErrors'];
+export type CrossTrackItem = Schemas['CrossTrackItem'];
+
+export type Alert = Schemas['Alert'];
+export type AlertKind = Schemas['AlertKind'];
+export type AlertState = Schemas['AlertState'];
+export type AlertWithHistory = Schemas['AlertWithHistory'];
+export type AuditRow = Schemas['AuditRow'];
+export type AuditPage = Schemas['AuditPage'];
+
+export type User = Schemas['User'];
+export type Token = Schemas['Token'];
+export type Webhook = Schemas['Webhook'];
+export type WebhookList = Schemas['WebhookList'];
+export type WebhookEvent = Schemas['WebhookEvent'];
+export type WebhookWithSecret = Schemas['WebhookWithSecret'];
+export type WebhookDelivery = Schemas['WebhookDelivery'];
+export type SigningKey = Schemas['SigningKeyDocument'];
+export type Readiness = Schemas['Readiness'];

@@ -1,28 +1,36 @@
 /** The fleet as the pages see it: read once, then kept up by the event stream. */
 
-import { get, Refusal } from '../api/client';
+import { alerts } from '../alerts/alerts.svelte';
+import { get, list, problemOf } from '../api/client';
 import { LiveStream } from '../api/stream.svelte';
-import type { Estimate, Robot, RobotEvent, RobotPage, RobotStateUpdate } from '../api/types';
+import type { Alert, Estimate, Robot, RobotEvent, RobotStateUpdate } from '../api/types';
 import { now } from '../ui/time.svelte';
+import { standing } from './standing';
 
 /** Updates are shown together this often, however many robots send. */
 const SHOW_EVERY_MS = 500;
 /** The whole fleet is read again this often, for what the stream does not carry. */
 const REREAD_EVERY_MS = 30_000;
-const PAGE_ROBOTS = 1000;
+const ROBOTS_MAX = 100_000;
+/** Above so many robots whose approval changed at once, the whole fleet is read instead. */
+const SINGLE_READS_MAX = 8;
+const NOTHING: ReadonlySet<never> = new Set();
 
 /** One robot. What changes is a single value, so only its own row is worked over. */
 export class RobotEntry {
   readonly id: string;
   robot = $state.raw() as Robot;
-  /** Of its own, so that lists are only sorted again when a state changes. */
-  readonly state = $derived(this.robot.state);
+  /** Of its own, so that lists are only sorted again when it changes. */
+  readonly standing = $derived(standing(this.robot, alerts.firing.get(this.robot.id) ?? NOTHING));
 
   constructor(robot: Robot) {
     this.id = robot.id;
     this.robot = robot;
   }
 }
+
+/** What is heard of the event stream. */
+const NAMES = ['ready', 'resync', 'estimate', 'robot_state', 'event', 'approval', 'alert'];
 
 export type Loaded = 'loading' | 'ready' | 'failed';
 
@@ -38,11 +46,12 @@ class Fleet {
 
   #estimates = new Map<string, Estimate>();
   #states = new Map<string, RobotStateUpdate>();
-  #strangers = new Set<string>();
+  #approvals = new Set<string>();
+  #underWay = new Set<string>();
   #listeners = new Set<FleetListener>();
 
   constructor() {
-    this.stream = new LiveStream(['ready', 'resync', 'estimate', 'robot_state', 'event'], {
+    this.stream = new LiveStream(NAMES, {
       message: (name, data) => this.#take(name, data),
       lost: () => {
         // To say why there is nothing to show, and to notice that the session has ended.
@@ -72,7 +81,7 @@ class Fleet {
   /** Reads the whole fleet. */
   async load(): Promise<void> {
     try {
-      const robots = await readRobots();
+      const robots = await list<Robot>('/robots', {}, ROBOTS_MAX);
       const entries = new Map<string, RobotEntry>();
       for (const robot of robots) {
         const entry = this.entries.get(robot.id);
@@ -87,7 +96,7 @@ class Fleet {
       this.problem = '';
       this.heard_ms = now.current();
     } catch (error) {
-      this.problem = error instanceof Refusal ? error.message : String(error);
+      this.problem = problemOf(error);
       if (this.loaded === 'loading') this.loaded = 'failed';
     }
   }
@@ -110,6 +119,12 @@ class Fleet {
       this.#states.set(update.robot, update);
     } else if (name === 'event') {
       for (const listener of this.#listeners) listener.event?.(data as RobotEvent);
+    } else if (name === 'alert') {
+      for (const listener of this.#listeners) listener.alert?.(data as Alert);
+    } else if (name === 'approval') {
+      const { robot } = data as { robot: string };
+      this.#approvals.add(robot);
+      for (const listener of this.#listeners) listener.approval?.(robot);
     } else {
       // The stream has begun, or has lost something: everything is read anew.
       void this.load();
@@ -117,8 +132,17 @@ class Fleet {
     }
   }
 
+  /** Reads anew where a calibration stands, of the robots where that has changed. */
+  #readApproved(): void {
+    const changed = [...this.#approvals];
+    this.#approvals.clear();
+    if (changed.length > SINGLE_READS_MAX) void this.load();
+    else for (const id of changed) this.#read(id);
+  }
+
   /** Shows what has come since the last time. */
   #show(): void {
+    this.#readApproved();
     if (this.#estimates.size === 0 && this.#states.size === 0) return;
     const seen_ms = now.current();
     this.heard_ms = seen_ms;
@@ -140,14 +164,19 @@ class Fleet {
   /** The entry of a robot; one that is not there yet is read. */
   #entry(id: string): RobotEntry | undefined {
     const entry = this.entries.get(id);
-    if (!entry && !this.#strangers.has(id)) {
-      this.#strangers.add(id);
-      get<Robot>(robotUrl(id))
-        .then(({ body }) => this.put(body))
-        .catch(() => undefined)
-        .finally(() => this.#strangers.delete(id));
-    }
+    if (!entry) this.#read(id);
     return entry;
+  }
+
+  /** Reads one robot, unless that is under way. */
+  #read(id: string): void {
+    if (this.#underWay.has(id)) return;
+    this.#underWay.add(id);
+    get<Robot>(robotUrl(id))
+      .then(({ body }) => this.put(body))
+      // The next reading of the whole fleet makes up for it.
+      .catch(() => undefined)
+      .finally(() => this.#underWay.delete(id));
   }
 }
 
@@ -155,6 +184,9 @@ class Fleet {
 export interface FleetListener {
   estimate?(estimate: Estimate): void;
   event?(event: RobotEvent): void;
+  /** Something has changed about what a robot should use. */
+  approval?(robot: string): void;
+  alert?(alert: Alert): void;
   /** Something may have been missed. */
   resync?(): void;
 }
@@ -162,19 +194,6 @@ export interface FleetListener {
 /** The address of a robot in the API. */
 export function robotUrl(id: string): string {
   return `/robots/${encodeURIComponent(id)}`;
-}
-
-async function readRobots(): Promise<Robot[]> {
-  const robots: Robot[] = [];
-  let cursor: string | null | undefined;
-  do {
-    const query = new URLSearchParams({ limit: String(PAGE_ROBOTS) });
-    if (cursor) query.set('cursor', cursor);
-    const { body } = await get<RobotPage>(`/robots?${query}`);
-    robots.push(...body.items);
-    cursor = body.next;
-  } while (cursor);
-  return robots;
 }
 
 export const fleet = new Fleet();

@@ -1,7 +1,9 @@
 import { describe, expect, it } from 'vitest';
-import type { Parameter, Robot, RobotState } from '../api/types';
+import type { AlertKind, CalibrationSummary, Parameter, Robot, RobotState } from '../api/types';
+import { faceOf } from '../ui/face';
 import { compare, counts, type Filter, filterOf, matches, needs } from './list';
-import { BY_URGENCY, robotFace, ROBOT_STATES, STATUSES } from './states';
+import { BY_URGENCY, needsPerson, type Standing, standing, STANDINGS } from './standing';
+import { STATUSES } from './states';
 
 const parameter = (need: string | null): Parameter => ({
   value: 0,
@@ -11,11 +13,11 @@ const parameter = (need: string | null): Parameter => ({
   needs: need,
 });
 
-function robot(id: string, state: RobotState, wanted: (string | null)[] = []): Robot {
+function robot(state: RobotState, wanted: (string | null)[] = []): Robot {
   const [offset = null, x = null, y = null, yaw = null] = wanted;
   return {
-    id,
     state,
+    calibration: { in_sync: true, verification_failed: false },
     estimate: {
       parameters: {
         steering_offset: parameter(offset),
@@ -28,7 +30,9 @@ function robot(id: string, state: RobotState, wanted: (string | null)[] = []): R
   } as Robot;
 }
 
-const listed = (robots: Robot[], filter: Filter) =>
+const entry = (id: string, standing: Standing) => ({ id, standing });
+
+const listed = (robots: { id: string; standing: Standing }[], filter: Filter) =>
   robots.filter((robot) => matches(robot, filter)).toSorted(compare);
 
 const every = { state: null, text: '' };
@@ -36,19 +40,19 @@ const every = { state: null, text: '' };
 describe('the list of robots', () => {
   it('has the worst first, then ids as people count', () => {
     const robots = [
-      robot('a10', 'calibrated'),
-      robot('a9', 'calibrated'),
-      robot('b', 'learning'),
-      robot('c', 'no_data'),
-      robot('d', 'unregistered'),
-      robot('e', 'changed'),
-      robot('f', 'failed'),
+      entry('a10', 'calibrated'),
+      entry('a9', 'calibrated'),
+      entry('b', 'learning'),
+      entry('c', 'no_data'),
+      entry('d', 'unregistered'),
+      entry('e', 'drift'),
+      entry('f', 'failed'),
     ];
-    expect(listed(robots, every).map(({ id }) => id)).toEqual('f e c d b a9 a10'.split(' '));
+    expect(listed(robots, every).map(({ id }) => id)).toEqual('e f c d b a9 a10'.split(' '));
   });
 
   it('is filtered by state and by part of an id', () => {
-    const robots = [robot('Tugger_1', 'learning'), robot('tugger_2', 'calibrated')];
+    const robots = [entry('Tugger_1', 'learning'), entry('tugger_2', 'calibrated')];
     expect(listed(robots, { state: 'learning', text: '' })).toHaveLength(1);
     expect(listed(robots, { state: null, text: 'TUGGER' })).toHaveLength(2);
     expect(listed(robots, { state: 'learning', text: '_2' })).toHaveLength(0);
@@ -63,26 +67,26 @@ describe('the list of robots', () => {
   });
 
   it('keeps robots in a state that a newer service has, in view and first', () => {
-    const strange = robot('z', 'exploded' as RobotState);
-    const robots = [robot('a', 'failed'), strange];
+    const strange = entry('z', 'exploded' as Standing);
+    const robots = [entry('a', 'failed'), strange];
     expect(listed(robots, every)[0]).toBe(strange);
     expect(counts(robots)).toEqual([
       ['exploded', 1],
       ['failed', 1],
     ]);
-    expect(robotFace('exploded').word).toBe('exploded');
+    expect(faceOf(STANDINGS, 'exploded').word).toBe('exploded');
   });
 
-  it('counts states, the worst first', () => {
-    const robots = [robot('a', 'calibrated'), robot('b', 'changed'), robot('c', 'calibrated')];
+  it('counts standings, the worst first', () => {
+    const robots = [entry('a', 'calibrated'), entry('b', 'drift'), entry('c', 'calibrated')];
     expect(counts(robots)).toEqual([
-      ['changed', 1],
+      ['drift', 1],
       ['calibrated', 2],
     ]);
   });
 
   it('names each need once, with what wants it', () => {
-    const wanted = needs(robot('a', 'learning', ['drive', 'turn', 'turn', null]));
+    const wanted = needs(robot('learning', ['drive', 'turn', 'turn', null]));
     expect(wanted).toEqual([
       { need: 'drive', parameters: ['steering_offset'] },
       { need: 'turn', parameters: ['lidar_x', 'lidar_y'] },
@@ -90,9 +94,41 @@ describe('the list of robots', () => {
   });
 });
 
+describe('how a robot stands', () => {
+  const of = (
+    state: RobotState,
+    calibration: Partial<CalibrationSummary> = {},
+    firing: AlertKind[] = [],
+  ) => {
+    const plain = robot(state);
+    const given = { ...plain, calibration: { ...plain.calibration, ...calibration } };
+    return standing(given, new Set(firing));
+  };
+
+  it('is the worst of what is so', () => {
+    expect(of('calibrated')).toBe('calibrated');
+    expect(of('changed')).toBe('drift');
+    expect(of('calibrated', { proposal: 3 })).toBe('waiting');
+    expect(of('calibrated', { proposal: 3 }, ['drift'])).toBe('drift');
+    expect(of('no_data', { proposal: 3 })).toBe('no_data');
+    expect(of('learning', { deployment: 'verifying' })).toBe('under_way');
+    expect(of('learning', { deployment: 'verified' })).toBe('learning');
+    expect(of('calibrated', { verification_failed: true })).toBe('verification_failed');
+    expect(of('calibrated', { deployment: 'rollback_failed' }, ['drift'])).toBe('rollback_failed');
+  });
+
+  it('puts a failed roll-back first, then drift, verification, silence, approval, learning', () => {
+    const order: Standing[] = ['rollback_failed', 'drift', 'verification_failed', 'no_data'];
+    order.push('waiting', 'learning', 'calibrated');
+    const places = order.map((one) => BY_URGENCY.indexOf(one));
+    expect(places).toEqual(places.toSorted((a, b) => a - b));
+    expect(order.filter(needsPerson)).toHaveLength(5);
+  });
+});
+
 describe('shapes', () => {
-  it('tell every state of a robot from every other without colour', () => {
-    const shapes = BY_URGENCY.map((state) => ROBOT_STATES[state].shape);
+  it('tell every standing of a robot from every other without colour', () => {
+    const shapes = BY_URGENCY.map((one) => STANDINGS[one].shape);
     expect(new Set(shapes).size).toBe(shapes.length);
   });
 

@@ -1,15 +1,18 @@
 /** Which robots a list shows, and in which order. */
 
-import type { ParameterName, Robot, RobotState } from '../api/types';
+import type { ParameterName, Robot } from '../api/types';
 import { CALIBRATED } from '../units/parameters';
-import { urgency } from './states';
+import { type Standing, urgency } from './standing';
 
 /** What lists go by. */
-export type Listed = Pick<Robot, 'id' | 'state'>;
+export interface Listed {
+  id: string;
+  standing: Standing;
+}
 
 /** What the reader asked to see; it stands in the address. */
 export interface Filter {
-  /** A state, or null for every state. */
+  /** A standing, or null for all. */
   state: string | null;
   /** Part of an id. */
   text: string;
@@ -23,21 +26,21 @@ export function filterOf(query: URLSearchParams): Filter {
 
 /** Whether a robot passes a filter. */
 export function matches(robot: Listed, filter: Filter): boolean {
-  if (filter.state !== null && robot.state !== filter.state) return false;
+  if (filter.state !== null && robot.standing !== filter.state) return false;
   return robot.id.toLowerCase().includes(filter.text.toLowerCase());
 }
 
 const byId = new Intl.Collator('en', { numeric: true });
 
-/** Worst first; robots in the same state stay in the order of their ids, so that rows rest. */
+/** Worst first; robots of the same standing stay in the order of their ids, so that rows rest. */
 export function compare(a: Listed, b: Listed): number {
-  return urgency(a.state) - urgency(b.state) || byId.compare(a.id, b.id);
+  return urgency(a.standing) - urgency(b.standing) || byId.compare(a.id, b.id);
 }
 
-/** How many robots are in each state, worst first; states without robots are left out. */
-export function counts(robots: Iterable<Listed>): [state: RobotState, count: number][] {
-  const found = new Map<RobotState, number>();
-  for (const { state } of robots) found.set(state, (found.get(state) ?? 0) + 1);
+/** How many robots stand how, worst first; what no robot is in is left out. */
+export function counts(robots: Iterable<Listed>): [standing: Standing, count: number][] {
+  const found = new Map<Standing, number>();
+  for (const { standing } of robots) found.set(standing, (found.get(standing) ?? 0) + 1);
   return [...found].sort(([a], [b]) => urgency(a) - urgency(b));
 }
 

@@ -16,11 +16,20 @@ export interface EventMark {
   tone: 'bad' | 'warn' | 'quiet';
 }
 
+/** Lines beside the estimate, in shown units. */
+export interface Levels {
+  /** What was applied, as steps in time. */
+  applied: readonly { t_s: number; value: number | null }[];
+  /** What is proposed; null where nothing is. */
+  proposed: number | null;
+}
+
 /** What a chart asks of its page. */
 export interface PlotHost {
   /** Lowest and highest value now. */
   values(): [number, number];
   marks(): readonly EventMark[];
+  levels(): Levels;
   /** The cursor moved to a time, or left. */
   cursor(t_s: number | null): void;
   /** A stretch of time was cut out with the mouse. */
@@ -74,6 +83,50 @@ function drawMarks(
   ctx.restore();
 }
 
+/** What was applied as a step line, and what is proposed as a dashed one. */
+function drawLevels(plot: uPlot, { applied, proposed }: Levels, colours: LevelColours): void {
+  const { ctx, bbox } = plot;
+  const right = bbox.left + bbox.width;
+  ctx.save();
+  ctx.beginPath();
+  ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+  ctx.clip();
+  ctx.lineWidth = 1.5 * devicePixelRatio;
+  ctx.strokeStyle = colours.applied;
+  ctx.beginPath();
+  let drawing = false;
+  applied.forEach(({ t_s, value }, i) => {
+    if (value === null) {
+      drawing = false;
+      return;
+    }
+    const from = Math.max(bbox.left, plot.valToPos(t_s, 'x', true));
+    const next = applied[i + 1];
+    const to = next ? Math.min(right, plot.valToPos(next.t_s, 'x', true)) : right;
+    const y = plot.valToPos(value, 'y', true);
+    if (drawing) ctx.lineTo(from, y);
+    else ctx.moveTo(from, y);
+    ctx.lineTo(to, y);
+    drawing = true;
+  });
+  ctx.stroke();
+  if (proposed !== null) {
+    const y = plot.valToPos(proposed, 'y', true);
+    ctx.strokeStyle = colours.proposed;
+    ctx.setLineDash([6 * devicePixelRatio, 4 * devicePixelRatio]);
+    ctx.beginPath();
+    ctx.moveTo(bbox.left, y);
+    ctx.lineTo(right, y);
+    ctx.stroke();
+  }
+  ctx.restore();
+}
+
+interface LevelColours {
+  applied: string;
+  proposed: string;
+}
+
 function drawShape(
   ctx: CanvasRenderingContext2D,
   tone: EventMark['tone'],
@@ -110,6 +163,7 @@ export function plot(
 ): uPlot {
   const accent = colour('--accent');
   const colours = { bad: colour('--bad'), warn: colour('--warn'), quiet: colour('--ink-faint') };
+  const levelColours = { applied: colour('--ink'), proposed: colour('--accent') };
   const axis: uPlot.Axis = {
     stroke: colours.quiet,
     font: FONT,
@@ -156,7 +210,10 @@ export function plot(
       drag: { x: true, y: false, setScale: false },
     },
     hooks: {
-      draw: [(u) => drawMarks(u, host.marks(), colours)],
+      draw: [
+        (u) => drawLevels(u, host.levels(), levelColours),
+        (u) => drawMarks(u, host.marks(), colours),
+      ],
       setCursor: [
         (u) => host.cursor(u.cursor.idx == null ? null : (u.data[0][u.cursor.idx] ?? null)),
       ],

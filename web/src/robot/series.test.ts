@@ -92,13 +92,13 @@ describe('live points', () => {
 
 describe('a CSV file', () => {
   it('has SI units in its head and all digits in its rows', () => {
-    const text = csv(series([0], [0.1 + 0.2]), 'steering_offset');
+    const text = csv(series([0], [0.1 + 0.2]), 'steering_offset', [{ t_s: 0, value: 0.25 }]);
     const [head, row] = text.split('\r\n');
     expect(head).toBe(
-      'time_utc,steering_offset_rad,steering_offset_sigma_rad,steering_offset_min_rad,steering_offset_max_rad,status',
+      'time_utc,steering_offset_rad,steering_offset_sigma_rad,steering_offset_min_rad,steering_offset_max_rad,steering_offset_applied_rad,status',
     );
     expect(row).toBe(
-      '1970-01-01T00:00:00.000Z,0.30000000000000004,0.001,0.30000000000000004,0.30000000000000004,learning',
+      '1970-01-01T00:00:00.000Z,0.30000000000000004,0.001,0.30000000000000004,0.30000000000000004,0.25,learning',
     );
   });
 });

@@ -2,6 +2,7 @@
 
 import type { HistoryDocument, HistorySeries, ParameterName, ParameterStatus } from '../api/types';
 import { SHOWN } from '../units/parameters';
+import { appliedAt, type Step } from './applied';
 
 /** One parameter over time, SI units and radians; the arrays are equally long. */
 export interface Series {
@@ -94,8 +95,16 @@ export type Focus = 'all' | 'latest';
 /** The share of the points that `latest` looks at. */
 const LATEST_SHARE = 0.2;
 
-/** Lowest and highest value of the axis, in the shown unit. The band may run out of it. */
-export function axisRange(columns: Columns, smallestSpan: number, focus: Focus): [number, number] {
+/**
+ * Lowest and highest value of the axis, in the shown unit. The band may run out of it; `levels` are
+ * in it where all values are.
+ */
+export function axisRange(
+  columns: Columns,
+  smallestSpan: number,
+  focus: Focus,
+  levels: readonly number[] = [],
+): [number, number] {
   const [, top, bottom, high, low, mean] = columns;
   const begin = focus === 'all' ? 0 : Math.floor(mean.length * (1 - LATEST_SHARE));
   let least = Number.POSITIVE_INFINITY;
@@ -108,6 +117,10 @@ export function axisRange(columns: Columns, smallestSpan: number, focus: Focus):
     least = Math.min(least, bottom.at(-1) ?? least);
     most = Math.max(most, top.at(-1) ?? most);
   }
+  if (focus === 'all') {
+    least = Math.min(least, ...levels);
+    most = Math.max(most, ...levels);
+  }
   if (!(least <= most)) return [-smallestSpan / 2, smallestSpan / 2];
   const span = Math.max((most - least) * 1.16, smallestSpan);
   const middle = (least + most) / 2;
@@ -115,10 +128,11 @@ export function axisRange(columns: Columns, smallestSpan: number, focus: Focus):
 }
 
 /** A CSV file of a series: SI units and radians, all digits, UTC. */
-export function csv(series: Series, name: ParameterName): string {
+export function csv(series: Series, name: ParameterName, applied: readonly Step[] = []): string {
   const { wireUnit } = SHOWN[name];
   const column = (what: string) => `${name}${what}_${wireUnit}`;
-  const head = ['time_utc', column(''), column('_sigma'), column('_min'), column('_max'), 'status'];
+  const head = ['time_utc', column(''), column('_sigma'), column('_min'), column('_max')];
+  head.push(column('_applied'), 'status');
   const rows = series.t_s.map((t_s, i) =>
     [
       new Date(t_s * 1000).toISOString(),
@@ -126,6 +140,7 @@ export function csv(series: Series, name: ParameterName): string {
       series.sigma[i],
       series.min[i],
       series.max[i],
+      appliedAt(applied, t_s) ?? '',
       series.status[i],
     ].join(','),
   );

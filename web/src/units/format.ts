@@ -68,6 +68,21 @@ export function formatAge(age_ms: number, fresh_ms = 3000): string {
   return `${Math.floor(hours / 24)} d ago`;
 }
 
+/** How long from now, in the largest unit that says something. */
+export function formatAhead(ahead_ms: number): string {
+  return `in ${formatSpan(ahead_ms)}`;
+}
+
+/** How long something lasts, in the largest unit that says something. */
+export function formatSpan(span_ms: number): string {
+  const seconds = Math.round(span_ms / 1000);
+  if (seconds < 90) return `${seconds} s`;
+  const minutes = Math.round(seconds / 60);
+  if (minutes < 90) return `${minutes} min`;
+  const hours = Math.round(minutes / 60);
+  return hours < 48 ? `${hours} h` : `${Math.round(hours / 24)} d`;
+}
+
 const clock = new Intl.DateTimeFormat('en-GB', {
   hour: '2-digit',
   minute: '2-digit',

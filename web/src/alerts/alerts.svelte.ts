@@ -1,0 +1,91 @@
+/** Active alerts as all pages see them: read once, then kept up by the event stream. */
+
+import { list, problemOf } from '../api/client';
+import type { Alert, AlertKind } from '../api/types';
+import type { FleetListener } from '../fleet/fleet.svelte';
+
+const REREAD_EVERY_MS = 30_000;
+/** Changes that come together are shown together. */
+const GATHER_MS = 300;
+const ACTIVE_MAX = 5000;
+
+class Alerts {
+  /** Active alerts by their number. */
+  active = $state.raw<ReadonlyMap<number, Alert>>(new Map());
+  loaded = $state<'loading' | 'ready' | 'failed'>('loading');
+  problem = $state('');
+  /** Moves with every change that was told. */
+  changes = $state(0);
+  /** What fires now, by robot. */
+  readonly firing = $derived(firingByRobot(this.active.values()));
+  /** How many fire and nobody has taken on. */
+  readonly open = $derived(
+    [...this.active.values()].filter((alert) => fires(alert) && !alert.acknowledgement).length,
+  );
+  #told = new Map<number, Alert>();
+  #gathering: ReturnType<typeof setTimeout> | undefined;
+
+  /** Hears of changes. */
+  readonly listener: FleetListener = {
+    alert: (alert) => this.take(alert),
+    resync: () => void this.load(),
+  };
+
+  /** Starts reading; returns how to stop. */
+  run(): () => void {
+    void this.load();
+    const timer = setInterval(() => void this.load(), REREAD_EVERY_MS);
+    return () => {
+      clearInterval(timer);
+      clearTimeout(this.#gathering);
+    };
+  }
+
+  /** Reads what is active. */
+  async load(): Promise<void> {
+    try {
+      const found = await list<Alert>('/alerts', { state: 'active' }, ACTIVE_MAX);
+      this.active = new Map(found.map((alert) => [alert.id, alert]));
+      this.loaded = 'ready';
+      this.problem = '';
+    } catch (error) {
+      this.problem = problemOf(error);
+      if (this.loaded === 'loading') this.loaded = 'failed';
+    }
+  }
+
+  /** Takes an alert as it stands now. */
+  take(alert: Alert): void {
+    this.#told.set(alert.id, alert);
+    this.#gathering ??= setTimeout(() => this.#show(), GATHER_MS);
+  }
+
+  #show(): void {
+    this.#gathering = undefined;
+    const active = new Map(this.active);
+    for (const [id, alert] of this.#told) {
+      if (alert.state === 'normal') active.delete(id);
+      else if ((active.get(id)?.version ?? 0) <= alert.version) active.set(id, alert);
+    }
+    this.#told.clear();
+    this.active = active;
+    this.changes++;
+  }
+}
+
+/** Whether what it is about is still so; a pending or recovering alert has not or no longer proven it. */
+export function fires({ state }: Pick<Alert, 'state'>): boolean {
+  return state === 'alerting' || state === 'no_data';
+}
+
+function firingByRobot(alerts: Iterable<Alert>): ReadonlyMap<string, ReadonlySet<AlertKind>> {
+  const found = new Map<string, Set<AlertKind>>();
+  for (const alert of alerts) {
+    if (!fires(alert)) continue;
+    const kinds = found.get(alert.robot) ?? new Set();
+    found.set(alert.robot, kinds.add(alert.kind));
+  }
+  return found;
+}
+
+export const alerts = new Alerts();

@@ -1,0 +1,135 @@
+/** A robot's past week, read when its row comes into view. */
+
+import { get } from '../api/client';
+import type { HistoryDocument, Robot, Tolerance } from '../api/types';
+import { now } from '../ui/time.svelte';
+import { CALIBRATED } from '../units/parameters';
+import { accepted, difference, valueOf } from '../units/values';
+import { robotUrl } from './fleet.svelte';
+
+const WEEK_S = 7 * 86_400;
+/** A robot that is newer than that is shown over this span instead. */
+const YOUNG_S = 3 * 3600;
+const POINTS_MAX = 168;
+const POINTS_MIN = 3;
+/** A week that was read is read again after this long. */
+const FRESH_MS = 10 * 60_000;
+/** A span of minutes moves faster. */
+const FRESH_YOUNG_MS = 30_000;
+/** So many are read at once: a fleet's rows must not keep the page's other requests waiting. */
+const READS_MAX = 2;
+/** Rows this far out of view are read already. */
+const MARGIN = '200px';
+
+export class Week {
+  history = $state.raw<HistoryDocument>();
+  read_ms = 0;
+  asked = false;
+
+  get young(): boolean {
+    const { from, to } = this.history ?? {};
+    return (
+      from !== undefined && to !== undefined && Date.parse(to) - Date.parse(from) < WEEK_S * 500
+    );
+  }
+}
+
+const weeks = new Map<string, Week>();
+const rows = new WeakMap<Element, { week: Week; robot: Robot }>();
+const queue: { week: Week; robot: Robot }[] = [];
+let reads = 0;
+
+/** The week of a robot, which may still have to be read. */
+export function weekOf(id: string): Week {
+  const week = weeks.get(id) ?? new Week();
+  weeks.set(id, week);
+  return week;
+}
+
+async function read(week: Week, robot: Robot): Promise<void> {
+  const end_s = robot.estimate ? robot.estimate.stamp_ns / 1e9 : now.current() / 1000;
+  for (const span_s of [WEEK_S, YOUNG_S]) {
+    const query = new URLSearchParams({
+      parameter: CALIBRATED.join(','),
+      from: new Date((end_s - span_s) * 1000).toISOString(),
+      to: new Date(end_s * 1000).toISOString(),
+      max_points: String(POINTS_MAX),
+    });
+    week.history = (await get<HistoryDocument>(`${robotUrl(robot.id)}/history?${query}`)).body;
+    if (week.history.time.length >= POINTS_MIN) return;
+  }
+}
+
+function work(): void {
+  while (reads < READS_MAX) {
+    const next = queue.shift();
+    if (!next) return;
+    const { week, robot } = next;
+    reads++;
+    read(week, robot)
+      // A row without its week is still a row; it is asked for again when it is seen again.
+      .catch(() => undefined)
+      .finally(() => {
+        reads--;
+        week.asked = false;
+        week.read_ms = Date.now();
+        work();
+      });
+  }
+}
+
+function want(row: { week: Week; robot: Robot }): void {
+  const { week } = row;
+  const fresh_ms = week.young ? FRESH_YOUNG_MS : FRESH_MS;
+  if (week.asked || Date.now() - week.read_ms < fresh_ms) return;
+  week.asked = true;
+  queue.push(row);
+  work();
+}
+
+let observer: IntersectionObserver | undefined;
+
+function observe(element: Element): void {
+  observer ??= new IntersectionObserver(
+    (entries) => {
+      for (const { isIntersecting, target } of entries) {
+        const row = rows.get(target);
+        if (isIntersecting && row) want(row);
+      }
+    },
+    { rootMargin: MARGIN },
+  );
+  observer.observe(element);
+}
+
+/** Has the week of `robot` read while its element is in view. */
+export function whenSeen(element: Element, robot: Robot): { destroy(): void } {
+  rows.set(element, { week: weekOf(robot.id), robot });
+  observe(element);
+  return {
+    destroy: () => observer?.unobserve(element),
+  };
+}
+
+/**
+ * How far each point was from what the robot applies now, in tolerances: of the four values the one
+ * that was furthest. Null where nothing was known.
+ */
+export function deviations(
+  history: Pick<HistoryDocument, 'time' | 'series'>,
+  applied: Robot['calibration']['in_use'],
+  tolerance: Tolerance,
+): (number | null)[] {
+  return history.time.map((_, i) => {
+    let worst: number | null = null;
+    for (const { parameter, mean, status } of history.series) {
+      const name = CALIBRATED.find((one) => one === parameter);
+      const value = mean[i] ?? null;
+      const at = name && valueOf(applied, name);
+      if (!name || at == null || value === null || status[i] !== 'converged') continue;
+      const off = Math.abs(difference(name, at, value)) / accepted(tolerance, name);
+      worst = Math.max(worst ?? 0, off);
+    }
+    return worst;
+  });
+}

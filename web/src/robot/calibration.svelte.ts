@@ -1,0 +1,49 @@
+/** The records of one robot's calibration, as its page shows them. */
+
+import { Reading } from '../api/reading.svelte';
+import type { CrossTrackErrors, DeploymentPage, Shadow } from '../api/types';
+import { fleet, robotUrl } from '../fleet/fleet.svelte';
+
+const REREAD_EVERY_MS = 20_000;
+const GATHER_MS = 250;
+const DEPLOYMENTS_MAX = 100;
+
+export class CalibrationRecords {
+  readonly shadow: Reading<Shadow>;
+  readonly deployments: Reading<DeploymentPage>;
+  readonly crossTrack: Reading<CrossTrackErrors>;
+  #id: string;
+
+  constructor(id: string) {
+    this.#id = id;
+    const path = robotUrl(id);
+    this.shadow = new Reading(() => `${path}/shadow`);
+    this.deployments = new Reading(() => `${path}/deployments?limit=${DEPLOYMENTS_MAX}`);
+    this.crossTrack = new Reading(() => `${path}/cross_track_error`);
+  }
+
+  /** Reads them, and again when something was decided or told; returns how to stop. */
+  run(): () => void {
+    let gathering: ReturnType<typeof setTimeout> | undefined;
+    const later = () => {
+      clearTimeout(gathering);
+      gathering = setTimeout(() => {
+        void this.shadow.load();
+        void this.deployments.load();
+      }, GATHER_MS);
+    };
+    const stops = [
+      this.shadow.run(REREAD_EVERY_MS),
+      this.deployments.run(REREAD_EVERY_MS),
+      this.crossTrack.run(REREAD_EVERY_MS),
+      fleet.listen({
+        approval: (robot) => {
+          if (robot === this.#id) later();
+        },
+        resync: later,
+      }),
+      () => clearTimeout(gathering),
+    ];
+    return () => stops.forEach((stop) => stop());
+  }
+}

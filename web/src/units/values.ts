@@ -1,0 +1,76 @@
+/** The four values of a calibration under the names that parameters have elsewhere. */
+
+import type { ParameterName, Tolerance, Values } from '../api/types';
+import { CALIBRATED } from './parameters';
+
+export type Calibrated = (typeof CALIBRATED)[number];
+
+const KEYS = {
+  steering_offset: 'steering_offset_rad',
+  lidar_x: 'lidar_x_m',
+  lidar_y: 'lidar_y_m',
+  lidar_yaw: 'lidar_yaw_rad',
+  speed_scale: 'speed_scale',
+  wheelbase: 'wheelbase_m',
+  time_offset: 'time_offset_s',
+  steering_gain: 'steering_gain',
+} as const satisfies Record<ParameterName, keyof Values>;
+
+const RAD_PER_DEG = Math.PI / 180;
+
+/** One value, in its wire unit; null where there is none. */
+export function valueOf(values: Values | null | undefined, name: ParameterName): number | null {
+  return values?.[KEYS[name]] ?? null;
+}
+
+/** `to` less `from`; of a heading the short way round. */
+export function difference(name: ParameterName, from: number, to: number): number {
+  const plain = to - from;
+  if (name !== 'lidar_yaw') return plain;
+  return Math.atan2(Math.sin(plain), Math.cos(plain));
+}
+
+/** How much of one value a tolerance accepts, in its wire unit. */
+export function accepted(tolerance: Tolerance, name: Calibrated): number {
+  if (name === 'steering_offset') return tolerance.steering_offset_deg * RAD_PER_DEG;
+  if (name === 'lidar_yaw') return tolerance.lidar_yaw_deg * RAD_PER_DEG;
+  return tolerance.lidar_position_mm / 1000;
+}
+
+/** One value of a calibration beside the one that would take its place. */
+export interface Compared {
+  name: Calibrated;
+  from: number | null;
+  to: number | null;
+  sigma: number | null;
+  change: number | null;
+  /** How many sigmas the change is; null without a sigma. */
+  sigmas: number | null;
+  /** Whether the change is more than the tolerance; false without one. */
+  beyond: boolean;
+}
+
+/** Two calibrations value by value. */
+export function compareValues(
+  from: Values | null | undefined,
+  to: Values | null | undefined,
+  sigmas: Values | null | undefined,
+  tolerance: Tolerance | undefined,
+): Compared[] {
+  return CALIBRATED.map((name) => {
+    const before = valueOf(from, name);
+    const after = valueOf(to, name);
+    const sigma = valueOf(sigmas, name) || null;
+    const change = before === null || after === null ? null : difference(name, before, after);
+    const size = Math.abs(change ?? 0);
+    return {
+      name,
+      from: before,
+      to: after,
+      sigma,
+      change,
+      sigmas: change === null || sigma === null ? null : size / sigma,
+      beyond: tolerance !== undefined && size > accepted(tolerance, name),
+    };
+  });
+}
