@@ -14,7 +14,7 @@ export default defineConfig({
     chunkSizeWarningLimit: 400,
   },
   server: {
-    proxy: { '/api': service, '/healthz': service, '/readyz': service },
+    proxy: { '/api': service, '/healthz': service, '/readyz': service, '/metrics': service },
   },
   test: {
     include: ['src/**/*.test.ts'],

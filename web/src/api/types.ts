@@ -63,3 +63,4 @@ export type WebhookWithSecret = Schemas['WebhookWithSecret'];
 export type WebhookDelivery = Schemas['WebhookDelivery'];
 export type SigningKey = Schemas['SigningKeyDocument'];
 export type Readiness = Schemas['Readiness'];
+export type WebhookDeliveryPage = Schemas['DeliveryPage'];

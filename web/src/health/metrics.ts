@@ -1,0 +1,30 @@
+/** The service's own figures, out of the text that it gives to Prometheus. */
+
+export interface Sample {
+  name: string;
+  labels: Record<string, string>;
+  value: number;
+}
+
+const LINE = /^([a-zA-Z_:][\w:]*)(?:\{(.*)\})? (\S+)/;
+const LABEL = /(\w+)="((?:[^"\\]|\\.)*)"/g;
+
+/** Every sample of the text exposition format; comments and what cannot be read are left out. */
+export function parseMetrics(text: string): Sample[] {
+  return text.split('\n').flatMap((line) => {
+    const [, name, given = '', number] = LINE.exec(line) ?? [];
+    const value = Number(number);
+    if (!name || number === undefined || Number.isNaN(value)) return [];
+    const labels: Record<string, string> = {};
+    for (const [, key, text] of given.matchAll(LABEL)) {
+      if (key && text !== undefined) labels[key] = text.replaceAll(/\\(.)/g, '$1');
+    }
+    return [{ name, labels, value }];
+  });
+}
+
+/** The sum of all samples of a name; null where there are none. */
+export function total(samples: readonly Sample[], name: string): number | null {
+  const found = samples.filter((sample) => sample.name === name);
+  return found.length === 0 ? null : found.reduce((sum, { value }) => sum + value, 0);
+}
