@@ -70,6 +70,20 @@ export function withQuery(url: URL, changes: Record<string, string | null>): str
   return url.pathname + (text === '' ? '' : `?${text}`);
 }
 
+/** A page that is still read replaces its heading within this time. */
+const HEADING_WITHIN_MS = 3_000;
+
+/** Puts the focus on the page's heading, and again on the one that takes its place. */
+function focusHeading(): void {
+  const heading = () => document.querySelector<HTMLElement>('h1');
+  requestAnimationFrame(() => heading()?.focus());
+  const observer = new MutationObserver(() => {
+    if (document.activeElement === document.body) heading()?.focus({ preventScroll: true });
+  });
+  observer.observe(document.body, { childList: true, subtree: true });
+  setTimeout(() => observer.disconnect(), HEADING_WITHIN_MS);
+}
+
 /** Where the reader is. Everything that depends on the address derives from it. */
 class Place {
   url = $state.raw(new URL(globalThis.location?.href ?? 'http://localhost/'));
@@ -84,7 +98,7 @@ class Place {
     this.url = next;
     if (!samePage) {
       scrollTo(0, 0);
-      requestAnimationFrame(() => document.querySelector<HTMLElement>('h1')?.focus());
+      focusHeading();
     }
   }
 
