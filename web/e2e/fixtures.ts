@@ -52,11 +52,14 @@ interface Shared {
    * has set up.
    */
   command: 'demo' | 'serve' | 'unset';
+  /** Tests that change what others look at have a service of their own, by this name. */
+  own: string;
   service: Service;
 }
 
 export const test = base.extend<Given, Shared>({
   command: ['demo', { option: true, scope: 'worker' }],
+  own: ['', { option: true, scope: 'worker' }],
 
   service: [
     async ({ command }, use) => {

@@ -9,12 +9,11 @@ test('the fleet has its six robots, and each is calibrated in time', async ({ pa
   await page.goto('/');
   const rows = page.getByRole('row').filter({ has: page.getByRole('rowheader') });
   await expect(rows).toHaveCount(ROBOTS);
-  await expect(rows.filter({ hasText: 'Calibrated' })).toHaveCount(ROBOTS, {
-    timeout: CALIBRATED_WITHIN_MS,
-  });
   for (const row of await rows.all()) {
-    // Four parameters, each with a value, its sigma and its status in words.
-    await expect(row.getByText('converged')).toHaveCount(4);
+    // Four parameters, each with a value and its sigma, and how far it is off what is applied.
+    await expect(row.getByText(/^\s*[+\u2212]?\d+\.\d+ off\s*$/)).toHaveCount(4, {
+      timeout: CALIBRATED_WITHIN_MS,
+    });
     await expect(row.getByText(/^± \d+\.\d+$/)).toHaveCount(4);
     await expect(row.locator('time')).toHaveText('now');
   }
@@ -29,6 +28,25 @@ test('the page moves without being asked', async ({ page }) => {
     .first();
   const before = await row.innerText();
   await expect.poll(() => row.innerText(), { timeout: 20_000 }).not.toBe(before);
+});
+
+test('the worst come first: who drifts stands before who only learns', async ({ page }) => {
+  test.setTimeout(CALIBRATED_WITHIN_MS + 30_000);
+  await page.goto('/');
+  const states = page.locator('tbody .state');
+  const drifting = page.getByRole('row').filter({ hasText: 'Drift' });
+  await expect(drifting.first()).toBeVisible({ timeout: CALIBRATED_WITHIN_MS });
+  const words = (await states.allInnerTexts()).map((word) => word.trim());
+  const order = ['Drift', 'Waits for approval', 'Being applied', 'Learning', 'Calibrated'];
+  const places = words.map((word) => order.indexOf(word));
+  expect(places).not.toContain(-1);
+  expect(places).toEqual(places.toSorted((a, b) => a - b));
+  const count = page.getByRole('navigation', { name: 'Show robots by state' });
+  await expect(count.getByRole('link', { name: /^Drift/ })).toContainText(/\d/);
+  // What waits for a decision is one click away.
+  await expect(
+    page.getByRole('link', { name: /^a decision on the proposal for/ }).first(),
+  ).toBeVisible({ timeout: CALIBRATED_WITHIN_MS });
 });
 
 test('a filter stands in the address and works from it', async ({ page }) => {

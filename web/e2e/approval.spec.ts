@@ -1,0 +1,189 @@
+import { another, proposal, PROPOSED_WITHIN_MS, tabTo, waiting } from './decisions';
+import { accessible, expect, test } from './fixtures';
+
+test.use({ as: 'approver', own: 'approval' });
+test.describe.configure({ mode: 'serial' });
+test.setTimeout(PROPOSED_WITHIN_MS + 60_000);
+
+const CHANGED = 'Changed since you opened it.';
+
+test('a calibration is approved by keyboard alone', async ({ page }) => {
+  const [first] = await waiting(page.request, 6);
+  if (!first) throw new Error('nothing is proposed');
+  await page.goto('/');
+  await tabTo(page, 'link', /^Approvals/);
+  await page.keyboard.press('Enter');
+  await expect(page.getByRole('heading', { name: 'Approvals' })).toBeFocused();
+  await tabTo(page, 'link', first.robot);
+  await page.keyboard.press('Enter');
+  await expect(
+    page.getByRole('heading', { name: `New calibration for ${first.robot}` }),
+  ).toBeFocused();
+  // Old, new, difference and sigma of each value, and the history around it.
+  await expect(page.getByRole('row').filter({ has: page.getByRole('rowheader') })).toHaveCount(4);
+  await expect(page.getByRole('cell').getByText(/^± \d+\.\d+$/)).toHaveCount(4);
+  await expect(page.getByRole('figure')).toHaveCount(4);
+  await accessible(page);
+  await tabTo(page, 'button', 'Approve');
+  await page.keyboard.press('Enter');
+  await expect(page.getByRole('heading', { name: 'Approved', exact: true })).toBeVisible();
+  expect((await proposal(page.request, first.id)).state).toBe('approved');
+});
+
+test('two browsers race for one approval, and one is told that it changed', async ({
+  page,
+  browser,
+  service,
+  account,
+}) => {
+  const [first] = await waiting(page.request, 1);
+  if (!first) throw new Error('nothing is proposed');
+  const other = await another(browser, service, 'approver2');
+  const pages = [page, other];
+  for (const one of pages) {
+    await one.goto(`/approvals/${first.id}`);
+    await expect(one.getByRole('button', { name: 'Approve' })).toBeEnabled();
+  }
+  const click = (element: HTMLElement) => element.click();
+  await Promise.all(
+    pages.map((one) => one.getByRole('button', { name: 'Approve' }).evaluate(click)),
+  );
+  const decided = (one: typeof page) => one.getByRole('heading', { name: 'Approved', exact: true });
+  for (const one of pages) await expect(decided(one).or(one.getByText(CHANGED))).toBeVisible();
+  const winners = await Promise.all(pages.map((one) => decided(one).isVisible()));
+  const losers = await Promise.all(pages.map((one) => one.getByText(CHANGED).isVisible()));
+  expect(winners.toSorted()).toEqual([false, true]);
+  expect(losers).toEqual(winners.map((won) => !won));
+  const loser = pages[losers.indexOf(true)] ?? page;
+  await accessible(loser);
+  await loser.getByRole('button', { name: 'Show what it is now' }).click();
+  await expect(decided(loser)).toBeVisible();
+  await other.context().close();
+  account.forgive(/status of 412/);
+});
+
+test('a decision that comes too late is told, also to a page that hears nothing', async ({
+  page,
+  browser,
+  service,
+}) => {
+  const [first] = await waiting(page.request, 1);
+  if (!first) throw new Error('nothing is proposed');
+  const deaf = await another(browser, service, 'approver2');
+  await deaf.route('**/api/v1/stream', (route) => route.abort());
+  await deaf.goto(`/approvals/${first.id}`);
+  await expect(deaf.getByRole('button', { name: 'Reject' })).toBeEnabled();
+  await page.goto(`/approvals/${first.id}`);
+  await page.getByRole('button', { name: 'Reject' }).click();
+  await expect(page.getByText('Say why you reject it')).toBeVisible();
+  await page.getByLabel('Reason').fill('Bracket is loose: <b>mend it first</b>');
+  await page.getByRole('button', { name: 'Reject' }).click();
+  await expect(page.getByRole('heading', { name: 'Rejected' })).toBeVisible();
+  await expect(page.getByText('Bracket is loose: <b>mend it first</b>')).toBeVisible();
+
+  await deaf.getByRole('button', { name: 'Approve' }).click();
+  await expect(deaf.getByText(CHANGED)).toBeVisible();
+  await expect(deaf.getByText('It is now: rejected, by approver.')).toBeVisible();
+  expect((await proposal(page.request, first.id)).state).toBe('rejected');
+  await deaf.context().close();
+
+  await page.goto('/approvals?show=decided');
+  await expect(page.getByRole('row').filter({ hasText: 'Bracket is loose' })).toContainText(
+    'Rejected',
+  );
+  await accessible(page);
+});
+
+test('the site-wide stop says why and by whom, on every page', async ({ page }) => {
+  await page.goto('/approvals');
+  await page.getByRole('button', { name: 'Stop all pushes' }).click();
+  const dialog = page.getByRole('dialog');
+  await dialog.getByRole('button', { name: 'Stop all pushes' }).click();
+  await expect(dialog.getByText('Say why')).toBeVisible();
+  await accessible(page);
+  await dialog.getByLabel('Why').fill('Visitors in the hall');
+  await dialog.getByRole('button', { name: 'Stop all pushes' }).click();
+  const banner = page.getByText('Site-wide stop: nothing new goes to robots.');
+  await expect(banner).toBeVisible();
+  await page.goto('/');
+  await expect(banner).toBeVisible();
+  await expect(page.getByRole('main')).toContainText(/Visitors in the hall \(approver, .* UTC\)/);
+  await accessible(page);
+});
+
+test('several are approved at once, and wait for the end of the stop', async ({ page }) => {
+  const proposals = await waiting(page.request, 2);
+  await page.goto('/approvals');
+  await page.getByRole('checkbox', { name: 'Choose all' }).check();
+  await expect(page.getByText(`${proposals.length} chosen`)).toBeVisible();
+  await accessible(page);
+  const approve = page.getByRole('button', { name: `Approve ${proposals.length}` });
+  await approve.first().click();
+  const dialog = page.getByRole('dialog');
+  await dialog.getByLabel('Why').fill('Checked together');
+  await dialog.getByRole('button', { name: /^Approve/ }).click();
+  const count = proposals.length;
+  await expect(page.getByText(`${count} of ${count} approved.`)).toBeVisible();
+  await expect(page.getByText('No robot waits for a decision.')).toBeVisible();
+
+  const robot = proposals[0]?.robot ?? '';
+  await page.goto(`/robots/${robot}`);
+  await expect(page.getByText('(held by the site-wide stop)')).toBeVisible();
+  await page.goto('/approvals');
+  await page.getByRole('button', { name: 'End the site-wide stop' }).click();
+  await page.getByRole('dialog').getByLabel('Why').fill('They are gone');
+  await page.getByRole('dialog').getByRole('button', { name: 'Let pushes go on' }).click();
+  await expect(page.getByText('Site-wide stop')).toBeHidden();
+  await page.goto(`/robots/${robot}`);
+  await expect(
+    page.getByText(/^(Being verified by driving|Verified by driving)$/).first(),
+  ).toBeVisible({ timeout: 60_000 });
+});
+
+test('a calibration is rolled back, with a reason, and stands among the deployments', async ({
+  page,
+}) => {
+  await page.goto('/approvals?show=decided');
+  const row = page.getByRole('row').filter({ hasText: 'Checked together' }).first();
+  await row.getByRole('link').click();
+  await page.getByRole('link', { name: "The robot's page", exact: true }).click();
+  await expect(page.getByRole('figure')).toHaveCount(4);
+  await expect(page.getByRole('figure').first()).toContainText('applied');
+  await page.getByRole('button', { name: 'Roll back' }).click();
+  const dialog = page.getByRole('dialog');
+  await accessible(page);
+  await dialog.getByLabel('Why').fill('It pulls to the left');
+  await dialog.getByRole('button', { name: 'Roll back' }).click();
+  await expect(dialog).toBeHidden();
+  await expect(page.getByText('Former values are back').first()).toBeVisible({ timeout: 60_000 });
+  await expect(page.getByText('It pulls to the left').first()).toBeVisible();
+  await expect(page.getByText('generation 2').first()).toBeVisible();
+});
+
+test.describe('an operator', () => {
+  test.use({ as: 'operator' });
+
+  test('proposes and withdraws, and cannot approve', async ({ page }) => {
+    const answer = await page.request.get('/api/v1/robots?limit=100');
+    const { items } = (await answer.json()) as {
+      items: { id: string; calibration: { proposal: number | null; deployment: string | null } }[];
+    };
+    const over = ['verified', 'rolled_back', null];
+    const free = items.find(
+      ({ calibration }) => calibration.proposal === null && over.includes(calibration.deployment),
+    );
+    if (!free) throw new Error('no robot is free for a proposal');
+    await page.goto(`/robots/${free.id}`);
+    await page.getByRole('button', { name: 'Propose the estimate' }).click();
+    await page.getByRole('dialog').getByLabel('Why').fill('Measured by hand');
+    await page.getByRole('dialog').getByRole('button', { name: 'Propose' }).click();
+    await expect(
+      page.getByRole('heading', { name: `New calibration for ${free.id}` }),
+    ).toBeVisible();
+    await expect(page.getByText('An approver decides on this.')).toBeVisible();
+    await expect(page.getByRole('button', { name: 'Approve' })).toHaveCount(0);
+    await page.getByLabel('Reason').fill('Wrong robot');
+    await page.getByRole('button', { name: 'Withdraw' }).click();
+    await expect(page.getByRole('heading', { name: 'Withdrawn' })).toBeVisible();
+  });
+});

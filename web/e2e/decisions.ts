@@ -1,0 +1,55 @@
+/** What tests of the life cycle ask of the service beside the browser. */
+
+import { expect, type APIRequestContext, type Browser, type Page } from '@playwright/test';
+import type { Service } from './binary';
+
+/** The demo's robots are known, and something is proposed for each, this long after its start. */
+export const PROPOSED_WITHIN_MS = 120_000;
+
+export interface Proposal {
+  id: number;
+  robot: string;
+  version: number;
+  state: string;
+  revision: { sha256: string };
+}
+
+/** The proposals that wait, once there are `least` of them. */
+export async function waiting(request: APIRequestContext, least: number): Promise<Proposal[]> {
+  let items: Proposal[] = [];
+  await expect
+    .poll(
+      async () => {
+        const answer = await request.get('/api/v1/proposals?state=proposed&limit=100');
+        ({ items } = (await answer.json()) as { items: Proposal[] });
+        return items.length;
+      },
+      { timeout: PROPOSED_WITHIN_MS },
+    )
+    .toBeGreaterThanOrEqual(least);
+  return items;
+}
+
+/** A proposal as it stands now. */
+export async function proposal(request: APIRequestContext, id: number): Promise<Proposal> {
+  const answer = await request.get(`/api/v1/proposals/${id}`);
+  return (await answer.json()) as Proposal;
+}
+
+/** A second person's browser at the same service. */
+export async function another(browser: Browser, service: Service, name: string): Promise<Page> {
+  const storageState = await service.signedIn(name);
+  const context = await browser.newContext({ baseURL: service.url, storageState });
+  return context.newPage();
+}
+
+/** Presses Tab until `wanted` has the focus: what a mouse can reach, keys must reach too. */
+export async function tabTo(page: Page, role: 'link' | 'button', name: string | RegExp) {
+  const wanted = page.getByRole(role, { name }).first();
+  await expect(wanted).toBeVisible();
+  for (let presses = 0; presses < 80; presses++) {
+    if (await wanted.evaluate((element) => element === document.activeElement)) return;
+    await page.keyboard.press('Tab');
+  }
+  throw new Error(`80 presses of Tab did not reach the ${role} ${name}`);
+}

@@ -1,0 +1,141 @@
+import { once } from 'node:events';
+import { readFile } from 'node:fs/promises';
+import { createServer, type IncomingMessage } from 'node:http';
+import type { AddressInfo } from 'node:net';
+import { PROPOSED_WITHIN_MS, waiting } from './decisions';
+import { accessible, expect, test } from './fixtures';
+
+test.use({ as: 'admin' });
+
+test('an alert is taken on, with who, when and what for', async ({ page }) => {
+  test.setTimeout(PROPOSED_WITHIN_MS);
+  await page.goto('/alerts');
+  const alert = page.getByRole('listitem').filter({ hasText: 'Nobody has taken it on.' }).first();
+  await expect(alert).toContainText('Drift', { timeout: 60_000 });
+  const robot = (await alert.getByRole('link').innerText()).trim();
+  await alert.getByRole('button', { name: `Acknowledge the alert of ${robot}` }).click();
+  await page.getByRole('dialog').getByLabel('What you are going to do').fill('Look at its mount');
+  await page.getByRole('button', { name: 'I take it on' }).click();
+  const taken = page.getByRole('listitem').filter({ hasText: 'Look at its mount' });
+  await expect(taken.first()).toContainText(/admin has taken it on, \d\d \w+ \d{4}, .* UTC/);
+  await taken.first().getByText('How it went').click();
+  await expect(taken.first()).toContainText(/pending: .*taken on by admin/i);
+  await accessible(page);
+});
+
+test('the audit is filtered in the address and comes as a file', async ({ page }) => {
+  await page.goto('/audit');
+  const rows = page.getByRole('row').filter({ hasText: 'What changed' });
+  await expect(rows.filter({ hasText: 'session.sign_in' }).first()).toBeVisible();
+  await page.getByLabel('Action').fill('session.sign_in');
+  await page.getByLabel('Action').press('Enter');
+  await expect(page).toHaveURL(/action=session.sign_in/);
+  await expect(rows.filter({ hasText: 'user.create' })).toHaveCount(0);
+  await expect(rows.first()).toContainText('session.sign_in');
+  await rows.first().getByText('What changed').click();
+  await expect(rows.first()).toContainText('role');
+  await accessible(page);
+
+  for (const [format, first] of [
+    ['CSV', /^id,time,actor,/],
+    ['NDJSON', /^\{"id":/],
+  ] as const) {
+    const download = page.waitForEvent('download');
+    await page.getByRole('link', { name: `Download ${format}`, exact: true }).click();
+    const text = await readFile(await (await download).path(), 'utf8');
+    expect(text).toMatch(first);
+    expect(text).toContain('session.sign_in');
+    expect(text).not.toContain('user.create');
+  }
+});
+
+test('a user is made, changed and removed', async ({ page }) => {
+  await page.goto('/settings/users');
+  const row = page.getByRole('row').filter({ hasText: 'zoe_17' });
+  await page.getByLabel('Name').fill('zoe_17');
+  await page.getByLabel('First password').fill('too short');
+  await page.getByRole('button', { name: 'Make user' }).click();
+  await expect(page.getByRole('alert').filter({ hasText: '9 characters' })).toBeVisible();
+  await page.getByLabel('First password').fill('long enough for all');
+  await page.getByRole('button', { name: 'Make user' }).click();
+  await expect(page.getByText('zoe_17 can sign in now.')).toBeVisible();
+  await page.getByLabel('Role of zoe_17').selectOption('operator');
+  await row.getByRole('button', { name: 'Disable zoe_17' }).click();
+  await expect(row).toContainText('no, disabled');
+  await accessible(page);
+  await row.getByRole('button', { name: 'Remove zoe_17' }).click();
+  await page.getByRole('dialog').getByRole('button', { name: 'Remove' }).click();
+  await expect(row).toHaveCount(0);
+});
+
+test('a token is shown once, counts, and is revoked', async ({ page, playwright, service }) => {
+  await page.goto('/settings/tokens');
+  await page.getByLabel('Name').fill('wall display');
+  await page.getByRole('button', { name: 'Make token' }).click();
+  const secret = page.getByText(/^cal_\S+$/);
+  const value = await secret.innerText();
+  await accessible(page);
+  const tool = await playwright.request.newContext({
+    baseURL: service.url,
+    extraHTTPHeaders: { authorization: `Bearer ${value}` },
+  });
+  expect((await tool.get('/api/v1/robots')).status()).toBe(200);
+  await page.reload();
+  const row = page.getByRole('row').filter({ hasText: 'wall display' });
+  await expect(row).toContainText('Counts');
+  await expect(secret).toHaveCount(0);
+  await row.getByRole('button', { name: 'Revoke wall display' }).click();
+  await page.getByRole('dialog').getByRole('button', { name: 'Revoke' }).click();
+  await expect(row).toContainText('Revoked');
+  expect((await tool.get('/api/v1/robots')).status()).toBe(401);
+  await tool.dispose();
+});
+
+test('a webhook is told, and its log says so', async ({ page }) => {
+  test.setTimeout(PROPOSED_WITHIN_MS + 60_000);
+  const told: IncomingMessage['headers'][] = [];
+  const receiver = createServer((request, response) => {
+    told.push(request.headers);
+    request.resume();
+    response.end();
+  }).listen(0, '127.0.0.1');
+  await once(receiver, 'listening');
+  const { port } = receiver.address() as AddressInfo;
+  const url = `http://127.0.0.1:${port}/hook`;
+  try {
+    await page.goto('/settings/webhooks');
+    await page.getByLabel('Address').fill(url);
+    await page.getByRole('button', { name: 'Make webhook' }).click();
+    await expect(page.getByText(/^whsec_\S+$/)).toBeVisible();
+    await page.getByRole('button', { name: 'I have kept it' }).click();
+    const [first] = await waiting(page.request, 1);
+    const made = await page.request.post('/api/v1/proposals', {
+      headers: { 'idempotency-key': 'webhook-test' },
+      data: { robot: first?.robot, reason: 'to see whether it is told' },
+    });
+    expect(made.status()).toBe(201);
+    await expect.poll(() => told.length, { timeout: 20_000 }).toBeGreaterThan(0);
+    expect(told[0]?.['webhook-signature']).toMatch(/^v1,/);
+    const hook = page.getByRole('heading', { name: url }).locator('..').locator('..');
+    await hook.getByText('What it was told').click();
+    await expect(
+      hook.getByRole('row').filter({ hasText: 'proposals that wait' }).first(),
+    ).toContainText(/Taken.*200/);
+    await accessible(page);
+    await hook.getByRole('button', { name: `Remove ${url}` }).click();
+    await page.getByRole('dialog').getByRole('button', { name: 'Remove' }).click();
+    await expect(page.getByText('Nobody is told of anything yet.')).toBeVisible();
+  } finally {
+    receiver.close();
+  }
+});
+
+test('the service says how it is', async ({ page }) => {
+  await page.goto('/health');
+  await expect(page.getByText('The service does its work')).toBeVisible();
+  const fact = (term: string) => page.locator('dl > div').filter({ hasText: term });
+  await expect(fact('Zenoh session is open')).toContainText('yes');
+  await expect(fact('Messages received')).toContainText(/\d+ a second/, { timeout: 15_000 });
+  await expect(fact('Rows lost by the database')).toContainText('0');
+  await expect(fact('Memory')).toContainText(/\d+ MiB/);
+});
