@@ -105,6 +105,16 @@ bench: rust ## Benchmarks of the estimator's stages
 false-alarms: rust ## 3,000 simulated robot-hours without a change at the real threshold: under an hour
 	$(CARGO) run --release --locked -p fleetcal-estimator --example false_alarms -- campaign 3000
 
+.PHONY: evaluation
+evaluation: rust ## The paper's evaluation and more: writes docs/evaluation.md, half an hour on two cores
+	$(CARGO) build --release --locked -p fleetcal --bin fleetcal
+	$(CARGO) build --release --locked -p fleetcal-evaluation
+	FLEETCAL_BIN=$(abspath $(BIN)) $(dir $(BIN))fleetcal-evaluation --out docs --commit "$$(git describe --always --dirty --exclude '*')"
+
+.PHONY: evaluation-quick
+evaluation-quick: rust ## The same with a few seeds, under three minutes: writes target/evaluation
+	$(CARGO) run --release --locked -p fleetcal-evaluation -- --quick --out target/evaluation
+
 .PHONY: load
 load: build ## 50 robots at once: prints the CPU time per robot-second
 	FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked -p fleetcal-tests --test load -- --nocapture

@@ -1,0 +1,202 @@
+//! A simulated robot driven past a calibrator.
+
+use std::sync::Arc;
+
+use fleetcal_estimator::calibrator::CalibratorConfig;
+use fleetcal_estimator::estimate::Change;
+use fleetcal_estimator::geometry::{Pose2, wrap_angle_rad};
+use fleetcal_estimator::stream::{FieldRefused, SweepShape};
+use fleetcal_estimator::{
+    Calibrator, DriveSample, Effect, Estimate, Event, LidarPose, Parameter, Stamp, Sweep,
+};
+use fleetcal_robot::simulator::{
+    Emitted, Pose2 as TruePose, SimulatedMessage, Simulation, SimulationConfig, TrueParameters,
+};
+use nalgebra::{Matrix3, Matrix4, Vector4};
+
+use crate::error::EvaluationError;
+
+/// The four parameters of the paper.
+pub const FOUR: [Parameter; 4] = [
+    Parameter::LidarX,
+    Parameter::LidarY,
+    Parameter::LidarYaw,
+    Parameter::SteeringOffset,
+];
+
+/// A robot as it is, and what its calibrator is told of it.
+#[derive(Debug, Clone)]
+pub struct Robot {
+    /// As it is.
+    pub simulation: SimulationConfig,
+    /// As it is known.
+    pub calibrator: CalibratorConfig,
+}
+
+/// What came of a drive.
+#[derive(Debug, Clone)]
+pub struct Driven {
+    /// The calibrator at the end.
+    pub calibrator: Calibrator,
+    /// Every estimate, with the true parameters of its time.
+    pub estimates: Vec<(Estimate, TrueParameters)>,
+    /// Changes and faults that were flagged.
+    pub changes: Vec<Change>,
+}
+
+/// Something that happens on a drive, as an onlooker sees it.
+#[derive(Debug, Clone, Copy)]
+pub enum Seen<'a> {
+    /// A message, with the truth behind it and, if the estimator takes it, what it takes.
+    Message(&'a Emitted, Option<&'a Event>),
+    /// An estimate.
+    Estimate(&'a Estimate),
+}
+
+/// Drives a robot past its calibrator.
+///
+/// # Errors
+/// Names the setting or message that is refused.
+pub fn drive(robot: Robot, duration_s: f64) -> Result<Driven, EvaluationError> {
+    drive_watched(robot, duration_s, |_, _, _| {})
+}
+
+/// The same while somebody looks on, who is told the time (s) and may change what the robot applies.
+///
+/// # Errors
+/// Names the setting or message that is refused.
+pub fn drive_watched(
+    robot: Robot,
+    duration_s: f64,
+    mut watch: impl FnMut(f64, Seen, &mut Simulation),
+) -> Result<Driven, EvaluationError> {
+    let start_ns = robot.simulation.start_stamp_ns;
+    let mut simulation = Simulation::new(robot.simulation)?;
+    let mut calibrator = Calibrator::new(robot.calibrator);
+    let (mut estimates, mut changes) = (Vec::new(), Vec::new());
+    loop {
+        let emitted = simulation.advance();
+        let time_s = (emitted.sent_ns - start_ns) as f64 * 1e-9;
+        if time_s > duration_s {
+            break;
+        }
+        let event = event_of(&emitted.message)?;
+        watch(
+            time_s,
+            Seen::Message(&emitted, event.as_ref()),
+            &mut simulation,
+        );
+        for effect in event.into_iter().flat_map(|event| calibrator.step(event)) {
+            match effect {
+                Effect::Estimate(estimate) => {
+                    watch(time_s, Seen::Estimate(&estimate), &mut simulation);
+                    estimates.push((*estimate, simulation.parameters()));
+                }
+                Effect::Change(change) => changes.push(*change),
+                Effect::Dropped(_) | Effect::SessionStarted(_) => {}
+            }
+        }
+    }
+    Ok(Driven {
+        calibrator,
+        estimates,
+        changes,
+    })
+}
+
+/// A simulated message as the estimator takes it.
+///
+/// # Errors
+/// Names the field that is refused.
+pub fn event_of(message: &SimulatedMessage) -> Result<Option<Event>, FieldRefused> {
+    Ok(match message {
+        SimulatedMessage::Drive(drive) => Some(Event::Drive(DriveSample::new(
+            Stamp(drive.stamp_ns),
+            drive.speed_mps,
+            drive.steering_rad,
+        )?)),
+        SimulatedMessage::Sweep(sweep) => {
+            let shape = SweepShape {
+                angle_min_rad: sweep.angle_min_rad,
+                angle_increment_rad: sweep.angle_increment_rad,
+                time_increment_s: sweep.time_increment_s,
+                range_min_m: sweep.range_min_m,
+                range_max_m: sweep.range_max_m,
+            };
+            let ranges_m: Arc<[f32]> = sweep.ranges_m.as_slice().into();
+            let sweep = Sweep::new(Stamp(sweep.stamp_ns), shape, ranges_m)?;
+            Some(Event::Sweep(sweep))
+        }
+        SimulatedMessage::LidarPose(pose) => {
+            let covariance = pose.covariance.map(|rows| {
+                let [[xx, xy, xt], [yx, yy, yt], [tx, ty, tt]] = rows;
+                Matrix3::new(xx, xy, xt, yx, yy, yt, tx, ty, tt)
+            });
+            let stamp = Stamp(pose.stamp_ns);
+            let pose = LidarPose::new(stamp, estimators_pose(&pose.pose), covariance)?;
+            Some(Event::LidarPose(pose))
+        }
+        SimulatedMessage::CrossTrackError(_) => None,
+    })
+}
+
+/// A pose of the simulator as the estimator writes it.
+pub fn estimators_pose(pose: &TruePose) -> Pose2 {
+    Pose2::new(pose.x_m, pose.y_m, pose.yaw_rad)
+}
+
+/// A pose of the estimator as the simulator writes it.
+pub fn simulators_pose(pose: &Pose2) -> TruePose {
+    TruePose::new(pose.x_m, pose.y_m, pose.yaw_rad)
+}
+
+/// The true value of a parameter.
+pub fn truth_of(parameter: Parameter, truth: &TrueParameters) -> f64 {
+    match parameter {
+        Parameter::SteeringOffset => truth.steering_offset_rad,
+        Parameter::LidarX => truth.lidar_in_base.x_m,
+        Parameter::LidarY => truth.lidar_in_base.y_m,
+        Parameter::LidarYaw => truth.lidar_in_base.yaw_rad,
+        Parameter::SpeedScale => truth.speed_scale,
+        Parameter::Wheelbase => truth.wheelbase_m,
+        Parameter::TimeOffset => truth.time_offset_s,
+        Parameter::SteeringGain => truth.steering_gain,
+    }
+}
+
+/// Error of a value of a parameter, the yaw the short way round.
+pub fn error_of(parameter: Parameter, value: f64, truth: &TrueParameters) -> f64 {
+    let error = value - truth_of(parameter, truth);
+    match parameter {
+        Parameter::LidarYaw => wrap_angle_rad(error),
+        _ => error,
+    }
+}
+
+/// The mount of an estimate.
+pub fn mount_of(estimate: &Estimate) -> Pose2 {
+    Pose2::new(
+        estimate.parameter(Parameter::LidarX).value,
+        estimate.parameter(Parameter::LidarY).value,
+        estimate.parameter(Parameter::LidarYaw).value,
+    )
+}
+
+/// Normalised estimation error squared of the four, 4 degrees of freedom: by the filter's covariance
+/// and what averaging cannot take away. `None` before the filter has started.
+pub fn nees(calibrator: &Calibrator, truth: &TrueParameters) -> Option<f64> {
+    let filter = calibrator.filter()?;
+    let covariance = filter.parameter_covariance();
+    let systematic = &calibrator.config().settings.systematic_sigma;
+    let four = Matrix4::from_fn(|row, column| {
+        let (a, b) = (FOUR[row], FOUR[column]);
+        let more = if row == column {
+            systematic.get(a).powi(2)
+        } else {
+            0.0
+        };
+        covariance[(a.index(), b.index())] + more
+    });
+    let error = Vector4::from_fn(|i, _| error_of(FOUR[i], filter.value(FOUR[i]), truth));
+    Some(error.dot(&four.cholesky()?.solve(&error)))
+}

@@ -1,0 +1,45 @@
+//! How much is driven: the whole evaluation, or a small one that shows the same in two minutes.
+
+/// How many seeds, and for how long.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Extent {
+    /// Name in the report.
+    pub name: &'static str,
+    /// Seeds of each case: 1 to this.
+    pub seeds: u64,
+    /// Length of a calibration run, s.
+    pub calibration_s: f64,
+    /// Length of a run whose path following is measured, s.
+    pub tracking_s: f64,
+    /// Length of a run of odometry, m.
+    pub odometry_m: f64,
+    /// Length of a stretch in closed loop, s.
+    pub loop_stretch_s: f64,
+}
+
+impl Extent {
+    /// What is committed.
+    pub const FULL: Self = Self {
+        name: "full",
+        seeds: 20,
+        calibration_s: 180.0,
+        tracking_s: 120.0,
+        odometry_m: 300.0,
+        loop_stretch_s: 120.0,
+    };
+
+    /// The same studies in less than three minutes.
+    pub const QUICK: Self = Self {
+        name: "quick",
+        seeds: 4,
+        calibration_s: 150.0,
+        tracking_s: 60.0,
+        odometry_m: 300.0,
+        loop_stretch_s: 60.0,
+    };
+
+    /// The seeds of a case.
+    pub fn seeds(&self) -> Vec<u64> {
+        (1..=self.seeds).collect()
+    }
+}

@@ -1,0 +1,170 @@
+//! What a study has to say: words, tables, figures, and the figures it is held to.
+
+mod markdown;
+
+use std::fs;
+use std::path::Path;
+
+use crate::error::EvaluationError;
+
+/// A table. The first column is left-aligned, the others right-aligned.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Table {
+    header: Vec<String>,
+    rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    /// A table without rows.
+    pub fn new(header: &[&str]) -> Self {
+        Self {
+            header: header.iter().map(|&name| name.to_owned()).collect(),
+            rows: Vec::new(),
+        }
+    }
+
+    /// Adds a row.
+    pub fn row(&mut self, cells: impl IntoIterator<Item = impl Into<String>>) {
+        self.rows.push(cells.into_iter().map(Into::into).collect());
+    }
+}
+
+/// A drawn figure.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Figure {
+    /// Name of its file, without ending.
+    pub name: &'static str,
+    /// What it shows, in a sentence.
+    pub caption: String,
+    /// The drawing.
+    pub svg: String,
+}
+
+/// A piece of a section.
+#[derive(Debug, Clone, PartialEq)]
+enum Block {
+    Words(String),
+    Table(Table),
+    Figure(Figure),
+}
+
+/// A number that the project is held to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Claim {
+    /// What is measured.
+    pub what: String,
+    /// What it has to be.
+    pub bound: String,
+    /// What it is.
+    pub seen: String,
+    /// Whether it is.
+    pub holds: bool,
+}
+
+/// One study.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Section {
+    /// Its heading.
+    pub heading: String,
+    blocks: Vec<Block>,
+    /// What it is held to.
+    pub claims: Vec<Claim>,
+}
+
+impl Section {
+    /// A study without content yet.
+    pub fn new(heading: &str) -> Self {
+        Self {
+            heading: heading.to_owned(),
+            blocks: Vec::new(),
+            claims: Vec::new(),
+        }
+    }
+
+    /// Adds a paragraph.
+    pub fn words(&mut self, words: impl Into<String>) {
+        self.blocks.push(Block::Words(words.into()));
+    }
+
+    /// Adds a table.
+    pub fn table(&mut self, table: Table) {
+        self.blocks.push(Block::Table(table));
+    }
+
+    /// Adds a figure.
+    pub fn figure(&mut self, figure: Figure) {
+        self.blocks.push(Block::Figure(figure));
+    }
+
+    /// Holds the study to a number that must not be above a bound; `show` writes both.
+    pub fn at_most(&mut self, what: &str, seen: f64, bound: f64, show: impl Fn(f64) -> String) {
+        self.claims.push(Claim {
+            what: what.to_owned(),
+            bound: format!("at most {}", show(bound)),
+            seen: show(seen),
+            holds: seen <= bound,
+        });
+    }
+
+    /// Holds the study to a number that must not be below a bound.
+    pub fn at_least(&mut self, what: &str, seen: f64, bound: f64, show: impl Fn(f64) -> String) {
+        self.claims.push(Claim {
+            what: what.to_owned(),
+            bound: format!("at least {}", show(bound)),
+            seen: show(seen),
+            holds: seen >= bound,
+        });
+    }
+
+    fn figures(&self) -> impl Iterator<Item = &Figure> {
+        self.blocks.iter().filter_map(|block| match block {
+            Block::Figure(figure) => Some(figure),
+            Block::Words(_) | Block::Table(_) => None,
+        })
+    }
+}
+
+/// All studies, and what they were made of.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Report {
+    /// Source that was run: a commit.
+    pub commit: String,
+    /// Command that makes it again.
+    pub command: String,
+    /// What was simulated, in words.
+    pub extent: String,
+    /// The studies.
+    pub sections: Vec<Section>,
+}
+
+impl Report {
+    /// Claims that do not hold.
+    pub fn short_of(&self) -> Vec<&Claim> {
+        let claims = self.sections.iter().flat_map(|section| &section.claims);
+        claims.filter(|claim| !claim.holds).collect()
+    }
+
+    /// Writes `evaluation.md` into a folder, and its figures into `evaluation/` beside it.
+    ///
+    /// # Errors
+    /// Names the file that cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<(), EvaluationError> {
+        let figures = folder.join("evaluation");
+        fs::create_dir_all(&figures).map_err(|source| EvaluationError::Written {
+            path: figures.clone(),
+            source,
+        })?;
+        write_file(&folder.join("evaluation.md"), &markdown::page(self))?;
+        for figure in self.sections.iter().flat_map(Section::figures) {
+            write_file(&figures.join(format!("{}.svg", figure.name)), &figure.svg)?;
+        }
+        Ok(())
+    }
+}
+
+fn write_file(path: &Path, text: &str) -> Result<(), EvaluationError> {
+    fs::write(path, text).map_err(|source| EvaluationError::Written {
+        path: path.to_owned(),
+        source,
+    })
+}
