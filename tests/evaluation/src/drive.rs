@@ -1,5 +1,6 @@
 //! A simulated robot driven past a calibrator.
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
@@ -49,8 +50,8 @@ pub struct Driven {
 pub enum Seen<'a> {
     /// A message, with the truth behind it and, if the estimator takes it, what it takes.
     Message(&'a Emitted, Option<&'a Event>),
-    /// An estimate.
-    Estimate(&'a Estimate),
+    /// An estimate, with the calibrator that made it.
+    Estimate(&'a Estimate, &'a Calibrator),
 }
 
 /// Drives a robot past its calibrator.
@@ -58,17 +59,18 @@ pub enum Seen<'a> {
 /// # Errors
 /// Names the setting or message that is refused.
 pub fn drive(robot: Robot, duration_s: f64) -> Result<Driven, EvaluationError> {
-    drive_watched(robot, duration_s, |_, _, _| {})
+    drive_watched(robot, duration_s, |_, _, _| ControlFlow::Continue(()))
 }
 
-/// The same while somebody looks on, who is told the time (s) and may change what the robot applies.
+/// The same while somebody looks on, who is told the time (s), may change what the robot
+/// applies, and may end the drive.
 ///
 /// # Errors
 /// Names the setting or message that is refused.
 pub fn drive_watched(
     robot: Robot,
     duration_s: f64,
-    mut watch: impl FnMut(f64, Seen, &mut Simulation),
+    mut watch: impl FnMut(f64, Seen, &mut Simulation) -> ControlFlow<()>,
 ) -> Result<Driven, EvaluationError> {
     let start_ns = robot.simulation.start_stamp_ns;
     let mut simulation = Simulation::new(robot.simulation)?;
@@ -81,20 +83,25 @@ pub fn drive_watched(
             break;
         }
         let event = event_of(&emitted.message)?;
-        watch(
-            time_s,
-            Seen::Message(&emitted, event.as_ref()),
-            &mut simulation,
-        );
-        for effect in event.into_iter().flat_map(|event| calibrator.step(event)) {
+        let message = Seen::Message(&emitted, event.as_ref());
+        if watch(time_s, message, &mut simulation).is_break() {
+            break;
+        }
+        let effects = event.map(|event| calibrator.step(event));
+        let mut ends = false;
+        for effect in effects.into_iter().flatten() {
             match effect {
                 Effect::Estimate(estimate) => {
-                    watch(time_s, Seen::Estimate(&estimate), &mut simulation);
+                    let seen = Seen::Estimate(&estimate, &calibrator);
+                    ends |= watch(time_s, seen, &mut simulation).is_break();
                     estimates.push((*estimate, simulation.parameters()));
                 }
                 Effect::Change(change) => changes.push(*change),
                 Effect::Dropped(_) | Effect::SessionStarted(_) => {}
             }
+        }
+        if ends {
+            break;
         }
     }
     Ok(Driven {
@@ -102,6 +109,52 @@ pub fn drive_watched(
         estimates,
         changes,
     })
+}
+
+/// True cross-track errors (m, left positive, ten a second) of a robot that follows its route by
+/// what it has applied, from one time to another (s). It calibrates nothing.
+///
+/// # Errors
+/// Names the setting that is refused.
+pub fn cross_track_errors(
+    config: SimulationConfig,
+    from_s: f64,
+    to_s: f64,
+) -> Result<Vec<f64>, EvaluationError> {
+    let start_ns = config.start_stamp_ns;
+    let mut simulation = Simulation::new(config)?;
+    let mut errors = CrossTrack::default();
+    loop {
+        let emitted = simulation.advance();
+        let time_s = (emitted.sent_ns - start_ns) as f64 * 1e-9;
+        if time_s > to_s {
+            return Ok(errors.values_m);
+        }
+        if time_s >= from_s {
+            errors.see(&emitted);
+        }
+    }
+}
+
+/// True cross-track errors, one of ten drive messages.
+#[derive(Debug, Clone, Default)]
+pub struct CrossTrack {
+    /// The errors, m, left positive.
+    pub values_m: Vec<f64>,
+    messages: usize,
+}
+
+impl CrossTrack {
+    /// Looks at a message.
+    pub fn see(&mut self, emitted: &Emitted) {
+        if let SimulatedMessage::Drive(_) = emitted.message {
+            if self.messages.is_multiple_of(10) {
+                self.values_m
+                    .push(emitted.truth_when_sent.cross_track_error_m);
+            }
+            self.messages += 1;
+        }
+    }
 }
 
 /// A simulated message as the estimator takes it.

@@ -22,7 +22,7 @@ impl Extent {
     pub const FULL: Self = Self {
         name: "full",
         seeds: 20,
-        calibration_s: 180.0,
+        calibration_s: 240.0,
         tracking_s: 120.0,
         odometry_m: 300.0,
         loop_stretch_s: 120.0,
@@ -31,7 +31,7 @@ impl Extent {
     /// The same studies in less than three minutes.
     pub const QUICK: Self = Self {
         name: "quick",
-        seeds: 4,
+        seeds: 3,
         calibration_s: 150.0,
         tracking_s: 60.0,
         odometry_m: 300.0,

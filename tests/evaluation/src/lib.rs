@@ -6,6 +6,8 @@ pub mod drive;
 pub mod error;
 pub mod extent;
 pub mod paper;
+pub mod paper_filter;
+pub mod path;
 pub mod plot;
 pub mod report;
 pub mod robots;
@@ -23,10 +25,13 @@ type Study = (
 );
 
 /// All studies, in the report's order.
-const STUDIES: [Study; 3] = [
+const STUDIES: [Study; 6] = [
     ("convergence", study::convergence::study),
     ("second_platform", study::second_platform::study),
     ("induced", study::induced::study),
+    ("cross_track", study::cross_track::study),
+    ("odometry", study::odometry::study),
+    ("beside_paper", study::beside_paper::study),
 ];
 
 /// Runs all studies, or those whose names are given, and tells each one's name as it begins.

@@ -43,7 +43,7 @@ pub fn tugger(seed: u64, lidar_in_base: TruePose, steering_offset_deg: f64) -> R
 /// The tugger under a load of 500 kg: its tyres give way in bends and its wheels slip more.
 pub fn laden(mut robot: Robot) -> Robot {
     robot.simulation.vehicle.slip = Slip {
-        longitudinal_sigma: 0.005,
+        longitudinal_sigma: 0.003,
         lateral_rad_per_mps2: 0.002,
     };
     robot

@@ -1,6 +1,9 @@
 //! The studies, each a section of the report.
 
+pub mod beside_paper;
 pub mod cases;
 pub mod convergence;
+pub mod cross_track;
 pub mod induced;
+pub mod odometry;
 pub mod second_platform;
