@@ -2,6 +2,7 @@
 //! now, by the filter's own equations.
 
 pub mod manoeuvre;
+pub mod ranking;
 
 use nalgebra::Vector3;
 
@@ -20,6 +21,8 @@ const WINDOW_READINGS: usize = 12;
 const WINDOW_SIGMA: [f64; 3] = [0.003, 0.003, 0.000_7];
 /// A manoeuvre is worth asking for when it takes this share of a parameter's doubt away.
 const WORTH_SHARE: f64 = 0.1;
+/// Way that a manoeuvre costs before it begins, m: short ones are not free.
+const APPROACH_M: f64 = 5.0;
 
 /// A manoeuvre with what it would add.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,6 +31,8 @@ pub struct Advice {
     pub manoeuvre: Manoeuvre,
     /// Standard deviations afterwards, in the order of [`Parameter::ALL`].
     pub sigma_after: Values,
+    /// Their whole covariance.
+    pub covariance_after: ParameterCovariance,
 }
 
 /// What is known of the robot that is to be advised.
@@ -48,10 +53,11 @@ pub fn advise(knowledge: &Knowledge) -> Vec<Advice> {
     library(knowledge.vehicle)
         .into_iter()
         .filter_map(|manoeuvre| {
-            let sigma_after = sigma_after(&manoeuvre, knowledge)?;
+            let covariance_after = covariance_after(&manoeuvre, knowledge)?;
             Some(Advice {
+                sigma_after: Values::from_fn(|i, _| covariance_after[(i, i)].sqrt()),
+                covariance_after,
                 manoeuvre,
-                sigma_after,
             })
         })
         .collect()
@@ -62,7 +68,7 @@ pub fn advise(knowledge: &Knowledge) -> Vec<Advice> {
 pub fn best_for(parameter: Parameter, sigma_now: f64, advice: &[Advice]) -> Option<&Advice> {
     let gain = |advice: &Advice| {
         let share = advice.sigma_after[parameter.index()] / sigma_now;
-        (-share.ln()) / (5.0 + advice.manoeuvre.distance_m())
+        (-share.ln()) / (APPROACH_M + advice.manoeuvre.distance_m())
     };
     advice
         .iter()
@@ -71,7 +77,7 @@ pub fn best_for(parameter: Parameter, sigma_now: f64, advice: &[Advice]) -> Opti
 }
 
 /// `P_after = (P^-1 + sum J' S^-1 J)^-1` over the manoeuvre's windows.
-fn sigma_after(manoeuvre: &Manoeuvre, knowledge: &Knowledge) -> Option<Values> {
+fn covariance_after(manoeuvre: &Manoeuvre, knowledge: &Knowledge) -> Option<ParameterCovariance> {
     let mut information = inverse(knowledge)?;
     let parameters = drive_parameters(knowledge.values);
     let mount = lidar_in_base(knowledge.values);
@@ -95,8 +101,7 @@ fn sigma_after(manoeuvre: &Manoeuvre, knowledge: &Knowledge) -> Option<Values> {
         let weighted = jacobian.transpose() * covariance.cholesky()?.inverse();
         information += weighted * jacobian;
     }
-    let after = information.cholesky()?.inverse();
-    Some(Values::from_fn(|i, _| after[(i, i)].sqrt()))
+    Some(information.cholesky()?.inverse())
 }
 
 /// Information of what is known now. What is not estimated stays as it is.

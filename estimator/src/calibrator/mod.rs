@@ -16,6 +16,7 @@ use comparison::{Comparison, Occasion};
 use drift::Baseline;
 use session::Session;
 
+use crate::advice::ranking::{Floor, Ranked, rank};
 use crate::advice::{Advice, Knowledge, advise};
 use crate::change::ChangeWatch;
 use crate::drive_history::DriveHistory;
@@ -154,11 +155,20 @@ impl Calibrator {
 
     /// Every manoeuvre of the library with what it would add for this robot now.
     pub fn advice(&self) -> Vec<Advice> {
+        self.with_knowledge(advise)
+    }
+
+    /// What the robot should drive next: the manoeuvres that fit on the floor, the best first.
+    pub fn next_manoeuvres(&self, floor: Option<Floor>) -> Vec<Ranked> {
+        self.with_knowledge(|knowledge| rank(knowledge, floor))
+    }
+
+    fn with_knowledge<T>(&self, of: impl FnOnce(&Knowledge) -> T) -> T {
         let (values, covariance) = match self.filter() {
             Some(filter) => (*filter.values(), filter.parameter_covariance()),
             None => (self.prior.values, self.prior.covariance),
         };
-        advise(&Knowledge {
+        of(&Knowledge {
             vehicle: &self.config.vehicle,
             values: &values,
             covariance: &covariance,
