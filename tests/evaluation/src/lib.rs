@@ -11,6 +11,7 @@ pub mod path;
 pub mod plot;
 pub mod report;
 pub mod robots;
+pub mod scripted;
 pub mod statistics;
 pub mod study;
 
@@ -25,12 +26,13 @@ type Study = (
 );
 
 /// All studies, in the report's order.
-const STUDIES: [Study; 6] = [
+const STUDIES: [Study; 7] = [
     ("convergence", study::convergence::study),
     ("second_platform", study::second_platform::study),
     ("induced", study::induced::study),
     ("cross_track", study::cross_track::study),
     ("odometry", study::odometry::study),
+    ("observability", study::observability::study),
     ("beside_paper", study::beside_paper::study),
 ];
 

@@ -5,5 +5,6 @@ pub mod cases;
 pub mod convergence;
 pub mod cross_track;
 pub mod induced;
+pub mod observability;
 pub mod odometry;
 pub mod second_platform;
