@@ -167,7 +167,7 @@ fn files_say_what_they_hold_and_stay_readable() {
     let nameless = [
         "util", "utils", "helper", "helpers", "common", "misc", "manager",
     ];
-    for folder in ["proto", "estimator", "robot", "service"] {
+    for folder in ["proto", "estimator", "robot", "service", "tests/evaluation"] {
         for path in sources(&root().join(folder).join("src")) {
             let stem = path.file_stem().unwrap().to_string_lossy().into_owned();
             assert!(

@@ -31,7 +31,7 @@ impl Extent {
     /// The same studies in less than three minutes.
     pub const QUICK: Self = Self {
         name: "quick",
-        seeds: 3,
+        seeds: 2,
         calibration_s: 150.0,
         tracking_s: 60.0,
         odometry_m: 300.0,

@@ -18,6 +18,7 @@ pub mod study;
 use error::EvaluationError;
 use extent::Extent;
 use report::{Report, Section};
+use study::recording::Source;
 
 /// One study: its name, and what runs it.
 type Study = (
@@ -25,42 +26,60 @@ type Study = (
     fn(&Extent) -> Result<Section, EvaluationError>,
 );
 
-/// All studies, in the report's order.
-const STUDIES: [Study; 7] = [
+/// All studies but that of the recording, in the report's order.
+const STUDIES: [Study; 10] = [
     ("convergence", study::convergence::study),
     ("second_platform", study::second_platform::study),
     ("induced", study::induced::study),
     ("cross_track", study::cross_track::study),
     ("odometry", study::odometry::study),
+    ("closed_loop", study::closed_loop::study),
+    ("extrinsics", study::extrinsics::study),
+    ("refinement", study::refinement::study),
     ("observability", study::observability::study),
     ("beside_paper", study::beside_paper::study),
 ];
 
-/// Runs all studies, or those whose names are given, and tells each one's name as it begins.
-///
-/// # Errors
-/// Whatever a study ends with.
-pub fn evaluate(
-    extent: &Extent,
-    only: &[String],
-    commit: &str,
-    command: &str,
-    mut tell: impl FnMut(&str),
-) -> Result<Report, EvaluationError> {
-    let mut sections = Vec::new();
-    for (name, study) in STUDIES {
-        if only.is_empty() || only.iter().any(|wanted| wanted == name) {
+/// What is evaluated, and how the report names it.
+#[derive(Debug, Clone)]
+pub struct Evaluation {
+    /// How much is driven.
+    pub extent: Extent,
+    /// Names of the studies; all of them when empty.
+    pub only: Vec<String>,
+    /// Where the recording and the command that reads it are.
+    pub source: Source,
+    /// The commit that is evaluated.
+    pub commit: String,
+    /// The command that makes the report again.
+    pub command: &'static str,
+}
+
+impl Evaluation {
+    /// Runs the studies, and tells each one's name as it begins.
+    ///
+    /// # Errors
+    /// Whatever a study ends with.
+    pub fn run(&self, mut tell: impl FnMut(&str)) -> Result<Report, EvaluationError> {
+        let wanted = |name: &str| self.only.is_empty() || self.only.iter().any(|one| one == name);
+        let mut sections = Vec::new();
+        for (name, study) in STUDIES.into_iter().filter(|(name, _)| wanted(name)) {
             tell(name);
-            sections.push(study(extent)?);
+            sections.push(study(&self.extent)?);
         }
+        if wanted("recording") {
+            tell("recording");
+            sections.push(study::recording::study(&self.source)?);
+        }
+        Ok(Report {
+            commit: self.commit.clone(),
+            command: self.command.to_owned(),
+            extent: format!(
+                "The {} evaluation: seeds 1 to {} of every case, unless a study says otherwise; equal \
+                 seeds give equal numbers.",
+                self.extent.name, self.extent.seeds
+            ),
+            sections,
+        })
     }
-    Ok(Report {
-        commit: commit.to_owned(),
-        command: command.to_owned(),
-        extent: format!(
-            "The {} evaluation: seeds 1 to {} of every case unless a study says otherwise.",
-            extent.name, extent.seeds
-        ),
-        sections,
-    })
 }

@@ -4,8 +4,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use fleetcal_evaluation::evaluate;
+use fleetcal_evaluation::Evaluation;
 use fleetcal_evaluation::extent::Extent;
+use fleetcal_evaluation::study::recording::Source;
 
 /// Runs the evaluation: exit status 1 when a figure falls short of what it has to be.
 #[derive(Debug, Parser)]
@@ -31,14 +32,20 @@ fn main() -> ExitCode {
     } else {
         (Extent::FULL, "make evaluation")
     };
-    let report = evaluate(
-        &extent,
-        &arguments.studies,
-        &arguments.commit,
+    let folder = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
+    let evaluation = Evaluation {
+        extent,
+        only: arguments.studies,
+        source: Source {
+            recordings: folder("FLEETCAL_DATA").map(PathBuf::from),
+            fleetcal: folder("FLEETCAL_BIN").map(PathBuf::from),
+        },
+        commit: arguments.commit,
         command,
-        |study| eprintln!("{study} …"),
-    )
-    .and_then(|report| report.write(&arguments.out).map(|()| report));
+    };
+    let report = evaluation
+        .run(|study| eprintln!("{study} …"))
+        .and_then(|report| report.write(&arguments.out).map(|()| report));
     match report {
         Ok(report) => {
             for claim in report.short_of() {

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use fleetcal_estimator::Parameter;
-use fleetcal_robot::simulator::{Applied, LocalisationNoise, SimulationConfig};
+use fleetcal_robot::simulator::{Applied, SimulationConfig};
 use rayon::prelude::*;
 
 use super::cases::last;
@@ -15,16 +15,11 @@ use crate::extent::Extent;
 use crate::paper::{RUN_SETS, RunSet};
 use crate::plot::{BLUE_LINE, GREEN_LINE, GREY_LINE, ORANGE_LINE, Panel, Points, Series, figure};
 use crate::report::{Section, Table};
-use crate::robots::{mount, tugger, with_lidar_poses};
+use crate::robots::{WAREHOUSE_LOCALISATION, mount, tugger, with_lidar_poses};
 use crate::statistics::{largest, quantile_of_size, rms};
 
 /// The robot's first moments on its route are left out, s.
 pub const SETTLED_S: f64 = 10.0;
-/// How well the robot knows where its LiDAR is: 1 cm and 0.3°, anew ten times a second.
-const LOCALISATION: LocalisationNoise = LocalisationNoise {
-    position_sigma_m: 0.01,
-    yaw_sigma_rad: 0.3 / 180.0 * std::f64::consts::PI,
-};
 /// Names of a set's runs.
 const RUNS: [&str; 5] = [
     "calibration run",
@@ -139,7 +134,7 @@ fn one_seed(
     let [x_m, y_m, yaw_deg, offset_deg] = set.calibrated;
     let mut robot = tugger(seed, mount(x_m, y_m, yaw_deg), offset_deg);
     robot.simulation.applied.lidar_in_base = robot.simulation.vehicle.lidar_in_base;
-    robot.simulation.localisation = LOCALISATION;
+    robot.simulation.localisation = WAREHOUSE_LOCALISATION;
     let truth = robot.simulation.vehicle.parameters();
     let driver = with_lidar_poses(robot.clone()).simulation;
     let (calibration, found) = calibration_run(extent, robot, seed)?;

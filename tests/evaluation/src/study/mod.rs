@@ -2,9 +2,13 @@
 
 pub mod beside_paper;
 pub mod cases;
+pub mod closed_loop;
 pub mod convergence;
 pub mod cross_track;
+pub mod extrinsics;
 pub mod induced;
 pub mod observability;
 pub mod odometry;
+pub mod recording;
+pub mod refinement;
 pub mod second_platform;

@@ -1,31 +1,27 @@
 //! Study 6e: the paper's own filter beside ours on the same data.
 
+mod rows;
+
 use std::ops::ControlFlow;
 
 use fleetcal_estimator::geometry::Pose2;
 use fleetcal_estimator::vehicle::Drive;
 use fleetcal_estimator::{DriveSample, Event, LidarOdometry, Stamp};
-use fleetcal_robot::simulator::{Change, ScheduledChange, Slip, TrueParameters};
+use fleetcal_robot::simulator::TrueParameters;
 use nalgebra::{Matrix4, Vector4};
 use rayon::prelude::*;
 
+use rows::{Row, rows};
+
 use super::cases::last;
-use crate::drive::{FOUR, Robot, Seen, drive_watched, error_of, nees};
+use crate::drive::{FOUR, Seen, drive_watched, error_of, nees};
 use crate::error::EvaluationError;
 use crate::extent::Extent;
 use crate::paper_filter::{Equations, PaperFilter, Start, Tuning};
 use crate::report::{Section, Table};
-use crate::robots::{NANO_CAD, TUGGER_CAD, laden, mount, nano, tugger};
 use crate::statistics::{mean, rms};
 
 const STUDY: &str = "beside the paper's filter";
-
-/// One row: a robot, and where both filters start (`None`: from nothing).
-struct Row {
-    name: &'static str,
-    nominal: Option<Pose2>,
-    robot: fn(u64, f64) -> Robot,
-}
 
 /// Errors of the four (m, m, rad, rad) and their normalised square.
 #[derive(Debug, Clone, Copy)]
@@ -146,91 +142,6 @@ fn compared(extent: &Extent, row: &Row) -> Result<Vec<Compared>, EvaluationError
     let seeds = extent.seeds();
     let each = |&seed: &u64| compare(extent, row, seed);
     seeds.par_iter().map(each).collect()
-}
-
-fn rows() -> Vec<Row> {
-    vec![
-        Row {
-            name: "a robot without anything its model leaves out, from CAD",
-            nominal: Some(TUGGER_CAD),
-            robot: ideal,
-        },
-        Row {
-            name: "the same from zero",
-            nominal: None,
-            robot: ideal,
-        },
-        Row {
-            name: "unladen tugger, from CAD",
-            nominal: Some(TUGGER_CAD),
-            robot: unladen,
-        },
-        Row {
-            name: "laden tugger, from CAD",
-            nominal: Some(TUGGER_CAD),
-            robot: |seed, _| laden(unladen(seed, 0.0)),
-        },
-        Row {
-            name: "induced −9°, from CAD",
-            nominal: Some(TUGGER_CAD),
-            robot: |seed, _| tugger(seed, mount(0.43, 0.0046, 0.72), -9.0),
-        },
-        Row {
-            name: "nano, from CAD",
-            nominal: Some(NANO_CAD),
-            robot: |seed, _| nano(seed, mount(0.2597, 0.0101, -1.29), -1.11),
-        },
-        Row {
-            name: "LiDAR knocked by 20 mm and 1°",
-            nominal: Some(TUGGER_CAD),
-            robot: knocked,
-        },
-        Row {
-            name: "steering zero jumps by 2°",
-            nominal: Some(TUGGER_CAD),
-            robot: jumped,
-        },
-        Row {
-            name: "LiDAR that looks backwards, from zero",
-            nominal: None,
-            robot: backwards,
-        },
-    ]
-}
-
-/// The paper's assumptions hold: no slip, no late stream, wheels as configured.
-fn ideal(seed: u64, half_s: f64) -> Robot {
-    let mut robot = unladen(seed, half_s);
-    let vehicle = &mut robot.simulation.vehicle;
-    vehicle.speed_scale = 1.0;
-    vehicle.time_offset_s = 0.0;
-    vehicle.slip = Slip::default();
-    robot
-}
-
-fn unladen(seed: u64, _: f64) -> Robot {
-    tugger(seed, mount(0.43, 0.0046, 0.72), 0.92)
-}
-
-/// It localises well, but nobody tells the calibrator where its LiDAR is.
-fn backwards(seed: u64, _: f64) -> Robot {
-    let mut robot = tugger(seed, mount(-0.3, 0.2, 170.0), 0.92);
-    robot.simulation.applied.lidar_in_base = robot.simulation.vehicle.lidar_in_base;
-    robot
-}
-
-fn knocked(seed: u64, half_s: f64) -> Robot {
-    changed(seed, half_s, Change::Mount(mount(0.02, 0.0, 1.0)))
-}
-
-fn jumped(seed: u64, half_s: f64) -> Robot {
-    changed(seed, half_s, Change::SteeringOffset(2f64.to_radians()))
-}
-
-fn changed(seed: u64, at_s: f64, change: Change) -> Robot {
-    let mut robot = unladen(seed, at_s);
-    robot.simulation.changes = vec![ScheduledChange { at_s, change }];
-    robot
 }
 
 /// Every combination of three noises of the drive, two of the LiDAR and four random walks.
