@@ -6,6 +6,7 @@ pub mod closed_loop;
 pub mod convergence;
 pub mod cross_track;
 pub mod extrinsics;
+pub mod first_choice;
 pub mod induced;
 pub mod observability;
 pub mod odometry;

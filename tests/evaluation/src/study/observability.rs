@@ -8,6 +8,7 @@ use fleetcal_estimator::vehicle::DriveParameters;
 use fleetcal_estimator::{Parameter, Vehicle, VehicleModel};
 use rayon::prelude::*;
 
+use super::first_choice;
 use crate::drive::estimators_pose;
 use crate::error::EvaluationError;
 use crate::extent::Extent;
@@ -82,6 +83,7 @@ pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
         least = least.min(proof(extent, past, names, &mut table)?);
     }
     section.table(table);
+    first_choice::add(extent, &mut section)?;
     section.at_least(
         "information for each metre of the advisor's first choice, of the best there was",
         least,
