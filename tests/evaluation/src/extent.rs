@@ -7,7 +7,9 @@ pub struct Extent {
     pub name: &'static str,
     /// Seeds of each case: 1 to this.
     pub seeds: u64,
-    /// Length of a calibration run, s.
+    /// Length of the runs whose convergence is looked at, s.
+    pub convergence_s: f64,
+    /// Length of any other calibration run, s.
     pub calibration_s: f64,
     /// Length of a run whose path following is measured, s.
     pub tracking_s: f64,
@@ -22,6 +24,7 @@ impl Extent {
     pub const FULL: Self = Self {
         name: "full",
         seeds: 20,
+        convergence_s: 300.0,
         calibration_s: 240.0,
         tracking_s: 120.0,
         odometry_m: 300.0,
@@ -32,6 +35,7 @@ impl Extent {
     pub const QUICK: Self = Self {
         name: "quick",
         seeds: 2,
+        convergence_s: 150.0,
         calibration_s: 150.0,
         tracking_s: 60.0,
         odometry_m: 300.0,

@@ -178,6 +178,30 @@ fn inside(points: &Points, panel: &Panel) -> Vec<Points> {
     let pieces = points.split(|point| !is_inside(*point, panel));
     pieces
         .filter(|piece| piece.len() > 1)
-        .map(<[_]>::to_vec)
+        .map(|piece| without_flat_runs(piece, panel))
         .collect()
+}
+
+/// Leaves out the points between which a curve stays inside half a pixel: files stay small.
+fn without_flat_runs(piece: &[(f64, f64)], panel: &Panel) -> Points {
+    let half_pixel = 0.5 * (panel.y.end - panel.y.start) / f64::from(PANEL.1);
+    let width = (panel.x.end - panel.x.start) / f64::from(PANEL.0);
+    let mut kept: Points = Vec::new();
+    let last = piece.len().saturating_sub(1);
+    for (n, point) in piece.iter().enumerate() {
+        let flat = kept.last().is_some_and(|(x, y)| {
+            let near = (point.1 - y).abs() < half_pixel;
+            near && point.0 >= *x && point.0 - x < 20.0 * width
+        });
+        if !flat || n == 0 || n == last {
+            // Where a run ends, its end is a corner.
+            if let Some(before) = piece.get(n.wrapping_sub(1))
+                && kept.last() != Some(before)
+            {
+                kept.push(*before);
+            }
+            kept.push(*point);
+        }
+    }
+    kept
 }

@@ -234,7 +234,8 @@ fn panels(sets: &[Tracked]) -> Vec<Panel> {
     rows.flat_map(|(run, colour)| {
         sets.iter().enumerate().map(move |(set, tracked)| {
             let [.., offset_deg] = tracked.set.calibrated;
-            let bars = histogram(&tracked.pooled_m(run));
+            let mut bars = histogram(&tracked.pooled_m(run));
+            bars.retain(|(_, _, share)| *share > 0.0);
             let perfect = histogram(&tracked.pooled_m(PERFECT));
             let outline: Points = perfect
                 .iter()

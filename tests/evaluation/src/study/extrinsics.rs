@@ -107,8 +107,8 @@ pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
     )?);
     section.words(
         "CAD leaves a centimetre and most of a degree (the paper's own tables), which multiplies the \
-         error by two to ten. What is left after a calibration (studies 1 to 3: at most 2 mm and \
-         0.003°) is far below the smallest rows.",
+         error by two to ten. What is left after a calibration (studies 1 to 3: some 2 mm and \
+         0.003° at worst) is below the smallest rows.",
     );
     Ok(section)
 }
