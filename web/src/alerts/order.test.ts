@@ -14,7 +14,7 @@ describe('alerts', () => {
       alert(3, 'drift', 'recovering'),
       alert(4, 'drift', 'alerting'),
     ].toSorted(bySeverity);
-    expect(found.map(({ id }) => id)).toEqual([3, 4, 1, 2]);
+    expect(found.map(({ id }) => id)).toEqual([4, 1, 3, 2]);
   });
 
   it('fire while what they are about is so, or while nobody can tell', () => {

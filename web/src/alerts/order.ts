@@ -1,12 +1,20 @@
-/** The order of alerts: what fires before what may, then the worst, then the longest. */
+/** The order of alerts: what fires, then what recovers or may fire; the worst, then the longest. */
 
-import type { Alert } from '../api/types';
+import type { Alert, AlertState } from '../api/types';
 import { KINDS } from './words';
 
 const WORST_FIRST = Object.keys(KINDS);
 
+const BY_STATE: Record<AlertState, number> = {
+  alerting: 0,
+  no_data: 0,
+  recovering: 1,
+  pending: 2,
+  normal: 3,
+};
+
 export function bySeverity(a: Alert, b: Alert): number {
-  const pending = Number(a.state === 'pending') - Number(b.state === 'pending');
+  const state = BY_STATE[a.state] - BY_STATE[b.state];
   const kind = WORST_FIRST.indexOf(a.kind) - WORST_FIRST.indexOf(b.kind);
-  return pending || kind || a.began.localeCompare(b.began) || a.id - b.id;
+  return state || kind || a.began.localeCompare(b.began) || a.id - b.id;
 }
