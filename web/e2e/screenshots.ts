@@ -46,7 +46,7 @@ test('the main pages', async ({ page, browser, service }) => {
   await page.getByRole('link', { name: first?.robot ?? '', exact: true }).click();
   await page.setViewportSize({ width: 1440, height: 1560 });
   await expect(page.getByText('Verified by driving').first()).toBeVisible();
-  await expect(page.getByText(/^after: generation 1$/)).toBeVisible();
+  await expect(page.getByText('after: generation 1')).toBeVisible();
   await page.mouse.move(0, 0);
   await page.screenshot(path('robot'));
 
