@@ -133,7 +133,7 @@ test('several are approved at once, and wait for the end of the stop', async ({ 
   await page.getByRole('button', { name: 'End the site-wide stop' }).click();
   await page.getByRole('dialog').getByLabel('Why').fill('They are gone');
   await page.getByRole('dialog').getByRole('button', { name: 'Let pushes go on' }).click();
-  await expect(page.getByText('Site-wide stop')).toBeHidden();
+  await expect(page.getByText('Site-wide stop: nothing new goes to robots.')).toBeHidden();
   await page.goto(`/robots/${robot}`);
   await expect(
     page.getByText(/^(Being verified by driving|Verified by driving)$/).first(),
