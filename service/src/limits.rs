@@ -88,6 +88,9 @@ pub const SESSION_ENDS_AFTER: Duration = Duration::from_secs(10);
 pub const SESSION_ENDS_AFTER_TOKEN: Duration = Duration::from_millis(500);
 /// Message time between two checkpoints of an estimator.
 pub const CHECKPOINT_EVERY_S: f64 = 10.0;
+
+/// How often a robot's next manoeuvres are ranked, s of message time.
+pub const ADVICE_EVERY_S: f64 = 5.0;
 /// Times an estimator is restarted after a panic before its robot is left alone.
 pub const ESTIMATOR_RESTARTS_MAX: u32 = 10;
 

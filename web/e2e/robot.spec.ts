@@ -33,6 +33,18 @@ test('four charts have data, and the same numbers as a table', async ({ page }) 
   }
 });
 
+test('it says what the robot should drive next', async ({ page }) => {
+  const panel = page.locator('section').filter({
+    has: page.getByRole('heading', { name: 'What to drive next' }),
+  });
+  const rows = panel.getByRole('row');
+  // The heading of the table, and the best three.
+  await expect(rows).toHaveCount(4);
+  await expect(rows.nth(1)).toContainText(/\d+ m?.*× \d/);
+  await panel.getByRole('button', { name: /^Show all \d+/ }).click();
+  expect(await rows.count()).toBeGreaterThan(4);
+});
+
 test('charts are live', async ({ page }) => {
   const slider = page.getByRole('slider').first();
   const points = async () => Number(await slider.getAttribute('aria-valuemax'));

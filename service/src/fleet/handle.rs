@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, PoisonError, RwLock};
 use std::time::Duration;
 
+use fleetcal_estimator::advice::ranking::Ranked;
 use fleetcal_estimator::{Calibrator, Effect, EstimatorSettings, Event};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::encoding::{Encoding, Form};
@@ -327,6 +328,12 @@ impl FleetHandle {
     pub fn cross_tracks(&self, id: &RobotId) -> BTreeMap<u64, CrossTrack> {
         let robot = self.fleet.find(id.as_str());
         robot.map(|robot| robot.cross_tracks()).unwrap_or_default()
+    }
+
+    /// What a robot should drive next, the best first; empty while it has sent nothing.
+    pub fn manoeuvres(&self, id: &RobotId) -> Arc<[Ranked]> {
+        let robot = self.fleet.find(id.as_str());
+        robot.map_or_else(|| Arc::from([]), |robot| robot.manoeuvres())
     }
 
     /// Live updates from now on. A listener that lags more than [`limits::LIVE_UPDATES_MAX`]

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use fleetcal_estimator::advice::ranking::Ranked;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::estimate::EstimateDocument;
@@ -71,6 +72,8 @@ struct Status {
     estimator_restarts: u32,
     used: Used,
     fresh: Option<(u64, Arc<EstimateDocument>)>,
+    /// What it should drive next, the best first.
+    manoeuvres: Arc<[Ranked]>,
 }
 
 /// What a robot compensates with, as far as it has said.
@@ -128,6 +131,7 @@ impl Robot {
                 estimator_restarts: 0,
                 used: Used::default(),
                 fresh: None,
+                manoeuvres: Arc::from([]),
             }),
             cross_tracks: Mutex::default(),
         }
@@ -249,6 +253,7 @@ impl Robot {
         status.config_version += 1;
         status.state = RobotState::NoData;
         status.estimate = None;
+        status.manoeuvres = Arc::from([]);
         status.config.replace(config)
     }
 
@@ -260,6 +265,16 @@ impl Robot {
     /// Takes a new estimate.
     pub fn set_estimate(&self, estimate: Arc<EstimateDocument>) {
         lock(&self.status).estimate = Some(estimate);
+    }
+
+    /// Takes what the robot should drive next, the best first.
+    pub fn set_manoeuvres(&self, ranked: Vec<Ranked>) {
+        lock(&self.status).manoeuvres = Arc::from(ranked);
+    }
+
+    /// What the robot should drive next, the best first.
+    pub fn manoeuvres(&self) -> Arc<[Ranked]> {
+        Arc::clone(&lock(&self.status).manoeuvres)
     }
 
     /// Takes what the robot compensates with.

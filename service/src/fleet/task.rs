@@ -18,7 +18,7 @@ use crate::fleet::mailbox::{Item, Message, Outcome};
 use crate::fleet::robot::Robot;
 use crate::fleet::trial::Trial;
 use crate::fleet::view::{HistoryEvent, LiveUpdate, RobotState, ServiceEvent, ServiceEventKind};
-use crate::limits::{CHECKPOINT_EVERY_S, ESTIMATOR_RESTARTS_MAX};
+use crate::limits::{ADVICE_EVERY_S, CHECKPOINT_EVERY_S, ESTIMATOR_RESTARTS_MAX};
 
 /// The parameters that have to be known for a robot to be called calibrated.
 const CALIBRATED: [ParameterName; 4] = [
@@ -81,6 +81,8 @@ struct RobotTask {
     /// The last state that was stored, to go on from after a panic.
     last_good: Option<Checkpoint>,
     checkpointed: Option<Stamp>,
+    /// When the manoeuvres were ranked last.
+    advised: Option<Stamp>,
     newest: Stamp,
     /// Whether a change was seen and the new values are not known yet.
     changed: bool,
@@ -111,6 +113,7 @@ impl RobotTask {
             engine: Engine::Running(Box::new(calibrator)),
             last_good,
             checkpointed: None,
+            advised: None,
             newest: Stamp(0),
             changed: false,
             trial: None,
@@ -190,17 +193,28 @@ impl RobotTask {
             return Outcome::Refused("the robot's estimator is stopped after a fault".to_owned());
         }
         self.newest = self.newest.max(stamp);
-        let due = self
-            .checkpointed
-            .is_none_or(|last| stamp.seconds_since(last) >= CHECKPOINT_EVERY_S || stamp < last);
-        if due {
+        let due = |last: Option<Stamp>, every_s: f64| {
+            last.is_none_or(|last| stamp.seconds_since(last) >= every_s || stamp < last)
+        };
+        if due(self.checkpointed, CHECKPOINT_EVERY_S) {
             self.checkpointed = Some(stamp);
             self.save_checkpoint();
+        }
+        if due(self.advised, ADVICE_EVERY_S) {
+            self.advised = Some(stamp);
+            self.advise();
         }
         if self.robot.state() == RobotState::NoData {
             self.robot.set_state(RobotState::Learning);
         }
         Outcome::Processed { stamp_ns: stamp.0 }
+    }
+
+    /// Ranks what the robot should drive next.
+    fn advise(&self) {
+        if let Engine::Running(calibrator) = &self.engine {
+            self.robot.set_manoeuvres(calibrator.next_manoeuvres(None));
+        }
     }
 
     /// What the sensor measured, where the robot takes off what it compensates with.

@@ -45,6 +45,7 @@ export type Deployment = Schemas['Deployment'];
 export type DeploymentPage = Schemas['DeploymentPage'];
 export type DeploymentState = Schemas['DeploymentState'];
 export type CrossTrackErrors = Schemas['CrossTrackErrors'];
+export type Manoeuvres = Schemas['Manoeuvres'];
 export type CrossTrackItem = Schemas['CrossTrackItem'];
 
 export type Alert = Schemas['Alert'];

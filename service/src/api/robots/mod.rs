@@ -7,6 +7,7 @@ mod estimate;
 mod events;
 mod history;
 mod list;
+mod manoeuvres;
 mod registration;
 
 use utoipa_axum::router::OpenApiRouter;
@@ -26,5 +27,6 @@ pub(super) fn routes() -> OpenApiRouter<ApiState> {
         .routes(routes!(estimate::get_estimate))
         .routes(routes!(history::get_history))
         .routes(routes!(cross_track::get_cross_track_error))
+        .routes(routes!(manoeuvres::get_manoeuvres))
         .routes(routes!(events::list_events, events::post_event))
 }

@@ -1,11 +1,15 @@
 //! `/robots` and what is below it.
 
+use std::time::Duration;
+
 use axum::body::Body;
+use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::estimate::EstimateDocument;
 use insta::assert_snapshot;
 use serde_json::json;
 
 use super::*;
+use crate::fleet::Stream;
 
 const CONFIG: &str = r#"{"model": "tricycle", "wheelbase_m": 1.55, "drive": "raw"}"#;
 
@@ -68,6 +72,45 @@ async fn the_list_is_paged_sorted_and_filtered() {
         3
     );
     assert!(ids(&bench.get("/api/v1/robots?state=failed").await.json()).is_empty());
+}
+
+#[tokio::test]
+async fn a_robot_that_has_sent_something_is_told_what_to_drive_next() {
+    let bench = bench(&["a"]).await;
+    let path = "/api/v1/robots/a/manoeuvres";
+    let names = async |query: &str| -> Vec<String> {
+        let found = bench.get(&format!("{path}{query}")).await.json();
+        let items = found["items"].as_array().unwrap();
+        let name = |item: &Value| item["name"].as_str().unwrap().to_owned();
+        items.iter().map(name).collect()
+    };
+    assert!(names("").await.is_empty());
+    let drive = json!({
+        "header": {"stamp": {"sec": 1_760_000_000, "nanosec": 0}, "frame_id": ""},
+        "drive": {
+            "steering_angle": 0.1, "steering_angle_velocity": 0.0,
+            "speed": 1.0, "acceleration": 0.0, "jerk": 0.0,
+        },
+    });
+    let payload = drive.to_string().into_bytes();
+    let length = payload.len();
+    let (a, form) = (robot("a"), Encoding::Json);
+    bench
+        .fleet
+        .receive(&a, Stream::Drive, form, length, || payload);
+    while bench.fleet.robot(&a).unwrap().counters.processed == 0 {
+        tokio::time::sleep(Duration::from_millis(1)).await;
+    }
+    let all = names("").await;
+    assert!(all.len() > 5, "{all:?}");
+    // A corridor has no room for circles.
+    let corridor = names("?length_m=1.5&width_m=30").await;
+    assert!(!corridor.is_empty() && corridor.len() < all.len());
+    assert!(corridor.iter().all(|name| all.contains(name)));
+    let told = async |query: &str| bench.get(&format!("{path}{query}")).await.told();
+    assert_snapshot!(told("?length_m=0&width_m=3").await, @r#"400 value_refused [length_m]: length_m is "0", accepted is both sides of the floor, each more than 0 and at most 10000 m"#);
+    assert_snapshot!(told("?length_m=3").await, @r#"400 value_refused [width_m]: width_m is "nothing", accepted is both sides of the floor, each more than 0 and at most 10000 m"#);
+    assert_snapshot!(told("?floor=3").await, @"400 query_refused [floor]: the query: unknown field `floor`, expected `length_m` or `width_m`");
 }
 
 #[tokio::test]
