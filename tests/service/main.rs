@@ -4,6 +4,7 @@
 
 mod access;
 mod hostile;
+mod rest;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;

@@ -136,6 +136,11 @@ impl Service {
         http::get(self.http, path, token).expect("an answer").status
     }
 
+    /// Where people and tools reach it.
+    pub fn url(&self) -> String {
+        format!("http://{}", self.http)
+    }
+
     /// Where robots connect.
     pub fn endpoint(&self) -> String {
         format!("tcp/{}", self.zenoh)
