@@ -360,8 +360,9 @@ async fn what_the_robots_software_cannot_work_with_is_taken_back() {
     robot.start();
     service.wait_for_robot().await;
     service.approve(&sealed(&document(1))).await;
-    until("the hook was told twice", || robot.calls().len() == 3).await;
-    assert_eq!(robot.calls(), ["check 1", "applied 1", "reverted 1"]);
+    // Asked again a while later, it is told of all three anew.
+    until("the hook was told twice", || robot.calls().len() >= 3).await;
+    assert_eq!(robot.calls()[..3], ["check 1", "applied 1", "reverted 1"]);
     robot.settles().await;
     assert_eq!(robot.file(), BY_HAND);
     assert!(service.answer_on(1, AppliedStatus::Failed).is_none());
