@@ -40,7 +40,7 @@ const MOVABLE: usize = 5;
 pub struct Hypothesis {
     /// The cause.
     pub cause: Cause,
-    /// The parameters that it moves, all among the first [`MOVABLE`].
+    /// The parameters that it moves, all among the first five.
     pub parameters: &'static [Parameter],
     /// Threshold for one false alarm in a single window, by the fit of `examples/false_alarms.rs`.
     pub threshold_at_one: f64,
