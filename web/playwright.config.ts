@@ -21,7 +21,7 @@ export default defineConfig({
   // One demo is started for all: it takes a while until its robots are calibrated.
   fullyParallel: false,
   timeout: 60_000,
-  expect: { timeout: 10_000 },
+  expect: { timeout: 20_000 },
   reporter: [['list']],
   use: {
     launchOptions: chromium,

@@ -3,7 +3,7 @@
 #
 #   FLEETCAL_URL=http://127.0.0.1:8080 FLEETCAL_TOKEN=cal_... examples/rest/maintenance.sh ROBOT
 #
-# The token needs the role operator: fleetcal token create --role operator --name maintenance
+# The token needs the role operator: fleetcal token create --data DIR --role operator --name maintenance
 # It prints which robots have drifted, one robot's history of the last hour as CSV, notes that the
 # robot was reassembled, proposes its latest calibration where it is known, and prints the audit.
 set -eu

@@ -7,7 +7,7 @@ use super::draft::{Draft, after, fresh};
 use super::policy::Policy;
 use super::proposal::{Approval, Closing, Proposal, ProposalEvent, ProposalState};
 use super::revision::{Evidence, Origin};
-use super::values::{difference, exceeds};
+use super::values::{difference, differs_beside, exceeds};
 use crate::access::Authentication;
 
 impl Draft<'_> {
@@ -111,7 +111,11 @@ impl Draft<'_> {
     fn approvers_needed(&self, base: Option<&CalibrationValues>, to: &CalibrationValues) -> u32 {
         let limits = self.standing.policy.two_approvers_beyond.limits();
         let large = base.is_some_and(|base| exceeds(&difference(base, to), &limits));
-        if large { 2 } else { 1 }
+        if large || differs_beside(base, to) {
+            2
+        } else {
+            1
+        }
     }
 
     /// How many have to agree to a proposal now: the robot may use something else by now than
@@ -198,29 +202,21 @@ fn within_limits(values: &CalibrationValues, policy: &Policy) -> Result<(), Refu
             });
         }
     }
-    let positive = [
-        ("speed_scale", values.speed_scale),
-        ("wheelbase_m", values.wheelbase_m),
-        ("steering_gain", values.steering_gain),
+    // What an agent accepts unless its robot says otherwise.
+    let others = [
+        ("speed_scale", values.speed_scale, 0.8..=1.25),
+        ("wheelbase_m", values.wheelbase_m, 0.1..=10.0),
+        ("steering_gain", values.steering_gain, 0.5..=2.0),
+        ("time_offset_s", values.time_offset_s, -0.5..=0.5),
     ];
-    for (field, value) in positive {
-        if let Some(value) = value.filter(|value| !(*value > 0.0 && *value <= 30.0)) {
+    for (field, value, accepted) in others {
+        if let Some(value) = value.filter(|value| !accepted.contains(value)) {
             return Err(Refused::OutOfLimits {
                 field,
                 value,
-                accepted: "more than 0 and at most 30".to_owned(),
+                accepted: format!("{} to {}", accepted.start(), accepted.end()),
             });
         }
     }
-    match values
-        .time_offset_s
-        .filter(|value| !(-10.0..=10.0).contains(value))
-    {
-        Some(value) => Err(Refused::OutOfLimits {
-            field: "time_offset_s",
-            value,
-            accepted: "-10 to 10".to_owned(),
-        }),
-        None => Ok(()),
-    }
+    Ok(())
 }

@@ -26,6 +26,30 @@ pub fn difference(from: &CalibrationValues, to: &CalibrationValues) -> Change {
     ]
 }
 
+/// Change of a scale, of the wheelbase in metres, and of a delay in seconds, from which on it is a
+/// large one.
+const SCALE_CHANGE_MAX: f64 = 0.03;
+const WHEELBASE_CHANGE_MAX_M: f64 = 0.03;
+const DELAY_CHANGE_MAX_S: f64 = 0.1;
+
+/// Whether what goes along with the four of a [`Change`] changes by much. A robot that has said
+/// nothing of a scale or a delay uses none; nobody knows which wheelbase it uses.
+pub(super) fn differs_beside(from: Option<&CalibrationValues>, to: &CalibrationValues) -> bool {
+    type Part = fn(&CalibrationValues) -> Option<f64>;
+    let far = |part: Part, none: f64, most: f64| {
+        let before = from.and_then(part).unwrap_or(none);
+        part(to).is_some_and(|value| (value - before).abs() > most)
+    };
+    let wheelbase = to.wheelbase_m.is_some_and(|value| {
+        let before = from.and_then(|from| from.wheelbase_m);
+        before.is_none_or(|before| (value - before).abs() > WHEELBASE_CHANGE_MAX_M)
+    });
+    wheelbase
+        || far(|values| values.speed_scale, 1.0, SCALE_CHANGE_MAX)
+        || far(|values| values.steering_gain, 1.0, SCALE_CHANGE_MAX)
+        || far(|values| values.time_offset_s, 0.0, DELAY_CHANGE_MAX_S)
+}
+
 /// The first four of some values, in the order of [`Change`].
 pub(super) fn four(values: &CalibrationValues) -> [f64; 4] {
     [

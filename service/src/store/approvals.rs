@@ -12,7 +12,7 @@ use super::audit::AuditEntry;
 use super::error::StoreError;
 use super::record::{EventKind, EventSource, IdempotencyKey, NewEvent};
 use super::writer::Command;
-use crate::access::{Actor, Authentication};
+use crate::access::{Actor, Authentication, Role};
 use crate::approval::{
     self, Deployment, Outcome, Parcel, Policy, Proposal, ProposalState, Revision, RobotLedger,
     Transition,
@@ -163,6 +163,8 @@ impl Decision {
         let source = match self.actor.authentication {
             Authentication::Service => EventSource::Service,
             Authentication::Zenoh => EventSource::Robot,
+            // It may answer over HTTP as well.
+            _ if self.actor.role == Some(Role::Robot) => EventSource::Robot,
             _ => EventSource::Person,
         };
         let event = |transition: &Transition| {

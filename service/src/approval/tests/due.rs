@@ -22,7 +22,7 @@ fn estimate(offset_rad: f64, second: i64) -> EstimateDocument {
         value: match name {
             ParameterName::SteeringOffset => offset_rad,
             ParameterName::LidarX => 0.434,
-            ParameterName::LidarY | ParameterName::LidarYaw => 0.0,
+            ParameterName::LidarY | ParameterName::LidarYaw | ParameterName::TimeOffset => 0.0,
             _ => 1.0,
         },
         sigma: 0.000_2,
