@@ -210,8 +210,10 @@ async fn a_locked_database_refuses_who_waits_and_keeps_the_history() {
         .await
         .unwrap();
     assert_eq!(history.stretches.len(), 1);
+    // The history's own commit, by the writer's clock, may have met the lock as well.
     let counters = store.counters();
-    assert_eq!((counters.lost, counters.failed_commits), (0, 1));
+    assert_eq!(counters.lost, 0);
+    assert!(counters.failed_commits >= 1, "{counters:?}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
