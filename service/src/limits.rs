@@ -193,10 +193,16 @@ pub const USERS_MAX: u32 = 10_000;
 pub const TOKENS_MAX: u32 = 10_000;
 /// Longest time that a token can be made to count.
 pub const TOKEN_EXPIRES_MAX: Duration = Duration::from_hours(10 * 365 * 24);
-/// Tries to sign in under one name at once, and the time after which one more is let through.
+/// Tries to sign in under one name from one address at once, and the time after which one more is
+/// let through.
 pub const SIGN_IN_NAME_BURST: u32 = 10;
 /// See [`SIGN_IN_NAME_BURST`].
 pub const SIGN_IN_NAME_EVERY: Duration = Duration::from_secs(30);
+/// The same under one name from all addresses together: far more than one address gets, so that
+/// nobody keeps somebody else out.
+pub const SIGN_IN_EVERYWHERE_BURST: u32 = 100;
+/// See [`SIGN_IN_EVERYWHERE_BURST`].
+pub const SIGN_IN_EVERYWHERE_EVERY: Duration = Duration::from_secs(10);
 /// Tries to sign in from one address at once, and the time after which one more is let through.
 pub const SIGN_IN_ADDRESS_BURST: u32 = 60;
 /// See [`SIGN_IN_ADDRESS_BURST`].

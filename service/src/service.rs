@@ -216,7 +216,7 @@ async fn start_staff(
     fleet: &FleetHandle,
     clock: &SharedClock,
 ) -> Result<(Clerk, Sentry, Courier), ServiceError> {
-    let key = signing_key::load_or_make(&config.data, || {
+    let (key, key_is_new) = signing_key::load_or_make(&config.data, || {
         entropy::secret().map_err(|error| std::io::Error::other(error.to_string()))
     })?;
     let clerk = Clerk::start(ClerkSetup {
@@ -227,6 +227,13 @@ async fn start_staff(
         key,
     })
     .await?;
+    if key_is_new && clerk.has_given_out() {
+        tracing::error!(
+            folder = %config.data.display(),
+            "the signing key was missing and a new one was made: robots refuse what it signs until \
+             their agents are given its public half, or the former key is put back"
+        );
+    }
     let sentry = Sentry::start(SentrySetup {
         store: store.clone(),
         fleet: fleet.clone(),

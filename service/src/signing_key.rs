@@ -32,20 +32,21 @@ pub enum KeyError {
 }
 
 /// Reads the key of a data folder, or makes one of what `draw` gives, bytes of a
-/// cryptographic random source. Only its owner can read the file.
+/// cryptographic random source; says whether it was made now. Only its owner can read the file.
 ///
 /// # Errors
 /// [`KeyError`].
 pub fn load_or_make(
     folder: &Path,
     draw: impl FnOnce() -> Result<[u8; KEY_BYTES], Error>,
-) -> Result<SigningKey, KeyError> {
+) -> Result<(SigningKey, bool), KeyError> {
     let path = folder.join(KEY_FILE);
     let failed = |source| KeyError::File {
         path: path.clone(),
         source,
     };
     let mut bytes = Vec::new();
+    let mut made = false;
     match File::open(&path) {
         Ok(file) => {
             // One byte more than a key has tells that the file is longer.
@@ -57,13 +58,14 @@ pub fn load_or_make(
             let secret = draw().map_err(failed)?;
             write(folder, &path, &secret).map_err(failed)?;
             bytes.extend(secret);
+            made = true;
         }
         Err(error) => return Err(failed(error)),
     }
     let length = bytes.len();
     let secret = <[u8; KEY_BYTES]>::try_from(bytes);
     let secret = secret.map_err(|_| KeyError::Length { path, length })?;
-    Ok(SigningKey::from_bytes(&secret))
+    Ok((SigningKey::from_bytes(&secret), made))
 }
 
 /// Whole or not at all, and durable before anything is signed with it.
@@ -92,9 +94,11 @@ mod tests {
     #[test]
     fn a_key_is_made_once_and_stays() {
         let folder = tempfile::tempdir().unwrap();
-        let made = load_or_make(folder.path(), sevens).unwrap();
+        let (made, is_new) = load_or_make(folder.path(), sevens).unwrap();
+        assert!(is_new);
         let never = || panic!("there is one");
-        let read = load_or_make(folder.path(), never).unwrap();
+        let (read, is_new) = load_or_make(folder.path(), never).unwrap();
+        assert!(!is_new);
         assert_eq!(made.public_key(), read.public_key());
         #[cfg(unix)]
         {

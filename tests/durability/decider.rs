@@ -148,6 +148,7 @@ impl Worker {
                 key: &key(),
                 actor: &actor,
                 now_ns: self.clock.now_ns(),
+                held: false,
             };
             // Numbers that the store gives to nothing.
             let ids = NextIds {

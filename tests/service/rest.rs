@@ -8,11 +8,15 @@ use tempfile::TempDir;
 
 use super::{recorded, sender};
 
+/// What a person types: quotes and all.
+const NOTE: &str = "LiDAR bracket 4\" replaced";
+
 fn maintain(service: &Service, token: &str) -> Output {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     Command::new("sh")
         .arg(root.join("examples/rest/maintenance.sh"))
         .arg("tugger_01")
+        .arg(NOTE)
         .env("FLEETCAL_URL", service.url())
         .env("FLEETCAL_TOKEN", token)
         .output()
@@ -49,7 +53,8 @@ async fn a_maintenance_tool_does_its_rounds_with_curl_alone() {
     let mut history = part(&said, "history").lines();
     assert!(history.next().unwrap().starts_with("time,"), "{said}");
     assert!(history.count() >= 2, "{said}");
-    assert!(part(&said, "note").contains("LiDAR bracket replaced"));
+    let noted = part(&said, "note").to_owned();
+    assert!(noted.contains(r#"LiDAR bracket 4\" replaced"#), "{noted}");
     assert!(
         part(&said, "proposal").contains("\"state\":\"proposed\""),
         "{said}"
@@ -57,4 +62,9 @@ async fn a_maintenance_tool_does_its_rounds_with_curl_alone() {
     let audit = part(&said, "audit");
     assert!(audit.contains("proposal.create"), "{said}");
     assert!(audit.contains("maintenance"), "by whom: {said}");
+
+    // A second run of the same day notes nothing twice.
+    let again = maintain(&service, &operator);
+    let said = String::from_utf8(again.stdout).unwrap();
+    assert_eq!(part(&said, "note"), noted);
 }

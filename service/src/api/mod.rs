@@ -15,6 +15,7 @@ mod extract;
 mod health;
 mod layers;
 mod metrics;
+mod page;
 mod problem;
 mod robots;
 mod server;

@@ -195,6 +195,7 @@ impl From<Refused> for Problem {
             Refused::NothingToReturnTo | Refused::NothingEarlier => {
                 conflict("nothing_to_return_to")
             }
+            Refused::Held(_) => conflict("held"),
             Refused::NeverOffered { .. } => value("generation"),
             Refused::OtherDocument { .. } => value("sha256"),
             Refused::Seal(_) => Self::new(StatusCode::INTERNAL_SERVER_ERROR, "not_signed", detail),

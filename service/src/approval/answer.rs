@@ -2,20 +2,24 @@
 
 use fleetcal_proto::calibration::{Applied, AppliedStatus};
 
+use super::ask::within_limits;
 use super::command::Refused;
 use super::deployment::{Deployment, DeploymentEvent, DeploymentState, GenerationRef};
 use super::draft::Draft;
 use super::ledger::Parcel;
 use super::shadow::{InUse, Reported, Shadow};
 
+/// How far a robot may be ahead of the records: more calibrations than are approved between two
+/// backups. A robot that names more is not believed, lest it use up the numbers there are.
+pub(super) const GENERATIONS_AHEAD_MAX: u64 = 1_000;
+
 impl Draft<'_> {
     pub(super) fn acknowledge(&mut self, applied: &Applied) -> Result<(), Refused> {
-        let last = self.outcome.ledger.shadow.generation_last;
-        if applied.generation > last {
-            return Err(Refused::NeverOffered {
-                generation: applied.generation,
-                last,
-            });
+        if let Some(values) = &applied.values {
+            within_limits(values, self.standing.policy)?;
+        }
+        if applied.generation > self.outcome.ledger.shadow.generation_last {
+            return self.heard_of_later(applied);
         }
         if let Some(live) = self.live_offer(applied.generation) {
             same_document(&live.offer, applied)?;
@@ -38,6 +42,22 @@ impl Draft<'_> {
         let unwanted =
             applied.status == AppliedStatus::Applied && applied.generation > 0 && !is_desired;
         self.report(applied, named.map(|one| one.revision), !unwanted);
+        Ok(())
+    }
+
+    /// The robot names a generation that these records know nothing of: they are older than it is,
+    /// as after a backup was restored. What is approved next must come after it, or the robot
+    /// would take it for an old document.
+    fn heard_of_later(&mut self, applied: &Applied) -> Result<(), Refused> {
+        let last = self.outcome.ledger.shadow.generation_last;
+        let most = last.saturating_add(GENERATIONS_AHEAD_MAX);
+        if applied.generation > most {
+            return Err(Refused::NeverOffered {
+                generation: applied.generation,
+                most,
+            });
+        }
+        self.report(applied, None, false);
         Ok(())
     }
 
@@ -67,6 +87,7 @@ impl Draft<'_> {
         let generation = applied.generation;
         let now_ns = self.standing.now_ns;
         let mut shadow = self.outcome.ledger.shadow.clone();
+        shadow.generation_last = shadow.generation_last.max(generation);
         match applied.status {
             AppliedStatus::Applied => self.now_uses(&mut shadow, applied, revision),
             // It may have gone back from what it never told us that it used.

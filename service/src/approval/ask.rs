@@ -179,7 +179,7 @@ impl Draft<'_> {
 }
 
 /// What no robot can have is not even proposed.
-fn within_limits(values: &CalibrationValues, policy: &Policy) -> Result<(), Refused> {
+pub(super) fn within_limits(values: &CalibrationValues, policy: &Policy) -> Result<(), Refused> {
     let steering_rad = policy.steering_offset_max_deg.to_radians();
     let distance_m = policy.lidar_distance_max_m;
     let checks = [

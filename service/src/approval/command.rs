@@ -144,6 +144,8 @@ pub struct Standing<'a> {
     pub actor: &'a Actor,
     /// Wall time.
     pub now_ns: i64,
+    /// Whether the site-wide stop is on.
+    pub held: bool,
 }
 
 /// Why a command was refused; nothing has changed then.
@@ -213,16 +215,19 @@ pub enum Refused {
     /// The robot uses already what it would go back to.
     #[error("the robot has no earlier verified calibration than the one it uses")]
     NothingEarlier,
+    /// No robot is shown what it has not seen yet while the site-wide stop is on.
+    #[error("the site-wide stop is on, and deployment {0} waits for its end")]
+    Held(u64),
     /// No such deployment is under way.
     #[error("deployment {0} is not under way")]
     NotUnderway(u64),
     /// An answer about a document that was never given out.
-    #[error("generation is {generation}, accepted are {last} and lower ones")]
+    #[error("generation is {generation}, accepted is {most} at most")]
     NeverOffered {
         /// What the answer is about.
         generation: u64,
-        /// The highest one given out.
-        last: u64,
+        /// The highest one that is believed.
+        most: u64,
     },
     /// An answer about another document of this generation.
     #[error("sha256 of generation {generation} is {given:?}, accepted is {found}")]

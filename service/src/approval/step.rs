@@ -81,6 +81,10 @@ impl Draft<'_> {
             return Ok(());
         };
         if before.state == DeploymentState::Queued {
+            // The way back is never kept.
+            if self.standing.held && before.proposal.is_some() {
+                return Err(Refused::Held(before.id));
+            }
             let mut live = before.clone();
             live.offered_ns = Some(self.standing.now_ns);
             self.advance(

@@ -147,6 +147,20 @@ impl Clerk {
         )
     }
 
+    /// Whether any robot was ever given a signed document.
+    pub fn has_given_out(&self) -> bool {
+        let desks = self
+            .inner
+            .desks
+            .read()
+            .unwrap_or_else(PoisonError::into_inner);
+        let signed = |desk: &Arc<Desk>| {
+            let ledger = desk.ledger.read().unwrap_or_else(PoisonError::into_inner);
+            ledger.shadow.generation_last > 0
+        };
+        desks.values().any(signed)
+    }
+
     /// The site-wide stop.
     pub fn site_hold(&self) -> SiteHold {
         let hold = self

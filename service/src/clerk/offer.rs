@@ -5,7 +5,7 @@ use fleetcal_proto::calibration::{Confirmed, Envelope};
 
 use super::Clerk;
 use crate::access::Actor;
-use crate::approval::{Command, Deployment, DeploymentState, Parcel, RobotLedger};
+use crate::approval::{Command, Deployment, DeploymentState, Parcel, Refused, RobotLedger};
 use crate::store::StoreError;
 
 /// Something for a robot, ready to be put on the wire.
@@ -25,10 +25,17 @@ impl Clerk {
     /// The database's failure.
     pub async fn approved(&self, robot: &RobotId) -> Result<Option<Envelope>, StoreError> {
         let ledger = self.ledger(robot);
-        let Some(generation) = self.shown(&ledger) else {
+        let Some(mut generation) = self.shown(&ledger) else {
             return Ok(None);
         };
-        self.offer(robot, &ledger, generation).await?;
+        if !self.offer(robot, &ledger, generation).await? {
+            // The site-wide stop came first: the robot keeps what it was shown before.
+            let live = ledger.live.as_ref();
+            match live.and_then(|live| live.desired_before.as_ref()) {
+                Some(before) => generation = before.generation,
+                None => return Ok(None),
+            }
+        }
         self.inner.store.envelope(robot, generation).await
     }
 
@@ -87,7 +94,9 @@ impl Clerk {
                     }
                     return Ok(None);
                 }
-                self.offer(robot, &ledger, generation).await?;
+                if !self.offer(robot, &ledger, generation).await? {
+                    return Ok(None);
+                }
                 let envelope = self.inner.store.envelope(robot, generation).await?;
                 Ok(envelope.map(|envelope| Letter::Approved(Box::new(envelope))))
             }
@@ -115,20 +124,26 @@ impl Clerk {
         decided.map(|_| ())
     }
 
+    /// Counts a document as offered; says whether the robot may see it. The site-wide stop is read
+    /// again in the transaction, since it may have come after the look that led here.
     async fn offer(
         &self,
         robot: &RobotId,
         ledger: &RobotLedger,
         generation: u64,
-    ) -> Result<(), StoreError> {
+    ) -> Result<bool, StoreError> {
         let is_new = ledger.live.as_ref().is_some_and(|live| {
             live.state == DeploymentState::Queued && live.offer.generation == generation
         });
-        if is_new {
-            let command = Command::Offer { generation };
-            self.decide(robot, command, Actor::service(), None).await?;
+        if !is_new {
+            return Ok(true);
         }
-        Ok(())
+        let command = Command::Offer { generation };
+        match self.decide(robot, command, Actor::service(), None).await {
+            Ok(_) => Ok(true),
+            Err(StoreError::Refused(Refused::Held(_))) => Ok(false),
+            Err(error) => Err(error),
+        }
     }
 
     /// The generation that a robot gets to see.

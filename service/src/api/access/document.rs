@@ -6,10 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use super::caller::Caller;
 use crate::access::{Authentication, Role, TokenState};
-use crate::api::extract::number_within;
+use crate::api::page::page_limit;
 use crate::api::problem::Problem;
 use crate::api::time;
-use crate::limits;
 use crate::store::{TokenRecord, UserRecord};
 
 /// Who is signed in.
@@ -182,9 +181,7 @@ pub(super) struct PageParameters {
 impl PageParameters {
     /// The number behind which the page begins, and how many it has at most.
     pub(super) fn checked(&self) -> Result<(i64, u32), Problem> {
-        let all = 1..=limits::HTTP_PAGE_MAX;
-        let default = limits::HTTP_PAGE_DEFAULT;
-        let limit = number_within("limit", self.limit.as_deref(), all, default)?;
+        let limit = page_limit(self.limit.as_deref())?;
         let after = match self.cursor.as_deref() {
             None => 0,
             Some(cursor) => cursor
@@ -193,14 +190,4 @@ impl PageParameters {
         };
         Ok((after, limit))
     }
-}
-
-/// Cuts a list that was read with one entry more than the page has; gives the next page's cursor.
-pub(super) fn cut<T>(records: &mut Vec<T>, limit: u32, id: impl Fn(&T) -> i64) -> Option<String> {
-    let more = records.len() > limit as usize;
-    records.truncate(limit as usize);
-    records
-        .last()
-        .filter(|_| more)
-        .map(|last| id(last).to_string())
 }

@@ -1,7 +1,7 @@
 //! Whether a name and a password belong together, and how often one may ask.
 
 use std::net::IpAddr;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use axum::extract::FromRequestParts;
@@ -44,8 +44,9 @@ impl PeerAddress {
 /// How often somebody may try to sign in.
 #[derive(Debug)]
 pub(super) struct SignInLimits {
-    by_name: Mutex<Throttle>,
-    by_address: Mutex<Throttle>,
+    name_at_address: Mutex<Throttle>,
+    name_anywhere: Mutex<Throttle>,
+    address: Mutex<Throttle>,
 }
 
 impl Default for SignInLimits {
@@ -53,8 +54,12 @@ impl Default for SignInLimits {
         let throttle =
             |every, burst| Mutex::new(Throttle::new(every, burst, limits::SIGN_IN_KEYS_MAX));
         Self {
-            by_name: throttle(limits::SIGN_IN_NAME_EVERY, limits::SIGN_IN_NAME_BURST),
-            by_address: throttle(limits::SIGN_IN_ADDRESS_EVERY, limits::SIGN_IN_ADDRESS_BURST),
+            name_at_address: throttle(limits::SIGN_IN_NAME_EVERY, limits::SIGN_IN_NAME_BURST),
+            name_anywhere: throttle(
+                limits::SIGN_IN_EVERYWHERE_EVERY,
+                limits::SIGN_IN_EVERYWHERE_BURST,
+            ),
+            address: throttle(limits::SIGN_IN_ADDRESS_EVERY, limits::SIGN_IN_ADDRESS_BURST),
         }
     }
 }
@@ -62,13 +67,33 @@ impl Default for SignInLimits {
 impl SignInLimits {
     /// Counts a try from an address.
     pub(super) fn count_address(&self, peer: PeerAddress, now: Duration) -> Result<(), Problem> {
-        take(&self.by_address, &peer.key(), now)
+        take(&self.address, &peer.key(), now)
+    }
+
+    /// Counts a try under a name. What one address tries too often does not count for the others.
+    fn count_name(&self, peer: PeerAddress, name: &str, now: Duration) -> Result<(), Problem> {
+        take(&self.name_at_address, &here(peer, name), now)?;
+        take(&self.name_anywhere, name, now)
+    }
+
+    /// Forgets the tries under a name, since the last one was right.
+    fn forget_name(&self, peer: PeerAddress, name: &str) {
+        open(&self.name_at_address).forget(&here(peer, name));
+        open(&self.name_anywhere).forget(name);
     }
 }
 
+/// A name at an address: no name has a line break.
+fn here(peer: PeerAddress, name: &str) -> String {
+    format!("{}\n{name}", peer.key())
+}
+
+fn open(throttle: &Mutex<Throttle>) -> MutexGuard<'_, Throttle> {
+    throttle.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 fn take(throttle: &Mutex<Throttle>, key: &str, now: Duration) -> Result<(), Problem> {
-    let mut throttle = throttle.lock().unwrap_or_else(PoisonError::into_inner);
-    throttle.take(key, now).map_err(too_many)
+    open(throttle).take(key, now).map_err(too_many)
 }
 
 fn too_many(wait: Duration) -> Problem {
@@ -95,7 +120,7 @@ pub(super) async fn verified(
         .collect::<String>()
         .to_lowercase();
     limits.count_address(peer, now)?;
-    take(&limits.by_name, &key, now)?;
+    limits.count_name(peer, &key, now)?;
     let user = api.store.user_named(name).await?;
     let hash = user
         .as_ref()
@@ -105,10 +130,25 @@ pub(super) async fn verified(
         tracing::warn!(peer = %peer.key(), "a sign-in was refused");
         return Err(unauthorised("sign_in_refused", "name or password is wrong"));
     };
-    let mut by_name = limits
-        .by_name
-        .lock()
-        .unwrap_or_else(PoisonError::into_inner);
-    by_name.forget(&key);
+    limits.forget_name(peer, &key);
     Ok(user)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_tries_too_often_keeps_nobody_else_out() {
+        let limits = SignInLimits::default();
+        let at = |last: u8| PeerAddress(Some(IpAddr::from([10, 0, 0, last])));
+        let now = Duration::from_secs(1);
+        let tried = (0..1_000).filter(|_| limits.count_name(at(1), "ana", now).is_ok());
+        assert_eq!(tried.count(), limits::SIGN_IN_NAME_BURST as usize);
+        assert!(limits.count_name(at(2), "ana", now).is_ok());
+        // Many addresses together have a limit as well.
+        let tried = (3..=255).filter(|last| limits.count_name(at(*last), "ana", now).is_ok());
+        let others = limits::SIGN_IN_EVERYWHERE_BURST - limits::SIGN_IN_NAME_BURST - 1;
+        assert_eq!(tried.count(), others as usize);
+    }
 }

@@ -9,12 +9,13 @@ use jiff::Timestamp;
 use serde::Deserialize;
 
 use super::caller::Caller;
-use super::document::{PageParameters, TokenDocument, TokenPage, cut};
+use super::document::{PageParameters, TokenDocument, TokenPage};
 use super::password::failed;
 use super::users::{NumberPath, checked_name, grant_refused};
 use crate::access::{Grant, Role, TokenValue};
 use crate::api::ApiState;
 use crate::api::extract::{Body, NoParameters, Parameters, idempotency_key};
+use crate::api::page::{cut, with_next};
 use crate::api::problem::Problem;
 use crate::entropy;
 use crate::limits;
@@ -37,8 +38,8 @@ pub(super) async fn list_tokens(
     Parameters(page): Parameters<PageParameters>,
 ) -> Result<Json<TokenPage>, Problem> {
     let (after, limit) = page.checked()?;
-    let mut records = api.store.tokens(after, limit + 1).await?;
-    let next = cut(&mut records, limit, |token| token.id);
+    let mut records = api.store.tokens(after, with_next(limit)).await?;
+    let next = cut(&mut records, limit, |last| last.id.to_string());
     let now_ns = api.clock.now_ns();
     let document = |token| TokenDocument::of(token, now_ns);
     let items = records.iter().map(document).collect();

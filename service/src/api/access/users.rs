@@ -9,11 +9,12 @@ use serde::Deserialize;
 use sha2::{Digest, Sha256};
 
 use super::caller::Caller;
-use super::document::{PageParameters, UserDocument, UserPage, cut};
+use super::document::{PageParameters, UserDocument, UserPage};
 use crate::access::{AccountName, Grant, GrantRefused, Role};
 use crate::api::ApiState;
 use crate::api::etag::{expected, versioned_json};
 use crate::api::extract::{Body, NoParameters, Parameters, idempotency_key};
+use crate::api::page::{cut, with_next};
 use crate::api::problem::Problem;
 use crate::store::{AccountRefused, StoreError, UserChange, UserEdit, UserRecord};
 
@@ -51,8 +52,8 @@ pub(super) async fn list_users(
     Parameters(page): Parameters<PageParameters>,
 ) -> Result<Json<UserPage>, Problem> {
     let (after, limit) = page.checked()?;
-    let mut records = api.store.users(after, limit + 1).await?;
-    let next = cut(&mut records, limit, |user| user.id);
+    let mut records = api.store.users(after, with_next(limit)).await?;
+    let next = cut(&mut records, limit, |last| last.id.to_string());
     let items = records.iter().map(UserDocument::of).collect();
     Ok(Json(UserPage { items, next }))
 }

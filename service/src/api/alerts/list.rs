@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::alert::{AlertDocument, ConditionName};
 use crate::api::ApiState;
-use crate::api::extract::{Parameters, number_within};
+use crate::api::extract::Parameters;
+use crate::api::page::{cut, page_limit, with_next};
 use crate::api::problem::Problem;
-use crate::limits;
 use crate::store::{AlertFilter, AlertSelection};
 
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
@@ -55,20 +55,17 @@ pub(super) async fn list_alerts(
     State(api): State<ApiState>,
     Parameters(query): Parameters<AlertParameters>,
 ) -> Result<Json<AlertPage>, Problem> {
-    let all = 1..=limits::HTTP_PAGE_MAX;
-    let default = limits::HTTP_PAGE_DEFAULT;
-    let limit = number_within("limit", query.limit.as_deref(), all, default)?;
+    let limit = page_limit(query.limit.as_deref())?;
     let filter = AlertFilter {
         robot: query.robot.as_deref().map(robot_named).transpose()?,
         selection: query.state.as_deref().map(selection).transpose()?,
         after: query.cursor.as_deref().map(place_of).transpose()?,
-        limit: limit + 1,
+        limit: with_next(limit),
     };
     let mut found = api.store.alerts(&filter).await?;
-    let more = found.len() > limit as usize;
-    found.truncate(limit as usize);
-    let last = found.last().filter(|_| more);
-    let next = last.map(|last| format!("{}-{}", last.rank(), last.id));
+    let next = cut(&mut found, limit, |last| {
+        format!("{}-{}", last.rank(), last.id)
+    });
     let items = found.iter().map(AlertDocument::of).collect();
     Ok(Json(AlertPage { items, next }))
 }

@@ -11,6 +11,7 @@ use super::proposals::robot_named;
 use crate::api::ApiState;
 use crate::api::csv::{CSV, file, line};
 use crate::api::extract::{Parameters, number_of, number_within, time as time_of};
+use crate::api::page::{cut, with_next};
 use crate::api::problem::Problem;
 use crate::api::time;
 use crate::limits;
@@ -137,11 +138,9 @@ pub(super) async fn list_audit(
         Format::Csv | Format::Ndjson => (limits::AUDIT_FILE_ROWS_MAX, limits::AUDIT_FILE_ROWS_MAX),
     };
     let limit = number_within("limit", query.limit.as_deref(), 1..=most, default)?;
-    let filter = filter_of(&query, limit + 1)?;
+    let filter = filter_of(&query, with_next(limit))?;
     let mut rows = api.store.audit(&filter).await?;
-    let more = rows.len() > limit as usize;
-    rows.truncate(limit as usize);
-    let next = rows.last().filter(|_| more).map(|last| last.id.to_string());
+    let next = cut(&mut rows, limit, |last| last.id.to_string());
     let items: Vec<_> = rows.into_iter().map(AuditDocument::of).collect();
     Ok(match format {
         Format::Page => Json(AuditPage { items, next }).into_response(),

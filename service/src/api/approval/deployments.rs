@@ -12,9 +12,8 @@ use super::proposals::ReasonBody;
 use crate::api::ApiState;
 use crate::api::access::Caller;
 use crate::api::etag::{expected_version, versioned_json};
-use crate::api::extract::{
-    Body, NoParameters, Parameters, RobotPath, check_length, number_of, number_within,
-};
+use crate::api::extract::{Body, NoParameters, Parameters, RobotPath, check_length, number_of};
+use crate::api::page::{cut, page_limit, with_next};
 use crate::api::problem::Problem;
 use crate::approval::Command;
 use crate::limits;
@@ -56,18 +55,11 @@ pub(super) async fn list_deployments(
     RobotPath(id): RobotPath,
     Parameters(query): Parameters<DeploymentParameters>,
 ) -> Result<Json<DeploymentPage>, Problem> {
-    let all = 1..=limits::HTTP_PAGE_MAX;
-    let default = limits::HTTP_PAGE_DEFAULT;
-    let limit = number_within("limit", query.limit.as_deref(), all, default)?;
+    let limit = page_limit(query.limit.as_deref())?;
     let before = query.cursor.as_deref().map(number_of).transpose()?;
     known(&api, &id)?;
-    let mut found = api.store.deployments(&id, before, limit + 1).await?;
-    let more = found.len() > limit as usize;
-    found.truncate(limit as usize);
-    let next = found
-        .last()
-        .filter(|_| more)
-        .map(|last| last.id.to_string());
+    let mut found = api.store.deployments(&id, before, with_next(limit)).await?;
+    let next = cut(&mut found, limit, |last| last.id.to_string());
     let items = found.into_iter().map(DeploymentDocument::of).collect();
     Ok(Json(DeploymentPage { items, next }))
 }

@@ -13,8 +13,9 @@ use crate::api::ApiState;
 use crate::api::access::Caller;
 use crate::api::etag::{expected_version, versioned_json};
 use crate::api::extract::{
-    Body, NoParameters, Parameters, check_length, idempotency_key, number_of, number_within,
+    Body, NoParameters, Parameters, check_length, idempotency_key, number_of,
 };
+use crate::api::page::{cut, page_limit, with_next};
 use crate::api::problem::Problem;
 use crate::approval::{
     Command, Evidence, Origin, ProposalState, nominal_values, values_and_sigmas,
@@ -64,21 +65,15 @@ pub(super) async fn list_proposals(
     State(api): State<ApiState>,
     Parameters(query): Parameters<ProposalParameters>,
 ) -> Result<Json<ProposalPage>, Problem> {
-    let all = 1..=limits::HTTP_PAGE_MAX;
-    let default = limits::HTTP_PAGE_DEFAULT;
-    let limit = number_within("limit", query.limit.as_deref(), all, default)?;
+    let limit = page_limit(query.limit.as_deref())?;
     let filter = ProposalFilter {
         robot: query.robot.as_deref().map(robot_named).transpose()?,
         state: query.state.as_deref().map(state_named).transpose()?,
         before: query.cursor.as_deref().map(number_of).transpose()?,
-        // One more than the page holds says whether there is another page.
-        limit: limit + 1,
+        limit: with_next(limit),
     };
     let mut found = api.store.proposals(&filter).await?;
-    let more = found.len() > limit as usize;
-    found.truncate(limit as usize);
-    let last = found.last().filter(|_| more);
-    let next = last.map(|(proposal, _)| proposal.id.to_string());
+    let next = cut(&mut found, limit, |(last, _)| last.id.to_string());
     let items = found
         .into_iter()
         .map(|(proposal, revision)| ProposalDocument::of(proposal, revision))
@@ -288,13 +283,11 @@ pub(super) async fn reject_proposal(
     headers: HeaderMap,
     Body { value, .. }: Body<ReasonBody>,
 ) -> Result<Response, Problem> {
-    let version = Some(expected_version(&headers)?);
-    let proposal = proposal_number(&id)?;
-    check_length("reason", &value.reason, limits::NOTE_CHARS_MAX)?;
+    let (proposal, version, reason) = looked_at(&id, &headers, value)?;
     let command = Command::Reject {
         proposal,
         version,
-        reason: value.reason,
+        reason,
     };
     decide(&api, caller, proposal, command).await
 }
@@ -326,15 +319,24 @@ pub(super) async fn withdraw_proposal(
     headers: HeaderMap,
     Body { value, .. }: Body<ReasonBody>,
 ) -> Result<Response, Problem> {
-    let version = Some(expected_version(&headers)?);
-    let proposal = proposal_number(&id)?;
-    check_length("reason", &value.reason, limits::NOTE_CHARS_MAX)?;
+    let (proposal, version, reason) = looked_at(&id, &headers, value)?;
     let command = Command::Withdraw {
         proposal,
         version,
-        reason: Some(value.reason).filter(|reason| !reason.trim().is_empty()),
+        reason: Some(reason).filter(|reason| !reason.trim().is_empty()),
     };
     decide(&api, caller, proposal, command).await
+}
+
+/// Which proposal in which version somebody says no to, and why.
+fn looked_at(
+    id: &str,
+    headers: &HeaderMap,
+    body: ReasonBody,
+) -> Result<(u64, Option<u64>, String), Problem> {
+    let version = Some(expected_version(headers)?);
+    check_length("reason", &body.reason, limits::NOTE_CHARS_MAX)?;
+    Ok((proposal_number(id)?, version, body.reason))
 }
 
 async fn decide(

@@ -10,8 +10,9 @@ use crate::api::ApiState;
 use crate::api::access::Caller;
 use crate::api::extract::{Body, NoParameters, Parameters, check_length};
 use crate::api::problem::Problem;
-use crate::approval::Command;
+use crate::approval::{Command, ProposalState};
 use crate::limits;
+use crate::store::Decided;
 
 /// Several proposals with what was looked at.
 #[derive(Debug, Deserialize, utoipa::ToSchema)]
@@ -50,9 +51,11 @@ pub(super) struct SeveralAnswer {
 struct SeveralOutcome {
     /// The proposal.
     id: u64,
-    /// Whether it was approved.
-    approved: bool,
-    /// Why not.
+    /// Where it stands now: `approved`, or still `proposed` while a second person is needed. Absent
+    /// when it was refused.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    state: Option<ProposalState>,
+    /// Why it was refused.
     #[serde(skip_serializing_if = "Option::is_none")]
     problem: Option<Problem>,
 }
@@ -93,14 +96,12 @@ pub(super) async fn approve_several(
     let mut items = Vec::with_capacity(count);
     for one in value.proposals {
         let id = one.id;
-        let problem = approve(&api, &caller, one, value.reason.clone())
-            .await
-            .err();
-        items.push(SeveralOutcome {
-            id,
-            approved: problem.is_none(),
-            problem,
-        });
+        let decided = approve(&api, &caller, one, value.reason.clone()).await;
+        let (state, problem) = match decided {
+            Ok(state) => (Some(state), None),
+            Err(problem) => (None, Some(problem)),
+        };
+        items.push(SeveralOutcome { id, state, problem });
     }
     Ok(Json(SeveralAnswer { items }))
 }
@@ -110,7 +111,7 @@ async fn approve(
     caller: &Caller,
     one: OneOfSeveral,
     reason: Option<String>,
-) -> Result<(), Problem> {
+) -> Result<ProposalState, Problem> {
     let robot = robot_of(api, one.id).await?;
     let command = Command::Approve {
         proposal: one.id,
@@ -118,8 +119,13 @@ async fn approve(
         sha256: one.sha256,
         reason,
     };
-    api.clerk
-        .decide(&robot, command, caller.actor.clone(), None)
-        .await?;
-    Ok(())
+    let actor = caller.actor.clone();
+    let decided = api.clerk.decide(&robot, command, actor, None).await?;
+    Ok(match decided {
+        Decided::Taken(outcome) => outcome
+            .proposals
+            .last()
+            .map_or(ProposalState::Approved, |proposal| proposal.state),
+        Decided::Repeated(proposal) => proposal.state,
+    })
 }

@@ -13,8 +13,8 @@ use crate::api::ApiState;
 use crate::api::access::Caller;
 use crate::api::extract::{
     Body, NoParameters, Parameters, RobotPath, check_length, idempotency_key, number_of,
-    number_within,
 };
+use crate::api::page::{cut, page_limit, with_next};
 use crate::api::problem::Problem;
 use crate::api::time;
 use crate::fleet::RobotView;
@@ -108,19 +108,11 @@ pub(super) async fn list_events(
     RobotPath(id): RobotPath,
     Parameters(query): Parameters<EventParameters>,
 ) -> Result<Json<EventPage>, Problem> {
-    let all = 1..=limits::HTTP_PAGE_MAX;
-    let default = limits::HTTP_PAGE_DEFAULT;
-    let limit = number_within("limit", query.limit.as_deref(), all, default)?;
+    let limit = page_limit(query.limit.as_deref())?;
     let before = query.cursor.as_deref().map(number_of).transpose()?;
     known(&api, &id)?;
-    // One more than the page holds says whether there is another page.
-    let mut records = api.store.events(&id, before, limit + 1).await?;
-    let more = records.len() > limit as usize;
-    records.truncate(limit as usize);
-    let next = records
-        .last()
-        .filter(|_| more)
-        .map(|last| last.id.to_string());
+    let mut records = api.store.events(&id, before, with_next(limit)).await?;
+    let next = cut(&mut records, limit, |last| last.id.to_string());
     let items = records.into_iter().map(EventDocument::of_record).collect();
     Ok(Json(EventPage { items, next }))
 }

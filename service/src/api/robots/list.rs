@@ -8,10 +8,10 @@ use serde::{Deserialize, Serialize};
 
 use super::document::RobotSummary;
 use crate::api::ApiState;
-use crate::api::extract::{Parameters, number_within};
+use crate::api::extract::Parameters;
+use crate::api::page::{cut, page_limit};
 use crate::api::problem::Problem;
 use crate::fleet::{RobotState, RobotView};
-use crate::limits;
 
 /// Where a robot stands in a list that shows the worst first.
 const fn severity(state: RobotState) -> u8 {
@@ -97,9 +97,7 @@ pub(super) async fn list_robots(
         Some("severity") => true,
         Some(other) => return Err(Problem::refused("sort", other, "severity or id")),
     };
-    let all = 1..=limits::HTTP_PAGE_MAX;
-    let default = limits::HTTP_PAGE_DEFAULT;
-    let limit = number_within("limit", query.limit.as_deref(), all, default)? as usize;
+    let limit = page_limit(query.limit.as_deref())?;
     let after = query.cursor.as_deref().map(position_of).transpose()?;
 
     let robots = api.fleet.robots();
@@ -119,10 +117,7 @@ pub(super) async fn list_robots(
         .filter(|(place, _)| after.as_ref().is_none_or(|after| place > after))
         .collect();
     chosen.sort_by(|(a, _), (b, _)| a.cmp(b));
-    let more = chosen.len() > limit;
-    chosen.truncate(limit);
-    let last = chosen.last().filter(|_| more);
-    let next = last.map(|((rank, id), _)| format!("{rank}.{id}"));
+    let next = cut(&mut chosen, limit, |((rank, id), _)| format!("{rank}.{id}"));
     let items = chosen
         .into_iter()
         .map(|(_, robot)| {

@@ -224,9 +224,9 @@ async fn several_are_approved_at_once_each_on_its_own() {
         .write(&ana, "POST", uri, &[], body.to_string())
         .await
         .json();
-    assert_eq!(answer["items"][0]["approved"], false);
+    assert_eq!(answer["items"][0].get("state"), None);
     assert_eq!(answer["items"][0]["problem"]["code"], "proposal_unknown");
-    assert_eq!(answer["items"][1]["approved"], true);
+    assert_eq!(answer["items"][1]["state"], "approved");
     let none = bench
         .write(&ana, "POST", uri, &[], r#"{"proposals": []}"#.to_owned())
         .await;

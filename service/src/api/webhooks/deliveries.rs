@@ -7,10 +7,10 @@ use serde::{Deserialize, Serialize};
 
 use super::one::webhook_number;
 use crate::api::ApiState;
-use crate::api::extract::{Parameters, number_of, number_within};
+use crate::api::extract::{Parameters, number_of};
+use crate::api::page::{cut, page_limit, with_next};
 use crate::api::problem::Problem;
 use crate::api::time;
-use crate::limits;
 use crate::webhook::{Attempt, Delivery, DeliveryState, WebhookEvent, WebhookRefused};
 
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
@@ -119,19 +119,14 @@ pub(super) async fn list_deliveries(
     Parameters(query): Parameters<DeliveryParameters>,
 ) -> Result<Json<DeliveryPage>, Problem> {
     let id = webhook_number(&id)?;
-    let all = 1..=limits::HTTP_PAGE_MAX;
-    let default = limits::HTTP_PAGE_DEFAULT;
-    let limit = number_within("limit", query.limit.as_deref(), all, default)?;
+    let limit = page_limit(query.limit.as_deref())?;
     let before = query.cursor.as_deref().map(number_of).transpose()?;
     let webhooks = api.store.webhooks().await?;
     if !webhooks.iter().any(|webhook| webhook.id == id) {
         return Err(WebhookRefused::Unknown(id).into());
     }
-    let mut found = api.store.deliveries(id, before, limit + 1).await?;
-    let more = found.len() > limit as usize;
-    found.truncate(limit as usize);
-    let last = found.last().filter(|_| more);
-    let next = last.map(|last| last.id.to_string());
+    let mut found = api.store.deliveries(id, before, with_next(limit)).await?;
+    let next = cut(&mut found, limit, |last| last.id.to_string());
     let items = found.into_iter().map(DeliveryDocument::of).collect();
     Ok(Json(DeliveryPage { items, next }))
 }

@@ -80,6 +80,7 @@ impl Bench {
             key: &key,
             actor,
             now_ns: NOW_NS,
+            held: false,
         };
         let outcome = step(&self.ledger, command, self.ids, &standing).unwrap();
         self.ids.revision += 1;

@@ -264,17 +264,17 @@ proptest! {
 
     #[test]
     fn the_records_agree_whatever_happens(
-        attempts in vec((attempt(), actor(), 0_i64..60), 1..50),
+        attempts in vec((attempt(), actor(), 0_i64..60, prop::bool::weighted(0.1)), 1..50),
         policy in policy(),
     ) {
         let key = SigningKey::from_bytes(&[7; 32]);
         let trusted = TrustedKeys::new(vec![key.public_key()]).unwrap();
         let mut model = Model::new(RobotId::parse("tugger_01").unwrap(), trusted, policy);
         let mut now_ns = BEGIN_NS;
-        for (attempt, actor, minutes) in attempts {
+        for (attempt, actor, minutes, held) in attempts {
             now_ns += minutes * minutes * 60_000_000_000;
             let command = command(attempt, &model, now_ns);
-            let standing = Standing { policy: &policy, key: &key, actor: &actor, now_ns };
+            let standing = Standing { policy: &policy, key: &key, actor: &actor, now_ns, held };
             let ledger = model.read_for(&command);
             match step(&ledger, command.clone(), model.next_ids(), &standing) {
                 Ok(outcome) => model.take(&command, &outcome, now_ns),

@@ -79,6 +79,25 @@ async fn the_site_wide_stop_holds_what_no_robot_has_seen() {
 }
 
 #[tokio::test]
+async fn the_stop_counts_from_its_commit_on() {
+    let office = Office::open(Policy::default()).await;
+    office.approve(0.02, None).await;
+    // Committed, and not yet known to those who push.
+    let stop = HoldWrite {
+        held: true,
+        version: 1,
+        actor: person("ana"),
+        now_ns: office.clock.now_ns(),
+        reason: "maintenance in hall 3".to_owned(),
+    };
+    office.store.hold(stop).await.unwrap();
+    assert!(!office.clerk.site_hold().held);
+    assert_eq!(office.post().await, []);
+    assert_eq!(office.asked().await, None);
+    assert_eq!(office.state(), Some(DeploymentState::Queued));
+}
+
+#[tokio::test]
 async fn the_way_back_is_not_held() {
     let office = Office::open(Policy::default()).await;
     office.approve(0.02, Some(values(0.0))).await;

@@ -137,12 +137,12 @@ async fn a_robot_that_does_not_drive_is_inconclusive_after_a_day() {
 async fn an_answer_about_what_was_never_given_out_is_refused() {
     let office = Office::open(Policy::default()).await;
     office.approve(0.02, None).await;
-    let refused = office.answer(7, AppliedStatus::Applied).await.unwrap_err();
+    let refused = office.answer(1_002, AppliedStatus::Applied).await;
     assert_eq!(
-        refused,
+        refused.unwrap_err(),
         Refused::NeverOffered {
-            generation: 7,
-            last: 1
+            generation: 1_002,
+            most: 1_001
         }
     );
     office.post().await;
@@ -161,4 +161,39 @@ async fn an_answer_about_what_was_never_given_out_is_refused() {
         Err(StoreError::Refused(Refused::OtherDocument { .. }))
     ));
     assert_eq!(office.clerk.answer_counters(), (0, 2));
+}
+
+#[tokio::test]
+async fn what_is_approved_after_an_older_database_came_back_is_newer_than_what_the_robot_has() {
+    let office = Office::open(Policy::default()).await;
+    office.answer(7, AppliedStatus::Applied).await.unwrap();
+    assert!(
+        office.post().await.is_empty(),
+        "nobody here has approved it"
+    );
+    office.approve(0.02, None).await;
+    assert_eq!(office.asked().await.unwrap().generation, 8);
+}
+
+#[tokio::test]
+async fn what_no_robot_can_drive_with_is_not_believed() {
+    let office = Office::open(Policy::default()).await;
+    office.approve(0.02, None).await;
+    let sha256 = match office.post().await.as_slice() {
+        [Letter::Approved(envelope)] => envelope.sha256.clone(),
+        other => panic!("{other:?}"),
+    };
+    let applied = Applied {
+        generation: 1,
+        sha256,
+        status: AppliedStatus::Applied,
+        reason: None,
+        applied_at_ns: 0,
+        values: Some(values(1e300)),
+    };
+    let actor = Actor::robot(&robot());
+    let refused = office.clerk.acknowledge(&robot(), applied, actor).await;
+    let refused = refused.unwrap_err().to_string();
+    assert!(refused.contains("steering_offset_rad"), "{refused}");
+    assert_eq!(office.used(), None);
 }

@@ -7,7 +7,7 @@ use sqlx::{QueryBuilder, Sqlite};
 
 use super::audit;
 use super::read::column;
-use super::records::{LIVE, number, record, site_of};
+use super::records::{LIVE, number, record, site_hold};
 use crate::approval::{
     self, GenerationRef, NextIds, Outcome, Parcel, Proposal, Refused, RobotLedger, Standing,
 };
@@ -36,6 +36,10 @@ pub(super) async fn decide(
         key: &decision.key,
         actor: &decision.actor,
         now_ns: decision.now_ns,
+        held: match decision.command {
+            approval::Command::Offer { .. } => site_hold(&mut *connection).await?.held,
+            _ => false,
+        },
     };
     let ids = next_ids(connection).await?;
     let outcome = match approval::step(&ledger, decision.command.clone(), ids, &standing) {
@@ -317,10 +321,7 @@ pub(super) async fn hold(
     connection: &mut SqliteConnection,
     write: &HoldWrite,
 ) -> Result<SiteHold, StoreError> {
-    let failed = || StoreError::database("write the site-wide stop");
-    let select = "SELECT version, held, by, at_ns, reason FROM site";
-    let row = sqlx::query(select).fetch_one(&mut *connection).await;
-    let before = site_of(&row.map_err(failed())?)?;
+    let before = site_hold(&mut *connection).await?;
     if before.version != write.version {
         let found = before.version;
         return Err(StoreError::Refused(Refused::Stale { found }));
@@ -343,7 +344,7 @@ pub(super) async fn hold(
         .bind(&after.reason)
         .execute(&mut *connection)
         .await
-        .map_err(failed())?;
+        .map_err(StoreError::database("write the site-wide stop"))?;
     let entry = AuditEntry {
         at_ns: write.now_ns,
         actor: write.actor.clone(),

@@ -6,7 +6,7 @@ use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
 use serde::de::DeserializeOwned;
 use sqlx::sqlite::{SqlitePool, SqliteRow};
-use sqlx::{QueryBuilder, Row, Sqlite};
+use sqlx::{QueryBuilder, Row, Sqlite, SqliteExecutor};
 
 use super::read::{column, parsed, robot_id};
 use crate::approval::{Deployment, Parcel, Proposal, Revision, RobotLedger, Shadow};
@@ -166,15 +166,15 @@ pub(super) async fn deployments(
 }
 
 /// The site-wide stop.
-pub(super) async fn site_hold(pool: &SqlitePool) -> Result<SiteHold, StoreError> {
+pub(super) async fn site_hold(executor: impl SqliteExecutor<'_>) -> Result<SiteHold, StoreError> {
     let row = sqlx::query("SELECT version, held, by, at_ns, reason FROM site")
-        .fetch_one(pool)
+        .fetch_one(executor)
         .await
         .map_err(StoreError::database("read the site-wide stop"))?;
     site_of(&row)
 }
 
-pub(super) fn site_of(row: &SqliteRow) -> Result<SiteHold, StoreError> {
+fn site_of(row: &SqliteRow) -> Result<SiteHold, StoreError> {
     Ok(SiteHold {
         version: number(row, 0)?,
         held: column(row, "site", 1)?,
