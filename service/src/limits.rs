@@ -91,6 +91,18 @@ pub const CHECKPOINT_EVERY_S: f64 = 10.0;
 
 /// How often a robot's next manoeuvres are ranked, s of message time.
 pub const ADVICE_EVERY_S: f64 = 5.0;
+/// Askers for a robot's plan that wait; whoever comes then is told to come again.
+pub const PLAN_ASKERS_MAX: usize = 64;
+/// Whoever asks again within this much message time gets the same plan, s.
+pub const PLAN_EVERY_S: f64 = 0.4;
+/// A plan shows surfaces this far from the LiDAR, m.
+pub const PLAN_REACH_M: f64 = 30.0;
+/// Points of surfaces in a plan, the nearest.
+pub const PLAN_SURFACES_MAX: usize = 4_096;
+/// Length of a plan's trajectories, m by the wheels.
+pub const PLAN_TRAJECTORY_M: f64 = 20.0;
+/// Points of each trajectory.
+pub const PLAN_TRAJECTORY_POINTS_MAX: usize = 200;
 /// Times an estimator is restarted after a panic before its robot is left alone.
 pub const ESTIMATOR_RESTARTS_MAX: u32 = 10;
 

@@ -110,6 +110,10 @@ test('a reassembly is reported and stands among what happened', async ({ page })
   await expect(dialog).toBeHidden();
   await expect(page.getByRole('listitem').filter({ hasText: note })).toContainText('operator');
 });
+  await expect(verdict).toContainText(note);
+  await expect(verdict).toContainText(/Not known yet|The same as before|Changed/);
+  await accessible(page);
+});
 
 for (const colorScheme of ['light', 'dark'] as const) {
   test(`a robot's page is accessible, ${colorScheme}`, async ({ page }) => {
@@ -138,4 +142,56 @@ test('the colours can be chosen and are kept', async ({ page }) => {
   expect(dark).not.toBe(light);
   await page.reload();
   expect(await background()).toBe(dark);
+});
+
+test('the robot is seen from above: scan, map, and where each steering would have led it', async ({
+  page,
+}) => {
+  const panel = page.locator('section').filter({
+    has: page.getByRole('heading', { name: 'Seen from above' }),
+  });
+  await panel.scrollIntoViewIfNeeded();
+  const drawing = panel.getByRole('img');
+  // Trajectories follow the first guess.
+  await expect(drawing).toHaveAttribute(
+    'aria-label',
+    /\d+ returns .* \d+ points .* raw steering ends \d+\.\d\d m .* corrected steering \d+\.\d\d m/,
+    { timeout: 40_000 },
+  );
+  for (const what of ['latest scan', 'local map', 'driven, by LiDAR', 'by raw steering']) {
+    await expect(panel.getByRole('listitem').filter({ hasText: what })).toBeVisible();
+  }
+  const scan = panel.locator('.drawing path.returns');
+  expect(((await scan.getAttribute('d')) ?? '').split('M').length).toBeGreaterThan(100);
+
+  // It is live.
+  const before = await scan.getAttribute('d');
+  await expect.poll(() => scan.getAttribute('d')).not.toBe(before);
+
+  // By keyboard: closer, and the scale bar with it.
+  const bar = panel.locator('.drawing text');
+  await expect(bar).toHaveText('2 m');
+  await panel.getByRole('button', { name: 'Show less, closer' }).focus();
+  await page.keyboard.press('Enter');
+  await page.keyboard.press('Enter');
+  await expect(bar).toHaveText('0.5 m');
+  await expect(panel.getByRole('button', { name: 'Show less, closer' })).toBeDisabled();
+
+  await panel.getByRole('button', { name: 'Show as table: trajectories' }).press('Enter');
+  expect(await panel.getByRole('row').count()).toBeGreaterThan(5);
+  await expect(panel.getByRole('row').nth(1)).toContainText(/^0\.0/);
+  await accessible(page);
+  const download = page.waitForEvent('download');
+  await panel.getByRole('button', { name: 'Download CSV: plan' }).press('Enter');
+  const lines = (await readFile(await (await download).path(), 'utf8')).trimEnd().split('\r\n');
+  expect(lines[0]).toBe('what,time_utc,x_m,y_m');
+  const kinds = new Set(lines.slice(1).map((line) => line.split(',')[0]));
+  expect([...kinds].toSorted()).toEqual([
+    'lidar',
+    'rear_axle_by_corrected_steering',
+    'rear_axle_by_lidar',
+    'rear_axle_by_raw_steering',
+    'return',
+    'surface',
+  ]);
 });

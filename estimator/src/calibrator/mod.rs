@@ -5,12 +5,14 @@ mod comparison;
 mod config;
 mod drift;
 mod following;
+mod plan;
 mod session;
 
 use std::collections::VecDeque;
 
 pub use checkpoint::{Checkpoint, CheckpointRefused};
 pub use config::CalibratorConfig;
+pub use plan::{Plan, PlanLimits, TrajectoryPoint};
 
 use comparison::{Comparison, Occasion};
 use drift::Baseline;
@@ -316,15 +318,17 @@ impl Calibrator {
         effects.push(Effect::Estimate(Box::new(estimate)));
     }
 
+    /// The stored calibration that holds until it is contradicted.
+    fn held(&self) -> Option<&Comparison> {
+        let stored = self.comparison.as_ref();
+        stored.filter(|comparison| comparison.occasion == Occasion::NewSession)
+    }
+
     /// What is to be said of the vehicle now: a stored calibration holds until it is contradicted,
     /// unless somebody said that the vehicle was taken apart.
     fn judged(&self) -> (Trust, Estimate) {
         let mut trust = self.trust.clone();
-        let held = self
-            .comparison
-            .as_ref()
-            .filter(|comparison| comparison.occasion == Occasion::NewSession);
-        let parameters = match (held, self.filter()) {
+        let parameters = match (self.held(), self.filter()) {
             (Some(held), _) => self.judge(&mut trust, &held.values, &held.covariance),
             (None, Some(filter)) => {
                 // Errors that last for metres: the filter takes them as independent.

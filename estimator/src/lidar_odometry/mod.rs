@@ -10,6 +10,7 @@ mod local_map;
 mod motion;
 mod point_to_line;
 mod submap;
+mod surroundings;
 mod tracking;
 
 use std::sync::Arc;
@@ -27,6 +28,7 @@ use point_to_line::{Alignment, LocalMotion};
 use submap::{KnownMap, LocalOrigin};
 use tracking::{Fit, Track};
 
+pub use surroundings::Surroundings;
 pub use tracking::Tracking;
 
 /// What LiDAR odometry says of one sweep.

@@ -17,6 +17,7 @@ mod drive;
 mod efficiency;
 mod false_alarms;
 mod observability;
+mod plan;
 mod restarts;
 #[expect(dead_code, reason = "an example measures each cause alone")]
 mod synthetic_windows;

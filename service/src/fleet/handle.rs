@@ -6,6 +6,7 @@ use std::sync::{Arc, PoisonError, RwLock};
 use std::time::Duration;
 
 use fleetcal_estimator::advice::ranking::Ranked;
+use fleetcal_estimator::calibrator::Plan;
 use fleetcal_estimator::{Calibrator, Effect, EstimatorSettings, Event};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::encoding::{Encoding, Form};
@@ -58,6 +59,9 @@ pub enum FleetRefused {
     /// The robot has too many notes that wait.
     #[error("robot {0} has {max} notes that wait", max = limits::MAILBOX_NOTES_MAX)]
     NotesMax(RobotId),
+    /// Too many want to see the robot's plan at once.
+    #[error("{max} others wait for the plan of robot {0}", max = limits::PLAN_ASKERS_MAX)]
+    PlanAskersMax(RobotId),
 }
 
 /// What a fleet begins with.
@@ -334,6 +338,26 @@ impl FleetHandle {
     pub fn manoeuvres(&self, id: &RobotId) -> Arc<[Ranked]> {
         let robot = self.fleet.find(id.as_str());
         robot.map_or_else(|| Arc::from([]), |robot| robot.manoeuvres())
+    }
+
+    /// The robot seen from above, asked of its task, which draws it up for nobody else; `None` while
+    /// nothing is known.
+    ///
+    /// # Errors
+    /// When the robot is unknown, or too many ask at once.
+    pub async fn plan(&self, id: &RobotId) -> Result<Option<Arc<Plan>>, FleetRefused> {
+        let unknown = || FleetRefused::UnknownRobot(id.clone());
+        let robot = self.fleet.find(id.as_str()).ok_or_else(unknown)?;
+        if !robot.is_configured() {
+            return Ok(None);
+        }
+        let busy = || FleetRefused::PlanAskersMax(id.clone());
+        let answer = robot.plan_askers.ask().ok_or_else(busy)?;
+        robot.mailbox.wake();
+        tokio::select! {
+            answer = answer => Ok(answer.ok().flatten()),
+            () = self.fleet.stop.cancelled() => Ok(None),
+        }
     }
 
     /// Live updates from now on. A listener that lags more than [`limits::LIVE_UPDATES_MAX`]

@@ -6,6 +6,7 @@ pub mod decode;
 pub mod document;
 mod handle;
 mod mailbox;
+mod plan;
 mod robot;
 mod task;
 #[cfg(test)]

@@ -13,6 +13,7 @@ use crate::clock::Clock;
 use crate::config::RobotConfig;
 use crate::fleet::cross_track::{CrossTrack, CrossTracks, UsedValues};
 use crate::fleet::mailbox::Mailbox;
+use crate::fleet::plan::PlanAskers;
 use crate::fleet::view::{Connection, RobotState, RobotView, Stream, StreamView};
 use crate::limits::{SESSION_ENDS_AFTER, SESSION_ENDS_AFTER_TOKEN, STALE_AFTER};
 
@@ -92,6 +93,8 @@ pub struct Robot {
     pub id: RobotId,
     /// What waits for its task.
     pub mailbox: Mailbox,
+    /// Those who want to see it from above.
+    pub plan_askers: PlanAskers,
     link: Mutex<Link>,
     status: Mutex<Status>,
     cross_tracks: Mutex<CrossTracks>,
@@ -114,6 +117,7 @@ impl Robot {
         Self {
             id,
             mailbox: Mailbox::default(),
+            plan_askers: PlanAskers::default(),
             link: Mutex::new(Link {
                 streams: Default::default(),
                 last_seen_ns: None,

@@ -4,7 +4,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-use fleetcal_estimator::calibrator::CalibratorConfig;
+use fleetcal_estimator::calibrator::{CalibratorConfig, Plan};
 use fleetcal_estimator::{Calibrator, Checkpoint, Effect, Event, Stamp};
 use fleetcal_proto::estimate::{ChangeKind, EstimateDocument, ParameterName, ParameterStatus};
 use serde::{Deserialize, Serialize};
@@ -15,10 +15,11 @@ use crate::fleet::decode::{self, Decoded};
 use crate::fleet::document;
 use crate::fleet::handle::Fleet;
 use crate::fleet::mailbox::{Item, Message, Outcome};
+use crate::fleet::plan;
 use crate::fleet::robot::Robot;
 use crate::fleet::trial::Trial;
 use crate::fleet::view::{HistoryEvent, LiveUpdate, RobotState, ServiceEvent, ServiceEventKind};
-use crate::limits::{ADVICE_EVERY_S, CHECKPOINT_EVERY_S, ESTIMATOR_RESTARTS_MAX};
+use crate::limits::{ADVICE_EVERY_S, CHECKPOINT_EVERY_S, ESTIMATOR_RESTARTS_MAX, PLAN_EVERY_S};
 
 /// The parameters that have to be known for a robot to be called calibrated.
 const CALIBRATED: [ParameterName; 4] = [
@@ -45,6 +46,7 @@ pub async fn run(fleet: Arc<Fleet>, robot: Arc<Robot>, stored: Option<String>) {
     loop {
         while let Some(item) = task.robot.mailbox.take() {
             task.take(item);
+            task.answer_plan_askers();
             // A scan takes a millisecond: let the API and the other robots have theirs.
             tokio::task::yield_now().await;
         }
@@ -56,8 +58,10 @@ pub async fn run(fleet: Arc<Fleet>, robot: Arc<Robot>, stored: Option<String>) {
             () = task.fleet.stop.cancelled() => {}
         }
         task.follow_config();
+        task.answer_plan_askers();
     }
     task.save_checkpoint();
+    drop(task.robot.plan_askers.take());
 }
 
 /// What the estimator is doing.
@@ -84,6 +88,8 @@ struct RobotTask {
     /// When the manoeuvres were ranked last.
     advised: Option<Stamp>,
     newest: Stamp,
+    /// The plan that was asked for last, and the newest message then.
+    plan: Option<(Stamp, Arc<Plan>)>,
     /// Whether a change was seen and the new values are not known yet.
     changed: bool,
     /// What proves the values that the robot has begun to use.
@@ -115,6 +121,7 @@ impl RobotTask {
             checkpointed: None,
             advised: None,
             newest: Stamp(0),
+            plan: None,
             changed: false,
             trial: None,
         };
@@ -217,6 +224,40 @@ impl RobotTask {
         }
     }
 
+    /// Draws up the robot's plan for those who have asked.
+    fn answer_plan_askers(&mut self) {
+        let askers = self.robot.plan_askers.take();
+        if askers.is_empty() {
+            return;
+        }
+        let plan = self.plan_now();
+        for asker in askers {
+            // Whoever has gone meanwhile is no matter.
+            drop(asker.send(plan.clone()));
+        }
+    }
+
+    fn plan_now(&mut self) -> plan::Answer {
+        let newest = self.newest;
+        let is_recent = |at: Stamp| newest.seconds_since(at).abs() < PLAN_EVERY_S;
+        if let Some((at, plan)) = &self.plan
+            && is_recent(*at)
+        {
+            return Some(Arc::clone(plan));
+        }
+        let Engine::Running(calibrator) = &self.engine else {
+            return None;
+        };
+        let drawn = catch_unwind(AssertUnwindSafe(|| calibrator.plan(&plan::LIMITS)));
+        let plan = drawn.unwrap_or_else(|_| {
+            self.fleet.count_panic();
+            tracing::error!(robot.id = %self.robot.id, "the plan could not be drawn up");
+            None
+        });
+        self.plan = plan.map(|plan| (newest, Arc::new(plan)));
+        self.plan.as_ref().map(|(_, plan)| Arc::clone(plan))
+    }
+
     /// What the sensor measured, where the robot takes off what it compensates with.
     fn raw(&self, event: Event) -> Result<Event, String> {
         let Event::Drive(sample) = &event else {
@@ -316,6 +357,7 @@ impl RobotTask {
             .and_then(|checkpoint| Calibrator::restore(self.config.clone(), &checkpoint).ok())
             .unwrap_or_else(|| Calibrator::new(self.config.clone()));
         self.engine = Engine::Running(Box::new(calibrator));
+        self.plan = None;
         let note = why.to_owned();
         self.record_service_event(ServiceEventKind::EstimatorRestarted, self.newest, note);
     }

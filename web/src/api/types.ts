@@ -46,6 +46,7 @@ export type DeploymentPage = Schemas['DeploymentPage'];
 export type DeploymentState = Schemas['DeploymentState'];
 export type CrossTrackErrors = Schemas['CrossTrackErrors'];
 export type Manoeuvres = Schemas['Manoeuvres'];
+export type Plan = Schemas['Plan'];
 export type CrossTrackItem = Schemas['CrossTrackItem'];
 
 export type Alert = Schemas['Alert'];

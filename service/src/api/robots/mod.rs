@@ -8,6 +8,7 @@ mod events;
 mod history;
 mod list;
 mod manoeuvres;
+mod plan;
 mod registration;
 
 use utoipa_axum::router::OpenApiRouter;
@@ -28,5 +29,6 @@ pub(super) fn routes() -> OpenApiRouter<ApiState> {
         .routes(routes!(history::get_history))
         .routes(routes!(cross_track::get_cross_track_error))
         .routes(routes!(manoeuvres::get_manoeuvres))
+        .routes(routes!(plan::get_plan))
         .routes(routes!(events::list_events, events::post_event))
 }

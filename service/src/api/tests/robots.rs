@@ -113,6 +113,69 @@ async fn a_robot_that_has_sent_something_is_told_what_to_drive_next() {
     assert_snapshot!(told("?floor=3").await, @"400 query_refused [floor]: the query: unknown field `floor`, expected `length_m` or `width_m`");
 }
 
+/// A pose of the LiDAR and a drive sample, `step` steps of 20 ms after the beginning, on a straight way.
+fn straight_on(bench: &Bench, step: u32) {
+    let stamp = json!({"sec": 1_760_000_000 + step / 50, "nanosec": step % 50 * 20_000_000});
+    let header = json!({"stamp": stamp, "frame_id": "odom"});
+    let drive = json!({
+        "header": header,
+        "drive": {
+            "steering_angle": 0.0, "steering_angle_velocity": 0.0,
+            "speed": 1.0, "acceleration": 0.0, "jerk": 0.0,
+        },
+    });
+    let zero = json!({"x": 0.0, "y": 0.0, "z": 0.0});
+    let position = json!({"x": f64::from(step) * 0.02, "y": 0.0, "z": 0.0});
+    let orientation = json!({"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0});
+    let pose = json!({
+        "header": header,
+        "child_frame_id": "lidar",
+        "pose": {"pose": {"position": position, "orientation": orientation}, "covariance": vec![0.0; 36]},
+        "twist": {"twist": {"linear": zero, "angular": zero}, "covariance": vec![0.0; 36]},
+    });
+    let sent = [(Stream::Drive, drive), (Stream::LidarOdometry, pose)];
+    for (stream, message) in sent {
+        let payload = message.to_string().into_bytes();
+        let length = payload.len();
+        bench
+            .fleet
+            .receive(&robot("a"), stream, Encoding::Json, length, || payload);
+    }
+}
+
+#[tokio::test]
+async fn a_plan_is_drawn_up_for_whoever_asks() {
+    let bench = bench(&["a"]).await;
+    let path = "/api/v1/robots/a/plan";
+    assert_eq!(bench.get(path).await.body, "null");
+    for step in 0..100 {
+        straight_on(&bench, step);
+        let taken = || bench.fleet.robot(&robot("a")).unwrap().counters;
+        while taken().processed < u64::from(2 * (step + 1)) {
+            assert_eq!(taken().refused, 0, "{:?}", taken().last_refusal);
+            tokio::time::sleep(Duration::from_millis(1)).await;
+        }
+    }
+    // Half a second waits in the merger; nothing can be guessed from a straight way.
+    let plan = bench.get(path).await.json();
+    assert!(plan["lidar"]["x_m"].as_f64().unwrap() > 1.2, "{plan}");
+    assert_eq!(
+        plan["stamp_ns"].as_i64().unwrap() / 1_000_000_000,
+        1_760_000_001
+    );
+    assert_eq!(plan["lidar_in_base"], Value::Null);
+    for empty in ["returns_m", "surfaces_m", "trajectory"] {
+        assert_eq!(plan[empty], json!([]), "{empty}");
+    }
+    // Everybody at once gets the same, and nobody is left waiting.
+    let all = futures::future::join_all((0..20).map(|_| bench.get(path))).await;
+    assert!(all.iter().all(|answer| answer.json() == plan));
+    assert_snapshot!(bench.get("/api/v1/robots/b/plan").await.told(), @"404 robot_unknown: no robot b is known");
+    assert_snapshot!(bench.get(&format!("{path}?x=1")).await.told(), @"400 query_refused [x]: the query: unknown field `x`, there are no fields");
+    bench.fleet.stop().await;
+    assert_eq!(bench.fleet.plan(&robot("a")).await, Ok(None));
+}
+
 #[tokio::test]
 async fn the_list_refuses_by_name() {
     let bench = bench(&[]).await;

@@ -1,0 +1,201 @@
+//! A robot seen from above, for people: what is around it, and the way it came.
+
+use nalgebra::Vector3;
+
+use super::Calibrator;
+use crate::drive_history::DriveSegment;
+use crate::estimate::Parameter;
+use crate::filter::{OdometryReading, Values, drive_parameters, lidar_in_base};
+use crate::geometry::Pose2;
+use crate::lidar_odometry::Surroundings;
+use crate::stream::Stamp;
+use crate::vehicle::{DriveParameters, Vehicle};
+
+/// How much of it is asked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlanLimits {
+    /// Surfaces at most this far from the LiDAR, m.
+    pub reach_m: f64,
+    /// Most points of surfaces.
+    pub surfaces_max: usize,
+    /// Length of the trajectories, m by the wheels.
+    pub trajectory_m: f64,
+    /// Most points of them.
+    pub trajectory_points_max: usize,
+}
+
+/// A robot seen from above, in the LiDAR's odometry frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// Time of the latest sweep or pose.
+    pub stamp: Stamp,
+    /// The LiDAR's pose then.
+    pub lidar_in_odom: Pose2,
+    /// The latest sweep on the local map; `None` for a robot that sends poses.
+    pub surroundings: Option<Surroundings>,
+    /// The LiDAR's pose on the vehicle as it is estimated; `None` before the first guess.
+    pub lidar_in_base: Option<Pose2>,
+    /// How the rear axle came here, oldest first; empty before the first guess.
+    pub trajectory: Vec<TrajectoryPoint>,
+    /// Length of the trajectory, m by the wheels.
+    pub distance_m: f64,
+}
+
+/// The rear axle at one time. The trajectories of the two steerings begin where the LiDAR says and
+/// are nothing but speed and steering from there. They differ in steering offset and gain alone.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrajectoryPoint {
+    /// The time, of the LiDAR.
+    pub stamp: Stamp,
+    /// By LiDAR odometry and the estimated mount.
+    pub by_lidar: Pose2,
+    /// By the steering as it was measured.
+    pub by_raw_steering: Pose2,
+    /// By the steering with the estimated offset taken off.
+    pub by_corrected_steering: Pose2,
+}
+
+impl Calibrator {
+    /// The robot seen from above now; `None` before the first sweep or pose.
+    pub fn plan(&self, limits: &PlanLimits) -> Option<Plan> {
+        let odometry = &self.lidar_odometry;
+        let surroundings = odometry.surroundings(limits.reach_m, limits.surfaces_max);
+        let last = self.readings.back();
+        let (stamp, lidar_in_odom) = match &surroundings {
+            Some(seen) => (seen.stamp, seen.lidar_in_odom),
+            None => last.map(|last| (last.stamp, last.lidar_in_odom))?,
+        };
+        let values = self.told_values();
+        let (distance_m, mut trajectory) = values
+            .map(|values| self.trajectory(values, limits.trajectory_m))
+            .unwrap_or_default();
+        thin_out(&mut trajectory, limits.trajectory_points_max);
+        Some(Plan {
+            stamp,
+            lidar_in_odom,
+            surroundings,
+            lidar_in_base: values.map(lidar_in_base),
+            trajectory,
+            distance_m,
+        })
+    }
+
+    /// The values that an estimate tells of; `None` while it only has its prior.
+    fn told_values(&self) -> Option<&Values> {
+        match self.held() {
+            Some(held) => Some(&held.values),
+            None => self.filter().map(super::Filter::values),
+        }
+    }
+
+    /// The trajectories, and their length.
+    fn trajectory(&self, values: &Values, length_m: f64) -> (f64, Vec<TrajectoryPoint>) {
+        let (distance_m, intervals) = self.last_stretch(values, length_m);
+        let base_from_lidar = lidar_in_base(values).inverse();
+        let at = |reading: &OdometryReading| TrajectoryPoint::at(reading, &base_from_lidar);
+        let Some(mut point) = intervals.last().map(|interval| at(interval.before)) else {
+            return (0.0, Vec::new());
+        };
+        let corrected = drive_parameters(values);
+        let raw = DriveParameters {
+            steering_offset_rad: 0.0,
+            steering_gain: 1.0,
+            ..corrected
+        };
+        let vehicle = &self.config.vehicle;
+        let mut points = vec![point];
+        for interval in intervals.iter().rev() {
+            for segment in self.drive.segments(interval.from, interval.to) {
+                let on = |pose: Pose2, by| pose.compose(&driven(vehicle, by, &segment));
+                point.by_raw_steering = on(point.by_raw_steering, &raw);
+                point.by_corrected_steering = on(point.by_corrected_steering, &corrected);
+            }
+            let TrajectoryPoint {
+                stamp, by_lidar, ..
+            } = at(interval.reading);
+            point = TrajectoryPoint {
+                stamp,
+                by_lidar,
+                ..point
+            };
+            points.push(point);
+        }
+        (distance_m, points)
+    }
+
+    /// From reading to reading over the last stretch without a gap, the newest first, until
+    /// `length_m` is reached; and its length.
+    fn last_stretch(&self, values: &Values, length_m: f64) -> (f64, Vec<Interval<'_>>) {
+        let limit_s = self.config.settings.time_offset_max_s;
+        let offset_s = values[Parameter::TimeOffset.index()].clamp(-limit_s, limit_s);
+        let mut intervals = Vec::new();
+        let mut distance_m = 0.0;
+        let newest_first = || self.readings.iter().rev();
+        for (reading, before) in newest_first().zip(newest_first().skip(1)) {
+            let from = before.stamp.plus_seconds(offset_s);
+            let to = reading.stamp.plus_seconds(offset_s);
+            if distance_m >= length_m {
+                break;
+            }
+            if self.drive.covers(from, to) {
+                let segments = self.drive.segments(from, to);
+                distance_m += segments
+                    .map(|segment| segment.drive.speed_mps.abs() * segment.duration_s)
+                    .sum::<f64>();
+                intervals.push(Interval {
+                    before,
+                    reading,
+                    from,
+                    to,
+                });
+            } else if !intervals.is_empty() {
+                break;
+            }
+        }
+        (distance_m, intervals)
+    }
+}
+
+/// Two readings, and the drive time between them.
+struct Interval<'a> {
+    before: &'a OdometryReading,
+    reading: &'a OdometryReading,
+    from: Stamp,
+    to: Stamp,
+}
+
+impl TrajectoryPoint {
+    /// Where all of them begin.
+    fn at(reading: &OdometryReading, base_from_lidar: &Pose2) -> Self {
+        let base_in_odom = reading.lidar_in_odom.compose(base_from_lidar);
+        Self {
+            stamp: reading.stamp,
+            by_lidar: base_in_odom,
+            by_raw_steering: base_in_odom,
+            by_corrected_steering: base_in_odom,
+        }
+    }
+}
+
+/// The arc that the rear axle drives over one reading.
+fn driven(vehicle: &Vehicle, parameters: &DriveParameters, segment: &DriveSegment) -> Pose2 {
+    let motion = vehicle.motion(segment.drive, parameters);
+    let twist = Vector3::new(
+        motion.speed_mps,
+        motion.side_speed_mps,
+        motion.yaw_rate_radps,
+    );
+    Pose2::exp(&(twist * segment.duration_s))
+}
+
+/// Leaves at most `max` points, evenly spread, the newest among them.
+fn thin_out(points: &mut Vec<TrajectoryPoint>, max: usize) {
+    let stride = points.len().div_ceil(max.max(1)).max(1);
+    let newest = points.len().saturating_sub(1);
+    let mut index = 0;
+    points.retain(|_| {
+        let keeps = (newest - index).is_multiple_of(stride);
+        index += 1;
+        keeps
+    });
+}
