@@ -2,12 +2,17 @@
 
 import type { Proposal, Tolerance } from '../api/types';
 import { formatDistance, formatSpan } from '../units/format';
-import { type Compared, compareValues } from '../units/values';
+import { type Compared, compareBeside, compareValues } from '../units/values';
 
 /** What it changes, value by value. */
 export function changesOf(proposal: Proposal, tolerance: Tolerance | undefined): Compared[] {
   const { values, sigmas } = proposal.revision;
   return compareValues(proposal.base, values, sigmas, tolerance);
+}
+
+/** What goes along with that and would change: scales, a delay, the wheelbase. */
+export function besideOf({ base, revision }: Proposal): Compared[] {
+  return compareBeside(base, revision.values, revision.sigmas);
 }
 
 /** What it rests on, in a few words. */

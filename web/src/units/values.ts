@@ -1,7 +1,7 @@
-/** The four values of a calibration under the names that parameters have elsewhere. */
+/** The values of a calibration under the names that parameters have elsewhere. */
 
 import type { ParameterName, Tolerance, Values } from '../api/types';
-import { CALIBRATED } from './parameters';
+import { CALIBRATED, NUISANCE } from './parameters';
 
 export type Calibrated = (typeof CALIBRATED)[number];
 
@@ -39,7 +39,7 @@ export function accepted(tolerance: Tolerance, name: Calibrated): number {
 
 /** One value of a calibration beside the one that would take its place. */
 export interface Compared {
-  name: Calibrated;
+  name: ParameterName;
   from: number | null;
   to: number | null;
   sigma: number | null;
@@ -72,5 +72,36 @@ export function compareValues(
       sigmas: change === null || sigma === null ? null : size / sigma,
       beyond: tolerance !== undefined && size > accepted(tolerance, name),
     };
+  });
+}
+
+/** What a robot goes by that has said nothing of it. Nobody knows which wheelbase it has in mind. */
+const UNSAID: Record<(typeof NUISANCE)[number], number | null> = {
+  speed_scale: 1,
+  time_offset: 0,
+  wheelbase: null,
+  steering_gain: 1,
+};
+/** Closer than this two values are one, in any wire unit. */
+const SAME = 1e-9;
+
+/**
+ * What goes along with the four of {@link compareValues} and would change: nothing that a robot
+ * will apply stays out of sight. A value that it uses and that would no longer be sent is there too.
+ */
+export function compareBeside(
+  from: Values | null | undefined,
+  to: Values | null | undefined,
+  sigmas: Values | null | undefined,
+): Compared[] {
+  return NUISANCE.flatMap((name) => {
+    const before = valueOf(from, name) ?? UNSAID[name];
+    const after = valueOf(to, name);
+    if (after === null && (before === null || before === UNSAID[name])) return [];
+    const change = before === null || after === null ? null : after - before;
+    if (change !== null && Math.abs(change) < SAME) return [];
+    const sigma = valueOf(sigmas, name) || null;
+    const counted = change === null || sigma === null ? null : Math.abs(change) / sigma;
+    return [{ name, from: before, to: after, sigma, change, sigmas: counted, beyond: false }];
   });
 }
