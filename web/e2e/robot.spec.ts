@@ -109,7 +109,10 @@ test('a reassembly is reported and stands among what happened', async ({ page })
   await dialog.getByRole('button', { name: 'Report it' }).click();
   await expect(dialog).toBeHidden();
   await expect(page.getByRole('listitem').filter({ hasText: note })).toContainText('operator');
-});
+  // Its verdict stands at the top: open, until the robot has driven.
+  const verdict = page.locator('section').filter({
+    has: page.getByRole('heading', { name: 'After the reassembly' }),
+  });
   await expect(verdict).toContainText(note);
   await expect(verdict).toContainText(/Not known yet|The same as before|Changed/);
   await accessible(page);
