@@ -1,0 +1,68 @@
+import { describe, expect, it } from 'vitest';
+import { firstChoice, jointsAsked, streamsOf, suited, type Topic } from './topics';
+
+const topic = (name: string, type: string, ...suited_for: string[]): Topic => ({
+  topic: name,
+  type,
+  suited_for,
+});
+const SCAN = topic('front/scan', 'sensor_msgs/msg/LaserScan', 'scan');
+const DRIVE = topic('ackermann', 'ackermann_msgs/msg/AckermannDriveStamped', 'drive', 'steering');
+const JOINTS = topic('joint_states', 'sensor_msgs/msg/JointState', 'drive', 'steering', 'speed');
+const ODOM = topic('odom', 'nav_msgs/msg/Odometry', 'speed', 'lidar_odometry');
+const CAMERA = topic('camera', 'sensor_msgs/msg/Image');
+
+describe('topics', () => {
+  it('are offered for what they are suited for, and the plainest is chosen', () => {
+    const topics = [CAMERA, DRIVE, ODOM, SCAN];
+    expect(suited(topics, 'scan', 'lidar_odometry')).toEqual([ODOM, SCAN]);
+    const chosen = firstChoice(topics);
+    expect(chosen).toMatchObject({ drive: 'ackermann', lidar: 'front/scan' });
+    expect(streamsOf(topics, chosen)).toEqual({
+      ok: true,
+      streams: {
+        drive: { topic: 'ackermann', type: DRIVE.type },
+        scan: { topic: 'front/scan', type: SCAN.type },
+      },
+    });
+  });
+
+  it('that carry joints have them named', () => {
+    const topics = [JOINTS, SCAN];
+    const chosen = firstChoice(topics);
+    expect(jointsAsked(topics, chosen)).toEqual({ steering: true, wheels: true });
+    const missing = (more: object) => {
+      const picked = streamsOf(topics, { ...chosen, ...more });
+      return picked.ok ? '' : picked.field;
+    };
+    expect(missing({})).toBe('steering_joint');
+    expect(missing({ steering_joint: 'steer' })).toBe('wheel_joints');
+    expect(missing({ steering_joint: 'steer', wheel_joints: ' , ' })).toBe('wheel_joints');
+    const wheels = { steering_joint: 'steer', wheel_joints: 'left, right' };
+    expect(missing(wheels)).toBe('wheel_radius');
+    expect(missing({ ...wheels, wheel_radius: '15 cm' })).toBe('wheel_radius');
+    expect(streamsOf(topics, { ...chosen, ...wheels, wheel_radius: '0,15' })).toMatchObject({
+      ok: true,
+      streams: { joints: { steering: 'steer', wheels: ['left', 'right'], wheel_radius_m: 0.15 } },
+    });
+  });
+
+  it('may be two for speed and steering', () => {
+    const steering = topic('steer', 'ackermann_msgs/msg/AckermannDriveStamped', 'steering');
+    const topics = [steering, ODOM, SCAN];
+    const chosen = firstChoice(topics);
+    expect(chosen).toMatchObject({ drive: '', steering: 'steer', speed: 'odom' });
+    expect(streamsOf(topics, chosen)).toMatchObject({
+      streams: { steering: { topic: 'steer' }, speed: { topic: 'odom' } },
+    });
+    expect(streamsOf(topics, { ...chosen, speed: '' })).toMatchObject({
+      ok: false,
+      field: 'speed',
+    });
+    expect(streamsOf([steering, ODOM], { ...chosen, lidar: '' })).toMatchObject({ field: 'lidar' });
+    // Poses of the LiDAR do instead of scans.
+    expect(streamsOf(topics, { ...chosen, lidar: 'odom' })).toMatchObject({
+      streams: { lidar_odometry: { topic: 'odom' } },
+    });
+  });
+});

@@ -1,0 +1,130 @@
+/** Which of the topics that a robot announces carry what a calibration needs. */
+
+/** A topic as the service has seen it announced. */
+export interface Topic {
+  /** Its name below the robot. */
+  topic: string;
+  /** The ROS 2 type that it was announced with. */
+  type: string;
+  /** The streams that it could be. */
+  suited_for: readonly string[];
+}
+
+export interface TopicChoice {
+  topic: string;
+  type: string;
+}
+
+/** Which joints of a `JointState` are steering and wheels. */
+export interface Joints {
+  steering?: string;
+  wheels?: string[];
+  wheel_radius_m?: number;
+}
+
+/** The key `streams` of a robot's configuration. */
+export interface Streams {
+  drive?: TopicChoice;
+  steering?: TopicChoice;
+  speed?: TopicChoice;
+  scan?: TopicChoice;
+  lidar_odometry?: TopicChoice;
+  joints?: Joints;
+}
+
+/** What a person has chosen and typed, topics by name. */
+export interface Chosen {
+  /** Speed and steering in one; empty when they come on two topics. */
+  drive: string;
+  steering: string;
+  speed: string;
+  /** Scans, or poses made on the robot. */
+  lidar: string;
+  steering_joint: string;
+  /** Names with commas between. */
+  wheel_joints: string;
+  wheel_radius: string;
+}
+
+export type Field = keyof Chosen;
+export type Picked = { ok: true; streams: Streams } | { ok: false; field: Field; problem: string };
+
+const JOINT_STATE = 'sensor_msgs/msg/JointState';
+const RADIUS_MAX_M = 5;
+
+/** The topics that could be one of these streams. */
+export function suited(topics: readonly Topic[], ...streams: string[]): Topic[] {
+  return topics.filter(({ suited_for }) => streams.some((stream) => suited_for.includes(stream)));
+}
+
+/** The choice to begin with: what there is only one of, else the first. */
+export function firstChoice(topics: readonly Topic[]): Chosen {
+  const first = (...streams: string[]) => suited(topics, ...streams)[0]?.topic ?? '';
+  const drive = first('drive');
+  return {
+    drive,
+    steering: drive === '' ? first('steering') : '',
+    speed: drive === '' ? first('speed') : '',
+    lidar: first('scan') || first('lidar_odometry'),
+    steering_joint: '',
+    wheel_joints: '',
+    wheel_radius: '',
+  };
+}
+
+/** Which joints have to be named: those of steering, and those of the wheels. */
+export function jointsAsked(
+  topics: readonly Topic[],
+  { drive, steering, speed }: Chosen,
+): { steering: boolean; wheels: boolean } {
+  const isJoints = (name: string) =>
+    name !== '' && topics.find(({ topic }) => topic === name)?.type === JOINT_STATE;
+  return { steering: isJoints(drive || steering), wheels: isJoints(drive || speed) };
+}
+
+/** The streams as they were chosen, or what is missing. */
+export function streamsOf(topics: readonly Topic[], chosen: Chosen): Picked {
+  const missing = (field: Field, problem: string): Picked => ({ ok: false, field, problem });
+  const named = (name: string): TopicChoice | undefined => {
+    const found = topics.find(({ topic }) => topic === name);
+    return found && { topic: found.topic, type: found.type };
+  };
+  const streams: Streams = {};
+  const drive = named(chosen.drive);
+  const [steering, speed] = [named(chosen.steering), named(chosen.speed)];
+  if (drive) {
+    streams.drive = drive;
+  } else {
+    if (!steering) return missing('steering', 'Choose the topic that carries the steering angle.');
+    if (!speed) return missing('speed', 'Choose the topic that carries the speed.');
+    streams.steering = steering;
+    streams.speed = speed;
+  }
+  const lidar = topics.find(({ topic }) => topic === chosen.lidar);
+  if (!lidar) return missing('lidar', 'Choose the topic of the LiDAR.');
+  const stream = lidar.suited_for.includes('scan') ? 'scan' : 'lidar_odometry';
+  streams[stream] = { topic: lidar.topic, type: lidar.type };
+
+  const asked = jointsAsked(topics, chosen);
+  const joints: Joints = {};
+  if (asked.steering) {
+    joints.steering = chosen.steering_joint.trim();
+    if (!joints.steering) return missing('steering_joint', 'Name the joint that steers.');
+  }
+  if (asked.wheels) {
+    joints.wheels = chosen.wheel_joints
+      .split(',')
+      .map((name) => name.trim())
+      .filter(Boolean);
+    if (joints.wheels.length === 0) {
+      return missing('wheel_joints', 'Name the joint of a wheel, or of both with a comma between.');
+    }
+    const radius = Number(chosen.wheel_radius.trim().replace(',', '.'));
+    if (chosen.wheel_radius.trim() === '' || !(radius > 0 && radius <= RADIUS_MAX_M)) {
+      return missing('wheel_radius', `Type the wheels' radius in metres, such as 0.150.`);
+    }
+    joints.wheel_radius_m = radius;
+  }
+  if (asked.steering || asked.wheels) streams.joints = joints;
+  return { ok: true, streams };
+}
