@@ -30,19 +30,22 @@ test('the page moves without being asked', async ({ page }) => {
   await expect.poll(() => row.innerText(), { timeout: 20_000 }).not.toBe(before);
 });
 
-test('the worst come first: who drifts stands before who only learns', async ({ page }) => {
+test('the worst come first: what waits for a person stands before who only learns', async ({
+  page,
+}) => {
   test.setTimeout(CALIBRATED_WITHIN_MS + 30_000);
   await page.goto('/');
   const states = page.locator('tbody .state');
-  const drifting = page.getByRole('row').filter({ hasText: 'Drift' });
-  await expect(drifting.first()).toBeVisible({ timeout: CALIBRATED_WITHIN_MS });
+  const waiting = page.getByRole('row').filter({ hasText: 'Waits for approval' });
+  await expect(waiting.first()).toBeVisible({ timeout: CALIBRATED_WITHIN_MS });
   const words = (await states.allInnerTexts()).map((word) => word.trim());
-  const order = ['Drift', 'Waits for approval', 'Being applied', 'Learning', 'Calibrated'];
+  // Nothing has been applied yet: whoever is off was never calibrated, and has not drifted.
+  const order = ['Waits for approval', 'Not calibrated yet', 'Learning', 'Calibrated'];
   const places = words.map((word) => order.indexOf(word));
   expect(places).not.toContain(-1);
   expect(places).toEqual(places.toSorted((a, b) => a - b));
   const count = page.getByRole('navigation', { name: 'Show robots by state' });
-  await expect(count.getByRole('link', { name: /^Drift/ })).toContainText(/\d/);
+  await expect(count.getByRole('link', { name: /^Waits for approval/ })).toContainText(/\d/);
   // What waits for a decision is one click away.
   await expect(
     page.getByRole('link', { name: /^a decision on the proposal for/ }).first(),

@@ -109,7 +109,7 @@ describe('how a robot stands', () => {
     expect(of('calibrated')).toBe('calibrated');
     expect(of('changed')).toBe('drift');
     expect(of('calibrated', { proposal: 3 })).toBe('waiting');
-    expect(of('calibrated', { proposal: 3 }, ['drift'])).toBe('drift');
+    expect(of('calibrated', { proposal: 3, reported_generation: 1 }, ['drift'])).toBe('drift');
     expect(of('no_data', { proposal: 3 })).toBe('no_data');
     expect(of('learning', { deployment: 'verifying' })).toBe('under_way');
     expect(of('learning', { deployment: 'verified' })).toBe('learning');
@@ -117,12 +117,21 @@ describe('how a robot stands', () => {
     expect(of('calibrated', { deployment: 'rollback_failed' }, ['drift'])).toBe('rollback_failed');
   });
 
+  it('is not drift as long as nothing was ever applied', () => {
+    expect(of('calibrated', {}, ['drift'])).toBe('uncalibrated');
+    expect(of('calibrated', { reported_generation: 0 }, ['drift'])).toBe('uncalibrated');
+    expect(of('calibrated', { proposal: 3 }, ['drift'])).toBe('waiting');
+    expect(of('calibrated', { reported_generation: 1 }, ['drift'])).toBe('drift');
+    // The estimator has seen it move: that it did.
+    expect(of('changed', {}, ['drift'])).toBe('drift');
+  });
+
   it('puts a failed roll-back first, then drift, verification, silence, approval, learning', () => {
     const order: Standing[] = ['rollback_failed', 'drift', 'verification_failed', 'no_data'];
-    order.push('waiting', 'learning', 'calibrated');
+    order.push('waiting', 'uncalibrated', 'learning', 'calibrated');
     const places = order.map((one) => BY_URGENCY.indexOf(one));
     expect(places).toEqual(places.toSorted((a, b) => a - b));
-    expect(order.filter(needsPerson)).toHaveLength(5);
+    expect(order.filter(needsPerson)).toHaveLength(6);
   });
 });
 

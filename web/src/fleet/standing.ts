@@ -15,6 +15,7 @@ export type Standing =
   | 'unregistered'
   | 'waiting'
   | 'under_way'
+  | 'uncalibrated'
   | 'learning'
   | 'calibrated';
 
@@ -86,6 +87,12 @@ export const STANDINGS: Record<Standing, Face> = {
     tone: 'active',
     meaning: 'New values are approved and on their way, or are being verified by driving.',
   },
+  uncalibrated: {
+    word: 'Not calibrated yet',
+    shape: 'ring-dot',
+    tone: 'warn',
+    meaning: 'It drives by what it brought along, and is surely off from that.',
+  },
   learning: {
     word: 'Learning',
     shape: 'half',
@@ -136,7 +143,8 @@ export function standing(robot: Robot, firing: ReadonlySet<AlertKind>): Standing
   const { deployment } = calibration;
   const so: Standing[] = [OF_STATE[state] ?? (state as Standing)];
   if (deployment === 'rollback_failed' || firing.has('rollback_failed')) so.push('rollback_failed');
-  if (firing.has('drift')) so.push('drift');
+  // What was never calibrated here cannot have drifted: generation 0 is what it brought along.
+  if (firing.has('drift')) so.push(calibration.reported_generation ? 'drift' : 'uncalibrated');
   if (calibration.verification_failed || firing.has('verification_failed')) {
     so.push('verification_failed');
   }

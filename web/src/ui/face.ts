@@ -17,6 +17,7 @@ export type Shape =
   | 'half'
   | 'check'
   | 'ring'
+  | 'ring-dot'
   | 'dash';
 export type Tone = 'bad' | 'warn' | 'active' | 'good' | 'quiet';
 
