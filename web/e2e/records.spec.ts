@@ -49,6 +49,46 @@ test('the audit is filtered in the address and comes as a file', async ({ page }
   }
 });
 
+test('tolerances are changed with a reason, and go back to the file', async ({ page, account }) => {
+  await page.goto('/settings');
+  const row = page.getByRole('row').filter({ hasText: 'Counts as verified within' });
+  await expect(row).toContainText('0.15°');
+  await page.getByRole('button', { name: 'Change', exact: true }).click();
+  const steering = page.getByLabel('Verified within: Steering, °');
+  await steering.fill('a little');
+  await page.getByRole('button', { name: 'Save' }).press('Enter');
+  await expect(page.getByRole('alert').filter({ hasText: 'is not a number' })).toBeVisible();
+  await expect(steering).toBeFocused();
+  await accessible(page);
+  await steering.fill('0,25');
+  await steering.press('Enter');
+  const dialog = page.getByRole('dialog');
+  await dialog.getByLabel('Why').fill('Narrow aisles');
+  await accessible(page);
+  await dialog.getByRole('button', { name: 'Change them' }).click();
+  await expect(row).toContainText('0.25°');
+  await expect(page.getByText(/Set here by admin, .*: Narrow aisles/)).toBeVisible();
+  await page.goto('/audit?action=policy.change');
+  await expect(page.getByRole('row').filter({ hasText: 'Narrow aisles' })).toContainText('admin');
+
+  // What the service refuses is told where it is decided.
+  await page.goto('/settings');
+  await page.getByRole('button', { name: 'Change', exact: true }).click();
+  await page.getByLabel('Verified after driving, m').fill('0');
+  await page.getByRole('button', { name: 'Save' }).click();
+  await dialog.getByLabel('Why').fill('None needed');
+  await dialog.getByRole('button', { name: 'Change them' }).click();
+  await expect(dialog.getByRole('alert')).toContainText('verify_after_m is 0');
+  account.forgive(/status of 400/);
+  await dialog.getByRole('button', { name: 'Cancel' }).click();
+  await page.getByRole('button', { name: 'Cancel' }).click();
+
+  await page.getByRole('button', { name: "Back to the file's" }).click();
+  await dialog.getByLabel('Why').fill('As agreed');
+  await dialog.getByRole('button', { name: 'Go back' }).click();
+  await expect(row).toContainText('0.15°');
+});
+
 test('a user is made, changed and removed', async ({ page }) => {
   await page.goto('/settings/users');
   const row = page.getByRole('row').filter({ hasText: 'zoe_17' });

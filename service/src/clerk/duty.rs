@@ -61,7 +61,7 @@ impl Clerk {
         let policy = self.policy();
         let calibrated = view.state == RobotState::Calibrated;
         let estimate = view.estimate.as_deref().filter(|_| calibrated);
-        let stable = candidate.observe(estimate, policy);
+        let stable = candidate.observe(estimate, &policy);
         let config = view.config.as_ref()?;
         let fresh = view.fresh.as_ref();
         let in_use = ledger
@@ -77,6 +77,6 @@ impl Clerk {
             fresh: fresh.map(|(_, estimate)| estimate.as_ref()),
             nominal: config.nominal.map(|mount| nominal_values(&mount.pose())),
         };
-        due(&ledger, &situation, policy).or_else(|| automatic(&ledger, policy))
+        due(&ledger, &situation, &policy).or_else(|| automatic(&ledger, &policy))
     }
 }

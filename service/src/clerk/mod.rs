@@ -7,6 +7,7 @@
 mod answers;
 mod duty;
 mod offer;
+mod policy;
 #[cfg(test)]
 mod tests;
 
@@ -29,6 +30,7 @@ use crate::clock::SharedClock;
 use crate::fleet::{FleetHandle, LiveUpdate, UsedValues};
 use crate::limits;
 use crate::store::{Decided, Decision, HoldWrite, IdempotencyKey, SiteHold, Store, StoreError};
+use policy::Rules;
 
 /// What a clerk works with.
 #[derive(Debug)]
@@ -39,7 +41,7 @@ pub struct ClerkSetup {
     pub fleet: FleetHandle,
     /// Where time comes from.
     pub clock: SharedClock,
-    /// The rules.
+    /// The rules of the configuration file.
     pub policy: Policy,
     /// What documents are signed with.
     pub key: SigningKey,
@@ -57,7 +59,7 @@ struct Inner {
     store: Store,
     fleet: FleetHandle,
     clock: SharedClock,
-    policy: Arc<Policy>,
+    rules: Rules,
     key: Arc<SigningKey>,
     desks: RwLock<BTreeMap<RobotId, Arc<Desk>>>,
     hold: RwLock<SiteHold>,
@@ -84,13 +86,14 @@ impl Clerk {
     pub async fn start(setup: ClerkSetup) -> Result<Self, StoreError> {
         let ledgers = setup.store.load_ledgers().await?;
         let hold = setup.store.site_hold().await?;
+        let policy = setup.store.stored_policy().await?;
         let (answers, inbox) = mpsc::channel(limits::ANSWERS_MAX);
         let clerk = Self {
             inner: Arc::new(Inner {
                 store: setup.store,
                 fleet: setup.fleet,
                 clock: setup.clock,
-                policy: Arc::new(setup.policy),
+                rules: Rules::new(setup.policy, policy),
                 key: Arc::new(setup.key),
                 desks: RwLock::default(),
                 hold: RwLock::new(hold),
@@ -120,11 +123,6 @@ impl Clerk {
         self.inner.stop.cancel();
         self.inner.tasks.close();
         self.inner.tasks.wait().await;
-    }
-
-    /// The rules.
-    pub fn policy(&self) -> &Policy {
-        &self.inner.policy
     }
 
     /// The public half of what documents are signed with.
@@ -223,7 +221,7 @@ impl Clerk {
             robot: robot.clone(),
             command,
             actor,
-            policy: Arc::clone(&self.inner.policy),
+            policy: self.policy(),
             key: Arc::clone(&self.inner.key),
             now_ns: self.inner.clock.now_ns(),
             idempotency,

@@ -82,6 +82,7 @@ impl Sentry {
     /// Looks once at every robot and takes to the store what has changed.
     async fn look(&self, memory: &mut Memory) -> Result<(), StoreError> {
         let now_ns = self.inner.clock.now_ns();
+        let approval = self.inner.clerk.policy();
         let mut seen = Vec::new();
         for view in self.inner.fleet.robots() {
             let ledger = self.inner.clerk.ledger(&view.id);
@@ -92,7 +93,7 @@ impl Sentry {
                 ledger: &ledger,
                 latest: latest.as_ref(),
                 fault: memory.faults.get(&view.id).copied(),
-                approval: self.inner.clerk.policy(),
+                approval: &approval,
                 policy: &self.inner.policy,
             };
             let news = sightings(&situation);

@@ -13,6 +13,7 @@ use super::approvals::{
     AuditFilter, AuditRow, Decided, Decision, HoldWrite, ProposalFilter, SiteHold,
 };
 use super::error::StoreError;
+use super::policy::{PolicyWrite, StoredPolicy};
 use super::record::{
     CheckpointRecord, CrossTrackRecord, CurrentRecord, EventRecord, Expected, HistoryRow,
     IdempotencyKey, NewEvent, RobotRecord,
@@ -99,6 +100,8 @@ pub struct Batch {
     pub decisions: Vec<Decision>,
     /// Changes of the site-wide stop.
     pub holds: Vec<HoldWrite>,
+    /// Changes of the policy.
+    pub policies: Vec<PolicyWrite>,
     /// Changes of alerts.
     pub alerts: Vec<AlertWrite>,
     /// Changes of webhooks and their deliveries.
@@ -124,6 +127,8 @@ pub struct Outcomes {
     pub decisions: Vec<Result<Decided, StoreError>>,
     /// Each change of the site-wide stop.
     pub holds: Vec<Result<SiteHold, StoreError>>,
+    /// Each change of the policy.
+    pub policies: Vec<Result<StoredPolicy, StoreError>>,
     /// What became of the alerts of each write.
     pub alerts: Vec<Result<Vec<AlertChange>, StoreError>>,
     /// Each change of a webhook or delivery.
@@ -285,6 +290,9 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
 
     /// The site-wide stop.
     async fn site_hold(&self) -> Result<SiteHold, StoreError>;
+
+    /// The policy that was set.
+    async fn policy(&self) -> Result<StoredPolicy, StoreError>;
 
     /// Rows of the audit, newest first.
     async fn audit(&self, filter: &AuditFilter) -> Result<Vec<AuditRow>, StoreError>;

@@ -13,6 +13,7 @@ mod error;
 mod folder;
 mod history;
 mod journal;
+mod policy;
 mod record;
 mod sqlite;
 mod webhooks;
@@ -45,6 +46,7 @@ pub use backend::{Cell, Stretch};
 pub use error::{DriverError, StoreError};
 pub use history::{History, HistoryQuery};
 pub use journal::kind_of_note;
+pub use policy::{PolicyWrite, StoredPolicy};
 pub use record::{
     CheckpointRecord, CrossTrackRecord, CurrentRecord, EventKind, EventRecord, EventSource,
     Expected, IdempotencyKey, NewEvent, RobotRecord, unpack_status,

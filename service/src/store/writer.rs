@@ -15,6 +15,7 @@ use super::alerts::{AlertChange, AlertWrite};
 use super::approvals::{Decided, Decision, HoldWrite, SiteHold};
 use super::backend::{Batch, EventWrite, Outcomes, Retention, RobotWrite, Writer};
 use super::error::StoreError;
+use super::policy::{PolicyWrite, StoredPolicy};
 use super::record::{CheckpointRecord, CrossTrackRecord, EventRecord, HistoryRow};
 use super::webhooks::{WebhookWrite, WebhookWritten};
 use crate::clock::SharedClock;
@@ -49,6 +50,8 @@ pub(super) enum Command {
     Decide(Box<Decision>, Reply<Decided>),
     /// Hold or release the site-wide stop.
     Hold(Box<HoldWrite>, Reply<SiteHold>),
+    /// Set the policy.
+    Policy(Box<PolicyWrite>, Reply<StoredPolicy>),
     /// Change alerts.
     Alerts(Box<AlertWrite>, Reply<Vec<AlertChange>>),
     /// Change a webhook or a delivery.
@@ -82,6 +85,7 @@ struct Pending {
     tokens: Vec<Reply<Written<TokenRecord>>>,
     decisions: Vec<Reply<Decided>>,
     holds: Vec<Reply<SiteHold>>,
+    policies: Vec<Reply<StoredPolicy>>,
     alerts: Vec<Reply<Vec<AlertChange>>>,
     webhooks: Vec<Reply<WebhookWritten>>,
     waiting: Vec<Reply<()>>,
@@ -209,6 +213,9 @@ impl<W: Writer> WriterTask<W> {
         for (reply, outcome) in self.pending.holds.drain(..).zip(outcomes.holds) {
             answer(reply, outcome);
         }
+        for (reply, outcome) in self.pending.policies.drain(..).zip(outcomes.policies) {
+            answer(reply, outcome);
+        }
         for (reply, outcome) in self.pending.alerts.drain(..).zip(outcomes.alerts) {
             answer(reply, outcome);
         }
@@ -282,6 +289,10 @@ impl Pending {
                 self.batch.holds.push(*write);
                 self.holds.push(reply);
             }
+            Command::Policy(write, reply) => {
+                self.batch.policies.push(*write);
+                self.policies.push(reply);
+            }
             Command::Alerts(write, reply) => {
                 self.batch.alerts.push(*write);
                 self.alerts.push(reply);
@@ -311,6 +322,7 @@ impl Pending {
             || !self.tokens.is_empty()
             || !self.decisions.is_empty()
             || !self.holds.is_empty()
+            || !self.policies.is_empty()
             || !self.alerts.is_empty()
             || !self.webhooks.is_empty()
             || self.events.iter().any(Option::is_some)
@@ -349,6 +361,10 @@ impl Pending {
         }
         self.batch.holds.clear();
         for reply in self.holds.drain(..) {
+            answer(reply, Err(error.clone()));
+        }
+        self.batch.policies.clear();
+        for reply in self.policies.drain(..) {
             answer(reply, Err(error.clone()));
         }
         self.batch.alerts.clear();

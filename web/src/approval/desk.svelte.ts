@@ -2,7 +2,7 @@
 
 import { list, problemOf } from '../api/client';
 import { Reading } from '../api/reading.svelte';
-import type { Policy, Proposal, SiteHold } from '../api/types';
+import type { PolicyInForce, Proposal, SiteHold } from '../api/types';
 import type { FleetListener } from '../fleet/fleet.svelte';
 
 /** Everything is read again this often, for what the event stream does not tell. */
@@ -17,7 +17,7 @@ class Desk {
   loaded = $state<'loading' | 'ready' | 'failed'>('loading');
   problem = $state('');
   hold = new Reading<SiteHold>(() => '/site/hold');
-  policy = new Reading<Policy>(() => '/policy');
+  policy = new Reading<PolicyInForce>(() => '/policy');
   /** Moves with every change of the life cycle that the service has told. */
   changes = $state(0);
   #gathering: ReturnType<typeof setTimeout> | undefined;

@@ -34,6 +34,7 @@ pub(in crate::api) const TABLE: &[(&str, &str, Access)] = &[
     ("POST", "/api/v1/proposals/{id}/reject", Approver),
     ("POST", "/api/v1/proposals/{id}/withdraw", Operator),
     ("GET", "/api/v1/policy", Viewer),
+    ("PUT", "/api/v1/policy", Admin),
     ("GET", "/api/v1/site/hold", Viewer),
     ("PUT", "/api/v1/site/hold", Approver),
     ("GET", "/api/v1/audit", Viewer),

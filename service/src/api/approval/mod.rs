@@ -31,7 +31,7 @@ pub(super) fn routes() -> OpenApiRouter<ApiState> {
         .routes(routes!(calibration::get_calibration))
         .routes(routes!(calibration::put_applied))
         .routes(routes!(calibration::get_signing_key))
-        .routes(routes!(policy::get_policy))
+        .routes(routes!(policy::get_policy, policy::put_policy))
         .routes(routes!(site::get_hold, site::put_hold))
         .routes(routes!(audit::list_audit))
 }

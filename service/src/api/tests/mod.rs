@@ -4,6 +4,7 @@ mod access;
 mod alerts;
 mod approval;
 mod permission;
+mod policy;
 mod robots;
 mod server;
 mod service;

@@ -6,6 +6,7 @@ mod approvals;
 mod audit;
 mod columns;
 mod events;
+mod policy;
 mod read;
 mod records;
 mod webhooks;

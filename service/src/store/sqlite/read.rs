@@ -7,13 +7,14 @@ use fleetcal_proto::estimate::ParameterName;
 use sqlx::sqlite::{SqlitePool, SqliteRow};
 use sqlx::{AssertSqlSafe, Row};
 
-use super::{alerts, columns, records, webhooks};
+use super::{alerts, columns, policy, records, webhooks};
 use crate::alert::Alert;
 use crate::approval::{Deployment, Parcel, Proposal, Revision, RobotLedger};
 use crate::store::alerts::{AlertFilter, AlertMoment};
 use crate::store::approvals::{AuditFilter, AuditRow, ProposalFilter, SiteHold};
 use crate::store::backend::{Cell, Reader, Stretch, Tier};
 use crate::store::error::StoreError;
+use crate::store::policy::StoredPolicy;
 use crate::store::record::{
     CheckpointRecord, CrossTrackRecord, CurrentRecord, EventKind, EventRecord, EventSource,
     NewEvent, RobotRecord,
@@ -237,6 +238,10 @@ impl Reader for SqliteReader {
 
     async fn site_hold(&self) -> Result<SiteHold, StoreError> {
         records::site_hold(&self.pool).await
+    }
+
+    async fn policy(&self) -> Result<StoredPolicy, StoreError> {
+        policy::read(&self.pool).await
     }
 
     async fn audit(&self, filter: &AuditFilter) -> Result<Vec<AuditRow>, StoreError> {

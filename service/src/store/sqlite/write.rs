@@ -9,7 +9,7 @@ use fleetcal_proto::estimate::EstimateDocument;
 use sqlx::sqlite::{Sqlite, SqliteConnection};
 use sqlx::{Connection, Transaction};
 
-use super::{accounts, alerts, approvals, columns, events, webhooks};
+use super::{accounts, alerts, approvals, columns, events, policy, webhooks};
 use crate::store::approvals::{Decided, Decision};
 use crate::store::backend::{
     Batch, EventWrite, Outcomes, Repetition, Retention, RobotWrite, Tier, Writer,
@@ -108,6 +108,11 @@ async fn write(
         outcomes
             .holds
             .push(refusable(approvals::hold(transaction, hold).await)?);
+    }
+    for write in &batch.policies {
+        outcomes
+            .policies
+            .push(refusable(policy::write(transaction, write).await)?);
     }
     for write in &batch.alerts {
         outcomes
