@@ -4,7 +4,10 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::cdr::CdrError;
-use crate::ros::{LaserScan, PointCloud2, RosMessage};
+use crate::ros::{
+    AckermannDriveStamped, JointState, LaserScan, Odometry, PointCloud2, PoseStamped, RosMessage,
+    TwistStamped,
+};
 
 /// How much of what a sender wrote is repeated in a refusal, in characters.
 const SHOWN_MAX: usize = 160;
@@ -44,7 +47,77 @@ impl Encoding {
     }
 }
 
-/// Which of the messages that a scan may be a sender says that it is.
+/// The ROS 2 messages that a robot's streams may be made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub enum MessageType {
+    /// Speed and steering in one.
+    #[serde(rename = "ackermann_msgs/msg/AckermannDriveStamped")]
+    AckermannDriveStamped,
+    /// Steering and wheels as joints.
+    #[serde(rename = "sensor_msgs/msg/JointState")]
+    JointState,
+    /// A pose with its velocities.
+    #[serde(rename = "nav_msgs/msg/Odometry")]
+    Odometry,
+    /// Velocities.
+    #[serde(rename = "geometry_msgs/msg/TwistStamped")]
+    TwistStamped,
+    /// A pose.
+    #[serde(rename = "geometry_msgs/msg/PoseStamped")]
+    PoseStamped,
+    /// A planar sweep.
+    #[serde(rename = "sensor_msgs/msg/LaserScan")]
+    LaserScan,
+    /// The cloud of a 3D scanner.
+    #[serde(rename = "sensor_msgs/msg/PointCloud2")]
+    PointCloud2,
+}
+
+impl MessageType {
+    /// All of them.
+    pub const ALL: [Self; 7] = [
+        Self::AckermannDriveStamped,
+        Self::JointState,
+        Self::Odometry,
+        Self::TwistStamped,
+        Self::PoseStamped,
+        Self::LaserScan,
+        Self::PointCloud2,
+    ];
+
+    /// Its ROS 2 type, `sensor_msgs/msg/LaserScan`.
+    pub const fn ros_type(self) -> &'static str {
+        match self {
+            Self::AckermannDriveStamped => AckermannDriveStamped::TYPE,
+            Self::JointState => JointState::TYPE,
+            Self::Odometry => Odometry::TYPE,
+            Self::TwistStamped => TwistStamped::TYPE,
+            Self::PoseStamped => PoseStamped::TYPE,
+            Self::LaserScan => LaserScan::TYPE,
+            Self::PointCloud2 => PointCloud2::TYPE,
+        }
+    }
+
+    /// Its name in the keys of `rmw_zenoh`, `sensor_msgs::msg::dds_::LaserScan_`.
+    pub fn dds_type(self) -> String {
+        let (package, name) = self.ros_type().split_once("/msg/").unwrap_or_default();
+        format!("{package}::msg::dds_::{name}_")
+    }
+
+    /// Reads the name of a ROS 2 type in any of the spellings in use; `None` for any other.
+    pub fn of_ros_type(name: &str) -> Option<Self> {
+        let last = name.rsplit(['/', ':', '\u{a7}']).next().unwrap_or_default();
+        let last = last.strip_suffix('_').unwrap_or(last);
+        Self::ALL.into_iter().find(|of| of.name() == last)
+    }
+
+    /// What stands behind the last slash of its type.
+    fn name(self) -> &'static str {
+        self.ros_type().rsplit('/').next().unwrap_or_default()
+    }
+}
+
+/// Which of the messages that a scan may be a robot is configured to send.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 pub enum ScanType {
     /// `sensor_msgs/msg/LaserScan`.
@@ -57,32 +130,23 @@ pub enum ScanType {
 }
 
 impl ScanType {
-    /// Reads the name of a ROS 2 type in any of the spellings in use; `None` for any other.
-    pub fn of_ros_type(name: &str) -> Option<Self> {
-        let last = name.rsplit(['/', ':']).next().unwrap_or_default();
-        match last.strip_suffix('_').unwrap_or(last) {
-            "LaserScan" => Some(Self::LaserScan),
-            "PointCloud2" => Some(Self::PointCloud2),
-            _ => None,
-        }
-    }
-
-    /// Its ROS 2 type.
-    pub const fn ros_type(self) -> &'static str {
+    /// The message.
+    pub const fn message_type(self) -> MessageType {
         match self {
-            Self::LaserScan => LaserScan::TYPE,
-            Self::PointCloud2 => PointCloud2::TYPE,
+            Self::LaserScan => MessageType::LaserScan,
+            Self::PointCloud2 => MessageType::PointCloud2,
         }
     }
 }
 
-/// How a payload is to be read: its encoding, and for a scan its type, where the sender names it.
+/// How a payload is to be read: its encoding, and its type where the sender names it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Form {
     /// CDR or JSON.
     pub encoding: Encoding,
-    /// What stands behind the `;` of a Zenoh encoding, where it is the type of a scan.
-    pub scan_type: Option<ScanType>,
+    /// What stands behind the `;` of a Zenoh encoding or in the key, where it is a type of
+    /// [`MessageType`].
+    pub message_type: Option<MessageType>,
 }
 
 impl Form {
@@ -94,16 +158,16 @@ impl Form {
         let schema = text.split_once(';').map(|(_, schema)| schema.trim());
         Ok(Self {
             encoding: Encoding::parse(text)?,
-            scan_type: schema.and_then(ScanType::of_ros_type),
+            message_type: schema.and_then(MessageType::of_ros_type),
         })
     }
 
     /// Its name on the wire: `application/cdr;sensor_msgs/msg/PointCloud2`.
     pub fn to_text(self) -> String {
         let encoding = self.encoding.as_str();
-        match self.scan_type {
+        match self.message_type {
             None => encoding.to_owned(),
-            Some(scan_type) => format!("{encoding};{}", scan_type.ros_type()),
+            Some(message_type) => format!("{encoding};{}", message_type.ros_type()),
         }
     }
 }
@@ -112,7 +176,7 @@ impl From<Encoding> for Form {
     fn from(encoding: Encoding) -> Self {
         Self {
             encoding,
-            scan_type: None,
+            message_type: None,
         }
     }
 }
@@ -171,7 +235,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_schema_names_the_type_of_a_scan() {
+    fn a_schema_names_the_type() {
         let form = |text: &str| Form::parse(text).unwrap();
         for name in [
             "sensor_msgs/msg/PointCloud2",
@@ -179,18 +243,18 @@ mod tests {
             "PointCloud2",
         ] {
             let text = format!("application/cdr;{name}");
-            assert_eq!(form(&text).scan_type, Some(ScanType::PointCloud2));
+            assert_eq!(form(&text).message_type, Some(MessageType::PointCloud2));
         }
         let scan = form("application/json;sensor_msgs/msg/LaserScan");
         assert_eq!(scan.encoding, Encoding::Json);
-        assert_eq!(scan.scan_type, Some(ScanType::LaserScan));
+        assert_eq!(scan.message_type, Some(MessageType::LaserScan));
         for text in [
             "",
             "application/cdr",
             "application/cdr;Image",
             "text/json;x/1",
         ] {
-            assert_eq!(form(text).scan_type, None, "{text}");
+            assert_eq!(form(text).message_type, None, "{text}");
         }
         assert!(Form::parse("image/png;PointCloud2").is_err());
         for text in [
@@ -198,6 +262,26 @@ mod tests {
             "application/json",
         ] {
             assert_eq!(form(text).to_text(), text);
+        }
+    }
+
+    #[test]
+    fn every_type_is_read_in_every_spelling() {
+        for message_type in MessageType::ALL {
+            let ros_type = message_type.ros_type();
+            for name in [
+                ros_type.to_owned(),
+                message_type.dds_type(),
+                ros_type.replace('/', "\u{a7}"),
+                ros_type.replace("/msg/", "/"),
+            ] {
+                assert_eq!(MessageType::of_ros_type(&name), Some(message_type));
+            }
+            let json = serde_json::to_string(&message_type).unwrap();
+            assert_eq!(json, format!("{ros_type:?}"));
+        }
+        for name in ["", "_", "Scan", "sensor_msgs/msg/Image", "msg/"] {
+            assert_eq!(MessageType::of_ros_type(name), None, "{name}");
         }
     }
 

@@ -225,6 +225,22 @@ pub struct EstimateDocument {
     pub consistency: Consistency,
     /// What was taken in.
     pub counts: Counts,
+    /// The LiDAR's pose in the vehicle's `base_link`, where that frame is configured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lidar_in_base_link: Option<PoseDocument>,
+}
+
+/// A pose in the plane.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct PoseDocument {
+    /// Forward, m.
+    pub x_m: f64,
+    /// To the left, m.
+    pub y_m: f64,
+    /// Counter-clockwise, rad.
+    pub yaw_rad: f64,
 }
 
 /// What was seen to happen.

@@ -13,6 +13,7 @@ pub mod key;
 pub mod progress;
 pub mod robot_id;
 pub mod ros;
+pub mod ros2_key;
 pub mod signing;
 
 pub use encoding::{DecodeError, Encoding};

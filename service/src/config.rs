@@ -18,6 +18,7 @@ use crate::alert::AlertPolicy;
 use crate::approval::Policy;
 use crate::fleet::ScanSettings;
 use crate::public_url::PublicUrl;
+use crate::streams::{RobotStreams, Ros2Settings};
 
 /// Longest wheelbase accepted, m: beyond any vehicle on wheels.
 pub const WHEELBASE_MAX_M: f64 = 30.0;
@@ -173,6 +174,9 @@ pub struct RobotConfig {
     /// What is taken of the clouds of a 3D scanner; the default band unless given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub point_cloud: Option<PlanarBand>,
+    /// Its ROS 2 topics, where they are not those of `[ros2]`.
+    #[serde(default, skip_serializing_if = "RobotStreams::is_default")]
+    pub streams: RobotStreams,
     /// Settings of this robot's estimator; those of `[estimator]` unless given.
     #[serde(
         default,
@@ -194,6 +198,7 @@ impl RobotConfig {
             rear_axle_in_base_link: None,
             scan_type: ScanType::default(),
             point_cloud: None,
+            streams: RobotStreams::default(),
             estimator: None,
         }
     }
@@ -303,6 +308,8 @@ pub struct Config {
     pub zenoh_config: Option<PathBuf>,
     /// First chunk of every key.
     pub root: KeyRoot,
+    /// Where ROS 2 robots' topics are.
+    pub ros2: Ros2Settings,
     /// Settings of every estimator, unless its robot has its own.
     #[serde(deserialize_with = "checked_settings")]
     pub estimator: EstimatorSettings,
@@ -327,6 +334,7 @@ impl Default for Config {
             connect: Vec::new(),
             zenoh_config: None,
             root: KeyRoot::default(),
+            ros2: Ros2Settings::default(),
             estimator: EstimatorSettings::default(),
             approval: Policy::default(),
             alerts: AlertPolicy::default(),

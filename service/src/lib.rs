@@ -25,4 +25,5 @@ pub mod sentry;
 pub mod service;
 pub mod signing_key;
 pub mod store;
+pub mod streams;
 pub mod webhook;

@@ -11,7 +11,8 @@ pub const PAYLOAD_BYTES_MAX: usize = 4 * 1024 * 1024;
 /// stays under 24 MiB; the largest scan is a cloud of 32,768 points of 48 bytes and some more.
 pub const fn payload_bytes_max(stream: Stream) -> usize {
     match stream {
-        Stream::Drive => 4 * 1024,
+        // Joints and odometry are longer than a drive sample.
+        Stream::Drive | Stream::Steering | Stream::Speed => 4 * 1024,
         Stream::Scan => 2 * 1024 * 1024,
         Stream::LidarOdometry => 64 * 1024,
         Stream::Event => 16 * 1024,
@@ -34,6 +35,11 @@ pub const LIVE_UPDATES_MAX: usize = 4_096;
 pub const NOTE_CHARS_MAX: usize = 1_000;
 /// Characters of a refusal's reason that are kept for the robot's page.
 pub const REFUSAL_CHARS_MAX: usize = 300;
+
+/// ROS 2 topics that a robot can have announced; further ones are left out.
+pub const ANNOUNCED_TOPICS_MAX: usize = 256;
+/// ROS 2 tokens that are remembered at once; further ones are left out.
+pub const ROS2_TOKENS_MAX: usize = 16_384;
 
 /// Robots' answers that wait to be stored.
 pub const ANSWERS_MAX: usize = 1_024;

@@ -102,7 +102,7 @@ impl Service {
             sentry: sentry.clone(),
             courier: courier.clone(),
             store: store.clone(),
-            clock,
+            clock: Arc::clone(&clock),
             link_open: link_is_open,
             access: AccessSetup {
                 public_url: config.public_url.clone(),
@@ -116,8 +116,10 @@ impl Service {
             connect: config.connect,
             zenoh_config: config.zenoh_config,
             keys: Keys::new(config.root),
+            ros2: config.ros2,
         };
-        let link = match Link::open(setup, fleet.clone(), clerk.clone()).await {
+        let link_clock = clock;
+        let link = match Link::open(setup, fleet.clone(), clerk.clone(), link_clock).await {
             Ok(link) => link,
             Err(error) => {
                 stop.cancel();

@@ -16,7 +16,8 @@ const HUGE_BYTES: usize = 64 << 20;
 /// Memory that the service may hold more of afterwards, bytes.
 const MEMORY_GROWTH_MAX: u64 = 64 << 20;
 
-async fn client(service: &Service) -> zenoh::Session {
+/// A robot's session, or that of somebody else who can reach the service.
+pub(super) async fn client(service: &Service) -> zenoh::Session {
     let mut config = zenoh::Config::default();
     let settings = [
         ("mode", "\"client\"".to_owned()),

@@ -5,6 +5,7 @@
 mod access;
 mod hostile;
 mod rest;
+mod ros2;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;

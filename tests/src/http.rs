@@ -1,4 +1,4 @@
-//! A GET, without a client library: the answers are small and end with the connection.
+//! Requests, without a client library: the answers are small and end with the connection.
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -15,6 +15,17 @@ pub struct Answer {
 
 /// Asks for `path` with an API token, or without; `None` when nobody answers.
 pub fn get(address: SocketAddr, path: &str, token: Option<&str>) -> Option<Answer> {
+    send(address, &format!("GET {path}"), token, None)
+}
+
+/// Sends a request, `PUT /path`; what goes with it are further headers, each with its line's end,
+/// and a body in JSON. `None` when nobody answers.
+pub fn send(
+    address: SocketAddr,
+    request: &str,
+    token: Option<&str>,
+    content: Option<(&str, &str)>,
+) -> Option<Answer> {
     let credential = token.map_or_else(String::new, |token| {
         format!("Authorization: Bearer {token}\r\n")
     });
@@ -22,8 +33,12 @@ pub fn get(address: SocketAddr, path: &str, token: Option<&str>) -> Option<Answe
     connection
         .set_read_timeout(Some(Duration::from_secs(10)))
         .ok()?;
-    let request =
-        format!("GET {path} HTTP/1.1\r\nHost: {address}\r\n{credential}Connection: close\r\n\r\n");
+    let (headers, body) = content.unwrap_or_default();
+    let length = body.len();
+    let request = format!(
+        "{request} HTTP/1.1\r\nHost: {address}\r\n{credential}{headers}Content-Type: application/json\r\n\
+         Content-Length: {length}\r\nConnection: close\r\n\r\n{body}"
+    );
     connection.write_all(request.as_bytes()).ok()?;
     let mut answer = String::new();
     connection.read_to_string(&mut answer).ok()?;

@@ -173,6 +173,31 @@ impl Service {
         serde_json::from_str(&answer.body).ok()
     }
 
+    /// Registers a robot with a configuration in JSON.
+    ///
+    /// # Panics
+    /// When it is refused.
+    pub fn register(&self, id: &str, config: &str) {
+        let request = format!("PUT /api/v1/robots/{id}");
+        self.send(&request, &self.token, "If-None-Match: *\r\n", config);
+    }
+
+    /// The answer to a request, `POST /path`, with further headers, each with its line's end, and
+    /// a body in JSON.
+    ///
+    /// # Panics
+    /// When it is refused.
+    pub fn send(&self, request: &str, token: &str, headers: &str, json: &str) -> Value {
+        let answer = http::send(self.http, request, Some(token), Some((headers, json)));
+        let answer = answer.expect("an answer");
+        assert!(
+            (200..300).contains(&answer.status),
+            "{request}: {}",
+            answer.body
+        );
+        serde_json::from_str(&answer.body).expect("JSON")
+    }
+
     /// One robot.
     pub fn robot(&self, id: &str) -> Value {
         self.get(&format!("/api/v1/robots/{id}"))

@@ -12,6 +12,8 @@ mod odometry;
 mod point_cloud2;
 mod pose_stamped;
 mod serde_forms;
+mod string;
+mod twist_stamped;
 
 pub use ackermann::{AckermannDrive, AckermannDriveStamped};
 pub use float64::Float64;
@@ -23,6 +25,8 @@ pub use odometry::{
 };
 pub use point_cloud2::{CloudRefused, Column, PointCloud2, PointDatatype, PointField};
 pub use pose_stamped::PoseStamped;
+pub use string::StringMessage;
+pub use twist_stamped::TwistStamped;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;

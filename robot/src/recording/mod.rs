@@ -20,7 +20,7 @@ pub use writer::{RecordingWriter, TRUTH_METADATA};
 use std::path::{Path, PathBuf};
 
 use fleetcal_proto::Encoding;
-use fleetcal_proto::encoding::{Form, ScanType};
+use fleetcal_proto::encoding::{Form, MessageType};
 
 /// Largest record or chunk of a recording. Recorders write chunks of about 1 MiB.
 pub const RECORD_BYTES_MAX: usize = 256 << 20;
@@ -45,10 +45,10 @@ pub struct Channel {
 impl Channel {
     /// How its scans are to be read. A `LaserScan` is what is taken for one anyway.
     pub fn scan_form(&self) -> Form {
-        let scan_type = ScanType::of_ros_type(&self.message_type);
+        let message_type = MessageType::of_ros_type(&self.message_type);
         Form {
             encoding: self.encoding.unwrap_or_default(),
-            scan_type: scan_type.filter(|&kind| kind != ScanType::LaserScan),
+            message_type: message_type.filter(|&kind| kind == MessageType::PointCloud2),
         }
     }
 }

@@ -181,6 +181,9 @@ fn view() -> RobotView {
         fresh: None,
         counters: Counters::default(),
         estimator_restarts: 0,
+        pairing: None,
+        warnings: Vec::new(),
+        topics: Arc::from([]),
     }
 }
 

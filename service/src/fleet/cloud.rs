@@ -79,7 +79,7 @@ fn seconds_after(stamp: Stamp, column: Column, point: &[u8]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use fleetcal_proto::encoding::{Encoding, Form};
+    use fleetcal_proto::encoding::{Encoding, Form, MessageType};
     use fleetcal_proto::ros::{Header, PointField, RosMessage, Time};
 
     use super::*;
@@ -195,7 +195,7 @@ mod tests {
             change(&mut cloud);
             let form = Form {
                 encoding: Encoding::Cdr,
-                scan_type: Some(ScanType::PointCloud2),
+                message_type: Some(MessageType::PointCloud2),
             };
             decode(
                 Stream::Scan,

@@ -4,10 +4,11 @@
 use fleetcal_estimator::stream::{FieldRefused, SweepShape};
 use fleetcal_estimator::{DriveSample, Event, LidarPose, Note, NoteKind, Pose2, Stamp, Sweep};
 use fleetcal_proto::calibration::CalibrationValues;
-use fleetcal_proto::encoding::{DecodeError, Form, ScanType};
+use fleetcal_proto::encoding::{DecodeError, Form, MessageType};
 use fleetcal_proto::event::{RobotEvent, RobotEventKind};
 use fleetcal_proto::ros::{
-    AckermannDriveStamped, LaserScan, Odometry, PointCloud2, Quaternion, RosMessage, ScanRefused,
+    AckermannDriveStamped, Header, LaserScan, Odometry, PointCloud2, Pose, Quaternion, RosMessage,
+    ScanRefused,
 };
 use nalgebra::Matrix3;
 use thiserror::Error;
@@ -15,6 +16,7 @@ use thiserror::Error;
 use crate::fleet::cloud::{self, CloudUnusable, ScanSettings};
 use crate::fleet::view::Stream;
 use crate::limits::NOTE_CHARS_MAX;
+use crate::streams::message_types;
 
 /// Shortest quaternion that still says which way it turns.
 const QUATERNION_LENGTH_MIN: f64 = 1e-3;
@@ -53,6 +55,38 @@ pub enum MessageRefused {
         /// Length of the quaternion.
         length: f64,
     },
+    /// It is of a type that is not taken there.
+    #[error("{stream}: type is {found}, accepted are {accepted}", stream = stream.name())]
+    Type {
+        /// Where it came.
+        stream: Stream,
+        /// What it is.
+        found: &'static str,
+        /// What it may be.
+        accepted: String,
+    },
+    /// It is half of a drive sample.
+    #[error("{stream}: comes alone, accepted are steering and speed of a robot", stream = stream.name())]
+    Alone {
+        /// Where it came.
+        stream: Stream,
+    },
+    /// It lacks a joint that the robot's configuration names.
+    #[error("{stream}: name lacks the joint {joint:?} or its {what}, accepted are the joints of streams.joints", stream = stream.name())]
+    Joint {
+        /// Where it came.
+        stream: Stream,
+        /// The joint.
+        joint: String,
+        /// `position` or `velocity`.
+        what: &'static str,
+    },
+    /// It holds joints, and the configuration does not say which steer and drive.
+    #[error("{stream}: is a JointState, accepted where streams.joints says which joints steer and drive", stream = stream.name())]
+    NoJoints {
+        /// Where it came.
+        stream: Stream,
+    },
     /// An event that cannot be read.
     #[error("event: {0}, accepted is {{\"kind\", \"stamp_ns\", \"note\"}}")]
     Event(#[source] serde_json::Error),
@@ -62,6 +96,18 @@ pub enum MessageRefused {
     /// An event without a time.
     #[error("event: stamp_ns is {0}, accepted is a time after 1970")]
     NoteStamp(i64),
+}
+
+impl MessageRefused {
+    /// A refusal of a type that is not taken on a stream.
+    pub(super) fn of_type(stream: Stream, found: MessageType) -> Self {
+        let accepted = message_types(stream).iter().map(|of| of.ros_type());
+        Self::Type {
+            stream,
+            found: found.ros_type(),
+            accepted: accepted.collect::<Vec<_>>().join(" and "),
+        }
+    }
 }
 
 /// A message that was accepted.
@@ -92,20 +138,22 @@ pub fn decode(
             let message = AckermannDriveStamped::decode(encoding, payload).map_err(refused)?;
             Event::Drive(drive_sample(&message)?)
         }
-        Stream::Scan => match form.scan_type.unwrap_or(scans.scan_type) {
-            ScanType::LaserScan => {
+        Stream::Scan => match form.message_type.unwrap_or(scans.scan_type.message_type()) {
+            MessageType::LaserScan => {
                 let message = LaserScan::decode(encoding, payload).map_err(refused)?;
                 Event::Sweep(sweep(message)?)
             }
-            ScanType::PointCloud2 => {
+            MessageType::PointCloud2 => {
                 let message = PointCloud2::decode(encoding, payload).map_err(refused)?;
                 Event::Sweep(cloud::sweep(&message, &scans.band)?)
             }
+            other => return Err(MessageRefused::of_type(stream, other)),
         },
         Stream::LidarOdometry => {
             let message = Odometry::decode(encoding, payload).map_err(refused)?;
             Event::LidarPose(lidar_pose(&message)?)
         }
+        Stream::Steering | Stream::Speed => return Err(MessageRefused::Alone { stream }),
         Stream::Event => {
             let message: RobotEvent =
                 serde_json::from_slice(payload).map_err(MessageRefused::Event)?;
@@ -188,22 +236,30 @@ pub fn sweep(message: LaserScan) -> Result<Sweep, MessageRefused> {
 /// # Errors
 /// Names the field that holds what cannot be.
 pub fn lidar_pose(message: &Odometry) -> Result<LidarPose, MessageRefused> {
-    let pose = message.pose.pose;
+    let covariance = planar_covariance(&message.pose.covariance);
+    pose_in_odom(&message.header, &message.pose.pose, covariance)
+}
+
+/// A LiDAR pose out of the pose of a message, in whatever frame that moves not.
+///
+/// # Errors
+/// Names the field that holds what cannot be.
+pub fn pose_in_odom(
+    header: &Header,
+    pose: &Pose,
+    covariance: Option<Matrix3<f64>>,
+) -> Result<LidarPose, MessageRefused> {
     let Quaternion { x, y, z, w } = pose.orientation;
     let length = (x * x + y * y + z * z + w * w).sqrt();
     if length < QUATERNION_LENGTH_MIN {
         return Err(MessageRefused::Orientation { length });
     }
     let lidar_in_odom = Pose2::new(pose.position.x, pose.position.y, pose.orientation.yaw_rad());
-    let covariance = planar_covariance(&message.pose.covariance);
-    LidarPose::new(
-        Stamp(message.header.stamp.as_ns()),
-        lidar_in_odom,
-        covariance,
-    )
-    .map_err(|source| MessageRefused::Field {
-        stream: Stream::LidarOdometry,
-        source,
+    LidarPose::new(Stamp(header.stamp.as_ns()), lidar_in_odom, covariance).map_err(|source| {
+        MessageRefused::Field {
+            stream: Stream::LidarOdometry,
+            source,
+        }
     })
 }
 
@@ -268,7 +324,7 @@ mod tests {
     use std::sync::Arc;
 
     use fleetcal_proto::Encoding;
-    use fleetcal_proto::ros::{Header, Time};
+    use fleetcal_proto::ros::Time;
 
     use super::*;
 

@@ -2,13 +2,15 @@
 
 use fleetcal_estimator::calibrator::Calibrator;
 use fleetcal_estimator::estimate::{self, Cause, Change, ChangeKind, Estimate, Parameter, Status};
-use fleetcal_estimator::{ParameterEstimate, Vehicle, VehicleModel};
+use fleetcal_estimator::{ParameterEstimate, Pose2, Vehicle, VehicleModel};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::{
     self as document, CalibrationReport, ChangeCause, ChangeDocument, Consistency, Counts,
-    EstimateDocument, ParameterDocument, ParameterName, ParameterStatus, Parameters, Timing,
-    VehicleDocument,
+    EstimateDocument, ParameterDocument, ParameterName, ParameterStatus, Parameters, PoseDocument,
+    Timing, VehicleDocument,
 };
+
+use crate::config::Mount;
 
 /// The document of an estimate.
 pub fn estimate_document(robot: &RobotId, estimate: &Estimate) -> EstimateDocument {
@@ -26,6 +28,23 @@ pub fn estimate_document(robot: &RobotId, estimate: &Estimate) -> EstimateDocume
             late: estimate.counts.late,
             duplicates: estimate.counts.duplicates,
         },
+        lidar_in_base_link: None,
+    }
+}
+
+/// The LiDAR's pose in `base_link`, in which the rear axle is where it is configured.
+pub fn lidar_in_base_link(rear_axle_in_base_link: &Mount, of: &Parameters) -> PoseDocument {
+    let value = |name| of.get(name).value;
+    let lidar_in_rear_axle = Pose2::new(
+        value(ParameterName::LidarX),
+        value(ParameterName::LidarY),
+        value(ParameterName::LidarYaw),
+    );
+    let pose = rear_axle_in_base_link.pose().compose(&lidar_in_rear_axle);
+    PoseDocument {
+        x_m: pose.x_m,
+        y_m: pose.y_m,
+        yaw_rad: pose.yaw_rad,
     }
 }
 

@@ -14,7 +14,7 @@ use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_proto::event::RobotEvent;
 use fleetcal_proto::progress::Progress;
 use thiserror::Error;
-use tokio::sync::broadcast;
+use tokio::sync::{broadcast, watch as watch_channel};
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
@@ -24,9 +24,12 @@ use crate::fleet::cross_track::{self, CrossTrack, UsedValues};
 use crate::fleet::decode;
 use crate::fleet::mailbox::Message;
 use crate::fleet::robot::{Robot, Used};
-use crate::fleet::view::{FleetCounters, HistoryEvent, LiveUpdate, RobotView, Stream};
+use crate::fleet::view::{
+    AnnouncedTopic, FleetCounters, HistoryEvent, LiveUpdate, RobotView, Stream,
+};
 use crate::fleet::{task, watch};
 use crate::limits;
+use crate::streams::RobotStreams;
 
 /// An unregistered robot makes room for another after this long without data.
 const UNREGISTERED_KEPT: Duration = Duration::from_mins(1);
@@ -88,7 +91,7 @@ struct Counts {
     oversized: AtomicU64,
     beyond_robots_max: AtomicU64,
     estimator_panics: AtomicU64,
-    by_stream: [AtomicU64; 4],
+    by_stream: [AtomicU64; Stream::COUNT],
 }
 
 /// How an estimator takes an event.
@@ -107,6 +110,8 @@ pub(crate) struct Fleet {
     live: broadcast::Sender<LiveUpdate>,
     counts: Counts,
     tasks: TaskTracker,
+    /// Moves with every change of a robot's configuration.
+    configured: watch_channel::Sender<u64>,
 }
 
 impl Fleet {
@@ -200,6 +205,7 @@ impl FleetHandle {
             live,
             counts: Counts::default(),
             tasks: TaskTracker::new(),
+            configured: watch_channel::Sender::new(0),
         });
         let handle = Self { fleet };
         handle
@@ -273,6 +279,7 @@ impl FleetHandle {
         } else {
             robot.mailbox.wake();
         }
+        self.fleet.configured.send_modify(|changes| *changes += 1);
         Ok(())
     }
 
@@ -447,14 +454,9 @@ impl FleetHandle {
     fn admit(&self, id: &RobotId, stream: Stream) -> Option<Arc<Robot>> {
         let counts = &self.fleet.counts;
         counts.received.fetch_add(1, Ordering::Relaxed);
-        let [drive, scan, lidar_odometry, event] = &counts.by_stream;
-        let by_stream = match stream {
-            Stream::Drive => drive,
-            Stream::Scan => scan,
-            Stream::LidarOdometry => lidar_odometry,
-            Stream::Event => event,
-        };
-        by_stream.fetch_add(1, Ordering::Relaxed);
+        if let Some(by_stream) = counts.by_stream.get(stream.index()) {
+            by_stream.fetch_add(1, Ordering::Relaxed);
+        }
         let robot = self.fleet.find_or_admit(id);
         match &robot {
             Some(robot) => robot.received(stream, &*self.fleet.clock),
@@ -463,6 +465,33 @@ impl FleetHandle {
             }
         }
         robot
+    }
+
+    /// Tells of every change of a robot's configuration from now on.
+    pub fn configured(&self) -> watch_channel::Receiver<u64> {
+        self.fleet.configured.subscribe()
+    }
+
+    /// The topics of every robot that is configured, as far as they are its own.
+    pub fn streams(&self) -> BTreeMap<RobotId, RobotStreams> {
+        let robots = self.fleet.all();
+        robots
+            .iter()
+            .filter_map(|robot| Some((robot.id.clone(), robot.versioned_config()?.1.streams)))
+            .collect()
+    }
+
+    /// Takes which ROS 2 topics a robot has announced. One that nobody has configured is taken in
+    /// unregistered, if there is room; it is there as long as it announces any.
+    pub fn set_topics(&self, id: &RobotId, topics: Vec<AnnouncedTopic>) {
+        let robot = if topics.is_empty() {
+            self.fleet.find(id.as_str())
+        } else {
+            self.fleet.find_or_admit(id)
+        };
+        if let Some(robot) = robot {
+            robot.set_topics(topics, &*self.fleet.clock);
+        }
     }
 
     /// Counts a message whose key names no robot or no stream.

@@ -86,10 +86,7 @@ fn is_scan(item: &Item) -> bool {
 fn is_drive(item: &Item) -> bool {
     matches!(
         item,
-        Item::Message(Message {
-            stream: Stream::Drive,
-            ..
-        })
+        Item::Message(Message { stream, .. }) if stream.is_drive()
     )
 }
 
@@ -167,7 +164,7 @@ impl Mailbox {
             let mut queue = self.lock();
             queue.counters.received += 1;
             match message.stream {
-                Stream::Drive => {
+                Stream::Drive | Stream::Steering | Stream::Speed => {
                     queue.push_drive(message);
                     true
                 }
@@ -240,7 +237,7 @@ impl Mailbox {
         if let Item::Message(message) = &item {
             queue.in_hand = Some(message.stream);
             match message.stream {
-                Stream::Drive => queue.drive -= 1,
+                Stream::Drive | Stream::Steering | Stream::Speed => queue.drive -= 1,
                 Stream::Scan | Stream::LidarOdometry => queue.scans -= 1,
                 Stream::Event => queue.notes -= 1,
             }
@@ -292,7 +289,9 @@ impl Queue {
                 self.counters.processed += 1;
                 self.progress.stamp_ns = self.progress.stamp_ns.max(stamp_ns);
                 match stream {
-                    Stream::Drive => self.progress.drive_samples += 1,
+                    Stream::Drive | Stream::Steering | Stream::Speed => {
+                        self.progress.drive_samples += 1;
+                    }
                     Stream::Scan | Stream::LidarOdometry => self.progress.scans += 1,
                     Stream::Event => {}
                 }

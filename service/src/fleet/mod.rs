@@ -1,12 +1,15 @@
 //! The fleet: one mailbox and one estimator task per robot.
 
 mod cloud;
+mod commanded;
 mod cross_track;
 pub mod decode;
 pub mod document;
 mod handle;
 mod mailbox;
 mod plan;
+mod pairing;
+mod reading;
 mod robot;
 mod task;
 #[cfg(test)]
@@ -18,7 +21,8 @@ mod watch;
 pub use cloud::ScanSettings;
 pub use cross_track::{BIN_WIDTH_M, BINS_PER_SIDE, CrossTrack, GENERATIONS_MAX, UsedValues};
 pub use handle::{FleetHandle, FleetRefused, FleetSetup, Journal};
+pub use pairing::PairingReport;
 pub use view::{
-    Connection, Counters, FleetCounters, HistoryEvent, LiveUpdate, RobotState, RobotView,
-    ServiceEvent, ServiceEventKind, Stream, StreamView,
+    AnnouncedTopic, Connection, Counters, FleetCounters, HistoryEvent, LiveUpdate, RobotState,
+    RobotView, ServiceEvent, ServiceEventKind, Stream, StreamView, Warning, WarningKind,
 };

@@ -14,7 +14,10 @@ use crate::config::RobotConfig;
 use crate::fleet::cross_track::{CrossTrack, CrossTracks, UsedValues};
 use crate::fleet::mailbox::Mailbox;
 use crate::fleet::plan::PlanAskers;
-use crate::fleet::view::{Connection, RobotState, RobotView, Stream, StreamView};
+use crate::fleet::pairing::PairingReport;
+use crate::fleet::view::{
+    AnnouncedTopic, Connection, RobotState, RobotView, Stream, StreamView, Warning,
+};
 use crate::limits::{SESSION_ENDS_AFTER, SESSION_ENDS_AFTER_TOKEN, STALE_AFTER};
 
 /// Seconds over which a stream's rate is taken.
@@ -51,15 +54,24 @@ enum Session {
 /// What is known of a robot's connection.
 #[derive(Debug)]
 struct Link {
-    streams: [Receipts; 4],
+    streams: [Receipts; Stream::COUNT],
     last_seen_ns: Option<i64>,
     last_seen: Option<Duration>,
+    /// Whether its own token stands.
     alive: bool,
-    /// When the token went, on the running clock.
+    /// The ROS 2 topics that it has announced.
+    topics: Arc<[AnnouncedTopic]>,
+    /// When the last token went, on the running clock.
     token_gone: Option<Duration>,
     session: Session,
     /// State, staleness and presence as listeners last heard of them.
     announced: Option<(RobotState, bool, bool)>,
+}
+
+impl Link {
+    fn is_alive(&self) -> bool {
+        self.alive || !self.topics.is_empty()
+    }
 }
 
 /// What the robot's task last said.
@@ -75,6 +87,8 @@ struct Status {
     fresh: Option<(u64, Arc<EstimateDocument>)>,
     /// What it should drive next, the best first.
     manoeuvres: Arc<[Ranked]>,
+    pairing: Option<PairingReport>,
+    warnings: Vec<Warning>,
 }
 
 /// What a robot compensates with, as far as it has said.
@@ -123,6 +137,7 @@ impl Robot {
                 last_seen_ns: None,
                 last_seen: None,
                 alive: false,
+                topics: Arc::from([]),
                 token_gone: None,
                 session: Session::Ended,
                 announced: None,
@@ -136,6 +151,8 @@ impl Robot {
                 used: Used::default(),
                 fresh: None,
                 manoeuvres: Arc::from([]),
+                pairing: None,
+                warnings: Vec::new(),
             }),
             cross_tracks: Mutex::default(),
         }
@@ -148,22 +165,28 @@ impl Robot {
         link.last_seen_ns = Some(now_ns);
         link.last_seen = Some(now);
         link.session = Session::Open;
-        let [drive, scan, lidar_odometry, event] = &mut link.streams;
-        let receipts = match stream {
-            Stream::Drive => drive,
-            Stream::Scan => scan,
-            Stream::LidarOdometry => lidar_odometry,
-            Stream::Event => event,
-        };
-        receipts.messages += 1;
-        receipts.last_received_ns = Some(now_ns);
+        if let Some(receipts) = link.streams.get_mut(stream.index()) {
+            receipts.messages += 1;
+            receipts.last_received_ns = Some(now_ns);
+        }
     }
 
     /// Notes that the robot's liveliness token came or went.
     pub fn set_alive(&self, alive: bool, clock: &dyn Clock) {
         let mut link = lock(&self.link);
         link.alive = alive;
-        link.token_gone = (!alive).then(|| clock.elapsed());
+        link.token_gone = (!link.is_alive()).then(|| clock.elapsed());
+    }
+
+    /// Takes which ROS 2 topics it has announced: with the last of them it is gone, as with a
+    /// token.
+    pub fn set_topics(&self, topics: Vec<AnnouncedTopic>, clock: &dyn Clock) {
+        let mut link = lock(&self.link);
+        let was_there = link.is_alive();
+        link.topics = Arc::from(topics);
+        if was_there != link.is_alive() {
+            link.token_gone = was_there.then(|| clock.elapsed());
+        }
     }
 
     /// Once a second: moves the rates on.
@@ -208,7 +231,7 @@ impl Robot {
         let state = self.state();
         let stale = self.is_stale(clock);
         let mut link = lock(&self.link);
-        let now = (state, stale, link.alive);
+        let now = (state, stale, link.is_alive());
         if link.announced == Some(now) {
             return None;
         }
@@ -258,6 +281,8 @@ impl Robot {
         status.state = RobotState::NoData;
         status.estimate = None;
         status.manoeuvres = Arc::from([]);
+        status.pairing = None;
+        status.warnings = Vec::new();
         status.config.replace(config)
     }
 
@@ -269,6 +294,19 @@ impl Robot {
     /// Takes a new estimate.
     pub fn set_estimate(&self, estimate: Arc<EstimateDocument>) {
         lock(&self.status).estimate = Some(estimate);
+    }
+
+    /// Takes how well its steering and speed fit together.
+    pub fn set_pairing(&self, report: PairingReport) {
+        lock(&self.status).pairing = Some(report);
+    }
+
+    /// Takes what looks wrong with what it sends; whether that is another than before.
+    pub fn set_warnings(&self, warnings: Vec<Warning>) -> bool {
+        let mut status = lock(&self.status);
+        let changed = status.warnings != warnings;
+        status.warnings = warnings;
+        changed
     }
 
     /// Takes what the robot should drive next, the best first.
@@ -352,13 +390,14 @@ impl Robot {
     /// The robot as the rest of the service sees it.
     pub fn view(&self, clock: &dyn Clock) -> RobotView {
         let stale = self.is_stale(clock);
+        let topics = Arc::clone(&lock(&self.link).topics);
         let connection = {
             let link = lock(&self.link);
             let streams = Stream::ALL.into_iter().zip(&link.streams);
             Connection {
                 last_seen_ns: link.last_seen_ns,
                 stale,
-                alive: link.alive,
+                alive: link.is_alive(),
                 streams: streams
                     .filter(|(_, receipts)| receipts.messages > 0)
                     .map(|(stream, receipts)| StreamView {
@@ -381,6 +420,9 @@ impl Robot {
             fresh: status.fresh.clone(),
             counters,
             estimator_restarts: status.estimator_restarts,
+            pairing: status.pairing,
+            warnings: status.warnings.clone(),
+            topics,
         }
     }
 }

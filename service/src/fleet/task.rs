@@ -5,20 +5,24 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 use fleetcal_estimator::calibrator::{CalibratorConfig, Plan};
-use fleetcal_estimator::{Calibrator, Checkpoint, Effect, Event, Stamp};
+use fleetcal_estimator::{Calibrator, Checkpoint, DriveSample, Effect, Event, Stamp};
 use fleetcal_proto::estimate::{ChangeKind, EstimateDocument, ParameterName, ParameterStatus};
 use serde::{Deserialize, Serialize};
 
-use crate::config::{DriveSignal, RobotConfig};
-use crate::fleet::cloud::ScanSettings;
+use crate::config::{DriveSignal, Mount, RobotConfig};
+use crate::fleet::commanded::SteeringWatch;
 use crate::fleet::decode::{self, Decoded};
 use crate::fleet::document;
 use crate::fleet::handle::Fleet;
 use crate::fleet::mailbox::{Item, Message, Outcome};
+use crate::fleet::pairing::Pairing;
 use crate::fleet::plan;
+use crate::fleet::reading::{self, Reading, ReadingSettings};
 use crate::fleet::robot::Robot;
 use crate::fleet::trial::Trial;
-use crate::fleet::view::{HistoryEvent, LiveUpdate, RobotState, ServiceEvent, ServiceEventKind};
+use crate::fleet::view::{
+    HistoryEvent, LiveUpdate, RobotState, ServiceEvent, ServiceEventKind, Warning,
+};
 use crate::limits::{ADVICE_EVERY_S, CHECKPOINT_EVERY_S, ESTIMATOR_RESTARTS_MAX, PLAN_EVERY_S};
 
 /// The parameters that have to be known for a robot to be called calibrated.
@@ -79,7 +83,12 @@ struct RobotTask {
     robot: Arc<Robot>,
     version: u64,
     drive: DriveSignal,
-    scans: ScanSettings,
+    settings: ReadingSettings,
+    rear_axle_in_base_link: Option<Mount>,
+    /// Steering and speed that come apart.
+    pairing: Pairing,
+    /// What tells a measured steering angle from a commanded one.
+    steering: SteeringWatch,
     config: CalibratorConfig,
     engine: Engine,
     /// The last state that was stored, to go on from after a panic.
@@ -104,7 +113,12 @@ impl RobotTask {
         config: &RobotConfig,
         stored: Option<&str>,
     ) -> Self {
-        let (drive, scans) = (config.drive, config.scans());
+        let drive = config.drive;
+        let rear_axle_in_base_link = config.rear_axle_in_base_link;
+        let settings = ReadingSettings {
+            scans: config.scans(),
+            streams: config.streams.clone(),
+        };
         let config = config.calibrator_config(&fleet.estimator);
         let restored = stored.and_then(|json| restore(&robot, &config, json));
         let last_good = restored.as_ref().map(Calibrator::checkpoint);
@@ -114,7 +128,10 @@ impl RobotTask {
             robot,
             version,
             drive,
-            scans,
+            settings,
+            rear_axle_in_base_link,
+            pairing: Pairing::default(),
+            steering: SteeringWatch::default(),
             config,
             engine: Engine::Running(Box::new(calibrator)),
             last_good,
@@ -184,11 +201,41 @@ impl RobotTask {
             form,
             payload,
         } = message;
-        let Decoded { stamp, event, note } =
-            match decode::decode(*stream, *form, &self.scans, payload) {
-                Ok(decoded) => decoded,
-                Err(refused) => return Outcome::Refused(refused.to_string()),
-            };
+        match reading::read(*stream, *form, &self.settings, payload) {
+            Ok(Reading::Whole(decoded)) => self.take_decoded(decoded),
+            Ok(Reading::Steering(angle)) => {
+                let samples = self.pairing.take_steering(angle);
+                self.take_paired(angle.stamp, samples)
+            }
+            Ok(Reading::Speed(speed)) => {
+                let samples = self.pairing.take_speed(speed);
+                self.take_paired(speed.stamp, samples)
+            }
+            Err(refused) => Outcome::Refused(refused.to_string()),
+        }
+    }
+
+    /// Takes the samples that a half with this stamp has completed.
+    fn take_paired(&mut self, stamp: Stamp, samples: Vec<DriveSample>) -> Outcome {
+        self.robot.set_pairing(self.pairing.report());
+        for sample in samples {
+            let outcome = self.take_decoded(Decoded {
+                stamp: sample.stamp(),
+                event: Event::Drive(sample),
+                note: None,
+            });
+            if let Outcome::Refused(reason) = outcome {
+                return Outcome::Refused(reason);
+            }
+        }
+        Outcome::Processed { stamp_ns: stamp.0 }
+    }
+
+    fn take_decoded(&mut self, decoded: Decoded) -> Outcome {
+        let Decoded { stamp, event, note } = decoded;
+        if let Event::Drive(sample) = &event {
+            self.steering.take(sample);
+        }
         let event = match self.raw(event) {
             Ok(event) => event,
             Err(reason) => return Outcome::Refused(reason),
@@ -217,8 +264,9 @@ impl RobotTask {
         Outcome::Processed { stamp_ns: stamp.0 }
     }
 
-    /// Ranks what the robot should drive next.
+    /// Ranks what the robot should drive next, and says what looks wrong.
     fn advise(&self) {
+        self.warn();
         if let Engine::Running(calibrator) = &self.engine {
             self.robot.set_manoeuvres(calibrator.next_manoeuvres(None));
         }
@@ -256,6 +304,23 @@ impl RobotTask {
         });
         self.plan = plan.map(|plan| (newest, Arc::new(plan)));
         self.plan.as_ref().map(|(_, plan)| Arc::clone(plan))
+    }
+
+    fn warn(&self) {
+        let estimate = self.robot.estimate();
+        let time_offset = estimate.and_then(|document| {
+            let parameter = document.parameters.get(ParameterName::TimeOffset);
+            let known = parameter.status == ParameterStatus::Converged;
+            known.then_some((parameter.value, parameter.sigma))
+        });
+        let mut warnings = Vec::new();
+        if self.steering.looks_commanded(time_offset) {
+            warnings.push(Warning::steering_looks_commanded());
+        }
+        let any = !warnings.is_empty();
+        if self.robot.set_warnings(warnings) && any {
+            tracing::warn!(robot.id = %self.robot.id, "the steering angle looks commanded");
+        }
     }
 
     /// What the sensor measured, where the robot takes off what it compensates with.
@@ -325,7 +390,10 @@ impl RobotTask {
         true
     }
 
-    fn publish(&mut self, document: EstimateDocument) {
+    fn publish(&mut self, mut document: EstimateDocument) {
+        let rear_axle = self.rear_axle_in_base_link.as_ref();
+        document.lidar_in_base_link =
+            rear_axle.map(|axle| document::lidar_in_base_link(axle, &document.parameters));
         let state = state_of(&document, self.changed);
         self.changed = state == RobotState::Changed;
         let document = Arc::new(document);

@@ -6,10 +6,12 @@ use std::sync::Arc;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::{ChangeDocument, EstimateDocument};
 use fleetcal_proto::event::RobotEvent;
+use fleetcal_proto::ros2_key::KeyLayout;
 use serde::{Deserialize, Serialize};
 
 use crate::alert::Alert;
 use crate::config::RobotConfig;
+use crate::fleet::pairing::PairingReport;
 
 /// A stream that a robot sends.
 #[derive(
@@ -29,6 +31,10 @@ use crate::config::RobotConfig;
 pub enum Stream {
     /// Measured speed and steering.
     Drive,
+    /// Measured steering alone, of a robot whose speed comes on a topic of its own.
+    Steering,
+    /// Measured speed alone.
+    Speed,
     /// Raw sweeps.
     Scan,
     /// Poses of the LiDAR, made on the robot.
@@ -39,12 +45,33 @@ pub enum Stream {
 
 impl Stream {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Drive, Self::Scan, Self::LidarOdometry, Self::Event];
+    pub const ALL: [Self; Self::COUNT] = [
+        Self::Drive,
+        Self::Steering,
+        Self::Speed,
+        Self::Scan,
+        Self::LidarOdometry,
+        Self::Event,
+    ];
+    /// How many there are.
+    pub const COUNT: usize = 6;
+
+    /// Its place in [`Self::ALL`].
+    pub const fn index(self) -> usize {
+        self as usize
+    }
+
+    /// Whether it tells how the vehicle drives.
+    pub const fn is_drive(self) -> bool {
+        matches!(self, Self::Drive | Self::Steering | Self::Speed)
+    }
 
     /// The name in keys and documents.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Drive => "drive",
+            Self::Steering => "steering",
+            Self::Speed => "speed",
             Self::Scan => "scan",
             Self::LidarOdometry => "lidar_odometry",
             Self::Event => "event",
@@ -166,6 +193,59 @@ pub struct RobotView {
     pub counters: Counters,
     /// Times that its estimator was started anew after a panic.
     pub estimator_restarts: u32,
+    /// How well steering and speed of different topics fit together; `None` of a robot that sends
+    /// both in one.
+    pub pairing: Option<PairingReport>,
+    /// What looks wrong with what it sends.
+    pub warnings: Vec<Warning>,
+    /// The ROS 2 topics that it has announced, by name.
+    pub topics: Arc<[AnnouncedTopic]>,
+}
+
+/// A ROS 2 topic that a robot has announced.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, utoipa::ToSchema)]
+pub struct AnnouncedTopic {
+    /// Its name below the robot, `front/scan`.
+    pub topic: String,
+    /// Its type, `sensor_msgs/msg/LaserScan`.
+    #[serde(rename = "type")]
+    pub type_name: String,
+    /// Which Zenoh keys its messages have.
+    pub layout: KeyLayout,
+    /// The streams that it could be.
+    pub suited_for: Vec<Stream>,
+}
+
+/// Something that looks wrong with what a robot sends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, utoipa::ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum WarningKind {
+    /// The steering angle has neither a sensor's noise nor its lag.
+    SteeringLooksCommanded,
+}
+
+/// A warning, with words for people.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, utoipa::ToSchema)]
+#[schema(as = RobotWarning)]
+pub struct Warning {
+    /// Which one.
+    pub kind: WarningKind,
+    /// What was seen, and what to do.
+    pub text: String,
+}
+
+impl Warning {
+    /// The warning of [`WarningKind::SteeringLooksCommanded`].
+    pub fn steering_looks_commanded() -> Self {
+        Self {
+            kind: WarningKind::SteeringLooksCommanded,
+            text: "The steering angle has neither a sensor's noise nor its lag: it looks like the \
+                   command, not the measurement. What is estimated from it is the error of the \
+                   whole steering, and it is wrong while the wheel still turns. Send the measured \
+                   angle."
+                .to_owned(),
+        }
+    }
 }
 
 /// What the service itself has to say in a robot's history.

@@ -28,8 +28,8 @@ const ANSWERED: [StreamKind; 3] = [
     StreamKind::CalibrationConfirmed,
 ];
 
-/// The access list as Zenoh's configuration has it.
-pub fn list(keys: &Keys) -> Value {
+/// The access list as Zenoh's configuration has it: our own keys, and `more`.
+pub fn list(keys: &Keys, more: &[Value]) -> Value {
     let of = |kinds: &[StreamKind]| -> Vec<String> {
         kinds.iter().map(|&kind| keys.stream_of_all(kind)).collect()
     };
@@ -37,7 +37,7 @@ pub fn list(keys: &Keys) -> Value {
     let service = vec![keys.service_of_all()];
     let mut subscribed = of(&FROM_ROBOTS);
     subscribed.push(keys.stream_of_all_kinds());
-    let rules = [
+    let mut rules = vec![
         rule("streams", "ingress", &["put"], &of(&FROM_ROBOTS)),
         rule(
             "streams_wanted",
@@ -79,6 +79,7 @@ pub fn list(keys: &Keys) -> Value {
             &service,
         ),
     ];
+    rules.extend_from_slice(more);
     let names: Vec<&Value> = rules.iter().filter_map(|rule| rule.get("id")).collect();
     json!({
         "enabled": true,
@@ -89,7 +90,8 @@ pub fn list(keys: &Keys) -> Value {
     })
 }
 
-fn rule(id: &str, flow: &str, messages: &[&str], key_exprs: &[String]) -> Value {
+/// A rule that allows `messages` in one direction.
+pub fn rule(id: &str, flow: &str, messages: &[&str], key_exprs: &[String]) -> Value {
     json!({
         "id": id,
         "permission": "allow",

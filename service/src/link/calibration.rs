@@ -14,6 +14,7 @@ use zenoh::{Result, Session, Wait};
 
 use crate::clerk::{Clerk, Letter};
 use crate::limits;
+use crate::link::ros2::{self, Ros2};
 
 /// Hears what robots answer. The callback runs on Zenoh's receiving threads and never blocks.
 pub async fn hear_answers(session: &Session, keys: &Keys, clerk: Clerk) -> Result<Subscriber<()>> {
@@ -113,9 +114,9 @@ fn reply<T: Serialize>(query: &Query, keys: &Keys, robot: &RobotId, kind: Stream
 }
 
 /// Sends what was decided, until `stop`. What is not sent stays in the outbox.
-pub async fn post(session: Session, keys: Keys, clerk: Clerk, stop: CancellationToken) {
+pub async fn post(session: Session, keys: Keys, clerk: Clerk, ros2: Ros2, stop: CancellationToken) {
     loop {
-        let pause = if post_all(&session, &keys, &clerk).await {
+        let pause = if post_all(&session, &keys, &clerk, &ros2).await {
             limits::POST_EVERY
         } else {
             limits::POST_RETRY
@@ -129,7 +130,7 @@ pub async fn post(session: Session, keys: Keys, clerk: Clerk, stop: Cancellation
 }
 
 /// Sends what waits; whether all of it went.
-async fn post_all(session: &Session, keys: &Keys, clerk: &Clerk) -> bool {
+async fn post_all(session: &Session, keys: &Keys, clerk: &Clerk, ros2: &Ros2) -> bool {
     let parcels = match clerk.parcels().await {
         Ok(parcels) => parcels,
         Err(error) => {
@@ -141,7 +142,11 @@ async fn post_all(session: &Session, keys: &Keys, clerk: &Clerk) -> bool {
     for (robot, parcel) in parcels {
         let put = match clerk.letter(&robot, parcel).await {
             Ok(None) => continue,
-            Ok(Some(letter)) => put(session, keys, &robot, &letter).await,
+            Ok(Some(letter)) => {
+                let put = put(session, keys, &robot, &letter).await;
+                also_to_ros2(session, ros2, &robot, &letter).await;
+                put
+            }
             Err(error) => Err(error.into()),
         };
         let sent = match put {
@@ -154,6 +159,16 @@ async fn post_all(session: &Session, keys: &Keys, clerk: &Clerk) -> bool {
         }
     }
     all
+}
+
+/// On the robot's ROS 2 topic too. Who does not get it there asks for it.
+async fn also_to_ros2(session: &Session, ros2: &Ros2, robot: &RobotId, letter: &Letter) {
+    let Letter::Approved(envelope) = letter else {
+        return;
+    };
+    if let Err(error) = ros2::calibration::publish(session, ros2, robot, envelope).await {
+        tracing::warn!(robot.id = %robot, error, "not sent to the robot's ROS 2 topic");
+    }
 }
 
 /// Waits for room instead of dropping: a calibration is no estimate that comes again in a second.

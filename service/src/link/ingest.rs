@@ -1,7 +1,7 @@
 //! What comes in: robots' streams and their liveliness tokens.
 
 use fleetcal_proto::RobotId;
-use fleetcal_proto::encoding::{Encoding, Form};
+use fleetcal_proto::encoding::{Encoding, Form, MessageType};
 use fleetcal_proto::key::{Key, Keys, StreamKind};
 use zenoh::pubsub::Subscriber;
 use zenoh::sample::{Locality, Sample, SampleKind};
@@ -45,9 +45,20 @@ fn take(fleet: &FleetHandle, keys: &Keys, sample: &Sample) {
             return;
         }
     };
+    offer(fleet, &robot, stream, None, sample);
+}
+
+/// Offers a message to its robot's mailbox; `message_type` is what its key says that it is.
+pub fn offer(
+    fleet: &FleetHandle,
+    robot: &RobotId,
+    stream: Stream,
+    message_type: Option<MessageType>,
+    sample: &Sample,
+) {
     if sample.kind() != SampleKind::Put {
         fleet.refuse(
-            &robot,
+            robot,
             stream,
             "the message is a deletion, accepted is a put",
         );
@@ -56,10 +67,14 @@ fn take(fleet: &FleetHandle, keys: &Keys, sample: &Sample) {
     let payload = sample.payload();
     match Form::parse(&sample.encoding().to_string()) {
         Ok(form) => {
+            let form = Form {
+                message_type: message_type.or(form.message_type),
+                ..form
+            };
             let bytes = || payload.to_bytes().into_owned();
-            fleet.receive(&robot, stream, form, payload.len(), bytes);
+            fleet.receive(robot, stream, form, payload.len(), bytes);
         }
-        Err(refused) => fleet.refuse(&robot, stream, &format!("{}: {refused}", stream.name())),
+        Err(refused) => fleet.refuse(robot, stream, &format!("{}: {refused}", stream.name())),
     }
 }
 

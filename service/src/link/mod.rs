@@ -4,6 +4,7 @@ mod access;
 mod calibration;
 mod ingest;
 mod outgoing;
+mod ros2;
 mod session;
 
 use std::path::PathBuf;
@@ -18,8 +19,11 @@ use zenoh::pubsub::Subscriber;
 use zenoh::query::Queryable;
 
 use crate::clerk::Clerk;
+use crate::clock::SharedClock;
 use crate::fleet::FleetHandle;
 use crate::limits;
+use crate::streams::Ros2Settings;
+use ros2::{Ros2Link, RouteTable};
 
 /// What the link is made with.
 #[derive(Debug, Clone, Default)]
@@ -32,6 +36,8 @@ pub struct LinkSetup {
     pub zenoh_config: Option<PathBuf>,
     /// The keys under the configured root.
     pub keys: Keys,
+    /// Where ROS 2 robots' topics are.
+    pub ros2: Ros2Settings,
 }
 
 /// Why the link could not be opened.
@@ -79,6 +85,7 @@ pub struct Link {
     approved: Queryable<()>,
     confirmed: Queryable<()>,
     answers: Subscriber<()>,
+    ros2: Ros2Link,
     publisher: JoinHandle<()>,
     poster: JoinHandle<()>,
     stop: CancellationToken,
@@ -93,8 +100,11 @@ impl Link {
         setup: LinkSetup,
         fleet: FleetHandle,
         clerk: Clerk,
+        clock: SharedClock,
     ) -> Result<Self, LinkError> {
-        let session = session::open(&setup).await?;
+        let table = RouteTable::new(&setup.ros2, setup.keys.root(), fleet.streams());
+        let session = session::open(&setup, &ros2::access::rules(&table)).await?;
+        let stop = CancellationToken::new();
         let keys = setup.keys;
         let declared = |what| {
             move |error: zenoh::Error| LinkError::Declare {
@@ -120,6 +130,10 @@ impl Link {
         let streams = ingest::subscribe(&session, &keys, fleet.clone())
             .await
             .map_err(declared("the subscriber of robots' streams"))?;
+        let (ros2_fleet, ros2_clerk) = (fleet.clone(), clerk.clone());
+        let ros2 = Ros2Link::open(&session, table, ros2_fleet, ros2_clerk, clock, stop.clone())
+            .await
+            .map_err(declared("what ROS 2 robots need"))?;
         // Last: a robot that sees the token finds everything else there.
         let instance = ServiceInstance::parse(&session.zid().to_string())?;
         let token = session
@@ -127,8 +141,9 @@ impl Link {
             .declare_token(keys.service(&instance))
             .await
             .map_err(declared("the service's liveliness token"))?;
-        let stop = CancellationToken::new();
-        let posting = calibration::post(session.clone(), keys.clone(), clerk, stop.clone());
+        let to_ros2 = ros2.shared();
+        let posting =
+            calibration::post(session.clone(), keys.clone(), clerk, to_ros2, stop.clone());
         let poster = tokio::spawn(posting);
         let publishing = outgoing::publish_estimates(session.clone(), keys, fleet, stop.clone());
         let publisher = tokio::spawn(publishing);
@@ -141,6 +156,7 @@ impl Link {
             approved,
             confirmed,
             answers,
+            ros2,
             publisher,
             poster,
             stop,
@@ -168,6 +184,7 @@ impl Link {
                 tracing::warn!(error, "Zenoh refused to undeclare");
             }
         }
+        self.ros2.close().await;
         if let Err(error) = self.publisher.await {
             tracing::error!(%error, "the publisher of estimates failed");
         }

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use serde_json::Value;
 use tokio::sync::oneshot;
 use zenoh::{Config, Session, Wait};
 
@@ -9,11 +10,12 @@ use crate::limits;
 use crate::link::{LinkError, LinkSetup, access};
 
 /// Opens the session on a thread of its own: `zenoh::open` may block for ever.
-pub async fn open(setup: &LinkSetup) -> Result<Session, LinkError> {
+/// The embedded router's access list has `more` rules beside those of our own keys.
+pub async fn open(setup: &LinkSetup, more: &[Value]) -> Result<Session, LinkError> {
     let (config, endpoints) = match &setup.zenoh_config {
         Some(path) => (native(path)?, path.display().to_string()),
         None => (
-            embedded(setup)?,
+            embedded(setup, more)?,
             [setup.listen.join(" "), setup.connect.join(" ")].join(" "),
         ),
     };
@@ -65,7 +67,7 @@ fn native(path: &Path) -> Result<Config, LinkError> {
 
 /// The embedded router: listens where it is told, finds nobody by itself, takes no message larger
 /// than [`limits::PAYLOAD_BYTES_MAX`], and lets through what the access list names.
-fn embedded(setup: &LinkSetup) -> Result<Config, LinkError> {
+fn embedded(setup: &LinkSetup, more: &[Value]) -> Result<Config, LinkError> {
     let mut config = Config::default();
     let settings = [
         ("mode", serde_json::json!("router")),
@@ -81,7 +83,7 @@ fn embedded(setup: &LinkSetup) -> Result<Config, LinkError> {
             "transport/unicast/max_sessions",
             serde_json::json!(limits::ROBOTS_MAX),
         ),
-        ("access_control", access::list(&setup.keys)),
+        ("access_control", access::list(&setup.keys, more)),
     ];
     for (key, value) in settings {
         config
@@ -99,10 +101,13 @@ mod tests {
     fn the_embedded_configuration_is_what_zenoh_accepts() {
         let listen = vec!["tcp/127.0.0.1:7447".to_owned()];
         assert!(
-            embedded(&LinkSetup {
-                listen,
-                ..LinkSetup::default()
-            })
+            embedded(
+                &LinkSetup {
+                    listen,
+                    ..LinkSetup::default()
+                },
+                &[]
+            )
             .is_ok()
         );
         let listen = vec!["no endpoint".to_owned()];
@@ -110,7 +115,7 @@ mod tests {
             listen,
             ..LinkSetup::default()
         };
-        let reason = embedded(&hostile).expect_err("refused").to_string();
+        let reason = embedded(&hostile, &[]).expect_err("refused").to_string();
         assert!(reason.contains("listen/endpoints"), "{reason}");
     }
 

@@ -73,3 +73,17 @@ fn odometry() -> Odometry {
     message.twist.twist.linear.x = 0.5;
     message
 }
+
+fn velocities() -> TwistStamped {
+    let mut message = TwistStamped {
+        header: header("base_link"),
+        ..TwistStamped::default()
+    };
+    message.twist.linear = Vector3 {
+        x: 0.5,
+        y: -0.25,
+        z: 0.0,
+    };
+    message.twist.angular.z = 0.125;
+    message
+}

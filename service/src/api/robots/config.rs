@@ -34,6 +34,9 @@ pub(super) struct RobotConfigSchema {
     /// What is taken of the clouds of a 3D scanner: the keys of `point_cloud` in `fleetcal.toml`.
     #[schema(nullable, required = false)]
     point_cloud: Option<PlanarBandSchema>,
+    /// Its ROS 2 topics, where they are not the usual ones.
+    #[schema(required = false)]
+    streams: StreamsSchema,
     /// Settings of this robot's estimator, with the keys of `[estimator]` in `fleetcal.toml`;
     /// the service's own unless given.
     #[schema(nullable, required = false, value_type = Option<Object>)]
@@ -107,6 +110,70 @@ pub(super) struct PlanarBandSchema {
     ignore_times: bool,
 }
 
+/// The ROS 2 topics of a robot; what is not given is as `[ros2]` in `fleetcal.toml` says.
+#[derive(utoipa::ToSchema)]
+#[schema(as = RobotStreams)]
+#[expect(dead_code, reason = "a schema")]
+pub(super) struct StreamsSchema {
+    /// What stands before its topics in Zenoh keys, instead of what the templates say.
+    #[schema(nullable, required = false, value_type = Option<String>, examples("7"))]
+    prefix: Option<String>,
+    /// Steering and speed in one message: `AckermannDriveStamped` or `JointState`.
+    #[schema(nullable, required = false)]
+    drive: Option<SourceSchema>,
+    /// Steering alone, with `speed` instead of `drive`; paired by stamp.
+    #[schema(nullable, required = false)]
+    steering: Option<SourceSchema>,
+    /// Speed alone: `Odometry`, `TwistStamped`, `JointState` or `AckermannDriveStamped`.
+    #[schema(nullable, required = false)]
+    speed: Option<SourceSchema>,
+    /// `LaserScan` or `PointCloud2`.
+    #[schema(nullable, required = false)]
+    scan: Option<SourceSchema>,
+    /// Poses of the LiDAR instead of scans: `Odometry` or `PoseStamped`.
+    #[schema(nullable, required = false)]
+    lidar_odometry: Option<SourceSchema>,
+    /// Which joints steer and drive, of a `JointState`.
+    #[schema(nullable, required = false)]
+    joints: Option<JointsSchema>,
+}
+
+/// A ROS 2 topic.
+#[derive(utoipa::ToSchema)]
+#[schema(as = Source)]
+#[expect(dead_code, reason = "a schema")]
+pub(super) struct SourceSchema {
+    /// Its name below the robot, without a slash at the ends.
+    #[schema(examples("front/scan"))]
+    topic: String,
+    /// Its type, where keys, tokens and encodings do not say it.
+    #[schema(nullable, required = false, value_type = Option<String>,
+        examples("sensor_msgs/msg/LaserScan"))]
+    r#type: Option<String>,
+}
+
+/// Joints of a `JointState`.
+#[derive(utoipa::ToSchema)]
+#[schema(as = Joints)]
+#[expect(dead_code, reason = "a schema")]
+pub(super) struct JointsSchema {
+    /// The joint whose position is the steering angle, left positive.
+    #[schema(nullable, required = false, value_type = Option<String>)]
+    steering: Option<String>,
+    /// Steering angle for each radian of the joint; 1 unless given.
+    #[schema(required = false)]
+    steering_gear: f64,
+    /// The joints whose mean velocity is the speed.
+    #[schema(required = false)]
+    wheels: Vec<String>,
+    /// Radius of these wheels, m.
+    #[schema(nullable, required = false, value_type = Option<f64>)]
+    wheel_radius_m: Option<f64>,
+    /// Turns of the wheel for each turn of the joint; 1 unless given.
+    #[schema(required = false)]
+    wheel_gear: f64,
+}
+
 /// Where a speed is measured.
 #[derive(utoipa::ToSchema)]
 #[schema(as = SpeedMeasuredAt, rename_all = "snake_case")]
@@ -164,6 +231,11 @@ mod tests {
                 "scan_type": "point_cloud2",
                 "point_cloud": {"height_min_m": -0.2, "height_max_m": 1, "range_min_m": 0.5,
                     "range_max_m": 40, "clearance_m": 0.05, "beams": 720, "ignore_times": true},
+                "streams": {"prefix": "7", "scan": {"topic": "front/scan"},
+                    "steering": {"topic": "joints", "type": "sensor_msgs/msg/JointState"},
+                    "speed": {"topic": "odom", "type": "nav_msgs/msg/Odometry"},
+                    "joints": {"steering": "s", "steering_gear": 1, "wheels": ["w"],
+                        "wheel_radius_m": 0.1, "wheel_gear": 1}},
                 "estimator": {}}"#,
             r#"{"model": "bicycle", "wheelbase_m": 1.2,
                 "speed_measured_at": {"rear_wheel": {"lateral_m": 0.3}}}"#,

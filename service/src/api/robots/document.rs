@@ -13,7 +13,9 @@ use crate::api::time;
 use crate::approval::RobotLedger;
 use crate::config::RobotConfig;
 use crate::fleet::document::vehicle_document;
-use crate::fleet::{Counters, RobotState, RobotView, Stream, StreamView};
+use crate::fleet::{
+    AnnouncedTopic, Counters, PairingReport, RobotState, RobotView, Stream, StreamView, Warning,
+};
 use crate::store::RobotRecord;
 
 /// A robot in the list.
@@ -83,6 +85,12 @@ pub(super) struct RobotDocument {
     counters: Counters,
     /// Times that its estimator was started anew after a failure.
     estimator_restarts: u32,
+    /// How well steering and speed fit together, of a robot that sends them on different topics.
+    pairing: Option<PairingReport>,
+    /// What looks wrong with what it sends.
+    warnings: Vec<Warning>,
+    /// The ROS 2 topics that it has announced, by name.
+    topics: Vec<AnnouncedTopic>,
 }
 
 impl RobotDocument {
@@ -97,6 +105,9 @@ impl RobotDocument {
             configured: configured.map(time::of_ns),
             counters: view.counters.clone(),
             estimator_restarts: view.estimator_restarts,
+            pairing: view.pairing,
+            warnings: view.warnings.clone(),
+            topics: view.topics.to_vec(),
             summary: RobotSummary::of(view, ledger),
         }
     }

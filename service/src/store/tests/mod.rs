@@ -73,6 +73,7 @@ fn estimate(name: &str, t_s: i64, offset_rad: f64, yaw_rad: f64) -> EstimateDocu
             samples: 10,
         },
         counts: Counts::default(),
+        lidar_in_base_link: None,
     }
 }
 

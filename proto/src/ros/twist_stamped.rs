@@ -1,0 +1,42 @@
+//! `geometry_msgs/msg/TwistStamped`: speed of robots that send it as velocities.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Header, RosMessage, Twist, Vector3};
+use crate::cdr::{CdrError, CdrReader, CdrWriter};
+
+/// Velocities in the header's frame.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TwistStamped {
+    /// When, and the frame that moves.
+    pub header: Header,
+    /// Its velocities.
+    pub twist: Twist,
+}
+
+impl RosMessage for TwistStamped {
+    const TYPE: &'static str = "geometry_msgs/msg/TwistStamped";
+
+    fn read(mut reader: CdrReader<'_>) -> Result<Self, CdrError> {
+        let header = Header::read(&mut reader)?;
+        let vector = |[x, y, z]: [f64; 3]| Vector3 { x, y, z };
+        let twist = Twist {
+            linear: vector(reader.f64_array("twist.linear")?),
+            angular: vector(reader.f64_array("twist.angular")?),
+        };
+        reader.finish("twist.angular")?;
+        Ok(Self { header, twist })
+    }
+
+    fn write(&self, writer: &mut CdrWriter) {
+        self.header.write(writer);
+        for Vector3 { x, y, z } in [self.twist.linear, self.twist.angular] {
+            writer.f64_array(&[x, y, z]);
+        }
+    }
+
+    fn body_bytes(&self) -> usize {
+        self.header.body_bytes() + 8 + 8 * 6
+    }
+}

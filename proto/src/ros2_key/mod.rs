@@ -1,0 +1,153 @@
+//! How ROS 2 robots name their topics in Zenoh: data keys, liveliness tokens, attachments.
+//!
+//! | layout | key |
+//! |---|---|
+//! | `rmw_zenoh` | `{domain}/{namespace…}/{topic…}/{type}/{hash}` |
+//! | `rmw_zenoh` of Humble | the same, with `TypeHashNotSupported` for the hash |
+//! | `zenoh-bridge-ros2dds` | `{namespace…}/{topic…}` |
+//!
+//! What stands before type and hash is called the topic's path here.
+
+mod attachment;
+mod template;
+mod token;
+
+pub use attachment::{Attachment, GID_BYTES};
+pub use template::{KeyTemplate, Matched, TemplateRefused};
+pub use token::{Announcement, TOKENS_OF_BRIDGE, TOKENS_OF_RMW};
+
+use serde::{Deserialize, Serialize};
+
+use crate::encoding::MessageType;
+
+/// What stands for the hash in keys of Humble.
+pub const NO_HASH: &str = "TypeHashNotSupported";
+/// What tells the type of a message in a key of `rmw_zenoh` from a part of its topic.
+const DDS_TYPE_PART: &str = "::msg::dds_::";
+
+/// Which keys a robot's topics have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum KeyLayout {
+    /// `rmw_zenoh` with the type's hash: Iron and newer.
+    RmwZenoh,
+    /// `rmw_zenoh` without: Humble.
+    RmwZenohWithoutHash,
+    /// `zenoh-bridge-ros2dds`.
+    BridgeRos2dds,
+}
+
+/// The key of a topic's messages, taken apart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TopicKey<'k> {
+    /// What stands before type and hash: `0/tugger_01/scan`, or of a bridge `tugger_01/scan`.
+    pub path: &'k str,
+    /// Which layout it has.
+    pub layout: KeyLayout,
+    /// The type, where the key has it, as it is spelled there.
+    pub type_name: Option<&'k str>,
+}
+
+impl<'k> TopicKey<'k> {
+    /// Takes a key apart; what has no type in it is taken for a key of the bridge.
+    pub fn parse(key: &'k str) -> Self {
+        let typed = key.rsplit_once('/').and_then(|(front, hash)| {
+            let (path, type_name) = front.rsplit_once('/')?;
+            type_name.contains(DDS_TYPE_PART).then(|| Self {
+                path,
+                layout: layout_of_hash(hash),
+                type_name: Some(type_name),
+            })
+        });
+        typed.unwrap_or(Self {
+            path: key,
+            layout: KeyLayout::BridgeRos2dds,
+            type_name: None,
+        })
+    }
+
+    /// The type, when it is one that is read here.
+    pub fn message_type(&self) -> Option<MessageType> {
+        self.type_name.and_then(MessageType::of_ros_type)
+    }
+}
+
+fn layout_of_hash(hash: &str) -> KeyLayout {
+    if hash == NO_HASH {
+        KeyLayout::RmwZenohWithoutHash
+    } else {
+        KeyLayout::RmwZenoh
+    }
+}
+
+/// Key expression of a type's messages on a path, whatever their hash.
+pub fn typed_expression(path: &str, message_type: MessageType) -> String {
+    format!("{path}/{}/*", message_type.dds_type())
+}
+
+/// A type as ROS 2 writes it, `sensor_msgs/msg/Image`, of the spellings in keys and tokens.
+fn ros_type_name(name: &str) -> String {
+    let parts = name
+        .split(['/', '\u{a7}'])
+        .flat_map(|part| part.split("::"));
+    let parts: Vec<&str> = parts
+        .filter(|part| !part.is_empty() && *part != "dds_")
+        .collect();
+    let joined = parts.join("/");
+    // Only the spelling of DDS ends in an underscore.
+    match joined.strip_suffix('_') {
+        Some(plain) if name.contains("dds_") => plain.to_owned(),
+        _ => joined,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_of_each_layout_are_taken_apart() {
+        let scan = "sensor_msgs::msg::dds_::LaserScan_";
+        let cases = [
+            (
+                format!("0/tugger_01/front/scan/{scan}/RIHS01_64c1"),
+                "0/tugger_01/front/scan",
+                KeyLayout::RmwZenoh,
+            ),
+            (
+                format!("0/tugger_01/scan/{scan}/{NO_HASH}"),
+                "0/tugger_01/scan",
+                KeyLayout::RmwZenohWithoutHash,
+            ),
+            (
+                "tugger_01/scan".to_owned(),
+                "tugger_01/scan",
+                KeyLayout::BridgeRos2dds,
+            ),
+        ];
+        for (key, path, layout) in cases {
+            let parsed = TopicKey::parse(&key);
+            assert_eq!((parsed.path, parsed.layout), (path, layout), "{key}");
+            let typed = layout != KeyLayout::BridgeRos2dds;
+            assert_eq!(
+                parsed.message_type(),
+                typed.then_some(MessageType::LaserScan)
+            );
+        }
+        for strange in ["", "/", "a", "//", "a//"] {
+            assert_eq!(TopicKey::parse(strange).type_name, None);
+        }
+    }
+
+    #[test]
+    fn type_names_of_every_spelling_are_those_of_ros() {
+        for name in [
+            "sensor_msgs::msg::dds_::Image_",
+            "sensor_msgs\u{a7}msg\u{a7}Image",
+            "sensor_msgs/msg/Image",
+        ] {
+            assert_eq!(ros_type_name(name), "sensor_msgs/msg/Image");
+        }
+    }
+}

@@ -1,0 +1,296 @@
+//! Whose stream a ROS 2 key is, and which keys to subscribe to. Pure.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use fleetcal_proto::RobotId;
+use fleetcal_proto::encoding::MessageType;
+use fleetcal_proto::key::KeyRoot;
+use fleetcal_proto::ros2_key::{KeyLayout, Matched, TopicKey, typed_expression};
+
+use crate::fleet::Stream;
+use crate::streams::{RobotStreams, Ros2Settings, TopicRole, message_types};
+
+/// What a message's key says.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Route<'k> {
+    /// Whose it is.
+    pub robot: RobotId,
+    /// Which of its streams.
+    pub stream: Stream,
+    /// What it is, where the key or a token says so.
+    pub message_type: Option<MessageType>,
+    /// What stands before the topic in the key.
+    pub prefix: &'k str,
+    /// Which layout the key has.
+    pub layout: KeyLayout,
+}
+
+/// See the module.
+#[derive(Debug, Clone)]
+pub struct RouteTable {
+    settings: Ros2Settings,
+    root: String,
+    /// Topics of robots that nobody has configured.
+    usual: Vec<TopicRole>,
+    /// Topics of robots that are configured.
+    roles: BTreeMap<RobotId, Vec<TopicRole>>,
+    /// Robots whose keys follow no template, by what stands before their topics.
+    prefixes: BTreeMap<String, RobotId>,
+    /// Types that tokens of the bridge announced, by path.
+    announced: BTreeMap<String, MessageType>,
+}
+
+impl RouteTable {
+    /// The table of a fleet.
+    pub fn new(
+        settings: &Ros2Settings,
+        root: &KeyRoot,
+        robots: BTreeMap<RobotId, RobotStreams>,
+    ) -> Self {
+        let mut table = Self {
+            settings: settings.clone(),
+            root: format!("{}/", root.as_str()),
+            usual: RobotStreams::default().roles(settings),
+            roles: BTreeMap::new(),
+            prefixes: BTreeMap::new(),
+            announced: BTreeMap::new(),
+        };
+        table.set_robots(robots);
+        table
+    }
+
+    /// Takes the robots that are configured.
+    pub fn set_robots(&mut self, robots: BTreeMap<RobotId, RobotStreams>) {
+        self.roles.clear();
+        self.prefixes.clear();
+        for (robot, streams) in robots {
+            if let Some(prefix) = &streams.fields().prefix {
+                let prefix = prefix.as_str().to_owned();
+                self.prefixes.insert(prefix, robot.clone());
+            }
+            self.roles.insert(robot, streams.roles(&self.settings));
+        }
+    }
+
+    /// Takes what a token of the bridge says about a path; `None` once it is gone.
+    pub fn announce(&mut self, path: &str, message_type: Option<MessageType>) {
+        match message_type {
+            Some(message_type) => self.announced.insert(path.to_owned(), message_type),
+            None => self.announced.remove(path),
+        };
+    }
+
+    /// Whether a key is one of our own layout, which has its own subscriber.
+    pub fn is_own(&self, key: &str) -> bool {
+        key.starts_with(&self.root)
+    }
+
+    /// Whose stream a key is; `None` when it is nobody's.
+    pub fn route<'k>(&self, key: &'k str) -> Option<Route<'k>> {
+        let key = TopicKey::parse(key);
+        let matched = self.place(key.path, key.layout)?;
+        let roles = self.roles.get(&matched.robot).unwrap_or(&self.usual);
+        let role = roles
+            .iter()
+            .find(|role| role.topic.as_str() == matched.topic)?;
+        let announced = || self.announced.get(key.path).copied();
+        Some(Route {
+            robot: matched.robot,
+            stream: role.stream,
+            message_type: key.message_type().or_else(announced),
+            prefix: matched.prefix,
+            layout: key.layout,
+        })
+    }
+
+    /// Robot and topic of a path.
+    pub fn place<'p>(&self, path: &'p str, layout: KeyLayout) -> Option<Matched<'p>> {
+        if self.is_own(path) {
+            return None;
+        }
+        if !self.prefixes.is_empty() {
+            for (at, _) in path.match_indices('/') {
+                let (prefix, topic) = path.split_at(at);
+                if let Some(robot) = self.prefixes.get(prefix) {
+                    return Some(Matched {
+                        robot: robot.clone(),
+                        prefix,
+                        topic: topic.trim_start_matches('/'),
+                    });
+                }
+            }
+        }
+        let templates = match layout {
+            KeyLayout::BridgeRos2dds => &self.settings.bridge,
+            KeyLayout::RmwZenoh | KeyLayout::RmwZenohWithoutHash => &self.settings.rmw_zenoh,
+        };
+        templates.iter().find_map(|template| template.matched(path))
+    }
+
+    /// Key expressions of the usual topics of all robots.
+    pub fn usual_expressions(&self) -> BTreeSet<String> {
+        self.expressions_of(None, &self.usual)
+    }
+
+    /// Key expressions of the topics of the robots that are configured.
+    pub fn robot_expressions(&self) -> BTreeSet<String> {
+        let of_robot = |(robot, roles): (&RobotId, &Vec<TopicRole>)| {
+            let other = |role: &&TopicRole| !self.usual.contains(role);
+            let by_prefix = self.prefixes.iter().find(|(_, of)| *of == robot);
+            if let Some((prefix, _)) = by_prefix {
+                return expressions_under(prefix, roles);
+            }
+            let others: Vec<TopicRole> = roles.iter().filter(other).cloned().collect();
+            self.expressions_of(Some(robot), &others)
+        };
+        self.roles.iter().flat_map(of_robot).collect()
+    }
+
+    /// Key expressions that the bridge's topics may have: what is known now, and what the settings
+    /// allow for later.
+    pub fn bridge_expressions(&self) -> BTreeSet<String> {
+        let untyped = |text: &String| TopicKey::parse(text).type_name.is_none();
+        let mut all: BTreeSet<String> = self.usual_expressions();
+        all.extend(self.robot_expressions());
+        all.retain(untyped);
+        for template in &self.settings.bridge {
+            let topics = self.settings.bridge_topics.iter();
+            all.extend(topics.map(|topic| template.path_expression(None, topic.as_str())));
+        }
+        all
+    }
+
+    /// Key expressions of a topic of every robot behind a bridge.
+    pub fn bridge_paths(&self, topic: &str) -> Vec<String> {
+        let templates = self.settings.bridge.iter();
+        let by_template = templates.map(|template| template.path_expression(None, topic));
+        let prefixes = self.prefixes.keys();
+        let by_prefix = prefixes.map(|prefix| format!("{prefix}/{topic}"));
+        by_template.chain(by_prefix).collect()
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &Ros2Settings {
+        &self.settings
+    }
+
+    fn expressions_of(&self, robot: Option<&RobotId>, roles: &[TopicRole]) -> BTreeSet<String> {
+        let mut all = BTreeSet::new();
+        for role in roles {
+            let topic = role.topic.as_str();
+            for template in &self.settings.rmw_zenoh {
+                let path = template.path_expression(robot, topic);
+                let types = message_types(role.stream).iter();
+                all.extend(types.map(|&of| typed_expression(&path, of)));
+            }
+            let bridge = self.settings.bridge.iter();
+            all.extend(bridge.map(|template| template.path_expression(robot, topic)));
+        }
+        all
+    }
+}
+
+fn expressions_under(prefix: &str, roles: &[TopicRole]) -> BTreeSet<String> {
+    let mut all = BTreeSet::new();
+    for role in roles {
+        let path = format!("{prefix}/{}", role.topic.as_str());
+        let types = message_types(role.stream).iter();
+        all.extend(types.map(|&of| typed_expression(&path, of)));
+        all.insert(path);
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table(robots: &[(&str, &str)]) -> RouteTable {
+        let robots = robots.iter().map(|(id, streams)| {
+            let streams: RobotStreams = toml::from_str(streams).unwrap();
+            (RobotId::parse(id).unwrap(), streams)
+        });
+        RouteTable::new(
+            &Ros2Settings::default(),
+            &KeyRoot::default(),
+            robots.collect(),
+        )
+    }
+
+    const SCAN: &str = "sensor_msgs::msg::dds_::LaserScan_";
+
+    fn routed(table: &RouteTable, key: &str) -> Option<(String, Stream)> {
+        let route = table.route(key)?;
+        Some((route.robot.as_str().to_owned(), route.stream))
+    }
+
+    #[test]
+    fn a_robot_that_nobody_knows_has_the_usual_topics() {
+        let table = table(&[]);
+        for key in [
+            format!("0/tugger_01/scan/{SCAN}/RIHS01_64c1"),
+            format!("7/tugger_01/scan/{SCAN}/TypeHashNotSupported"),
+            "tugger_01/scan".to_owned(),
+        ] {
+            let wanted = Some(("tugger_01".to_owned(), Stream::Scan));
+            assert_eq!(routed(&table, &key), wanted, "{key}");
+        }
+        for key in [
+            "fleet/tugger_01/scan",
+            "tugger_01/camera",
+            "0/tugger_01/x/scan",
+        ] {
+            assert_eq!(routed(&table, key), None, "{key}");
+        }
+    }
+
+    #[test]
+    fn a_configured_robot_has_its_own_topics_and_prefix() {
+        let table = table(&[
+            ("tugger_01", "scan = { topic = 'front/scan' }"),
+            ("tugger_02", "prefix = '7'\nscan = { topic = 'lidar/scan' }"),
+        ]);
+        let key = format!("0/tugger_01/front/scan/{SCAN}/RIHS01_64c1");
+        let route = table.route(&key).unwrap();
+        assert_eq!(route.prefix, "0/tugger_01");
+        assert_eq!(route.message_type, Some(MessageType::LaserScan));
+        assert_eq!(routed(&table, "tugger_01/scan"), None, "not its topic");
+        for key in [
+            format!("7/lidar/scan/{SCAN}/RIHS01_64c1"),
+            "7/lidar/scan".to_owned(),
+        ] {
+            let wanted = Some(("tugger_02".to_owned(), Stream::Scan));
+            assert_eq!(routed(&table, &key), wanted, "{key}");
+        }
+        let expressions = table.robot_expressions();
+        assert!(expressions.contains(&format!("*/tugger_01/front/scan/{SCAN}/*")));
+        assert!(expressions.contains("tugger_01/front/scan"));
+        assert!(expressions.contains("7/drive"));
+        assert!(
+            !expressions
+                .iter()
+                .any(|text| text.ends_with("tugger_01/drive"))
+        );
+    }
+
+    #[test]
+    fn a_token_says_what_a_key_of_the_bridge_does_not() {
+        let mut table = table(&[]);
+        let of = |table: &RouteTable| table.route("tugger_01/scan").unwrap().message_type;
+        assert_eq!(of(&table), None);
+        table.announce("tugger_01/scan", Some(MessageType::PointCloud2));
+        assert_eq!(of(&table), Some(MessageType::PointCloud2));
+        table.announce("tugger_01/scan", None);
+        assert_eq!(of(&table), None);
+    }
+
+    #[test]
+    fn every_expression_of_the_usual_topics_holds_a_type_or_is_the_bridges() {
+        let table = table(&[]);
+        let usual = table.usual_expressions();
+        assert!(usual.contains(&format!("*/*/scan/{SCAN}/*")), "{usual:?}");
+        assert!(usual.contains("*/drive"));
+        let bridge: Vec<String> = table.bridge_expressions().into_iter().collect();
+        assert_eq!(bridge, ["*/drive", "*/lidar_odometry", "*/scan"]);
+    }
+}
