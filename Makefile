@@ -119,6 +119,15 @@ evaluation-quick: rust ## The same with a few seeds, under three minutes: writes
 load: build ## 50 robots at once: prints the CPU time per robot-second
 	FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked -p fleetcal-tests --test load -- --nocapture
 
+.PHONY: encoders
+encoders: rust ## 10,000 random messages of each type by rosbags and pycdr2 (PyPI): same bytes back
+	@python3 -c 'import venv, ensurepip' 2>/dev/null \
+	  || { echo "Python 3 with venv is missing: install python3-venv, then run make again." >&2; exit 1; }
+	python3 -m venv target/encoders
+	target/encoders/bin/pip install --quiet --requirement tests/encoders/requirements.txt
+	target/encoders/bin/python tests/encoders/encoders.py target/encoders/messages.bin 10000
+	$(CARGO) run --release --locked -p fleetcal-proto --example encoded -- target/encoders/messages.bin
+
 .PHONY: kill-rounds
 kill-rounds: rust ## Kills the deciding process 3,000 times: nothing acknowledged may be lost
 	KILL_ROUNDS=3000 $(CARGO) test --release --locked -p fleetcal-tests --test durability -- --nocapture kill::
