@@ -67,6 +67,12 @@ pub enum FileError {
         /// Whose agent this is.
         robot: RobotId,
     },
+    /// A file that the agent was to write besides is there and not of its making.
+    #[error("{} was not written by this agent, which would replace it: move it away", path.display())]
+    NotOurs {
+        /// The file.
+        path: PathBuf,
+    },
     /// Another agent works on it.
     #[error("{}: another agent works on this file", path.display())]
     Locked {
@@ -239,7 +245,8 @@ fn folder_of(path: &Path) -> &Path {
     }
 }
 
-fn read(path: &Path) -> Result<Option<String>, FileError> {
+/// What a file says; `None` when it is not there.
+pub(super) fn read(path: &Path) -> Result<Option<String>, FileError> {
     let file = match File::open(path) {
         Ok(file) => file,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -257,7 +264,7 @@ fn read(path: &Path) -> Result<Option<String>, FileError> {
 
 /// Temporary file, fsync, rename, fsync of the folder: after a power loss it is the old text or the
 /// new one. Whoever could read the old one can read the new one.
-fn replace(path: &Path, text: &str) -> Result<(), FileError> {
+pub(super) fn replace(path: &Path, text: &str) -> Result<(), FileError> {
     let temporary = beside(path, TEMPORARY_ENDING);
     let replaced = write_new(&temporary, text, fs::metadata(path).ok().as_ref())
         .and_then(|()| fs::rename(&temporary, path));

@@ -10,6 +10,7 @@ use super::event::TransitionRefused;
 use super::file::FileError;
 use super::hook::Hook;
 use super::limits::Limits;
+use super::outputs::Outputs;
 use crate::session::SessionError;
 
 /// Whose agent it is, and what it works on.
@@ -24,6 +25,8 @@ pub struct AgentOptions {
     /// The file to bring values into use by: YAML or JSON by its ending. The agent's memory stands
     /// beside it.
     pub apply: PathBuf,
+    /// Files that are written besides, for ROS.
+    pub outputs: Outputs,
     /// Whose signatures count.
     pub trusted: TrustedKeys,
     /// What the robot believes.

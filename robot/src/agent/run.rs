@@ -13,7 +13,7 @@ use tracing::{debug, error, info, warn};
 use zenoh::liveliness::LivelinessToken;
 
 use super::event::{Activation, Effect, Event, HookAnswer};
-use super::file::AppliedFile;
+use super::file::{AppliedFile, FileError};
 use super::hook::{Call, Said, Subject};
 use super::link::CalibrationLink;
 use super::machine::Agent;
@@ -103,6 +103,7 @@ impl Runner {
     /// Takes the file and what is remembered beside it.
     fn start(options: AgentOptions) -> Result<Self, AgentError> {
         let file = AppliedFile::open(&options.apply)?;
+        options.outputs.check()?;
         let remembered = file.memory(&options.robot)?;
         let memory = match &remembered {
             Some(memory) => memory.clone(),
@@ -144,6 +145,8 @@ impl Runner {
         pull.set_missed_tick_behavior(MissedTickBehavior::Delay);
         let mut incoming: Option<mpsc::Receiver<Event>> = None;
         let written = self.is_written()?;
+        // What a killed agent had written into the one file and not into the others.
+        self.write_outputs()?;
         self.take(Event::Restarted { written }).await?;
         loop {
             // In this order: no flood of messages may hold a deadline off.
@@ -228,6 +231,7 @@ impl Runner {
             Effect::Write(values) => return Some(Event::Written(self.write(&values))),
             Effect::Restore(fallback) => {
                 let restored = self.file.restore(fallback.file.as_deref());
+                let restored = restored.and_then(|()| self.write_outputs());
                 return Some(Event::Restored(restored.map_err(|error| error.to_string())));
             }
             Effect::Activate(offer) => {
@@ -252,8 +256,19 @@ impl Runner {
         let written = self
             .file
             .text_of(values)
-            .and_then(|text| self.file.write(&text));
+            .and_then(|text| self.file.write(&text))
+            .and_then(|()| self.write_outputs());
         written.map_err(|error| error.to_string())
+    }
+
+    /// Makes the files for ROS say what the applied one says.
+    fn write_outputs(&self) -> Result<(), FileError> {
+        if self.options.outputs.files.is_empty() {
+            return Ok(());
+        }
+        let text = self.file.read()?;
+        let values = text.as_deref().and_then(|text| self.file.values_in(text));
+        self.options.outputs.write(values.as_ref())
     }
 
     /// Calls the hook, whose answer comes as an event. A robot without one says yes to everything.

@@ -6,7 +6,9 @@ use std::time::Duration;
 use clap::Args;
 use fleetcal_proto::signing::{PublicKey, TrustedKeys};
 use fleetcal_proto::{KeyRoot, Keys, RobotId};
-use fleetcal_robot::agent::{AgentOptions, Hook, Limits, run_agent};
+use fleetcal_robot::agent::{
+    AgentOptions, Hook, Limits, OutputKind, Outputs, PlanarPose, VehicleFrames, run_agent,
+};
 use tokio_util::sync::CancellationToken;
 
 use crate::clock::SharedClock;
@@ -85,6 +87,108 @@ pub struct Arguments {
     /// First chunk of every key
     #[arg(long, value_name = "CHUNK", default_value = "fleet", value_parser = KeyRoot::parse)]
     pub root: KeyRoot,
+    /// Files for ROS.
+    #[command(flatten)]
+    pub ros: RosArguments,
+}
+
+/// Files that are written besides, for ROS.
+#[derive(Debug, Args)]
+pub struct RosArguments {
+    /// Also write a xacro file, whose macro `fleetcal_lidar_origin` is the origin of the LiDAR's
+    /// joint
+    #[arg(long, value_name = "FILE", help_heading = "Files for ROS")]
+    pub urdf_origin: Option<PathBuf>,
+    /// Also write a script that runs a `static_transform_publisher`
+    #[arg(long, value_name = "FILE", help_heading = "Files for ROS")]
+    pub static_transform: Option<PathBuf>,
+    /// Also write node parameters, for `ros2 run … --ros-args --params-file`
+    #[arg(long, value_name = "FILE", help_heading = "Files for ROS")]
+    pub ros_parameters: Option<PathBuf>,
+    /// Where the rear axle's centre is in the base frame; the same place unless given
+    #[arg(
+        long,
+        value_name = "X_M,Y_M,YAW_RAD",
+        value_parser = planar_pose,
+        allow_hyphen_values = true,
+        help_heading = "Files for ROS"
+    )]
+    pub rear_axle_in_base_link: Option<PlanarPose>,
+    /// Height of the LiDAR over the base frame, m
+    #[arg(
+        long,
+        value_name = "METRES",
+        default_value_t = 0.0,
+        allow_hyphen_values = true,
+        help_heading = "Files for ROS"
+    )]
+    pub lidar_z: f64,
+    /// Name of the base frame
+    #[arg(
+        long,
+        value_name = "FRAME",
+        default_value = "base_link",
+        value_parser = frame_name,
+        help_heading = "Files for ROS"
+    )]
+    pub base_frame: String,
+    /// Name of the LiDAR's frame
+    #[arg(
+        long,
+        value_name = "FRAME",
+        default_value = "laser",
+        value_parser = frame_name,
+        help_heading = "Files for ROS"
+    )]
+    pub lidar_frame: String,
+}
+
+impl RosArguments {
+    fn outputs(&self) -> Outputs {
+        let files = [
+            (OutputKind::UrdfOrigin, &self.urdf_origin),
+            (OutputKind::StaticTransform, &self.static_transform),
+            (OutputKind::RosParameters, &self.ros_parameters),
+        ];
+        let named = files.into_iter();
+        Outputs {
+            files: named
+                .filter_map(|(kind, path)| Some((kind, path.clone()?)))
+                .collect(),
+            frames: VehicleFrames {
+                rear_axle_in_base_link: self.rear_axle_in_base_link.unwrap_or_default(),
+                lidar_z_m: self.lidar_z,
+                base_link: self.base_frame.clone(),
+                lidar: self.lidar_frame.clone(),
+            },
+        }
+    }
+}
+
+/// Three finite numbers.
+fn planar_pose(text: &str) -> Result<PlanarPose, String> {
+    let numbers: Option<Vec<f64>> = text
+        .split(',')
+        .map(|part| {
+            part.trim()
+                .parse()
+                .ok()
+                .filter(|number: &f64| number.is_finite())
+        })
+        .collect();
+    match numbers.as_deref() {
+        Some(&[x_m, y_m, yaw_rad]) => Ok(PlanarPose { x_m, y_m, yaw_rad }),
+        _ => Err("accepted are three numbers, metres and radians: -0.4,0,0".to_owned()),
+    }
+}
+
+/// A frame's name, which ends up in XML and in a shell's line.
+fn frame_name(text: &str) -> Result<String, String> {
+    let good = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '/' | '-' | '.');
+    if !text.is_empty() && !text.starts_with('-') && text.chars().all(good) {
+        return Ok(text.to_owned());
+    }
+    Err("accepted are letters, digits, _, -, . and /".to_owned())
 }
 
 /// Runs until SIGTERM or SIGINT.
@@ -102,6 +206,7 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
         connect: arguments.connect.clone(),
         keys: Keys::new(arguments.root.clone()),
         apply: arguments.apply.clone(),
+        outputs: arguments.ros.outputs(),
         trusted: TrustedKeys::new(arguments.service_key.clone())?,
         limits,
         hook: hook(arguments),
@@ -150,6 +255,27 @@ mod tests {
         let path = folder.path().join("limits.toml");
         std::fs::write(&path, text).unwrap();
         read_limits(&path)
+    }
+
+    #[test]
+    fn frames_and_poses_are_checked() {
+        let pose = planar_pose("-0.4, 0.1,1.5").unwrap();
+        let wanted = PlanarPose {
+            x_m: -0.4,
+            y_m: 0.1,
+            yaw_rad: 1.5,
+        };
+        assert_eq!(pose, wanted);
+        for text in ["", "1,2", "1,2,3,4", "1,2,nan", "a,b,c"] {
+            assert!(planar_pose(text).is_err(), "{text}");
+        }
+        assert_eq!(
+            frame_name("robot/base_link").as_deref(),
+            Ok("robot/base_link")
+        );
+        for text in ["", "-x", "a b", "a;b", "a\"b"] {
+            assert!(frame_name(text).is_err(), "{text}");
+        }
     }
 
     #[test]

@@ -13,6 +13,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::service::{Link, Service, free_endpoint, until};
 use super::*;
+use crate::agent::Outputs;
 use crate::agent::{
     AgentError, AgentOptions, Ending, Fallback, Hook, Offer, Outcome, Phase, Rest, Trial, run_agent,
 };
@@ -39,6 +40,7 @@ impl Robot {
     fn new(endpoint: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let options = AgentOptions {
+            outputs: Outputs::default(),
             robot: robot(),
             connect: vec![endpoint.to_owned()],
             keys: Keys::default(),

@@ -1,0 +1,259 @@
+//! Files beside the applied one in which ROS finds the same values: a URDF origin, the line of a
+//! `static_transform_publisher`, and node parameters.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use fleetcal_proto::calibration::CalibrationValues;
+
+use super::file::{self, FileError};
+
+/// What stands in every file that the agent may replace.
+const MARK: &str = "Written by fleetcal agent, which replaces it";
+
+/// A pose in the plane: x and y, m, and yaw, rad.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PlanarPose {
+    /// Forward, m.
+    pub x_m: f64,
+    /// To the left, m.
+    pub y_m: f64,
+    /// Counter-clockwise, rad.
+    pub yaw_rad: f64,
+}
+
+impl PlanarPose {
+    /// The pose in this pose's own frame of what is at `inner` in it.
+    fn compose(self, inner: Self) -> Self {
+        let (sine, cosine) = self.yaw_rad.sin_cos();
+        Self {
+            x_m: self.x_m + cosine * inner.x_m - sine * inner.y_m,
+            y_m: self.y_m + sine * inner.x_m + cosine * inner.y_m,
+            yaw_rad: self.yaw_rad + inner.yaw_rad,
+        }
+    }
+}
+
+/// Frames of the vehicle, as its ROS software knows them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VehicleFrames {
+    /// The rear axle in the vehicle's base frame; the same place unless told otherwise.
+    pub rear_axle_in_base_link: PlanarPose,
+    /// Height of the LiDAR over the base frame, m, which no estimate tells.
+    pub lidar_z_m: f64,
+    /// Name of the base frame.
+    pub base_link: String,
+    /// Name of the LiDAR's frame.
+    pub lidar: String,
+}
+
+impl Default for VehicleFrames {
+    fn default() -> Self {
+        Self {
+            rear_axle_in_base_link: PlanarPose::default(),
+            lidar_z_m: 0.0,
+            base_link: "base_link".to_owned(),
+            lidar: "laser".to_owned(),
+        }
+    }
+}
+
+/// What a file is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OutputKind {
+    /// A xacro file whose macro `fleetcal_lidar_origin` is the `<origin>` of the LiDAR's joint.
+    UrdfOrigin,
+    /// A shell script of one line that runs a `static_transform_publisher`.
+    StaticTransform,
+    /// Parameters of every node, under `fleetcal`.
+    RosParameters,
+}
+
+/// The files that are written besides.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Outputs {
+    /// Which, and what each is for.
+    pub files: Vec<(OutputKind, PathBuf)>,
+    /// The vehicle's frames.
+    pub frames: VehicleFrames,
+}
+
+impl Outputs {
+    /// Refuses to begin where a file is somebody else's.
+    pub(super) fn check(&self) -> Result<(), FileError> {
+        for (_, path) in &self.files {
+            let there = file::read(path)?;
+            if there.is_some_and(|text| !text.contains(MARK)) {
+                return Err(FileError::NotOurs { path: path.clone() });
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes all files say these values; `None`: takes them away.
+    pub(super) fn write(&self, values: Option<&CalibrationValues>) -> Result<(), FileError> {
+        for (kind, path) in &self.files {
+            match values {
+                Some(values) => {
+                    let text = self.text(*kind, values);
+                    if file::read(path)?.as_deref() != Some(text.as_str()) {
+                        file::replace(path, &text)?;
+                    }
+                }
+                None => remove(path)?,
+            }
+        }
+        Ok(())
+    }
+
+    fn text(&self, kind: OutputKind, values: &CalibrationValues) -> String {
+        let lidar = self.lidar_in_base_link(values);
+        match kind {
+            OutputKind::UrdfOrigin => self.urdf_origin(lidar),
+            OutputKind::StaticTransform => self.static_transform(lidar),
+            OutputKind::RosParameters => ros_parameters(values, lidar),
+        }
+    }
+
+    fn lidar_in_base_link(&self, values: &CalibrationValues) -> PlanarPose {
+        self.frames.rear_axle_in_base_link.compose(PlanarPose {
+            x_m: values.lidar_x_m,
+            y_m: values.lidar_y_m,
+            yaw_rad: values.lidar_yaw_rad,
+        })
+    }
+
+    fn urdf_origin(&self, lidar: PlanarPose) -> String {
+        let PlanarPose { x_m, y_m, yaw_rad } = lidar;
+        let z_m = self.frames.lidar_z_m;
+        format!(
+            "<?xml version=\"1.0\"?>\n<!-- {MARK}. -->\n\
+             <robot xmlns:xacro=\"http://www.ros.org/wiki/xacro\">\n  \
+             <xacro:macro name=\"fleetcal_lidar_origin\">\n    \
+             <origin xyz=\"{x_m:.6} {y_m:.6} {z_m:.6}\" rpy=\"0 0 {yaw_rad:.8}\"/>\n  \
+             </xacro:macro>\n</robot>\n"
+        )
+    }
+
+    fn static_transform(&self, lidar: PlanarPose) -> String {
+        let PlanarPose { x_m, y_m, yaw_rad } = lidar;
+        let VehicleFrames {
+            lidar_z_m,
+            base_link,
+            lidar,
+            ..
+        } = &self.frames;
+        format!(
+            "#!/bin/sh\n# {MARK}.\n\
+             exec ros2 run tf2_ros static_transform_publisher --x {x_m:.6} --y {y_m:.6} \
+             --z {lidar_z_m:.6} --yaw {yaw_rad:.8} --pitch 0 --roll 0 --frame-id {base_link} \
+             --child-frame-id {lidar}\n"
+        )
+    }
+}
+
+/// Each number has a decimal point: without one ROS takes it for a whole number.
+fn ros_parameters(values: &CalibrationValues, lidar: PlanarPose) -> String {
+    let mut text = format!("# {MARK}.\n/**:\n  ros__parameters:\n    fleetcal:\n");
+    let in_base_link = [
+        ("lidar_in_base_link_x_m", lidar.x_m),
+        ("lidar_in_base_link_y_m", lidar.y_m),
+        ("lidar_in_base_link_yaw_rad", lidar.yaw_rad),
+    ];
+    for (name, value) in values.fields().chain(in_base_link) {
+        // Writing into a text cannot fail.
+        writeln!(text, "      {name}: {value:.9}").ok();
+    }
+    text
+}
+
+fn remove(path: &Path) -> Result<(), FileError> {
+    match fs::remove_file(path) {
+        Err(source) if source.kind() != io::ErrorKind::NotFound => Err(FileError::Io {
+            path: path.to_owned(),
+            source,
+        }),
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::FRAC_PI_2;
+
+    use super::*;
+
+    fn values() -> CalibrationValues {
+        CalibrationValues {
+            steering_offset_rad: -1e-7,
+            lidar_x_m: 1.0,
+            lidar_y_m: 0.25,
+            lidar_yaw_rad: 0.0,
+            ..CalibrationValues::default()
+        }
+    }
+
+    /// A base frame that is turned to the left: its x is the axle's y.
+    fn outputs(folder: &Path) -> Outputs {
+        let kinds = [
+            (OutputKind::UrdfOrigin, "lidar.xacro"),
+            (OutputKind::StaticTransform, "lidar.sh"),
+            (OutputKind::RosParameters, "lidar.yaml"),
+        ];
+        let files = kinds.map(|(kind, name)| (kind, folder.join(name)));
+        Outputs {
+            files: files.to_vec(),
+            frames: VehicleFrames {
+                rear_axle_in_base_link: PlanarPose {
+                    x_m: -0.5,
+                    y_m: 0.0,
+                    yaw_rad: FRAC_PI_2,
+                },
+                lidar_z_m: 0.2,
+                ..VehicleFrames::default()
+            },
+        }
+    }
+
+    #[test]
+    fn every_file_has_the_pose_in_the_base_frame() {
+        let folder = tempfile::tempdir().unwrap();
+        let outputs = outputs(folder.path());
+        outputs.check().unwrap();
+        outputs.write(Some(&values())).unwrap();
+        let text = |name: &str| fs::read_to_string(folder.path().join(name)).unwrap();
+        let origin = "<origin xyz=\"-0.750000 1.000000 0.200000\" rpy=\"0 0 1.57079633\"/>";
+        assert!(
+            text("lidar.xacro").contains(origin),
+            "{}",
+            text("lidar.xacro")
+        );
+        let line = "static_transform_publisher --x -0.750000 --y 1.000000 --z 0.200000 \
+                    --yaw 1.57079633 --pitch 0 --roll 0 --frame-id base_link --child-frame-id laser\n";
+        assert!(text("lidar.sh").ends_with(line), "{}", text("lidar.sh"));
+        let parameters = text("lidar.yaml");
+        for wanted in [
+            "      steering_offset_rad: -0.000000100\n",
+            "      lidar_x_m: 1.000000000\n",
+            "      lidar_in_base_link_y_m: 1.000000000\n",
+        ] {
+            assert!(parameters.contains(wanted), "{parameters}");
+        }
+        // What it has written it may replace, and take away.
+        outputs.check().unwrap();
+        outputs.write(None).unwrap();
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn somebody_elses_file_is_not_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let outputs = outputs(folder.path());
+        fs::write(folder.path().join("lidar.xacro"), "<robot/>").unwrap();
+        let sentence = outputs.check().unwrap_err().to_string();
+        assert!(sentence.contains("lidar.xacro"), "{sentence}");
+        assert!(sentence.contains("move it away"), "{sentence}");
+    }
+}
