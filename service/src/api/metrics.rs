@@ -246,7 +246,7 @@ impl Snapshot {
 /// Name, meaning and value of a robot's counter.
 type RobotCounter = (&'static str, &'static str, fn(&RobotView) -> u64);
 
-const ROBOT_COUNTERS: [RobotCounter; 7] = [
+const ROBOT_COUNTERS: [RobotCounter; 8] = [
     (
         "fleetcal_robot_received",
         "Messages of the robot",
@@ -272,6 +272,11 @@ const ROBOT_COUNTERS: [RobotCounter; 7] = [
         "fleetcal_robot_ignored",
         "Messages before it was configured",
         |robot| robot.counters.ignored,
+    ),
+    (
+        "fleetcal_robot_unpaired",
+        "Speeds without a steering angle near enough",
+        |robot| robot.pairing.map_or(0, |pairing| pairing.unpaired),
     ),
     (
         "fleetcal_robot_estimator_restarts",

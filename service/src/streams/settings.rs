@@ -1,0 +1,76 @@
+//! Where ROS 2 robots' topics are, unless a robot's own configuration says otherwise.
+
+use fleetcal_proto::ros2_key::KeyTemplate;
+use serde::{Deserialize, Serialize};
+
+use super::NAME_BYTES_MAX;
+
+/// Where robots' topics are in Zenoh: `[ros2]` of `fleetcal.toml`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Ros2Settings {
+    /// Templates of the keys of `rmw_zenoh`, without type and hash; none switches them off.
+    pub rmw_zenoh: Vec<KeyTemplate>,
+    /// Templates of the keys of `zenoh-bridge-ros2dds`; none switches them off.
+    pub bridge: Vec<KeyTemplate>,
+    /// Topic of steering and speed, unless a robot's own `streams` say otherwise.
+    pub drive: TopicName,
+    /// Topic of the scans.
+    pub scan: TopicName,
+    /// Topic of the LiDAR's poses.
+    pub lidar_odometry: TopicName,
+    /// Further topics that robots which register later may use over the bridge: the access list
+    /// is made when the service starts, and the bridge's keys do not say what they carry.
+    pub bridge_topics: Vec<TopicName>,
+    /// Whether the approved calibration is also published as a ROS 2 topic.
+    pub publish_calibration: bool,
+}
+
+impl Default for Ros2Settings {
+    fn default() -> Self {
+        let template = |text| KeyTemplate::parse(text).into_iter().collect();
+        Self {
+            rmw_zenoh: template("{domain}/{robot}/{topic}"),
+            bridge: template("{robot}/{topic}"),
+            drive: TopicName("drive".to_owned()),
+            scan: TopicName("scan".to_owned()),
+            lidar_odometry: TopicName("lidar_odometry".to_owned()),
+            bridge_topics: Vec::new(),
+            publish_calibration: true,
+        }
+    }
+}
+
+/// A topic's name below its robot, `front/scan`: chunks parted by one slash, none at the ends.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct TopicName(String);
+
+impl TopicName {
+    /// The name.
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl TryFrom<String> for TopicName {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        let good = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
+        let chunk = |chunk: &str| !chunk.is_empty() && chunk.chars().all(good);
+        if text.len() <= NAME_BYTES_MAX && text.split('/').all(chunk) {
+            return Ok(Self(text));
+        }
+        Err(format!(
+            "topic is {text:?}, accepted is its name below the robot, without a slash at the ends: \
+             front/scan"
+        ))
+    }
+}
+
+impl From<TopicName> for String {
+    fn from(name: TopicName) -> Self {
+        name.0
+    }
+}
