@@ -1,10 +1,11 @@
 //! Are the sigmas true? Normalised errors over fixed seeds must lie inside their chi-squared bands.
 
 use fleetcal_estimator::Parameter;
-use fleetcal_robot::simulator::SimulationConfig;
+use fleetcal_estimator::calibrator::CalibratorConfig;
+use fleetcal_robot::simulator::{Pose2, SimulationConfig};
 
 use crate::drawn::{drawn, drawn_with_white_noise};
-use crate::drive::{Driven, FOUR, drive, error_of, nees};
+use crate::drive::{Driven, FOUR, drive, error_of, nees, vehicle_of};
 
 struct Band {
     nees: f64,
@@ -84,6 +85,39 @@ fn raw_sweeps_with_people_and_wrong_numbers_are_never_over_confident() {
     }
     println!("mean NEES {mean:.2} (4)");
     assert!(mean <= 4.8, "mean NEES {mean}");
+}
+
+/// A robot that believes in a mount 90° and more off begins with violent turns to one side, which
+/// leave a direction open.
+#[test]
+fn a_robot_that_begins_with_turns_to_one_side_is_never_over_confident() {
+    // One that looks backwards drives through a wall after 15 s.
+    for (yaw_deg, duration_s) in [(170.0_f64, 15.0), (95.0, 40.0)] {
+        let mut mean = 0.0;
+        let seeds = 1..=8u64;
+        let count = seeds.clone().count() as f64;
+        for seed in seeds {
+            let mut config = SimulationConfig::figure_eight(seed);
+            config.vehicle.lidar_in_base = Pose2::new(-0.3, 0.2, yaw_deg.to_radians());
+            let vehicle = vehicle_of(&config.vehicle, config.vehicle.wheelbase_m);
+            let run = drive(config, CalibratorConfig::of(vehicle), duration_s);
+            mean += nees(&run.calibrator, &run.last().1, true) / count;
+            for (estimate, truth) in &run.estimates {
+                for parameter in FOUR {
+                    let error = error_of(parameter, estimate, truth).abs();
+                    let sigma = estimate.parameter(parameter).sigma;
+                    let name = parameter.name();
+                    assert!(
+                        error <= 4.0 * sigma,
+                        "{yaw_deg}°, seed {seed} at {} s: {name} is off by {error}, sigma {sigma}",
+                        estimate.time_s
+                    );
+                }
+            }
+        }
+        println!("mount {yaw_deg}° off: mean NEES {mean:.2} (4)");
+        assert!(mean <= 4.8, "mount {yaw_deg}° off: mean NEES {mean}");
+    }
 }
 
 #[test]

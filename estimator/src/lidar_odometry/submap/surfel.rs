@@ -268,9 +268,7 @@ mod tests {
     fn a_line_around_a_corner_counts_for_less() {
         // A wall with noise of 1 cm, and one behind whose side a few points lie.
         let noise = |i: i32| if i % 2 == 0 { 0.01 } else { -0.01 };
-        let wall: Vec<_> = (-15..15)
-            .map(|i| (0.01 * i as f32, noise(i)))
-            .collect();
+        let wall: Vec<_> = (-15..15).map(|i| (0.01 * i as f32, noise(i))).collect();
         let corner: Vec<_> = [0.03, 0.05, 0.07, 0.09].map(|y| (0.15, y)).to_vec();
         let quality = LineQuality {
             noise_m2: 1e-4,
