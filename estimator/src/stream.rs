@@ -342,6 +342,9 @@ pub enum Effect {
     Estimate(Box<Estimate>),
     /// Something changed on the vehicle (or a sensor's fault was seen).
     Change(Box<Change>),
+    /// How far a change went whose amount was not known when it was told: the same change, under
+    /// the same stamp, complete.
+    ChangeSized(Box<Change>),
     /// A message came too late, twice, or could not be used; it was counted.
     Dropped(Dropped),
     /// The clock jumped back by more than 5 s: a new session begins with this stamp.

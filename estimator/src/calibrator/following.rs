@@ -4,7 +4,7 @@ use super::comparison::{COMPARED, Comparison, Occasion, SESSIONS, Verdict, knows
 use super::{Calibrator, CalibratorConfig, Waiting};
 use crate::change::Detected;
 use crate::change::evidence::change_sigma;
-use crate::estimate::{Cause, Change, ChangeKind, Parameter};
+use crate::estimate::{Cause, Change, ChangeKind, Parameter, ParameterEstimates, Status};
 use crate::excitation::Excitation;
 use crate::filter::follow::{Followed, Follower};
 use crate::filter::prior::Prior;
@@ -192,17 +192,16 @@ impl Calibrator {
         }
     }
 
-    /// Whether one of the parameters is not known to its limit.
-    fn is_learning(&self, parameters: &[Parameter]) -> bool {
-        let Some(filter) = self.filter() else {
-            return true;
+    /// Says how far the last change went as soon as that is known, where it could not be said at
+    /// first.
+    pub(super) fn size_change(&mut self, now: &ParameterEstimates, effects: &mut Vec<Effect>) {
+        let Some(change) = self.session.last_change() else {
+            return;
         };
-        let covariance = filter.parameter_covariance();
-        parameters.iter().any(|&parameter| {
-            let i = parameter.index();
-            let limit = *self.config.settings.converged_sigma.get(parameter);
-            covariance[(i, i)].sqrt() > limit
-        })
+        if self.session.unsized_change && are_known(change, now) {
+            effects.push(Effect::ChangeSized(Box::new(change.clone())));
+            self.session.unsized_change = false;
+        }
     }
 
     pub(super) fn report(
@@ -223,16 +222,29 @@ impl Calibrator {
         });
         let values = self.filter().map_or(Values::zeros(), |f| *f.values());
         self.session.update_last_change(&values);
+        let parameters = self.judged().1.parameters;
         if let Some(change) = self.session.changes.last() {
             let mut told = change.clone();
-            if self.is_learning(parameters) {
-                // How far is not known yet, and a first number would stay in the history for good.
+            if !are_known(change, &parameters) {
+                // How far is not known yet; it is told when it is.
                 told.change.clear();
+            }
+            if kind == ChangeKind::CalibrationChanged {
+                self.session.unsized_change = told.change.is_empty();
             }
             effects.push(Effect::Change(Box::new(told)));
         }
         self.tell(effects);
     }
+}
+
+/// Whether all that a change moved is known again.
+fn are_known(change: &Change, now: &ParameterEstimates) -> bool {
+    let is_open = |(parameter, _): &(Parameter, f64)| {
+        let status = now[parameter.index()].status;
+        matches!(status, Status::Learning | Status::Unobservable)
+    };
+    !change.change.iter().any(is_open)
 }
 
 /// A guess joined with the nominal mount, where the two agree: the nominal mount is evidence too.

@@ -312,8 +312,12 @@ impl Calibrator {
         let (trust, estimate) = self.judged();
         self.trust = trust;
         self.told = Some(self.session.now);
-        if let Some(follower) = &self.follower {
+        // Until a new session has been held against the stored calibration, the latter is told.
+        if self.comparison.is_none()
+            && let Some(follower) = &self.follower
+        {
             self.session.update_last_change(follower.filter.values());
+            self.size_change(&estimate.parameters, effects);
         }
         effects.push(Effect::Estimate(Box::new(estimate)));
     }

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use serde::{Deserialize, Serialize};
 
 use crate::drive_history::GAP_MIN_S;
-use crate::estimate::{Change, Consistency, Counts, ParameterEstimates, Segment};
+use crate::estimate::{Change, ChangeKind, Consistency, Counts, ParameterEstimates, Segment};
 use crate::excitation::Excitation;
 use crate::filter::follow::Moved;
 use crate::filter::{Values, apart};
@@ -29,6 +29,9 @@ pub(super) struct Session {
     pub segments: Vec<Segment>,
     /// The parameters before the last change, to say how far they moved.
     values_before: Option<Values>,
+    /// Whether it was not said yet how far the last change went.
+    #[serde(default)]
+    pub unsized_change: bool,
 }
 
 impl Session {
@@ -131,12 +134,20 @@ impl Session {
 
     /// Says anew how far the parameters of the last change have moved: it is known ever better.
     pub fn update_last_change(&mut self, values: &Values) {
-        let (Some(before), Some(last)) = (&self.values_before, self.changes.last_mut()) else {
+        let is_change = |change: &&mut Change| change.kind == ChangeKind::CalibrationChanged;
+        let last = self.changes.iter_mut().rev().find(is_change);
+        let (Some(before), Some(last)) = (&self.values_before, last) else {
             return;
         };
         let apart = apart(values, before);
         for (parameter, moved) in &mut last.change {
             *moved = apart[parameter.index()];
         }
+    }
+
+    /// The last change of the vehicle, not a fault or a confirmation.
+    pub fn last_change(&self) -> Option<&Change> {
+        let is_change = |change: &&Change| change.kind == ChangeKind::CalibrationChanged;
+        self.changes.iter().rev().find(is_change)
     }
 }

@@ -19,6 +19,8 @@ pub struct Driven {
     /// Every estimate, with the true parameters of its time.
     pub estimates: Vec<(Estimate, TrueParameters)>,
     pub changes: Vec<Change>,
+    /// Changes told again once it was known how far they went.
+    pub sized: Vec<Change>,
 }
 
 impl Driven {
@@ -122,7 +124,7 @@ pub fn drive_disturbed(
     let start_ns = config.start_stamp_ns;
     let mut simulation = Simulation::new(config).unwrap();
     let mut calibrator = Calibrator::new(calibrator);
-    let (mut estimates, mut changes) = (Vec::new(), Vec::new());
+    let (mut estimates, mut changes, mut sized) = (Vec::new(), Vec::new(), Vec::new());
     loop {
         let emitted = simulation.advance();
         let time_s = (emitted.sent_ns - start_ns) as f64 * 1e-9;
@@ -138,6 +140,7 @@ pub fn drive_disturbed(
             match effect {
                 Effect::Estimate(estimate) => estimates.push((*estimate, simulation.parameters())),
                 Effect::Change(change) => changes.push(*change),
+                Effect::ChangeSized(change) => sized.push(*change),
                 Effect::Dropped(_) | Effect::SessionStarted(_) => {}
             }
         }
@@ -146,6 +149,7 @@ pub fn drive_disturbed(
         calibrator,
         estimates,
         changes,
+        sized,
     }
 }
 

@@ -381,6 +381,12 @@ impl RobotTask {
                 self.fleet
                     .record(&self.robot.id, HistoryEvent::Change(change));
             }
+            // The same event, complete: the journal keeps it once.
+            Effect::ChangeSized(change) => {
+                let change = document::change_document(&change);
+                self.fleet
+                    .record(&self.robot.id, HistoryEvent::Change(change));
+            }
             // The estimator has counted it; its counts stand in every estimate.
             Effect::Dropped(_) => {}
             Effect::SessionStarted(stamp) => {

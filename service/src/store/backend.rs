@@ -45,6 +45,9 @@ pub enum Repetition {
     /// By its robot, kind, stamp and note: a message that was delivered or replayed twice, or that
     /// a person gave the service, which passed it on to the estimator.
     Content,
+    /// By its robot, kind, stamp and note, and what it says now replaces what it said: an estimator
+    /// tells of a change before it knows how far it went.
+    Completes,
     /// By the key of its request.
     Key(IdempotencyKey),
 }

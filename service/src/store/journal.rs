@@ -21,7 +21,8 @@ impl Journal for Store {
         let received_ns = self.shared.clock.now_ns();
         let repetition = match **event {
             HistoryEvent::Note(_) => Repetition::Content,
-            HistoryEvent::Change(_) | HistoryEvent::Service(_) => Repetition::Never,
+            HistoryEvent::Change(_) => Repetition::Completes,
+            HistoryEvent::Service(_) => Repetition::Never,
         };
         self.offer_event(NewEvent::of(robot, event, received_ns), repetition);
     }

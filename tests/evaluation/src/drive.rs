@@ -97,7 +97,7 @@ pub fn drive_watched(
                     estimates.push((*estimate, simulation.parameters()));
                 }
                 Effect::Change(change) => changes.push(*change),
-                Effect::Dropped(_) | Effect::SessionStarted(_) => {}
+                Effect::ChangeSized(_) | Effect::Dropped(_) | Effect::SessionStarted(_) => {}
             }
         }
         if ends {

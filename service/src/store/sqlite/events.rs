@@ -24,6 +24,7 @@ pub(super) async fn write(
     let before = match &write.repetition {
         Repetition::Never => None,
         Repetition::Content => same_content(connection, key, event).await?,
+        Repetition::Completes => completed(connection, key, event).await?,
         Repetition::Key(request) => answered_before(connection, event, request).await?,
     };
     if let Some(record) = before {
@@ -41,13 +42,7 @@ pub(super) async fn write(
     .bind(event.source.as_str())
     .bind(event.author.as_deref())
     .bind(event.note.as_deref())
-    .bind(
-        event
-            .details
-            .as_ref()
-            .map(|details| json("robot_event", details))
-            .transpose()?,
-    )
+    .bind(details_of(event)?)
     .fetch_one(&mut *connection)
     .await
     .map_err(failed())?;
@@ -70,6 +65,32 @@ pub(super) async fn write(
         repeated: false,
         event: event.clone(),
     })
+}
+
+fn details_of(event: &NewEvent) -> Result<Option<String>, StoreError> {
+    let details = event.details.as_ref();
+    details
+        .map(|details| json("robot_event", details))
+        .transpose()
+}
+
+/// The event that this one says more of, with what it says now.
+async fn completed(
+    connection: &mut SqliteConnection,
+    key: i64,
+    event: &NewEvent,
+) -> Result<Option<EventRecord>, StoreError> {
+    let Some(mut record) = same_content(connection, key, event).await? else {
+        return Ok(None);
+    };
+    sqlx::query("UPDATE robot_event SET details = ?2 WHERE id = ?1")
+        .bind(record.id)
+        .bind(details_of(event)?)
+        .execute(connection)
+        .await
+        .map_err(StoreError::database("complete an event"))?;
+    record.event.details.clone_from(&event.details);
+    Ok(Some(record))
 }
 
 /// The event that the same request wrote before.

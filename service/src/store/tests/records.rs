@@ -177,6 +177,36 @@ async fn a_note_that_comes_again_through_the_fleet_is_one_event() {
 }
 
 #[tokio::test]
+async fn a_change_that_is_told_again_says_how_far_it_went() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = open(folder.path(), &clock()).await;
+    let told = |stamp_ns: i64, moved: serde_json::Value| {
+        let change = serde_json::json!({
+            "kind": "calibration_changed", "cause": "steering", "time_s": 9.0, "onset_s": 8.0,
+            "stamp_ns": stamp_ns, "change": moved,
+        });
+        let change = HistoryEvent::Change(serde_json::from_value(change).unwrap());
+        Journal::record_event(&store, &robot("a"), &Arc::new(change));
+    };
+    told(5, serde_json::json!({}));
+    told(6, serde_json::json!({}));
+    told(5, serde_json::json!({"steering_offset": 0.02}));
+    store.flush().await.unwrap();
+    let events = store.events(&robot("a"), None, 10).await.unwrap();
+    let moved: Vec<_> = events
+        .iter()
+        .map(|record| record.event.details.as_ref().unwrap()["change"].clone())
+        .collect();
+    assert_eq!(
+        moved,
+        [
+            serde_json::json!({}),
+            serde_json::json!({"steering_offset": 0.02})
+        ]
+    );
+}
+
+#[tokio::test]
 async fn events_come_in_pages() {
     let folder = tempfile::tempdir().unwrap();
     let store = open(folder.path(), &clock()).await;
