@@ -144,7 +144,7 @@ impl Worker {
             let ledger = self.clerk.ledger(&self.robot);
             let command = choice::choose(&mut self.random, &ledger, self.clock.now_ns());
             let standing = Standing {
-                policy: self.clerk.policy(),
+                policy: &self.clerk.policy(),
                 key: &key(),
                 actor: &actor,
                 now_ns: self.clock.now_ns(),

@@ -13,8 +13,8 @@ use crate::clock::Clock;
 use crate::config::RobotConfig;
 use crate::fleet::cross_track::{CrossTrack, CrossTracks, UsedValues};
 use crate::fleet::mailbox::Mailbox;
-use crate::fleet::plan::PlanAskers;
 use crate::fleet::pairing::PairingReport;
+use crate::fleet::plan::PlanAskers;
 use crate::fleet::view::{
     AnnouncedTopic, Connection, RobotState, RobotView, Stream, StreamView, Warning,
 };

@@ -86,7 +86,7 @@ pub(super) async fn put_policy(
     let version = expected_version(&headers)?;
     check_length("reason", &value.reason, limits::NOTE_CHARS_MAX)?;
     if let Some(policy) = &value.policy {
-        policy.check().map_err(refused)?;
+        policy.check().map_err(|sentence| refused(&sentence))?;
     }
     let stored = api
         .clerk
@@ -96,7 +96,7 @@ pub(super) async fn put_policy(
 }
 
 /// The key that a sentence of [`Policy::check`] begins with is the field.
-fn refused(sentence: String) -> Problem {
+fn refused(sentence: &str) -> Problem {
     let field = sentence.split(' ').next().unwrap_or_default();
     let field = field.replacen("approval.", "policy.", 1);
     let detail = sentence.replace("approval.", "policy.");
