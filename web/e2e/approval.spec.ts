@@ -20,8 +20,24 @@ test('a calibration is approved by keyboard alone', async ({ page }) => {
     page.getByRole('heading', { name: `New calibration for ${first.robot}` }),
   ).toBeFocused();
   // Old, new, difference and sigma of each value, and the history around it.
-  await expect(page.getByRole('row').filter({ has: page.getByRole('rowheader') })).toHaveCount(4);
-  await expect(page.getByRole('cell').getByText(/^± \d+\.\d+$/)).toHaveCount(4);
+  for (const label of ['Steering offset', 'LiDAR x', 'LiDAR y', 'LiDAR yaw']) {
+    const row = page.getByRole('row').filter({ hasText: new RegExp(`${label}\\s`) });
+    await expect(row.getByRole('cell').getByText(/^± \d+\.\d+$/)).toBeVisible();
+  }
+  // And whatever else the robot would apply.
+  const { values } = (await proposal(page.request, first.id)).revision;
+  const rows = page.getByRole('row').filter({ has: page.getByRole('rowheader') });
+  const labels = await rows.getByRole('rowheader').allInnerTexts();
+  const beside = [
+    ['Speed scale', values.speed_scale],
+    ['Time offset', values.time_offset_s],
+    ['Steering gain', values.steering_gain],
+    ['Wheelbase', values.wheelbase_m],
+  ] as const;
+  for (const [label, value] of beside) {
+    const shown = labels.some((text) => text.startsWith(label));
+    expect(shown, label).toBe(typeof value === 'number');
+  }
   await expect(page.getByRole('figure')).toHaveCount(4);
   await accessible(page);
   await tabTo(page, 'button', 'Approve');

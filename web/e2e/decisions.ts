@@ -11,7 +11,7 @@ export interface Proposal {
   robot: string;
   version: number;
   state: string;
-  revision: { sha256: string };
+  revision: { sha256: string; values: Partial<Record<string, number | null>> };
 }
 
 /** The proposals that wait, once there are `least` of them. */

@@ -120,6 +120,8 @@ test('a reassembly is reported and stands among what happened', async ({ page })
 
 for (const colorScheme of ['light', 'dark'] as const) {
   test(`a robot's page is accessible, ${colorScheme}`, async ({ page }) => {
+    // The tables have a row for each second: three times all of that takes its time.
+    test.setTimeout(180_000);
     await page.emulateMedia({ colorScheme });
     await page.getByText('Residuals and counts').click();
     await accessible(page);

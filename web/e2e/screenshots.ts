@@ -44,9 +44,12 @@ test('the main pages', async ({ page, browser, service }) => {
   await page.mouse.move(0, 0);
   await page.screenshot(path('fleet'));
   await page.getByRole('link', { name: first?.robot ?? '', exact: true }).click();
-  await page.setViewportSize({ width: 1440, height: 1560 });
+  await page.setViewportSize({ width: 1440, height: 1760 });
   await expect(page.getByText('Verified by driving').first()).toBeVisible();
   await expect(page.getByText('after: generation 1')).toBeVisible();
+  await expect(
+    page.getByRole('img', { name: /seen from above.*corrected steering/ }),
+  ).toBeVisible();
   await page.mouse.move(0, 0);
   await page.screenshot(path('robot'));
 

@@ -188,13 +188,14 @@ fn driven(vehicle: &Vehicle, parameters: &DriveParameters, segment: &DriveSegmen
     Pose2::exp(&(twist * segment.duration_s))
 }
 
-/// Leaves at most `max` points, evenly spread, the newest among them.
+/// Leaves at most `max` points, evenly spread: the oldest, where all trajectories begin, and the
+/// newest stay.
 fn thin_out(points: &mut Vec<TrajectoryPoint>, max: usize) {
-    let stride = points.len().div_ceil(max.max(1)).max(1);
     let newest = points.len().saturating_sub(1);
+    let stride = newest.div_ceil(max.saturating_sub(1).max(1)).max(1);
     let mut index = 0;
     points.retain(|_| {
-        let keeps = (newest - index).is_multiple_of(stride);
+        let keeps = index == 0 || (newest - index).is_multiple_of(stride);
         index += 1;
         keeps
     });
