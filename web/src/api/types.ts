@@ -17,6 +17,7 @@ export type RobotStateUpdate = Schemas['RobotStateUpdate'];
 export type RobotConfig = Schemas['RobotConfig'];
 export type Vehicle = Schemas['VehicleDocument'];
 export type VehicleModel = Schemas['VehicleModel'];
+export type AnnouncedTopic = Schemas['AnnouncedTopic'];
 export type Stream = Schemas['StreamCounts'];
 
 export type HistoryDocument = Schemas['HistoryDocument'];

@@ -1,7 +1,7 @@
 import { describe, expect, it } from 'vitest';
 import { firstChoice, jointsAsked, streamsOf, suited, type Topic } from './topics';
 
-const topic = (name: string, type: string, ...suited_for: string[]): Topic => ({
+const topic = (name: string, type: string, ...suited_for: Topic['suited_for']): Topic => ({
   topic: name,
   type,
   suited_for,

@@ -1,14 +1,10 @@
 /** Which of the topics that a robot announces carry what a calibration needs. */
 
+import type { AnnouncedTopic } from '../api/types';
+
 /** A topic as the service has seen it announced. */
-export interface Topic {
-  /** Its name below the robot. */
-  topic: string;
-  /** The ROS 2 type that it was announced with. */
-  type: string;
-  /** The streams that it could be. */
-  suited_for: readonly string[];
-}
+export type Topic = Pick<AnnouncedTopic, 'topic' | 'type' | 'suited_for'>;
+type StreamName = Topic['suited_for'][number];
 
 export interface TopicChoice {
   topic: string;
@@ -53,13 +49,13 @@ const JOINT_STATE = 'sensor_msgs/msg/JointState';
 const RADIUS_MAX_M = 5;
 
 /** The topics that could be one of these streams. */
-export function suited(topics: readonly Topic[], ...streams: string[]): Topic[] {
+export function suited(topics: readonly Topic[], ...streams: StreamName[]): Topic[] {
   return topics.filter(({ suited_for }) => streams.some((stream) => suited_for.includes(stream)));
 }
 
 /** The choice to begin with: what there is only one of, else the first. */
 export function firstChoice(topics: readonly Topic[]): Chosen {
-  const first = (...streams: string[]) => suited(topics, ...streams)[0]?.topic ?? '';
+  const first = (...streams: StreamName[]) => suited(topics, ...streams)[0]?.topic ?? '';
   const drive = first('drive');
   return {
     drive,
