@@ -12,6 +12,7 @@ mod changed;
 #[path = "../tests/calibration/disturbed.rs"]
 mod disturbed;
 #[path = "../tests/calibration/drive.rs"]
+#[expect(dead_code, reason = "the tests use more of it")]
 mod drive;
 
 use std::collections::VecDeque;

@@ -15,7 +15,7 @@ use crate::merge::Merger;
 use crate::trust::Trust;
 
 /// Version of the checkpoint's layout.
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 
 /// A calibrator's state, to be stored and restored. The local map is not in it: it is rebuilt.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -336,7 +336,10 @@ impl Calibrator {
             (Some(held), _) => self.judge(&mut trust, &held.values, &held.covariance),
             (None, Some(filter)) => {
                 // Errors that last for metres: the filter takes them as independent.
-                let covariance = self.watch.long_run().claim(&filter.parameter_covariance());
+                let covariance = self
+                    .watch
+                    .long_run()
+                    .publish(&filter.parameter_covariance());
                 self.judge(&mut trust, filter.values(), &covariance)
             }
             (None, None) => self.judge(&mut trust, &self.prior.values, &self.prior.covariance),
@@ -377,7 +380,10 @@ impl Calibrator {
 
     /// The parameters as a filter of this session saw them.
     fn judge_filter(&self, filter: &Filter) -> ParameterEstimates {
-        let covariance = self.watch.long_run().claim(&filter.parameter_covariance());
+        let covariance = self
+            .watch
+            .long_run()
+            .publish(&filter.parameter_covariance());
         self.judge(&mut self.trust.clone(), filter.values(), &covariance)
     }
 

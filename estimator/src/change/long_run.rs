@@ -11,6 +11,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::window::Window;
+use crate::estimate::Parameter;
 use crate::filter::constraint::ByParameters;
 use crate::filter::{PARAMETERS, ParameterCovariance, Values, apart};
 use crate::stream::Stamp;
@@ -29,6 +30,14 @@ const SHARED: f64 = 0.5;
 const DOUBT_BLOCKS: f64 = 6.0;
 /// The first block is fitted as if it were the only one; its leverage is bounded as of so many.
 const LEVERAGE_BLOCKS_MIN: f64 = 2.0;
+/// What slip goes into: a speed scale where it is the same everywhere, y where it is another in
+/// left turns than in right ones.
+const ALONG_THE_TRACK: [Parameter; 2] = [Parameter::LidarY, Parameter::SpeedScale];
+/// What outlasts blocks adds at most so much: an exponential memory of a whole block's length.
+const LASTING_MAX: f64 = 2.7;
+/// Four sigmas of `n` blocks are as rare as four of many when the variance is larger by `1 + 14 / n`;
+/// [`DOUBT_BLOCKS`] has its part of it already.
+const STUDENT_BLOCKS: f64 = 8.0;
 /// Largest squared error of a block, in its variances: a fault is no noise.
 const SQUARE_MAX: f64 = 400.0;
 
@@ -70,6 +79,14 @@ impl Block {
 /// Learns how far the filter's claims are from what blocks of data repeat.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct LongRunVariance {
+    whole: Scatter,
+    /// The same over blocks half as long.
+    half: Scatter,
+}
+
+/// How blocks of one length scatter.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+struct Scatter {
     block: Option<Block>,
     /// Sum of `J' S^-1 r r' S^-1 J` over the blocks.
     scatter: SMatrix<f64, PARAMETERS, PARAMETERS>,
@@ -78,16 +95,15 @@ pub struct LongRunVariance {
     blocks: f64,
 }
 
-impl LongRunVariance {
-    /// Takes the next window, by the parameters as they are known now, its noise `scale` times as
-    /// large as configured.
-    pub fn push(&mut self, window: &Window, values: &Values, scale: f64) {
+impl Scatter {
+    /// Takes the next window of a block of `length`.
+    fn push(&mut self, window: &Window, length: usize, values: &Values, scale: f64) {
         let residual = window.residual + window.jacobian * apart(&window.values, values);
         let block = match self.block.take() {
             Some(before) if before.end == window.begin => before.extended(window, residual),
             _ => Block::begin(window, residual),
         };
-        if block.windows < BLOCK {
+        if block.windows < length {
             self.block = Some(block);
         } else {
             let covariance = (block.covariance + window.end_covariance) * scale;
@@ -116,32 +132,59 @@ impl LongRunVariance {
         1.0 / (self.blocks + 1.0).max(LEVERAGE_BLOCKS_MIN)
     }
 
-    /// What comes does not continue what was.
-    pub fn break_block(&mut self) {
-        self.block = None;
-    }
-
-    /// For each parameter, how many times larger its variance is than the filter's `covariance`
-    /// says; at least 1.
-    pub fn ratios(&self, covariance: &ParameterCovariance) -> Values {
-        let seen = |sum: &SMatrix<f64, PARAMETERS, PARAMETERS>| {
+    /// For each parameter, the variance that is seen over the one that the filter's `covariance` says.
+    fn seen_over_said(&self, covariance: &ParameterCovariance) -> Values {
+        let along = |sum: &SMatrix<f64, PARAMETERS, PARAMETERS>| {
             Values::from_fn(|i, _| covariance.column(i).dot(&(sum * covariance.column(i))))
         };
-        let (scatter, expected) = (seen(&self.scatter), seen(&self.expected));
-        let ratios = scatter.zip_map(&expected, |scatter, expected| {
+        let (scatter, expected) = (along(&self.scatter), along(&self.expected));
+        scatter.zip_map(&expected, |scatter, expected| {
             if expected > 0.0 {
                 scatter / expected
             } else {
                 1.0
             }
-        });
+        })
+    }
+}
+
+impl LongRunVariance {
+    /// Takes the next window, by the parameters as they are known now, its noise `scale` times as
+    /// large as configured.
+    pub fn push(&mut self, window: &Window, values: &Values, scale: f64) {
+        self.whole.push(window, BLOCK, values, scale);
+        self.half.push(window, BLOCK / 2, values, scale);
+    }
+
+    /// What comes does not continue what was.
+    pub fn break_block(&mut self) {
+        self.whole.block = None;
+        self.half.block = None;
+    }
+
+    /// For each parameter, how many times larger its variance is than the filter's `covariance`
+    /// says; at least 1.
+    pub fn ratios(&self, covariance: &ParameterCovariance) -> Values {
+        let ratios = self.whole.seen_over_said(covariance);
         let least = (SHARED * ratios.max()).max(1.0);
         ratios.map(|ratio| ratio.max(least))
     }
 
+    /// How many times larger the variance of the speed scale is than by [`Self::ratios`], because
+    /// slip lasts longer than a block: what blocks of `b` windows show falls short by a share of
+    /// `1 / b`, which the half blocks tell: `2 R(b) - R(b/2)` (batch means with a lugsail window, of
+    /// Vats and Flegal).
+    fn lasting_slip(&self, covariance: &ParameterCovariance) -> f64 {
+        let i = Parameter::SpeedScale.index();
+        let whole = self.whole.seen_over_said(covariance)[i];
+        let half = self.half.seen_over_said(covariance)[i];
+        let ratio = self.ratios(covariance)[i];
+        ((2.0 * whole - half) / ratio).clamp(1.0, LASTING_MAX)
+    }
+
     /// The same with the doubt of a scatter that is itself known from a few blocks only.
     pub fn doubtful_ratios(&self, covariance: &ParameterCovariance) -> Values {
-        let doubt = 1.0 + DOUBT_BLOCKS / self.blocks.max(1.0);
+        let doubt = 1.0 + DOUBT_BLOCKS / self.whole.blocks.max(1.0);
         self.ratios(covariance)
             .map(|ratio| 1.0 + doubt * (ratio - 1.0))
     }
@@ -156,9 +199,25 @@ impl LongRunVariance {
         widths * covariance * widths
     }
 
+    /// The covariance that may be published: as claimed, with slip that outlasts blocks. Where slip
+    /// was seen, four sigmas of what it goes into are Student's, who knows them from these blocks
+    /// alone.
+    pub fn publish(&self, covariance: &ParameterCovariance) -> ParameterCovariance {
+        let ratios = self.ratios(covariance);
+        let mut variances = Values::repeat(1.0);
+        for parameter in ALONG_THE_TRACK {
+            let i = parameter.index();
+            let slipping = 1.0 - 1.0 / ratios[i];
+            variances[i] = 1.0 + slipping * STUDENT_BLOCKS / self.whole.blocks.max(1.0);
+        }
+        variances[Parameter::SpeedScale.index()] *= self.lasting_slip(covariance);
+        let widths = ParameterCovariance::from_diagonal(&variances.map(f64::sqrt));
+        widths * self.claim(covariance) * widths
+    }
+
     /// Whether enough blocks were seen.
     pub fn is_known(&self) -> bool {
-        self.blocks > BLOCKS_MIN - 0.5
+        self.whole.blocks > BLOCKS_MIN - 0.5
     }
 }
 
@@ -167,15 +226,19 @@ mod tests {
     use super::*;
     use crate::change::evidence::Evidence;
     use crate::change::window::{Innovation, Track};
-    use crate::estimate::Parameter;
 
-    /// Windows whose poses are exact and whose motion errs along the track as told.
     fn ratio(error: impl Fn(usize) -> f64) -> f64 {
+        let variance = learnt(Parameter::LidarX, error);
+        variance.ratios(&ParameterCovariance::identity())[Parameter::LidarX.index()]
+    }
+
+    /// Of windows whose poses are exact and whose motion errs along the track as told, where one
+    /// parameter shows.
+    fn learnt(parameter: Parameter, error: impl Fn(usize) -> f64) -> LongRunVariance {
         let mut variance = LongRunVariance::default();
         let covariance = Matrix3::identity();
-        let x = Parameter::LidarX.index();
         let mut jacobian = ByParameters::zeros();
-        jacobian[(0, x)] = 1.0;
+        jacobian[(0, parameter.index())] = 1.0;
         for i in 0..2000 {
             let residual = Vector3::new(error(i), 0.0, 0.0);
             let innovation = Innovation {
@@ -199,13 +262,28 @@ mod tests {
             };
             variance.push(&window, &Values::zeros(), 1.0);
         }
-        variance.ratios(&ParameterCovariance::identity())[x]
+        variance
     }
 
     #[test]
     fn errors_that_alternate_do_not_add_up_and_those_that_last_do() {
         assert!(ratio(|i| if i % 2 == 0 { 1.0 } else { -1.0 }) < 1.05);
         assert!((ratio(|_| 1.0) - BLOCK as f64).abs() < 0.5);
+    }
+
+    #[test]
+    fn a_speed_scale_is_published_with_the_slip_that_outlasts_blocks() {
+        let published_over_claimed = |error: &dyn Fn(usize) -> f64| {
+            let variance = learnt(Parameter::SpeedScale, error);
+            let covariance = ParameterCovariance::identity();
+            let i = Parameter::SpeedScale.index();
+            let others = variance.publish(&covariance) - variance.claim(&covariance);
+            assert!(others[(0, 0)].abs() < 1e-12);
+            variance.publish(&covariance)[(i, i)] / variance.claim(&covariance)[(i, i)]
+        };
+        assert!(published_over_claimed(&|i| if i % 2 == 0 { 1.0 } else { -1.0 }) < 1.05);
+        let lasts = published_over_claimed(&|i| if i / 12 % 2 == 0 { 1.0 } else { -1.0 });
+        assert!(lasts > 1.2, "{lasts}");
     }
 
     #[test]

@@ -63,7 +63,8 @@ fn lifted_wheels_are_a_fault_and_teach_nothing() {
 
 #[test]
 fn a_fast_car_that_slips_is_known_no_better_than_it_is() {
-    for seed in 1..=8 {
+    // Of the first 240 the last five have the slip that looked most like something else.
+    for seed in (1..=8).chain([73, 122, 128, 130, 238]) {
         let run = disturbed(Disturbance::SlippingCar, seed);
         assert!(run.changes.is_empty(), "seed {seed}: {:?}", run.changes);
         assert_honest(&run, &format!("slipping car, seed {seed}"));
