@@ -54,11 +54,8 @@ impl SteeringWatch {
         self.samples += 1;
         // A value that is sent twice, because it is sampled more slowly, says nothing new.
         let angle = sample.steering_rad();
-        if self
-            .angles
-            .last()
-            .is_none_or(|last| last.to_bits() != angle.to_bits())
-        {
+        let last = self.angles.last();
+        if last.is_none_or(|last| (angle - last).abs() > 0.0) {
             self.angles.push(angle);
         }
         if self.samples < BLOCK_SAMPLES {

@@ -280,11 +280,11 @@ mod tests {
         };
         assert_eq!(
             read_as(Stream::Steering, &settings, &joint_state()),
-            Ok(Reading::Steering(half(0.2)))
+            Ok(Reading::Steering(half(sample.steering_rad())))
         );
         assert_eq!(
             read_as(Stream::Speed, &settings, &joint_state()),
-            Ok(Reading::Speed(half(1.0)))
+            Ok(Reading::Speed(half(sample.speed_mps())))
         );
     }
 

@@ -142,6 +142,8 @@ async fn a_robot_of_every_layout_gets_the_numbers_of_a_plain_one() {
     assert_eq!(pairing["unpaired"], 0, "{pairing}");
     assert_eq!(pairing["error_max_s"], 0.0, "{pairing}");
     assert!(service.robot("jazzy_01")["pairing"].is_null());
+    // An encoder's angle is a measured one.
+    assert_eq!(service.robot("jazzy_01")["warnings"], serde_json::json!([]));
 }
 
 /// Where a robot of `rmw_zenoh` hears what is approved.

@@ -13,9 +13,9 @@ use tokio_util::sync::CancellationToken;
 
 use super::service::{Link, Service, free_endpoint, until};
 use super::*;
-use crate::agent::Outputs;
 use crate::agent::{
-    AgentError, AgentOptions, Ending, Fallback, Hook, Offer, Outcome, Phase, Rest, Trial, run_agent,
+    AgentError, AgentOptions, Ending, Fallback, Hook, Offer, Outcome, OutputKind, Outputs, Phase,
+    Rest, Trial, run_agent,
 };
 
 const BY_HAND: &str =
@@ -87,6 +87,12 @@ impl Robot {
 
     fn file(&self) -> String {
         fs::read_to_string(&self.options.apply).unwrap_or_default()
+    }
+
+    /// Whether the parameters for ROS have this steering offset.
+    fn tells_ros(&self, offset_rad: f64) -> bool {
+        let text = fs::read_to_string(self.path("ros.yaml")).unwrap_or_default();
+        text.contains(&format!("steering_offset_rad: {offset_rad:.9}\n"))
     }
 
     fn calls(&self) -> Vec<String> {
@@ -217,13 +223,18 @@ async fn a_deadline_passes_while_the_link_is_cut() {
     let service = Service::start().await;
     let mut link = Link::to(&service.endpoint).await;
     let mut robot = Robot::new(&link.endpoint).with_hook();
+    let for_ros = robot.path("ros.yaml");
+    robot.options.outputs.files = vec![(OutputKind::RosParameters, for_ros)];
     fs::write(&robot.options.apply, BY_HAND).unwrap();
     robot.start();
     service.confirms(false);
     service.approve(&with_deadline(1, 2)).await;
     until("it is applied", || robot.file() == text_of(1)).await;
+    let offset_rad = values(1).steering_offset_rad;
+    until("ROS has it too", || robot.tells_ros(offset_rad)).await;
     link.cut().await;
     until("it goes back by itself", || robot.file() == BY_HAND).await;
+    until("ROS goes back too", || robot.tells_ros(0.01)).await;
     until("the hook was told", || {
         robot.calls() == ["check 1", "applied 1", "reverted 1"]
     })

@@ -243,7 +243,7 @@ async fn a_configuration_is_refused_by_field() {
             .told()
     };
     assert_snapshot!(told("{").await, @"400 body_refused: the body: EOF while parsing an object at line 1 column 1");
-    assert_snapshot!(told("[]").await, @"422 body_refused: the body: invalid length 0, expected struct RobotConfig with 9 elements at line 1 column 2");
+    assert_snapshot!(told("[]").await, @"422 body_refused: the body: invalid length 0, expected struct RobotConfig with 10 elements at line 1 column 2");
     assert_snapshot!(told(r#"{"model": "bicycle"}"#).await, @"422 body_refused: the body: missing field `wheelbase_m` at line 1 column 20");
     assert_snapshot!(told(r#"{"model": "bicycle", "wheelbase_m": -1}"#).await, @"422 body_refused [wheelbase_m]: the body: wheelbase_m is -1, accepted is more than 0 and at most 30 m at line 1 column 39");
     assert_snapshot!(told(r#"{"model": "hovercraft", "wheelbase_m": 1}"#).await, @"422 body_refused [model]: the body: unknown variant `hovercraft`, expected `bicycle` or `tricycle` at line 1 column 22");

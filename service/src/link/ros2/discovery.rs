@@ -18,6 +18,8 @@ use crate::streams::{STREAMS_OF_TOPICS, message_types};
 #[derive(Debug, Default)]
 pub struct Discovery {
     tokens: BTreeMap<String, Announcement>,
+    /// The tokens of each robot.
+    of_robots: BTreeMap<RobotId, BTreeSet<String>>,
     /// What was told of each robot, to tell it only when it changes.
     told: BTreeMap<RobotId, Vec<AnnouncedTopic>>,
 }
@@ -49,17 +51,14 @@ fn take(ros2: &Ros2, sample: &Sample) {
         ros2.change_table(|table| table.announce(&announced.path, of.filter(|_| stands)));
     }
     let mut discovery = lock(&ros2.shared.discovery);
-    if !stands {
-        discovery.tokens.remove(token);
-    } else if discovery.tokens.len() < limits::ROS2_TOKENS_MAX {
-        discovery.tokens.insert(token.to_owned(), announced.clone());
-    }
     let table = ros2.table();
-    let Some(placed) = table.place(&announced.path, announced.layout) else {
+    let placed = table.place(&announced.path, announced.layout);
+    let robot = placed.map(|placed| placed.robot);
+    discovery.note(token, stands.then_some(announced.clone()), robot.as_ref());
+    let Some(robot) = robot else {
         return;
     };
-    let robot = placed.robot;
-    let topics = topics_of(&discovery, &table, &robot);
+    let topics = discovery.topics_of(&table, &robot);
     drop(table);
     tell(ros2, &mut discovery, &robot, topics);
 }
@@ -68,45 +67,87 @@ fn take(ros2: &Ros2, sample: &Sample) {
 pub fn place_anew(ros2: &Ros2) {
     let mut discovery = lock(&ros2.shared.discovery);
     let table = ros2.table();
-    let mut robots: BTreeSet<RobotId> = discovery.told.keys().cloned().collect();
-    let tokens = discovery.tokens.values();
-    robots.extend(tokens.filter_map(|of| Some(table.place(&of.path, of.layout)?.robot)));
+    discovery.place_all(&table);
+    let known = discovery.told.keys().chain(discovery.of_robots.keys());
+    let robots: BTreeSet<RobotId> = known.cloned().collect();
     let topics: Vec<_> = robots
         .into_iter()
         .map(|robot| {
-            let topics = topics_of(&discovery, &table, &robot);
+            let topics = discovery.topics_of(&table, &robot);
             (robot, topics)
         })
         .collect();
     drop(table);
     for (robot, topics) in topics {
+        let home = topics.home.clone();
         tell(ros2, &mut discovery, &robot, topics);
+        // One that was registered just now.
+        if let Some((prefix, layout)) = home {
+            ros2.seen_at(&robot, &prefix, layout);
+        }
     }
 }
 
-fn topics_of(discovery: &Discovery, table: &RouteTable, robot: &RobotId) -> Topics {
-    let mut topics = Topics::default();
-    for announced in discovery.tokens.values() {
-        let placed = table.place(&announced.path, announced.layout);
-        let Some(placed) = placed.filter(|placed| placed.robot == *robot) else {
-            continue;
+impl Discovery {
+    /// Takes a token of a robot, or of nobody; without an announcement it is gone.
+    fn note(&mut self, token: &str, announced: Option<Announcement>, robot: Option<&RobotId>) {
+        let Some(announced) = announced else {
+            self.tokens.remove(token);
+            let Some(robot) = robot else {
+                return;
+            };
+            if let Some(tokens) = self.of_robots.get_mut(robot) {
+                tokens.remove(token);
+                if tokens.is_empty() {
+                    self.of_robots.remove(robot);
+                }
+            }
+            return;
         };
-        let of = MessageType::of_ros_type(&announced.type_name);
-        let suits = |stream: &_| of.is_some_and(|of| message_types(*stream).contains(&of));
-        let topic = AnnouncedTopic {
-            topic: placed.topic.to_owned(),
-            type_name: announced.type_name.clone(),
-            layout: announced.layout,
-            suited_for: STREAMS_OF_TOPICS.into_iter().filter(suits).collect(),
-        };
-        if !topic.suited_for.is_empty() {
-            topics.home = Some((placed.prefix.to_owned(), announced.layout));
+        if self.tokens.len() >= limits::ROS2_TOKENS_MAX {
+            return;
         }
-        if topics.all.len() < limits::ANNOUNCED_TOPICS_MAX {
-            topics.all.insert(topic);
+        self.tokens.insert(token.to_owned(), announced);
+        if let Some(robot) = robot {
+            let tokens = self.of_robots.entry(robot.clone()).or_default();
+            tokens.insert(token.to_owned());
         }
     }
-    topics
+
+    fn place_all(&mut self, table: &RouteTable) {
+        self.of_robots.clear();
+        for (token, announced) in &self.tokens {
+            if let Some(placed) = table.place(&announced.path, announced.layout) {
+                let tokens = self.of_robots.entry(placed.robot).or_default();
+                tokens.insert(token.clone());
+            }
+        }
+    }
+
+    fn topics_of(&self, table: &RouteTable, robot: &RobotId) -> Topics {
+        let mut topics = Topics::default();
+        let tokens = self.of_robots.get(robot).into_iter().flatten();
+        for announced in tokens.filter_map(|token| self.tokens.get(token)) {
+            let Some(placed) = table.place(&announced.path, announced.layout) else {
+                continue;
+            };
+            let of = MessageType::of_ros_type(&announced.type_name);
+            let suits = |stream: &_| of.is_some_and(|of| message_types(*stream).contains(&of));
+            let topic = AnnouncedTopic {
+                topic: placed.topic.to_owned(),
+                type_name: announced.type_name.clone(),
+                layout: announced.layout,
+                suited_for: STREAMS_OF_TOPICS.into_iter().filter(suits).collect(),
+            };
+            if !topic.suited_for.is_empty() {
+                topics.home = Some((placed.prefix.to_owned(), announced.layout));
+            }
+            if topics.all.len() < limits::ANNOUNCED_TOPICS_MAX {
+                topics.all.insert(topic);
+            }
+        }
+        topics
+    }
 }
 
 /// What a robot has announced.

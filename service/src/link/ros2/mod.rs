@@ -86,11 +86,14 @@ impl Ros2 {
 
     /// Notes where a robot's topics are; whether that is another place than before.
     fn moved(&self, robot: &RobotId, prefix: &str, layout: KeyLayout) -> bool {
+        if !self.table().knows(robot) {
+            // Nothing is approved for a robot that nobody has registered.
+            return false;
+        }
         let mut homes = lock(&self.shared.homes);
-        match homes.get(robot) {
-            Some(home) if home.prefix == prefix && home.layout == layout => return false,
-            None if homes.len() >= limits::ROBOTS_MAX => return false,
-            _ => {}
+        let is_there = |home: &Home| home.prefix == prefix && home.layout == layout;
+        if homes.get(robot).is_some_and(is_there) {
+            return false;
         }
         let prefix = prefix.to_owned();
         homes.insert(robot.clone(), Home { prefix, layout });

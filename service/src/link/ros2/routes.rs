@@ -8,6 +8,7 @@ use fleetcal_proto::key::KeyRoot;
 use fleetcal_proto::ros2_key::{KeyLayout, Matched, TopicKey, typed_expression};
 
 use crate::fleet::Stream;
+use crate::limits;
 use crate::streams::{RobotStreams, Ros2Settings, TopicRole, message_types};
 
 /// What a message's key says.
@@ -75,9 +76,19 @@ impl RouteTable {
     /// Takes what a token of the bridge says about a path; `None` once it is gone.
     pub fn announce(&mut self, path: &str, message_type: Option<MessageType>) {
         match message_type {
-            Some(message_type) => self.announced.insert(path.to_owned(), message_type),
-            None => self.announced.remove(path),
-        };
+            Some(message_type) if self.announced.len() < limits::ROS2_TOKENS_MAX => {
+                self.announced.insert(path.to_owned(), message_type);
+            }
+            Some(_) => {}
+            None => {
+                self.announced.remove(path);
+            }
+        }
+    }
+
+    /// Whether a robot is configured.
+    pub fn knows(&self, robot: &RobotId) -> bool {
+        self.roles.contains_key(robot)
     }
 
     /// Whether a key is one of our own layout, which has its own subscriber.
