@@ -79,14 +79,14 @@ impl Block {
 /// Learns how far the filter's claims are from what blocks of data repeat.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct LongRunVariance {
-    whole: Scatter,
+    whole: Clusters,
     /// The same over blocks half as long.
-    half: Scatter,
+    half: Clusters,
 }
 
 /// How blocks of one length scatter.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-struct Scatter {
+struct Clusters {
     block: Option<Block>,
     /// Sum of `J' S^-1 r r' S^-1 J` over the blocks.
     scatter: SMatrix<f64, PARAMETERS, PARAMETERS>,
@@ -95,7 +95,7 @@ struct Scatter {
     blocks: f64,
 }
 
-impl Scatter {
+impl Clusters {
     /// Takes the next window of a block of `length`.
     fn push(&mut self, window: &Window, length: usize, values: &Values, scale: f64) {
         let residual = window.residual + window.jacobian * apart(&window.values, values);
