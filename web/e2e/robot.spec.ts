@@ -101,6 +101,7 @@ test('a stretch cut out of a chart stands in the address, and the way back is th
 });
 
 test('a reassembly is reported and stands among what happened', async ({ page }) => {
+  test.setTimeout(180_000);
   await page.getByRole('button', { name: 'This robot was reassembled' }).click();
   const dialog = page.getByRole('dialog');
   await accessible(page);
@@ -152,6 +153,7 @@ test('the colours can be chosen and are kept', async ({ page }) => {
 test('the robot is seen from above: scan, map, and where each steering would have led it', async ({
   page,
 }) => {
+  test.setTimeout(180_000);
   const panel = page.locator('section').filter({
     has: page.getByRole('heading', { name: 'Seen from above' }),
   });
