@@ -2,7 +2,9 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+mod bags;
 mod known_map;
+mod written;
 
 use std::fs;
 use std::path::Path;

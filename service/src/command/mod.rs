@@ -4,14 +4,17 @@ pub mod agent;
 pub mod backup;
 pub mod calibrate;
 pub mod demo;
+mod export;
 mod height_band;
 mod known_map;
 pub mod odometry;
 mod output;
 mod progress;
 mod recording;
+mod report;
 pub mod replay;
 pub mod serve;
+mod session_record;
 pub mod simulate;
 mod stopping;
 mod table;
@@ -159,6 +162,9 @@ pub enum CommandError {
         /// What the system says.
         source: std::io::Error,
     },
+    /// A figure could not be drawn.
+    #[error("cannot draw a figure: {0}")]
+    Figure(String),
     /// The standard output could not be written.
     #[error("cannot write the result: {0}")]
     Stdout(#[from] std::io::Error),
@@ -279,7 +285,7 @@ impl CommandError {
             | Self::Password(_)
             | Self::PasswordsDiffer => EXIT_USAGE,
             Self::Service(_) | Self::Fleet(_) | Self::Store(_) => EXIT_IO,
-            Self::Task(_) | Self::Hash(_) | Self::Entropy(_) => EXIT_FAILED,
+            Self::Task(_) | Self::Figure(_) | Self::Hash(_) | Self::Entropy(_) => EXIT_FAILED,
             Self::Unusable { .. } => EXIT_DATA,
         }
     }
