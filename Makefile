@@ -8,6 +8,7 @@ CARGO ?= cargo
 BUILT := $(or $(CARGO_TARGET_DIR),target)
 BIN := $(BUILT)/release/fleetcal
 PYTHON := $(abspath $(BUILT))/python/bin/python
+ZENOHD := $(abspath $(BUILT))/zenohd/bin/zenohd
 # Recordings that some tests and figures read; those say that they were skipped where it is not set.
 export FLEETCAL_DATA ?=
 export NPM_CONFIG_FUND = false
@@ -135,6 +136,12 @@ evaluation-quick: rust ## The same with a few seeds, under three minutes: writes
 .PHONY: load
 load: build ## 50 robots at once: prints the CPU time per robot-second
 	FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked -p fleetcal-tests --test load -- --nocapture
+
+.PHONY: zenohd
+zenohd: build ## Builds Zenoh's own router from its crate and tests the service behind it
+	$(CARGO) install zenohd --version 1.10.2 --locked --root $(BUILT)/zenohd \
+	  --no-default-features --features zenoh/transport_tcp,zenoh/transport_tls,zenoh/auth_usrpwd
+	FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_ZENOHD=$(ZENOHD) $(CARGO) test --release --locked -p fleetcal-tests --test zenoh -- --nocapture --test-threads 1 router:: breaks::
 
 .PHONY: kill-rounds
 kill-rounds: rust ## Kills the deciding process 3,000 times: nothing acknowledged may be lost

@@ -5,6 +5,7 @@ mod calibration;
 mod ingest;
 mod outgoing;
 mod session;
+mod strict;
 
 use std::path::PathBuf;
 
@@ -21,6 +22,8 @@ use crate::clerk::Clerk;
 use crate::fleet::FleetHandle;
 use crate::limits;
 
+pub use strict::{Identity, RouterCertificate, StrictRouter};
+
 /// What the link is made with.
 #[derive(Debug, Clone, Default)]
 pub struct LinkSetup {
@@ -28,7 +31,8 @@ pub struct LinkSetup {
     pub listen: Vec<String>,
     /// Routers to connect to.
     pub connect: Vec<String>,
-    /// A native Zenoh configuration file, taken as it is instead of the two.
+    /// A native Zenoh configuration file, taken as it is instead of the embedded router; `listen` and
+    /// `connect` replace the endpoints in it when there are any.
     pub zenoh_config: Option<PathBuf>,
     /// The keys under the configured root.
     pub keys: Keys,

@@ -11,7 +11,7 @@ use crate::link::{LinkError, LinkSetup, access};
 /// Opens the session on a thread of its own: `zenoh::open` may block for ever.
 pub async fn open(setup: &LinkSetup) -> Result<Session, LinkError> {
     let (config, endpoints) = match &setup.zenoh_config {
-        Some(path) => (native(path)?, path.display().to_string()),
+        Some(path) => (native(path, setup)?, path.display().to_string()),
         None => (
             embedded(setup)?,
             [setup.listen.join(" "), setup.connect.join(" ")].join(" "),
@@ -58,9 +58,26 @@ async fn on_own_thread<T: Send + 'static>(
     }
 }
 
-fn native(path: &Path) -> Result<Config, LinkError> {
-    Config::from_file(path)
-        .map_err(|error| LinkError::Config(format!("{}: {error}", path.display())))
+/// A native file as it is, but for the endpoints that are given beside it.
+fn native(path: &Path, setup: &LinkSetup) -> Result<Config, LinkError> {
+    let mut config = Config::from_file(path)
+        .map_err(|error| LinkError::Config(format!("{}: {error}", path.display())))?;
+    let given = [
+        ("listen/endpoints", &setup.listen),
+        ("connect/endpoints", &setup.connect),
+    ];
+    for (key, endpoints) in given {
+        if !endpoints.is_empty() {
+            set(&mut config, key, &serde_json::json!(endpoints))?;
+        }
+    }
+    Ok(config)
+}
+
+fn set(config: &mut Config, key: &str, value: &serde_json::Value) -> Result<(), LinkError> {
+    config
+        .insert_json5(key, &value.to_string())
+        .map_err(|error| LinkError::Config(format!("{key} is {value}: {error}")))
 }
 
 /// The embedded router: listens where it is told, finds nobody by itself, takes no message larger
@@ -84,9 +101,7 @@ fn embedded(setup: &LinkSetup) -> Result<Config, LinkError> {
         ("access_control", access::list(&setup.keys)),
     ];
     for (key, value) in settings {
-        config
-            .insert_json5(key, &value.to_string())
-            .map_err(|error| LinkError::Config(format!("{key} is {value}: {error}")))?;
+        set(&mut config, key, &value)?;
     }
     Ok(config)
 }
@@ -116,7 +131,7 @@ mod tests {
 
     #[test]
     fn a_native_file_that_is_not_there_is_named() {
-        let reason = native(Path::new("/nowhere/zenoh.json5"))
+        let reason = native(Path::new("/nowhere/zenoh.json5"), &LinkSetup::default())
             .expect_err("refused")
             .to_string();
         assert!(reason.contains("/nowhere/zenoh.json5"), "{reason}");
