@@ -134,7 +134,7 @@ evaluation-quick: rust ## The same with a few seeds, under three minutes: writes
 	$(CARGO) run --release --locked -p fleetcal-evaluation -- --quick --out target/evaluation
 
 .PHONY: load
-load: build ## 50 robots at once: prints the CPU time per robot-second
+load: build ## 50 robots at once: prints the CPU time per robot-second and sample, and the share of the CPU
 	FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked -p fleetcal-tests --test load -- --nocapture
 
 .PHONY: zenohd
