@@ -5,7 +5,10 @@ SHELL := /bin/bash
 .DEFAULT_GOAL := help
 
 CARGO ?= cargo
-BIN := $(or $(CARGO_TARGET_DIR),target)/release/fleetcal
+BUILT := $(or $(CARGO_TARGET_DIR),target)
+BIN := $(BUILT)/release/fleetcal
+PYTHON := $(abspath $(BUILT))/python/bin/python
+ZENOHD := $(abspath $(BUILT))/zenohd/bin/zenohd
 # Recordings that some tests and figures read; those say that they were skipped where it is not set.
 export FLEETCAL_DATA ?=
 export NPM_CONFIG_FUND = false
@@ -65,6 +68,21 @@ strace:
 	    echo "strace is missing, which the power-loss test needs: install the package strace, then run make again." >&2; exit 1; \
 	  fi; }
 
+.PHONY: python
+python: $(BUILT)/python/ready
+
+$(BUILT)/python/ready: tests/requirements.txt
+	@python3 -c 'import ensurepip, venv' 2>/dev/null || { \
+	  if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	    apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq python3-venv >/dev/null; \
+	  else \
+	    echo "Python 3 with venv is missing, which the Python example's test needs: install the package python3-venv, then run make again." >&2; exit 1; \
+	  fi; }
+	@python3 -m venv --clear $(BUILT)/python
+	@$(PYTHON) -m pip install --quiet --disable-pip-version-check -r $< \
+	  || { echo "The packages of $< could not be installed: PyPI has to be reachable once for the Python example's test." >&2; exit 1; }
+	@touch $@
+
 .PHONY: test
 test: check test-rust test-web ## Runs all checks and tests
 
@@ -80,11 +98,11 @@ build-for-tests: dashboard rust
 	$(CARGO) build --release --locked --workspace --bins --tests
 
 .PHONY: test-rust
-test-rust: build-for-tests strace ## Rust tests, end-to-end ones included
+test-rust: build-for-tests strace python ## Rust tests, end-to-end ones included
 	if $(CARGO) nextest --version >/dev/null 2>&1; then \
-	  FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) nextest run --release --locked --workspace; \
+	  FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) $(CARGO) nextest run --release --locked --workspace; \
 	else \
-	  FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked --workspace -- --test-threads 2; \
+	  FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) $(CARGO) test --release --locked --workspace -- --test-threads 2; \
 	fi
 
 .PHONY: test-web
@@ -116,7 +134,7 @@ evaluation-quick: rust ## The same with a few seeds, under three minutes: writes
 	$(CARGO) run --release --locked -p fleetcal-evaluation -- --quick --out target/evaluation
 
 .PHONY: load
-load: build ## 50 robots at once: prints the CPU time per robot-second
+load: build ## 50 robots at once: prints the CPU time per robot-second and sample, and the share of the CPU
 	FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked -p fleetcal-tests --test load -- --nocapture
 
 .PHONY: encoders
@@ -127,6 +145,12 @@ encoders: rust ## 10,000 random messages of each type by rosbags and pycdr2 (PyP
 	target/encoders/bin/pip install --quiet --requirement tests/encoders/requirements.txt
 	target/encoders/bin/python tests/encoders/encoders.py target/encoders/messages.bin 10000
 	$(CARGO) run --release --locked -p fleetcal-proto --example encoded -- target/encoders/messages.bin
+
+.PHONY: zenohd
+zenohd: build ## Builds Zenoh's own router from its crate and tests the service behind it
+	$(CARGO) install zenohd --version 1.10.2 --locked --root $(BUILT)/zenohd \
+	  --no-default-features --features zenoh/transport_tcp,zenoh/transport_tls,zenoh/auth_usrpwd
+	FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_ZENOHD=$(ZENOHD) $(CARGO) test --release --locked -p fleetcal-tests --test zenoh -- --nocapture --test-threads 1 router:: breaks::
 
 .PHONY: kill-rounds
 kill-rounds: rust ## Kills the deciding process 3,000 times: nothing acknowledged may be lost

@@ -29,7 +29,7 @@ async fn main() -> Result<(), Box<dyn Error + Send + Sync>> {
 
     let options = FleetOptions {
         robots: simulated_robots(robots, 1)?,
-        connect: vec![endpoint],
+        connect: vec![endpoint].into(),
         keys,
         trusted: None,
         start_stamp_ns: 1_760_000_000_000_000_000,

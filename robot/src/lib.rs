@@ -6,6 +6,8 @@
 #[cfg(feature = "wire")]
 pub mod agent;
 #[cfg(feature = "wire")]
+mod connection;
+#[cfg(feature = "wire")]
 pub mod fleet;
 #[cfg(feature = "wire")]
 pub mod recording;
@@ -14,3 +16,6 @@ pub mod replay;
 #[cfg(feature = "wire")]
 mod session;
 pub mod simulator;
+
+#[cfg(feature = "wire")]
+pub use connection::Connection;

@@ -1,5 +1,6 @@
 //! A robot's Zenoh session: a client that waits for its router for as long as it takes.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use fleetcal_proto::{Encoding, Keys, RobotId, StreamKind};
@@ -10,16 +11,24 @@ use zenoh::Wait;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::CongestionControl;
 
+use crate::connection::Connection;
+
 /// How long one attempt to connect may take.
 const CONNECT_TIMEOUT_MS: u64 = 2000;
 /// Pause between two attempts.
 const CONNECT_PAUSE: Duration = Duration::from_secs(1);
-/// Largest message a robot reads, bytes.
-const MESSAGE_BYTES_MAX: usize = 4 * 1024 * 1024;
 
 /// Why Zenoh refused.
 #[derive(Debug, Error)]
 pub enum SessionError {
+    /// The native configuration cannot be used.
+    #[error("the Zenoh configuration {}: {reason}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What Zenoh says.
+        reason: String,
+    },
     /// The client's configuration cannot be.
     #[error("{field} is {value}: {reason}")]
     Config {
@@ -55,31 +64,8 @@ pub(crate) fn at_key(key: &str) -> impl FnOnce(zenoh::Error) -> SessionError {
 pub(crate) struct ClientConfig(zenoh::Config);
 
 impl ClientConfig {
-    pub fn new(connect: &[String]) -> Result<Self, SessionError> {
-        let endpoints = serde_json::Value::from(connect.to_vec()).to_string();
-        let settings = [
-            ("mode", "\"client\"".to_owned()),
-            ("connect/endpoints", endpoints),
-            ("connect/timeout_ms", CONNECT_TIMEOUT_MS.to_string()),
-            ("connect/exit_on_failure", "true".to_owned()),
-            ("scouting/multicast/enabled", "false".to_owned()),
-            ("scouting/gossip/enabled", "false".to_owned()),
-            (
-                "transport/link/rx/max_message_size",
-                MESSAGE_BYTES_MAX.to_string(),
-            ),
-        ];
-        let mut config = zenoh::Config::default();
-        for (field, value) in settings {
-            config
-                .insert_json5(field, &value)
-                .map_err(|error| SessionError::Config {
-                    field,
-                    value,
-                    reason: error.to_string(),
-                })?;
-        }
-        Ok(Self(config))
+    pub fn new(connect: &Connection) -> Result<Self, SessionError> {
+        connect.config(CONNECT_TIMEOUT_MS).map(Self)
     }
 
     /// Opens a session, again and again until somebody is there; `None` when told to stop before.

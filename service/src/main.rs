@@ -9,8 +9,8 @@ use std::time::Duration;
 use clap::Parser;
 use fleetcal::clock::{SharedClock, SystemClock};
 use fleetcal::command::{
-    Cli, Command, CommandError, agent, backup, calibrate, demo, odometry, replay, serve, simulate,
-    token, user,
+    Cli, Command, CommandError, acl, agent, backup, calibrate, completions, demo, odometry, replay,
+    serve, simulate, token, user,
 };
 use tracing_subscriber::EnvFilter;
 
@@ -42,6 +42,8 @@ fn run(command: &Command) -> Result<(), CommandError> {
         Command::Token(arguments) => on_runtime(token::run(arguments, clock)),
         Command::User(arguments) => on_runtime(user::run(arguments, clock)),
         Command::Backup(arguments) => on_runtime(backup::run(arguments)),
+        Command::Acl(arguments) => acl::run(arguments),
+        Command::Completions(arguments) => completions::run(arguments),
     }
 }
 

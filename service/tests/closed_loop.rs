@@ -113,7 +113,7 @@ async fn an_offset_is_found_approved_pulled_and_proven() {
     let fleet = tokio::spawn(run_fleet(
         FleetOptions {
             robots: robots.clone(),
-            connect: vec![endpoint],
+            connect: vec![endpoint].into(),
             keys: Keys::default(),
             trusted: Some(TrustedKeys::from(service.clerk().public_key())),
             start_stamp_ns: clock.now_ns(),

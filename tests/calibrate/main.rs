@@ -2,8 +2,10 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+mod bags;
 mod known_map;
 mod repeatability;
+mod written;
 
 use std::fs;
 use std::path::Path;

@@ -13,6 +13,12 @@ pub struct Answer {
     pub body: String,
 }
 
+/// Puts a new JSON document at `path` with an API token; `None` when nobody answers.
+pub fn put(address: SocketAddr, path: &str, token: &str, body: &str) -> Option<Answer> {
+    let content = Some(("If-None-Match: *\r\n", body));
+    send(address, &format!("PUT {path}"), Some(token), content)
+}
+
 /// Asks for `path` with an API token, or without; `None` when nobody answers.
 pub fn get(address: SocketAddr, path: &str, token: Option<&str>) -> Option<Answer> {
     send(address, &format!("GET {path}"), token, None)

@@ -25,9 +25,14 @@ pub struct Service {
     http: SocketAddr,
     zenoh: SocketAddr,
     token: String,
+    zenoh_flags: Vec<String>,
 }
 
-fn free_port() -> SocketAddr {
+/// A loopback address that nobody listens on.
+///
+/// # Panics
+/// When there is none.
+pub fn free_port() -> SocketAddr {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
     listener.local_addr().expect("its address")
 }
@@ -76,16 +81,28 @@ impl Service {
     /// # Panics
     /// When it does not become ready.
     pub fn start_with(config: &str) -> Self {
+        let zenoh = free_port();
+        Self::start_on(zenoh, config, &["--listen", &format!("tcp/{zenoh}")])
+    }
+
+    /// Starts a service with a configuration file and the flags that say where it listens and
+    /// connects; `zenoh` is where robots reach it.
+    ///
+    /// # Panics
+    /// When it does not become ready.
+    pub fn start_on(zenoh: SocketAddr, config: &str, zenoh_flags: &[&str]) -> Self {
         let folder = TempDir::new().expect("a folder");
         fs::write(folder.path().join("fleetcal.toml"), config).expect("a configuration");
-        let (http, zenoh) = (free_port(), free_port());
-        let child = spawn(&folder, http, zenoh);
+        let http = free_port();
+        let zenoh_flags: Vec<String> = zenoh_flags.iter().map(|&flag| flag.to_owned()).collect();
+        let child = spawn(&folder, http, &zenoh_flags);
         let mut service = Self {
             child,
             folder,
             http,
             zenoh,
             token: String::new(),
+            zenoh_flags,
         };
         service.wait_until_ready();
         service.token = service.made_token(&["--role", "admin", "--name", "tests"]);
@@ -101,7 +118,7 @@ impl Service {
             self.child.try_wait().expect("a status").is_some(),
             "the service still runs"
         );
-        self.child = spawn(&self.folder, self.http, self.zenoh);
+        self.child = spawn(&self.folder, self.http, &self.zenoh_flags);
         self.wait_until_ready();
     }
 
@@ -164,6 +181,20 @@ impl Service {
         let answer = http::get(self.http, path, Some(&self.token)).expect("an answer");
         assert_eq!(answer.status, 200, "{path}: {}", answer.body);
         serde_json::from_str(&answer.body).expect("JSON")
+    }
+
+    /// Puts a new document at `path`.
+    ///
+    /// # Panics
+    /// When it is not taken.
+    pub fn put(&self, path: &str, document: &Value) {
+        let answer = http::put(self.http, path, &self.token, &document.to_string());
+        let answer = answer.expect("an answer");
+        assert!(
+            (200..300).contains(&answer.status),
+            "{path}: {}",
+            answer.body
+        );
     }
 
     /// The answer of `GET path`, when it is a good one.
@@ -302,19 +333,16 @@ impl Drop for Service {
     }
 }
 
-fn spawn(folder: &TempDir, http: SocketAddr, zenoh: SocketAddr) -> Child {
+fn spawn(folder: &TempDir, http: SocketAddr, zenoh_flags: &[String]) -> Child {
     Command::new(binary::path())
         .arg("serve")
         .arg("--config")
         .arg(folder.path().join("fleetcal.toml"))
         .arg("--data")
         .arg(folder.path().join("data"))
-        .args([
-            "--http",
-            &http.to_string(),
-            "--listen",
-            &format!("tcp/{zenoh}"),
-        ])
+        .args(["--http", &http.to_string()])
+        .args(zenoh_flags)
+        .env_remove("ZENOH_CONFIG")
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(Stdio::piped())

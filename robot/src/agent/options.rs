@@ -11,6 +11,7 @@ use super::file::FileError;
 use super::hook::Hook;
 use super::limits::Limits;
 use super::outputs::Outputs;
+use crate::connection::Connection;
 use crate::session::SessionError;
 
 /// Whose agent it is, and what it works on.
@@ -18,8 +19,8 @@ use crate::session::SessionError;
 pub struct AgentOptions {
     /// Whose agent it is.
     pub robot: RobotId,
-    /// Endpoints of the service's router, `tcp/127.0.0.1:7447`.
-    pub connect: Vec<String>,
+    /// Where the service is.
+    pub connect: Connection,
     /// The keys under the configured root.
     pub keys: Keys,
     /// The file to bring values into use by: YAML or JSON by its ending. The agent's memory stands
@@ -60,7 +61,8 @@ impl AgentError {
     pub fn exit_status(&self) -> u8 {
         match self {
             Self::File(FileError::Io { .. } | FileError::Values { .. }) => 74,
-            Self::File(_) | Self::Session(SessionError::Config { .. }) => 2,
+            Self::File(_)
+            | Self::Session(SessionError::Config { .. } | SessionError::File { .. }) => 2,
             Self::Session(_) => 74,
             Self::Transition(_) => 70,
         }

@@ -31,6 +31,7 @@ pub use record::{
 pub use robots::{ROBOTS_MAX, SimulatedRobot, TooManyRobots, simulated_robots};
 
 use crate::agent::TransitionRefused;
+use crate::connection::Connection;
 use crate::session::ClientConfig;
 use crate::simulator::SettingRefused;
 
@@ -39,8 +40,8 @@ use crate::simulator::SettingRefused;
 pub struct FleetOptions {
     /// The robots, from [`simulated_robots`].
     pub robots: Vec<SimulatedRobot>,
-    /// Zenoh endpoints to connect to, `tcp/127.0.0.1:7447`.
-    pub connect: Vec<String>,
+    /// Where the service is; each robot has a session of its own.
+    pub connect: Connection,
     /// The keys they use.
     pub keys: Keys,
     /// Whose signatures they trust; with `None` they take no calibration and answer none.

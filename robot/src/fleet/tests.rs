@@ -45,7 +45,7 @@ async fn router() -> (zenoh::Session, String) {
 fn options(count: usize, endpoint: &str) -> FleetOptions {
     FleetOptions {
         robots: simulated_robots(count, 1).unwrap(),
-        connect: vec![endpoint.to_owned()],
+        connect: vec![endpoint.to_owned()].into(),
         keys: Keys::default(),
         trusted: Some(key().public_key().into()),
         start_stamp_ns: START_NS,

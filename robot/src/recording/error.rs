@@ -19,16 +19,55 @@ pub enum RecordingError {
         source: io::Error,
     },
     /// The file has no byte in it.
-    #[error("{}: the file is empty, accepted is an MCAP recording", path.display())]
+    #[error("{}: the file is empty, accepted is a recording in MCAP or .db3", path.display())]
     Empty {
         /// The file.
         path: PathBuf,
     },
     /// The file is of another kind.
-    #[error("{}: this is no MCAP file, accepted is an MCAP recording of ROS 2 messages", path.display())]
-    NotMcap {
+    #[error(
+        "{}: this is no MCAP file and no .db3 of rosbag2, accepted is a recording of ROS 2 messages \
+         in either",
+        path.display()
+    )]
+    NoRecording {
         /// The file.
         path: PathBuf,
+    },
+    /// The folder holds none or several files of messages.
+    #[error(
+        "{}: the folder holds {count} files of messages (.mcap, .db3, or either with .zstd), accepted \
+         is one; give the file itself",
+        path.display()
+    )]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// How many it holds.
+        count: usize,
+    },
+    /// The file is packed with zstd and can't be unpacked.
+    #[error("{}: the file can't be unpacked: {source}", path.display())]
+    Packed {
+        /// The file.
+        path: PathBuf,
+        /// What the unpacker says.
+        #[source]
+        source: io::Error,
+    },
+    /// The file is packed and too large when unpacked.
+    #[error("{}: unpacked the file is larger than 256 GiB", path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The database is not as `rosbag2` writes it, or damaged.
+    #[error("{}: the recording is damaged or no .db3 of rosbag2: {reason}", path.display())]
+    DamagedBag {
+        /// The file.
+        path: PathBuf,
+        /// What SQLite says.
+        reason: String,
     },
     /// The file ends before the recording does.
     #[error(

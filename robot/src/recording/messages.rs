@@ -9,7 +9,9 @@ use std::sync::Arc;
 
 use mcap::io::MessageReader;
 
+use super::bag::BagMessages;
 use super::scan::{Reading, open_reader};
+use super::storage::{Kind, Storage};
 use super::{HELD_BYTES_MAX, RecordingError};
 
 /// One message of a recording.
@@ -29,14 +31,57 @@ pub struct RecordedMessage {
 /// the file can belong before what is given out.
 pub struct Messages {
     path: PathBuf,
+    /// Held, so that an unpacked file stays while it is read.
+    _storage: Storage,
     topics: Vec<Arc<str>>,
-    reader: MessageReader<BufReader<File>>,
-    reading: Reading,
+    reader: Reader,
     disorder_ns: u64,
+    /// How many messages were taken from the file.
+    place: u64,
     newest_ns: u64,
     held: BinaryHeap<Reverse<Held>>,
     held_bytes: usize,
     ended: bool,
+}
+
+/// What reads the file.
+enum Reader {
+    /// In the order of the file.
+    Mcap(Box<MessageReader<BufReader<File>>>, Reading),
+    /// In the order of log times.
+    Bag(BagMessages),
+}
+
+impl Reader {
+    /// The next message of these topics, those that were passed over counted.
+    fn next(&mut self, path: &Path, topics: &[Arc<str>]) -> Option<Result<Next, RecordingError>> {
+        let (reader, reading) = match self {
+            Self::Bag(messages) => return Some(messages.next()?.map(Next::Wanted)),
+            Self::Mcap(reader, reading) => (reader, reading),
+        };
+        let message = match reader.next()? {
+            Ok(message) => message,
+            Err(error) => return Some(Err(reading.refused(path, error))),
+        };
+        reading.advance(message.log_time);
+        let wanted = |topic: &&Arc<str>| ***topic == *message.channel.topic;
+        let Some(topic) = topics.iter().find(wanted).map(Arc::clone) else {
+            return Some(Ok(Next::PassedOver(message.log_time)));
+        };
+        Some(Ok(Next::Wanted(RecordedMessage {
+            log_time_ns: message.log_time,
+            topic,
+            payload: message.data.into_owned(),
+        })))
+    }
+}
+
+/// What stands next in a file.
+enum Next {
+    /// A message of a topic that is wanted.
+    Wanted(RecordedMessage),
+    /// One of another topic, logged at this time.
+    PassedOver(u64),
 }
 
 /// A message on hold, ordered by log time and then by its place in the file.
@@ -83,16 +128,23 @@ impl std::fmt::Debug for Messages {
 
 impl Messages {
     pub(super) fn open(
-        path: &Path,
+        storage: &Storage,
         topics: &[&str],
         disorder_ns: u64,
     ) -> Result<Self, RecordingError> {
+        let path = storage.path();
+        let topics: Vec<Arc<str>> = topics.iter().map(|&topic| Arc::from(topic)).collect();
+        let reader = match storage.kind {
+            Kind::Mcap => Reader::Mcap(Box::new(open_reader(path)?), Reading::default()),
+            Kind::Sqlite => Reader::Bag(BagMessages::open(path, &topics)?),
+        };
         Ok(Self {
             path: path.to_owned(),
-            topics: topics.iter().map(|&topic| Arc::from(topic)).collect(),
-            reader: open_reader(path)?,
-            reading: Reading::default(),
+            _storage: storage.clone(),
+            topics,
+            reader,
             disorder_ns,
+            place: 0,
             newest_ns: 0,
             held: BinaryHeap::new(),
             held_bytes: 0,
@@ -103,19 +155,20 @@ impl Messages {
     /// Reads on in the file until a message can be given out or nothing is left to read.
     fn read_on(&mut self) -> Result<(), RecordingError> {
         while !self.ended && !self.can_give_out() {
-            let Some(message) = self.reader.next() else {
+            let Some(next) = self.reader.next(&self.path, &self.topics) else {
                 self.ended = true;
                 return Ok(());
             };
-            let message = message.map_err(|error| self.reading.refused(&self.path, error))?;
-            self.reading.advance(message.log_time);
-            self.newest_ns = self.newest_ns.max(message.log_time);
-            let wanted = |topic: &&Arc<str>| ***topic == *message.channel.topic;
-            let Some(topic) = self.topics.iter().find(wanted).map(Arc::clone) else {
-                continue;
+            let message = match next? {
+                Next::Wanted(message) => message,
+                Next::PassedOver(log_time_ns) => {
+                    self.newest_ns = self.newest_ns.max(log_time_ns);
+                    continue;
+                }
             };
-            let payload = message.data.into_owned();
-            self.held_bytes += payload.len();
+            self.newest_ns = self.newest_ns.max(message.log_time_ns);
+            self.place += 1;
+            self.held_bytes += message.payload.len();
             if self.held_bytes > HELD_BYTES_MAX {
                 let disorder_s = self.disorder_ns as f64 * 1e-9;
                 return Err(RecordingError::OutOfOrder {
@@ -123,13 +176,8 @@ impl Messages {
                     disorder_s,
                 });
             }
-            let message = RecordedMessage {
-                log_time_ns: message.log_time,
-                topic,
-                payload,
-            };
             self.held.push(Reverse(Held {
-                place: self.reading.messages(),
+                place: self.place,
                 message,
             }));
         }

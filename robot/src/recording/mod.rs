@@ -1,19 +1,23 @@
-//! Recordings of robots: ROS 2 messages in MCAP files.
+//! Recordings of robots: ROS 2 messages in MCAP files, or in the SQLite databases of `rosbag2`.
 //!
 //! [`Recording::open`] reads a file once from end to end, checks every checksum and counts what is
 //! in it. A damaged or truncated file is refused there, before the first message of it went
 //! anywhere. [`choose_topics`] finds what to use of it, and [`Recording::messages`] gives the
 //! messages in the order in which they were logged.
 
+mod bag;
 mod definitions;
 mod error;
 mod messages;
 mod scan;
+mod session_writer;
+mod storage;
 mod topics;
 mod writer;
 
 pub use error::RecordingError;
 pub use messages::{Messages, RecordedMessage};
+pub use session_writer::{PlanarPose, SessionWriter};
 pub use topics::{ChosenPose, TopicError, Topics, choose_scan_topic, choose_topics};
 pub use writer::{RecordingWriter, TRUTH_METADATA};
 
@@ -22,8 +26,12 @@ use std::path::{Path, PathBuf};
 use fleetcal_proto::Encoding;
 use fleetcal_proto::encoding::{Form, MessageType};
 
+use storage::{Kind, Storage};
+
 /// Largest record or chunk of a recording. Recorders write chunks of about 1 MiB.
 pub const RECORD_BYTES_MAX: usize = 256 << 20;
+/// Largest file that one packed with zstd may become, bytes.
+pub const UNPACKED_BYTES_MAX: u64 = 256 << 30;
 /// Most topics a recording may have.
 pub const CHANNELS_MAX: usize = 4096;
 /// Most bytes of messages that are held back while they are put in order.
@@ -57,6 +65,7 @@ impl Channel {
 #[derive(Debug, Clone)]
 pub struct Recording {
     path: PathBuf,
+    storage: Storage,
     channels: Vec<Channel>,
     start_ns: u64,
     end_ns: u64,
@@ -65,14 +74,20 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Reads the file through once.
+    /// Reads the file through once. A folder of `rosbag2` with one file of messages stands for that
+    /// file; one that is packed with zstd is unpacked first.
     ///
     /// # Errors
-    /// When it can't be read, or is no MCAP file, empty, truncated, damaged or without messages.
+    /// When it can't be read, or is no recording, empty, truncated, damaged or without messages.
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
-        let found = scan::read_through(path)?;
+        let storage = Storage::find(path)?;
+        let found = match storage.kind {
+            Kind::Mcap => scan::read_through(storage.path())?,
+            Kind::Sqlite => bag::read_through(storage.path())?,
+        };
         Ok(Self {
             path: path.to_owned(),
+            storage,
             channels: found.channels,
             start_ns: found.start_ns,
             end_ns: found.end_ns,
@@ -121,7 +136,7 @@ impl Recording {
     /// # Errors
     /// When the file can't be opened any more.
     pub fn messages(&self, topics: &[&str]) -> Result<Messages, RecordingError> {
-        Messages::open(&self.path, topics, self.disorder_ns)
+        Messages::open(&self.storage, topics, self.disorder_ns)
     }
 }
 

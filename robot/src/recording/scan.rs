@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufReader, Read, Seek};
+use std::io::BufReader;
 use std::path::Path;
 
 use fleetcal_proto::Encoding;
@@ -21,29 +21,13 @@ pub(super) struct Found {
     pub(super) disorder_ns: u64,
 }
 
-/// Opens a file that begins as MCAP files do, to read its messages in the order of the file.
+/// Opens an MCAP file, to read its messages in the order of the file.
 pub(super) fn open_reader(path: &Path) -> Result<MessageReader<BufReader<File>>, RecordingError> {
     let io = |source| RecordingError::Io {
         path: path.to_owned(),
         source,
     };
-    let mut file = File::open(path).map_err(io)?;
-    let mut magic = Vec::with_capacity(mcap::MAGIC.len());
-    file.by_ref()
-        .take(mcap::MAGIC.len() as u64)
-        .read_to_end(&mut magic)
-        .map_err(io)?;
-    if magic.is_empty() {
-        return Err(RecordingError::Empty {
-            path: path.to_owned(),
-        });
-    }
-    if magic != mcap::MAGIC {
-        return Err(RecordingError::NotMcap {
-            path: path.to_owned(),
-        });
-    }
-    file.rewind().map_err(io)?;
+    let file = File::open(path).map_err(io)?;
     let options = LinearReaderOptions::default()
         .with_validate_chunk_crcs(true)
         .with_validate_data_section_crc(true)
@@ -124,11 +108,6 @@ impl Reading {
         self.start_ns = self.start_ns.min(log_time_ns);
         self.end_ns = self.end_ns.max(log_time_ns);
         self.messages += 1;
-    }
-
-    /// How many messages were read.
-    pub(super) fn messages(&self) -> u64 {
-        self.messages
     }
 
     /// What a reader's error says about the recording.

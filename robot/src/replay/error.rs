@@ -5,6 +5,7 @@ use fleetcal_proto::robot_id::RobotIdRefused;
 use thiserror::Error;
 
 use crate::recording::{RecordingError, TopicError};
+use crate::session::SessionError;
 
 /// Why a replay was given up, in one sentence.
 #[derive(Debug, Error)]
@@ -31,20 +32,13 @@ pub enum ReplayError {
         reason: RobotIdRefused,
     },
     /// The connection's settings can't be.
-    #[error("{field} is {value}: {reason}")]
-    Setting {
-        /// Zenoh's name of the setting.
-        field: &'static str,
-        /// Its value.
-        value: String,
-        /// What Zenoh says.
-        reason: String,
-    },
+    #[error(transparent)]
+    Setting(#[from] SessionError),
     /// Nobody answers at the endpoint.
-    #[error("no Zenoh router answers at {}: {reason}", endpoints.join(", "))]
+    #[error("no Zenoh router answers at {connection}: {reason}")]
     Connect {
-        /// The endpoints that were tried.
-        endpoints: Vec<String>,
+        /// Where it was looked for.
+        connection: String,
         /// What Zenoh says.
         reason: String,
     },
@@ -113,7 +107,7 @@ impl ReplayError {
         match self {
             Self::Recording(error) => error.exit_status(),
             Self::Topics(error) => error.exit_status(),
-            Self::NoRobot { .. } | Self::RobotRefused { .. } | Self::Setting { .. } => 2,
+            Self::NoRobot { .. } | Self::RobotRefused { .. } | Self::Setting(_) => 2,
             _ => 74,
         }
     }

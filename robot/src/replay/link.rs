@@ -42,11 +42,12 @@ impl Link {
         robot: &RobotId,
         [drive, pose]: [(StreamKind, String); 2],
     ) -> Result<Self, ReplayError> {
-        let config = client_config(options)?;
+        let timeout_ms = options.connect_timeout.as_millis() as u64;
+        let config = options.connect.config(timeout_ms)?;
         // Opening blocks its thread until the connection stands or times out.
         let opened = tokio::task::spawn_blocking(move || zenoh::open(config).wait()).await?;
         let session = opened.map_err(|error| ReplayError::Connect {
-            endpoints: options.connect.clone(),
+            connection: options.connect.to_string(),
             reason: error.to_string(),
         })?;
         let publisher = async |(kind, encoding): (StreamKind, String)| {
@@ -136,29 +137,4 @@ impl Link {
             .await
             .map_err(at_key(self.robot.as_str()))
     }
-}
-
-fn client_config(options: &ReplayOptions) -> Result<zenoh::Config, ReplayError> {
-    let endpoints = serde_json::Value::from(options.connect.clone()).to_string();
-    let settings = [
-        ("mode", "\"client\"".to_owned()),
-        ("connect/endpoints", endpoints),
-        (
-            "connect/timeout_ms",
-            options.connect_timeout.as_millis().to_string(),
-        ),
-        ("connect/exit_on_failure", "true".to_owned()),
-        ("scouting/multicast/enabled", "false".to_owned()),
-        ("scouting/gossip/enabled", "false".to_owned()),
-    ];
-    let mut config = zenoh::Config::default();
-    for (field, value) in settings {
-        let set = config.insert_json5(field, &value);
-        set.map_err(|error| ReplayError::Setting {
-            field,
-            value,
-            reason: error.to_string(),
-        })?;
-    }
-    Ok(config)
 }

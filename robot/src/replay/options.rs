@@ -7,6 +7,8 @@ use std::time::Duration;
 use fleetcal_proto::{Keys, RobotId};
 use thiserror::Error;
 
+use crate::connection::Connection;
+
 /// How fast a recording is sent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Rate {
@@ -68,8 +70,8 @@ pub enum Pacing {
 pub struct ReplayOptions {
     /// The MCAP file.
     pub recording: PathBuf,
-    /// Endpoints of the service's router, `tcp/127.0.0.1:7447`; the first that answers is taken.
-    pub connect: Vec<String>,
+    /// Where the service is.
+    pub connect: Connection,
     /// As which robot; the first chunk of the drive topic when `None`.
     pub robot: Option<RobotId>,
     /// How fast.
@@ -92,10 +94,10 @@ pub struct ReplayOptions {
 
 impl ReplayOptions {
     /// A paced replay at the speed it was recorded, under the default keys.
-    pub fn new(recording: PathBuf, connect: Vec<String>) -> Self {
+    pub fn new(recording: PathBuf, connect: impl Into<Connection>) -> Self {
         Self {
             recording,
-            connect,
+            connect: connect.into(),
             robot: None,
             rate: Rate::Times(1.0),
             pacing: Pacing::ByProgress,

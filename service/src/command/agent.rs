@@ -13,6 +13,7 @@ use tokio_util::sync::CancellationToken;
 
 use crate::clock::SharedClock;
 use crate::command::CommandError;
+use crate::command::connection::ConnectionArguments;
 use crate::command::output::print_text;
 use crate::command::stopping::Signals;
 
@@ -46,10 +47,9 @@ pub struct Arguments {
     /// Whose agent it is
     #[arg(long, value_name = "ID", value_parser = RobotId::parse)]
     pub robot: RobotId,
-    /// The service's Zenoh endpoint, `tcp/192.0.2.1:7447`; may be repeated, the first that answers
-    /// is taken
-    #[arg(long, value_name = "ENDPOINT", required = true)]
-    pub connect: Vec<String>,
+    /// Where the service is.
+    #[command(flatten)]
+    pub connection: ConnectionArguments,
     /// The file that the robot's software reads its calibration from, YAML or JSON by its ending
     /// (.yaml, .yml, .json); it need not be there yet
     #[arg(long, value_name = "FILE")]
@@ -203,7 +203,7 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
     let mut signals = Signals::listen()?;
     let options = AgentOptions {
         robot: arguments.robot.clone(),
-        connect: arguments.connect.clone(),
+        connect: arguments.connection.connection(),
         keys: Keys::new(arguments.root.clone()),
         apply: arguments.apply.clone(),
         outputs: arguments.ros.outputs(),

@@ -3,17 +3,20 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use fleetcal_estimator::{Calibrator, EstimatorSettings, Event, Stamp, VehicleModel};
+use fleetcal_estimator::{Calibrator, Effect, EstimatorSettings, Event, Stamp, VehicleModel};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::CalibrationReport;
 use fleetcal_robot::recording::{ChosenPose, Recording, Topics, choose_topics};
 
 use crate::clock::{Clock, thread_cpu};
+use crate::command::export::Export;
 use crate::command::height_band::HeightBand;
 use crate::command::known_map::KnownMapArguments;
 use crate::command::output::{Trajectory, print_json, print_text};
 use crate::command::progress::Progress;
 use crate::command::recording::RecordedStream;
+use crate::command::report;
+use crate::command::session_record::SessionRecord;
 use crate::command::table::table;
 use crate::command::timing::ScanTimes;
 use crate::command::{CommandError, ModelName};
@@ -26,7 +29,7 @@ const UNNAMED: &str = "robot";
 /// What `fleetcal calibrate` takes.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// The recording: ROS 2 messages in MCAP
+    /// The recording: ROS 2 messages in MCAP or in a .db3 of rosbag2, or its folder
     pub recording: PathBuf,
     /// Distance between the axles, in metres
     #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
@@ -61,6 +64,12 @@ pub struct Arguments {
     /// Write the rear axle's trajectory as a TUM file
     #[arg(long, value_name = "OUT.tum")]
     pub trajectory: Option<PathBuf>,
+    /// Write the result with its plots as one self-contained page
+    #[arg(long, value_name = "OUT.html")]
+    pub report: Option<PathBuf>,
+    /// Write the session as MCAP for Foxglove: the streams, what was known when, and what happened
+    #[arg(long, value_name = "OUT.mcap")]
+    pub export: Option<PathBuf>,
 }
 
 /// Runs the command.
@@ -88,10 +97,15 @@ pub fn run(arguments: &Arguments, clock: &dyn Clock) -> Result<(), CommandError>
         .transpose()?
         .unwrap_or_default();
     let config = vehicle_of(arguments, &robot, &file)?;
-    let run = Run::start(&recording, &topics, &config, &file.estimator, arguments)?;
-    let (report, refusals) = run.finish(&robot, clock)?;
-    for refusal in refusals {
+    let known = (&robot, &config, &file.estimator);
+    let run = Run::start(&recording, &topics, known, arguments)?;
+    let finished = run.finish(clock)?;
+    for refusal in finished.refusals {
         eprintln!("fleetcal: {refusal}");
+    }
+    let report = finished.report;
+    if let Some(path) = &arguments.report {
+        report::write(path, &arguments.recording, &report, &finished.session)?;
     }
     if arguments.json {
         print_json(&report)
@@ -136,17 +150,27 @@ struct Run<'a> {
     calibrator: Calibrator,
     drive: RecordedStream,
     pose: RecordedStream,
+    robot: &'a RobotId,
     trajectory: Option<Trajectory>,
+    export: Option<Export>,
+    session: SessionRecord,
     last_pose: Option<Stamp>,
     times: ScanTimes,
+}
+
+/// What a recording came to.
+struct Finished {
+    report: CalibrationReport,
+    /// What was refused, in words.
+    refusals: Vec<String>,
+    session: SessionRecord,
 }
 
 impl<'a> Run<'a> {
     fn start(
         recording: &'a Recording,
         topics: &'a Topics,
-        config: &RobotConfig,
-        settings: &EstimatorSettings,
+        (robot, config, settings): (&'a RobotId, &RobotConfig, &EstimatorSettings),
         arguments: &Arguments,
     ) -> Result<Self, CommandError> {
         let pose_stream = match topics.pose {
@@ -158,6 +182,8 @@ impl<'a> Run<'a> {
             .as_deref()
             .map(Trajectory::create)
             .transpose()?;
+        let export = arguments.export.as_deref();
+        let export = export.map(|path| Export::create(path, robot, topics));
         let configured = config.point_cloud.unwrap_or_default();
         let band = HeightBand::or_of(arguments.height_band, configured);
         Ok(Self {
@@ -167,18 +193,17 @@ impl<'a> Run<'a> {
                 .with_lidar_odometry(arguments.known_map.lidar_odometry()?),
             drive: RecordedStream::of(&topics.drive, Stream::Drive, band),
             pose: RecordedStream::of(topics.pose.channel(), pose_stream, band),
+            robot,
             trajectory,
+            export: export.transpose()?,
+            session: SessionRecord::default(),
             last_pose: None,
             times: ScanTimes::default(),
         })
     }
 
-    /// Works through the recording and gives the report, and what was refused in words.
-    fn finish(
-        mut self,
-        robot: &RobotId,
-        clock: &dyn Clock,
-    ) -> Result<(CalibrationReport, Vec<String>), CommandError> {
+    /// Works through the recording.
+    fn finish(mut self, clock: &dyn Clock) -> Result<Finished, CommandError> {
         let began = clock.elapsed();
         let names = self.topics.names();
         let mut progress = Progress::over(self.recording.count(&names));
@@ -191,39 +216,48 @@ impl<'a> Run<'a> {
             } else {
                 &mut self.pose
             };
-            if let Some(decoded) = stream.decode(&message) {
-                self.calibrator.step(decoded.event);
-            }
+            let decoded = stream.decode(&message);
+            let effects = decoded.map(|decoded| self.calibrator.step(decoded.event));
             let spent = thread_cpu().saturating_sub(before);
             if is_drive {
                 self.times.add(spent);
             } else {
                 self.times.add_scan(spent);
             }
-            self.follow_trajectory()?;
+            if let Some(export) = &mut self.export {
+                export.message(&message)?;
+            }
+            self.follow(&effects.unwrap_or_default())?;
             progress.advance();
         }
         let before = thread_cpu();
-        self.calibrator.step(Event::EndOfSession);
+        let effects = self.calibrator.step(Event::EndOfSession);
         self.times.add(thread_cpu().saturating_sub(before));
-        self.follow_trajectory()?;
+        self.follow(&effects)?;
         progress.finish();
         self.check_usable(self.recording.path())?;
         let wall = clock.elapsed().saturating_sub(began);
         if let Some(trajectory) = self.trajectory.take() {
             trajectory.finish()?;
         }
+        if let Some(export) = self.export.take() {
+            export.finish()?;
+        }
         let timing = self.times.timing(self.calibrator.duration_s(), wall);
         let refusals = [self.drive.refusals(), self.pose.refusals()];
-        let report = document::report(robot, &self.calibrator, timing);
-        Ok((report, refusals.into_iter().flatten().collect()))
+        Ok(Finished {
+            report: document::report(self.robot, &self.calibrator, timing),
+            refusals: refusals.into_iter().flatten().collect(),
+            session: self.session,
+        })
     }
 
-    /// Writes the rear axle's pose when it is a new one.
-    fn follow_trajectory(&mut self) -> Result<(), CommandError> {
-        let Some(trajectory) = &mut self.trajectory else {
-            return Ok(());
-        };
+    /// Writes down what a step said, and the rear axle's pose when it is a new one.
+    fn follow(&mut self, effects: &[Effect]) -> Result<(), CommandError> {
+        self.session.take(self.robot, effects);
+        if let Some(export) = &mut self.export {
+            export.effects(effects)?;
+        }
         let Some((stamp, pose)) = self.calibrator.base_pose() else {
             return Ok(());
         };
@@ -231,7 +265,14 @@ impl<'a> Run<'a> {
             return Ok(());
         }
         self.last_pose = Some(stamp);
-        trajectory.add(stamp, &pose)
+        self.session.path.push((stamp, pose));
+        if let Some(export) = &mut self.export {
+            export.pose(stamp, &pose)?;
+        }
+        match &mut self.trajectory {
+            Some(trajectory) => trajectory.add(stamp, &pose),
+            None => Ok(()),
+        }
     }
 
     fn check_usable(&self, path: &Path) -> Result<(), CommandError> {

@@ -71,7 +71,7 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
     let fleet = tokio::spawn(run_fleet(
         FleetOptions {
             robots,
-            connect: vec![arguments.listen.clone()],
+            connect: vec![arguments.listen.clone()].into(),
             keys: Keys::default(),
             trusted: Some(TrustedKeys::from(service.clerk().public_key())),
             start_stamp_ns: clock.now_ns(),

@@ -1,9 +1,13 @@
 //! The commands of `fleetcal`: what each takes, and what it does.
 
+pub mod acl;
 pub mod agent;
 pub mod backup;
 pub mod calibrate;
+pub mod completions;
+mod connection;
 pub mod demo;
+mod export;
 mod height_band;
 mod known_map;
 pub mod odometry;
@@ -11,7 +15,9 @@ mod output;
 mod progress;
 mod recording;
 pub mod replay;
+mod report;
 pub mod serve;
+mod session_record;
 pub mod simulate;
 mod stopping;
 mod table;
@@ -24,6 +30,7 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand, ValueEnum};
 use fleetcal_estimator::VehicleModel;
 use fleetcal_estimator::stream::FieldRefused;
+use fleetcal_proto::RobotId;
 use fleetcal_proto::robot_id::RobotIdRefused;
 use fleetcal_proto::signing::TrustedKeysRefused;
 use fleetcal_robot::agent::AgentError;
@@ -82,6 +89,10 @@ pub enum Command {
     User(user::Arguments),
     /// Copies the database into a file; works beside a running service
     Backup(backup::Arguments),
+    /// Access lists of Zenoh routers
+    Acl(acl::Arguments),
+    /// Prints what a shell needs to complete flags: fleetcal completions bash
+    Completions(completions::Arguments),
 }
 
 /// How a vehicle steers, as a flag says it.
@@ -159,6 +170,9 @@ pub enum CommandError {
         /// What the system says.
         source: std::io::Error,
     },
+    /// A figure could not be drawn.
+    #[error("cannot draw a figure: {0}")]
+    Figure(String),
     /// The standard output could not be written.
     #[error("cannot write the result: {0}")]
     Stdout(#[from] std::io::Error),
@@ -232,6 +246,23 @@ pub enum CommandError {
     /// The system has no randomness.
     #[error("the system gives no random bytes: {0}")]
     Entropy(#[from] NoEntropy),
+    /// An access list of no robot.
+    #[error("no robot is named: give --robot ID, or a --config file with a [[robot]]")]
+    NoRobots,
+    /// A robot would have the service's rights.
+    #[error("--service is {0}, accepted is the name of no robot")]
+    ServiceIsRobot(RobotId),
+    /// What a router would know robots by is not there.
+    #[error("--identity is {identity}, which needs {needs}")]
+    Identity {
+        /// The identity.
+        identity: &'static str,
+        /// The flags it needs.
+        needs: &'static str,
+    },
+    /// A key expression that is the same for all robots.
+    #[error("--stream is {0:?}, accepted is a key expression with {{robot}} for the robot's id")]
+    StreamOfAll(String),
     /// A task of the command ended early.
     #[error("a task of the command ended early: {0}")]
     Task(#[from] tokio::task::JoinError),
@@ -277,9 +308,13 @@ impl CommandError {
             | Self::Name(_)
             | Self::Grant(_)
             | Self::Password(_)
-            | Self::PasswordsDiffer => EXIT_USAGE,
+            | Self::PasswordsDiffer
+            | Self::NoRobots
+            | Self::ServiceIsRobot(_)
+            | Self::StreamOfAll(_)
+            | Self::Identity { .. } => EXIT_USAGE,
             Self::Service(_) | Self::Fleet(_) | Self::Store(_) => EXIT_IO,
-            Self::Task(_) | Self::Hash(_) | Self::Entropy(_) => EXIT_FAILED,
+            Self::Task(_) | Self::Figure(_) | Self::Hash(_) | Self::Entropy(_) => EXIT_FAILED,
             Self::Unusable { .. } => EXIT_DATA,
         }
     }

@@ -22,7 +22,7 @@ use crate::fleet::Stream;
 /// What `fleetcal odometry` takes.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// The recording: ROS 2 messages in MCAP
+    /// The recording: ROS 2 messages in MCAP or in a .db3 of rosbag2, or its folder
     pub recording: PathBuf,
     /// The topic with `LaserScan` or `PointCloud2` messages, if there are several
     #[arg(long, value_name = "TOPIC")]

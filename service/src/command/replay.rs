@@ -7,17 +7,18 @@ use fleetcal_proto::{KeyRoot, Keys, RobotId};
 use fleetcal_robot::replay::{Rate, ReplayOptions, ReplaySummary, replay};
 
 use crate::command::CommandError;
+use crate::command::connection::ConnectionArguments;
 use crate::command::output::print_text;
 use crate::command::progress::Progress;
 
 /// What `fleetcal replay` takes.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// The recording: ROS 2 messages in MCAP
+    /// The recording: ROS 2 messages in MCAP or in a .db3 of rosbag2, or its folder
     pub recording: PathBuf,
-    /// The service's Zenoh endpoint; of several, the first that answers is taken
-    #[arg(long, value_name = "ENDPOINT", required = true)]
-    pub connect: Vec<String>,
+    /// Where the service is.
+    #[command(flatten)]
+    pub connection: ConnectionArguments,
     /// As which robot [default: the first chunk of the drive topic]
     #[arg(long, value_name = "ID", value_parser = RobotId::parse)]
     pub robot: Option<RobotId>,
@@ -43,7 +44,10 @@ pub struct Arguments {
 /// # Errors
 /// One sentence, with the exit status that goes with it.
 pub async fn run(arguments: &Arguments) -> Result<(), CommandError> {
-    let mut options = ReplayOptions::new(arguments.recording.clone(), arguments.connect.clone());
+    let mut options = ReplayOptions::new(
+        arguments.recording.clone(),
+        arguments.connection.connection(),
+    );
     options.robot.clone_from(&arguments.robot);
     options.rate = arguments.rate;
     options.drive_topic.clone_from(&arguments.drive_topic);

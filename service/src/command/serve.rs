@@ -31,11 +31,15 @@ pub struct Arguments {
     #[arg(long, value_name = "URL")]
     pub public_url: Option<PublicUrl>,
     /// Zenoh endpoint to listen on; may be repeated [default: tcp/127.0.0.1:7447]
-    #[arg(long, value_name = "ENDPOINT")]
+    #[arg(short = 'l', long, value_name = "ENDPOINT")]
     pub listen: Vec<String>,
     /// Zenoh router to connect to; may be repeated
-    #[arg(long, value_name = "ENDPOINT")]
+    #[arg(short = 'e', long, value_name = "ENDPOINT")]
     pub connect: Vec<String>,
+    /// A native Zenoh configuration (.json5, .json, .yaml), taken as it is instead of the embedded
+    /// router with its access list; --listen and --connect replace the endpoints in it
+    #[arg(short = 'c', long, env = "ZENOH_CONFIG", value_name = "FILE")]
+    pub zenoh_config: Option<PathBuf>,
 }
 
 impl Arguments {
@@ -55,6 +59,14 @@ impl Arguments {
         if let Some(url) = &self.public_url {
             config.public_url = Some(url.clone());
         }
+        // What the file's own endpoints say does not count for a native configuration.
+        if let Some(path) = &self.zenoh_config {
+            config.zenoh_config = Some(path.clone());
+        }
+        if config.zenoh_config.is_some() {
+            config.listen = Vec::new();
+            config.connect = Vec::new();
+        }
         if !self.listen.is_empty() {
             config.listen.clone_from(&self.listen);
         }
@@ -72,10 +84,14 @@ impl Arguments {
 pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), CommandError> {
     let config = arguments.config()?;
     let mut signals = Signals::listen()?;
-    let listen = config.listen.join(" ");
+    let zenoh = config.zenoh_config.as_ref();
+    let zenoh = zenoh.map_or_else(
+        || config.listen.join(" "),
+        |path| path.display().to_string(),
+    );
     let service = Service::start(config, Arc::clone(&clock)).await?;
     let http = service.http_address();
-    tracing::info!(%http, zenoh = listen, "fleetcal is ready: http://{http}");
+    tracing::info!(%http, zenoh, "fleetcal is ready: http://{http}");
     if let Some(link) = service.setup_link() {
         // Not into the log, which others may read.
         print_text(&format!("set up at {link}\n"))?;

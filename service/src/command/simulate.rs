@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use clap::{ArgGroup, Args};
+use clap::Args;
 use fleetcal_proto::signing::{PublicKey, TrustedKeys};
 use fleetcal_proto::{KeyRoot, Keys};
+use fleetcal_robot::Connection;
 use fleetcal_robot::fleet::{
     FleetOptions, RobotSummary, SimulatedRobot, record, run_fleet, simulated_robots, truth_path,
 };
@@ -17,16 +18,24 @@ use crate::command::stopping::Signals;
 
 /// What `fleetcal simulate` takes.
 #[derive(Debug, Args)]
-#[command(group = ArgGroup::new("whereto").required(true).args(["connect", "record"]))]
 pub struct Arguments {
     /// How many robots
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub robots: usize,
     /// Drive in real time, connected to this Zenoh endpoint; may be repeated
-    #[arg(long, value_name = "ENDPOINT")]
+    #[arg(
+        short = 'e',
+        long,
+        value_name = "ENDPOINT",
+        required_unless_present_any = ["zenoh_config", "record"]
+    )]
     pub connect: Vec<String>,
+    /// A native Zenoh configuration for each robot, taken as it is; --connect replaces the endpoints
+    /// in it
+    #[arg(short = 'c', long, env = "ZENOH_CONFIG", value_name = "FILE")]
+    pub zenoh_config: Option<PathBuf>,
     /// Record one robot instead, with its truth beside it
-    #[arg(long, value_name = "OUT.mcap")]
+    #[arg(long, value_name = "OUT.mcap", conflicts_with = "connect")]
     pub record: Option<PathBuf>,
     /// Length of the recording, in seconds
     #[arg(
@@ -39,7 +48,7 @@ pub struct Arguments {
     /// The service's public key, as `GET /api/v1/signing-key` shows it: the robots apply, at once
     /// and in motion, what is approved for them; without it they take no calibration; may be
     /// repeated
-    #[arg(long, value_name = "PUBLICKEY", requires = "connect")]
+    #[arg(long, value_name = "PUBLICKEY", conflicts_with = "record")]
     pub service_key: Vec<PublicKey>,
     /// What the robots' faults and the sensors' noise are drawn from
     #[arg(long, value_name = "S", default_value_t = 1)]
@@ -96,7 +105,10 @@ async fn drive(
     let mut signals = Signals::listen()?;
     let options = FleetOptions {
         robots,
-        connect: arguments.connect.clone(),
+        connect: Connection {
+            endpoints: arguments.connect.clone(),
+            zenoh_config: arguments.zenoh_config.clone(),
+        },
         keys: Keys::new(arguments.root.clone()),
         trusted,
         start_stamp_ns: clock.now_ns(),

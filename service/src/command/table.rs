@@ -46,7 +46,17 @@ fn head(report: &CalibrationReport) -> Vec<String> {
 fn row(name: ParameterName, parameter: &ParameterDocument) -> Vec<String> {
     let (value, sigma) = readable(parameter);
     let status = word(&parameter.status);
-    let name = match name {
+    let name = title(name);
+    let mut lines = vec![format!("{name:<16} {value:>12}   ± {sigma:>10}   {status}")];
+    if let Some(needs) = &parameter.needs {
+        lines.push(format!("{:<16} needs: {needs}", ""));
+    }
+    lines
+}
+
+/// A parameter's name as a person reads it.
+pub fn title(name: ParameterName) -> &'static str {
+    match name {
         ParameterName::SteeringOffset => "steering offset",
         ParameterName::LidarX => "LiDAR x",
         ParameterName::LidarY => "LiDAR y",
@@ -55,16 +65,11 @@ fn row(name: ParameterName, parameter: &ParameterDocument) -> Vec<String> {
         ParameterName::Wheelbase => "wheelbase",
         ParameterName::TimeOffset => "time offset",
         ParameterName::SteeringGain => "steering gain",
-    };
-    let mut lines = vec![format!("{name:<16} {value:>12}   ± {sigma:>10}   {status}")];
-    if let Some(needs) = &parameter.needs {
-        lines.push(format!("{:<16} needs: {needs}", ""));
     }
-    lines
 }
 
 /// A value and its two sigmas in the unit that a person reads.
-fn readable(parameter: &ParameterDocument) -> (String, String) {
+pub fn readable(parameter: &ParameterDocument) -> (String, String) {
     let (value, sigma) = (parameter.value, 2.0 * parameter.sigma);
     match parameter.unit {
         Unit::Radian => (
@@ -80,7 +85,8 @@ fn readable(parameter: &ParameterDocument) -> (String, String) {
     }
 }
 
-fn event(event: &ChangeDocument) -> String {
+/// A change or fault in one line.
+pub fn event(event: &ChangeDocument) -> String {
     let kind = word(&event.kind);
     let cause = word(&event.cause);
     let changes: Vec<String> = event
@@ -117,7 +123,7 @@ fn tail(report: &CalibrationReport) -> Vec<String> {
 }
 
 /// The word that documents use, with spaces.
-fn word(value: &impl serde::Serialize) -> String {
+pub fn word(value: &impl serde::Serialize) -> String {
     match serde_json::to_value(value) {
         Ok(serde_json::Value::String(word)) => word.replace('_', " "),
         _ => String::new(),

@@ -7,7 +7,7 @@ use fleetcal_proto::key::{Keys, StreamKind};
 use serde_json::{Value, json};
 
 /// What robots send.
-const FROM_ROBOTS: [StreamKind; 6] = [
+pub(super) const FROM_ROBOTS: [StreamKind; 6] = [
     StreamKind::Drive,
     StreamKind::Scan,
     StreamKind::LidarOdometry,
@@ -16,13 +16,13 @@ const FROM_ROBOTS: [StreamKind; 6] = [
     StreamKind::CrossTrackError,
 ];
 /// What the service sends.
-const FROM_SERVICE: [StreamKind; 3] = [
+pub(super) const FROM_SERVICE: [StreamKind; 3] = [
     StreamKind::Estimate,
     StreamKind::CalibrationApproved,
     StreamKind::CalibrationConfirmed,
 ];
 /// What the service answers.
-const ANSWERED: [StreamKind; 3] = [
+pub(super) const ANSWERED: [StreamKind; 3] = [
     StreamKind::Progress,
     StreamKind::CalibrationApproved,
     StreamKind::CalibrationConfirmed,
@@ -90,7 +90,7 @@ pub fn list(keys: &Keys, more: &[Value]) -> Value {
     })
 }
 
-/// A rule that allows `messages` in one direction.
+/// One rule that allows `messages` in one direction.
 pub fn rule(id: &str, flow: &str, messages: &[&str], key_exprs: &[String]) -> Value {
     json!({
         "id": id,

@@ -6,6 +6,7 @@ mod ingest;
 mod outgoing;
 mod ros2;
 mod session;
+mod strict;
 
 use std::path::PathBuf;
 
@@ -25,6 +26,8 @@ use crate::limits;
 use crate::streams::Ros2Settings;
 use ros2::{Ros2Link, RouteTable};
 
+pub use strict::{Identity, RouterCertificate, StrictRouter};
+
 /// What the link is made with.
 #[derive(Debug, Clone, Default)]
 pub struct LinkSetup {
@@ -32,7 +35,8 @@ pub struct LinkSetup {
     pub listen: Vec<String>,
     /// Routers to connect to.
     pub connect: Vec<String>,
-    /// A native Zenoh configuration file, taken as it is instead of the two.
+    /// A native Zenoh configuration file, taken as it is instead of the embedded router; `listen` and
+    /// `connect` replace the endpoints in it when there are any.
     pub zenoh_config: Option<PathBuf>,
     /// The keys under the configured root.
     pub keys: Keys,

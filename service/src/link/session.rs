@@ -13,7 +13,7 @@ use crate::link::{LinkError, LinkSetup, access};
 /// The embedded router's access list has `more` rules beside those of our own keys.
 pub async fn open(setup: &LinkSetup, more: &[Value]) -> Result<Session, LinkError> {
     let (config, endpoints) = match &setup.zenoh_config {
-        Some(path) => (native(path)?, path.display().to_string()),
+        Some(path) => (native(path, setup)?, path.display().to_string()),
         None => (
             embedded(setup, more)?,
             [setup.listen.join(" "), setup.connect.join(" ")].join(" "),
@@ -60,9 +60,26 @@ async fn on_own_thread<T: Send + 'static>(
     }
 }
 
-fn native(path: &Path) -> Result<Config, LinkError> {
-    Config::from_file(path)
-        .map_err(|error| LinkError::Config(format!("{}: {error}", path.display())))
+/// A native file as it is, but for the endpoints that are given beside it.
+fn native(path: &Path, setup: &LinkSetup) -> Result<Config, LinkError> {
+    let mut config = Config::from_file(path)
+        .map_err(|error| LinkError::Config(format!("{}: {error}", path.display())))?;
+    let given = [
+        ("listen/endpoints", &setup.listen),
+        ("connect/endpoints", &setup.connect),
+    ];
+    for (key, endpoints) in given {
+        if !endpoints.is_empty() {
+            set(&mut config, key, &serde_json::json!(endpoints))?;
+        }
+    }
+    Ok(config)
+}
+
+fn set(config: &mut Config, key: &str, value: &serde_json::Value) -> Result<(), LinkError> {
+    config
+        .insert_json5(key, &value.to_string())
+        .map_err(|error| LinkError::Config(format!("{key} is {value}: {error}")))
 }
 
 /// The embedded router: listens where it is told, finds nobody by itself, takes no message larger
@@ -86,9 +103,7 @@ fn embedded(setup: &LinkSetup, more: &[Value]) -> Result<Config, LinkError> {
         ("access_control", access::list(&setup.keys, more)),
     ];
     for (key, value) in settings {
-        config
-            .insert_json5(key, &value.to_string())
-            .map_err(|error| LinkError::Config(format!("{key} is {value}: {error}")))?;
+        set(&mut config, key, &value)?;
     }
     Ok(config)
 }
@@ -121,7 +136,7 @@ mod tests {
 
     #[test]
     fn a_native_file_that_is_not_there_is_named() {
-        let reason = native(Path::new("/nowhere/zenoh.json5"))
+        let reason = native(Path::new("/nowhere/zenoh.json5"), &LinkSetup::default())
             .expect_err("refused")
             .to_string();
         assert!(reason.contains("/nowhere/zenoh.json5"), "{reason}");

@@ -42,7 +42,7 @@ impl Robot {
         let options = AgentOptions {
             outputs: Outputs::default(),
             robot: robot(),
-            connect: vec![endpoint.to_owned()],
+            connect: vec![endpoint.to_owned()].into(),
             keys: Keys::default(),
             apply: folder.path().join("calibration.yaml"),
             trusted: key().public_key().into(),
@@ -536,7 +536,7 @@ async fn an_agent_that_cannot_work_says_why_at_once() {
         "{sentence}"
     );
     robot.options.apply = robot.path("calibration.yaml");
-    robot.options.connect = vec!["nonsense".to_owned()];
+    robot.options.connect = vec!["nonsense".to_owned()].into();
     let (status, sentence) = refused(robot.options.clone()).await;
     assert!(status == 2 && sentence.contains("nonsense"), "{sentence}");
 }

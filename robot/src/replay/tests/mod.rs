@@ -248,7 +248,7 @@ async fn nobody_there_and_nobody_listening_are_said() {
         "{sentence}"
     );
 
-    options.connect = vec![format!("tcp/127.0.0.1:{}", service::free_port())];
+    options.connect = vec![format!("tcp/127.0.0.1:{}", service::free_port())].into();
     let error = replay(options.clone(), |_| ()).await.unwrap_err();
     assert!(
         error
@@ -258,7 +258,7 @@ async fn nobody_there_and_nobody_listening_are_said() {
     );
     assert_eq!(error.exit_status(), 74);
 
-    options.connect = vec!["7447".to_owned()];
+    options.connect = vec!["7447".to_owned()].into();
     let error = replay(options, |_| ()).await.unwrap_err();
     assert!(
         error

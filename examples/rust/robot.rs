@@ -1,0 +1,111 @@
+//! A plain Zenoh robot: drives eights in a hall and puts what it measures where fleetcal listens.
+//!
+//! `fleetcal-example-robot [tcp/SERVICE:7447 [ROBOT [SECONDS [SPEEDUP]]]]`
+
+use std::f64::consts::{PI, TAU};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use rand::{SeedableRng, rngs::StdRng};
+use rand_distr::{Distribution, Normal};
+use serde_json::{Value, json};
+use zenoh::pubsub::Publisher;
+use zenoh::{Config, Wait, bytes::Encoding};
+
+type Failure = Box<dyn std::error::Error + Send + Sync>;
+
+const WHEELBASE_M: f64 = 1.2;
+const SPEED_MPS: f64 = 1.0;
+const TURN_RAD: f64 = 0.5;
+/// What fleetcal is to find: where the steering's zero is, and where the LiDAR sits (x, y, yaw).
+const STEERING_OFFSET_RAD: f64 = 0.03;
+const LIDAR: (f64, f64, f64) = (0.4, 0.1, 0.05);
+/// The hall's walls along x and y.
+const HALL_M: ([f64; 2], [f64; 2]) = ([-9.0, 7.0], [-6.0, 8.0]);
+const BEAMS: usize = 360;
+
+/// Puts a ROS 2 message in JSON; CDR with the encoding `application/cdr` does as well.
+fn put(publisher: &Publisher, stamp: Duration, mut message: Value) -> Result<(), Failure> {
+    let stamp = json!({ "sec": stamp.as_secs(), "nanosec": stamp.subsec_nanos() });
+    message["header"] = json!({ "stamp": stamp });
+    publisher.put(message.to_string()).wait()
+}
+
+/// What the LiDAR sees of the walls, metres, with the rear axle at (x, y, yaw).
+fn ranges(random: &mut StdRng, (x, y, yaw): (f64, f64, f64)) -> Result<Vec<f64>, Failure> {
+    let noise = Normal::new(0.0, 0.01)?;
+    let x = x + LIDAR.0 * yaw.cos() - LIDAR.1 * yaw.sin();
+    let y = y + LIDAR.0 * yaw.sin() + LIDAR.1 * yaw.cos();
+    let beam = |beam: usize| {
+        let (s, c) = (yaw + LIDAR.2 - PI + beam as f64 * TAU / BEAMS as f64).sin_cos();
+        let to_wall = |from, [low, high]: [f64; 2], along| {
+            (if along > 0.0 { high } else { low } - from) / along
+        };
+        to_wall(x, HALL_M.0, c).min(to_wall(y, HALL_M.1, s)) + noise.sample(random)
+    };
+    Ok((0..BEAMS).map(beam).collect())
+}
+
+/// Drives 100 samples and 10 sweeps a second, in the robot's own time.
+#[expect(
+    clippy::disallowed_methods,
+    reason = "the robot's own clock is what stamps its messages"
+)]
+fn drive(drives: &Publisher, scans: &Publisher, ticks: u32, speedup: f64) -> Result<(), Failure> {
+    let (mut random, mut x, mut y, mut yaw) = (StdRng::seed_from_u64(1), 0.0, 0.0, 0.0);
+    let (began, pace) = (
+        SystemTime::now().duration_since(UNIX_EPOCH)?,
+        Instant::now(),
+    );
+    let circle_s = TAU * WHEELBASE_M / TURN_RAD.tan() / SPEED_MPS;
+    let (steering_noise, speed_noise) = (Normal::new(0.0, 0.002)?, Normal::new(0.0, 0.005)?);
+    for tick in 0..ticks {
+        let time_s = f64::from(tick) / 100.0;
+        let is_left = time_s % (2.0 * circle_s) < circle_s;
+        let steering = if is_left { TURN_RAD } else { -TURN_RAD };
+        let turn = SPEED_MPS * steering.tan() / WHEELBASE_M * 0.01;
+        x += SPEED_MPS * 0.01 * f64::cos(yaw + turn / 2.0);
+        y += SPEED_MPS * 0.01 * f64::sin(yaw + turn / 2.0);
+        yaw += turn;
+        let stamp = began + Duration::from_millis(10) * tick;
+        let measured = json!({
+            "steering_angle": steering + STEERING_OFFSET_RAD + steering_noise.sample(&mut random),
+            "speed": SPEED_MPS + speed_noise.sample(&mut random),
+        });
+        put(drives, stamp, json!({ "drive": measured }))?;
+        if tick % 10 == 0 {
+            let step = TAU / BEAMS as f64;
+            let scan = json!({
+                "angle_min": -PI, "angle_max": PI - step, "angle_increment": step,
+                "time_increment": 0.0, "range_min": 0.05, "range_max": 30.0,
+                "ranges": ranges(&mut random, (x, y, yaw))?,
+            });
+            put(scans, stamp, scan)?;
+        }
+        let due = Duration::from_secs_f64(time_s / speedup);
+        std::thread::sleep(due.saturating_sub(pace.elapsed()));
+    }
+    Ok(())
+}
+
+fn main() -> Result<(), Failure> {
+    let mut given = std::env::args().skip(1);
+    let mut next = |default: &str| given.next().unwrap_or_else(|| default.to_owned());
+    let (endpoint, robot) = (next("tcp/127.0.0.1:7447"), next("tugger_01"));
+    let (seconds, speedup): (u32, f64) = (next("120").parse()?, next("1").parse()?);
+    let config = json!({ "mode": "client", "connect": { "endpoints": [endpoint] } });
+    let session = zenoh::open(Config::from_json5(&config.to_string())?).wait()?;
+    let declare = |stream| {
+        let publisher = session.declare_publisher(format!("fleet/{robot}/{stream}"));
+        publisher.encoding(Encoding::APPLICATION_JSON).wait()
+    };
+    let alive = format!("fleet/@alive/{robot}");
+    let token = session.liveliness().declare_token(alive).wait()?;
+    drive(
+        &declare("drive")?,
+        &declare("scan")?,
+        100 * seconds,
+        speedup,
+    )?;
+    token.undeclare().wait()?;
+    session.close().wait()
+}

@@ -1,0 +1,164 @@
+//! `fleetcal acl generate`: a router's configuration in which each robot has its own keys alone.
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand, ValueEnum};
+use fleetcal_proto::{KeyRoot, Keys, RobotId};
+
+use crate::command::CommandError;
+use crate::command::output::print_text;
+use crate::config::Config;
+use crate::link::{Identity, RouterCertificate, StrictRouter};
+
+/// What the printed configuration is for.
+const LONG_HELP: &str = "\
+Prints a native Zenoh configuration of a router: deny by default, and for each robot what it sends, \
+asks for and hears, on its own keys alone. A robot is known by the name it connects under, which is \
+its id: the common name of its certificate, or its user.
+
+  the service's own router   fleetcal acl generate ... > router.json5; fleetcal serve -c router.json5
+  a router before it         fleetcal acl generate --service fleetcal ... > router.json5; \
+zenohd -c router.json5
+
+Zenoh reads the list when the router starts: for one more robot, generate it again and restart.";
+
+/// What `fleetcal acl` takes.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// What to do.
+    #[command(subcommand)]
+    pub action: Action,
+}
+
+/// What can be done about access lists.
+#[derive(Debug, Subcommand)]
+pub enum Action {
+    /// Prints a router's configuration with an access list per robot
+    Generate(GenerateArguments),
+}
+
+/// How a router knows who connects.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum IdentityName {
+    /// By the common name of its certificate (mTLS).
+    Certificate,
+    /// By user and password.
+    User,
+}
+
+/// What `fleetcal acl generate` takes.
+#[derive(Debug, Args)]
+#[command(after_long_help = LONG_HELP)]
+pub struct GenerateArguments {
+    /// A robot; may be repeated
+    #[arg(long, value_name = "ID", value_parser = RobotId::parse)]
+    pub robot: Vec<RobotId>,
+    /// A `fleetcal.toml`: its robots too, and its root
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// How those who connect are known
+    #[arg(long, value_enum, default_value = "certificate")]
+    pub identity: IdentityName,
+    /// The router's certificate, PEM
+    #[arg(long, value_name = "FILE", requires = "tls_key")]
+    pub tls_certificate: Option<PathBuf>,
+    /// The key of the router's certificate, PEM
+    #[arg(long, value_name = "FILE", requires = "tls_certificate")]
+    pub tls_key: Option<PathBuf>,
+    /// Who has signed the certificates of robots and service, PEM
+    #[arg(long, value_name = "FILE", requires = "tls_certificate")]
+    pub tls_ca: Option<PathBuf>,
+    /// The file with the passwords, `user:password` in each line
+    #[arg(long, value_name = "FILE", conflicts_with = "tls_ca")]
+    pub passwords: Option<PathBuf>,
+    /// Of a router before the service: the name that the service connects under
+    #[arg(long, value_name = "NAME", value_parser = RobotId::parse)]
+    pub service: Option<RobotId>,
+    /// A further key expression that each robot may put to, with {robot} for its id, such as
+    /// `*/{robot}/scan/**`; may be repeated
+    #[arg(long, value_name = "KEYEXPR")]
+    pub stream: Vec<String>,
+    /// Where the router listens; may be repeated [default: tls/0.0.0.0:7447, without certificate
+    /// tcp/0.0.0.0:7447]
+    #[arg(short = 'l', long, value_name = "ENDPOINT")]
+    pub listen: Vec<String>,
+    /// First chunk of every key [default: fleet, or what --config says]
+    #[arg(long, value_name = "CHUNK", value_parser = KeyRoot::parse)]
+    pub root: Option<KeyRoot>,
+}
+
+/// Prints the configuration.
+///
+/// # Errors
+/// When no robot is named, a stream is every robot's, or the configuration is refused.
+pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
+    let Action::Generate(arguments) = &arguments.action;
+    let router = router(arguments)?;
+    let names: Vec<&str> = router.robots.iter().map(RobotId::as_str).collect();
+    print_text(&format!(
+        "// A Zenoh router that lets each of these robots use its own keys alone: {}.\n\
+         // Made by `fleetcal acl generate`; read when the router starts.\n{:#}\n",
+        names.join(", "),
+        router.configuration(),
+    ))
+}
+
+fn router(arguments: &GenerateArguments) -> Result<StrictRouter, CommandError> {
+    let file = arguments.config.as_deref().map(Config::read).transpose()?;
+    let file = file.unwrap_or_default();
+    let configured = file.robots.iter().map(|entry| entry.id.clone());
+    let robots: BTreeSet<RobotId> = arguments.robot.iter().cloned().chain(configured).collect();
+    if robots.is_empty() {
+        return Err(CommandError::NoRobots);
+    }
+    if let Some(service) = &arguments.service
+        && robots.contains(service)
+    {
+        return Err(CommandError::ServiceIsRobot(service.clone()));
+    }
+    let everybodys = |stream: &&String| !stream.contains("{robot}");
+    if let Some(stream) = arguments.stream.iter().find(everybodys) {
+        return Err(CommandError::StreamOfAll(stream.clone()));
+    }
+    let certificate = match (&arguments.tls_certificate, &arguments.tls_key) {
+        (Some(certificate), Some(key)) => Some(RouterCertificate {
+            certificate: certificate.clone(),
+            key: key.clone(),
+            ca: arguments.tls_ca.clone(),
+        }),
+        _ => None,
+    };
+    let listen = match (arguments.listen.as_slice(), &certificate) {
+        ([], Some(_)) => vec!["tls/0.0.0.0:7447".to_owned()],
+        ([], None) => vec!["tcp/0.0.0.0:7447".to_owned()],
+        (given, _) => given.to_vec(),
+    };
+    Ok(StrictRouter {
+        keys: Keys::new(arguments.root.clone().unwrap_or(file.root)),
+        robots,
+        service: arguments.service.as_ref().map(RobotId::to_string),
+        streams: arguments.stream.clone(),
+        identity: identity(arguments)?,
+        certificate,
+        listen,
+    })
+}
+
+/// How those who connect are known, once everything is there that it takes.
+fn identity(arguments: &GenerateArguments) -> Result<Identity, CommandError> {
+    match (arguments.identity, &arguments.passwords, &arguments.tls_ca) {
+        (IdentityName::Certificate, None, Some(_)) => Ok(Identity::Certificate),
+        (IdentityName::User, Some(passwords), _) => Ok(Identity::User {
+            passwords: passwords.clone(),
+        }),
+        (IdentityName::Certificate, ..) => Err(CommandError::Identity {
+            identity: "certificate",
+            needs: "--tls-certificate, --tls-key and --tls-ca, and no --passwords",
+        }),
+        (IdentityName::User, ..) => Err(CommandError::Identity {
+            identity: "user",
+            needs: "--passwords",
+        }),
+    }
+}

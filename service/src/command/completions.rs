@@ -1,0 +1,30 @@
+//! `fleetcal completions`: what a shell needs to complete the command's flags.
+
+use clap::{Args, CommandFactory};
+use clap_complete::Shell;
+
+use crate::command::output::print_text;
+use crate::command::{Cli, CommandError};
+
+/// What `fleetcal completions` takes.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// For which shell
+    #[arg(value_enum)]
+    pub shell: Shell,
+}
+
+/// Prints the script.
+///
+/// # Errors
+/// When the standard output cannot be written.
+pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
+    let mut script = Vec::new();
+    clap_complete::generate(
+        arguments.shell,
+        &mut Cli::command(),
+        "fleetcal",
+        &mut script,
+    );
+    print_text(&String::from_utf8_lossy(&script))
+}

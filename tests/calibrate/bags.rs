@@ -1,0 +1,79 @@
+//! Recordings in every form that `rosbag2` writes them: the same messages give the same numbers.
+
+use std::env;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use fleetcal_tests::{binary, recording};
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// Seconds that the robot drives.
+const DURATION_S: f64 = 10.0;
+
+/// The report without what depends on the machine.
+fn calibrated(recording: &Path) -> Value {
+    let recording = recording.to_str().unwrap();
+    let mut report = binary::run_json(["calibrate", recording, "--wheelbase", "1.2", "--json"]);
+    report.as_object_mut().unwrap().remove("timing");
+    report
+}
+
+/// Writes a recording anew with an independent implementation of `rosbag2`.
+fn converted(python: &Path, from: &Path, to: PathBuf, flags: [&str; 3]) -> PathBuf {
+    let [storage, compression, mode] = flags;
+    let output = Command::new(python.with_file_name("rosbags-convert"))
+        .arg("--src")
+        .arg(from)
+        .arg("--dst")
+        .arg(&to)
+        .args(["--dst-storage", storage, "--compress", compression])
+        .args(["--compress-mode", mode])
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{said}");
+    to
+}
+
+#[test]
+fn what_rosbag2_writes_gives_the_same_numbers_in_every_form() {
+    let Some(python) = env::var_os("FLEETCAL_PYTHON").filter(|path| !path.is_empty()) else {
+        eprintln!("skipped: FLEETCAL_PYTHON is not set; `make test` sets it");
+        return;
+    };
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("robot.mcap");
+    recording::simulated(&path, DURATION_S);
+    let expected = calibrated(&path);
+    for (name, flags) in [
+        ("plain", ["sqlite3", "none", "file"]),
+        ("messages", ["sqlite3", "zstd", "message"]),
+        ("packed", ["sqlite3", "zstd", "file"]),
+        ("mcap", ["mcap", "zstd", "file"]),
+    ] {
+        let to = folder.path().join(name);
+        let bag = converted(Path::new(&python), &path, to, flags);
+        assert_eq!(calibrated(&bag), expected, "{flags:?}");
+    }
+    // The file itself will do, and one that is cut off is refused in one sentence.
+    let file = folder.path().join("plain/plain.db3");
+    assert_eq!(calibrated(&file), expected);
+    let whole = fs::read(&file).unwrap();
+    let cut = folder.path().join("cut.db3");
+    fs::write(&cut, &whole[..whole.len() / 2]).unwrap();
+    let output = binary::run(["calibrate", cut.to_str().unwrap(), "--wheelbase", "1.2"]);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(65), "{said}");
+    assert!(
+        said.contains("damaged") && said.trim_end().lines().count() == 1,
+        "{said}"
+    );
+    fs::copy(&file, folder.path().join("plain/second.db3")).unwrap();
+    let several = folder.path().join("plain");
+    let output = binary::run(["calibrate", several.to_str().unwrap(), "--wheelbase", "1.2"]);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(65), "{said}");
+    assert!(said.contains("holds 2 files"), "{said}");
+}

@@ -1,0 +1,55 @@
+//! What `calibrate` writes besides its result: the page, and the session for Foxglove.
+
+use std::fs;
+
+use fleetcal_robot::recording::Recording;
+use fleetcal_tests::{binary, recording};
+use tempfile::TempDir;
+
+#[test]
+fn the_report_needs_nothing_else_and_the_session_holds_what_was_found() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("robot <b>.mcap");
+    recording::simulated(&path, 20.0);
+    let (page, session) = (
+        folder.path().join("out.html"),
+        folder.path().join("out.mcap"),
+    );
+    let [recorded, report, export] = [&path, &page, &session].map(|path| path.to_str().unwrap());
+    let flags = [
+        "--wheelbase",
+        "1.2",
+        "--json",
+        "--report",
+        report,
+        "--export",
+        export,
+    ];
+    let found = binary::run_json([["calibrate", recorded].as_slice(), &flags].concat());
+
+    let html = fs::read_to_string(&page).unwrap();
+    assert!(html.matches("<svg").count() >= 6, "figures");
+    assert!(html.contains("robot &lt;b&gt;.mcap") && !html.contains("robot <b>"));
+    for foreign in ["<script", "<link", "<img", "src=", "@import", "url("] {
+        assert!(!html.contains(foreign), "{foreign}");
+    }
+    assert!(html.contains("default-src 'none'"));
+
+    let session = Recording::open(&session).unwrap();
+    let original = Recording::open(&path).unwrap();
+    let count = |recording: &Recording, topic: &str| recording.count(&[topic]);
+    for topic in ["/tugger_01/scan", "/tugger_01/drive"] {
+        assert_eq!(count(&session, topic), count(&original, topic), "{topic}");
+    }
+    assert!(count(&session, "/tugger_01/estimate") >= 15);
+    assert!(count(&session, "/tf") > count(&session, "/tugger_01/estimate"));
+    // The last estimate in it is the one that was printed.
+    let estimates = session.messages(&["/tugger_01/estimate"]).unwrap();
+    let last = estimates.last().unwrap().unwrap();
+    let last: serde_json::Value = serde_json::from_slice(&last.payload).unwrap();
+    let sigma = |document: &serde_json::Value| document["parameters"]["lidar_x"]["sigma"].clone();
+    assert!(sigma(&last).is_f64() && sigma(&found).is_f64());
+    // What was written can be calibrated again.
+    let again = binary::run_json(["calibrate", export, "--wheelbase", "1.2", "--json"]);
+    assert_eq!(again["parameters"], found["parameters"]);
+}

@@ -1,0 +1,236 @@
+//! Access lists: the service's own, which knows shapes of keys, and the generated one, which knows
+//! who may use which.
+
+use std::fs;
+use std::net::SocketAddr;
+use std::path::Path;
+
+use fleetcal_tests::binary;
+use fleetcal_tests::service::{Service, free_port, wait_for};
+use serde_json::{Value, json};
+use tempfile::TempDir;
+use zenoh::Session;
+
+use super::certificates::Authority;
+use super::robot;
+
+/// Samples that one robot sends under another's name.
+const TRIES: u64 = 10_000;
+
+/// Two known robots.
+const KNOWN: &str = "\
+    [[robot]]\nid = \"robot_a\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n\
+    [[robot]]\nid = \"robot_b\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n";
+
+/// Writes the configuration that `fleetcal acl generate` prints, and gives where it is.
+pub fn generated(folder: &Path, flags: &[&str]) -> String {
+    let output = binary::run(["acl", "generate"].iter().chain(flags));
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    let path = folder.join("router.json5");
+    fs::write(&path, output.stdout).unwrap();
+    path.display().to_string()
+}
+
+/// Writes a password for each name; the password of a name is the name backwards.
+pub fn passwords(folder: &Path, names: &[&str]) -> String {
+    let line = |name: &&str| format!("{name}:{}\n", password(name));
+    let path = folder.join("passwords.txt");
+    fs::write(&path, names.iter().map(line).collect::<String>()).unwrap();
+    path.display().to_string()
+}
+
+pub fn password(name: &str) -> String {
+    name.chars().rev().collect()
+}
+
+pub fn received(service: &Service, id: &str) -> u64 {
+    let robot = service.try_get(&format!("/api/v1/robots/{id}"));
+    robot.map_or(0, |robot| {
+        robot["counters"]["received"].as_u64().unwrap_or_default()
+    })
+}
+
+pub fn wait_until_received(service: &Service, id: &str, samples: u64) {
+    wait_for(&format!("{samples} samples of {id}"), || {
+        (received(service, id) >= samples).then_some(())
+    });
+}
+
+/// Robot A's connection: what it sends as itself arrives, what it sends as B does not, and of what
+/// the service says it gets its own alone.
+async fn assert_a_is_a_alone(service: &Service, a: &Session, b: &Session) {
+    let as_b = robot::stream(a, "robot_b").await;
+    let heard = a.declare_subscriber("fleet/robot_b/estimate").await;
+    let heard = heard.unwrap();
+    robot::send(&as_b, TRIES).await;
+    // Behind the forged ones on the same connection: when these are in, those have been decided on.
+    robot::send(&robot::stream(a, "robot_a").await, 100).await;
+    wait_until_received(service, "robot_a", 100);
+    assert_eq!(received(service, "robot_b"), 0, "of {TRIES} forged samples");
+    robot::send(&robot::stream(b, "robot_b").await, 300).await;
+    wait_until_received(service, "robot_b", 300);
+    assert_eq!(received(service, "robot_b"), 300);
+    assert_eq!(received(service, "robot_a"), 100);
+    eprintln!("{TRIES} samples of robot A under robot B's key, 0 accepted");
+
+    assert_eq!(robot::answers(a, "fleet/robot_a/progress").await, 1);
+    assert_eq!(robot::answers(a, "fleet/robot_b/progress").await, 0);
+    assert!(
+        heard.try_recv().unwrap().is_none(),
+        "B's estimate reached A"
+    );
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn under_the_default_list_a_robot_joins_at_run_time_and_names_are_not_bound() {
+    let service = Service::start_with(KNOWN);
+    let config = robot::client(&service.endpoint(), &json!({}));
+    let session = robot::open(config).await.unwrap();
+    robot::send(&robot::stream(&session, "newcomer").await, 100).await;
+    wait_until_received(&service, "newcomer", 100);
+    service.put(
+        "/api/v1/robots/newcomer",
+        &json!({ "model": "bicycle", "wheelbase_m": 1.2 }),
+    );
+    robot::send(&robot::stream(&session, "newcomer").await, 100).await;
+    wait_until_received(&service, "newcomer", 200);
+    wait_for("samples that are worked through", || {
+        let counters = &service.robot("newcomer")["counters"];
+        (counters["processed"].as_u64()? >= 1).then_some(())
+    });
+    // What the list per robot is for: here the same session may be any robot.
+    robot::send(&robot::stream(&session, "robot_b").await, TRIES).await;
+    wait_until_received(&service, "robot_b", TRIES);
+}
+
+fn start_with_passwords(folder: &Path, zenoh: SocketAddr) -> Service {
+    let passwords = passwords(folder, &["robot_a", "robot_b"]);
+    let listen = format!("tcp/{zenoh}");
+    let flags = [
+        "--robot",
+        "robot_a",
+        "--robot",
+        "robot_b",
+        "--identity",
+        "user",
+    ];
+    let file = ["--passwords", &passwords, "--listen", &listen];
+    let config = generated(folder, &[flags.as_slice(), &file].concat());
+    Service::start_on(zenoh, KNOWN, &["-c", &config])
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn with_passwords_a_robot_is_refused_under_anothers_key_and_one_more_joins_by_a_restart() {
+    let folder = TempDir::new().unwrap();
+    let zenoh = free_port();
+    let mut service = start_with_passwords(folder.path(), zenoh);
+    let client = |name: &str, password: &str| {
+        robot::open(robot::with_password(
+            &format!("tcp/{zenoh}"),
+            name,
+            password,
+        ))
+    };
+    let a = client("robot_a", &password("robot_a")).await.unwrap();
+    let b = client("robot_b", &password("robot_b")).await.unwrap();
+    assert_a_is_a_alone(&service, &a, &b).await;
+    assert!(client("robot_a", "guessed").await.is_err());
+    assert!(client("robot_c", &password("robot_c")).await.is_err());
+
+    let listen = format!("tcp/{zenoh}");
+    let names = ["robot_a", "robot_b", "robot_c"];
+    let passwords = passwords(folder.path(), &names);
+    let robots = names.iter().flat_map(|name| ["--robot", name]);
+    let rest = [
+        "--identity",
+        "user",
+        "--passwords",
+        &passwords,
+        "-l",
+        &listen,
+    ];
+    let flags: Vec<&str> = robots.chain(rest).collect();
+    generated(folder.path(), &flags);
+    service.terminate();
+    service.restart();
+    let c = client("robot_c", &password("robot_c")).await.unwrap();
+    robot::send(&robot::stream(&c, "robot_c").await, 100).await;
+    wait_until_received(&service, "robot_c", 100);
+    robot::send(&robot::stream(&a, "robot_a").await, 100).await;
+    wait_until_received(&service, "robot_a", 100);
+}
+
+fn start_with_certificates(authority: &Authority, folder: &Path, zenoh: SocketAddr) -> Service {
+    for name in ["router", "robot_a", "robot_b", "stranger"] {
+        authority.sign(name);
+    }
+    let [certificate, key, ca] =
+        ["router.pem", "router.key.pem", "ca.pem"].map(|f| authority.path(f));
+    let listen = format!("tls/{zenoh}");
+    let flags = [
+        "--robot", "robot_a", "--robot", "robot_b", "--listen", &listen,
+    ];
+    let files = [
+        "--tls-certificate",
+        &certificate,
+        "--tls-key",
+        &key,
+        "--tls-ca",
+        &ca,
+    ];
+    let config = generated(folder, &[flags, files].concat());
+    Service::start_on(zenoh, KNOWN, &["-c", &config])
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn with_certificates_a_robot_is_refused_under_anothers_key() {
+    let folder = TempDir::new().unwrap();
+    let authority = Authority::new(folder.path());
+    let zenoh = free_port();
+    let service = start_with_certificates(&authority, folder.path(), zenoh);
+    let client = |name: Option<&str>| {
+        let transport = authority.transport(name);
+        robot::open(robot::client(&format!("tls/{zenoh}"), &transport))
+    };
+    let a = client(Some("robot_a")).await.unwrap();
+    let b = client(Some("robot_b")).await.unwrap();
+    assert_a_is_a_alone(&service, &a, &b).await;
+    assert!(client(None).await.is_err(), "without a certificate");
+    // Signed by the fleet's authority, but in no list.
+    let stranger = client(Some("stranger")).await.unwrap();
+    assert_eq!(robot::answers(&stranger, "fleet/robot_a/progress").await, 0);
+}
+
+#[test]
+fn what_makes_no_list_is_refused_in_one_sentence() {
+    let cases: [(&[&str], &str); 4] = [
+        (&["--identity", "user", "--passwords", "p.txt"], "no robot"),
+        (&["--robot", "a"], "--tls-certificate"),
+        (&["--robot", "a", "--identity", "user"], "--passwords"),
+        (
+            &[
+                "--robot",
+                "a",
+                "--identity",
+                "user",
+                "--passwords",
+                "p.txt",
+                "--stream",
+                "a/**",
+            ],
+            "{robot}",
+        ),
+    ];
+    for (flags, wanted) in cases {
+        let output = binary::run(["acl", "generate"].iter().chain(flags));
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains(wanted), "{flags:?}: {said}");
+    }
+}
+
+/// The configuration of a service that is a client of a router.
+pub fn service_client(router: &str, name: &str) -> Value {
+    robot::with_password(router, name, &password(name))
+}

@@ -1,0 +1,12 @@
+//! The service among Zenoh's own tools: native configurations, a router's access list per robot,
+//! certificates and passwords, a router before the service, and links that break.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+mod breaks;
+mod certificates;
+mod link;
+mod lists;
+mod native;
+mod robot;
+mod router;
