@@ -399,6 +399,19 @@ impl Config {
                 return Err(format!("robot {} is configured twice", robot.id));
             }
         }
+        let mut prefixes = std::collections::BTreeMap::new();
+        for robot in &config.robots {
+            let Some(prefix) = &robot.config.streams.fields().prefix else {
+                continue;
+            };
+            if let Some(other) = prefixes.insert(prefix.as_str(), &robot.id) {
+                let prefix = prefix.as_str();
+                return Err(format!(
+                    "streams.prefix of robot {} is {prefix:?}, which is that of {other} already",
+                    robot.id
+                ));
+            }
+        }
         Ok(config)
     }
 }

@@ -41,6 +41,13 @@ pub const ANNOUNCED_TOPICS_MAX: usize = 256;
 /// ROS 2 tokens that are remembered at once; further ones are left out.
 pub const ROS2_TOKENS_MAX: usize = 16_384;
 
+/// The same of one robot, which has some for each topic that it sends or takes.
+pub const ROS2_TOKENS_OF_ROBOT_MAX: usize = 1_024;
+/// Longest ROS 2 token that is read.
+pub const ROS2_TOKEN_BYTES_MAX: usize = 1_024;
+/// Places, of a prefix and a key layout, that one robot's ROS 2 topics can have at once.
+pub const ROS2_HOMES_MAX: usize = 4;
+
 /// Robots' answers that wait to be stored.
 pub const ANSWERS_MAX: usize = 1_024;
 /// Longest cross-track error of a robot, in bytes.

@@ -70,6 +70,27 @@ fn what_rosbag2_writes_gives_the_same_numbers_in_every_form() {
         said.contains("damaged") && said.trim_end().lines().count() == 1,
         "{said}"
     );
+    // A file runs nothing of its own: what looks like a table has to be one.
+    for sql in [
+        "CREATE VIEW messages AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) \
+         SELECT i AS id, 1 AS topic_id, i AS timestamp, x'00' AS data FROM n",
+        "CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, \
+         data BLOB AS (zeroblob(900000000)))",
+    ] {
+        let hostile = folder.path().join("hostile.db3");
+        let script = "import sqlite3, sys\nwith sqlite3.connect(sys.argv[1]) as db:\n \
+             db.execute('CREATE TABLE topics (id INTEGER PRIMARY KEY, name TEXT, type TEXT, \
+             serialization_format TEXT)')\n db.execute(sys.argv[2])";
+        let made = Command::new(&python)
+            .args(["-c", script, hostile.to_str().unwrap(), sql])
+            .status();
+        assert!(made.unwrap().success());
+        let output = binary::run(["calibrate", hostile.to_str().unwrap(), "--wheelbase", "1.2"]);
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(65), "{said}");
+        assert!(said.contains("rosbag2"), "{said}");
+        fs::remove_file(&hostile).unwrap();
+    }
     fs::copy(&file, folder.path().join("plain/second.db3")).unwrap();
     let several = folder.path().join("plain");
     let output = binary::run(["calibrate", several.to_str().unwrap(), "--wheelbase", "1.2"]);

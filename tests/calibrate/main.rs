@@ -4,7 +4,6 @@
 
 mod bags;
 mod known_map;
-mod repeatability;
 mod written;
 
 use std::fs;

@@ -18,12 +18,24 @@ use super::storage::ZSTD_MAGIC;
 use super::{CHANNELS_MAX, Channel, RECORD_BYTES_MAX, RecordingError, normalised_type};
 
 /// Messages that are read ahead.
-const READ_AHEAD_MAX: usize = 64;
+const READ_AHEAD_MAX: usize = 8;
+/// Rows that SQLite's thread reads ahead.
+const ROWS_AHEAD_MAX: usize = 4;
 
-const TOPICS: &str = "SELECT name, type, serialization_format, \
-     (SELECT COUNT(*) FROM messages WHERE topic_id = topics.id) AS count FROM topics ORDER BY name";
+/// Real tables alone: a view of the file's own could run for ever. No file can hide this table.
+const TABLES: &str = "SELECT COUNT(*) FROM sqlite_schema WHERE type = 'table' AND rootpage > 0 \
+     AND name IN ('topics', 'messages')";
+/// Columns that the file computes; `rosbag2` has none.
+const COMPUTED: &str = "SELECT (SELECT COUNT(*) FROM pragma_table_xinfo('messages') WHERE hidden <> 0) \
+     + (SELECT COUNT(*) FROM pragma_table_xinfo('topics') WHERE hidden <> 0)";
+/// At most one more than [`CHANNELS_MAX`].
+const TOPICS: &str = "SELECT name, type, serialization_format, coalesce(n, 0) AS count FROM topics \
+     LEFT JOIN (SELECT topic_id, COUNT(*) AS n FROM messages GROUP BY topic_id) \
+     ON topic_id = topics.id ORDER BY name LIMIT ?";
 const TIMES: &str = "SELECT MIN(timestamp), MAX(timestamp) FROM messages";
-const MESSAGES: &str = "SELECT timestamp, name, data FROM messages \
+/// What is larger than [`RECORD_BYTES_MAX`] comes as NULL, which is refused.
+const MESSAGES: &str = "SELECT timestamp, name, iif(length(data) <= ?, data, NULL) AS data \
+     FROM messages \
      JOIN topics ON topics.id = topic_id \
      WHERE name IN (SELECT value FROM json_each(?)) ORDER BY timestamp, messages.id";
 
@@ -32,6 +44,18 @@ pub(super) fn read_through(path: &Path) -> Result<Found, RecordingError> {
     let refused = |error: sqlx::Error| refused(path, &error);
     on_runtime(path, async {
         let mut connection = open(path).await.map_err(refused)?;
+        let tables: i64 = sqlx::query_scalar(TABLES)
+            .fetch_one(&mut connection)
+            .await
+            .map_err(refused)?;
+        let computed: i64 = sqlx::query_scalar(COMPUTED)
+            .fetch_one(&mut connection)
+            .await
+            .map_err(refused)?;
+        if (tables, computed) != (2, 0) {
+            let reason = "it does not have the tables topics and messages of rosbag2";
+            return Err(damaged(path, reason));
+        }
         let check: String = sqlx::query_scalar("PRAGMA quick_check(1)")
             .fetch_one(&mut connection)
             .await
@@ -39,8 +63,9 @@ pub(super) fn read_through(path: &Path) -> Result<Found, RecordingError> {
         if check != "ok" {
             return Err(damaged(path, &check));
         }
-        let topics = sqlx::query(TOPICS).fetch_all(&mut connection).await;
-        let topics = topics.map_err(refused)?;
+        let most = i64::try_from(CHANNELS_MAX).unwrap_or(i64::MAX);
+        let topics = sqlx::query(TOPICS).bind(most.saturating_add(1));
+        let topics = topics.fetch_all(&mut connection).await.map_err(refused)?;
         if topics.len() > CHANNELS_MAX {
             return Err(RecordingError::TooManyChannels {
                 path: path.to_owned(),
@@ -124,7 +149,9 @@ fn send(
         let mut connection = open(path).await.map_err(refused)?;
         let names: Vec<&str> = topics.iter().map(|topic| &**topic).collect();
         let names = serde_json::Value::from(names).to_string();
-        let mut rows = sqlx::query(MESSAGES).bind(names).fetch(&mut connection);
+        let most = i64::try_from(RECORD_BYTES_MAX).unwrap_or(i64::MAX);
+        let query = sqlx::query(MESSAGES).bind(most).bind(names);
+        let mut rows = query.fetch(&mut connection);
         while let Some(row) = rows.try_next().await.map_err(refused)? {
             let message = message(path, topics, &row)?;
             if sender.send(Ok(message)).is_err() {
@@ -182,6 +209,7 @@ async fn open(path: &Path) -> Result<SqliteConnection, sqlx::Error> {
         .filename(path)
         .read_only(true)
         .immutable(was_closed)
+        .row_buffer_size(ROWS_AHEAD_MAX)
         .connect()
         .await
 }

@@ -1,8 +1,8 @@
 //! Recordings of robots: ROS 2 messages in MCAP files, or in the SQLite databases of `rosbag2`.
 //!
-//! [`Recording::open`] reads a file once from end to end, checks every checksum and counts what is
-//! in it. A damaged or truncated file is refused there, before the first message of it went
-//! anywhere. [`choose_topics`] finds what to use of it, and [`Recording::messages`] gives the
+//! [`Recording::open`] reads a file once from end to end, checks every checksum that it has (SQLite's
+//! pages have none, so their structure) and counts what is in it. A damaged or truncated file is
+//! refused there, before the first message of it went anywhere. [`choose_topics`] finds what to use of it, and [`Recording::messages`] gives the
 //! messages in the order in which they were logged.
 
 mod bag;
@@ -93,6 +93,11 @@ impl Recording {
             end_ns: found.end_ns,
             disorder_ns: found.disorder_ns,
         })
+    }
+
+    /// The file of messages in it: another one where the recording is a folder, or packed.
+    pub fn file(&self) -> &Path {
+        self.storage.path()
     }
 
     /// The file.

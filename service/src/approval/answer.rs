@@ -2,7 +2,7 @@
 
 use fleetcal_proto::calibration::{Applied, AppliedStatus};
 
-use super::ask::within_limits;
+use super::ask::believable;
 use super::command::Refused;
 use super::deployment::{Deployment, DeploymentEvent, DeploymentState, GenerationRef};
 use super::draft::Draft;
@@ -16,7 +16,7 @@ pub(super) const GENERATIONS_AHEAD_MAX: u64 = 1_000;
 impl Draft<'_> {
     pub(super) fn acknowledge(&mut self, applied: &Applied) -> Result<(), Refused> {
         if let Some(values) = &applied.values {
-            within_limits(values, self.standing.policy)?;
+            believable(values)?;
         }
         if applied.generation > self.outcome.ledger.shadow.generation_last {
             return self.heard_of_later(applied);

@@ -10,6 +10,9 @@ use super::revision::{Evidence, Origin};
 use super::values::{difference, differs_beside, exceeds};
 use crate::access::Authentication;
 
+/// Farthest from the rear axle that a LiDAR is believed to sit, m.
+const BELIEVED_DISTANCE_MAX_M: f64 = 30.0;
+
 impl Draft<'_> {
     pub(super) fn propose(
         &mut self,
@@ -179,9 +182,21 @@ impl Draft<'_> {
 }
 
 /// What no robot can have is not even proposed.
-pub(super) fn within_limits(values: &CalibrationValues, policy: &Policy) -> Result<(), Refused> {
+fn within_limits(values: &CalibrationValues, policy: &Policy) -> Result<(), Refused> {
     let steering_rad = policy.steering_offset_max_deg.to_radians();
-    let distance_m = policy.lidar_distance_max_m;
+    within_bounds(values, steering_rad, policy.lidar_distance_max_m)
+}
+
+/// What no vehicle can have is not believed, whatever the policy was when it was approved.
+pub(super) fn believable(values: &CalibrationValues) -> Result<(), Refused> {
+    within_bounds(values, std::f64::consts::FRAC_PI_2, BELIEVED_DISTANCE_MAX_M)
+}
+
+fn within_bounds(
+    values: &CalibrationValues,
+    steering_rad: f64,
+    distance_m: f64,
+) -> Result<(), Refused> {
     let checks = [
         (
             "steering_offset_rad",

@@ -9,7 +9,7 @@ use fleetcal_proto::{KeyRoot, Keys, RobotId};
 use crate::command::CommandError;
 use crate::command::output::print_text;
 use crate::config::Config;
-use crate::link::{Identity, RouterCertificate, StrictRouter};
+use crate::link::{Identity, RouterCertificate, StrictRouter, is_robots_own};
 
 /// What the printed configuration is for.
 const LONG_HELP: &str = "\
@@ -117,7 +117,12 @@ fn router(arguments: &GenerateArguments) -> Result<StrictRouter, CommandError> {
     {
         return Err(CommandError::ServiceIsRobot(service.clone()));
     }
-    let everybodys = |stream: &&String| !stream.contains("{robot}");
+    let keys = Keys::new(arguments.root.clone().unwrap_or(file.root));
+    // A robot of the root's name would have every robot's keys by a stream that begins with it.
+    let of_root = robots
+        .iter()
+        .any(|robot| robot.as_str() == keys.root().as_str());
+    let everybodys = |stream: &&String| of_root || !is_robots_own(stream);
     if let Some(stream) = arguments.stream.iter().find(everybodys) {
         return Err(CommandError::StreamOfAll(stream.clone()));
     }
@@ -135,7 +140,7 @@ fn router(arguments: &GenerateArguments) -> Result<StrictRouter, CommandError> {
         (given, _) => given.to_vec(),
     };
     Ok(StrictRouter {
-        keys: Keys::new(arguments.root.clone().unwrap_or(file.root)),
+        keys,
         robots,
         service: arguments.service.as_ref().map(RobotId::to_string),
         streams: arguments.stream.clone(),

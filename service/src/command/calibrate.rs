@@ -78,6 +78,7 @@ pub struct Arguments {
 /// One sentence, with the exit status that goes with it.
 pub fn run(arguments: &Arguments, clock: &dyn Clock) -> Result<(), CommandError> {
     let recording = Recording::open(&arguments.recording)?;
+    spare_recording(&recording, arguments)?;
     let topics = choose_topics(
         recording.channels(),
         arguments.drive_topic.as_deref(),
@@ -112,6 +113,22 @@ pub fn run(arguments: &Arguments, clock: &dyn Clock) -> Result<(), CommandError>
     } else {
         print_text(&table(&report))
     }
+}
+
+/// No result is written over what it is calculated from.
+fn spare_recording(recording: &Recording, arguments: &Arguments) -> Result<(), CommandError> {
+    let outputs = [&arguments.export, &arguments.trajectory, &arguments.report];
+    let originals = [recording.path(), recording.file()];
+    let is_original = |there: &PathBuf| {
+        let mut originals = originals.iter().filter_map(|path| path.canonicalize().ok());
+        originals.any(|original| original == *there)
+    };
+    for output in outputs.into_iter().flatten() {
+        if output.canonicalize().is_ok_and(|there| is_original(&there)) {
+            return Err(CommandError::OverRecording(output.clone()));
+        }
+    }
+    Ok(())
 }
 
 /// The vehicle: the flags first, then the robot's entry in the file.

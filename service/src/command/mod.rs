@@ -170,6 +170,9 @@ pub enum CommandError {
         /// What the system says.
         source: std::io::Error,
     },
+    /// A result would take the recording's place.
+    #[error("{} is the recording itself, accepted is another file", .0.display())]
+    OverRecording(PathBuf),
     /// A figure could not be drawn.
     #[error("cannot draw a figure: {0}")]
     Figure(String),
@@ -261,7 +264,9 @@ pub enum CommandError {
         needs: &'static str,
     },
     /// A key expression that is the same for all robots.
-    #[error("--stream is {0:?}, accepted is a key expression with {{robot}} for the robot's id")]
+    #[error(
+        "--stream is {0:?}, accepted is a key expression in which one whole chunk is {{robot}}, for the robot's id"
+    )]
     StreamOfAll(String),
     /// A task of the command ended early.
     #[error("a task of the command ended early: {0}")]
@@ -312,6 +317,7 @@ impl CommandError {
             | Self::NoRobots
             | Self::ServiceIsRobot(_)
             | Self::StreamOfAll(_)
+            | Self::OverRecording(_)
             | Self::Identity { .. } => EXIT_USAGE,
             Self::Service(_) | Self::Fleet(_) | Self::Store(_) => EXIT_IO,
             Self::Task(_) | Self::Figure(_) | Self::Hash(_) | Self::Entropy(_) => EXIT_FAILED,

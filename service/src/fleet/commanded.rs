@@ -48,12 +48,17 @@ pub struct SteeringWatch {
 impl SteeringWatch {
     /// Takes a drive sample.
     pub fn take(&mut self, sample: &DriveSample) {
-        if sample.speed_mps().abs() < SPEED_MIN_MPS {
+        self.take_angle(sample.steering_rad(), sample.speed_mps());
+    }
+
+    /// Takes an angle as it was sent, and how fast the robot drives. One that was interpolated says
+    /// nothing about its source.
+    pub fn take_angle(&mut self, angle: f64, speed_mps: f64) {
+        if speed_mps.abs() < SPEED_MIN_MPS {
             return;
         }
         self.samples += 1;
         // A value that is sent twice, because it is sampled more slowly, says nothing new.
-        let angle = sample.steering_rad();
         let last = self.angles.last();
         if last.is_none_or(|last| (angle - last).abs() > 0.0) {
             self.angles.push(angle);

@@ -89,6 +89,8 @@ struct RobotTask {
     pairing: Pairing,
     /// What tells a measured steering angle from a commanded one.
     steering: SteeringWatch,
+    /// The latest speed of a robot whose speed and steering come apart.
+    speed_mps: f64,
     config: CalibratorConfig,
     engine: Engine,
     /// The last state that was stored, to go on from after a panic.
@@ -132,6 +134,7 @@ impl RobotTask {
             rear_axle_in_base_link,
             pairing: Pairing::default(),
             steering: SteeringWatch::default(),
+            speed_mps: 0.0,
             config,
             engine: Engine::Running(Box::new(calibrator)),
             last_good,
@@ -202,12 +205,19 @@ impl RobotTask {
             payload,
         } = message;
         match reading::read(*stream, *form, &self.settings, payload) {
-            Ok(Reading::Whole(decoded)) => self.take_decoded(decoded),
+            Ok(Reading::Whole(decoded)) => {
+                if let Event::Drive(sample) = &decoded.event {
+                    self.steering.take(sample);
+                }
+                self.take_decoded(decoded)
+            }
             Ok(Reading::Steering(angle)) => {
+                self.steering.take_angle(angle.value, self.speed_mps);
                 let samples = self.pairing.take_steering(angle);
                 self.take_paired(angle.stamp, samples)
             }
             Ok(Reading::Speed(speed)) => {
+                self.speed_mps = speed.value;
                 let samples = self.pairing.take_speed(speed);
                 self.take_paired(speed.stamp, samples)
             }
@@ -233,9 +243,6 @@ impl RobotTask {
 
     fn take_decoded(&mut self, decoded: Decoded) -> Outcome {
         let Decoded { stamp, event, note } = decoded;
-        if let Event::Drive(sample) = &event {
-            self.steering.take(sample);
-        }
         let event = match self.raw(event) {
             Ok(event) => event,
             Err(reason) => return Outcome::Refused(reason),

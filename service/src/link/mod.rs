@@ -26,7 +26,7 @@ use crate::limits;
 use crate::streams::Ros2Settings;
 use ros2::{Ros2Link, RouteTable};
 
-pub use strict::{Identity, RouterCertificate, StrictRouter};
+pub use strict::{Identity, RouterCertificate, StrictRouter, is_robots_own};
 
 /// What the link is made with.
 #[derive(Debug, Clone, Default)]

@@ -73,6 +73,19 @@ fn native(path: &Path, setup: &LinkSetup) -> Result<Config, LinkError> {
             set(&mut config, key, &serde_json::json!(endpoints))?;
         }
     }
+    let is_listed = config
+        .get_json("access_control/enabled")
+        .is_ok_and(|enabled| enabled == "true");
+    let listens = config
+        .get_json("listen/endpoints")
+        .is_ok_and(|endpoints| endpoints.contains('/'));
+    if listens && !is_listed {
+        tracing::warn!(
+            path = %path.display(),
+            "the Zenoh configuration has no access list: whoever connects reads and writes every \
+             robot's keys"
+        );
+    }
     Ok(config)
 }
 

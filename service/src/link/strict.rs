@@ -56,6 +56,16 @@ pub struct StrictRouter {
     pub listen: Vec<String>,
 }
 
+/// Whether a key expression with `{robot}` for the id has that as one whole chunk, so that no robot
+/// gets the keys of another whose id begins as its own does.
+pub fn is_robots_own(stream: &str) -> bool {
+    let (own, others): (Vec<&str>, Vec<&str>) =
+        stream.split('/').partition(|chunk| *chunk == "{robot}");
+    own.len() == 1
+        && !others.iter().any(|chunk| chunk.contains("{robot}"))
+        && zenoh::key_expr::KeyExpr::try_from(stream.replace("{robot}", "robot")).is_ok()
+}
+
 impl StrictRouter {
     /// The whole configuration as Zenoh reads it. What the list does not name is denied.
     pub fn configuration(&self) -> Value {

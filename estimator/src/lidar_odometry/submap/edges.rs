@@ -89,8 +89,6 @@ impl LineFitter {
                 across_max_m2: 0.36 * resolution2,
                 along_min_m2: 0.6 * resolution2,
                 ratio_max: 0.25,
-                // The steps of a slanting wall are no misfit.
-                noise_m2: f32::INFINITY,
                 noise_floor_m2: 0.0,
                 sightings_min: 0,
             },

@@ -45,7 +45,6 @@ impl Default for Submap {
             across_max_m2: 2.5e-3,
             along_min_m2: 1e-3,
             ratio_max: 0.2,
-            noise_m2: 4e-4,
             noise_floor_m2: 2.5e-5,
             sightings_min: 1,
         };
@@ -113,7 +112,6 @@ impl Submap {
         self.updates += 1;
         // A line may look as thick as the noise makes it, and no thicker than clutter.
         self.quality.across_max_m2 = (1.6 * range_noise_m).clamp(0.015, 0.06).powi(2);
-        self.quality.noise_m2 = range_noise_m.powi(2);
         self.quality.noise_floor_m2 = (0.7 * range_noise_m).powi(2);
         self.quality.sightings_min = self.updates.min(3) as u16;
         self.quality_alone = LineQuality {

@@ -127,8 +127,7 @@ impl WindowMoments {
         // The line's own uncertainty at the cell: that of the mean, and of the direction.
         let off_centre = (mx * ex + my * ey) * inverse_norm;
         let spread = across.max(quality.noise_floor_m2);
-        let variance = spread * inverse_n * (1.0 + off_centre * off_centre / along)
-            + MISFIT_WEIGHT * self.misfit(across, quality);
+        let variance = spread * inverse_n * (1.0 + off_centre * off_centre / along);
         let variance = if self.sightings < quality.sightings_min {
             variance + UNCONFIRMED_M2
         } else {
@@ -141,22 +140,7 @@ impl WindowMoments {
             variance,
         }
     }
-
-    /// By how much the points scatter more across their line than their noise explains, m²: some of
-    /// them belong to another surface. Corners of boxes stick out, so that lines laid across them lie
-    /// too far back, and a sweep held against those looks too small. A rolling sweep takes that for
-    /// a motion to its side, and its turns come out displaced by half a millimetre for each radian.
-    fn misfit(&self, across_m2: f32, quality: &LineQuality) -> f32 {
-        let scatter = MISFIT_SIGMAS * (2.0 / self.n).sqrt();
-        (across_m2 - quality.noise_m2 * (1.0 + scatter)).max(0.0)
-    }
 }
-
-/// A misfit adds this much to the line's variance: it is the same for all points that a cell gets
-/// while it is in sight, some 25, and does not average out as their noise does.
-const MISFIT_WEIGHT: f32 = 25.0;
-/// So many standard deviations may a variance that was counted exceed the expected one.
-const MISFIT_SIGMAS: f32 = 3.0;
 
 /// Added to a line's variance until it was seen often enough, m²: (4 cm)².
 const UNCONFIRMED_M2: f32 = 1.6e-3;
@@ -172,8 +156,6 @@ pub struct LineQuality {
     pub along_min_m2: f32,
     /// Largest ratio of the two.
     pub ratio_max: f32,
-    /// Variance across a wall that range noise alone gives, m².
-    pub noise_m2: f32,
     /// The points' noise is taken to be at least this, m².
     pub noise_floor_m2: f32,
     /// In how many map updates it must have been seen to count in full.
@@ -217,7 +199,6 @@ mod tests {
         across_max_m2: 6e-4,
         along_min_m2: 1e-3,
         ratio_max: 0.2,
-        noise_m2: 4e-4,
         noise_floor_m2: 1e-4,
         sightings_min: 1,
     };
@@ -262,22 +243,6 @@ mod tests {
                 .line(&QUALITY)
                 .exists()
         );
-    }
-
-    #[test]
-    fn a_line_around_a_corner_counts_for_less() {
-        // A wall with noise of 1 cm, and one behind whose side a few points lie.
-        let noise = |i: i32| if i % 2 == 0 { 0.01 } else { -0.01 };
-        let wall: Vec<_> = (-15..15).map(|i| (0.01 * i as f32, noise(i))).collect();
-        let corner: Vec<_> = [0.03, 0.05, 0.07, 0.09].map(|y| (0.15, y)).to_vec();
-        let quality = LineQuality {
-            noise_m2: 1e-4,
-            ..QUALITY
-        };
-        let straight = window_of(&wall).line(&quality);
-        let around = window_of(&[wall, corner].concat()).line(&quality);
-        assert!(straight.variance < 1e-5, "{straight:?}");
-        assert!(around.exists() && around.variance > 1e-3, "{around:?}");
     }
 
     #[test]

@@ -24,7 +24,7 @@ fn files_that_are_no_recording_are_refused() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("x.mcap");
     refused(&path, "No such file", 74);
-    refused(folder.path(), "directory", 74);
+    refused(folder.path(), "holds 0 files", 65);
     std::fs::write(&path, b"").unwrap();
     refused(&path, "the file is empty", 65);
     std::fs::write(&path, b"stamp,speed\n1,2\n").unwrap();

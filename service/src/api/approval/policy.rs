@@ -54,6 +54,8 @@ pub(super) async fn get_policy(
 pub(super) struct PolicyBody {
     /// The whole policy: a key left out takes its default. Null goes back to what `[approval]` in
     /// `fleetcal.toml` says.
+    #[serde(deserialize_with = "Option::deserialize")]
+    #[schema(required = true)]
     policy: Option<Policy>,
     /// Why, 1 to 1000 characters.
     #[schema(min_length = 1, max_length = 1000)]

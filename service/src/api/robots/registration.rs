@@ -14,6 +14,7 @@ use crate::api::problem::Problem;
 use crate::config::RobotConfig;
 use crate::fleet::FleetRefused;
 use crate::limits;
+use crate::streams::RobotStreams;
 
 /// Gives one robot: its state, what it sends, and its configuration. The `ETag` is the version of
 /// the configuration.
@@ -72,6 +73,7 @@ pub(super) async fn put_robot(
 ) -> Result<Response, Problem> {
     let expected = expected(&headers)?;
     check_room(&api, &id)?;
+    check_prefix(&api, &id, &config)?;
     let version = api.store.save_robot(&id, &config, expected).await?;
     api.fleet.configure(&id, config)?;
     let status = if version == 1 {
@@ -92,6 +94,27 @@ fn check_room(api: &ApiState, id: &RobotId) -> Result<(), Problem> {
         return Err(FleetRefused::RobotsMax.into());
     }
     Ok(())
+}
+
+/// Refuses a prefix that is another robot's: its messages would be taken for this one's.
+fn check_prefix(api: &ApiState, id: &RobotId, config: &RobotConfig) -> Result<(), Problem> {
+    let Some(prefix) = &config.streams.fields().prefix else {
+        return Ok(());
+    };
+    let has_it = |streams: &RobotStreams| streams.fields().prefix.as_ref() == Some(prefix);
+    let streams = api.fleet.streams();
+    let mut others = streams.iter().filter(|(other, _)| *other != id);
+    match others.find(|(_, streams)| has_it(streams)) {
+        None => Ok(()),
+        Some((other, _)) => {
+            let accepted = format!("one that no other robot has; this is that of {other}");
+            Err(Problem::refused(
+                "streams.prefix",
+                prefix.as_str(),
+                &accepted,
+            ))
+        }
+    }
 }
 
 async fn answer(api: &ApiState, id: &RobotId, status: StatusCode) -> Result<Response, Problem> {

@@ -26,7 +26,7 @@ const TYPE_HASH: &str = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db12880217435
 const HISTORY: &str = "@adv";
 
 /// Where a robot's ROS 2 topics are.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Home {
     /// What stands before its topics in keys.
     pub prefix: String,
@@ -66,16 +66,19 @@ pub async fn publish(
     robot: &RobotId,
     envelope: &Envelope,
 ) -> Result<()> {
-    let Some(home) = ros2.home(robot) else {
+    if !ros2.table().settings().publish_calibration {
         return Ok(());
-    };
-    session
-        .put(home.key(), payload(envelope)?)
-        .encoding(Encoding::APPLICATION_CDR)
-        .attachment(ros2.attachment(session))
-        .congestion_control(CongestionControl::Block)
-        .priority(Priority::InteractiveHigh)
-        .await
+    }
+    for home in ros2.homes(robot) {
+        session
+            .put(home.key(), payload(envelope)?)
+            .encoding(Encoding::APPLICATION_CDR)
+            .attachment(ros2.attachment(session))
+            .congestion_control(CongestionControl::Block)
+            .priority(Priority::InteractiveHigh)
+            .await?;
+    }
+    Ok(())
 }
 
 fn payload(envelope: &Envelope) -> Result<Vec<u8>> {

@@ -42,24 +42,28 @@ pub async fn watch_tokens(session: &Session, ros2: &Ros2) -> Result<Vec<Subscrib
 
 fn take(ros2: &Ros2, sample: &Sample) {
     let token = sample.key_expr().as_str();
+    if token.len() > limits::ROS2_TOKEN_BYTES_MAX {
+        return;
+    }
     let Some(announced) = Announcement::of_token(token) else {
         return;
     };
     let stands = sample.kind() == SampleKind::Put;
-    if announced.layout == KeyLayout::BridgeRos2dds {
-        let of = MessageType::of_ros_type(&announced.type_name);
-        ros2.change_table(|table| table.announce(&announced.path, of.filter(|_| stands)));
-    }
     let mut discovery = lock(&ros2.shared.discovery);
     let table = ros2.table();
     let placed = table.place(&announced.path, announced.layout);
     let robot = placed.map(|placed| placed.robot);
     discovery.note(token, stands.then_some(announced.clone()), robot.as_ref());
+    drop(table);
+    if announced.layout == KeyLayout::BridgeRos2dds {
+        // A bridge that was restarted announces itself anew before its former token is gone.
+        let of = discovery.type_of(&announced.path, robot.as_ref());
+        ros2.change_table(|table| table.announce(&announced.path, of));
+    }
     let Some(robot) = robot else {
         return;
     };
-    let topics = discovery.topics_of(&table, &robot);
-    drop(table);
+    let topics = discovery.topics_of(&ros2.table(), &robot);
     tell(ros2, &mut discovery, &robot, topics);
 }
 
@@ -78,6 +82,8 @@ pub fn place_anew(ros2: &Ros2) {
         })
         .collect();
     drop(table);
+    let types = discovery.types();
+    ros2.change_table(|table| table.set_announced(types));
     for (robot, topics) in topics {
         let home = topics.home.clone();
         tell(ros2, &mut discovery, &robot, topics);
@@ -104,7 +110,11 @@ impl Discovery {
             }
             return;
         };
-        if self.tokens.len() >= limits::ROS2_TOKENS_MAX {
+        let of_robot = robot.and_then(|robot| self.of_robots.get(robot));
+        let is_full = |tokens: &BTreeSet<String>| {
+            tokens.len() >= limits::ROS2_TOKENS_OF_ROBOT_MAX && !tokens.contains(token)
+        };
+        if self.tokens.len() >= limits::ROS2_TOKENS_MAX || of_robot.is_some_and(is_full) {
             return;
         }
         self.tokens.insert(token.to_owned(), announced);
@@ -119,9 +129,30 @@ impl Discovery {
         for (token, announced) in &self.tokens {
             if let Some(placed) = table.place(&announced.path, announced.layout) {
                 let tokens = self.of_robots.entry(placed.robot).or_default();
-                tokens.insert(token.clone());
+                if tokens.len() < limits::ROS2_TOKENS_OF_ROBOT_MAX {
+                    tokens.insert(token.clone());
+                }
             }
         }
+    }
+
+    /// The type that the standing tokens of a robot's bridge name for a path.
+    fn type_of(&self, path: &str, robot: Option<&RobotId>) -> Option<MessageType> {
+        let tokens = self.of_robots.get(robot?)?.iter();
+        let mut standing = tokens
+            .filter_map(|token| self.tokens.get(token))
+            .filter(|one| one.layout == KeyLayout::BridgeRos2dds && one.path == path);
+        standing.find_map(|one| MessageType::of_ros_type(&one.type_name))
+    }
+
+    /// The same of all paths that are some robot's.
+    fn types(&self) -> BTreeMap<String, MessageType> {
+        let tokens = self.of_robots.values().flatten();
+        tokens
+            .filter_map(|token| self.tokens.get(token))
+            .filter(|one| one.layout == KeyLayout::BridgeRos2dds)
+            .filter_map(|one| Some((one.path.clone(), MessageType::of_ros_type(&one.type_name)?)))
+            .collect()
     }
 
     fn topics_of(&self, table: &RouteTable, robot: &RobotId) -> Topics {
@@ -170,6 +201,7 @@ fn tell(ros2: &Ros2, discovery: &mut Discovery, robot: &RobotId, topics: Topics)
     let came = before.is_empty();
     if all.is_empty() {
         discovery.told.remove(robot);
+        ros2.left(robot);
     } else {
         discovery.told.insert(robot.clone(), all.clone());
     }

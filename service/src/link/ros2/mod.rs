@@ -12,7 +12,7 @@ mod subscribe;
 
 pub use routes::RouteTable;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
 
@@ -45,7 +45,7 @@ struct Shared {
     clock: SharedClock,
     table: RwLock<RouteTable>,
     discovery: Mutex<Discovery>,
-    homes: Mutex<BTreeMap<RobotId, Home>>,
+    homes: Mutex<BTreeMap<RobotId, BTreeSet<Home>>>,
     /// Robots that came (back), which should hear what is approved.
     came: mpsc::Sender<RobotId>,
     /// Messages sent to ROS 2 robots.
@@ -72,32 +72,39 @@ impl Ros2 {
         change(&mut table.unwrap_or_else(PoisonError::into_inner));
     }
 
-    /// Where a robot's topics are, once that is known.
-    fn home(&self, robot: &RobotId) -> Option<Home> {
-        lock(&self.shared.homes).get(robot).cloned()
+    /// Where a robot's topics are, as far as that is known: one that speaks by two middlewares has
+    /// two homes.
+    fn homes(&self, robot: &RobotId) -> BTreeSet<Home> {
+        let homes = lock(&self.shared.homes);
+        homes.get(robot).cloned().unwrap_or_default()
     }
 
-    /// Notes where a robot's topics are; one that was elsewhere, or nowhere, hears what is approved.
+    /// Forgets where a robot's topics were, since it announces none any more.
+    fn left(&self, robot: &RobotId) {
+        lock(&self.shared.homes).remove(robot);
+    }
+
+    /// Notes where a robot's topics are; one that was not there before hears what is approved.
     fn seen_at(&self, robot: &RobotId, prefix: &str, layout: KeyLayout) {
         if self.moved(robot, prefix, layout) {
             self.came(robot);
         }
     }
 
-    /// Notes where a robot's topics are; whether that is another place than before.
+    /// Notes where a robot's topics are; whether that is a new place.
     fn moved(&self, robot: &RobotId, prefix: &str, layout: KeyLayout) -> bool {
         if !self.table().knows(robot) {
             // Nothing is approved for a robot that nobody has registered.
             return false;
         }
         let mut homes = lock(&self.shared.homes);
+        let of_robot = homes.entry(robot.clone()).or_default();
         let is_there = |home: &Home| home.prefix == prefix && home.layout == layout;
-        if homes.get(robot).is_some_and(is_there) {
+        if of_robot.iter().any(is_there) || of_robot.len() >= limits::ROS2_HOMES_MAX {
             return false;
         }
         let prefix = prefix.to_owned();
-        homes.insert(robot.clone(), Home { prefix, layout });
-        true
+        of_robot.insert(Home { prefix, layout })
     }
 
     /// Lets a robot that came hear what is approved. It never blocks; what finds the queue full is

@@ -86,6 +86,11 @@ impl RouteTable {
         }
     }
 
+    /// Takes the types of all paths that tokens of bridges announce.
+    pub fn set_announced(&mut self, types: BTreeMap<String, MessageType>) {
+        self.announced = types;
+    }
+
     /// Whether a robot is configured.
     pub fn knows(&self, robot: &RobotId) -> bool {
         self.roles.contains_key(robot)
@@ -100,14 +105,11 @@ impl RouteTable {
     pub fn route<'k>(&self, key: &'k str) -> Option<Route<'k>> {
         let key = TopicKey::parse(key);
         let matched = self.place(key.path, key.layout)?;
-        let roles = self.roles.get(&matched.robot).unwrap_or(&self.usual);
-        let role = roles
-            .iter()
-            .find(|role| role.topic.as_str() == matched.topic)?;
+        let stream = self.role(&matched)?.stream;
         let announced = || self.announced.get(key.path).copied();
         Some(Route {
             robot: matched.robot,
-            stream: role.stream,
+            stream,
             message_type: key.message_type().or_else(announced),
             prefix: matched.prefix,
             layout: key.layout,
@@ -119,23 +121,46 @@ impl RouteTable {
         if self.is_own(path) {
             return None;
         }
-        if !self.prefixes.is_empty() {
-            for (at, _) in path.match_indices('/') {
-                let (prefix, topic) = path.split_at(at);
-                if let Some(robot) = self.prefixes.get(prefix) {
-                    return Some(Matched {
-                        robot: robot.clone(),
-                        prefix,
-                        topic: topic.trim_start_matches('/'),
-                    });
-                }
-            }
-        }
         let templates = match layout {
             KeyLayout::BridgeRos2dds => &self.settings.bridge,
             KeyLayout::RmwZenoh | KeyLayout::RmwZenohWithoutHash => &self.settings.rmw_zenoh,
         };
-        templates.iter().find_map(|template| template.matched(path))
+        let by_template = templates
+            .iter()
+            .filter_map(|template| template.matched(path));
+        // One that has a prefix is found by that alone.
+        let by_template =
+            by_template.filter(|matched| !self.prefixes.values().any(|of| *of == matched.robot));
+        let mut first = None;
+        for matched in self.by_prefix(path).chain(by_template) {
+            if self.role(&matched).is_some() {
+                return Some(matched);
+            }
+            first = first.or(Some(matched));
+        }
+        first
+    }
+
+    /// Robots of whose prefixes a path begins with one, the longest first: a short one, such as a
+    /// domain, does not hide robots that have theirs below it.
+    fn by_prefix<'p>(&self, path: &'p str) -> impl Iterator<Item = Matched<'p>> {
+        path.rmatch_indices('/').filter_map(|(at, _)| {
+            let (prefix, topic) = (path.get(..at)?, path.get(at + 1..)?);
+            let robot = self.prefixes.get(prefix)?.clone();
+            Some(Matched {
+                robot,
+                prefix,
+                topic,
+            })
+        })
+    }
+
+    /// What a robot takes from a topic, if anything.
+    fn role(&self, matched: &Matched<'_>) -> Option<&TopicRole> {
+        let roles = self.roles.get(&matched.robot).unwrap_or(&self.usual);
+        roles
+            .iter()
+            .find(|role| role.topic.as_str() == matched.topic)
     }
 
     /// Key expressions of the usual topics of all robots.
@@ -282,6 +307,26 @@ mod tests {
                 .iter()
                 .any(|text| text.ends_with("tugger_01/drive"))
         );
+    }
+
+    #[test]
+    fn a_short_prefix_hides_nobody_behind_it() {
+        let table = table(&[
+            ("lone", "prefix = '0'"),
+            ("site_cart", "prefix = '0/site/b'"),
+            ("tugger_01", ""),
+        ]);
+        for (key, robot) in [
+            (format!("0/scan/{SCAN}/RIHS01_64c1"), "lone"),
+            (format!("0/tugger_01/scan/{SCAN}/RIHS01_64c1"), "tugger_01"),
+            (format!("0/stranger/scan/{SCAN}/RIHS01_64c1"), "stranger"),
+            (format!("0/site/b/scan/{SCAN}/RIHS01_64c1"), "site_cart"),
+        ] {
+            let wanted = Some((robot.to_owned(), Stream::Scan));
+            assert_eq!(routed(&table, &key), wanted, "{key}");
+        }
+        let own = format!("0/lone/scan/{SCAN}/RIHS01_64c1");
+        assert_eq!(routed(&table, &own), None, "it has a prefix");
     }
 
     #[test]
