@@ -13,7 +13,7 @@ use tempfile::TempDir;
 use crate::{binary, http};
 
 /// Longest wait for anything that a service should do.
-const WAIT_MAX: Duration = Duration::from_secs(30);
+const WAIT_MAX: Duration = Duration::from_secs(90);
 /// Pause between two looks.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
