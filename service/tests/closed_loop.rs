@@ -28,7 +28,7 @@ const OFFSETS_DEG: [f64; 2] = [2.92, -1.25];
 /// What is left after the push must be below this, degrees.
 const RESIDUAL_MAX_DEG: f64 = 0.1;
 /// How long the whole may take.
-const PATIENCE: Duration = Duration::from_secs(240);
+const PATIENCE: Duration = Duration::from_secs(200);
 
 fn free_port() -> u16 {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
