@@ -11,7 +11,7 @@ use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
-use crate::access::SetupCode;
+use crate::access::{Actor, SetupCode};
 use crate::api::{self, AccessSetup, ApiSetup};
 use crate::clerk::{Clerk, ClerkSetup};
 use crate::clock::SharedClock;
@@ -274,7 +274,7 @@ async fn start_fleet(
     for entry in &config.robots {
         if robots.get(&entry.id) != Some(&entry.config) {
             store
-                .save_robot(&entry.id, &entry.config, Expected::Any)
+                .save_robot(&entry.id, &entry.config, Expected::Any, Actor::service())
                 .await?;
             robots.insert(entry.id.clone(), entry.config.clone());
         }

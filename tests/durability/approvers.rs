@@ -37,7 +37,7 @@ async fn decide(
         robot: robot.clone(),
         command,
         actor: person(by),
-        policy: Arc::new(Policy::default()),
+        given_policy: Arc::new(Policy::default()),
         key: Arc::new(SigningKey::from_bytes(&[7; 32])),
         now_ns: 1_763_700_000_000_000_000,
         idempotency: None,

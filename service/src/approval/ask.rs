@@ -121,11 +121,12 @@ impl Draft<'_> {
         }
     }
 
-    /// How many have to agree to a proposal now: the robot may use something else by now than
-    /// when it was made, so that the change is a larger one.
+    /// How many have to agree to a proposal now: the rules may have changed since it was made, and
+    /// what the robot uses, so that the change is a larger one.
     fn approvers_needed_now(&self, proposal: &Proposal) -> u32 {
         let ledger = &self.outcome.ledger;
-        let base = ledger.shadow.in_use.as_ref().map(|in_use| in_use.values);
+        let in_use = ledger.shadow.in_use.as_ref().map(|in_use| in_use.values);
+        let base = in_use.or(proposal.base);
         let proposed = ledger.revisions.get(&proposal.revision);
         let now = proposed.map_or(1, |to| self.approvers_needed(base.as_ref(), &to.values));
         proposal.approvals_needed.max(now)

@@ -221,7 +221,7 @@ impl Clerk {
             robot: robot.clone(),
             command,
             actor,
-            policy: self.policy(),
+            given_policy: self.given_policy(),
             key: Arc::clone(&self.inner.key),
             now_ns: self.inner.clock.now_ns(),
             idempotency,

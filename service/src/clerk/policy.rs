@@ -39,6 +39,11 @@ impl Clerk {
             .map_or_else(|| Arc::clone(&rules.given), Arc::new)
     }
 
+    /// What the configuration file says, whatever was set since.
+    pub(super) fn given_policy(&self) -> Arc<Policy> {
+        Arc::clone(&self.inner.rules.given)
+    }
+
     /// What was set over the API, and by whom.
     pub fn stored_policy(&self) -> StoredPolicy {
         self.inner.rules.stored()

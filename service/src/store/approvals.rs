@@ -27,8 +27,8 @@ pub struct Decision {
     pub command: approval::Command,
     /// Who asks.
     pub actor: Actor,
-    /// The rules.
-    pub policy: Arc<Policy>,
+    /// The rules of the configuration file, which count where none were set.
+    pub given_policy: Arc<Policy>,
     /// What documents are signed with.
     pub key: Arc<SigningKey>,
     /// Wall time.

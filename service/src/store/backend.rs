@@ -19,6 +19,7 @@ use super::record::{
     IdempotencyKey, NewEvent, RobotRecord,
 };
 use super::webhooks::{DueDelivery, WebhookWrite, WebhookWritten};
+use crate::access::Actor;
 use crate::alert::Alert;
 use crate::approval::{Deployment, Parcel, Proposal, Revision, RobotLedger};
 use crate::config::RobotConfig;
@@ -33,6 +34,8 @@ pub struct RobotWrite {
     pub config: RobotConfig,
     /// What must be there now.
     pub expected: Expected,
+    /// Who.
+    pub actor: Actor,
     /// Wall time.
     pub now_ns: i64,
 }
@@ -59,6 +62,8 @@ pub struct EventWrite {
     pub event: NewEvent,
     /// What makes it recognisable when it comes again.
     pub repetition: Repetition,
+    /// The person or tool that noted it over the API, for the audit.
+    pub noted_by: Option<Actor>,
 }
 
 /// Rows older than these are deleted, a limited number of each kind at a time.

@@ -55,6 +55,7 @@ pub use webhooks::{
     AttemptWrite, CreateWrite, DeleteWrite, DueDelivery, WebhookWrite, WebhookWritten,
 };
 
+use crate::access::Actor;
 use crate::clock::SharedClock;
 use crate::config::RobotConfig;
 use crate::limits;
@@ -171,10 +172,15 @@ impl Store {
 
     /// Keeps an event. Never waits; what cannot be queued is counted.
     fn offer_event(&self, event: NewEvent, repetition: Repetition) {
-        self.offer(Command::Event(EventWrite { event, repetition }, None));
+        let write = EventWrite {
+            event,
+            repetition,
+            noted_by: None,
+        };
+        self.offer(Command::Event(write, None));
     }
 
-    /// Keeps an event and waits until it is committed. With a key, a request that was answered
+    /// Keeps an event that somebody notes and waits until it is committed. With a key, a request that was answered
     /// before is answered with the same event again.
     ///
     /// # Errors
@@ -183,11 +189,15 @@ impl Store {
     pub async fn record_event(
         &self,
         event: NewEvent,
+        noted_by: Actor,
         key: Option<IdempotencyKey>,
     ) -> Result<EventRecord, StoreError> {
-        let repetition = key.map_or(Repetition::Never, Repetition::Key);
-        self.ask(|reply| Command::Event(EventWrite { event, repetition }, Some(reply)))
-            .await
+        let write = EventWrite {
+            event,
+            repetition: key.map_or(Repetition::Never, Repetition::Key),
+            noted_by: Some(noted_by),
+        };
+        self.ask(|reply| Command::Event(write, Some(reply))).await
     }
 
     /// Keeps a robot's configuration; gives its new version.
@@ -200,6 +210,7 @@ impl Store {
         robot: &RobotId,
         config: &RobotConfig,
         expected: Expected,
+        actor: Actor,
     ) -> Result<u64, StoreError> {
         let now_ns = self.shared.clock.now_ns();
         let (robot, config) = (robot.clone(), config.clone());
@@ -207,6 +218,7 @@ impl Store {
             robot,
             config,
             expected,
+            actor,
             now_ns,
         };
         self.ask(|reply| Command::Robot(Box::new(write), reply))

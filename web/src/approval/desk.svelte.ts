@@ -31,11 +31,10 @@ class Desk {
   /** Starts reading; returns how to stop. */
   run(): () => void {
     void this.load();
-    void this.policy.load();
-    const stop = this.hold.run(REREAD_EVERY_MS);
+    const stops = [this.hold.run(REREAD_EVERY_MS), this.policy.run(REREAD_EVERY_MS)];
     const timer = setInterval(() => void this.load(), REREAD_EVERY_MS);
     return () => {
-      stop();
+      for (const stop of stops) stop();
       clearInterval(timer);
       clearTimeout(this.#gathering);
     };

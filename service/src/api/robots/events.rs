@@ -181,11 +181,11 @@ pub(super) async fn post_event(
         stamp_ns,
         received_ns: api.clock.now_ns(),
         source: EventSource::Person,
-        author: Some(caller.actor.name),
+        author: Some(caller.actor.name.clone()),
         note: Some(note.note.clone()).filter(|note| !note.is_empty()),
         details: None,
     };
-    let record = api.store.record_event(event, key).await?;
+    let record = api.store.record_event(event, caller.actor, key).await?;
     if !record.repeated
         && let Err(refused) = api.fleet.note(&id, &note)
     {

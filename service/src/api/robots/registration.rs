@@ -7,13 +7,16 @@ use fleetcal_proto::RobotId;
 
 use super::config::RobotConfigSchema;
 use super::document::RobotDocument;
+use crate::access::Actor;
 use crate::api::ApiState;
+use crate::api::access::Caller;
 use crate::api::etag::{expected, versioned_json};
 use crate::api::extract::{Body, NoParameters, Parameters, RobotPath};
 use crate::api::problem::Problem;
 use crate::config::RobotConfig;
 use crate::fleet::FleetRefused;
 use crate::limits;
+use crate::store::Expected;
 use crate::streams::RobotStreams;
 
 /// Gives one robot: its state, what it sends, and its configuration. The `ETag` is the version of
@@ -68,20 +71,41 @@ pub(super) async fn put_robot(
     State(api): State<ApiState>,
     RobotPath(id): RobotPath,
     Parameters(NoParameters {}): Parameters<NoParameters>,
+    caller: Caller,
     headers: HeaderMap,
     Body { value: config, .. }: Body<RobotConfig>,
 ) -> Result<Response, Problem> {
     let expected = expected(&headers)?;
     check_room(&api, &id)?;
     check_prefix(&api, &id, &config)?;
-    let version = api.store.save_robot(&id, &config, expected).await?;
-    api.fleet.configure(&id, config)?;
+    // A task of its own: what is stored reaches the fleet, even if the client goes away meanwhile.
+    let registered = tokio::spawn(register(
+        api.clone(),
+        id.clone(),
+        config,
+        expected,
+        caller.actor,
+    ));
+    let version = registered.await.map_err(|_| Problem::panicked())??;
     let status = if version == 1 {
         StatusCode::CREATED
     } else {
         StatusCode::OK
     };
     answer(&api, &id, status).await
+}
+
+/// Stores the configuration and gives it to the fleet; gives its version.
+async fn register(
+    api: ApiState,
+    id: RobotId,
+    config: RobotConfig,
+    expected: Expected,
+    actor: Actor,
+) -> Result<u64, Problem> {
+    let version = api.store.save_robot(&id, &config, expected, actor).await?;
+    api.fleet.configure(&id, config)?;
+    Ok(version)
 }
 
 /// Refuses a robot that the fleet would have no room for, before it is stored.

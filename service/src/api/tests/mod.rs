@@ -79,7 +79,7 @@ async fn bench(robots: &[&str]) -> Bench {
     let store = Store::open(folder.path(), clock.clone()).await.unwrap();
     for name in robots {
         store
-            .save_robot(&robot(name), &config(), Expected::Absent)
+            .save_robot(&robot(name), &config(), Expected::Absent, Actor::service())
             .await
             .unwrap();
     }

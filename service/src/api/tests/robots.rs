@@ -397,6 +397,54 @@ async fn a_note_is_kept_once_and_listed() {
         uri = format!("/api/v1/robots/a/events?limit=1&cursor={next}");
     }
     assert_eq!((notes.len(), notes.last()), (3, Some(&first.json())));
+    let audit = bench.get("/api/v1/audit?action=event.note").await.json();
+    let rows = audit["items"].as_array().unwrap();
+    assert_eq!(rows.len(), 3, "a repeated request is noted once");
+    let row = &rows[2];
+    assert_eq!(
+        (&row["actor"], &row["robot"], &row["reason"]),
+        (&json!("tester"), &json!("a"), &json!("new LiDAR bracket"))
+    );
+    assert_eq!(row["after"]["kind"], "reassembled");
+}
+
+#[tokio::test]
+async fn who_registered_and_configured_a_robot_stands_in_the_audit() {
+    let bench = bench(&[]).await;
+    let uri = "/api/v1/robots/a";
+    let put = async |header: (&str, &str), body: &str| {
+        let headers = [header];
+        let answer = bench.send_body("PUT", uri, &headers, body.to_owned());
+        answer.await.status.as_u16()
+    };
+    assert_eq!(put(("if-none-match", "*"), CONFIG).await, 201);
+    let changed = CONFIG.replace("1.55", "1.6");
+    assert_eq!(put(("if-match", "\"1\""), &changed).await, 200);
+    assert_eq!(put(("if-match", "\"1\""), CONFIG).await, 412);
+    let audit = bench.get("/api/v1/audit?action=robot.").await.json();
+    let rows = audit["items"].as_array().unwrap();
+    let told: Vec<_> = rows
+        .iter()
+        .map(|row| {
+            assert_eq!(
+                (&row["actor"], &row["robot"]),
+                (&json!("tester"), &json!("a"))
+            );
+            let wheelbase = |side: &str| row[side]["wheelbase_m"].as_f64();
+            (
+                row["action"].as_str().unwrap(),
+                wheelbase("before"),
+                wheelbase("after"),
+            )
+        })
+        .collect();
+    assert_eq!(
+        told,
+        [
+            ("robot.configure", Some(1.55), Some(1.6)),
+            ("robot.register", None, Some(1.55)),
+        ]
+    );
 }
 
 #[tokio::test]

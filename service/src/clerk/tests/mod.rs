@@ -22,7 +22,7 @@ use crate::approval::{
 use crate::clock::{Clock, MockClock};
 use crate::config::{RobotConfig, Wheelbase};
 use crate::fleet::{FleetHandle, FleetSetup};
-use crate::store::{Decided, HoldWrite, Store, StoreError};
+use crate::store::{Decided, HoldWrite, PolicyWrite, Store, StoreError};
 
 const HOUR: Duration = Duration::from_hours(1);
 

@@ -98,6 +98,36 @@ async fn the_stop_counts_from_its_commit_on() {
 }
 
 #[tokio::test]
+async fn a_policy_counts_from_its_commit_on() {
+    let office = Office::open(Policy::default()).await;
+    office.propose(0.02, Some(values(0.0))).await;
+    // Committed, and not yet known to the one who takes the approval.
+    let careful = Policy {
+        two_approvers_beyond: Tolerance {
+            steering_offset_deg: 0.1,
+            lidar_yaw_deg: 0.1,
+            lidar_position_mm: 1.0,
+        },
+        ..Policy::default()
+    };
+    let set = PolicyWrite {
+        policy: Some(careful),
+        version: 1,
+        actor: person("ana"),
+        now_ns: office.clock.now_ns(),
+        reason: "narrow aisles".to_owned(),
+    };
+    office.store.write_policy(set).await.unwrap();
+    assert_eq!(*office.clerk.policy(), Policy::default());
+    let approval = office.approval();
+    office.take(approval, person("ana")).await.unwrap();
+    assert_eq!(office.state(), None, "one of two has approved");
+    let approval = office.approval();
+    office.take(approval, person("bruno")).await.unwrap();
+    assert_eq!(office.state(), Some(DeploymentState::Queued));
+}
+
+#[tokio::test]
 async fn the_way_back_is_not_held() {
     let office = Office::open(Policy::default()).await;
     office.approve(0.02, Some(values(0.0))).await;

@@ -7,21 +7,22 @@ use sqlx::{QueryBuilder, Sqlite};
 
 use super::audit;
 use super::read::column;
-use super::records::{LIVE, number, record, site_hold};
+use super::records::{LIVE, may_change, number, record, site_hold};
 use crate::approval::{
-    self, GenerationRef, NextIds, Outcome, Parcel, Proposal, Refused, RobotLedger, Standing,
+    self, GenerationRef, NextIds, Outcome, Parcel, Policy, Proposal, Refused, RobotLedger, Standing,
 };
 use crate::store::approvals::{Decided, Decision, HoldWrite, SiteHold};
 use crate::store::audit::AuditEntry;
 use crate::store::error::StoreError;
 
-/// Takes a decision in the transaction that the connection is in.
+/// Takes a decision by these rules in the transaction that the connection is in.
 ///
 /// # Errors
 /// [`StoreError::Refused`] and [`StoreError::KeyReused`] before anything is written.
 pub(super) async fn decide(
     connection: &mut SqliteConnection,
     decision: &Decision,
+    policy: &Policy,
 ) -> Result<Decided, StoreError> {
     if let Some(proposal) = answered(connection, decision).await? {
         return Ok(Decided::Repeated(Box::new(proposal)));
@@ -32,7 +33,7 @@ pub(super) async fn decide(
     };
     let ledger = ledger(connection, &decision.robot, answered).await?;
     let standing = Standing {
-        policy: &decision.policy,
+        policy,
         key: &decision.key,
         actor: &decision.actor,
         now_ns: decision.now_ns,
@@ -322,13 +323,7 @@ pub(super) async fn hold(
     write: &HoldWrite,
 ) -> Result<SiteHold, StoreError> {
     let before = site_hold(&mut *connection).await?;
-    if before.version != write.version {
-        let found = before.version;
-        return Err(StoreError::Refused(Refused::Stale { found }));
-    }
-    if write.reason.trim().is_empty() {
-        return Err(StoreError::Refused(Refused::ReasonMissing));
-    }
+    may_change(before.version, write.version, &write.reason)?;
     let after = SiteHold {
         version: before.version + 1,
         held: write.held,

@@ -3,7 +3,10 @@
 use sqlx::sqlite::SqliteConnection;
 use sqlx::{AssertSqlSafe, Row};
 
+use super::audit;
 use super::write::{Keys, NS_PER_S, json, key_of};
+use crate::access::Actor;
+use crate::store::audit::AuditEntry;
 use crate::store::backend::{EventWrite, Repetition};
 use crate::store::error::StoreError;
 use crate::store::record::{EventRecord, IdempotencyKey, NewEvent};
@@ -56,15 +59,37 @@ pub(super) async fn write(
         .bind(request.request_sha256.as_slice())
         .bind(id)
         .bind(event.received_ns.div_euclid(NS_PER_S))
-        .execute(connection)
+        .execute(&mut *connection)
         .await
         .map_err(failed())?;
+    }
+    if let Some(actor) = &write.noted_by {
+        audit::append(connection, &entry_of(id, event, actor)).await?;
     }
     Ok(EventRecord {
         id,
         repeated: false,
         event: event.clone(),
     })
+}
+
+fn entry_of(id: i64, event: &NewEvent, actor: &Actor) -> AuditEntry {
+    let after = serde_json::json!({
+        "kind": event.kind.as_str(),
+        "stamp_ns": event.stamp_ns,
+        "note": event.note,
+    });
+    AuditEntry {
+        at_ns: event.received_ns,
+        actor: actor.clone(),
+        action: "event.note",
+        subject: "event",
+        subject_id: id.to_string(),
+        robot: Some(event.robot.clone()),
+        before: None,
+        after: Some(after),
+        reason: event.note.clone(),
+    }
 }
 
 fn details_of(event: &NewEvent) -> Result<Option<String>, StoreError> {

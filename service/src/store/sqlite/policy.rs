@@ -1,11 +1,12 @@
 //! The approval policy that was set over the API: one row.
 
-use sqlx::sqlite::{SqliteConnection, SqlitePool, SqliteRow};
+use sqlx::SqliteExecutor;
+use sqlx::sqlite::{SqliteConnection, SqliteRow};
 
 use super::audit;
 use super::read::column;
-use super::records::number;
-use crate::approval::Refused;
+use super::records::{may_change, number};
+use crate::approval::Policy;
 use crate::store::audit::AuditEntry;
 use crate::store::error::StoreError;
 use crate::store::policy::{PolicyWrite, StoredPolicy};
@@ -13,9 +14,17 @@ use crate::store::policy::{PolicyWrite, StoredPolicy};
 const SELECT: &str = "SELECT version, policy, by, at_ns, reason FROM policy";
 
 /// The policy that was set.
-pub(super) async fn read(pool: &SqlitePool) -> Result<StoredPolicy, StoreError> {
-    let row = sqlx::query(SELECT).fetch_one(pool).await;
+pub(super) async fn read(executor: impl SqliteExecutor<'_>) -> Result<StoredPolicy, StoreError> {
+    let row = sqlx::query(SELECT).fetch_one(executor).await;
     policy_of(&row.map_err(StoreError::database("read the policy"))?)
+}
+
+/// The rules in the transaction that the connection is in: those that were set, or else `given`.
+pub(super) async fn in_force(
+    connection: &mut SqliteConnection,
+    given: &Policy,
+) -> Result<Policy, StoreError> {
+    Ok(read(connection).await?.policy.unwrap_or(*given))
 }
 
 fn policy_of(row: &SqliteRow) -> Result<StoredPolicy, StoreError> {
@@ -40,16 +49,8 @@ pub(super) async fn write(
     connection: &mut SqliteConnection,
     write: &PolicyWrite,
 ) -> Result<StoredPolicy, StoreError> {
-    let failed = || StoreError::database("write the policy");
-    let row = sqlx::query(SELECT).fetch_one(&mut *connection).await;
-    let before = policy_of(&row.map_err(failed())?)?;
-    if before.version != write.version {
-        let found = before.version;
-        return Err(StoreError::Refused(Refused::Stale { found }));
-    }
-    if write.reason.trim().is_empty() {
-        return Err(StoreError::Refused(Refused::ReasonMissing));
-    }
+    let before = read(&mut *connection).await?;
+    may_change(before.version, write.version, &write.reason)?;
     let after = StoredPolicy {
         version: before.version + 1,
         policy: write.policy,
@@ -70,7 +71,7 @@ pub(super) async fn write(
         .bind(&after.reason)
         .execute(&mut *connection)
         .await
-        .map_err(failed())?;
+        .map_err(StoreError::database("write the policy"))?;
     let entry = AuditEntry {
         at_ns: write.now_ns,
         actor: write.actor.clone(),

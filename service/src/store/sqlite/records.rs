@@ -9,13 +9,24 @@ use sqlx::sqlite::{SqlitePool, SqliteRow};
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteExecutor};
 
 use super::read::{column, parsed, robot_id};
-use crate::approval::{Deployment, Parcel, Proposal, Revision, RobotLedger, Shadow};
+use crate::approval::{Deployment, Parcel, Proposal, Refused, Revision, RobotLedger, Shadow};
 use crate::store::approvals::{AuditFilter, AuditRow, ProposalFilter, SiteHold};
 use crate::store::error::StoreError;
 
 /// Deployments that are under way.
 pub(super) const LIVE: &str =
     "state IN ('queued', 'offered', 'applied', 'verifying', 'rolling_back')";
+
+/// Refuses a change of what is at version `stands`, if another was looked at or no reason is given.
+pub(super) fn may_change(stands: u64, looked_at: u64, reason: &str) -> Result<(), StoreError> {
+    if stands != looked_at {
+        return Err(StoreError::Refused(Refused::Stale { found: stands }));
+    }
+    if reason.trim().is_empty() {
+        return Err(StoreError::Refused(Refused::ReasonMissing));
+    }
+    Ok(())
+}
 
 /// The records of every robot that has any.
 pub(super) async fn ledgers(pool: &SqlitePool) -> Result<Vec<RobotLedger>, StoreError> {

@@ -9,8 +9,11 @@ use fleetcal_proto::estimate::EstimateDocument;
 use sqlx::sqlite::{Sqlite, SqliteConnection};
 use sqlx::{Connection, Transaction};
 
-use super::{accounts, alerts, approvals, columns, events, policy, webhooks};
+use super::read::column;
+use super::records::number;
+use super::{accounts, alerts, approvals, audit, columns, events, policy, webhooks};
 use crate::store::approvals::{Decided, Decision};
+use crate::store::audit::AuditEntry;
 use crate::store::backend::{
     Batch, EventWrite, Outcomes, Repetition, Retention, RobotWrite, Tier, Writer,
 };
@@ -157,17 +160,18 @@ async fn decide(
     keys: &mut Keys,
     decision: &Decision,
 ) -> Result<Result<Decided, StoreError>, StoreError> {
-    let decided = refusable(approvals::decide(transaction, decision).await)?;
+    let policy = policy::in_force(transaction, &decision.given_policy).await?;
+    let decided = refusable(approvals::decide(transaction, decision, &policy).await)?;
     if let Ok(Decided::Taken(outcome)) = &decided {
         for made in decision.events(outcome) {
             let write = EventWrite {
                 event: made,
                 repetition: Repetition::Never,
+                noted_by: None,
             };
             events::write(transaction, keys, &write).await?;
         }
-        let (policy, now_ns) = (&decision.policy, decision.now_ns);
-        webhooks::enqueue_proposals(transaction, outcome, policy, now_ns).await?;
+        webhooks::enqueue_proposals(transaction, outcome, &policy, decision.now_ns).await?;
     }
     Ok(decided)
 }
@@ -408,12 +412,15 @@ async fn configure(
     write: &RobotWrite,
 ) -> Result<u64, StoreError> {
     let failed = || StoreError::database("write a robot's configuration");
-    let found: Option<i64> = sqlx::query_scalar("SELECT version FROM robot WHERE id = ?1")
+    let row = sqlx::query("SELECT version, config FROM robot WHERE id = ?1")
         .bind(write.robot.as_str())
         .fetch_optional(&mut *connection)
         .await
         .map_err(failed())?;
-    let found = count("robot", found.unwrap_or(0))?;
+    let (found, before) = match &row {
+        Some(row) => (number(row, 0)?, column::<Option<String>>(row, "robot", 1)?),
+        None => (0, None),
+    };
     if !write.expected.accepts(found) {
         return Err(StoreError::VersionConflict {
             robot: write.robot.clone(),
@@ -428,9 +435,24 @@ async fn configure(
     .bind(key)
     .bind(json("robot", &write.config)?)
     .bind(write.now_ns)
-    .fetch_one(connection)
+    .fetch_one(&mut *connection)
     .await
     .map_err(failed())?;
+    let entry = AuditEntry {
+        at_ns: write.now_ns,
+        actor: write.actor.clone(),
+        action: match before {
+            Some(_) => "robot.configure",
+            None => "robot.register",
+        },
+        subject: "robot",
+        subject_id: write.robot.as_str().to_owned(),
+        robot: Some(write.robot.clone()),
+        before: before.and_then(|before| serde_json::from_str(&before).ok()),
+        after: serde_json::to_value(&write.config).ok(),
+        reason: None,
+    };
+    audit::append(connection, &entry).await?;
     count("robot", version)
 }
 

@@ -7,6 +7,7 @@ use std::time::Duration;
 use sqlx::{ConnectOptions, Connection};
 
 use super::*;
+use crate::access::Actor;
 use crate::config::RobotConfig;
 use crate::limits;
 use crate::store::{Expected, StoreError};
@@ -197,7 +198,7 @@ async fn a_locked_database_refuses_who_waits_and_keeps_the_history() {
     let config: RobotConfig =
         serde_json::from_str(r#"{"model": "bicycle", "wheelbase_m": 1.0}"#).unwrap();
     let refused = store
-        .save_robot(&robot("a"), &config, Expected::Any)
+        .save_robot(&robot("a"), &config, Expected::Any, Actor::service())
         .await
         .unwrap_err();
     assert!(matches!(refused, StoreError::Database { .. }), "{refused}");

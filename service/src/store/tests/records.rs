@@ -1,6 +1,7 @@
 //! Robots, checkpoints, current estimates and events.
 
 use super::*;
+use crate::access::Actor;
 use crate::config::RobotConfig;
 use crate::fleet::{HistoryEvent, Journal};
 use crate::store::{EventKind, EventSource, Expected, IdempotencyKey, NewEvent, StoreError};
@@ -30,7 +31,12 @@ async fn everything_is_there_after_a_restart() {
     let clock = clock();
     let store = open(folder.path(), &clock).await;
     store
-        .save_robot(&robot("a"), &config(1.2), Expected::Absent)
+        .save_robot(
+            &robot("a"),
+            &config(1.2),
+            Expected::Absent,
+            Actor::service(),
+        )
         .await
         .unwrap();
     store.save_checkpoint(&robot("a"), 7, r#"{"state": [0.1]}"#.to_owned());
@@ -38,7 +44,7 @@ async fn everything_is_there_after_a_restart() {
     record(&store, "a", NOW_S, 0.1);
     record(&store, "a", NOW_S + 1, 0.2);
     let told = store
-        .record_event(event("new bracket"), None)
+        .record_event(event("new bracket"), Actor::service(), None)
         .await
         .unwrap();
     store.close().await.unwrap();
@@ -81,7 +87,12 @@ async fn a_configuration_is_changed_only_by_who_saw_it() {
     let store = open(folder.path(), &clock()).await;
     let save = async |wheelbase_m, expected| {
         store
-            .save_robot(&robot("a"), &config(wheelbase_m), expected)
+            .save_robot(
+                &robot("a"),
+                &config(wheelbase_m),
+                expected,
+                Actor::service(),
+            )
             .await
     };
     assert_eq!(save(1.0, Expected::Version(0)).await.unwrap(), 1);
@@ -108,7 +119,12 @@ async fn of_many_writers_with_the_same_version_one_wins() {
         async move {
             let wheelbase_m = 1.0 + f64::from(number) / 100.0;
             store
-                .save_robot(&robot("a"), &config(wheelbase_m), Expected::Absent)
+                .save_robot(
+                    &robot("a"),
+                    &config(wheelbase_m),
+                    Expected::Absent,
+                    Actor::service(),
+                )
                 .await
                 .is_ok()
         }
@@ -127,24 +143,43 @@ async fn a_repeated_request_is_answered_with_the_same_event() {
             request_sha256: [sha; 32],
         })
     };
-    let first = store.record_event(event("x"), key(1)).await.unwrap();
-    let second = store.record_event(event("x"), key(1)).await.unwrap();
+    let first = store
+        .record_event(event("x"), Actor::service(), key(1))
+        .await
+        .unwrap();
+    let second = store
+        .record_event(event("x"), Actor::service(), key(1))
+        .await
+        .unwrap();
     assert_eq!(
         (first.id, first.repeated, second.repeated),
         (second.id, false, true)
     );
-    let refused = store.record_event(event("y"), key(2)).await.unwrap_err();
+    let refused = store
+        .record_event(event("y"), Actor::service(), key(2))
+        .await
+        .unwrap_err();
     assert!(matches!(refused, StoreError::KeyReused), "{refused}");
     // Without a key, or for another robot, it is another event.
     assert_ne!(
-        store.record_event(event("x"), None).await.unwrap().id,
+        store
+            .record_event(event("x"), Actor::service(), None)
+            .await
+            .unwrap()
+            .id,
         first.id
     );
     let other = NewEvent {
         robot: robot("b"),
         ..event("x")
     };
-    assert!(!store.record_event(other, key(1)).await.unwrap().repeated);
+    assert!(
+        !store
+            .record_event(other, Actor::service(), key(1))
+            .await
+            .unwrap()
+            .repeated
+    );
     assert_eq!(store.events(&robot("a"), None, 10).await.unwrap().len(), 2);
 }
 
@@ -153,7 +188,7 @@ async fn a_note_that_comes_again_through_the_fleet_is_one_event() {
     let folder = tempfile::tempdir().unwrap();
     let store = open(folder.path(), &clock()).await;
     store
-        .record_event(event("new bracket"), None)
+        .record_event(event("new bracket"), Actor::service(), None)
         .await
         .unwrap();
     let note = |note: &str| {
@@ -212,7 +247,7 @@ async fn events_come_in_pages() {
     let store = open(folder.path(), &clock()).await;
     for number in 0..5 {
         store
-            .record_event(event(&number.to_string()), None)
+            .record_event(event(&number.to_string()), Actor::service(), None)
             .await
             .unwrap();
     }
