@@ -81,6 +81,25 @@ async fn approve(service: &Service, robot: &RobotId) {
         .unwrap();
 }
 
+/// Waits until a robot has proven what it was given; any other end of it is told at once.
+async fn verified(service: &Service, robot: &RobotId) {
+    let clerk = service.clerk();
+    let state = || clerk.ledger(robot).live.clone().map(|live| live.state);
+    let mut seen = state();
+    until("verified calibration", || {
+        let now = state();
+        if now != seen {
+            println!("{robot}: {seen:?} -> {now:?}");
+            seen = now;
+        }
+        let ended = matches!(seen, None | Some(DeploymentState::RollingBack));
+        let proven = !clerk.ledger(robot).shadow.verified.is_empty();
+        assert!(proven || !ended, "{robot}: not proven");
+        proven
+    })
+    .await;
+}
+
 async fn until(what: &str, mut is: impl FnMut() -> bool) {
     let waited = async {
         while !is() {
@@ -125,9 +144,7 @@ async fn an_offset_is_found_approved_pulled_and_proven() {
         approve(&service, &robot.id).await;
     }
     for robot in &robots {
-        let clerk = service.clerk();
-        let verified = || !clerk.ledger(&robot.id).shadow.verified.is_empty();
-        until("verified calibration", verified).await;
+        verified(&service, &robot.id).await;
     }
     for (robot, offset_deg) in robots.iter().zip(OFFSETS_DEG) {
         is_proven(&service, &robot.id, offset_deg).await;
