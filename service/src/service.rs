@@ -294,6 +294,11 @@ async fn start_fleet(
         .into_iter()
         .map(|record| (record.robot, record.state))
         .collect();
+    let last_heard_ns = store.load_current().await?;
+    let last_heard_ns = last_heard_ns
+        .into_iter()
+        .map(|record| (record.estimate.robot, record.received_ns))
+        .collect();
     Ok(FleetHandle::start(FleetSetup {
         clock,
         journal: Arc::new(store.clone()),
@@ -301,5 +306,6 @@ async fn start_fleet(
         robots,
         cross_tracks,
         checkpoints,
+        last_heard_ns,
     }))
 }

@@ -91,6 +91,7 @@ async fn run(order: &Order, session: u64) {
         robots: ids.iter().map(|id| (id.clone(), vehicle())).collect(),
         cross_tracks: BTreeMap::new(),
         checkpoints: BTreeMap::new(),
+        last_heard_ns: BTreeMap::new(),
     });
     let policy = Policy::default();
     let clerk = Clerk::start(ClerkSetup {

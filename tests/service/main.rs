@@ -177,6 +177,8 @@ async fn a_signal_ends_it_in_order_while_robots_send() {
         counted(&shown) >= counted(&last),
         "nothing that was shown is lost"
     );
+    let robot = service.robot("tugger_01");
+    assert!(robot["last_seen"].is_string(), "{robot}");
 }
 
 #[test]

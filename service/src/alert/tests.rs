@@ -173,6 +173,7 @@ fn view() -> RobotView {
         state: RobotState::Calibrated,
         connection: Connection {
             last_seen_ns: Some(100 * S),
+            heard_before_ns: None,
             stale: false,
             alive: true,
             streams: Vec::new(),

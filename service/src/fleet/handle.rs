@@ -82,6 +82,8 @@ pub struct FleetSetup {
     pub cross_tracks: BTreeMap<RobotId, BTreeMap<u64, CrossTrack>>,
     /// The estimators' states when the service last stopped, as JSON.
     pub checkpoints: BTreeMap<RobotId, String>,
+    /// When robots were last heard before this start, wall time, ns.
+    pub last_heard_ns: BTreeMap<RobotId, i64>,
 }
 
 #[derive(Debug, Default)]
@@ -215,6 +217,9 @@ impl FleetHandle {
         for robot in handle.fleet.all() {
             if let Some(stored) = cross_tracks.remove(&robot.id) {
                 robot.restore_cross_tracks(stored);
+            }
+            if let Some(heard_ns) = setup.last_heard_ns.get(&robot.id) {
+                robot.restore_last_heard(*heard_ns);
             }
             let stored = checkpoints.remove(&robot.id);
             handle.spawn(robot, stored);

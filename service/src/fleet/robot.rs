@@ -55,6 +55,8 @@ enum Session {
 #[derive(Debug)]
 struct Link {
     streams: [Receipts; Stream::COUNT],
+    /// When it was last heard before the service started.
+    heard_before_ns: Option<i64>,
     last_seen_ns: Option<i64>,
     last_seen: Option<Duration>,
     /// Whether its own token stands.
@@ -134,6 +136,7 @@ impl Robot {
             plan_askers: PlanAskers::default(),
             link: Mutex::new(Link {
                 streams: Default::default(),
+                heard_before_ns: None,
                 last_seen_ns: None,
                 last_seen: None,
                 alive: false,
@@ -156,6 +159,11 @@ impl Robot {
             }),
             cross_tracks: Mutex::default(),
         }
+    }
+
+    /// Takes when it was last heard before the service started, wall time.
+    pub fn restore_last_heard(&self, heard_ns: i64) {
+        lock(&self.link).heard_before_ns = Some(heard_ns);
     }
 
     /// Notes that a message came on `stream`.
@@ -396,6 +404,7 @@ impl Robot {
             let streams = Stream::ALL.into_iter().zip(&link.streams);
             Connection {
                 last_seen_ns: link.last_seen_ns,
+                heard_before_ns: link.heard_before_ns,
                 stale,
                 alive: link.is_alive(),
                 streams: streams

@@ -83,6 +83,7 @@ fn bench_of(
         cross_tracks: BTreeMap::new(),
         robots,
         checkpoints,
+        last_heard_ns: BTreeMap::new(),
     };
     Bench {
         fleet: FleetHandle::start_with(setup, step),

@@ -139,14 +139,23 @@ pub struct StreamView {
 /// Whether the robot is there.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Connection {
-    /// When anything was last received, wall time.
+    /// When anything was last received since the service started, wall time.
     pub last_seen_ns: Option<i64>,
+    /// When it was last heard before that, to the few seconds after which estimates are stored.
+    pub heard_before_ns: Option<i64>,
     /// Whether nothing has come for [`crate::limits::STALE_AFTER`].
     pub stale: bool,
     /// Whether its liveliness token stands.
     pub alive: bool,
     /// What it sends.
     pub streams: Vec<StreamView>,
+}
+
+impl Connection {
+    /// When anything was last received, before or after the service started.
+    pub fn last_heard_ns(&self) -> Option<i64> {
+        self.last_seen_ns.or(self.heard_before_ns)
+    }
 }
 
 /// What became of a robot's messages:

@@ -61,7 +61,7 @@ impl RobotSummary {
             state: view.state,
             stale: view.connection.stale,
             alive: view.connection.alive,
-            last_seen: view.connection.last_seen_ns.map(time::of_ns),
+            last_seen: view.connection.last_heard_ns().map(time::of_ns),
             estimate: view.estimate.map(Arc::unwrap_or_clone),
         }
     }

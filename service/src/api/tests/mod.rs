@@ -90,6 +90,7 @@ async fn bench(robots: &[&str]) -> Bench {
         robots: robots.iter().map(|name| (robot(name), config())).collect(),
         cross_tracks: BTreeMap::new(),
         checkpoints: BTreeMap::new(),
+        last_heard_ns: BTreeMap::new(),
     });
     let clerk = Clerk::start(ClerkSetup {
         store: store.clone(),

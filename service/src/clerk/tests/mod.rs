@@ -75,6 +75,7 @@ impl Office {
             robots: BTreeMap::from([(robot(), vehicle)]),
             cross_tracks: BTreeMap::new(),
             checkpoints: BTreeMap::new(),
+            last_heard_ns: BTreeMap::new(),
         });
         let clerk = Clerk::start(ClerkSetup {
             store: store.clone(),
