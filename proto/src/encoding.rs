@@ -13,7 +13,7 @@ use crate::ros::{
 const SHOWN_MAX: usize = 160;
 
 /// The form of a ROS 2 message on the wire.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub enum Encoding {
     /// CDR, `application/cdr`, and what is taken when the sender says nothing.
     #[default]
@@ -84,6 +84,22 @@ impl MessageType {
         Self::LaserScan,
         Self::PointCloud2,
     ];
+
+    /// Those that have steering and speed in one, the usual one first.
+    pub const OF_DRIVE: &'static [Self] = &[Self::AckermannDriveStamped, Self::JointState];
+    /// Those that have a steering angle.
+    pub const OF_STEERING: &'static [Self] = &[Self::JointState, Self::AckermannDriveStamped];
+    /// Those that have a speed.
+    pub const OF_SPEED: &'static [Self] = &[
+        Self::Odometry,
+        Self::TwistStamped,
+        Self::JointState,
+        Self::AckermannDriveStamped,
+    ];
+    /// Those that are scans.
+    pub const OF_SCAN: &'static [Self] = &[Self::LaserScan, Self::PointCloud2];
+    /// Those that have a pose of the LiDAR.
+    pub const OF_LIDAR_ODOMETRY: &'static [Self] = &[Self::Odometry, Self::PoseStamped];
 
     /// Its ROS 2 type, `sensor_msgs/msg/LaserScan`.
     pub const fn ros_type(self) -> &'static str {

@@ -91,9 +91,32 @@ fn what_rosbag2_writes_gives_the_same_numbers_in_every_form() {
         assert!(said.contains("rosbag2"), "{said}");
         fs::remove_file(&hostile).unwrap();
     }
-    fs::copy(&file, folder.path().join("plain/second.db3")).unwrap();
-    let several = folder.path().join("plain");
-    let output = binary::run(["calibrate", several.to_str().unwrap(), "--wheelbase", "1.2"]);
+    a_bag_that_was_split_gives_them_too(
+        Path::new(&python),
+        &folder.path().join("plain"),
+        &expected,
+    );
+}
+
+/// Splits the only file of a folder in two, whose order its metadata say; without them nothing does.
+fn a_bag_that_was_split_gives_them_too(python: &Path, split: &Path, expected: &Value) {
+    let script = "import sqlite3, sys\nfor name, sign in ('z.db3', '<='), ('a.db3', '>'):\n \
+                  db = sqlite3.connect(sys.argv[1] + '/' + name)\n db.executescript(f'ATTACH \
+                  \"{sys.argv[1]}/plain.db3\" AS whole; CREATE TABLE topics AS SELECT * FROM \
+                  whole.topics; CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id INTEGER, \
+                  timestamp INTEGER, data BLOB); INSERT INTO messages SELECT id, topic_id, \
+                  timestamp, data FROM whole.messages WHERE timestamp {sign} (SELECT \
+                  avg(timestamp) FROM whole.messages)')\n db.close()";
+    let made = Command::new(python)
+        .args(["-c", script, split.to_str().unwrap()])
+        .status();
+    assert!(made.unwrap().success());
+    fs::remove_file(split.join("plain.db3")).unwrap();
+    let metadata = "rosbag2_bagfile_information: {relative_file_paths: [z.db3, a.db3]}";
+    fs::write(split.join("metadata.yaml"), metadata).unwrap();
+    assert_eq!(&calibrated(split), expected);
+    fs::remove_file(split.join("metadata.yaml")).unwrap();
+    let output = binary::run(["calibrate", split.to_str().unwrap(), "--wheelbase", "1.2"]);
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(65), "{said}");
     assert!(said.contains("holds 2 files"), "{said}");

@@ -4,6 +4,7 @@
 
 mod bags;
 mod known_map;
+mod messages;
 mod written;
 
 use std::fs;

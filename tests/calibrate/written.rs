@@ -2,6 +2,7 @@
 
 use std::fs;
 
+use fleetcal_proto::ros::{LaserScan, RosMessage};
 use fleetcal_robot::recording::Recording;
 use fleetcal_tests::{binary, recording};
 use tempfile::TempDir;
@@ -53,6 +54,12 @@ fn the_report_needs_nothing_else_and_the_session_holds_what_was_found() {
     };
     let apart = (of(&last, "value") - of(&found, "value")).abs();
     assert!(apart < of(&last, "sigma"), "{apart} m apart");
+    // All of it is logged by the robot's clock, whatever the recorder's was.
+    for message in session.messages(&["/tugger_01/scan"]).unwrap() {
+        let message = message.unwrap();
+        let scan = LaserScan::from_cdr(&message.payload).unwrap();
+        assert_eq!(message.log_time_ns.cast_signed(), scan.header.stamp.as_ns());
+    }
     // What was written can be calibrated again.
     let again = binary::run_json(["calibrate", export, "--wheelbase", "1.2", "--json"]);
     assert_eq!(again["parameters"], found["parameters"]);

@@ -11,9 +11,11 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use fleetcal_proto::RobotId;
+use fleetcal_robot::recording::AskedTopic;
 use fleetcal_robot::replay::{Pacing, Rate, ReplayOptions, ReplaySummary, replay};
+use fleetcal_tests::rewritten::DriveAs;
 use fleetcal_tests::service::{Service, wait_for};
-use fleetcal_tests::{binary, clouds, recording};
+use fleetcal_tests::{binary, clouds, recording, rewritten};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -85,6 +87,36 @@ async fn the_clouds_of_a_3d_scanner_replayed_give_the_numbers_of_calibrate() {
     let path = folder.path().join("clouds.mcap");
     clouds::of_sweeps(&recorded(&folder, 30.0), &path);
     replay_equals_calibrate(&path, "tugger_01").await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn steering_and_speed_of_two_topics_replayed_give_the_numbers_of_calibrate() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("halves.mcap");
+    rewritten::driven(&recorded(&folder, 30.0), &path, DriveAs::JointsAndOdometry);
+    let known = format!(
+        "[[robot]]\nid = \"tugger_01\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n\
+         [robot.streams]\nsteering = {{ topic = \"joint_states\", type = \
+         \"sensor_msgs/msg/JointState\" }}\nspeed = {{ topic = \"odom\" }}\njoints = {}\n",
+        rewritten::JOINTS
+    );
+    let config = folder.path().join("fleetcal.toml");
+    std::fs::write(&config, &known).unwrap();
+    let service = Service::start_with(&known);
+    let mut options = sender(&service, &path, "tugger_01");
+    let asked = |topic: &str, by| {
+        let topic = topic.to_owned();
+        Some(AskedTopic { topic, by })
+    };
+    options.topics.steering = asked("/tugger_01/joint_states", "steering");
+    options.topics.speed = asked("/tugger_01/odom", "speed");
+    let summary = send(options).await;
+    assert_eq!((summary.shed, summary.unconfirmed), (0, 0));
+    let estimate = service.estimate_of("tugger_01", summary.drive_samples / 2);
+    let (path, config) = (path.to_str().unwrap(), config.to_str().unwrap());
+    let report = binary::run_json(["calibrate", path, "--config", config, "--json"]);
+    assert_same(&estimate, &report);
+    assert_eq!(service.robot("tugger_01")["pairing"]["unpaired"], 0);
 }
 
 /// Seconds of history of a robot, oldest first.

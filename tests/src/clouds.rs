@@ -1,15 +1,10 @@
 //! Recordings of robots with a 3D scanner, made of those of robots with a planar one.
 
-use std::borrow::Cow;
-use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::BufWriter;
 use std::path::Path;
 
 use fleetcal_proto::ros::{LaserScan, PointCloud2, PointDatatype, PointField, RosMessage};
-use fleetcal_robot::recording::Recording;
-use mcap::records::MessageHeader;
-use mcap::{WriteOptions, Writer};
+
+use crate::rewritten::{Rewritten, rewritten};
 
 /// Elevations of the scanner's rings, degrees.
 const RINGS_DEG: [f64; 8] = [-15.0, -10.0, -6.0, -3.0, -1.0, 1.0, 4.0, 12.0];
@@ -25,48 +20,13 @@ const BEAMS_A_COLUMN: usize = 2;
 /// # Panics
 /// When it cannot be written.
 pub fn of_sweeps(recording: &Path, path: &Path) {
-    let recording = Recording::open(recording).expect("a recording");
-    let file = BufWriter::new(File::create(path).expect("a file"));
-    let options = WriteOptions::new().profile("ros2");
-    let mut writer = options.create(file).expect("a recording");
-    let mut channels = BTreeMap::new();
-    for channel in recording.channels() {
-        let is_scan = channel.message_type == LaserScan::TYPE;
-        let message_type = if is_scan {
-            PointCloud2::TYPE
-        } else {
-            &channel.message_type
-        };
-        let id = add_channel(&mut writer, &channel.topic, message_type);
-        channels.insert(channel.topic.as_str(), (id, is_scan));
-    }
-    let topics: Vec<&str> = channels.keys().copied().collect();
-    for message in recording.messages(&topics).expect("readable") {
-        let message = message.expect("readable");
-        let &(channel_id, is_scan) = channels.get(&*message.topic).expect("a topic of it");
-        let payload = if is_scan {
-            let scan = LaserScan::from_cdr(&message.payload).expect("a scan");
-            Cow::Owned(cloud(&scan).to_cdr())
-        } else {
-            Cow::Borrowed(&message.payload)
-        };
-        let header = MessageHeader {
-            channel_id,
-            sequence: 0,
-            log_time: message.log_time_ns,
-            publish_time: message.log_time_ns,
-        };
-        let written = writer.write_to_known_channel(&header, &payload);
-        written.expect("written");
-    }
-    writer.finish().expect("written");
-}
-
-fn add_channel(writer: &mut Writer<BufWriter<File>>, topic: &str, message_type: &str) -> u16 {
-    let schema = writer.add_schema(message_type, "ros2msg", b"");
-    let schema = schema.expect("a schema");
-    let channel = writer.add_channel(schema, topic, "cdr", &BTreeMap::new());
-    channel.expect("a channel")
+    rewritten(recording, path, |message_type, of| {
+        if message_type != LaserScan::TYPE {
+            return vec![Rewritten::unchanged(message_type, of)];
+        }
+        let scan = LaserScan::from_cdr(&of.payload).expect("a scan");
+        vec![Rewritten::on(&of.topic, of, &cloud(&scan))]
+    });
 }
 
 /// The cloud of a turn: ring after ring, each point with its time.

@@ -12,4 +12,5 @@ pub mod binary;
 pub mod clouds;
 pub mod http;
 pub mod recording;
+pub mod rewritten;
 pub mod service;

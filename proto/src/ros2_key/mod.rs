@@ -86,6 +86,11 @@ pub fn typed_expression(path: &str, message_type: MessageType) -> String {
     format!("{path}/{}/*", message_type.dds_type())
 }
 
+/// Key of a type's messages on a path, as Humble has it, without a hash.
+pub fn typed_key(path: &str, message_type: MessageType) -> String {
+    format!("{path}/{}/{NO_HASH}", message_type.dds_type())
+}
+
 /// A type as ROS 2 writes it, `sensor_msgs/msg/Image`, of the spellings in keys and tokens.
 fn ros_type_name(name: &str) -> String {
     let parts = name

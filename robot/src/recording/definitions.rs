@@ -1,88 +1,58 @@
 //! Definitions of the ROS 2 messages that are written, as MCAP's `ros2msg` schemas have them:
 //! the message's own fields, then every type it is made of behind a line of 80 `=`.
 
-pub(super) const ACKERMANN: &str = concat!(
-    include_str!("definitions/AckermannDriveStamped.msg"),
-    "================================================================================\n",
-    "MSG: ackermann_msgs/AckermannDrive\n",
-    include_str!("definitions/AckermannDrive.msg"),
-    "================================================================================\n",
-    "MSG: std_msgs/Header\n",
-    include_str!("definitions/Header.msg"),
-    "================================================================================\n",
-    "MSG: builtin_interfaces/Time\n",
-    include_str!("definitions/Time.msg"),
-);
+use fleetcal_proto::encoding::MessageType;
 
-pub(super) const LASER_SCAN: &str = concat!(
-    include_str!("definitions/LaserScan.msg"),
-    "================================================================================\n",
-    "MSG: std_msgs/Header\n",
-    include_str!("definitions/Header.msg"),
-    "================================================================================\n",
-    "MSG: builtin_interfaces/Time\n",
-    include_str!("definitions/Time.msg"),
-);
+/// One definition: its own file, then those of the types it is made of. A header and its time are
+/// in all of them.
+macro_rules! definition {
+    (@ $name:literal $(, $package:literal $part:literal)*) => {
+        concat!(
+            include_str!(concat!("definitions/", $name, ".msg")),
+            $(
+                "================================================================================\n",
+                "MSG: ", $package, "/", $part, "\n",
+                include_str!(concat!("definitions/", $part, ".msg")),
+            )*
+        )
+    };
+    ($name:literal $(, $package:literal $part:literal)*) => {
+        definition!(
+            @ $name $(, $package $part)*, "std_msgs" "Header", "builtin_interfaces" "Time"
+        )
+    };
+}
 
-pub(super) const POSE_STAMPED: &str = concat!(
-    include_str!("definitions/PoseStamped.msg"),
-    "================================================================================\n",
-    "MSG: geometry_msgs/Pose\n",
-    include_str!("definitions/Pose.msg"),
-    "================================================================================\n",
-    "MSG: geometry_msgs/Point\n",
-    include_str!("definitions/Point.msg"),
-    "================================================================================\n",
-    "MSG: geometry_msgs/Quaternion\n",
-    include_str!("definitions/Quaternion.msg"),
-    "================================================================================\n",
-    "MSG: std_msgs/Header\n",
-    include_str!("definitions/Header.msg"),
-    "================================================================================\n",
-    "MSG: builtin_interfaces/Time\n",
-    include_str!("definitions/Time.msg"),
-);
-
-pub(super) const POINT_CLOUD: &str = concat!(
-    include_str!("definitions/PointCloud2.msg"),
-    "================================================================================\n",
-    "MSG: sensor_msgs/PointField\n",
-    include_str!("definitions/PointField.msg"),
-    "================================================================================\n",
-    "MSG: std_msgs/Header\n",
-    include_str!("definitions/Header.msg"),
-    "================================================================================\n",
-    "MSG: builtin_interfaces/Time\n",
-    include_str!("definitions/Time.msg"),
-);
-
-pub(super) const ODOMETRY: &str = concat!(
-    include_str!("definitions/Odometry.msg"),
-    "================================================================================\n",
-    "MSG: geometry_msgs/PoseWithCovariance\n",
-    include_str!("definitions/PoseWithCovariance.msg"),
-    "================================================================================\n",
-    "MSG: geometry_msgs/Pose\n",
-    include_str!("definitions/Pose.msg"),
-    "================================================================================\n",
-    "MSG: geometry_msgs/Point\n",
-    include_str!("definitions/Point.msg"),
-    "================================================================================\n",
-    "MSG: geometry_msgs/Quaternion\n",
-    include_str!("definitions/Quaternion.msg"),
-    "================================================================================\n",
-    "MSG: geometry_msgs/TwistWithCovariance\n",
-    include_str!("definitions/TwistWithCovariance.msg"),
-    "================================================================================\n",
-    "MSG: geometry_msgs/Twist\n",
-    include_str!("definitions/Twist.msg"),
-    "================================================================================\n",
-    "MSG: geometry_msgs/Vector3\n",
-    include_str!("definitions/Vector3.msg"),
-    "================================================================================\n",
-    "MSG: std_msgs/Header\n",
-    include_str!("definitions/Header.msg"),
-    "================================================================================\n",
-    "MSG: builtin_interfaces/Time\n",
-    include_str!("definitions/Time.msg"),
-);
+/// The definition of a type.
+pub(super) const fn of(message_type: MessageType) -> &'static str {
+    match message_type {
+        MessageType::AckermannDriveStamped => definition!(
+            "AckermannDriveStamped",
+            "ackermann_msgs" "AckermannDrive"
+        ),
+        MessageType::JointState => definition!("JointState"),
+        MessageType::LaserScan => definition!("LaserScan"),
+        MessageType::PointCloud2 => definition!("PointCloud2", "sensor_msgs" "PointField"),
+        MessageType::PoseStamped => definition!(
+            "PoseStamped",
+            "geometry_msgs" "Pose",
+            "geometry_msgs" "Point",
+            "geometry_msgs" "Quaternion"
+        ),
+        MessageType::TwistStamped => definition!(
+            "TwistStamped",
+            "geometry_msgs" "Twist",
+            "geometry_msgs" "Vector3"
+        ),
+        MessageType::Odometry => definition!(
+            "Odometry",
+            "geometry_msgs" "PoseWithCovariance",
+            "geometry_msgs" "Pose",
+            "geometry_msgs" "Point",
+            "geometry_msgs" "Quaternion",
+            "geometry_msgs" "TwistWithCovariance",
+            "geometry_msgs" "Twist",
+            "geometry_msgs" "Vector3"
+        ),
+    }
+}

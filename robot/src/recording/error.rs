@@ -34,10 +34,10 @@ pub enum RecordingError {
         /// The file.
         path: PathBuf,
     },
-    /// The folder holds none or several files of messages.
+    /// The folder holds no file of messages, or several whose order nothing says.
     #[error(
         "{}: the folder holds {count} files of messages (.mcap, .db3, or either with .zstd), accepted \
-         is one; give the file itself",
+         is one, or up to 10000 with the metadata.yaml of rosbag2; or give a file itself",
         path.display()
     )]
     Folder {
@@ -45,6 +45,14 @@ pub enum RecordingError {
         path: PathBuf,
         /// How many it holds.
         count: usize,
+    },
+    /// What a folder's metadata say of its files cannot be.
+    #[error("{}: {reason}", path.display())]
+    Metadata {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
     },
     /// The file is packed with zstd and can't be unpacked.
     #[error("{}: the file can't be unpacked: {source}", path.display())]
@@ -56,7 +64,7 @@ pub enum RecordingError {
         source: io::Error,
     },
     /// The file is packed and too large when unpacked.
-    #[error("{}: unpacked the file is larger than 256 GiB", path.display())]
+    #[error("{}: unpacked the recording is larger than 256 GiB", path.display())]
     TooLarge {
         /// The file.
         path: PathBuf,

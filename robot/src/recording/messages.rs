@@ -1,7 +1,7 @@
 //! The messages of a recording in the order in which they were logged.
 
 use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use std::collections::{BinaryHeap, VecDeque};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
@@ -31,10 +31,12 @@ pub struct RecordedMessage {
 /// the file can belong before what is given out.
 pub struct Messages {
     path: PathBuf,
-    /// Held, so that an unpacked file stays while it is read.
-    _storage: Storage,
+    /// The files that are still to be read, this one first. Held, so that an unpacked file
+    /// stays while it is read.
+    storages: VecDeque<Storage>,
     topics: Vec<Arc<str>>,
-    reader: Reader,
+    /// What reads the first of them.
+    reader: Option<Reader>,
     disorder_ns: u64,
     /// How many messages were taken from the file.
     place: u64,
@@ -53,6 +55,14 @@ enum Reader {
 }
 
 impl Reader {
+    fn open(storage: &Storage, topics: &[Arc<str>]) -> Result<Self, RecordingError> {
+        let path = storage.path();
+        Ok(match storage.kind {
+            Kind::Mcap => Self::Mcap(Box::new(open_reader(path)?), Reading::default()),
+            Kind::Sqlite => Self::Bag(BagMessages::open(path, topics)?),
+        })
+    }
+
     /// The next message of these topics, those that were passed over counted.
     fn next(&mut self, path: &Path, topics: &[Arc<str>]) -> Option<Result<Next, RecordingError>> {
         let (reader, reading) = match self {
@@ -128,21 +138,18 @@ impl std::fmt::Debug for Messages {
 
 impl Messages {
     pub(super) fn open(
-        storage: &Storage,
+        path: &Path,
+        storages: &[Storage],
         topics: &[&str],
         disorder_ns: u64,
     ) -> Result<Self, RecordingError> {
-        let path = storage.path();
         let topics: Vec<Arc<str>> = topics.iter().map(|&topic| Arc::from(topic)).collect();
-        let reader = match storage.kind {
-            Kind::Mcap => Reader::Mcap(Box::new(open_reader(path)?), Reading::default()),
-            Kind::Sqlite => Reader::Bag(BagMessages::open(path, &topics)?),
-        };
+        let open = |first| Reader::open(first, &topics);
         Ok(Self {
             path: path.to_owned(),
-            _storage: storage.clone(),
+            reader: storages.first().map(open).transpose()?,
+            storages: storages.iter().cloned().collect(),
             topics,
-            reader,
             disorder_ns,
             place: 0,
             newest_ns: 0,
@@ -152,10 +159,25 @@ impl Messages {
         })
     }
 
+    /// What stands next, be it in the file behind the one that has ended.
+    fn next_in_files(&mut self) -> Option<Result<Next, RecordingError>> {
+        loop {
+            let path = self.storages.front()?.path();
+            if let Some(next) = self.reader.as_mut()?.next(path, &self.topics) {
+                return Some(next);
+            }
+            self.storages.pop_front();
+            match Reader::open(self.storages.front()?, &self.topics) {
+                Ok(reader) => self.reader = Some(reader),
+                Err(error) => return Some(Err(error)),
+            }
+        }
+    }
+
     /// Reads on in the file until a message can be given out or nothing is left to read.
     fn read_on(&mut self) -> Result<(), RecordingError> {
         while !self.ended && !self.can_give_out() {
-            let Some(next) = self.reader.next(&self.path, &self.topics) else {
+            let Some(next) = self.next_in_files() else {
                 self.ended = true;
                 return Ok(());
             };

@@ -8,6 +8,7 @@
 mod bag;
 mod definitions;
 mod error;
+mod mcap_file;
 mod messages;
 mod scan;
 mod session_writer;
@@ -17,8 +18,11 @@ mod writer;
 
 pub use error::RecordingError;
 pub use messages::{Messages, RecordedMessage};
-pub use session_writer::{PlanarPose, SessionWriter};
-pub use topics::{ChosenPose, TopicError, Topics, choose_scan_topic, choose_topics};
+pub use session_writer::{PlanarPose, SESSION_METADATA, SessionTopic, SessionWriter};
+pub use topics::{
+    AskedTopic, AskedTopics, ChosenDrive, ChosenPose, TopicError, Topics, choose_scan_topic,
+    choose_topics,
+};
 pub use writer::{RecordingWriter, TRUTH_METADATA};
 
 use std::path::{Path, PathBuf};
@@ -26,11 +30,16 @@ use std::path::{Path, PathBuf};
 use fleetcal_proto::Encoding;
 use fleetcal_proto::encoding::{Form, MessageType};
 
+use scan::Found;
 use storage::{Kind, Storage};
 
 /// Largest record or chunk of a recording. Recorders write chunks of about 1 MiB.
 pub const RECORD_BYTES_MAX: usize = 256 << 20;
-/// Largest file that one packed with zstd may become, bytes.
+/// Most files that a split recording may have.
+pub const FILES_MAX: usize = 10_000;
+/// Largest `metadata.yaml` that is read, bytes.
+pub const METADATA_BYTES_MAX: u64 = 16 << 20;
+/// What a recording packed with zstd may become, bytes.
 pub const UNPACKED_BYTES_MAX: u64 = 256 << 30;
 /// Most topics a recording may have.
 pub const CHANNELS_MAX: usize = 4096;
@@ -51,12 +60,17 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// How its scans are to be read. A `LaserScan` is what is taken for one anyway.
-    pub fn scan_form(&self) -> Form {
-        let message_type = MessageType::of_ros_type(&self.message_type);
+    /// The type of its messages, when it is one that is read here.
+    pub fn known_type(&self) -> Option<MessageType> {
+        let is_it = |of: &MessageType| of.ros_type() == self.message_type;
+        MessageType::ALL.into_iter().find(is_it)
+    }
+
+    /// How its messages are to be read.
+    pub fn form(&self) -> Form {
         Form {
             encoding: self.encoding.unwrap_or_default(),
-            message_type: message_type.filter(|&kind| kind == MessageType::PointCloud2),
+            message_type: self.known_type(),
         }
     }
 }
@@ -65,39 +79,47 @@ impl Channel {
 #[derive(Debug, Clone)]
 pub struct Recording {
     path: PathBuf,
-    storage: Storage,
-    channels: Vec<Channel>,
-    start_ns: u64,
-    end_ns: u64,
-    /// How far, at most, a message's log time lies before one that stands earlier in the file.
-    disorder_ns: u64,
+    /// Its files, in the order in which they were recorded.
+    storages: Vec<Storage>,
+    found: Found,
 }
 
 impl Recording {
-    /// Reads the file through once. A folder of `rosbag2` with one file of messages stands for that
-    /// file; one that is packed with zstd is unpacked first.
+    /// Reads the file through once. A folder of `rosbag2` stands for the files of messages in it,
+    /// in the order of its `metadata.yaml`; what is packed with zstd is unpacked first.
     ///
     /// # Errors
     /// When it can't be read, or is no recording, empty, truncated, damaged or without messages.
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
-        let storage = Storage::find(path)?;
-        let found = match storage.kind {
-            Kind::Mcap => scan::read_through(storage.path())?,
-            Kind::Sqlite => bag::read_through(storage.path())?,
-        };
+        let storages = Storage::find(path)?;
+        let mut found = Found::default();
+        for storage in &storages {
+            found.append(match storage.kind {
+                Kind::Mcap => scan::read_through(storage.path())?,
+                Kind::Sqlite => bag::read_through(storage.path())?,
+            });
+        }
+        if found.channels.is_empty() {
+            return Err(RecordingError::NoMessages {
+                path: path.to_owned(),
+            });
+        }
+        if found.channels.len() > CHANNELS_MAX {
+            return Err(RecordingError::TooManyChannels {
+                path: path.to_owned(),
+                limit: CHANNELS_MAX,
+            });
+        }
         Ok(Self {
             path: path.to_owned(),
-            storage,
-            channels: found.channels,
-            start_ns: found.start_ns,
-            end_ns: found.end_ns,
-            disorder_ns: found.disorder_ns,
+            storages,
+            found,
         })
     }
 
-    /// The file of messages in it: another one where the recording is a folder, or packed.
-    pub fn file(&self) -> &Path {
-        self.storage.path()
+    /// The files of messages in it: others than the path where that is a folder, or packed.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        self.storages.iter().map(Storage::path)
     }
 
     /// The file.
@@ -107,28 +129,28 @@ impl Recording {
 
     /// Its topics, in the order of their names.
     pub fn channels(&self) -> &[Channel] {
-        &self.channels
+        &self.found.channels
     }
 
     /// Log time of the first message, ns since 1970.
     pub fn start_ns(&self) -> u64 {
-        self.start_ns
+        self.found.start_ns
     }
 
     /// Log time of the last message, ns since 1970.
     pub fn end_ns(&self) -> u64 {
-        self.end_ns
+        self.found.end_ns
     }
 
     /// Time from the first to the last message, s.
     pub fn duration_s(&self) -> f64 {
-        self.end_ns.saturating_sub(self.start_ns) as f64 * 1e-9
+        self.end_ns().saturating_sub(self.start_ns()) as f64 * 1e-9
     }
 
     /// How many messages some topics have together.
     pub fn count(&self, topics: &[&str]) -> u64 {
         let chosen = |channel: &&Channel| topics.contains(&channel.topic.as_str());
-        self.channels
+        self.channels()
             .iter()
             .filter(chosen)
             .map(|channel| channel.count)
@@ -141,7 +163,7 @@ impl Recording {
     /// # Errors
     /// When the file can't be opened any more.
     pub fn messages(&self, topics: &[&str]) -> Result<Messages, RecordingError> {
-        Messages::open(&self.storage, topics, self.disorder_ns)
+        Messages::open(&self.path, &self.storages, topics, self.found.disorder_ns)
     }
 }
 

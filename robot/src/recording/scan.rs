@@ -12,13 +12,43 @@ use mcap::{McapError, Message};
 
 use super::{CHANNELS_MAX, Channel, RECORD_BYTES_MAX, RecordingError, normalised_type};
 
-/// What a reading from end to end found.
-#[derive(Debug, Default)]
+/// What a reading from end to end found: none of a recording without messages.
+#[derive(Debug, Clone, Default)]
 pub(super) struct Found {
+    /// In the order of their names.
     pub(super) channels: Vec<Channel>,
     pub(super) start_ns: u64,
     pub(super) end_ns: u64,
+    /// How far, at most, a message's log time lies before one that stands earlier.
     pub(super) disorder_ns: u64,
+}
+
+impl Found {
+    /// Adds what the next file of a split recording holds.
+    pub(super) fn append(&mut self, next: Self) {
+        if self.channels.is_empty() {
+            *self = next;
+            return;
+        }
+        if next.channels.is_empty() {
+            return;
+        }
+        let back_ns = self.end_ns.saturating_sub(next.start_ns);
+        self.disorder_ns = self.disorder_ns.max(next.disorder_ns).max(back_ns);
+        self.start_ns = self.start_ns.min(next.start_ns);
+        self.end_ns = self.end_ns.max(next.end_ns);
+        for channel in next.channels {
+            let is_same = |of: &&mut Channel| {
+                (&of.topic, &of.message_type) == (&channel.topic, &channel.message_type)
+            };
+            match self.channels.iter_mut().find(is_same) {
+                Some(known) => known.count += channel.count,
+                None => self.channels.push(channel),
+            }
+        }
+        self.channels
+            .sort_by(|a, b| (&a.topic, &a.message_type).cmp(&(&b.topic, &b.message_type)));
+    }
 }
 
 /// Opens an MCAP file, to read its messages in the order of the file.
@@ -52,7 +82,7 @@ pub(super) fn read_through(path: &Path) -> Result<Found, RecordingError> {
             });
         }
     }
-    reading.finish(path)
+    Ok(reading.finish())
 }
 
 /// How far a reading of a file got.
@@ -139,17 +169,12 @@ impl Reading {
         }
     }
 
-    fn finish(self, path: &Path) -> Result<Found, RecordingError> {
-        if self.messages == 0 {
-            return Err(RecordingError::NoMessages {
-                path: path.to_owned(),
-            });
-        }
-        Ok(Found {
+    fn finish(self) -> Found {
+        Found {
             channels: self.channels.into_values().collect(),
             start_ns: self.start_ns,
             end_ns: self.end_ns,
             disorder_ns: self.disorder_ns,
-        })
+        }
     }
 }

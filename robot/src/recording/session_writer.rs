@@ -3,16 +3,18 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::BufWriter;
-use std::path::{Path, PathBuf};
+use std::io::{BufWriter, Write};
+use std::path::Path;
 
-use fleetcal_proto::encoding::Encoding;
-use fleetcal_proto::ros::{AckermannDriveStamped, LaserScan, Odometry, PointCloud2, RosMessage};
-use mcap::records::MessageHeader;
-use mcap::{Compression, McapError, WriteOptions, Writer};
+use fleetcal_proto::encoding::{Encoding, MessageType};
+use mcap::write::NoSeek;
 use serde_json::{Value, json};
 
-use super::{Channel, RecordedMessage, RecordingError, definitions};
+use super::RecordingError;
+use super::mcap_file::{self, McapFile};
+
+/// Name of the metadata record that says how much is missing.
+pub const SESSION_METADATA: &str = "fleetcal.session";
 
 /// A pose in the plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,80 +27,99 @@ pub struct PlanarPose {
     pub yaw_rad: f64,
 }
 
-/// Writes a session: the streams in CDR, `/tf` as `foxglove.FrameTransform`, `/{robot}/estimate` as
-/// JSON and `/{robot}/events` as `foxglove.Log`. The same messages give the same bytes.
-pub struct SessionWriter {
-    path: PathBuf,
-    writer: Writer<BufWriter<File>>,
-    streams: BTreeMap<String, u16>,
+/// A topic of a session, and what its messages are.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct SessionTopic {
+    /// The topic, `/tugger_01/scan`.
+    pub topic: String,
+    /// The type of its messages.
+    pub message_type: MessageType,
+    /// How they are written.
+    pub encoding: Encoding,
+}
+
+/// Writes a session: the streams as they came, `/tf` as `foxglove.FrameTransform`,
+/// `/{robot}/estimate` as JSON and `/{robot}/events` as `foxglove.Log`.
+///
+/// Everything is logged at its own stamp, by the robot's clock: the messages at that of their
+/// header, a sweep at its first beam; the rest at the message time that it speaks of. What a
+/// recorder's clock said is left out, since it may be any other. The same messages give the same
+/// bytes.
+#[derive(Debug)]
+pub struct SessionWriter<W: Write> {
+    file: McapFile<NoSeek<W>>,
+    streams: BTreeMap<SessionTopic, u16>,
     transforms: u16,
     estimates: u16,
     events: u16,
-    sequence: u32,
 }
 
-impl std::fmt::Debug for SessionWriter {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("SessionWriter")
-            .field("path", &self.path)
-            .finish_non_exhaustive()
-    }
-}
-
-impl SessionWriter {
-    /// Makes the file, or empties it, for some channels of a recording. A channel whose type has no
-    /// definition here is left out.
+impl SessionWriter<BufWriter<File>> {
+    /// Makes the file, or empties it.
     ///
     /// # Errors
     /// When it can't be made.
-    pub fn create(path: &Path, robot: &str, channels: &[&Channel]) -> Result<Self, RecordingError> {
+    pub fn create(path: &Path, robot: &str) -> Result<Self, RecordingError> {
         let file = File::create(path).map_err(|source| RecordingError::Io {
             path: path.to_owned(),
             source,
         })?;
-        let refused = |error| refused(path, error);
-        let options = WriteOptions::new()
-            .compression(Some(Compression::Zstd))
-            // One thread: the bytes do not depend on the machine.
-            .compression_threads(0);
-        let mut writer = options.create(BufWriter::new(file)).map_err(refused)?;
-        let mut streams = BTreeMap::new();
-        for channel in channels {
-            if let Some(id) = add_stream(&mut writer, channel).map_err(refused)? {
-                streams.insert(channel.topic.clone(), id);
-            }
-        }
-        let mut json_channel = |topic: &str, name: &str, schema: &Value| {
-            let schema = writer.add_schema(name, "jsonschema", schema.to_string().as_bytes())?;
-            writer.add_channel(schema, topic, "json", &BTreeMap::new())
-        };
-        let transforms = json_channel("/tf", "foxglove.FrameTransform", &transform_schema());
-        let estimates = json_channel(
-            &format!("/{robot}/estimate"),
-            "fleetcal.Estimate",
-            &json!({ "type": "object" }),
-        );
-        let events = json_channel(&format!("/{robot}/events"), "foxglove.Log", &log_schema());
-        Ok(Self {
-            path: path.to_owned(),
-            transforms: transforms.map_err(refused)?,
-            estimates: estimates.map_err(refused)?,
-            events: events.map_err(refused)?,
-            writer,
-            streams,
-            sequence: 0,
-        })
+        Self::begin(path, BufWriter::new(file), robot)
     }
 
-    /// Writes a message of the robot as it was recorded. One of a channel that is left out is not.
+    /// Writes the end and waits until the disk has it all. A file without its end is refused as
+    /// truncated.
     ///
     /// # Errors
     /// When it can't be written.
-    pub fn message(&mut self, message: &RecordedMessage) -> Result<(), RecordingError> {
-        let Some(&channel) = self.streams.get(&*message.topic) else {
-            return Ok(());
+    pub fn finish_on_disk(self) -> Result<(), RecordingError> {
+        let path = self.file.path().to_owned();
+        mcap_file::sync(&path, self.finish()?)
+    }
+}
+
+impl<W: Write> SessionWriter<W> {
+    /// Begins to write to `to`, from its beginning to its end; errors call it `path`.
+    ///
+    /// # Errors
+    /// When it can't be written.
+    pub fn begin(path: &Path, to: W, robot: &str) -> Result<Self, RecordingError> {
+        let options = mcap_file::options().disable_seeking(true);
+        let mut file = McapFile::begin(path, NoSeek::new(to), options)?;
+        let anything = json!({ "type": "object" });
+        let (estimate, events) = (format!("/{robot}/estimate"), format!("/{robot}/events"));
+        Ok(Self {
+            transforms: file.json_channel("/tf", "foxglove.FrameTransform", &transform_schema())?,
+            estimates: file.json_channel(&estimate, "fleetcal.Estimate", &anything)?,
+            events: file.json_channel(&events, "foxglove.Log", &log_schema())?,
+            streams: BTreeMap::new(),
+            file,
+        })
+    }
+
+    /// Writes a message of the robot as it came, logged at `stamp_ns`.
+    ///
+    /// # Errors
+    /// When it can't be written.
+    pub fn message(
+        &mut self,
+        stamp_ns: i64,
+        topic: &SessionTopic,
+        payload: &[u8],
+    ) -> Result<(), RecordingError> {
+        let channel = if let Some(&known) = self.streams.get(topic) {
+            known
+        } else {
+            let SessionTopic {
+                topic: name,
+                message_type,
+                encoding,
+            } = topic;
+            let added = self.file.ros_channel(name, *message_type, *encoding)?;
+            self.streams.insert(topic.clone(), added);
+            added
         };
-        self.write(channel, message.log_time_ns, &message.payload)
+        self.file.write(channel, [stamp_ns; 2], payload)
     }
 
     /// Writes where a frame is in another, from `stamp_ns` on.
@@ -148,20 +169,21 @@ impl SessionWriter {
         self.write_json(self.events, stamp_ns, &log)
     }
 
-    /// Writes the end of the file. One without it is refused as truncated.
+    /// Writes how many messages are missing, since they came faster than they were written.
     ///
     /// # Errors
     /// When it can't be written.
-    pub fn finish(mut self) -> Result<(), RecordingError> {
-        let finished = self.writer.finish();
-        finished.map_err(|error| refused(&self.path, error))?;
-        let file = self.writer.into_inner().into_inner();
-        let io = |source| RecordingError::Io {
-            path: self.path.clone(),
-            source,
-        };
-        let file = file.map_err(|error| io(error.into_error()))?;
-        file.sync_all().map_err(io)
+    pub fn left_out(&mut self, messages: u64) -> Result<(), RecordingError> {
+        let values = [("left_out".to_owned(), messages.to_string())];
+        self.file.metadata(SESSION_METADATA, values.into())
+    }
+
+    /// Writes the end.
+    ///
+    /// # Errors
+    /// When it can't be written.
+    pub fn finish(self) -> Result<W, RecordingError> {
+        Ok(self.file.finish()?.into_inner())
     }
 
     fn write_json(
@@ -170,55 +192,13 @@ impl SessionWriter {
         stamp_ns: i64,
         value: &Value,
     ) -> Result<(), RecordingError> {
-        let time_ns = stamp_ns.max(0).unsigned_abs();
-        self.write(channel, time_ns, value.to_string().as_bytes())
-    }
-
-    fn write(
-        &mut self,
-        channel_id: u16,
-        time_ns: u64,
-        payload: &[u8],
-    ) -> Result<(), RecordingError> {
-        self.sequence = self.sequence.wrapping_add(1);
-        let header = MessageHeader {
-            channel_id,
-            sequence: self.sequence,
-            log_time: time_ns,
-            publish_time: time_ns,
-        };
-        self.writer
-            .write_to_known_channel(&header, payload)
-            .map_err(|error| refused(&self.path, error))
+        let json = value.to_string();
+        self.file.write(channel, [stamp_ns; 2], json.as_bytes())
     }
 }
 
 /// Foxglove's level of a warning.
 const LEVEL_WARNING: u8 = 3;
-
-fn add_stream(
-    writer: &mut Writer<BufWriter<File>>,
-    channel: &Channel,
-) -> Result<Option<u16>, McapError> {
-    let definition = match channel.message_type.as_str() {
-        AckermannDriveStamped::TYPE => definitions::ACKERMANN,
-        LaserScan::TYPE => definitions::LASER_SCAN,
-        PointCloud2::TYPE => definitions::POINT_CLOUD,
-        Odometry::TYPE => definitions::ODOMETRY,
-        _ => return Ok(None),
-    };
-    let (encoding, text, message) = match channel.encoding.unwrap_or_default() {
-        Encoding::Cdr => ("ros2msg", definition.to_owned(), "cdr"),
-        Encoding::Json => (
-            "jsonschema",
-            json!({ "type": "object" }).to_string(),
-            "json",
-        ),
-    };
-    let schema = writer.add_schema(&channel.message_type, encoding, text.as_bytes())?;
-    let id = writer.add_channel(schema, &channel.topic, message, &BTreeMap::new())?;
-    Ok(Some(id))
-}
 
 fn time(stamp_ns: i64) -> Value {
     let second = 1_000_000_000;
@@ -255,15 +235,4 @@ fn log_schema() -> Value {
         "file": { "type": "string" },
         "line": { "type": "integer" },
     }})
-}
-
-fn refused(path: &Path, error: McapError) -> RecordingError {
-    let path = path.to_owned();
-    match error {
-        McapError::Io(source) => RecordingError::Io { path, source },
-        error => RecordingError::Write {
-            path,
-            source: Box::new(error),
-        },
-    }
 }

@@ -1,16 +1,21 @@
-//! Which file holds a recording's messages, and of what kind it is.
+//! Which files hold a recording's messages, and of what kind they are.
 //!
-//! `rosbag2` writes a folder with one file of messages in it, as MCAP or as an SQLite database
-//! (`.db3`), either of which may be packed as a whole with zstd.
+//! `rosbag2` writes a folder with a file of messages in it, as MCAP or as an SQLite database
+//! (`.db3`), either of which may be packed as a whole with zstd. A recording that was split has
+//! several, whose order is that of `metadata.yaml`.
 
 use std::fs::File;
 use std::io::{BufReader, Read, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use serde::Deserialize;
 use tempfile::{NamedTempFile, TempPath};
 
-use super::{RecordingError, UNPACKED_BYTES_MAX};
+use super::{FILES_MAX, METADATA_BYTES_MAX, RecordingError, UNPACKED_BYTES_MAX};
+
+/// What `rosbag2` says of a folder.
+const METADATA: &str = "metadata.yaml";
 
 /// What a file packed with zstd begins with, and a message that was packed by itself.
 pub(super) const ZSTD_MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
@@ -37,13 +42,21 @@ pub(super) struct Storage {
 }
 
 impl Storage {
-    /// Finds the file behind a path, which may be a folder of `rosbag2`, and unpacks it.
-    pub(super) fn find(path: &Path) -> Result<Self, RecordingError> {
-        let path = if path.is_dir() {
-            only_file_in(path)?
+    /// Finds the files behind a path, which may be a folder of `rosbag2`, and unpacks them. They
+    /// are in the order in which they were recorded.
+    pub(super) fn find(path: &Path) -> Result<Vec<Self>, RecordingError> {
+        let files = if path.is_dir() {
+            files_in(path)?
         } else {
-            path.to_owned()
+            vec![path.to_owned()]
         };
+        let mut room = UNPACKED_BYTES_MAX;
+        let of = |file| Self::of_file(file, &mut room);
+        files.into_iter().map(of).collect()
+    }
+
+    /// One file; what is unpacked takes `room`.
+    fn of_file(path: PathBuf, room: &mut u64) -> Result<Self, RecordingError> {
         let magic = first_bytes(&path)?;
         if !magic.starts_with(&ZSTD_MAGIC) {
             let kind = kind_of(&path, &magic)?;
@@ -53,7 +66,7 @@ impl Storage {
                 _unpacked: None,
             });
         }
-        let unpacked = unpack(&path)?;
+        let unpacked = unpack(&path, room)?;
         Ok(Self {
             kind: kind_of(&path, &first_bytes(&unpacked)?)?,
             path: unpacked.to_path_buf(),
@@ -92,8 +105,8 @@ fn first_bytes(path: &Path) -> Result<Vec<u8>, RecordingError> {
     read().map_err(|source| io(path, source))
 }
 
-/// The one file of messages in a folder.
-fn only_file_in(folder: &Path) -> Result<PathBuf, RecordingError> {
+/// The files of messages in a folder, in their order.
+fn files_in(folder: &Path) -> Result<Vec<PathBuf>, RecordingError> {
     let entries = std::fs::read_dir(folder).map_err(|source| io(folder, source))?;
     let mut files = Vec::new();
     for entry in entries {
@@ -103,18 +116,71 @@ fn only_file_in(folder: &Path) -> Result<PathBuf, RecordingError> {
             files.push(path);
         }
     }
-    let count = files.len();
-    match files.pop() {
-        Some(only) if count == 1 => Ok(only),
-        _ => Err(RecordingError::Folder {
-            path: folder.to_owned(),
-            count,
-        }),
+    if files.len() == 1 {
+        return Ok(files);
     }
+    let metadata = folder.join(METADATA);
+    if files.is_empty() || files.len() > FILES_MAX || !metadata.is_file() {
+        return Err(RecordingError::Folder {
+            path: folder.to_owned(),
+            count: files.len(),
+        });
+    }
+    split_files(folder, &metadata, &files)
 }
 
-/// Unpacks a file beside the system's other temporary files.
-fn unpack(path: &Path) -> Result<TempPath, RecordingError> {
+/// What of `metadata.yaml` says the order of a split recording's files.
+#[derive(Deserialize)]
+struct Metadata {
+    rosbag2_bagfile_information: Information,
+}
+
+#[derive(Deserialize)]
+struct Information {
+    relative_file_paths: Vec<PathBuf>,
+}
+
+/// The files that the metadata name, in that order. All of them have to be there, and no others.
+fn split_files(
+    folder: &Path,
+    metadata: &Path,
+    present: &[PathBuf],
+) -> Result<Vec<PathBuf>, RecordingError> {
+    let refused = |reason: String| RecordingError::Metadata {
+        path: metadata.to_owned(),
+        reason,
+    };
+    let mut text = String::new();
+    let file = File::open(metadata).map_err(|source| io(metadata, source))?;
+    let read = file.take(METADATA_BYTES_MAX + 1).read_to_string(&mut text);
+    if read.map_err(|source| io(metadata, source))? as u64 > METADATA_BYTES_MAX {
+        return Err(refused(format!("longer than {METADATA_BYTES_MAX} bytes")));
+    }
+    let known: Metadata = serde_saphyr::from_str(&text)
+        .map_err(|error| refused(error.to_string().lines().take(1).collect()))?;
+    let mut files = Vec::new();
+    for named in known.rosbag2_bagfile_information.relative_file_paths {
+        // Some recorders put the folder's own name in front.
+        let file = named.file_name().map(|name| folder.join(name));
+        let file = file.filter(|file| present.contains(file) && !files.contains(file));
+        files.push(file.ok_or_else(|| {
+            refused(format!(
+                "relative_file_paths has {}, accepted are the folder's files, each once",
+                named.display()
+            ))
+        })?);
+    }
+    if let Some(other) = present.iter().find(|&file| !files.contains(file)) {
+        return Err(refused(format!(
+            "relative_file_paths lacks {}, which lies beside it",
+            other.display()
+        )));
+    }
+    Ok(files)
+}
+
+/// Unpacks a file beside the system's other temporary files, as long as there is room.
+fn unpack(path: &Path, room: &mut u64) -> Result<TempPath, RecordingError> {
     let damaged = |source: std::io::Error| RecordingError::Packed {
         path: path.to_owned(),
         source,
@@ -122,13 +188,13 @@ fn unpack(path: &Path) -> Result<TempPath, RecordingError> {
     let packed = File::open(path).map_err(|source| io(path, source))?;
     let reader = zstd::Decoder::new(BufReader::new(packed)).map_err(damaged)?;
     let mut unpacked = NamedTempFile::new().map_err(|source| io(path, source))?;
-    let mut limited = reader.take(UNPACKED_BYTES_MAX + 1);
+    let mut limited = reader.take(*room + 1);
     let copied = std::io::copy(&mut limited, &mut unpacked).map_err(damaged)?;
-    if copied > UNPACKED_BYTES_MAX {
-        return Err(RecordingError::TooLarge {
+    *room = room
+        .checked_sub(copied)
+        .ok_or_else(|| RecordingError::TooLarge {
             path: path.to_owned(),
-        });
-    }
+        })?;
     unpacked.flush().map_err(|source| io(path, source))?;
     Ok(unpacked.into_temp_path())
 }

@@ -1,9 +1,33 @@
 //! Which topics of a recording to use.
 
-use fleetcal_proto::ros::{AckermannDriveStamped, LaserScan, Odometry, PointCloud2, RosMessage};
+use fleetcal_proto::encoding::MessageType;
 use thiserror::Error;
 
 use super::Channel;
+
+/// Where speed and steering are.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum ChosenDrive {
+    /// In the same messages.
+    Whole(Channel),
+    /// On topics of their own, to be paired by stamp.
+    Halves {
+        /// Steering.
+        steering: Channel,
+        /// Speed.
+        speed: Channel,
+    },
+}
+
+impl ChosenDrive {
+    /// The channels.
+    pub fn channels(&self) -> Vec<&Channel> {
+        match self {
+            Self::Whole(drive) => vec![drive],
+            Self::Halves { steering, speed } => vec![steering, speed],
+        }
+    }
+}
 
 /// What the LiDAR's motion is taken from.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -27,23 +51,65 @@ impl ChosenPose {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Topics {
     /// Measured speed and steering.
-    pub drive: Channel,
+    pub drive: ChosenDrive,
     /// The LiDAR's sweeps or poses.
     pub pose: ChosenPose,
 }
 
 impl Topics {
-    /// The names of both.
-    pub fn names(&self) -> [&str; 2] {
-        [&self.drive.topic, &self.pose.channel().topic]
+    /// The channels, those of the drive first.
+    pub fn channels(&self) -> Vec<&Channel> {
+        let mut channels = self.drive.channels();
+        channels.push(self.pose.channel());
+        channels
+    }
+
+    /// The names of all.
+    pub fn names(&self) -> Vec<&str> {
+        let channels = self.channels().into_iter();
+        channels.map(|channel| channel.topic.as_str()).collect()
+    }
+
+    /// The topic that says whose recording it is: of the drive, or of the steering.
+    pub fn drive_topic(&self) -> &str {
+        match &self.drive {
+            ChosenDrive::Whole(channel)
+            | ChosenDrive::Halves {
+                steering: channel, ..
+            } => &channel.topic,
+        }
     }
 
     /// The first chunk of the drive topic, as which the robot is known unless told otherwise:
     /// `tugger_01` of `/tugger_01/drive`. `None` when the topic has only one chunk.
     pub fn robot(&self) -> Option<&str> {
-        let chunks = self.drive.topic.trim_start_matches('/');
+        let chunks = self.drive_topic().trim_start_matches('/');
         chunks.split_once('/').map(|(robot, _)| robot)
     }
+}
+
+/// A topic that somebody asks for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct AskedTopic {
+    /// Its name in the recording.
+    pub topic: String,
+    /// The flag, or the key of a configuration, that says so.
+    pub by: &'static str,
+}
+
+/// The topics that are asked for; the others are found by their types.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct AskedTopics {
+    /// Speed and steering in one.
+    pub drive: Option<AskedTopic>,
+    /// Steering alone.
+    pub steering: Option<AskedTopic>,
+    /// Speed alone.
+    pub speed: Option<AskedTopic>,
+    /// Sweeps or clouds.
+    pub scan: Option<AskedTopic>,
+    /// Poses of the LiDAR.
+    pub pose: Option<AskedTopic>,
 }
 
 /// Why the topics of a recording could not be chosen.
@@ -93,9 +159,32 @@ pub enum TopicError {
         /// The types that would do.
         needed: String,
     },
-    /// Two flags that exclude each other.
-    #[error("--scan-topic and --pose-topic are both given, accepted is one of them")]
-    ScanAndPose,
+    /// Two that exclude each other.
+    #[error("{scan} and {pose} are both given, accepted is one of them")]
+    ScanAndPose {
+        /// What asks for sweeps.
+        scan: &'static str,
+        /// What asks for poses.
+        pose: &'static str,
+    },
+    /// Neither a drive nor both of its halves.
+    #[error("{given} given, accepted is a topic of both steering and speed, or one of each")]
+    Halves {
+        /// What is given.
+        given: String,
+    },
+    /// One topic as both halves.
+    #[error("{steering} and {speed} are both {topic:?}, accepted is {drive} for a topic of both")]
+    OneTopic {
+        /// What asks for the steering.
+        steering: &'static str,
+        /// What asks for the speed.
+        speed: &'static str,
+        /// The topic.
+        topic: String,
+        /// The flag of a topic that has both.
+        drive: &'static str,
+    },
 }
 
 impl TopicError {
@@ -114,29 +203,48 @@ struct Wanted {
     what: &'static str,
     flag: &'static str,
     /// The types that would do, the preferred first.
-    message_types: &'static [&'static str],
+    accepted: &'static [MessageType],
+    /// Those of them that are taken without being asked for: what else is of the others' types says
+    /// too little.
+    found: &'static [MessageType],
 }
 
 impl Wanted {
     fn needed(&self) -> String {
-        self.message_types.join(" or ")
+        let names: Vec<&str> = self.accepted.iter().map(|of| of.ros_type()).collect();
+        names.join(" or ")
     }
 }
 
 const DRIVE: Wanted = Wanted {
     what: "drive",
     flag: "--drive-topic",
-    message_types: &[AckermannDriveStamped::TYPE],
+    accepted: MessageType::OF_DRIVE,
+    found: &[MessageType::AckermannDriveStamped],
+};
+const STEERING: Wanted = Wanted {
+    what: "steering",
+    flag: "--steering-topic",
+    accepted: MessageType::OF_STEERING,
+    found: &[],
+};
+const SPEED: Wanted = Wanted {
+    what: "speed",
+    flag: "--speed-topic",
+    accepted: MessageType::OF_SPEED,
+    found: &[],
 };
 const SCAN: Wanted = Wanted {
     what: "scan",
     flag: "--scan-topic",
-    message_types: &[LaserScan::TYPE, PointCloud2::TYPE],
+    accepted: MessageType::OF_SCAN,
+    found: MessageType::OF_SCAN,
 };
 const POSE: Wanted = Wanted {
     what: "LiDAR pose",
     flag: "--pose-topic",
-    message_types: &[Odometry::TYPE],
+    accepted: MessageType::OF_LIDAR_ODOMETRY,
+    found: &[MessageType::Odometry],
 };
 
 /// Chooses the topics of a calibration: those asked for, else by message type when only one would
@@ -144,25 +252,70 @@ const POSE: Wanted = Wanted {
 ///
 /// # Errors
 /// Says what is missing, lists the candidates, or names the flag that can't be.
-pub fn choose_topics(
-    channels: &[Channel],
-    drive_topic: Option<&str>,
-    scan_topic: Option<&str>,
-    pose_topic: Option<&str>,
-) -> Result<Topics, TopicError> {
-    let drive = choose(channels, &DRIVE, drive_topic)?
-        .ok_or_else(|| missing(channels, DRIVE.what, DRIVE.needed()))?;
-    let pose = match (scan_topic, pose_topic) {
-        (Some(_), Some(_)) => return Err(TopicError::ScanAndPose),
-        (None, Some(_)) => choose(channels, &POSE, pose_topic)?.map(ChosenPose::LidarOdometry),
-        (scan_topic, None) => match choose(channels, &SCAN, scan_topic)? {
+pub fn choose_topics(channels: &[Channel], asked: &AskedTopics) -> Result<Topics, TopicError> {
+    let drive = choose_drive(channels, asked)?;
+    let pose = match (&asked.scan, &asked.pose) {
+        (Some(scan), Some(pose)) => {
+            return Err(TopicError::ScanAndPose {
+                scan: scan.by,
+                pose: pose.by,
+            });
+        }
+        (None, Some(pose)) => Some(ChosenPose::LidarOdometry(asked_for(channels, &POSE, pose)?)),
+        (Some(scan), None) => Some(ChosenPose::Scan(asked_for(channels, &SCAN, scan)?)),
+        (None, None) => match only_one(channels, &SCAN)? {
             Some(scan) => Some(ChosenPose::Scan(scan)),
-            None => choose(channels, &POSE, None)?.map(ChosenPose::LidarOdometry),
+            // What tells how the vehicle drives is no pose of its LiDAR.
+            None => only_one(&others(channels, &drive), &POSE)?.map(ChosenPose::LidarOdometry),
         },
     };
     let needed = || format!("{} or {}", SCAN.needed(), POSE.needed());
     let pose = pose.ok_or_else(|| missing(channels, "scan or LiDAR pose", needed()))?;
     Ok(Topics { drive, pose })
+}
+
+fn others(channels: &[Channel], drive: &ChosenDrive) -> Vec<Channel> {
+    let taken = drive.channels();
+    let is_other = |channel: &&Channel| !taken.contains(channel);
+    channels.iter().filter(is_other).cloned().collect()
+}
+
+fn choose_drive(channels: &[Channel], asked: &AskedTopics) -> Result<ChosenDrive, TopicError> {
+    match (&asked.drive, &asked.steering, &asked.speed) {
+        (Some(drive), None, None) => asked_for(channels, &DRIVE, drive).map(ChosenDrive::Whole),
+        (None, Some(steering), Some(speed)) if steering.topic == speed.topic => {
+            Err(TopicError::OneTopic {
+                steering: steering.by,
+                speed: speed.by,
+                topic: speed.topic.clone(),
+                drive: DRIVE.flag,
+            })
+        }
+        (None, Some(steering), Some(speed)) => Ok(ChosenDrive::Halves {
+            steering: asked_for(channels, &STEERING, steering)?,
+            speed: asked_for(channels, &SPEED, speed)?,
+        }),
+        (None, None, None) => {
+            let needed = format!(
+                "{}, or {} and {} for a topic of each",
+                MessageType::AckermannDriveStamped.ros_type(),
+                STEERING.flag,
+                SPEED.flag
+            );
+            let drive = only_one(channels, &DRIVE)?;
+            drive
+                .map(ChosenDrive::Whole)
+                .ok_or_else(|| missing(channels, DRIVE.what, needed))
+        }
+        (drive, steering, speed) => {
+            let given = [drive, steering, speed].into_iter().flatten();
+            let given: Vec<&str> = given.map(|asked| asked.by).collect();
+            let are = if given.len() == 1 { "alone is" } else { "are" };
+            Err(TopicError::Halves {
+                given: format!("{} {are}", given.join(" and ")),
+            })
+        }
+    }
 }
 
 /// Chooses the topic with sweeps: the one asked for, else the only one; clouds when there are no
@@ -174,26 +327,25 @@ pub fn choose_scan_topic(
     channels: &[Channel],
     scan_topic: Option<&str>,
 ) -> Result<Channel, TopicError> {
-    choose(channels, &SCAN, scan_topic)?.ok_or_else(|| missing(channels, SCAN.what, SCAN.needed()))
+    if let Some(topic) = scan_topic {
+        let asked = AskedTopic {
+            topic: topic.to_owned(),
+            by: SCAN.flag,
+        };
+        return asked_for(channels, &SCAN, &asked);
+    }
+    only_one(channels, &SCAN)?.ok_or_else(|| missing(channels, SCAN.what, SCAN.needed()))
 }
 
-/// The topic asked for, or the only one of the preferred type that there is; `None` when there is
-/// none of any.
-fn choose(
-    channels: &[Channel],
-    wanted: &Wanted,
-    asked: Option<&str>,
-) -> Result<Option<Channel>, TopicError> {
-    if let Some(topic) = asked {
-        return asked_for(channels, wanted, topic).map(Some);
-    }
-    let of_type = |message_type: &&str| -> Vec<&Channel> {
+/// The only topic of the preferred type that there is; `None` when there is none of any.
+fn only_one(channels: &[Channel], wanted: &Wanted) -> Result<Option<Channel>, TopicError> {
+    let of_type = |of: &MessageType| -> Vec<&Channel> {
         let fits = |channel: &&Channel| {
-            channel.message_type == *message_type && channel.encoding.is_some()
+            channel.message_type == of.ros_type() && channel.encoding.is_some()
         };
         channels.iter().filter(fits).collect()
     };
-    let mut candidates = wanted.message_types.iter().map(of_type);
+    let mut candidates = wanted.found.iter().map(of_type);
     match candidates.find(|of_type| !of_type.is_empty()).as_deref() {
         None | Some([]) => Ok(None),
         Some([only]) => Ok(Some((*only).clone())),
@@ -212,34 +364,37 @@ fn choose(
     }
 }
 
-fn asked_for(channels: &[Channel], wanted: &Wanted, topic: &str) -> Result<Channel, TopicError> {
+fn asked_for(
+    channels: &[Channel],
+    wanted: &Wanted,
+    asked: &AskedTopic,
+) -> Result<Channel, TopicError> {
     let fits = |channel: &&Channel| {
-        wanted
-            .message_types
-            .contains(&channel.message_type.as_str())
-            && channel.encoding.is_some()
+        let message_type = channel.known_type();
+        message_type.is_some_and(|of| wanted.accepted.contains(&of)) && channel.encoding.is_some()
     };
-    let of_name = || channels.iter().filter(|channel| channel.topic == topic);
+    let of_name = || {
+        channels
+            .iter()
+            .filter(|channel| channel.topic == asked.topic)
+    };
     if let Some(channel) = of_name().find(fits) {
         return Ok(channel.clone());
     }
-    let flag = wanted.flag;
-    let topic = topic.to_owned();
+    let flag = asked.by;
+    let topic = asked.topic.clone();
     match of_name().next() {
         None => Err(TopicError::NotInRecording {
             flag,
             topic,
             present: present(channels),
         }),
-        Some(other) => {
-            let found = shown_type(other);
-            Err(TopicError::WrongType {
-                flag,
-                topic,
-                found,
-                needed: wanted.needed(),
-            })
-        }
+        Some(other) => Err(TopicError::WrongType {
+            flag,
+            topic,
+            found: shown_type(other),
+            needed: wanted.needed(),
+        }),
     }
 }
 

@@ -43,7 +43,10 @@ pub enum ReplayError {
         reason: String,
     },
     /// Somebody answers, but no service listens to the robot's streams.
-    #[error("nobody listens to {key} after {seconds} s: is it the service's router?")]
+    #[error(
+        "nobody listens to {key} after {seconds} s: is it the service's router, and does the robot's \
+         configuration name the topic?"
+    )]
     NobodyListens {
         /// The stream's key.
         key: String,

@@ -17,13 +17,25 @@ const PROGRESS_TIMEOUT: Duration = Duration::from_secs(2);
 /// Pause between two looks for a listener.
 const LISTENER_POLL: Duration = Duration::from_millis(10);
 
+/// Where the messages of one topic go.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Lane {
+    /// The topic in the recording.
+    pub(super) topic: String,
+    /// The key in Zenoh.
+    pub(super) key: String,
+    /// The encoding in Zenoh.
+    pub(super) encoding: String,
+    /// Whether it tells how the vehicle drives.
+    pub(super) is_drive: bool,
+}
+
 /// A robot's session: its streams, its token, and the question for the service's progress.
 #[derive(Debug)]
 pub(super) struct Link {
     session: zenoh::Session,
     robot: RobotId,
-    drive: Publisher<'static>,
-    pose: Publisher<'static>,
+    streams: Vec<(Lane, Publisher<'static>)>,
     progress_key: String,
     token: LivelinessToken,
 }
@@ -40,7 +52,7 @@ impl Link {
     pub(super) async fn open(
         options: &ReplayOptions,
         robot: &RobotId,
-        [drive, pose]: [(StreamKind, String); 2],
+        lanes: Vec<Lane>,
     ) -> Result<Self, ReplayError> {
         let timeout_ms = options.connect_timeout.as_millis() as u64;
         let config = options.connect.config(timeout_ms)?;
@@ -50,20 +62,20 @@ impl Link {
             connection: options.connect.to_string(),
             reason: error.to_string(),
         })?;
-        let publisher = async |(kind, encoding): (StreamKind, String)| {
-            let key = options.keys.stream(robot, kind);
-            // Both streams have the same priority and wait for room: one order, nothing dropped.
+        let mut streams = Vec::new();
+        for lane in lanes {
+            // All streams have the same priority and wait for room: one order, nothing dropped.
             let declared = session
-                .declare_publisher(key.clone())
-                .encoding(encoding)
+                .declare_publisher(lane.key.clone())
+                .encoding(lane.encoding.as_str())
                 .congestion_control(CongestionControl::Block);
-            declared.await.map_err(at_key(&key))
-        };
+            let publisher = declared.await.map_err(at_key(&lane.key))?;
+            streams.push((lane, publisher));
+        }
         let alive = options.keys.alive(robot);
         let token = session.liveliness().declare_token(alive.clone());
         Ok(Self {
-            drive: publisher(drive).await?,
-            pose: publisher(pose).await?,
+            streams,
             progress_key: options.keys.stream(robot, StreamKind::Progress),
             token: token.await.map_err(at_key(&alive))?,
             robot: robot.clone(),
@@ -76,10 +88,17 @@ impl Link {
         &self.robot
     }
 
-    /// Waits until somebody listens to both streams: what is sent before that is lost.
+    /// The lane of a topic, and whether it is one of the drive.
+    pub(super) fn lane(&self, topic: &str) -> Option<(usize, bool)> {
+        let lanes = self.streams.iter().map(|(lane, _)| lane);
+        let found = lanes.enumerate().find(|(_, lane)| lane.topic == topic);
+        found.map(|(place, lane)| (place, lane.is_drive))
+    }
+
+    /// Waits until somebody listens to all streams: what is sent before that is lost.
     pub(super) async fn wait_for_listeners(&self, timeout: Duration) -> Result<(), ReplayError> {
         let started = Instant::now();
-        for publisher in [&self.drive, &self.pose] {
+        for (_, publisher) in &self.streams {
             let key = publisher.key_expr().as_str();
             while !publisher
                 .matching_status()
@@ -100,9 +119,11 @@ impl Link {
         Ok(())
     }
 
-    /// Sends a message on one of the streams.
-    pub(super) async fn send(&self, is_drive: bool, payload: Vec<u8>) -> Result<(), ReplayError> {
-        let publisher = if is_drive { &self.drive } else { &self.pose };
+    /// Sends a message on a lane.
+    pub(super) async fn send(&self, lane: usize, payload: Vec<u8>) -> Result<(), ReplayError> {
+        let Some((_, publisher)) = self.streams.get(lane) else {
+            return Ok(());
+        };
         publisher
             .put(payload)
             .await

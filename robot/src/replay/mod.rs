@@ -16,17 +16,22 @@ pub use window::{AHEAD_DRIVE_SAMPLES_MAX, AHEAD_SCANS_MAX, Report, Window};
 
 use std::time::Duration;
 
+use fleetcal_proto::encoding::MessageType;
+use fleetcal_proto::ros2_key::typed_key;
 use fleetcal_proto::{RobotId, StreamKind};
 use tokio::sync::mpsc;
 use tokio::time::Instant;
 
 use crate::recording::{
-    Channel, ChosenPose, RecordedMessage, Recording, RecordingError, Topics, choose_topics,
+    Channel, ChosenDrive, ChosenPose, RecordedMessage, Recording, RecordingError, Topics,
+    choose_topics,
 };
-use link::Link;
+use link::{Lane, Link};
 
 /// Messages that are read ahead from the file.
 const READ_AHEAD_MAX: usize = 256;
+/// The ROS domain as which topics are sent that have no key of ours.
+const ROS_DOMAIN: u32 = 0;
 /// First pause between two looks at the service's progress.
 const POLL_FIRST: Duration = Duration::from_millis(1);
 /// Longest pause between two looks at the service's progress.
@@ -79,16 +84,11 @@ pub async fn replay(
     // 1. What to send, and as whom.
     let path = options.recording.clone();
     let recording = tokio::task::spawn_blocking(move || Recording::open(&path)).await??;
-    let topics = choose_topics(
-        recording.channels(),
-        options.drive_topic.as_deref(),
-        options.scan_topic.as_deref(),
-        options.pose_topic.as_deref(),
-    )?;
+    let topics = choose_topics(recording.channels(), &options.topics)?;
     let robot = robot_of(&options, &topics)?;
 
     // 2. A session, in which somebody listens before anything is sent.
-    let link = Link::open(&options, &robot, streams(&topics)).await?;
+    let link = Link::open(&options, &robot, lanes(&options, &robot, &topics)).await?;
     link.wait_for_listeners(options.connect_timeout).await?;
 
     // 3. The messages, then the wait for the last of them.
@@ -97,7 +97,6 @@ pub async fn replay(
         total: recording.count(&topics.names()),
         window: Window::new(link.progress().await?),
         started: Instant::now(),
-        drive_topic: topics.drive.topic.clone(),
         link,
         options,
     };
@@ -131,25 +130,62 @@ fn robot_of(options: &ReplayOptions, topics: &Topics) -> Result<RobotId, ReplayE
     if let Some(robot) = &options.robot {
         return Ok(robot.clone());
     }
-    let topic = &topics.drive.topic;
+    let topic = topics.drive_topic();
     let named = topics.robot().ok_or_else(|| ReplayError::NoRobot {
-        topic: topic.clone(),
+        topic: topic.to_owned(),
     })?;
     let refused = |reason| ReplayError::RobotRefused {
-        topic: topic.clone(),
+        topic: topic.to_owned(),
         reason,
     };
     RobotId::parse(named).map_err(refused)
 }
 
-/// The robot's streams and how their messages are written, the drive first.
-fn streams(topics: &Topics) -> [(StreamKind, String); 2] {
-    let encoding = |channel: &Channel| channel.encoding.unwrap_or_default().as_str().to_owned();
-    let pose = match &topics.pose {
-        ChosenPose::Scan(channel) => (StreamKind::Scan, channel.scan_form().to_text()),
-        ChosenPose::LidarOdometry(channel) => (StreamKind::LidarOdometry, encoding(channel)),
+/// Where each topic's messages go. Steering and speed that come apart have no key of ours: they go
+/// as `rmw_zenoh` sends them.
+fn lanes(options: &ReplayOptions, robot: &RobotId, topics: &Topics) -> Vec<Lane> {
+    let own = |channel: &Channel, kind, usual| {
+        let mut form = channel.form();
+        form.message_type = form.message_type.filter(|&of| of != usual);
+        Lane {
+            topic: channel.topic.clone(),
+            key: options.keys.stream(robot, kind),
+            encoding: form.to_text(),
+            is_drive: kind == StreamKind::Drive,
+        }
     };
-    [(StreamKind::Drive, encoding(&topics.drive)), pose]
+    let of_ros = |channel: &Channel| {
+        let below = channel.topic.trim_start_matches('/');
+        let named = topics.robot().and_then(|name| below.strip_prefix(name));
+        let below = named
+            .and_then(|rest| rest.strip_prefix('/'))
+            .unwrap_or(below);
+        let path = format!("{ROS_DOMAIN}/{robot}/{below}");
+        let form = channel.form();
+        Lane {
+            topic: channel.topic.clone(),
+            key: form
+                .message_type
+                .map_or(path.clone(), |of| typed_key(&path, of)),
+            encoding: form.encoding.as_str().to_owned(),
+            is_drive: true,
+        }
+    };
+    let mut lanes = match &topics.drive {
+        ChosenDrive::Whole(channel) => vec![own(
+            channel,
+            StreamKind::Drive,
+            MessageType::AckermannDriveStamped,
+        )],
+        ChosenDrive::Halves { steering, speed } => vec![of_ros(steering), of_ros(speed)],
+    };
+    lanes.push(match &topics.pose {
+        ChosenPose::Scan(channel) => own(channel, StreamKind::Scan, MessageType::LaserScan),
+        ChosenPose::LidarOdometry(channel) => {
+            own(channel, StreamKind::LidarOdometry, MessageType::Odometry)
+        }
+    });
+    lanes
 }
 
 /// Reads the file on a thread of its own, a bounded number of messages ahead.
@@ -183,7 +219,6 @@ struct Sender {
     link: Link,
     options: ReplayOptions,
     window: Window,
-    drive_topic: String,
     start_ns: u64,
     total: u64,
     started: Instant,
@@ -196,17 +231,23 @@ impl Sender {
         if let Some(after) = self.options.rate.after(Duration::from_nanos(elapsed_ns)) {
             tokio::time::sleep_until(self.started + after).await;
         }
-        let is_drive = *message.topic == *self.drive_topic;
+        let Some((lane, is_drive)) = self.link.lane(&message.topic) else {
+            return Ok(self.progress(elapsed_ns));
+        };
         if self.options.pacing == Pacing::ByProgress {
             self.wait(|window| window.has_room(is_drive)).await?;
         }
-        self.link.send(is_drive, message.payload).await?;
+        self.link.send(lane, message.payload).await?;
         self.window.count_sent(is_drive);
-        Ok(ReplayProgress {
+        Ok(self.progress(elapsed_ns))
+    }
+
+    fn progress(&self, elapsed_ns: u64) -> ReplayProgress {
+        ReplayProgress {
             sent: self.window.sent(),
             total: self.total,
             recording_ms: elapsed_ns / 1_000_000,
-        })
+        }
     }
 
     async fn wait_until_done(&mut self) -> Result<(), ReplayError> {

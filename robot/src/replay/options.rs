@@ -8,6 +8,7 @@ use fleetcal_proto::{Keys, RobotId};
 use thiserror::Error;
 
 use crate::connection::Connection;
+use crate::recording::AskedTopics;
 
 /// How fast a recording is sent.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -78,12 +79,8 @@ pub struct ReplayOptions {
     pub rate: Rate,
     /// Whether to wait for the service.
     pub pacing: Pacing,
-    /// Topic with speed and steering, when more than one would do.
-    pub drive_topic: Option<String>,
-    /// Topic with sweeps, when more than one would do.
-    pub scan_topic: Option<String>,
-    /// Topic with LiDAR poses, to be used instead of sweeps.
-    pub pose_topic: Option<String>,
+    /// The topics to send, where more than one would do.
+    pub topics: AskedTopics,
     /// The keys to send under.
     pub keys: Keys,
     /// How long to wait for the connection, and for somebody who listens.
@@ -101,9 +98,7 @@ impl ReplayOptions {
             robot: None,
             rate: Rate::Times(1.0),
             pacing: Pacing::ByProgress,
-            drive_topic: None,
-            scan_topic: None,
-            pose_topic: None,
+            topics: AskedTopics::default(),
             keys: Keys::default(),
             connect_timeout: Duration::from_secs(10),
             stall_timeout: Duration::from_secs(30),

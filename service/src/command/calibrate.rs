@@ -1,27 +1,31 @@
 //! `fleetcal calibrate`: the service's estimator over a recording.
 
-use std::path::{Path, PathBuf};
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::PathBuf;
 
 use clap::Args;
 use fleetcal_estimator::{Calibrator, Effect, EstimatorSettings, Event, Stamp, VehicleModel};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::CalibrationReport;
-use fleetcal_robot::recording::{ChosenPose, Recording, Topics, choose_topics};
+use fleetcal_robot::recording::{Channel, RecordedMessage, Recording, Topics, choose_topics};
 
 use crate::clock::{Clock, thread_cpu};
-use crate::command::export::Export;
 use crate::command::height_band::HeightBand;
 use crate::command::known_map::KnownMapArguments;
 use crate::command::output::{Trajectory, print_json, print_text};
 use crate::command::progress::Progress;
-use crate::command::recording::RecordedStream;
+use crate::command::recording::{RecordedStream, streams};
 use crate::command::report;
 use crate::command::session_record::SessionRecord;
 use crate::command::table::table;
 use crate::command::timing::ScanTimes;
+use crate::command::topics::{self, TopicArguments};
 use crate::command::{CommandError, ModelName};
 use crate::config::{Config, RobotConfig, Wheelbase};
-use crate::fleet::{Stream, document};
+use crate::fleet::{Intake, ReadingSettings, document};
+use crate::session_export::SessionExport;
+use crate::streams::{Joints, StreamsFields};
 
 /// The robot's name when neither the caller nor the recording has one.
 const UNNAMED: &str = "robot";
@@ -40,16 +44,13 @@ pub struct Arguments {
     /// The robot's name [default: the first chunk of the drive topic]
     #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
-    /// The topic with `AckermannDriveStamped` messages, if there are several
-    #[arg(long, value_name = "TOPIC")]
-    pub drive_topic: Option<String>,
-    /// The topic with `LaserScan` or `PointCloud2` messages, if there are several
-    #[arg(long, value_name = "TOPIC")]
-    pub scan_topic: Option<String>,
-    /// A topic with `Odometry` messages of the LiDAR, instead of its scans
-    #[arg(long, value_name = "TOPIC")]
-    pub pose_topic: Option<String>,
-    /// A `fleetcal.toml`, for the estimator's settings and the robot's vehicle
+    /// Which topics are taken.
+    #[command(flatten)]
+    pub topics: TopicArguments,
+    /// Of `JointState`, which joints steer and drive, as `streams.joints` of a configuration has them
+    #[arg(long, value_name = "TABLE", value_parser = topics::joints)]
+    pub joints: Option<Joints>,
+    /// A `fleetcal.toml`, for the estimator's settings, the robot's vehicle and its topics
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
     /// Of clouds, the heights to take in the LiDAR's frame [default: -0.5,0.5, or what --config says]
@@ -79,34 +80,38 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments, clock: &dyn Clock) -> Result<(), CommandError> {
     let recording = Recording::open(&arguments.recording)?;
     spare_recording(&recording, arguments)?;
-    let topics = choose_topics(
-        recording.channels(),
-        arguments.drive_topic.as_deref(),
-        arguments.scan_topic.as_deref(),
-        arguments.pose_topic.as_deref(),
-    )?;
-    let name = arguments
-        .robot
-        .as_deref()
-        .or_else(|| topics.robot())
-        .unwrap_or(UNNAMED);
-    let robot = RobotId::parse(name)?;
     let file = arguments
         .config
         .as_deref()
         .map(Config::read)
         .transpose()?
         .unwrap_or_default();
+    let channels = recording.channels();
+    let configured = configured_robot(arguments, channels, &file);
+    let asked = match configured {
+        Some((id, config)) => arguments
+            .topics
+            .asked_or_configured(id.as_str(), config, channels),
+        None => arguments.topics.asked(),
+    };
+    let topics = choose_topics(channels, &asked)?;
+    let name = arguments
+        .robot
+        .as_deref()
+        .or(configured.map(|(id, _)| id.as_str()))
+        .or_else(|| topics.robot())
+        .unwrap_or(UNNAMED);
+    let robot = RobotId::parse(name)?;
     let config = vehicle_of(arguments, &robot, &file)?;
     let known = (&robot, &config, &file.estimator);
     let run = Run::start(&recording, &topics, known, arguments)?;
     let finished = run.finish(clock)?;
-    for refusal in finished.refusals {
-        eprintln!("fleetcal: {refusal}");
+    for remark in finished.remarks {
+        eprintln!("fleetcal: {remark}");
     }
     let report = finished.report;
-    if let Some(path) = &arguments.report {
-        report::write(path, &arguments.recording, &report, &finished.session)?;
+    if let (Some(path), Some(session)) = (&arguments.report, &finished.session) {
+        report::write(path, &arguments.recording, &report, session)?;
     }
     if arguments.json {
         print_json(&report)
@@ -115,12 +120,32 @@ pub fn run(arguments: &Arguments, clock: &dyn Clock) -> Result<(), CommandError>
     }
 }
 
+/// The robot of the file whose recording it is: the one that is named, else the only one below
+/// whose name there are topics.
+fn configured_robot<'f>(
+    arguments: &Arguments,
+    channels: &[Channel],
+    file: &'f Config,
+) -> Option<(&'f RobotId, &'f RobotConfig)> {
+    let is_it = |id: &RobotId| {
+        if let Some(name) = &arguments.robot {
+            return id.as_str() == name;
+        }
+        let below = format!("/{id}/");
+        let mut topics = channels.iter().map(|channel| &channel.topic);
+        topics.any(|topic| topic.starts_with(&below))
+    };
+    let mut fitting = file.robots.iter().filter(|entry| is_it(&entry.id));
+    let only = fitting.next().filter(|_| fitting.next().is_none());
+    only.map(|entry| (&entry.id, &entry.config))
+}
+
 /// No result is written over what it is calculated from.
 fn spare_recording(recording: &Recording, arguments: &Arguments) -> Result<(), CommandError> {
     let outputs = [&arguments.export, &arguments.trajectory, &arguments.report];
-    let originals = [recording.path(), recording.file()];
     let is_original = |there: &PathBuf| {
-        let mut originals = originals.iter().filter_map(|path| path.canonicalize().ok());
+        let originals = recording.files().chain([recording.path()]);
+        let mut originals = originals.filter_map(|path| path.canonicalize().ok());
         originals.any(|original| original == *there)
     };
     for output in outputs.into_iter().flatten() {
@@ -156,6 +181,17 @@ fn vehicle_of(
     if let Some(model) = model {
         config.model = model;
     }
+    if let Some(joints) = &arguments.joints {
+        let fields = StreamsFields {
+            joints: Some(joints.clone()),
+            ..config.streams.fields().clone()
+        };
+        config.streams = fields.try_into().map_err(CommandError::Joints)?;
+    }
+    config.point_cloud = Some(HeightBand::or_of(
+        arguments.height_band,
+        config.point_cloud.unwrap_or_default(),
+    ));
     Ok(config)
 }
 
@@ -165,12 +201,13 @@ struct Run<'a> {
     recording: &'a Recording,
     topics: &'a Topics,
     calibrator: Calibrator,
-    drive: RecordedStream,
-    pose: RecordedStream,
+    intake: Intake,
+    streams: Vec<RecordedStream>,
     robot: &'a RobotId,
     trajectory: Option<Trajectory>,
-    export: Option<Export>,
-    session: SessionRecord,
+    export: Option<SessionExport<BufWriter<File>>>,
+    /// What a report shows, where one is asked for.
+    session: Option<SessionRecord>,
     last_pose: Option<Stamp>,
     times: ScanTimes,
 }
@@ -178,9 +215,9 @@ struct Run<'a> {
 /// What a recording came to.
 struct Finished {
     report: CalibrationReport,
-    /// What was refused, in words.
-    refusals: Vec<String>,
-    session: SessionRecord,
+    /// What was refused and how well the rest fits together, in words.
+    remarks: Vec<String>,
+    session: Option<SessionRecord>,
 }
 
 impl<'a> Run<'a> {
@@ -190,30 +227,27 @@ impl<'a> Run<'a> {
         (robot, config, settings): (&'a RobotId, &RobotConfig, &EstimatorSettings),
         arguments: &Arguments,
     ) -> Result<Self, CommandError> {
-        let pose_stream = match topics.pose {
-            ChosenPose::Scan(_) => Stream::Scan,
-            ChosenPose::LidarOdometry(_) => Stream::LidarOdometry,
-        };
         let trajectory = arguments
             .trajectory
             .as_deref()
             .map(Trajectory::create)
             .transpose()?;
         let export = arguments.export.as_deref();
-        let export = export.map(|path| Export::create(path, robot, topics));
-        let configured = config.point_cloud.unwrap_or_default();
-        let band = HeightBand::or_of(arguments.height_band, configured);
+        let export = export.map(|path| SessionExport::create(path, robot));
         Ok(Self {
             recording,
             topics,
             calibrator: Calibrator::new(config.calibrator_config(settings))
                 .with_lidar_odometry(arguments.known_map.lidar_odometry()?),
-            drive: RecordedStream::of(&topics.drive, Stream::Drive, band),
-            pose: RecordedStream::of(topics.pose.channel(), pose_stream, band),
+            intake: Intake::new(ReadingSettings {
+                scans: config.scans(),
+                streams: config.streams.clone(),
+            }),
+            streams: streams(topics),
             robot,
             trajectory,
             export: export.transpose()?,
-            session: SessionRecord::default(),
+            session: arguments.report.is_some().then(SessionRecord::default),
             last_pose: None,
             times: ScanTimes::default(),
         })
@@ -225,26 +259,7 @@ impl<'a> Run<'a> {
         let names = self.topics.names();
         let mut progress = Progress::over(self.recording.count(&names));
         for message in self.recording.messages(&names)? {
-            let message = message?;
-            let is_drive = self.drive.carries(&message);
-            let before = thread_cpu();
-            let stream = if is_drive {
-                &mut self.drive
-            } else {
-                &mut self.pose
-            };
-            let decoded = stream.decode(&message);
-            let effects = decoded.map(|decoded| self.calibrator.step(decoded.event));
-            let spent = thread_cpu().saturating_sub(before);
-            if is_drive {
-                self.times.add(spent);
-            } else {
-                self.times.add_scan(spent);
-            }
-            if let Some(export) = &mut self.export {
-                export.message(&message)?;
-            }
-            self.follow(&effects.unwrap_or_default())?;
+            self.take(&message?)?;
             progress.advance();
         }
         let before = thread_cpu();
@@ -252,29 +267,58 @@ impl<'a> Run<'a> {
         self.times.add(thread_cpu().saturating_sub(before));
         self.follow(&effects)?;
         progress.finish();
-        self.check_usable(self.recording.path())?;
+        for stream in &self.streams {
+            stream.check_usable(self.recording.path())?;
+        }
         let wall = clock.elapsed().saturating_sub(began);
         if let Some(trajectory) = self.trajectory.take() {
             trajectory.finish()?;
         }
         if let Some(export) = self.export.take() {
-            export.finish()?;
+            export.finish_on_disk()?;
         }
+        let remarks = self.remarks();
         let timing = self.times.timing(self.calibrator.duration_s(), wall);
-        let refusals = [self.drive.refusals(), self.pose.refusals()];
         Ok(Finished {
             report: document::report(self.robot, &self.calibrator, timing),
-            refusals: refusals.into_iter().flatten().collect(),
+            remarks,
             session: self.session,
         })
     }
 
+    /// Takes one message to the estimator, as the service does.
+    fn take(&mut self, message: &RecordedMessage) -> Result<(), CommandError> {
+        let mut streams = self.streams.iter_mut();
+        let Some(stream) = streams.find(|stream| stream.carries(message)) else {
+            return Ok(());
+        };
+        let before = thread_cpu();
+        let taken = stream.take(&mut self.intake, message);
+        let events = taken.into_iter().flat_map(|taken| taken.events);
+        let mut effects = Vec::new();
+        for decoded in events {
+            effects.extend(self.calibrator.step(decoded.event));
+        }
+        let spent = thread_cpu().saturating_sub(before);
+        if stream.is_drive() {
+            self.times.add(spent);
+        } else {
+            self.times.add_scan(spent);
+        }
+        if let (Some(export), Some(topic)) = (&mut self.export, stream.session_topic())
+            && let Some(stamp) = stream.last_stamp()
+        {
+            export.message(stamp, &topic, &message.payload)?;
+        }
+        self.follow(&effects)
+    }
+
     /// Writes down what a step said, and the rear axle's pose when it is a new one.
     fn follow(&mut self, effects: &[Effect]) -> Result<(), CommandError> {
-        self.session.take(self.robot, effects);
-        if let Some(export) = &mut self.export {
-            export.effects(effects)?;
+        if let Some(session) = &mut self.session {
+            session.take(self.robot, effects);
         }
+        self.export(effects)?;
         let Some((stamp, pose)) = self.calibrator.base_pose() else {
             return Ok(());
         };
@@ -282,7 +326,9 @@ impl<'a> Run<'a> {
             return Ok(());
         }
         self.last_pose = Some(stamp);
-        self.session.path.push((stamp, pose));
+        if let Some(session) = &mut self.session {
+            session.path.push((stamp, pose));
+        }
         if let Some(export) = &mut self.export {
             export.pose(stamp, &pose)?;
         }
@@ -292,8 +338,46 @@ impl<'a> Run<'a> {
         }
     }
 
-    fn check_usable(&self, path: &Path) -> Result<(), CommandError> {
-        self.drive.check_usable(path)?;
-        self.pose.check_usable(path)
+    fn export(&mut self, effects: &[Effect]) -> Result<(), CommandError> {
+        let Some(export) = &mut self.export else {
+            return Ok(());
+        };
+        for effect in effects {
+            match effect {
+                Effect::Estimate(estimate) => {
+                    export.estimate(&document::estimate_document(self.robot, estimate))?;
+                }
+                Effect::Change(change) | Effect::ChangeSized(change) => {
+                    export.change(&document::change_document(change))?;
+                }
+                Effect::Dropped(_) | Effect::SessionStarted(_) => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// What a person should know of the recording beside its result.
+    fn remarks(&self) -> Vec<String> {
+        let refusals = self.streams.iter().filter_map(RecordedStream::refusals);
+        let mut remarks: Vec<String> = refusals.collect();
+        if let Some(pairing) = self.intake.pairing() {
+            remarks.push(format!(
+                "{} speeds paired with steering angles {:.1} ms from them on average, {:.1} ms at \
+                 most; {} without an angle near enough",
+                pairing.paired,
+                pairing.error_mean_s * 1e3,
+                pairing.error_max_s * 1e3,
+                pairing.unpaired
+            ));
+        }
+        let estimate = document::estimate_document(self.robot, &self.calibrator.estimate());
+        if self.intake.looks_commanded(Some(&estimate)) {
+            remarks.push(
+                "the steering angle looks commanded instead of measured: it has neither noise nor \
+                 an encoder's steps nor a lag"
+                    .to_owned(),
+            );
+        }
+        remarks
     }
 }

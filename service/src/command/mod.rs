@@ -7,7 +7,6 @@ pub mod calibrate;
 pub mod completions;
 mod connection;
 pub mod demo;
-mod export;
 mod height_band;
 mod known_map;
 pub mod odometry;
@@ -23,6 +22,7 @@ mod stopping;
 mod table;
 mod timing;
 pub mod token;
+mod topics;
 pub mod user;
 
 use std::path::PathBuf;
@@ -128,6 +128,9 @@ pub enum CommandError {
     /// The wheelbase given by flag cannot be.
     #[error("--wheelbase: {0}")]
     Wheelbase(#[from] ValueRefused),
+    /// The joints given by flag do not go with the configuration.
+    #[error("--joints: {0}")]
+    Joints(String),
     /// The known map cannot be used.
     #[error(transparent)]
     Map(#[from] MapRefused),
@@ -296,6 +299,7 @@ impl CommandError {
             | Self::Json(_) => EXIT_IO,
             Self::Config(ConfigError::Refused { .. })
             | Self::Wheelbase(_)
+            | Self::Joints(_)
             | Self::Start(_)
             | Self::WheelbaseMissing { .. }
             | Self::Robot { .. }

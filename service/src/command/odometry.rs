@@ -17,7 +17,7 @@ use crate::command::output::{Trajectory, print_json, print_text};
 use crate::command::progress::Progress;
 use crate::command::recording::RecordedStream;
 use crate::command::timing::ScanTimes;
-use crate::fleet::Stream;
+use crate::fleet::{Intake, ReadingSettings, ScanSettings, Stream};
 
 /// What `fleetcal odometry` takes.
 #[derive(Debug, Args)]
@@ -110,7 +110,14 @@ pub fn run(arguments: &Arguments, clock: &dyn Clock) -> Result<(), CommandError>
     let band = HeightBand::or_of(arguments.height_band, PlanarBand::default());
     let mut odometry = arguments.known_map.lidar_odometry()?;
     let mut trajectory = Trajectory::create(&arguments.trajectory)?;
-    let mut stream = RecordedStream::of(&channel, Stream::Scan, band);
+    let mut intake = Intake::new(ReadingSettings {
+        scans: ScanSettings {
+            band,
+            ..ScanSettings::default()
+        },
+        ..ReadingSettings::default()
+    });
+    let mut stream = RecordedStream::of(&channel, Stream::Scan);
     let topics = [channel.topic.as_str()];
     let mut progress = Progress::over(recording.count(&topics));
     let began = clock.elapsed();
@@ -119,12 +126,12 @@ pub fn run(arguments: &Arguments, clock: &dyn Clock) -> Result<(), CommandError>
     for message in recording.messages(&topics)? {
         let message = message?;
         let before = thread_cpu();
-        let pose = stream
-            .decode(&message)
-            .and_then(|decoded| match decoded.event {
-                Event::Sweep(sweep) => odometry.process(&sweep),
-                _ => None,
-            });
+        let taken = stream.take(&mut intake, &message);
+        let event = taken.and_then(|taken| taken.events.into_iter().next());
+        let pose = event.and_then(|decoded| match decoded.event {
+            Event::Sweep(sweep) => odometry.process(&sweep),
+            _ => None,
+        });
         times.add_scan(thread_cpu().saturating_sub(before));
         progress.advance();
         let Some(pose) = pose else {

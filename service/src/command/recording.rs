@@ -2,13 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use fleetcal_estimator::point_cloud::PlanarBand;
-use fleetcal_proto::encoding::{Form, ScanType};
-use fleetcal_robot::recording::{Channel, RecordedMessage};
+use fleetcal_estimator::Stamp;
+use fleetcal_proto::encoding::{Form, MessageType};
+use fleetcal_robot::recording::{
+    Channel, ChosenDrive, ChosenPose, RecordedMessage, SessionTopic, Topics,
+};
 
 use crate::command::CommandError;
-use crate::fleet::decode::{self, Decoded};
-use crate::fleet::{ScanSettings, Stream};
+use crate::fleet::{Intake, Stream, Taken};
 
 /// One stream of a recording.
 #[derive(Debug)]
@@ -16,26 +17,40 @@ pub struct RecordedStream {
     topic: String,
     stream: Stream,
     form: Form,
-    scans: ScanSettings,
     messages: u64,
     refused: u64,
     first_refusal: Option<String>,
+    last: Option<Stamp>,
+}
+
+/// The streams of a recording's topics, those of the drive first.
+pub fn streams(topics: &Topics) -> Vec<RecordedStream> {
+    let mut streams = match &topics.drive {
+        ChosenDrive::Whole(channel) => vec![RecordedStream::of(channel, Stream::Drive)],
+        ChosenDrive::Halves { steering, speed } => vec![
+            RecordedStream::of(steering, Stream::Steering),
+            RecordedStream::of(speed, Stream::Speed),
+        ],
+    };
+    let pose = match &topics.pose {
+        ChosenPose::Scan(_) => Stream::Scan,
+        ChosenPose::LidarOdometry(_) => Stream::LidarOdometry,
+    };
+    streams.push(RecordedStream::of(topics.pose.channel(), pose));
+    streams
 }
 
 impl RecordedStream {
-    /// The stream that a channel carries; of clouds `band` is taken.
-    pub fn of(channel: &Channel, stream: Stream, band: PlanarBand) -> Self {
+    /// The stream that a channel carries.
+    pub fn of(channel: &Channel, stream: Stream) -> Self {
         Self {
             topic: channel.topic.clone(),
             stream,
-            form: channel.scan_form(),
-            scans: ScanSettings {
-                scan_type: ScanType::LaserScan,
-                band,
-            },
+            form: channel.form(),
             messages: 0,
             refused: 0,
             first_refusal: None,
+            last: None,
         }
     }
 
@@ -44,11 +59,34 @@ impl RecordedStream {
         *self.topic == *message.topic
     }
 
+    /// Whether it tells how the vehicle drives.
+    pub fn is_drive(&self) -> bool {
+        self.stream.is_drive()
+    }
+
+    /// What a session calls it.
+    pub fn session_topic(&self) -> Option<SessionTopic> {
+        let message_type: MessageType = self.form.message_type?;
+        Some(SessionTopic {
+            topic: self.topic.clone(),
+            message_type,
+            encoding: self.form.encoding,
+        })
+    }
+
+    /// The stamp of the last message that could be read.
+    pub fn last_stamp(&self) -> Option<Stamp> {
+        self.last
+    }
+
     /// Decodes and checks a message; `None` when it is refused, which is counted.
-    pub fn decode(&mut self, message: &RecordedMessage) -> Option<Decoded> {
+    pub fn take(&mut self, intake: &mut Intake, message: &RecordedMessage) -> Option<Taken> {
         self.messages += 1;
-        match decode::decode(self.stream, self.form, &self.scans, &message.payload) {
-            Ok(decoded) => Some(decoded),
+        match intake.take(self.stream, self.form, &message.payload) {
+            Ok(taken) => {
+                self.last = Some(taken.stamp);
+                Some(taken)
+            }
             Err(refused) => {
                 self.refused += 1;
                 if self.first_refusal.is_none() {

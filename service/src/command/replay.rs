@@ -10,6 +10,7 @@ use crate::command::CommandError;
 use crate::command::connection::ConnectionArguments;
 use crate::command::output::print_text;
 use crate::command::progress::Progress;
+use crate::command::topics::TopicArguments;
 
 /// What `fleetcal replay` takes.
 #[derive(Debug, Args)]
@@ -25,15 +26,9 @@ pub struct Arguments {
     /// How many times as fast as it was recorded, or `max`: as fast as the service works
     #[arg(long, value_name = "N|max", default_value = "1", value_parser = str::parse::<Rate>)]
     pub rate: Rate,
-    /// The topic with `AckermannDriveStamped` messages, if there are several
-    #[arg(long, value_name = "TOPIC")]
-    pub drive_topic: Option<String>,
-    /// The topic with `LaserScan` messages, if there are several
-    #[arg(long, value_name = "TOPIC")]
-    pub scan_topic: Option<String>,
-    /// A topic with `Odometry` messages of the LiDAR, instead of its scans
-    #[arg(long, value_name = "TOPIC")]
-    pub pose_topic: Option<String>,
+    /// Which topics are sent.
+    #[command(flatten)]
+    pub topics: TopicArguments,
     /// First chunk of every key
     #[arg(long, value_name = "CHUNK", default_value = "fleet", value_parser = KeyRoot::parse)]
     pub root: KeyRoot,
@@ -50,9 +45,7 @@ pub async fn run(arguments: &Arguments) -> Result<(), CommandError> {
     );
     options.robot.clone_from(&arguments.robot);
     options.rate = arguments.rate;
-    options.drive_topic.clone_from(&arguments.drive_topic);
-    options.scan_topic.clone_from(&arguments.scan_topic);
-    options.pose_topic.clone_from(&arguments.pose_topic);
+    options.topics = arguments.topics.asked();
     options.keys = Keys::new(arguments.root.clone());
     let mut bar = None;
     let summary = replay(options, |progress| {

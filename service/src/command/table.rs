@@ -1,8 +1,10 @@
 //! The result of a calibration as a person reads it: degrees and millimetres.
 
 use fleetcal_proto::estimate::{
-    CalibrationReport, ChangeDocument, ParameterDocument, ParameterName, ParameterStatus, Unit,
+    CalibrationReport, ParameterDocument, ParameterName, ParameterStatus, Unit,
 };
+
+use crate::words::{event, word};
 
 /// The table that `fleetcal calibrate` prints.
 pub fn table(report: &CalibrationReport) -> String {
@@ -85,28 +87,6 @@ pub fn readable(parameter: &ParameterDocument) -> (String, String) {
     }
 }
 
-/// A change or fault in one line.
-pub fn event(event: &ChangeDocument) -> String {
-    let kind = word(&event.kind);
-    let cause = word(&event.cause);
-    let changes: Vec<String> = event
-        .change
-        .iter()
-        .map(|(name, by)| match name.unit() {
-            Unit::Radian => format!("{} {:+.3}°", word(name), by.to_degrees()),
-            Unit::Metre => format!("{} {:+.1} mm", word(name), by * 1e3),
-            Unit::Second => format!("{} {:+.1} ms", word(name), by * 1e3),
-            Unit::One => format!("{} {by:+.5}", word(name)),
-        })
-        .collect();
-    format!(
-        "{kind} ({cause}) at {:.1} s, since {:.1} s: {}",
-        event.time_s,
-        event.onset_s,
-        changes.join(", ")
-    )
-}
-
 fn tail(report: &CalibrationReport) -> Vec<String> {
     let (consistency, timing) = (&report.consistency, &report.timing);
     vec![
@@ -120,14 +100,6 @@ fn tail(report: &CalibrationReport) -> Vec<String> {
             timing.scan_median_ms, timing.scan_p99_ms, timing.cpu_s, timing.realtime_factor
         ),
     ]
-}
-
-/// The word that documents use, with spaces.
-pub fn word(value: &impl serde::Serialize) -> String {
-    match serde_json::to_value(value) {
-        Ok(serde_json::Value::String(word)) => word.replace('_', " "),
-        _ => String::new(),
-    }
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ mod cross_track;
 pub mod decode;
 pub mod document;
 mod handle;
+mod intake;
 mod mailbox;
 mod pairing;
 mod plan;
@@ -21,7 +22,9 @@ mod watch;
 pub use cloud::ScanSettings;
 pub use cross_track::{BIN_WIDTH_M, BINS_PER_SIDE, CrossTrack, GENERATIONS_MAX, UsedValues};
 pub use handle::{FleetHandle, FleetRefused, FleetSetup, Journal};
+pub use intake::{Intake, Taken};
 pub use pairing::PairingReport;
+pub use reading::ReadingSettings;
 pub use view::{
     AnnouncedTopic, Connection, Counters, FleetCounters, HistoryEvent, LiveUpdate, RobotState,
     RobotView, ServiceEvent, ServiceEventKind, Stream, StreamView, Warning, WarningKind,

@@ -20,6 +20,18 @@ pub struct ReadingSettings {
     pub streams: RobotStreams,
 }
 
+impl ReadingSettings {
+    /// What a stream's messages are: what they say, else what is configured, else the usual.
+    pub fn message_type(&self, stream: Stream, form: Form) -> Option<MessageType> {
+        let usual = || match stream {
+            Stream::Scan => Some(self.scans.scan_type.message_type()),
+            _ => message_types(stream).first().copied(),
+        };
+        let configured = self.streams.message_type(stream);
+        form.message_type.or(configured).or_else(usual)
+    }
+}
+
 /// Half of a drive sample: a steering angle, rad, or a speed, m/s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Half {
@@ -51,19 +63,17 @@ pub fn read(
     settings: &ReadingSettings,
     payload: &[u8],
 ) -> Result<Reading, MessageRefused> {
-    let configured = || settings.streams.message_type(stream);
+    let of = settings.message_type(stream, form);
     let form = Form {
-        message_type: form.message_type.or_else(configured),
+        message_type: of,
         ..form
     };
-    let usual = || message_types(stream).first().copied();
     let message = Message {
         stream,
         encoding: form.encoding,
         payload,
         joints: settings.streams.joints(),
     };
-    let of = form.message_type.or_else(usual);
     match (stream, of) {
         (Stream::Steering, Some(of)) => message.steering(of).map(Reading::Steering),
         (Stream::Speed, Some(of)) => message.speed(of).map(Reading::Speed),

@@ -5,19 +5,18 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 use fleetcal_estimator::calibrator::{CalibratorConfig, Plan};
-use fleetcal_estimator::{Calibrator, Checkpoint, DriveSample, Effect, Event, Stamp};
+use fleetcal_estimator::{Calibrator, Checkpoint, Effect, Event, Stamp};
 use fleetcal_proto::estimate::{ChangeKind, EstimateDocument, ParameterName, ParameterStatus};
 use serde::{Deserialize, Serialize};
 
 use crate::config::{DriveSignal, Mount, RobotConfig};
-use crate::fleet::commanded::SteeringWatch;
 use crate::fleet::decode::{self, Decoded};
 use crate::fleet::document;
 use crate::fleet::handle::Fleet;
+use crate::fleet::intake::Intake;
 use crate::fleet::mailbox::{Item, Message, Outcome};
-use crate::fleet::pairing::Pairing;
 use crate::fleet::plan;
-use crate::fleet::reading::{self, Reading, ReadingSettings};
+use crate::fleet::reading::ReadingSettings;
 use crate::fleet::robot::Robot;
 use crate::fleet::trial::Trial;
 use crate::fleet::view::{
@@ -83,14 +82,8 @@ struct RobotTask {
     robot: Arc<Robot>,
     version: u64,
     drive: DriveSignal,
-    settings: ReadingSettings,
+    intake: Intake,
     rear_axle_in_base_link: Option<Mount>,
-    /// Steering and speed that come apart.
-    pairing: Pairing,
-    /// What tells a measured steering angle from a commanded one.
-    steering: SteeringWatch,
-    /// The latest speed of a robot whose speed and steering come apart.
-    speed_mps: f64,
     config: CalibratorConfig,
     engine: Engine,
     /// The last state that was stored, to go on from after a panic.
@@ -117,10 +110,10 @@ impl RobotTask {
     ) -> Self {
         let drive = config.drive;
         let rear_axle_in_base_link = config.rear_axle_in_base_link;
-        let settings = ReadingSettings {
+        let intake = Intake::new(ReadingSettings {
             scans: config.scans(),
             streams: config.streams.clone(),
-        };
+        });
         let config = config.calibrator_config(&fleet.estimator);
         let restored = stored.and_then(|json| restore(&robot, &config, json));
         let last_good = restored.as_ref().map(Calibrator::checkpoint);
@@ -130,11 +123,8 @@ impl RobotTask {
             robot,
             version,
             drive,
-            settings,
+            intake,
             rear_axle_in_base_link,
-            pairing: Pairing::default(),
-            steering: SteeringWatch::default(),
-            speed_mps: 0.0,
             config,
             engine: Engine::Running(Box::new(calibrator)),
             last_good,
@@ -204,41 +194,22 @@ impl RobotTask {
             form,
             payload,
         } = message;
-        match reading::read(*stream, *form, &self.settings, payload) {
-            Ok(Reading::Whole(decoded)) => {
-                if let Event::Drive(sample) = &decoded.event {
-                    self.steering.take(sample);
-                }
-                self.take_decoded(decoded)
-            }
-            Ok(Reading::Steering(angle)) => {
-                self.steering.take_angle(angle.value, self.speed_mps);
-                let samples = self.pairing.take_steering(angle);
-                self.take_paired(angle.stamp, samples)
-            }
-            Ok(Reading::Speed(speed)) => {
-                self.speed_mps = speed.value;
-                let samples = self.pairing.take_speed(speed);
-                self.take_paired(speed.stamp, samples)
-            }
-            Err(refused) => Outcome::Refused(refused.to_string()),
+        let taken = match self.intake.take(*stream, *form, payload) {
+            Ok(taken) => taken,
+            Err(refused) => return Outcome::Refused(refused.to_string()),
+        };
+        if let Some(pairing) = self.intake.pairing() {
+            self.robot.set_pairing(pairing);
         }
-    }
-
-    /// Takes the samples that a half with this stamp has completed.
-    fn take_paired(&mut self, stamp: Stamp, samples: Vec<DriveSample>) -> Outcome {
-        self.robot.set_pairing(self.pairing.report());
-        for sample in samples {
-            let outcome = self.take_decoded(Decoded {
-                stamp: sample.stamp(),
-                event: Event::Drive(sample),
-                note: None,
-            });
-            if let Outcome::Refused(reason) = outcome {
-                return Outcome::Refused(reason);
+        for decoded in taken.events {
+            let outcome = self.take_decoded(decoded);
+            if let Outcome::Refused(_) = outcome {
+                return outcome;
             }
         }
-        Outcome::Processed { stamp_ns: stamp.0 }
+        Outcome::Processed {
+            stamp_ns: taken.stamp.0,
+        }
     }
 
     fn take_decoded(&mut self, decoded: Decoded) -> Outcome {
@@ -315,13 +286,8 @@ impl RobotTask {
 
     fn warn(&self) {
         let estimate = self.robot.estimate();
-        let time_offset = estimate.and_then(|document| {
-            let parameter = document.parameters.get(ParameterName::TimeOffset);
-            let known = parameter.status == ParameterStatus::Converged;
-            known.then_some((parameter.value, parameter.sigma))
-        });
         let mut warnings = Vec::new();
-        if self.steering.looks_commanded(time_offset) {
+        if self.intake.looks_commanded(estimate.as_deref()) {
             warnings.push(Warning::steering_looks_commanded());
         }
         let any = !warnings.is_empty();

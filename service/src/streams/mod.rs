@@ -92,16 +92,11 @@ pub struct StreamsFields {
 /// topic.
 pub const fn message_types(stream: Stream) -> &'static [MessageType] {
     match stream {
-        Stream::Drive => &[MessageType::AckermannDriveStamped, MessageType::JointState],
-        Stream::Steering => &[MessageType::JointState, MessageType::AckermannDriveStamped],
-        Stream::Speed => &[
-            MessageType::Odometry,
-            MessageType::TwistStamped,
-            MessageType::JointState,
-            MessageType::AckermannDriveStamped,
-        ],
-        Stream::Scan => &[MessageType::LaserScan, MessageType::PointCloud2],
-        Stream::LidarOdometry => &[MessageType::Odometry, MessageType::PoseStamped],
+        Stream::Drive => MessageType::OF_DRIVE,
+        Stream::Steering => MessageType::OF_STEERING,
+        Stream::Speed => MessageType::OF_SPEED,
+        Stream::Scan => MessageType::OF_SCAN,
+        Stream::LidarOdometry => MessageType::OF_LIDAR_ODOMETRY,
         Stream::Event => &[],
     }
 }
@@ -174,7 +169,8 @@ impl RobotStreams {
 }
 
 impl StreamsFields {
-    fn source(&self, stream: Stream) -> Option<&Source> {
+    /// The topic of a stream, where it is configured.
+    pub fn source(&self, stream: Stream) -> Option<&Source> {
         match stream {
             Stream::Drive => self.drive.as_ref(),
             Stream::Steering => self.steering.as_ref(),

@@ -3,6 +3,7 @@
 mod damaged;
 mod order;
 mod real;
+mod split;
 mod topics;
 mod written;
 

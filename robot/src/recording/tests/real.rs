@@ -15,7 +15,7 @@ fn data() -> Option<PathBuf> {
 fn simulated_sweeps_and_drive_samples_decode() {
     let Some(folder) = data() else { return };
     let recording = Recording::open(&folder.join("figure_eight.mcap")).unwrap();
-    let topics = choose_topics(recording.channels(), None, None, None).unwrap();
+    let topics = choose_topics(recording.channels(), &AskedTopics::default()).unwrap();
     assert_eq!(topics.names(), ["/tugger_01/drive", "/tugger_01/scan"]);
     assert_eq!(topics.robot(), Some("tugger_01"));
     let (mut drives, mut scans, mut newest_ns) = (0, 0, 0);
@@ -23,7 +23,7 @@ fn simulated_sweeps_and_drive_samples_decode() {
         let message = message.unwrap();
         assert!(message.log_time_ns >= newest_ns);
         newest_ns = message.log_time_ns;
-        if *message.topic == *topics.drive.topic {
+        if *message.topic == *topics.drive_topic() {
             drives += 1;
             AckermannDriveStamped::from_cdr(&message.payload).unwrap();
         } else {
@@ -40,7 +40,7 @@ fn simulated_sweeps_and_drive_samples_decode() {
 fn poses_of_a_real_vehicle_decode() {
     let Some(folder) = data() else { return };
     let recording = Recording::open(&folder.join("sapienza_tricycle.mcap")).unwrap();
-    let topics = choose_topics(recording.channels(), None, None, None).unwrap();
+    let topics = choose_topics(recording.channels(), &AskedTopics::default()).unwrap();
     assert_eq!(topics.names(), ["/agv/drive", "/agv/lidar_odometry"]);
     let poses = recording.messages(&["/agv/lidar_odometry"]).unwrap();
     let poses: Vec<Odometry> = poses
@@ -61,7 +61,7 @@ fn real_scanners_are_checked_and_missing_drives_named() {
             choose_scan_topic(recording.channels(), None).unwrap().topic,
             topic
         );
-        let error = choose_topics(recording.channels(), None, None, None).unwrap_err();
+        let error = choose_topics(recording.channels(), &AskedTopics::default()).unwrap_err();
         assert!(error.to_string().contains("no drive topic"), "{error}");
         let mut scans = 0;
         for message in recording.messages(&[topic]).unwrap() {

@@ -1,4 +1,6 @@
-use fleetcal_proto::ros::{AckermannDriveStamped, LaserScan, Odometry, PointCloud2, RosMessage};
+use fleetcal_proto::ros::{
+    AckermannDriveStamped, JointState, LaserScan, Odometry, PointCloud2, PoseStamped, RosMessage,
+};
 
 use super::*;
 
@@ -24,13 +26,26 @@ fn odometry_on(topic: &str) -> Channel {
     channel(topic, Odometry::TYPE)
 }
 
-fn refused(
-    channels: &[Channel],
-    [drive, scan, pose]: [Option<&str>; 3],
-    wanted: &[&str],
-    exit_status: u8,
-) {
-    let error = choose_topics(channels, drive, scan, pose).unwrap_err();
+/// The flags of drive, scan and pose.
+fn asked([drive, scan, pose]: [Option<&str>; 3]) -> AskedTopics {
+    let asked = |topic: Option<&str>, by| {
+        let topic = topic?.to_owned();
+        Some(AskedTopic { topic, by })
+    };
+    AskedTopics {
+        drive: asked(drive, "--drive-topic"),
+        scan: asked(scan, "--scan-topic"),
+        pose: asked(pose, "--pose-topic"),
+        ..AskedTopics::default()
+    }
+}
+
+fn chosen(channels: &[Channel], flags: [Option<&str>; 3]) -> Topics {
+    choose_topics(channels, &asked(flags)).unwrap()
+}
+
+fn refused(channels: &[Channel], flags: [Option<&str>; 3], wanted: &[&str], exit_status: u8) {
+    let error = choose_topics(channels, &asked(flags)).unwrap_err();
     let sentence = error.to_string();
     for part in wanted {
         assert!(
@@ -50,17 +65,17 @@ fn sweeps_are_preferred_to_poses() {
         scan_on("/a/scan"),
         odometry_on("/a/odom"),
     ];
-    let topics = choose_topics(&channels, None, None, None).unwrap();
+    let topics = chosen(&channels, NONE);
     assert_eq!(topics.pose, ChosenPose::Scan(scan_on("/a/scan")));
-    let topics = choose_topics(&channels, None, None, Some("/a/odom")).unwrap();
+    let topics = chosen(&channels, [None, None, Some("/a/odom")]);
     assert_eq!(
         topics.pose,
         ChosenPose::LidarOdometry(odometry_on("/a/odom"))
     );
-    let topics = choose_topics(&channels[..2], None, None, None).unwrap();
+    let topics = chosen(&channels[..2], [None, None, None]);
     assert_eq!(topics.names(), ["/a/drive", "/a/scan"]);
     let only_poses = [drive_on("/drive"), odometry_on("/a/odom")];
-    let topics = choose_topics(&only_poses, None, None, None).unwrap();
+    let topics = chosen(&only_poses, [None, None, None]);
     assert_eq!(topics.names(), ["/drive", "/a/odom"]);
     assert_eq!(topics.robot(), None);
 }
@@ -105,7 +120,7 @@ fn two_candidates_must_be_chosen_from() {
     let drive = Some("/a/drive");
     let wanted = ["2 scan topics", "/a/front, /a/rear", "--scan-topic"];
     refused(&channels, [drive, None, None], &wanted, 2);
-    let topics = choose_topics(&channels, drive, Some("/a/rear"), None).unwrap();
+    let topics = chosen(&channels, [drive, Some("/a/rear"), None]);
     assert_eq!(topics.names(), ["/a/drive", "/a/rear"]);
     assert_eq!(
         choose_scan_topic(&channels, Some("/a/front"))
@@ -166,12 +181,75 @@ fn a_topic_that_cannot_be_is_named_with_what_could() {
 fn clouds_do_where_there_are_no_sweeps() {
     let cloud = channel("/a/points", PointCloud2::TYPE);
     let channels = [drive_on("/a/drive"), cloud.clone(), odometry_on("/a/odom")];
-    let topics = choose_topics(&channels, None, None, None).unwrap();
+    let topics = chosen(&channels, NONE);
     assert_eq!(topics.pose, ChosenPose::Scan(cloud.clone()));
     assert_eq!(choose_scan_topic(&channels, None).unwrap(), cloud);
     let both = [drive_on("/a/drive"), cloud.clone(), scan_on("/a/scan")];
-    let topics = choose_topics(&both, None, None, None).unwrap();
+    let topics = chosen(&both, [None, None, None]);
     assert_eq!(topics.names(), ["/a/drive", "/a/scan"]);
-    let topics = choose_topics(&both, None, Some("/a/points"), None).unwrap();
+    let topics = chosen(&both, [None, Some("/a/points"), None]);
     assert_eq!(topics.pose, ChosenPose::Scan(cloud));
+}
+
+/// A recording of joints and odometry beside the scans.
+fn of_halves() -> [Channel; 4] {
+    [
+        channel("/a/joint_states", JointState::TYPE),
+        odometry_on("/a/odom"),
+        scan_on("/a/scan"),
+        channel("/a/pose", PoseStamped::TYPE),
+    ]
+}
+
+fn halves(steering: &str, speed: &str) -> AskedTopics {
+    let asked = |topic: &str, by| {
+        let topic = topic.to_owned();
+        Some(AskedTopic { topic, by })
+    };
+    AskedTopics {
+        steering: asked(steering, "streams.steering"),
+        speed: asked(speed, "streams.speed"),
+        ..AskedTopics::default()
+    }
+}
+
+#[test]
+fn steering_and_speed_have_topics_of_their_own_when_asked_for() {
+    let channels = of_halves();
+    let topics = choose_topics(&channels, &halves("/a/joint_states", "/a/odom")).unwrap();
+    assert_eq!(topics.names(), ["/a/joint_states", "/a/odom", "/a/scan"]);
+    assert_eq!(topics.robot(), Some("a"));
+    // The wheels' odometry is never taken for the LiDAR's; a pose is when it is asked for.
+    let without_scans: Vec<Channel> = [0, 1, 3].map(|at| channels[at].clone()).into();
+    let error = choose_topics(&without_scans, &halves("/a/joint_states", "/a/odom"));
+    let sentence = error.unwrap_err().to_string();
+    assert!(
+        sentence.contains("no scan or LiDAR pose topic"),
+        "{sentence}"
+    );
+    let mut with_pose = halves("/a/joint_states", "/a/odom");
+    with_pose.pose = asked([None, None, Some("/a/pose")]).pose;
+    let topics = choose_topics(&without_scans, &with_pose).unwrap();
+    assert!(matches!(topics.pose, ChosenPose::LidarOdometry(pose) if pose.topic == "/a/pose"));
+}
+
+#[test]
+fn halves_that_cannot_be_are_named() {
+    let channels = of_halves();
+    let sentence = |asked: &AskedTopics| {
+        let error = choose_topics(&channels, asked).unwrap_err();
+        assert_eq!(error.exit_status(), 2, "{error}");
+        error.to_string()
+    };
+    let said = sentence(&halves("/a/joint_states", "/a/joint_states"));
+    assert!(said.contains("--drive-topic"), "{said}");
+    let said = sentence(&halves("/a/scan", "/a/odom"));
+    assert!(said.contains("streams.steering is \"/a/scan\""), "{said}");
+    let mut alone = halves("/a/joint_states", "/a/odom");
+    alone.speed = None;
+    let said = sentence(&alone);
+    assert!(said.contains("streams.steering alone is given"), "{said}");
+    let mut three = halves("/a/joint_states", "/a/odom");
+    three.drive = asked([Some("/a/drive"), None, None]).drive;
+    assert!(sentence(&three).contains("--drive-topic and streams.steering and streams.speed are"));
 }

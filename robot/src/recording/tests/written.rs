@@ -26,7 +26,7 @@ fn what_is_written_reads_back() {
     assert_eq!(recording.start_ns(), START_NS.unsigned_abs());
     assert!((recording.duration_s() - 19.9909).abs() < 1e-6);
 
-    let topics = choose_topics(recording.channels(), None, None, None).unwrap();
+    let topics = choose_topics(recording.channels(), &AskedTopics::default()).unwrap();
     assert_eq!(topics.names(), ["/tugger_01/drive", "/tugger_01/scan"]);
     assert_eq!(topics.robot(), Some("tugger_01"));
     assert_eq!(recording.count(&topics.names()), 2200);

@@ -9,7 +9,8 @@ use fleetcal_proto::estimate::{CalibrationReport, ParameterStatus};
 
 use crate::command::CommandError;
 use crate::command::session_record::SessionRecord;
-use crate::command::table::{event, readable, title, word};
+use crate::command::table::{readable, title};
+use crate::words::{event, word};
 
 /// Nothing is asked of anybody, and nothing runs.
 const HEAD: &str = "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n\

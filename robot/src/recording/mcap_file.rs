@@ -1,0 +1,179 @@
+//! An MCAP that is being written: to a file, or to whoever reads along.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufWriter, Seek, Write};
+use std::path::{Path, PathBuf};
+
+use fleetcal_proto::encoding::{Encoding, MessageType};
+use mcap::records::{MessageHeader, Metadata};
+use mcap::{Compression, McapError, WriteOptions, Writer};
+use serde_json::json;
+
+use super::{RecordingError, definitions};
+
+/// An MCAP with ROS 2 messages and others in it. The same messages give the same bytes.
+pub(super) struct McapFile<W: Write + Seek> {
+    /// What errors name.
+    path: PathBuf,
+    writer: Writer<W>,
+    sequence: u32,
+}
+
+impl<W: Write + Seek> std::fmt::Debug for McapFile<W> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("McapFile")
+            .field("path", &self.path)
+            .finish_non_exhaustive()
+    }
+}
+
+/// What every file is written with: ROS 2's profile, since that is what is in it.
+pub(super) fn options() -> WriteOptions {
+    WriteOptions::new()
+        .profile("ros2")
+        .compression(Some(Compression::Zstd))
+        // One thread: the bytes do not depend on the machine.
+        .compression_threads(0)
+}
+
+impl McapFile<BufWriter<File>> {
+    /// Makes the file, or empties it.
+    pub(super) fn create(path: &Path) -> Result<Self, RecordingError> {
+        let file = File::create(path).map_err(|source| RecordingError::Io {
+            path: path.to_owned(),
+            source,
+        })?;
+        Self::begin(path, BufWriter::new(file), options())
+    }
+
+    /// Writes the end and waits until the disk has it all. A file without its end is refused as
+    /// truncated.
+    pub(super) fn finish_on_disk(self) -> Result<(), RecordingError> {
+        let path = self.path.clone();
+        sync(&path, self.finish()?)
+    }
+}
+
+/// Waits until the disk has all that was written.
+pub(super) fn sync(path: &Path, file: BufWriter<File>) -> Result<(), RecordingError> {
+    let io = |source| RecordingError::Io {
+        path: path.to_owned(),
+        source,
+    };
+    let file = file.into_inner().map_err(|error| io(error.into_error()))?;
+    file.sync_all().map_err(io)
+}
+
+impl<W: Write + Seek> McapFile<W> {
+    /// Writes the beginning to `to`, which errors call `path`.
+    pub(super) fn begin(path: &Path, to: W, options: WriteOptions) -> Result<Self, RecordingError> {
+        let writer = options.create(to).map_err(|error| refused(path, error))?;
+        Ok(Self {
+            path: path.to_owned(),
+            writer,
+            sequence: 0,
+        })
+    }
+
+    /// What errors name.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Adds a channel of ROS 2 messages.
+    pub(super) fn ros_channel(
+        &mut self,
+        topic: &str,
+        message_type: MessageType,
+        encoding: Encoding,
+    ) -> Result<u16, RecordingError> {
+        let name = message_type.ros_type();
+        match encoding {
+            Encoding::Cdr => {
+                let definition = definitions::of(message_type).as_bytes();
+                self.channel(topic, (name, "ros2msg", definition), "cdr")
+            }
+            Encoding::Json => self.json_channel(topic, name, &json!({ "type": "object" })),
+        }
+    }
+
+    /// Adds a channel of JSON.
+    pub(super) fn json_channel(
+        &mut self,
+        topic: &str,
+        name: &str,
+        schema: &serde_json::Value,
+    ) -> Result<u16, RecordingError> {
+        let schema = schema.to_string();
+        self.channel(topic, (name, "jsonschema", schema.as_bytes()), "json")
+    }
+
+    fn channel(
+        &mut self,
+        topic: &str,
+        (name, encoding, schema): (&str, &str, &[u8]),
+        message_encoding: &str,
+    ) -> Result<u16, RecordingError> {
+        let added = self
+            .writer
+            .add_schema(name, encoding, schema)
+            .and_then(|schema| {
+                self.writer
+                    .add_channel(schema, topic, message_encoding, &BTreeMap::new())
+            });
+        added.map_err(|error| refused(&self.path, error))
+    }
+
+    /// Writes a message; times before 1970 become 1970.
+    pub(super) fn write(
+        &mut self,
+        channel_id: u16,
+        [log_time_ns, publish_time_ns]: [i64; 2],
+        payload: &[u8],
+    ) -> Result<(), RecordingError> {
+        self.sequence = self.sequence.wrapping_add(1);
+        let header = MessageHeader {
+            channel_id,
+            sequence: self.sequence,
+            log_time: log_time_ns.max(0).unsigned_abs(),
+            publish_time: publish_time_ns.max(0).unsigned_abs(),
+        };
+        self.writer
+            .write_to_known_channel(&header, payload)
+            .map_err(|error| refused(&self.path, error))
+    }
+
+    /// Writes a metadata record.
+    pub(super) fn metadata(
+        &mut self,
+        name: &str,
+        metadata: BTreeMap<String, String>,
+    ) -> Result<(), RecordingError> {
+        let record = Metadata {
+            name: name.to_owned(),
+            metadata,
+        };
+        self.writer
+            .write_metadata(&record)
+            .map_err(|error| refused(&self.path, error))
+    }
+
+    /// Writes the end.
+    pub(super) fn finish(mut self) -> Result<W, RecordingError> {
+        let finished = self.writer.finish();
+        finished.map_err(|error| refused(&self.path, error))?;
+        Ok(self.writer.into_inner())
+    }
+}
+
+fn refused(path: &Path, error: McapError) -> RecordingError {
+    let path = path.to_owned();
+    match error {
+        McapError::Io(source) => RecordingError::Io { path, source },
+        error => RecordingError::Write {
+            path,
+            source: Box::new(error),
+        },
+    }
+}
