@@ -116,6 +116,22 @@ pub const PLAN_SURFACES_MAX: usize = 4_096;
 pub const PLAN_TRAJECTORY_M: f64 = 20.0;
 /// Points of each trajectory.
 pub const PLAN_TRAJECTORY_POINTS_MAX: usize = 200;
+/// Robots' sessions that are recorded at once.
+pub const SESSIONS_MAX: usize = 8;
+/// What waits for the writer of a session, in number.
+pub const SESSION_WAITING_MAX: usize = 4_096;
+/// What waits for the writer of a session, bytes of the robot's messages.
+pub const SESSION_WAITING_BYTES_MAX: usize = 16 * 1024 * 1024;
+/// Longest recording of a session, s.
+pub const SESSION_DURATION_MAX_S: u32 = 3_600;
+/// A session is recorded for so long unless asked for otherwise, s.
+pub const SESSION_DURATION_DEFAULT_S: u32 = 60;
+/// A recording of a session ends when it is longer, bytes.
+pub const SESSION_BYTES_MAX: u64 = 1024 * 1024 * 1024;
+/// Pieces of a recording that wait for whoever fetches it.
+pub const SESSION_PIECES_WAITING_MAX: usize = 4;
+/// Whoever takes no piece of a recording for so long gets no more.
+pub const SESSION_STALLED_AFTER: Duration = Duration::from_secs(30);
 /// Times an estimator is restarted after a panic before its robot is left alone.
 pub const ESTIMATOR_RESTARTS_MAX: u32 = 10;
 

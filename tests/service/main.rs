@@ -6,6 +6,7 @@ mod access;
 mod hostile;
 mod rest;
 mod ros2;
+mod session;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;

@@ -87,6 +87,7 @@ struct ApiState {
     clock: SharedClock,
     link_open: watch::Receiver<bool>,
     stream: StreamHub,
+    sessions: robots::Sessions,
     ready: ReadyProbe,
     access: AccessState,
 }
@@ -94,6 +95,7 @@ struct ApiState {
 impl ApiState {
     fn start(setup: ApiSetup) -> Self {
         Self {
+            sessions: robots::Sessions::new(setup.stop.clone()),
             stream: StreamHub::start(&setup.fleet, setup.clock.clone(), setup.stop),
             fleet: setup.fleet,
             clerk: setup.clerk,

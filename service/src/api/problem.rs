@@ -222,6 +222,9 @@ impl From<FleetRefused> for Problem {
             FleetRefused::UnknownRobot(_) => {
                 Self::new(StatusCode::NOT_FOUND, "robot_unknown", detail)
             }
+            FleetRefused::Unregistered(_) => {
+                Self::new(StatusCode::CONFLICT, "robot_unregistered", detail)
+            }
             FleetRefused::RobotsMax => Self::new(StatusCode::CONFLICT, "fleet_full", detail),
             FleetRefused::NoteTooLong(_) => {
                 Self::new(StatusCode::BAD_REQUEST, "value_refused", detail).of_field("note")

@@ -24,6 +24,7 @@ use crate::fleet::cross_track::{self, CrossTrack, UsedValues};
 use crate::fleet::decode;
 use crate::fleet::mailbox::Message;
 use crate::fleet::robot::{Robot, Used};
+use crate::fleet::tap::{TapReader, Tapped};
 use crate::fleet::view::{
     AnnouncedTopic, FleetCounters, HistoryEvent, LiveUpdate, RobotView, Stream,
 };
@@ -53,6 +54,9 @@ pub enum FleetRefused {
     /// No robot of this id has been configured or has sent anything.
     #[error("no robot {0} is known")]
     UnknownRobot(RobotId),
+    /// Nobody has registered it.
+    #[error("robot {0} is not registered, accepted is a robot with a vehicle")]
+    Unregistered(RobotId),
     /// The fleet is full.
     #[error("{} robots are configured, which is the limit", limits::ROBOTS_MAX)]
     RobotsMax,
@@ -305,6 +309,7 @@ impl FleetHandle {
         if !robot.mailbox.push_note(decode::note(note)) {
             return Err(FleetRefused::NotesMax(id.clone()));
         }
+        robot.taps.offer(|| Some(Tapped::of_note(note)));
         let event = Arc::new(HistoryEvent::Note(note.clone()));
         self.fleet.announce(LiveUpdate::Event {
             robot: id.clone(),
@@ -370,6 +375,19 @@ impl FleetHandle {
             answer = answer => Ok(answer.ok().flatten()),
             () = self.fleet.stop.cancelled() => Ok(None),
         }
+    }
+
+    /// Reads along with the robot's session from now on.
+    ///
+    /// # Errors
+    /// When the robot is unknown, or has no estimator since nobody has registered it.
+    pub fn tap(&self, id: &RobotId) -> Result<TapReader, FleetRefused> {
+        let unknown = || FleetRefused::UnknownRobot(id.clone());
+        let robot = self.fleet.find(id.as_str()).ok_or_else(unknown)?;
+        if !robot.is_configured() {
+            return Err(FleetRefused::Unregistered(id.clone()));
+        }
+        Ok(robot.taps.open())
     }
 
     /// Live updates from now on. A listener that lags more than [`limits::LIVE_UPDATES_MAX`]

@@ -15,6 +15,7 @@ use crate::fleet::cross_track::{CrossTrack, CrossTracks, UsedValues};
 use crate::fleet::mailbox::Mailbox;
 use crate::fleet::pairing::PairingReport;
 use crate::fleet::plan::PlanAskers;
+use crate::fleet::tap::Taps;
 use crate::fleet::view::{
     AnnouncedTopic, Connection, RobotState, RobotView, Stream, StreamView, Warning,
 };
@@ -111,6 +112,8 @@ pub struct Robot {
     pub mailbox: Mailbox,
     /// Those who want to see it from above.
     pub plan_askers: PlanAskers,
+    /// Those who record it.
+    pub taps: Taps,
     link: Mutex<Link>,
     status: Mutex<Status>,
     cross_tracks: Mutex<CrossTracks>,
@@ -134,6 +137,7 @@ impl Robot {
             id,
             mailbox: Mailbox::default(),
             plan_askers: PlanAskers::default(),
+            taps: Taps::default(),
             link: Mutex::new(Link {
                 streams: Default::default(),
                 heard_before_ns: None,

@@ -6,7 +6,9 @@ use std::sync::Arc;
 
 use fleetcal_estimator::calibrator::{CalibratorConfig, Plan};
 use fleetcal_estimator::{Calibrator, Checkpoint, Effect, Event, Stamp};
+use fleetcal_proto::encoding::Form;
 use fleetcal_proto::estimate::{ChangeKind, EstimateDocument, ParameterName, ParameterStatus};
+use fleetcal_robot::recording::SessionTopic;
 use serde::{Deserialize, Serialize};
 
 use crate::config::{DriveSignal, Mount, RobotConfig};
@@ -18,11 +20,13 @@ use crate::fleet::mailbox::{Item, Message, Outcome};
 use crate::fleet::plan;
 use crate::fleet::reading::ReadingSettings;
 use crate::fleet::robot::Robot;
+use crate::fleet::tap::Tapped;
 use crate::fleet::trial::Trial;
 use crate::fleet::view::{
-    HistoryEvent, LiveUpdate, RobotState, ServiceEvent, ServiceEventKind, Warning,
+    HistoryEvent, LiveUpdate, RobotState, ServiceEvent, ServiceEventKind, Stream, Warning,
 };
 use crate::limits::{ADVICE_EVERY_S, CHECKPOINT_EVERY_S, ESTIMATOR_RESTARTS_MAX, PLAN_EVERY_S};
+use crate::words::word;
 
 /// The parameters that have to be known for a robot to be called calibrated.
 const CALIBRATED: [ParameterName; 4] = [
@@ -92,6 +96,8 @@ struct RobotTask {
     /// When the manoeuvres were ranked last.
     advised: Option<Stamp>,
     newest: Stamp,
+    /// The last pose of the rear axle that was handed to those who record.
+    tapped_pose: Option<Stamp>,
     /// The plan that was asked for last, and the newest message then.
     plan: Option<(Stamp, Arc<Plan>)>,
     /// Whether a change was seen and the new values are not known yet.
@@ -131,6 +137,7 @@ impl RobotTask {
             checkpointed: None,
             advised: None,
             newest: Stamp(0),
+            tapped_pose: None,
             plan: None,
             changed: false,
             trial: None,
@@ -198,6 +205,14 @@ impl RobotTask {
             Ok(taken) => taken,
             Err(refused) => return Outcome::Refused(refused.to_string()),
         };
+        self.robot.taps.offer(|| {
+            let topic = self.session_topic(*stream, *form)?;
+            Some(Tapped::Message {
+                stamp: taken.stamp,
+                topic,
+                payload: payload.as_slice().into(),
+            })
+        });
         if let Some(pairing) = self.intake.pairing() {
             self.robot.set_pairing(pairing);
         }
@@ -212,6 +227,16 @@ impl RobotTask {
         }
     }
 
+    /// What a session calls a stream; `None` of what is no ROS 2 message.
+    fn session_topic(&self, stream: Stream, form: Form) -> Option<SessionTopic> {
+        let name = self.intake.topic(stream).unwrap_or(stream.name());
+        Some(SessionTopic {
+            topic: format!("/{}/{name}", self.robot.id),
+            message_type: self.intake.message_type(stream, form)?,
+            encoding: form.encoding,
+        })
+    }
+
     fn take_decoded(&mut self, decoded: Decoded) -> Outcome {
         let Decoded { stamp, event, note } = decoded;
         let event = match self.raw(event) {
@@ -219,6 +244,7 @@ impl RobotTask {
             Err(reason) => return Outcome::Refused(reason),
         };
         if let Some(note) = note {
+            self.robot.taps.offer(|| Some(Tapped::of_note(&note)));
             self.fleet.record(&self.robot.id, HistoryEvent::Note(note));
         }
         if !self.step(event) {
@@ -335,7 +361,23 @@ impl RobotTask {
                 return false;
             }
         }
+        if self.robot.taps.is_open() {
+            self.tap_pose();
+        }
         true
+    }
+
+    /// Hands on where the rear axle is, when that is new.
+    fn tap_pose(&mut self) {
+        let Engine::Running(calibrator) = &self.engine else {
+            return;
+        };
+        if let Some((stamp, pose)) = calibrator.base_pose()
+            && self.tapped_pose != Some(stamp)
+        {
+            self.tapped_pose = Some(stamp);
+            self.robot.taps.offer(|| Some(Tapped::Pose(stamp, pose)));
+        }
     }
 
     /// Does what the estimator asks for. `false` when what it says is no estimate.
@@ -351,12 +393,16 @@ impl RobotTask {
             Effect::Change(change) => {
                 let change = document::change_document(&change);
                 self.changed |= change.kind == ChangeKind::CalibrationChanged;
+                let taps = &self.robot.taps;
+                taps.offer(|| Some(Tapped::Change(change.clone())));
                 self.fleet
                     .record(&self.robot.id, HistoryEvent::Change(change));
             }
             // The same event, complete: the journal keeps it once.
             Effect::ChangeSized(change) => {
                 let change = document::change_document(&change);
+                let taps = &self.robot.taps;
+                taps.offer(|| Some(Tapped::Change(change.clone())));
                 self.fleet
                     .record(&self.robot.id, HistoryEvent::Change(change));
             }
@@ -376,6 +422,8 @@ impl RobotTask {
         let state = state_of(&document, self.changed);
         self.changed = state == RobotState::Changed;
         let document = Arc::new(document);
+        let taps = &self.robot.taps;
+        taps.offer(|| Some(Tapped::Estimate(Arc::clone(&document))));
         self.robot.set_state(state);
         self.robot.set_estimate(Arc::clone(&document));
         self.fleet.journal.record_history(&self.robot.id, &document);
@@ -415,6 +463,11 @@ impl RobotTask {
             stamp_ns: stamp.0,
             note,
         };
+        self.robot.taps.offer(|| {
+            let words = format!("{} {}", word(&event.kind), event.note);
+            let (stamp_ns, words) = (event.stamp_ns, words.trim_end().to_owned());
+            Some(Tapped::Event { stamp_ns, words })
+        });
         self.fleet
             .record(&self.robot.id, HistoryEvent::Service(event));
     }

@@ -1,5 +1,8 @@
 //! A robot's session as MCAP for Foxglove: its streams, and beside them what was known when and what
-//! happened. `fleetcal calibrate --export` writes one of a recording.
+//! happened. `fleetcal calibrate --export` writes one of a recording, `GET /robots/{id}/session` of
+//! a robot as it drives.
+
+pub mod live;
 
 use std::fs::File;
 use std::io::{BufWriter, Write};

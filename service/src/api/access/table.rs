@@ -55,6 +55,7 @@ pub(in crate::api) const TABLE: &[(&str, &str, Access)] = &[
     ("GET", "/api/v1/robots/{id}/cross_track_error", Viewer),
     ("GET", "/api/v1/robots/{id}/manoeuvres", Viewer),
     ("GET", "/api/v1/robots/{id}/plan", Viewer),
+    ("GET", "/api/v1/robots/{id}/session", Operator),
     ("GET", "/api/v1/robots/{id}/shadow", Viewer),
     ("GET", "/api/v1/robots/{id}/deployments", Viewer),
     ("POST", "/api/v1/robots/{id}/rollback", Approver),

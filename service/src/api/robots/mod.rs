@@ -10,6 +10,7 @@ mod list;
 mod manoeuvres;
 mod plan;
 mod registration;
+mod session;
 
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
@@ -19,6 +20,7 @@ use super::ApiState;
 pub(super) use document::{RobotStateDocument, state_document};
 pub(super) use events::EventDocument;
 pub(super) use list::SortSchema;
+pub(super) use session::Sessions;
 
 /// The routes under `/robots`.
 pub(super) fn routes() -> OpenApiRouter<ApiState> {
@@ -30,5 +32,6 @@ pub(super) fn routes() -> OpenApiRouter<ApiState> {
         .routes(routes!(cross_track::get_cross_track_error))
         .routes(routes!(manoeuvres::get_manoeuvres))
         .routes(routes!(plan::get_plan))
+        .routes(routes!(session::get_session))
         .routes(routes!(events::list_events, events::post_event))
 }

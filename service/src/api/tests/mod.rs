@@ -8,6 +8,7 @@ mod policy;
 mod robots;
 mod server;
 mod service;
+mod session;
 mod stream;
 
 use std::collections::BTreeMap;
