@@ -141,16 +141,16 @@ load: build ## 50 robots at once: prints the CPU time per robot-second and sampl
 encoders: rust ## 10,000 random messages of each type by rosbags and pycdr2 (PyPI): same bytes back
 	@python3 -c 'import venv, ensurepip' 2>/dev/null \
 	  || { echo "Python 3 with venv is missing: install python3-venv, then run make again." >&2; exit 1; }
-	python3 -m venv target/encoders
-	target/encoders/bin/pip install --quiet --requirement tests/encoders/requirements.txt
-	target/encoders/bin/python tests/encoders/encoders.py target/encoders/messages.bin 10000
-	$(CARGO) run --release --locked -p fleetcal-proto --example encoded -- target/encoders/messages.bin
+	python3 -m venv $(BUILT)/encoders
+	$(BUILT)/encoders/bin/pip install --quiet --requirement tests/encoders/requirements.txt
+	$(BUILT)/encoders/bin/python tests/encoders/encoders.py $(BUILT)/encoders/messages.bin 10000
+	$(CARGO) run --release --locked -p fleetcal-proto --example encoded -- $(BUILT)/encoders/messages.bin
 
 .PHONY: zenohd
 zenohd: build ## Builds Zenoh's own router from its crate and tests the service behind it
 	$(CARGO) install zenohd --version 1.10.2 --locked --root $(BUILT)/zenohd \
 	  --no-default-features --features zenoh/transport_tcp,zenoh/transport_tls,zenoh/auth_usrpwd
-	FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_ZENOHD=$(ZENOHD) $(CARGO) test --release --locked -p fleetcal-tests --test zenoh -- --nocapture --test-threads 1 router:: breaks::
+	FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_ZENOHD=$(ZENOHD) $(CARGO) test --release --locked --workspace --test zenoh -- --nocapture --test-threads 1 router:: breaks::
 
 .PHONY: kill-rounds
 kill-rounds: rust ## Kills the deciding process 3,000 times: nothing acknowledged may be lost
