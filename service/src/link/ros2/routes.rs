@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::encoding::MessageType;
 use fleetcal_proto::key::KeyRoot;
-use fleetcal_proto::ros2_key::{KeyLayout, Matched, TopicKey, typed_expression};
+use fleetcal_proto::ros2_key::{KeyLayout, KeyTemplate, Matched, TopicKey, typed_expression};
 
 use crate::fleet::Stream;
 use crate::limits;
@@ -24,6 +24,8 @@ pub struct Route<'k> {
     pub prefix: &'k str,
     /// Which layout the key has.
     pub layout: KeyLayout,
+    /// The one key expression of the table that it is taken by, however many others match the key.
+    pub expression: String,
 }
 
 /// See the module.
@@ -104,20 +106,43 @@ impl RouteTable {
     /// Whose stream a key is; `None` when it is nobody's.
     pub fn route<'k>(&self, key: &'k str) -> Option<Route<'k>> {
         let key = TopicKey::parse(key);
-        let matched = self.place(key.path, key.layout)?;
-        let stream = self.role(&matched)?.stream;
-        let announced = || self.announced.get(key.path).copied();
+        let (matched, template) = self.find(key.path, key.layout)?;
+        let role = self.role(&matched)?;
+        let path = match template {
+            None => format!("{}/{}", matched.prefix, matched.topic),
+            Some(template) => {
+                let own = (!self.usual.contains(role)).then_some(&matched.robot);
+                template.path_expression(own, matched.topic)
+            }
+        };
+        let (expression, message_type) = if key.type_name.is_some() {
+            let suits = |of: &MessageType| message_types(role.stream).contains(of);
+            let of = key.message_type().filter(suits)?;
+            (typed_expression(&path, of), Some(of))
+        } else {
+            (path, self.announced.get(key.path).copied())
+        };
         Some(Route {
+            stream: role.stream,
             robot: matched.robot,
-            stream,
-            message_type: key.message_type().or_else(announced),
+            message_type,
             prefix: matched.prefix,
             layout: key.layout,
+            expression,
         })
     }
 
     /// Robot and topic of a path.
     pub fn place<'p>(&self, path: &'p str, layout: KeyLayout) -> Option<Matched<'p>> {
+        self.find(path, layout).map(|(matched, _)| matched)
+    }
+
+    /// The same, with the template that it was found by; `None` of one that has a prefix.
+    fn find<'p>(
+        &self,
+        path: &'p str,
+        layout: KeyLayout,
+    ) -> Option<(Matched<'p>, Option<&KeyTemplate>)> {
         if self.is_own(path) {
             return None;
         }
@@ -127,16 +152,17 @@ impl RouteTable {
         };
         let by_template = templates
             .iter()
-            .filter_map(|template| template.matched(path));
+            .filter_map(|template| Some((template.matched(path)?, Some(template))));
         // One that has a prefix is found by that alone.
-        let by_template =
-            by_template.filter(|matched| !self.prefixes.values().any(|of| *of == matched.robot));
+        let has_prefix = |robot: &RobotId| self.prefixes.values().any(|of| of == robot);
+        let by_template = by_template.filter(|(matched, _)| !has_prefix(&matched.robot));
+        let by_prefix = self.by_prefix(path).map(|matched| (matched, None));
         let mut first = None;
-        for matched in self.by_prefix(path).chain(by_template) {
-            if self.role(&matched).is_some() {
-                return Some(matched);
+        for found in by_prefix.chain(by_template) {
+            if self.role(&found.0).is_some() {
+                return Some(found);
             }
-            first = first.or(Some(matched));
+            first = first.or(Some(found));
         }
         first
     }
@@ -239,6 +265,8 @@ fn expressions_under(prefix: &str, roles: &[TopicRole]) -> BTreeSet<String> {
 
 #[cfg(test)]
 mod tests {
+    use zenoh::key_expr::KeyExpr;
+
     use super::*;
 
     fn table(robots: &[(&str, &str)]) -> RouteTable {
@@ -327,6 +355,64 @@ mod tests {
         }
         let own = format!("0/lone/scan/{SCAN}/RIHS01_64c1");
         assert_eq!(routed(&table, &own), None, "it has a prefix");
+    }
+
+    #[test]
+    fn each_key_is_taken_by_one_expression_of_the_table() {
+        let settings: Ros2Settings = toml::from_str(
+            "rmw_zenoh = ['{domain}/{robot}/{topic}', '{robot}/{topic}', '{robot}/{domain}/{topic}']",
+        )
+        .unwrap();
+        let robots = [
+            ("left", "scan = { topic = 'front/scan' }"),
+            // By its domain: the key is also one that the robot before it may have.
+            ("7", "scan = { topic = 'left/front/scan' }"),
+            // Its prefix lies below that domain.
+            ("cart", "prefix = '7/left'\nscan = { topic = 'rear/scan' }"),
+            (
+                "9",
+                "scan = { topic = 'scan' }\ndrive = { topic = '3/drive' }",
+            ),
+        ];
+        let robots = robots.map(|(id, streams)| {
+            let streams: RobotStreams = toml::from_str(streams).unwrap();
+            (RobotId::parse(id).unwrap(), streams)
+        });
+        let table = RouteTable::new(&settings, &KeyRoot::default(), robots.into());
+        let mut all = table.usual_expressions();
+        all.extend(table.robot_expressions());
+        let drive = "ackermann_msgs::msg::dds_::AckermannDriveStamped_";
+        let mut matched_by_many = 0;
+        for (path, of, robot) in [
+            ("7/left/front/scan", SCAN, "left"),
+            ("8/left/front/scan", SCAN, "left"),
+            ("7/left/rear/scan", SCAN, "cart"),
+            ("7/left/drive", drive, "cart"),
+            ("7/9/scan", SCAN, "9"),
+            ("9/7/scan", SCAN, "9"),
+            ("9/3/drive", drive, "3"),
+            ("9/scan", SCAN, "9"),
+            ("stranger/4/scan", SCAN, "stranger"),
+        ] {
+            let key = format!("{path}/{of}/RIHS01_64c1");
+            let Some(route) = table.route(&key) else {
+                panic!("{key} is nobody's");
+            };
+            assert_eq!(route.robot.as_str(), robot, "{key}");
+            assert!(all.contains(&route.expression), "{}", route.expression);
+            let key = KeyExpr::try_from(key.as_str()).unwrap();
+            let includes =
+                |text: &&String| KeyExpr::try_from(text.as_str()).unwrap().includes(&key);
+            assert!(includes(&&route.expression), "{}", route.expression);
+            matched_by_many += usize::from(all.iter().filter(includes).count() > 1);
+        }
+        assert!(matched_by_many >= 2, "{matched_by_many}");
+        // Of a type that its robot does not take there.
+        assert!(
+            table
+                .route(&format!("7/left/front/scan/{drive}/RIHS01_64c1"))
+                .is_none()
+        );
     }
 
     #[test]
