@@ -112,6 +112,11 @@ impl Snapshot {
                 { fleet.beyond_robots_max },
             ),
             (
+                "fleetcal_unanswered_questions",
+                "Questions over Zenoh beyond the limit",
+                fleet.unanswered_questions,
+            ),
+            (
                 "fleetcal_estimator_panics",
                 "Estimators that failed",
                 fleet.estimator_panics,

@@ -96,6 +96,7 @@ struct Counts {
     foreign_keys: AtomicU64,
     oversized: AtomicU64,
     beyond_robots_max: AtomicU64,
+    unanswered_questions: AtomicU64,
     estimator_panics: AtomicU64,
     by_stream: [AtomicU64; Stream::COUNT],
 }
@@ -406,6 +407,7 @@ impl FleetHandle {
             foreign_keys: read(&counts.foreign_keys),
             oversized: read(&counts.oversized),
             beyond_robots_max: read(&counts.beyond_robots_max),
+            unanswered_questions: read(&counts.unanswered_questions),
             estimator_panics: read(&counts.estimator_panics),
             by_stream: streams
                 .map(|(stream, count)| (stream.name(), read(count)))
@@ -524,6 +526,12 @@ impl FleetHandle {
             .counts
             .foreign_keys
             .fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Counts a question that found too many others waiting.
+    pub fn count_unanswered_question(&self) {
+        let counts = &self.fleet.counts;
+        counts.unanswered_questions.fetch_add(1, Ordering::Relaxed);
     }
 
     /// Notes that a robot's liveliness token came or went.

@@ -360,6 +360,8 @@ pub struct FleetCounters {
     pub oversized: u64,
     /// Messages of robots beyond [`crate::limits::UNREGISTERED_ROBOTS_MAX`].
     pub beyond_robots_max: u64,
+    /// Questions over Zenoh beyond [`crate::limits::QUESTIONS_MAX`].
+    pub unanswered_questions: u64,
     /// Estimators that panicked.
     pub estimator_panics: u64,
     /// Messages received from robots in each stream.

@@ -14,6 +14,7 @@ use zenoh::{Result, Session, Wait};
 
 use crate::clerk::{Clerk, Letter};
 use crate::limits;
+use crate::link::questions::Questions;
 use crate::link::ros2::{self, Ros2};
 
 /// Hears what robots answer. The callback runs on Zenoh's receiving threads and never blocks.
@@ -48,16 +49,16 @@ pub async fn answer_approved(
     session: &Session,
     keys: &Keys,
     clerk: Clerk,
+    questions: &Questions,
 ) -> Result<Queryable<()>> {
     let own_keys = keys.clone();
-    // The database is asked on the runtime: Zenoh's threads must not wait for it.
-    let runtime = tokio::runtime::Handle::current();
+    let questions = questions.clone();
     session
         .declare_queryable(keys.stream_of_all(StreamKind::CalibrationApproved))
         .complete(true)
         .callback(move |query| {
             let (clerk, keys) = (clerk.clone(), own_keys.clone());
-            runtime.spawn(async move { reply_approved(&clerk, &keys, &query).await });
+            questions.answer(async move { reply_approved(&clerk, &keys, &query).await });
         })
         .await
 }

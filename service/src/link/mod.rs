@@ -4,6 +4,7 @@ mod access;
 mod calibration;
 mod ingest;
 mod outgoing;
+mod questions;
 mod ros2;
 mod session;
 mod strict;
@@ -24,6 +25,7 @@ use crate::clock::SharedClock;
 use crate::fleet::FleetHandle;
 use crate::limits;
 use crate::streams::Ros2Settings;
+use questions::Questions;
 use ros2::{Ros2Link, RouteTable};
 
 pub use strict::{Identity, RouterCertificate, StrictRouter, is_robots_own};
@@ -122,7 +124,8 @@ impl Link {
         let progress = outgoing::answer_progress(&session, &keys, fleet.clone())
             .await
             .map_err(declared("the queryable of progress"))?;
-        let approved = calibration::answer_approved(&session, &keys, clerk.clone())
+        let questions = Questions::new(fleet.clone());
+        let approved = calibration::answer_approved(&session, &keys, clerk.clone(), &questions)
             .await
             .map_err(declared("the queryable of approved calibrations"))?;
         let confirmed = calibration::answer_confirmed(&session, &keys, clerk.clone())
@@ -134,8 +137,13 @@ impl Link {
         let streams = ingest::subscribe(&session, &keys, fleet.clone())
             .await
             .map_err(declared("the subscriber of robots' streams"))?;
-        let (ros2_fleet, ros2_clerk) = (fleet.clone(), clerk.clone());
-        let ros2 = Ros2Link::open(&session, table, ros2_fleet, ros2_clerk, clock, stop.clone())
+        let surroundings = ros2::Surroundings {
+            fleet: fleet.clone(),
+            clerk: clerk.clone(),
+            clock,
+            questions,
+        };
+        let ros2 = Ros2Link::open(&session, table, surroundings, stop.clone())
             .await
             .map_err(declared("what ROS 2 robots need"))?;
         // Last: a robot that sees the token finds everything else there.

@@ -16,6 +16,7 @@ use zenoh::{Result, Session, Wait};
 
 use super::{Ros2, RouteTable};
 use crate::clerk::Clerk;
+use crate::link::questions::Questions;
 
 /// The topic's name below its robot.
 const TOPIC: &str = "calibration/approved";
@@ -91,18 +92,18 @@ pub async fn answer_history(
     session: &Session,
     ros2: Ros2,
     clerk: Clerk,
+    questions: &Questions,
 ) -> Result<Vec<Queryable<()>>> {
     let mut queryables = Vec::new();
     let expressions = history_expressions(&ros2.table());
     for expression in expressions {
         let (ros2, clerk, own) = (ros2.clone(), clerk.clone(), session.clone());
-        // The database is asked on the runtime: Zenoh's threads must not wait for it.
-        let runtime = tokio::runtime::Handle::current();
+        let questions = questions.clone();
         let queryable = session
             .declare_queryable(expression)
             .callback(move |query| {
                 let (ros2, clerk, own) = (ros2.clone(), clerk.clone(), own.clone());
-                runtime.spawn(async move { reply(&own, &ros2, &clerk, &query).await });
+                questions.answer(async move { reply(&own, &ros2, &clerk, &query).await });
             })
             .await?;
         queryables.push(queryable);

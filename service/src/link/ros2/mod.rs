@@ -29,6 +29,7 @@ use crate::clerk::Clerk;
 use crate::clock::SharedClock;
 use crate::fleet::FleetHandle;
 use crate::limits;
+use crate::link::questions::Questions;
 use calibration::Home;
 use discovery::Discovery;
 use subscribe::Subscriptions;
@@ -123,6 +124,19 @@ impl Ros2 {
     }
 }
 
+/// What the part of the link that serves ROS 2 robots works with.
+#[derive(Debug)]
+pub struct Surroundings {
+    /// Whose robots they are.
+    pub fleet: FleetHandle,
+    /// Who knows what is approved.
+    pub clerk: Clerk,
+    /// Where time comes from.
+    pub clock: SharedClock,
+    /// Where questions wait.
+    pub questions: Questions,
+}
+
 /// The part of the link that serves ROS 2 robots.
 #[derive(Debug)]
 pub struct Ros2Link {
@@ -140,11 +154,15 @@ impl Ros2Link {
     pub async fn open(
         session: &Session,
         table: RouteTable,
-        fleet: FleetHandle,
-        clerk: Clerk,
-        clock: SharedClock,
+        surroundings: Surroundings,
         stop: CancellationToken,
     ) -> Result<Self> {
+        let Surroundings {
+            fleet,
+            clerk,
+            clock,
+            questions,
+        } = surroundings;
         let publishes = table.settings().publish_calibration;
         let (came, comers) = mpsc::channel(limits::ROBOTS_MAX);
         let mut configured = fleet.configured();
@@ -165,7 +183,8 @@ impl Ros2Link {
         let mut history = Vec::new();
         let mut tasks = Vec::new();
         if publishes {
-            history = calibration::answer_history(session, ros2.clone(), clerk.clone()).await?;
+            let (own, asked) = (ros2.clone(), clerk.clone());
+            history = calibration::answer_history(session, own, asked, &questions).await?;
             let telling = tell(session.clone(), ros2.clone(), clerk, comers, stop.clone());
             tasks.push(tokio::spawn(telling));
         }
