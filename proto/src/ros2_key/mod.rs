@@ -14,7 +14,7 @@ mod token;
 
 pub use attachment::{Attachment, GID_BYTES};
 pub use template::{KeyTemplate, Matched, TemplateRefused};
-pub use token::{Announcement, TOKENS_OF_BRIDGE, TOKENS_OF_RMW};
+pub use token::{Announcement, LatchedTopic, TOKENS_OF_BRIDGE, TOKENS_OF_RMW};
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! Liveliness tokens by which ROS 2 nodes announce their publishers.
+//! Liveliness tokens by which ROS 2 nodes announce themselves and their publishers.
 
 use super::{KeyLayout, layout_of_hash, ros_type_name};
 
@@ -8,8 +8,13 @@ pub const TOKENS_OF_RMW: [&str; 2] = ["@ros2_lv/**", "*/@ros2_lv/**"];
 pub const TOKENS_OF_BRIDGE: &str = "@/*/@ros2_lv/**";
 
 const MARK: &str = "@ros2_lv";
-/// A publisher of messages.
+/// A node, and a publisher of messages.
+const NODE: &str = "NN";
 const PUBLISHER: &str = "MP";
+/// What stands for a name that is empty, in a token of `rmw_zenoh`.
+const EMPTY: &str = "%";
+/// Reliable, transient-local, the last message alone: what differs from the defaults of `rmw_zenoh`.
+const LATCHED: &str = ":1:,1:,:,:,,";
 /// What stands for a slash in a token of `rmw_zenoh`, and in one of the bridge.
 const SLASH_OF_RMW: char = '%';
 const SLASH_OF_BRIDGE: char = '\u{a7}';
@@ -67,9 +72,129 @@ impl Announcement {
     }
 }
 
+/// A node with one publisher of the last message, reliable and transient-local, as `rmw_zenoh`
+/// announces it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LatchedTopic<'a> {
+    /// What stands before the topic in keys, the ROS domain included: `0/tugger_01`. It is the
+    /// node's namespace too.
+    pub prefix: &'a str,
+    /// The topic's name below that: `calibration/approved`.
+    pub topic: &'a str,
+    /// Its type as in keys, `std_msgs::msg::dds_::String_`.
+    pub dds_type: &'a str,
+    /// The type's hash as in keys, or [`super::NO_HASH`].
+    pub hash: &'a str,
+    /// The node's name.
+    pub node: &'a str,
+    /// The Zenoh id of the session.
+    pub session: &'a str,
+    /// The node's number in the session; the next one is the publisher's.
+    pub number: u64,
+}
+
+impl LatchedTopic<'_> {
+    /// The keys of its tokens, the node's and the publisher's; `None` when no chunk of the prefix
+    /// is a domain. Names of ROS 2 begin with no digit, so the last number is the domain, and what
+    /// stands before it a Zenoh namespace.
+    pub fn tokens(&self) -> Option<[String; 2]> {
+        let chunks: Vec<&str> = self.prefix.split('/').collect();
+        let is_number = |chunk: &&str| chunk.bytes().all(|byte| byte.is_ascii_digit());
+        let at = chunks
+            .iter()
+            .rposition(|chunk| !chunk.is_empty() && is_number(chunk))?;
+        let (before, rest) = chunks.split_at(at);
+        let (domain, names) = rest.split_first()?;
+        let namespace = if names.is_empty() {
+            EMPTY.to_owned()
+        } else {
+            mangled(names.iter().copied())
+        };
+        let topic = mangled(names.iter().copied().chain(self.topic.split('/')));
+        let Self {
+            dds_type,
+            hash,
+            node,
+            session,
+            number,
+            ..
+        } = self;
+        let mark = [before, &[MARK]].concat().join("/");
+        let entity = |id: u64, kind: &str| {
+            format!("{mark}/{domain}/{session}/{number}/{id}/{kind}/{EMPTY}/{namespace}/{node}")
+        };
+        let publisher = entity(number + 1, PUBLISHER);
+        Some([
+            entity(*number, NODE),
+            format!("{publisher}/{topic}/{dds_type}/{hash}/{LATCHED}"),
+        ])
+    }
+
+    /// Key expressions of such tokens, of any session, domain and namespace.
+    pub fn token_expressions(topic: &str, dds_type: &str, node: &str) -> Vec<String> {
+        let topic = mangled(topic.split('/'));
+        let entity = |kind: &str| format!("{MARK}/*/*/*/*/{kind}/{EMPTY}/*/{node}");
+        let own = [
+            entity(NODE),
+            format!("{}/$*{topic}/{dds_type}/*/*", entity(PUBLISHER)),
+        ];
+        let spaced = own.clone().map(|text| format!("*/{text}"));
+        own.into_iter().chain(spaced).collect()
+    }
+}
+
+/// A fully qualified name, with what stands for slashes.
+fn mangled<'n>(names: impl Iterator<Item = &'n str>) -> String {
+    names.fold(String::new(), |mut text, name| {
+        text.push(SLASH_OF_RMW);
+        text.push_str(name);
+        text
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_topic_of_ours_is_announced_as_its_node_would() {
+        let string = "std_msgs::msg::dds_::String_";
+        let topic = |prefix| LatchedTopic {
+            prefix,
+            topic: "calibration/approved",
+            dds_type: string,
+            hash: "RIHS01_df66",
+            node: "fleetcal",
+            session: "3f2a",
+            number: 4,
+        };
+        let [node, publisher] = topic("0/tugger_01").tokens().unwrap();
+        assert_eq!(node, "@ros2_lv/0/3f2a/4/4/NN/%/%tugger_01/fleetcal");
+        let wanted = format!(
+            "@ros2_lv/0/3f2a/4/5/MP/%/%tugger_01/fleetcal/%tugger_01%calibration%approved/\
+             {string}/RIHS01_df66/:1:,1:,:,:,,"
+        );
+        assert_eq!(publisher, wanted);
+        for (prefix, before) in [
+            ("0/tugger_01", "@ros2_lv/0/"),
+            ("7", "@ros2_lv/7/"),
+            ("7/site/cart", "@ros2_lv/7/"),
+            ("tugger_01/0", "tugger_01/@ros2_lv/0/"),
+        ] {
+            let [node, publisher] = topic(prefix).tokens().unwrap();
+            assert!(node.starts_with(before), "{node}");
+            assert_eq!(Announcement::of_token(&node), None);
+            let read = Announcement::of_token(&publisher).unwrap();
+            assert_eq!(read.path, format!("{prefix}/calibration/approved"));
+            assert_eq!(read.type_name, "std_msgs/msg/String");
+            assert_eq!(read.layout, KeyLayout::RmwZenoh);
+        }
+        let [node, _] = topic("7").tokens().unwrap();
+        assert_eq!(node, "@ros2_lv/7/3f2a/4/4/NN/%/%/fleetcal");
+        for prefix in ["tugger_01", "", "site/tugger_01", "/"] {
+            assert_eq!(topic(prefix).tokens(), None, "{prefix}");
+        }
+    }
 
     #[test]
     fn publishers_of_every_layout_are_read() {

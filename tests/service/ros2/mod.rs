@@ -1,5 +1,6 @@
 //! Robots that speak ROS 2 and run none of our software, in each layout of keys.
 
+mod graph;
 mod overlap;
 mod robot;
 

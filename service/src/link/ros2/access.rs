@@ -1,5 +1,5 @@
-//! What the access list lets ROS 2 robots do: send their streams, announce their topics, and hear
-//! what is approved.
+//! What the access list lets ROS 2 robots do: send their streams, announce their topics, hear what
+//! is approved, and see that topic in their graph.
 
 use fleetcal_proto::encoding::MessageType;
 use fleetcal_proto::ros2_key::{TOKENS_OF_BRIDGE, TOKENS_OF_RMW};
@@ -61,6 +61,14 @@ pub fn rules(table: &RouteTable) -> Vec<Value> {
             &stored,
         );
         add("ros2_history", "egress", &["declare_queryable"], &stored);
+        if !settings.rmw_zenoh.is_empty() || has_prefixes {
+            // Who asks for the graph gets our own node's part of it, and no other robot's.
+            let graph = TOKENS_OF_RMW.map(str::to_owned);
+            let own = calibration::token_expressions();
+            let asks = ["declare_liveliness_subscriber", "liveliness_query"];
+            add("ros2_graph_wanted", "ingress", &asks, &graph);
+            add("ros2_graph", "egress", &["liveliness_token", "reply"], &own);
+        }
     }
     rules
 }

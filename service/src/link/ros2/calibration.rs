@@ -8,7 +8,7 @@
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
 use fleetcal_proto::ros::{RosMessage, StringMessage};
-use fleetcal_proto::ros2_key::{Attachment, GID_BYTES, KeyLayout, NO_HASH, TopicKey};
+use fleetcal_proto::ros2_key::{Attachment, GID_BYTES, KeyLayout, LatchedTopic, NO_HASH, TopicKey};
 use zenoh::bytes::Encoding;
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::query::{Query, Queryable};
@@ -23,6 +23,8 @@ const TOPIC: &str = "calibration/approved";
 /// The type in keys of `rmw_zenoh`, and its hash where there is one.
 const DDS_TYPE: &str = "std_msgs::msg::dds_::String_";
 const TYPE_HASH: &str = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18";
+/// The name of the node that publishes it.
+const NODE: &str = "fleetcal";
 /// What an advanced subscriber puts behind a key to ask for what was said before.
 const HISTORY: &str = "@adv";
 
@@ -45,6 +47,31 @@ impl Home {
             KeyLayout::BridgeRos2dds => format!("{prefix}/{TOPIC}"),
         }
     }
+
+    /// The tokens that announce the topic to `rmw_zenoh`, by the node of that number in the
+    /// session; `None` where that cannot be: a bridge makes its own of what it carries.
+    pub fn tokens(&self, session: &str, number: u64) -> Option<[String; 2]> {
+        let hash = match self.layout {
+            KeyLayout::RmwZenoh => TYPE_HASH,
+            KeyLayout::RmwZenohWithoutHash => NO_HASH,
+            KeyLayout::BridgeRos2dds => return None,
+        };
+        let topic = LatchedTopic {
+            prefix: &self.prefix,
+            topic: TOPIC,
+            dds_type: DDS_TYPE,
+            hash,
+            node: NODE,
+            session,
+            number,
+        };
+        topic.tokens()
+    }
+}
+
+/// Key expressions of the tokens that announce it.
+pub fn token_expressions() -> Vec<String> {
+    LatchedTopic::token_expressions(TOPIC, DDS_TYPE, NODE)
 }
 
 /// Key expressions of the topic of every robot.
@@ -184,13 +211,28 @@ mod tests {
             ("tugger_01", KeyLayout::BridgeRos2dds),
         ] {
             let prefix = prefix.to_owned();
-            let key = Home { prefix, layout }.key();
+            let key = Home {
+                prefix: prefix.clone(),
+                layout,
+            }
+            .key();
             let holds = |text: String| {
                 let expression = KeyExpr::try_from(text).unwrap();
                 let key = KeyExpr::try_from(key.clone()).unwrap();
                 expression.includes(&key)
             };
             assert!(expressions(&table).into_iter().any(holds), "{key}");
+            let home = Home {
+                prefix: prefix.clone(),
+                layout,
+            };
+            for token in home.tokens("3f2a", 0).into_iter().flatten() {
+                let announces = |text: String| {
+                    let token = KeyExpr::try_from(token.clone()).unwrap();
+                    KeyExpr::try_from(text).unwrap().includes(&token)
+                };
+                assert!(token_expressions().into_iter().any(announces), "{token}");
+            }
             let asked = KeyExpr::try_from(format!("{key}/{HISTORY}/**")).unwrap();
             let holds = |text: String| KeyExpr::try_from(text).unwrap().includes(&asked);
             assert!(history_expressions(&table).into_iter().any(holds), "{key}");

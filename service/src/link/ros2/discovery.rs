@@ -42,7 +42,7 @@ pub async fn watch_tokens(session: &Session, ros2: &Ros2) -> Result<Vec<Subscrib
 
 fn take(ros2: &Ros2, sample: &Sample) {
     let token = sample.key_expr().as_str();
-    if token.len() > limits::ROS2_TOKEN_BYTES_MAX {
+    if token.len() > limits::ROS2_TOKEN_BYTES_MAX || ros2.is_own_token(token) {
         return;
     }
     let Some(announced) = Announcement::of_token(token) else {

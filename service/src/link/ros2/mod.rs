@@ -7,6 +7,7 @@
 pub mod access;
 pub mod calibration;
 mod discovery;
+mod graph;
 mod routes;
 mod subscribe;
 
@@ -18,7 +19,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
 
 use fleetcal_proto::RobotId;
 use fleetcal_proto::ros2_key::KeyLayout;
-use tokio::sync::mpsc;
+use tokio::sync::{Notify, mpsc};
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 use zenoh::pubsub::Subscriber;
@@ -49,6 +50,10 @@ struct Shared {
     homes: Mutex<BTreeMap<RobotId, BTreeSet<Home>>>,
     /// Robots that came (back), which should hear what is approved.
     came: mpsc::Sender<RobotId>,
+    /// `homes` changed.
+    homes_changed: Notify,
+    /// What stands in the keys of tokens of our own.
+    own_session: String,
     /// Messages sent to ROS 2 robots.
     sent: AtomicI64,
 }
@@ -80,9 +85,21 @@ impl Ros2 {
         homes.get(robot).cloned().unwrap_or_default()
     }
 
+    /// All of these.
+    fn all_homes(&self) -> BTreeSet<Home> {
+        let homes = lock(&self.shared.homes);
+        homes.values().flatten().cloned().collect()
+    }
+
+    /// Whether a token is our own.
+    fn is_own_token(&self, token: &str) -> bool {
+        token.contains(&self.shared.own_session)
+    }
+
     /// Forgets where a robot's topics were, since it announces none any more.
     fn left(&self, robot: &RobotId) {
         lock(&self.shared.homes).remove(robot);
+        self.shared.homes_changed.notify_one();
     }
 
     /// Notes where a robot's topics are; one that was not there before hears what is approved.
@@ -105,6 +122,7 @@ impl Ros2 {
             return false;
         }
         let prefix = prefix.to_owned();
+        self.shared.homes_changed.notify_one();
         of_robot.insert(Home { prefix, layout })
     }
 
@@ -174,6 +192,8 @@ impl Ros2Link {
                 discovery: Mutex::default(),
                 homes: Mutex::default(),
                 came,
+                homes_changed: Notify::new(),
+                own_session: format!("/{}/", session.zid()),
                 sent: AtomicI64::new(1),
             }),
         };
@@ -187,6 +207,8 @@ impl Ros2Link {
             history = calibration::answer_history(session, own, asked, &questions).await?;
             let telling = tell(session.clone(), ros2.clone(), clerk, comers, stop.clone());
             tasks.push(tokio::spawn(telling));
+            let announcing = graph::announce(session.clone(), ros2.clone(), stop.clone());
+            tasks.push(tokio::spawn(announcing));
         }
         let (own, session) = (ros2.clone(), session.clone());
         tasks.push(tokio::spawn(async move {
