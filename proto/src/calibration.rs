@@ -6,6 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::estimate::PoseDocument;
 use crate::robot_id::RobotId;
 
 /// A signed calibration document.
@@ -113,6 +114,13 @@ pub struct CalibrationDocument {
     pub frame: CalibrationFrame,
     /// A robot that hears no confirmation for so many seconds after applying reverts by itself.
     pub confirm_within_s: u32,
+    /// Where the rear axle's centre is in the vehicle's `base_link`, where that frame is configured.
+    /// Like the pose below it came later: who does not know it passes it over.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rear_axle_in_base_link: Option<PoseDocument>,
+    /// The LiDAR's pose in that frame, by the values.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lidar_in_base_link: Option<PoseDocument>,
 }
 
 /// What became of a calibration on the robot.
@@ -178,7 +186,21 @@ mod tests {
         );
         let document: CalibrationDocument = serde_json::from_str(text).unwrap();
         assert_eq!(document.values.wheelbase_m, None);
+        assert_eq!(document.rear_axle_in_base_link, None);
         assert_eq!(serde_json::to_string(&document).unwrap(), text);
+        let in_base_link = concat!(
+            r#""confirm_within_s":600,"rear_axle_in_base_link":{"x_m":-0.4,"y_m":0.0,"#,
+            r#""yaw_rad":0.0},"lidar_in_base_link":{"x_m":0.034,"y_m":-0.016,"yaw_rad":0.0133}}"#
+        );
+        let text = text.replace(r#""confirm_within_s":600}"#, in_base_link);
+        let document: CalibrationDocument = serde_json::from_str(&text).unwrap();
+        let lidar = document.lidar_in_base_link.unwrap();
+        assert_eq!((lidar.x_m, lidar.y_m), (0.034, -0.016));
+        assert_eq!(serde_json::to_string(&document).unwrap(), text);
+        // What a later service adds is passed over, as these were by agents before them.
+        let later = text.replace(r#""frame""#, r#""colour":"red","frame""#);
+        let read: CalibrationDocument = serde_json::from_str(&later).unwrap();
+        assert_eq!(read, document);
         let other = text.replace("calibration/1", "calibration/2");
         let error = serde_json::from_str::<CalibrationDocument>(&other)
             .unwrap_err()

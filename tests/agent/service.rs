@@ -49,6 +49,8 @@ pub fn approved(generation: u64) -> Envelope {
         sigmas: CalibrationValues::default(),
         frame: CalibrationFrame::RearAxle,
         confirm_within_s: 600,
+        rear_axle_in_base_link: None,
+        lidar_in_base_link: None,
     };
     seal(&document, &key()).unwrap()
 }

@@ -41,6 +41,7 @@ async fn decide(
         key: Arc::new(SigningKey::from_bytes(&[7; 32])),
         now_ns: 1_763_700_000_000_000_000,
         idempotency: None,
+        rear_axle_in_base_link: None,
     };
     store.decide(decision).await
 }

@@ -150,6 +150,7 @@ impl Worker {
                 actor: &actor,
                 now_ns: self.clock.now_ns(),
                 held: false,
+                rear_axle_in_base_link: None,
             };
             // Numbers that the store gives to nothing.
             let ids = NextIds {

@@ -24,6 +24,8 @@ fn document() -> CalibrationDocument {
         sigmas: CalibrationValues::default(),
         frame: CalibrationFrame::RearAxle,
         confirm_within_s: 600,
+        rear_axle_in_base_link: None,
+        lidar_in_base_link: None,
     }
 }
 

@@ -67,6 +67,12 @@ pub enum FileError {
         /// Whose agent this is.
         robot: RobotId,
     },
+    /// Two files that the agent was to write are one.
+    #[error("{} is named for two of the agent's files, accepted is another file for each", path.display())]
+    Twice {
+        /// The file.
+        path: PathBuf,
+    },
     /// A file that the agent was to write besides is there and not of its making.
     #[error("{} was not written by this agent, which would replace it: move it away", path.display())]
     NotOurs {
@@ -139,6 +145,12 @@ impl AppliedFile {
     /// Where it is, with links followed.
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// The files that are the agent's own: this one, the memory and the lock beside it.
+    pub fn own(&self) -> [PathBuf; 3] {
+        let lock = beside(&self.path, LOCK_ENDING);
+        [self.path.clone(), self.memory_path(), lock]
     }
 
     /// What it says; `None` when it is not there.
@@ -243,6 +255,19 @@ fn folder_of(path: &Path) -> &Path {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     }
+}
+
+/// Where a file is, or would be, with links followed.
+pub(super) fn resolved(path: &Path) -> PathBuf {
+    let whole = fs::canonicalize(path).ok();
+    let in_folder = || {
+        Some(
+            fs::canonicalize(folder_of(path))
+                .ok()?
+                .join(path.file_name()?),
+        )
+    };
+    whole.or_else(in_folder).unwrap_or_else(|| path.to_owned())
 }
 
 /// What a file says; `None` when it is not there.

@@ -1,7 +1,10 @@
 //! Whether a document may be applied.
 
+use std::f64::consts::TAU;
+
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{CalibrationDocument, Envelope};
+use fleetcal_proto::estimate::PoseDocument;
 use fleetcal_proto::signing::TrustedKeys;
 
 use super::limits::Limits;
@@ -9,6 +12,9 @@ use super::state::{Memory, Offer, Phase, Rest};
 
 /// Longest time that a document may leave a robot without confirmation, s.
 pub const CONFIRM_WITHIN_MAX_S: u32 = 86_400;
+
+/// Farthest that a vehicle's frames are from each other along an axis, m.
+const VEHICLE_MAX_M: f64 = 30.0;
 
 /// What an agent is given and keeps.
 #[derive(Debug, Clone)]
@@ -92,6 +98,7 @@ pub(super) fn judge(identity: &Identity, memory: &Memory, envelope: &Envelope) -
             sha256,
             confirm_within_s: document.confirm_within_s,
             values: document.values,
+            rear_axle_in_base_link: document.rear_axle_in_base_link,
             document: envelope.document.clone(),
         }),
     }
@@ -117,8 +124,22 @@ fn objection(
             "confirm_within_s is {confirm_within_s}, accepted are 1 to {CONFIRM_WITHIN_MAX_S}"
         ));
     }
+    if let Some(pose) = document.rear_axle_in_base_link
+        && !is_on_a_vehicle(&pose)
+    {
+        let PoseDocument { x_m, y_m, yaw_rad } = pose;
+        return Some(format!(
+            "rear_axle_in_base_link is {x_m}, {y_m}, {yaw_rad}, accepted are -30 to 30 m and \
+             radians within one turn"
+        ));
+    }
     let outside = identity.limits.check(&document.values).err()?;
     Some(outside.to_string())
+}
+
+fn is_on_a_vehicle(pose: &PoseDocument) -> bool {
+    let metres = -VEHICLE_MAX_M..=VEHICLE_MAX_M;
+    metres.contains(&pose.x_m) && metres.contains(&pose.y_m) && (-TAU..=TAU).contains(&pose.yaw_rad)
 }
 
 /// The generation that both sides know to be in use: an unconfirmed one may be news to the service.

@@ -7,6 +7,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use fleetcal_proto::calibration::CalibrationValues;
+use fleetcal_proto::estimate::PoseDocument;
 
 use super::file::{self, FileError};
 
@@ -39,8 +40,9 @@ impl PlanarPose {
 /// Frames of the vehicle, as its ROS software knows them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VehicleFrames {
-    /// The rear axle in the vehicle's base frame; the same place unless told otherwise.
-    pub rear_axle_in_base_link: PlanarPose,
+    /// The rear axle in the vehicle's base frame, whatever documents say; `None`: as they say, and
+    /// the same place when they say nothing.
+    pub rear_axle_in_base_link: Option<PlanarPose>,
     /// Height of the LiDAR over the base frame, m, which no estimate tells.
     pub lidar_z_m: f64,
     /// Name of the base frame.
@@ -52,7 +54,7 @@ pub struct VehicleFrames {
 impl Default for VehicleFrames {
     fn default() -> Self {
         Self {
-            rear_axle_in_base_link: PlanarPose::default(),
+            rear_axle_in_base_link: None,
             lidar_z_m: 0.0,
             base_link: "base_link".to_owned(),
             lidar: "laser".to_owned(),
@@ -81,8 +83,17 @@ pub struct Outputs {
 }
 
 impl Outputs {
-    /// Refuses to begin where a file is somebody else's.
-    pub(super) fn check(&self) -> Result<(), FileError> {
+    /// Refuses to begin where two files are one, `own` ones of the agent included, and where one is
+    /// somebody else's.
+    pub(super) fn check(&self, own: &[PathBuf]) -> Result<(), FileError> {
+        let mut taken: Vec<PathBuf> = own.iter().map(|path| file::resolved(path)).collect();
+        for (_, path) in &self.files {
+            let place = file::resolved(path);
+            if taken.contains(&place) {
+                return Err(FileError::Twice { path: path.clone() });
+            }
+            taken.push(place);
+        }
         for (_, path) in &self.files {
             let there = file::read(path)?;
             if there.is_some_and(|text| !text.contains(MARK)) {
@@ -92,12 +103,18 @@ impl Outputs {
         Ok(())
     }
 
-    /// Makes all files say these values; `None`: takes them away.
-    pub(super) fn write(&self, values: Option<&CalibrationValues>) -> Result<(), FileError> {
+    /// Makes all files say these values, which came with this pose of the rear axle; `None`: takes
+    /// them away.
+    pub(super) fn write(
+        &self,
+        values: Option<&CalibrationValues>,
+        rear_axle: Option<PoseDocument>,
+    ) -> Result<(), FileError> {
+        let rear_axle = self.rear_axle(rear_axle);
         for (kind, path) in &self.files {
             match values {
                 Some(values) => {
-                    let text = self.text(*kind, values);
+                    let text = self.text(*kind, values, rear_axle);
                     if file::read(path)?.as_deref() != Some(text.as_str()) {
                         file::replace(path, &text)?;
                     }
@@ -108,21 +125,27 @@ impl Outputs {
         Ok(())
     }
 
-    fn text(&self, kind: OutputKind, values: &CalibrationValues) -> String {
-        let lidar = self.lidar_in_base_link(values);
+    fn rear_axle(&self, said: Option<PoseDocument>) -> PlanarPose {
+        let said = said.map(|pose| PlanarPose {
+            x_m: pose.x_m,
+            y_m: pose.y_m,
+            yaw_rad: pose.yaw_rad,
+        });
+        let given = self.frames.rear_axle_in_base_link;
+        given.or(said).unwrap_or_default()
+    }
+
+    fn text(&self, kind: OutputKind, values: &CalibrationValues, rear_axle: PlanarPose) -> String {
+        let lidar = rear_axle.compose(PlanarPose {
+            x_m: values.lidar_x_m,
+            y_m: values.lidar_y_m,
+            yaw_rad: values.lidar_yaw_rad,
+        });
         match kind {
             OutputKind::UrdfOrigin => self.urdf_origin(lidar),
             OutputKind::StaticTransform => self.static_transform(lidar),
             OutputKind::RosParameters => ros_parameters(values, lidar),
         }
-    }
-
-    fn lidar_in_base_link(&self, values: &CalibrationValues) -> PlanarPose {
-        self.frames.rear_axle_in_base_link.compose(PlanarPose {
-            x_m: values.lidar_x_m,
-            y_m: values.lidar_y_m,
-            yaw_rad: values.lidar_yaw_rad,
-        })
     }
 
     fn urdf_origin(&self, lidar: PlanarPose) -> String {
@@ -206,11 +229,11 @@ mod tests {
         Outputs {
             files: files.to_vec(),
             frames: VehicleFrames {
-                rear_axle_in_base_link: PlanarPose {
+                rear_axle_in_base_link: Some(PlanarPose {
                     x_m: -0.5,
                     y_m: 0.0,
                     yaw_rad: FRAC_PI_2,
-                },
+                }),
                 lidar_z_m: 0.2,
                 ..VehicleFrames::default()
             },
@@ -221,8 +244,14 @@ mod tests {
     fn every_file_has_the_pose_in_the_base_frame() {
         let folder = tempfile::tempdir().unwrap();
         let outputs = outputs(folder.path());
-        outputs.check().unwrap();
-        outputs.write(Some(&values())).unwrap();
+        outputs.check(&[]).unwrap();
+        // What is given counts more than what a document says.
+        let said = PoseDocument {
+            x_m: 7.0,
+            y_m: 7.0,
+            yaw_rad: 0.0,
+        };
+        outputs.write(Some(&values()), Some(said)).unwrap();
         let text = |name: &str| fs::read_to_string(folder.path().join(name)).unwrap();
         let origin = "<origin xyz=\"-0.750000 1.000000 0.200000\" rpy=\"0 0 1.57079633\"/>";
         assert!(
@@ -242,9 +271,65 @@ mod tests {
             assert!(parameters.contains(wanted), "{parameters}");
         }
         // What it has written it may replace, and take away.
-        outputs.check().unwrap();
-        outputs.write(None).unwrap();
+        outputs.check(&[]).unwrap();
+        outputs.write(None, None).unwrap();
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn without_a_flag_the_document_says_where_the_rear_axle_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut outputs = outputs(folder.path());
+        outputs.frames.rear_axle_in_base_link = None;
+        let said = PoseDocument {
+            x_m: -0.4,
+            y_m: 0.0,
+            yaw_rad: FRAC_PI_2,
+        };
+        for (said, origin) in [
+            (
+                Some(said),
+                "xyz=\"-0.650000 1.000000 0.200000\" rpy=\"0 0 1.57079633\"",
+            ),
+            (
+                None,
+                "xyz=\"1.000000 0.250000 0.200000\" rpy=\"0 0 0.00000000\"",
+            ),
+        ] {
+            outputs.write(Some(&values()), said).unwrap();
+            let text = fs::read_to_string(folder.path().join("lidar.xacro")).unwrap();
+            assert!(text.contains(origin), "{text}");
+        }
+    }
+
+    #[test]
+    fn no_file_is_written_for_two_purposes() {
+        let folder = tempfile::tempdir().unwrap();
+        let applied = folder.path().join("applied.yaml");
+        let memory = folder.path().join("applied.yaml.agent.json");
+        fs::create_dir(folder.path().join("more")).unwrap();
+        let link = folder.path().join("link.sh");
+        std::os::unix::fs::symlink(&applied, &link).unwrap();
+        let own = [applied.clone(), memory.clone()];
+        fs::write(&applied, "").unwrap();
+        for (first, second) in [
+            ("one.yaml", "one.yaml"),
+            ("one.yaml", "more/../one.yaml"),
+            ("one.yaml", "applied.yaml"),
+            ("one.yaml", "link.sh"),
+            ("applied.yaml.agent.json", "one.yaml"),
+        ] {
+            let files = [
+                (OutputKind::UrdfOrigin, folder.path().join(first)),
+                (OutputKind::RosParameters, folder.path().join(second)),
+            ];
+            let outputs = Outputs {
+                files: files.to_vec(),
+                frames: VehicleFrames::default(),
+            };
+            let sentence = outputs.check(&own).unwrap_err().to_string();
+            assert!(sentence.contains("two of the agent's files"), "{sentence}");
+        }
     }
 
     #[test]
@@ -252,7 +337,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let outputs = outputs(folder.path());
         fs::write(folder.path().join("lidar.xacro"), "<robot/>").unwrap();
-        let sentence = outputs.check().unwrap_err().to_string();
+        let sentence = outputs.check(&[]).unwrap_err().to_string();
         assert!(sentence.contains("lidar.xacro"), "{sentence}");
         assert!(sentence.contains("move it away"), "{sentence}");
     }

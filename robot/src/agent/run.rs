@@ -103,7 +103,7 @@ impl Runner {
     /// Takes the file and what is remembered beside it.
     fn start(options: AgentOptions) -> Result<Self, AgentError> {
         let file = AppliedFile::open(&options.apply)?;
-        options.outputs.check()?;
+        options.outputs.check(&file.own())?;
         let remembered = file.memory(&options.robot)?;
         let memory = match &remembered {
             Some(memory) => memory.clone(),
@@ -268,7 +268,8 @@ impl Runner {
         }
         let text = self.file.read()?;
         let values = text.as_deref().and_then(|text| self.file.values_in(text));
-        self.options.outputs.write(values.as_ref())
+        let rear_axle = self.agent.memory().rear_axle_in_base_link();
+        self.options.outputs.write(values.as_ref(), rear_axle)
     }
 
     /// Calls the hook, whose answer comes as an event. A robot without one says yes to everything.

@@ -2,6 +2,7 @@
 
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};
+use fleetcal_proto::estimate::PoseDocument;
 use serde::{Deserialize, Serialize};
 
 /// What the robot compensates with.
@@ -15,6 +16,9 @@ pub struct Held {
     pub applied_at_ns: i64,
     /// The values; `None` when the robot brought none along that could be read.
     pub values: Option<CalibrationValues>,
+    /// Where the document has the rear axle in `base_link`, if it says so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rear_axle_in_base_link: Option<PoseDocument>,
 }
 
 impl Held {
@@ -25,6 +29,7 @@ impl Held {
             sha256: String::new(),
             applied_at_ns: now_ns,
             values,
+            rear_axle_in_base_link: None,
         }
     }
 
@@ -69,6 +74,9 @@ pub struct Offer {
     pub confirm_within_s: u32,
     /// What to compensate with.
     pub values: CalibrationValues,
+    /// Where the document has the rear axle in `base_link`, if it says so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rear_axle_in_base_link: Option<PoseDocument>,
     /// Its exact text, for the hook.
     pub document: String,
 }
@@ -91,6 +99,10 @@ pub struct Trial {
 /// How firmly the robot holds what it holds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "an agent has one, which is seldom moved"
+)]
 pub enum Rest {
     /// For good.
     Settled,
@@ -224,6 +236,18 @@ pub struct Memory {
 }
 
 impl Memory {
+    /// Where the rear axle is in `base_link`, by the document whose values are in use or about to
+    /// be.
+    pub(super) fn rear_axle_in_base_link(&self) -> Option<PoseDocument> {
+        match &self.phase {
+            Phase::Writing { offer, .. } | Phase::Activating { offer, .. } => {
+                offer.rear_axle_in_base_link
+            }
+            Phase::Restoring { fallback, .. } => fallback.held.rear_axle_in_base_link,
+            Phase::Resting(_) | Phase::Asking { .. } => self.held.rear_axle_in_base_link,
+        }
+    }
+
     /// That of an agent which starts for the first time.
     pub fn new(robot: RobotId, held: Held) -> Self {
         Self {

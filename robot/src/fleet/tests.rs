@@ -115,6 +115,8 @@ fn envelope_of(
         sigmas: values,
         frame: CalibrationFrame::RearAxle,
         confirm_within_s,
+        rear_axle_in_base_link: None,
+        lidar_in_base_link: None,
     };
     serde_json::to_vec(&seal(&document, &key()).unwrap()).unwrap()
 }

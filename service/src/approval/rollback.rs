@@ -1,8 +1,10 @@
 //! Sends values on their way to the robot: approved ones, and former ones on the way back.
 
+use fleetcal_estimator::Pose2;
 use fleetcal_proto::calibration::{
     CalibrationDocument, CalibrationFrame, CalibrationSchema, CalibrationValues,
 };
+use fleetcal_proto::estimate::PoseDocument;
 use fleetcal_proto::signing::seal;
 use jiff::Timestamp;
 
@@ -13,6 +15,11 @@ use super::ledger::Parcel;
 use super::proposal::Proposal;
 use super::revision::{Evidence, Origin};
 use super::shadow::InUse;
+
+fn pose_document(pose: Pose2) -> PoseDocument {
+    let Pose2 { x_m, y_m, yaw_rad } = pose;
+    PoseDocument { x_m, y_m, yaw_rad }
+}
 
 impl Draft<'_> {
     /// Queues a revision for the robot: of an approved proposal, or an earlier one.
@@ -84,6 +91,14 @@ impl Draft<'_> {
         let mut shadow = self.outcome.ledger.shadow.clone();
         shadow.generation_last += 1;
         let generation = shadow.generation_last;
+        let rear_axle = self.standing.rear_axle_in_base_link;
+        let CalibrationValues {
+            lidar_x_m,
+            lidar_y_m,
+            lidar_yaw_rad,
+            ..
+        } = named.values;
+        let lidar = Pose2::new(lidar_x_m, lidar_y_m, lidar_yaw_rad);
         let document = CalibrationDocument {
             schema: CalibrationSchema::V1,
             robot: shadow.robot.clone(),
@@ -96,6 +111,8 @@ impl Draft<'_> {
             sigmas: named.sigmas,
             frame: CalibrationFrame::RearAxle,
             confirm_within_s: self.standing.policy.confirm_within_s,
+            rear_axle_in_base_link: rear_axle.map(pose_document),
+            lidar_in_base_link: rear_axle.map(|axle| pose_document(axle.compose(&lidar))),
         };
         let envelope =
             seal(&document, self.standing.key).map_err(|error| Refused::Seal(error.to_string()))?;

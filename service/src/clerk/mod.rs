@@ -225,6 +225,7 @@ impl Clerk {
             key: Arc::clone(&self.inner.key),
             now_ns: self.inner.clock.now_ns(),
             idempotency,
+            rear_axle_in_base_link: self.inner.fleet.rear_axle_in_base_link(robot),
         };
         let decided = self.inner.store.decide(decision).await?;
         if let Decided::Taken(outcome) = &decided {

@@ -105,7 +105,8 @@ pub struct RosArguments {
     /// Also write node parameters, for `ros2 run … --ros-args --params-file`
     #[arg(long, value_name = "FILE", help_heading = "Files for ROS")]
     pub ros_parameters: Option<PathBuf>,
-    /// Where the rear axle's centre is in the base frame; the same place unless given
+    /// Where the rear axle's centre is in the base frame; unless given, what the robot's
+    /// configuration at the service says, or else the same place
     #[arg(
         long,
         value_name = "X_M,Y_M,YAW_RAD",
@@ -156,7 +157,7 @@ impl RosArguments {
                 .filter_map(|(kind, path)| Some((kind, path.clone()?)))
                 .collect(),
             frames: VehicleFrames {
-                rear_axle_in_base_link: self.rear_axle_in_base_link.unwrap_or_default(),
+                rear_axle_in_base_link: self.rear_axle_in_base_link,
                 lidar_z_m: self.lidar_z,
                 base_link: self.base_frame.clone(),
                 lidar: self.lidar_frame.clone(),

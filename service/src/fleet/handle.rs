@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use fleetcal_estimator::advice::ranking::Ranked;
 use fleetcal_estimator::calibrator::Plan;
-use fleetcal_estimator::{Calibrator, Effect, EstimatorSettings, Event};
+use fleetcal_estimator::{Calibrator, Effect, EstimatorSettings, Event, Pose2};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::encoding::{Encoding, Form};
 use fleetcal_proto::estimate::EstimateDocument;
@@ -504,6 +504,12 @@ impl FleetHandle {
             .iter()
             .filter_map(|robot| Some((robot.id.clone(), robot.versioned_config()?.1.streams)))
             .collect()
+    }
+
+    /// Where a robot's rear axle is in its `base_link`, where that is configured.
+    pub fn rear_axle_in_base_link(&self, id: &RobotId) -> Option<Pose2> {
+        let (_, config) = self.fleet.find(id.as_str())?.versioned_config()?;
+        config.rear_axle_in_base_link.map(|axle| axle.pose())
     }
 
     /// Takes which ROS 2 topics a robot has announced. One that nobody has configured is taken in

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use fleetcal_estimator::Pose2;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
 use fleetcal_proto::signing::SigningKey;
@@ -35,6 +36,8 @@ pub struct Decision {
     pub now_ns: i64,
     /// What makes a repeated request recognisable.
     pub idempotency: Option<IdempotencyKey>,
+    /// Where the robot's rear axle is in its `base_link`, where that is configured.
+    pub rear_axle_in_base_link: Option<Pose2>,
 }
 
 /// What became of a decision.

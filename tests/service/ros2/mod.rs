@@ -189,7 +189,9 @@ fn approve(service: &Service, robot: &str) {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn what_is_approved_is_a_transient_local_topic() {
-    let service = Service::start(&["jazzy_01"]);
+    let config = "[[robot]]\nid = \"jazzy_01\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n\
+                  rear_axle_in_base_link = { x_m = -0.5, y_m = 0.0, yaw_rad = 0.0 }\n";
+    let service = Service::start_with(config);
     let robot = RosRobot::start(&service, "jazzy_01", JAZZY).await;
     let subscriber = robot.session.declare_subscriber(APPROVED).await.unwrap();
     wait_for("the announced topics", || topics_of(&service, "jazzy_01"));
@@ -198,6 +200,11 @@ async fn what_is_approved_is_a_transient_local_topic() {
     let document = read_approved(&heard.unwrap().unwrap());
     assert_eq!(document.robot.as_str(), "jazzy_01");
     assert_eq!(document.generation, 1);
+    let rear_axle = document.rear_axle_in_base_link.unwrap();
+    assert!((rear_axle.x_m + 0.5).abs() < 1e-12, "{rear_axle:?}");
+    let lidar = document.lidar_in_base_link.unwrap();
+    assert!((lidar.x_m + 0.1).abs() < 1e-9, "{lidar:?}");
+    assert_eq!((lidar.y_m, lidar.yaw_rad), (0.0, 0.01));
 
     // Who subscribes later asks as Zenoh's advanced subscriber does.
     let late = client(&service).await;

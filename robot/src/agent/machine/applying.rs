@@ -99,6 +99,7 @@ impl Agent {
             sha256: offer.sha256.clone(),
             applied_at_ns: now_ns,
             values: Some(offer.values),
+            rear_axle_in_base_link: offer.rear_axle_in_base_link,
         };
         let trial = Trial {
             until_ns: now_ns.saturating_add(seconds(offer.confirm_within_s)),

@@ -58,6 +58,8 @@ pub(super) fn document(generation: u64) -> CalibrationDocument {
         sigmas: CalibrationValues::default(),
         frame: CalibrationFrame::RearAxle,
         confirm_within_s: 600,
+        rear_axle_in_base_link: None,
+        lidar_in_base_link: None,
     }
 }
 

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use fleetcal_proto::Keys;
 use fleetcal_proto::calibration::{AppliedStatus, Envelope};
+use fleetcal_proto::estimate::PoseDocument;
 use fleetcal_proto::signing::seal;
 use tempfile::TempDir;
 use tokio::task::JoinHandle;
@@ -131,6 +132,7 @@ fn offer(generation: u64) -> Offer {
         sha256: envelope.sha256,
         confirm_within_s: 600,
         values: values(generation),
+        rear_axle_in_base_link: None,
         document: envelope.document,
     }
 }
@@ -176,6 +178,48 @@ async fn a_robot_that_was_off_takes_the_newest_when_it_starts() {
         ["check 4", "applied 4", "check 5", "applied 5"]
     );
     assert!(service.answer_on(3, AppliedStatus::Applied).is_none());
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_document_says_where_base_link_is_and_a_restart_remembers_it() {
+    let service = Service::start().await;
+    let mut document = document(1);
+    document.rear_axle_in_base_link = Some(PoseDocument {
+        x_m: -0.4,
+        y_m: 0.0,
+        yaw_rad: 0.0,
+    });
+    service.approve(&sealed(&document)).await;
+    let mut robot = Robot::new(&service.endpoint);
+    let output = robot.path("lidar.xacro");
+    robot.options.outputs.files = vec![(OutputKind::UrdfOrigin, output.clone())];
+    robot.start();
+    service.wait_for(1, AppliedStatus::Applied).await;
+    robot.settles().await;
+    let origin = "xyz=\"0.034000 -0.016000 0.000000\"";
+    let says = || fs::read_to_string(&output).is_ok_and(|text| text.contains(origin));
+    assert!(says());
+    assert_eq!(robot.stop().await, 1);
+    fs::remove_file(&output).unwrap();
+    robot.options.connect = vec![free_endpoint()].into();
+    robot.start();
+    until("it is written again", says).await;
+    assert_eq!(robot.stop().await, 1);
+
+    document.generation = 2;
+    document.base_generation = Some(1);
+    document.rear_axle_in_base_link = Some(PoseDocument {
+        x_m: 31.0,
+        y_m: 0.0,
+        yaw_rad: 0.0,
+    });
+    service.approve(&sealed(&document)).await;
+    robot.options.connect = vec![service.endpoint.clone()].into();
+    robot.start();
+    let refused = service.wait_for(2, AppliedStatus::Refused).await;
+    let reason = refused.reason.unwrap();
+    assert!(reason.contains("rear_axle_in_base_link is 31"), "{reason}");
+    assert_eq!(robot.stop().await, 1);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -442,6 +486,7 @@ async fn a_deadline_survives_a_restart_without_any_service() {
         sha256: offer(1).sha256,
         applied_at_ns: START_NS,
         values: Some(values(1)),
+        rear_axle_in_base_link: None,
     };
     let trial = Trial {
         until_ns: START_NS + SECOND_NS,

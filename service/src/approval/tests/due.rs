@@ -82,6 +82,7 @@ impl Bench {
             actor,
             now_ns: NOW_NS,
             held: false,
+            rear_axle_in_base_link: None,
         };
         let outcome = step(&self.ledger, command, self.ids, &standing).unwrap();
         self.ids.revision += 1;

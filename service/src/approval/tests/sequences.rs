@@ -274,7 +274,14 @@ proptest! {
         for (attempt, actor, minutes, held) in attempts {
             now_ns += minutes * minutes * 60_000_000_000;
             let command = command(attempt, &model, now_ns);
-            let standing = Standing { policy: &policy, key: &key, actor: &actor, now_ns, held };
+            let standing = Standing {
+                policy: &policy,
+                key: &key,
+                actor: &actor,
+                now_ns,
+                held,
+                rear_axle_in_base_link: None,
+            };
             let ledger = model.read_for(&command);
             match step(&ledger, command.clone(), model.next_ids(), &standing) {
                 Ok(outcome) => model.take(&command, &outcome, now_ns),

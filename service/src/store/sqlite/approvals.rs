@@ -41,6 +41,7 @@ pub(super) async fn decide(
             approval::Command::Offer { .. } => site_hold(&mut *connection).await?.held,
             _ => false,
         },
+        rear_axle_in_base_link: decision.rear_axle_in_base_link,
     };
     let ids = next_ids(connection).await?;
     let outcome = match approval::step(&ledger, decision.command.clone(), ids, &standing) {
