@@ -3,6 +3,7 @@
 
 use std::fs;
 use std::net::SocketAddr;
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 
 use fleetcal_tests::binary;
@@ -61,19 +62,33 @@ pub fn wait_until_received(service: &Service, id: &str, samples: u64) {
 /// the service says it gets its own alone.
 async fn assert_a_is_a_alone(service: &Service, a: &Session, b: &Session) {
     let as_b = robot::stream(a, "robot_b").await;
-    let heard = a.declare_subscriber("fleet/robot_b/estimate").await;
-    let heard = heard.unwrap();
+    let estimates_of = |session: &Session, id: &str| {
+        let key = format!("fleet/{id}/estimate");
+        let session = session.clone();
+        async move { session.declare_subscriber(key).await.unwrap() }
+    };
+    let (own_of_a, own_of_b) = (
+        estimates_of(a, "robot_a").await,
+        estimates_of(b, "robot_b").await,
+    );
+    let heard = estimates_of(a, "robot_b").await;
     robot::send(&as_b, TRIES).await;
     // Behind the forged ones on the same connection: when these are in, those have been decided on.
-    robot::send(&robot::stream(a, "robot_a").await, 100).await;
-    wait_until_received(service, "robot_a", 100);
+    robot::send(&robot::stream(a, "robot_a").await, 300).await;
+    wait_until_received(service, "robot_a", 300);
     assert_eq!(received(service, "robot_b"), 0, "of {TRIES} forged samples");
     robot::send(&robot::stream(b, "robot_b").await, 300).await;
     wait_until_received(service, "robot_b", 300);
     assert_eq!(received(service, "robot_b"), 300);
-    assert_eq!(received(service, "robot_a"), 100);
+    assert_eq!(received(service, "robot_a"), 300);
     eprintln!("{TRIES} samples of robot A under robot B's key, 0 accepted");
 
+    // Both estimates did leave, and each robot hears its own.
+    for (id, own) in [("robot_a", &own_of_a), ("robot_b", &own_of_b)] {
+        let estimate = tokio::time::timeout(robot::PATIENCE, own.recv_async()).await;
+        let key = estimate.map(|heard| heard.unwrap().key_expr().to_string());
+        assert_eq!(key, Ok(format!("fleet/{id}/estimate")));
+    }
     assert_eq!(robot::answers(a, "fleet/robot_a/progress").await, 1);
     assert_eq!(robot::answers(a, "fleet/robot_b/progress").await, 0);
     assert!(
@@ -200,6 +215,22 @@ async fn with_certificates_a_robot_is_refused_under_anothers_key() {
     // Signed by the fleet's authority, but in no list.
     let stranger = client(Some("stranger")).await.unwrap();
     assert_eq!(robot::answers(&stranger, "fleet/robot_a/progress").await, 0);
+}
+
+#[test]
+fn a_file_of_passwords_that_everybody_can_read_is_warned_of() {
+    let folder = TempDir::new().unwrap();
+    let passwords = passwords(folder.path(), &["a"]);
+    let flags = ["--robot", "a", "--identity", "user", "--passwords"];
+    for (mode, is_warned_of) in [(0o600, false), (0o640, false), (0o644, true)] {
+        fs::set_permissions(&passwords, fs::Permissions::from_mode(mode)).unwrap();
+        let flags = ["acl", "generate"].iter().chain(&flags);
+        let output = binary::run(flags.chain([&passwords.as_str()]));
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{said}");
+        assert!(said.is_empty() != is_warned_of, "{mode:o}: {said}");
+        assert!(!is_warned_of || said.contains("chmod o-r"), "{said}");
+    }
 }
 
 #[test]

@@ -9,7 +9,7 @@ use zenoh::qos::CongestionControl;
 use zenoh::{Config, Session, Wait};
 
 /// Longest wait for a connection, or for somebody who listens.
-const PATIENCE: Duration = Duration::from_secs(30);
+pub const PATIENCE: Duration = Duration::from_secs(30);
 /// Stamp of the first sample, ns.
 const FIRST_NS: i64 = 1_700_000_000_000_000_000;
 

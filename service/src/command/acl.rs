@@ -1,7 +1,9 @@
 //! `fleetcal acl generate`: a router's configuration in which each robot has its own keys alone.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::fs;
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
 use fleetcal_proto::{KeyRoot, Keys, RobotId};
@@ -10,6 +12,9 @@ use crate::command::CommandError;
 use crate::command::output::print_text;
 use crate::config::Config;
 use crate::link::{Identity, RouterCertificate, StrictRouter, is_robots_own};
+
+/// The bit of a mode that lets everybody read.
+const READABLE_BY_ALL: u32 = 0o004;
 
 /// What the printed configuration is for.
 const LONG_HELP: &str = "\
@@ -95,6 +100,15 @@ pub struct GenerateArguments {
 pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
     let Action::Generate(arguments) = &arguments.action;
     let router = router(arguments)?;
+    if let Identity::User { passwords } = &router.identity
+        && is_readable_by_all(passwords)
+    {
+        eprintln!(
+            "fleetcal: {} can be read by everybody on this machine, who then can be any robot: \
+             chmod o-r",
+            passwords.display()
+        );
+    }
     let names: Vec<&str> = router.robots.iter().map(RobotId::as_str).collect();
     print_text(&format!(
         "// A Zenoh router that lets each of these robots use its own keys alone: {}.\n\
@@ -148,6 +162,12 @@ fn router(arguments: &GenerateArguments) -> Result<StrictRouter, CommandError> {
         certificate,
         listen,
     })
+}
+
+/// Whether everybody may read a file. One that is not there is read elsewhere.
+fn is_readable_by_all(path: &Path) -> bool {
+    let mode = fs::metadata(path).map(|file| file.permissions().mode());
+    mode.is_ok_and(|mode| mode & READABLE_BY_ALL != 0)
 }
 
 /// How those who connect are known, once everything is there that it takes.
