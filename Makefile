@@ -106,9 +106,9 @@ test-rust: build-for-tests strace python ## Rust tests, end-to-end ones included
 	fi
 
 .PHONY: test-web
-test-web: build-for-tests chromium ## The dashboard's unit tests, then the real binary in a browser
+test-web: build-for-tests chromium python ## The dashboard's unit tests, then the real binary in a browser
 	cd web && npm run test --silent
-	cd web && FLEETCAL_BIN=$(abspath $(BIN)) npm run e2e --silent
+	cd web && FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) npm run e2e --silent
 
 .PHONY: audit
 audit: rust ## Licences, bans and sources of all dependencies (cargo-deny)

@@ -6,6 +6,7 @@ import { mkdtemp, rm } from 'node:fs/promises';
 import { createServer } from 'node:net';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
+import { fileURLToPath } from 'node:url';
 
 const READY_WITHIN_MS = 30_000;
 const STOPPED_WITHIN_MS = 10_000;
@@ -173,6 +174,14 @@ export class Service {
   simulate(): void {
     const flags = ['simulate', '--robots', '1', '--connect', this.zenoh];
     this.#robots = spawn(binary(), flags, { stdio: 'ignore' });
+  }
+
+  /** The same of a robot that speaks ROS 2 alone, by `rmw_zenoh`. */
+  simulateRos2(id: string): void {
+    const python = process.env.FLEETCAL_PYTHON;
+    if (!python) throw new Error('FLEETCAL_PYTHON must name a Python with eclipse-zenoh');
+    const script = fileURLToPath(new URL('ros_robot.py', import.meta.url));
+    this.#robots = spawn(python, [script, this.zenoh, id, binary()], { stdio: 'ignore' });
   }
 
   /** Kills the service as a power cut would. */
