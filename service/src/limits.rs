@@ -55,7 +55,7 @@ pub const CROSS_TRACK_BYTES_MAX: usize = 1_024;
 /// Longest answer of a robot, in bytes.
 pub const ANSWER_BYTES_MAX: usize = 16 * 1024;
 /// Robots' questions that the database answers at once or that wait for it: one of each robot.
-/// Further ones get no answer and are asked again.
+/// Further ones get no answer. An agent asks again; a ROS 2 node hears the next approval.
 pub const QUESTIONS_MAX: usize = ROBOTS_MAX;
 /// What could not be sent is tried again after this long.
 pub const POST_RETRY: Duration = Duration::from_secs(5);

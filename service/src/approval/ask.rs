@@ -6,7 +6,7 @@ use super::command::Refused;
 use super::draft::{Draft, after, fresh};
 use super::policy::Policy;
 use super::proposal::{Approval, Closing, Proposal, ProposalEvent, ProposalState};
-use super::revision::{Evidence, Origin};
+use super::revision::{Evidence, Origin, Revision};
 use super::values::{difference, differs_beside, exceeds};
 use crate::access::Authentication;
 
@@ -29,14 +29,15 @@ impl Draft<'_> {
             let newer = "a newer proposal was made".to_owned();
             self.close(id, None, ProposalEvent::Supersede, Some(newer))?;
         }
-        let revision = self.add_revision(origin, (values, sigmas), evidence);
+        let rear_axle = self.standing.rear_axle_in_base_link;
+        let revision = self.add_revision(origin, (values, sigmas), evidence, rear_axle);
         let shadow = &self.outcome.ledger.shadow;
         let base = shadow
             .in_use
             .as_ref()
             .map(|in_use| in_use.values)
             .or(nominal);
-        let approvals_needed = self.approvers_needed(base.as_ref(), &values);
+        let approvals_needed = self.approvers_needed(base.as_ref(), &revision);
         let now_ns = self.standing.now_ns;
         let proposal = Proposal {
             id: self.ids.proposal,
@@ -111,10 +112,13 @@ impl Draft<'_> {
     }
 
     /// How many people have to agree to a change.
-    fn approvers_needed(&self, base: Option<&CalibrationValues>, to: &CalibrationValues) -> u32 {
+    fn approvers_needed(&self, base: Option<&CalibrationValues>, to: &Revision) -> u32 {
         let limits = self.standing.policy.two_approvers_beyond.limits();
-        let large = base.is_some_and(|base| exceeds(&difference(base, to), &limits));
-        if large || differs_beside(base, to) {
+        let large = base.is_some_and(|base| exceeds(&difference(base, &to.values), &limits));
+        let in_use = self.outcome.ledger.revision_in_use();
+        let moves_base =
+            in_use.is_some_and(|in_use| in_use.rear_axle_in_base_link != to.rear_axle_in_base_link);
+        if large || moves_base || differs_beside(base, &to.values) {
             2
         } else {
             1
@@ -128,7 +132,7 @@ impl Draft<'_> {
         let in_use = ledger.shadow.in_use.as_ref().map(|in_use| in_use.values);
         let base = in_use.or(proposal.base);
         let proposed = ledger.revisions.get(&proposal.revision);
-        let now = proposed.map_or(1, |to| self.approvers_needed(base.as_ref(), &to.values));
+        let now = proposed.map_or(1, |to| self.approvers_needed(base.as_ref(), to));
         proposal.approvals_needed.max(now)
     }
 

@@ -1,7 +1,7 @@
 //! What can be asked of a robot's records, and why it may be refused.
 
-use fleetcal_estimator::Pose2;
 use fleetcal_proto::calibration::{Applied, CalibrationValues};
+use fleetcal_proto::estimate::PoseDocument;
 use fleetcal_proto::signing::SigningKey;
 use thiserror::Error;
 
@@ -148,7 +148,7 @@ pub struct Standing<'a> {
     /// Whether the site-wide stop is on.
     pub held: bool,
     /// Where the robot's rear axle is in its `base_link`, where that is configured.
-    pub rear_axle_in_base_link: Option<Pose2>,
+    pub rear_axle_in_base_link: Option<PoseDocument>,
 }
 
 /// Why a command was refused; nothing has changed then.

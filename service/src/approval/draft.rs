@@ -1,6 +1,7 @@
 //! A step in the making: the records as they will be, and each change of one.
 
 use fleetcal_proto::calibration::CalibrationValues;
+use fleetcal_proto::estimate::PoseDocument;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -106,11 +107,13 @@ impl<'a> Draft<'a> {
         origin: Origin,
         values: (CalibrationValues, CalibrationValues),
         evidence: Evidence,
+        rear_axle: Option<PoseDocument>,
     ) -> Revision {
         let robot = self.outcome.ledger.shadow.robot.clone();
         let id = self.ids.revision;
         self.ids.revision += 1;
-        let revision = Revision::new(id, robot, origin, values, evidence, self.standing.now_ns);
+        let now_ns = self.standing.now_ns;
+        let revision = Revision::new(id, robot, origin, values, evidence, rear_axle, now_ns);
         self.outcome.ledger.revisions.insert(id, revision.clone());
         self.outcome.revisions.push(revision.clone());
         revision

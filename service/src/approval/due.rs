@@ -96,7 +96,10 @@ pub fn automatic(ledger: &RobotLedger, policy: &Policy) -> Option<Command> {
         &within.limits(),
     );
     let ours = revision.origin == Origin::Estimator && open.approvals_needed == 1;
-    (small && ours && ledger.live.is_none()).then(|| Command::Approve {
+    let in_use = ledger.revision_in_use();
+    let frame = in_use.and_then(|in_use| in_use.rear_axle_in_base_link);
+    let same_frame = frame == revision.rear_axle_in_base_link;
+    (small && ours && same_frame && ledger.live.is_none()).then(|| Command::Approve {
         proposal: open.id,
         version: Some(open.version),
         sha256: open.revision_sha256.clone(),

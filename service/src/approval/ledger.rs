@@ -51,6 +51,11 @@ impl RobotLedger {
         named.find(|one| one.generation == generation)
     }
 
+    /// What the robot uses, where it was approved here.
+    pub(super) fn revision_in_use(&self) -> Option<&Revision> {
+        self.revisions.get(&self.shadow.in_use.as_ref()?.revision?)
+    }
+
     /// The revisions that the records name.
     pub fn named_revisions(&self) -> Vec<u64> {
         let shadow = &self.shadow;

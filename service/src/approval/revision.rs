@@ -2,9 +2,10 @@
 
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
-use fleetcal_proto::estimate::EstimateDocument;
+use fleetcal_proto::estimate::{EstimateDocument, PoseDocument};
 use fleetcal_proto::signing::sha256_hex;
 use serde::{Deserialize, Serialize};
+use serde_json::json;
 
 /// Where a revision comes from.
 #[derive(
@@ -79,6 +80,10 @@ pub struct Revision {
     pub sigmas: CalibrationValues,
     /// What they rest on.
     pub evidence: Evidence,
+    /// Where the rear axle was in the robot's `base_link` when this was made, where that was
+    /// configured: what is approved and signed has this one, whatever is configured later.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rear_axle_in_base_link: Option<PoseDocument>,
     /// Version of the program that made it.
     pub estimator: String,
     /// When, ns since 1970, wall time.
@@ -95,6 +100,7 @@ impl Revision {
         origin: Origin,
         (values, sigmas): (CalibrationValues, CalibrationValues),
         evidence: Evidence,
+        rear_axle_in_base_link: Option<PoseDocument>,
         created_ns: i64,
     ) -> Self {
         let mut revision = Self {
@@ -104,6 +110,7 @@ impl Revision {
             values,
             sigmas,
             evidence,
+            rear_axle_in_base_link,
             estimator: env!("CARGO_PKG_VERSION").to_owned(),
             created_ns,
             sha256: String::new(),
@@ -114,15 +121,18 @@ impl Revision {
 
     /// The hash of its content.
     pub fn hash(&self) -> String {
-        let content = serde_json::json!([
-            self.robot,
-            self.origin,
-            self.values,
-            self.sigmas,
-            self.evidence,
-            self.estimator,
-            self.created_ns,
-        ]);
+        let mut content = vec![
+            json!(self.robot),
+            json!(self.origin),
+            json!(self.values),
+            json!(self.sigmas),
+            json!(self.evidence),
+            json!(self.estimator),
+            json!(self.created_ns),
+        ];
+        // It came later: what was hashed before has to keep its hash.
+        content.extend(self.rear_axle_in_base_link.map(|axle| json!(axle)));
+        let content = serde_json::Value::from(content);
         sha256_hex(content.to_string().as_bytes())
     }
 }

@@ -16,8 +16,10 @@ use super::proposal::Proposal;
 use super::revision::{Evidence, Origin};
 use super::shadow::InUse;
 
-fn pose_document(pose: Pose2) -> PoseDocument {
-    let Pose2 { x_m, y_m, yaw_rad } = pose;
+/// A pose in `frame`, in the frame that `frame` is given in.
+fn within(frame: PoseDocument, pose: &Pose2) -> PoseDocument {
+    let frame = Pose2::new(frame.x_m, frame.y_m, frame.yaw_rad);
+    let Pose2 { x_m, y_m, yaw_rad } = frame.compose(pose);
     PoseDocument { x_m, y_m, yaw_rad }
 }
 
@@ -91,7 +93,7 @@ impl Draft<'_> {
         let mut shadow = self.outcome.ledger.shadow.clone();
         shadow.generation_last += 1;
         let generation = shadow.generation_last;
-        let rear_axle = self.standing.rear_axle_in_base_link;
+        let rear_axle = named.rear_axle_in_base_link;
         let CalibrationValues {
             lidar_x_m,
             lidar_y_m,
@@ -111,8 +113,8 @@ impl Draft<'_> {
             sigmas: named.sigmas,
             frame: CalibrationFrame::RearAxle,
             confirm_within_s: self.standing.policy.confirm_within_s,
-            rear_axle_in_base_link: rear_axle.map(pose_document),
-            lidar_in_base_link: rear_axle.map(|axle| pose_document(axle.compose(&lidar))),
+            rear_axle_in_base_link: rear_axle,
+            lidar_in_base_link: rear_axle.map(|axle| within(axle, &lidar)),
         };
         let envelope =
             seal(&document, self.standing.key).map_err(|error| Refused::Seal(error.to_string()))?;
@@ -150,7 +152,7 @@ impl Draft<'_> {
         };
         let approved = before.earlier.first().unwrap_or(&before.offer).revision;
         self.decline(approved);
-        let revision = self.revision_of(&base);
+        let revision = self.revision_of(&base, Some(approved));
         let by = self.standing.actor.name.clone();
         let offer = self.sign(revision, Some(before.offer.generation), &by)?;
         let mut live = before.clone();
@@ -166,14 +168,18 @@ impl Draft<'_> {
         )
     }
 
-    /// A revision of what the robot used, which it may have brought along.
-    fn revision_of(&mut self, base: &InUse) -> u64 {
+    /// A revision of what the robot used, which it may have brought along: its frames are then
+    /// those of what it goes back from.
+    fn revision_of(&mut self, base: &InUse, from: Option<u64>) -> u64 {
         let known = base
             .revision
             .filter(|id| self.outcome.ledger.revisions.contains_key(id));
         known.unwrap_or_else(|| {
             let values = (base.values, CalibrationValues::default());
-            self.add_revision(Origin::Robot, values, Evidence::default())
+            let revisions = &self.outcome.ledger.revisions;
+            let from = from.and_then(|from| revisions.get(&from));
+            let rear_axle = from.and_then(|from| from.rear_axle_in_base_link);
+            self.add_revision(Origin::Robot, values, Evidence::default(), rear_axle)
                 .id
         })
     }
@@ -198,7 +204,7 @@ impl Draft<'_> {
         let before = before.filter(|one| one.revision.is_none() || one.revision != declined);
         let revision = match (verified, before) {
             (Some(revision), _) => revision,
-            (None, Some(before)) => self.revision_of(&before),
+            (None, Some(before)) => self.revision_of(&before, used),
             (None, None) => return Err(Refused::NothingEarlier),
         };
         if let Some(used) = used {

@@ -10,7 +10,7 @@ use fleetcal_estimator::calibrator::Plan;
 use fleetcal_estimator::{Calibrator, Effect, EstimatorSettings, Event, Pose2};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::encoding::{Encoding, Form};
-use fleetcal_proto::estimate::EstimateDocument;
+use fleetcal_proto::estimate::{EstimateDocument, PoseDocument};
 use fleetcal_proto::event::RobotEvent;
 use fleetcal_proto::progress::Progress;
 use thiserror::Error;
@@ -507,9 +507,10 @@ impl FleetHandle {
     }
 
     /// Where a robot's rear axle is in its `base_link`, where that is configured.
-    pub fn rear_axle_in_base_link(&self, id: &RobotId) -> Option<Pose2> {
+    pub fn rear_axle_in_base_link(&self, id: &RobotId) -> Option<PoseDocument> {
         let (_, config) = self.fleet.find(id.as_str())?.versioned_config()?;
-        config.rear_axle_in_base_link.map(|axle| axle.pose())
+        let Pose2 { x_m, y_m, yaw_rad } = config.rear_axle_in_base_link?.pose();
+        Some(PoseDocument { x_m, y_m, yaw_rad })
     }
 
     /// Takes which ROS 2 topics a robot has announced. One that nobody has configured is taken in

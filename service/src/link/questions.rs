@@ -31,7 +31,7 @@ impl Questions {
     }
 
     /// Answers a question by `answer`. It never blocks, as Zenoh's threads must not wait for the
-    /// database. A question that finds no place is counted and gets no answer: robots ask again.
+    /// database. A question that finds no place is counted and gets no answer: agents ask again.
     pub fn answer(&self, answer: impl Future<Output = ()> + Send + 'static) {
         let Ok(place) = Arc::clone(&self.places).try_acquire_owned() else {
             self.fleet.count_unanswered_question();

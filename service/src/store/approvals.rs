@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use fleetcal_estimator::Pose2;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
+use fleetcal_proto::estimate::PoseDocument;
 use fleetcal_proto::signing::SigningKey;
 use serde::Serialize;
 
@@ -37,7 +37,7 @@ pub struct Decision {
     /// What makes a repeated request recognisable.
     pub idempotency: Option<IdempotencyKey>,
     /// Where the robot's rear axle is in its `base_link`, where that is configured.
-    pub rear_axle_in_base_link: Option<Pose2>,
+    pub rear_axle_in_base_link: Option<PoseDocument>,
 }
 
 /// What became of a decision.

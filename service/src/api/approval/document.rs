@@ -2,6 +2,7 @@
 
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{AppliedStatus, CalibrationValues};
+use fleetcal_proto::estimate::PoseDocument;
 use jiff::Timestamp;
 use serde::Serialize;
 
@@ -23,6 +24,10 @@ pub(super) struct RevisionDocument {
     values: CalibrationValues,
     /// Their standard deviations; 0 where nobody measured.
     sigmas: CalibrationValues,
+    /// Where the rear axle was in the robot's `base_link` when this was made; absent where that was
+    /// not configured. What is approved is signed with this one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rear_axle_in_base_link: Option<PoseDocument>,
     /// Version of the program that made it.
     estimator: String,
     /// SHA-256 of its content; approvals bind to it.
@@ -61,6 +66,7 @@ impl RevisionDocument {
             origin: revision.origin,
             values: revision.values,
             sigmas: revision.sigmas,
+            rear_axle_in_base_link: revision.rear_axle_in_base_link,
             estimator: revision.estimator,
             sha256: revision.sha256,
             created: time::of_ns(revision.created_ns),

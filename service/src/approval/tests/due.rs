@@ -1,17 +1,17 @@
 //! What time and the estimates ask for.
 
 use fleetcal_proto::RobotId;
-use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};
+use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationDocument, CalibrationValues};
 use fleetcal_proto::estimate::{
     Consistency, Counts, EstimateDocument, ParameterDocument, ParameterName, ParameterStatus,
-    Parameters,
+    Parameters, PoseDocument,
 };
 use fleetcal_proto::signing::SigningKey;
 
 use crate::access::{Actor, Authentication, Role};
 use crate::approval::{
-    Candidate, Command, DeploymentState, NextIds, Policy, RobotLedger, Situation, Standing, due,
-    step,
+    Candidate, Command, DeploymentState, NextIds, Policy, RobotLedger, Situation, Standing,
+    Tolerance, automatic, due, step,
 };
 
 const NOW_NS: i64 = 1_763_700_000_000_000_000;
@@ -59,6 +59,10 @@ struct Bench {
     ledger: RobotLedger,
     ids: NextIds,
     policy: Policy,
+    /// What the configuration says now.
+    rear_axle: Option<PoseDocument>,
+    /// What was signed last.
+    signed: Option<CalibrationDocument>,
 }
 
 impl Bench {
@@ -71,6 +75,8 @@ impl Bench {
                 deployment: 1,
             },
             policy: Policy::default(),
+            rear_axle: None,
+            signed: None,
         }
     }
 
@@ -82,12 +88,15 @@ impl Bench {
             actor,
             now_ns: NOW_NS,
             held: false,
-            rear_axle_in_base_link: None,
+            rear_axle_in_base_link: self.rear_axle,
         };
         let outcome = step(&self.ledger, command, self.ids, &standing).unwrap();
         self.ids.revision += 1;
         self.ids.proposal += 1;
         self.ids.deployment += 1;
+        if let Some((_, envelope)) = outcome.envelopes.last() {
+            self.signed = Some(serde_json::from_str(&envelope.document).unwrap());
+        }
         self.ledger = outcome.ledger;
     }
 
@@ -251,4 +260,40 @@ fn an_estimate_is_a_candidate_once_it_has_stood_still() {
     assert!(candidate.observe(Some(&estimate(0.06, 21)), &policy));
     assert!(!candidate.observe(None, &policy));
     assert!(!candidate.observe(Some(&estimate(0.06, 40)), &policy));
+}
+
+#[test]
+fn the_frame_that_was_looked_at_is_signed_and_another_takes_two() {
+    let axle = |x_m| PoseDocument {
+        x_m,
+        y_m: 0.0,
+        yaw_rad: 0.0,
+    };
+    let mut bench = Bench::new();
+    bench.policy.approve_within = Some(Tolerance {
+        steering_offset_deg: 5.0,
+        lidar_yaw_deg: 5.0,
+        lidar_position_mm: 50.0,
+    });
+    bench.rear_axle = Some(axle(-0.4));
+    bench.do_due(&estimate(0.05, 0), false);
+    assert_eq!(automatic(&bench.ledger, &bench.policy), None, "a new frame");
+    // Configured while the proposal waits: nobody has agreed to it.
+    bench.rear_axle = Some(axle(5.0));
+    bench.approve();
+    let signed = bench.signed.clone().unwrap();
+    assert_eq!(signed.rear_axle_in_base_link, Some(axle(-0.4)));
+    assert!((signed.lidar_in_base_link.unwrap().x_m - 0.034).abs() < 1e-12);
+    bench.try_out();
+    assert_eq!(bench.do_due(&estimate(0.05, 20), true), Some("verify"));
+
+    assert_eq!(bench.do_due(&estimate(0.06, 30), false), Some("propose"));
+    let needed = |bench: &Bench| bench.ledger.open.as_ref().unwrap().approvals_needed;
+    assert_eq!(needed(&bench), 2, "base_link has moved");
+    assert_eq!(automatic(&bench.ledger, &bench.policy), None);
+    bench.rear_axle = Some(axle(-0.4));
+    bench.do_due(&estimate(0.07, 31), false);
+    bench.do_due(&estimate(0.07, 32), false);
+    assert_eq!(needed(&bench), 1);
+    assert!(automatic(&bench.ledger, &bench.policy).is_some());
 }

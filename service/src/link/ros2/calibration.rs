@@ -39,7 +39,7 @@ pub struct Home {
 
 impl Home {
     /// The key of the robot's topic.
-    fn key(&self) -> String {
+    pub fn key(&self) -> String {
         let prefix = &self.prefix;
         match self.layout {
             KeyLayout::RmwZenoh => format!("{prefix}/{TOPIC}/{DDS_TYPE}/{TYPE_HASH}"),
@@ -67,6 +67,12 @@ impl Home {
         };
         topic.tokens()
     }
+}
+
+/// Whether a path is the calibration's topic of some robot, whichever service tells it.
+pub fn is_topic(path: &str) -> bool {
+    path.strip_suffix(TOPIC)
+        .is_some_and(|prefix| prefix.ends_with('/'))
 }
 
 /// Key expressions of the tokens that announce it.

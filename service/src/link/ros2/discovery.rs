@@ -9,7 +9,7 @@ use zenoh::pubsub::Subscriber;
 use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Result, Session};
 
-use super::{Ros2, RouteTable, lock};
+use super::{Ros2, RouteTable, calibration, lock};
 use crate::fleet::AnnouncedTopic;
 use crate::limits;
 use crate::streams::{STREAMS_OF_TOPICS, message_types};
@@ -42,12 +42,16 @@ pub async fn watch_tokens(session: &Session, ros2: &Ros2) -> Result<Vec<Subscrib
 
 fn take(ros2: &Ros2, sample: &Sample) {
     let token = sample.key_expr().as_str();
-    if token.len() > limits::ROS2_TOKEN_BYTES_MAX || ros2.is_own_token(token) {
+    if token.len() > limits::ROS2_TOKEN_BYTES_MAX {
         return;
     }
     let Some(announced) = Announcement::of_token(token) else {
         return;
     };
+    if calibration::is_topic(&announced.path) {
+        // What a service tells robots, this one or another.
+        return;
+    }
     let stands = sample.kind() == SampleKind::Put;
     let mut discovery = lock(&ros2.shared.discovery);
     let table = ros2.table();

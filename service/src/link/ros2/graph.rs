@@ -9,6 +9,7 @@ use zenoh::{Result, Session};
 
 use super::calibration::Home;
 use super::{Ros2, warn_if_refused};
+use crate::limits;
 
 /// The tokens that stand, of a node and its publisher in each robot's namespace.
 #[derive(Debug, Default)]
@@ -22,19 +23,19 @@ struct Graph {
 pub async fn announce(session: Session, ros2: Ros2, stop: CancellationToken) {
     let mut graph = Graph::default();
     loop {
-        if let Err(error) = graph.follow(&session, ros2.all_homes()).await {
-            tracing::warn!(error, "a topic is not announced to ROS 2");
-        }
+        let all_stand = graph.follow(&session, ros2.all_homes()).await;
         tokio::select! {
             () = stop.cancelled() => break,
             () = ros2.shared.homes_changed.notified() => {}
+            () = tokio::time::sleep(limits::POST_RETRY), if !all_stand => {}
         }
     }
-    warn_if_refused(graph.follow(&session, BTreeSet::new()).await);
+    graph.follow(&session, BTreeSet::new()).await;
 }
 
 impl Graph {
-    async fn follow(&mut self, session: &Session, wanted: BTreeSet<Home>) -> Result<()> {
+    /// Announces what is wanted and takes back what is not; whether all of that stands now.
+    async fn follow(&mut self, session: &Session, wanted: BTreeSet<Home>) -> bool {
         let gone: Vec<Home> = self
             .declared
             .keys()
@@ -43,24 +44,38 @@ impl Graph {
             .collect();
         for home in gone {
             for token in self.declared.remove(&home).into_iter().flatten() {
-                token.undeclare().await?;
+                warn_if_refused(token.undeclare().await);
             }
         }
+        let mut all_stand = true;
         for home in wanted {
             if self.declared.contains_key(&home) {
                 continue;
             }
-            let Some([node, publisher]) = home.tokens(&session.zid().to_string(), self.next) else {
+            let Some(tokens) = home.tokens(&session.zid().to_string(), self.next) else {
                 continue;
             };
             self.next += 2;
-            let liveliness = session.liveliness();
-            let tokens = [
-                liveliness.declare_token(node).await?,
-                liveliness.declare_token(publisher).await?,
-            ];
-            self.declared.insert(home, tokens);
+            match declare(session, tokens).await {
+                Ok(tokens) => {
+                    self.declared.insert(home, tokens);
+                }
+                Err(error) => {
+                    let key = home.key();
+                    tracing::warn!(error, key, "a topic is not announced to ROS 2");
+                    all_stand = false;
+                }
+            }
         }
-        Ok(())
+        all_stand
     }
+}
+
+async fn declare(session: &Session, tokens: [String; 2]) -> Result<[LivelinessToken; 2]> {
+    let [node, publisher] = tokens;
+    let liveliness = session.liveliness();
+    Ok([
+        liveliness.declare_token(node).await?,
+        liveliness.declare_token(publisher).await?,
+    ])
 }

@@ -52,8 +52,6 @@ struct Shared {
     came: mpsc::Sender<RobotId>,
     /// `homes` changed.
     homes_changed: Notify,
-    /// What stands in the keys of tokens of our own.
-    own_session: String,
     /// Messages sent to ROS 2 robots.
     sent: AtomicI64,
 }
@@ -89,11 +87,6 @@ impl Ros2 {
     fn all_homes(&self) -> BTreeSet<Home> {
         let homes = lock(&self.shared.homes);
         homes.values().flatten().cloned().collect()
-    }
-
-    /// Whether a token is our own.
-    fn is_own_token(&self, token: &str) -> bool {
-        token.contains(&self.shared.own_session)
     }
 
     /// Forgets where a robot's topics were, since it announces none any more.
@@ -193,7 +186,6 @@ impl Ros2Link {
                 homes: Mutex::default(),
                 came,
                 homes_changed: Notify::new(),
-                own_session: format!("/{}/", session.zid()),
                 sent: AtomicI64::new(1),
             }),
         };

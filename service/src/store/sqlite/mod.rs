@@ -9,6 +9,7 @@ mod events;
 mod policy;
 mod read;
 mod records;
+mod robots;
 mod webhooks;
 mod write;
 

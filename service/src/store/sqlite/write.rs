@@ -9,14 +9,9 @@ use fleetcal_proto::estimate::EstimateDocument;
 use sqlx::sqlite::{Sqlite, SqliteConnection};
 use sqlx::{Connection, Transaction};
 
-use super::read::column;
-use super::records::number;
-use super::{accounts, alerts, approvals, audit, columns, events, policy, webhooks};
+use super::{accounts, alerts, approvals, columns, events, policy, robots, webhooks};
 use crate::store::approvals::{Decided, Decision};
-use crate::store::audit::AuditEntry;
-use crate::store::backend::{
-    Batch, EventWrite, Outcomes, Repetition, Retention, RobotWrite, Tier, Writer,
-};
+use crate::store::backend::{Batch, EventWrite, Outcomes, Repetition, Retention, Tier, Writer};
 use crate::store::error::StoreError;
 use crate::store::record::{CheckpointRecord, CrossTrackRecord, HistoryRow};
 
@@ -98,9 +93,9 @@ async fn write(
         cross_track(transaction, record).await?;
     }
     for robot in &batch.robots {
-        outcomes
-            .robots
-            .push(refusable(configure(transaction, keys, robot).await)?);
+        outcomes.robots.push(refusable(
+            robots::configure(transaction, keys, robot).await,
+        )?);
     }
     for decision in &batch.decisions {
         outcomes
@@ -405,57 +400,6 @@ async fn cross_track(
     Ok(())
 }
 
-/// Writes a robot's configuration; gives its new version.
-async fn configure(
-    connection: &mut SqliteConnection,
-    keys: &mut Keys,
-    write: &RobotWrite,
-) -> Result<u64, StoreError> {
-    let failed = || StoreError::database("write a robot's configuration");
-    let row = sqlx::query("SELECT version, config FROM robot WHERE id = ?1")
-        .bind(write.robot.as_str())
-        .fetch_optional(&mut *connection)
-        .await
-        .map_err(failed())?;
-    let (found, before) = match &row {
-        Some(row) => (number(row, 0)?, column::<Option<String>>(row, "robot", 1)?),
-        None => (0, None),
-    };
-    if !write.expected.accepts(found) {
-        return Err(StoreError::VersionConflict {
-            robot: write.robot.clone(),
-            found,
-        });
-    }
-    let key = key_of(connection, keys, &write.robot, write.now_ns).await?;
-    let version: i64 = sqlx::query_scalar(
-        "UPDATE robot SET config = ?2, version = version + 1, updated_ns = ?3
-         WHERE key = ?1 RETURNING version",
-    )
-    .bind(key)
-    .bind(json("robot", &write.config)?)
-    .bind(write.now_ns)
-    .fetch_one(&mut *connection)
-    .await
-    .map_err(failed())?;
-    let entry = AuditEntry {
-        at_ns: write.now_ns,
-        actor: write.actor.clone(),
-        action: match before {
-            Some(_) => "robot.configure",
-            None => "robot.register",
-        },
-        subject: "robot",
-        subject_id: write.robot.as_str().to_owned(),
-        robot: Some(write.robot.clone()),
-        before: before.and_then(|before| serde_json::from_str(&before).ok()),
-        after: serde_json::to_value(&write.config).ok(),
-        reason: None,
-    };
-    audit::append(connection, &entry).await?;
-    count("robot", version)
-}
-
 async fn probe(connection: &mut SqliteConnection, now_ns: i64) -> Result<(), StoreError> {
     sqlx::query("UPDATE probe SET written_ns = ?1")
         .bind(now_ns)
@@ -536,7 +480,7 @@ pub(super) fn json<T: serde::Serialize>(
     })
 }
 
-fn count(table: &'static str, value: i64) -> Result<u64, StoreError> {
+pub(super) fn count(table: &'static str, value: i64) -> Result<u64, StoreError> {
     value
         .try_into()
         .map_err(|error: TryFromIntError| StoreError::Corrupt {
