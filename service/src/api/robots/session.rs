@@ -47,6 +47,12 @@ pub(super) struct SessionParameters {
     duration_s: Option<String>,
 }
 
+/// An MCAP file.
+#[derive(utoipa::ToSchema)]
+#[schema(value_type = String, format = Binary)]
+#[expect(dead_code, reason = "it is described, and written piece by piece")]
+pub(super) struct SessionFile(Vec<u8>);
+
 /// Records a robot's session from now on and gives it as it is written: an MCAP file that Foxglove
 /// opens, with the robot's own messages, `/tf`, `/{robot}/estimate` and `/{robot}/events`, all logged
 /// by the robot's clock. It is whole after `duration_s`, at the service's end, or when it has 1 GiB.
@@ -58,7 +64,7 @@ pub(super) struct SessionParameters {
     tag = "robots",
     params(("id" = RobotId, Path, description = "The robot."), SessionParameters),
     responses(
-        (status = OK, description = "The recording", body = Vec<u8>,
+        (status = OK, description = "The recording", body = inline(SessionFile),
             content_type = "application/octet-stream"),
         (status = "4XX", description = "Refused, unknown, or not registered", body = Problem,
             content_type = "application/problem+json"),
