@@ -1,7 +1,7 @@
 //! What outlives the service: robots, their history, events and estimators' states.
 //!
 //! One task writes, a few connections read. Nothing outside this module knows the database; what a
-//! database has to do is said by the traits in [`backend`].
+//! database has to do is said by the traits in `backend`.
 
 mod accounts;
 mod administration;

@@ -94,7 +94,7 @@ pub struct HistoryRow {
     /// Value and sigma of each parameter that is estimated, in the order of
     /// [`ParameterName::ALL`].
     pub cells: [Option<(f64, f64)>; PARAMETERS],
-    /// Status of each parameter, packed by [`pack_status`].
+    /// Status of each parameter, packed by `pack_status`.
     pub status: u32,
     /// Mean normalised innovation squared.
     pub nis: Option<f64>,
@@ -138,7 +138,7 @@ pub fn pack_status(status: [ParameterStatus; PARAMETERS]) -> u32 {
         .fold(0, |packed, status| (packed << 4) | code(status))
 }
 
-/// One parameter's status out of a packed row; `None` for bits that [`pack_status`] never sets.
+/// One parameter's status out of a packed row; `None` for bits that `pack_status` never sets.
 pub fn unpack_status(packed: u32, parameter: ParameterName) -> Option<ParameterStatus> {
     let position = ParameterName::ALL
         .iter()
