@@ -87,7 +87,7 @@ $(BUILT)/python/ready: tests/requirements.txt
 test: check test-rust test-web ## Runs all checks and tests
 
 .PHONY: check
-check: dashboard rust ## Format, lints and types
+check: dashboard rust doc ## Format, lints, types and documentation
 	$(CARGO) fmt --check
 	$(CARGO) clippy --release --locked --workspace --all-targets -- -D warnings
 	cd web && npm run check --silent

@@ -74,7 +74,7 @@ pub enum ScanRefused {
 }
 
 impl LaserScan {
-    /// Whether the number of beams is what the angles say, within [`BEAMS_TOLERANCE`].
+    /// Whether the number of beams is what the angles say, within `BEAMS_TOLERANCE`.
     ///
     /// # Errors
     /// Names the angle that is no number, or says both counts.
