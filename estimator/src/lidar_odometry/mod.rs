@@ -289,7 +289,8 @@ impl LidarOdometry {
         }
     }
 
-    /// Looks for a better pose than `solution` around the prediction.
+    /// Looks for a better pose than `solution` around the prediction, and where the last sweep was:
+    /// the velocity of one that people hid half of may be wrong.
     fn search(&self, solution: &mut Solution, predicted: &Motion, dt: f64) {
         let deskew = LocalMotion::new(predicted, LocalOrigin::near(0.0, 0.0));
         let poses = correlative_search::search(
@@ -299,7 +300,8 @@ impl LidarOdometry {
             &deskew,
             self.track.window(dt),
         );
-        for pose in poses {
+        let last = self.motion.as_ref().map(|motion| motion.pose);
+        for pose in last.into_iter().chain(poses) {
             if let Some(found) = self.align(&Motion::searched(pose))
                 && found.fit.beats(&solution.fit)
             {

@@ -32,7 +32,7 @@ const BASIN_RAD: f64 = 0.03;
 /// The search is also asked when the points lie less close than this part of what they did of late.
 const CLOSENESS_DROP: f32 = 0.9;
 /// A sweep less close than this part is lost; one found again has to come nearer to it.
-const CLOSENESS_MIN: f32 = 0.45;
+const CLOSENESS_MIN: f32 = 0.4;
 /// The same after a loss.
 const CLOSENESS_RECOVERED_MIN: f32 = 0.75;
 /// Gain of the mean closeness.

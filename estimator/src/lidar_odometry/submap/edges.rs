@@ -89,6 +89,7 @@ impl LineFitter {
                 across_max_m2: 0.36 * resolution2,
                 along_min_m2: 0.6 * resolution2,
                 ratio_max: 0.25,
+                noise_m2: 0.0,
                 noise_floor_m2: 0.0,
                 sightings_min: 0,
             },

@@ -96,8 +96,13 @@ impl WindowMoments {
 
     /// The line through the points, or [`Line::NONE`] when they do not lie on one.
     pub fn line(&self, quality: &LineQuality) -> Line {
+        self.fit(quality).map_or(Line::NONE, |fitted| fitted.line)
+    }
+
+    /// The line through the points, where they lie on one, and how they scatter about it.
+    pub fn fit(&self, quality: &LineQuality) -> Option<Fitted> {
         if self.n < quality.points_min {
-            return Line::NONE;
+            return None;
         }
         let inverse_n = self.n.recip();
         let (mx, my) = (self.sx * inverse_n, self.sy * inverse_n);
@@ -114,7 +119,7 @@ impl WindowMoments {
             || along < quality.along_min_m2
             || across > quality.ratio_max * along
         {
-            return Line::NONE;
+            return None;
         }
         let (ex, ey) = if half_difference >= 0.0 {
             (half_difference + radius, cxy)
@@ -133,14 +138,40 @@ impl WindowMoments {
         } else {
             variance
         };
-        Line {
+        let line = Line {
             nx,
             ny,
             d,
             variance,
-        }
+        };
+        Some(Fitted {
+            line,
+            across_m2: across,
+            points: self.n,
+        })
     }
 }
+
+/// A line, and the points that it was laid through.
+#[derive(Debug, Clone, Copy)]
+pub struct Fitted {
+    /// The line.
+    pub line: Line,
+    /// Variance of the points across it, m².
+    pub across_m2: f32,
+    /// Number of points.
+    points: f32,
+}
+
+impl Fitted {
+    /// Variance across the line that its points' own may be taken for, m².
+    pub fn across_at_most_m2(&self) -> f32 {
+        self.across_m2 * (1.0 + ACROSS_SIGMAS * (2.0 / self.points).sqrt())
+    }
+}
+
+/// So many of its standard deviations may a variance that was counted differ from the true one.
+const ACROSS_SIGMAS: f32 = 3.0;
 
 /// Added to a line's variance until it was seen often enough, m²: (4 cm)².
 const UNCONFIRMED_M2: f32 = 1.6e-3;
@@ -156,6 +187,8 @@ pub struct LineQuality {
     pub along_min_m2: f32,
     /// Largest ratio of the two.
     pub ratio_max: f32,
+    /// Variance that range noise alone may give them, m²: with less, they are on one surface.
+    pub noise_m2: f32,
     /// The points' noise is taken to be at least this, m².
     pub noise_floor_m2: f32,
     /// In how many map updates it must have been seen to count in full.
@@ -199,6 +232,7 @@ mod tests {
         across_max_m2: 6e-4,
         along_min_m2: 1e-3,
         ratio_max: 0.2,
+        noise_m2: 1e-4,
         noise_floor_m2: 1e-4,
         sightings_min: 1,
     };

@@ -59,3 +59,28 @@ fn tiles_far_behind_are_dropped() {
     wall_at(&mut submap, 120.0, 0.0);
     assert!(!submap.line(origin.locate(0.01, 0.3).0).exists());
 }
+
+#[test]
+fn a_line_beside_a_corner_lies_on_its_wall() {
+    let mut submap = Submap::default();
+    let origin = LocalOrigin::near(1.0, 1.0);
+    for _ in 0..4 {
+        submap.begin_update(origin.locate(0.5, 0.5).0, 0.01);
+        for i in 0..80 {
+            let (along, noise) = (0.01 * i as f32, if i % 2 == 0 { 0.01 } else { -0.01 });
+            // A box's front up to its corner at (0.55, 0.82), and its side, seen at a flat angle.
+            submap.insert(origin, 0.55 + noise, 0.82 - along, 1.0);
+            if i % 8 == 0 {
+                submap.insert(origin, 0.55 + along, 0.82, 1.0);
+            }
+        }
+        submap.end_update();
+    }
+    for y in [0.55, 0.65, 0.75] {
+        let (cell, cx, cy) = origin.locate(0.55, y);
+        let line = submap.line(cell);
+        assert!(line.exists(), "no line at {y}");
+        let distance_m = (line.nx * cx + line.ny * cy - line.d).abs();
+        assert!(distance_m < 1e-3, "{distance_m} m at {y}");
+    }
+}
