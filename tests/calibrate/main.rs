@@ -5,6 +5,7 @@
 mod bags;
 mod known_map;
 mod messages;
+mod repeatability;
 mod written;
 
 use std::fs;

@@ -30,9 +30,6 @@ const SHARED: f64 = 0.5;
 const DOUBT_BLOCKS: f64 = 6.0;
 /// The first block is fitted as if it were the only one; its leverage is bounded as of so many.
 const LEVERAGE_BLOCKS_MIN: f64 = 2.0;
-/// What slip goes into: a speed scale where it is the same everywhere, y where it is another in
-/// left turns than in right ones.
-const ALONG_THE_TRACK: [Parameter; 2] = [Parameter::LidarY, Parameter::SpeedScale];
 /// What outlasts blocks adds at most so much: an exponential memory of a whole block's length.
 const LASTING_MAX: f64 = 2.7;
 /// Four sigmas of `n` blocks are as rare as four of many when the variance is larger by `1 + 14 / n`;
@@ -199,17 +196,14 @@ impl LongRunVariance {
         widths * covariance * widths
     }
 
-    /// The covariance that may be published: as claimed, with slip that outlasts blocks. Where slip
-    /// was seen, four sigmas of what it goes into are Student's, who knows them from these blocks
-    /// alone.
+    /// The covariance that may be published: as claimed, with slip that outlasts blocks. Where blocks
+    /// scatter more than the filter says, four sigmas are Student's, who knows them from these blocks
+    /// alone: half a minute of a real tricycle has three of them.
     pub fn publish(&self, covariance: &ParameterCovariance) -> ParameterCovariance {
-        let ratios = self.ratios(covariance);
-        let mut variances = Values::repeat(1.0);
-        for parameter in ALONG_THE_TRACK {
-            let i = parameter.index();
-            let slipping = 1.0 - 1.0 / ratios[i];
-            variances[i] = 1.0 + slipping * STUDENT_BLOCKS / self.whole.blocks.max(1.0);
-        }
+        let mut variances = self.ratios(covariance).map(|ratio| {
+            let scattering = 1.0 - 1.0 / ratio;
+            1.0 + scattering * STUDENT_BLOCKS / self.whole.blocks.max(1.0)
+        });
         variances[Parameter::SpeedScale.index()] *= self.lasting_slip(covariance);
         let widths = ParameterCovariance::from_diagonal(&variances.map(f64::sqrt));
         widths * self.claim(covariance) * widths
@@ -235,11 +229,19 @@ mod tests {
     /// Of windows whose poses are exact and whose motion errs along the track as told, where one
     /// parameter shows.
     fn learnt(parameter: Parameter, error: impl Fn(usize) -> f64) -> LongRunVariance {
+        learnt_from(2000, parameter, error)
+    }
+
+    fn learnt_from(
+        windows: usize,
+        parameter: Parameter,
+        error: impl Fn(usize) -> f64,
+    ) -> LongRunVariance {
         let mut variance = LongRunVariance::default();
         let covariance = Matrix3::identity();
         let mut jacobian = ByParameters::zeros();
         jacobian[(0, parameter.index())] = 1.0;
-        for i in 0..2000 {
+        for i in 0..windows {
             let residual = Vector3::new(error(i), 0.0, 0.0);
             let innovation = Innovation {
                 residual,
@@ -276,14 +278,28 @@ mod tests {
         let published_over_claimed = |error: &dyn Fn(usize) -> f64| {
             let variance = learnt(Parameter::SpeedScale, error);
             let covariance = ParameterCovariance::identity();
-            let i = Parameter::SpeedScale.index();
-            let others = variance.publish(&covariance) - variance.claim(&covariance);
-            assert!(others[(0, 0)].abs() < 1e-12);
-            variance.publish(&covariance)[(i, i)] / variance.claim(&covariance)[(i, i)]
+            let published = variance.publish(&covariance).diagonal();
+            let wider = published.component_div(&variance.claim(&covariance).diagonal());
+            // What many blocks leave to Student is the same for all.
+            wider[Parameter::SpeedScale.index()] / wider[Parameter::LidarX.index()]
         };
         assert!(published_over_claimed(&|i| if i % 2 == 0 { 1.0 } else { -1.0 }) < 1.05);
         let lasts = published_over_claimed(&|i| if i / 12 % 2 == 0 { 1.0 } else { -1.0 });
         assert!(lasts > 1.2, "{lasts}");
+    }
+
+    #[test]
+    fn what_scatters_is_published_by_how_many_blocks_say_so() {
+        let published_over_claimed = |windows: usize, error: f64| {
+            let variance = learnt_from(windows, Parameter::LidarYaw, |_| error);
+            let covariance = ParameterCovariance::identity();
+            let i = Parameter::LidarYaw.index();
+            variance.publish(&covariance)[(i, i)] / variance.claim(&covariance)[(i, i)]
+        };
+        let four_blocks = published_over_claimed(4 * BLOCK, 1.0);
+        assert!((2.5..3.0).contains(&four_blocks), "{four_blocks}");
+        assert!(published_over_claimed(2000, 1.0) < 1.2);
+        assert!((published_over_claimed(4 * BLOCK, 0.1) - 1.0).abs() < 1e-9);
     }
 
     #[test]
