@@ -109,6 +109,11 @@ impl Thresholds {
         raised
     }
 
+    /// The lowest of them.
+    pub fn least(&self) -> f64 {
+        self.of_causes.into_iter().fold(f64::INFINITY, f64::min)
+    }
+
     /// In the order of [`HYPOTHESES`].
     pub fn values(&self) -> &[f64; CAUSES] {
         &self.of_causes

@@ -186,6 +186,20 @@ impl LongRunVariance {
             .map(|ratio| 1.0 + doubt * (ratio - 1.0))
     }
 
+    /// By how much the evidence for a change of each parameter has to be larger, before it passes a
+    /// `threshold` that is meant for a scatter which is known well: as [`Self::doubtful_ratios`]. Slip
+    /// looks like another wheel; where it was seen, evidence so rare is Student's, who knows the
+    /// scatter from `n` blocks alone: `t^2 = n (exp(z^2 / n) - 1)`.
+    pub fn alarm_ratios(&self, covariance: &ParameterCovariance, threshold: f64) -> Values {
+        let mut ratios = self.doubtful_ratios(covariance);
+        let i = Parameter::SpeedScale.index();
+        let blocks = self.whole.blocks.max(BLOCKS_MIN);
+        let student = blocks / threshold * (threshold / blocks).exp_m1();
+        let slipping = self.ratios(covariance)[i] - 1.0;
+        ratios[i] = ratios[i].max(1.0 + slipping * student);
+        ratios
+    }
+
     /// The covariance that may be claimed when the filter has this one.
     pub fn claim(&self, covariance: &ParameterCovariance) -> ParameterCovariance {
         let least = if self.is_known() { 1.0 } else { UNPROVEN_RATIO };

@@ -190,11 +190,11 @@ impl ChangeWatch {
             return None;
         }
         let reference = Reference::new(*oldest.values(), &covariance)?;
+        let thresholds = Thresholds::for_false_alarm_hours(settings.false_alarm_hours);
         let ratios = self
             .long_run
-            .doubtful_ratios(&oldest.parameter_covariance());
-        let thresholds =
-            Thresholds::for_false_alarm_hours(settings.false_alarm_hours).raised(&ratios);
+            .alarm_ratios(&oldest.parameter_covariance(), thresholds.least());
+        let thresholds = thresholds.raised(&ratios);
         let windows = || self.remembered.iter().map(|r| &r.window);
         let mut search = Search {
             noise_scale: oldest.noise_scale(),
