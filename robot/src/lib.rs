@@ -10,6 +10,8 @@ mod connection;
 #[cfg(feature = "wire")]
 pub mod fleet;
 #[cfg(feature = "wire")]
+mod planar_pose;
+#[cfg(feature = "wire")]
 pub mod recording;
 #[cfg(feature = "wire")]
 pub mod replay;
@@ -19,3 +21,5 @@ pub mod simulator;
 
 #[cfg(feature = "wire")]
 pub use connection::Connection;
+#[cfg(feature = "wire")]
+pub use planar_pose::PlanarPose;

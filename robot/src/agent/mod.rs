@@ -27,7 +27,7 @@ pub(crate) use link::CalibrationLink;
 pub use machine::Agent;
 pub use offer::{CONFIRM_WITHIN_MAX_S, Identity};
 pub use options::{AgentError, AgentOptions};
-pub use outputs::{OutputKind, Outputs, PlanarPose, VehicleFrames};
+pub use outputs::{OutputKind, Outputs, VehicleFrames};
 pub(crate) use run::PULL_PERIOD;
 pub use run::run_agent;
 pub use state::{Ending, Fallback, Held, Memory, MemorySchema, Offer, Outcome, Phase, Rest, Trial};

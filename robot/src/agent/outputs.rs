@@ -10,32 +10,10 @@ use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::estimate::PoseDocument;
 
 use super::file::{self, FileError};
+use crate::PlanarPose;
 
 /// What stands in every file that the agent may replace.
 const MARK: &str = "Written by fleetcal agent, which replaces it";
-
-/// A pose in the plane: x and y, m, and yaw, rad.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct PlanarPose {
-    /// Forward, m.
-    pub x_m: f64,
-    /// To the left, m.
-    pub y_m: f64,
-    /// Counter-clockwise, rad.
-    pub yaw_rad: f64,
-}
-
-impl PlanarPose {
-    /// The pose in this pose's own frame of what is at `inner` in it.
-    fn compose(self, inner: Self) -> Self {
-        let (sine, cosine) = self.yaw_rad.sin_cos();
-        Self {
-            x_m: self.x_m + cosine * inner.x_m - sine * inner.y_m,
-            y_m: self.y_m + sine * inner.x_m + cosine * inner.y_m,
-            yaw_rad: self.yaw_rad + inner.yaw_rad,
-        }
-    }
-}
 
 /// Frames of the vehicle, as its ROS software knows them.
 #[derive(Debug, Clone, PartialEq)]

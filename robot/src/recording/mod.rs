@@ -18,7 +18,7 @@ mod writer;
 
 pub use error::RecordingError;
 pub use messages::{Messages, RecordedMessage};
-pub use session_writer::{PlanarPose, SESSION_METADATA, SessionTopic, SessionWriter};
+pub use session_writer::{SESSION_METADATA, SessionTopic, SessionWriter};
 pub use topics::{
     AskedTopic, AskedTopics, ChosenDrive, ChosenPose, TopicError, Topics, choose_scan_topic,
     choose_topics,

@@ -12,20 +12,10 @@ use serde_json::{Value, json};
 
 use super::RecordingError;
 use super::mcap_file::{self, McapFile};
+use crate::PlanarPose;
 
 /// Name of the metadata record that says how much is missing.
 pub const SESSION_METADATA: &str = "fleetcal.session";
-
-/// A pose in the plane.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PlanarPose {
-    /// Forward, m.
-    pub x_m: f64,
-    /// To the left, m.
-    pub y_m: f64,
-    /// Counter-clockwise, rad.
-    pub yaw_rad: f64,
-}
 
 /// A topic of a session, and what its messages are.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]

@@ -6,8 +6,9 @@ use std::time::Duration;
 use clap::Args;
 use fleetcal_proto::signing::{PublicKey, TrustedKeys};
 use fleetcal_proto::{KeyRoot, Keys, RobotId};
+use fleetcal_robot::PlanarPose;
 use fleetcal_robot::agent::{
-    AgentOptions, Hook, Limits, OutputKind, Outputs, PlanarPose, VehicleFrames, run_agent,
+    AgentOptions, Hook, Limits, OutputKind, Outputs, VehicleFrames, run_agent,
 };
 use tokio_util::sync::CancellationToken;
 

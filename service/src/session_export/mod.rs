@@ -13,7 +13,8 @@ use fleetcal_proto::RobotId;
 use fleetcal_proto::encoding::{Encoding, MessageType};
 use fleetcal_proto::estimate::{ChangeDocument, EstimateDocument, ParameterName};
 use fleetcal_proto::ros::{LaserScan, PointCloud2, RosMessage};
-use fleetcal_robot::recording::{PlanarPose, RecordingError, SessionTopic, SessionWriter};
+use fleetcal_robot::PlanarPose;
+use fleetcal_robot::recording::{RecordingError, SessionTopic, SessionWriter};
 
 use crate::words;
 
