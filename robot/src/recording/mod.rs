@@ -30,7 +30,7 @@ use std::path::{Path, PathBuf};
 use fleetcal_proto::Encoding;
 use fleetcal_proto::encoding::{Form, MessageType};
 
-use scan::Found;
+use scan::{Found, Together};
 use storage::{Kind, Storage};
 
 /// Largest record or chunk of a recording. Recorders write chunks of about 1 MiB.
@@ -92,22 +92,23 @@ impl Recording {
     /// When it can't be read, or is no recording, empty, truncated, damaged or without messages.
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
         let storages = Storage::find(path)?;
-        let mut found = Found::default();
+        let mut together = Together::default();
         for storage in &storages {
-            found.append(match storage.kind {
+            let found = match storage.kind {
                 Kind::Mcap => scan::read_through(storage.path())?,
                 Kind::Sqlite => bag::read_through(storage.path())?,
-            });
+            };
+            if !together.add(found) {
+                return Err(RecordingError::TooManyChannels {
+                    path: path.to_owned(),
+                    limit: CHANNELS_MAX,
+                });
+            }
         }
+        let found = together.finish();
         if found.channels.is_empty() {
             return Err(RecordingError::NoMessages {
                 path: path.to_owned(),
-            });
-        }
-        if found.channels.len() > CHANNELS_MAX {
-            return Err(RecordingError::TooManyChannels {
-                path: path.to_owned(),
-                limit: CHANNELS_MAX,
             });
         }
         Ok(Self {
@@ -117,9 +118,25 @@ impl Recording {
         })
     }
 
-    /// The files of messages in it: others than the path where that is a folder, or packed.
+    /// The files of messages in it, packed or not: others than the path where that is a folder.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
-        self.storages.iter().map(Storage::path)
+        self.storages.iter().map(Storage::original)
+    }
+
+    /// Whether a file is of it, so that nothing may be written in its place: it is one of messages,
+    /// or stands beside one in a folder of `rosbag2` as its `metadata.yaml` or a further file.
+    pub fn holds(&self, file: &Path) -> bool {
+        let (Ok(path), Ok(file)) = (self.path.canonicalize(), file.canonicalize()) else {
+            return false;
+        };
+        let is_it = |of: &Path| of.canonicalize().is_ok_and(|of| of == file);
+        let folder = if path.is_dir() {
+            Some(path.as_path())
+        } else {
+            path.parent()
+        };
+        let is_beside = |folder| storage::is_of_bag(folder, &file);
+        path == file || self.files().any(is_it) || folder.is_some_and(is_beside)
     }
 
     /// The file.

@@ -1,6 +1,7 @@
 //! The first reading of a recording: whether it is whole, and what is in it.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
@@ -23,31 +24,48 @@ pub(super) struct Found {
     pub(super) disorder_ns: u64,
 }
 
-impl Found {
-    /// Adds what the next file of a split recording holds.
-    pub(super) fn append(&mut self, next: Self) {
-        if self.channels.is_empty() {
-            *self = next;
-            return;
-        }
+/// What the files of a recording hold together.
+#[derive(Debug, Default)]
+pub(super) struct Together {
+    channels: BTreeMap<(String, String), Channel>,
+    start_ns: u64,
+    end_ns: u64,
+    disorder_ns: u64,
+}
+
+impl Together {
+    /// Adds what the next file holds. False when there is one topic too many.
+    pub(super) fn add(&mut self, next: Found) -> bool {
         if next.channels.is_empty() {
-            return;
+            return true;
+        }
+        if self.channels.is_empty() {
+            (self.start_ns, self.end_ns) = (next.start_ns, next.start_ns);
         }
         let back_ns = self.end_ns.saturating_sub(next.start_ns);
         self.disorder_ns = self.disorder_ns.max(next.disorder_ns).max(back_ns);
         self.start_ns = self.start_ns.min(next.start_ns);
         self.end_ns = self.end_ns.max(next.end_ns);
         for channel in next.channels {
-            let is_same = |of: &&mut Channel| {
-                (&of.topic, &of.message_type) == (&channel.topic, &channel.message_type)
-            };
-            match self.channels.iter_mut().find(is_same) {
-                Some(known) => known.count += channel.count,
-                None => self.channels.push(channel),
+            let key = (channel.topic.clone(), channel.message_type.clone());
+            match self.channels.entry(key) {
+                Entry::Occupied(mut known) => known.get_mut().count += channel.count,
+                Entry::Vacant(place) => {
+                    place.insert(channel);
+                }
             }
         }
-        self.channels
-            .sort_by(|a, b| (&a.topic, &a.message_type).cmp(&(&b.topic, &b.message_type)));
+        self.channels.len() <= CHANNELS_MAX
+    }
+
+    /// All of it.
+    pub(super) fn finish(self) -> Found {
+        Found {
+            channels: self.channels.into_values().collect(),
+            start_ns: self.start_ns,
+            end_ns: self.end_ns,
+            disorder_ns: self.disorder_ns,
+        }
     }
 }
 

@@ -37,8 +37,8 @@ pub(super) enum Kind {
 #[derive(Debug, Clone)]
 pub(super) struct Storage {
     pub(super) kind: Kind,
-    path: PathBuf,
-    _unpacked: Option<Arc<TempPath>>,
+    original: PathBuf,
+    unpacked: Option<Arc<TempPath>>,
 }
 
 impl Storage {
@@ -62,21 +62,29 @@ impl Storage {
             let kind = kind_of(&path, &magic)?;
             return Ok(Self {
                 kind,
-                path,
-                _unpacked: None,
+                original: path,
+                unpacked: None,
             });
         }
         let unpacked = unpack(&path, room)?;
         Ok(Self {
             kind: kind_of(&path, &first_bytes(&unpacked)?)?,
-            path: unpacked.to_path_buf(),
-            _unpacked: Some(Arc::new(unpacked)),
+            original: path,
+            unpacked: Some(Arc::new(unpacked)),
         })
     }
 
     /// The file to read.
     pub(super) fn path(&self) -> &Path {
-        &self.path
+        match &self.unpacked {
+            Some(unpacked) => unpacked,
+            None => &self.original,
+        }
+    }
+
+    /// The file as it was recorded, packed or not.
+    pub(super) fn original(&self) -> &Path {
+        &self.original
     }
 }
 
@@ -111,22 +119,34 @@ fn files_in(folder: &Path) -> Result<Vec<PathBuf>, RecordingError> {
     let mut files = Vec::new();
     for entry in entries {
         let path = entry.map_err(|source| io(folder, source))?.path();
-        let name = path.to_string_lossy();
-        if ENDINGS.iter().any(|ending| name.ends_with(ending)) {
+        if has_messages(&path) {
             files.push(path);
         }
     }
-    if files.len() == 1 {
-        return Ok(files);
-    }
     let metadata = folder.join(METADATA);
-    if files.is_empty() || files.len() > FILES_MAX || !metadata.is_file() {
-        return Err(RecordingError::Folder {
+    match (files.len(), metadata.is_file()) {
+        // A file that was renamed is still the only one.
+        (1, true) if names_one(&metadata)? => Ok(files),
+        (1, false) => Ok(files),
+        (1..=FILES_MAX, true) => split_files(folder, &metadata, &files),
+        (count, _) => Err(RecordingError::Folder {
             path: folder.to_owned(),
-            count: files.len(),
-        });
+            count,
+        }),
     }
-    split_files(folder, &metadata, &files)
+}
+
+/// Whether a file of a folder is one of messages, by its name.
+fn has_messages(path: &Path) -> bool {
+    let name = path.to_string_lossy();
+    ENDINGS.iter().any(|ending| name.ends_with(ending))
+}
+
+/// Whether a file is of what `rosbag2` wrote into a folder: the metadata, or one of messages.
+pub(super) fn is_of_bag(folder: &Path, file: &Path) -> bool {
+    let metadata = folder.join(METADATA);
+    let is_of_it = file == metadata || has_messages(file);
+    file.parent() == Some(folder) && metadata.is_file() && is_of_it
 }
 
 /// What of `metadata.yaml` says the order of a split recording's files.
@@ -140,26 +160,47 @@ struct Information {
     relative_file_paths: Vec<PathBuf>,
 }
 
+impl Information {
+    /// Reads a `metadata.yaml`.
+    fn read(metadata: &Path) -> Result<Self, RecordingError> {
+        let mut text = String::new();
+        let file = File::open(metadata).map_err(|source| io(metadata, source))?;
+        let read = file.take(METADATA_BYTES_MAX + 1).read_to_string(&mut text);
+        if read.map_err(|source| io(metadata, source))? as u64 > METADATA_BYTES_MAX {
+            let reason = format!("longer than {METADATA_BYTES_MAX} bytes");
+            return Err(refused(metadata, reason));
+        }
+        let known: Metadata = serde_saphyr::from_str(&text).map_err(|error| {
+            let reason = error.to_string().lines().take(1).collect();
+            refused(metadata, reason)
+        })?;
+        Ok(known.rosbag2_bagfile_information)
+    }
+}
+
+fn refused(metadata: &Path, reason: String) -> RecordingError {
+    RecordingError::Metadata {
+        path: metadata.to_owned(),
+        reason,
+    }
+}
+
+/// Whether the metadata know of one file of messages.
+fn names_one(metadata: &Path) -> Result<bool, RecordingError> {
+    let known = Information::read(metadata)?;
+    Ok(known.relative_file_paths.len() <= 1)
+}
+
 /// The files that the metadata name, in that order. All of them have to be there, and no others.
 fn split_files(
     folder: &Path,
     metadata: &Path,
     present: &[PathBuf],
 ) -> Result<Vec<PathBuf>, RecordingError> {
-    let refused = |reason: String| RecordingError::Metadata {
-        path: metadata.to_owned(),
-        reason,
-    };
-    let mut text = String::new();
-    let file = File::open(metadata).map_err(|source| io(metadata, source))?;
-    let read = file.take(METADATA_BYTES_MAX + 1).read_to_string(&mut text);
-    if read.map_err(|source| io(metadata, source))? as u64 > METADATA_BYTES_MAX {
-        return Err(refused(format!("longer than {METADATA_BYTES_MAX} bytes")));
-    }
-    let known: Metadata = serde_saphyr::from_str(&text)
-        .map_err(|error| refused(error.to_string().lines().take(1).collect()))?;
+    let known = Information::read(metadata)?;
+    let refused = |reason| refused(metadata, reason);
     let mut files = Vec::new();
-    for named in known.rosbag2_bagfile_information.relative_file_paths {
+    for named in known.relative_file_paths {
         // Some recorders put the folder's own name in front.
         let file = named.file_name().map(|name| folder.join(name));
         let file = file.filter(|file| present.contains(file) && !files.contains(file));

@@ -269,7 +269,10 @@ pub fn choose_topics(channels: &[Channel], asked: &AskedTopics) -> Result<Topics
             None => only_one(&others(channels, &drive), &POSE)?.map(ChosenPose::LidarOdometry),
         },
     };
-    let needed = || format!("{} or {}", SCAN.needed(), POSE.needed());
+    let needed = || {
+        let (scan, pose, flag) = (SCAN.needed(), POSE.needed(), POSE.flag);
+        format!("{scan}; or {pose} of the LiDAR, which {flag} names")
+    };
     let pose = pose.ok_or_else(|| missing(channels, "scan or LiDAR pose", needed()))?;
     Ok(Topics { drive, pose })
 }
@@ -297,8 +300,10 @@ fn choose_drive(channels: &[Channel], asked: &AskedTopics) -> Result<ChosenDrive
         }),
         (None, None, None) => {
             let needed = format!(
-                "{}, or {} and {} for a topic of each",
+                "{}; or {} with the wheels too, which {} names; or {} and {} for a topic of each",
                 MessageType::AckermannDriveStamped.ros_type(),
+                MessageType::JointState.ros_type(),
+                DRIVE.flag,
                 STEERING.flag,
                 SPEED.flag
             );

@@ -85,3 +85,69 @@ fn a_folder_whose_order_is_not_known_is_refused() {
     fs::write(damaged.path().join("b.mcap"), &bytes[..bytes.len() / 2]).unwrap();
     refused(&damaged, "b.mcap: the recording is truncated");
 }
+
+#[test]
+fn a_folder_that_lost_a_file_is_refused() {
+    let listed = ["bag_0.mcap", "bag_1.mcap"];
+    let lost = folder(&[("bag_1.mcap", 1..2)], &listed);
+    refused(&lost, "relative_file_paths has bag_0.mcap");
+    // One file that was renamed, and one of which nothing is said, are whole.
+    let renamed = folder(&[("renamed.mcap", 0..1)], &["bag_0.mcap"]);
+    assert_eq!(Recording::open(renamed.path()).unwrap().files().count(), 1);
+    fs::remove_file(renamed.path().join("metadata.yaml")).unwrap();
+    Recording::open(renamed.path()).unwrap();
+}
+
+#[test]
+fn a_recording_holds_its_files_as_they_were_recorded() {
+    let parts = [("a.mcap", 0..1), ("b.mcap", 1..2)];
+    let bag = folder(&parts, &["a.mcap", "b.mcap.zstd"]);
+    let packed = bag.path().join("b.mcap.zstd");
+    let bytes = fs::read(bag.path().join("b.mcap")).unwrap();
+    fs::write(&packed, zstd::encode_all(bytes.as_slice(), 1).unwrap()).unwrap();
+    fs::remove_file(bag.path().join("b.mcap")).unwrap();
+    fs::write(bag.path().join("notes.txt"), "greased").unwrap();
+    let alone = bag.path().join("a.mcap");
+    for path in [bag.path(), &alone, &packed] {
+        let recording = Recording::open(path).unwrap();
+        for (name, expected) in [
+            ("a.mcap", true),
+            ("./b.mcap.zstd", true),
+            ("metadata.yaml", true),
+            ("notes.txt", false),
+            ("new.mcap", false),
+        ] {
+            let file = bag.path().join(name);
+            assert_eq!(recording.holds(&file), expected, "{name} of {path:?}");
+        }
+    }
+    // Without metadata a file's neighbours are recordings of their own.
+    fs::remove_file(bag.path().join("metadata.yaml")).unwrap();
+    let recording = Recording::open(&alone).unwrap();
+    assert!(recording.holds(&alone) && !recording.holds(&packed));
+}
+
+#[test]
+fn topics_of_all_files_are_limited_together() {
+    let found = |topics: std::ops::Range<usize>| Found {
+        channels: topics
+            .map(|number| Channel {
+                topic: format!("/{number:05}"),
+                message_type: String::new(),
+                encoding: None,
+                count: 1,
+            })
+            .collect(),
+        start_ns: 5,
+        end_ns: 7,
+        disorder_ns: 0,
+    };
+    let mut together = Together::default();
+    assert!(together.add(found(0..CHANNELS_MAX)));
+    assert!(together.add(found(0..CHANNELS_MAX)), "the same again");
+    assert!(!together.add(found(1..CHANNELS_MAX + 1)), "one too many");
+    let all = together.finish();
+    assert_eq!((all.start_ns, all.end_ns, all.disorder_ns), (5, 7, 2));
+    let counts: Vec<u64> = all.channels.iter().map(|channel| channel.count).collect();
+    assert_eq!((counts[0], counts[1], counts[CHANNELS_MAX]), (2, 3, 1));
+}

@@ -97,6 +97,12 @@ fn what_is_missing_is_named() {
         "/a/drive",
     ];
     refused(&drive_only, NONE, &wanted, 65);
+    // Of what is there and would do, the flag is named that takes it.
+    let joints = [channel("/a/joint_states", JointState::TYPE)];
+    let wanted = ["no drive topic", JointState::TYPE, "--drive-topic names"];
+    refused(&joints, NONE, &wanted, 65);
+    let poses = [drive_on("/a/drive"), channel("/a/pose", PoseStamped::TYPE)];
+    refused(&poses, NONE, &[PoseStamped::TYPE, "--pose-topic names"], 65);
     let error = choose_scan_topic(&drive_only, None).unwrap_err();
     assert!(error.to_string().contains("no scan topic"), "{error}");
     assert_eq!(error.exit_status(), 65);
