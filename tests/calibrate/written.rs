@@ -4,8 +4,11 @@ use std::fs;
 
 use fleetcal_proto::ros::{LaserScan, RosMessage};
 use fleetcal_robot::recording::Recording;
+use fleetcal_tests::rewritten::{Rewritten, rewritten};
 use fleetcal_tests::{binary, recording};
 use tempfile::TempDir;
+
+use super::{assert_refused, calibrate};
 
 #[test]
 fn the_report_needs_nothing_else_and_the_session_holds_what_was_found() {
@@ -63,4 +66,56 @@ fn the_report_needs_nothing_else_and_the_session_holds_what_was_found() {
     // What was written can be calibrated again.
     let again = binary::run_json(["calibrate", export, "--wheelbase", "1.2", "--json"]);
     assert_eq!(again["parameters"], found["parameters"]);
+}
+
+#[test]
+fn what_was_refused_is_not_in_the_session() {
+    let folder = TempDir::new().unwrap();
+    let (whole, path, session) = (
+        folder.path().join("whole.mcap"),
+        folder.path().join("robot.mcap"),
+        folder.path().join("out.mcap"),
+    );
+    recording::simulated(&whole, 5.0);
+    let (mut drives, mut cut) = (0, 0);
+    rewritten(&whole, &path, |message_type, message| {
+        let mut message = Rewritten::unchanged(message_type, message);
+        if message.topic == "/tugger_01/drive" {
+            drives += 1;
+            if drives % 10 == 0 {
+                cut += 1;
+                message.payload.truncate(6);
+            }
+        }
+        vec![message]
+    });
+    let export = ["--wheelbase", "1.2", "--export", session.to_str().unwrap()];
+    let output = calibrate(&path, &export);
+    let said = String::from_utf8_lossy(&output.stderr);
+    let refused = format!("{cut} of {drives} messages of /tugger_01/drive were refused");
+    assert!(output.status.success() && said.contains(&refused), "{said}");
+    let session = Recording::open(&session).unwrap();
+    assert!(cut > 0);
+    assert_eq!(session.count(&["/tugger_01/drive"]), drives - cut);
+}
+
+#[test]
+fn no_file_of_the_recording_is_written_over() {
+    let folder = TempDir::new().unwrap();
+    let [messages, metadata] = ["bag_0.mcap", "metadata.yaml"].map(|name| folder.path().join(name));
+    recording::simulated(&messages, 1.0);
+    let known = "rosbag2_bagfile_information: {relative_file_paths: [bag_0.mcap]}";
+    fs::write(&metadata, known).unwrap();
+    let before = fs::read(&messages).unwrap();
+    for path in [folder.path(), &messages] {
+        for flag in ["--export", "--report", "--trajectory"] {
+            for over in [&messages, &metadata] {
+                let more = ["--wheelbase", "1.2", flag, over.to_str().unwrap()];
+                let output = calibrate(path, &more);
+                assert_refused(&output, 2, "is of the recording itself");
+            }
+        }
+    }
+    assert_eq!(fs::read(&messages).unwrap(), before);
+    assert_eq!(fs::read_to_string(&metadata).unwrap(), known);
 }

@@ -143,17 +143,11 @@ fn configured_robot<'f>(
 /// No result is written over what it is calculated from.
 fn spare_recording(recording: &Recording, arguments: &Arguments) -> Result<(), CommandError> {
     let outputs = [&arguments.export, &arguments.trajectory, &arguments.report];
-    let is_original = |there: &PathBuf| {
-        let originals = recording.files().chain([recording.path()]);
-        let mut originals = originals.filter_map(|path| path.canonicalize().ok());
-        originals.any(|original| original == *there)
-    };
-    for output in outputs.into_iter().flatten() {
-        if output.canonicalize().is_ok_and(|there| is_original(&there)) {
-            return Err(CommandError::OverRecording(output.clone()));
-        }
+    let mut outputs = outputs.into_iter().flatten();
+    match outputs.find(|output| recording.holds(output)) {
+        Some(output) => Err(CommandError::OverRecording(output.clone())),
+        None => Ok(()),
     }
-    Ok(())
 }
 
 /// The vehicle: the flags first, then the robot's entry in the file.
@@ -294,6 +288,7 @@ impl<'a> Run<'a> {
         };
         let before = thread_cpu();
         let taken = stream.take(&mut self.intake, message);
+        let stamp = taken.as_ref().map(|taken| taken.stamp);
         let events = taken.into_iter().flat_map(|taken| taken.events);
         let mut effects = Vec::new();
         for decoded in events {
@@ -306,7 +301,7 @@ impl<'a> Run<'a> {
             self.times.add_scan(spent);
         }
         if let (Some(export), Some(topic)) = (&mut self.export, stream.session_topic())
-            && let Some(stamp) = stream.last_stamp()
+            && let Some(stamp) = stamp
         {
             export.message(stamp, &topic, &message.payload)?;
         }
@@ -322,10 +317,6 @@ impl<'a> Run<'a> {
         let Some((stamp, pose)) = self.calibrator.base_pose() else {
             return Ok(());
         };
-        if self.last_pose == Some(stamp) {
-            return Ok(());
-        }
-        self.last_pose = Some(stamp);
         if let Some(session) = &mut self.session {
             session.path.push((stamp, pose));
         }

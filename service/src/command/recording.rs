@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use fleetcal_estimator::Stamp;
 use fleetcal_proto::encoding::{Form, MessageType};
 use fleetcal_robot::recording::{
     Channel, ChosenDrive, ChosenPose, RecordedMessage, SessionTopic, Topics,
@@ -20,7 +19,6 @@ pub struct RecordedStream {
     messages: u64,
     refused: u64,
     first_refusal: Option<String>,
-    last: Option<Stamp>,
 }
 
 /// The streams of a recording's topics, those of the drive first.
@@ -50,7 +48,6 @@ impl RecordedStream {
             messages: 0,
             refused: 0,
             first_refusal: None,
-            last: None,
         }
     }
 
@@ -74,19 +71,11 @@ impl RecordedStream {
         })
     }
 
-    /// The stamp of the last message that could be read.
-    pub fn last_stamp(&self) -> Option<Stamp> {
-        self.last
-    }
-
     /// Decodes and checks a message; `None` when it is refused, which is counted.
     pub fn take(&mut self, intake: &mut Intake, message: &RecordedMessage) -> Option<Taken> {
         self.messages += 1;
         match intake.take(self.stream, self.form, &message.payload) {
-            Ok(taken) => {
-                self.last = Some(taken.stamp);
-                Some(taken)
-            }
+            Ok(taken) => Some(taken),
             Err(refused) => {
                 self.refused += 1;
                 if self.first_refusal.is_none() {
