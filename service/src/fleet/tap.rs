@@ -115,6 +115,8 @@ impl Taps {
 
     /// Whether anybody reads.
     pub fn is_open(&self) -> bool {
+        // A robot that sends nothing clears no places of those who have gone.
+        open.retain(|tap| !tap.items.is_closed());
         self.count.load(Ordering::Acquire) > 0
     }
 
@@ -217,3 +219,17 @@ mod tests {
         assert!(!taps.is_open());
     }
 }
+
+    #[test]
+    fn who_has_gone_leaves_nothing_behind_though_the_robot_is_silent() {
+        let taps = Taps::default();
+        let stays = taps.open();
+        for _ in 0..100 {
+            drop(taps.open());
+        }
+        assert_eq!(taps.lock().len(), 2, "who stays, and the last that went");
+        assert_eq!(taps.count.load(Ordering::Acquire), 2);
+        drop(stays);
+        drop(taps.open());
+        assert_eq!(taps.lock().len(), 1);
+    }
