@@ -5,7 +5,7 @@ use axum::http::request::Parts;
 use axum::http::{HeaderMap, StatusCode, header};
 use tower_http::request_id::RequestId;
 
-use crate::access::{Actor, Authentication, Grant, SessionSpan, TokenState, TokenValue};
+use crate::access::{Access, Actor, Authentication, Grant, SessionSpan, TokenState, TokenValue};
 use crate::api::ApiState;
 use crate::api::problem::Problem;
 use crate::limits;
@@ -26,6 +26,24 @@ pub(in crate::api) struct Caller {
     pub(in crate::api) credential: Credential,
     /// When the session began and was last used.
     pub(super) session: Option<SessionSpan>,
+    /// What the route asks.
+    pub(super) route: Asked,
+}
+
+/// What a route asks of its caller.
+#[derive(Debug, Clone)]
+pub(super) struct Asked {
+    /// By the table of permissions.
+    pub(super) access: Access,
+    /// The robot that the path names.
+    pub(super) robot: Option<String>,
+}
+
+impl Asked {
+    /// Whether somebody with `grant` may call it.
+    pub(super) fn permits(&self, grant: &Grant) -> bool {
+        self.access.permits(grant, self.robot.as_deref())
+    }
 }
 
 impl<S: Send + Sync> FromRequestParts<S> for Caller {
@@ -36,8 +54,12 @@ impl<S: Send + Sync> FromRequestParts<S> for Caller {
     }
 }
 
-/// Finds out who calls.
-pub(super) async fn authenticate(api: &ApiState, parts: &Parts) -> Result<Caller, Problem> {
+/// Finds out who calls a route.
+pub(super) async fn authenticate(
+    api: &ApiState,
+    parts: &Parts,
+    route: Asked,
+) -> Result<Caller, Problem> {
     let request = request_id(parts);
     let credential = shown(api, &parts.headers)?;
     let Some(credential) = credential else {
@@ -48,13 +70,13 @@ pub(super) async fn authenticate(api: &ApiState, parts: &Parts) -> Result<Caller
                       start, or make one with `fleetcal user create`";
         return Err(unauthorised("setup_required", detail));
     };
-    let mut caller = known(api, credential).await?;
+    let mut caller = known(api, credential, route).await?;
     caller.actor.request = request;
     Ok(caller)
 }
 
 /// Who showed a credential.
-async fn known(api: &ApiState, credential: Credential) -> Result<Caller, Problem> {
+async fn known(api: &ApiState, credential: Credential, route: Asked) -> Result<Caller, Problem> {
     let now_ns = api.clock.now_ns();
     match credential {
         Credential::Session(hash) => {
@@ -70,6 +92,7 @@ async fn known(api: &ApiState, credential: Credential) -> Result<Caller, Problem
                 grant: session.user.grant,
                 credential,
                 session: Some(session.span),
+                route,
             })
         }
         Credential::Token(hash) => {
@@ -94,6 +117,7 @@ async fn known(api: &ApiState, credential: Credential) -> Result<Caller, Problem
                 grant: token.grant,
                 credential,
                 session: None,
+                route,
             })
         }
     }
@@ -155,13 +179,13 @@ pub(super) fn unauthorised(code: &'static str, detail: &str) -> Problem {
     Problem::new(StatusCode::UNAUTHORIZED, code, detail)
 }
 
-/// Ends when the caller may no longer listen: the session ended, the token was revoked, or the
-/// role is no longer that of a reader. Asks the database now and then; while that fails, nothing
-/// is taken from anybody.
+/// Ends when the caller may no longer have what the route gives: the session ended, the token was
+/// revoked, or the role is no longer what the route asks. Asks the database now and then; while that
+/// fails, nothing is taken from anybody.
 pub(in crate::api) async fn permission_ended(api: ApiState, caller: Caller) {
     loop {
         tokio::time::sleep(limits::STREAM_ACCESS_CHECKED_EVERY).await;
-        match still_reads(&api, &caller).await {
+        match still_permitted(&api, &caller).await {
             Ok(true) => {}
             Ok(false) => return,
             Err(error) => tracing::warn!(%error, "a listener's credential could not be checked"),
@@ -169,16 +193,20 @@ pub(in crate::api) async fn permission_ended(api: ApiState, caller: Caller) {
     }
 }
 
-async fn still_reads(api: &ApiState, caller: &Caller) -> Result<bool, StoreError> {
+async fn still_permitted(api: &ApiState, caller: &Caller) -> Result<bool, StoreError> {
     let now_ns = api.clock.now_ns();
     Ok(match caller.credential {
         Credential::Session(hash) => {
             let session = api.store.session_of(hash).await?;
-            session.is_some_and(|session| session.span.is_valid(now_ns))
+            session.is_some_and(|session| {
+                session.span.is_valid(now_ns) && caller.route.permits(&session.user.grant)
+            })
         }
         Credential::Token(hash) => {
             let token = api.store.token_of(hash).await?;
-            token.is_some_and(|token| token.state(now_ns) == TokenState::Valid)
+            token.is_some_and(|token| {
+                token.state(now_ns) == TokenState::Valid && caller.route.permits(&token.grant)
+            })
         }
     })
 }

@@ -7,7 +7,7 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use tower_http::csrf::{CsrfLayer, ProtectionError};
 
-use super::caller::authenticate;
+use super::caller::{Asked, authenticate};
 use super::table;
 use crate::access::Access;
 use crate::api::ApiState;
@@ -36,9 +36,9 @@ async fn admitted(api: &ApiState, request: Request) -> Result<Request, Problem> 
         Problem::new(StatusCode::FORBIDDEN, "not_permitted", detail)
     })?;
     if access != Access::Public {
-        let caller = authenticate(api, &parts).await?;
-        let robot = robot_of(&template, parts.uri.path());
-        if !access.permits(&caller.grant, robot) {
+        let robot = robot_of(&template, parts.uri.path()).map(str::to_owned);
+        let caller = authenticate(api, &parts, Asked { access, robot }).await?;
+        if !caller.route.permits(&caller.grant) {
             let role = caller.grant.role().as_str();
             let detail = format!("your role is {role}, accepted is {}", access.accepted());
             return Err(Problem::new(StatusCode::FORBIDDEN, "not_permitted", detail));

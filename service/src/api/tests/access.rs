@@ -451,5 +451,7 @@ async fn a_stream_ends_with_the_permission_to_hear_it() {
     let change = TokenChange::Revoke { id };
     let written = bench.store.write_token(Actor::command_line(), change).await;
     written.unwrap();
-    while stream.next().await.is_some() {}
+    let ending = async { while stream.next().await.is_some() {} };
+    let ended = tokio::time::timeout(Duration::from_secs(30), ending).await;
+    ended.expect("the stream ends with the token");
 }
