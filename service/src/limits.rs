@@ -135,6 +135,8 @@ pub const SESSION_BYTES_MAX: u64 = 1024 * 1024 * 1024;
 pub const SESSION_PIECES_WAITING_MAX: usize = 4;
 /// Whoever takes no piece of a recording for so long gets no more.
 pub const SESSION_STALLED_AFTER: Duration = Duration::from_secs(30);
+/// All that is left of a recording at its end has to be taken within this.
+pub const SESSION_REST_TAKEN_WITHIN: Duration = Duration::from_secs(30);
 /// Times an estimator is restarted after a panic before its robot is left alone.
 pub const ESTIMATOR_RESTARTS_MAX: u32 = 10;
 

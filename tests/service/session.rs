@@ -117,7 +117,7 @@ async fn a_live_session_is_a_recording_that_calibrates_the_same() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_session_ends_by_itself_and_the_robot_does_not_wait_for_its_reader() {
+async fn a_session_ends_by_itself_and_its_reader_may_go_in_the_middle() {
     let folder = TempDir::new().unwrap();
     let path = recorded(&folder, 10.0);
     let service = Service::start(&["tugger_01"]);
@@ -128,9 +128,17 @@ async fn a_session_ends_by_itself_and_the_robot_does_not_wait_for_its_reader() {
     let mut short_fetching = fetch(&service, "tugger_01", "duration_s=2", &short);
     // This one goes away in the middle.
     let mut left_fetching = fetch(&service, "tugger_01", "duration_s=3600", &left);
-    left_fetching.kill().unwrap();
-    left_fetching.wait().unwrap();
-    let summary = send(sender(&service, &path, "tugger_01")).await;
+    let leaving = tokio::task::spawn_blocking(move || {
+        wait_for("the recording's first bytes", || {
+            let left = std::fs::metadata(&left).ok()?;
+            (left.len() > 0).then_some(())
+        });
+        left_fetching.kill().unwrap();
+        left_fetching.wait().unwrap();
+    });
+    let sending = send(sender(&service, &path, "tugger_01"));
+    let (summary, left) = tokio::join!(sending, leaving);
+    left.unwrap();
     assert_eq!(summary.shed, 0);
     assert!(short_fetching.wait().unwrap().success());
     Recording::open(&short).unwrap();

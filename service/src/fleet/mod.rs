@@ -26,7 +26,7 @@ pub use handle::{FleetHandle, FleetRefused, FleetSetup, Journal};
 pub use intake::{Intake, Taken};
 pub use pairing::PairingReport;
 pub use reading::ReadingSettings;
-pub use tap::{TapReader, Tapped};
+pub use tap::{TapReader, Tapped, Taps};
 pub use view::{
     AnnouncedTopic, Connection, Counters, FleetCounters, HistoryEvent, LiveUpdate, RobotState,
     RobotView, ServiceEvent, ServiceEventKind, Stream, StreamView, Warning, WarningKind,

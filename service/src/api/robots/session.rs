@@ -1,6 +1,6 @@
 //! `GET /robots/{id}/session`: a robot's session as it drives, as MCAP for Foxglove.
 
-use std::convert::Infallible;
+use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -9,9 +9,9 @@ use axum::extract::State;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use fleetcal_proto::RobotId;
-use futures::StreamExt;
+use futures::{Stream, StreamExt, stream};
 use serde::Deserialize;
-use tokio::sync::{Semaphore, mpsc};
+use tokio::sync::{Semaphore, mpsc, oneshot};
 use tokio_stream::wrappers::ReceiverStream;
 use tokio_util::sync::CancellationToken;
 
@@ -20,7 +20,7 @@ use crate::api::access::{Caller, permission_ended};
 use crate::api::extract::{Parameters, RobotPath, number_within};
 use crate::api::problem::Problem;
 use crate::limits;
-use crate::session_export::live;
+use crate::session_export::live::{self, LiveError, Patience};
 
 /// What recordings of sessions share.
 #[derive(Debug, Clone)]
@@ -55,7 +55,9 @@ pub(super) struct SessionFile(Vec<u8>);
 
 /// Records a robot's session from now on and gives it as it is written: an MCAP file that Foxglove
 /// opens, with the robot's own messages, `/tf`, `/{robot}/estimate` and `/{robot}/events`, all logged
-/// by the robot's clock. It is whole after `duration_s`, at the service's end, or when it has 1 GiB.
+/// by the robot's clock. It is whole after `duration_s`, when it has 1 GiB, or when the permission
+/// ends, for whoever takes the rest within 30 s; and at the service's end for whoever does within 2 s.
+/// Else, and when nothing is taken for 30 s, the connection breaks off and the file lacks its end.
 /// Nothing of it is kept. What came faster than it was fetched is missing; the metadata
 /// `fleetcal.session` say how much.
 #[utoipa::path(
@@ -94,6 +96,7 @@ pub(super) async fn get_session(
     })?;
     let tap = api.fleet.tap(&id)?;
     let (pieces, receiver) = mpsc::channel(limits::SESSION_PIECES_WAITING_MAX);
+    let (ended, outcome) = oneshot::channel();
     let file = HeaderValue::try_from(format!("attachment; filename=\"{id}.mcap\""));
     let stop = api.sessions.stop.clone();
     tokio::spawn(async move {
@@ -104,13 +107,15 @@ pub(super) async fn get_session(
                 () = permission_ended(api, caller) => {}
             }
         };
-        if let Err(error) = live::record(id.clone(), tap, pieces, end).await {
-            tracing::error!(robot.id = %id, %error, "the session cannot be recorded on");
+        let outcome = live::record(id.clone(), tap, pieces, Patience::default(), end).await;
+        if let Err(error) = &outcome {
+            tracing::warn!(robot.id = %id, %error, "a session's recording was broken off");
         }
         drop(place);
+        // Whoever fetched it may have gone.
+        drop(ended.send(outcome));
     });
-    let body = ReceiverStream::new(receiver).map(Ok::<Vec<u8>, Infallible>);
-    let mut response = Body::from_stream(body).into_response();
+    let mut response = Body::from_stream(file_of(receiver, outcome)).into_response();
     let headers = response.headers_mut();
     let bytes = HeaderValue::from_static("application/octet-stream");
     headers.insert(header::CONTENT_TYPE, bytes);
@@ -122,4 +127,52 @@ pub(super) async fn get_session(
     headers.insert(header::CONTENT_ENCODING, identity);
     headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
     Ok(response)
+}
+
+/// A recording's pieces, and after them an error unless it came to its end: that breaks the
+/// connection off, so that nobody takes for whole what is not.
+fn file_of(
+    pieces: mpsc::Receiver<Vec<u8>>,
+    outcome: oneshot::Receiver<Result<(), LiveError>>,
+) -> impl Stream<Item = io::Result<Vec<u8>>> {
+    let broken_off = stream::once(outcome).filter_map(|outcome| {
+        std::future::ready(match outcome {
+            Ok(Ok(())) => None,
+            Ok(Err(error)) => Some(Err(io::Error::other(error))),
+            Err(gone) => Some(Err(io::Error::other(gone))),
+        })
+    });
+    ReceiverStream::new(pieces).map(Ok).chain(broken_off)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What comes of two pieces and this outcome.
+    async fn file(outcome: Option<Result<(), LiveError>>) -> Vec<io::Result<Vec<u8>>> {
+        let (pieces, receiver) = mpsc::channel(2);
+        for piece in [vec![1], vec![2]] {
+            pieces.send(piece).await.unwrap();
+        }
+        drop(pieces);
+        let (ended, ending) = oneshot::channel();
+        match outcome {
+            Some(outcome) => ended.send(outcome).unwrap(),
+            None => drop(ended),
+        }
+        file_of(receiver, ending).collect().await
+    }
+
+    #[tokio::test]
+    async fn a_recording_without_its_end_ends_with_an_error() {
+        let whole = file(Some(Ok(()))).await;
+        assert!(whole.len() == 2 && whole.iter().all(Result::is_ok));
+        let waited = Duration::from_secs(30);
+        for outcome in [Some(Err(LiveError::RestNotTaken(waited))), None] {
+            let broken = file(outcome).await;
+            assert_eq!(broken.len(), 3, "both pieces come first");
+            assert!(broken[0].is_ok() && broken[1].is_ok() && broken[2].is_err());
+        }
+    }
 }

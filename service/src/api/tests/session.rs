@@ -1,9 +1,12 @@
 //! A robot's session as it is recorded.
 
+use std::time::Duration;
+
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::event::{RobotEvent, RobotEventKind};
 use fleetcal_robot::recording::Recording;
 
+use super::access::signed_in;
 use super::*;
 use crate::fleet::Stream;
 use crate::limits;
@@ -18,10 +21,28 @@ fn drive(stamp_s: i64) -> Vec<u8> {
     message.to_string().into_bytes()
 }
 
+/// Waits for something, but not for ever.
+async fn in_time<T>(what: &str, happening: impl Future<Output = T>) -> T {
+    let happened = tokio::time::timeout(Duration::from_secs(30), happening).await;
+    happened.unwrap_or_else(|_| panic!("{what}: not within 30 s"))
+}
+
+/// Reads a recording to its end.
+async fn read(mut session: axum::body::BodyDataStream) -> Vec<u8> {
+    let reading = async {
+        let mut bytes = Vec::new();
+        while let Some(piece) = session.next().await {
+            bytes.extend_from_slice(&piece.unwrap());
+        }
+        bytes
+    };
+    in_time("the recording's end", reading).await
+}
+
 #[tokio::test]
 async fn what_came_is_in_the_file_which_ends_with_the_service() {
     let bench = bench(&["a"]).await;
-    let mut session = bench.begin(URI, &[]).await;
+    let session = bench.begin(URI, &[]).await;
     for stamp_s in 1_000..1_010 {
         let payload = drive(stamp_s);
         bench.fleet.receive(
@@ -38,14 +59,14 @@ async fn what_came_is_in_the_file_which_ends_with_the_service() {
         note: "greased".to_owned(),
     };
     bench.fleet.note(&robot("a"), &note).unwrap();
-    while bench.fleet.robot(&robot("a")).unwrap().counters.waiting > 0 {
-        tokio::task::yield_now().await;
-    }
+    let taking = async {
+        while bench.fleet.robot(&robot("a")).unwrap().counters.waiting > 0 {
+            tokio::task::yield_now().await;
+        }
+    };
+    in_time("the robot's messages are taken", taking).await;
     bench.stop.cancel();
-    let mut bytes = Vec::new();
-    while let Some(piece) = session.next().await {
-        bytes.extend_from_slice(&piece.unwrap());
-    }
+    let bytes = read(session).await;
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.mcap");
     std::fs::write(&path, bytes).unwrap();
@@ -78,9 +99,29 @@ async fn sessions_are_limited_and_make_room_when_their_readers_go() {
         let response = bench.routes.clone().oneshot(request).await.unwrap();
         response.status() == StatusCode::SERVICE_UNAVAILABLE
     };
-    while is_full().await {
-        tokio::task::yield_now().await;
-    }
+    let leaving = async {
+        while is_full().await {
+            tokio::task::yield_now().await;
+        }
+    };
+    in_time("a place for another", leaving).await;
+}
+
+#[tokio::test]
+async fn a_recording_ends_when_its_operator_is_made_a_viewer() {
+    let bench = bench(&["a"]).await;
+    let cookie = signed_in(&bench, Role::Operator).await;
+    let headers = [("cookie", cookie.as_str())];
+    let session = bench
+        .begin(&format!("{URI}?duration_s=3600"), &headers)
+        .await;
+    let headers = [("if-match", "\"1\"")];
+    let role = r#"{"role": "viewer"}"#;
+    let edited = bench.send_body("PATCH", "/api/v1/users/1", &headers, role);
+    assert_eq!(edited.await.told(), "200");
+    // It is whole: that of a robot which has sent nothing.
+    let bytes = read(session).await;
+    assert!(bytes.ends_with(b"\x89MCAP0\r\n"), "{} bytes", bytes.len());
 }
 
 #[tokio::test]
