@@ -5,7 +5,7 @@ use std::io::BufWriter;
 use std::path::PathBuf;
 
 use clap::Args;
-use fleetcal_estimator::{Calibrator, Effect, EstimatorSettings, Event, Stamp, VehicleModel};
+use fleetcal_estimator::{Calibrator, Effect, EstimatorSettings, Event, VehicleModel};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::CalibrationReport;
 use fleetcal_robot::recording::{Channel, RecordedMessage, Recording, Topics, choose_topics};
@@ -23,7 +23,7 @@ use crate::command::timing::ScanTimes;
 use crate::command::topics::{self, TopicArguments};
 use crate::command::{CommandError, ModelName};
 use crate::config::{Config, RobotConfig, Wheelbase};
-use crate::fleet::{Intake, ReadingSettings, document};
+use crate::fleet::{Intake, LatestPose, ReadingSettings, document};
 use crate::session_export::SessionExport;
 use crate::streams::{Joints, StreamsFields};
 
@@ -202,7 +202,7 @@ struct Run<'a> {
     export: Option<SessionExport<BufWriter<File>>>,
     /// What a report shows, where one is asked for.
     session: Option<SessionRecord>,
-    last_pose: Option<Stamp>,
+    pose: LatestPose,
     times: ScanTimes,
 }
 
@@ -242,7 +242,7 @@ impl<'a> Run<'a> {
             trajectory,
             export: export.transpose()?,
             session: arguments.report.is_some().then(SessionRecord::default),
-            last_pose: None,
+            pose: LatestPose::default(),
             times: ScanTimes::default(),
         })
     }
@@ -314,7 +314,7 @@ impl<'a> Run<'a> {
             session.take(self.robot, effects);
         }
         self.export(effects)?;
-        let Some((stamp, pose)) = self.calibrator.base_pose() else {
+        let Some((stamp, pose)) = self.pose.advance(&self.calibrator) else {
             return Ok(());
         };
         if let Some(session) = &mut self.session {

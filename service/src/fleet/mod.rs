@@ -10,6 +10,7 @@ mod intake;
 mod mailbox;
 mod pairing;
 mod plan;
+mod pose;
 mod reading;
 mod robot;
 mod tap;
@@ -25,6 +26,7 @@ pub use cross_track::{BIN_WIDTH_M, BINS_PER_SIDE, CrossTrack, GENERATIONS_MAX, U
 pub use handle::{FleetHandle, FleetRefused, FleetSetup, Journal};
 pub use intake::{Intake, Taken};
 pub use pairing::PairingReport;
+pub use pose::LatestPose;
 pub use reading::ReadingSettings;
 pub use tap::{TapReader, Tapped, Taps};
 pub use view::{

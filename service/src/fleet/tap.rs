@@ -12,6 +12,7 @@ use fleetcal_proto::event::RobotEvent;
 use fleetcal_robot::recording::SessionTopic;
 use tokio::sync::mpsc;
 
+use crate::fleet::view::ServiceEvent;
 use crate::limits;
 use crate::words::word;
 
@@ -45,11 +46,20 @@ pub enum Tapped {
 impl Tapped {
     /// What a person or tool has noted.
     pub fn of_note(note: &RobotEvent) -> Self {
-        let words = format!("{}: {}", word(&note.kind), note.note);
-        Self::Event {
-            stamp_ns: note.stamp_ns,
-            words: words.trim_end_matches([':', ' ']).to_owned(),
-        }
+        Self::in_words(note.stamp_ns, &word(&note.kind), &note.note)
+    }
+
+    /// What the service says of the robot.
+    pub fn of_service_event(event: &ServiceEvent) -> Self {
+        Self::in_words(event.stamp_ns, &word(&event.kind), &event.note)
+    }
+
+    fn in_words(stamp_ns: i64, kind: &str, note: &str) -> Self {
+        let words = match note {
+            "" => kind.to_owned(),
+            note => format!("{kind}: {note}"),
+        };
+        Self::Event { stamp_ns, words }
     }
 
     /// How much of the room for payloads it takes.
@@ -105,6 +115,8 @@ impl Taps {
         let (sender, items) = mpsc::channel(limits::SESSION_WAITING_MAX);
         let counts = Arc::new(Counts::default());
         let mut open = self.lock();
+        // A robot that sends nothing clears no places of those who have gone.
+        open.retain(|tap| !tap.items.is_closed());
         open.push(Tap {
             items: sender,
             counts: Arc::clone(&counts),
@@ -115,8 +127,6 @@ impl Taps {
 
     /// Whether anybody reads.
     pub fn is_open(&self) -> bool {
-        // A robot that sends nothing clears no places of those who have gone.
-        open.retain(|tap| !tap.items.is_closed());
         self.count.load(Ordering::Acquire) > 0
     }
 
@@ -218,7 +228,6 @@ mod tests {
         taps.offer(|| Some(message(0)));
         assert!(!taps.is_open());
     }
-}
 
     #[test]
     fn who_has_gone_leaves_nothing_behind_though_the_robot_is_silent() {
@@ -233,3 +242,4 @@ mod tests {
         drop(taps.open());
         assert_eq!(taps.lock().len(), 1);
     }
+}

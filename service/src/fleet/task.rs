@@ -18,6 +18,7 @@ use crate::fleet::handle::Fleet;
 use crate::fleet::intake::Intake;
 use crate::fleet::mailbox::{Item, Message, Outcome};
 use crate::fleet::plan;
+use crate::fleet::pose::LatestPose;
 use crate::fleet::reading::ReadingSettings;
 use crate::fleet::robot::Robot;
 use crate::fleet::tap::Tapped;
@@ -26,7 +27,6 @@ use crate::fleet::view::{
     HistoryEvent, LiveUpdate, RobotState, ServiceEvent, ServiceEventKind, Stream, Warning,
 };
 use crate::limits::{ADVICE_EVERY_S, CHECKPOINT_EVERY_S, ESTIMATOR_RESTARTS_MAX, PLAN_EVERY_S};
-use crate::words::word;
 
 /// The parameters that have to be known for a robot to be called calibrated.
 const CALIBRATED: [ParameterName; 4] = [
@@ -97,7 +97,7 @@ struct RobotTask {
     advised: Option<Stamp>,
     newest: Stamp,
     /// The last pose of the rear axle that was handed to those who record.
-    tapped_pose: Option<Stamp>,
+    tapped_pose: LatestPose,
     /// The plan that was asked for last, and the newest message then.
     plan: Option<(Stamp, Arc<Plan>)>,
     /// Whether a change was seen and the new values are not known yet.
@@ -137,7 +137,7 @@ impl RobotTask {
             checkpointed: None,
             advised: None,
             newest: Stamp(0),
-            tapped_pose: None,
+            tapped_pose: LatestPose::default(),
             plan: None,
             changed: false,
             trial: None,
@@ -372,10 +372,7 @@ impl RobotTask {
         let Engine::Running(calibrator) = &self.engine else {
             return;
         };
-        if let Some((stamp, pose)) = calibrator.base_pose()
-            && self.tapped_pose != Some(stamp)
-        {
-            self.tapped_pose = Some(stamp);
+        if let Some((stamp, pose)) = self.tapped_pose.advance(calibrator) {
             self.robot.taps.offer(|| Some(Tapped::Pose(stamp, pose)));
         }
     }
@@ -463,11 +460,8 @@ impl RobotTask {
             stamp_ns: stamp.0,
             note,
         };
-        self.robot.taps.offer(|| {
-            let words = format!("{} {}", word(&event.kind), event.note);
-            let (stamp_ns, words) = (event.stamp_ns, words.trim_end().to_owned());
-            Some(Tapped::Event { stamp_ns, words })
-        });
+        let taps = &self.robot.taps;
+        taps.offer(|| Some(Tapped::of_service_event(&event)));
         self.fleet
             .record(&self.robot.id, HistoryEvent::Service(event));
     }
