@@ -58,7 +58,7 @@ fn apart(name: &str, reports: &[Value]) -> f64 {
         .iter()
         .map(|(value, sigma)| ((value - mean) / sigma).powi(2));
     let chi2 = squares.sum::<f64>() / (found.len() - 1) as f64;
-    println!("{name}: {:.2} sigma apart, {found:.4?}", chi2.sqrt());
+    eprintln!("{name}: {:.2} sigma apart, {found:.4?}", chi2.sqrt());
     chi2
 }
 
@@ -87,7 +87,7 @@ fn blocks_of_a_real_drive_agree_within_what_they_claim() {
             );
         }
         let mean = squares.iter().sum::<f64>() / squares.len() as f64;
-        println!("{count} blocks: mean square {mean:.2}");
+        eprintln!("{count} blocks: mean square {mean:.2}");
         assert!(
             mean < MEAN_SQUARE_MAX,
             "{count} blocks: mean square {mean:.2}"
