@@ -9,8 +9,6 @@ BUILT := $(or $(CARGO_TARGET_DIR),target)
 BIN := $(BUILT)/release/fleetcal
 PYTHON := $(abspath $(BUILT))/python/bin/python
 ZENOHD := $(abspath $(BUILT))/zenohd/bin/zenohd
-# Recordings that some tests and figures read; those say that they were skipped where it is not set.
-export FLEETCAL_DATA ?=
 export NPM_CONFIG_FUND = false
 export NPM_CONFIG_AUDIT = false
 export NPM_CONFIG_UPDATE_NOTIFIER = false
@@ -87,23 +85,35 @@ $(BUILT)/python/ready: tests/requirements.txt
 test: check test-rust test-web ## Runs all checks and tests
 
 .PHONY: check
-check: dashboard rust doc ## Format, lints, types and documentation
+check: dashboard rust doc ## Format, lints, types, documentation and the crate graph
 	$(CARGO) fmt --check
 	$(CARGO) clippy --release --locked --workspace --all-targets -- -D warnings
 	cd web && npm run check --silent
+	@# Shows the crates and what each may use; fails on a circle.
+	$(CARGO) test --release --locked -p fleetcal-architecture -- --nocapture --test-threads 1
 
 .PHONY: build-for-tests
 build-for-tests: dashboard rust
 	@# Binary and tests in one go: apart, their features differ and Zenoh is compiled twice.
 	$(CARGO) build --release --locked --workspace --bins --tests
 
+# What needs recordings is `make test-recordings`: the rest passes with no folder beside it.
 .PHONY: test-rust
 test-rust: build-for-tests strace python ## Rust tests, end-to-end ones included
 	if $(CARGO) nextest --version >/dev/null 2>&1; then \
-	  FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) $(CARGO) nextest run --release --locked --workspace; \
+	  env -u FLEETCAL_DATA FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) \
+	    $(CARGO) nextest run --release --locked --workspace -E 'not binary(recordings)'; \
 	else \
-	  FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) $(CARGO) test --release --locked --workspace -- --test-threads 2; \
+	  env -u FLEETCAL_DATA FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) \
+	    $(CARGO) test --release --locked --workspace -- --test-threads 2; \
 	fi
+
+.PHONY: test-recordings
+test-recordings: build-for-tests ## Tests on recordings of real robots, in the folder FLEETCAL_DATA
+	@[ -n "$${FLEETCAL_DATA:-}" ] && [ -d "$$FLEETCAL_DATA" ] \
+	  || { echo "FLEETCAL_DATA: got '$${FLEETCAL_DATA:-}', expected the folder with the recordings." >&2; exit 1; }
+	FLEETCAL_DATA="$$(cd "$$FLEETCAL_DATA" && pwd)" FLEETCAL_BIN=$(abspath $(BIN)) \
+	  $(CARGO) test --release --locked --workspace --test recordings -- --test-threads 1
 
 .PHONY: test-web
 test-web: build-for-tests chromium python ## The dashboard's unit tests, then the real binary in a browser
@@ -119,6 +129,10 @@ audit: rust ## Licences, bans and sources of all dependencies (cargo-deny)
 bench: rust ## Benchmarks of the estimator's stages
 	$(CARGO) bench --locked -p fleetcal-estimator
 
+.PHONY: build-loop
+build-loop: rust ## The developer's loop on an idle machine: touches a file, builds the binary, prints the time
+	tests/architecture/build_loop.sh
+
 .PHONY: false-alarms
 false-alarms: rust ## 3,000 simulated robot-hours without a change at the real threshold: under an hour
 	$(CARGO) run --release --locked -p fleetcal-estimator --example false_alarms -- campaign 3000
@@ -133,9 +147,23 @@ evaluation: rust ## The paper's evaluation and more: writes docs/evaluation.md, 
 evaluation-quick: rust ## The same with a few seeds, under three minutes: writes target/evaluation
 	$(CARGO) run --release --locked -p fleetcal-evaluation -- --quick --out target/evaluation
 
+# Robots of each imperfection and route: unchanged ones, and ones of each change and speed.
+SEEDS ?= 200
+CHANGE_SEEDS ?= 50
+.PHONY: imperfect-robots
+imperfect-robots: rust ## Claims and alarms of imperfect robots, 600 of each imperfection: hours; goes on where it stopped
+	$(CARGO) build --release --locked -p fleetcal-evaluation --bin imperfect_robots
+	mkdir -p target/imperfect_robots
+	$(dir $(BIN))imperfect_robots --report target/imperfect_robots/report.md --seeds $(SEEDS) --change-seeds $(CHANGE_SEEDS) \
+	  --results target/imperfect_robots/$$(git describe --always --dirty --exclude '*').jsonl
+
 .PHONY: load
 load: build ## 50 robots at once: prints the CPU time per robot-second and sample, and the share of the CPU
 	FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked -p fleetcal-tests --test load -- --nocapture
+
+.PHONY: hardening-http
+hardening-http: build ## 2,600 silent, slow and never-reading HTTP connections for ten minutes: prints N and percentiles
+	FLEETCAL_HTTP_FLOOD_S=600 FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked -p fleetcal-tests --test http -- --ignored --nocapture flood::
 
 .PHONY: encoders
 encoders: rust ## 10,000 random messages of each type by rosbags and pycdr2 (PyPI): same bytes back
@@ -155,6 +183,13 @@ zenohd: build ## Builds Zenoh's own router from its crate and tests the service 
 .PHONY: kill-rounds
 kill-rounds: rust ## Kills the deciding process 3,000 times: nothing acknowledged may be lost
 	KILL_ROUNDS=3000 $(CARGO) test --release --locked -p fleetcal-tests --test durability -- --nocapture kill::
+
+.PHONY: hardening-store
+hardening-store: build-for-tests strace ## Each N-th write and sync of the database fails: hours; goes on where it stopped
+	FLEETCAL_BIN=$(abspath $(BIN)) FAULTS_PROGRESS=$(abspath $(BUILT))/hardening-store.progress \
+	  $(CARGO) test --release --locked --workspace --test durability -- --nocapture --ignored campaign::
+	FLEETCAL_BIN=$(abspath $(BIN)) HANGS_FOR_S=30 \
+	  $(CARGO) test --release --locked --workspace --test durability -- --nocapture hanging::
 
 .PHONY: doc
 doc: rust ## The crates' documentation

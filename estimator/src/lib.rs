@@ -16,7 +16,6 @@ pub mod drive_history;
 pub mod estimate;
 pub mod excitation;
 pub mod filter;
-pub mod geometry;
 mod initial_guess;
 pub mod lidar_odometry;
 mod merge;
@@ -29,7 +28,9 @@ pub mod vehicle;
 
 pub use calibrator::{Calibrator, Checkpoint};
 pub use estimate::{Estimate, Parameter, ParameterEstimate, Status};
-pub use geometry::Pose2;
+pub use fleetcal_model::Pose2;
+/// Poses in the plane, SE(2).
+pub use fleetcal_model::plane as geometry;
 pub use lidar_odometry::LidarOdometry;
 pub use occupancy_grid::OccupancyGrid;
 pub use settings::{EstimatorSettings, Freedom, Measurement};

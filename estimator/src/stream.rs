@@ -4,31 +4,13 @@
 
 use std::sync::Arc;
 
+pub use fleetcal_model::{NoteKind, Stamp};
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::estimate::{Change, Estimate};
 use crate::geometry::Pose2;
-
-/// A point in message time: nanoseconds since the Unix epoch, as the robot's own clock stamps it.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize,
-)]
-pub struct Stamp(pub i64);
-
-impl Stamp {
-    /// Seconds from `earlier` to `self`; negative when `self` is the earlier one.
-    pub fn seconds_since(self, earlier: Self) -> f64 {
-        self.0.saturating_sub(earlier.0) as f64 * 1e-9
-    }
-
-    /// The stamp `seconds` later.
-    #[must_use]
-    pub fn plus_seconds(self, seconds: f64) -> Self {
-        Self(self.0.saturating_add((seconds * 1e9).round() as i64))
-    }
-}
 
 /// Largest number of beams a sweep may have. Real planar scanners stay below 4096.
 pub const BEAMS_MAX: usize = 16_384;
@@ -135,7 +117,8 @@ pub struct SweepShape {
     pub angle_min_rad: f64,
     /// Angle from one beam to the next, rad; negative for a scanner that turns clockwise.
     pub angle_increment_rad: f64,
-    /// Time from one beam to the next, s; 0 when all were taken at once or corrected already.
+    /// Time from one beam to the next, s; 0 when all were taken at once or corrected already, or when
+    /// the scanner does not say: LiDAR odometry finds out which.
     pub time_increment_s: f64,
     /// Shortest valid range, m.
     pub range_min_m: f64,
@@ -240,7 +223,12 @@ impl Sweep {
 
     /// The sweep's reference time: its middle. Poses of a sweep are poses at this time.
     pub fn reference_stamp(&self) -> Stamp {
-        let half_s = 0.5 * (self.ranges_m.len() - 1) as f64 * self.shape.time_increment_s;
+        self.middle_stamp(self.shape.time_increment_s)
+    }
+
+    /// Its middle when its beams follow each other after `time_increment_s`.
+    pub(crate) fn middle_stamp(&self, time_increment_s: f64) -> Stamp {
+        let half_s = 0.5 * (self.ranges_m.len() - 1) as f64 * time_increment_s;
         self.stamp.plus_seconds(half_s)
     }
 }
@@ -297,18 +285,6 @@ impl LidarPose {
     pub fn covariance(&self) -> Option<&Matrix3<f64>> {
         self.covariance.as_ref()
     }
-}
-
-/// What a person or a tool says happened to the robot.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum NoteKind {
-    /// Parts were taken off and put back: the calibration may have changed.
-    Reassembled,
-    /// Other work was done on the robot.
-    Maintenance,
-    /// The robot was switched on.
-    PowerOn,
 }
 
 /// A note in a robot's history.

@@ -84,6 +84,26 @@ fn a_second_of_driving_is_known_to_two_millimetres_and_a_hundredth_of_a_degree()
 }
 
 #[test]
+fn a_map_that_is_begun_in_a_turn_is_as_true_as_one_begun_at_rest() {
+    let scene = Scene::warehouse();
+    for moment in 0..30 {
+        let begin_s = 5.0 + 1.1 * f64::from(moment);
+        let route = move |t: f64| figure_eight(begin_s + t);
+        let seed = 100 + moment as u64;
+        let pairs = drive(&scene, &Scanner::default(), &route, 60, seed, &|_| true);
+        assert_eq!(lost_sweeps(&pairs), 0, "begun at {begin_s} s");
+        for window in pairs.windows(11).step_by(10) {
+            let off = error(&window[0], &window[10]);
+            let (off_mm, off_deg) = (1e3 * off.xy().norm(), off.z.abs().to_degrees());
+            assert!(
+                off_mm < 5.0 && off_deg < 0.03,
+                "begun at {begin_s} s: {off_mm:.1} mm and {off_deg:.3} deg over one second"
+            );
+        }
+    }
+}
+
+#[test]
 fn the_covariance_is_as_large_as_the_errors_over_many_seeds() {
     let scene = Scene::warehouse();
     let runs: Vec<_> = (0..8)

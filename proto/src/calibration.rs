@@ -6,8 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::estimate::PoseDocument;
-use crate::robot_id::RobotId;
+use fleetcal_model::{Pose2, RobotId};
 
 /// A signed calibration document.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -117,10 +116,10 @@ pub struct CalibrationDocument {
     /// Where the rear axle's centre is in the vehicle's `base_link`, where that frame is configured.
     /// Like the pose below it came later: who does not know it passes it over.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rear_axle_in_base_link: Option<PoseDocument>,
+    pub rear_axle_in_base_link: Option<Pose2>,
     /// The LiDAR's pose in that frame, by the values.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub lidar_in_base_link: Option<PoseDocument>,
+    pub lidar_in_base_link: Option<Pose2>,
 }
 
 /// What became of a calibration on the robot.

@@ -5,117 +5,11 @@
 
 use std::collections::BTreeMap;
 
+use fleetcal_model::{
+    Cause, ChangeKind, Consistency, Counts, Parameter, ParameterStatus, Pose2, RobotId, Unit,
+    VehicleModel,
+};
 use serde::{Deserialize, Serialize};
-
-use crate::robot_id::RobotId;
-
-/// A parameter of the calibration, as documents name it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
-pub enum ParameterName {
-    /// What the steering sensor shows when the wheel points straight ahead, rad.
-    SteeringOffset,
-    /// The LiDAR's position along x of `base`, m.
-    LidarX,
-    /// The LiDAR's position along y of `base`, m.
-    LidarY,
-    /// The LiDAR's heading in `base`, rad.
-    LidarYaw,
-    /// True speed over measured speed.
-    SpeedScale,
-    /// Distance between the axles, m.
-    Wheelbase,
-    /// How much later a motion shows in the drive stream than in the LiDAR's, s.
-    TimeOffset,
-    /// True steering angle (less its offset) over the measured one.
-    SteeringGain,
-}
-
-impl ParameterName {
-    /// All of them, in the order of documents.
-    pub const ALL: [Self; 8] = [
-        Self::SteeringOffset,
-        Self::LidarX,
-        Self::LidarY,
-        Self::LidarYaw,
-        Self::SpeedScale,
-        Self::Wheelbase,
-        Self::TimeOffset,
-        Self::SteeringGain,
-    ];
-
-    /// The name in documents.
-    pub const fn as_str(self) -> &'static str {
-        match self {
-            Self::SteeringOffset => "steering_offset",
-            Self::LidarX => "lidar_x",
-            Self::LidarY => "lidar_y",
-            Self::LidarYaw => "lidar_yaw",
-            Self::SpeedScale => "speed_scale",
-            Self::Wheelbase => "wheelbase",
-            Self::TimeOffset => "time_offset",
-            Self::SteeringGain => "steering_gain",
-        }
-    }
-
-    /// The parameter's unit.
-    pub const fn unit(self) -> Unit {
-        match self {
-            Self::SteeringOffset | Self::LidarYaw => Unit::Radian,
-            Self::LidarX | Self::LidarY | Self::Wheelbase => Unit::Metre,
-            Self::TimeOffset => Unit::Second,
-            Self::SpeedScale | Self::SteeringGain => Unit::One,
-        }
-    }
-}
-
-/// Unit of a parameter's value and sigma.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
-pub enum Unit {
-    /// Radian.
-    #[serde(rename = "rad")]
-    Radian,
-    /// Metre.
-    #[serde(rename = "m")]
-    Metre,
-    /// Second.
-    #[serde(rename = "s")]
-    Second,
-    /// A plain ratio.
-    #[serde(rename = "1")]
-    One,
-}
-
-impl Unit {
-    /// The name in documents.
-    pub const fn symbol(self) -> &'static str {
-        match self {
-            Self::Radian => "rad",
-            Self::Metre => "m",
-            Self::Second => "s",
-            Self::One => "1",
-        }
-    }
-}
-
-/// How far a parameter is known.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
-pub enum ParameterStatus {
-    /// Its sigma is inside its limit and the data behind it repeat it.
-    Converged,
-    /// On its way.
-    Learning,
-    /// The motions so far say nothing about it.
-    Unobservable,
-    /// Held at its configured value, with its configured doubt.
-    Fixed,
-    /// Not part of the model.
-    Off,
-}
 
 /// One parameter: `P` of the documents.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -157,53 +51,25 @@ pub struct Parameters {
 
 impl Parameters {
     /// One of them by its name.
-    pub fn get(&self, name: ParameterName) -> &ParameterDocument {
+    pub fn get(&self, name: Parameter) -> &ParameterDocument {
         match name {
-            ParameterName::SteeringOffset => &self.steering_offset,
-            ParameterName::LidarX => &self.lidar_x,
-            ParameterName::LidarY => &self.lidar_y,
-            ParameterName::LidarYaw => &self.lidar_yaw,
-            ParameterName::SpeedScale => &self.speed_scale,
-            ParameterName::Wheelbase => &self.wheelbase,
-            ParameterName::TimeOffset => &self.time_offset,
-            ParameterName::SteeringGain => &self.steering_gain,
+            Parameter::SteeringOffset => &self.steering_offset,
+            Parameter::LidarX => &self.lidar_x,
+            Parameter::LidarY => &self.lidar_y,
+            Parameter::LidarYaw => &self.lidar_yaw,
+            Parameter::SpeedScale => &self.speed_scale,
+            Parameter::Wheelbase => &self.wheelbase,
+            Parameter::TimeOffset => &self.time_offset,
+            Parameter::SteeringGain => &self.steering_gain,
         }
     }
 
-    /// All of them with their names, in the order of [`ParameterName::ALL`].
-    pub fn iter(&self) -> impl Iterator<Item = (ParameterName, &ParameterDocument)> {
-        ParameterName::ALL
+    /// All of them with their names, in the order of [`Parameter::ALL`].
+    pub fn iter(&self) -> impl Iterator<Item = (Parameter, &ParameterDocument)> {
+        Parameter::ALL
             .into_iter()
             .map(|name| (name, self.get(name)))
     }
-}
-
-/// Whether the filter's innovations are as large as it believes.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
-pub struct Consistency {
-    /// Mean normalised innovation squared over the recent updates.
-    pub nis_mean: f64,
-    /// Its expectation: the degrees of freedom of one update.
-    pub nis_dof: f64,
-    /// How many updates the mean is over.
-    pub samples: u64,
-}
-
-/// What was taken in since the session began.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
-pub struct Counts {
-    /// Drive samples used.
-    pub drive_samples: u64,
-    /// Sweeps or LiDAR poses used.
-    pub scans: u64,
-    /// Sweeps that could not be used.
-    pub scans_rejected: u64,
-    /// Messages that came too late.
-    pub late: u64,
-    /// Messages that came twice.
-    pub duplicates: u64,
 }
 
 /// The state of one robot's calibration now, on `{root}/{robot}/estimate` once a second and from
@@ -227,50 +93,7 @@ pub struct EstimateDocument {
     pub counts: Counts,
     /// The LiDAR's pose in the vehicle's `base_link`, where that frame is configured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub lidar_in_base_link: Option<PoseDocument>,
-}
-
-/// A pose in the plane.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
-pub struct PoseDocument {
-    /// Forward, m.
-    pub x_m: f64,
-    /// To the left, m.
-    pub y_m: f64,
-    /// Counter-clockwise, rad.
-    pub yaw_rad: f64,
-}
-
-/// What was seen to happen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
-pub enum ChangeKind {
-    /// The vehicle is no longer the one that was calibrated.
-    CalibrationChanged,
-    /// The parts were reported as reassembled and the comparison came out equal.
-    CalibrationConfirmed,
-    /// A sensor or the LiDAR odometry failed for a while.
-    Fault,
-}
-
-/// What a change came from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
-pub enum ChangeCause {
-    /// The steering zero moved.
-    Steering,
-    /// The LiDAR moved on the vehicle.
-    LidarMount,
-    /// Wheels or wheelbase changed.
-    Vehicle,
-    /// The LiDAR odometry failed.
-    Odometry,
-    /// The data do not tell.
-    Unknown,
+    pub lidar_in_base_link: Option<Pose2>,
 }
 
 /// A change or fault that was seen: one of `events`.
@@ -280,7 +103,7 @@ pub struct ChangeDocument {
     /// What happened.
     pub kind: ChangeKind,
     /// What it came from.
-    pub cause: ChangeCause,
+    pub cause: Cause,
     /// When it was flagged, in seconds since the session's first message.
     pub time_s: f64,
     /// When it began, in seconds since the session's first message.
@@ -288,7 +111,7 @@ pub struct ChangeDocument {
     /// When it was flagged, ns since 1970, by the robot's clock.
     pub stamp_ns: i64,
     /// New value less old value of each parameter that moved, in the parameter's unit.
-    pub change: BTreeMap<ParameterName, f64>,
+    pub change: BTreeMap<Parameter, f64>,
 }
 
 /// A stretch between changes.
@@ -301,19 +124,6 @@ pub struct Segment {
     pub to_s: f64,
     /// The parameters at its end.
     pub parameters: Parameters,
-}
-
-/// How a vehicle steers and where its speed is measured.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
-pub enum VehicleModel {
-    /// Steered front axle (Ackermann too), speed of the rear axle.
-    Bicycle,
-    /// One steered and driven front wheel, speed of that wheel.
-    Tricycle,
-    /// Two driven wheels on one axle, no steering.
-    Differential,
 }
 
 /// The vehicle a calibration is of.
@@ -375,7 +185,7 @@ mod tests {
     use super::*;
 
     fn parameters() -> Parameters {
-        let p = |name: ParameterName| ParameterDocument {
+        let p = |name: Parameter| ParameterDocument {
             value: 0.1,
             sigma: 0.2,
             unit: name.unit(),
@@ -383,14 +193,14 @@ mod tests {
             needs: None,
         };
         Parameters {
-            steering_offset: p(ParameterName::SteeringOffset),
-            lidar_x: p(ParameterName::LidarX),
-            lidar_y: p(ParameterName::LidarY),
-            lidar_yaw: p(ParameterName::LidarYaw),
-            speed_scale: p(ParameterName::SpeedScale),
-            wheelbase: p(ParameterName::Wheelbase),
-            time_offset: p(ParameterName::TimeOffset),
-            steering_gain: p(ParameterName::SteeringGain),
+            steering_offset: p(Parameter::SteeringOffset),
+            lidar_x: p(Parameter::LidarX),
+            lidar_y: p(Parameter::LidarY),
+            lidar_yaw: p(Parameter::LidarYaw),
+            speed_scale: p(Parameter::SpeedScale),
+            wheelbase: p(Parameter::Wheelbase),
+            time_offset: p(Parameter::TimeOffset),
+            steering_gain: p(Parameter::SteeringGain),
         }
     }
 
@@ -420,11 +230,11 @@ mod tests {
             consistency: Consistency::default(),
             events: vec![ChangeDocument {
                 kind: ChangeKind::CalibrationChanged,
-                cause: ChangeCause::LidarMount,
+                cause: Cause::LidarMount,
                 time_s: 90.5,
                 onset_s: 90.0,
                 stamp_ns: 7,
-                change: BTreeMap::from([(ParameterName::LidarX, 0.02)]),
+                change: BTreeMap::from([(Parameter::LidarX, 0.02)]),
             }],
             segments: vec![Segment {
                 from_s: 0.0,
@@ -473,9 +283,9 @@ mod tests {
         let json = serde_json::to_value(parameters()).unwrap();
         for (name, document) in parameters().iter() {
             let found: ParameterDocument =
-                serde_json::from_value(json[name.as_str()].clone()).unwrap();
+                serde_json::from_value(json[name.name()].clone()).unwrap();
             assert_eq!(&found, document);
-            assert_eq!(serde_json::to_value(name).unwrap(), name.as_str());
+            assert_eq!(serde_json::to_value(name).unwrap(), name.name());
         }
     }
 }

@@ -1,19 +1,7 @@
 //! What a robot or a tool says besides its streams: events, and how well it follows its path.
 
+use fleetcal_model::NoteKind;
 use serde::{Deserialize, Serialize};
-
-/// What happened to a robot.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
-pub enum RobotEventKind {
-    /// Parts were taken off and put back: the calibration may have changed.
-    Reassembled,
-    /// Other work was done on the robot.
-    Maintenance,
-    /// The robot was switched on.
-    PowerOn,
-}
 
 /// A note in a robot's history, on `{root}/{robot}/event`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -21,7 +9,7 @@ pub enum RobotEventKind {
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct RobotEvent {
     /// What happened.
-    pub kind: RobotEventKind,
+    pub kind: NoteKind,
     /// When it happened, ns since 1970, by the robot's clock.
     pub stamp_ns: i64,
     /// More about it, for people.
@@ -48,7 +36,7 @@ mod tests {
     fn an_event_reads_as_documented() {
         let text = r#"{"kind":"reassembled","stamp_ns":5,"note":"new LiDAR bracket"}"#;
         let event: RobotEvent = serde_json::from_str(text).unwrap();
-        assert_eq!(event.kind, RobotEventKind::Reassembled);
+        assert_eq!(event.kind, NoteKind::Reassembled);
         assert_eq!(serde_json::to_string(&event).unwrap(), text);
         assert!(serde_json::from_str::<RobotEvent>(r#"{"kind":"power_on","stamp_ns":5}"#).is_ok());
     }

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::robot_id::{RobotId, RobotIdRefused};
+use fleetcal_model::{RobotId, RobotIdRefused};
 
 /// The root chunk when none is configured.
 pub const ROOT_DEFAULT: &str = "fleet";
@@ -57,16 +57,6 @@ impl StreamKind {
         Self::CalibrationConfirmed,
         Self::CrossTrackError,
         Self::Progress,
-    ];
-
-    /// What a robot sends and the service subscribes to.
-    pub const FROM_ROBOT: [Self; 6] = [
-        Self::Drive,
-        Self::Scan,
-        Self::LidarOdometry,
-        Self::Event,
-        Self::CalibrationApplied,
-        Self::CrossTrackError,
     ];
 
     /// The chunks behind the robot's: `drive`, `calibration/approved` and so on.

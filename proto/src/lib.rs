@@ -10,13 +10,14 @@ pub mod encoding;
 pub mod estimate;
 pub mod event;
 pub mod key;
+pub mod message_type;
 pub mod progress;
-pub mod robot_id;
 pub mod ros;
 pub mod ros2_key;
 pub mod signing;
 
 pub use encoding::{DecodeError, Encoding};
+pub use fleetcal_model::RobotId;
 pub use key::{Key, KeyRoot, Keys, StreamKind};
-pub use robot_id::RobotId;
+pub use message_type::{Form, MessageType, ScanType};
 pub use ros::RosMessage;

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::session::SessionError;
+use crate::session_error::SessionError;
 
 /// Largest message a robot reads, bytes.
 const MESSAGE_BYTES_MAX: usize = 4 * 1024 * 1024;

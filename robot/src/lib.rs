@@ -10,16 +10,14 @@ mod connection;
 #[cfg(feature = "wire")]
 pub mod fleet;
 #[cfg(feature = "wire")]
-mod planar_pose;
-#[cfg(feature = "wire")]
 pub mod recording;
 #[cfg(feature = "wire")]
 pub mod replay;
 #[cfg(feature = "wire")]
 mod session;
+#[cfg(feature = "wire")]
+mod session_error;
 pub mod simulator;
 
 #[cfg(feature = "wire")]
 pub use connection::Connection;
-#[cfg(feature = "wire")]
-pub use planar_pose::PlanarPose;

@@ -1,10 +1,8 @@
 //! A robot's Zenoh session: a client that waits for its router for as long as it takes.
 
-use std::path::PathBuf;
 use std::time::Duration;
 
 use fleetcal_proto::{Encoding, Keys, RobotId, StreamKind};
-use thiserror::Error;
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, info};
 use zenoh::Wait;
@@ -12,45 +10,12 @@ use zenoh::pubsub::Publisher;
 use zenoh::qos::CongestionControl;
 
 use crate::connection::Connection;
+use crate::session_error::SessionError;
 
 /// How long one attempt to connect may take.
 const CONNECT_TIMEOUT_MS: u64 = 2000;
 /// Pause between two attempts.
 const CONNECT_PAUSE: Duration = Duration::from_secs(1);
-
-/// Why Zenoh refused.
-#[derive(Debug, Error)]
-pub enum SessionError {
-    /// The native configuration cannot be used.
-    #[error("the Zenoh configuration {}: {reason}", path.display())]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// What Zenoh says.
-        reason: String,
-    },
-    /// The client's configuration cannot be.
-    #[error("{field} is {value}: {reason}")]
-    Config {
-        /// Zenoh's key.
-        field: &'static str,
-        /// Its value.
-        value: String,
-        /// What Zenoh says.
-        reason: String,
-    },
-    /// Something could not be declared or sent.
-    #[error("{key}: {reason}")]
-    Key {
-        /// The key expression.
-        key: String,
-        /// What Zenoh says.
-        reason: String,
-    },
-    /// The thread that opens a session ended.
-    #[error("opening a Zenoh session: {0}")]
-    Opening(#[from] tokio::task::JoinError),
-}
 
 pub(crate) fn at_key(key: &str) -> impl FnOnce(zenoh::Error) -> SessionError {
     move |error| SessionError::Key {

@@ -4,7 +4,7 @@
 use std::io::Write;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let document = fleetcal::api::openapi().to_pretty_json()?;
+    let document = fleetcal_api::openapi().to_pretty_json()?;
     writeln!(std::io::stdout(), "{document}")?;
     Ok(())
 }

@@ -7,11 +7,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use clap::Parser;
-use fleetcal::clock::{SharedClock, SystemClock};
 use fleetcal::command::{
-    Cli, Command, CommandError, acl, agent, backup, calibrate, completions, demo, odometry, replay,
-    serve, simulate, token, user,
+    Cli, Command, CommandError, acl, backup, completions, demo, serve, token, user,
 };
+use fleetcal_clock::{SharedClock, SystemClock};
+use fleetcal_command::{agent, calibrate, odometry, replay, simulate};
 use tracing_subscriber::EnvFilter;
 
 /// Threads that still work for a library when a command has ended get this long.
@@ -32,8 +32,8 @@ fn main() -> ExitCode {
 fn run(command: &Command) -> Result<(), CommandError> {
     let clock: SharedClock = Arc::new(SystemClock::start());
     match command {
-        Command::Calibrate(arguments) => calibrate::run(arguments, &*clock),
-        Command::Odometry(arguments) => odometry::run(arguments, &*clock),
+        Command::Calibrate(arguments) => Ok(calibrate::run(arguments, &*clock)?),
+        Command::Odometry(arguments) => Ok(odometry::run(arguments, &*clock)?),
         Command::Serve(arguments) => on_runtime(serve::run(arguments, clock)),
         Command::Replay(arguments) => on_runtime(replay::run(arguments)),
         Command::Agent(arguments) => on_runtime(agent::run(arguments, clock)),
@@ -48,13 +48,16 @@ fn run(command: &Command) -> Result<(), CommandError> {
 }
 
 /// Runs a command that waits for the world, on as many threads as there are cores.
-fn on_runtime(command: impl Future<Output = Result<(), CommandError>>) -> Result<(), CommandError> {
+fn on_runtime<E>(command: impl Future<Output = Result<(), E>>) -> Result<(), CommandError>
+where
+    CommandError: From<E>,
+{
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
         .build()?;
     let result = runtime.block_on(command);
     runtime.shutdown_timeout(LEFT_OVER_TIMEOUT);
-    result
+    Ok(result?)
 }
 
 /// An error with what it came from, each said once.

@@ -4,27 +4,27 @@ use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::sync::Arc;
 
+use fleetcal_api::{AccessSetup, ApiSetup, router, serve};
+use fleetcal_clock::SharedClock;
+use fleetcal_config::Config;
+use fleetcal_domain::access::{Actor, SetupCode};
+use fleetcal_domain::limits;
+use fleetcal_domain::robot::{CrossTrack, RobotConfig};
+use fleetcal_fleet::{FleetHandle, FleetSetup};
+use fleetcal_http::Connections;
+use fleetcal_http::PublicUrl;
+use fleetcal_link::{Link, LinkError, LinkSetup};
+use fleetcal_operations::clerk::{Clerk, ClerkSetup};
+use fleetcal_operations::courier::{Courier, CourierSetup};
+use fleetcal_operations::entropy::{self, NoEntropy};
+use fleetcal_operations::sentry::{Sentry, SentrySetup};
 use fleetcal_proto::{Keys, RobotId};
+use fleetcal_sqlite::signing_key::{self, KeyError};
+use fleetcal_store::{Expected, Store, StoreError};
 use thiserror::Error;
-use tokio::net::TcpListener;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
-
-use crate::access::{Actor, SetupCode};
-use crate::api::{self, AccessSetup, ApiSetup};
-use crate::clerk::{Clerk, ClerkSetup};
-use crate::clock::SharedClock;
-use crate::config::{Config, RobotConfig};
-use crate::courier::{Courier, CourierSetup};
-use crate::entropy::{self, NoEntropy};
-use crate::fleet::{CrossTrack, FleetHandle, FleetSetup};
-use crate::limits;
-use crate::link::{Link, LinkError, LinkSetup};
-use crate::public_url::PublicUrl;
-use crate::sentry::{Sentry, SentrySetup};
-use crate::signing_key::{self, KeyError};
-use crate::store::{Expected, Store, StoreError};
 
 /// Why the service could not be started.
 #[derive(Debug, Error)]
@@ -88,15 +88,16 @@ impl Service {
             address: config.http,
             source,
         };
-        let listener = TcpListener::bind(config.http).await.map_err(refused)?;
+        let listener = fleetcal_http::listen(config.http).map_err(refused)?;
         let http_address = listener.local_addr().map_err(refused)?;
-        let store = Store::open(&config.data, Arc::clone(&clock)).await?;
+        let store = fleetcal_sqlite::open(&config.data, Arc::clone(&clock)).await?;
         let fleet = start_fleet(&config, &store, Arc::clone(&clock)).await?;
         let (clerk, sentry, courier) = start_staff(&config, &store, &fleet, &clock).await?;
         let stop = CancellationToken::new();
         let (link_open, link_is_open) = watch::channel(false);
         let (setup_code, setup_text) = setup_code(&store, clock.now_ns()).await?.unzip();
-        let routes = api::router(ApiSetup {
+        let connections = Connections::new(Arc::clone(&clock), config.trusted_proxies.clone());
+        let routes = router(ApiSetup {
             fleet: fleet.clone(),
             clerk: clerk.clone(),
             sentry: sentry.clone(),
@@ -108,9 +109,10 @@ impl Service {
                 public_url: config.public_url.clone(),
                 setup_code,
             },
+            connections: connections.clone(),
             stop: stop.clone(),
         });
-        let http = tokio::spawn(api::serve(listener, routes, stop.clone()));
+        let http = tokio::spawn(serve(listener, routes, connections, stop.clone()));
         let setup = LinkSetup {
             listen: config.listen,
             connect: config.connect,
@@ -184,7 +186,10 @@ impl Service {
     }
 
     /// Takes no further message, works through what waits, stores it, and ends.
-    pub async fn stop(self) {
+    ///
+    /// # Errors
+    /// [`StoreError::RowsLost`] when not everything could be stored, or the database's failure.
+    pub async fn stop(self) -> Result<(), StoreError> {
         self.link_open.send_replace(false);
         self.stop.cancel();
         self.link.close().await;
@@ -192,10 +197,11 @@ impl Service {
         self.courier.stop().await;
         self.clerk.stop().await;
         self.fleet.stop().await;
-        close_store(&self.store).await;
+        let closed = self.store.close().await;
         if let Err(error) = self.http.await {
             tracing::error!(%error, "the HTTP server failed");
         }
+        closed
     }
 }
 

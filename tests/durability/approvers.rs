@@ -3,13 +3,13 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use fleetcal::access::{Actor, Authentication, Role};
-use fleetcal::approval::{Command, Evidence, Origin, Policy, ProposalState, Refused};
-use fleetcal::clock::SystemClock;
-use fleetcal::store::{Decided, Decision, ProposalFilter, Store, StoreError};
+use fleetcal_clock::SystemClock;
+use fleetcal_domain::access::{Actor, Authentication, Role};
+use fleetcal_domain::approval::{Command, Evidence, Origin, Policy, ProposalState, Refused};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::signing::SigningKey;
+use fleetcal_store::{Decided, Decision, ProposalFilter, Store, StoreError};
 
 use crate::records;
 
@@ -42,6 +42,7 @@ async fn decide(
         now_ns: 1_763_700_000_000_000_000,
         idempotency: None,
         rear_axle_in_base_link: None,
+        present: fleetcal_domain::approval::Present::Unknown,
     };
     store.decide(decision).await
 }
@@ -113,7 +114,7 @@ async fn race(store: &Store, robot: &RobotId) -> &'static str {
 async fn of_two_approvers_at_once_exactly_one_wins() {
     let folder = tempfile::tempdir().unwrap();
     let clock = Arc::new(SystemClock::start());
-    let store = Store::open(folder.path(), clock).await.unwrap();
+    let store = fleetcal_sqlite::open(folder.path(), clock).await.unwrap();
     let mut races = tokio::task::JoinSet::new();
     for number in 0..ROBOTS {
         let store = store.clone();
@@ -149,7 +150,7 @@ async fn snapshot(folder: &Path) -> String {
 async fn what_is_refused_leaves_nothing_behind() {
     let folder = tempfile::tempdir().unwrap();
     let clock = Arc::new(SystemClock::start());
-    let store = Store::open(folder.path(), clock).await.unwrap();
+    let store = fleetcal_sqlite::open(folder.path(), clock).await.unwrap();
     let robot = RobotId::parse("tugger_1").unwrap();
     let (id, approve) = propose(&store, &robot).await;
     let Command::Approve { sha256, .. } = &approve else {

@@ -1,6 +1,6 @@
 //! What the deciding process tries next.
 
-use fleetcal::approval::{
+use fleetcal_domain::approval::{
     Command, Deployment, DeploymentState, Evidence, Origin, Proposal, RobotLedger, Verification,
 };
 use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};

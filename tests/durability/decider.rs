@@ -17,16 +17,19 @@ use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
 
-use fleetcal::access::{Actor, Authentication, Role};
-use fleetcal::approval::{self, NextIds, Outcome, Parcel, Policy, Standing};
-use fleetcal::clerk::{Clerk, ClerkSetup};
-use fleetcal::clock::{SharedClock, SystemClock};
-use fleetcal::config::{RobotConfig, Wheelbase};
-use fleetcal::fleet::{FleetHandle, FleetSetup};
-use fleetcal::store::{Decided, Outlives, Store, StoreError};
+use fleetcal_clock::{SharedClock, SystemClock};
+use fleetcal_domain::access::{Actor, Authentication, Role};
+use fleetcal_domain::approval::{
+    self, NextIds, Outcome, Parcel, Policy, Present, Standing, audited,
+};
+use fleetcal_domain::robot::{RobotConfig, Wheelbase};
 use fleetcal_estimator::{EstimatorSettings, VehicleModel};
+use fleetcal_fleet::{FleetHandle, FleetSetup};
+use fleetcal_operations::clerk::{Clerk, ClerkSetup};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::signing::SigningKey;
+use fleetcal_sqlite::Outlives;
+use fleetcal_store::{Decided, StoreError};
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 
@@ -78,7 +81,7 @@ fn say(said: &Said) {
 async fn run(order: &Order, session: u64) {
     let clock: SharedClock = Arc::new(SystemClock::start());
     let folder = Path::new(&order.folder);
-    let store = Store::open_with(folder, Arc::clone(&clock), order.outlives);
+    let store = fleetcal_sqlite::open_with(folder, Arc::clone(&clock), order.outlives);
     let store = store.await.unwrap();
     let vehicle =
         || RobotConfig::of_vehicle(VehicleModel::Bicycle, Wheelbase::try_from(1.2).unwrap());
@@ -151,6 +154,7 @@ impl Worker {
                 now_ns: self.clock.now_ns(),
                 held: false,
                 rear_axle_in_base_link: None,
+                present: Present::Unknown,
             };
             // Numbers that the store gives to nothing.
             let ids = NextIds {
@@ -197,10 +201,10 @@ fn effect(robot: &str, outcome: &Outcome) -> Effect {
         Parcel::Confirmed(generation) => ("confirmed".to_owned(), *generation),
     };
     let rows = outcome.transitions.iter().map(|transition| Row {
-        action: transition.action.to_owned(),
-        subject: transition.subject.as_str().to_owned(),
-        subject_id: transition.subject_id.clone(),
-        after: transition.after.clone(),
+        action: transition.action().to_owned(),
+        subject: transition.subject().to_owned(),
+        subject_id: transition.subject_id(),
+        after: audited(transition).1,
     });
     Effect {
         robot: robot.to_owned(),

@@ -8,10 +8,16 @@
 )]
 
 mod approvers;
+mod campaign;
 mod disk;
+mod full_disk;
+mod hanging;
+mod injected;
 mod kill;
 mod power;
 mod records;
 mod said;
+mod short_writes;
+mod small_disk;
 mod trace;
 mod witness;

@@ -4,8 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use fleetcal::clock::SystemClock;
-use fleetcal::store::Store;
+use fleetcal_clock::SystemClock;
 use fleetcal_proto::signing::{SigningKey, TrustedKeys};
 use serde_json::Value;
 
@@ -72,7 +71,7 @@ impl Witness {
             ))
         };
         let clock = Arc::new(SystemClock::start());
-        let store = Store::open(folder, clock)
+        let store = fleetcal_sqlite::open(folder, clock)
             .await
             .map_err(|error| damaged(&error))?;
         store

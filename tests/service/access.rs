@@ -63,8 +63,10 @@ fn tokens_are_made_and_revoked_beside_a_running_service() {
 
 #[test]
 fn users_are_made_and_kept_out_over_the_command_line() {
-    let folder = TempDir::new().unwrap();
-    let data = folder.path().join("data");
+    // The service need not run, but has made the database.
+    let mut service = Service::start(&[]);
+    let data = service.data();
+    service.terminate();
     let create = ["create", "--name", "ann", "--role", "admin"];
     let short = user(&data, &create, "secret");
     assert_eq!(short.status.code(), Some(2));
@@ -137,4 +139,34 @@ fn a_backup_of_a_running_service_can_be_served() {
         "{}",
         said(&nowhere)
     );
+}
+
+#[test]
+fn no_command_makes_anything_in_a_wrong_folder() {
+    let folder = TempDir::new().unwrap();
+    let empty = folder.path().join("empty");
+    std::fs::create_dir(&empty).unwrap();
+    for data in [folder.path().join("wrong"), empty.clone()] {
+        let backup = folder.path().join("backup.db");
+        let commands: [&[&str]; 6] = [
+            &["token", "list"],
+            &["token", "create", "--role", "viewer", "--name", "wall"],
+            &["token", "revoke", "1"],
+            &["user", "list"],
+            &["user", "disable", "--name", "ann"],
+            &["backup", "--to", backup.to_str().unwrap()],
+        ];
+        for command in commands {
+            let refused = run(&data, command);
+            assert_eq!(refused.status.code(), Some(2), "{command:?}");
+            let said = said(&refused);
+            assert!(said.contains("there is no database"), "{command:?}: {said}");
+        }
+        let create = ["create", "--name", "ann", "--role", "admin"];
+        let refused = user(&data, &create, "correct horse battery");
+        assert_eq!(refused.status.code(), Some(2), "{}", said(&refused));
+        let made = std::fs::read_dir(&data).map_or(0, Iterator::count);
+        assert_eq!(made, 0, "{}", data.display());
+        assert_eq!(data.exists(), data == empty);
+    }
 }

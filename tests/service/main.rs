@@ -3,53 +3,24 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod access;
+mod folder;
 mod hostile;
+mod openapi;
 mod rest;
 mod ros2;
 mod session;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
-use fleetcal_proto::RobotId;
 use fleetcal_robot::recording::AskedTopic;
-use fleetcal_robot::replay::{Pacing, Rate, ReplayOptions, ReplaySummary, replay};
+use fleetcal_robot::replay::{Pacing, Rate, replay};
+use fleetcal_tests::replayed::{assert_same, calibrated, replay_equals_calibrate, send, sender};
 use fleetcal_tests::rewritten::DriveAs;
 use fleetcal_tests::service::{Service, wait_for};
 use fleetcal_tests::{binary, clouds, recording, rewritten};
 use serde_json::Value;
 use tempfile::TempDir;
-
-/// A robot that replays a recording as fast as the service works.
-fn sender(service: &Service, path: &Path, robot: &str) -> ReplayOptions {
-    let mut options = ReplayOptions::new(path.to_owned(), vec![service.endpoint()]);
-    options.robot = Some(RobotId::parse(robot).unwrap());
-    options.rate = Rate::Max;
-    options
-}
-
-async fn send(options: ReplayOptions) -> ReplaySummary {
-    replay(options, |_| {}).await.unwrap()
-}
-
-fn calibrated(path: &Path) -> Value {
-    binary::run_json([
-        "calibrate",
-        path.to_str().unwrap(),
-        "--wheelbase",
-        "1.2",
-        "--json",
-    ])
-}
-
-/// Asserts that the service's last estimate and the report of `calibrate` are the same numbers.
-fn assert_same(estimate: &Value, report: &Value) {
-    for name in ["parameters", "consistency", "distance_m"] {
-        assert_eq!(estimate[name], report[name], "{name}");
-    }
-    assert_eq!(estimate["time_s"], report["duration_s"]);
-    assert_eq!(estimate["counts"]["scans"], report["scans"]);
-}
 
 fn recorded(folder: &TempDir, duration_s: f64) -> PathBuf {
     let path = folder.path().join("robot.mcap");
@@ -57,29 +28,10 @@ fn recorded(folder: &TempDir, duration_s: f64) -> PathBuf {
     path
 }
 
-async fn replay_equals_calibrate(path: &Path, robot: &str) {
-    let service = Service::start(&[robot]);
-    let summary = send(sender(&service, path, robot)).await;
-    assert_eq!((summary.shed, summary.unconfirmed), (0, 0));
-    let estimate = service.estimate_of(robot, summary.drive_samples);
-    assert_same(&estimate, &calibrated(path));
-    let counters = service.accounts_of(robot);
-    assert_eq!(counters["received"], summary.drive_samples + summary.scans);
-    assert_eq!(counters["processed"], counters["received"]);
-}
-
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_replayed_recording_gives_the_numbers_of_calibrate() {
     let folder = TempDir::new().unwrap();
     replay_equals_calibrate(&recorded(&folder, 60.0), "tugger_01").await;
-}
-
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn the_figure_eight_replayed_gives_the_numbers_of_calibrate() {
-    let Some(path) = recording::named("figure_eight.mcap") else {
-        return;
-    };
-    replay_equals_calibrate(&path, "tugger_01").await;
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

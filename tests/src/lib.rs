@@ -11,6 +11,9 @@
 pub mod binary;
 pub mod clouds;
 pub mod http;
+pub mod odometry;
 pub mod recording;
+pub mod replayed;
+pub mod report;
 pub mod rewritten;
 pub mod service;

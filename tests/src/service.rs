@@ -1,9 +1,8 @@
 //! A running service: the built binary on free loopback ports and a folder of its own.
 
-use std::fs;
-use std::io::Read;
+use std::fs::{self, OpenOptions};
 use std::net::{SocketAddr, TcpListener};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
@@ -14,6 +13,8 @@ use crate::{binary, http};
 
 /// Longest wait for anything that a service should do.
 const WAIT_MAX: Duration = Duration::from_secs(90);
+/// Lines of a service's log that a test shows.
+const LOG_LINES_SHOWN: usize = 200;
 /// Pause between two looks.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
@@ -26,6 +27,8 @@ pub struct Service {
     zenoh: SocketAddr,
     token: String,
     zenoh_flags: Vec<String>,
+    data: PathBuf,
+    variables: Vec<(String, String)>,
 }
 
 /// A loopback address that nobody listens on.
@@ -92,17 +95,58 @@ impl Service {
     /// When it does not become ready.
     pub fn start_on(zenoh: SocketAddr, config: &str, zenoh_flags: &[&str]) -> Self {
         let folder = TempDir::new().expect("a folder");
+        let data = folder.path().join("data");
+        Self::start_in(folder, data, zenoh, config, zenoh_flags, Vec::new())
+    }
+
+    /// Starts a service without robots whose data are in a folder elsewhere.
+    ///
+    /// # Panics
+    /// When it does not become ready.
+    pub fn start_with_data(data: &Path) -> Self {
+        let folder = TempDir::new().expect("a folder");
+        Self::start_alone(folder, data.to_owned(), &[])
+    }
+
+    /// Starts a service without robots in whose environment these variables are.
+    ///
+    /// # Panics
+    /// When it does not become ready.
+    pub fn start_with_variables(variables: &[(&str, &str)]) -> Self {
+        let folder = TempDir::new().expect("a folder");
+        let data = folder.path().join("data");
+        Self::start_alone(folder, data, variables)
+    }
+
+    fn start_alone(folder: TempDir, data: PathBuf, variables: &[(&str, &str)]) -> Self {
+        let zenoh = free_port();
+        let flags = ["--listen", &format!("tcp/{zenoh}")];
+        let own = |&(name, value): &(&str, &str)| (name.to_owned(), value.to_owned());
+        let variables = variables.iter().map(own).collect();
+        Self::start_in(folder, data, zenoh, "", &flags, variables)
+    }
+
+    fn start_in(
+        folder: TempDir,
+        data: PathBuf,
+        zenoh: SocketAddr,
+        config: &str,
+        zenoh_flags: &[&str],
+        variables: Vec<(String, String)>,
+    ) -> Self {
         fs::write(folder.path().join("fleetcal.toml"), config).expect("a configuration");
         let http = free_port();
         let zenoh_flags: Vec<String> = zenoh_flags.iter().map(|&flag| flag.to_owned()).collect();
-        let child = spawn(&folder, http, &zenoh_flags);
+        let child = spawn(&folder, &data, http, &zenoh_flags, &variables);
         let mut service = Self {
             child,
+            variables,
             folder,
             http,
             zenoh,
             token: String::new(),
             zenoh_flags,
+            data,
         };
         service.wait_until_ready();
         service.token = service.made_token(&["--role", "admin", "--name", "tests"]);
@@ -118,7 +162,13 @@ impl Service {
             self.child.try_wait().expect("a status").is_some(),
             "the service still runs"
         );
-        self.child = spawn(&self.folder, self.http, &self.zenoh_flags);
+        self.child = spawn(
+            &self.folder,
+            &self.data,
+            self.http,
+            &self.zenoh_flags,
+            &self.variables,
+        );
         self.wait_until_ready();
     }
 
@@ -153,6 +203,21 @@ impl Service {
         http::get(self.http, path, token).expect("an answer").status
     }
 
+    /// The body of `GET path`, which is public.
+    ///
+    /// # Panics
+    /// When there is none.
+    pub fn page(&self, path: &str) -> String {
+        let answer = http::get(self.http, path, None).expect("an answer");
+        assert_eq!(answer.status, 200, "{path}: {}", answer.body);
+        answer.body
+    }
+
+    /// The address of its HTTP listener.
+    pub fn http(&self) -> SocketAddr {
+        self.http
+    }
+
     /// Where people and tools reach it.
     pub fn url(&self) -> String {
         format!("http://{}", self.http)
@@ -165,7 +230,34 @@ impl Service {
 
     /// The folder of its data.
     pub fn data(&self) -> PathBuf {
-        self.folder.path().join("data")
+        self.data.clone()
+    }
+
+    /// What it has logged.
+    ///
+    /// # Panics
+    /// When the log cannot be read.
+    pub fn logged(&self) -> String {
+        let bytes = fs::read(log_in(&self.folder)).expect("a log");
+        String::from_utf8_lossy(&bytes).into_owned()
+    }
+
+    /// The status of putting a new document at `path`; `None` without an answer.
+    pub fn try_put(&self, path: &str, document: &Value) -> Option<u16> {
+        let answer = http::put(self.http, path, &self.token, &document.to_string());
+        answer.map(|answer| answer.status)
+    }
+
+    /// A count of `/metrics`; 0 when it is not there.
+    ///
+    /// # Panics
+    /// When there is no answer.
+    pub fn metric(&self, name: &str) -> u64 {
+        let answer = http::get(self.http, "/metrics", None).expect("an answer");
+        let lines = answer.body.lines();
+        let value = lines.filter_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
+        let count = |value: &str| value.parse::<f64>().expect("a number") as u64;
+        value.map(count).sum()
     }
 
     /// Its process.
@@ -323,29 +415,45 @@ impl Drop for Service {
         if self.child.kill().is_err() || self.child.wait().is_err() {
             eprintln!("the service {} was not ended", self.child.id());
         }
-        // Of a failing test, what the service had to say.
-        let mut said = String::new();
-        if let Some(stderr) = self.child.stderr.as_mut()
-            && stderr.read_to_string(&mut said).is_ok()
-        {
-            eprintln!("{said}");
+        // Of a failing test, what the service said last.
+        if let Ok(said) = fs::read(log_in(&self.folder)) {
+            let said = String::from_utf8_lossy(&said);
+            let lines: Vec<_> = said.lines().collect();
+            let last = &lines[lines.len().saturating_sub(LOG_LINES_SHOWN)..];
+            eprintln!("{}", last.join("\n"));
         }
     }
 }
 
-fn spawn(folder: &TempDir, http: SocketAddr, zenoh_flags: &[String]) -> Child {
+/// Where a service's log is: a pipe that nobody reads would stop it once it is full.
+fn log_in(folder: &TempDir) -> PathBuf {
+    folder.path().join("service.log")
+}
+
+fn spawn(
+    folder: &TempDir,
+    data: &Path,
+    http: SocketAddr,
+    zenoh_flags: &[String],
+    variables: &[(String, String)],
+) -> Child {
+    let log = OpenOptions::new()
+        .create(true)
+        .append(true)
+        .open(log_in(folder));
     Command::new(binary::path())
         .arg("serve")
         .arg("--config")
         .arg(folder.path().join("fleetcal.toml"))
         .arg("--data")
-        .arg(folder.path().join("data"))
+        .arg(data)
         .args(["--http", &http.to_string()])
         .args(zenoh_flags)
         .env_remove("ZENOH_CONFIG")
+        .envs(variables.iter().map(|(name, value)| (name, value)))
         .stdin(Stdio::null())
         .stdout(Stdio::null())
-        .stderr(Stdio::piped())
+        .stderr(log.expect("a log"))
         .spawn()
         .expect("the service starts")
 }

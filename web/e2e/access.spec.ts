@@ -85,6 +85,49 @@ test('a session that ends under the hands leads to signing in and back', async (
   account.forgive(ASKED);
 });
 
+test('edits of the policy outlive a link and a session that ends', async ({
+  page,
+  context,
+  account,
+}) => {
+  const signIn = async () => {
+    await page.getByLabel('Name').fill(ADMIN.name);
+    await page.getByLabel('Password').fill('another horse battery');
+    await page.getByLabel('Password').press('Enter');
+  };
+  await page.goto('/settings');
+  await signIn();
+  await page.getByRole('button', { name: 'Change', exact: true }).click();
+  const steering = page.getByLabel('Verified within: Steering, °');
+  await steering.fill('0.25');
+  await page.getByRole('link', { name: 'Health' }).click();
+  await expect(page.getByRole('heading', { level: 1, name: 'Health' })).toBeVisible();
+  await page.getByRole('link', { name: 'Settings' }).click();
+  await expect(steering).toHaveValue('0.25');
+
+  await context.clearCookies();
+  await page.getByRole('button', { name: 'Save' }).click();
+  const dialog = page.getByRole('dialog');
+  await dialog.getByLabel('Why').fill('Narrow aisles');
+  await dialog.getByRole('button', { name: 'Change them' }).click();
+  await expect(page.getByRole('heading', { name: 'Sign in' })).toBeVisible();
+  await signIn();
+  await expect(steering).toHaveValue('0.25');
+  await page.getByRole('button', { name: 'Save' }).click();
+  await expect(dialog.getByLabel('Why')).toHaveValue('Narrow aisles');
+  await dialog.getByRole('button', { name: 'Change them' }).click();
+  await expect(
+    page.getByRole('row').filter({ hasText: 'Counts as verified within' }),
+  ).toContainText('0.25°');
+  // Cancelled edits are gone.
+  await page.getByRole('button', { name: 'Change', exact: true }).click();
+  await steering.fill('0.5');
+  await page.getByRole('button', { name: 'Cancel' }).click();
+  await page.getByRole('button', { name: 'Change', exact: true }).click();
+  await expect(steering).toHaveValue('0.25');
+  account.forgive(ASKED);
+});
+
 for (const colorScheme of ['light', 'dark'] as const) {
   test(`signing in is accessible, ${colorScheme}`, async ({ page, account }) => {
     await page.emulateMedia({ colorScheme });

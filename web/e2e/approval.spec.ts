@@ -5,7 +5,7 @@ test.use({ as: 'approver', own: 'approval' });
 test.describe.configure({ mode: 'serial' });
 test.setTimeout(PROPOSED_WITHIN_MS + 60_000);
 
-const CHANGED = 'Changed since you opened it.';
+const CHANGED = 'Updated while you were viewing.';
 
 test('a calibration is approved by keyboard alone', async ({ page }) => {
   const [first] = await waiting(page.request, 6);
@@ -22,7 +22,8 @@ test('a calibration is approved by keyboard alone', async ({ page }) => {
   // Old, new, difference and sigma of each value, and the history around it.
   for (const label of ['Steering offset', 'LiDAR x', 'LiDAR y', 'LiDAR yaw']) {
     const row = page.getByRole('row').filter({ hasText: new RegExp(`${label}\\s`) });
-    await expect(row.getByRole('cell').getByText(/^± \d+\.\d+$/)).toBeVisible();
+    // Of what is proposed, and of the estimate now.
+    await expect(row.getByRole('cell').getByText(/^± \d+\.\d+$/)).toHaveCount(2);
   }
   // And whatever else the robot would apply.
   const { values } = (await proposal(page.request, first.id)).revision;
@@ -72,7 +73,7 @@ test('two browsers race for one approval, and one is told that it changed', asyn
   expect(losers).toEqual(winners.map((won) => !won));
   const loser = pages[losers.indexOf(true)] ?? page;
   await accessible(loser);
-  await loser.getByRole('button', { name: 'Show what it is now' }).click();
+  await loser.getByRole('button', { name: 'Show current version' }).click();
   await expect(decided(loser)).toBeVisible();
   await other.context().close();
   account.forgive(/status of 412/);
@@ -91,7 +92,7 @@ test('a decision that comes too late is told, also to a page that hears nothing'
   await expect(deaf.getByRole('button', { name: 'Reject' })).toBeEnabled();
   await page.goto(`/approvals/${first.id}`);
   await page.getByRole('button', { name: 'Reject' }).click();
-  await expect(page.getByText('Say why you reject it')).toBeVisible();
+  await expect(page.getByText('Give a reason to reject it')).toBeVisible();
   await page.getByLabel('Reason').fill('Bracket is loose: <b>mend it first</b>');
   await page.getByRole('button', { name: 'Reject' }).click();
   await expect(page.getByRole('heading', { name: 'Rejected' })).toBeVisible();
@@ -99,7 +100,7 @@ test('a decision that comes too late is told, also to a page that hears nothing'
 
   await deaf.getByRole('button', { name: 'Approve' }).click();
   await expect(deaf.getByText(CHANGED)).toBeVisible();
-  await expect(deaf.getByText('It is now: rejected, by approver.')).toBeVisible();
+  await expect(deaf.getByText('It is now: rejected by approver.')).toBeVisible();
   expect((await proposal(page.request, first.id)).state).toBe('rejected');
   await deaf.context().close();
 
@@ -112,14 +113,14 @@ test('a decision that comes too late is told, also to a page that hears nothing'
 
 test('the site-wide stop says why and by whom, on every page', async ({ page }) => {
   await page.goto('/approvals');
-  await page.getByRole('button', { name: 'Stop all pushes' }).click();
+  await page.getByRole('button', { name: 'Pause all deployments' }).click();
   const dialog = page.getByRole('dialog');
-  await dialog.getByRole('button', { name: 'Stop all pushes' }).click();
-  await expect(dialog.getByText('Say why')).toBeVisible();
+  await dialog.getByRole('button', { name: 'Pause all deployments' }).click();
+  await expect(dialog.getByText('Enter a reason')).toBeVisible();
   await accessible(page);
   await dialog.getByLabel('Why').fill('Visitors in the hall');
-  await dialog.getByRole('button', { name: 'Stop all pushes' }).click();
-  const banner = page.getByText('Site-wide stop: nothing new goes to robots.');
+  await dialog.getByRole('button', { name: 'Pause all deployments' }).click();
+  const banner = page.getByText('Deployments are paused: no new calibrations are sent to robots.');
   await expect(banner).toBeVisible();
   await page.goto('/');
   await expect(banner).toBeVisible();
@@ -127,11 +128,37 @@ test('the site-wide stop says why and by whom, on every page', async ({ page }) 
   await accessible(page);
 });
 
+test('an open dialog never changes its action', async ({ page, browser, service }) => {
+  const other = await another(browser, service, 'approver2');
+  await other.goto('/approvals');
+  await other.getByRole('button', { name: 'Resume deployments' }).click();
+  const dialog = other.getByRole('dialog');
+  await dialog.getByLabel('Why').fill('They are gone');
+
+  const set = async (held: boolean) => {
+    const headers = (await page.request.get('/api/v1/site/hold')).headers();
+    const answer = await page.request.put('/api/v1/site/hold', {
+      headers: { 'if-match': headers['etag'] ?? '' },
+      data: { held, reason: 'Visitors in the hall' },
+    });
+    expect(answer.status()).toBe(200);
+  };
+  await set(false);
+  await expect(dialog.getByRole('alert')).toContainText('approver resumed deployments meanwhile.');
+  await expect(dialog.getByRole('heading')).toHaveText('Resume deployments');
+  await expect(dialog.getByRole('button', { name: 'Resume deployments' })).toBeDisabled();
+  await expect(dialog.getByRole('button', { name: 'Pause' })).toHaveCount(0);
+  await accessible(other);
+  await dialog.getByRole('button', { name: 'Cancel' }).click();
+  await set(true);
+  await other.context().close();
+});
+
 test('several are approved at once, and wait for the end of the stop', async ({ page }) => {
   const proposals = await waiting(page.request, 2);
   await page.goto('/approvals');
-  await page.getByRole('checkbox', { name: 'Choose all' }).check();
-  await expect(page.getByText(`${proposals.length} chosen`)).toBeVisible();
+  await page.getByRole('checkbox', { name: 'Select all' }).check();
+  await expect(page.getByText(`${proposals.length} selected`)).toBeVisible();
   await accessible(page);
   const approve = page.getByRole('button', { name: `Approve ${proposals.length}` });
   await approve.first().click();
@@ -140,20 +167,20 @@ test('several are approved at once, and wait for the end of the stop', async ({ 
   await dialog.getByRole('button', { name: /^Approve/ }).click();
   const count = proposals.length;
   await expect(page.getByText(`${count} of ${count} approved.`)).toBeVisible();
-  await expect(page.getByText('No robot waits for a decision.')).toBeVisible();
+  await expect(page.getByText('No pending proposals.')).toBeVisible();
 
   const robot = proposals[0]?.robot ?? '';
   await page.goto(`/robots/${robot}`);
-  await expect(page.getByText('(held by the site-wide stop)')).toBeVisible();
+  await expect(page.getByText('(deployments are paused)')).toBeVisible();
   await page.goto('/approvals');
-  await page.getByRole('button', { name: 'End the site-wide stop' }).click();
+  await page.getByRole('button', { name: 'Resume deployments' }).click();
   await page.getByRole('dialog').getByLabel('Why').fill('They are gone');
-  await page.getByRole('dialog').getByRole('button', { name: 'Let pushes go on' }).click();
-  await expect(page.getByText('Site-wide stop: nothing new goes to robots.')).toBeHidden();
-  await page.goto(`/robots/${robot}`);
+  await page.getByRole('dialog').getByRole('button', { name: 'Resume deployments' }).click();
   await expect(
-    page.getByText(/^(Being verified by driving|Verified by driving)$/).first(),
-  ).toBeVisible({ timeout: 60_000 });
+    page.getByText('Deployments are paused: no new calibrations are sent to robots.'),
+  ).toBeHidden();
+  await page.goto(`/robots/${robot}`);
+  await expect(page.getByText(/^(Verifying|Verified)/).first()).toBeVisible({ timeout: 60_000 });
 });
 
 test('a calibration is rolled back, with a reason, and stands among the deployments', async ({
@@ -162,7 +189,7 @@ test('a calibration is rolled back, with a reason, and stands among the deployme
   await page.goto('/approvals?show=decided');
   const row = page.getByRole('row').filter({ hasText: 'Checked together' }).first();
   await row.getByRole('link').click();
-  await page.getByRole('link', { name: "The robot's page", exact: true }).click();
+  await page.getByRole('link', { name: 'Robot page', exact: true }).click();
   await expect(page.getByRole('figure')).toHaveCount(4);
   await expect(page.getByRole('figure').first()).toContainText('applied');
   await page.getByRole('button', { name: 'Roll back' }).click();
@@ -171,9 +198,9 @@ test('a calibration is rolled back, with a reason, and stands among the deployme
   await dialog.getByLabel('Why').fill('It pulls to the left');
   await dialog.getByRole('button', { name: 'Roll back' }).click();
   await expect(dialog).toBeHidden();
-  await expect(page.getByText('Former values are back').first()).toBeVisible({ timeout: 60_000 });
+  await expect(page.getByText('Rolled back').first()).toBeVisible({ timeout: 60_000 });
   await expect(page.getByText('It pulls to the left').first()).toBeVisible();
-  await expect(page.getByText('generation 2').first()).toBeVisible();
+  await expect(page.getByText('Generation 2').first()).toBeVisible();
 });
 
 test.describe('an operator', () => {
@@ -190,7 +217,7 @@ test.describe('an operator', () => {
     );
     if (!free) throw new Error('no robot is free for a proposal');
     await page.goto(`/robots/${free.id}`);
-    await page.getByRole('button', { name: 'Propose the estimate' }).click();
+    await page.getByRole('button', { name: 'Propose current estimate' }).click();
     await page.getByRole('dialog').getByLabel('Why').fill('Measured by hand');
     await page.getByRole('dialog').getByRole('button', { name: 'Propose' }).click();
     await expect(

@@ -170,9 +170,9 @@ export class Service {
     return { cookies: [cookie], origins: [] };
   }
 
-  /** Has one simulated robot drive and send to the service. */
-  simulate(): void {
-    const flags = ['simulate', '--robots', '1', '--connect', this.zenoh];
+  /** Has simulated robots drive and send to the service. */
+  simulate(robots = 1): void {
+    const flags = ['simulate', '--robots', String(robots), '--connect', this.zenoh];
     this.#robots = spawn(binary(), flags, { stdio: 'ignore' });
   }
 
@@ -184,6 +184,11 @@ export class Service {
     this.#robots = spawn(python, [script, this.zenoh, id, binary()], { stdio: 'ignore' });
   }
 
+  /** Has the robots fall silent. */
+  async stopRobots(): Promise<void> {
+    await end(this.#robots, 'SIGTERM');
+  }
+
   /** Kills the service as a power cut would. */
   async kill(): Promise<void> {
     await end(this.#process, 'SIGKILL');
@@ -191,7 +196,7 @@ export class Service {
 
   /** Ends everything as an operator would, and removes the folder. */
   async stop(): Promise<void> {
-    await end(this.#robots, 'SIGTERM');
+    await this.stopRobots();
     await end(this.#process, 'SIGTERM');
     await rm(this.#folder, { recursive: true, force: true });
   }

@@ -62,12 +62,12 @@ test.describe('a viewer', () => {
     await page.goto('/approvals');
     await expect(page.getByRole('rowheader').first()).toBeVisible();
     await expect(page.getByRole('checkbox')).toHaveCount(0);
-    await expect(page.getByRole('button', { name: 'Stop all pushes' })).toHaveCount(0);
+    await expect(page.getByRole('button', { name: 'Pause all deployments' })).toHaveCount(0);
     await page.goto(`/approvals/${first?.id}`);
     await expect(page.getByText('An approver decides on this.')).toBeVisible();
     await expect(page.getByRole('button', { name: /Approve|Reject|Withdraw/ })).toHaveCount(0);
     await page.goto('/alerts');
-    await expect(page.getByText('Nobody has taken it on.').first()).toBeVisible();
+    await expect(page.getByText('Unacknowledged').first()).toBeVisible();
     await expect(page.getByRole('button', { name: /^Acknowledge/ })).toHaveCount(0);
     await page.goto('/settings/users');
     await expect(page.getByText('An administrator looks after this.')).toBeVisible();

@@ -10,16 +10,17 @@ test.use({ as: 'admin' });
 test('an alert is taken on, with who, when and what for', async ({ page }) => {
   test.setTimeout(PROPOSED_WITHIN_MS);
   await page.goto('/alerts');
-  const alert = page.getByRole('listitem').filter({ hasText: 'Nobody has taken it on.' }).first();
-  await expect(alert).toContainText('Drift', { timeout: 60_000 });
-  const robot = (await alert.getByRole('link').innerText()).trim();
+  const alert = page.getByRole('listitem').filter({ hasText: 'Unacknowledged' }).first();
+  // By the name that the fleet has for it: nothing was applied yet that could have drifted.
+  await expect(alert).toContainText('Uncalibrated', { timeout: 60_000 });
+  const robot = (await alert.getByRole('link').first().innerText()).trim();
   await alert.getByRole('button', { name: `Acknowledge the alert of ${robot}` }).click();
-  await page.getByRole('dialog').getByLabel('What you are going to do').fill('Look at its mount');
-  await page.getByRole('button', { name: 'I take it on' }).click();
+  await page.getByRole('dialog').getByLabel('Note').fill('Look at its mount');
+  await page.getByRole('dialog').getByRole('button', { name: 'Acknowledge' }).click();
   const taken = page.getByRole('listitem').filter({ hasText: 'Look at its mount' });
-  await expect(taken.first()).toContainText(/admin has taken it on, \d\d \w+ \d{4}, .* UTC/);
-  await taken.first().getByText('How it went').click();
-  await expect(taken.first()).toContainText(/pending: .*taken on by admin/i);
+  await expect(taken.first()).toContainText(/Acknowledged by admin, \d\d \w+ \d{4}, .* UTC/);
+  await taken.first().getByText('History').click();
+  await expect(taken.first()).toContainText(/pending: .*acknowledged by admin/i);
   await accessible(page);
 });
 
@@ -47,6 +48,33 @@ test('the audit is filtered in the address and comes as a file', async ({ page }
     expect(text).toContain('session.sign_in');
     expect(text).not.toContain('user.create');
   }
+});
+
+test('Back finds the audit where it was left', async ({ page }) => {
+  await page.setViewportSize({ width: 1440, height: 420 });
+  await page.goto('/audit');
+  const links = page.getByRole('row').filter({ hasText: 'What changed' }).getByRole('link');
+  await expect(links.first()).toBeVisible();
+  await page.evaluate(() => scrollTo(0, 600));
+  await page.waitForTimeout(300);
+  const top = await page.evaluate(() => scrollY);
+  expect(top).toBeGreaterThan(300);
+  await links.evaluateAll((all) => {
+    const seen = all.find((link) => {
+      const box = link.getBoundingClientRect();
+      return box.top > 120 && box.bottom < innerHeight;
+    });
+    (seen as HTMLElement | undefined)?.click();
+  });
+  await expect(page).toHaveURL(/\/robots\//);
+  await expect.poll(() => page.evaluate(() => scrollY)).toBe(0);
+  await page.goBack();
+  await expect(page).toHaveURL(/\/audit/);
+  await expect.poll(() => page.evaluate(() => scrollY)).toBe(top);
+  // Who comes by a link begins at the top.
+  await page.getByRole('link', { name: 'Fleet', exact: true }).click();
+  await page.getByRole('link', { name: 'Audit', exact: true }).click();
+  await expect.poll(() => page.evaluate(() => scrollY)).toBe(0);
 });
 
 test('tolerances are changed with a reason, and go back to the file', async ({ page, account }) => {
@@ -99,7 +127,22 @@ test('a user is made, changed and removed', async ({ page }) => {
   await page.getByLabel('First password').fill('long enough for all');
   await page.getByRole('button', { name: 'Make user' }).click();
   await expect(page.getByText('zoe_17 can sign in now.')).toBeVisible();
-  await page.getByLabel('Role of zoe_17').selectOption('operator');
+  // An arrow key picks a role; only what is confirmed changes it.
+  const role = page.getByLabel('Role of zoe_17');
+  await role.focus();
+  await role.press('ArrowDown');
+  await expect(role).toHaveValue('operator');
+  await page.reload();
+  await expect(role).toHaveValue('viewer');
+  await role.selectOption('operator');
+  await row.getByRole('button', { name: 'Change role of zoe_17' }).click();
+  const dialog = page.getByRole('dialog', { name: 'Change the role of zoe_17' });
+  await expect(dialog).toContainText('From viewer to operator.');
+  await accessible(page);
+  await dialog.getByRole('button', { name: 'Change role' }).click();
+  await expect(dialog).toBeHidden();
+  await page.reload();
+  await expect(role).toHaveValue('operator');
   await row.getByRole('button', { name: 'Disable zoe_17' }).click();
   await expect(row).toContainText('no, disabled');
   await accessible(page);

@@ -14,9 +14,9 @@ test('a robot that nobody knows is given its vehicle, by keyboard alone', async 
 }) => {
   await page.goto('/');
   service.simulate();
-  const row = page.getByRole('row').filter({ hasText: 'Unregistered' });
+  const row = page.getByRole('row').filter({ hasText: 'Not set up' });
   await expect(row).toContainText(/speed and steering.*LiDAR scans/, { timeout: 40_000 });
-  await row.getByRole('link', { name: 'Give its vehicle' }).focus();
+  await row.getByRole('link', { name: 'Set up vehicle' }).focus();
   await page.keyboard.press('Enter');
   await expect(page.getByRole('heading', { name: 'Give its vehicle' })).toBeVisible();
   await accessible(page);

@@ -35,7 +35,7 @@ test('four charts have data, and the same numbers as a table', async ({ page }) 
 
 test('it says what the robot should drive next', async ({ page }) => {
   const panel = page.locator('section').filter({
-    has: page.getByRole('heading', { name: 'What to drive next' }),
+    has: page.getByRole('heading', { name: 'Recommended manoeuvres' }),
   });
   const rows = panel.getByRole('row');
   // The heading of the table, and the best three.

@@ -14,8 +14,8 @@ test('the main pages', async ({ page, browser, service }) => {
 
   await page.setViewportSize({ width: 1440, height: 560 });
   await page.goto('/approvals');
-  await page.getByRole('checkbox', { name: `Choose the proposal for ${first?.robot}` }).check();
-  await page.getByRole('checkbox', { name: `Choose the proposal for ${second?.robot}` }).check();
+  await page.getByRole('checkbox', { name: `Select the proposal for ${first?.robot}` }).check();
+  await page.getByRole('checkbox', { name: `Select the proposal for ${second?.robot}` }).check();
   await page.screenshot(path('approvals'));
   await page.getByRole('button', { name: 'Approve 2' }).click();
   await page.getByRole('dialog').getByRole('button', { name: 'Approve 2' }).click();
@@ -32,7 +32,9 @@ test('the main pages', async ({ page, browser, service }) => {
 
   await page.setViewportSize({ width: 1440, height: 620 });
   await page.goto('/alerts');
-  await expect(page.getByRole('listitem').filter({ hasText: 'Drift' }).first()).toBeVisible();
+  await expect(
+    page.getByRole('listitem').filter({ hasText: 'Uncalibrated' }).first(),
+  ).toBeVisible();
   await page.screenshot(path('alerts'));
 
   // The two that were approved drive until they are proven.
@@ -45,7 +47,7 @@ test('the main pages', async ({ page, browser, service }) => {
   await page.screenshot(path('fleet'));
   await page.getByRole('link', { name: first?.robot ?? '', exact: true }).click();
   await page.setViewportSize({ width: 1440, height: 1760 });
-  await expect(page.getByText('Verified by driving').first()).toBeVisible();
+  await expect(page.getByText('Verified').first()).toBeVisible();
   await expect(page.getByText('after: generation 1')).toBeVisible();
   await expect(
     page.getByRole('img', { name: /seen from above.*corrected steering/ }),

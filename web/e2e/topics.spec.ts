@@ -9,8 +9,8 @@ test('a ROS 2 robot that announces its topics is given them, and is calibrated',
   await page.goto('/');
   service.simulateRos2('crane_01');
   const row = page.getByRole('row').filter({ hasText: 'crane_01' });
-  await expect(row).toContainText('Unregistered', { timeout: 40_000 });
-  await row.getByRole('link', { name: 'Give its vehicle' }).click();
+  await expect(row).toContainText('Not set up', { timeout: 40_000 });
+  await row.getByRole('link', { name: 'Set up vehicle' }).click();
   await expect(page.getByText('Announces 4 topics: say what they carry.')).toBeVisible();
   await expect(page.getByText('not of use here: camera/image')).toBeVisible();
 

@@ -84,16 +84,57 @@ function focusHeading(): void {
   setTimeout(() => observer.disconnect(), HEADING_WITHIN_MS);
 }
 
+/** A page that is still read has the height that it was left at within this time. */
+const HEIGHT_WITHIN_MS = 3_000;
+/** Where the reader has scrolled to is kept when the page has rested for so long. */
+const SCROLL_RESTS_MS = 120;
+/** What a reader does who no longer wants to be brought back. */
+const MOVES = ['wheel', 'touchmove', 'keydown', 'pointerdown'] as const;
+
+/** Where the reader was in the entry of the browser's history that is shown. */
+interface Entry {
+  scroll_px?: number;
+}
+
+/** Goes back to where the reader was, as soon as the page is high enough; returns how to stop. */
+function scrollBack(to_px: number): () => void {
+  const until_ms = performance.now() + HEIGHT_WITHIN_MS;
+  let going = true;
+  const stop = () => {
+    going = false;
+    for (const move of MOVES) removeEventListener(move, stop, true);
+  };
+  for (const move of MOVES) addEventListener(move, stop, true);
+  const step = () => {
+    if (!going) return;
+    const room_px = document.documentElement.scrollHeight - innerHeight;
+    const late = performance.now() > until_ms;
+    if (room_px >= to_px || late) {
+      scrollTo(0, to_px);
+      stop();
+    } else requestAnimationFrame(step);
+  };
+  requestAnimationFrame(step);
+  return stop;
+}
+
 /** Where the reader is. Everything that depends on the address derives from it. */
 class Place {
   url = $state.raw(new URL(globalThis.location?.href ?? 'http://localhost/'));
   route = $derived(route(this.url.pathname));
+  /** Whether the reader came by the browser's history: what was shown before is wanted again. */
+  returned = false;
+  #resting: ReturnType<typeof setTimeout> | undefined;
+  #scrolling: () => void = () => undefined;
 
   /** Goes to an address of ours. A change of page starts at its top, with its heading in focus. */
   go(href: string, replace = false): void {
     const next = new URL(href, this.url);
     const samePage = next.pathname === this.url.pathname;
-    if (replace) history.replaceState(null, '', next);
+    this.#scrolling();
+    this.#keepScroll();
+    this.returned = false;
+    if (replace) history.replaceState(history.state, '', next);
     else if (next.href !== this.url.href) history.pushState(null, '', next);
     this.url = next;
     if (!samePage) {
@@ -105,7 +146,14 @@ class Place {
   /** Follows links and the back button; returns how to stop. */
   listen(): () => void {
     const onPop = () => {
+      clearTimeout(this.#resting);
+      this.returned = true;
       this.url = new URL(location.href);
+      this.#scrollBack();
+    };
+    const onScroll = () => {
+      clearTimeout(this.#resting);
+      this.#resting = setTimeout(() => this.#keepScroll(), SCROLL_RESTS_MS);
     };
     const onClick = (event: MouseEvent) => {
       if (event.defaultPrevented || event.button !== 0) return;
@@ -118,12 +166,31 @@ class Place {
       event.preventDefault();
       this.go(href.href);
     };
+    // The browser would scroll before the page has what it scrolls to.
+    history.scrollRestoration = 'manual';
+    this.#scrollBack();
     addEventListener('popstate', onPop);
+    addEventListener('scroll', onScroll, { passive: true });
     document.addEventListener('click', onClick);
     return () => {
+      clearTimeout(this.#resting);
+      this.#scrolling();
       removeEventListener('popstate', onPop);
+      removeEventListener('scroll', onScroll);
       document.removeEventListener('click', onClick);
     };
+  }
+
+  /** Keeps where the reader is in the entry of the history that is shown. */
+  #keepScroll(): void {
+    clearTimeout(this.#resting);
+    const entry: Entry = { scroll_px: scrollY };
+    history.replaceState(entry, '');
+  }
+
+  #scrollBack(): void {
+    this.#scrolling();
+    this.#scrolling = scrollBack((history.state as Entry | null)?.scroll_px ?? 0);
   }
 }
 

@@ -11,11 +11,14 @@ use crate::change::ChangeWatch;
 use crate::change::long_run::LongRunVariance;
 use crate::filter::Filter;
 use crate::filter::follow::Follower;
+use crate::lidar_odometry::LearntScanner;
 use crate::merge::Merger;
 use crate::trust::Trust;
 
 /// Version of the checkpoint's layout.
-const VERSION: u32 = 6;
+const VERSION: u32 = 7;
+/// The one before knew nothing of the scanner; all else is the same.
+const VERSION_WITHOUT_SCANNER: u32 = 6;
 
 /// A calibrator's state, to be stored and restored. The local map is not in it: it is rebuilt.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -27,6 +30,8 @@ pub struct Checkpoint {
     long_run: LongRunVariance,
     comparison: Option<Comparison>,
     baseline: Option<Baseline>,
+    #[serde(default)]
+    scanner: Option<LearntScanner>,
 }
 
 /// Why a checkpoint could not be used.
@@ -52,13 +57,16 @@ impl Calibrator {
         config: CalibratorConfig,
         checkpoint: &Checkpoint,
     ) -> Result<Self, CheckpointRefused> {
-        if checkpoint.version != VERSION {
+        if ![VERSION, VERSION_WITHOUT_SCANNER].contains(&checkpoint.version) {
             return Err(CheckpointRefused::Version {
                 found: checkpoint.version,
                 wanted: VERSION,
             });
         }
         let mut restored = Self::new(config);
+        if let Some(learnt) = checkpoint.scanner.clone() {
+            restored = restored.with_scanner(learnt);
+        }
         if checkpoint.session.began.is_some() {
             restored.merger = Merger::resuming(checkpoint.session.now);
         }
@@ -85,6 +93,7 @@ impl Calibrator {
             long_run: self.watch.long_run().clone(),
             comparison: self.comparison.clone(),
             baseline: self.baseline.clone(),
+            scanner: Some(self.learnt_scanner()),
         }
     }
 }

@@ -19,11 +19,19 @@ const GUESS_EVERY: usize = 5;
 /// But not before this share of all readings is new: a robot that only circles tells no more by a few.
 const GUESS_SHARE: usize = 16;
 
+/// No LiDAR is farther from the rear axle than this many wheelbases,
+const MOUNT_REACH_WHEELBASES: f64 = 2.0;
+/// and this, m.
+const MOUNT_REACH_M: f64 = 2.0;
+
 impl Calibrator {
-    /// Poses before do not compare with those to come.
-    pub(super) fn begin_anew(&mut self) {
+    /// The filter begins again from the next pose. In a new map poses before do not compare with
+    /// those to come; found again in the same one, they tell whether the robot was carried away.
+    pub(super) fn begin_anew(&mut self, in_new_map: bool) {
         self.readings.clear();
-        self.watch.break_window();
+        if in_new_map {
+            self.watch.break_window();
+        }
         if let Some(follower) = self.follower.as_mut() {
             follower.lose_anchor();
         }
@@ -32,7 +40,12 @@ impl Calibrator {
     /// Takes a LiDAR pose whose drive samples are there.
     pub(super) fn follow(&mut self, waiting: &Waiting, effects: &mut Vec<Effect>) {
         if waiting.anew {
-            self.begin_anew();
+            self.begin_anew(waiting.in_new_map);
+        }
+        if self.follower.is_none() && waiting.is_guess {
+            // No filter begins on guesses.
+            self.readings.clear();
+            return;
         }
         if self.readings.len() >= READINGS_MAX {
             self.readings.pop_front();
@@ -60,8 +73,30 @@ impl Calibrator {
                 _ => self.change(&detected, effects),
             }
         }
+        if self.filter().is_some_and(|filter| !self.can_be(filter)) {
+            self.give_up();
+        }
         self.compare(effects);
         self.check_drift(effects);
+    }
+
+    /// Whether a filter's mount is one that a robot can have.
+    fn can_be(&self, filter: &Filter) -> bool {
+        let [x_m, y_m] = [Parameter::LidarX, Parameter::LidarY].map(|p| filter.values()[p.index()]);
+        let nominal_m = self
+            .config
+            .nominal_lidar_in_base
+            .map_or(0.0, |nominal| nominal.translation().norm());
+        let reach_m = MOUNT_REACH_WHEELBASES * self.config.vehicle.wheelbase_m + MOUNT_REACH_M;
+        x_m.hypot(y_m) < reach_m + nominal_m
+    }
+
+    /// What was learnt cannot be: the filter begins from nothing.
+    fn give_up(&mut self) {
+        self.follower = None;
+        self.baseline = None;
+        self.readings.clear();
+        self.watch.restart();
     }
 
     fn follow_reading(&mut self, reading: &OdometryReading) {
@@ -112,6 +147,9 @@ impl Calibrator {
         filter.lose_anchor();
         self.follower = Some(Follower::new(filter));
         self.readings.clear();
+        if detected.cause == Cause::Odometry && self.odometry_watch.is_told() {
+            return;
+        }
         let onset_s = self.session.seconds_to(detected.onset.0);
         self.report(detected.kind, detected.cause, onset_s, &[], effects);
     }

@@ -5,6 +5,7 @@ mod comparison;
 mod config;
 mod drift;
 mod following;
+mod odometry_watch;
 mod plan;
 mod session;
 
@@ -16,6 +17,7 @@ pub use plan::{Plan, PlanLimits, TrajectoryPoint};
 
 use comparison::{Comparison, Occasion};
 use drift::Baseline;
+use odometry_watch::OdometryWatch;
 use session::Session;
 
 use crate::advice::ranking::{Floor, Ranked, rank};
@@ -28,9 +30,9 @@ use crate::filter::follow::Follower;
 use crate::filter::prior::Prior;
 use crate::filter::{Filter, OdometryReading, ParameterCovariance, Values};
 use crate::geometry::Pose2;
-use crate::lidar_odometry::{LidarOdometry, Tracking};
+use crate::lidar_odometry::{LearntScanner, LidarOdometry, ScannerReport};
 use crate::merge::{Merged, Merger};
-use crate::stream::{DriveSample, Dropped, Effect, Event, LidarPose, Note, NoteKind, Stamp, Sweep};
+use crate::stream::{DriveSample, Dropped, Effect, Event, LidarPose, Note, NoteKind, Stamp};
 use crate::trust::{Grounds, Trust};
 
 /// How far back drive samples and LiDAR poses are kept, s.
@@ -46,8 +48,12 @@ const TELL_EVERY_S: f64 = 1.0;
 #[derive(Debug, Clone)]
 struct Waiting {
     reading: OdometryReading,
+    /// Whether the odometry does not know its way there.
+    is_guess: bool,
     /// Whether poses before it do not compare with it.
     anew: bool,
+    /// Whether that is so because the map is a new one.
+    in_new_map: bool,
 }
 
 /// One robot's estimator.
@@ -57,6 +63,7 @@ pub struct Calibrator {
     prior: Prior,
     merger: Merger,
     lidar_odometry: LidarOdometry,
+    odometry_watch: OdometryWatch,
     drive: DriveHistory,
     waiting: VecDeque<Waiting>,
     /// Recent readings: for the first guess, and to go back to the onset of a change.
@@ -80,6 +87,7 @@ impl Calibrator {
             prior: Prior::cold(&config.vehicle, None, &config.settings),
             merger: Merger::default(),
             lidar_odometry: LidarOdometry::default(),
+            odometry_watch: OdometryWatch::default(),
             drive: DriveHistory::new(HISTORY_S),
             waiting: VecDeque::new(),
             readings: VecDeque::new(),
@@ -100,6 +108,19 @@ impl Calibrator {
     pub fn with_lidar_odometry(mut self, lidar_odometry: LidarOdometry) -> Self {
         self.lidar_odometry = lidar_odometry;
         self
+    }
+
+    /// The same with a scanner that another estimator has learnt: its errors belong to the sensor,
+    /// not to the calibration.
+    #[must_use]
+    pub fn with_scanner(mut self, learnt: LearntScanner) -> Self {
+        self.lidar_odometry = self.lidar_odometry.with_scanner(learnt);
+        self
+    }
+
+    /// What was learnt of the scanner, to be handed to another estimator of this robot.
+    pub fn learnt_scanner(&self) -> LearntScanner {
+        self.lidar_odometry.learnt_scanner()
     }
 
     /// The configuration it was made with.
@@ -143,6 +164,11 @@ impl Calibrator {
     /// The filter, once it has started.
     pub fn filter(&self) -> Option<&Filter> {
         self.follower.as_ref().map(|follower| &follower.filter)
+    }
+
+    /// What is known of the scanner: when its beams are taken, and how far its ranges are off.
+    pub fn scanner(&self) -> ScannerReport {
+        self.lidar_odometry.scanner()
     }
 
     /// Changes and faults of this session, oldest first.
@@ -239,21 +265,6 @@ impl Calibrator {
         }
     }
 
-    fn take_sweep(&mut self, sweep: &Sweep, effects: &mut Vec<Effect>) {
-        let pose = self.lidar_odometry.process(sweep);
-        let Some(pose) = pose.filter(|pose| pose.tracking != Tracking::Lost) else {
-            self.drop_message(Dropped::UnusableSweep, effects);
-            return;
-        };
-        let reading = OdometryReading {
-            stamp: pose.stamp,
-            lidar_in_odom: pose.lidar_in_odom,
-            covariance: pose.covariance,
-        };
-        let anew = pose.map_restarted || pose.tracking == Tracking::Recovered;
-        self.wait(Waiting { reading, anew });
-    }
-
     fn take_pose(&mut self, pose: &LidarPose) {
         let settings = &self.config.settings;
         let own = nalgebra::Vector3::new(
@@ -276,7 +287,9 @@ impl Calibrator {
         };
         self.wait(Waiting {
             reading,
+            is_guess: false,
             anew: false,
+            in_new_map: false,
         });
     }
 

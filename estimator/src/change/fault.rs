@@ -10,6 +10,21 @@ use crate::estimate::Cause;
 const IN_A_ROW: usize = 2;
 /// Wheels and LiDAR disagree when one of them has moved less than this share of the other.
 const DISAGREE_SHARE: f64 = 0.3;
+/// The LiDAR's way is not known when it is no better known than this, m (one sigma): a corridor's
+/// axis, or a hall without features.
+const ODOMETRY_SIGMA_MAX_M: f64 = 0.05;
+/// Nor when it is faster than any robot, m/s.
+const ODOMETRY_SPEED_MAX_MPS: f64 = 6.0;
+/// A robot that was moved by this much more than it drove was carried or towed, m.
+const DISPLACED_MIN_M: f64 = 0.2;
+/// And that is more than this many standard deviations of the odometry.
+const DISPLACED_SIGMAS: f64 = 5.0;
+/// And the wheels have driven less than this share of it.
+const DISPLACED_SHARE: f64 = 0.7;
+/// A robot that was lifted away in any direction is this far from where its wheels took it, m,
+const LIFTED_MIN_M: f64 = 0.3;
+/// and this far from the way there, m: wheels that slip do not leave it.
+const LIFTED_OFF_WAY_M: f64 = 0.09;
 /// Shortest way that is compared, m.
 const COMPARED_MIN_M: f64 = 0.3;
 /// A reading that changes less than this stands still, rad.
@@ -39,13 +54,25 @@ pub enum Fault {
     NotMoving,
     /// The steering reading stands still while the vehicle's curve changes.
     StuckSteering,
+    /// Wheels and LiDAR disagree, and the LiDAR odometry does not know its way.
+    OdometryLost,
+    /// Once the LiDAR has come farther than the wheels drove, and they agree again: somebody carried
+    /// or towed the robot.
+    Displaced,
 }
 
 impl Fault {
+    /// Whether two windows speak for one and the same fault: an odometry that is lost does not say
+    /// so in every window.
+    fn is_kin(self, other: Self) -> bool {
+        self == other || self == Self::OdometryLost || other == Self::OdometryLost
+    }
+
     /// What to tell.
     pub fn cause(self) -> Cause {
         match self {
-            Self::NotDriven => Cause::Vehicle,
+            Self::NotDriven | Self::Displaced => Cause::Vehicle,
+            Self::OdometryLost => Cause::Odometry,
             Self::NotMoving => Cause::Unknown,
             Self::StuckSteering => Cause::Steering,
         }
@@ -59,6 +86,9 @@ pub struct FaultWatch {
     /// Windows in a row that speak for a fault, or for the end of the active one.
     in_a_row: usize,
     last: Option<Fault>,
+    /// The last window's way, and how many windows up to it went farther than the wheels drove.
+    last_way: Option<Way>,
+    displaced: Option<usize>,
     /// Windows with one and the same steering reading, newest last.
     standing: Vec<Track>,
     /// How much larger the noise (as a variance) was than configured when the reading began to stand
@@ -87,7 +117,9 @@ impl FaultWatch {
         if let Some(active) = self.active {
             let over = match active {
                 Fault::StuckSteering => self.standing.len() <= 1,
-                Fault::NotDriven | Fault::NotMoving => disagreement(track).is_none(),
+                Fault::NotDriven | Fault::NotMoving | Fault::OdometryLost | Fault::Displaced => {
+                    disagreement(track).is_none()
+                }
             };
             self.in_a_row = if over { self.in_a_row + 1 } else { 0 };
             if self.in_a_row >= IN_A_ROW {
@@ -107,14 +139,31 @@ impl FaultWatch {
         found
     }
 
+    /// Two windows in a row that disagree, or one that went too far before one that agrees.
     fn disagrees(&mut self, track: &Track) -> Option<(Fault, usize)> {
         let seen = disagreement(track);
-        self.in_a_row = match seen {
-            None => 0,
-            Some(_) if seen == self.last => self.in_a_row + 1,
-            Some(_) => 1,
+        let way = Way::of(track);
+        let with_last = self.last_way.map(|last| last.and(way));
+        let was_displaced = self.displaced.take();
+        self.last_way = Some(way);
+        let is_displaced = way.is_displaced() || is_lifted(track);
+        if is_displaced {
+            self.displaced = Some(1);
+        } else if with_last.is_some_and(Way::is_displaced) {
+            self.displaced = Some(2);
+        }
+        self.in_a_row = match (seen, self.last) {
+            (None, _) => 0,
+            (Some(now), Some(last)) if now.is_kin(last) => self.in_a_row + 1,
+            (Some(_), _) => 1,
         };
         self.last = seen;
+        if let Some(windows) = was_displaced
+            && seen.is_none()
+            && !is_displaced
+        {
+            return Some((Fault::Displaced, windows + 1));
+        }
         seen.filter(|_| self.in_a_row >= IN_A_ROW)
             .map(|fault| (fault, self.in_a_row))
     }
@@ -169,14 +218,70 @@ fn disagreement(track: &Track) -> Option<Fault> {
     let Track {
         driven_m, moved_m, ..
     } = *track;
-    if driven_m.max(moved_m) < COMPARED_MIN_M {
-        None
+    let fault = if driven_m.max(moved_m) < COMPARED_MIN_M {
+        return None;
     } else if driven_m < DISAGREE_SHARE * moved_m {
-        Some(Fault::NotDriven)
+        Fault::NotDriven
     } else if moved_m < DISAGREE_SHARE * driven_m {
-        Some(Fault::NotMoving)
+        Fault::NotMoving
     } else {
-        None
+        return None;
+    };
+    // Wheels that disagree with an odometry that does not know its way are not to blame.
+    Some(if is_lost(track) {
+        Fault::OdometryLost
+    } else {
+        fault
+    })
+}
+
+fn is_lost(track: &Track) -> bool {
+    track.odometry_sigma_m > ODOMETRY_SIGMA_MAX_M
+        || track.moved_m > ODOMETRY_SPEED_MAX_MPS * track.duration_s
+}
+
+/// Whether the LiDAR, sure of its way, is where no turning of the wheels could have taken it.
+fn is_lifted(track: &Track) -> bool {
+    let sure_m = DISPLACED_SIGMAS * track.odometry_sigma_m;
+    track.odometry_sigma_m < ODOMETRY_SIGMA_MAX_M
+        && track.off_m > LIFTED_MIN_M.max(sure_m)
+        && track.off_way_m > LIFTED_OFF_WAY_M.max(sure_m)
+}
+
+/// How far wheels and LiDAR say that the robot came over one window or two.
+#[derive(Debug, Clone, Copy)]
+#[expect(clippy::struct_field_names, reason = "the unit is last in a name")]
+struct Way {
+    driven_m: f64,
+    moved_m: f64,
+    odometry_sigma_m: f64,
+}
+
+impl Way {
+    fn of(track: &Track) -> Self {
+        Self {
+            driven_m: track.driven_m,
+            moved_m: track.moved_m,
+            odometry_sigma_m: track.odometry_sigma_m,
+        }
+    }
+
+    /// Of two windows: who is towed may be so across their border.
+    fn and(self, next: Self) -> Self {
+        Self {
+            driven_m: self.driven_m + next.driven_m,
+            moved_m: self.moved_m + next.moved_m,
+            odometry_sigma_m: self.odometry_sigma_m.hypot(next.odometry_sigma_m),
+        }
+    }
+
+    /// Whether the LiDAR, sure of its way, has come farther than the wheels drove.
+    fn is_displaced(self) -> bool {
+        let farther_m = self.moved_m - self.driven_m;
+        let sure_m = DISPLACED_SIGMAS * self.odometry_sigma_m;
+        self.odometry_sigma_m < ODOMETRY_SIGMA_MAX_M
+            && farther_m > DISPLACED_MIN_M.max(sure_m)
+            && self.driven_m < DISPLACED_SHARE * self.moved_m
     }
 }
 
@@ -192,7 +297,65 @@ mod tests {
             steering_spread_rad: 0.01,
             steering_error_rad: 0.0,
             steering_sigma_rad: 0.003,
+            duration_s: 1.0,
+            off_m: (driven_m - moved_m).abs(),
+            off_way_m: (moved_m - driven_m).max(0.0),
+            odometry_sigma_m: 0.001,
         }
+    }
+
+    #[test]
+    fn an_odometry_that_does_not_know_its_way_is_named_not_the_wheels() {
+        let mut watch = FaultWatch::default();
+        let lost = Track {
+            odometry_sigma_m: 0.3,
+            ..track(0.05, 0.5)
+        };
+        assert_eq!(watch.push(&lost, 1.0), None);
+        assert_eq!(watch.push(&lost, 1.0), Some((Fault::OdometryLost, 2)));
+        assert_eq!(Fault::OdometryLost.cause(), Cause::Odometry);
+    }
+
+    #[test]
+    fn a_robot_that_was_carried_or_towed_once_is_reported() {
+        // Lifted away by 0.5 m at rest; towed by 0.3 m between two stretches of its own.
+        for (driven_m, moved_m) in [(0.0, 0.5), (0.12, 0.42), (0.2, 0.5)] {
+            let mut watch = FaultWatch::default();
+            assert_eq!(watch.push(&track(0.4, 0.4), 1.0), None);
+            assert_eq!(watch.push(&track(driven_m, moved_m), 1.0), None);
+            let found = watch.push(&track(0.4, 0.4), 1.0);
+            assert_eq!(found, Some((Fault::Displaced, 2)), "{driven_m} {moved_m}");
+            assert_eq!(watch.push(&track(0.4, 0.4), 1.0), None);
+        }
+        // Lifted away by 0.5 m to the side, or back.
+        for (moved_m, off_way_m) in [(0.64, 0.5), (0.1, 0.1)] {
+            let mut watch = FaultWatch::default();
+            let lifted = Track {
+                off_m: 0.5,
+                off_way_m,
+                ..track(0.4, moved_m)
+            };
+            assert_eq!(watch.push(&lifted, 1.0), None);
+            let found = watch.push(&track(0.4, 0.4), 1.0);
+            assert_eq!(found, Some((Fault::Displaced, 2)), "{moved_m}");
+        }
+        // Towed by 0.3 m across the border of two windows.
+        for driven_m in [0.21, 0.25, 0.29] {
+            let mut watch = FaultWatch::default();
+            assert_eq!(watch.push(&track(0.4, 0.4), 1.0), None);
+            assert_eq!(watch.push(&track(driven_m, 0.4), 1.0), None);
+            assert_eq!(watch.push(&track(0.5 - driven_m, 0.4), 1.0), None);
+            let found = watch.push(&track(0.4, 0.4), 1.0);
+            assert_eq!(found, Some((Fault::Displaced, 3)), "{driven_m}");
+        }
+        // A jump that the odometry is not sure of is none.
+        let mut watch = FaultWatch::default();
+        let unsure = Track {
+            odometry_sigma_m: 0.2,
+            ..track(0.2, 0.45)
+        };
+        assert_eq!(watch.push(&unsure, 1.0), None);
+        assert_eq!(watch.push(&track(0.4, 0.4), 1.0), None);
     }
 
     #[test]

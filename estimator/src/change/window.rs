@@ -1,6 +1,6 @@
 //! Windows of motion: what drive and LiDAR say of the same 0.4 m, and how far they disagree.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::evidence::{Evidence, WINDOW_CHI2_MAX};
 use crate::drive_history::{DriveHistory, DriveSegment};
@@ -35,6 +35,14 @@ pub struct Track {
     pub steering_error_rad: f64,
     /// Its standard deviation by the configured noise, rad.
     pub steering_sigma_rad: f64,
+    /// Duration, s.
+    pub duration_s: f64,
+    /// How far the LiDAR is from where the wheels would have taken it, m.
+    pub off_m: f64,
+    /// How far it is from any point of the way there, m: wheels that slip leave it on that way.
+    pub off_way_m: f64,
+    /// How well the LiDAR odometry knows its way, along the direction it knows least, m (one sigma).
+    pub odometry_sigma_m: f64,
 }
 
 /// One window: residual of `B X = X Z` under some parameters, linear around them.
@@ -163,6 +171,19 @@ impl WindowCutter {
     }
 }
 
+/// One sigma of a position along the direction it is known least in, m.
+fn largest_sigma_m(covariance: &Matrix3<f64>) -> f64 {
+    let position = covariance.fixed_view::<2, 2>(0, 0).into_owned();
+    position.symmetric_eigenvalues().max().max(0.0).sqrt()
+}
+
+/// Distance of a point from the straight way that leads from the origin to `end`, m.
+fn distance_from_way_m(end: Vector2<f64>, point: Vector2<f64>) -> f64 {
+    let length2_m2 = end.norm_squared().max(f64::MIN_POSITIVE);
+    let part = (end.dot(&point) / length2_m2).clamp(0.0, 1.0);
+    (point - end * part).norm()
+}
+
 fn measure(
     begin: &OdometryReading,
     end: &OdometryReading,
@@ -202,6 +223,13 @@ fn measure(
         steering_spread_rad: most_rad - least_rad,
         steering_error_rad: residual.z / turn_by_steering,
         steering_sigma_rad: covariance[(2, 2)].sqrt() / turn_by_steering,
+        duration_s: end.stamp.seconds_since(begin.stamp),
+        off_m: residual.xy().norm(),
+        off_way_m: distance_from_way_m(
+            predicted.end_in_begin.translation(),
+            measured.translation(),
+        ),
+        odometry_sigma_m: largest_sigma_m(&(covariance - motion_covariance)),
     };
     let innovation = Innovation {
         residual,

@@ -27,6 +27,8 @@ pub struct Point {
     pub y: f32,
     /// Time of the beam relative to the sweep's reference time, s.
     pub tau_s: f32,
+    /// The same as a part of the sweep, -1/2 to 1/2.
+    pub phase: f32,
     /// One over the range, 1/m.
     pub inverse_range: f32,
     /// Whether the surface goes on to the next point in the open: both see it well.
@@ -42,6 +44,8 @@ pub struct Block {
     pub y: [f32; LANES],
     /// Times of the beams, s.
     pub tau_s: [f32; LANES],
+    /// The same as parts of the sweep.
+    pub phase: [f32; LANES],
     /// One over the ranges, 1/m.
     pub inverse_range: [f32; LANES],
     joined: [bool; LANES],
@@ -53,6 +57,7 @@ impl Block {
         x: [0.0; LANES],
         y: [0.0; LANES],
         tau_s: [0.0; LANES],
+        phase: [0.0; LANES],
         inverse_range: [0.0; LANES],
         joined: [false; LANES],
         count: 0,
@@ -70,12 +75,13 @@ impl Block {
 
     fn iter(&self) -> impl Iterator<Item = Point> {
         let positions = self.x.iter().zip(&self.y);
-        let times = self.tau_s.iter().zip(&self.inverse_range);
+        let times = self.tau_s.iter().zip(&self.phase).zip(&self.inverse_range);
         positions.zip(times).zip(&self.joined).take(self.count).map(
-            |(((&x, &y), (&tau_s, &inverse_range)), &joined)| Point {
+            |(((&x, &y), ((&tau_s, &phase), &inverse_range)), &joined)| Point {
                 x,
                 y,
                 tau_s,
+                phase,
                 inverse_range,
                 joined,
             },
@@ -147,6 +153,7 @@ impl SweepPoints {
             block.x[lane] = point.x;
             block.y[lane] = point.y;
             block.tau_s[lane] = point.tau_s;
+            block.phase[lane] = point.phase;
             block.inverse_range[lane] = point.inverse_range;
             block.joined[lane] = point.joined;
             block.count += 1;
@@ -174,12 +181,13 @@ struct Return {
 }
 
 impl BeamFilter {
-    /// Puts the usable returns of `sweep` into `points`.
-    pub fn filter(&mut self, sweep: &Sweep, points: &mut SweepPoints) {
+    /// Puts the usable returns of `sweep`, whose beams follow each other after `time_increment_s`,
+    /// into `points`.
+    pub fn filter(&mut self, sweep: &Sweep, time_increment_s: f64, points: &mut SweepPoints) {
         self.prepare_directions(sweep.shape(), sweep.ranges_m().len());
         self.collect_returns(sweep);
         self.mark_edges(sweep.shape().angle_increment_rad.abs() as f32);
-        self.emit(sweep, points);
+        self.emit(sweep, time_increment_s as f32, points);
     }
 
     /// Bytes held.
@@ -239,10 +247,9 @@ impl BeamFilter {
         }
     }
 
-    fn emit(&self, sweep: &Sweep, points: &mut SweepPoints) {
+    fn emit(&self, sweep: &Sweep, time_increment: f32, points: &mut SweepPoints) {
         points.clear();
-        let middle = 0.5 * (sweep.ranges_m().len() - 1) as f32;
-        let time_increment = sweep.shape().time_increment_s as f32;
+        let beams = sweep.ranges_m().len() as f32;
         let stride = self.returns.len().div_ceil(POINTS_MAX).max(1);
         let mut is_joined = false;
         for (group, chunk) in self.returns.chunks(stride).enumerate() {
@@ -250,7 +257,7 @@ impl BeamFilter {
             let choice = hash(group as u32) as usize % chunk.len();
             for (index, taken) in chunk.iter().enumerate() {
                 if index == choice && !taken.beside_edge {
-                    self.emit_return(taken, middle, time_increment, points, is_joined);
+                    self.emit_return(taken, beams, time_increment, points, is_joined);
                     is_joined = true;
                 }
                 is_joined &= taken.joined;
@@ -262,7 +269,7 @@ impl BeamFilter {
     fn emit_return(
         &self,
         taken: &Return,
-        middle: f32,
+        beams: f32,
         time_increment: f32,
         points: &mut SweepPoints,
         is_joined: bool,
@@ -271,11 +278,13 @@ impl BeamFilter {
         let (Some(c), Some(s)) = (self.cos.get(beam), self.sin.get(beam)) else {
             return;
         };
+        let from_middle = beam as f32 - 0.5 * (beams - 1.0);
         points.join_last(is_joined);
         points.push(Point {
             x: taken.range * c,
             y: taken.range * s,
-            tau_s: (beam as f32 - middle) * time_increment,
+            tau_s: from_middle * time_increment,
+            phase: from_middle / beams,
             inverse_range: taken.range.recip(),
             joined: false,
         });
@@ -305,7 +314,7 @@ mod tests {
         };
         let sweep = Sweep::new(Stamp(1), shape, ranges.to_vec().into()).unwrap();
         let mut points = SweepPoints::default();
-        BeamFilter::default().filter(&sweep, &mut points);
+        BeamFilter::default().filter(&sweep, time_increment_s, &mut points);
         points
     }
 

@@ -314,7 +314,7 @@ mod tests {
         };
         let sweep = Sweep::new(Stamp(1), shape, ranges.into()).unwrap();
         let mut points = SweepPoints::default();
-        BeamFilter::default().filter(&sweep, &mut points);
+        BeamFilter::default().filter(&sweep, sweep.shape().time_increment_s, &mut points);
         points
     }
 

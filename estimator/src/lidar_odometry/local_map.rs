@@ -94,12 +94,13 @@ impl LocalMap {
                 self.free_space
                     .pass(origin, from, point, cos_incidence, &mut self.submap);
             }
+            let direction = local.direction(qx, qy, returned.inverse_range);
             let is_still = !self.free_space.was_free(cell);
             self.free_space.hit(cell);
             if is_still {
-                self.submap.insert(origin, point.0, point.1, 1.0);
+                self.submap.insert(origin, point, direction, 1.0);
                 if let Some(previous) = previous {
-                    self.fill(origin, previous, point);
+                    self.fill(origin, previous, point, direction);
                 }
             }
             previous = (returned.joined && is_still).then_some(point);
@@ -119,7 +120,13 @@ impl LocalMap {
     }
 
     /// Fills the surface between two neighbouring returns that lie farther apart than cells.
-    fn fill(&mut self, origin: LocalOrigin, from: (f32, f32), to: (f32, f32)) {
+    fn fill(
+        &mut self,
+        origin: LocalOrigin,
+        from: (f32, f32),
+        to: (f32, f32),
+        direction: (f32, f32),
+    ) {
         let (dx, dy) = (to.0 - from.0, to.1 - from.1);
         let length2 = dx * dx + dy * dy;
         if !(FILL_SPACING_M * FILL_SPACING_M..FILL_MAX_M * FILL_MAX_M).contains(&length2) {
@@ -128,8 +135,8 @@ impl LocalMap {
         let parts = (length2.sqrt() / FILL_SPACING_M).ceil();
         for part in 1..parts as i32 {
             let share = part as f32 / parts;
-            let (x, y) = (from.0 + share * dx, from.1 + share * dy);
-            self.submap.insert(origin, x, y, FILL_WEIGHT);
+            let point = (from.0 + share * dx, from.1 + share * dy);
+            self.submap.insert(origin, point, direction, FILL_WEIGHT);
         }
     }
 }

@@ -9,6 +9,9 @@ mod covariance;
 mod local_map;
 mod motion;
 mod point_to_line;
+mod range_errors;
+mod scanner;
+mod sensitivity;
 mod submap;
 mod surroundings;
 mod tracking;
@@ -16,6 +19,7 @@ mod tracking;
 use std::sync::Arc;
 
 use nalgebra::Matrix3;
+use serde::{Deserialize, Serialize};
 
 use crate::geometry::Pose2;
 use crate::occupancy_grid::{ORIGIN_MAX_M, OccupancyGrid};
@@ -25,9 +29,11 @@ use covariance::OpenDirection;
 use local_map::LocalMap;
 use motion::Motion;
 use point_to_line::{Alignment, LocalMotion};
+use scanner::Scanner;
 use submap::{KnownMap, LocalOrigin};
 use tracking::{Fit, Track};
 
+pub use scanner::{BeamTimes, ScannerReport};
 pub use surroundings::Surroundings;
 pub use tracking::Tracking;
 
@@ -56,15 +62,26 @@ const POINTS_MIN: usize = 20;
 const ITERATIONS_MAX: usize = 8;
 /// The iteration ends when a step is smaller than this, m and rad.
 const STEP_MIN: f64 = 5e-5;
+/// So often the first sweep of a map is corrected with the motion that it gives.
+const FIRST_REDONE: usize = 3;
 /// A scanner's range noise before it is measured, m.
 const RANGE_NOISE_AT_START_M: f32 = 0.02;
 /// Range noise is measured on at least so many points.
 const NOISE_POINTS_MIN: f32 = 50.0;
 /// Of the points so many are left out when a fit is judged.
 const ASSESS_STRIDE: usize = 3;
+/// A map of fewer updates tells nothing of the scanner: it repeats the sweep.
+const ASKED_FROM_UPDATE: u32 = 8;
 /// A sweep whose ranges all repeat the last one's was sent twice, when the LiDAR has moved by more
 /// than this, m or rad.
 const REPEATED_MOTION: f64 = 0.01;
+
+/// What LiDAR odometry has learnt of its scanner: it holds as long as the scanner does, in any map.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LearntScanner {
+    scanner: Scanner,
+    range_noise_m: f32,
+}
 
 /// LiDAR odometry of one robot.
 #[derive(Debug, Clone)]
@@ -79,6 +96,7 @@ pub struct LidarOdometry {
     /// The sweep that began the map, until its distortion is known.
     first_sweep: Option<(SweepPoints, Stamp, Pose2)>,
     range_noise_m: f32,
+    scanner: Scanner,
     track: Track,
 }
 
@@ -103,6 +121,7 @@ impl Default for LidarOdometry {
             last_ranges: Vec::new(),
             first_sweep: None,
             range_noise_m: RANGE_NOISE_AT_START_M,
+            scanner: Scanner::default(),
             track: Track::default(),
         }
     }
@@ -136,13 +155,13 @@ impl LidarOdometry {
     /// not later than the last one, or repeats it.
     pub fn process(&mut self, sweep: &Sweep) -> Option<OdometryPose> {
         // 1. Beams to points.
-        let stamp = sweep.reference_stamp();
-        self.beam_filter.filter(sweep, &mut self.points);
+        let stamp = self.read(sweep);
         if self.points.len() < POINTS_MIN {
             return None;
         }
         let Some(last) = self.motion.clone() else {
-            return Some(self.begin_map(Pose2::IDENTITY, stamp, Tracking::Tracking));
+            let start = Motion::starting_at(Pose2::IDENTITY);
+            return Some(self.begin_map(start, stamp, Tracking::Tracking));
         };
 
         // 2. Where the LiDAR should be by its own motion.
@@ -151,6 +170,9 @@ impl LidarOdometry {
             return None;
         }
         self.last_stamp = Some(stamp);
+        if let Some(interval_s) = dt {
+            self.scanner.note_interval(interval_s);
+        }
         let predicted = dt.map_or_else(|| last.clone(), |dt| last.predicted(dt));
 
         // 3. Alignment from there; where it does not fit, from the best poses of a coarse search.
@@ -167,12 +189,18 @@ impl LidarOdometry {
 
         // 5. The map learns.
         if let Some((first, first_stamp, first_pose)) = self.first_sweep.take() {
-            self.redo_first(&first, first_stamp, first_pose, &mut solution);
+            self.redo_first(&first, (first_stamp, stamp), first_pose, &mut solution);
         }
         if self.map.submap.known().is_none() {
             self.learn_noise(solution.chi2);
         }
-        if self.map.is_due(&solution.motion.pose, stamp) {
+        let is_due = self.map.is_due(&solution.motion.pose, stamp);
+        if (is_due || self.scanner.asks_at_once(&solution.motion)) && self.learn_scanner(&solution)
+        {
+            let stamp = self.read(sweep);
+            return Some(self.begin_map(solution.motion, stamp, tracking));
+        }
+        if is_due {
             self.map
                 .update(&self.points, &solution.motion, stamp, self.range_noise_m);
         }
@@ -186,12 +214,20 @@ impl LidarOdometry {
                 &solution.motion,
                 &predicted,
                 self.points.mean_tau2_s2(),
-            ),
+            ) + self.scanner.pose_covariance(),
             unconstrained_rad: solution.open.map(|open| open.angle_rad()),
             fitness: solution.fit.fitness(),
             tracking,
             map_restarted: false,
         })
+    }
+
+    /// Turns a sweep into points; gives the time of its middle, which its pose is for.
+    fn read(&mut self, sweep: &Sweep) -> Stamp {
+        let time_increment_s = self.scanner.time_increment_s(sweep);
+        self.beam_filter
+            .filter(sweep, time_increment_s, &mut self.points);
+        sweep.middle_stamp(time_increment_s)
     }
 
     /// Bytes held for this robot, without a known map, which clones share.
@@ -206,25 +242,49 @@ impl LidarOdometry {
                 .map_or(0, |(points, _, _)| points.memory_bytes())
     }
 
+    /// What is known of the scanner: when its beams are taken, and how far its ranges are off.
+    pub fn scanner(&self) -> ScannerReport {
+        self.scanner.report()
+    }
+
+    /// What was learnt of the scanner, to begin another odometry with.
+    pub fn learnt_scanner(&self) -> LearntScanner {
+        LearntScanner {
+            scanner: self.scanner.without_map(),
+            range_noise_m: self.range_noise_m,
+        }
+    }
+
+    /// The same odometry, with a scanner of which that is known already.
+    #[must_use]
+    pub fn with_scanner(mut self, learnt: LearntScanner) -> Self {
+        self.scanner = learnt.scanner;
+        self.range_noise_m = learnt.range_noise_m;
+        self
+    }
+
     /// The scanner's range noise as measured so far, m (one sigma).
     pub fn range_noise_m(&self) -> f64 {
         f64::from(self.range_noise_m)
     }
 
-    /// Begins the map with the present sweep, at `pose`.
-    fn begin_map(&mut self, pose: Pose2, stamp: Stamp, tracking: Tracking) -> OdometryPose {
-        let motion = Motion::starting_at(pose);
+    /// Begins the map with the present sweep, at this motion.
+    fn begin_map(&mut self, motion: Motion, stamp: Stamp, tracking: Tracking) -> OdometryPose {
+        let pose = motion.pose;
+        self.scanner.note_map();
         self.map.clear();
         self.map
             .update(&self.points, &motion, stamp, self.range_noise_m);
-        self.first_sweep = Some((self.points.clone(), stamp, pose));
+        // A sweep whose motion is known is corrected for it already.
+        self.first_sweep = (!motion.is_known()).then(|| (self.points.clone(), stamp, pose));
         self.last_stamp = Some(stamp);
         self.track = Track::default();
-        self.motion = Some(motion.clone());
+        let covariance = covariance::of_pose(&motion, &motion, 0.0);
+        self.motion = Some(motion);
         OdometryPose {
             stamp,
             lidar_in_odom: pose,
-            covariance: covariance::of_pose(&motion, &motion, 0.0),
+            covariance,
             unconstrained_rad: None,
             fitness: 1.0,
             tracking,
@@ -286,7 +346,25 @@ impl LidarOdometry {
             points: &self.points,
             submap: &self.map.submap,
             range_noise_m: self.range_noise_m,
+            range_errors: self.scanner.range_errors(),
         }
+    }
+
+    /// Learns of the scanner from the sweep as it is aligned. Whether the map has to be begun anew.
+    /// A known map is off by its own cells, and an open direction would be learnt from noise.
+    fn learn_scanner(&mut self, solution: &Solution) -> bool {
+        let submap = &self.map.submap;
+        let is_young = submap.updates() < ASKED_FROM_UPDATE;
+        let is_poor = solution.open.is_some() || !solution.fit.is_good();
+        if submap.known().is_some() || is_young || is_poor {
+            return false;
+        }
+        let motion = &solution.motion;
+        let origin = LocalOrigin::near(motion.pose.x_m, motion.pose.y_m);
+        let local = LocalMotion::new(motion, origin);
+        let phase = self.map.submap.updates() as usize;
+        let equations = self.alignment().ask_scanner(&local, phase);
+        self.scanner.learn(&equations, motion)
     }
 
     /// Looks for a better pose than `solution` around the prediction, and where the last sweep was:
@@ -323,7 +401,8 @@ impl LidarOdometry {
             self.map.clear();
             self.track.forget();
         } else if self.track.gives_up() {
-            return self.begin_map(predicted.pose, stamp, Tracking::Recovered);
+            let start = Motion::starting_at(predicted.pose);
+            return self.begin_map(start, stamp, Tracking::Recovered);
         }
         let window = self.track.window(0.0);
         let motion = predicted.lost(window.reach_m, window.yaw_rad);
@@ -340,23 +419,25 @@ impl LidarOdometry {
         pose
     }
 
-    /// The first sweep went into the map distorted by a motion nobody knew. Now that it is known,
-    /// the map is made again and the second sweep aligned again, twice over.
+    /// The first sweep went into the map distorted by a motion nobody knew. Now that the second one
+    /// is aligned, the map is made again with the velocity between the two, and the second sweep
+    /// aligned again. Within the sweeps that velocity would not show: two that are corrected with the
+    /// same wrong one lie on each other.
     fn redo_first(
         &mut self,
         first: &SweepPoints,
-        stamp: Stamp,
+        (first_stamp, stamp): (Stamp, Stamp),
         pose: Pose2,
         solution: &mut Solution,
     ) {
-        for _ in 0..2 {
+        let dt = stamp.seconds_since(first_stamp);
+        for _ in 0..FIRST_REDONE {
             let mut motion = Motion::starting_at(pose);
-            motion.velocity = solution.motion.velocity;
+            motion.velocity = pose.between(&solution.motion.pose).log() / dt;
             self.map.clear();
-            self.map.update(first, &motion, stamp, self.range_noise_m);
-            let mut start = Motion::searched(solution.motion.pose);
-            start.velocity = solution.motion.velocity;
-            if let Some(again) = self.align(&start) {
+            self.map
+                .update(first, &motion, first_stamp, self.range_noise_m);
+            if let Some(again) = self.align(&motion.predicted(dt)) {
                 *solution = again;
             }
         }

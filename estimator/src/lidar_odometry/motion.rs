@@ -87,6 +87,11 @@ impl Motion {
         (least.max(0.0).sqrt(), self.covariance[(2, 2)].sqrt())
     }
 
+    /// Whether there was a sweep before to know the velocity from.
+    pub fn is_known(&self) -> bool {
+        self.interval_s.is_some()
+    }
+
     /// Standing still, and no surer of the pose than that it lies within these of the prediction.
     #[must_use]
     pub fn lost(&self, reach_m: f64, yaw_rad: f64) -> Self {

@@ -11,6 +11,7 @@ use nalgebra::{Matrix3, Matrix6, Vector2, Vector6};
 
 use super::beam_filter::{Block, LANES, Point, SweepPoints};
 use super::motion::Motion;
+use super::range_errors::RangeErrors;
 use super::submap::{FreeSpace, LocalOrigin, Submap};
 use super::tracking::Fit;
 
@@ -59,7 +60,7 @@ struct Terms {
 }
 
 /// A block of points laid over the map, one lane a point.
-struct Laid {
+pub struct Laid {
     /// The deskewed points in the LiDAR's frame.
     qx: [f32; LANES],
     qy: [f32; LANES],
@@ -69,8 +70,28 @@ struct Laid {
     /// Distances from the lines, m, and the lines' variances, m².
     distance: [f32; LANES],
     variance: [f32; LANES],
+    /// Cosines of the incidence that the lines were seen under, signed by their normals.
+    pub cos: [f32; LANES],
     /// 1 where there is a line, else 0.
     matched: [f32; LANES],
+}
+
+/// A point of a block against its line.
+pub struct Seen {
+    /// Derivatives of the residual by the pose.
+    pub jx: f32,
+    /// By y.
+    pub jy: f32,
+    /// By yaw.
+    pub jt: f32,
+    /// Cosine of the incidence, signed by the line's normal.
+    pub cos: f32,
+    /// The residual, m.
+    pub distance: f32,
+    /// The residual over its standard deviation, squared.
+    normalised2: f32,
+    /// Weight of the residual, 1/m².
+    pub weight: f32,
 }
 
 /// Pose and velocity in single precision, measured from a local origin.
@@ -109,6 +130,18 @@ impl LocalMotion {
             half_ay: 0.5 * motion.acceleration.y as f32,
             half_alpha: 0.5 * motion.acceleration.z as f32,
         }
+    }
+
+    /// The LiDAR's velocity in its own frame, m/s and rad/s.
+    pub fn velocity(&self) -> (f32, f32, f32) {
+        (self.vx, self.vy, self.omega)
+    }
+
+    /// The direction of a deskewed point from the LiDAR, as the map's axes lie.
+    #[inline]
+    pub fn direction(&self, x: f32, y: f32, inverse_range: f32) -> (f32, f32) {
+        let (x, y) = (x * inverse_range, y * inverse_range);
+        (self.cos * x - self.sin * y, self.sin * x + self.cos * y)
     }
 
     /// The LiDAR's position.
@@ -164,6 +197,8 @@ pub struct Alignment<'a> {
     pub submap: &'a Submap,
     /// The scanner's range noise, m.
     pub range_noise_m: f32,
+    /// The scanner's range errors.
+    pub range_errors: RangeErrors,
 }
 
 impl Alignment<'_> {
@@ -179,10 +214,13 @@ impl Alignment<'_> {
         }
         let mx = motion.cos * line.nx + motion.sin * line.ny;
         let my = motion.cos * line.ny - motion.sin * line.nx;
-        let seen_m = (mx * qx + my * qy) * point.inverse_range * self.range_noise_m;
+        let cos = (mx * qx + my * qy) * point.inverse_range;
+        let errors = self.range_errors;
+        let off_m = errors.across_m(cos) - errors.across_m(line.cos);
+        let seen_m = cos * self.range_noise_m;
         Some(Residual {
             m: (mx, my),
-            distance: line.nx * cx + line.ny * cy - line.d,
+            distance: line.nx * cx + line.ny * cy - line.d - off_m,
             variance: seen_m * seen_m + line.variance + RESIDUAL_FLOOR_M * RESIDUAL_FLOOR_M,
         })
     }
@@ -198,7 +236,7 @@ impl Alignment<'_> {
     }
 
     /// Lays a block over the map: deskews, transforms, and reads the line of each point's cell.
-    fn lay(&self, motion: &LocalMotion, block: &Block) -> Laid {
+    pub fn lay(&self, motion: &LocalMotion, block: &Block) -> Laid {
         let mut laid = Laid {
             qx: [0.0; LANES],
             qy: [0.0; LANES],
@@ -206,6 +244,7 @@ impl Alignment<'_> {
             ny: [0.0; LANES],
             distance: [0.0; LANES],
             variance: [0.0; LANES],
+            cos: [0.0; LANES],
             matched: [0.0; LANES],
         };
         let (mut wx, mut wy) = ([0.0; LANES], [0.0; LANES]);
@@ -221,6 +260,7 @@ impl Alignment<'_> {
                 (laid.nx[i], laid.ny[i]) = (line.nx, line.ny);
                 laid.distance[i] = line.nx * cx + line.ny * cy - line.d;
                 laid.variance[i] = line.variance;
+                laid.cos[i] = line.cos;
                 laid.matched[i] = 1.0;
             }
         }
@@ -232,19 +272,16 @@ impl Alignment<'_> {
         let mut terms = Terms {
             sums: [[0.0; LANES]; TERMS],
         };
-        let noise = self.range_noise_m;
         for i in 0..LANES {
-            let (qx, qy) = (laid.qx[i], laid.qy[i]);
-            let jx = motion.cos * laid.nx[i] + motion.sin * laid.ny[i];
-            let jy = motion.cos * laid.ny[i] - motion.sin * laid.nx[i];
-            let jt = jy * qx - jx * qy;
-            let seen = (jx * qx + jy * qy) * block.inverse_range[i] * noise;
-            let variance = seen * seen + laid.variance[i] + RESIDUAL_FLOOR_M * RESIDUAL_FLOOR_M;
-            let information = laid.matched[i] / variance;
-            let distance = laid.distance[i];
-            let normalised2 = distance * distance * information;
-            let robust = 1.0 / (1.0 + normalised2 * (1.0 / (ROBUST_SIGMAS * ROBUST_SIGMAS)));
-            let weight = robust * robust * information;
+            let Seen {
+                jx,
+                jy,
+                jt,
+                distance,
+                normalised2,
+                weight,
+                ..
+            } = self.seen(motion, block, laid, i);
             let is_on_map = normalised2 < ON_MAP_SIGMAS * ON_MAP_SIGMAS;
             let on_map = if is_on_map { laid.matched[i] } else { 0.0 };
             let pull = -weight * distance;
@@ -262,6 +299,32 @@ impl Alignment<'_> {
             terms.sums[10][i] = on_map * normalised2;
         }
         terms
+    }
+
+    /// A point against its line: derivatives, residual and robust weight (Geman-McClure). The errors
+    /// of the scanner's ranges are taken out of the point and of the line alike.
+    #[inline]
+    pub fn seen(&self, motion: &LocalMotion, block: &Block, laid: &Laid, i: usize) -> Seen {
+        let (qx, qy) = (laid.qx[i], laid.qy[i]);
+        let jx = motion.cos * laid.nx[i] + motion.sin * laid.ny[i];
+        let jy = motion.cos * laid.ny[i] - motion.sin * laid.nx[i];
+        let cos = (jx * qx + jy * qy) * block.inverse_range[i];
+        let errors = self.range_errors;
+        let distance = laid.distance[i] - (errors.across_m(cos) - errors.across_m(laid.cos[i]));
+        let noise = cos * self.range_noise_m;
+        let variance = noise * noise + laid.variance[i] + RESIDUAL_FLOOR_M * RESIDUAL_FLOOR_M;
+        let information = laid.matched[i] / variance;
+        let normalised2 = distance * distance * information;
+        let robust = 1.0 / (1.0 + normalised2 * (1.0 / (ROBUST_SIGMAS * ROBUST_SIGMAS)));
+        Seen {
+            jx,
+            jy,
+            jt: jy * qx - jx * qy,
+            cos,
+            distance,
+            normalised2,
+            weight: robust * robust * information,
+        }
     }
 
     /// The information of the surfaces that face `direction` (LiDAR's frame) on the position
@@ -361,7 +424,7 @@ impl Sums {
     }
 }
 
-fn sum_of_lanes(lanes: &[f32; LANES]) -> f32 {
+pub fn sum_of_lanes(lanes: &[f32; LANES]) -> f32 {
     let mut four = [0.0; 4];
     for part in lanes.chunks_exact(4) {
         for (sum, lane) in four.iter_mut().zip(part) {

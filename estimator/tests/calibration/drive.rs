@@ -5,7 +5,7 @@ use fleetcal_estimator::estimate::Change;
 use fleetcal_estimator::stream::SweepShape;
 use fleetcal_estimator::{
     Calibrator, DriveSample, Effect, Estimate, Event, LidarPose, Parameter, Pose2, Stamp, Sweep,
-    Vehicle, VehicleModel,
+    Vehicle,
 };
 use fleetcal_robot::simulator::{
     LidarOutput, PoseSettings, SimulatedMessage, Simulation, SimulationConfig, TrueParameters,
@@ -102,11 +102,7 @@ pub fn poses() -> LidarOutput {
 
 /// The vehicle as its owner knows it: model and wheelbase, nothing else.
 pub fn vehicle_of(truth: &VehicleTruth, wheelbase_m: f64) -> Vehicle {
-    let model = match truth.model {
-        fleetcal_robot::simulator::VehicleModel::Bicycle => VehicleModel::Bicycle,
-        fleetcal_robot::simulator::VehicleModel::Tricycle => VehicleModel::Tricycle,
-    };
-    Vehicle::new(model, wheelbase_m)
+    Vehicle::new(truth.model, wheelbase_m)
 }
 
 /// Drives a simulation past a calibrator of the given configuration.

@@ -16,9 +16,12 @@ mod drawn;
 mod drive;
 mod efficiency;
 mod false_alarms;
+mod imperfect_scanner;
+mod lost_odometry;
 mod observability;
 mod plan;
 mod restarts;
+mod restarts_in_motion;
 #[expect(dead_code, reason = "an example measures each cause alone")]
 mod synthetic_windows;
 mod unchanged;

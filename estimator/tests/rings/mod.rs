@@ -42,7 +42,8 @@ impl RingScanner {
                 .map(|p| p.position(t + time_s))
                 .collect();
             let azimuth = shape.angle_min_rad + column as f64 * shape.angle_increment_rad;
-            let wall_m = scene.range_from([pose.x_m, pose.y_m], pose.yaw_rad + azimuth, &people);
+            let origin = [pose.x_m, pose.y_m];
+            let (wall_m, _) = scene.seen_from(origin, pose.yaw_rad + azimuth, &people);
             for ring in 0..32 {
                 let elevation = (f64::from(ring) - 16.0).to_radians();
                 let slope = elevation.tan();

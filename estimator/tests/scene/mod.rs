@@ -100,17 +100,19 @@ impl Scene {
         self
     }
 
-    pub fn range_from(&self, origin: [f64; 2], angle_rad: f64, people: &[[f64; 2]]) -> f64 {
+    /// Range of a beam, and the cosine of its incidence on what it hits.
+    pub fn seen_from(&self, origin: [f64; 2], angle_rad: f64, people: &[[f64; 2]]) -> (f64, f64) {
         let (s, c) = angle_rad.sin_cos();
-        let mut nearest = f64::INFINITY;
+        let (mut nearest, mut cos) = (f64::INFINITY, 1.0);
         for [x0, y0, x1, y1] in &self.walls {
             let (ex, ey) = (x1 - x0, y1 - y0);
             let (ax, ay) = (x0 - origin[0], y0 - origin[1]);
             let determinant = ex * s - ey * c;
             let t = (ex * ay - ey * ax) / determinant;
             let u = (c * ay - s * ax) / determinant;
-            if t > 0.0 && (0.0..=1.0).contains(&u) {
-                nearest = nearest.min(t);
+            if t > 0.0 && t < nearest && (0.0..=1.0).contains(&u) {
+                nearest = t;
+                cos = determinant.abs() / ex.hypot(ey);
             }
         }
         let poles = self.poles.iter().map(|[x, y, r]| ([*x, *y], *r));
@@ -122,11 +124,13 @@ impl Scene {
             if ax.hypot(ay) < radius + 0.3 {
                 continue;
             }
-            if along > 0.0 && across.abs() < radius {
-                nearest = nearest.min(along - (radius * radius - across * across).sqrt());
+            let half_chord = (radius * radius - across * across).max(0.0).sqrt();
+            if along > 0.0 && across.abs() < radius && along - half_chord < nearest {
+                nearest = along - half_chord;
+                cos = half_chord / radius;
             }
         }
-        nearest
+        (nearest, cos)
     }
 }
 
@@ -141,6 +145,12 @@ pub struct Scanner {
     pub noise_m: f64,
     pub dropped: f64,
     pub range_max_m: f64,
+    /// Whether a rolling scanner keeps the beams' times to itself (`time_increment` 0).
+    pub untimed: bool,
+    /// Added to every range, m.
+    pub range_bias_m: f64,
+    /// Added to a range as the surface turns away from the beam, m: all of it at a grazing beam.
+    pub incidence_bias_m: f64,
 }
 
 impl Default for Scanner {
@@ -154,6 +164,9 @@ impl Default for Scanner {
             noise_m: 0.015,
             dropped: 0.0,
             range_max_m: 40.0,
+            untimed: false,
+            range_bias_m: 0.0,
+            incidence_bias_m: 0.0,
         }
     }
 }
@@ -199,8 +212,10 @@ impl Scanner {
                 let people: Vec<_> = scene.people.iter().map(|p| p.position(beam_t)).collect();
                 let angle =
                     pose.yaw_rad + shape.angle_min_rad + beam as f64 * shape.angle_increment_rad;
-                let range = scene.range_from([pose.x_m, pose.y_m], angle, &people);
-                let measured = range + noise.sample(rng);
+                let origin = [pose.x_m, pose.y_m];
+                let (range, cos) = scene.seen_from(origin, angle, &people);
+                let bias_m = self.range_bias_m + self.incidence_bias_m * (1.0 - cos);
+                let measured = range + bias_m + noise.sample(rng);
                 let is_lost = range > self.range_max_m || rng.random_bool(self.dropped);
                 if is_lost {
                     f32::INFINITY
@@ -209,8 +224,16 @@ impl Scanner {
                 }
             })
             .collect();
+        let told = SweepShape {
+            time_increment_s: if self.untimed {
+                0.0
+            } else {
+                shape.time_increment_s
+            },
+            ..shape
+        };
         (
-            Sweep::new(START.plus_seconds(t), shape, ranges).unwrap(),
+            Sweep::new(START.plus_seconds(t), told, ranges).unwrap(),
             at_middle,
         )
     }

@@ -1,8 +1,8 @@
 //! `builtin_interfaces/msg/Time` and `std_msgs/msg/Header`.
 
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 
-use super::serde_forms;
 use crate::cdr::{CdrError, CdrReader, CdrWriter};
 
 /// Nanoseconds of a second.
@@ -17,7 +17,7 @@ pub struct Time {
     /// Seconds.
     pub sec: i32,
     /// Nanoseconds, less than 1,000,000,000.
-    #[serde(deserialize_with = "serde_forms::below_a_second")]
+    #[serde(deserialize_with = "below_a_second")]
     pub nanosec: u32,
 }
 
@@ -78,6 +78,17 @@ impl Header {
         // Two words, the length, the NUL, and what aligns the next field.
         20 + self.frame_id.len()
     }
+}
+
+/// Reads the nanoseconds of a stamp, which are less than a second.
+fn below_a_second<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
+    let nanosec = u32::deserialize(deserializer)?;
+    if nanosec < NANOSEC_END {
+        return Ok(nanosec);
+    }
+    Err(D::Error::custom(format!(
+        "{nanosec} ns, accepted is less than 1000000000"
+    )))
 }
 
 #[cfg(test)]

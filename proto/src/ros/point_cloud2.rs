@@ -106,7 +106,7 @@ pub struct PointCloud2 {
     /// Points of a row.
     pub width: u32,
     /// What a point consists of.
-    #[serde(deserialize_with = "serde_forms::point_fields")]
+    #[serde(deserialize_with = "serde_forms::at_most::<_, FIELDS_MAX, _>")]
     pub fields: Vec<PointField>,
     /// Whether numbers have their most significant byte first.
     pub is_bigendian: bool,

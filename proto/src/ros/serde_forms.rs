@@ -9,7 +9,6 @@ use base64::engine::general_purpose::STANDARD;
 use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serializer};
 
-use super::point_cloud2::{FIELDS_MAX, PointField};
 use crate::cdr::STRINGS_MAX;
 
 /// Serializes beams; a number that JSON does not have becomes `null`.
@@ -97,11 +96,11 @@ pub(super) fn names<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<St
     deserializer.deserialize_seq(AtMost::<String, STRINGS_MAX>(PhantomData))
 }
 
-/// Reads at most [`FIELDS_MAX`] fields of points.
-pub(super) fn point_fields<'de, D: Deserializer<'de>>(
+/// Reads at most `N` elements of an array.
+pub(super) fn at_most<'de, T: Deserialize<'de>, const N: usize, D: Deserializer<'de>>(
     deserializer: D,
-) -> Result<Vec<PointField>, D::Error> {
-    deserializer.deserialize_seq(AtMost::<PointField, FIELDS_MAX>(PhantomData))
+) -> Result<Vec<T>, D::Error> {
+    deserializer.deserialize_seq(AtMost::<T, N>(PhantomData))
 }
 
 struct AtMost<T, const N: usize>(PhantomData<T>);
@@ -123,17 +122,6 @@ impl<'de, T: Deserialize<'de>, const N: usize> Visitor<'de> for AtMost<T, N> {
         }
         Ok(elements)
     }
-}
-
-/// Reads the nanoseconds of a stamp, which are less than a second.
-pub(super) fn below_a_second<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
-    let nanosec = u32::deserialize(deserializer)?;
-    if nanosec < super::header::NANOSEC_END {
-        return Ok(nanosec);
-    }
-    Err(D::Error::custom(format!(
-        "{nanosec} ns, accepted is less than 1000000000"
-    )))
 }
 
 /// Writes bytes as base64, as ROS's JSON bridges do.

@@ -18,7 +18,7 @@ pub use token::{Announcement, LatchedTopic, TOKENS_OF_BRIDGE, TOKENS_OF_RMW};
 
 use serde::{Deserialize, Serialize};
 
-use crate::encoding::MessageType;
+use crate::message_type::MessageType;
 
 /// What stands for the hash in keys of Humble.
 pub const NO_HASH: &str = "TypeHashNotSupported";

@@ -5,7 +5,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::robot_id::RobotId;
+use fleetcal_model::RobotId;
 
 const ROBOT: &str = "{robot}";
 const DOMAIN: &str = "{domain}";

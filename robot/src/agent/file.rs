@@ -4,11 +4,12 @@
 use std::ffi::OsString;
 use std::fs::{self, File, Metadata, OpenOptions, Permissions};
 use std::io::{self, Read as _, Write as _};
-use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _, fchown};
+use std::os::unix::fs::{MetadataExt as _, OpenOptionsExt as _, PermissionsExt as _, fchown};
 use std::path::{Path, PathBuf};
 
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
+use rustix::fs::OFlags;
 use thiserror::Error;
 
 use super::state::Memory;
@@ -128,7 +129,7 @@ impl AppliedFile {
             Err(error) => return Err(at(path)(error)),
         };
         let lock_path = beside(&path, LOCK_ENDING);
-        let lock = File::create(&lock_path).map_err(at(&lock_path))?;
+        let lock = open_lock(&lock_path).map_err(at(&lock_path))?;
         lock.try_lock().map_err(|error| match error {
             fs::TryLockError::WouldBlock => FileError::Locked {
                 path: lock_path.clone(),
@@ -301,6 +302,30 @@ pub(super) fn replace(path: &Path, text: &str) -> Result<(), FileError> {
     sync_folder(path)
 }
 
+/// Opens the lock, which holds nothing. A link in its place is refused: in a folder that others can
+/// write it could name any file of the agent's user. So is what is no file and might block.
+fn open_lock(path: &Path) -> io::Result<File> {
+    let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK;
+    let mut options = OpenOptions::new();
+    options.write(true).create(true).truncate(false).mode(MODE);
+    #[expect(
+        clippy::cast_possible_wrap,
+        reason = "the system's flags are small bits"
+    )]
+    options.custom_flags(flags.bits() as i32);
+    let lock = options.open(path).map_err(|error| {
+        if fs::symlink_metadata(path).is_ok_and(|found| found.is_symlink()) {
+            io::Error::other("is a link, which the agent does not follow: remove it")
+        } else {
+            error
+        }
+    })?;
+    if !lock.metadata()?.is_file() {
+        return Err(io::Error::other("is no file: remove it"));
+    }
+    Ok(lock)
+}
+
 /// Writes a file that is as accessible as the one before it. What a killed agent left goes first;
 /// the lock keeps every other agent away, and a link in the name's place is not followed.
 fn write_new(path: &Path, text: &str, before: Option<&Metadata>) -> io::Result<()> {
@@ -439,6 +464,22 @@ mod tests {
         assert!(sentence.contains("move it away"), "{sentence}");
         fs::write(&path, vec![b' '; FILE_BYTES_MAX as usize + 1]).unwrap();
         assert!(matches!(file.read(), Err(FileError::TooLong { .. })));
+    }
+
+    #[test]
+    fn a_link_in_the_locks_place_is_not_followed() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, other) = (folder.path().join("a.json"), folder.path().join("other"));
+        fs::write(&other, "somebody's").unwrap();
+        for target in [other.clone(), folder.path().join("none")] {
+            let lock = beside(&path, LOCK_ENDING);
+            std::os::unix::fs::symlink(&target, &lock).unwrap();
+            let sentence = AppliedFile::open(&path).unwrap_err().to_string();
+            assert!(sentence.contains("is a link"), "{sentence}");
+            fs::remove_file(&lock).unwrap();
+        }
+        assert_eq!(fs::read_to_string(&other).unwrap(), "somebody's");
+        assert!(!folder.path().join("none").exists());
     }
 
     #[test]

@@ -14,7 +14,8 @@ use zenoh::pubsub::{Publisher, Subscriber};
 use zenoh::sample::{Sample, SampleKind};
 
 use super::event::Event;
-use crate::session::{SessionError, at_key, publisher};
+use crate::session::{at_key, publisher};
+use crate::session_error::SessionError;
 
 /// How long an agent waits for an answer.
 const PULL_TIMEOUT: Duration = Duration::from_secs(5);

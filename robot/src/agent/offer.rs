@@ -2,9 +2,9 @@
 
 use std::f64::consts::TAU;
 
+use fleetcal_model::Pose2;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{CalibrationDocument, Envelope};
-use fleetcal_proto::estimate::PoseDocument;
 use fleetcal_proto::signing::TrustedKeys;
 
 use super::limits::Limits;
@@ -127,7 +127,7 @@ fn objection(
     if let Some(pose) = document.rear_axle_in_base_link
         && !is_on_a_vehicle(&pose)
     {
-        let PoseDocument { x_m, y_m, yaw_rad } = pose;
+        let Pose2 { x_m, y_m, yaw_rad } = pose;
         return Some(format!(
             "rear_axle_in_base_link is {x_m}, {y_m}, {yaw_rad}, accepted are -30 to 30 m and \
              radians within one turn"
@@ -137,7 +137,7 @@ fn objection(
     Some(outside.to_string())
 }
 
-fn is_on_a_vehicle(pose: &PoseDocument) -> bool {
+fn is_on_a_vehicle(pose: &Pose2) -> bool {
     let metres = -VEHICLE_MAX_M..=VEHICLE_MAX_M;
     metres.contains(&pose.x_m) && metres.contains(&pose.y_m) && (-TAU..=TAU).contains(&pose.yaw_rad)
 }

@@ -12,7 +12,7 @@ use super::hook::Hook;
 use super::limits::Limits;
 use super::outputs::Outputs;
 use crate::connection::Connection;
-use crate::session::SessionError;
+use crate::session_error::SessionError;
 
 /// Whose agent it is, and what it works on.
 #[derive(Debug, Clone)]

@@ -6,11 +6,10 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use fleetcal_model::Pose2;
 use fleetcal_proto::calibration::CalibrationValues;
-use fleetcal_proto::estimate::PoseDocument;
 
 use super::file::{self, FileError};
-use crate::PlanarPose;
 
 /// What stands in every file that the agent may replace.
 const MARK: &str = "Written by fleetcal agent, which replaces it";
@@ -20,7 +19,7 @@ const MARK: &str = "Written by fleetcal agent, which replaces it";
 pub struct VehicleFrames {
     /// The rear axle in the vehicle's base frame, whatever documents say; `None`: as they say, and
     /// the same place when they say nothing.
-    pub rear_axle_in_base_link: Option<PlanarPose>,
+    pub rear_axle_in_base_link: Option<Pose2>,
     /// Height of the LiDAR over the base frame, m, which no estimate tells.
     pub lidar_z_m: f64,
     /// Name of the base frame.
@@ -86,7 +85,7 @@ impl Outputs {
     pub(super) fn write(
         &self,
         values: Option<&CalibrationValues>,
-        rear_axle: Option<PoseDocument>,
+        rear_axle: Option<Pose2>,
     ) -> Result<(), FileError> {
         let rear_axle = self.rear_axle(rear_axle);
         for (kind, path) in &self.files {
@@ -103,18 +102,13 @@ impl Outputs {
         Ok(())
     }
 
-    fn rear_axle(&self, said: Option<PoseDocument>) -> PlanarPose {
-        let said = said.map(|pose| PlanarPose {
-            x_m: pose.x_m,
-            y_m: pose.y_m,
-            yaw_rad: pose.yaw_rad,
-        });
+    fn rear_axle(&self, said: Option<Pose2>) -> Pose2 {
         let given = self.frames.rear_axle_in_base_link;
         given.or(said).unwrap_or_default()
     }
 
-    fn text(&self, kind: OutputKind, values: &CalibrationValues, rear_axle: PlanarPose) -> String {
-        let lidar = rear_axle.compose(PlanarPose {
+    fn text(&self, kind: OutputKind, values: &CalibrationValues, rear_axle: Pose2) -> String {
+        let lidar = rear_axle.compose(&Pose2 {
             x_m: values.lidar_x_m,
             y_m: values.lidar_y_m,
             yaw_rad: values.lidar_yaw_rad,
@@ -126,8 +120,8 @@ impl Outputs {
         }
     }
 
-    fn urdf_origin(&self, lidar: PlanarPose) -> String {
-        let PlanarPose { x_m, y_m, yaw_rad } = lidar;
+    fn urdf_origin(&self, lidar: Pose2) -> String {
+        let Pose2 { x_m, y_m, yaw_rad } = lidar;
         let z_m = self.frames.lidar_z_m;
         format!(
             "<?xml version=\"1.0\"?>\n<!-- {MARK}. -->\n\
@@ -138,8 +132,8 @@ impl Outputs {
         )
     }
 
-    fn static_transform(&self, lidar: PlanarPose) -> String {
-        let PlanarPose { x_m, y_m, yaw_rad } = lidar;
+    fn static_transform(&self, lidar: Pose2) -> String {
+        let Pose2 { x_m, y_m, yaw_rad } = lidar;
         let VehicleFrames {
             lidar_z_m,
             base_link,
@@ -156,7 +150,7 @@ impl Outputs {
 }
 
 /// Each number has a decimal point: without one ROS takes it for a whole number.
-fn ros_parameters(values: &CalibrationValues, lidar: PlanarPose) -> String {
+fn ros_parameters(values: &CalibrationValues, lidar: Pose2) -> String {
     let mut text = format!("# {MARK}.\n/**:\n  ros__parameters:\n    fleetcal:\n");
     let in_base_link = [
         ("lidar_in_base_link_x_m", lidar.x_m),
@@ -207,7 +201,7 @@ mod tests {
         Outputs {
             files: files.to_vec(),
             frames: VehicleFrames {
-                rear_axle_in_base_link: Some(PlanarPose {
+                rear_axle_in_base_link: Some(Pose2 {
                     x_m: -0.5,
                     y_m: 0.0,
                     yaw_rad: FRAC_PI_2,
@@ -224,7 +218,7 @@ mod tests {
         let outputs = outputs(folder.path());
         outputs.check(&[]).unwrap();
         // What is given counts more than what a document says.
-        let said = PoseDocument {
+        let said = Pose2 {
             x_m: 7.0,
             y_m: 7.0,
             yaw_rad: 0.0,
@@ -259,7 +253,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut outputs = outputs(folder.path());
         outputs.frames.rear_axle_in_base_link = None;
-        let said = PoseDocument {
+        let said = Pose2 {
             x_m: -0.4,
             y_m: 0.0,
             yaw_rad: FRAC_PI_2,

@@ -20,7 +20,8 @@ use super::machine::Agent;
 use super::offer::Identity;
 use super::options::{AgentError, AgentOptions};
 use super::state::{Held, Memory, Phase};
-use crate::session::{ClientConfig, SessionError, at_key, close};
+use crate::session::{ClientConfig, at_key, close};
+use crate::session_error::SessionError;
 
 /// How often deadlines are looked at.
 const TICK: Duration = Duration::from_millis(200);

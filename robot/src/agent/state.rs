@@ -1,8 +1,8 @@
 //! What an agent remembers, through restarts too.
 
+use fleetcal_model::Pose2;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};
-use fleetcal_proto::estimate::PoseDocument;
 use serde::{Deserialize, Serialize};
 
 /// What the robot compensates with.
@@ -18,7 +18,7 @@ pub struct Held {
     pub values: Option<CalibrationValues>,
     /// Where the document has the rear axle in `base_link`, if it says so.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rear_axle_in_base_link: Option<PoseDocument>,
+    pub rear_axle_in_base_link: Option<Pose2>,
 }
 
 impl Held {
@@ -76,7 +76,7 @@ pub struct Offer {
     pub values: CalibrationValues,
     /// Where the document has the rear axle in `base_link`, if it says so.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rear_axle_in_base_link: Option<PoseDocument>,
+    pub rear_axle_in_base_link: Option<Pose2>,
     /// Its exact text, for the hook.
     pub document: String,
 }
@@ -238,7 +238,7 @@ pub struct Memory {
 impl Memory {
     /// Where the rear axle is in `base_link`, by the document whose values are in use or about to
     /// be.
-    pub(super) fn rear_axle_in_base_link(&self) -> Option<PoseDocument> {
+    pub(super) fn rear_axle_in_base_link(&self) -> Option<Pose2> {
         match &self.phase {
             Phase::Writing { offer, .. } | Phase::Activating { offer, .. } => {
                 offer.rear_axle_in_base_link

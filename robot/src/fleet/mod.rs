@@ -22,7 +22,7 @@ use tokio::task::JoinSet;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-pub use crate::session::SessionError;
+pub use crate::session_error::SessionError;
 pub use message::{StampRefused, drive_message, lidar_pose_message, scan_message, truth_message};
 pub use record::{
     RECORD_DURATION_MAX_S, RecordError, RecordedTruth, RecordedVehicle, TrueSegment, record,

@@ -14,7 +14,8 @@ use super::message::{StampRefused, drive_message, scan_message, truth_message};
 use super::robots::SimulatedRobot;
 use crate::recording::{RecordingError, RecordingWriter};
 use crate::simulator::{
-    Emitted, SettingRefused, SimulatedMessage, Simulation, TrueParameters, VehicleModel,
+    Emitted, Imperfections, SettingRefused, SimulatedMessage, Simulation, TrueParameters,
+    VehicleModel,
 };
 
 /// Longest recording, s: a day.
@@ -61,6 +62,9 @@ pub struct RecordedTruth {
     pub parameters: CalibrationValues,
     /// The true values from each change to the next.
     pub segments: Vec<TrueSegment>,
+    /// What the model of a robot does not know of this one; left out when there is nothing.
+    #[serde(default, skip_serializing_if = "Imperfections::is_none")]
+    pub imperfections: Imperfections,
 }
 
 /// A vehicle as it is registered.
@@ -153,6 +157,7 @@ pub fn record(
         start_stamp_ns: start_ns,
         parameters,
         segments,
+        imperfections: robot.config.imperfections,
     };
     write_truth(&truth_path(path), &truth)?;
     Ok(truth)
@@ -274,6 +279,30 @@ mod tests {
         let again = folder.path().join("two.mcap");
         record(&robot, 5.0, &again).unwrap();
         assert!(std::fs::read(&path).unwrap() == std::fs::read(&again).unwrap());
+    }
+
+    #[test]
+    fn the_truth_names_imperfections_and_the_wheelbase_that_is_registered() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("imperfect.mcap");
+        let mut robot = robot();
+        robot.config.imperfections.vehicle.wheelbase = 0.02;
+        robot.config.imperfections.clocks.drive_drift = 1e-4;
+        let truth = record(&robot, 3.0, &path).unwrap();
+        assert!((truth.vehicle.wheelbase_m - 1.224).abs() < 1e-12);
+        assert!((truth.parameters.wheelbase_m.unwrap() - 1.2).abs() < 1e-12);
+        let text = std::fs::read(truth_path(&path)).unwrap();
+        let document: serde_json::Value = serde_json::from_slice(&text).unwrap();
+        assert_eq!(document["imperfections"]["vehicle"]["wheelbase"], 0.02);
+        assert_eq!(document["imperfections"]["clocks"]["drive_drift"], 1e-4);
+        assert_eq!(
+            serde_json::from_slice::<RecordedTruth>(&text).unwrap(),
+            truth
+        );
+        let plain = folder.path().join("plain.mcap");
+        record(&self::robot(), 3.0, &plain).unwrap();
+        let text = std::fs::read_to_string(truth_path(&plain)).unwrap();
+        assert!(!text.contains("imperfections"), "{text}");
     }
 
     #[test]

@@ -9,9 +9,9 @@ use rand_chacha::ChaCha8Rng;
 use thiserror::Error;
 
 use crate::simulator::{
-    Applied, DriveSettings, LidarOutput, LidarSettings, LocalisationNoise, PeopleSettings,
-    PersonShape, Point, Pose2, Route, SimulationConfig, Slip, SpeedProfile, VehicleModel,
-    VehicleTruth, World,
+    Applied, DriveSettings, Imperfections, LidarOutput, LidarSettings, LocalisationNoise,
+    PeopleSettings, PersonShape, Point, Pose2, Route, SimulationConfig, Slip, SpeedProfile,
+    VehicleModel, VehicleTruth, World,
 };
 
 /// Most robots of one simulated fleet.
@@ -41,9 +41,9 @@ impl SimulatedRobot {
         self.config.vehicle.model
     }
 
-    /// Its wheelbase, m.
+    /// Its wheelbase as an operator would register it, m.
     pub fn wheelbase_m(&self) -> f64 {
-        self.config.vehicle.wheelbase_m
+        self.config.configured_wheelbase_m()
     }
 
     /// Where its LiDAR sits by the drawing: what it believes until a calibration is applied.
@@ -100,6 +100,7 @@ fn robot(number: usize, seed: u64, world: &Arc<World>) -> Option<SimulatedRobot>
             ..LidarSettings::default()
         }),
         changes: Vec::new(),
+        imperfections: Imperfections::default(),
     };
     Some(SimulatedRobot { id, config })
 }

@@ -7,7 +7,8 @@ use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Publisher;
 
 use crate::agent::{CalibrationLink, Event};
-use crate::session::{ClientConfig, SessionError, at_key, close, publisher};
+use crate::session::{ClientConfig, at_key, close, publisher};
+use crate::session_error::SessionError;
 
 /// A robot's session with its publishers.
 #[derive(Debug)]

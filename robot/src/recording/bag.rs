@@ -12,7 +12,7 @@ use futures::TryStreamExt as _;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteRow};
 use sqlx::{ConnectOptions as _, Row as _, SqliteConnection};
 
-use super::messages::RecordedMessage;
+use super::recorded_message::RecordedMessage;
 use super::scan::Found;
 use super::storage::ZSTD_MAGIC;
 use super::{CHANNELS_MAX, Channel, RECORD_BYTES_MAX, RecordingError, normalised_type};

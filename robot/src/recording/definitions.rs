@@ -1,7 +1,7 @@
 //! Definitions of the ROS 2 messages that are written, as MCAP's `ros2msg` schemas have them:
 //! the message's own fields, then every type it is made of behind a line of 80 `=`.
 
-use fleetcal_proto::encoding::MessageType;
+use fleetcal_proto::message_type::MessageType;
 
 /// One definition: its own file, then those of the types it is made of. A header and its time are
 /// in all of them.

@@ -5,7 +5,8 @@ use std::fs::File;
 use std::io::{BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 
-use fleetcal_proto::encoding::{Encoding, MessageType};
+use fleetcal_proto::encoding::Encoding;
+use fleetcal_proto::message_type::MessageType;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Compression, McapError, WriteOptions, Writer};
 use serde_json::json;

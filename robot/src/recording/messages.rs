@@ -10,20 +10,10 @@ use std::sync::Arc;
 use mcap::io::MessageReader;
 
 use super::bag::BagMessages;
+use super::recorded_message::RecordedMessage;
 use super::scan::{Reading, open_reader};
 use super::storage::{Kind, Storage};
 use super::{HELD_BYTES_MAX, RecordingError};
-
-/// One message of a recording.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct RecordedMessage {
-    /// When it was logged, ns since 1970.
-    pub log_time_ns: u64,
-    /// Its topic.
-    pub topic: Arc<str>,
-    /// Its bytes, in its channel's encoding.
-    pub payload: Vec<u8>,
-}
 
 /// Gives the messages of some topics in the order of their log times.
 ///

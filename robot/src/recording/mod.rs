@@ -10,6 +10,7 @@ mod definitions;
 mod error;
 mod mcap_file;
 mod messages;
+mod recorded_message;
 mod scan;
 mod session_writer;
 mod storage;
@@ -17,7 +18,8 @@ mod topics;
 mod writer;
 
 pub use error::RecordingError;
-pub use messages::{Messages, RecordedMessage};
+pub use messages::Messages;
+pub use recorded_message::RecordedMessage;
 pub use session_writer::{SESSION_METADATA, SessionTopic, SessionWriter};
 pub use topics::{
     AskedTopic, AskedTopics, ChosenDrive, ChosenPose, TopicError, Topics, choose_scan_topic,
@@ -28,7 +30,7 @@ pub use writer::{RecordingWriter, TRUTH_METADATA};
 use std::path::{Path, PathBuf};
 
 use fleetcal_proto::Encoding;
-use fleetcal_proto::encoding::{Form, MessageType};
+use fleetcal_proto::message_type::{Form, MessageType};
 
 use scan::{Found, Together};
 use storage::{Kind, Storage};

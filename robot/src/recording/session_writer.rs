@@ -6,13 +6,14 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
-use fleetcal_proto::encoding::{Encoding, MessageType};
+use fleetcal_model::Pose2;
+use fleetcal_proto::encoding::Encoding;
+use fleetcal_proto::message_type::MessageType;
 use mcap::write::NoSeek;
 use serde_json::{Value, json};
 
 use super::RecordingError;
 use super::mcap_file::{self, McapFile};
-use crate::PlanarPose;
 
 /// Name of the metadata record that says how much is missing.
 pub const SESSION_METADATA: &str = "fleetcal.session";
@@ -121,9 +122,9 @@ impl<W: Write> SessionWriter<W> {
         stamp_ns: i64,
         parent: &str,
         child: &str,
-        child_in_parent: PlanarPose,
+        child_in_parent: Pose2,
     ) -> Result<(), RecordingError> {
-        let PlanarPose { x_m, y_m, yaw_rad } = child_in_parent;
+        let Pose2 { x_m, y_m, yaw_rad } = child_in_parent;
         let (z, w) = (0.5 * yaw_rad).sin_cos();
         let transform = json!({
             "timestamp": time(stamp_ns),

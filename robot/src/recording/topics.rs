@@ -1,6 +1,6 @@
 //! Which topics of a recording to use.
 
-use fleetcal_proto::encoding::MessageType;
+use fleetcal_proto::message_type::MessageType;
 use thiserror::Error;
 
 use super::Channel;

@@ -6,7 +6,8 @@ use std::io::BufWriter;
 use std::path::Path;
 
 use fleetcal_proto::RobotId;
-use fleetcal_proto::encoding::{Encoding, MessageType};
+use fleetcal_proto::encoding::Encoding;
+use fleetcal_proto::message_type::MessageType;
 use fleetcal_proto::ros::{AckermannDriveStamped, LaserScan, PoseStamped, RosMessage};
 
 use super::RecordingError;

@@ -1,11 +1,11 @@
 //! Why a replay was given up.
 
+use fleetcal_model::RobotIdRefused;
 use fleetcal_proto::RobotId;
-use fleetcal_proto::robot_id::RobotIdRefused;
 use thiserror::Error;
 
 use crate::recording::{RecordingError, TopicError};
-use crate::session::SessionError;
+use crate::session_error::SessionError;
 
 /// Why a replay was given up, in one sentence.
 #[derive(Debug, Error)]

@@ -16,7 +16,7 @@ pub use window::{AHEAD_DRIVE_SAMPLES_MAX, AHEAD_SCANS_MAX, Report, Window};
 
 use std::time::Duration;
 
-use fleetcal_proto::encoding::MessageType;
+use fleetcal_proto::message_type::MessageType;
 use fleetcal_proto::ros2_key::typed_key;
 use fleetcal_proto::{RobotId, StreamKind};
 use tokio::sync::mpsc;

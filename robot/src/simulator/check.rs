@@ -23,7 +23,7 @@ pub struct SettingRefused {
 }
 
 /// A setting, its value, what is accepted, and the same in words.
-type Setting = (&'static str, f64, RangeInclusive<f64>, &'static str);
+pub(super) type Setting = (&'static str, f64, RangeInclusive<f64>, &'static str);
 
 impl SimulationConfig {
     /// Checks every number.
@@ -73,9 +73,10 @@ impl SimulationConfig {
             check([("changes.at_s", scheduled.at_s, 0.0..=1e9, "0 s or later")])?;
         }
         match &self.lidar {
-            LidarOutput::Sweeps(lidar) => check_lidar(lidar),
-            LidarOutput::Poses(poses) => check_poses(poses),
+            LidarOutput::Sweeps(lidar) => check_lidar(lidar)?,
+            LidarOutput::Poses(poses) => check_poses(poses)?,
         }
+        self.imperfections.check(&self.vehicle, &self.lidar)
     }
 
     fn check_vehicle(&self) -> Result<(), SettingRefused> {
@@ -272,7 +273,7 @@ fn check_poses(poses: &PoseSettings) -> Result<(), SettingRefused> {
     ])
 }
 
-fn check<const N: usize>(settings: [Setting; N]) -> Result<(), SettingRefused> {
+pub(super) fn check<const N: usize>(settings: [Setting; N]) -> Result<(), SettingRefused> {
     for (field, value, range, accepted) in settings {
         if !range.contains(&value) {
             return Err(SettingRefused {

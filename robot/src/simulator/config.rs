@@ -5,6 +5,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::drive_sensor::DriveSettings;
+use super::imperfections::Imperfections;
 use super::lidar::LidarSettings;
 pub use super::people::{PeopleSettings, PersonShape};
 use super::plane::Pose2;
@@ -128,6 +129,8 @@ pub struct SimulationConfig {
     pub lidar: LidarOutput,
     /// What changes on the way.
     pub changes: Vec<ScheduledChange>,
+    /// What the model of a robot does not know of this one.
+    pub imperfections: Imperfections,
 }
 
 impl SimulationConfig {
@@ -155,6 +158,33 @@ impl SimulationConfig {
             drive: DriveSettings::default(),
             lidar: LidarOutput::Sweeps(LidarSettings::default()),
             changes: Vec::new(),
+            imperfections: Imperfections::default(),
         }
+    }
+
+    /// The wheelbase that its owner knows, m: what a calibration is told and the robot follows its
+    /// path with.
+    pub fn configured_wheelbase_m(&self) -> f64 {
+        self.vehicle.wheelbase_m * (1.0 + self.imperfections.vehicle.wheelbase)
+    }
+
+    /// The same with the settings that an imperfection takes the place of.
+    pub(super) fn with_imperfect_settings(mut self) -> Self {
+        let imperfections = &self.imperfections;
+        if let Some(scan_rate_hz) = imperfections.lidar.scan_rate_hz {
+            match &mut self.lidar {
+                LidarOutput::Sweeps(lidar) => lidar.rate_hz = scan_rate_hz,
+                LidarOutput::Poses(poses) => poses.rate_hz = scan_rate_hz,
+            }
+        }
+        if imperfections.vehicle.undithered_step_rad > 0.0 {
+            self.drive.steering_step_rad = imperfections.vehicle.undithered_step_rad;
+            self.drive.steering_sigma_rad = 0.0;
+            self.localisation = LocalisationNoise {
+                position_sigma_m: 0.0,
+                yaw_sigma_rad: 0.0,
+            };
+        }
+        self
     }
 }

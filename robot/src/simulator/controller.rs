@@ -24,8 +24,25 @@ const LATERAL_ACCELERATION_MAX_MPS2: f64 = 0.7;
 /// Where on the way ahead the curvature limits the speed, m.
 const CURVATURE_AHEAD_M: [f64; 3] = [0.0, 0.6, 1.2];
 
+/// Fastest speed backwards, m/s.
+const REVERSE_SPEED_MAX_MPS: f64 = 0.5;
+/// A robot this near to where it turns back is there, m.
+const THERE_M: f64 = 0.02;
+/// A robot slower than this stands, m/s.
+const STANDS_MPS: f64 = 0.02;
+
 /// Commands from one fix of the localisation to the next.
 const COMMANDS_PER_LOCALISATION: u32 = 5;
+
+/// Which way the robot drives along its route.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Gear {
+    Forwards,
+    /// Backwards to a place on the route, m.
+    Backwards {
+        to_m: f64,
+    },
+}
 
 /// Follows a route: its curvature fed forward, lateral and heading error fed back. There is no
 /// integral part, so that a steering offset keeps the robot beside its route.
@@ -36,6 +53,9 @@ pub(super) struct Controller {
     wheelbase_m: f64,
     steering_limit_rad: f64,
     speed_mps: f64,
+    gear: Gear,
+    /// Stretches driven backwards so far.
+    reversals: usize,
     noise: LocalisationNoise,
     random: ChaCha8Rng,
     commands: u32,
@@ -52,9 +72,11 @@ impl Controller {
         Self {
             route: config.route.clone(),
             profile: config.speed,
-            wheelbase_m: config.vehicle.wheelbase_m,
+            wheelbase_m: config.configured_wheelbase_m(),
             steering_limit_rad: config.vehicle.steering_limit_rad,
             speed_mps: 0.0,
+            gear: Gear::Forwards,
+            reversals: 0,
             noise: config.localisation,
             random: stream(config.seed, Stream::Localisation),
             commands: 0,
@@ -100,9 +122,15 @@ impl Controller {
             .left_m
             .clamp(-LATERAL_ERROR_MAX_M, LATERAL_ERROR_MAX_M);
         let preview_m = PREVIEW_S * self.speed_mps;
+        self.shift();
+        // Along the way back the heading acts on the lateral error with the other sign.
+        let heading_gain_per_m = match self.gear {
+            Gear::Forwards => HEADING_GAIN_PER_M,
+            Gear::Backwards { .. } => -HEADING_GAIN_PER_M,
+        };
         let curvature = self.route.curvature_at(place.along_m + preview_m)
             - LATERAL_GAIN_PER_M2 * left_m
-            - HEADING_GAIN_PER_M * heading_rad;
+            - heading_gain_per_m * heading_rad;
         let steering_rad = (self.wheelbase_m * curvature)
             .atan()
             .clamp(-self.steering_limit_rad, self.steering_limit_rad);
@@ -132,6 +160,30 @@ impl Controller {
         self.commands = self.commands.wrapping_add(1);
     }
 
+    /// Way left to where the robot turns back or goes on, m; 0 when it is there.
+    fn until_shift_m(&self) -> Option<f64> {
+        let left_m = match self.gear {
+            Gear::Forwards => self.route.reversal(self.reversals)?.at_m - self.believed_along_m,
+            Gear::Backwards { to_m } => self.believed_along_m - to_m,
+        };
+        Some(if left_m < THERE_M { 0.0 } else { left_m })
+    }
+
+    /// Changes the gear of a robot that stands where it has to.
+    fn shift(&mut self) {
+        let there = self.until_shift_m().is_some_and(|left_m| left_m <= 0.0);
+        if !there || self.speed_mps.abs() > STANDS_MPS {
+            return;
+        }
+        if let (Gear::Forwards, Some(reversal)) = (self.gear, self.route.reversal(self.reversals)) {
+            let to_m = reversal.at_m - reversal.length_m;
+            self.gear = Gear::Backwards { to_m };
+        } else {
+            self.reversals += 1;
+            self.gear = Gear::Forwards;
+        }
+    }
+
     fn next_speed_mps(&self, time_s: f64, step_s: f64) -> f64 {
         let SpeedProfile {
             rest_s,
@@ -153,6 +205,12 @@ impl Controller {
         if !self.route.is_closed() {
             let left_m = (self.route.length_m() - self.believed_along_m).max(0.0);
             wanted_mps = wanted_mps.min((2.0 * acceleration_mps2 * left_m).sqrt());
+        }
+        if let Some(left_m) = self.until_shift_m() {
+            wanted_mps = wanted_mps.min((2.0 * acceleration_mps2 * left_m).sqrt());
+        }
+        if let Gear::Backwards { .. } = self.gear {
+            wanted_mps = -wanted_mps.min(REVERSE_SPEED_MAX_MPS);
         }
         if time_s < rest_s {
             wanted_mps = 0.0;

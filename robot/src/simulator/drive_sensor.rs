@@ -1,11 +1,15 @@
 //! Speed and steering as the robot measures them: averages over the interval that ends at the stamp.
 
+use std::collections::VecDeque;
+
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
+use super::imperfections::VehicleImperfections;
 use super::message::Drive;
 use super::random::{Stream, stream};
+use super::steering_curve::SteeringCurve;
 use super::vehicle::{Motion, VehicleTruth};
 
 /// Slower than this the wheels stand and an encoder shows no noise, m/s.
@@ -43,25 +47,46 @@ pub(super) struct DriveSensor {
     speed_sum_mps: f64,
     steering_sum_rad: f64,
     steps: u32,
+    /// Shown angles of the steps that are still on their way, the oldest first, rad.
+    delayed_rad: VecDeque<f64>,
+    delay_steps: usize,
 }
 
 impl DriveSensor {
-    pub fn new(settings: DriveSettings, seed: u64) -> Self {
+    /// `delay_steps`: how many steps of the motion an angle shows late.
+    pub fn new(settings: DriveSettings, delay_steps: usize, seed: u64) -> Self {
         Self {
             settings,
             random: stream(seed, Stream::Drive),
             speed_sum_mps: 0.0,
             steering_sum_rad: 0.0,
             steps: 0,
+            delayed_rad: VecDeque::new(),
+            delay_steps,
         }
     }
 
     /// Adds one step of the motion.
-    pub fn gather(&mut self, vehicle: &VehicleTruth, motion: &Motion) {
-        self.speed_sum_mps +=
-            vehicle.measured_speed_mps(motion.step_wheel_speed_mps, motion.step_steering_rad);
-        self.steering_sum_rad += vehicle.measured_steering_rad(motion.step_steering_rad);
+    pub fn gather(
+        &mut self,
+        vehicle: &VehicleTruth,
+        imperfections: &VehicleImperfections,
+        motion: &Motion,
+    ) {
+        self.speed_sum_mps += vehicle.measured_speed_mps(imperfections, motion);
+        let curve = SteeringCurve::new(vehicle.steering_gain, imperfections);
+        let shown_rad = curve.shown_rad(motion.step_sensor_side_rad) + vehicle.steering_offset_rad;
+        self.steering_sum_rad += self.late(shown_rad);
         self.steps += 1;
+    }
+
+    /// The angle that shows now: the one of `delay_steps` ago, or the first one until then.
+    fn late(&mut self, shown_rad: f64) -> f64 {
+        self.delayed_rad.push_back(shown_rad);
+        if self.delayed_rad.len() > self.delay_steps {
+            return self.delayed_rad.pop_front().unwrap_or(shown_rad);
+        }
+        self.delayed_rad.front().copied().unwrap_or(shown_rad)
     }
 
     /// The sample of the interval that ends at `time_ns` of simulated time.

@@ -7,11 +7,13 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
+use super::beams::Beams;
+use super::imperfections::ScannerImperfections;
 use super::message::Sweep;
 use super::people::{Crowd, Disc, aside};
 use super::plane::{Point, Pose2};
 use super::random::{Stream, stream};
-use super::ray::{Direction, circle_range_m};
+use super::ray::{Direction, Met, circle_range_m};
 use super::track::Track;
 use super::world::World;
 
@@ -109,17 +111,28 @@ impl LidarSettings {
 #[derive(Debug)]
 pub(super) struct Lidar {
     settings: LidarSettings,
+    imperfections: ScannerImperfections,
+    beams: Beams,
     random: ChaCha8Rng,
+    met: Vec<Met>,
     people_ranges_m: Vec<f64>,
     discs_at_start: Vec<Disc>,
     discs_at_end: Vec<Disc>,
 }
 
 impl Lidar {
-    pub fn new(settings: LidarSettings, seed: u64) -> Self {
+    pub fn new(
+        settings: LidarSettings,
+        imperfections: ScannerImperfections,
+        range_scale: f64,
+        seed: u64,
+    ) -> Self {
         Self {
             settings,
+            imperfections,
+            beams: Beams::new(imperfections, range_scale, seed),
             random: stream(seed, Stream::Lidar),
+            met: Vec::new(),
             people_ranges_m: Vec::new(),
             discs_at_start: Vec::new(),
             discs_at_end: Vec::new(),
@@ -141,26 +154,63 @@ impl Lidar {
         let pose_at = |beam: usize| track.at(time_ns + (beam as f64 * step_ns) as i64).lidar;
         let (angle_min_rad, angle_increment_rad) = settings.angles_rad();
         self.see_people(crowd, time_ns, &pose_at);
-        let mut ranges_m = Vec::with_capacity(beams);
+        self.met.clear();
         for beam in 0..beams {
             let pose = pose_at(beam);
-            let bearing_rad = pose.yaw_rad + angle_min_rad + beam as f64 * angle_increment_rad;
+            let aim = self
+                .beams
+                .aim(angle_min_rad + beam as f64 * angle_increment_rad);
+            let bearing_rad =
+                pose.yaw_rad + angle_min_rad + beam as f64 * angle_increment_rad + aim.turned_rad;
             let direction = Direction::from_angle_rad(bearing_rad);
-            let wall_m = world
+            let wall = world
                 .index()
-                .range_m(pose.point(), direction, settings.range_max_m);
+                .met(pose.point(), direction, settings.range_max_m);
             let person_m = self
                 .people_ranges_m
                 .get(beam)
                 .copied()
                 .unwrap_or(f64::INFINITY);
-            ranges_m.push(self.measure(wall_m.min(person_m)));
+            let person = Met {
+                range_m: person_m,
+                cos_incidence: 1.0,
+            };
+            let nearer = if person_m < wall.range_m {
+                person
+            } else {
+                wall
+            };
+            self.met.push(aim.along(nearer));
         }
+        self.shown(time_ns)
+    }
+
+    /// The sweep as it is sent: what its beams met, with all that the scanner adds.
+    fn shown(&mut self, time_ns: i64) -> Sweep {
+        let settings = self.settings;
+        let (angle_min_rad, angle_increment_rad) = settings.angles_rad();
+        let mut met = std::mem::take(&mut self.met);
+        self.beams.mix(&mut met);
+        let ranges_m = met
+            .iter()
+            .map(|met| self.measure(self.beams.shown_m(met)))
+            .collect();
+        self.met = met;
+        let late_ns = if self.imperfections.stamped_at_end {
+            settings.duration_ns()
+        } else {
+            0
+        };
+        let time_increment_s = if self.imperfections.untimed_beams {
+            0.0
+        } else {
+            settings.time_increment_s()
+        };
         Sweep {
-            stamp_ns: time_ns,
+            stamp_ns: time_ns + late_ns,
             angle_min_rad,
             angle_increment_rad,
-            time_increment_s: settings.time_increment_s(),
+            time_increment_s,
             scan_time_s: 1.0 / settings.rate_hz,
             range_min_m: settings.range_min_m,
             range_max_m: settings.range_max_m,

@@ -6,10 +6,12 @@
 //! `speed_true = speed_scale * speed_measured`; a motion shows in the drive stream `time_offset`
 //! later than in the LiDAR's.
 
+mod beams;
 mod check;
 mod config;
 mod controller;
 mod drive_sensor;
+mod imperfections;
 mod lidar;
 mod message;
 mod people;
@@ -17,8 +19,13 @@ mod plane;
 mod pose_sensor;
 mod random;
 mod ray;
+#[cfg(test)]
+mod reversal_tests;
 mod route;
+mod shape;
 mod simulation;
+mod stamps;
+mod steering_curve;
 #[cfg(test)]
 mod tests;
 mod track;
@@ -32,13 +39,18 @@ pub use config::{
     SimulationConfig, SpeedProfile,
 };
 pub use drive_sensor::DriveSettings;
+pub use fleetcal_model::{Point, Pose2, VehicleModel};
+pub use imperfections::{
+    CURVE_REFERENCE_RAD, ClockImperfections, INCIDENCE_REFERENCE_RAD, ImperfectionKind,
+    Imperfections, LidarImperfections, ScannerImperfections, Strength, VehicleImperfections,
+};
 pub use lidar::LidarSettings;
 pub use message::{
     CrossTrackError, Drive, Emitted, LidarPose, SimulatedMessage, Sweep, TrueParameters, Truth,
 };
-pub use plane::{Point, Pose2};
 pub use pose_sensor::PoseSettings;
-pub use route::Route;
+pub use route::{Reversal, Route};
+pub use shape::{Area, Pillar, Segment};
 pub use simulation::Simulation;
-pub use vehicle::{Slip, VehicleModel, VehicleTruth};
-pub use world::{Area, Pillar, Segment, World};
+pub use vehicle::{Slip, VehicleTruth};
+pub use world::World;

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::plane::Point;
 use super::random::{Stream, stream};
-use super::world::Area;
+use super::shape::Area;
 
 /// Largest number of people in a simulation.
 pub const PEOPLE_MAX: usize = 60;

@@ -42,6 +42,8 @@ impl Default for PoseSettings {
 #[derive(Debug)]
 pub(super) struct PoseSensor {
     settings: PoseSettings,
+    /// Measured lengths over true ones.
+    length_scale: f64,
     random: ChaCha8Rng,
     last_true: Option<Pose2>,
     /// Pose by the odometry, with its walk and without its white noise.
@@ -49,10 +51,11 @@ pub(super) struct PoseSensor {
 }
 
 impl PoseSensor {
-    pub fn new(settings: PoseSettings, seed: u64) -> Self {
+    pub fn new(settings: PoseSettings, range_scale: f64, seed: u64) -> Self {
         let random = stream(seed, Stream::Pose);
         Self {
             settings,
+            length_scale: 1.0 + range_scale,
             random,
             last_true: None,
             walked: Pose2::default(),
@@ -71,7 +74,7 @@ impl PoseSensor {
             let step = self.noise(position_walk_m, yaw_walk_rad);
             self.walked = self
                 .walked
-                .compose(&last.between(&true_pose))
+                .compose(&self.scaled(&last.between(&true_pose)))
                 .compose(&step);
         }
         self.last_true = Some(true_pose);
@@ -88,6 +91,15 @@ impl PoseSensor {
             pose: self.walked.compose(&noise),
             covariance,
         }
+    }
+
+    /// A motion as an odometry measures it whose ranges are all too long by the same share.
+    fn scaled(&self, motion: &Pose2) -> Pose2 {
+        Pose2::new(
+            self.length_scale * motion.x_m,
+            self.length_scale * motion.y_m,
+            motion.yaw_rad,
+        )
     }
 
     fn noise(&mut self, position_m: f64, yaw_rad: f64) -> Pose2 {

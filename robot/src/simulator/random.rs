@@ -15,6 +15,10 @@ pub(super) enum Stream {
     Pose,
     Slip,
     Localisation,
+    Imperfections,
+    Jitter,
+    Losses,
+    MixedPixels,
 }
 
 /// The generator of one part.

@@ -1,7 +1,7 @@
 //! Ray casting: obstacles sorted into square cells, which a ray walks through one by one.
 
 use super::plane::Point;
-use super::world::{Area, Pillar, Segment};
+use super::shape::{Area, Pillar, Segment};
 
 /// Side of a cell, m: about two obstacles a cell in a warehouse.
 const CELL_M: f64 = 0.5;
@@ -22,6 +22,15 @@ impl Direction {
         let (y, x) = angle_rad.sin_cos();
         Self { x, y }
     }
+}
+
+/// What a ray meets.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Met {
+    /// Range, m; infinite for no obstacle.
+    pub range_m: f64,
+    /// Cosine of the angle of incidence.
+    pub cos_incidence: f64,
 }
 
 /// A wall as the intersection needs it.
@@ -201,18 +210,63 @@ impl RayIndex {
     /// Range to the nearest obstacle, m; infinite when none is nearer than `range_max_m` or the
     /// origin lies outside the world.
     pub fn range_m(&self, origin: Point, direction: Direction, range_max_m: f64) -> f64 {
+        self.nearest(origin, direction, range_max_m).0
+    }
+
+    /// The same with the cosine of the angle at which the ray meets the obstacle: 1 for a surface
+    /// that faces the origin, and for no obstacle.
+    pub fn met(&self, origin: Point, direction: Direction, range_max_m: f64) -> Met {
+        let (range_m, obstacle) = self.nearest(origin, direction, range_max_m);
+        let cos_incidence = obstacle.map_or(1.0, |obstacle| {
+            self.cos_incidence(obstacle, origin, direction, range_m)
+        });
+        Met {
+            range_m,
+            cos_incidence,
+        }
+    }
+
+    fn cos_incidence(
+        &self,
+        obstacle: u32,
+        origin: Point,
+        direction: Direction,
+        range_m: f64,
+    ) -> f64 {
+        let number = obstacle as usize;
+        if let Some(edge) = self.edges.get(number) {
+            let across = direction.x * edge.along_y_m - direction.y * edge.along_x_m;
+            return (across / edge.along_x_m.hypot(edge.along_y_m)).abs();
+        }
+        self.pillars
+            .get(number - self.edges.len())
+            .map_or(1.0, |pillar| {
+                let (dx, dy) = (
+                    pillar.centre.x_m - origin.x_m,
+                    pillar.centre.y_m - origin.y_m,
+                );
+                let along_m = dx * direction.x + dy * direction.y - range_m;
+                (along_m / pillar.radius_m).clamp(0.0, 1.0)
+            })
+    }
+
+    /// Range to the nearest obstacle and which one it is.
+    fn nearest(&self, origin: Point, direction: Direction, range_max_m: f64) -> (f64, Option<u32>) {
         let (x_m, y_m) = (origin.x_m - self.corner.x_m, origin.y_m - self.corner.y_m);
         let inside =
             |offset_m: f64, cells: usize| offset_m >= 0.0 && offset_m < cells as f64 * CELL_M;
         if !inside(x_m, self.columns) || !inside(y_m, self.rows) {
-            return f64::INFINITY;
+            return (f64::INFINITY, None);
         }
         let mut x = Axis::new(x_m, direction.x, self.columns);
         let mut y = Axis::new(y_m, direction.y, self.rows);
-        let mut nearest_m = f64::INFINITY;
+        let (mut nearest_m, mut nearest) = (f64::INFINITY, None);
         loop {
             for &obstacle in self.cell(x.cell, y.cell) {
-                nearest_m = nearest_m.min(self.obstacle_range_m(obstacle, origin, direction));
+                let range_m = self.obstacle_range_m(obstacle, origin, direction);
+                if range_m < nearest_m {
+                    (nearest_m, nearest) = (range_m, Some(obstacle));
+                }
             }
             let exit_m = x.exit_m.min(y.exit_m);
             if nearest_m <= exit_m || exit_m > range_max_m {
@@ -228,9 +282,9 @@ impl RayIndex {
             }
         }
         if nearest_m <= range_max_m {
-            nearest_m
+            (nearest_m, nearest)
         } else {
-            f64::INFINITY
+            (f64::INFINITY, None)
         }
     }
 }

@@ -18,6 +18,16 @@ pub struct Route {
     points: Vec<Point>,
     closed: bool,
     length_m: f64,
+    reversals: Vec<Reversal>,
+}
+
+/// A stretch that a robot drives backwards on its way: it stops, backs up and goes on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reversal {
+    /// Where it stops, from the start of the route, m.
+    pub at_m: f64,
+    /// How far it backs up, m.
+    pub length_m: f64,
 }
 
 /// The place on a route that is nearest to a robot.
@@ -56,7 +66,30 @@ impl Route {
             length_m: edges as f64 * SPACING_M,
             points: even,
             closed,
+            reversals: Vec::new(),
         }
+    }
+
+    /// The same with stretches that are driven backwards, in their order along the route; on a
+    /// closed route in every lap.
+    #[must_use]
+    pub fn with_reversals(mut self, reversals: &[Reversal]) -> Self {
+        self.reversals = reversals.to_vec();
+        self
+    }
+
+    /// The reversal that comes after so many others.
+    pub(super) fn reversal(&self, number: usize) -> Option<Reversal> {
+        let each_lap = self.reversals.len();
+        let lap = number.checked_div(each_lap)?;
+        if lap > 0 && !self.closed {
+            return None;
+        }
+        let reversal = *self.reversals.get(number % each_lap)?;
+        Some(Reversal {
+            at_m: reversal.at_m + lap as f64 * self.length_m,
+            ..reversal
+        })
     }
 
     /// A figure-eight (Gerono's lemniscate): both turns, the crossing straight. It starts at the
@@ -87,6 +120,12 @@ impl Route {
             (-1.5, 6.0),
         ];
         Self::through(&corners.map(|(x_m, y_m)| Point::new(x_m, y_m)), 1.5, true)
+    }
+
+    /// The same loop with two stretches of each lap driven backwards.
+    pub fn aisles_with_reversals() -> Self {
+        let reversal = |at_m, length_m| Reversal { at_m, length_m };
+        Self::aisle_loop().with_reversals(&[reversal(6.0, 2.5), reversal(33.0, 3.0)])
     }
 
     /// One circle, left about.

@@ -11,6 +11,8 @@ use super::message::{CrossTrackError, Emitted, SimulatedMessage, TrueParameters,
 use super::people::Crowd;
 use super::plane::Pose2;
 use super::pose_sensor::PoseSensor;
+use super::stamps::Stamps;
+use super::steering_curve::SteeringCurve;
 use super::track::{Moment, Track};
 use super::vehicle::{Command, Motion};
 
@@ -49,6 +51,7 @@ pub struct Simulation {
     steering_drift_rad_per_s: f64,
     yaw_drift_rad_per_s: f64,
     drive_sensor: DriveSensor,
+    stamps: Stamps,
     lidar: LidarSource,
     crowd: Crowd,
     drive_period_ns: i64,
@@ -60,8 +63,9 @@ impl Simulation {
     ///
     /// # Errors
     /// Names the setting that cannot be.
-    pub fn new(mut config: SimulationConfig) -> Result<Self, SettingRefused> {
+    pub fn new(config: SimulationConfig) -> Result<Self, SettingRefused> {
         config.check()?;
+        let mut config = config.with_imperfect_settings();
         config.changes.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
         let vehicle = &config.vehicle;
         let start = config.route.start();
@@ -79,7 +83,8 @@ impl Simulation {
             command: Command::default(),
             steering_drift_rad_per_s: 0.0,
             yaw_drift_rad_per_s: 0.0,
-            drive_sensor: DriveSensor::new(config.drive, config.seed),
+            drive_sensor: DriveSensor::new(config.drive, delay_steps(&config), config.seed),
+            stamps: Stamps::new(config.imperfections.clocks, config.seed),
             lidar,
             crowd: Crowd::new(config.people, config.seed, config.world.walkable()),
             drive_period_ns: whole_steps(1e9 / config.drive.rate_hz),
@@ -123,7 +128,13 @@ impl Simulation {
 
     /// The parameters as they are now.
     pub fn parameters(&self) -> TrueParameters {
-        self.config.vehicle.parameters()
+        let (vehicle, imperfections) = (&self.config.vehicle, &self.config.imperfections);
+        let drifted_s = imperfections.clocks.drive_drift * self.now_ns as f64 * 1e-9;
+        TrueParameters {
+            steering_gain: SteeringCurve::new(vehicle.steering_gain, &imperfections.vehicle).gain(),
+            time_offset_s: vehicle.time_offset_s + drifted_s,
+            ..vehicle.parameters()
+        }
     }
 
     /// The configuration, with the vehicle as it is now.
@@ -142,9 +153,11 @@ impl Simulation {
             self.control();
         }
         self.now_ns += STEP_NS;
+        let (vehicle, imperfections) = (&self.config.vehicle, &self.config.imperfections.vehicle);
         self.motion
-            .advance(&self.config.vehicle, &self.command, STEP_S);
-        self.drive_sensor.gather(&self.config.vehicle, &self.motion);
+            .advance(vehicle, imperfections, &self.command, STEP_S);
+        self.drive_sensor
+            .gather(vehicle, imperfections, &self.motion);
         self.track.push(Moment {
             base: self.motion.base,
             lidar: self.motion.base.compose(&self.config.vehicle.lidar_in_base),
@@ -256,6 +269,9 @@ impl Simulation {
     /// Puts a message, whose stamp still counts from the start, among those that are ready.
     fn emit(&mut self, message: SimulatedMessage, reference_ns: i64, sent_ns: i64) {
         let start_ns = self.config.start_stamp_ns;
+        let Some(message) = self.stamps.send(message) else {
+            return;
+        };
         self.ready.push_back(Emitted {
             sent_ns: start_ns + sent_ns,
             message: stamped(message, start_ns),
@@ -281,7 +297,13 @@ impl Simulation {
 fn lidar_source(config: &SimulationConfig) -> (LidarSource, i64) {
     match config.lidar {
         LidarOutput::Sweeps(settings) => {
-            let lidar = Box::new(Lidar::new(settings, config.seed));
+            let imperfections = &config.imperfections;
+            let lidar = Box::new(Lidar::new(
+                settings,
+                imperfections.scanner,
+                imperfections.lidar.range_scale,
+                config.seed,
+            ));
             let next_ns = (settings.phase_s * 1e9) as i64;
             let memory_ns = settings.duration_ns() + 2 * STEP_NS;
             (
@@ -294,7 +316,8 @@ fn lidar_source(config: &SimulationConfig) -> (LidarSource, i64) {
             )
         }
         LidarOutput::Poses(settings) => {
-            let sensor = Box::new(PoseSensor::new(settings, config.seed));
+            let range_scale = config.imperfections.lidar.range_scale;
+            let sensor = Box::new(PoseSensor::new(settings, range_scale, config.seed));
             let next_ns = (settings.phase_s * 1e9) as i64;
             let period_ns = (1e9 / settings.rate_hz).round() as i64;
             (
@@ -307,6 +330,11 @@ fn lidar_source(config: &SimulationConfig) -> (LidarSource, i64) {
             )
         }
     }
+}
+
+/// How many steps of the motion the steering sensor is late.
+fn delay_steps(config: &SimulationConfig) -> usize {
+    (config.imperfections.vehicle.steering_delay_s / STEP_S).round() as usize
 }
 
 /// A duration in whole steps, at least one, ns.

@@ -1,12 +1,15 @@
 //! The vehicle as it really is, and how it moves.
 
+use fleetcal_model::VehicleModel;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
+use super::imperfections::VehicleImperfections;
 use super::message::TrueParameters;
 use super::plane::Pose2;
 use super::random::{Stream, stream};
+use super::steering_curve::SteeringCurve;
 
 /// Fastest turn of the steered wheel, rad/s.
 const STEERING_RATE_MAX_RAD_PER_S: f64 = 1.2;
@@ -14,16 +17,8 @@ const STEERING_RATE_MAX_RAD_PER_S: f64 = 1.2;
 const SLIP_CORRELATION_S: f64 = 1.0;
 /// Time constant of the drive motor, s.
 const DRIVE_LAG_S: f64 = 0.1;
-
-/// How the vehicle steers and where it measures its speed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum VehicleModel {
-    /// Steered front axle, speed measured at the rear axle.
-    Bicycle,
-    /// One steered and driven front wheel, speed measured at that wheel.
-    Tricycle,
-}
+/// Half the distance between the rear wheels, over the wheelbase.
+const HALF_TRACK: f64 = 0.4;
 
 /// How the wheels slip.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -94,24 +89,24 @@ impl VehicleTruth {
         }
     }
 
-    /// What the steering sensor shows, before noise and quantisation, rad.
-    pub fn measured_steering_rad(&self, steering_rad: f64) -> f64 {
-        steering_rad / self.steering_gain + self.steering_offset_rad
-    }
-
-    /// The true steering angle for which the sensor shows `measured_rad`, rad.
-    pub fn true_steering_rad(&self, measured_rad: f64) -> f64 {
-        self.steering_gain * (measured_rad - self.steering_offset_rad)
-    }
-
-    /// What the speed sensor shows without noise, m/s, when the wheels turn at `rear_speed_mps` of
-    /// the rear axle. At the steered wheel: `v_front = v / cos(steering)`.
-    pub fn measured_speed_mps(&self, rear_speed_mps: f64, steering_rad: f64) -> f64 {
-        let at_sensor_mps = match self.model {
-            VehicleModel::Bicycle => rear_speed_mps,
-            VehicleModel::Tricycle => rear_speed_mps / steering_rad.cos(),
+    /// What the speed sensor shows without noise, m/s, when the wheels turn as they did in the last
+    /// step. At the steered wheel: `v_front = v / cos(steering)`.
+    pub(super) fn measured_speed_mps(
+        &self,
+        imperfections: &VehicleImperfections,
+        motion: &Motion,
+    ) -> f64 {
+        let rear_speed_mps = motion.step_wheel_speed_mps;
+        let (middle_mps, wheel_sizes) = match self.model {
+            VehicleModel::Bicycle => (rear_speed_mps, imperfections.wheel_sizes),
+            VehicleModel::Tricycle => (rear_speed_mps / motion.step_steering_rad.cos(), 0.0),
         };
-        at_sensor_mps / self.speed_scale
+        // The encoders' mean of a wheel too large on the left and one too small on the right:
+        // ((v - h·w)/(1 + e) + (v + h·w)/(1 - e))/2 = (v + e·h·w)/(1 - e²).
+        let half_track_m = HALF_TRACK * self.wheelbase_m;
+        let left_m = imperfections.speed_encoder_y_m - wheel_sizes * half_track_m;
+        let at_sensor_mps = middle_mps - left_m * motion.step_yaw_rate_rad_per_s;
+        at_sensor_mps / (1.0 - wheel_sizes * wheel_sizes) / self.speed_scale
     }
 }
 
@@ -131,9 +126,17 @@ pub(super) struct Motion {
     pub step_wheel_speed_mps: f64,
     /// Mean true steering angle over the last step, rad.
     pub step_steering_rad: f64,
+    /// Mean angle over the last step of the side of the play that the sensor is on, rad.
+    pub step_sensor_side_rad: f64,
+    /// Yaw rate over the last step, rad/s.
+    pub step_yaw_rate_rad_per_s: f64,
     /// Speed of the rear axle over ground, m/s.
     pub speed_mps: f64,
     pub steering_rad: f64,
+    /// Angle on the sensor's side of lag and play, rad.
+    sensor_side_rad: f64,
+    /// The same behind the lag and before the play, rad.
+    lagging_rad: f64,
     wheel_speed_mps: f64,
     slip: f64,
     random: ChaCha8Rng,
@@ -145,8 +148,12 @@ impl Motion {
             base,
             step_wheel_speed_mps: 0.0,
             step_steering_rad: 0.0,
+            step_sensor_side_rad: 0.0,
+            step_yaw_rate_rad_per_s: 0.0,
             speed_mps: 0.0,
             steering_rad: 0.0,
+            sensor_side_rad: 0.0,
+            lagging_rad: 0.0,
             wheel_speed_mps: 0.0,
             slip: 0.0,
             random: stream(seed, Stream::Slip),
@@ -154,19 +161,32 @@ impl Motion {
     }
 
     /// Moves on by `step_s`: actuators first, then one arc with the step's mean speed and steering.
-    pub fn advance(&mut self, vehicle: &VehicleTruth, command: &Command, step_s: f64) {
+    pub fn advance(
+        &mut self,
+        vehicle: &VehicleTruth,
+        imperfections: &VehicleImperfections,
+        command: &Command,
+        step_s: f64,
+    ) {
         let steering_before_rad = self.steering_rad;
-        self.turn_steering(vehicle, command, step_s);
+        let sensor_side_before_rad = self.sensor_side_rad;
+        self.turn_steering(vehicle, imperfections, command, step_s);
+        self.turn_wheel(imperfections, step_s);
         let speed_before_mps = self.wheel_speed_mps;
         let gain = 1.0 - (-step_s / DRIVE_LAG_S).exp();
         self.wheel_speed_mps += gain * (command.speed_mps - self.wheel_speed_mps);
         self.wander_slip(vehicle.slip.longitudinal_sigma, step_s);
 
         self.step_steering_rad = 0.5 * (steering_before_rad + self.steering_rad);
+        self.step_sensor_side_rad = 0.5 * (sensor_side_before_rad + self.sensor_side_rad);
         self.step_wheel_speed_mps = 0.5 * (speed_before_mps + self.wheel_speed_mps);
         self.speed_mps = self.step_wheel_speed_mps * (1.0 + self.slip);
-        let yaw_rate = self.speed_mps * self.step_steering_rad.tan() / vehicle.wheelbase_m;
-        let slip_angle_rad = -vehicle.slip.lateral_rad_per_mps2 * self.speed_mps * yaw_rate;
+        let understeer_m = imperfections.understeer_rad_per_mps2 * self.speed_mps * self.speed_mps;
+        let yaw_rate =
+            self.speed_mps * self.step_steering_rad.tan() / (vehicle.wheelbase_m + understeer_m);
+        self.step_yaw_rate_rad_per_s = yaw_rate;
+        let side_slip = vehicle.slip.lateral_rad_per_mps2 + imperfections.side_slip_rad_per_mps2;
+        let slip_angle_rad = -side_slip * self.speed_mps * yaw_rate;
         let forward_m = self.speed_mps * step_s;
         let arc = Pose2::arc(
             forward_m,
@@ -176,10 +196,16 @@ impl Motion {
         self.base = self.base.compose(&arc);
     }
 
-    fn turn_steering(&mut self, vehicle: &VehicleTruth, command: &Command, step_s: f64) {
+    fn turn_steering(
+        &mut self,
+        vehicle: &VehicleTruth,
+        imperfections: &VehicleImperfections,
+        command: &Command,
+        step_s: f64,
+    ) {
         let limit_rad = vehicle.steering_limit_rad;
-        let wanted_rad = vehicle
-            .true_steering_rad(command.measured_steering_rad)
+        let wanted_rad = SteeringCurve::new(vehicle.steering_gain, imperfections)
+            .wheel_rad(command.measured_steering_rad - vehicle.steering_offset_rad)
             .clamp(-limit_rad, limit_rad);
         let gain = if vehicle.steering_lag_s > 0.0 {
             1.0 - (-step_s / vehicle.steering_lag_s).exp()
@@ -187,8 +213,24 @@ impl Motion {
             1.0
         };
         let most_rad = STEERING_RATE_MAX_RAD_PER_S * step_s;
-        let turn_rad = gain * (wanted_rad - self.steering_rad);
-        self.steering_rad += turn_rad.clamp(-most_rad, most_rad);
+        let turn_rad = gain * (wanted_rad - self.sensor_side_rad);
+        self.sensor_side_rad += turn_rad.clamp(-most_rad, most_rad);
+    }
+
+    /// The wheel behind lag and play: 1. a first-order lag, 2. the play pushes it along.
+    fn turn_wheel(&mut self, imperfections: &VehicleImperfections, step_s: f64) {
+        let lag_s = imperfections.steering_lag_s;
+        if lag_s > 0.0 {
+            let gain = 1.0 - (-step_s / lag_s).exp();
+            self.lagging_rad += gain * (self.sensor_side_rad - self.lagging_rad);
+        } else {
+            self.lagging_rad = self.sensor_side_rad;
+        }
+        let half_play_rad = 0.5 * imperfections.backlash_rad;
+        self.steering_rad = self.steering_rad.clamp(
+            self.lagging_rad - half_play_rad,
+            self.lagging_rad + half_play_rad,
+        );
     }
 
     /// First-order Gauss-Markov process.

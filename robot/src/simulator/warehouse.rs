@@ -5,7 +5,8 @@ use rand_chacha::ChaCha8Rng;
 
 use super::plane::{Point, Pose2};
 use super::random::{Stream, stream};
-use super::world::{Area, Pillar, Segment, World};
+use super::shape::{Area, Pillar, Segment};
+use super::world::World;
 
 /// Middles of the rack rows along y, m. The aisles between them are 2.9 m wide.
 const RACK_ROWS_Y_M: [f64; 5] = [-8.0, -4.0, 0.0, 4.0, 8.0];

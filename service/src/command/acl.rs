@@ -6,12 +6,12 @@ use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
+use fleetcal_command::output::print_text;
+use fleetcal_config::Config;
+use fleetcal_link::{Identity, RouterCertificate, StrictRouter, is_robots_own};
 use fleetcal_proto::{KeyRoot, Keys, RobotId};
 
 use crate::command::CommandError;
-use crate::command::output::print_text;
-use crate::config::Config;
-use crate::link::{Identity, RouterCertificate, StrictRouter, is_robots_own};
 
 /// The bit of a mode that lets everybody read.
 const READABLE_BY_ALL: u32 = 0o004;
@@ -110,12 +110,13 @@ pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
         );
     }
     let names: Vec<&str> = router.robots.iter().map(RobotId::as_str).collect();
-    print_text(&format!(
+    let text = format!(
         "// A Zenoh router that lets each of these robots use its own keys alone: {}.\n\
          // Made by `fleetcal acl generate`; read when the router starts.\n{:#}\n",
         names.join(", "),
         router.configuration(),
-    ))
+    );
+    Ok(print_text(&text)?)
 }
 
 fn router(arguments: &GenerateArguments) -> Result<StrictRouter, CommandError> {

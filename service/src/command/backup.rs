@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::command::CommandError;
-use crate::store;
 
 /// What `fleetcal backup` takes.
 #[derive(Debug, Args)]
@@ -23,6 +22,6 @@ pub struct Arguments {
 /// # Errors
 /// When there is none, or the file cannot be written.
 pub async fn run(arguments: &Arguments) -> Result<(), CommandError> {
-    store::backup(&arguments.data, &arguments.to).await?;
+    fleetcal_sqlite::backup(&arguments.data, &arguments.to).await?;
     Ok(())
 }

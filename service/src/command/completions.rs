@@ -2,8 +2,8 @@
 
 use clap::{Args, CommandFactory};
 use clap_complete::Shell;
+use fleetcal_command::output::print_text;
 
-use crate::command::output::print_text;
 use crate::command::{Cli, CommandError};
 
 /// What `fleetcal completions` takes.
@@ -26,5 +26,5 @@ pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
         "fleetcal",
         &mut script,
     );
-    print_text(&String::from_utf8_lossy(&script))
+    Ok(print_text(&String::from_utf8_lossy(&script))?)
 }

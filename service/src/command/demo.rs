@@ -5,22 +5,22 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
-use fleetcal_estimator::{Pose2, VehicleModel};
+use fleetcal_clock::SharedClock;
+use fleetcal_command::output::print_text;
+use fleetcal_command::signals::Signals;
+use fleetcal_config::{Config, RobotEntry};
+use fleetcal_domain::access::{AccountName, Actor, Grant, Password, PasswordHash, Role};
+use fleetcal_domain::robot::{Mount, RobotConfig, ValueRefused, Wheelbase};
+use fleetcal_operations::entropy;
 use fleetcal_proto::Keys;
 use fleetcal_proto::signing::TrustedKeys;
 use fleetcal_robot::fleet::{FleetOptions, SimulatedRobot, run_fleet, simulated_robots};
-use fleetcal_robot::simulator;
+use fleetcal_store::{Store, UserChange};
 use tokio_util::sync::CancellationToken;
 
-use crate::access::{AccountName, Actor, Grant, Password, PasswordHash, Role};
-use crate::clock::SharedClock;
 use crate::command::CommandError;
-use crate::command::output::print_text;
-use crate::command::stopping::{Signals, stop_in_time};
-use crate::config::{Config, Mount, RobotConfig, RobotEntry, ValueRefused, Wheelbase};
-use crate::entropy;
+use crate::command::stopping::stop_in_time;
 use crate::service::{Service, ServiceError};
-use crate::store::{Store, UserChange};
 
 /// What `fleetcal demo` takes.
 #[derive(Debug, Args)]
@@ -81,7 +81,7 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
     signals.stop().await;
     stop.cancel();
     let ended = fleet.await;
-    stop_in_time(service, signals).await;
+    stop_in_time(service, signals).await?;
     ended??;
     Ok(())
 }
@@ -121,14 +121,9 @@ async fn seed_accounts(store: &Store) -> Result<String, CommandError> {
 
 /// The robot as an operator would register it: its drawing, not its truth.
 fn entry(robot: &SimulatedRobot) -> Result<RobotEntry, ValueRefused> {
-    let model = match robot.model() {
-        simulator::VehicleModel::Bicycle => VehicleModel::Bicycle,
-        simulator::VehicleModel::Tricycle => VehicleModel::Tricycle,
-    };
-    let nominal = robot.nominal();
-    let nominal = Pose2::new(nominal.x_m, nominal.y_m, nominal.yaw_rad);
-    let mut config = RobotConfig::of_vehicle(model, Wheelbase::try_from(robot.wheelbase_m())?);
-    config.nominal = Some(Mount::try_from(nominal)?);
+    let wheelbase = Wheelbase::try_from(robot.wheelbase_m())?;
+    let mut config = RobotConfig::of_vehicle(robot.model(), wheelbase);
+    config.nominal = Some(Mount::try_from(robot.nominal())?);
     Ok(RobotEntry {
         id: robot.id.clone(),
         config,
@@ -145,7 +140,7 @@ fn fresh_folder(http: SocketAddr) -> Result<PathBuf, CommandError> {
         })?,
     );
     let folder = std::env::temp_dir().join(format!("fleetcal-demo-{}", http.port()));
-    remove(&folder).map_err(|source| CommandError::Write {
+    remove(&folder).map_err(|source| fleetcal_command::CommandError::Write {
         path: folder.clone(),
         source,
     })?;

@@ -5,17 +5,25 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::Args;
+use fleetcal_clock::SharedClock;
+use fleetcal_command::output::print_text;
+use fleetcal_command::signals::Signals;
+use fleetcal_config::Config;
+use fleetcal_http::PublicUrl;
 
-use crate::clock::SharedClock;
 use crate::command::CommandError;
-use crate::command::output::print_text;
-use crate::command::stopping::{Signals, stop_in_time};
-use crate::config::Config;
-use crate::public_url::PublicUrl;
+use crate::command::stopping::stop_in_time;
 use crate::service::Service;
+
+/// What stands below the flags of `fleetcal serve --help`.
+const LONG_HELP: &str = "\
+Exit status: 0 told to stop, 2 wrong flags or files, 74 reading, writing or listening failed, or the \
+service was told to stop while rows waited that it could not write: how many is logged. 130 ended by \
+a second signal.";
 
 /// What `fleetcal serve` takes. A flag counts more than the file.
 #[derive(Debug, Args)]
+#[command(after_long_help = LONG_HELP)]
 pub struct Arguments {
     /// A `fleetcal.toml`
     #[arg(long, value_name = "FILE")]
@@ -80,7 +88,8 @@ impl Arguments {
 /// Runs until SIGTERM or SIGINT.
 ///
 /// # Errors
-/// When the configuration is refused or the service cannot be started.
+/// When the configuration is refused, the service cannot be started, or it ends with rows that it
+/// could not store.
 pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), CommandError> {
     let config = arguments.config()?;
     let mut signals = Signals::listen()?;
@@ -98,6 +107,6 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
     }
     signals.stop().await;
     tracing::info!("stopping");
-    stop_in_time(service, signals).await;
+    stop_in_time(service, signals).await?;
     Ok(())
 }

@@ -4,16 +4,17 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Args, Subcommand};
+use fleetcal_clock::SharedClock;
+use fleetcal_command::output::print_text;
+use fleetcal_domain::access::{AccountName, Actor, Grant, Role, TokenState, TokenValue};
+use fleetcal_domain::limits;
+use fleetcal_operations::entropy;
 use fleetcal_proto::RobotId;
+use fleetcal_sqlite::Administration;
+use fleetcal_store::{TokenChange, TokenRecord};
 use jiff::{Span, SpanRelativeTo, Timestamp, Unit};
 
-use crate::access::{AccountName, Actor, Grant, Role, TokenState, TokenValue};
-use crate::clock::SharedClock;
 use crate::command::CommandError;
-use crate::command::output::print_text;
-use crate::entropy;
-use crate::limits;
-use crate::store::{Administration, TokenChange, TokenRecord};
 
 /// What `fleetcal token` takes.
 #[derive(Debug, Args)]
@@ -76,7 +77,8 @@ pub struct Revoke {
 /// The role of a name on the command line.
 pub(super) fn role(name: &str) -> Result<Role, String> {
     Role::parse(name).ok_or_else(|| {
-        let accepted = Role::ALL.map(Role::as_str).join(", ");
+        let accepted: Vec<&str> = Role::ALL.iter().map(|one| one.as_str()).collect();
+        let accepted = accepted.join(", ");
         format!("role is {name:?}, accepted is one of {accepted}")
     })
 }
@@ -127,7 +129,7 @@ async fn create(arguments: &Create, now_ns: i64) -> Result<(), CommandError> {
         .write_token(Actor::command_line(), now_ns, change)
         .await?;
     database.close().await?;
-    print_text(&format!("{}\n", value.reveal()))
+    Ok(print_text(&format!("{}\n", value.reveal()))?)
 }
 
 async fn revoke(arguments: &Revoke, now_ns: i64) -> Result<(), CommandError> {
@@ -145,10 +147,10 @@ async fn list(arguments: &Folder, now_ns: i64) -> Result<(), CommandError> {
     let tokens = database.tokens().await?;
     database.close().await?;
     let rows: String = tokens.iter().map(|token| row(token, now_ns)).collect();
-    print_text(&format!(
+    Ok(print_text(&format!(
         "{:>6}  {:<9}  {:<9}  {:<20}  {:<20}  NAME\n{rows}",
         "NUMBER", "ROLE", "STATE", "EXPIRES", "LAST USED"
-    ))
+    ))?)
 }
 
 fn row(token: &TokenRecord, now_ns: i64) -> String {

@@ -4,15 +4,16 @@ use std::io::{BufRead as _, IsTerminal as _, Write as _};
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
+use fleetcal_clock::SharedClock;
+use fleetcal_command::output::print_text;
+use fleetcal_domain::access::{AccountName, Actor, Grant, Password, PasswordHash, Role};
+use fleetcal_operations::entropy;
+use fleetcal_sqlite::Administration;
+use fleetcal_store::{Expected, UserChange, UserEdit, UserRecord};
 use rustix::termios::{LocalModes, OptionalActions, tcgetattr, tcsetattr};
 
-use crate::access::{AccountName, Actor, Grant, Password, PasswordHash, Role};
-use crate::clock::SharedClock;
 use crate::command::CommandError;
-use crate::command::output::print_text;
 use crate::command::token::{Folder, role, time};
-use crate::entropy;
-use crate::store::{Administration, Expected, UserChange, UserEdit, UserRecord};
 
 /// What `fleetcal user` takes.
 #[derive(Debug, Args)]
@@ -121,10 +122,10 @@ async fn list(arguments: &Folder) -> Result<(), CommandError> {
     let users = database.users().await?;
     database.close().await?;
     let rows: String = users.iter().map(row).collect();
-    print_text(&format!(
+    Ok(print_text(&format!(
         "{:<9}  {:<8}  {:<20}  NAME\n{rows}",
         "ROLE", "STATE", "LAST SIGNED IN"
-    ))
+    ))?)
 }
 
 fn row(user: &UserRecord) -> String {

@@ -1,5 +1,7 @@
 //! How much is driven: the whole evaluation, or a small one that shows the same in two minutes.
 
+use crate::imperfect::ImperfectExtent;
+
 /// How many seeds, and for how long.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Extent {
@@ -17,6 +19,8 @@ pub struct Extent {
     pub odometry_m: f64,
     /// Length of a stretch in closed loop, s.
     pub loop_stretch_s: f64,
+    /// How many imperfect robots.
+    pub imperfect: ImperfectExtent,
 }
 
 impl Extent {
@@ -29,6 +33,13 @@ impl Extent {
         tracking_s: 120.0,
         odometry_m: 300.0,
         loop_stretch_s: 120.0,
+        imperfect: ImperfectExtent {
+            seeds: 4,
+            length_s: 600.0,
+            strong: true,
+            change_seeds: 2,
+            all_changes: true,
+        },
     };
 
     /// The same studies in less than three minutes.
@@ -40,6 +51,13 @@ impl Extent {
         tracking_s: 60.0,
         odometry_m: 300.0,
         loop_stretch_s: 60.0,
+        imperfect: ImperfectExtent {
+            seeds: 2,
+            length_s: 180.0,
+            strong: false,
+            change_seeds: 2,
+            all_changes: false,
+        },
     };
 
     /// The seeds of a case.

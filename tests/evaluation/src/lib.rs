@@ -5,6 +5,7 @@
 pub mod drive;
 pub mod error;
 pub mod extent;
+pub mod imperfect;
 pub mod paper;
 pub mod paper_filter;
 pub mod path;
@@ -26,7 +27,7 @@ type Study = (
     fn(&Extent) -> Result<Section, EvaluationError>,
 );
 
-/// All studies but that of the recording, in the report's order.
+/// The studies before the recording's, in the report's order.
 const STUDIES: [Study; 10] = [
     ("convergence", study::convergence::study),
     ("second_platform", study::second_platform::study),
@@ -70,6 +71,10 @@ impl Evaluation {
         if wanted("recording") {
             tell("recording");
             sections.push(study::recording::study(&self.source)?);
+        }
+        if wanted("imperfect_robots") {
+            tell("imperfect_robots");
+            sections.push(study::imperfect_robots::study(&self.extent)?);
         }
         Ok(Report {
             commit: self.commit.clone(),

@@ -7,7 +7,7 @@ mod robot;
 use std::time::Duration;
 
 use fleetcal_proto::calibration::{CalibrationDocument, Envelope};
-use fleetcal_proto::encoding::MessageType;
+use fleetcal_proto::message_type::MessageType;
 use fleetcal_proto::ros::{AckermannDriveStamped, RosMessage, StringMessage};
 use fleetcal_proto::ros2_key::NO_HASH;
 use fleetcal_tests::service::{Service, wait_for};

@@ -1,6 +1,6 @@
 //! Robots whose key expressions overlap: each message is one robot's, once.
 
-use fleetcal_proto::encoding::MessageType;
+use fleetcal_proto::message_type::MessageType;
 use fleetcal_proto::ros::{AckermannDriveStamped, Header, RosMessage, Time};
 use fleetcal_tests::service::{Service, wait_for};
 use zenoh::qos::CongestionControl;

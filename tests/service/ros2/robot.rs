@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Duration;
 
-use fleetcal_proto::encoding::MessageType;
+use fleetcal_proto::message_type::MessageType;
 use fleetcal_proto::progress::Progress;
 use fleetcal_proto::ros::{AckermannDriveStamped, JointState, Odometry, RosMessage};
 use fleetcal_proto::ros2_key::Attachment;

@@ -2,6 +2,7 @@
 
 import { get, onUnauthorised, post, remove, Refusal } from '../api/client';
 import type { Role, Session } from '../api/types';
+import { drafts } from '../ui/drafts.svelte';
 
 /** Roles of people; each may what those before it may. */
 const ROLES: readonly Role[] = ['viewer', 'operator', 'approver', 'admin'];
@@ -61,6 +62,7 @@ class Me {
     }
     this.state = 'out';
     this.ended = false;
+    drafts.belongTo('');
     return '';
   }
 
@@ -70,6 +72,7 @@ class Me {
   }
 
   #in({ name, role }: Session): void {
+    drafts.belongTo(name);
     this.name = name;
     this.role = role;
     this.state = 'in';

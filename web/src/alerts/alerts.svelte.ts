@@ -1,10 +1,10 @@
 /** Active alerts as all pages see them: read once, then kept up by the event stream. */
 
 import { list, problemOf } from '../api/client';
-import type { Alert, AlertKind } from '../api/types';
-import type { FleetListener } from '../fleet/fleet.svelte';
+import type { Alert, AlertKind, AlertState } from '../api/types';
+import type { FleetListener } from '../fleet/listener';
 
-const REREAD_EVERY_MS = 30_000;
+const REREAD_EVERY_MS = 60_000;
 /** Changes that come together are shown together. */
 const GATHER_MS = 300;
 const ACTIVE_MAX = 5000;
@@ -17,7 +17,9 @@ class Alerts {
   /** Moves with every change that was told. */
   changes = $state(0);
   /** What fires now, by robot. */
-  readonly firing = $derived(firingByRobot(this.active.values()));
+  readonly firing = $derived(byRobot(this.active.values(), 'alerting'));
+  /** What fired until its robot fell silent, by robot. */
+  readonly stale = $derived(byRobot(this.active.values(), 'no_data'));
   /** How many fire and nobody has taken on. */
   readonly open = $derived(
     [...this.active.values()].filter((alert) => fires(alert) && !alert.acknowledgement).length,
@@ -78,12 +80,22 @@ export function fires({ state }: Pick<Alert, 'state'>): boolean {
   return state === 'alerting' || state === 'no_data';
 }
 
-function firingByRobot(alerts: Iterable<Alert>): ReadonlyMap<string, ReadonlySet<AlertKind>> {
+/** The robots that an alert is about. */
+export function robotsOf({ robot, robots }: Pick<Alert, 'robot' | 'robots'>): readonly string[] {
+  return robot == null ? robots : [robot];
+}
+
+function byRobot(
+  alerts: Iterable<Alert>,
+  state: AlertState,
+): ReadonlyMap<string, ReadonlySet<AlertKind>> {
   const found = new Map<string, Set<AlertKind>>();
   for (const alert of alerts) {
-    if (!fires(alert)) continue;
-    const kinds = found.get(alert.robot) ?? new Set();
-    found.set(alert.robot, kinds.add(alert.kind));
+    if (alert.state !== state) continue;
+    for (const robot of robotsOf(alert)) {
+      const kinds = found.get(robot) ?? new Set();
+      found.set(robot, kinds.add(alert.kind));
+    }
   }
   return found;
 }

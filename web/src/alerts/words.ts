@@ -1,10 +1,10 @@
 /** What an alert is about and where it stands, in words and shapes. */
 
-import type { AlertKind, AlertState } from '../api/types';
-import { STANDINGS } from '../fleet/standing';
-import type { Face } from '../ui/face';
+import type { Alert, AlertKind, AlertState, Robot } from '../api/types';
+import { driftOf, STANDINGS } from '../fleet/standing';
+import { type Face, faceOf } from '../ui/face';
 
-/** A kind is a way for a robot to stand, and looks like that. */
+/** A kind is a way for a robot to stand, and looks like that. No kind has the word of a state. */
 export const KINDS: Record<AlertKind, Face> = {
   rollback_failed: STANDINGS.rollback_failed,
   drift: STANDINGS.drift,
@@ -21,31 +21,37 @@ export const STATES: Record<AlertState, Face> = {
     word: 'Pending',
     shape: 'half',
     tone: 'quiet',
-    meaning: 'It is so, but not for long enough to alert.',
+    meaning: 'Its condition is met, but not for long enough to alert.',
   },
   alerting: {
     word: 'Alerting',
     shape: 'octagon',
     tone: 'bad',
-    meaning: 'It is so, and somebody should act.',
+    meaning: 'Its condition is met, and somebody should act.',
   },
   recovering: {
     word: 'Recovering',
     shape: 'arrow',
     tone: 'active',
-    meaning: 'It is no longer so; the alert ends when that lasts.',
+    meaning: 'Its condition has cleared; the alert is resolved when that lasts.',
   },
   no_data: {
-    word: 'No data',
-    shape: 'ring-broken',
+    word: 'Stale',
+    shape: 'dash',
     tone: 'warn',
     meaning:
-      'It was alerting, and nothing comes from the robot that would say whether it still is.',
+      'It was alerting, and the robot has sent no data since that would confirm or clear it.',
   },
   normal: {
-    word: 'Over',
+    word: 'Resolved',
     shape: 'check',
     tone: 'quiet',
-    meaning: 'It ended.',
+    meaning: 'Its condition has cleared.',
   },
 };
+
+/** What an alert is about, by the name that the fleet's list has for it. */
+export function kindFace({ kind }: Pick<Alert, 'kind'>, robot: Robot | undefined): Face {
+  if (kind === 'drift' && robot) return STANDINGS[driftOf(robot)];
+  return faceOf(KINDS, kind);
+}

@@ -102,12 +102,13 @@ export async function change<T>(
   method: 'POST' | 'PUT' | 'PATCH',
   path: string,
   body: unknown,
-  etag: string,
+  etag?: string,
 ): Promise<Answer<T>> {
+  const looked = etag === undefined ? {} : { 'if-match': etag };
   const response = await send(path, {
     method,
     body: JSON.stringify(body),
-    headers: { 'content-type': 'application/json', 'if-match': etag },
+    headers: { 'content-type': 'application/json', ...looked },
   });
   return { body: (await response.json()) as T, etag: response.headers.get('etag') };
 }

@@ -1,5 +1,6 @@
 /** A document of the service as a page shows it: read, kept, and read again. */
 
+import { untrack } from 'svelte';
 import { get, problemOf, Refusal } from './client';
 
 export class Reading<T> {
@@ -18,13 +19,16 @@ export class Reading<T> {
     this.#path = path;
   }
 
-  /** Reads it now; a reading under way gives way to this one. */
+  /**
+   * Reads it now; a reading under way gives way to this one. An effect that calls this does not
+   * depend on what the path is made of: it would read again with every estimate of a robot.
+   */
   async load(): Promise<void> {
     this.#reading?.abort();
     const reading = new AbortController();
     this.#reading = reading;
     try {
-      const { body, etag } = await get<T>(this.#path(), reading.signal);
+      const { body, etag } = await get<T>(untrack(this.#path), reading.signal);
       if (reading.signal.aborted) return;
       this.value = body;
       this.etag = etag;

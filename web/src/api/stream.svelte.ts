@@ -1,5 +1,5 @@
 /**
- * The service's event stream, kept open.
+ * The service's event stream, kept open on the topics that the page shows.
  *
  * A browser reopens an event stream after a broken connection but gives up on an HTTP error, and it
  * allows six connections to a host: so a stream that was refused is opened again here, and a tab
@@ -15,6 +15,8 @@ export type StreamState = 'connecting' | 'live' | 'lost';
 /** What listens to the stream. */
 export interface StreamListener {
   message(name: string, data: unknown): void;
+  /** The stream has begun; `again` when it only changed its topics, and nothing was missed. */
+  ready(again: boolean): void;
   /** The stream broke, or could not be opened. */
   lost(): void;
 }
@@ -23,13 +25,26 @@ export class LiveStream {
   state = $state<StreamState>('connecting');
   #listener: StreamListener;
   #names: readonly string[];
+  #topics: readonly string[] = [];
   #source: EventSource | undefined;
+  /** One that is still listened to until its successor is there: so nothing is missed. */
+  #former: EventSource | undefined;
   #retry: ReturnType<typeof setTimeout> | undefined;
   #wait_ms = RETRY_FIRST_MS;
 
   constructor(names: readonly string[], listener: StreamListener) {
     this.#names = names;
     this.#listener = listener;
+  }
+
+  /** Listens to these topics from now on. */
+  follow(topics: readonly string[]): void {
+    if (topics.join() === this.#topics.join()) return;
+    this.#topics = topics;
+    if (!this.#source) return;
+    if (this.#former) this.#source.close();
+    else this.#former = this.#source;
+    this.#open();
   }
 
   /** Opens the stream and keeps it open while the page is seen; returns how to end it. */
@@ -48,13 +63,20 @@ export class LiveStream {
 
   #open(): void {
     clearTimeout(this.#retry);
-    const source = new EventSource(PATH);
+    const source = new EventSource(`${PATH}?topics=${encodeURIComponent(this.#topics.join())}`);
     this.#source = source;
+    source.addEventListener('ready', () => {
+      const again = this.#former !== undefined;
+      this.#leaveFormer();
+      this.#listener.ready(again);
+    });
     source.onopen = () => {
       this.state = 'live';
       this.#wait_ms = RETRY_FIRST_MS;
     };
     source.onerror = () => {
+      if (source !== this.#source) return;
+      this.#leaveFormer();
       this.state = 'lost';
       this.#listener.lost();
       if (source.readyState !== EventSource.CLOSED) return;
@@ -69,7 +91,13 @@ export class LiveStream {
     }
   }
 
+  #leaveFormer(): void {
+    this.#former?.close();
+    this.#former = undefined;
+  }
+
   #close(): void {
+    this.#leaveFormer();
     clearTimeout(this.#retry);
     this.#source?.close();
     this.#source = undefined;

@@ -3,10 +3,10 @@
 import { list, problemOf } from '../api/client';
 import { Reading } from '../api/reading.svelte';
 import type { PolicyInForce, Proposal, SiteHold } from '../api/types';
-import type { FleetListener } from '../fleet/fleet.svelte';
+import type { FleetListener } from '../fleet/listener';
 
-/** Everything is read again this often, for what the event stream does not tell. */
-const REREAD_EVERY_MS = 20_000;
+/** What waits is read again this often: whether it still holds is told by no event. */
+const REREAD_EVERY_MS = 60_000;
 /** Changes that come together are read together. */
 const GATHER_MS = 250;
 const WAITING_MAX = 5000;
@@ -25,16 +25,22 @@ class Desk {
   /** Hears of changes. */
   readonly listener: FleetListener = {
     approval: () => this.#later(),
-    resync: () => this.#later(),
+    hold: () => void this.hold.load(),
+    policy: () => void this.policy.load(),
+    resync: () => {
+      this.#later();
+      void this.hold.load();
+      void this.policy.load();
+    },
   };
 
   /** Starts reading; returns how to stop. */
   run(): () => void {
     void this.load();
-    const stops = [this.hold.run(REREAD_EVERY_MS), this.policy.run(REREAD_EVERY_MS)];
+    void this.hold.load();
+    void this.policy.load();
     const timer = setInterval(() => void this.load(), REREAD_EVERY_MS);
     return () => {
-      for (const stop of stops) stop();
       clearInterval(timer);
       clearTimeout(this.#gathering);
     };
@@ -57,7 +63,6 @@ class Desk {
     this.#gathering = setTimeout(() => {
       this.changes++;
       void this.load();
-      void this.hold.load();
     }, GATHER_MS);
   }
 }

@@ -1,8 +1,11 @@
 /** A proposal as people decide on it. */
 
-import type { Proposal, Tolerance } from '../api/types';
+import type { ParameterName, Proposal, Tolerance, Values } from '../api/types';
+import { faceOf } from '../ui/face';
 import { formatDistance, formatSpan } from '../units/format';
+import { CALIBRATED } from '../units/parameters';
 import { type Compared, compareBeside, compareValues } from '../units/values';
+import { PROPOSALS, proposer } from './words';
 
 /** What it changes, value by value. */
 export function changesOf(proposal: Proposal, tolerance: Tolerance | undefined): Compared[] {
@@ -18,7 +21,7 @@ export function besideOf({ base, revision }: Proposal): Compared[] {
 /** What it rests on, in a few words. */
 export function evidenceOf({ revision }: Proposal): string {
   const { evidence, origin } = revision;
-  if (!evidence) return origin === 'person' ? 'none: typed in by a person' : 'none';
+  if (!evidence) return origin === 'person' ? 'none: entered manually' : 'none';
   const span_ms = Date.parse(evidence.to) - Date.parse(evidence.from);
   return `${formatDistance(evidence.distance_m)} in ${formatSpan(span_ms)}`;
 }
@@ -31,7 +34,7 @@ export function hasAgreed({ approvals }: Proposal, name: string): boolean {
 /** Why `name` cannot agree to it, in a sentence; empty when nothing speaks against it. */
 export function whyNotMine(proposal: Proposal, name: string): string {
   if (proposal.proposed_by === name) return 'You proposed this: somebody else has to approve it.';
-  if (hasAgreed(proposal, name)) return 'You have agreed. Somebody else has to agree too.';
+  if (hasAgreed(proposal, name)) return 'You approved. One more approval is needed.';
   return '';
 }
 
@@ -57,4 +60,63 @@ export function around({ revision, created }: Proposal): { from_s: number; to_s:
   const to_s = Date.parse(evidence.to) / 1000;
   const margin_s = Math.max(10, (to_s - from_s) * MARGIN);
   return { from_s: from_s - margin_s, to_s: to_s + margin_s };
+}
+
+/**
+ * How many people have to approve it by the policy in force: never fewer than it was proposed with.
+ * `in_use` are the values that the robot uses now.
+ */
+export function approvalsNeeded(
+  proposal: Proposal,
+  in_use: Values | null | undefined,
+  two: Tolerance | undefined,
+): number {
+  const { values, sigmas } = proposal.revision;
+  const compared = compareValues(in_use ?? proposal.base, values, sigmas, two);
+  const large = compared.some(({ beyond }) => beyond);
+  return Math.max(proposal.approvals_needed, large ? 2 : 1);
+}
+
+/** What was done about it last, in a sentence without its full stop: `approved by ada`. */
+export function lastDone({ state, approvals, approvals_needed, closing }: Proposal): string {
+  const last = closing ?? approvals.at(-1);
+  const by = last ? ` by ${proposer(last.by)}` : '';
+  if (state !== 'proposed') return `${faceOf(PROPOSALS, state).word.toLowerCase()}${by}`;
+  if (approvals.length === 0) return 'awaiting approval';
+  const given = `${approvals.length} of ${Math.max(approvals_needed, approvals.length + 1)} approvals`;
+  return `awaiting approval, with ${given}, the last${by}`;
+}
+
+/** When it was decided, or when it was proposed as long as it is not: ms since 1970. */
+function decidedAt_ms({ closing, approvals, created }: Proposal): number {
+  return Date.parse((closing ?? approvals.at(-1))?.at ?? created);
+}
+
+/** Proposals that were decided, the one that was decided last first. */
+export function decidedOf(proposals: readonly Proposal[]): Proposal[] {
+  const decided = proposals.filter(({ state }) => state !== 'proposed');
+  return decided.toSorted((a, b) => decidedAt_ms(b) - decidedAt_ms(a) || b.id - a.id);
+}
+
+/** The largest change of one parameter among several proposals. */
+export interface Largest {
+  name: ParameterName;
+  /** In its wire unit. */
+  change: number;
+  robot: string;
+}
+
+/** For each parameter the proposal that changes it most. */
+export function largestOf(proposals: readonly Proposal[]): Largest[] {
+  return CALIBRATED.flatMap((name) => {
+    let largest: Largest | undefined;
+    for (const proposal of proposals) {
+      const found = changesOf(proposal, undefined).find((one) => one.name === name);
+      if (found?.change == null) continue;
+      if (!largest || Math.abs(found.change) > Math.abs(largest.change)) {
+        largest = { name, change: found.change, robot: proposal.robot };
+      }
+    }
+    return largest ? [largest] : [];
+  });
 }

@@ -5,22 +5,22 @@ import type { Face } from '../ui/face';
 
 export const PROPOSALS: Record<ProposalState, Face> = {
   proposed: {
-    word: 'Waits for a decision',
+    word: 'Awaiting approval',
     shape: 'clock',
     tone: 'warn',
-    meaning: 'Nobody has decided on it yet, or not everybody who has to.',
+    meaning: 'It has not been decided, or needs another approval.',
   },
   approved: {
     word: 'Approved',
     shape: 'check',
     tone: 'good',
-    meaning: 'It was approved and goes to the robot.',
+    meaning: 'It was approved and is deployed to the robot.',
   },
   rejected: {
     word: 'Rejected',
     shape: 'cross',
     tone: 'quiet',
-    meaning: 'Somebody said no. The robot keeps what it applies.',
+    meaning: 'It was rejected. The robot keeps its calibration.',
   },
   expired: {
     word: 'Expired',
@@ -44,7 +44,7 @@ export const PROPOSALS: Record<ProposalState, Face> = {
 
 export const DEPLOYMENTS: Record<DeploymentState, Face> = {
   queued: {
-    word: 'Waits to be sent',
+    word: 'Queued',
     shape: 'clock',
     tone: 'active',
     meaning: 'Approved. It is sent as soon as nothing holds it.',
@@ -62,19 +62,21 @@ export const DEPLOYMENTS: Record<DeploymentState, Face> = {
     meaning: 'The robot says that it uses the values.',
   },
   verifying: {
-    word: 'Being verified by driving',
+    word: 'Verifying',
     shape: 'half',
     tone: 'active',
-    meaning: 'A fresh estimator, which began from nothing, follows the robot with the new values.',
+    meaning:
+      'A fresh estimator, which learns from scratch, checks the new values while the robot drives.',
   },
   verified: {
-    word: 'Verified by driving',
+    word: 'Verified',
     shape: 'check',
     tone: 'good',
-    meaning: 'A fresh estimate agrees with what the robot now applies.',
+    meaning:
+      'A fresh estimate, learned from scratch by driving, agrees with the calibration in use.',
   },
   inconclusive: {
-    word: 'Not proven: too little motion',
+    word: 'Inconclusive: not enough driving',
     shape: 'ring',
     tone: 'warn',
     meaning: 'The robot has not driven enough to tell. The values stay.',
@@ -104,22 +106,29 @@ export const DEPLOYMENTS: Record<DeploymentState, Face> = {
     meaning: 'It was taken back before the robot applied it.',
   },
   rolling_back: {
-    word: 'Going back to the former values',
+    word: 'Rolling back',
     shape: 'back',
     tone: 'warn',
-    meaning: 'The former values were sent to the robot as a new generation.',
+    meaning: 'The previous values are being sent to the robot as a new generation.',
   },
   rolled_back: {
-    word: 'Former values are back',
+    word: 'Rolled back',
     shape: 'back',
     tone: 'quiet',
-    meaning: 'The robot applies its former values again.',
+    meaning: 'The robot uses its previous values again.',
   },
   rollback_failed: {
-    word: 'Roll-back failed',
+    word: 'Rollback failed',
     shape: 'back',
     tone: 'bad',
-    meaning: 'The former values should have come back and did not: stop this robot.',
+    meaning: 'The previous values were not restored: stop this robot.',
+  },
+  kept: {
+    word: 'Kept by decision',
+    shape: 'half',
+    tone: 'warn',
+    meaning:
+      'A person rolled the robot back to these values. The estimate disagrees; the robot keeps them until people decide otherwise.',
   },
 };
 

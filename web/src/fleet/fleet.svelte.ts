@@ -1,27 +1,43 @@
 /** The fleet as the pages see it: read once, then kept up by the event stream. */
 
 import { alerts } from '../alerts/alerts.svelte';
+import { desk } from '../approval/desk.svelte';
 import { get, list, problemOf } from '../api/client';
 import { LiveStream } from '../api/stream.svelte';
-import type { Alert, Estimate, Robot, RobotEvent, RobotStateUpdate } from '../api/types';
+import type { Alert, Estimate, Robot, RobotEvent, RobotRow, RobotStateUpdate } from '../api/types';
+import type { Route } from '../routes.svelte';
 import { now } from '../ui/time.svelte';
-import { standing } from './standing';
+import { CALIBRATED } from '../units/parameters';
+import { connectionOf } from './connection';
+import type { FleetListener } from './listener';
+import { standing, standingIn } from './standing';
 
 /** Updates are shown together this often, however many robots send. */
 const SHOW_EVERY_MS = 500;
-/** The whole fleet is read again this often, for what the stream does not carry. */
-const REREAD_EVERY_MS = 30_000;
+/** The fleet's page reads the whole fleet again this often, for what the stream does not carry. */
+const REREAD_EVERY_MS = 60_000;
 const ROBOTS_MAX = 100_000;
 /** Above so many robots whose approval changed at once, the whole fleet is read instead. */
 const SINGLE_READS_MAX = 8;
+/** Pages are read without the event stream when it has not opened after this time. */
+const OPEN_WITHIN_MS = 1_500;
 const NOTHING: ReadonlySet<never> = new Set();
 
 /** One robot. What changes is a single value, so only its own row is worked over. */
 export class RobotEntry {
   readonly id: string;
   robot = $state.raw() as Robot;
+  /** Whether it is heard, of its own so that lists are only sorted again when it changes. */
+  readonly connection = $derived(connectionOf(this.robot, now.ms));
   /** Of its own, so that lists are only sorted again when it changes. */
-  readonly standing = $derived(standing(this.robot, alerts.firing.get(this.robot.id) ?? NOTHING));
+  readonly standing = $derived(
+    standing(
+      standingIn(this.robot, this.connection),
+      alerts.firing.get(this.robot.id) ?? NOTHING,
+      alerts.stale.get(this.robot.id) ?? NOTHING,
+      desk.policy.value?.propose_beyond,
+    ),
+  );
 
   constructor(robot: Robot) {
     this.id = robot.id;
@@ -30,7 +46,25 @@ export class RobotEntry {
 }
 
 /** What is heard of the event stream. */
-const NAMES = ['ready', 'resync', 'estimate', 'robot_state', 'event', 'approval', 'alert'];
+const NAMES = [
+  'resync',
+  'estimate',
+  'rows',
+  'robot_state',
+  'event',
+  'approval',
+  'alert',
+  'hold',
+  'policy',
+];
+/** What every page shows: its bar counts alerts and approvals, and says when deployments pause. */
+const EVERYWHERE = ['alerts', 'approvals', 'site'];
+
+/** The topics of what a page shows; `robot` is the one that it is about, where it is about one. */
+export function topicsOf(page: Route['page'], robot: string | undefined): string[] {
+  if (page === 'fleet') return ['fleet', ...EVERYWHERE];
+  return robot === undefined ? EVERYWHERE : [`robot:${robot}`, ...EVERYWHERE];
+}
 
 export type Loaded = 'loading' | 'ready' | 'failed';
 
@@ -42,9 +76,19 @@ class Fleet {
   problem = $state('');
   /** When the service last said anything. */
   heard_ms = $state(0);
+  /**
+   * Whether the event stream has opened, or failed to. What a page reads before, it would have to
+   * read again then, since something may have changed in between.
+   */
+  opened = $state(false);
   stream: LiveStream;
 
+  /** The robot that a page is about whose address does not say it. */
+  about = $state<string>();
+
+  #topics: readonly string[] = EVERYWHERE;
   #estimates = new Map<string, Estimate>();
+  #rows = new Map<string, RobotRow>();
   #states = new Map<string, RobotStateUpdate>();
   #approvals = new Set<string>();
   #underWay = new Set<string>();
@@ -53,9 +97,11 @@ class Fleet {
   constructor() {
     this.stream = new LiveStream(NAMES, {
       message: (name, data) => this.#take(name, data),
+      ready: (again) => (again ? this.#changedTopics() : this.#resync()),
       lost: () => {
         // To say why there is nothing to show, and to notice that the session has ended.
         void this.load();
+        this.opened = true;
       },
     });
   }
@@ -63,13 +109,42 @@ class Fleet {
   /** Starts reading and listening; returns how to stop. */
   run(): () => void {
     const stop = this.stream.run();
+    const open = setTimeout(() => (this.opened = true), OPEN_WITHIN_MS);
     const show = setInterval(() => this.#show(), SHOW_EVERY_MS);
-    const reread = setInterval(() => void this.load(), REREAD_EVERY_MS);
+    const reread = setInterval(() => {
+      if (this.#showsAll()) void this.load();
+    }, REREAD_EVERY_MS);
     return () => {
       stop();
+      clearTimeout(open);
+      this.opened = false;
       clearInterval(show);
       clearInterval(reread);
     };
+  }
+
+  /** Listens from now on to what is shown. */
+  follow(topics: readonly string[]): void {
+    this.#topics = topics;
+    this.stream.follow(topics);
+  }
+
+  /** Whether the page shows every robot. */
+  #showsAll(): boolean {
+    return this.#topics.includes('fleet');
+  }
+
+  /** What the topics before did not carry is read. */
+  #changedTopics(): void {
+    if (this.#showsAll()) void this.load();
+    else if (this.about !== undefined) this.#read(this.about);
+  }
+
+  /** The stream has begun, or has lost something: everything is read again. */
+  #resync(): void {
+    void this.load();
+    for (const listener of this.#listeners) listener.resync?.();
+    this.opened = true;
   }
 
   /** Calls `listener` with everything that arrives; returns how to stop. */
@@ -114,6 +189,8 @@ class Fleet {
       const estimate = data as Estimate;
       this.#estimates.set(estimate.robot, estimate);
       for (const listener of this.#listeners) listener.estimate?.(estimate);
+    } else if (name === 'rows') {
+      for (const row of data as RobotRow[]) this.#rows.set(row.robot, row);
     } else if (name === 'robot_state') {
       const update = data as RobotStateUpdate;
       this.#states.set(update.robot, update);
@@ -125,10 +202,10 @@ class Fleet {
       const { robot } = data as { robot: string };
       this.#approvals.add(robot);
       for (const listener of this.#listeners) listener.approval?.(robot);
+    } else if (name === 'hold' || name === 'policy') {
+      for (const listener of this.#listeners) listener[name]?.();
     } else {
-      // The stream has begun, or has lost something: everything is read anew.
-      void this.load();
-      for (const listener of this.#listeners) listener.resync?.();
+      this.#resync();
     }
   }
 
@@ -136,21 +213,30 @@ class Fleet {
   #readApproved(): void {
     const changed = [...this.#approvals];
     this.#approvals.clear();
-    if (changed.length > SINGLE_READS_MAX) void this.load();
-    else for (const id of changed) this.#read(id);
+    // Of a robot that no page shows nothing is read; it is when it is shown.
+    if (changed.length <= SINGLE_READS_MAX) for (const id of changed) this.#read(id);
+    else if (this.#showsAll()) void this.load();
+    else if (this.about !== undefined && changed.includes(this.about)) this.#read(this.about);
   }
 
   /** Shows what has come since the last time. */
   #show(): void {
     this.#readApproved();
-    if (this.#estimates.size === 0 && this.#states.size === 0) return;
+    if (this.#estimates.size + this.#rows.size + this.#states.size === 0) return;
     const seen_ms = now.current();
     this.heard_ms = seen_ms;
     const last_seen = new Date(seen_ms).toISOString();
     for (const [id, estimate] of this.#estimates) {
       const entry = this.#entry(id);
       if (!entry) continue;
-      entry.robot = { ...entry.robot, estimate, last_seen, stale: false };
+      entry.robot = { ...withEstimate(entry.robot, estimate), last_seen, stale: false };
+    }
+    for (const [id, row] of this.#rows) {
+      const entry = this.#entry(id);
+      if (!entry) continue;
+      const robot = withRow(entry.robot, row);
+      if (robot) entry.robot = { ...robot, last_seen, stale: false };
+      else this.#read(id);
     }
     for (const [id, { state, stale, alive }] of this.#states) {
       const entry = this.#entry(id);
@@ -158,6 +244,7 @@ class Fleet {
       entry.robot = { ...entry.robot, state, stale, alive };
     }
     this.#estimates.clear();
+    this.#rows.clear();
     this.#states.clear();
   }
 
@@ -166,6 +253,11 @@ class Fleet {
     const entry = this.entries.get(id);
     if (!entry) this.#read(id);
     return entry;
+  }
+
+  /** Reads one robot again, for what the stream does not carry. */
+  refresh(id: string): void {
+    this.#read(id);
   }
 
   /** Reads one robot, unless that is under way. */
@@ -180,15 +272,33 @@ class Fleet {
   }
 }
 
-/** What a page may want to hear as it comes, before it is shown. */
-export interface FleetListener {
-  estimate?(estimate: Estimate): void;
-  event?(event: RobotEvent): void;
-  /** Something has changed about what a robot should use. */
-  approval?(robot: string): void;
-  alert?(alert: Alert): void;
-  /** Something may have been missed. */
-  resync?(): void;
+/**
+ * A robot with a newer estimate. What it has driven since the last goes for its verification too,
+ * which is only read now and then.
+ */
+export function withEstimate(robot: Robot, estimate: Estimate): Robot {
+  const before_m = robot.estimate?.distance_m;
+  const verified_m = robot.verification_distance_m;
+  if (before_m === undefined || verified_m == null) return { ...robot, estimate };
+  const driven_m = Math.max(0, estimate.distance_m - before_m);
+  return { ...robot, estimate, verification_distance_m: verified_m + driven_m };
+}
+
+/** A robot with what its row says; undefined for one whose first estimate has to be read. */
+export function withRow(robot: Robot, row: RobotRow): Robot | undefined {
+  const { estimate } = robot;
+  if (!estimate) return undefined;
+  const parameters = { ...estimate.parameters };
+  CALIBRATED.forEach((name, i) => {
+    parameters[name] = {
+      ...parameters[name],
+      value: row.values[i] ?? parameters[name].value,
+      sigma: row.sigmas[i] ?? parameters[name].sigma,
+      status: row.status[i] ?? parameters[name].status,
+      needs: row.needs?.[i] ?? null,
+    };
+  });
+  return withEstimate(robot, { ...estimate, distance_m: row.distance_m, parameters });
 }
 
 /** The address of a robot in the API. */

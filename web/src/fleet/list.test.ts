@@ -1,7 +1,8 @@
 import { describe, expect, it } from 'vitest';
 import type { AlertKind, CalibrationSummary, Parameter, Robot, RobotState } from '../api/types';
 import { faceOf } from '../ui/face';
-import { compare, counts, type Filter, filterOf, matches, needs } from './list';
+import type { Connection } from './connection';
+import { compare, counts, type Filter, filterOf, type Listed, matches, needs } from './list';
 import { BY_URGENCY, needsPerson, type Standing, standing, STANDINGS } from './standing';
 import { STATUSES } from './states';
 
@@ -30,12 +31,16 @@ function robot(state: RobotState, wanted: (string | null)[] = []): Robot {
   } as Robot;
 }
 
-const entry = (id: string, standing: Standing) => ({ id, standing });
+const entry = (id: string, standing: Standing, connection: Connection = 'online'): Listed => ({
+  id,
+  standing,
+  connection,
+});
 
-const listed = (robots: { id: string; standing: Standing }[], filter: Filter) =>
+const listed = (robots: Listed[], filter: Filter) =>
   robots.filter((robot) => matches(robot, filter)).toSorted(compare);
 
-const every = { state: null, text: '' };
+const every: Filter = { state: null, connection: null, text: '' };
 
 describe('the list of robots', () => {
   it('has the worst first, then ids as people count', () => {
@@ -53,14 +58,20 @@ describe('the list of robots', () => {
 
   it('is filtered by state and by part of an id', () => {
     const robots = [entry('Tugger_1', 'learning'), entry('tugger_2', 'calibrated')];
-    expect(listed(robots, { state: 'learning', text: '' })).toHaveLength(1);
-    expect(listed(robots, { state: null, text: 'TUGGER' })).toHaveLength(2);
-    expect(listed(robots, { state: 'learning', text: '_2' })).toHaveLength(0);
+    expect(listed(robots, { ...every, state: 'learning' })).toHaveLength(1);
+    expect(listed(robots, { ...every, text: 'TUGGER' })).toHaveLength(2);
+    expect(listed(robots, { ...every, state: 'learning', text: '_2' })).toHaveLength(0);
+  });
+
+  it('is filtered by whether robots are heard, apart from how they stand', () => {
+    const robots = [entry('a', 'calibrated', 'silent'), entry('b', 'calibrated')];
+    expect(listed(robots, { ...every, connection: 'silent' }).map(({ id }) => id)).toEqual(['a']);
   });
 
   it('reads its filter from the address', () => {
-    expect(filterOf(new URLSearchParams('state=changed&q=%20x'))).toEqual({
+    expect(filterOf(new URLSearchParams('state=changed&connection=silent&q=%20x'))).toEqual({
       state: 'changed',
+      connection: 'silent',
       text: 'x',
     });
     expect(filterOf(new URLSearchParams(''))).toEqual(every);
@@ -124,6 +135,23 @@ describe('how a robot stands', () => {
     expect(of('calibrated', { reported_generation: 1 }, ['drift'])).toBe('drift');
     // The estimator has seen it move: that it did.
     expect(of('changed', {}, ['drift'])).toBe('drift');
+  });
+
+  it('is not drift when its robot fell silent with values inside their tolerance', () => {
+    const tolerance = { steering_offset_deg: 0.15, lidar_yaw_deg: 0.15, lidar_position_mm: 10 };
+    const plain = robot('calibrated');
+    const of = (steering_offset_rad: number) => ({
+      ...plain,
+      calibration: {
+        ...plain.calibration,
+        reported_generation: 1,
+        in_use: { steering_offset_rad, lidar_x_m: 0, lidar_y_m: 0, lidar_yaw_rad: 0 },
+      },
+    });
+    const stale = new Set<AlertKind>(['drift']);
+    expect(standing(of(0.001), new Set(), stale, tolerance)).toBe('calibrated');
+    expect(standing(of(0.02), new Set(), stale, tolerance)).toBe('drift');
+    expect(standing(of(0.001), stale, new Set(), tolerance)).toBe('drift');
   });
 
   it('puts a failed roll-back first, then drift, verification, silence, approval, learning', () => {

@@ -2,18 +2,22 @@
 
 import type { ParameterName, Robot } from '../api/types';
 import { CALIBRATED } from '../units/parameters';
+import type { Connection } from './connection';
 import { type Standing, urgency } from './standing';
 
 /** What lists go by. */
 export interface Listed {
   id: string;
   standing: Standing;
+  connection: Connection;
 }
 
 /** What the reader asked to see; it stands in the address. */
 export interface Filter {
   /** A standing, or null for all. */
   state: string | null;
+  /** Whether the robot is heard, or null for all. */
+  connection: string | null;
   /** Part of an id. */
   text: string;
 }
@@ -21,12 +25,13 @@ export interface Filter {
 /** The filter in an address. */
 export function filterOf(query: URLSearchParams): Filter {
   const state = query.get('state');
-  return { state, text: query.get('q')?.trim() ?? '' };
+  return { state, connection: query.get('connection'), text: query.get('q')?.trim() ?? '' };
 }
 
 /** Whether a robot passes a filter. */
 export function matches(robot: Listed, filter: Filter): boolean {
   if (filter.state !== null && robot.standing !== filter.state) return false;
+  if (filter.connection !== null && robot.connection !== filter.connection) return false;
   return robot.id.toLowerCase().includes(filter.text.toLowerCase());
 }
 

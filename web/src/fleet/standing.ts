@@ -1,7 +1,9 @@
 /** How a robot stands, in one word: its estimate, its calibration's life cycle and its alerts. */
 
-import type { AlertKind, DeploymentState, Robot, RobotState } from '../api/types';
+import type { AlertKind, DeploymentState, Robot, RobotState, Tolerance } from '../api/types';
 import { type Face, faceOf } from '../ui/face';
+import { againstApplied } from './comparison';
+import type { Connection } from './connection';
 
 export type Standing =
   | 'rollback_failed'
@@ -22,16 +24,16 @@ export type Standing =
 /** All of them, the one that needs a person most first. */
 export const STANDINGS: Record<Standing, Face> = {
   rollback_failed: {
-    word: 'Roll-back failed',
+    word: 'Rollback failed',
     shape: 'back',
     tone: 'bad',
-    meaning: 'The former calibration should have come back and did not: stop this robot.',
+    meaning: 'The previous calibration was not restored: stop this robot.',
   },
   drift: {
     word: 'Drift',
     shape: 'diamond',
     tone: 'bad',
-    meaning: 'The vehicle is surely not as the calibration that it uses says.',
+    meaning: 'The estimate differs significantly from the calibration in use.',
   },
   verification_failed: {
     word: 'Verification failed',
@@ -49,19 +51,19 @@ export const STANDINGS: Record<Standing, Face> = {
     word: 'Not applied',
     shape: 'cross',
     tone: 'warn',
-    meaning: 'The robot did not take what was approved for it.',
+    meaning: 'The robot did not apply the calibration that was approved for it.',
   },
   out_of_sync: {
     word: 'Out of sync',
     shape: 'split',
     tone: 'warn',
-    meaning: 'The robot uses another calibration than it should.',
+    meaning: 'The robot uses a different calibration from the expected one.',
   },
   no_data: {
-    word: 'No data',
+    word: 'Silent',
     shape: 'ring-broken',
     tone: 'warn',
-    meaning: 'The robot is configured and sends nothing.',
+    meaning: 'The robot is set up and sends no data.',
   },
   fault: {
     word: 'Fault',
@@ -70,40 +72,40 @@ export const STANDINGS: Record<Standing, Face> = {
     meaning: 'A sensor or the LiDAR odometry fails. Nothing is learnt from its data meanwhile.',
   },
   unregistered: {
-    word: 'Unregistered',
+    word: 'Not set up',
     shape: 'square-plus',
     tone: 'warn',
-    meaning: 'The robot sends, but its vehicle is not known yet.',
+    meaning: 'The robot sends data, but its vehicle is not configured yet.',
   },
   waiting: {
-    word: 'Waits for approval',
+    word: 'Awaiting approval',
     shape: 'clock',
     tone: 'warn',
-    meaning: 'New values are proposed and wait for somebody to approve them.',
+    meaning: 'New values are proposed and need approval.',
   },
   under_way: {
-    word: 'Being applied',
+    word: 'Deploying',
     shape: 'arrow',
     tone: 'active',
-    meaning: 'New values are approved and on their way, or are being verified by driving.',
+    meaning: 'New values are approved and are being sent, applied or verified.',
   },
   uncalibrated: {
-    word: 'Not calibrated yet',
+    word: 'Uncalibrated',
     shape: 'ring-dot',
     tone: 'warn',
-    meaning: 'It drives by what it brought along, and is surely off from that.',
+    meaning: 'It uses its factory values, which differ significantly from the estimate.',
   },
   learning: {
-    word: 'Learning',
+    word: 'Calibrating',
     shape: 'half',
     tone: 'active',
-    meaning: 'The parameters are on their way.',
+    meaning: 'Not enough driving yet: some parameters have not converged.',
   },
   calibrated: {
     word: 'Calibrated',
     shape: 'check',
     tone: 'good',
-    meaning: 'Every parameter that the motions can tell is inside its limit.',
+    meaning: 'All observable parameters have converged.',
   },
 };
 
@@ -137,21 +139,42 @@ const OF_STATE: Partial<Record<RobotState, Standing>> = {
   calibrated: 'calibrated',
 };
 
-/** The most urgent of what is so; `firing` are the kinds of its alerts that fire. */
-export function standing(robot: Robot, firing: ReadonlySet<AlertKind>): Standing {
+/** The kind of a drift alert as its robot stands: what was never calibrated cannot have drifted. */
+export function driftOf({ calibration }: Pick<Robot, 'calibration'>): Standing {
+  return calibration.reported_generation ? 'drift' : 'uncalibrated';
+}
+
+/** A robot as it stands apart from its connection: one in maintenance is not missed. */
+export function standingIn(robot: Robot, connection: Connection): Robot {
+  const missed = connection !== 'maintenance' || robot.state !== 'no_data';
+  return missed ? robot : { ...robot, state: 'learning' };
+}
+
+/**
+ * The most urgent of what is so. `firing` are the kinds of its alerts that fire; `stale` those that
+ * fired until the robot fell silent. The values of a silent robot can be compared without it: of
+ * those inside `tolerance` nobody says any more that they drifted.
+ */
+export function standing(
+  robot: Robot,
+  firing: ReadonlySet<AlertKind>,
+  stale: ReadonlySet<AlertKind> = new Set(),
+  tolerance?: Tolerance,
+): Standing {
   const { calibration, state } = robot;
   const { deployment } = calibration;
   const so: Standing[] = [OF_STATE[state] ?? (state as Standing)];
-  if (deployment === 'rollback_failed' || firing.has('rollback_failed')) so.push('rollback_failed');
-  // What was never calibrated here cannot have drifted: generation 0 is what it brought along.
-  if (firing.has('drift')) so.push(calibration.reported_generation ? 'drift' : 'uncalibrated');
-  if (calibration.verification_failed || firing.has('verification_failed')) {
+  const fires = (kind: AlertKind) => firing.has(kind) || stale.has(kind);
+  const beyond = () => againstApplied(robot, tolerance)?.some((one) => one.beyond) ?? true;
+  if (deployment === 'rollback_failed' || fires('rollback_failed')) so.push('rollback_failed');
+  if (firing.has('drift') || (stale.has('drift') && beyond())) so.push(driftOf(robot));
+  if (calibration.verification_failed || fires('verification_failed')) {
     so.push('verification_failed');
   }
-  if (firing.has('not_applied')) so.push('not_applied');
-  if (firing.has('out_of_sync')) so.push('out_of_sync');
-  if (firing.has('no_data')) so.push('no_data');
-  if (firing.has('fault')) so.push('fault');
+  if (fires('not_applied')) so.push('not_applied');
+  if (fires('out_of_sync')) so.push('out_of_sync');
+  if (fires('no_data')) so.push('no_data');
+  if (fires('fault')) so.push('fault');
   if (calibration.proposal != null) so.push('waiting');
   if (deployment != null && UNDER_WAY.includes(deployment)) so.push('under_way');
   return so.reduce((worst, one) => (urgency(one) < urgency(worst) ? one : worst));

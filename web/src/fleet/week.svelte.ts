@@ -1,10 +1,10 @@
 /** A robot's past week, read when its row comes into view. */
 
 import { get } from '../api/client';
-import type { HistoryDocument, Robot, Tolerance } from '../api/types';
+import type { DeploymentPage, HistoryDocument, Robot, Shadow } from '../api/types';
+import { type AppliedStep, appliedSteps } from '../robot/applied';
 import { now } from '../ui/time.svelte';
 import { CALIBRATED } from '../units/parameters';
-import { accepted, difference, valueOf } from '../units/values';
 import { robotUrl } from './fleet.svelte';
 
 const WEEK_S = 7 * 86_400;
@@ -18,11 +18,15 @@ const FRESH_MS = 10 * 60_000;
 const FRESH_YOUNG_MS = 30_000;
 /** So many are read at once: a fleet's rows must not keep the page's other requests waiting. */
 const READS_MAX = 2;
+/** Deployments of a week; an older one counts by what the next began from. */
+const DEPLOYMENTS_MAX = 20;
 /** Rows this far out of view are read already. */
 const MARGIN = '200px';
 
 export class Week {
   history = $state.raw<HistoryDocument>();
+  /** What the robot used when; empty for one that never had a deployment. */
+  applied = $state.raw<readonly AppliedStep[]>([]);
   read_ms = 0;
   asked = false;
 
@@ -46,7 +50,17 @@ export function weekOf(id: string): Week {
   return week;
 }
 
+async function readApplied(week: Week, { id, calibration }: Robot): Promise<void> {
+  if (calibration.desired_generation == null) return;
+  const [shadow, deployments] = await Promise.all([
+    get<Shadow>(`${robotUrl(id)}/shadow`),
+    get<DeploymentPage>(`${robotUrl(id)}/deployments?limit=${DEPLOYMENTS_MAX}`),
+  ]);
+  week.applied = appliedSteps(shadow.body, [], deployments.body.items);
+}
+
 async function read(week: Week, robot: Robot): Promise<void> {
+  await readApplied(week, robot);
   const end_s = robot.estimate ? robot.estimate.stamp_ns / 1e9 : now.current() / 1000;
   for (const span_s of [WEEK_S, YOUNG_S]) {
     const query = new URLSearchParams({
@@ -109,27 +123,4 @@ export function whenSeen(element: Element, robot: Robot): { destroy(): void } {
   return {
     destroy: () => observer?.unobserve(element),
   };
-}
-
-/**
- * How far each point was from what the robot applies now, in tolerances: of the four values the one
- * that was furthest. Null where nothing was known.
- */
-export function deviations(
-  history: Pick<HistoryDocument, 'time' | 'series'>,
-  applied: Robot['calibration']['in_use'],
-  tolerance: Tolerance,
-): (number | null)[] {
-  return history.time.map((_, i) => {
-    let worst: number | null = null;
-    for (const { parameter, mean, status } of history.series) {
-      const name = CALIBRATED.find((one) => one === parameter);
-      const value = mean[i] ?? null;
-      const at = name && valueOf(applied, name);
-      if (!name || at == null || value === null || status[i] !== 'converged') continue;
-      const off = Math.abs(difference(name, at, value)) / accepted(tolerance, name);
-      worst = Math.max(worst ?? 0, off);
-    }
-    return worst;
-  });
 }

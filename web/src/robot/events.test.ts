@@ -21,6 +21,12 @@ describe('an event', () => {
     );
   });
 
+  it('says of a fault that the LiDAR lost its way, and blames no part of the vehicle', () => {
+    const told = (cause: string) => eventText({ ...event, kind: 'fault', details: { cause } });
+    expect(told('odometry')).toBe('The LiDAR sees too little to know how far the robot has come.');
+    expect(told('vehicle')).toContain('pushed, towed or lifted');
+  });
+
   it('keeps the words of a person', () => {
     expect(eventText({ ...event, details: null, note: 'New bracket' })).toBe('New bracket');
   });

@@ -21,19 +21,20 @@ const KINDS: Record<EventKind, EventFace> = {
   service_started: { word: 'Service started', tone: 'quiet' },
   estimator_restarted: { word: 'Estimator restarted', tone: 'bad' },
   estimator_stopped: { word: 'Estimator stopped', tone: 'bad' },
-  configured: { word: 'Vehicle given or changed', tone: 'quiet' },
+  configured: { word: 'Vehicle configured', tone: 'quiet' },
   proposed: { word: 'Proposed', tone: 'quiet' },
   approved: { word: 'Approved', tone: 'quiet' },
   proposal_closed: { word: 'Proposal closed', tone: 'quiet' },
+  proposal_refreshed: { word: 'Proposal refreshed', tone: 'quiet' },
   offered: { word: 'Sent to the robot', tone: 'quiet' },
   applied: { word: 'Applied by the robot', tone: 'warn' },
   not_applied: { word: 'Not applied', tone: 'bad' },
-  verified: { word: 'Verified by driving', tone: 'quiet' },
+  verified: { word: 'Verified', tone: 'quiet' },
   verification_failed: { word: 'Verification failed', tone: 'bad' },
-  inconclusive: { word: 'Not proven: too little motion', tone: 'quiet' },
-  rolling_back: { word: 'Going back', tone: 'warn' },
-  rolled_back: { word: 'Former values are back', tone: 'warn' },
-  rollback_failed: { word: 'Roll-back failed', tone: 'bad' },
+  inconclusive: { word: 'Inconclusive: not enough driving', tone: 'quiet' },
+  rolling_back: { word: 'Rolling back', tone: 'warn' },
+  rolled_back: { word: 'Rolled back', tone: 'warn' },
+  rollback_failed: { word: 'Rollback failed', tone: 'bad' },
 };
 
 const CAUSES: Record<string, string> = {
@@ -42,6 +43,15 @@ const CAUSES: Record<string, string> = {
   vehicle: 'Wheels or wheelbase changed.',
   odometry: 'The LiDAR odometry failed.',
   unknown: 'The data do not tell what it came from.',
+};
+
+/** Of a fault, in which nothing of the calibration changed. */
+const FAULT_CAUSES: Record<string, string> = {
+  steering: 'The steering reading stands still while the robot turns.',
+  vehicle:
+    'The LiDAR moved and the wheels did not: the robot was pushed, towed or lifted, or the speed reading failed.',
+  odometry: 'The LiDAR sees too little to know how far the robot has come.',
+  unknown: 'Wheels and LiDAR disagree, and the data do not tell why.',
 };
 
 const SOURCES: Record<string, string> = {
@@ -61,10 +71,11 @@ export function eventSource({ source, author }: RobotEvent): string {
 }
 
 /** What is known of an event beside its kind: cause, how far each parameter moved, the note. */
-export function eventText({ details, note }: RobotEvent): string {
+export function eventText({ kind, details, note }: RobotEvent): string {
   const parts: string[] = [];
   const cause = details?.cause;
-  if (typeof cause === 'string') parts.push(CAUSES[cause] ?? cause);
+  const causes = kind === 'fault' ? FAULT_CAUSES : CAUSES;
+  if (typeof cause === 'string') parts.push(causes[cause] ?? cause);
   const moved = changes(details?.change).map(([name, by]) => {
     const shown = SHOWN[name as ParameterName];
     if (!shown) return `${name} ${by}`;

@@ -6,7 +6,7 @@ import { robotUrl } from '../fleet/fleet.svelte';
 import { now } from '../ui/time.svelte';
 import { CALIBRATED } from '../units/parameters';
 import { allSeries, append, EMPTY, type Series } from './series';
-import { extent, LIVE_MAX_S, type Window } from './window';
+import { extent, LIVE_MAX_S, sameWindow, type Window } from './window';
 
 /** Points asked for: an hour of seconds, and more than a wide screen has pixels for a chart. */
 const POINTS_MAX = 4000;
@@ -46,8 +46,9 @@ export class History {
     return extent(this.#window, this.#end_s(), t_s[0]);
   }
 
-  /** Shows another window. */
+  /** Shows a window; the one that is shown already is not read again. */
   show(window: Window): void {
+    if (sameWindow(window, this.#window)) return;
     this.#window = window;
     this.cursor_s = null;
     void this.load();

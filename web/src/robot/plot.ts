@@ -3,11 +3,12 @@
 import uPlot from 'uplot';
 import { colour } from '../ui/theme.svelte';
 import { fixed } from '../units/format';
-import type { Columns } from './series';
+import { type Columns, isolated } from './series';
 
 const AXIS_WIDTH = 58;
 const FONT = '11.5px "Inter Variable", system-ui, sans-serif';
 const MARK_SIZE = 4.5;
+const POINT_SIZE = 3.5;
 const DAY_S = 86_400;
 
 /** A mark of something that happened. */
@@ -122,6 +123,27 @@ function drawLevels(plot: uPlot, { applied, proposed }: Levels, colours: LevelCo
   ctx.restore();
 }
 
+/** Points without a neighbour, each with its band: a line would not show them. */
+function drawIsolated(plot: uPlot, stroke: string): void {
+  const { ctx } = plot;
+  const [times, top, bottom, , , mean] = plot.data as Columns;
+  ctx.save();
+  ctx.fillStyle = ctx.strokeStyle = stroke;
+  ctx.lineWidth = 1.5 * devicePixelRatio;
+  for (const i of isolated(plot.data as Columns)) {
+    const x = plot.valToPos(times[i] ?? 0, 'x', true);
+    const y = (value: number | null | undefined) => plot.valToPos(value ?? 0, 'y', true);
+    ctx.beginPath();
+    ctx.moveTo(x, y(top[i]));
+    ctx.lineTo(x, y(bottom[i]));
+    ctx.stroke();
+    ctx.beginPath();
+    ctx.arc(x, y(mean[i]), POINT_SIZE * devicePixelRatio, 0, 2 * Math.PI);
+    ctx.fill();
+  }
+  ctx.restore();
+}
+
 interface LevelColours {
   applied: string;
   proposed: string;
@@ -211,6 +233,7 @@ export function plot(
     },
     hooks: {
       draw: [
+        (u) => drawIsolated(u, accent),
         (u) => drawLevels(u, host.levels(), levelColours),
         (u) => drawMarks(u, host.marks(), colours),
       ],

@@ -1,5 +1,14 @@
 import { describe, expect, it } from 'vitest';
-import { append, axisRange, columns, csv, nearest, type Series, allSeries } from './series';
+import {
+  append,
+  axisRange,
+  columns,
+  csv,
+  isolated,
+  nearest,
+  type Series,
+  allSeries,
+} from './series';
 
 function series(times: number[], means: number[], sigma = 0.001): Series {
   return {
@@ -77,6 +86,60 @@ describe('the axis', () => {
     const [low, high] = axisRange(columns(series([0, 1], [1, 1], 0), 'lidar_x', 1), 4, 'all');
     expect(high - low).toBeCloseTo(4);
     expect(axisRange([[], [], [], [], [], []], 4, 'all')).toEqual([-2, 2]);
+  });
+});
+
+describe('a young robot', () => {
+  /** The first stretch holds the zero that was assumed and the 1021 mm that were found. */
+  const week = (): Series => {
+    const young = series([0, 600, 1200, 1800], [0.6, 1.021, 1.0212, 1.0211], 0.0005);
+    young.status = ['converged', 'converged', 'converged', 'converged'];
+    young.min = [0, 1.0205, 1.0208, 1.0209];
+    young.max = [1.03, 1.0215, 1.0216, 1.0213];
+    young.sigma[0] = 0.2;
+    return young;
+  };
+
+  it('is shown at the scale of what it has learnt, not of what was assumed before', () => {
+    const data = columns(week(), 'lidar_x', 600);
+    expect(data[5][0]).toBeNull();
+    expect(data[5][1]).toBeCloseTo(1021);
+    const [low, high] = axisRange(data, 4, 'all');
+    expect(low).toBeGreaterThan(1015);
+    expect(high).toBeLessThan(1027);
+  });
+
+  it('keeps a first stretch that is of one value', () => {
+    const young = week();
+    young.mean[0] = 1.0209;
+    young.min[0] = 1.0203;
+    young.max[0] = 1.0215;
+    expect(columns(young, 'lidar_x', 600)[5][0]).toBeCloseTo(1020.9);
+  });
+
+  it('has an axis of converged values, once there are any', () => {
+    const seconds = series([0, 1, 2, 3], [0.2, 0.9, 1.02, 1.021], 0.0005);
+    seconds.status = ['learning', 'learning', 'converged', 'converged'];
+    const data = columns(seconds, 'lidar_x', 1);
+    expect(data[5].slice(0, 3)).toEqual([200, 900, 1020]);
+    expect(axisRange(data, 4, 'all')[0]).toBeGreaterThan(1015);
+  });
+});
+
+describe('a single stretch', () => {
+  it('is a point, for there is no line', () => {
+    const one = columns(series([0], [0.434], 0.0005), 'lidar_x', 7200);
+    expect(isolated(one)).toEqual([0]);
+    // It may hold what was assumed before: its spread does not set the axis.
+    const mixed = series([0], [0.37], 0.15);
+    mixed.min[0] = 0;
+    mixed.max[0] = 0.41;
+    const [low, high] = axisRange(columns(mixed, 'lidar_x', 7200), 4, 'all', [406]);
+    expect(low).toBeGreaterThan(350);
+    expect(high).toBeLessThan(430);
+    const gap = columns(series([0, 1, 20, 40, 41], [1, 1, 1, 1, 1]), 'lidar_x', 1);
+    expect(isolated(gap).map((i) => gap[0][i])).toEqual([20]);
+    expect(isolated(columns(series([], []), 'lidar_x', 1))).toEqual([]);
   });
 });
 

@@ -60,22 +60,34 @@ type Column = (number | null)[];
 /** Columns for a chart, in shown units: time, band's top and bottom, highest, lowest, value. */
 export type Columns = [number[], Column, Column, Column, Column, Column];
 
+/** A first stretch that reaches so many times farther than the second holds more than a value. */
+const MIXED_FACTOR = 5;
+
 /**
  * What a chart draws; where data are missing stands a row of nulls, which it shows as a gap. An
- * unobservable value is only what was assumed before, so it has a band and no line.
+ * unobservable value is only what was assumed before, so it has a band and no line; the same goes
+ * for a stretch in which it has become observable, whose mean is of both. Highest and lowest value
+ * are those of converged stretches once there are any, and of none that is alone: while it is learnt
+ * a value may be anywhere, and must not set the axis.
  */
 export function columns(series: Series, name: ParameterName, bucket_s: number): Columns {
   const { factor } = SHOWN[name];
   const gap_s = Math.max(GAP_MIN_S, GAP_STEPS * bucket_s);
   const out: Columns = [[], [], [], [], [], []];
+  const converges = series.status.includes('converged');
   let before_s = Number.POSITIVE_INFINITY;
   series.t_s.forEach((t_s, i) => {
     if (t_s - before_s > gap_s) push(out, [before_s + gap_s / 2, null, null, null, null, null]);
     before_s = t_s;
     const mean = (series.mean[i] ?? Number.NaN) * factor;
     const band = (series.sigma[i] ?? Number.NaN) * factor * BAND_SIGMAS;
-    if (series.status[i] === 'unobservable') {
+    const status = series.status[i];
+    if (status === 'unobservable' || isMixed(series, i, bucket_s, gap_s)) {
       push(out, [t_s, mean + band, mean - band, null, null, null]);
+      return;
+    }
+    if ((converges && status !== 'converged') || isAlone(series, i, bucket_s, gap_s)) {
+      push(out, [t_s, mean + band, mean - band, null, null, mean]);
       return;
     }
     const high = (series.max[i] ?? Number.NaN) * factor;
@@ -83,6 +95,34 @@ export function columns(series: Series, name: ParameterName, bucket_s: number): 
     push(out, [t_s, mean + band, mean - band, high, low, mean]);
   });
   return out;
+}
+
+/**
+ * Whether the stretch holds the time before its value was observable too: it is the first after a
+ * gap or after unobservable ones, and reaches much farther than the one that follows.
+ */
+function isMixed(series: Series, i: number, bucket_s: number, gap_s: number): boolean {
+  const { t_s, min, max, mean, sigma, status } = series;
+  const at = (column: readonly number[], k: number) => column[k] ?? Number.NaN;
+  const goesOn = i > 0 && at(t_s, i) - at(t_s, i - 1) <= gap_s;
+  if (bucket_s <= 1 || (goesOn && status[i - 1] !== 'unobservable')) return false;
+  if (!(at(t_s, i + 1) - at(t_s, i) <= gap_s) || status[i + 1] === 'unobservable') return false;
+  const band = BAND_SIGMAS * at(sigma, i + 1);
+  const near = MIXED_FACTOR * Math.max(band, at(max, i + 1) - at(min, i + 1));
+  const middle = at(mean, i + 1);
+  return Math.max(Math.abs(at(max, i) - middle), Math.abs(at(min, i) - middle)) > near;
+}
+
+/** Whether nothing can be told of what the stretch holds, since there is none beside it. */
+function isAlone({ t_s }: Series, i: number, bucket_s: number, gap_s: number): boolean {
+  const at = (k: number) => t_s[k] ?? Number.NaN;
+  return bucket_s > 1 && !(at(i) - at(i - 1) <= gap_s) && !(at(i + 1) - at(i) <= gap_s);
+}
+
+/** Points of the value's line without a neighbour, which no line would show. */
+export function isolated([, , , , , mean]: Columns): number[] {
+  const known = (i: number) => (mean[i] ?? null) !== null;
+  return mean.flatMap((_, i) => (known(i) && !known(i - 1) && !known(i + 1) ? [i] : []));
 }
 
 function push(out: Columns, row: [number, ...(number | null)[]]): void {
@@ -113,7 +153,13 @@ export function axisRange(
     least = Math.min(least, low[i] ?? least);
     most = Math.max(most, high[i] ?? most);
   }
-  if (mean.at(-1) !== null) {
+  if (!(least <= most)) {
+    for (const value of mean.slice(begin)) {
+      least = Math.min(least, value ?? least);
+      most = Math.max(most, value ?? most);
+    }
+  }
+  if (mean.at(-1) !== null && mean.at(-2) != null) {
     least = Math.min(least, bottom.at(-1) ?? least);
     most = Math.max(most, top.at(-1) ?? most);
   }

@@ -39,6 +39,12 @@ export function windowOf(query: URLSearchParams): Window {
   return { kind: 'range', range: RANGES.find((range) => range.key === key) ?? DEFAULT };
 }
 
+/** Whether two windows are of the same time. */
+export function sameWindow(a: Window, b: Window): boolean {
+  if (a.kind === 'range') return b.kind === 'range' && a.range.key === b.range.key;
+  return b.kind === 'cut' && a.from_s === b.from_s && a.to_s === b.to_s;
+}
+
 /**
  * The time the charts show, in seconds since 1970. A range ends at `end_s` and begins with the
  * first data, so that a robot that has just begun fills its charts.

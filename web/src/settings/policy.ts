@@ -28,6 +28,9 @@ export const NUMBERS = [
   ['lidar_distance_max_m', 'LiDARs are refused farther out than', 'm'],
 ] as const satisfies readonly (readonly [keyof Policy, string, string])[];
 
+/** Under what edits are kept that were not saved. */
+export const DRAFT = 'policy';
+
 /** What may be typed, by `key` or `key.part`, and what may be ticked. */
 export interface Draft {
   typed: Record<string, string>;

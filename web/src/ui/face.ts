@@ -18,7 +18,8 @@ export type Shape =
   | 'check'
   | 'ring'
   | 'ring-dot'
-  | 'dash';
+  | 'dash'
+  | 'signal';
 export type Tone = 'bad' | 'warn' | 'active' | 'good' | 'quiet';
 
 export interface Face {

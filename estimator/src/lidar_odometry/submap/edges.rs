@@ -117,7 +117,7 @@ impl LineFitter {
                 let is_inside = (x - cell.x).abs().max((y - cell.y).abs()) <= reach;
                 if is_inside && nearest.is_of_surface(edge) {
                     let offset = edge.position_m - centre_m;
-                    points.add(offset.x as f32, offset.y as f32, 1.0, 0);
+                    points.add((offset.x as f32, offset.y as f32), (0.0, 0.0), 1.0, 0);
                 }
             }
             let mut window = WindowMoments::default();

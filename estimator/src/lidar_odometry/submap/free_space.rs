@@ -255,7 +255,7 @@ mod tests {
         let origin = LocalOrigin::near(0.0, 0.0);
         submap.begin_update(cell_at(0.0, 0.0), 0.02);
         for i in 0..40 {
-            submap.insert(origin, 3.0, 0.01 * i as f32, 1.0);
+            submap.insert(origin, (3.0, 0.01 * i as f32), (1.0, 0.0), 1.0);
         }
         submap.end_update();
         assert!(submap.line(cell_at(3.0, 0.2)).exists());

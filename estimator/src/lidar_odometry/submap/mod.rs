@@ -134,15 +134,21 @@ impl Submap {
         self.tiles.drop_far(centre);
     }
 
-    /// Adds a point given from `origin`, unless it lies on what is known.
-    pub fn insert(&mut self, origin: LocalOrigin, x: f32, y: f32, weight: f32) {
+    /// Adds a point given from `origin` and seen in a direction, unless it lies on what is known.
+    pub fn insert(
+        &mut self,
+        origin: LocalOrigin,
+        (x, y): (f32, f32),
+        direction: (f32, f32),
+        weight: f32,
+    ) {
         let (cell, x, y) = origin.locate(x, y);
         if self.known().is_some_and(|known| known.line(cell).exists()) {
             return;
         }
         let update = self.updates as u16;
         if let Some(moments) = self.tiles.moments_or_new(cell, self.updates)
-            && moments.add(x, y, weight, update)
+            && moments.add((x, y), direction, weight, update)
         {
             self.to_fit.push(cell);
         }

@@ -23,19 +23,37 @@ pub struct Moments {
     pub sightings: u16,
     /// The map update that fitted the line last.
     pub last_fit: u32,
+    /// Mean direction of the beams that saw the points, in parts of [`DIRECTION_ONE`].
+    pub direction: [i16; 2],
 }
+
+/// A direction's unit: 16 bits are enough for a mean, and the map stays small.
+const DIRECTION_ONE: f32 = 32_000.0;
 
 /// Beyond this many points in a cell the old ones fade.
 pub const POINTS_IN_CELL_MAX: f32 = 400.0;
 
 impl Moments {
-    /// Adds a point given relative to the cell's centre. Returns whether the line should be
-    /// fitted again: the first time and each time the points have grown by a quarter.
-    pub fn add(&mut self, x: f32, y: f32, weight: f32, update: u16) -> bool {
+    /// Adds a point given relative to the cell's centre, seen in a direction. Returns whether the
+    /// line should be fitted again: the first time and each time the points have grown by a quarter.
+    pub fn add(
+        &mut self,
+        (x, y): (f32, f32),
+        (dx, dy): (f32, f32),
+        weight: f32,
+        update: u16,
+    ) -> bool {
         if self.n > POINTS_IN_CELL_MAX {
             self.fade(0.5);
         }
         self.n += weight;
+        let share = weight / self.n;
+        for (mean, new) in self.direction.iter_mut().zip([dx, dy]) {
+            let before = f32::from(*mean);
+            let now = before + (new * DIRECTION_ONE - before) * share;
+            // To the nearest: `round` is a call where the processor may be any.
+            *mean = (now + 0.5_f32.copysign(now)) as i16;
+        }
         self.sx += weight * x;
         self.sy += weight * y;
         self.sxx += weight * x * x;
@@ -74,6 +92,9 @@ pub struct WindowMoments {
     sxx: f32,
     sxy: f32,
     syy: f32,
+    /// Sums of the directions.
+    dx: f32,
+    dy: f32,
     sightings: u16,
 }
 
@@ -86,6 +107,9 @@ impl WindowMoments {
         self.sxx += cell.sxx + 2.0 * ox * cell.sx + cell.n * ox * ox;
         self.sxy += cell.sxy + ox * cell.sy + oy * cell.sx + cell.n * ox * oy;
         self.syy += cell.syy + 2.0 * oy * cell.sy + cell.n * oy * oy;
+        let [dx, dy] = cell.direction.map(f32::from);
+        self.dx += cell.n * dx * (1.0 / DIRECTION_ONE);
+        self.dy += cell.n * dy * (1.0 / DIRECTION_ONE);
         self.sightings = self.sightings.max(cell.sightings);
     }
 
@@ -143,6 +167,7 @@ impl WindowMoments {
             ny,
             d,
             variance,
+            cos: (nx * self.dx + ny * self.dy) * inverse_n,
         };
         Some(Fitted {
             line,
@@ -206,6 +231,9 @@ pub struct Line {
     pub d: f32,
     /// Variance of `d`, m²; negative where there is no line.
     pub variance: f32,
+    /// Mean cosine of the incidence that its points were seen under, signed by the normal; 0 where
+    /// no beam drew it.
+    pub cos: f32,
 }
 
 impl Line {
@@ -215,6 +243,7 @@ impl Line {
         ny: 0.0,
         d: 0.0,
         variance: -1.0,
+        cos: 0.0,
     };
 
     /// Whether there is a line.
@@ -240,7 +269,7 @@ mod tests {
     fn window_of(points: &[(f32, f32)]) -> WindowMoments {
         let mut cell = Moments::default();
         for &(x, y) in points {
-            cell.add(x, y, 1.0, 1);
+            cell.add((x, y), (1.0, 0.0), 1.0, 1);
         }
         let mut window = WindowMoments::default();
         // Seen from a neighbour 0.1 m to the left.
@@ -283,7 +312,7 @@ mod tests {
     fn a_line_is_fitted_again_as_its_points_grow() {
         let mut cell = Moments::default();
         let refits = (0..1000_u32)
-            .filter(|&i| cell.add(0.0, 0.0, 1.0, (i / 100) as u16))
+            .filter(|&i| cell.add((0.0, 0.0), (1.0, 0.0), 1.0, (i / 100) as u16))
             .count();
         assert!((15..60).contains(&refits), "{refits}");
         assert!(cell.n <= POINTS_IN_CELL_MAX + 1.0);

@@ -9,8 +9,13 @@ fn wall_at(submap: &mut Submap, x_m: f64, y_m: f64) -> LocalOrigin {
     for update in 0..4 {
         submap.begin_update(origin.locate(x, y).0, 0.015);
         for i in 0..60 {
-            submap.insert(origin, x, y + 0.01 * i as f32, 1.0);
-            submap.insert(origin, x, y + 0.01 * i as f32 + 0.002 * update as f32, 1.0);
+            submap.insert(origin, (x, y + 0.01 * i as f32), (1.0, 0.0), 1.0);
+            submap.insert(
+                origin,
+                (x, y + 0.01 * i as f32 + 0.002 * update as f32),
+                (1.0, 0.0),
+                1.0,
+            );
         }
         submap.end_update();
     }
@@ -69,9 +74,9 @@ fn a_line_beside_a_corner_lies_on_its_wall() {
         for i in 0..80 {
             let (along, noise) = (0.01 * i as f32, if i % 2 == 0 { 0.01 } else { -0.01 });
             // A box's front up to its corner at (0.55, 0.82), and its side, seen at a flat angle.
-            submap.insert(origin, 0.55 + noise, 0.82 - along, 1.0);
+            submap.insert(origin, (0.55 + noise, 0.82 - along), (1.0, 0.0), 1.0);
             if i % 8 == 0 {
-                submap.insert(origin, 0.55 + along, 0.82, 1.0);
+                submap.insert(origin, (0.55 + along, 0.82), (1.0, 0.0), 1.0);
             }
         }
         submap.end_update();

@@ -7,8 +7,10 @@
 use super::cell::{CELLS_IN_TILE, Cell, TABLE_TILES, TILE_CELLS, TILE_SHIFT};
 use super::surfel::{Line, Moments};
 
-/// Most tiles: 64 cells of 52 bytes each, 2.9 MiB in all.
+/// Most tiles: 64 cells of 60 bytes each, 3.3 MiB in all.
 pub const TILES_MAX: usize = 900;
+/// Tiles that room is made for at first.
+const TILES_AT_START: usize = 64;
 /// Tiles farther from the LiDAR are dropped, in tiles (80 m).
 const TILE_DISTANCE_MAX: i32 = 100;
 
@@ -132,6 +134,14 @@ impl TilePool {
             let oldest = (0..self.headers.len())
                 .min_by_key(|&tile| self.headers.get(tile).map_or(0, |h| h.last_update))?;
             self.drop_tile(oldest);
+        }
+        if self.headers.len() == self.headers.capacity() {
+            // Never more than the pool may hold: doubling would.
+            let more = self.headers.len().max(TILES_AT_START);
+            let more = more.min(TILES_MAX - self.headers.len());
+            self.headers.reserve_exact(more);
+            self.lines.reserve_exact(more);
+            self.moments.reserve_exact(more);
         }
         self.headers.push(TileHeader {
             x,

@@ -4,9 +4,9 @@ use std::fs;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use fleetcal_model::Pose2;
 use fleetcal_proto::Keys;
 use fleetcal_proto::calibration::{AppliedStatus, Envelope};
-use fleetcal_proto::estimate::PoseDocument;
 use fleetcal_proto::signing::seal;
 use tempfile::TempDir;
 use tokio::task::JoinHandle;
@@ -184,7 +184,7 @@ async fn a_robot_that_was_off_takes_the_newest_when_it_starts() {
 async fn the_document_says_where_base_link_is_and_a_restart_remembers_it() {
     let service = Service::start().await;
     let mut document = document(1);
-    document.rear_axle_in_base_link = Some(PoseDocument {
+    document.rear_axle_in_base_link = Some(Pose2 {
         x_m: -0.4,
         y_m: 0.0,
         yaw_rad: 0.0,
@@ -208,7 +208,7 @@ async fn the_document_says_where_base_link_is_and_a_restart_remembers_it() {
 
     document.generation = 2;
     document.base_generation = Some(1);
-    document.rear_axle_in_base_link = Some(PoseDocument {
+    document.rear_axle_in_base_link = Some(Pose2 {
         x_m: 31.0,
         y_m: 0.0,
         yaw_rad: 0.0,

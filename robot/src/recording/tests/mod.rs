@@ -2,7 +2,6 @@
 
 mod damaged;
 mod order;
-mod real;
 mod split;
 mod topics;
 mod written;

@@ -10,7 +10,7 @@ pub fn page(report: &Report) -> String {
          *The paper* is \"Online Joint Calibration of Steering Offset and Planar LiDAR Extrinsics for \
          Wheeled Mobile Robots\" by S. Mishra, A. Dhar, S. Majumdar and N. Arulselvan (ATI Motors). \
          Rows in italics are its figures, from two real robots without ground truth. All others are \
-         from simulated robots, whose truth is known; only the last study is of a real one. So two \
+         from simulated robots, whose truth is known; only study 6f is of a real one. So two \
          rows side by side compare two methods each on its own robots, and the sizes of the paper's \
          numbers, not its floor. Where the paper's filter and ours see the same data is study 6e.\n\n",
         report.command, report.commit, report.extent
@@ -42,7 +42,7 @@ fn claims(report: &Report) -> String {
     table_text(&table)
 }
 
-fn section_text(section: &Section) -> String {
+pub(super) fn section_text(section: &Section) -> String {
     let mut text = format!("## {}\n\n", section.heading);
     for block in &section.blocks {
         let block = match block {

@@ -116,6 +116,11 @@ impl Section {
         });
     }
 
+    /// The study alone as Markdown, its figures as links.
+    pub fn markdown(&self) -> String {
+        markdown::section_text(self)
+    }
+
     fn figures(&self) -> impl Iterator<Item = &Figure> {
         self.blocks.iter().filter_map(|block| match block {
             Block::Figure(figure) => Some(figure),

@@ -7,6 +7,7 @@ pub mod convergence;
 pub mod cross_track;
 pub mod extrinsics;
 pub mod first_choice;
+pub mod imperfect_robots;
 pub mod induced;
 pub mod observability;
 pub mod odometry;

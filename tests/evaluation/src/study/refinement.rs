@@ -2,6 +2,7 @@
 
 use fleetcal_estimator::settings::Freedom;
 use fleetcal_estimator::{EstimatorSettings, Parameter};
+use fleetcal_model::Unit;
 
 use super::cases::{last, runs};
 use crate::drive::{Driven, Robot, error_of, nees};
@@ -114,7 +115,7 @@ pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
                 rmse(parameter, &runs)?,
                 bound,
                 |value| match parameter.unit() {
-                    "m" => format!("{:.2} mm", 1e3 * value),
+                    Unit::Metre => format!("{:.2} mm", 1e3 * value),
                     _ => format!("{:.3} %", 1e2 * value),
                 },
             );

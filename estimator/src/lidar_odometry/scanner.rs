@@ -1,0 +1,358 @@
+//! What a scanner gets wrong in every sweep alike, learnt from the surfaces that it sees twice:
+//! a bias of its ranges, and how long it takes for a sweep whose beams carry no times.
+//!
+//! The measured range of a surface met at the incidence `phi` is taken as `r + b + c (1 - cos phi)`.
+//! A line drawn from points seen under one incidence and met again under another one is off by
+//! `b (cos phi - cos phi_map) + c (g(cos phi) - g(cos phi_map))` with `g(x) = x - |x| x`: that tells
+//! `b` and `c` from each other and from the motion. A beam taken at the part `s` of the sweep moves
+//! with its duration `T` by `s (v + omega x q)`: turns and speed tell `T`.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{Matrix3, SMatrix, Vector3};
+use serde::{Deserialize, Serialize};
+
+use super::motion::Motion;
+use super::range_errors::RangeErrors;
+use super::sensitivity::ScannerEquations;
+use crate::stream::Sweep;
+
+/// Ranges of scanners are off by so much, m (one sigma): SICK states 25 to 30 mm for its LMS.
+const RANGE_BIAS_SIGMA_M: f64 = 0.03;
+/// At a grazing incidence by so much more, m (one sigma): 1 cm at 60 degrees.
+const INCIDENCE_BIAS_SIGMA_M: f64 = 0.02;
+/// Known to this the range bias is learnt, m: it leaves 0.05 mm a second.
+const RANGE_BIAS_LEARNT_M: f64 = 0.0015;
+/// The same for the bias by incidence, m.
+const INCIDENCE_BIAS_LEARNT_M: f64 = 0.003;
+/// The same for the duration of a sweep, as a part of the time between sweeps.
+const LEARNT_PART: f64 = 0.03;
+/// Part of what a sweep seems to say that is new: sweeps are held against one and the same map.
+const NEW_PART: f64 = 0.1;
+/// What is kept of the evidence from one sweep asked to the next: some 100 m of driving count.
+const KEPT: f64 = 0.998;
+/// Largest step of a bias at once, m.
+const BIAS_STEP_MAX_M: f64 = 0.005;
+
+/// A sweep without times is judged after so many sweeps on the move,
+const JUDGED_SWEEPS: u32 = 15;
+/// and once its duration is known to this part of the time between sweeps.
+const JUDGED_SIGMA: f64 = 0.06;
+/// It turns when its duration is more than this part of the time between sweeps,
+const TURNING_MIN: f64 = 0.15;
+/// and this many sigmas.
+const TURNING_SIGMAS: f64 = 6.0;
+/// A duration this near to the time between sweeps, or to a whole part of it, is taken for that.
+const WHOLE_PART: f64 = 0.08;
+/// The map is begun anew when the duration has moved by more than this part since it was begun,
+const REMAP_PART: f64 = 0.04;
+/// by so many sigmas,
+const REMAP_SIGMAS: f64 = 4.0;
+/// and so many sweeps on the move were asked since.
+const REMAP_SWEEPS: u32 = 60;
+/// What is kept then of the evidence: it came from a map that was distorted.
+const KEPT_BY_REMAP: f64 = 0.1;
+/// No duration is looked for beyond this many times what the time between sweeps leaves.
+const DURATION_MAX: f64 = 1.1;
+/// The doubt about the duration of a sweep is no less, s (one sigma): before a second one was seen.
+const DURATION_SIGMA_MIN_S: f64 = 1e-3;
+/// Of so many times between sweeps the mean is taken.
+const INTERVALS: f64 = 500.0;
+/// A time between sweeps longer than this many of the mean is a loss.
+const LOSS_INTERVALS: f64 = 1.5;
+
+/// When the beams of a sweep are taken.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum BeamTimes {
+    /// As the sweeps say.
+    Stated,
+    /// The sweeps state none; too little was driven to see whether the scanner turns.
+    Unknown,
+    /// The sweeps state none, and they are right: no motion shows within a sweep.
+    AtOnce,
+    /// The sweeps state none, and the scanner turns: a sweep takes so long.
+    Turning {
+        /// From the first beam to the last, s.
+        duration_s: f64,
+        /// Its standard deviation, s.
+        sigma_s: f64,
+    },
+}
+
+/// What is known of a scanner.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ScannerReport {
+    /// When the beams are taken.
+    pub beam_times: BeamTimes,
+    /// How much too long its ranges are, m, and the standard deviation of that.
+    pub range_bias_m: (f64, f64),
+    /// How much longer they are on a surface that is met at a grazing incidence, m, and the standard
+    /// deviation of that.
+    pub incidence_bias_m: (f64, f64),
+}
+
+/// Where the judgement on a scanner's beam times stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Timing {
+    #[default]
+    Stated,
+    Unknown,
+    AtOnce,
+    Turning,
+}
+
+/// Learns what a scanner gets wrong. The order of its three unknowns: duration, `b`, `c`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Scanner {
+    values: Vector3<f64>,
+    information: Matrix3<f64>,
+    timing: Timing,
+    /// Sweeps on the move that were asked for their duration.
+    asked: u32,
+    /// The duration that the map was begun with, s.
+    mapped_s: f64,
+    /// Mean time between sweeps, s, and over how many.
+    interval_s: f64,
+    intervals: f64,
+    /// What a sweep covers of a turn.
+    part_of_turn: f64,
+    /// By how much the pose of the last sweep moves with each of the unknowns, in this map.
+    #[serde(skip)]
+    pose_by: Matrix3<f64>,
+}
+
+impl Default for Scanner {
+    fn default() -> Self {
+        Self {
+            values: Vector3::zeros(),
+            information: Matrix3::zeros(),
+            timing: Timing::default(),
+            asked: 0,
+            mapped_s: 0.0,
+            interval_s: 0.0,
+            intervals: 0.0,
+            part_of_turn: 1.0,
+            pose_by: Matrix3::zeros(),
+        }
+    }
+}
+
+impl Scanner {
+    /// The errors of its ranges.
+    pub fn range_errors(&self) -> RangeErrors {
+        RangeErrors {
+            bias_m: self.values[1] as f32,
+            incidence_m: self.values[2] as f32,
+        }
+    }
+
+    /// Time from one beam of a sweep to the next, s: what the sweep says, else what was learnt.
+    pub fn time_increment_s(&mut self, sweep: &Sweep) -> f64 {
+        let stated_s = sweep.shape().time_increment_s;
+        if stated_s > 0.0 {
+            self.timing = Timing::Stated;
+            return stated_s;
+        }
+        if self.timing == Timing::Stated {
+            self.timing = Timing::Unknown;
+        }
+        let beams = sweep.ranges_m().len() as f64;
+        let span_rad = beams * sweep.shape().angle_increment_rad.abs();
+        self.part_of_turn = (span_rad / TAU).min(1.0);
+        self.duration_in_use_s() / beams
+    }
+
+    /// What is known of it.
+    pub fn report(&self) -> ScannerReport {
+        let sigma = self.sigmas();
+        ScannerReport {
+            beam_times: match self.timing {
+                Timing::Stated => BeamTimes::Stated,
+                Timing::Unknown => BeamTimes::Unknown,
+                Timing::AtOnce => BeamTimes::AtOnce,
+                Timing::Turning => BeamTimes::Turning {
+                    duration_s: self.nearest_whole_s(),
+                    sigma_s: sigma[0],
+                },
+            },
+            range_bias_m: (self.values[1], sigma[1]),
+            incidence_bias_m: (self.values[2], sigma[2]),
+        }
+    }
+
+    /// Notes the time between two sweeps, s. Losses make it longer now and then.
+    pub fn note_interval(&mut self, interval_s: f64) {
+        if self.intervals > 0.0 && interval_s > LOSS_INTERVALS * self.interval_s {
+            // Were they all losses, the first was none.
+            self.interval_s *= 1.02;
+            return;
+        }
+        self.intervals = (self.intervals + 1.0).min(INTERVALS);
+        self.interval_s += (interval_s - self.interval_s) / self.intervals;
+    }
+
+    /// Whether a sweep at this motion is asked before the map takes one: the beam times of a scanner
+    /// that moves are to be known soon.
+    pub fn asks_at_once(&self, motion: &Motion) -> bool {
+        self.is_unknown() && is_on_the_move(motion)
+    }
+
+    fn is_unknown(&self) -> bool {
+        self.timing == Timing::Unknown
+    }
+
+    /// Learns from a sweep held against the map. Whether the map has to be begun anew: it was drawn
+    /// with other beam times.
+    ///
+    /// With the residuals `r` of the aligned sweep, their derivatives `D` by the unknowns and `J` by
+    /// pose and velocity, whose covariance is `P`, the unknowns' own information is
+    /// `A = D'WD - D'WJ P J'WD`, and the Gauss-Newton step `-(A + prior)⁻¹ D'Wr`.
+    pub fn learn(&mut self, equations: &ScannerEquations, motion: &Motion) -> bool {
+        let by_motion: &SMatrix<f64, 3, 6> = &equations.with_motion;
+        let eliminated = by_motion * motion.covariance * by_motion.transpose();
+        let mut new = equations.information - eliminated;
+        let mut pull = equations.gradient;
+        let tells_duration = self.timing != Timing::Stated && is_on_the_move(motion);
+        self.asked += u32::from(tells_duration);
+        // While it may be that the map is drawn with wrong times, it tells of nothing else.
+        let is_asked = [tells_duration, !self.is_unknown(), !self.is_unknown()];
+        for (index, _) in is_asked.iter().enumerate().filter(|(_, asked)| !**asked) {
+            new.row_mut(index).fill(0.0);
+            new.column_mut(index).fill(0.0);
+            pull[index] = 0.0;
+        }
+        new = 0.5 * (new + new.transpose());
+        if new.symmetric_eigenvalues().min() < -1e-6 * new.amax() {
+            return false;
+        }
+        self.information = self.information * KEPT + new * NEW_PART;
+        let prior = self.prior_information();
+        let Some(covariance) = (self.information + prior).try_inverse() else {
+            return false;
+        };
+        // The sweep was laid out with the duration in use, not with the one estimated so far.
+        pull -= new.column(0) * (self.values[0] - self.duration_in_use_s());
+        // What fades of the evidence, the prior pulls back.
+        let faded = prior * self.values * (1.0 - KEPT);
+        let mut step = covariance * (pull * NEW_PART - faded);
+        for bias in step.iter_mut().skip(1) {
+            *bias = bias.clamp(-BIAS_STEP_MAX_M, BIAS_STEP_MAX_M);
+        }
+        self.values += step;
+        let pose_by = motion.covariance.fixed_rows::<3>(0) * by_motion.transpose();
+        self.pose_by = -pose_by;
+        if self.timing == Timing::Stated {
+            self.pose_by.column_mut(0).fill(0.0);
+        }
+        self.judge_timing()
+    }
+
+    /// What is not known of the scanner yet, in the pose of a sweep: `S P S'` (Schmidt). Sweep by
+    /// sweep it is one and the same error and no noise, so it is given out only until it is learnt.
+    pub fn pose_covariance(&self) -> Matrix3<f64> {
+        let learnt = [
+            LEARNT_PART * self.longest_s(),
+            RANGE_BIAS_LEARNT_M,
+            INCIDENCE_BIAS_LEARNT_M,
+        ];
+        let sigmas = self.sigmas();
+        let unknown = Vector3::from_fn(|i, _| (sigmas[i].powi(2) - learnt[i].powi(2)).max(0.0));
+        self.pose_by * Matrix3::from_diagonal(&unknown) * self.pose_by.transpose()
+    }
+
+    fn duration_in_use_s(&self) -> f64 {
+        if self.timing == Timing::Turning {
+            self.nearest_whole_s()
+        } else {
+            0.0
+        }
+    }
+
+    /// The duration, or that of a scanner that never stops and sends every sweep, or every second,
+    /// where it is near: slow sweeps tell it to some percent only.
+    fn nearest_whole_s(&self) -> f64 {
+        let duration_s = self.values[0];
+        let sweeps = (self.longest_s() / duration_s).round().max(1.0);
+        let whole_s = self.longest_s() / sweeps;
+        if (duration_s - whole_s).abs() < WHOLE_PART * whole_s {
+            whole_s
+        } else {
+            duration_s
+        }
+    }
+
+    /// The duration of a sweep is anywhere up to the time between sweeps.
+    fn prior_information(&self) -> Matrix3<f64> {
+        let sigmas = [
+            self.longest_s().max(DURATION_SIGMA_MIN_S),
+            RANGE_BIAS_SIGMA_M,
+            INCIDENCE_BIAS_SIGMA_M,
+        ];
+        Matrix3::from_diagonal(&Vector3::from(sigmas.map(|sigma| sigma.powi(-2))))
+    }
+
+    fn sigmas(&self) -> Vector3<f64> {
+        (self.information + self.prior_information())
+            .try_inverse()
+            .map_or(Vector3::zeros(), |covariance| {
+                covariance.diagonal().map(f64::sqrt)
+            })
+    }
+
+    /// What a sweep takes of a scanner that turns once from sweep to sweep, s; it takes no longer.
+    fn longest_s(&self) -> f64 {
+        self.interval_s * self.part_of_turn
+    }
+
+    fn judge_timing(&mut self) -> bool {
+        let (sigma_s, longest_s) = (self.sigmas()[0], self.longest_s());
+        let turns = self.values[0] > (TURNING_MIN * longest_s).max(TURNING_SIGMAS * sigma_s);
+        let is_known = self.asked >= JUDGED_SWEEPS && sigma_s < JUDGED_SIGMA * longest_s;
+        match self.timing {
+            Timing::Unknown if is_known && !turns => self.timing = Timing::AtOnce,
+            Timing::Unknown | Timing::AtOnce if is_known && turns => {
+                // The map hides a part of it. Most likely the scanner never stops.
+                self.timing = Timing::Turning;
+                return self.remap(longest_s);
+            }
+            Timing::Turning => {
+                self.values[0] = self.values[0].clamp(0.0, DURATION_MAX * longest_s);
+                let duration_s = self.nearest_whole_s();
+                let off_s = (duration_s - self.mapped_s).abs();
+                let is_off = off_s > (REMAP_PART * longest_s).max(REMAP_SIGMAS * sigma_s);
+                if is_off && self.asked >= REMAP_SWEEPS {
+                    return self.remap(duration_s);
+                }
+            }
+            Timing::Stated | Timing::Unknown | Timing::AtOnce => {}
+        }
+        false
+    }
+
+    /// What of it holds in any map.
+    pub fn without_map(&self) -> Self {
+        Self {
+            pose_by: Matrix3::zeros(),
+            ..self.clone()
+        }
+    }
+
+    /// Notes that a map is begun, with the duration in use.
+    pub fn note_map(&mut self) {
+        self.mapped_s = self.duration_in_use_s();
+    }
+
+    /// Asks for a map drawn with sweeps of another duration.
+    fn remap(&mut self, duration_s: f64) -> bool {
+        self.values[0] = duration_s;
+        self.information *= KEPT_BY_REMAP;
+        self.asked = 0;
+        true
+    }
+}
+
+/// Whether a motion would show within a sweep.
+fn is_on_the_move(motion: &Motion) -> bool {
+    motion.velocity.xy().norm() > 0.1 || motion.velocity.z.abs() > 0.1
+}

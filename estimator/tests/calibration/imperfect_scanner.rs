@@ -1,0 +1,94 @@
+//! Scanners that get something wrong in every sweep alike: what is called converged is true, and
+//! nothing is taken for a change of the vehicle.
+
+use fleetcal_estimator::calibrator::CalibratorConfig;
+use fleetcal_estimator::{Parameter, Status};
+use fleetcal_robot::simulator::{
+    ImperfectionKind, Imperfections, LidarOutput, LidarSettings, Point, Pose2, Route,
+    SimulationConfig,
+};
+
+use crate::drive::{Driven, FOUR, drive, error_of, vehicle_of};
+
+/// What is called converged is not called so beyond these many of its sigmas.
+const FALSE_CLAIM_SIGMAS: f64 = 4.0;
+
+/// A robot with raw sweeps of 720 beams.
+fn robot(seed: u64, imperfections: Imperfections) -> SimulationConfig {
+    let mut config = SimulationConfig::figure_eight(seed);
+    config.lidar = LidarOutput::Sweeps(LidarSettings {
+        beams: 720,
+        ..LidarSettings::default()
+    });
+    config.vehicle.steering_offset_rad = 0.03;
+    config.vehicle.lidar_in_base = Pose2::new(0.434, 0.0046, 0.0126);
+    config.applied.lidar_in_base = config.vehicle.lidar_in_base;
+    config.imperfections = imperfections;
+    config
+}
+
+/// Drives it, and holds each of the four claims against the truth.
+fn assert_true(config: SimulationConfig, duration_s: f64, name: &str) -> Driven {
+    let calibrator = CalibratorConfig::of(vehicle_of(&config.vehicle, config.vehicle.wheelbase_m));
+    let run = drive(config, calibrator, duration_s);
+    assert!(run.changes.is_empty(), "{name}: {:?}", run.changes);
+    for (estimate, truth) in &run.estimates {
+        for parameter in FOUR {
+            let found = estimate.parameter(parameter);
+            let sigmas = error_of(parameter, estimate, truth).abs() / found.sigma;
+            assert!(
+                found.status != Status::Converged || sigmas <= FALSE_CLAIM_SIGMAS,
+                "{name} at {} s: {} is {sigmas:.1} sigma off, sigma {}",
+                estimate.time_s,
+                parameter.name(),
+                found.sigma
+            );
+        }
+    }
+    run
+}
+
+/// Its four parameters are converged at the end, x and y to these, m.
+fn assert_converged(run: &Driven, x_m: f64, y_m: f64, name: &str) {
+    let (estimate, truth) = run.last();
+    for parameter in FOUR {
+        let found = estimate.parameter(parameter);
+        assert_eq!(found.status, Status::Converged, "{name}: {parameter:?}");
+    }
+    let off_m = [Parameter::LidarX, Parameter::LidarY].map(|p| error_of(p, estimate, truth).abs());
+    assert!(off_m[0] < x_m && off_m[1] < y_m, "{name}: {off_m:?}");
+}
+
+#[test]
+fn ranges_that_are_too_long_do_not_move_the_mount_on_a_loop_to_one_side() {
+    for times in [1.0, -1.0] {
+        let imperfections = Imperfections::single(ImperfectionKind::RangeBias, times);
+        for seed in 1..=2 {
+            let mut config = robot(seed, imperfections);
+            config.route = Route::left_loop(Point::new(-11.0, 0.0), 9.0, 5.0);
+            let name = format!("left loop, bias times {times}, seed {seed}");
+            assert_true(config, 120.0, &name);
+        }
+    }
+}
+
+#[test]
+fn a_bias_by_incidence_does_not_move_the_mount() {
+    let imperfections = Imperfections::strong(ImperfectionKind::IncidenceBias);
+    let name = "bias by incidence";
+    let run = assert_true(robot(1, imperfections), 90.0, name);
+    assert_converged(&run, 0.002, 0.002, name);
+}
+
+#[test]
+fn a_turning_scanner_without_beam_times_is_no_change_and_no_false_claim() {
+    for (rate_hz, stamped_at_end) in [(40.0, false), (40.0, true), (10.0, false), (10.0, true)] {
+        let mut imperfections = Imperfections::default();
+        imperfections.scanner.untimed_beams = true;
+        imperfections.scanner.stamped_at_end = stamped_at_end;
+        imperfections.lidar.scan_rate_hz = Some(rate_hz);
+        let name = format!("untimed at {rate_hz} Hz, stamped at its end: {stamped_at_end}");
+        let run = assert_true(robot(1, imperfections), 90.0, &name);
+        assert_converged(&run, 0.002, 0.002, &name);
+    }
+}

@@ -1,0 +1,22 @@
+//! The vocabulary of fleetcal: what every other crate names in the same words.
+//!
+//! One definition for each thing that stands in the estimator, on the wire, in the database and in
+//! documents: its variants, its name in text and its JSON form. Pure: no I/O, no clock, no async.
+//!
+//! SI units and radians; units stand last in names. Transforms are named `a_from_b`.
+
+pub mod change;
+pub mod parameter;
+pub mod plane;
+pub mod robot_id;
+pub mod stream;
+pub mod time;
+pub mod vehicle;
+
+pub use change::{Cause, ChangeKind, NoteKind};
+pub use parameter::{Consistency, Counts, Parameter, ParameterStatus, Unit};
+pub use plane::{Point, Pose2, wrap_angle_rad};
+pub use robot_id::{RobotId, RobotIdRefused};
+pub use stream::Stream;
+pub use time::Stamp;
+pub use vehicle::{SpeedMeasuredAt, VehicleModel};

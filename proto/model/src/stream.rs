@@ -1,0 +1,63 @@
+//! The streams that a robot sends.
+
+use serde::{Deserialize, Serialize};
+use strum::{EnumCount, IntoStaticStr, VariantArray};
+
+/// A stream that a robot sends.
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Hash,
+    Serialize,
+    Deserialize,
+    EnumCount,
+    IntoStaticStr,
+    VariantArray,
+)]
+#[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum Stream {
+    /// Measured speed and steering.
+    Drive,
+    /// Measured steering alone, of a robot whose speed comes on a topic of its own.
+    Steering,
+    /// Measured speed alone.
+    Speed,
+    /// Raw sweeps.
+    Scan,
+    /// Poses of the LiDAR, made on the robot.
+    LidarOdometry,
+    /// Notes of people and tools.
+    Event,
+}
+
+impl Stream {
+    /// All of them, in order.
+    pub const ALL: &'static [Self] = <Self as VariantArray>::VARIANTS;
+    /// Number of streams.
+    pub const COUNT: usize = <Self as EnumCount>::COUNT;
+
+    /// Position in [`Self::ALL`].
+    #[inline]
+    pub const fn index(self) -> usize {
+        self as usize
+    }
+
+    /// Whether it tells how the vehicle drives.
+    #[inline]
+    pub const fn is_drive(self) -> bool {
+        matches!(self, Self::Drive | Self::Steering | Self::Speed)
+    }
+
+    /// The name in keys and documents: `drive`, `lidar_odometry` and so on.
+    #[inline]
+    pub fn name(self) -> &'static str {
+        self.into()
+    }
+}

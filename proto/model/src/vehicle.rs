@@ -1,0 +1,29 @@
+//! Kinds of vehicles.
+
+use serde::{Deserialize, Serialize};
+
+/// How a vehicle steers and where its speed is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum VehicleModel {
+    /// Steered front axle (Ackermann too), speed measured at the rear axle.
+    Bicycle,
+    /// One steered and driven front wheel, speed measured at that wheel.
+    Tricycle,
+}
+
+/// Where the speed is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SpeedMeasuredAt {
+    /// At the rear axle's centre.
+    RearAxle,
+    /// At the steered front wheel: `v = v_front * cos(steering_true)`.
+    SteeredWheel,
+    /// At one rear wheel, `lateral_m` to the left of the axle's centre.
+    RearWheel {
+        /// Position of the wheel along y of `base`, m.
+        lateral_m: f64,
+    },
+}

@@ -1,0 +1,236 @@
+//! Which ROS 2 message a payload is, and how it is written.
+
+use serde::{Deserialize, Serialize};
+
+use crate::encoding::{DecodeError, Encoding};
+use crate::ros::{
+    AckermannDriveStamped, JointState, LaserScan, Odometry, PointCloud2, PoseStamped, RosMessage,
+    TwistStamped,
+};
+
+/// The ROS 2 messages that a robot's streams may be made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub enum MessageType {
+    /// Speed and steering in one.
+    #[serde(rename = "ackermann_msgs/msg/AckermannDriveStamped")]
+    AckermannDriveStamped,
+    /// Steering and wheels as joints.
+    #[serde(rename = "sensor_msgs/msg/JointState")]
+    JointState,
+    /// A pose with its velocities.
+    #[serde(rename = "nav_msgs/msg/Odometry")]
+    Odometry,
+    /// Velocities.
+    #[serde(rename = "geometry_msgs/msg/TwistStamped")]
+    TwistStamped,
+    /// A pose.
+    #[serde(rename = "geometry_msgs/msg/PoseStamped")]
+    PoseStamped,
+    /// A planar sweep.
+    #[serde(rename = "sensor_msgs/msg/LaserScan")]
+    LaserScan,
+    /// The cloud of a 3D scanner.
+    #[serde(rename = "sensor_msgs/msg/PointCloud2")]
+    PointCloud2,
+}
+
+impl MessageType {
+    /// All of them.
+    pub const ALL: [Self; 7] = [
+        Self::AckermannDriveStamped,
+        Self::JointState,
+        Self::Odometry,
+        Self::TwistStamped,
+        Self::PoseStamped,
+        Self::LaserScan,
+        Self::PointCloud2,
+    ];
+
+    /// Those that have steering and speed in one, the usual one first.
+    pub const OF_DRIVE: &'static [Self] = &[Self::AckermannDriveStamped, Self::JointState];
+    /// Those that have a steering angle.
+    pub const OF_STEERING: &'static [Self] = &[Self::JointState, Self::AckermannDriveStamped];
+    /// Those that have a speed.
+    pub const OF_SPEED: &'static [Self] = &[
+        Self::Odometry,
+        Self::TwistStamped,
+        Self::JointState,
+        Self::AckermannDriveStamped,
+    ];
+    /// Those that are scans.
+    pub const OF_SCAN: &'static [Self] = &[Self::LaserScan, Self::PointCloud2];
+    /// Those that have a pose of the LiDAR.
+    pub const OF_LIDAR_ODOMETRY: &'static [Self] = &[Self::Odometry, Self::PoseStamped];
+
+    /// Its ROS 2 type, `sensor_msgs/msg/LaserScan`.
+    pub const fn ros_type(self) -> &'static str {
+        match self {
+            Self::AckermannDriveStamped => AckermannDriveStamped::TYPE,
+            Self::JointState => JointState::TYPE,
+            Self::Odometry => Odometry::TYPE,
+            Self::TwistStamped => TwistStamped::TYPE,
+            Self::PoseStamped => PoseStamped::TYPE,
+            Self::LaserScan => LaserScan::TYPE,
+            Self::PointCloud2 => PointCloud2::TYPE,
+        }
+    }
+
+    /// Its name in the keys of `rmw_zenoh`, `sensor_msgs::msg::dds_::LaserScan_`.
+    pub fn dds_type(self) -> String {
+        let (package, name) = self.ros_type().split_once("/msg/").unwrap_or_default();
+        format!("{package}::msg::dds_::{name}_")
+    }
+
+    /// Reads the name of a ROS 2 type in any of the spellings in use; `None` for any other.
+    pub fn of_ros_type(name: &str) -> Option<Self> {
+        let last = name.rsplit(['/', ':', '\u{a7}']).next().unwrap_or_default();
+        let last = last.strip_suffix('_').unwrap_or(last);
+        Self::ALL.into_iter().find(|of| of.name() == last)
+    }
+
+    /// What stands behind the last slash of its type.
+    fn name(self) -> &'static str {
+        self.ros_type().rsplit('/').next().unwrap_or_default()
+    }
+}
+
+/// Which of the messages that a scan may be a robot is configured to send.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+pub enum ScanType {
+    /// `sensor_msgs/msg/LaserScan`.
+    #[default]
+    #[serde(rename = "laser_scan")]
+    LaserScan,
+    /// `sensor_msgs/msg/PointCloud2`.
+    #[serde(rename = "point_cloud2")]
+    PointCloud2,
+}
+
+impl ScanType {
+    /// The message.
+    pub const fn message_type(self) -> MessageType {
+        match self {
+            Self::LaserScan => MessageType::LaserScan,
+            Self::PointCloud2 => MessageType::PointCloud2,
+        }
+    }
+}
+
+/// How a payload is to be read: its encoding, and its type where the sender names it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Form {
+    /// CDR or JSON.
+    pub encoding: Encoding,
+    /// What stands behind the `;` of a Zenoh encoding or in the key, where it is a type of
+    /// [`MessageType`].
+    pub message_type: Option<MessageType>,
+}
+
+impl Form {
+    /// Reads a Zenoh encoding.
+    ///
+    /// # Errors
+    /// Any other encoding than CDR and JSON, by name.
+    pub fn parse(text: &str) -> Result<Self, DecodeError> {
+        let schema = text.split_once(';').map(|(_, schema)| schema.trim());
+        Ok(Self {
+            encoding: Encoding::parse(text)?,
+            message_type: schema.and_then(MessageType::of_ros_type),
+        })
+    }
+
+    /// Its name on the wire: `application/cdr;sensor_msgs/msg/PointCloud2`.
+    pub fn to_text(self) -> String {
+        let encoding = self.encoding.as_str();
+        match self.message_type {
+            None => encoding.to_owned(),
+            Some(message_type) => format!("{encoding};{}", message_type.ros_type()),
+        }
+    }
+}
+
+impl From<Encoding> for Form {
+    fn from(encoding: Encoding) -> Self {
+        Self {
+            encoding,
+            message_type: None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_schema_names_the_type() {
+        let form = |text: &str| Form::parse(text).unwrap();
+        for name in [
+            "sensor_msgs/msg/PointCloud2",
+            "sensor_msgs::msg::dds_::PointCloud2_",
+            "PointCloud2",
+        ] {
+            let text = format!("application/cdr;{name}");
+            assert_eq!(form(&text).message_type, Some(MessageType::PointCloud2));
+        }
+        let scan = form("application/json;sensor_msgs/msg/LaserScan");
+        assert_eq!(scan.encoding, Encoding::Json);
+        assert_eq!(scan.message_type, Some(MessageType::LaserScan));
+        for text in [
+            "",
+            "application/cdr",
+            "application/cdr;Image",
+            "text/json;x/1",
+        ] {
+            assert_eq!(form(text).message_type, None, "{text}");
+        }
+        assert!(Form::parse("image/png;PointCloud2").is_err());
+        for text in [
+            "application/cdr;sensor_msgs/msg/PointCloud2",
+            "application/json",
+        ] {
+            assert_eq!(form(text).to_text(), text);
+        }
+    }
+
+    #[test]
+    fn every_type_is_read_in_every_spelling() {
+        for message_type in MessageType::ALL {
+            let ros_type = message_type.ros_type();
+            for name in [
+                ros_type.to_owned(),
+                message_type.dds_type(),
+                ros_type.replace('/', "\u{a7}"),
+                ros_type.replace("/msg/", "/"),
+            ] {
+                assert_eq!(MessageType::of_ros_type(&name), Some(message_type));
+            }
+            let json = serde_json::to_string(&message_type).unwrap();
+            assert_eq!(json, format!("{ros_type:?}"));
+        }
+        for name in ["", "_", "Scan", "sensor_msgs/msg/Image", "msg/"] {
+            assert_eq!(MessageType::of_ros_type(name), None, "{name}");
+        }
+    }
+
+    #[test]
+    fn encodings_are_read_by_name() {
+        for text in [
+            "",
+            "zenoh/bytes",
+            "application/cdr",
+            "application/cdr;LaserScan",
+        ] {
+            assert_eq!(Encoding::parse(text).unwrap(), Encoding::Cdr);
+        }
+        for text in ["application/json", "application/json;x/1", "text/json"] {
+            assert_eq!(Encoding::parse(text).unwrap(), Encoding::Json);
+        }
+        let sentence = Encoding::parse("image/png").unwrap_err().to_string();
+        assert!(sentence.contains("image/png") && sentence.contains("application/json"));
+        let long = Encoding::parse(&"ü".repeat(1_000_000))
+            .unwrap_err()
+            .to_string();
+        assert!(long.len() < 1000, "a refusal repeats {} bytes", long.len());
+    }
+}

@@ -1,0 +1,214 @@
+//! Who calls: the credential of a request, and what stands behind it.
+
+use axum::extract::FromRequestParts;
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, StatusCode, header};
+use fleetcal_domain::access::{
+    Access, Actor, Authentication, Grant, SessionSpan, TokenState, TokenValue,
+};
+use fleetcal_domain::limits;
+use fleetcal_store::{Credential, StoreError};
+use tower_http::request_id::RequestId;
+
+use crate::ApiState;
+use crate::problem::Problem;
+
+/// Characters of a client's own request id that the audit keeps.
+const REQUEST_ID_CHARS_MAX: usize = 64;
+
+/// Who calls. A handler that takes one is only called by somebody whom the table of permissions
+/// lets in; [`Caller::actor`] is for the audit.
+#[derive(Debug, Clone)]
+pub(crate) struct Caller {
+    /// Who, for the audit.
+    pub(crate) actor: Actor,
+    /// What the caller may do.
+    pub(crate) grant: Grant,
+    /// What the caller showed.
+    pub(crate) credential: Credential,
+    /// When the session began and was last used.
+    pub(super) session: Option<SessionSpan>,
+    /// What the route asks.
+    pub(super) route: Asked,
+}
+
+/// What a route asks of its caller.
+#[derive(Debug, Clone)]
+pub(super) struct Asked {
+    /// By the table of permissions.
+    pub(super) access: Access,
+    /// The robot that the path names.
+    pub(super) robot: Option<String>,
+}
+
+impl Asked {
+    /// Whether somebody with `grant` may call it.
+    pub(super) fn permits(&self, grant: &Grant) -> bool {
+        self.access.permits(grant, self.robot.as_deref())
+    }
+}
+
+impl<S: Send + Sync> FromRequestParts<S> for Caller {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Problem> {
+        parts.extensions.get::<Self>().cloned().ok_or_else(missing)
+    }
+}
+
+/// Finds out who calls a route.
+pub(super) async fn authenticate(
+    api: &ApiState,
+    parts: &Parts,
+    route: Asked,
+) -> Result<Caller, Problem> {
+    let request = request_id(parts);
+    let credential = shown(api, &parts.headers)?;
+    let Some(credential) = credential else {
+        if api.access.has_users(&api.store).await? {
+            return Err(missing());
+        }
+        let detail = "there are no users yet; open the setup link that the service printed at its \
+                      start, or make one with `fleetcal user create`";
+        return Err(unauthorised("setup_required", detail));
+    };
+    let mut caller = known(api, credential, route).await?;
+    caller.actor.request = request;
+    Ok(caller)
+}
+
+/// Who showed a credential.
+async fn known(api: &ApiState, credential: Credential, route: Asked) -> Result<Caller, Problem> {
+    let now_ns = api.clock.now_ns();
+    match credential {
+        Credential::Session(hash) => {
+            let found = api.store.session_of(hash).await?;
+            let session = found
+                .filter(|session| session.span.is_valid(now_ns))
+                .ok_or_else(|| unauthorised("session_ended", "the session has ended; sign in"))?;
+            if session.span.is_to_be_noted(now_ns) {
+                api.store.note_use(credential);
+            }
+            Ok(Caller {
+                actor: actor(session.user.name.as_str(), &session.user.grant, credential),
+                grant: session.user.grant,
+                credential,
+                session: Some(session.span),
+                route,
+            })
+        }
+        Credential::Token(hash) => {
+            let refused = |code, what: &str| unauthorised(code, &format!("the token {what}"));
+            let found = api.store.token_of(hash).await?;
+            let token = found.ok_or_else(|| refused("token_unknown", "is unknown"))?;
+            match token.state(now_ns) {
+                TokenState::Valid => {}
+                TokenState::Expired => return Err(refused("token_expired", "has expired")),
+                TokenState::Revoked => return Err(refused("token_revoked", "was revoked")),
+            }
+            let every_ns =
+                i64::try_from(limits::SESSION_USE_NOTED_EVERY.as_nanos()).unwrap_or(i64::MAX);
+            if token
+                .used_ns
+                .is_none_or(|used_ns| now_ns - used_ns >= every_ns)
+            {
+                api.store.note_use(credential);
+            }
+            Ok(Caller {
+                actor: actor(token.name.as_str(), &token.grant, credential),
+                grant: token.grant,
+                credential,
+                session: None,
+                route,
+            })
+        }
+    }
+}
+
+fn actor(name: &str, grant: &Grant, credential: Credential) -> Actor {
+    Actor {
+        name: name.to_owned(),
+        authentication: match credential {
+            Credential::Session(_) => Authentication::Session,
+            Credential::Token(_) => Authentication::Token,
+        },
+        role: Some(grant.role()),
+        request: None,
+    }
+}
+
+/// What a request shows: a token before a cookie. A credential that cannot be one is refused, not
+/// overlooked.
+fn shown(api: &ApiState, headers: &HeaderMap) -> Result<Option<Credential>, Problem> {
+    if let Some(value) = headers.get(header::AUTHORIZATION) {
+        let token = value
+            .to_str()
+            .ok()
+            .and_then(|text| text.split_once(' '))
+            .filter(|(scheme, _)| scheme.eq_ignore_ascii_case("bearer"))
+            .and_then(|(_, token)| TokenValue::parse(token.trim()));
+        return match token {
+            Some(token) => Ok(Some(Credential::Token(token.hash()))),
+            None => Err(unauthorised(
+                "token_unknown",
+                "Authorization is not `Bearer cal_…`, a token of this service",
+            )),
+        };
+    }
+    match api.access.cookies.session(headers) {
+        None => Ok(None),
+        Some(Ok(session)) => Ok(Some(Credential::Session(session.hash()))),
+        Some(Err(_)) => Err(unauthorised(
+            "session_ended",
+            "the session's cookie is none of this service; sign in",
+        )),
+    }
+}
+
+/// The id of a request, for the audit.
+pub(super) fn request_id(parts: &Parts) -> Option<String> {
+    let id = parts.extensions.get::<RequestId>()?;
+    let text = id.header_value().to_str().ok()?;
+    Some(text.chars().take(REQUEST_ID_CHARS_MAX).collect())
+}
+
+fn missing() -> Problem {
+    let detail = "sign in, or send a token as `Authorization: Bearer cal_…`";
+    unauthorised("credential_missing", detail)
+}
+
+pub(super) fn unauthorised(code: &'static str, detail: &str) -> Problem {
+    Problem::new(StatusCode::UNAUTHORIZED, code, detail)
+}
+
+/// Ends when the caller may no longer have what the route gives: the session ended, the token was
+/// revoked, or the role is no longer what the route asks. Asks the database now and then; while that
+/// fails, nothing is taken from anybody.
+pub(crate) async fn permission_ended(api: ApiState, caller: Caller) {
+    loop {
+        tokio::time::sleep(limits::STREAM_ACCESS_CHECKED_EVERY).await;
+        match still_permitted(&api, &caller).await {
+            Ok(true) => {}
+            Ok(false) => return,
+            Err(error) => tracing::warn!(%error, "a listener's credential could not be checked"),
+        }
+    }
+}
+
+async fn still_permitted(api: &ApiState, caller: &Caller) -> Result<bool, StoreError> {
+    let now_ns = api.clock.now_ns();
+    Ok(match caller.credential {
+        Credential::Session(hash) => {
+            let session = api.store.session_of(hash).await?;
+            session.is_some_and(|session| {
+                session.span.is_valid(now_ns) && caller.route.permits(&session.user.grant)
+            })
+        }
+        Credential::Token(hash) => {
+            let token = api.store.token_of(hash).await?;
+            token.is_some_and(|token| {
+                token.state(now_ns) == TokenState::Valid && caller.route.permits(&token.grant)
+            })
+        }
+    })
+}

@@ -1,0 +1,193 @@
+//! What the API says about users, sessions and tokens.
+
+use fleetcal_domain::access::{Authentication, Role, TokenState};
+use fleetcal_proto::RobotId;
+use fleetcal_store::{TokenRecord, UserRecord};
+use jiff::Timestamp;
+use serde::{Deserialize, Serialize};
+
+use super::caller::Caller;
+use crate::page::page_limit;
+use crate::problem::Problem;
+use crate::time;
+
+/// Who is signed in.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[schema(as = Session)]
+pub(super) struct SessionDocument {
+    /// The user's or token's name.
+    pub(super) name: String,
+    /// What the caller may do.
+    pub(super) role: Role,
+    /// How the caller proved it.
+    pub(super) credential: CredentialKind,
+    /// When the session ends unless it is used again.
+    #[schema(value_type = Option<String>, format = DateTime)]
+    pub(super) ends: Option<Timestamp>,
+}
+
+/// How a caller proved who it is.
+#[derive(Debug, Clone, Copy, Serialize, utoipa::ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum CredentialKind {
+    /// By a session's cookie.
+    Session,
+    /// By an API token.
+    Token,
+}
+
+impl SessionDocument {
+    /// The document of a caller.
+    pub(super) fn of(caller: Caller) -> Self {
+        Self {
+            role: caller.grant.role(),
+            credential: match caller.actor.authentication {
+                Authentication::Token => CredentialKind::Token,
+                _ => CredentialKind::Session,
+            },
+            ends: caller.session.map(|span| time::of_ns(span.ends_ns())),
+            name: caller.actor.name,
+        }
+    }
+}
+
+/// Somebody who signs in.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[schema(as = User)]
+pub(super) struct UserDocument {
+    id: i64,
+    name: String,
+    role: Role,
+    /// Whether signing in is refused.
+    disabled: bool,
+    /// Goes up by one with every change; the `ETag`.
+    version: u64,
+    #[schema(value_type = String, format = DateTime)]
+    created: Timestamp,
+    #[schema(value_type = String, format = DateTime)]
+    updated: Timestamp,
+    /// When the user last signed in.
+    #[schema(value_type = Option<String>, format = DateTime)]
+    signed_in: Option<Timestamp>,
+}
+
+impl UserDocument {
+    /// The document of a user.
+    pub(super) fn of(record: &UserRecord) -> Self {
+        Self {
+            id: record.id,
+            name: record.name.to_string(),
+            role: record.grant.role(),
+            disabled: record.disabled,
+            version: record.version,
+            created: time::of_ns(record.created_ns),
+            updated: time::of_ns(record.updated_ns),
+            signed_in: record.signed_in_ns.map(time::of_ns),
+        }
+    }
+}
+
+/// A page of users, oldest first.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+pub(super) struct UserPage {
+    pub(super) items: Vec<UserDocument>,
+    /// `cursor` of the next page; absent on the last one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) next: Option<String>,
+}
+
+/// An API token, without its value.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[schema(as = Token)]
+pub(super) struct TokenDocument {
+    id: i64,
+    name: String,
+    role: Role,
+    /// The one robot that a token of role `robot` is for.
+    robot: Option<RobotId>,
+    /// Whether it counts.
+    state: TokenStateSchema,
+    created_by: String,
+    #[schema(value_type = String, format = DateTime)]
+    created: Timestamp,
+    /// When it ends by itself.
+    #[schema(value_type = Option<String>, format = DateTime)]
+    expires: Option<Timestamp>,
+    #[schema(value_type = Option<String>, format = DateTime)]
+    revoked: Option<Timestamp>,
+    /// When it was last used, to the minute.
+    #[schema(value_type = Option<String>, format = DateTime)]
+    last_used: Option<Timestamp>,
+    /// What to send as `Authorization: Bearer …`. Only in the answer that makes the token, and
+    /// never again.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) value: Option<String>,
+}
+
+/// Whether a token counts.
+#[derive(Debug, Clone, Copy, Serialize, utoipa::ToSchema)]
+#[serde(rename_all = "snake_case")]
+#[schema(as = TokenState)]
+enum TokenStateSchema {
+    Valid,
+    Expired,
+    Revoked,
+}
+
+impl TokenDocument {
+    /// The document of a token at `now_ns`.
+    pub(super) fn of(record: &TokenRecord, now_ns: i64) -> Self {
+        Self {
+            id: record.id,
+            name: record.name.to_string(),
+            role: record.grant.role(),
+            robot: record.grant.robot().cloned(),
+            state: match record.state(now_ns) {
+                TokenState::Valid => TokenStateSchema::Valid,
+                TokenState::Expired => TokenStateSchema::Expired,
+                TokenState::Revoked => TokenStateSchema::Revoked,
+            },
+            created_by: record.created_by.clone(),
+            created: time::of_ns(record.span.created_ns),
+            expires: record.span.expires_ns.map(time::of_ns),
+            revoked: record.span.revoked_ns.map(time::of_ns),
+            last_used: record.used_ns.map(time::of_ns),
+            value: None,
+        }
+    }
+}
+
+/// A page of tokens, oldest first.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+pub(super) struct TokenPage {
+    pub(super) items: Vec<TokenDocument>,
+    /// `cursor` of the next page; absent on the last one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) next: Option<String>,
+}
+
+/// Which page of a list.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PageParameters {
+    /// Entries of a page, 1 to 1000.
+    #[param(value_type = Option<u32>)]
+    limit: Option<String>,
+    /// `next` of the page before.
+    cursor: Option<String>,
+}
+
+impl PageParameters {
+    /// The number behind which the page begins, and how many it has at most.
+    pub(super) fn checked(&self) -> Result<(i64, u32), Problem> {
+        let limit = page_limit(self.limit.as_deref())?;
+        let after = match self.cursor.as_deref() {
+            None => 0,
+            Some(cursor) => cursor
+                .parse()
+                .map_err(|_| Problem::refused("cursor", cursor, "`next` of the page before"))?,
+        };
+        Ok((after, limit))
+    }
+}

@@ -1,0 +1,97 @@
+//! Who may call what: credentials, the table of permissions, and the routes about users, sessions
+//! and tokens.
+
+mod caller;
+mod cookie;
+mod document;
+mod guard;
+mod password;
+mod session;
+mod setup;
+mod sign_in;
+mod table;
+mod tokens;
+mod users;
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use fleetcal_domain::access::SetupCode;
+use fleetcal_store::{Store, StoreError};
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::ApiState;
+use cookie::CookiePolicy;
+use fleetcal_http::PublicUrl;
+use password::PasswordWork;
+use sign_in::SignInLimits;
+
+pub(super) use caller::{Caller, permission_ended};
+pub(super) use guard::{authorise, cross_origin_refused};
+#[cfg(test)]
+pub(super) use table::TABLE;
+pub(super) use table::access as of_route;
+
+/// What the API has to know about access besides the store.
+#[derive(Debug, Clone, Default)]
+pub struct AccessSetup {
+    /// Where people reach the service, when that is not the address it listens on.
+    pub public_url: Option<PublicUrl>,
+    /// The code that makes the first administrator.
+    pub setup_code: Option<SetupCode>,
+}
+
+/// What the routes about access share.
+#[derive(Debug, Clone)]
+pub(super) struct AccessState {
+    cookies: CookiePolicy,
+    setup_code: Option<SetupCode>,
+    passwords: PasswordWork,
+    limits: Arc<SignInLimits>,
+    /// Whether there is a user; it stays so, since the last administrator cannot be removed.
+    has_users: Arc<AtomicBool>,
+}
+
+impl AccessState {
+    /// The state of a service that has just started.
+    pub(super) fn new(setup: &AccessSetup) -> Self {
+        let https = setup.public_url.as_ref().is_some_and(PublicUrl::is_https);
+        Self {
+            cookies: CookiePolicy::new(https),
+            setup_code: setup.setup_code,
+            passwords: PasswordWork::default(),
+            limits: Arc::default(),
+            has_users: Arc::default(),
+        }
+    }
+
+    async fn has_users(&self, store: &Store) -> Result<bool, StoreError> {
+        if self.has_users.load(Ordering::Relaxed) {
+            return Ok(true);
+        }
+        let has_users = store.has_users().await?;
+        self.has_users.store(has_users, Ordering::Relaxed);
+        Ok(has_users)
+    }
+}
+
+/// The routes about access.
+pub(super) fn routes() -> OpenApiRouter<ApiState> {
+    OpenApiRouter::new()
+        .routes(routes!(
+            session::sign_in,
+            session::get_session,
+            session::sign_out
+        ))
+        .routes(routes!(session::change_password))
+        .routes(routes!(setup::set_up))
+        .routes(routes!(tokens::list_tokens, tokens::create_token))
+        .routes(routes!(tokens::revoke_token))
+        .routes(routes!(users::list_users, users::create_user))
+        .routes(routes!(
+            users::get_user,
+            users::edit_user,
+            users::remove_user
+        ))
+}

@@ -1,0 +1,223 @@
+//! `/session`: signing in and out, and changing one's own password.
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::request::Parts;
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use fleetcal_domain::access::{Actor, Authentication, SecretHash, SessionSpan, SessionValue};
+use fleetcal_http::PeerAddress;
+use fleetcal_operations::entropy;
+use fleetcal_store::{Credential, Expected, UserChange, UserEdit, UserRecord};
+use serde::Deserialize;
+
+use super::caller::{Caller, request_id};
+use super::document::{CredentialKind, SessionDocument};
+use super::password::failed;
+use super::sign_in::verified;
+use crate::ApiState;
+use crate::extract::{Body, NoParameters, Parameters};
+use crate::problem::Problem;
+use crate::time;
+
+/// A name and its password.
+#[derive(Deserialize, utoipa::ToSchema)]
+#[schema(as = SignIn)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SignInDocument {
+    name: String,
+    #[schema(format = Password)]
+    password: String,
+}
+
+/// Signs in: the answer sets the session's cookie. A session ends after twelve hours without use,
+/// and after seven days in any case.
+#[utoipa::path(
+    post,
+    path = "/session",
+    tag = "access",
+    security(()),
+    request_body = SignInDocument,
+    responses(
+        (status = CREATED, description = "The new session; its cookie is set",
+            body = SessionDocument, headers(("Set-Cookie" = String, description = "The session."))),
+        (status = UNAUTHORIZED, description = "The name or the password is wrong"),
+        (status = TOO_MANY_REQUESTS,
+            description = "Too many attempts; `Retry-After` says how long to wait"),
+    )
+)]
+pub(super) async fn sign_in(
+    State(api): State<ApiState>,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+    peer: PeerAddress,
+    RequestId(request): RequestId,
+    Body { value: body, .. }: Body<SignInDocument>,
+) -> Result<Response, Problem> {
+    let user = verified(&api, peer, &body.name, body.password).await?;
+    let session = new_session()?;
+    let change = UserChange::SignIn {
+        id: user.id,
+        version: user.version,
+        session: session.hash(),
+    };
+    let actor = Actor {
+        name: user.name.to_string(),
+        authentication: Authentication::Session,
+        role: Some(user.grant.role()),
+        request,
+    };
+    let written = api.store.write_user(actor, change).await?;
+    Ok(begun(&api, &written.record, &session))
+}
+
+/// A new session's value.
+pub(super) fn new_session() -> Result<SessionValue, Problem> {
+    let random = entropy::secret().map_err(|error| failed(&error))?;
+    Ok(SessionValue::new(&random))
+}
+
+/// The answer that gives a browser its session.
+pub(super) fn begun(api: &ApiState, user: &UserRecord, session: &SessionValue) -> Response {
+    let now_ns = api.clock.now_ns();
+    let span = SessionSpan {
+        created_ns: now_ns,
+        used_ns: now_ns,
+    };
+    let document = SessionDocument {
+        name: user.name.to_string(),
+        role: user.grant.role(),
+        credential: CredentialKind::Session,
+        ends: Some(time::of_ns(span.ends_ns())),
+    };
+    let headers = [
+        (header::SET_COOKIE, api.access.cookies.set(session)),
+        (header::CACHE_CONTROL, HeaderValue::from_static("no-store")),
+    ];
+    (StatusCode::CREATED, headers, Json(document)).into_response()
+}
+
+/// The id of a request, for the audit of what nobody was known to do before it.
+#[derive(Debug)]
+pub(super) struct RequestId(pub(super) Option<String>);
+
+impl<S: Send + Sync> axum::extract::FromRequestParts<S> for RequestId {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Problem> {
+        Ok(Self(request_id(parts)))
+    }
+}
+
+/// Says who is signed in, or whose token it is.
+#[utoipa::path(
+    get,
+    path = "/session",
+    tag = "access",
+    responses(
+        (status = OK, description = "The caller", body = SessionDocument),
+        (status = UNAUTHORIZED,
+            description = "No valid credential; `code` is `setup_required` while there are no users"),
+    )
+)]
+pub(super) async fn get_session(
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+    caller: Caller,
+) -> Json<SessionDocument> {
+    Json(SessionDocument::of(caller))
+}
+
+/// Signs out: the session ends, and its cookie goes.
+#[utoipa::path(
+    delete,
+    path = "/session",
+    tag = "access",
+    responses(
+        (status = NO_CONTENT, description = "The session is ended and its cookie removed"),
+    )
+)]
+pub(super) async fn sign_out(
+    State(api): State<ApiState>,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+    caller: Caller,
+) -> Result<Response, Problem> {
+    let session = session_of(&caller)?;
+    api.store
+        .write_user(caller.actor, UserChange::SignOut { session })
+        .await?;
+    let cleared = [(header::SET_COOKIE, api.access.cookies.clear())];
+    Ok((StatusCode::NO_CONTENT, cleared).into_response())
+}
+
+/// The old and the new password.
+#[derive(Deserialize, utoipa::ToSchema)]
+#[schema(as = PasswordChange)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PasswordChangeDocument {
+    #[schema(format = Password)]
+    current: String,
+    /// 12 to 128 characters.
+    #[schema(format = Password, min_length = 12, max_length = 128)]
+    password: String,
+}
+
+/// Changes the caller's own password. The caller's other sessions end.
+#[utoipa::path(
+    post,
+    path = "/session/password",
+    tag = "access",
+    request_body = PasswordChangeDocument,
+    responses(
+        (status = NO_CONTENT, description = "The password is changed"),
+        (status = CONFLICT, description = "The current password is wrong"),
+        (status = TOO_MANY_REQUESTS,
+            description = "Too many attempts; `Retry-After` says how long to wait"),
+    )
+)]
+pub(super) async fn change_password(
+    State(api): State<ApiState>,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+    peer: PeerAddress,
+    caller: Caller,
+    Body { value: body, .. }: Body<PasswordChangeDocument>,
+) -> Result<StatusCode, Problem> {
+    let session = session_of(&caller)?;
+    let user = verified(&api, peer, &caller.actor.name, body.current)
+        .await
+        .map_err(wrong_current)?;
+    let edit = UserEdit {
+        password: Some(api.access.passwords.hash(&body.password).await?),
+        ..UserEdit::default()
+    };
+    let change = UserChange::Edit {
+        id: user.id,
+        expected: Expected::Version(user.version),
+        edit,
+        keep: Some(session),
+    };
+    api.store.write_user(caller.actor, change).await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// The session goes on when its user mistypes the password, so the answer is no 401.
+fn wrong_current(problem: Problem) -> Problem {
+    if problem.status() == StatusCode::UNAUTHORIZED {
+        let detail = "the current password is wrong";
+        Problem::new(StatusCode::CONFLICT, "password_wrong", detail).of_field("current")
+    } else {
+        problem
+    }
+}
+
+fn session_of(caller: &Caller) -> Result<SecretHash, Problem> {
+    match caller.credential {
+        Credential::Session(session) => Ok(session),
+        Credential::Token(_) => {
+            let detail = "this is for people who signed in, not for tokens";
+            Err(Problem::new(
+                StatusCode::BAD_REQUEST,
+                "not_a_session",
+                detail,
+            ))
+        }
+    }
+}

@@ -1,0 +1,87 @@
+//! `POST /setup`: the first administrator.
+
+use axum::extract::State;
+use axum::http::StatusCode;
+use axum::response::Response;
+use fleetcal_domain::access::{AccountRefused, Actor, Authentication, Role};
+use fleetcal_http::PeerAddress;
+use fleetcal_store::UserChange;
+use serde::Deserialize;
+
+use super::document::SessionDocument;
+use super::session::{RequestId, begun, new_session};
+use super::users::checked_name;
+use crate::ApiState;
+use crate::extract::{Body, NoParameters, Parameters};
+use crate::problem::Problem;
+
+/// The first administrator.
+#[derive(Deserialize, utoipa::ToSchema)]
+#[schema(as = Setup)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SetupDocument {
+    /// The code of the link that the service printed at its start.
+    code: String,
+    #[schema(max_length = 64)]
+    name: String,
+    /// 12 to 128 characters.
+    #[schema(format = Password, min_length = 12, max_length = 128)]
+    password: String,
+}
+
+/// Makes the first administrator, signed in, with the code that a service without users prints at
+/// its start. Counts once, and for a day.
+#[utoipa::path(
+    post,
+    path = "/setup",
+    tag = "access",
+    security(()),
+    request_body = SetupDocument,
+    responses(
+        (status = CREATED, description = "The first administrator, signed in",
+            body = SessionDocument, headers(("Set-Cookie" = String, description = "The session."))),
+        (status = FORBIDDEN, description = "The setup code is wrong or has expired"),
+        (status = CONFLICT, description = "There are users already"),
+        (status = TOO_MANY_REQUESTS,
+            description = "Too many attempts; `Retry-After` says how long to wait"),
+    )
+)]
+pub(super) async fn set_up(
+    State(api): State<ApiState>,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+    peer: PeerAddress,
+    RequestId(request): RequestId,
+    Body { value: body, .. }: Body<SetupDocument>,
+) -> Result<Response, Problem> {
+    let access = &api.access;
+    access.limits.count_address(peer, api.clock.elapsed())?;
+    if access.has_users(&api.store).await? {
+        return Err(fleetcal_store::StoreError::from(AccountRefused::AlreadySetUp).into());
+    }
+    let now_ns = api.clock.now_ns();
+    let code = access
+        .setup_code
+        .filter(|code| code.accepts(&body.code, now_ns));
+    if code.is_none() {
+        let detail = "the setup code is wrong or older than a day; a service without users prints \
+                      a new one at each start";
+        let status = StatusCode::FORBIDDEN;
+        return Err(Problem::new(status, "setup_code_refused", detail).of_field("code"));
+    }
+    let name = checked_name(&body.name)?;
+    let password = access.passwords.hash(&body.password).await?;
+    let session = new_session()?;
+    let actor = Actor {
+        name: name.to_string(),
+        authentication: Authentication::SetupLink,
+        role: Some(Role::Admin),
+        request,
+    };
+    let change = UserChange::SetUp {
+        name,
+        password,
+        session: session.hash(),
+    };
+    let written = api.store.write_user(actor, change).await?;
+    Ok(begun(&api, &written.record, &session))
+}

@@ -1,0 +1,145 @@
+//! `/tokens`: API tokens of tools and robots.
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use fleetcal_domain::access::{Grant, Role, TokenValue};
+use fleetcal_domain::limits;
+use fleetcal_operations::entropy;
+use fleetcal_proto::RobotId;
+use fleetcal_store::TokenChange;
+use jiff::Timestamp;
+use serde::Deserialize;
+
+use super::caller::Caller;
+use super::document::{PageParameters, TokenDocument, TokenPage};
+use super::password::failed;
+use super::users::{NumberPath, checked_name, grant_refused};
+use crate::ApiState;
+use crate::extract::{Body, NoParameters, Parameters, idempotency_key};
+use crate::page::{cut, with_next};
+use crate::problem::Problem;
+
+/// Lists the tokens, oldest first, revoked ones too.
+#[utoipa::path(
+    get,
+    path = "/tokens",
+    tag = "access",
+    params(PageParameters),
+    responses(
+        (status = OK, description = "A page of tokens, without their values", body = TokenPage),
+    )
+)]
+pub(super) async fn list_tokens(
+    State(api): State<ApiState>,
+    Parameters(page): Parameters<PageParameters>,
+) -> Result<Json<TokenPage>, Problem> {
+    let (after, limit) = page.checked()?;
+    let mut records = api.store.tokens(after, with_next(limit)).await?;
+    let next = cut(&mut records, limit, |last| last.id.to_string());
+    let now_ns = api.clock.now_ns();
+    let document = |token| TokenDocument::of(token, now_ns);
+    let items = records.iter().map(document).collect();
+    Ok(Json(TokenPage { items, next }))
+}
+
+/// A token to be made.
+#[derive(Debug, Deserialize, utoipa::ToSchema)]
+#[schema(as = NewToken)]
+#[serde(deny_unknown_fields)]
+pub(super) struct NewTokenDocument {
+    /// What the audit calls whoever uses it.
+    #[schema(max_length = 64)]
+    name: String,
+    role: Role,
+    /// The one robot that a token of role `robot` is for.
+    #[serde(default)]
+    robot: Option<RobotId>,
+    /// When it ends by itself; never unless given.
+    #[serde(default)]
+    #[schema(value_type = Option<String>, format = DateTime)]
+    expires: Option<Timestamp>,
+}
+
+/// Makes a token. Its `value` is in this answer and never shown again: a request that is repeated
+/// with its `Idempotency-Key` is answered without it.
+#[utoipa::path(
+    post,
+    path = "/tokens",
+    tag = "access",
+    params(("Idempotency-Key" = Option<String>, Header,
+        description = "The same for each repetition of a request, at most 128 characters.")),
+    request_body = NewTokenDocument,
+    responses(
+        (status = CREATED, description = "The new token, with its value", body = TokenDocument),
+        (status = CONFLICT, description = "The name is taken, or the limit of tokens is reached"),
+    )
+)]
+pub(super) async fn create_token(
+    State(api): State<ApiState>,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+    caller: Caller,
+    headers: HeaderMap,
+    Body {
+        value: body,
+        sha256,
+    }: Body<NewTokenDocument>,
+) -> Result<Response, Problem> {
+    let key = idempotency_key(&headers, sha256)?;
+    let now_ns = api.clock.now_ns();
+    let random = entropy::secret().map_err(|error| failed(&error))?;
+    let value = TokenValue::new(&random);
+    let change = TokenChange::Create {
+        name: checked_name(&body.name)?,
+        grant: Grant::of_token(body.role, body.robot).map_err(|error| grant_refused(&error))?,
+        hash: value.hash(),
+        expires_ns: body
+            .expires
+            .map(|expires| end_ns(expires, now_ns))
+            .transpose()?,
+        key,
+    };
+    let written = api.store.write_token(caller.actor, change).await?;
+    let mut document = TokenDocument::of(&written.record, now_ns);
+    if !written.repeated {
+        document.value = Some(value.reveal().to_owned());
+    }
+    let unkept = [(header::CACHE_CONTROL, HeaderValue::from_static("no-store"))];
+    Ok((StatusCode::CREATED, unkept, Json(document)).into_response())
+}
+
+/// The end of a token that is made now.
+fn end_ns(expires: Timestamp, now_ns: i64) -> Result<i64, Problem> {
+    let max_ns = i64::try_from(limits::TOKEN_EXPIRES_MAX.as_nanos()).unwrap_or(i64::MAX);
+    i64::try_from(expires.as_nanosecond())
+        .ok()
+        .filter(|end_ns| *end_ns > now_ns && *end_ns <= now_ns.saturating_add(max_ns))
+        .ok_or_else(|| {
+            let accepted = "a time to come, within ten years";
+            Problem::refused("expires", &expires.to_string(), accepted)
+        })
+}
+
+/// Revokes a token: it counts no more, and stays in the list.
+#[utoipa::path(
+    delete,
+    path = "/tokens/{id}",
+    tag = "access",
+    params(("id" = i64, Path, description = "The token's number.")),
+    responses(
+        (status = NO_CONTENT, description = "The token is revoked"),
+        (status = NOT_FOUND, description = "The token is unknown"),
+    )
+)]
+pub(super) async fn revoke_token(
+    State(api): State<ApiState>,
+    NumberPath(id): NumberPath,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+    caller: Caller,
+) -> Result<StatusCode, Problem> {
+    api.store
+        .write_token(caller.actor, TokenChange::Revoke { id })
+        .await?;
+    Ok(StatusCode::NO_CONTENT)
+}

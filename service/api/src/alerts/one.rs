@@ -1,0 +1,142 @@
+//! `/alerts/{id}`: how an alert went, and who takes it on.
+
+use axum::extract::{Path, State};
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::Response;
+use fleetcal_domain::alert::{AlertDocument, AlertRefused, ConditionName};
+use fleetcal_domain::limits;
+use fleetcal_store::{AlertMoment, StoreError};
+use jiff::Timestamp;
+use serde::{Deserialize, Serialize};
+
+use crate::ApiState;
+use crate::access::Caller;
+use crate::etag::{expected_version, versioned_json};
+use crate::extract::{Body, NoParameters, Parameters, check_length};
+use crate::problem::Problem;
+use crate::time;
+
+/// An alert with how it went.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[schema(as = AlertWithHistory)]
+pub(super) struct WholeAlert {
+    /// The alert.
+    alert: AlertDocument,
+    /// Its changes, the oldest first.
+    history: Vec<MomentDocument>,
+}
+
+/// One change of an alert.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[schema(as = AlertChange)]
+struct MomentDocument {
+    #[schema(value_type = String, format = DateTime)]
+    time: Timestamp,
+    /// The alert's version afterwards.
+    version: u64,
+    /// Where it stood afterwards.
+    state: ConditionName,
+    /// What was seen, in words.
+    what: String,
+    /// Who acknowledged; `null` for a change of its state.
+    by: Option<String>,
+    /// What the person had to say.
+    note: Option<String>,
+}
+
+impl MomentDocument {
+    fn of(moment: AlertMoment) -> Self {
+        Self {
+            time: time::of_ns(moment.at_ns),
+            version: moment.version,
+            state: moment.state,
+            what: moment.what,
+            by: moment.by,
+            note: moment.note,
+        }
+    }
+}
+
+/// Gives an alert with how it went. The `ETag` is its version.
+#[utoipa::path(
+    get,
+    path = "/alerts/{id}",
+    tag = "alerts",
+    params(("id" = u64, Path, description = "The alert.")),
+    responses(
+        (status = OK, description = "The alert with its history", body = WholeAlert,
+            headers(("ETag" = String, description = "Version of the alert."))),
+        (status = NOT_FOUND, description = "The alert is unknown"),
+    )
+)]
+pub(super) async fn get_alert(
+    State(api): State<ApiState>,
+    Path(id): Path<String>,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+) -> Result<Response, Problem> {
+    let id = alert_number(&id)?;
+    let found = api.store.alert(id).await?;
+    let (alert, history) = found.ok_or(StoreError::Alert(AlertRefused::Unknown(id)))?;
+    let document = WholeAlert {
+        alert: AlertDocument::of(&alert),
+        history: history.into_iter().map(MomentDocument::of).collect(),
+    };
+    Ok(versioned_json(StatusCode::OK, alert.version, document))
+}
+
+/// What a person has to say who takes an alert on.
+#[derive(Debug, Deserialize, utoipa::ToSchema)]
+#[schema(as = AcknowledgementRequest)]
+#[serde(deny_unknown_fields)]
+pub(super) struct AcknowledgementBody {
+    /// At most 1000 characters.
+    #[serde(default)]
+    #[schema(max_length = 1000)]
+    note: Option<String>,
+}
+
+/// Takes an alert on: everybody sees who looks after it since when. Whether it is wrong is another
+/// matter: an alert that is acknowledged goes on until what it is about is right again, and one that
+/// is over can still be acknowledged.
+#[utoipa::path(
+    post,
+    path = "/alerts/{id}/ack",
+    tag = "alerts",
+    params(
+        ("id" = u64, Path, description = "The alert."),
+        ("If-Match" = String, Header, description = "The ETag of GET."),
+    ),
+    request_body = AcknowledgementBody,
+    responses(
+        (status = OK, description = "The acknowledged alert", body = AlertDocument,
+            headers(("ETag" = String, description = "Version of the alert."))),
+        (status = NOT_FOUND, description = "The alert is unknown"),
+        (status = CONFLICT, description = "The alert is acknowledged already"),
+    )
+)]
+pub(super) async fn acknowledge_alert(
+    State(api): State<ApiState>,
+    caller: Caller,
+    Path(id): Path<String>,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+    headers: HeaderMap,
+    Body { value, .. }: Body<AcknowledgementBody>,
+) -> Result<Response, Problem> {
+    let id = alert_number(&id)?;
+    let version = expected_version(&headers)?;
+    let note = value.note.filter(|note| !note.trim().is_empty());
+    check_length(
+        "note",
+        note.as_deref().unwrap_or(""),
+        limits::NOTE_CHARS_MAX,
+    )?;
+    let done = api.sentry.acknowledge(id, version, caller.actor, note);
+    let alert = done.await?;
+    let document = AlertDocument::of(&alert);
+    Ok(versioned_json(StatusCode::OK, alert.version, document))
+}
+
+fn alert_number(id: &str) -> Result<u64, Problem> {
+    id.parse()
+        .map_err(|_| Problem::refused("id", id, "the number of an alert"))
+}

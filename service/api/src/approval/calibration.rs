@@ -1,0 +1,120 @@
+//! What robots pull over HTTP, and how they answer.
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use fleetcal_domain::access::Role;
+use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::{Applied, Confirmed, Envelope};
+use serde::Serialize;
+
+use super::deployments::known;
+use crate::ApiState;
+use crate::access::Caller;
+use crate::etag::client_has;
+use crate::extract::{Body, NoParameters, Parameters, RobotPath};
+use crate::problem::Problem;
+
+/// Gives the signed calibration that a robot should hold. The `ETag` is the document's SHA-256.
+/// Asked by the robot itself, it counts as offered.
+#[utoipa::path(
+    get,
+    path = "/robots/{id}/calibration",
+    tag = "approval",
+    params(
+        ("id" = RobotId, Path, description = "The robot."),
+        ("If-None-Match" = Option<String>, Header,
+            description = "The ETag of an earlier response."),
+    ),
+    responses(
+        (status = OK, description = "The signed calibration", body = Envelope,
+            headers(("ETag" = String, description = "SHA-256 of the document."))),
+        (status = NOT_MODIFIED, description = "The client has the current calibration"),
+        (status = NOT_FOUND, description = "The robot is unknown, or no calibration is approved"),
+    )
+)]
+pub(super) async fn get_calibration(
+    State(api): State<ApiState>,
+    caller: Caller,
+    RobotPath(id): RobotPath,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    known(&api, &id)?;
+    let envelope = if caller.actor.role == Some(Role::Robot) {
+        api.clerk.approved(&id).await?
+    } else {
+        api.clerk.desired(&id).await?
+    };
+    let envelope = envelope.ok_or_else(|| {
+        let detail = format!("no calibration of {id} is approved");
+        Problem::new(StatusCode::NOT_FOUND, "nothing_approved", detail)
+    })?;
+    let tag = HeaderValue::from_str(&format!("\"{}\"", envelope.sha256));
+    let tag = tag.unwrap_or(HeaderValue::from_static("\"\""));
+    if client_has(&headers, &tag) {
+        return Ok((StatusCode::NOT_MODIFIED, [(header::ETAG, tag)]).into_response());
+    }
+    Ok(([(header::ETAG, tag)], Json(envelope)).into_response())
+}
+
+/// Takes a robot's answer: what became of a document. It is stored when this returns.
+#[utoipa::path(
+    put,
+    path = "/robots/{id}/calibration/applied",
+    tag = "approval",
+    params(("id" = RobotId, Path, description = "The robot.")),
+    request_body = Applied,
+    responses(
+        (status = OK, description = "The answer is stored and confirmed", body = Confirmed),
+        (status = ACCEPTED,
+            description = "The answer is stored, but the robot should not keep the applied values"),
+        (status = NOT_FOUND, description = "The robot is unknown"),
+        (status = CONFLICT, description = "The deployment is not in a state that this answer fits"),
+    )
+)]
+pub(super) async fn put_applied(
+    State(api): State<ApiState>,
+    caller: Caller,
+    RobotPath(id): RobotPath,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+    Body { value: applied, .. }: Body<Applied>,
+) -> Result<Response, Problem> {
+    known(&api, &id)?;
+    let generation = applied.generation;
+    api.clerk.acknowledge(&id, applied, caller.actor).await?;
+    let confirmed = api.clerk.confirmed(&id);
+    Ok(match confirmed.filter(|one| one.generation == generation) {
+        Some(confirmed) => Json(confirmed).into_response(),
+        None => StatusCode::ACCEPTED.into_response(),
+    })
+}
+
+/// The public half of the key that calibrations are signed with.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+pub(super) struct SigningKeyDocument {
+    /// Its short name, which every signed document carries.
+    key_id: String,
+    /// Always `Ed25519`.
+    algorithm: &'static str,
+    /// Base64 of its 32 bytes: what an agent is given.
+    public_key: String,
+}
+
+/// Gives the public half of the key that calibrations are signed with.
+#[utoipa::path(get, path = "/signing-key", tag = "approval",
+    responses(
+        (status = OK, description = "The public key", body = SigningKeyDocument),
+    ))]
+pub(super) async fn get_signing_key(
+    State(api): State<ApiState>,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+) -> Result<Json<SigningKeyDocument>, Problem> {
+    let key = api.clerk.public_key();
+    Ok(Json(SigningKeyDocument {
+        key_id: key.id(),
+        algorithm: "Ed25519",
+        public_key: key.to_string(),
+    }))
+}

@@ -1,0 +1,134 @@
+//! `/robots/{id}/deployments`, `/shadow` and `/rollback`: where a robot's calibration stands.
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::Response;
+use fleetcal_domain::approval::Command;
+use fleetcal_domain::limits;
+use fleetcal_proto::RobotId;
+use serde::{Deserialize, Serialize};
+
+use super::document::{DeploymentDocument, ShadowDocument};
+use super::proposals::ReasonBody;
+use crate::ApiState;
+use crate::access::Caller;
+use crate::etag::{expected_version, versioned_json};
+use crate::extract::{Body, NoParameters, Parameters, RobotPath, check_length, number_of};
+use crate::page::{cut, page_limit, with_next};
+use crate::problem::Problem;
+
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub(super) struct DeploymentParameters {
+    /// Deployments of a page, 1 to 1000.
+    #[param(value_type = Option<u32>)]
+    limit: Option<String>,
+    /// `next` of the page before.
+    cursor: Option<String>,
+}
+
+/// A page of deployments, newest first.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+pub(super) struct DeploymentPage {
+    items: Vec<DeploymentDocument>,
+    /// `cursor` of the next page; absent on the last one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    next: Option<String>,
+}
+
+/// Lists a robot's deployments, newest first.
+#[utoipa::path(
+    get,
+    path = "/robots/{id}/deployments",
+    tag = "approval",
+    params(("id" = RobotId, Path, description = "The robot."), DeploymentParameters),
+    responses(
+        (status = OK, description = "A page of deployments", body = DeploymentPage),
+        (status = NOT_FOUND, description = "The robot is unknown"),
+    )
+)]
+pub(super) async fn list_deployments(
+    State(api): State<ApiState>,
+    RobotPath(id): RobotPath,
+    Parameters(query): Parameters<DeploymentParameters>,
+) -> Result<Json<DeploymentPage>, Problem> {
+    let limit = page_limit(query.limit.as_deref())?;
+    let before = query.cursor.as_deref().map(number_of).transpose()?;
+    known(&api, &id)?;
+    let mut found = api.store.deployments(&id, before, with_next(limit)).await?;
+    let next = cut(&mut found, limit, |last| last.id.to_string());
+    let items = found.into_iter().map(DeploymentDocument::of).collect();
+    Ok(Json(DeploymentPage { items, next }))
+}
+
+/// Gives what a robot should hold and what it has reported. The `ETag` is the version.
+#[utoipa::path(
+    get,
+    path = "/robots/{id}/shadow",
+    tag = "approval",
+    params(("id" = RobotId, Path, description = "The robot.")),
+    responses(
+        (status = OK, description = "The shadow", body = ShadowDocument,
+            headers(("ETag" = String, description = "Version of the shadow."))),
+        (status = NOT_FOUND, description = "The robot is unknown"),
+    )
+)]
+pub(super) async fn get_shadow(
+    State(api): State<ApiState>,
+    RobotPath(id): RobotPath,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+) -> Result<Response, Problem> {
+    known(&api, &id)?;
+    Ok(answer(&api, &id))
+}
+
+/// Brings the calibration back that the robot used before: that of the deployment under way, or
+/// the verified one before the present one. It needs no second person, and stands in the audit.
+#[utoipa::path(
+    post,
+    path = "/robots/{id}/rollback",
+    tag = "approval",
+    params(
+        ("id" = RobotId, Path, description = "The robot."),
+        ("If-Match" = String, Header, description = "The ETag of GET /robots/{id}/shadow."),
+    ),
+    request_body = ReasonBody,
+    responses(
+        (status = OK, description = "The shadow after the roll-back began", body = ShadowDocument,
+            headers(("ETag" = String, description = "Version of the shadow."))),
+        (status = NOT_FOUND, description = "The robot is unknown"),
+        (status = CONFLICT,
+            description = "There is nothing to roll back to, or the deployment does not permit it"),
+    )
+)]
+pub(super) async fn roll_back(
+    State(api): State<ApiState>,
+    caller: Caller,
+    RobotPath(id): RobotPath,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+    headers: HeaderMap,
+    Body { value, .. }: Body<ReasonBody>,
+) -> Result<Response, Problem> {
+    known(&api, &id)?;
+    let version = Some(expected_version(&headers)?);
+    check_length("reason", &value.reason, limits::NOTE_CHARS_MAX)?;
+    let reason = value.reason;
+    let command = Command::RollBack { version, reason };
+    api.clerk.decide(&id, command, caller.actor, None).await?;
+    Ok(answer(&api, &id))
+}
+
+fn answer(api: &ApiState, id: &RobotId) -> Response {
+    let ledger = api.clerk.ledger(id);
+    let document = ShadowDocument::of(&ledger);
+    versioned_json(StatusCode::OK, ledger.shadow.version, document)
+}
+
+pub(super) fn known(api: &ApiState, id: &RobotId) -> Result<(), Problem> {
+    match api.fleet.robot(id) {
+        Some(_) => Ok(()),
+        None => Err(Problem::robot_unknown(id.as_str())),
+    }
+}

@@ -1,0 +1,421 @@
+//! `/proposals`: what waits for people, and their decisions.
+
+use axum::Json;
+use axum::extract::{Path, State};
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::Response;
+use fleetcal_domain::approval::{
+    Command, DeploymentState, Evidence, Origin, Proposal, ProposalState, Revision, expected_gain,
+    nominal_values, outdated, values_and_sigmas,
+};
+use fleetcal_domain::limits;
+use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::CalibrationValues;
+use fleetcal_store::{Decided, ProposalFilter};
+use serde::{Deserialize, Serialize};
+
+use super::document::{Beside, ProposalDocument};
+use crate::ApiState;
+use crate::access::Caller;
+use crate::etag::{expected_version, versioned_json};
+use crate::extract::{Body, NoParameters, Parameters, check_length, idempotency_key, number_of};
+use crate::page::{cut, page_limit, with_next};
+use crate::problem::Problem;
+
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ProposalParameters {
+    /// Only proposals in this state.
+    #[param(value_type = Option<ProposalState>)]
+    state: Option<String>,
+    /// Only proposals for this robot.
+    #[param(value_type = Option<RobotId>)]
+    robot: Option<String>,
+    /// Proposals of a page, 1 to 1000.
+    #[param(value_type = Option<u32>)]
+    limit: Option<String>,
+    /// `next` of the page before.
+    cursor: Option<String>,
+}
+
+/// A page of proposals, newest first.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+pub(super) struct ProposalPage {
+    items: Vec<ProposalDocument>,
+    /// `cursor` of the next page; absent on the last one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    next: Option<String>,
+}
+
+/// Lists proposals, newest first.
+#[utoipa::path(
+    get,
+    path = "/proposals",
+    tag = "approval",
+    params(ProposalParameters),
+    responses(
+        (status = OK, description = "A page of proposals", body = ProposalPage),
+    )
+)]
+pub(super) async fn list_proposals(
+    State(api): State<ApiState>,
+    Parameters(query): Parameters<ProposalParameters>,
+) -> Result<Json<ProposalPage>, Problem> {
+    let limit = page_limit(query.limit.as_deref())?;
+    let filter = ProposalFilter {
+        robot: query.robot.as_deref().map(robot_named).transpose()?,
+        state: query.state.as_deref().map(state_named).transpose()?,
+        before: query.cursor.as_deref().map(number_of).transpose()?,
+        limit: with_next(limit),
+    };
+    let mut found = api.store.proposals(&filter).await?;
+    let next = cut(&mut found, limit, |(last, _)| last.id.to_string());
+    let ids: Vec<u64> = found.iter().map(|(proposal, _)| proposal.id).collect();
+    let followed = api.store.followed(&ids).await?;
+    let items = found
+        .into_iter()
+        .map(|(proposal, revision)| {
+            let deployment = followed.get(&proposal.id).copied();
+            document(&api, proposal, revision, deployment)
+        })
+        .collect();
+    Ok(Json(ProposalPage { items, next }))
+}
+
+/// What somebody wants to be approved.
+#[derive(Debug, Deserialize, utoipa::ToSchema)]
+#[schema(as = NewProposal)]
+#[serde(deny_unknown_fields)]
+pub(super) struct NewProposalDocument {
+    /// For which robot.
+    robot: RobotId,
+    /// The values, absolute; those of the robot's latest estimate unless given.
+    #[serde(default)]
+    values: Option<CalibrationValues>,
+    /// Why, at most 1000 characters.
+    #[schema(max_length = 1000)]
+    reason: String,
+}
+
+/// Proposes a calibration: what the estimator has found, or values from elsewhere. A proposal of
+/// the robot that waits is superseded.
+#[utoipa::path(
+    post,
+    path = "/proposals",
+    tag = "approval",
+    params(("Idempotency-Key" = String, Header,
+        description = "The same for each repetition of a request, at most 128 characters.")),
+    request_body = NewProposalDocument,
+    responses(
+        (status = CREATED, description = "The new proposal", body = ProposalDocument,
+            headers(("ETag" = String, description = "Version of the proposal."))),
+        (status = NOT_FOUND, description = "The robot is unknown"),
+        (status = CONFLICT,
+            description = "A deployment is under way, or the estimate is not known well enough to propose"),
+    )
+)]
+pub(super) async fn post_proposal(
+    State(api): State<ApiState>,
+    caller: Caller,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+    headers: HeaderMap,
+    Body { value, sha256 }: Body<NewProposalDocument>,
+) -> Result<Response, Problem> {
+    let key = idempotency_key(&headers, sha256)?.ok_or_else(|| {
+        let detail = "send an Idempotency-Key, the same for each repetition of this request";
+        let status = StatusCode::PRECONDITION_REQUIRED;
+        Problem::new(status, "precondition_required", detail).of_field("Idempotency-Key")
+    })?;
+    check_length("reason", &value.reason, limits::NOTE_CHARS_MAX)?;
+    let command = proposed(&api, &value)?;
+    let decided = api
+        .clerk
+        .decide(&value.robot, command, caller.actor, Some(key))
+        .await?;
+    let id = match decided {
+        Decided::Taken(outcome) => outcome.proposals.last().map(|proposal| proposal.id),
+        Decided::Repeated(proposal) => Some(proposal.id),
+    };
+    answer(&api, id.unwrap_or_default(), StatusCode::CREATED).await
+}
+
+fn proposed(api: &ApiState, value: &NewProposalDocument) -> Result<Command, Problem> {
+    let id = &value.robot;
+    let unknown = || Problem::robot_unknown(id.as_str());
+    let view = api.fleet.robot(id).ok_or_else(unknown)?;
+    let config = view.config.as_ref().ok_or_else(unknown)?;
+    let (origin, (values, sigmas), evidence) = if let Some(values) = value.values {
+        let unmeasured = CalibrationValues::default();
+        (Origin::Person, (values, unmeasured), Evidence::default())
+    } else {
+        let known = view.estimate.as_deref();
+        let known = known.and_then(|one| Some((values_and_sigmas(one)?, Evidence::of(one))));
+        let (found, evidence) = known.ok_or_else(|| {
+            let detail = format!(
+                "the calibration of {id} is not known yet; its estimate says what it needs"
+            );
+            Problem::new(StatusCode::CONFLICT, "not_known_yet", detail)
+        })?;
+        (Origin::Estimator, found, evidence)
+    };
+    Ok(Command::Propose {
+        origin,
+        values,
+        sigmas,
+        evidence,
+        nominal: config.nominal.map(|mount| nominal_values(&mount.pose())),
+        reason: Some(value.reason.clone()).filter(|reason| !reason.trim().is_empty()),
+    })
+}
+
+/// Gives one proposal. The `ETag` is its version.
+#[utoipa::path(
+    get,
+    path = "/proposals/{id}",
+    tag = "approval",
+    params(("id" = u64, Path, description = "The proposal.")),
+    responses(
+        (status = OK, description = "The proposal", body = ProposalDocument,
+            headers(("ETag" = String, description = "Version of the proposal."))),
+        (status = NOT_FOUND, description = "The proposal is unknown"),
+    )
+)]
+pub(super) async fn get_proposal(
+    State(api): State<ApiState>,
+    Path(id): Path<String>,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+) -> Result<Response, Problem> {
+    answer(&api, proposal_number(&id)?, StatusCode::OK).await
+}
+
+/// A yes.
+#[derive(Debug, Deserialize, utoipa::ToSchema)]
+#[schema(as = ApprovalRequest)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ApprovalBody {
+    /// `revision.sha256` of the proposal that was looked at.
+    sha256: String,
+    /// Why, at most 1000 characters.
+    #[serde(default)]
+    #[schema(max_length = 1000)]
+    reason: Option<String>,
+}
+
+/// A no, or a taking back.
+#[derive(Debug, Deserialize, utoipa::ToSchema)]
+#[schema(as = ReasonGiven)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ReasonBody {
+    /// Why, 1 to 1000 characters.
+    #[schema(min_length = 1, max_length = 1000)]
+    pub(super) reason: String,
+}
+
+/// Agrees to a proposal: the last one needed sends it to the robot. Who proposed it cannot agree
+/// to it.
+#[utoipa::path(
+    post,
+    path = "/proposals/{id}/approve",
+    tag = "approval",
+    params(
+        ("id" = u64, Path, description = "The proposal."),
+        ("If-Match" = String, Header, description = "The ETag of GET."),
+    ),
+    request_body = ApprovalBody,
+    responses(
+        (status = OK, description = "The approved proposal", body = ProposalDocument,
+            headers(("ETag" = String, description = "Version of the proposal."))),
+        (status = FORBIDDEN,
+            description = "The role does not permit approval, or the caller has proposed or approved it already"),
+        (status = NOT_FOUND, description = "The proposal is unknown"),
+        (status = CONFLICT,
+            description = "The proposal is closed, or the present estimate speaks against it"),
+        (status = PRECONDITION_FAILED,
+            description = "The proposal has changed, or `sha256` is not that of its revision"),
+    )
+)]
+pub(super) async fn approve_proposal(
+    State(api): State<ApiState>,
+    caller: Caller,
+    Path(id): Path<String>,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+    headers: HeaderMap,
+    Body { value, .. }: Body<ApprovalBody>,
+) -> Result<Response, Problem> {
+    let version = Some(expected_version(&headers)?);
+    let proposal = proposal_number(&id)?;
+    check_length(
+        "reason",
+        value.reason.as_deref().unwrap_or(""),
+        limits::NOTE_CHARS_MAX,
+    )?;
+    let command = Command::Approve {
+        proposal,
+        version,
+        sha256: value.sha256,
+        reason: value.reason,
+    };
+    decide(&api, caller, proposal, command).await
+}
+
+/// Says no to a proposal.
+#[utoipa::path(
+    post,
+    path = "/proposals/{id}/reject",
+    tag = "approval",
+    params(
+        ("id" = u64, Path, description = "The proposal."),
+        ("If-Match" = String, Header, description = "The ETag of GET."),
+    ),
+    request_body = ReasonBody,
+    responses(
+        (status = OK, description = "The rejected proposal", body = ProposalDocument,
+            headers(("ETag" = String, description = "Version of the proposal."))),
+        (status = NOT_FOUND, description = "The proposal is unknown"),
+        (status = CONFLICT, description = "The proposal is closed"),
+    )
+)]
+pub(super) async fn reject_proposal(
+    State(api): State<ApiState>,
+    caller: Caller,
+    Path(id): Path<String>,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+    headers: HeaderMap,
+    Body { value, .. }: Body<ReasonBody>,
+) -> Result<Response, Problem> {
+    let (proposal, version, reason) = looked_at(&id, &headers, value)?;
+    let command = Command::Reject {
+        proposal,
+        version,
+        reason,
+    };
+    decide(&api, caller, proposal, command).await
+}
+
+/// Takes a proposal back.
+#[utoipa::path(
+    post,
+    path = "/proposals/{id}/withdraw",
+    tag = "approval",
+    params(
+        ("id" = u64, Path, description = "The proposal."),
+        ("If-Match" = String, Header, description = "The ETag of GET."),
+    ),
+    request_body = ReasonBody,
+    responses(
+        (status = OK, description = "The withdrawn proposal", body = ProposalDocument,
+            headers(("ETag" = String, description = "Version of the proposal."))),
+        (status = NOT_FOUND, description = "The proposal is unknown"),
+        (status = CONFLICT, description = "The proposal is closed"),
+    )
+)]
+pub(super) async fn withdraw_proposal(
+    State(api): State<ApiState>,
+    caller: Caller,
+    Path(id): Path<String>,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+    headers: HeaderMap,
+    Body { value, .. }: Body<ReasonBody>,
+) -> Result<Response, Problem> {
+    let (proposal, version, reason) = looked_at(&id, &headers, value)?;
+    let command = Command::Withdraw {
+        proposal,
+        version,
+        reason: Some(reason).filter(|reason| !reason.trim().is_empty()),
+    };
+    decide(&api, caller, proposal, command).await
+}
+
+/// Which proposal in which version somebody says no to, and why.
+fn looked_at(
+    id: &str,
+    headers: &HeaderMap,
+    body: ReasonBody,
+) -> Result<(u64, Option<u64>, String), Problem> {
+    let version = Some(expected_version(headers)?);
+    check_length("reason", &body.reason, limits::NOTE_CHARS_MAX)?;
+    Ok((proposal_number(id)?, version, body.reason))
+}
+
+async fn decide(
+    api: &ApiState,
+    caller: Caller,
+    id: u64,
+    command: Command,
+) -> Result<Response, Problem> {
+    let robot = robot_of(api, id).await?;
+    api.clerk
+        .decide(&robot, command, caller.actor, None)
+        .await?;
+    answer(api, id, StatusCode::OK).await
+}
+
+/// The robot that a proposal is for.
+pub(super) async fn robot_of(api: &ApiState, proposal: u64) -> Result<RobotId, Problem> {
+    let found = api.store.proposal(proposal).await?;
+    let (proposal, _) = found.ok_or_else(|| unknown(proposal))?;
+    Ok(proposal.robot)
+}
+
+async fn answer(api: &ApiState, id: u64, status: StatusCode) -> Result<Response, Problem> {
+    let found = api.store.proposal(id).await?;
+    let (proposal, revision) = found.ok_or_else(|| unknown(id))?;
+    let version = proposal.version;
+    let deployment = api.store.followed(&[id]).await?.remove(&id);
+    let document = document(api, proposal, revision, deployment);
+    Ok(versioned_json(status, version, document))
+}
+
+/// A proposal with what is known of it at this moment.
+fn document(
+    api: &ApiState,
+    proposal: Proposal,
+    revision: Revision,
+    deployment: Option<DeploymentState>,
+) -> ProposalDocument {
+    let robot = &proposal.robot;
+    let outdated = match proposal.state {
+        ProposalState::Proposed => outdated(&revision, &api.clerk.present(robot)),
+        _ => None,
+    };
+    let gain = proposal.base.as_ref().and_then(|base| {
+        let errors = api.fleet.cross_tracks(robot);
+        let errors = errors.get(&proposal.base_generation.unwrap_or(0))?;
+        expected_gain(base, &revision, errors, &api.clerk.policy().verify_within)
+    });
+    ProposalDocument::of(
+        proposal,
+        revision,
+        Beside {
+            outdated,
+            gain,
+            deployment,
+        },
+    )
+}
+
+fn unknown(id: u64) -> Problem {
+    let detail = format!("no proposal {id} is known");
+    Problem::new(StatusCode::NOT_FOUND, "proposal_unknown", detail)
+}
+
+fn proposal_number(id: &str) -> Result<u64, Problem> {
+    id.parse()
+        .map_err(|_| Problem::refused("id", id, "the number of a proposal"))
+}
+
+pub(super) fn robot_named(id: &str) -> Result<RobotId, Problem> {
+    RobotId::parse(id).map_err(|error| {
+        let status = StatusCode::BAD_REQUEST;
+        Problem::new(status, "value_refused", error.to_string()).of_field("robot")
+    })
+}
+
+fn state_named(name: &str) -> Result<ProposalState, Problem> {
+    ProposalState::parse(name).ok_or_else(|| {
+        let accepted: Vec<&str> = ProposalState::ALL.iter().map(|one| one.as_str()).collect();
+        let accepted = accepted.join(", ");
+        Problem::refused("state", name, &format!("one of {accepted}"))
+    })
+}

@@ -1,0 +1,129 @@
+//! `POST /proposals/approve`: several proposals in one step, each still on its own.
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::StatusCode;
+use fleetcal_domain::approval::{Command, ProposalState};
+use fleetcal_domain::limits;
+use fleetcal_store::Decided;
+use serde::{Deserialize, Serialize};
+
+use super::proposals::robot_of;
+use crate::ApiState;
+use crate::access::Caller;
+use crate::extract::{Body, NoParameters, Parameters, check_length};
+use crate::problem::Problem;
+
+/// Several proposals with what was looked at.
+#[derive(Debug, Deserialize, utoipa::ToSchema)]
+#[schema(as = SeveralApprovals)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SeveralBody {
+    /// 1 to 500 of them.
+    proposals: Vec<OneOfSeveral>,
+    /// Why, at most 1000 characters.
+    #[serde(default)]
+    #[schema(max_length = 1000)]
+    reason: Option<String>,
+}
+
+/// One of them.
+#[derive(Debug, Deserialize, utoipa::ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct OneOfSeveral {
+    /// The proposal.
+    id: u64,
+    /// Its version.
+    version: u64,
+    /// Its `revision.sha256`.
+    sha256: String,
+}
+
+/// What became of each.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+pub(super) struct SeveralAnswer {
+    /// In the order of the request.
+    items: Vec<SeveralOutcome>,
+}
+
+/// What became of one of them.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+struct SeveralOutcome {
+    /// The proposal.
+    id: u64,
+    /// Where it stands now: `approved`, or still `proposed` while a second person is needed. Absent
+    /// when it was refused.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    state: Option<ProposalState>,
+    /// Why it was refused.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    problem: Option<Problem>,
+}
+
+/// Approves several proposals. Each is decided on its own: one that was changed meanwhile does not
+/// keep the others.
+#[utoipa::path(
+    post,
+    path = "/proposals/approve",
+    tag = "approval",
+    request_body = SeveralBody,
+    responses(
+        (status = OK, description = "The outcome of each proposal", body = SeveralAnswer),
+    )
+)]
+pub(super) async fn approve_several(
+    State(api): State<ApiState>,
+    caller: Caller,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+    Body { value, .. }: Body<SeveralBody>,
+) -> Result<Json<SeveralAnswer>, Problem> {
+    let count = value.proposals.len();
+    if count == 0 || count > limits::APPROVED_AT_ONCE_MAX {
+        let detail = format!(
+            "{count} proposals are named, accepted are 1 to {}",
+            limits::APPROVED_AT_ONCE_MAX
+        );
+        let status = StatusCode::BAD_REQUEST;
+        return Err(Problem::new(status, "value_refused", detail).of_field("proposals"));
+    }
+    check_length(
+        "reason",
+        value.reason.as_deref().unwrap_or(""),
+        limits::NOTE_CHARS_MAX,
+    )?;
+    let mut items = Vec::with_capacity(count);
+    for one in value.proposals {
+        let id = one.id;
+        let decided = approve(&api, &caller, one, value.reason.clone()).await;
+        let (state, problem) = match decided {
+            Ok(state) => (Some(state), None),
+            Err(problem) => (None, Some(problem)),
+        };
+        items.push(SeveralOutcome { id, state, problem });
+    }
+    Ok(Json(SeveralAnswer { items }))
+}
+
+async fn approve(
+    api: &ApiState,
+    caller: &Caller,
+    one: OneOfSeveral,
+    reason: Option<String>,
+) -> Result<ProposalState, Problem> {
+    let robot = robot_of(api, one.id).await?;
+    let command = Command::Approve {
+        proposal: one.id,
+        version: Some(one.version),
+        sha256: one.sha256,
+        reason,
+    };
+    let actor = caller.actor.clone();
+    let decided = api.clerk.decide(&robot, command, actor, None).await?;
+    Ok(match decided {
+        Decided::Taken(outcome) => outcome
+            .proposals
+            .last()
+            .map_or(ProposalState::Approved, |proposal| proposal.state),
+        Decided::Repeated(proposal) => proposal.state,
+    })
+}

@@ -1,0 +1,212 @@
+//! What handlers take out of a request, with a problem document for all that does not fit.
+
+use axum::Json;
+use axum::body::Bytes;
+use axum::extract::{FromRequest, FromRequestParts, Path, Query, Request};
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, HeaderName, StatusCode, header};
+use fleetcal_domain::limits;
+use fleetcal_proto::RobotId;
+use fleetcal_store::IdempotencyKey;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use sha2::{Digest, Sha256};
+
+use super::problem::Problem;
+
+static IDEMPOTENCY_KEY: HeaderName = HeaderName::from_static("idempotency-key");
+
+/// The query of a route without parameters: every parameter is refused by name.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct NoParameters {}
+
+/// A request's query.
+#[derive(Debug)]
+pub(super) struct Parameters<T>(pub(super) T);
+
+impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for Parameters<T> {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Problem> {
+        let Query(query) = Query::try_from_uri(&parts.uri).map_err(|rejection| {
+            let status = StatusCode::BAD_REQUEST;
+            unreadable(status, "query_refused", "the query", &rejection.body_text())
+        })?;
+        Ok(Self(query))
+    }
+}
+
+/// The robot that a path names.
+#[derive(Debug)]
+pub(super) struct RobotPath(pub(super) RobotId);
+
+impl<S: Send + Sync> FromRequestParts<S> for RobotPath {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
+        let refused = |detail: String| {
+            Problem::new(StatusCode::BAD_REQUEST, "value_refused", detail).of_field("id")
+        };
+        let Path(id) = Path::<String>::from_request_parts(parts, state)
+            .await
+            .map_err(|rejection| refused(rejection.body_text()))?;
+        RobotId::parse(&id)
+            .map(Self)
+            .map_err(|error| refused(error.to_string()))
+    }
+}
+
+/// A request's JSON body.
+#[derive(Debug)]
+pub(super) struct Body<T> {
+    /// What it says.
+    pub(super) value: T,
+    /// SHA-256 of its bytes.
+    pub(super) sha256: [u8; 32],
+}
+
+impl<S: Send + Sync, T: DeserializeOwned> FromRequest<S> for Body<T> {
+    type Rejection = Problem;
+
+    async fn from_request(request: Request, state: &S) -> Result<Self, Problem> {
+        if !is_json(request.headers()) {
+            let detail = "the body must be sent as Content-Type: application/json";
+            let status = StatusCode::UNSUPPORTED_MEDIA_TYPE;
+            return Err(Problem::new(status, "not_json", detail).of_field("Content-Type"));
+        }
+        let bytes = Bytes::from_request(request, state)
+            .await
+            .map_err(|rejection| {
+                let detail = match rejection.status() {
+                    StatusCode::PAYLOAD_TOO_LARGE => {
+                        format!(
+                            "the body is larger than {} bytes",
+                            limits::HTTP_BODY_BYTES_MAX
+                        )
+                    }
+                    _ => rejection.body_text(),
+                };
+                Problem::new(rejection.status(), "body_refused", detail)
+            })?;
+        let Json(value) = Json::from_bytes(&bytes).map_err(|rejection| {
+            unreadable(
+                rejection.status(),
+                "body_refused",
+                "the body",
+                &rejection.body_text(),
+            )
+        })?;
+        Ok(Self {
+            value,
+            sha256: Sha256::digest(&bytes).into(),
+        })
+    }
+}
+
+/// The problem of a query or body that does not fit. What is said of it reads
+/// "Failed to …: the field: what is wrong with it", with the field left out when it is the whole.
+fn unreadable(status: StatusCode, code: &'static str, part: &str, said: &str) -> Problem {
+    let reason = said.split_once(": ").map_or(said, |(_, reason)| reason);
+    let is_field = |name: &str| !name.contains([' ', '`']);
+    match reason.split_once(": ").filter(|(name, _)| is_field(name)) {
+        Some((field, reason)) => {
+            Problem::new(status, code, format!("{part}: {reason}")).of_field(field)
+        }
+        None => Problem::new(status, code, format!("{part}: {reason}")),
+    }
+}
+
+fn is_json(headers: &HeaderMap) -> bool {
+    let content_type = headers
+        .get(header::CONTENT_TYPE)
+        .and_then(|value| value.to_str().ok());
+    content_type
+        .and_then(|text| text.split(';').next())
+        .is_some_and(|media| media.trim().eq_ignore_ascii_case("application/json"))
+}
+
+/// A header's text.
+pub(super) fn header_text<'a>(
+    headers: &'a HeaderMap,
+    name: &HeaderName,
+) -> Result<Option<&'a str>, Problem> {
+    headers
+        .get(name)
+        .map(|value| {
+            value.to_str().map_err(|_| {
+                let shown = String::from_utf8_lossy(value.as_bytes());
+                Problem::refused(name.as_str(), &shown, "ASCII text")
+            })
+        })
+        .transpose()
+}
+
+/// The `Idempotency-Key` of a request.
+pub(super) fn idempotency_key(
+    headers: &HeaderMap,
+    request_sha256: [u8; 32],
+) -> Result<Option<IdempotencyKey>, Problem> {
+    let Some(key) = header_text(headers, &IDEMPOTENCY_KEY)? else {
+        return Ok(None);
+    };
+    if key.is_empty() || key.len() > limits::HTTP_IDEMPOTENCY_KEY_CHARS_MAX {
+        return Err(Problem::refused(
+            "Idempotency-Key",
+            key,
+            "1 to 128 characters",
+        ));
+    }
+    Ok(Some(IdempotencyKey {
+        key: key.to_owned(),
+        request_sha256,
+    }))
+}
+
+/// A number of a query within its limits; `default` when it is not given.
+pub(super) fn number_within(
+    field: &str,
+    given: Option<&str>,
+    range: std::ops::RangeInclusive<u32>,
+    default: u32,
+) -> Result<u32, Problem> {
+    let Some(text) = given else {
+        return Ok(default);
+    };
+    text.parse()
+        .ok()
+        .filter(|number| range.contains(number))
+        .ok_or_else(|| {
+            let accepted = format!("a whole number from {} to {}", range.start(), range.end());
+            Problem::refused(field, text, &accepted)
+        })
+}
+
+/// A time of a query.
+pub(super) fn time(field: &str, given: Option<&str>) -> Result<Option<jiff::Timestamp>, Problem> {
+    given
+        .map(|text| {
+            text.parse().map_err(|_| {
+                Problem::refused(field, text, "RFC 3339, such as 2026-01-31T12:00:00Z")
+            })
+        })
+        .transpose()
+}
+
+/// Refuses a text that is too long.
+pub(super) fn check_length(field: &str, text: &str, chars_max: usize) -> Result<(), Problem> {
+    let chars = text.chars().count();
+    if chars > chars_max {
+        let detail = format!("{field} has {chars} characters, accepted are {chars_max} at most");
+        let status = StatusCode::BAD_REQUEST;
+        return Err(Problem::new(status, "value_refused", detail).of_field(field));
+    }
+    Ok(())
+}
+
+/// The number that a cursor names.
+pub(super) fn number_of(cursor: &str) -> Result<i64, Problem> {
+    cursor
+        .parse()
+        .map_err(|_| Problem::refused("cursor", cursor, "`next` of the page before"))
+}

@@ -1,0 +1,148 @@
+//! `/healthz` and `/readyz`: whether the process is of use, and whether it can do its work.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::StatusCode;
+use axum::response::{IntoResponse, Response};
+use fleetcal_domain::limits;
+use fleetcal_store::Store;
+use serde::Serialize;
+use tokio::sync::Mutex;
+
+use super::ApiState;
+use super::extract::{NoParameters, Parameters};
+use super::problem::Problem;
+
+/// Whether a request is a probe, which is answered whatever else is under way.
+pub(super) fn is_probe(path: &str) -> bool {
+    matches!(path, "/healthz" | "/readyz")
+}
+
+/// The last answer of the database, so that everybody may ask without making it write each time.
+#[derive(Debug, Clone, Default)]
+pub(super) struct ReadyProbe {
+    last: Arc<Mutex<Option<Probed>>>,
+}
+
+/// An answer of the database, and when it was given on the running clock.
+#[derive(Debug)]
+struct Probed {
+    at: Duration,
+    answer: Result<(), String>,
+}
+
+impl ReadyProbe {
+    /// Whether the database can be written, as of the last second.
+    async fn database(&self, store: &Store, elapsed: Duration) -> Result<(), String> {
+        let mut last = self.last.lock().await;
+        if let Some(probed) = last.as_ref()
+            && elapsed.saturating_sub(probed.at) < limits::READY_PROBE_EVERY
+        {
+            return probed.answer.clone();
+        }
+        let answer = match tokio::time::timeout(limits::READY_PROBE_TIMEOUT, store.probe()).await {
+            Ok(answer) => answer.map_err(|error| error.to_string()),
+            Err(_) => Err("the database did not answer in time".to_owned()),
+        };
+        *last = Some(Probed {
+            at: elapsed,
+            answer: answer.clone(),
+        });
+        answer
+    }
+}
+
+/// What the service needs for its work.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+pub(super) struct Readiness {
+    /// Whether all of it is there.
+    ready: bool,
+    /// Whether the database can be written; else why not.
+    database: Check,
+    /// Whether the database has this program's schema.
+    migrations: Check,
+    /// Whether the Zenoh session is open.
+    zenoh: Check,
+}
+
+/// One thing that the service needs.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+struct Check {
+    ok: bool,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    detail: Option<String>,
+}
+
+impl Check {
+    fn of(result: Result<(), String>) -> Self {
+        Self {
+            ok: result.is_ok(),
+            detail: result.err(),
+        }
+    }
+}
+
+/// Says whether the process is of use: not when only a restart would make it write again. A
+/// database that takes no writes is no reason, since a restart would not help; `/readyz` says that.
+#[utoipa::path(get, path = "/healthz", tag = "service",
+    responses(
+        (status = OK, description = "The process runs", body = String,
+            content_type = "text/plain"),
+        (status = SERVICE_UNAVAILABLE, description = "The database takes writes, but this process \
+            has written nothing for a minute: restart it", body = Problem,
+            content_type = "application/problem+json"),
+    ))]
+pub(super) async fn healthz(
+    State(api): State<ApiState>,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+) -> Result<&'static str, Problem> {
+    if api.store.is_stuck() {
+        let detail = "the database takes writes, but this process does not write: restart it";
+        let status = StatusCode::SERVICE_UNAVAILABLE;
+        return Err(Problem::new(status, "writer_stuck", detail));
+    }
+    Ok("ok\n")
+}
+
+/// Says whether the service can do its work: the database can be written and has this program's
+/// schema, and the Zenoh session is open.
+#[utoipa::path(get, path = "/readyz", tag = "service",
+    responses(
+        (status = OK, description = "The service is ready", body = Readiness),
+        (status = SERVICE_UNAVAILABLE, description = "The service is not ready", content(
+            (Readiness = "application/json"),
+            (Problem = "application/problem+json"),
+        )),
+    ))]
+pub(super) async fn readyz(
+    State(api): State<ApiState>,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+) -> Response {
+    let database = api.ready.database(&api.store, api.clock.elapsed()).await;
+    let migrations = match api.store.schema().await {
+        Ok((found, known)) if found == known => Ok(()),
+        Ok((found, known)) => Err(format!("the schema is {found} instead of {known}")),
+        Err(error) => Err(error.to_string()),
+    };
+    let zenoh = if *api.link_open.borrow() {
+        Ok(())
+    } else {
+        Err("the Zenoh session is not open".to_owned())
+    };
+    let ready = database.is_ok() && migrations.is_ok() && zenoh.is_ok();
+    let document = Readiness {
+        ready,
+        database: Check::of(database),
+        migrations: Check::of(migrations),
+        zenoh: Check::of(zenoh),
+    };
+    let status = if ready {
+        StatusCode::OK
+    } else {
+        StatusCode::SERVICE_UNAVAILABLE
+    };
+    (status, Json(document)).into_response()
+}

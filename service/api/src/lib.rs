@@ -1,0 +1,235 @@
+//! HTTP: the API under `/api/v1`, health, metrics, and the dashboard's pages.
+//!
+//! Nothing outside this crate knows axum. Each route is registered once, by a macro that gives
+//! the router and the OpenAPI document the same path; [`openapi`] therefore lists every route of
+//! the API with its methods, and a layer in [`router`] sees a request's `MatchedPath`.
+
+mod access;
+mod alerts;
+mod answers;
+mod approval;
+mod dashboard;
+mod documentation;
+mod etag;
+mod extract;
+mod health;
+mod layers;
+mod metrics;
+mod page;
+mod problem;
+mod request_head;
+mod robots;
+mod rows;
+mod serving;
+mod stream;
+mod time;
+mod topics;
+mod webhooks;
+
+#[cfg(test)]
+mod tests;
+
+use axum::Router;
+use axum::http::HeaderMap;
+use axum::middleware;
+use axum::response::Response;
+use fleetcal_clock::SharedClock;
+use fleetcal_fleet::FleetHandle;
+use fleetcal_http::Connections;
+use fleetcal_operations::clerk::Clerk;
+use fleetcal_operations::courier::Courier;
+use fleetcal_operations::sentry::Sentry;
+use fleetcal_store::Store;
+use tokio::sync::watch;
+use tokio_util::sync::CancellationToken;
+use utoipa::openapi::security::{ApiKey, ApiKeyValue, HttpAuthScheme, HttpBuilder, SecurityScheme};
+use utoipa::{Modify, OpenApi};
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+pub use access::AccessSetup;
+pub use serving::serve;
+
+use access::AccessState;
+use etag::tagged_json;
+use extract::{NoParameters, Parameters};
+use health::ReadyProbe;
+use problem::Problem;
+use request_head::HeadCheck;
+use stream::StreamHub;
+
+/// What the API answers from.
+#[derive(Debug, Clone)]
+pub struct ApiSetup {
+    /// The robots.
+    pub fleet: FleetHandle,
+    /// The life cycle of their calibrations.
+    pub clerk: Clerk,
+    /// What is wrong with them.
+    pub sentry: Sentry,
+    /// Who is told of that.
+    pub courier: Courier,
+    /// What is kept of them.
+    pub store: Store,
+    /// Where time comes from.
+    pub clock: SharedClock,
+    /// Whether the Zenoh session is open.
+    pub link_open: watch::Receiver<bool>,
+    /// Who gets in.
+    pub access: AccessSetup,
+    /// The connections of [`serve`].
+    pub connections: Connections,
+    /// Ends the event streams; the rest ends with [`serve`].
+    pub stop: CancellationToken,
+}
+
+/// What every handler sees.
+#[derive(Debug, Clone)]
+struct ApiState {
+    fleet: FleetHandle,
+    clerk: Clerk,
+    sentry: Sentry,
+    courier: Courier,
+    store: Store,
+    clock: SharedClock,
+    link_open: watch::Receiver<bool>,
+    stream: StreamHub,
+    sessions: robots::Sessions,
+    connections: Connections,
+    ready: ReadyProbe,
+    access: AccessState,
+}
+
+impl ApiState {
+    fn start(setup: ApiSetup) -> Self {
+        Self {
+            sessions: robots::Sessions::new(setup.stop.clone()),
+            stream: StreamHub::start(&setup.fleet, setup.clock.clone(), setup.stop),
+            fleet: setup.fleet,
+            clerk: setup.clerk,
+            sentry: setup.sentry,
+            courier: setup.courier,
+            store: setup.store,
+            clock: setup.clock,
+            link_open: setup.link_open,
+            connections: setup.connections,
+            ready: ReadyProbe::default(),
+            access: AccessState::new(&setup.access),
+        }
+    }
+}
+
+#[derive(OpenApi)]
+#[openapi(
+    info(
+        title = "fleetcal",
+        description = "Calibration of fleets of wheeled robots: what each robot's steering offset \
+            and LiDAR mount are, how they went, and what happened to it.\n\nAngles are in \
+            radians, lengths in metres, times RFC 3339 in UTC. Errors are `Problem` documents \
+            (RFC 9457). Unknown query parameters are refused by name.",
+        license(name = "Apache-2.0", identifier = "Apache-2.0"),
+    ),
+    tags(
+        (name = "robots", description = "Robots, their calibration and their history"),
+        (name = "access", description = "Signing in, users and tokens"),
+        (name = "approval", description = "What is proposed, approved, sent, applied and proven"),
+        (name = "alerts", description = "What is wrong, who has taken it on, and who is told"),
+        (name = "live", description = "Updates as they come"),
+        (name = "service", description = "The service itself"),
+    ),
+    security(("token" = []), ("session" = [])),
+    modifiers(&Credentials),
+    components(schemas(
+        Problem,
+        robots::RobotStateDocument,
+        robots::EventDocument,
+        robots::SortSchema,
+        rows::Row,
+        stream::ApprovalUpdate,
+    )),
+)]
+struct Document;
+
+/// How callers prove who they are, in the description.
+struct Credentials;
+
+impl Modify for Credentials {
+    fn modify(&self, document: &mut utoipa::openapi::OpenApi) {
+        let token = HttpBuilder::new()
+            .scheme(HttpAuthScheme::Bearer)
+            .bearer_format("cal_…")
+            .description(Some(
+                "An API token, of `POST /tokens` or `fleetcal token create`.",
+            ))
+            .build();
+        let session = ApiKeyValue::with_description(
+            "fleetcal_session",
+            "The cookie of `POST /session`; `__Host-fleetcal_session` over HTTPS.",
+        );
+        let components = document.components.get_or_insert_default();
+        components.add_security_scheme("token", SecurityScheme::Http(token));
+        components.add_security_scheme("session", SecurityScheme::ApiKey(ApiKey::Cookie(session)));
+    }
+}
+
+/// Every route and what stands behind it.
+pub fn router(setup: ApiSetup) -> Router {
+    let cross_origin = access::cross_origin_refused(setup.access.public_url.as_ref());
+    let head = HeadCheck {
+        public_url: setup.access.public_url.clone(),
+        connections: setup.connections.clone(),
+    };
+    let state = ApiState::start(setup);
+    let (routes, _) = documented().split_for_parts();
+    let authorise = middleware::from_fn_with_state(state.clone(), access::authorise);
+    let routes = routes
+        .route_layer(authorise)
+        .layer(cross_origin)
+        .merge(documentation::routes())
+        .fallback(dashboard::pages)
+        .with_state(state);
+    layers::around(routes, head)
+}
+
+/// The OpenAPI document of [`router`].
+pub fn openapi() -> utoipa::openapi::OpenApi {
+    let mut document = documented().into_openapi();
+    answers::complete(&mut document);
+    document
+}
+
+/// The routes with their description. An event stream has no end, so it is not timed.
+fn documented() -> OpenApiRouter<ApiState> {
+    let timed = OpenApiRouter::new()
+        .merge(robots::routes())
+        .merge(access::routes())
+        .merge(approval::routes())
+        .merge(alerts::routes())
+        .merge(webhooks::routes())
+        .routes(routes!(get_openapi))
+        .layer(middleware::from_fn(layers::in_time));
+    let root = OpenApiRouter::new()
+        .routes(routes!(health::healthz))
+        .routes(routes!(health::readyz))
+        .routes(routes!(metrics::metrics))
+        .layer(middleware::from_fn(layers::in_time));
+    OpenApiRouter::with_openapi(Document::openapi())
+        .nest("/api/v1", timed.merge(stream::routes()))
+        .merge(root)
+}
+
+/// Gives this description.
+#[utoipa::path(get, path = "/openapi.json", tag = "service",
+    params(("If-None-Match" = Option<String>, Header,
+        description = "The ETag of an earlier response.")),
+    responses(
+        (status = OK, description = "The OpenAPI 3.1 document", body = Object,
+            headers(("ETag" = String, description = "Hash of the document."))),
+        (status = NOT_MODIFIED, description = "The client has the current document"),
+    ))]
+async fn get_openapi(
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    tagged_json(&headers, &openapi())
+}

@@ -1,0 +1,261 @@
+//! Errors as RFC 9457 problem documents.
+
+use axum::Json;
+use axum::http::{HeaderValue, Method, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use fleetcal_domain::access::AccountRefused;
+use fleetcal_domain::alert::AlertRefused;
+use fleetcal_domain::approval::Refused;
+use fleetcal_fleet::FleetRefused;
+use fleetcal_store::StoreError;
+use serde::Serialize;
+
+/// What a client should wait before it asks again, s.
+const RETRY_AFTER_S: u32 = 2;
+
+/// Why a request was not answered as asked, as RFC 9457 has it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, utoipa::ToSchema)]
+#[schema(as = Problem)]
+pub(super) struct Problem {
+    /// Always `about:blank`: `code` tells problems apart.
+    #[serde(rename = "type")]
+    #[schema(examples("about:blank"))]
+    kind: &'static str,
+    /// The status in words.
+    #[schema(examples("Not Found"))]
+    title: String,
+    /// The HTTP status.
+    #[schema(value_type = u16, examples(404))]
+    status: u16,
+    /// A word for programs.
+    #[schema(examples("robot_unknown"))]
+    code: &'static str,
+    /// One sentence for people.
+    #[schema(examples("no robot tugger_01 is known"))]
+    detail: String,
+    /// The parameter, field or header that was refused.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    field: Option<String>,
+    /// Seconds to wait before the next try; the header `Retry-After`.
+    #[serde(skip)]
+    retry_after_s: Option<u32>,
+}
+
+impl Problem {
+    /// A problem with this status and code.
+    pub(super) fn new(status: StatusCode, code: &'static str, detail: impl Into<String>) -> Self {
+        Self {
+            kind: "about:blank",
+            title: status.canonical_reason().unwrap_or("Error").to_owned(),
+            status: status.as_u16(),
+            code,
+            detail: detail.into(),
+            field: None,
+            retry_after_s: None,
+        }
+    }
+
+    /// A value that is not accepted.
+    pub(super) fn refused(field: &str, value: &str, accepted: &str) -> Self {
+        let shown: String = value.chars().take(100).collect();
+        let detail = format!("{field} is {shown:?}, accepted is {accepted}");
+        Self::new(StatusCode::BAD_REQUEST, "value_refused", detail).of_field(field)
+    }
+
+    /// Nothing is there under this address.
+    pub(super) fn not_found(path: &str) -> Self {
+        Self::new(
+            StatusCode::NOT_FOUND,
+            "not_found",
+            format!("nothing is at {path}"),
+        )
+    }
+
+    /// The address is there, but not for this method.
+    pub(super) fn method_refused(method: &Method, path: &str) -> Self {
+        let detail = format!("{method} is not answered at {path}");
+        Self::new(StatusCode::METHOD_NOT_ALLOWED, "method_refused", detail)
+    }
+
+    /// The request's handler failed.
+    pub(super) fn panicked() -> Self {
+        let detail = "the request made the service fail; its log says more";
+        Self::new(StatusCode::INTERNAL_SERVER_ERROR, "failed", detail)
+    }
+
+    /// No robot of this id.
+    pub(super) fn robot_unknown(id: &str) -> Self {
+        let detail = format!("no robot {id} is known");
+        Self::new(StatusCode::NOT_FOUND, "robot_unknown", detail)
+    }
+
+    /// The request took too long.
+    pub(super) fn timed_out() -> Self {
+        let detail = "the request could not be answered in time";
+        Self::new(StatusCode::SERVICE_UNAVAILABLE, "timeout", detail)
+    }
+
+    /// The HTTP status.
+    pub(super) fn status(&self) -> StatusCode {
+        StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR)
+    }
+
+    /// The same problem, with the seconds to wait before the next try.
+    pub(super) fn retry_after(mut self, seconds: u32) -> Self {
+        self.retry_after_s = Some(seconds);
+        self
+    }
+
+    /// The same problem, with the parameter, field or header that it is about.
+    pub(super) fn of_field(mut self, field: &str) -> Self {
+        self.field = Some(field.to_owned());
+        self
+    }
+}
+
+impl From<StoreError> for Problem {
+    fn from(error: StoreError) -> Self {
+        let detail = error.to_string();
+        match error {
+            StoreError::VersionConflict { .. } => {
+                Self::new(StatusCode::PRECONDITION_FAILED, "version_conflict", detail)
+            }
+            StoreError::KeyReused => Self::new(
+                StatusCode::UNPROCESSABLE_ENTITY,
+                "idempotency_key_reused",
+                detail,
+            )
+            .of_field("Idempotency-Key"),
+            StoreError::Account(refused) => refused.into(),
+            StoreError::Refused(refused) => refused.into(),
+            StoreError::Alert(refused) => refused.into(),
+            StoreError::Webhook(refused) => refused.into(),
+            StoreError::Corrupt { .. } => {
+                tracing::error!(%detail, "a row of the database cannot be read");
+                Self::new(
+                    StatusCode::INTERNAL_SERVER_ERROR,
+                    "database_corrupt",
+                    detail,
+                )
+            }
+            other => {
+                let source = std::error::Error::source(&other).map(ToString::to_string);
+                tracing::error!(%detail, ?source, "the database failed a request");
+                Self::new(
+                    StatusCode::SERVICE_UNAVAILABLE,
+                    "database_unavailable",
+                    detail,
+                )
+            }
+        }
+    }
+}
+
+impl From<AccountRefused> for Problem {
+    fn from(refused: AccountRefused) -> Self {
+        let (status, code) = match &refused {
+            AccountRefused::UserUnknown(_) => (StatusCode::NOT_FOUND, "user_unknown"),
+            AccountRefused::TokenUnknown(_) => (StatusCode::NOT_FOUND, "token_unknown"),
+            AccountRefused::SessionUnknown => (StatusCode::UNAUTHORIZED, "session_ended"),
+            AccountRefused::NameTaken(_) => (StatusCode::CONFLICT, "name_taken"),
+            AccountRefused::VersionConflict { .. } => {
+                (StatusCode::PRECONDITION_FAILED, "version_conflict")
+            }
+            AccountRefused::LastAdmin => (StatusCode::CONFLICT, "last_admin"),
+            AccountRefused::AlreadySetUp => (StatusCode::CONFLICT, "already_set_up"),
+            AccountRefused::Full { .. } => (StatusCode::CONFLICT, "full"),
+        };
+        Self::new(status, code, refused.to_string())
+    }
+}
+
+impl From<Refused> for Problem {
+    fn from(refused: Refused) -> Self {
+        let detail = refused.to_string();
+        let conflict = |code| Self::new(StatusCode::CONFLICT, code, detail.clone());
+        let value = |field: &str| {
+            Self::new(StatusCode::BAD_REQUEST, "value_refused", detail.clone()).of_field(field)
+        };
+        match refused {
+            Refused::Stale { .. } => {
+                Self::new(StatusCode::PRECONDITION_FAILED, "version_conflict", detail)
+            }
+            Refused::OtherRevision { .. } => {
+                Self::new(StatusCode::PRECONDITION_FAILED, "other_revision", detail)
+                    .of_field("sha256")
+            }
+            Refused::OwnProposal(_) | Refused::ApprovedAlready(_) => {
+                Self::new(StatusCode::FORBIDDEN, "second_person_needed", detail)
+            }
+            Refused::ProposalClosed { .. } | Refused::NotOpen(_) => conflict("proposal_closed"),
+            Refused::Deployment { .. } | Refused::NotUnderway(_) => conflict("wrong_state"),
+            Refused::Underway { .. } => conflict("deployment_underway"),
+            Refused::Outdated(_) => conflict("proposal_outdated"),
+            Refused::NoMaintenance => conflict("not_in_maintenance"),
+            Refused::OutOfLimits { field, .. } => value(field),
+            Refused::ReasonMissing => value("reason"),
+            Refused::NothingToReturnTo | Refused::NothingEarlier => {
+                conflict("nothing_to_return_to")
+            }
+            Refused::Held(_) => conflict("held"),
+            Refused::NeverOffered { .. } => value("generation"),
+            Refused::OtherDocument { .. } => value("sha256"),
+            Refused::ChosenByPerson { .. } => conflict("chosen_by_person"),
+            Refused::Seal(_) => Self::new(StatusCode::INTERNAL_SERVER_ERROR, "not_signed", detail),
+        }
+    }
+}
+
+impl From<AlertRefused> for Problem {
+    fn from(refused: AlertRefused) -> Self {
+        let detail = refused.to_string();
+        let (status, code) = match refused {
+            AlertRefused::Unknown(_) => (StatusCode::NOT_FOUND, "alert_unknown"),
+            AlertRefused::Stale { .. } => (StatusCode::PRECONDITION_FAILED, "version_conflict"),
+            AlertRefused::AcknowledgedAlready(_) => (StatusCode::CONFLICT, "acknowledged_already"),
+        };
+        Self::new(status, code, detail)
+    }
+}
+
+impl From<FleetRefused> for Problem {
+    fn from(refused: FleetRefused) -> Self {
+        let detail = refused.to_string();
+        match refused {
+            FleetRefused::UnknownRobot(_) => {
+                Self::new(StatusCode::NOT_FOUND, "robot_unknown", detail)
+            }
+            FleetRefused::Unregistered(_) => {
+                Self::new(StatusCode::CONFLICT, "robot_unregistered", detail)
+            }
+            FleetRefused::RobotsMax => Self::new(StatusCode::CONFLICT, "fleet_full", detail),
+            FleetRefused::NoteTooLong(_) => {
+                Self::new(StatusCode::BAD_REQUEST, "value_refused", detail).of_field("note")
+            }
+            FleetRefused::NotesMax(_) | FleetRefused::PlanAskersMax(_) => {
+                Self::new(StatusCode::SERVICE_UNAVAILABLE, "robot_busy", detail)
+            }
+        }
+    }
+}
+
+impl IntoResponse for Problem {
+    fn into_response(self) -> Response {
+        let status = self.status();
+        let retry_after_s = self.retry_after_s;
+        let mut response = (status, Json(self)).into_response();
+        let headers = response.headers_mut();
+        let problem = HeaderValue::from_static("application/problem+json");
+        headers.insert(header::CONTENT_TYPE, problem);
+        let retry_after_s =
+            retry_after_s.or((status == StatusCode::SERVICE_UNAVAILABLE).then_some(RETRY_AFTER_S));
+        if let Some(seconds) = retry_after_s {
+            headers.insert(header::RETRY_AFTER, HeaderValue::from(seconds));
+        }
+        if status == StatusCode::UNAUTHORIZED {
+            let challenge = HeaderValue::from_static("Bearer realm=\"fleetcal\"");
+            headers.insert(header::WWW_AUTHENTICATE, challenge);
+        }
+        response
+    }
+}

@@ -1,0 +1,79 @@
+//! `GET /robots/{id}/cross_track_error`: how well a robot follows its path, before and after.
+
+use axum::Json;
+use axum::extract::State;
+use fleetcal_domain::robot::{BIN_WIDTH_M, BINS_PER_SIDE, CrossTrack};
+use fleetcal_proto::RobotId;
+use serde::Serialize;
+
+use crate::ApiState;
+use crate::extract::{NoParameters, Parameters, RobotPath};
+use crate::problem::Problem;
+
+/// How well a robot follows its path, as it says itself.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[schema(as = CrossTrackErrors)]
+pub(super) struct CrossTrackDocument {
+    /// Width of a bin, m.
+    bin_width_m: f64,
+    /// Where the first bin begins, m; negative is right of the path. What lies outside is in the
+    /// outermost bins.
+    from_m: f64,
+    /// One entry for each calibration that the robot has used, oldest first.
+    items: Vec<CrossTrackItem>,
+}
+
+/// Errors with one calibration.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+struct CrossTrackItem {
+    /// Its generation; 0 for what the robot drove with at first.
+    generation: u64,
+    /// How many errors there are.
+    count: u64,
+    /// Their root mean square, m.
+    rms_m: f64,
+    /// Their mean, m; positive is left of the path.
+    mean_m: f64,
+    /// How many lie in each bin.
+    bins: Vec<u64>,
+}
+
+impl CrossTrackItem {
+    fn of((generation, errors): (u64, CrossTrack)) -> Self {
+        Self {
+            generation,
+            count: errors.count,
+            rms_m: errors.rms_m(),
+            mean_m: errors.mean_m(),
+            bins: errors.bins,
+        }
+    }
+}
+
+/// Gives how far a robot was off its path with each calibration that it has used, where it
+/// reports that.
+#[utoipa::path(
+    get,
+    path = "/robots/{id}/cross_track_error",
+    tag = "robots",
+    params(("id" = RobotId, Path, description = "The robot.")),
+    responses(
+        (status = OK, description = "The cross-track errors", body = CrossTrackDocument),
+        (status = NOT_FOUND, description = "The robot is unknown"),
+    )
+)]
+pub(super) async fn get_cross_track_error(
+    State(api): State<ApiState>,
+    RobotPath(id): RobotPath,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+) -> Result<Json<CrossTrackDocument>, Problem> {
+    if api.fleet.robot(&id).is_none() {
+        return Err(Problem::robot_unknown(id.as_str()));
+    }
+    let items = api.fleet.cross_tracks(&id).into_iter();
+    Ok(Json(CrossTrackDocument {
+        bin_width_m: BIN_WIDTH_M,
+        from_m: -BIN_WIDTH_M * BINS_PER_SIDE as f64,
+        items: items.map(CrossTrackItem::of).collect(),
+    }))
+}

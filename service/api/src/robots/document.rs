@@ -1,0 +1,181 @@
+//! What the API says about a robot.
+
+use std::sync::Arc;
+
+use fleetcal_domain::approval::RobotLedger;
+use fleetcal_domain::robot::{
+    AnnouncedTopic, Counters, PairingReport, RobotConfig, RobotState, RobotView, StreamView,
+    Warning,
+};
+use fleetcal_fleet::document::vehicle_document;
+use fleetcal_model::Stream;
+use fleetcal_proto::RobotId;
+use fleetcal_proto::estimate::{EstimateDocument, VehicleDocument};
+use fleetcal_store::RobotRecord;
+use jiff::Timestamp;
+use serde::Serialize;
+
+use super::config::RobotConfigSchema;
+use super::connection::ConnectionDocument;
+use crate::approval::CalibrationSummary;
+use crate::time;
+
+/// A robot in the list.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+pub(super) struct RobotSummary {
+    /// Its id.
+    pub(super) id: RobotId,
+    /// Where it stands, in one word.
+    pub(super) state: RobotState,
+    /// Whether nothing has come for some seconds.
+    pub(super) stale: bool,
+    /// Whether its liveliness token stands.
+    pub(super) alive: bool,
+    /// When anything was last received from it.
+    #[schema(value_type = Option<String>, format = DateTime)]
+    pub(super) last_seen: Option<Timestamp>,
+    /// Whether it is heard: online, silent, or switched off on purpose.
+    connection: ConnectionDocument,
+    /// The latest estimate, once there is one.
+    pub(super) estimate: Option<EstimateDocument>,
+    /// Its vehicle; absent for a robot that nobody has described yet.
+    vehicle: Option<VehicleDocument>,
+    /// What it sends.
+    streams: Vec<StreamDocument>,
+    /// Where its calibration stands.
+    calibration: CalibrationSummary,
+    /// Distance that the estimator of the values on trial has followed, m; absent while none are.
+    verification_distance_m: Option<f64>,
+}
+
+impl RobotSummary {
+    /// The summary of a robot.
+    pub(super) fn of(view: RobotView, ledger: &RobotLedger, now_ns: i64) -> Self {
+        Self {
+            connection: ConnectionDocument::of(&view, ledger, now_ns),
+            vehicle: view
+                .config
+                .as_ref()
+                .map(|config| vehicle_document(&config.vehicle())),
+            streams: view
+                .connection
+                .streams
+                .iter()
+                .map(StreamDocument::of)
+                .collect(),
+            calibration: CalibrationSummary::of(ledger),
+            verification_distance_m: view.fresh.as_ref().map(|(_, fresh)| fresh.distance_m),
+            id: view.id,
+            state: view.state,
+            stale: view.connection.stale,
+            alive: view.connection.alive,
+            last_seen: view.connection.last_heard_ns().map(time::of_ns),
+            estimate: view.estimate.map(Arc::unwrap_or_clone),
+        }
+    }
+}
+
+/// One robot. Its `ETag` is `version`, which only a change of `config` moves.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+pub(super) struct RobotDocument {
+    #[serde(flatten)]
+    summary: RobotSummary,
+    /// Its configuration; absent for a robot that nobody has described yet.
+    #[schema(value_type = Option<RobotConfigSchema>)]
+    config: Option<RobotConfig>,
+    /// Goes up by one with every change of `config`; 0 while there is none.
+    version: u64,
+    /// When `config` last changed.
+    #[schema(value_type = Option<String>, format = DateTime)]
+    configured: Option<Timestamp>,
+    /// What became of its messages:
+    /// `received = processed + shed_… + refused + ignored + waiting`.
+    counters: Counters,
+    /// Times that its estimator was started anew after a failure.
+    estimator_restarts: u32,
+    /// How well steering and speed fit together, of a robot that sends them on different topics.
+    pairing: Option<PairingReport>,
+    /// What looks wrong with what it sends.
+    warnings: Vec<Warning>,
+    /// The ROS 2 topics that it has announced, by name.
+    topics: Vec<AnnouncedTopic>,
+}
+
+impl RobotDocument {
+    /// The document of a robot and what the store knows of it.
+    pub(super) fn of(
+        view: RobotView,
+        record: Option<&RobotRecord>,
+        ledger: &RobotLedger,
+        now_ns: i64,
+    ) -> Self {
+        let configured = record
+            .filter(|record| record.version > 0)
+            .map(|record| record.updated_ns);
+        Self {
+            config: view.config.clone(),
+            version: record.map_or(0, |record| record.version),
+            configured: configured.map(time::of_ns),
+            counters: view.counters.clone(),
+            estimator_restarts: view.estimator_restarts,
+            pairing: view.pairing,
+            warnings: view.warnings.clone(),
+            topics: view.topics.to_vec(),
+            summary: RobotSummary::of(view, ledger, now_ns),
+        }
+    }
+}
+
+/// What has come in on one stream of a robot.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[schema(as = StreamCounts)]
+struct StreamDocument {
+    /// Which stream.
+    stream: Stream,
+    /// Messages received.
+    messages: u64,
+    /// Messages per second, over the last seconds.
+    rate_hz: f64,
+    /// When the last one was received.
+    #[schema(value_type = Option<String>, format = DateTime)]
+    last_received: Option<Timestamp>,
+}
+
+impl StreamDocument {
+    fn of(view: &StreamView) -> Self {
+        Self {
+            stream: view.stream,
+            messages: view.messages,
+            rate_hz: view.rate_hz,
+            last_received: view.last_received_ns.map(time::of_ns),
+        }
+    }
+}
+
+/// A robot's state on the event stream.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[schema(as = RobotStateUpdate)]
+pub(crate) struct RobotStateDocument {
+    robot: RobotId,
+    /// Where it stands, in one word.
+    state: RobotState,
+    /// Whether nothing has come for some seconds.
+    stale: bool,
+    /// Whether its liveliness token stands.
+    alive: bool,
+}
+
+/// A robot's state as the event stream tells it.
+pub(crate) fn state_document(
+    robot: &RobotId,
+    state: RobotState,
+    stale: bool,
+    alive: bool,
+) -> RobotStateDocument {
+    RobotStateDocument {
+        robot: robot.clone(),
+        state,
+        stale,
+        alive,
+    }
+}

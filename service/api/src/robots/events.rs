@@ -1,0 +1,214 @@
+//! `GET` and `POST /robots/{id}/events`: what happened to a robot.
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::{IntoResponse, Response};
+use fleetcal_domain::limits;
+use fleetcal_domain::robot::RobotView;
+use fleetcal_model::NoteKind;
+use fleetcal_proto::RobotId;
+use fleetcal_proto::event::RobotEvent;
+use fleetcal_store::{EventKind, EventRecord, EventSource, NewEvent, kind_of_note};
+use jiff::Timestamp;
+use serde::{Deserialize, Serialize};
+
+use crate::ApiState;
+use crate::access::Caller;
+use crate::extract::{
+    Body, NoParameters, Parameters, RobotPath, check_length, idempotency_key, number_of,
+};
+use crate::page::{cut, page_limit, with_next};
+use crate::problem::Problem;
+use crate::time;
+
+/// Something that happened to a robot.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[schema(as = Event)]
+pub(crate) struct EventDocument {
+    /// Its number; later events have higher ones. Absent on the event stream.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    id: Option<i64>,
+    robot: RobotId,
+    kind: EventKind,
+    /// When it happened, by the robot's clock.
+    #[schema(value_type = String, format = DateTime)]
+    time: Timestamp,
+    /// When the service learnt of it, by its own clock.
+    #[schema(value_type = String, format = DateTime)]
+    received: Timestamp,
+    /// Who says so.
+    source: EventSource,
+    /// The name of the person or tool that said so.
+    author: Option<String>,
+    /// In words.
+    note: Option<String>,
+    /// What belongs to its kind: of a change `cause`, `time_s`, `onset_s` and `change`.
+    #[schema(value_type = Option<Object>)]
+    details: Option<serde_json::Value>,
+}
+
+impl EventDocument {
+    /// The document of an event that has no number yet.
+    pub(crate) fn of(event: NewEvent) -> Self {
+        Self {
+            id: None,
+            robot: event.robot,
+            kind: event.kind,
+            time: time::of_ns(event.stamp_ns),
+            received: time::of_ns(event.received_ns),
+            source: event.source,
+            author: event.author,
+            note: event.note,
+            details: event.details,
+        }
+    }
+
+    fn of_record(record: EventRecord) -> Self {
+        Self {
+            id: Some(record.id),
+            ..Self::of(record.event)
+        }
+    }
+}
+
+/// A page of events, newest first.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+pub(super) struct EventPage {
+    items: Vec<EventDocument>,
+    /// `cursor` of the next page; absent on the last one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    next: Option<String>,
+}
+
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub(super) struct EventParameters {
+    /// Events of a page, 1 to 1000.
+    #[param(value_type = Option<u32>)]
+    limit: Option<String>,
+    /// `next` of the page before.
+    cursor: Option<String>,
+}
+
+/// Lists what happened to a robot, newest first.
+#[utoipa::path(
+    get,
+    path = "/robots/{id}/events",
+    tag = "robots",
+    params(("id" = RobotId, Path, description = "The robot."), EventParameters),
+    responses(
+        (status = OK, description = "A page of events", body = EventPage),
+        (status = NOT_FOUND, description = "The robot is unknown"),
+    )
+)]
+pub(super) async fn list_events(
+    State(api): State<ApiState>,
+    RobotPath(id): RobotPath,
+    Parameters(query): Parameters<EventParameters>,
+) -> Result<Json<EventPage>, Problem> {
+    let limit = page_limit(query.limit.as_deref())?;
+    let before = query.cursor.as_deref().map(number_of).transpose()?;
+    known(&api, &id)?;
+    let mut records = api.store.events(&id, before, with_next(limit)).await?;
+    let next = cut(&mut records, limit, |last| last.id.to_string());
+    let items = records.into_iter().map(EventDocument::of_record).collect();
+    Ok(Json(EventPage { items, next }))
+}
+
+/// A note that a person or tool attaches to a robot's history. Its author is the caller.
+#[derive(Debug, Deserialize, utoipa::ToSchema)]
+#[schema(as = NewEvent)]
+#[serde(deny_unknown_fields)]
+pub(super) struct NewEventDocument {
+    /// What happened. After `reassembled` the calibration is compared with the stored one.
+    kind: NoteKind,
+    /// When, by the robot's clock; its latest estimate's time unless given.
+    #[serde(default)]
+    #[schema(value_type = Option<String>, format = DateTime)]
+    time: Option<Timestamp>,
+    /// In words, at most 1000 characters.
+    #[serde(default)]
+    #[schema(max_length = 1000)]
+    note: String,
+}
+
+/// Attaches a note to a robot's history, such as "the LiDAR was taken off and put back". With an
+/// `Idempotency-Key` a request that is sent again is answered with the same event.
+#[utoipa::path(
+    post,
+    path = "/robots/{id}/events",
+    tag = "robots",
+    params(
+        ("id" = RobotId, Path, description = "The robot."),
+        ("Idempotency-Key" = Option<String>, Header,
+            description = "The same for each repetition of a request, at most 128 characters."),
+    ),
+    request_body = NewEventDocument,
+    responses(
+        (status = CREATED, description = "The stored event", body = EventDocument),
+        (status = NOT_FOUND, description = "The robot is unknown"),
+        (status = UNPROCESSABLE_ENTITY,
+            description = "The `Idempotency-Key` came with another request, or the body does not fit"),
+    )
+)]
+pub(super) async fn post_event(
+    State(api): State<ApiState>,
+    RobotPath(id): RobotPath,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+    caller: Caller,
+    headers: HeaderMap,
+    Body {
+        value: body,
+        sha256,
+    }: Body<NewEventDocument>,
+) -> Result<Response, Problem> {
+    let view = known(&api, &id)?;
+    let key = idempotency_key(&headers, sha256)?;
+    check_length("note", &body.note, limits::NOTE_CHARS_MAX)?;
+    let stamp_ns = stamp_of(&body, &view, api.clock.now_ns())?;
+    let note = RobotEvent {
+        kind: body.kind,
+        stamp_ns,
+        note: body.note,
+    };
+    let event = NewEvent {
+        robot: id.clone(),
+        kind: kind_of_note(note.kind),
+        stamp_ns,
+        received_ns: api.clock.now_ns(),
+        source: EventSource::Person,
+        author: Some(caller.actor.name.clone()),
+        note: Some(note.note.clone()).filter(|note| !note.is_empty()),
+        details: None,
+    };
+    let record = api.store.record_event(event, caller.actor, key).await?;
+    if !record.repeated
+        && let Err(refused) = api.fleet.note(&id, &note)
+    {
+        // It is stored, so the client must not send it again.
+        tracing::error!(robot.id = %id, %refused, "a note did not reach the estimator");
+    }
+    Ok((StatusCode::CREATED, Json(EventDocument::of_record(record))).into_response())
+}
+
+fn known(api: &ApiState, id: &RobotId) -> Result<RobotView, Problem> {
+    api.fleet
+        .robot(id)
+        .ok_or_else(|| Problem::robot_unknown(id.as_str()))
+}
+
+/// When a note's event happened.
+fn stamp_of(body: &NewEventDocument, view: &RobotView, now_ns: i64) -> Result<i64, Problem> {
+    let Some(time) = body.time else {
+        return Ok(view
+            .estimate
+            .as_ref()
+            .map_or(now_ns, |estimate| estimate.stamp_ns));
+    };
+    i64::try_from(time.as_nanosecond())
+        .ok()
+        .filter(|stamp_ns| *stamp_ns > 0)
+        .ok_or_else(|| Problem::refused("time", &time.to_string(), "a time between 1970 and 2262"))
+}

@@ -1,0 +1,40 @@
+//! The robots: list, registration, estimate, history and events.
+
+mod config;
+mod connection;
+mod cross_track;
+mod document;
+mod estimate;
+mod events;
+mod history;
+mod list;
+mod manoeuvres;
+mod plan;
+mod registration;
+mod session;
+
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::ApiState;
+
+pub(super) use connection::connection_state;
+pub(super) use document::{RobotStateDocument, state_document};
+pub(super) use events::EventDocument;
+pub(super) use list::SortSchema;
+pub(super) use session::Sessions;
+
+/// The routes under `/robots`.
+pub(super) fn routes() -> OpenApiRouter<ApiState> {
+    OpenApiRouter::new()
+        .routes(routes!(list::list_robots))
+        .routes(routes!(registration::get_robot, registration::put_robot))
+        .routes(routes!(estimate::get_estimate))
+        .routes(routes!(history::get_history))
+        .routes(routes!(cross_track::get_cross_track_error))
+        .routes(routes!(manoeuvres::get_manoeuvres))
+        .routes(routes!(plan::get_plan))
+        .routes(routes!(session::record_session))
+        .routes(routes!(connection::put_maintenance))
+        .routes(routes!(events::list_events, events::post_event))
+}

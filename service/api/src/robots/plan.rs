@@ -1,0 +1,134 @@
+//! `GET /robots/{id}/plan`: a robot seen from above.
+
+use axum::Json;
+use axum::extract::State;
+use fleetcal_estimator::calibrator::{Plan, TrajectoryPoint};
+use fleetcal_model::Pose2;
+use fleetcal_proto::RobotId;
+use serde::Serialize;
+
+use crate::ApiState;
+use crate::extract::{NoParameters, Parameters, RobotPath};
+use crate::problem::Problem;
+
+/// A robot seen from above: its latest sweep on the local map, and how it came here by what the
+/// LiDAR says and by what raw and corrected steering say. All in the LiDAR's odometry frame.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[schema(as = Plan)]
+pub(super) struct PlanDocument {
+    /// Time of the latest sweep or pose, ns since 1970 by the robot's clock.
+    stamp_ns: i64,
+    /// The LiDAR's pose then.
+    lidar: PlanPose,
+    /// Where the LiDAR sits on the vehicle, as estimated: its pose from the rear axle's centre;
+    /// null before the first guess.
+    lidar_in_base: Option<PlanPose>,
+    /// Whether the sweep fits nowhere on the map: its pose is a guess.
+    lost: bool,
+    /// Returns of the latest sweep, corrected for the motion within it: x and y, m. Empty for a
+    /// robot that sends poses.
+    returns_m: Vec<[f64; 2]>,
+    /// Surfaces of the local map, a point for each cell of 10 cm, the nearest 4096 within 30 m: x
+    /// and y, m. Empty for a robot that sends poses.
+    surfaces_m: Vec<[f64; 2]>,
+    /// How the rear axle came here, oldest first: the last 20 m, or as far back as a stretch without
+    /// a gap goes. Empty before the first guess.
+    trajectory: Vec<PlanPoint>,
+    /// Length of the trajectory, m by the wheels.
+    distance_m: f64,
+}
+
+/// A pose in the plane.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+struct PlanPose {
+    /// x, m.
+    x_m: f64,
+    /// y, m.
+    y_m: f64,
+    /// Heading, counter-clockwise, rad.
+    yaw_rad: f64,
+}
+
+/// Where the rear axle's centre was at one time: x and y, m. The two steerings begin where the
+/// LiDAR says, and are speed and steering alone from there.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+struct PlanPoint {
+    /// The time, ns since 1970 by the robot's clock.
+    stamp_ns: i64,
+    /// By LiDAR odometry and the estimated mount.
+    by_lidar_m: [f64; 2],
+    /// By the steering as it was measured.
+    by_raw_steering_m: [f64; 2],
+    /// By the steering with the estimated offset taken off.
+    by_corrected_steering_m: [f64; 2],
+}
+
+impl PlanPose {
+    fn of(pose: Pose2) -> Self {
+        let Pose2 { x_m, y_m, yaw_rad } = pose.wrapped();
+        let [x_m, y_m] = rounded([x_m, y_m]);
+        Self {
+            x_m,
+            y_m,
+            yaw_rad: (yaw_rad * 1e4).round() / 1e4,
+        }
+    }
+}
+
+impl PlanPoint {
+    fn of(point: &TrajectoryPoint) -> Self {
+        let at = |pose: Pose2| rounded([pose.x_m, pose.y_m]);
+        Self {
+            stamp_ns: point.stamp.0,
+            by_lidar_m: at(point.by_lidar),
+            by_raw_steering_m: at(point.by_raw_steering),
+            by_corrected_steering_m: at(point.by_corrected_steering),
+        }
+    }
+}
+
+impl PlanDocument {
+    fn of(plan: &Plan) -> Self {
+        let seen = plan.surroundings.as_ref();
+        let all = |points: &[[f64; 2]]| points.iter().copied().map(rounded).collect();
+        Self {
+            stamp_ns: plan.stamp.0,
+            lidar: PlanPose::of(plan.lidar_in_odom),
+            lidar_in_base: plan.lidar_in_base.map(PlanPose::of),
+            lost: seen.is_some_and(|seen| seen.is_lost),
+            returns_m: seen.map_or_else(Vec::new, |seen| all(&seen.returns_m)),
+            surfaces_m: seen.map_or_else(Vec::new, |seen| all(&seen.surfaces_m)),
+            trajectory: plan.trajectory.iter().map(PlanPoint::of).collect(),
+            distance_m: plan.distance_m,
+        }
+    }
+}
+
+/// To the millimetre: a drawing shows no more, and the answer is half as long.
+fn rounded(point: [f64; 2]) -> [f64; 2] {
+    point.map(|m| (m * 1e3).round() / 1e3)
+}
+
+/// Gives a robot seen from above, as its estimator sees it now; null before the first sweep or pose.
+#[utoipa::path(
+    get,
+    path = "/robots/{id}/plan",
+    tag = "robots",
+    params(("id" = RobotId, Path, description = "The robot.")),
+    responses(
+        (status = OK, description = "The robot from above; null before its first sweep or pose",
+            body = Option<PlanDocument>),
+        (status = NOT_FOUND, description = "The robot is unknown"),
+        (status = CONFLICT, description = "The robot is not registered"),
+        (status = SERVICE_UNAVAILABLE,
+            description = "Too many requests for this plan, or the request took too long"),
+    )
+)]
+pub(super) async fn get_plan(
+    State(api): State<ApiState>,
+    RobotPath(id): RobotPath,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+) -> Result<Json<Option<PlanDocument>>, Problem> {
+    let plan = api.fleet.plan(&id).await?;
+    Ok(Json(plan.as_deref().map(PlanDocument::of)))
+}

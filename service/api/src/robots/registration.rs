@@ -1,0 +1,159 @@
+//! `GET` and `PUT /robots/{id}`: a robot and its configuration.
+
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::Response;
+use fleetcal_domain::access::Actor;
+use fleetcal_domain::limits;
+use fleetcal_domain::robot::RobotConfig;
+use fleetcal_domain::streams::RobotStreams;
+use fleetcal_fleet::FleetRefused;
+use fleetcal_proto::RobotId;
+use fleetcal_store::Expected;
+
+use super::config::RobotConfigSchema;
+use super::document::RobotDocument;
+use crate::ApiState;
+use crate::access::Caller;
+use crate::etag::{expected, versioned_json};
+use crate::extract::{Body, NoParameters, Parameters, RobotPath};
+use crate::problem::Problem;
+
+/// Gives one robot: its state, what it sends, and its configuration. The `ETag` is the version of
+/// the configuration.
+#[utoipa::path(
+    get,
+    path = "/robots/{id}",
+    tag = "robots",
+    params(("id" = RobotId, Path, description = "The robot.")),
+    responses(
+        (status = OK, description = "The robot", body = RobotDocument,
+            headers(("ETag" = String, description = "Version of the configuration."))),
+        (status = NOT_FOUND, description = "The robot is unknown"),
+    )
+)]
+pub(super) async fn get_robot(
+    State(api): State<ApiState>,
+    RobotPath(id): RobotPath,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+) -> Result<Response, Problem> {
+    answer(&api, &id, StatusCode::OK).await
+}
+
+/// Registers a robot or changes its configuration. The first configuration is sent with
+/// `If-None-Match: *`, a change with `If-Match` and the `ETag` of `GET`. A robot whose
+/// configuration changes begins its estimate anew.
+#[utoipa::path(
+    put,
+    path = "/robots/{id}",
+    tag = "robots",
+    params(
+        ("id" = RobotId, Path, description = "The robot."),
+        ("If-Match" = Option<String>, Header, description = "The ETag of GET."),
+        ("If-None-Match" = Option<String>, Header, description = "`*` for a new robot."),
+    ),
+    request_body = RobotConfigSchema,
+    responses(
+        (status = OK, description = "The changed robot", body = RobotDocument,
+            headers(("ETag" = String, description = "Version of the configuration."))),
+        (status = CREATED, description = "The registered robot", body = RobotDocument,
+            headers(("ETag" = String, description = "Version of the configuration."))),
+        (status = CONFLICT, description = "The limit of robots is reached"),
+        (status = PRECONDITION_FAILED,
+            description = "The configuration has changed since `If-Match`, or exists despite `If-None-Match`"),
+        (status = PRECONDITION_REQUIRED,
+            description = "Neither `If-Match` nor `If-None-Match` is given"),
+    )
+)]
+pub(super) async fn put_robot(
+    State(api): State<ApiState>,
+    RobotPath(id): RobotPath,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+    caller: Caller,
+    headers: HeaderMap,
+    Body { value: config, .. }: Body<RobotConfig>,
+) -> Result<Response, Problem> {
+    let expected = expected(&headers)?;
+    check_room(&api, &id)?;
+    check_prefix(&api, &id, &config)?;
+    // A task of its own: what is stored reaches the fleet, even if the client goes away meanwhile.
+    let registered = tokio::spawn(register(
+        api.clone(),
+        id.clone(),
+        config,
+        expected,
+        caller.actor,
+    ));
+    let version = registered.await.map_err(|_| Problem::panicked())??;
+    let status = if version == 1 {
+        StatusCode::CREATED
+    } else {
+        StatusCode::OK
+    };
+    answer(&api, &id, status).await
+}
+
+/// Stores the configuration and gives it to the fleet; gives its version.
+async fn register(
+    api: ApiState,
+    id: RobotId,
+    config: RobotConfig,
+    expected: Expected,
+    actor: Actor,
+) -> Result<u64, Problem> {
+    let version = api.store.save_robot(&id, &config, expected, actor).await?;
+    api.fleet.configure(&id, config)?;
+    Ok(version)
+}
+
+/// Refuses a robot that the fleet would have no room for, before it is stored.
+fn check_room(api: &ApiState, id: &RobotId) -> Result<(), Problem> {
+    let robots = api.fleet.robots();
+    let configured = robots
+        .iter()
+        .filter(|robot| robot.config.is_some() && robot.id != *id);
+    if configured.count() >= limits::ROBOTS_MAX {
+        return Err(FleetRefused::RobotsMax.into());
+    }
+    Ok(())
+}
+
+/// Refuses a prefix that is another robot's: its messages would be taken for this one's.
+fn check_prefix(api: &ApiState, id: &RobotId, config: &RobotConfig) -> Result<(), Problem> {
+    let Some(prefix) = &config.streams.fields().prefix else {
+        return Ok(());
+    };
+    let has_it = |streams: &RobotStreams| streams.fields().prefix.as_ref() == Some(prefix);
+    let streams = api.fleet.streams();
+    let mut others = streams.iter().filter(|(other, _)| *other != id);
+    match others.find(|(_, streams)| has_it(streams)) {
+        None => Ok(()),
+        Some((other, _)) => {
+            let accepted = format!("one that no other robot has; this is that of {other}");
+            Err(Problem::refused(
+                "streams.prefix",
+                prefix.as_str(),
+                &accepted,
+            ))
+        }
+    }
+}
+
+async fn answer(api: &ApiState, id: &RobotId, status: StatusCode) -> Result<Response, Problem> {
+    let view = api
+        .fleet
+        .robot(id)
+        .ok_or_else(|| Problem::robot_unknown(id.as_str()))?;
+    let record = api.store.load_robot(id).await?;
+    let document = RobotDocument::of(
+        view,
+        record.as_ref(),
+        &api.clerk.ledger(id),
+        api.clock.now_ns(),
+    );
+    Ok(versioned_json(
+        status,
+        record.map_or(0, |record| record.version),
+        document,
+    ))
+}

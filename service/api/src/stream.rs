@@ -1,0 +1,355 @@
+//! `GET /stream`: live updates as server-sent events.
+//!
+//! One task writes each update once, however many listen; each listener gets what it asked for.
+
+use std::convert::Infallible;
+use std::sync::Arc;
+
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::sse::{Event, KeepAlive, Sse};
+use axum::response::{IntoResponse, Response};
+use fleetcal_clock::SharedClock;
+use fleetcal_domain::alert::AlertDocument;
+use fleetcal_domain::limits;
+use fleetcal_fleet::FleetHandle;
+use fleetcal_fleet::live::LiveUpdate;
+use fleetcal_http::{PeerAddress, Share, Shares, Turned, compressed};
+use fleetcal_proto::RobotId;
+use fleetcal_store::NewEvent;
+use futures::{StreamExt, stream};
+use serde::{Deserialize, Serialize};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, broadcast};
+use tokio::time::MissedTickBehavior;
+use tokio_stream::wrappers::BroadcastStream;
+use tokio_util::sync::CancellationToken;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::ApiState;
+use super::access::{Caller, permission_ended};
+use super::extract::Parameters;
+use super::problem::Problem;
+use super::robots::{EventDocument, state_document};
+use super::rows::Rows;
+use super::topics::{EventName, Topics, Wanted};
+
+/// One update, written out.
+#[derive(Debug)]
+struct Frame {
+    id: u64,
+    name: EventName,
+    /// Whom it is about; `None` for all.
+    robot: Option<RobotId>,
+    data: String,
+}
+
+/// Where listeners of the event stream come to.
+#[derive(Debug, Clone)]
+pub(super) struct StreamHub {
+    frames: broadcast::Sender<Arc<Frame>>,
+    places: Arc<Semaphore>,
+    of_caller: Shares,
+    of_address: Shares,
+    stop: CancellationToken,
+}
+
+/// The place of one listener, which is free again when this goes.
+#[derive(Debug)]
+struct ListenerPlace {
+    _place: OwnedSemaphorePermit,
+    _of_caller: Share,
+    _of_address: Share,
+}
+
+impl StreamHub {
+    /// Starts to write out what the fleet tells, until `stop`.
+    pub(super) fn start(fleet: &FleetHandle, clock: SharedClock, stop: CancellationToken) -> Self {
+        let (frames, _) = broadcast::channel(limits::LIVE_UPDATES_MAX);
+        let hub = Self {
+            frames,
+            places: Arc::new(Semaphore::new(limits::HTTP_STREAMS_MAX)),
+            of_caller: Shares::new(limits::HTTP_STREAMS_PER_CALLER_MAX),
+            of_address: Shares::new(limits::HTTP_STREAMS_PER_ADDRESS_MAX),
+            stop,
+        };
+        tokio::spawn(hub.clone().write_out(fleet.live(), clock));
+        hub
+    }
+
+    /// A place for one more listener, unless there are too many of all, of this caller, or of this
+    /// address.
+    fn place(&self, caller: &Caller, address: PeerAddress) -> Result<ListenerPlace, Problem> {
+        let of_caller = self.of_caller.take(caller.actor.key()).ok_or_else(|| {
+            let detail = format!(
+                "{} has {} event streams already, which is the limit",
+                caller.actor.name,
+                limits::HTTP_STREAMS_PER_CALLER_MAX
+            );
+            Problem::new(StatusCode::TOO_MANY_REQUESTS, "streams_of_caller", detail)
+        })?;
+        let of_address = self.of_address.take(address.key()).ok_or_else(|| {
+            let detail = format!(
+                "{} event streams come from this address already, which is the limit",
+                limits::HTTP_STREAMS_PER_ADDRESS_MAX
+            );
+            Problem::new(StatusCode::TOO_MANY_REQUESTS, "streams_of_address", detail)
+        })?;
+        let place = Arc::clone(&self.places).try_acquire_owned().map_err(|_| {
+            let detail = format!(
+                "{} listen already, which is the limit",
+                limits::HTTP_STREAMS_MAX
+            );
+            Problem::new(StatusCode::SERVICE_UNAVAILABLE, "streams_full", detail)
+        })?;
+        Ok(ListenerPlace {
+            _place: place,
+            _of_caller: of_caller,
+            _of_address: of_address,
+        })
+    }
+
+    async fn write_out(self, mut live: broadcast::Receiver<LiveUpdate>, clock: SharedClock) {
+        let mut id = 0;
+        let mut rows = Rows::default();
+        let mut ticks = tokio::time::interval(limits::HTTP_STREAM_ROWS_EVERY);
+        ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            let update = tokio::select! {
+                () = self.stop.cancelled() => return,
+                _ = ticks.tick() => None,
+                update = live.recv() => Some(update),
+            };
+            if self.frames.receiver_count() == 0 {
+                // Whoever comes reads the robots first, and hears of what is new since.
+                rows = Rows::default();
+                if !matches!(update, Some(Err(broadcast::error::RecvError::Closed))) {
+                    continue;
+                }
+            }
+            id += 1;
+            let Some(update) = update else {
+                self.tell(rows_frame(id, &mut rows));
+                continue;
+            };
+            if let Ok(LiveUpdate::Estimate { robot, document }) = &update {
+                rows.take(robot, document);
+            }
+            let frame = match update {
+                Ok(update) => frame(id, &update, clock.now_ns()),
+                Err(broadcast::error::RecvError::Lagged(_)) => Some(resync(id)),
+                Err(broadcast::error::RecvError::Closed) => return,
+            };
+            self.tell(frame);
+        }
+    }
+
+    fn tell(&self, frame: Option<Frame>) {
+        if let Some(frame) = frame {
+            // Nobody listens any more: nothing is lost.
+            drop(self.frames.send(Arc::new(frame)));
+        }
+    }
+}
+
+/// The rows that have changed; `None` when none has.
+fn rows_frame(id: u64, rows: &mut Rows) -> Option<Frame> {
+    let new = rows.take_new();
+    Some(Frame {
+        id,
+        name: EventName::Rows,
+        robot: None,
+        data: json(&new).filter(|_| !new.is_empty())?,
+    })
+}
+
+fn frame(id: u64, update: &LiveUpdate, now_ns: i64) -> Option<Frame> {
+    let (name, robot, data) = match update {
+        LiveUpdate::Estimate { robot, document } => {
+            (EventName::Estimate, Some(robot), json(document.as_ref())?)
+        }
+        LiveUpdate::RobotState {
+            robot,
+            state,
+            stale,
+            alive,
+        } => (
+            EventName::RobotState,
+            Some(robot),
+            json(&state_document(robot, *state, *stale, *alive))?,
+        ),
+        LiveUpdate::Approval { robot } => {
+            let data = json(&ApprovalUpdate { robot })?;
+            (EventName::Approval, Some(robot), data)
+        }
+        LiveUpdate::Alert { robot, alert } => {
+            let data = json(&AlertDocument::of(alert))?;
+            (EventName::Alert, robot.as_ref(), data)
+        }
+        LiveUpdate::Hold => (EventName::Hold, None, "{}".to_owned()),
+        LiveUpdate::Policy => (EventName::Policy, None, "{}".to_owned()),
+        LiveUpdate::Event { robot, event } => {
+            let document = EventDocument::of(NewEvent::of(robot, event, now_ns));
+            (EventName::Event, Some(robot), json(&document)?)
+        }
+    };
+    Some(Frame {
+        id,
+        name,
+        robot: robot.cloned(),
+        data,
+    })
+}
+
+/// A proposal, deployment or shadow of a robot has changed.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+pub(super) struct ApprovalUpdate<'a> {
+    /// The robot.
+    robot: &'a RobotId,
+}
+
+fn json<T: Serialize>(document: &T) -> Option<String> {
+    serde_json::to_string(document)
+        .inspect_err(|error| tracing::error!(%error, "a live update cannot be written"))
+        .ok()
+}
+
+/// Tells a listener that it missed something and should read again what it shows.
+fn resync(id: u64) -> Frame {
+    Frame {
+        id,
+        name: EventName::Resync,
+        robot: None,
+        data: "{}".to_owned(),
+    }
+}
+
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub(super) struct StreamParameters {
+    /// Only updates of this robot; of all unless given.
+    #[param(value_type = Option<RobotId>)]
+    robot: Option<String>,
+    /// Only these topics, separated by commas: `fleet` (lean rows and states of all robots),
+    /// `robot:ID` (everything about this robot), `alerts`, `approvals`, `site` (policy and
+    /// deployment freeze). At most 8.
+    topics: Option<String>,
+}
+
+/// Streams live updates as server-sent events.
+///
+/// A client that accepts gzip gets it, each event flushed by itself. The data of each event is JSON:
+/// - `estimate`: an `EstimateDocument`, once a second for each robot;
+/// - `rows`: a list of `RobotRow`, once a second, of the robots whose shown values have changed;
+///   only with the topic `fleet`;
+/// - `robot_state`: a `RobotStateUpdate`;
+/// - `event`: an `Event`;
+/// - `approval`: an `ApprovalUpdate`. A proposal, deployment or shadow of its robot has changed;
+/// - `alert`: an `Alert`, on each change. The state `normal` ends it;
+/// - `hold`, `policy`: the deployment freeze or the approval policy has changed, with an empty object;
+/// - `ready`: the first event of a new client, with an empty object;
+/// - `resync`: the first event of a client that returns with `Last-Event-ID`, and the event after
+///   missed updates, with an empty object. The client reads again what it shows.
+#[utoipa::path(
+    get,
+    path = "/stream",
+    tag = "live",
+    params(StreamParameters),
+    responses(
+        (status = OK, description = "Server-sent events", body = String,
+            content_type = "text/event-stream"),
+        (status = TOO_MANY_REQUESTS,
+            description = "The caller or its address has too many event streams"),
+        (status = SERVICE_UNAVAILABLE,
+            description = "Too many listeners, or the database is unavailable"),
+    )
+)]
+pub(super) async fn get_stream(
+    State(api): State<ApiState>,
+    Parameters(query): Parameters<StreamParameters>,
+    caller: Caller,
+    address: PeerAddress,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let wanted = wanted(&query)?;
+    let gzip = compressed::is_accepted(&headers);
+    let hub = api.stream.clone();
+    let place = hub
+        .place(&caller, address)
+        .inspect_err(|_| api.connections.count(Turned::Streams))?;
+    let first = if headers.contains_key("last-event-id") {
+        EventName::Resync
+    } else {
+        EventName::Ready
+    };
+    let first = Event::default()
+        .event(first.as_str())
+        .data("{}")
+        .retry(limits::HTTP_STREAM_RETRY);
+    let updates = BroadcastStream::new(hub.frames.subscribe())
+        .filter_map(move |frame| std::future::ready(event(frame.ok(), &wanted)))
+        .take_until(hub.stop.cancelled_owned())
+        .take_until(Box::pin(permission_ended(api, caller)));
+    let events = stream::once(std::future::ready(first)).chain(updates);
+    let keep_alive = KeepAlive::new().interval(limits::HTTP_STREAM_KEEP_ALIVE);
+    let stream = Sse::new(holding(place, events)).keep_alive(keep_alive);
+    let response = stream.into_response();
+    Ok(if gzip {
+        compressed::gzip(response)
+    } else {
+        response
+    })
+}
+
+/// The stream of one listener, whose place is free again when the stream goes.
+fn holding(
+    place: ListenerPlace,
+    events: impl stream::Stream<Item = Event>,
+) -> impl stream::Stream<Item = Result<Event, Infallible>> {
+    events.map(move |event| {
+        let _held = &place;
+        Ok(event)
+    })
+}
+
+/// A frame as an event; `None` for a frame that the listener did not ask for. A listener that
+/// lagged behind and lost frames is told to read again.
+fn event(frame: Option<Arc<Frame>>, wanted: &Wanted) -> Option<Event> {
+    let Some(frame) = frame else {
+        return Some(
+            Event::default()
+                .event(EventName::Resync.as_str())
+                .data("{}"),
+        );
+    };
+    let is_wanted = wanted.includes(frame.name, frame.robot.as_ref());
+    is_wanted.then(|| {
+        Event::default()
+            .id(frame.id.to_string())
+            .event(frame.name.as_str())
+            .data(frame.data.as_str())
+    })
+}
+
+fn wanted(query: &StreamParameters) -> Result<Wanted, Problem> {
+    match (&query.robot, &query.topics) {
+        (None, None) => Ok(Wanted::All),
+        (Some(robot), None) => Ok(Wanted::OfRobot(robot_named(robot)?)),
+        (None, Some(topics)) => Topics::parse(topics).map(Wanted::Topics),
+        (Some(_), Some(topics)) => {
+            Err(Problem::refused("topics", topics, "either robot or topics"))
+        }
+    }
+}
+
+fn robot_named(id: &str) -> Result<RobotId, Problem> {
+    RobotId::parse(id).map_err(|error| {
+        Problem::new(StatusCode::BAD_REQUEST, "value_refused", error.to_string()).of_field("robot")
+    })
+}
+
+/// The route of the event stream.
+pub(super) fn routes() -> OpenApiRouter<ApiState> {
+    OpenApiRouter::new().routes(routes!(get_stream))
+}

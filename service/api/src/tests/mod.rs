@@ -1,0 +1,316 @@
+//! Every route as a client sees it.
+
+mod access;
+mod alerts;
+mod approval;
+mod description;
+mod permission;
+mod policy;
+mod robots;
+mod server;
+mod service;
+mod session;
+mod stream;
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use axum::Router;
+use axum::body::Body;
+use axum::http::{HeaderMap, Request, StatusCode};
+use fleetcal_clock::MockClock;
+use fleetcal_domain::access::{AccountName, Actor, Grant, Role, SetupCode, TokenValue};
+use fleetcal_domain::alert::AlertPolicy;
+use fleetcal_domain::approval::Policy;
+use fleetcal_domain::robot::RobotConfig;
+use fleetcal_estimator::EstimatorSettings;
+use fleetcal_fleet::{FleetHandle, FleetSetup};
+use fleetcal_http::TrustedProxies;
+use fleetcal_operations::clerk::{Clerk, ClerkSetup};
+use fleetcal_operations::courier::{Courier, CourierSetup};
+use fleetcal_operations::sentry::{Sentry, SentrySetup};
+use fleetcal_proto::RobotId;
+use fleetcal_proto::signing::SigningKey;
+use fleetcal_store::{Expected, Store, TokenChange};
+use futures::StreamExt;
+use serde_json::Value;
+use tempfile::TempDir;
+use tokio::sync::watch;
+use tokio_util::sync::CancellationToken;
+use tower::ServiceExt;
+
+use super::{AccessSetup, ApiSetup, Connections, router};
+
+/// 2026-01-01T00:00:00Z.
+const NOW_NS: i64 = 1_767_225_600_000_000_000;
+
+/// A service without its Zenoh link. Requests without a credential of their own are sent with the
+/// token of an administrator named "tester".
+struct Bench {
+    setup: ApiSetup,
+    routes: Router,
+    fleet: FleetHandle,
+    clerk: Clerk,
+    store: Store,
+    link_open: watch::Sender<bool>,
+    stop: CancellationToken,
+    clock: Arc<MockClock>,
+    token: String,
+    setup_code: String,
+    _folder: TempDir,
+}
+
+/// What a client was answered.
+struct Answer {
+    status: StatusCode,
+    headers: HeaderMap,
+    body: String,
+}
+
+fn config() -> RobotConfig {
+    serde_json::from_str(r#"{"model": "bicycle", "wheelbase_m": 1.2}"#).unwrap()
+}
+
+fn robot(name: &str) -> RobotId {
+    RobotId::parse(name).unwrap()
+}
+
+/// A service that knows these robots.
+async fn bench(robots: &[&str]) -> Bench {
+    bench_of(robots, BTreeMap::new()).await
+}
+
+/// A service that was started again; it heard these robots before.
+async fn bench_after_restart(robots: &[&str]) -> Bench {
+    let heard_ns = NOW_NS - 60 * 1_000_000_000;
+    let heard = robots.iter().map(|name| (robot(name), heard_ns));
+    bench_of(robots, heard.collect()).await
+}
+
+async fn bench_of(robots: &[&str], last_heard_ns: BTreeMap<RobotId, i64>) -> Bench {
+    let folder = tempfile::tempdir().unwrap();
+    let clock = MockClock::at(NOW_NS);
+    let store = fleetcal_sqlite::open(folder.path(), clock.clone())
+        .await
+        .unwrap();
+    for name in robots {
+        store
+            .save_robot(&robot(name), &config(), Expected::Absent, Actor::service())
+            .await
+            .unwrap();
+    }
+    let fleet = FleetHandle::start(FleetSetup {
+        clock: clock.clone(),
+        journal: Arc::new(store.clone()),
+        estimator: EstimatorSettings::default(),
+        robots: robots.iter().map(|name| (robot(name), config())).collect(),
+        cross_tracks: BTreeMap::new(),
+        checkpoints: BTreeMap::new(),
+        last_heard_ns,
+    });
+    let clerk = Clerk::start(ClerkSetup {
+        store: store.clone(),
+        fleet: fleet.clone(),
+        clock: clock.clone(),
+        policy: Policy::default(),
+        key: SigningKey::from_bytes(&[7; 32]),
+    })
+    .await
+    .unwrap();
+    let (sentry, courier) = watchers(&store, &fleet, &clerk, &clock).await;
+    let (link_open, is_open) = watch::channel(true);
+    let stop = CancellationToken::new();
+    let (setup_code, setup_text) = SetupCode::new(&[0xab; 32], NOW_NS);
+    let setup = ApiSetup {
+        fleet: fleet.clone(),
+        clerk: clerk.clone(),
+        sentry,
+        courier,
+        store: store.clone(),
+        clock: clock.clone(),
+        link_open: is_open,
+        access: AccessSetup {
+            public_url: None,
+            setup_code: Some(setup_code),
+        },
+        connections: Connections::new(clock.clone(), TrustedProxies::default()),
+        stop: stop.clone(),
+    };
+    let routes = router(setup.clone());
+    let token = token(&store, "tester", grant(Role::Admin), None).await;
+    Bench {
+        setup,
+        routes,
+        fleet,
+        clerk,
+        store,
+        link_open,
+        stop,
+        clock,
+        token,
+        setup_code: setup_text,
+        _folder: folder,
+    }
+}
+
+/// Those who look for what is wrong and tell it.
+async fn watchers(
+    store: &Store,
+    fleet: &FleetHandle,
+    clerk: &Clerk,
+    clock: &Arc<MockClock>,
+) -> (Sentry, Courier) {
+    let sentry = Sentry::start(SentrySetup {
+        store: store.clone(),
+        fleet: fleet.clone(),
+        clerk: clerk.clone(),
+        clock: clock.clone(),
+        policy: AlertPolicy::default(),
+    });
+    let courier = Courier::start(CourierSetup {
+        store: store.clone(),
+        clock: clock.clone(),
+        jitter: fleetcal_operations::entropy::jitter,
+    });
+    (sentry.await.unwrap(), courier)
+}
+
+/// A role; of a robot, that of robot `a`.
+fn grant(role: Role) -> Grant {
+    Grant::of_token(role, (role == Role::Robot).then(|| robot("a"))).unwrap()
+}
+
+/// Makes a token as the command line does.
+async fn token(store: &Store, name: &str, grant: Grant, expires_ns: Option<i64>) -> String {
+    let mut random = [0; 32];
+    random[..name.len()].copy_from_slice(name.as_bytes());
+    let value = TokenValue::new(&random);
+    let change = TokenChange::Create {
+        name: AccountName::parse(name).unwrap(),
+        grant,
+        hash: value.hash(),
+        expires_ns,
+        key: None,
+    };
+    store
+        .write_token(Actor::command_line(), change)
+        .await
+        .unwrap();
+    value.reveal().to_owned()
+}
+
+impl Bench {
+    /// Sends a request without a body.
+    async fn send(&self, method: &str, uri: &str, headers: &[(&str, &str)]) -> Answer {
+        self.send_body(method, uri, headers, "").await
+    }
+
+    async fn get(&self, uri: &str) -> Answer {
+        self.send("GET", uri, &[]).await
+    }
+
+    /// Sends a request with this body, as JSON unless a header says otherwise.
+    async fn send_body(
+        &self,
+        method: &str,
+        uri: &str,
+        headers: &[(&str, &str)],
+        body: impl Into<Body>,
+    ) -> Answer {
+        let request = self.request(method, uri, headers, body);
+        let response = self.routes.clone().oneshot(request).await.unwrap();
+        let (parts, body) = response.into_parts();
+        let bytes = axum::body::to_bytes(body, 16 << 20).await.unwrap();
+        let answer = Answer {
+            status: parts.status,
+            headers: parts.headers,
+            body: String::from_utf8_lossy(&bytes).into_owned(),
+        };
+        description::assert_described(method, uri, &answer);
+        answer
+    }
+
+    /// A request as [`Bench`] says; an empty `authorization` sends none.
+    fn request(
+        &self,
+        method: &str,
+        uri: &str,
+        headers: &[(&str, &str)],
+        body: impl Into<Body>,
+    ) -> Request<Body> {
+        let has = |wanted: &str| headers.iter().any(|(name, _)| *name == wanted);
+        let mut request = Request::builder().method(method).uri(uri);
+        if !has("content-type") {
+            request = request.header("content-type", "application/json");
+        }
+        if !has("authorization") && !has("cookie") {
+            request = request.header("authorization", format!("Bearer {}", self.token));
+        }
+        for (name, value) in headers {
+            if (*name, *value) != ("authorization", "") {
+                request = request.header(*name, *value);
+            }
+        }
+        request.body(body.into()).unwrap()
+    }
+
+    /// The first bytes of an answer that has no end.
+    async fn begin(&self, uri: &str, headers: &[(&str, &str)]) -> axum::body::BodyDataStream {
+        let request = self.request("GET", uri, headers, "");
+        let response = self.routes.clone().oneshot(request).await.unwrap();
+        assert_eq!(response.status(), StatusCode::OK);
+        response.into_body().into_data_stream()
+    }
+}
+
+impl Answer {
+    fn json(&self) -> Value {
+        serde_json::from_str(&self.body).unwrap()
+    }
+
+    fn header(&self, name: &str) -> &str {
+        self.headers
+            .get(name)
+            .map_or("", |value| value.to_str().unwrap())
+    }
+
+    /// Status and, of a problem, what it says; checks that it is a whole problem document.
+    fn told(&self) -> String {
+        let status = self.status.as_u16();
+        if status < 400 {
+            return status.to_string();
+        }
+        assert_eq!(
+            self.header("content-type"),
+            "application/problem+json",
+            "{}",
+            self.body
+        );
+        let problem = self.json();
+        assert_eq!(problem["type"], "about:blank");
+        assert_eq!(problem["status"], status);
+        assert_eq!(problem["title"], self.status.canonical_reason().unwrap());
+        let field = problem["field"].as_str().map(|field| format!(" [{field}]"));
+        let (code, detail) = (&problem["code"], &problem["detail"]);
+        format!(
+            "{status} {}{}: {}",
+            code.as_str().unwrap(),
+            field.unwrap_or_default(),
+            detail.as_str().unwrap()
+        )
+    }
+}
+
+/// The next event of a stream: its name and data.
+async fn next_event(stream: &mut axum::body::BodyDataStream) -> (String, String) {
+    let bytes = stream.next().await.unwrap().unwrap();
+    let text = String::from_utf8(bytes.to_vec()).unwrap();
+    let field = |name: &str| {
+        let prefix = format!("{name}: ");
+        text.lines()
+            .find_map(|line| line.strip_prefix(&prefix))
+            .unwrap_or("")
+            .to_owned()
+    };
+    (field("event"), field("data"))
+}

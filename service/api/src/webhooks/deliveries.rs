@@ -1,0 +1,131 @@
+//! `GET /webhooks/{id}/deliveries`: what became of what was told.
+
+use axum::Json;
+use axum::extract::{Path, State};
+use fleetcal_domain::webhook::{Attempt, Delivery, DeliveryState, WebhookEvent, WebhookRefused};
+use jiff::Timestamp;
+use serde::{Deserialize, Serialize};
+
+use super::one::webhook_number;
+use crate::ApiState;
+use crate::extract::{Parameters, number_of};
+use crate::page::{cut, page_limit, with_next};
+use crate::problem::Problem;
+use crate::time;
+
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub(super) struct DeliveryParameters {
+    /// Deliveries of a page, 1 to 1000.
+    #[param(value_type = Option<u32>)]
+    limit: Option<String>,
+    /// `next` of the page before.
+    cursor: Option<String>,
+}
+
+/// One message on its way to one receiver.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[schema(as = WebhookDelivery)]
+struct DeliveryDocument {
+    /// Its number.
+    id: u64,
+    /// The message's `webhook-id`.
+    message: String,
+    /// What it tells.
+    event: WebhookEvent,
+    state: DeliveryState,
+    /// When it happened.
+    #[schema(value_type = String, format = DateTime)]
+    created: Timestamp,
+    /// When it is tried next; `null` once it is finished.
+    #[schema(value_type = Option<String>, format = DateTime)]
+    due: Option<Timestamp>,
+    /// When it was taken or given up.
+    #[schema(value_type = Option<String>, format = DateTime)]
+    finished: Option<Timestamp>,
+    /// How many attempts there were.
+    attempts_made: u32,
+    /// The latest 20 of them, the oldest first.
+    attempts: Vec<AttemptDocument>,
+    /// What is told.
+    #[schema(value_type = Object)]
+    body: serde_json::Value,
+}
+
+/// One attempt at a delivery.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[schema(as = WebhookAttempt)]
+struct AttemptDocument {
+    #[schema(value_type = String, format = DateTime)]
+    time: Timestamp,
+    /// How long it took, ms.
+    took_ms: u64,
+    /// The HTTP status of the answer; `null` when there was none.
+    status: Option<u16>,
+    /// Why there was none.
+    error: Option<String>,
+}
+
+impl DeliveryDocument {
+    fn of(delivery: Delivery) -> Self {
+        let waits = delivery.state == DeliveryState::Waiting;
+        let attempt = |attempt: Attempt| AttemptDocument {
+            time: time::of_ns(attempt.at_ns),
+            took_ms: attempt.took_ms,
+            status: attempt.status,
+            error: attempt.error,
+        };
+        Self {
+            id: delivery.id,
+            message: delivery.message,
+            event: delivery.event,
+            state: delivery.state,
+            created: time::of_ns(delivery.created_ns),
+            due: waits.then(|| time::of_ns(delivery.due_ns)),
+            finished: delivery.finished_ns.map(time::of_ns),
+            attempts_made: delivery.attempts_made,
+            attempts: delivery.attempts.into_iter().map(attempt).collect(),
+            body: serde_json::from_str(&delivery.body).unwrap_or_default(),
+        }
+    }
+}
+
+/// A page of deliveries, newest first.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+pub(super) struct DeliveryPage {
+    items: Vec<DeliveryDocument>,
+    /// `cursor` of the next page; absent on the last one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    next: Option<String>,
+}
+
+/// Lists a webhook's messages, newest first, with what became of each: those that wait, and the
+/// latest 1000 that were taken or given up.
+#[utoipa::path(
+    get,
+    path = "/webhooks/{id}/deliveries",
+    tag = "alerts",
+    params(("id" = u64, Path, description = "The webhook."), DeliveryParameters),
+    responses(
+        (status = OK, description = "A page of deliveries", body = DeliveryPage),
+        (status = NOT_FOUND, description = "The webhook is unknown"),
+    )
+)]
+pub(super) async fn list_deliveries(
+    State(api): State<ApiState>,
+    Path(id): Path<String>,
+    Parameters(query): Parameters<DeliveryParameters>,
+) -> Result<Json<DeliveryPage>, Problem> {
+    let id = webhook_number(&id)?;
+    let limit = page_limit(query.limit.as_deref())?;
+    let before = query.cursor.as_deref().map(number_of).transpose()?;
+    let webhooks = api.store.webhooks().await?;
+    if !webhooks.iter().any(|webhook| webhook.id == id) {
+        return Err(WebhookRefused::Unknown(id).into());
+    }
+    let mut found = api.store.deliveries(id, before, with_next(limit)).await?;
+    let next = cut(&mut found, limit, |last| last.id.to_string());
+    let items = found.into_iter().map(DeliveryDocument::of).collect();
+    Ok(Json(DeliveryPage { items, next }))
+}

@@ -1,0 +1,204 @@
+//! `/webhooks`: who is told.
+
+use axum::Json;
+use axum::extract::{Path, State};
+use axum::http::StatusCode;
+use axum::response::{IntoResponse, Response};
+use fleetcal_domain::webhook::{Secret, Webhook, WebhookEvent, WebhookRefused, WebhookUrl};
+use fleetcal_operations::entropy;
+use fleetcal_store::{CreateWrite, DeleteWrite, WebhookWrite, WebhookWritten};
+use jiff::Timestamp;
+use serde::{Deserialize, Serialize};
+
+use crate::ApiState;
+use crate::access::Caller;
+use crate::extract::{Body, NoParameters, Parameters};
+use crate::problem::Problem;
+use crate::time;
+
+/// Somebody who is told.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[schema(as = Webhook)]
+pub(super) struct WebhookDocument {
+    /// Its number.
+    id: u64,
+    /// Where messages go.
+    url: String,
+    /// What it is told of.
+    events: Vec<WebhookEvent>,
+    /// Who made it.
+    created_by: String,
+    #[schema(value_type = String, format = DateTime)]
+    created: Timestamp,
+}
+
+impl WebhookDocument {
+    fn of(webhook: Webhook) -> Self {
+        Self {
+            id: webhook.id,
+            url: webhook.url.into(),
+            events: webhook.events,
+            created_by: webhook.created_by,
+            created: time::of_ns(webhook.created_ns),
+        }
+    }
+}
+
+/// Every webhook.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+pub(super) struct WebhookList {
+    items: Vec<WebhookDocument>,
+}
+
+/// Lists the webhooks, the oldest first. Their secrets are not shown again.
+#[utoipa::path(
+    get,
+    path = "/webhooks",
+    tag = "alerts",
+    responses(
+        (status = OK, description = "All webhooks, without their secrets", body = WebhookList),
+    )
+)]
+pub(super) async fn list_webhooks(
+    State(api): State<ApiState>,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+) -> Result<Json<WebhookList>, Problem> {
+    let webhooks = api.store.webhooks().await?;
+    let items = webhooks.into_iter().map(WebhookDocument::of).collect();
+    Ok(Json(WebhookList { items }))
+}
+
+/// A new webhook.
+#[derive(Debug, Deserialize, utoipa::ToSchema)]
+#[schema(as = NewWebhook)]
+#[serde(deny_unknown_fields)]
+pub(super) struct NewWebhookBody {
+    /// Where messages go: `http` or `https`, at most 2000 bytes, without user and password. The
+    /// service sends from its own network, so whoever may make webhooks can have it send requests to
+    /// addresses that only it can reach; of the answer nothing but the status is looked at.
+    #[schema(max_length = 2000)]
+    url: String,
+    /// What it is told of; everything unless given.
+    #[serde(default)]
+    events: Option<Vec<WebhookEvent>>,
+}
+
+/// A webhook with its secret, which is shown this once.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[schema(as = WebhookWithSecret)]
+pub(super) struct SecretDocument {
+    /// The webhook.
+    webhook: WebhookDocument,
+    /// What its messages are signed with: `whsec_` and base64. The service keeps it as it is,
+    /// because it signs with it; it is in the database and in every backup of it.
+    secret: String,
+}
+
+/// Makes a webhook. Messages follow the Standard Webhooks scheme: headers `webhook-id`,
+/// `webhook-timestamp` and `webhook-signature` (HMAC-SHA256), a JSON body with `type`, `timestamp`
+/// and `data`. One that is not answered with 2xx within 10 s is sent again, with longer and longer
+/// waits, for a day; the same `webhook-id` may come twice. Redirections are not followed.
+#[utoipa::path(
+    post,
+    path = "/webhooks",
+    tag = "alerts",
+    request_body = NewWebhookBody,
+    responses(
+        (status = CREATED, description = "The new webhook, with its secret", body = SecretDocument),
+        (status = CONFLICT,
+            description = "A webhook with this URL exists, or the limit of webhooks is reached"),
+    )
+)]
+pub(super) async fn post_webhook(
+    State(api): State<ApiState>,
+    caller: Caller,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+    Body { value, .. }: Body<NewWebhookBody>,
+) -> Result<Response, Problem> {
+    let url = WebhookUrl::parse(&value.url)?;
+    let secret = new_secret()?;
+    let written = api.store.write_webhook(WebhookWrite::Create(CreateWrite {
+        url,
+        events: events_of(value.events)?,
+        secret: secret.clone(),
+        actor: caller.actor,
+        now_ns: api.clock.now_ns(),
+    }));
+    let WebhookWritten::Webhook(webhook) = written.await? else {
+        return Err(Problem::panicked());
+    };
+    let document = SecretDocument {
+        webhook: WebhookDocument::of(*webhook),
+        secret: secret.to_text(),
+    };
+    Ok((StatusCode::CREATED, Json(document)).into_response())
+}
+
+fn events_of(given: Option<Vec<WebhookEvent>>) -> Result<Vec<WebhookEvent>, Problem> {
+    let mut events = given.unwrap_or_else(|| WebhookEvent::ALL.to_vec());
+    events.sort_unstable();
+    events.dedup();
+    if events.is_empty() {
+        let accepted = WebhookEvent::ALL.map(WebhookEvent::as_str).join(", ");
+        let accepted = format!("one or more of {accepted}");
+        return Err(Problem::refused("events", "[]", &accepted));
+    }
+    Ok(events)
+}
+
+fn new_secret() -> Result<Secret, Problem> {
+    let bytes = entropy::secret().map_err(|error| {
+        let detail = format!("no secret could be drawn: {error}");
+        Problem::new(StatusCode::SERVICE_UNAVAILABLE, "no_randomness", detail)
+    })?;
+    Ok(Secret::from_bytes(bytes.to_vec()))
+}
+
+/// Takes a webhook away, with what was to be told to it.
+#[utoipa::path(
+    delete,
+    path = "/webhooks/{id}",
+    tag = "alerts",
+    params(("id" = u64, Path, description = "The webhook.")),
+    responses(
+        (status = NO_CONTENT, description = "The webhook is deleted"),
+        (status = NOT_FOUND, description = "The webhook is unknown"),
+    )
+)]
+pub(super) async fn delete_webhook(
+    State(api): State<ApiState>,
+    caller: Caller,
+    Path(id): Path<String>,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+) -> Result<StatusCode, Problem> {
+    let write = DeleteWrite {
+        id: webhook_number(&id)?,
+        actor: caller.actor,
+        now_ns: api.clock.now_ns(),
+    };
+    api.store.write_webhook(WebhookWrite::Delete(write)).await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+pub(super) fn webhook_number(id: &str) -> Result<u64, Problem> {
+    id.parse()
+        .map_err(|_| Problem::refused("id", id, "the number of a webhook"))
+}
+
+impl From<WebhookRefused> for Problem {
+    fn from(refused: WebhookRefused) -> Self {
+        let detail = refused.to_string();
+        match refused {
+            WebhookRefused::Unknown(_) => {
+                Self::new(StatusCode::NOT_FOUND, "webhook_unknown", detail)
+            }
+            WebhookRefused::Url { .. } => {
+                Self::new(StatusCode::BAD_REQUEST, "value_refused", detail).of_field("url")
+            }
+            WebhookRefused::UrlTaken(_) => {
+                Self::new(StatusCode::CONFLICT, "webhook_exists", detail).of_field("url")
+            }
+            WebhookRefused::TooMany => Self::new(StatusCode::CONFLICT, "webhooks_full", detail),
+        }
+    }
+}

@@ -1,0 +1,383 @@
+//! `fleetcal calibrate`: the service's estimator over a recording.
+
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::PathBuf;
+
+use clap::Args;
+use fleetcal_clock::{Clock, thread_cpu};
+use fleetcal_config::Config;
+use fleetcal_domain::robot::{RobotConfig, Wheelbase};
+use fleetcal_domain::streams::{Joints, StreamsFields};
+use fleetcal_estimator::lidar_odometry::BeamTimes;
+use fleetcal_estimator::{Calibrator, Effect, EstimatorSettings, Event, VehicleModel};
+use fleetcal_fleet::{Intake, LatestPose, ReadingSettings, document};
+use fleetcal_operations::session_export::SessionExport;
+use fleetcal_proto::RobotId;
+use fleetcal_proto::estimate::CalibrationReport;
+use fleetcal_robot::recording::{Channel, RecordedMessage, Recording, Topics, choose_topics};
+
+use crate::height_band::HeightBand;
+use crate::known_map::KnownMapArguments;
+use crate::output::{Trajectory, print_json, print_text};
+use crate::progress::Progress;
+use crate::recording::{RecordedStream, streams};
+use crate::report;
+use crate::session_record::SessionRecord;
+use crate::table::table;
+use crate::timing::ScanTimes;
+use crate::topics::{self, TopicArguments};
+use crate::{CommandError, ModelName};
+
+/// The robot's name when neither the caller nor the recording has one.
+const UNNAMED: &str = "robot";
+
+/// What `fleetcal calibrate` takes.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// The recording: ROS 2 messages in MCAP or in a .db3 of rosbag2, or its folder
+    pub recording: PathBuf,
+    /// Distance between the axles, in metres
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
+    pub wheelbase: Option<f64>,
+    /// How the vehicle steers [default: bicycle, or what --config says]
+    #[arg(long)]
+    pub model: Option<ModelName>,
+    /// The robot's name [default: the first chunk of the drive topic]
+    #[arg(long, value_name = "NAME")]
+    pub robot: Option<String>,
+    /// Which topics are taken.
+    #[command(flatten)]
+    pub topics: TopicArguments,
+    /// Of `JointState`, which joints steer and drive, as `streams.joints` of a configuration has them
+    #[arg(long, value_name = "TABLE", value_parser = topics::joints)]
+    pub joints: Option<Joints>,
+    /// A `fleetcal.toml`, for the estimator's settings, the robot's vehicle and its topics
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Of clouds, the heights to take in the LiDAR's frame [default: -0.5,0.5, or what --config says]
+    #[arg(long, value_name = "MIN_M,MAX_M", allow_hyphen_values = true)]
+    pub height_band: Option<HeightBand>,
+    /// A known map to localise in.
+    #[command(flatten)]
+    pub known_map: KnownMapArguments,
+    /// Print the whole result as one JSON document
+    #[arg(long)]
+    pub json: bool,
+    /// Write the rear axle's trajectory as a TUM file
+    #[arg(long, value_name = "OUT.tum")]
+    pub trajectory: Option<PathBuf>,
+    /// Write the result with its plots as one self-contained page
+    #[arg(long, value_name = "OUT.html")]
+    pub report: Option<PathBuf>,
+    /// Write the session as MCAP for Foxglove: the streams, what was known when, and what happened
+    #[arg(long, value_name = "OUT.mcap")]
+    pub export: Option<PathBuf>,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// One sentence, with the exit status that goes with it.
+pub fn run(arguments: &Arguments, clock: &dyn Clock) -> Result<(), CommandError> {
+    let recording = Recording::open(&arguments.recording)?;
+    spare_recording(&recording, arguments)?;
+    let file = arguments
+        .config
+        .as_deref()
+        .map(Config::read)
+        .transpose()?
+        .unwrap_or_default();
+    let channels = recording.channels();
+    let configured = configured_robot(arguments, channels, &file);
+    let asked = match configured {
+        Some((id, config)) => arguments
+            .topics
+            .asked_or_configured(id.as_str(), config, channels),
+        None => arguments.topics.asked(),
+    };
+    let topics = choose_topics(channels, &asked)?;
+    let name = arguments
+        .robot
+        .as_deref()
+        .or(configured.map(|(id, _)| id.as_str()))
+        .or_else(|| topics.robot())
+        .unwrap_or(UNNAMED);
+    let robot = RobotId::parse(name)?;
+    let config = vehicle_of(arguments, &robot, &file)?;
+    let known = (&robot, &config, &file.estimator);
+    let run = Run::start(&recording, &topics, known, arguments)?;
+    let finished = run.finish(clock)?;
+    for remark in finished.remarks {
+        eprintln!("fleetcal: {remark}");
+    }
+    let report = finished.report;
+    if let (Some(path), Some(session)) = (&arguments.report, &finished.session) {
+        report::write(path, &arguments.recording, &report, session)?;
+    }
+    if arguments.json {
+        print_json(&report)
+    } else {
+        print_text(&table(&report))
+    }
+}
+
+/// The robot of the file whose recording it is: the one that is named, else the only one below
+/// whose name there are topics.
+fn configured_robot<'f>(
+    arguments: &Arguments,
+    channels: &[Channel],
+    file: &'f Config,
+) -> Option<(&'f RobotId, &'f RobotConfig)> {
+    let is_it = |id: &RobotId| {
+        if let Some(name) = &arguments.robot {
+            return id.as_str() == name;
+        }
+        let below = format!("/{id}/");
+        let mut topics = channels.iter().map(|channel| &channel.topic);
+        topics.any(|topic| topic.starts_with(&below))
+    };
+    let mut fitting = file.robots.iter().filter(|entry| is_it(&entry.id));
+    let only = fitting.next().filter(|_| fitting.next().is_none());
+    only.map(|entry| (&entry.id, &entry.config))
+}
+
+/// No result is written over what it is calculated from.
+fn spare_recording(recording: &Recording, arguments: &Arguments) -> Result<(), CommandError> {
+    let outputs = [&arguments.export, &arguments.trajectory, &arguments.report];
+    let mut outputs = outputs.into_iter().flatten();
+    match outputs.find(|output| recording.holds(output)) {
+        Some(output) => Err(CommandError::OverRecording(output.clone())),
+        None => Ok(()),
+    }
+}
+
+/// The vehicle: the flags first, then the robot's entry in the file.
+fn vehicle_of(
+    arguments: &Arguments,
+    robot: &RobotId,
+    file: &Config,
+) -> Result<RobotConfig, CommandError> {
+    let entry = file
+        .robots
+        .iter()
+        .find(|entry| entry.id == *robot)
+        .map(|entry| &entry.config);
+    let given = arguments.wheelbase.map(Wheelbase::try_from).transpose()?;
+    let wheelbase = given
+        .or_else(|| entry.map(|config| config.wheelbase_m))
+        .ok_or_else(|| CommandError::WheelbaseMissing {
+            robot: robot.to_string(),
+        })?;
+    let model = arguments.model.map(VehicleModel::from);
+    let mut config = entry.cloned().unwrap_or_else(|| {
+        RobotConfig::of_vehicle(model.unwrap_or(VehicleModel::Bicycle), wheelbase)
+    });
+    config.wheelbase_m = wheelbase;
+    if let Some(model) = model {
+        config.model = model;
+    }
+    if let Some(joints) = &arguments.joints {
+        let fields = StreamsFields {
+            joints: Some(joints.clone()),
+            ..config.streams.fields().clone()
+        };
+        config.streams = fields.try_into().map_err(CommandError::Joints)?;
+    }
+    config.point_cloud = Some(HeightBand::or_of(
+        arguments.height_band,
+        config.point_cloud.unwrap_or_default(),
+    ));
+    Ok(config)
+}
+
+/// One recording on its way through the estimator.
+#[derive(Debug)]
+struct Run<'a> {
+    recording: &'a Recording,
+    topics: &'a Topics,
+    calibrator: Calibrator,
+    intake: Intake,
+    streams: Vec<RecordedStream>,
+    robot: &'a RobotId,
+    trajectory: Option<Trajectory>,
+    export: Option<SessionExport<BufWriter<File>>>,
+    /// What a report shows, where one is asked for.
+    session: Option<SessionRecord>,
+    pose: LatestPose,
+    times: ScanTimes,
+}
+
+/// What a recording came to.
+struct Finished {
+    report: CalibrationReport,
+    /// What was refused and how well the rest fits together, in words.
+    remarks: Vec<String>,
+    session: Option<SessionRecord>,
+}
+
+impl<'a> Run<'a> {
+    fn start(
+        recording: &'a Recording,
+        topics: &'a Topics,
+        (robot, config, settings): (&'a RobotId, &RobotConfig, &EstimatorSettings),
+        arguments: &Arguments,
+    ) -> Result<Self, CommandError> {
+        let trajectory = arguments
+            .trajectory
+            .as_deref()
+            .map(Trajectory::create)
+            .transpose()?;
+        let export = arguments.export.as_deref();
+        let export = export.map(|path| SessionExport::create(path, robot));
+        Ok(Self {
+            recording,
+            topics,
+            calibrator: Calibrator::new(config.calibrator_config(settings))
+                .with_lidar_odometry(arguments.known_map.lidar_odometry()?),
+            intake: Intake::new(ReadingSettings {
+                scans: config.scans(),
+                streams: config.streams.clone(),
+            }),
+            streams: streams(topics),
+            robot,
+            trajectory,
+            export: export.transpose()?,
+            session: arguments.report.is_some().then(SessionRecord::default),
+            pose: LatestPose::default(),
+            times: ScanTimes::default(),
+        })
+    }
+
+    /// Works through the recording.
+    fn finish(mut self, clock: &dyn Clock) -> Result<Finished, CommandError> {
+        let began = clock.elapsed();
+        let names = self.topics.names();
+        let mut progress = Progress::over(self.recording.count(&names));
+        for message in self.recording.messages(&names)? {
+            self.take(&message?)?;
+            progress.advance();
+        }
+        let before = thread_cpu();
+        let effects = self.calibrator.step(Event::EndOfSession);
+        self.times.add(thread_cpu().saturating_sub(before));
+        self.follow(&effects)?;
+        progress.finish();
+        for stream in &self.streams {
+            stream.check_usable(self.recording.path())?;
+        }
+        let wall = clock.elapsed().saturating_sub(began);
+        if let Some(trajectory) = self.trajectory.take() {
+            trajectory.finish()?;
+        }
+        if let Some(export) = self.export.take() {
+            export.finish_on_disk()?;
+        }
+        let remarks = self.remarks();
+        let timing = self.times.timing(self.calibrator.duration_s(), wall);
+        Ok(Finished {
+            report: document::report(self.robot, &self.calibrator, timing),
+            remarks,
+            session: self.session,
+        })
+    }
+
+    /// Takes one message to the estimator, as the service does.
+    fn take(&mut self, message: &RecordedMessage) -> Result<(), CommandError> {
+        let mut streams = self.streams.iter_mut();
+        let Some(stream) = streams.find(|stream| stream.carries(message)) else {
+            return Ok(());
+        };
+        let before = thread_cpu();
+        let taken = stream.take(&mut self.intake, message);
+        let stamp = taken.as_ref().map(|taken| taken.stamp);
+        let events = taken.into_iter().flat_map(|taken| taken.events);
+        let mut effects = Vec::new();
+        for decoded in events {
+            effects.extend(self.calibrator.step(decoded.event));
+        }
+        let spent = thread_cpu().saturating_sub(before);
+        if stream.is_drive() {
+            self.times.add(spent);
+        } else {
+            self.times.add_scan(spent);
+        }
+        if let (Some(export), Some(topic)) = (&mut self.export, stream.session_topic())
+            && let Some(stamp) = stamp
+        {
+            export.message(stamp, &topic, &message.payload)?;
+        }
+        self.follow(&effects)
+    }
+
+    /// Writes down what a step said, and the rear axle's pose when it is a new one.
+    fn follow(&mut self, effects: &[Effect]) -> Result<(), CommandError> {
+        if let Some(session) = &mut self.session {
+            session.take(self.robot, effects);
+        }
+        self.export(effects)?;
+        let Some((stamp, pose)) = self.pose.advance(&self.calibrator) else {
+            return Ok(());
+        };
+        if let Some(session) = &mut self.session {
+            session.path.push((stamp, pose));
+        }
+        if let Some(export) = &mut self.export {
+            export.pose(stamp, &pose)?;
+        }
+        match &mut self.trajectory {
+            Some(trajectory) => trajectory.add(stamp, &pose),
+            None => Ok(()),
+        }
+    }
+
+    fn export(&mut self, effects: &[Effect]) -> Result<(), CommandError> {
+        let Some(export) = &mut self.export else {
+            return Ok(());
+        };
+        for effect in effects {
+            match effect {
+                Effect::Estimate(estimate) => {
+                    export.estimate(&document::estimate_document(self.robot, estimate))?;
+                }
+                Effect::Change(change) | Effect::ChangeSized(change) => {
+                    export.change(&document::change_document(change))?;
+                }
+                Effect::Dropped(_) | Effect::SessionStarted(_) => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// What a person should know of the recording beside its result.
+    fn remarks(&self) -> Vec<String> {
+        let refusals = self.streams.iter().filter_map(RecordedStream::refusals);
+        let mut remarks: Vec<String> = refusals.collect();
+        if let Some(pairing) = self.intake.pairing() {
+            remarks.push(format!(
+                "{} speeds paired with steering angles {:.1} ms from them on average, {:.1} ms at \
+                 most; {} without an angle near enough",
+                pairing.paired,
+                pairing.error_mean_s * 1e3,
+                pairing.error_max_s * 1e3,
+                pairing.unpaired
+            ));
+        }
+        let estimate = document::estimate_document(self.robot, &self.calibrator.estimate());
+        if self.intake.looks_commanded(Some(&estimate)) {
+            remarks.push(
+                "the steering angle looks commanded instead of measured: it has neither noise nor \
+                 an encoder's steps nor a lag"
+                    .to_owned(),
+            );
+        }
+        if let BeamTimes::Turning { duration_s, .. } = self.calibrator.scanner().beam_times {
+            remarks.push(format!(
+                "the scans have time_increment 0, but the scanner turns: a scan takes {:.1} ms by \
+                 its motion; set time_increment in the scanner's driver",
+                duration_s * 1e3
+            ));
+        }
+        remarks
+    }
+}

@@ -1,0 +1,234 @@
+//! The commands that open no data folder: they work on recordings, beside a robot, or simulate
+//! one.
+//!
+//! They know neither database nor HTTP API, so that a change of those does not compile them again.
+
+pub mod agent;
+pub mod calibrate;
+mod connection;
+mod height_band;
+mod known_map;
+pub mod map_server;
+pub mod odometry;
+pub mod output;
+mod progress;
+mod recording;
+pub mod replay;
+mod report;
+mod session_record;
+pub mod signals;
+pub mod simulate;
+mod table;
+mod timing;
+mod topics;
+
+use std::path::PathBuf;
+use std::pin::Pin;
+
+use clap::ValueEnum;
+use fleetcal_config::ConfigError;
+use fleetcal_domain::robot::ValueRefused;
+use fleetcal_estimator::VehicleModel;
+use fleetcal_estimator::stream::FieldRefused;
+use fleetcal_model::RobotIdRefused;
+use fleetcal_proto::signing::TrustedKeysRefused;
+use fleetcal_robot::agent::AgentError;
+use fleetcal_robot::fleet::{FleetError, RecordError, TooManyRobots};
+use fleetcal_robot::recording::{RecordingError, TopicError};
+use fleetcal_robot::replay::ReplayError;
+use thiserror::Error;
+
+use crate::map_server::MapRefused;
+
+/// A command at work. It is compiled in this crate, and not in the one that awaits it.
+pub type Boxed<'a> = Pin<Box<dyn Future<Output = Result<(), CommandError>> + 'a>>;
+
+/// What the shell is told when the caller can mend it.
+pub const EXIT_USAGE: u8 = 2;
+/// What the shell is told when a recording cannot be used.
+pub const EXIT_DATA: u8 = 65;
+/// What the shell is told when reading or writing failed.
+pub const EXIT_IO: u8 = 74;
+/// What the shell is told when a part of the program failed by itself.
+pub const EXIT_FAILED: u8 = 70;
+
+/// How a vehicle steers, as a flag says it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ModelName {
+    /// Steered front axle (Ackermann too), speed measured at the rear axle.
+    Bicycle,
+    /// One steered and driven front wheel, speed measured at that wheel.
+    Tricycle,
+}
+
+impl From<ModelName> for VehicleModel {
+    fn from(name: ModelName) -> Self {
+        match name {
+            ModelName::Bicycle => Self::Bicycle,
+            ModelName::Tricycle => Self::Tricycle,
+        }
+    }
+}
+
+/// Why a command failed, in one sentence.
+#[derive(Debug, Error)]
+pub enum CommandError {
+    /// The recording cannot be read or used.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// Its topics cannot be chosen.
+    #[error(transparent)]
+    Topics(#[from] TopicError),
+    /// The configuration file is refused.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The wheelbase given by flag cannot be.
+    #[error("--wheelbase: {0}")]
+    Wheelbase(#[from] ValueRefused),
+    /// The joints given by flag do not go with the configuration.
+    #[error("--joints: {0}")]
+    Joints(String),
+    /// The known map cannot be used.
+    #[error(transparent)]
+    Map(#[from] MapRefused),
+    /// The start in it cannot be.
+    #[error("--{0}")]
+    Start(#[from] FieldRefused),
+    /// The vehicle's size is not known.
+    #[error(
+        "the wheelbase is missing: give --wheelbase METRES, or a [[robot]] with id = \"{robot}\" \
+         in a --config file"
+    )]
+    WheelbaseMissing {
+        /// The robot of the recording.
+        robot: String,
+    },
+    /// The robot's name is no id.
+    #[error("{refused}; name the robot with --robot")]
+    Robot {
+        /// What is wrong with it.
+        #[from]
+        refused: RobotIdRefused,
+    },
+    /// Nothing in the recording can be used.
+    #[error("{path}: none of the {messages} {what} messages can be used{first}", path = path.display())]
+    Unusable {
+        /// The recording.
+        path: PathBuf,
+        /// Which messages.
+        what: &'static str,
+        /// How many there are.
+        messages: u64,
+        /// Why the first one was refused, behind a colon.
+        first: String,
+    },
+    /// A file could not be written.
+    #[error("cannot write {}: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A result would take the recording's place.
+    #[error("{} is of the recording itself, accepted is another file", .0.display())]
+    OverRecording(PathBuf),
+    /// A figure could not be drawn.
+    #[error("cannot draw a figure: {0}")]
+    Figure(String),
+    /// The standard output could not be written.
+    #[error("cannot write the result: {0}")]
+    Stdout(#[from] std::io::Error),
+    /// A recording could not be streamed.
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
+    /// More robots than one process simulates.
+    #[error("--robots: {0}")]
+    TooManyRobots(#[from] TooManyRobots),
+    /// A recording is of one robot.
+    #[error("--robots is {robots}, accepted with --record is 1")]
+    OneRobot {
+        /// How many were asked for.
+        robots: usize,
+    },
+    /// A robot's agent could not work.
+    #[error(transparent)]
+    Agent(#[from] AgentError),
+    /// Too many keys to trust.
+    #[error("--service-key: {0}")]
+    Keys(#[from] TrustedKeysRefused),
+    /// A file could not be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A robot's own limits are refused.
+    #[error("{}: {source}", path.display())]
+    Limits {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: Box<toml::de::Error>,
+    },
+    /// A simulated robot cannot be imperfect in this way.
+    #[error("{}: {reason}", path.display())]
+    Imperfections {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it, and where.
+        reason: String,
+    },
+    /// A simulated robot could not be recorded.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// A simulated fleet failed.
+    #[error(transparent)]
+    Fleet(#[from] FleetError),
+    /// A task of the command ended early.
+    #[error("a task of the command ended early: {0}")]
+    Task(#[from] tokio::task::JoinError),
+    /// The document could not be written as JSON.
+    #[error("cannot write the result: {0}")]
+    Json(#[from] serde_json::Error),
+}
+
+impl CommandError {
+    /// What the shell is told.
+    pub fn exit_status(&self) -> u8 {
+        match self {
+            Self::Recording(error) | Self::Record(RecordError::Recording(error)) => {
+                error.exit_status()
+            }
+            Self::Topics(error) => error.exit_status(),
+            Self::Replay(error) => error.exit_status(),
+            Self::Map(refused) if !refused.is_io() => EXIT_DATA,
+            Self::Agent(error) => error.exit_status(),
+            Self::Map(_)
+            | Self::Record(RecordError::Truth { .. })
+            | Self::Config(ConfigError::Read { .. })
+            | Self::Read { .. }
+            | Self::Write { .. }
+            | Self::Stdout(_)
+            | Self::Json(_)
+            | Self::Fleet(_) => EXIT_IO,
+            Self::Config(ConfigError::Refused { .. })
+            | Self::Wheelbase(_)
+            | Self::Joints(_)
+            | Self::Start(_)
+            | Self::WheelbaseMissing { .. }
+            | Self::Robot { .. }
+            | Self::Keys(_)
+            | Self::Limits { .. }
+            | Self::Imperfections { .. }
+            | Self::TooManyRobots(_)
+            | Self::OneRobot { .. }
+            | Self::Record(_)
+            | Self::OverRecording(_) => EXIT_USAGE,
+            Self::Task(_) | Self::Figure(_) => EXIT_FAILED,
+            Self::Unusable { .. } => EXIT_DATA,
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! The YAML half of a map.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use fleetcal_estimator::occupancy_grid::Occupancy;
+use fleetcal_model::Pose2;
+use serde_json::Value;
+
+use super::MapRefused;
+
+/// How the image's shades are read. All three tell occupied and free by the thresholds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Mode {
+    /// Darkness is the probability that a cell is occupied.
+    Trinary,
+    /// The same; shades in between are levels, which tell nothing for certain.
+    Scale,
+    /// The shade itself is the occupancy in percent; above 100 it is unknown.
+    Raw,
+}
+
+/// What the YAML file says.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Description {
+    /// The image, beside the YAML file.
+    pub image: PathBuf,
+    /// Edge of a cell, m.
+    pub resolution_m: f64,
+    /// The lower left corner of the image in the map.
+    pub grid_in_map: Pose2,
+    negate: bool,
+    occupied_thresh: f64,
+    free_thresh: f64,
+    mode: Mode,
+}
+
+/// Why a description was refused, before its file's name is put to it.
+#[derive(Debug)]
+pub enum DescriptionRefused {
+    /// It is no YAML mapping.
+    Yaml(String),
+    /// A field holds what cannot be.
+    Field {
+        /// Name of the field.
+        field: &'static str,
+        /// Its value.
+        value: String,
+        /// What would have been accepted.
+        accepted: &'static str,
+    },
+}
+
+impl DescriptionRefused {
+    /// The refusal of the file `path`.
+    pub fn of(self, path: &Path) -> MapRefused {
+        let path = path.to_owned();
+        match self {
+            Self::Yaml(reason) => MapRefused::Yaml { path, reason },
+            Self::Field {
+                field,
+                value,
+                accepted,
+            } => MapRefused::Field {
+                path,
+                field,
+                value,
+                accepted,
+            },
+        }
+    }
+}
+
+/// The fields of a description, as they stand in the file.
+struct Fields(BTreeMap<String, Value>);
+
+impl Fields {
+    /// Takes a field by `read`, which gives `None` for what cannot be.
+    fn take<T>(
+        &self,
+        field: &'static str,
+        accepted: &'static str,
+        read: impl FnOnce(&Value) -> Option<T>,
+    ) -> Result<T, DescriptionRefused> {
+        let value = self.0.get(field);
+        value.and_then(read).ok_or_else(|| {
+            let value = value.map_or_else(|| "missing".to_owned(), Value::to_string);
+            DescriptionRefused::Field {
+                field,
+                value,
+                accepted,
+            }
+        })
+    }
+}
+
+impl Description {
+    /// Reads the text of the file. Keys that are not the map's own are left to their owners.
+    ///
+    /// # Errors
+    /// Names the field that is missing or cannot be, its value and what is accepted.
+    pub fn parse(text: &str) -> Result<Self, DescriptionRefused> {
+        let fields = serde_saphyr::from_str(text).map_err(|error| {
+            let reason = error.to_string();
+            DescriptionRefused::Yaml(reason.lines().next().unwrap_or_default().to_owned())
+        })?;
+        let fields = Fields(fields);
+        let mode = match fields.0.get("mode") {
+            None => Mode::Trinary,
+            Some(_) => fields.take("mode", "trinary, scale or raw", mode)?,
+        };
+        let share = "a number from 0 to 1";
+        let occupied_thresh = fields.take("occupied_thresh", share, share_of)?;
+        let free_thresh = fields.take(
+            "free_thresh",
+            "a number from 0 to 1, below occupied_thresh",
+            |value| share_of(value).filter(|share| *share < occupied_thresh),
+        )?;
+        Ok(Self {
+            image: fields.take("image", "the name of an image file", |value| {
+                let name = value.as_str().filter(|name| !name.is_empty());
+                name.map(PathBuf::from)
+            })?,
+            resolution_m: fields.take("resolution", "metres a cell", Value::as_f64)?,
+            grid_in_map: fields.take("origin", "[x, y, yaw] in metres and radians", pose)?,
+            negate: fields.take("negate", "0 or 1", flag)?,
+            occupied_thresh,
+            free_thresh,
+            mode,
+        })
+    }
+
+    /// What a pixel of this shade, 0 black and 255 white, says of its cell.
+    pub fn occupancy(&self, shade: u8) -> Occupancy {
+        let shade_share = f64::from(shade) / 255.0;
+        let occupied = match self.mode {
+            Mode::Raw if shade > 100 => return Occupancy::Unknown,
+            Mode::Raw => f64::from(shade) / 100.0,
+            Mode::Trinary | Mode::Scale if self.negate => shade_share,
+            Mode::Trinary | Mode::Scale => 1.0 - shade_share,
+        };
+        if occupied >= self.occupied_thresh {
+            Occupancy::Occupied
+        } else if occupied <= self.free_thresh {
+            Occupancy::Free
+        } else {
+            Occupancy::Unknown
+        }
+    }
+}
+
+fn mode(value: &Value) -> Option<Mode> {
+    match value.as_str()? {
+        "trinary" => Some(Mode::Trinary),
+        "scale" => Some(Mode::Scale),
+        "raw" => Some(Mode::Raw),
+        _ => None,
+    }
+}
+
+fn share_of(value: &Value) -> Option<f64> {
+    value.as_f64().filter(|share| (0.0..=1.0).contains(share))
+}
+
+fn flag(value: &Value) -> Option<bool> {
+    match (value.as_bool(), value.as_i64()) {
+        (Some(flag), _) => Some(flag),
+        (None, Some(number @ (0 | 1))) => Some(number == 1),
+        _ => None,
+    }
+}
+
+fn pose(value: &Value) -> Option<Pose2> {
+    match value.as_array()?.as_slice() {
+        [x, y, yaw] => Some(Pose2::new(x.as_f64()?, y.as_f64()?, yaw.as_f64()?)),
+        _ => None,
+    }
+}

@@ -1,0 +1,189 @@
+//! `fleetcal odometry`: LiDAR odometry alone over a recording.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use fleetcal_clock::{Clock, thread_cpu};
+use fleetcal_domain::robot::ScanSettings;
+use fleetcal_estimator::lidar_odometry::{OdometryPose, Tracking};
+use fleetcal_estimator::point_cloud::PlanarBand;
+use fleetcal_estimator::{Event, Pose2};
+use fleetcal_fleet::{Intake, ReadingSettings};
+use fleetcal_model::Stream;
+use fleetcal_robot::recording::{Recording, choose_scan_topic};
+use serde::Serialize;
+
+use crate::CommandError;
+use crate::height_band::HeightBand;
+use crate::known_map::KnownMapArguments;
+use crate::output::{Trajectory, print_json, print_text};
+use crate::progress::Progress;
+use crate::recording::RecordedStream;
+use crate::timing::ScanTimes;
+
+/// What `fleetcal odometry` takes.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// The recording: ROS 2 messages in MCAP or in a .db3 of rosbag2, or its folder
+    pub recording: PathBuf,
+    /// The topic with `LaserScan` or `PointCloud2` messages, if there are several
+    #[arg(long, value_name = "TOPIC")]
+    pub scan_topic: Option<String>,
+    /// Write the LiDAR's trajectory as a TUM file: each sweep's reference time and pose
+    #[arg(long, value_name = "OUT.tum")]
+    pub trajectory: PathBuf,
+    /// Of clouds, the heights to take in the LiDAR's frame [default: -0.5,0.5]
+    #[arg(long, value_name = "MIN_M,MAX_M", allow_hyphen_values = true)]
+    pub height_band: Option<HeightBand>,
+    /// A known map to localise in.
+    #[command(flatten)]
+    pub known_map: KnownMapArguments,
+    /// Print a summary as one JSON document
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What the command says beside the trajectory.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+struct Summary {
+    /// Sweeps that have a pose.
+    scans: u64,
+    /// Sweeps that could not be read, or have too few returns for a pose.
+    scans_rejected: u64,
+    /// Sweeps in each state of tracking.
+    tracking: TrackingCounts,
+    /// Times the local map was begun anew: poses before and after do not compare.
+    map_restarts: u64,
+    /// Length of the way, m.
+    distance_m: f64,
+    /// From the first pose to the last, s.
+    duration_s: f64,
+    /// Median CPU time of one sweep, ms.
+    scan_median_ms: f64,
+    /// The CPU time that 99 of 100 sweeps stay under, ms.
+    scan_p99_ms: f64,
+    /// CPU time of it all, s.
+    cpu_s: f64,
+    /// Seconds of recording worked through in one second.
+    realtime_factor: f64,
+}
+
+/// Sweeps in each state.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+struct TrackingCounts {
+    tracking: u64,
+    degraded: u64,
+    lost: u64,
+    recovered: u64,
+}
+
+impl TrackingCounts {
+    fn count(&mut self, tracking: Tracking) {
+        match tracking {
+            Tracking::Tracking => self.tracking += 1,
+            Tracking::Degraded => self.degraded += 1,
+            Tracking::Lost => self.lost += 1,
+            Tracking::Recovered => self.recovered += 1,
+        }
+    }
+}
+
+impl Summary {
+    fn add(&mut self, pose: &OdometryPose, first: &mut Option<OdometryPose>, last: Option<&Pose2>) {
+        self.scans += 1;
+        self.tracking.count(pose.tracking);
+        if pose.map_restarted && first.is_some() {
+            self.map_restarts += 1;
+        } else if let Some(last) = last {
+            self.distance_m += last.between(&pose.lidar_in_odom).translation().norm();
+        }
+        let first = first.get_or_insert_with(|| pose.clone());
+        self.duration_s = pose.stamp.seconds_since(first.stamp);
+    }
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// One sentence, with the exit status that goes with it.
+pub fn run(arguments: &Arguments, clock: &dyn Clock) -> Result<(), CommandError> {
+    let recording = Recording::open(&arguments.recording)?;
+    let channel = choose_scan_topic(recording.channels(), arguments.scan_topic.as_deref())?;
+    let band = HeightBand::or_of(arguments.height_band, PlanarBand::default());
+    let mut odometry = arguments.known_map.lidar_odometry()?;
+    let mut trajectory = Trajectory::create(&arguments.trajectory)?;
+    let mut intake = Intake::new(ReadingSettings {
+        scans: ScanSettings {
+            band,
+            ..ScanSettings::default()
+        },
+        ..ReadingSettings::default()
+    });
+    let mut stream = RecordedStream::of(&channel, Stream::Scan);
+    let topics = [channel.topic.as_str()];
+    let mut progress = Progress::over(recording.count(&topics));
+    let began = clock.elapsed();
+    let mut times = ScanTimes::default();
+    let (mut summary, mut first, mut last) = (Summary::default(), None, None);
+    for message in recording.messages(&topics)? {
+        let message = message?;
+        let before = thread_cpu();
+        let taken = stream.take(&mut intake, &message);
+        let event = taken.and_then(|taken| taken.events.into_iter().next());
+        let pose = event.and_then(|decoded| match decoded.event {
+            Event::Sweep(sweep) => odometry.process(&sweep),
+            _ => None,
+        });
+        times.add_scan(thread_cpu().saturating_sub(before));
+        progress.advance();
+        let Some(pose) = pose else {
+            summary.scans_rejected += 1;
+            continue;
+        };
+        trajectory.add(pose.stamp, &pose.lidar_in_odom)?;
+        summary.add(&pose, &mut first, last.as_ref());
+        last = Some(pose.lidar_in_odom);
+    }
+    progress.finish();
+    stream.check_usable(recording.path())?;
+    trajectory.finish()?;
+    let wall = clock.elapsed().saturating_sub(began);
+    let timing = times.timing(summary.duration_s, wall);
+    summary.scan_median_ms = timing.scan_median_ms;
+    summary.scan_p99_ms = timing.scan_p99_ms;
+    summary.cpu_s = timing.cpu_s;
+    summary.realtime_factor = timing.realtime_factor;
+    if let Some(refusals) = stream.refusals() {
+        eprintln!("fleetcal: {refusals}");
+    }
+    if arguments.json {
+        print_json(&summary)
+    } else {
+        print_text(&in_words(&summary))
+    }
+}
+
+fn in_words(summary: &Summary) -> String {
+    let Summary {
+        scans,
+        scans_rejected,
+        tracking,
+        map_restarts,
+        distance_m,
+        ..
+    } = summary;
+    format!(
+        "{scans} scans, {scans_rejected} rejected; {distance_m:.2} m in {:.1} s\n\
+         tracking {}, degraded {}, lost {}, recovered {}; map begun anew {map_restarts} times\n\
+         {:.3} ms a scan (99 % under {:.3} ms), {:.2} s of CPU time, {:.0} times real time\n",
+        summary.duration_s,
+        tracking.tracking,
+        tracking.degraded,
+        tracking.lost,
+        tracking.recovered,
+        summary.scan_median_ms,
+        summary.scan_p99_ms,
+        summary.cpu_s,
+        summary.realtime_factor,
+    )
+}

@@ -1,0 +1,123 @@
+//! Reads a recording message by message and counts what is refused.
+
+use std::path::{Path, PathBuf};
+
+use fleetcal_fleet::{Intake, Taken};
+use fleetcal_model::Stream;
+use fleetcal_proto::message_type::{Form, MessageType};
+use fleetcal_robot::recording::{
+    Channel, ChosenDrive, ChosenPose, RecordedMessage, SessionTopic, Topics,
+};
+
+use crate::CommandError;
+
+/// One stream of a recording.
+#[derive(Debug)]
+pub struct RecordedStream {
+    topic: String,
+    stream: Stream,
+    form: Form,
+    messages: u64,
+    refused: u64,
+    first_refusal: Option<String>,
+}
+
+/// The streams of a recording's topics, those of the drive first.
+pub fn streams(topics: &Topics) -> Vec<RecordedStream> {
+    let mut streams = match &topics.drive {
+        ChosenDrive::Whole(channel) => vec![RecordedStream::of(channel, Stream::Drive)],
+        ChosenDrive::Halves { steering, speed } => vec![
+            RecordedStream::of(steering, Stream::Steering),
+            RecordedStream::of(speed, Stream::Speed),
+        ],
+    };
+    let pose = match &topics.pose {
+        ChosenPose::Scan(_) => Stream::Scan,
+        ChosenPose::LidarOdometry(_) => Stream::LidarOdometry,
+    };
+    streams.push(RecordedStream::of(topics.pose.channel(), pose));
+    streams
+}
+
+impl RecordedStream {
+    /// The stream that a channel carries.
+    pub fn of(channel: &Channel, stream: Stream) -> Self {
+        Self {
+            topic: channel.topic.clone(),
+            stream,
+            form: channel.form(),
+            messages: 0,
+            refused: 0,
+            first_refusal: None,
+        }
+    }
+
+    /// Whether a message is of this stream.
+    pub fn carries(&self, message: &RecordedMessage) -> bool {
+        *self.topic == *message.topic
+    }
+
+    /// Whether it tells how the vehicle drives.
+    pub fn is_drive(&self) -> bool {
+        self.stream.is_drive()
+    }
+
+    /// What a session calls it.
+    pub fn session_topic(&self) -> Option<SessionTopic> {
+        let message_type: MessageType = self.form.message_type?;
+        Some(SessionTopic {
+            topic: self.topic.clone(),
+            message_type,
+            encoding: self.form.encoding,
+        })
+    }
+
+    /// Decodes and checks a message; `None` when it is refused, which is counted.
+    pub fn take(&mut self, intake: &mut Intake, message: &RecordedMessage) -> Option<Taken> {
+        self.messages += 1;
+        match intake.take(self.stream, self.form, &message.payload) {
+            Ok(taken) => Some(taken),
+            Err(refused) => {
+                self.refused += 1;
+                if self.first_refusal.is_none() {
+                    self.first_refusal = Some(refused.to_string());
+                }
+                None
+            }
+        }
+    }
+
+    /// How many were refused and why, in one sentence; `None` when none was.
+    pub fn refusals(&self) -> Option<String> {
+        let first = self.first_refusal.as_ref()?;
+        let Self {
+            topic,
+            refused,
+            messages,
+            ..
+        } = self;
+        Some(format!(
+            "{refused} of {messages} messages of {topic} were refused, the first: {first}"
+        ))
+    }
+
+    /// Fails when there were messages and none could be used.
+    ///
+    /// # Errors
+    /// One sentence with the reason of the first refusal.
+    pub fn check_usable(&self, path: &Path) -> Result<(), CommandError> {
+        if self.refused < self.messages {
+            return Ok(());
+        }
+        let first = self
+            .first_refusal
+            .as_ref()
+            .map_or_else(String::new, |why| format!(": {why}"));
+        Err(CommandError::Unusable {
+            path: PathBuf::from(path),
+            what: self.stream.name(),
+            messages: self.messages,
+            first,
+        })
+    }
+}

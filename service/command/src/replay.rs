@@ -1,0 +1,80 @@
+//! `fleetcal replay`: streams a recording over Zenoh as its robot would.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use fleetcal_proto::{KeyRoot, Keys, RobotId};
+use fleetcal_robot::replay::{Rate, ReplayOptions, ReplaySummary, replay};
+
+use crate::connection::ConnectionArguments;
+use crate::output::print_text;
+use crate::progress::Progress;
+use crate::topics::TopicArguments;
+use crate::{Boxed, CommandError};
+
+/// What `fleetcal replay` takes.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// The recording: ROS 2 messages in MCAP or in a .db3 of rosbag2, or its folder
+    pub recording: PathBuf,
+    /// Where the service is.
+    #[command(flatten)]
+    pub connection: ConnectionArguments,
+    /// As which robot [default: the first chunk of the drive topic]
+    #[arg(long, value_name = "ID", value_parser = RobotId::parse)]
+    pub robot: Option<RobotId>,
+    /// How many times as fast as it was recorded, or `max`: as fast as the service works
+    #[arg(long, value_name = "N|max", default_value = "1", value_parser = str::parse::<Rate>)]
+    pub rate: Rate,
+    /// Which topics are sent.
+    #[command(flatten)]
+    pub topics: TopicArguments,
+    /// First chunk of every key
+    #[arg(long, value_name = "CHUNK", default_value = "fleet", value_parser = KeyRoot::parse)]
+    pub root: KeyRoot,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// One sentence, with the exit status that goes with it.
+pub fn run(arguments: &Arguments) -> Boxed<'_> {
+    Box::pin(perform(arguments))
+}
+
+async fn perform(arguments: &Arguments) -> Result<(), CommandError> {
+    let mut options = ReplayOptions::new(
+        arguments.recording.clone(),
+        arguments.connection.connection(),
+    );
+    options.robot.clone_from(&arguments.robot);
+    options.rate = arguments.rate;
+    options.topics = arguments.topics.asked();
+    options.keys = Keys::new(arguments.root.clone());
+    let mut bar = None;
+    let summary = replay(options, |progress| {
+        bar.get_or_insert_with(|| Progress::over(progress.total))
+            .advance();
+    })
+    .await?;
+    if let Some(bar) = bar {
+        bar.finish();
+    }
+    print_text(&in_words(&summary))
+}
+
+fn in_words(summary: &ReplaySummary) -> String {
+    let ReplaySummary {
+        robot,
+        drive_samples,
+        scans,
+        shed,
+        unconfirmed,
+        duration,
+    } = summary;
+    format!(
+        "{robot}: {drive_samples} drive samples and {scans} scans sent in {:.1} s; {shed} shed or \
+         refused by the service, {unconfirmed} lost while it restarted\n",
+        duration.as_secs_f64()
+    )
+}

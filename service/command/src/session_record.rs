@@ -1,0 +1,26 @@
+//! What a calibration showed on its way, for the report and the exported session.
+
+use fleetcal_estimator::{Effect, Pose2, Stamp};
+use fleetcal_fleet::document::estimate_document;
+use fleetcal_proto::RobotId;
+use fleetcal_proto::estimate::EstimateDocument;
+
+/// An estimate a second, and where the rear axle was.
+#[derive(Debug, Default)]
+pub struct SessionRecord {
+    /// The estimates, oldest first.
+    pub estimates: Vec<EstimateDocument>,
+    /// Poses of `base` in the filter's odometry frame.
+    pub path: Vec<(Stamp, Pose2)>,
+}
+
+impl SessionRecord {
+    /// Takes what a step of the estimator said.
+    pub fn take(&mut self, robot: &RobotId, effects: &[Effect]) {
+        for effect in effects {
+            if let Effect::Estimate(estimate) = effect {
+                self.estimates.push(estimate_document(robot, estimate));
+            }
+        }
+    }
+}

@@ -1,0 +1,276 @@
+//! `fleetcal simulate`: closed-loop simulated robots on the wire, or a recording of one.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use fleetcal_clock::SharedClock;
+use fleetcal_config::line_of;
+use fleetcal_proto::signing::{PublicKey, TrustedKeys};
+use fleetcal_proto::{KeyRoot, Keys};
+use fleetcal_robot::Connection;
+use fleetcal_robot::fleet::{
+    FleetOptions, RobotSummary, SimulatedRobot, record, run_fleet, simulated_robots, truth_path,
+};
+use fleetcal_robot::simulator::Imperfections;
+use tokio_util::sync::CancellationToken;
+
+use crate::output::print_text;
+use crate::signals::Signals;
+use crate::{Boxed, CommandError};
+
+/// What `fleetcal simulate` takes.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// How many robots
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub robots: usize,
+    /// Drive in real time, connected to this Zenoh endpoint; may be repeated
+    #[arg(
+        short = 'e',
+        long,
+        value_name = "ENDPOINT",
+        required_unless_present_any = ["zenoh_config", "record"]
+    )]
+    pub connect: Vec<String>,
+    /// A native Zenoh configuration for each robot, taken as it is; --connect replaces the endpoints
+    /// in it
+    #[arg(short = 'c', long, env = "ZENOH_CONFIG", value_name = "FILE")]
+    pub zenoh_config: Option<PathBuf>,
+    /// Record one robot instead, with its truth beside it
+    #[arg(long, value_name = "OUT.mcap", conflicts_with = "connect")]
+    pub record: Option<PathBuf>,
+    /// Length of the recording, in seconds
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        default_value_t = 120.0,
+        requires = "record"
+    )]
+    pub duration: f64,
+    /// The service's public key, as `GET /api/v1/signing-key` shows it: the robots apply, at once
+    /// and in motion, what is approved for them; without it they take no calibration; may be
+    /// repeated
+    #[arg(long, value_name = "PUBLICKEY", conflicts_with = "record")]
+    pub service_key: Vec<PublicKey>,
+    /// What the robots' faults and the sensors' noise are drawn from
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    pub seed: u64,
+    /// What the estimator's model does not know of the robots, as examples/imperfections.toml lists
+    /// it; a recording's truth names it
+    #[arg(long, value_name = "FILE")]
+    pub imperfections: Option<PathBuf>,
+    /// First chunk of every key
+    #[arg(long, value_name = "CHUNK", default_value = "fleet", value_parser = KeyRoot::parse)]
+    pub root: KeyRoot,
+}
+
+/// Drives until SIGTERM or SIGINT, or records.
+///
+/// # Errors
+/// One sentence, with the exit status that goes with it.
+pub fn run(arguments: &Arguments, clock: SharedClock) -> Boxed<'_> {
+    Box::pin(perform(arguments, clock))
+}
+
+async fn perform(arguments: &Arguments, clock: SharedClock) -> Result<(), CommandError> {
+    let mut robots = simulated_robots(arguments.robots, arguments.seed)?;
+    if let Some(path) = &arguments.imperfections {
+        make_imperfect(&mut robots, path)?;
+    }
+    match &arguments.record {
+        Some(path) => record_one(&robots, arguments.duration, path.clone()).await,
+        None => drive(robots, arguments, clock).await,
+    }
+}
+
+/// Gives every robot the imperfections of a file.
+fn make_imperfect(robots: &mut [SimulatedRobot], path: &Path) -> Result<(), CommandError> {
+    let text = std::fs::read_to_string(path).map_err(|source| CommandError::Read {
+        path: path.to_owned(),
+        source,
+    })?;
+    let refused = |reason: String| CommandError::Imperfections {
+        path: path.to_owned(),
+        reason,
+    };
+    let imperfections: Imperfections = toml::from_str(&text).map_err(|error| {
+        let line = line_of(&text, error.span());
+        let message = error.message().replace('\n', ", ");
+        refused(format!("line {line}: {message}"))
+    })?;
+    for robot in robots {
+        robot.config.imperfections = imperfections;
+        let checked = robot.config.check();
+        checked.map_err(|error| refused(error.to_string()))?;
+    }
+    Ok(())
+}
+
+async fn record_one(
+    robots: &[SimulatedRobot],
+    duration_s: f64,
+    path: PathBuf,
+) -> Result<(), CommandError> {
+    let [robot] = robots else {
+        return Err(CommandError::OneRobot {
+            robots: robots.len(),
+        });
+    };
+    let (robot, recorded) = (robot.clone(), path.clone());
+    let recording =
+        tokio::task::spawn_blocking(move || record(&robot, duration_s, &recorded)).await?;
+    let truth = recording?;
+    print_text(&format!(
+        "{}: {duration_s} s of {}, wheelbase {} m; the truth is in {}\n",
+        path.display(),
+        truth.robot,
+        truth.vehicle.wheelbase_m,
+        truth_path(&path).display(),
+    ))
+}
+
+async fn drive(
+    robots: Vec<SimulatedRobot>,
+    arguments: &Arguments,
+    clock: SharedClock,
+) -> Result<(), CommandError> {
+    let trusted = match arguments.service_key.as_slice() {
+        [] => None,
+        keys => Some(TrustedKeys::new(keys.to_vec())?),
+    };
+    let mut signals = Signals::listen()?;
+    let options = FleetOptions {
+        robots,
+        connect: Connection {
+            endpoints: arguments.connect.clone(),
+            zenoh_config: arguments.zenoh_config.clone(),
+        },
+        keys: Keys::new(arguments.root.clone()),
+        trusted,
+        start_stamp_ns: clock.now_ns(),
+    };
+    let stop = CancellationToken::new();
+    let fleet = run_fleet(options, stop.clone());
+    tokio::pin!(fleet);
+    let summaries = tokio::select! {
+        ended = &mut fleet => ended?,
+        () = signals.stop() => {
+            stop.cancel();
+            fleet.await?
+        }
+    };
+    print_text(&in_words(&summaries))
+}
+
+/// One line for each robot.
+fn in_words(summaries: &[RobotSummary]) -> String {
+    let line = |summary: &RobotSummary| {
+        let RobotSummary {
+            id,
+            drive_samples,
+            scans,
+            late,
+            generation,
+        } = summary;
+        format!(
+            "{id}: {drive_samples} drive samples and {scans} scans sent, {late} left out as late, \
+             calibration {generation}\n"
+        )
+    };
+    summaries.iter().map(line).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use fleetcal_robot::simulator::ImperfectionKind;
+
+    use super::*;
+
+    fn imperfect(text: &str) -> Result<Imperfections, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("imperfections.toml");
+        std::fs::write(&path, text).unwrap();
+        let mut robots = simulated_robots(3, 1).unwrap();
+        make_imperfect(&mut robots, &path).map_err(|error| {
+            assert_eq!(error.exit_status(), 2);
+            error.to_string()
+        })?;
+        let given = robots[0].config.imperfections;
+        assert!(
+            robots
+                .iter()
+                .all(|robot| robot.config.imperfections == given)
+        );
+        Ok(given)
+    }
+
+    /// Every key that an imperfection has a size in.
+    fn keys(imperfections: &Imperfections) -> Vec<String> {
+        let table = toml::Table::try_from(imperfections).unwrap();
+        let mut keys = Vec::new();
+        for (part, values) in &table {
+            for (key, value) in values.as_table().unwrap() {
+                let set = value.as_float().is_some_and(|size| size != 0.0)
+                    || value.as_bool().unwrap_or_default();
+                keys.extend(set.then(|| format!("{part}.{key}")));
+            }
+        }
+        keys
+    }
+
+    #[test]
+    fn the_example_has_every_key_at_its_typical_size() {
+        let text = include_str!("../../../examples/imperfections.toml");
+        let example = imperfect(text).unwrap();
+        for kind in ImperfectionKind::ALL {
+            let typical = Imperfections::typical(kind);
+            for key in keys(&typical) {
+                let wanted = value(&typical, &key);
+                let written = value(&example, &key);
+                // Lag and delay stand for one another, and a robot has one scan rate.
+                if !["vehicle.steering_delay_s", "lidar.scan_rate_hz"].contains(&key.as_str()) {
+                    let near = (written - wanted).abs() <= 0.01 * wanted.abs();
+                    assert!(near, "{key}: {written} {wanted}");
+                }
+            }
+        }
+        let written: toml::Table = toml::from_str(text).unwrap();
+        let full = toml::Table::try_from(example).unwrap();
+        assert_eq!(written, full, "the example has every key");
+    }
+
+    fn value(imperfections: &Imperfections, key: &str) -> f64 {
+        let table = toml::Table::try_from(imperfections).unwrap();
+        let (part, name) = key.split_once('.').unwrap();
+        let value = &table[part][name];
+        let flag = value.as_bool().map(|set| f64::from(u8::from(set)));
+        value.as_float().or(flag).unwrap()
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused_by_name() {
+        let refused = |text: &str| imperfect(text).unwrap_err();
+        let unknown = refused("[vehicle]\nsteering_gian = 0.01\n");
+        assert!(
+            unknown.contains("line 2: unknown field `steering_gian`, expected one of"),
+            "{unknown}"
+        );
+        let value = refused("[clocks]\nlost_messages = 2.0\n");
+        assert!(
+            value.contains("imperfections.clocks.lost_messages"),
+            "{value}"
+        );
+        let kind = refused("[scanner]\n\nuntimed_beams = 1\n");
+        assert!(
+            kind.contains("line 3:") && kind.contains("a boolean"),
+            "{kind}"
+        );
+        let missing = make_imperfect(&mut [], Path::new("/nowhere/flaws.toml")).unwrap_err();
+        assert!(missing.to_string().contains("/nowhere/flaws.toml"));
+    }
+
+    #[test]
+    fn an_empty_file_is_a_robot_that_obeys_the_model() {
+        assert!(imperfect("").unwrap().is_none());
+    }
+}

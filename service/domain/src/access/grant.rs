@@ -1,0 +1,80 @@
+//! What a user or token was given: a role, and for the role of a robot the one robot.
+
+use fleetcal_proto::RobotId;
+use thiserror::Error;
+
+use super::Role;
+
+/// Why a role was not given.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum GrantRefused {
+    /// The role of a robot without the robot.
+    #[error("a token of role robot is bound to one robot: name it")]
+    RobotMissing,
+    /// A robot with another role.
+    #[error("only a token of role robot is bound to a robot, not one of role {}", .0.as_str())]
+    RobotNotAccepted(Role),
+    /// A person of the role of a robot.
+    #[error("role is \"robot\", accepted for a person is one of viewer, operator, approver, admin")]
+    NoPerson,
+}
+
+/// A role, bound to one robot exactly when it is the role of a robot.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Grant {
+    role: Role,
+    robot: Option<RobotId>,
+}
+
+impl Grant {
+    /// What a token is given.
+    ///
+    /// # Errors
+    /// When robot and role do not go together.
+    pub fn of_token(role: Role, robot: Option<RobotId>) -> Result<Self, GrantRefused> {
+        match (role, &robot) {
+            (Role::Robot, None) => Err(GrantRefused::RobotMissing),
+            (Role::Robot, Some(_)) | (_, None) => Ok(Self { role, robot }),
+            (_, Some(_)) => Err(GrantRefused::RobotNotAccepted(role)),
+        }
+    }
+
+    /// What a person is given.
+    ///
+    /// # Errors
+    /// When it is the role of a robot.
+    pub fn of_person(role: Role) -> Result<Self, GrantRefused> {
+        match role {
+            Role::Robot => Err(GrantRefused::NoPerson),
+            _ => Ok(Self { role, robot: None }),
+        }
+    }
+
+    /// The role.
+    pub const fn role(&self) -> Role {
+        self.role
+    }
+
+    /// The robot that it is bound to.
+    pub const fn robot(&self) -> Option<&RobotId> {
+        self.robot.as_ref()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_robot_goes_with_its_role_alone() {
+        let robot = RobotId::parse("agv_1").unwrap();
+        for &role in Role::ALL {
+            let is_robot = role == Role::Robot;
+            assert_eq!(Grant::of_token(role, None).is_ok(), !is_robot);
+            assert_eq!(Grant::of_token(role, Some(robot.clone())).is_ok(), is_robot);
+            assert_eq!(Grant::of_person(role).is_ok(), !is_robot);
+        }
+        let bound = Grant::of_token(Role::Robot, Some(robot.clone())).unwrap();
+        assert_eq!((bound.role(), bound.robot()), (Role::Robot, Some(&robot)));
+    }
+}

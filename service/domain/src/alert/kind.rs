@@ -1,0 +1,135 @@
+//! What can be wrong with a robot.
+
+use serde::{Deserialize, Serialize};
+use strum::{EnumString, IntoStaticStr};
+
+/// What can be wrong with a robot, the worst first.
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Hash,
+    Serialize,
+    Deserialize,
+    EnumString,
+    IntoStaticStr,
+)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
+pub enum AlertKind {
+    /// The former calibration should have come back and did not.
+    RollbackFailed,
+    /// The vehicle is surely not as its calibration says.
+    Drift,
+    /// A fresh estimate disagreed with the calibration that was applied.
+    VerificationFailed,
+    /// The robot's estimator failed too often and was stopped.
+    EstimatorFailed,
+    /// The robot did not take what was approved.
+    NotApplied,
+    /// The robot uses another calibration than it should.
+    OutOfSync,
+    /// A robot that was sending sends nothing.
+    NoData,
+    /// A sensor or the LiDAR odometry failed for a while.
+    Fault,
+}
+
+impl AlertKind {
+    /// All of them.
+    pub const ALL: [Self; 8] = [
+        Self::RollbackFailed,
+        Self::Drift,
+        Self::VerificationFailed,
+        Self::EstimatorFailed,
+        Self::NotApplied,
+        Self::OutOfSync,
+        Self::NoData,
+        Self::Fault,
+    ];
+
+    /// The name in documents and in the database.
+    pub fn as_str(self) -> &'static str {
+        self.into()
+    }
+
+    /// The kind of this name.
+    pub fn parse(name: &str) -> Option<Self> {
+        name.parse().ok()
+    }
+
+    /// How bad it is.
+    pub const fn severity(self) -> Severity {
+        match self {
+            Self::RollbackFailed => Severity::Critical,
+            Self::Drift | Self::VerificationFailed | Self::EstimatorFailed => Severity::Error,
+            Self::NotApplied | Self::OutOfSync | Self::NoData | Self::Fault => Severity::Warning,
+        }
+    }
+
+    /// What somebody should do about it.
+    pub const fn advice(self) -> &'static str {
+        match self {
+            Self::RollbackFailed => {
+                "Stop the robot and look at it where it stands: nobody knows that it drives with \
+                 values that were proven. Then approve a calibration for it."
+            }
+            Self::Drift => {
+                "Look at the robot's LiDAR mount and steering, and decide on its proposal once \
+                 there is one."
+            }
+            Self::VerificationFailed => {
+                "Compare the estimate with what the robot uses, look for a loose mount, and \
+                 approve anew or leave the former values in place."
+            }
+            Self::EstimatorFailed => {
+                "Read the service's log, and give the robot's configuration again: its estimator \
+                 then begins anew."
+            }
+            Self::NotApplied => {
+                "Read the robot's reason, mend it on the robot, and propose the calibration again."
+            }
+            Self::OutOfSync => {
+                "Find out who changed the calibration on the robot; roll it back or propose what \
+                 it should use."
+            }
+            Self::NoData => {
+                "Check that the robot is on and connected. Set maintenance on the page of one that \
+                 was switched off on purpose: it does not alert until that ends."
+            }
+            Self::Fault => {
+                "Look at the LiDAR and its cable, and for surroundings in which it sees too little."
+            }
+        }
+    }
+}
+
+/// How bad an alert is, the worst first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+#[cfg_attr(feature = "openapi", schema(as = AlertSeverity))]
+pub enum Severity {
+    /// Somebody has to go there now.
+    Critical,
+    /// The robot drives worse than it should.
+    Error,
+    /// Somebody should look at it.
+    Warning,
+}
+
+impl Severity {
+    /// The name in documents.
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Critical => "critical",
+            Self::Error => "error",
+            Self::Warning => "warning",
+        }
+    }
+}

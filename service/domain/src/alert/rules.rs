@@ -1,0 +1,378 @@
+//! The rules: each says of one robot whether one kind of thing is wrong.
+
+use fleetcal_model::{Parameter, ParameterStatus};
+use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::CalibrationValues;
+use fleetcal_proto::estimate::EstimateDocument;
+use jiff::Timestamp;
+
+use super::condition::Observation;
+use super::kind::AlertKind;
+use super::policy::AlertPolicy;
+use crate::approval::{self, Deployment, DeploymentState, RobotLedger, difference, nominal_values};
+use crate::robot::{RobotState, RobotView};
+
+/// Nanoseconds in a second.
+const NS_PER_S: i64 = 1_000_000_000;
+/// A robot that was heard before the service's start has so long to be heard again, s.
+const STALE_S: i64 = 3;
+/// A fault counts as going on for so long after the estimator told it.
+const FAULT_LASTS_NS: i64 = 5 * NS_PER_S;
+
+/// How a robot stands, beside its records.
+#[derive(Debug, Clone, Copy)]
+pub struct Situation<'a> {
+    /// Wall time.
+    pub now_ns: i64,
+    /// When the watch began, wall time.
+    pub watched_since_ns: i64,
+    /// The robot.
+    pub view: &'a RobotView,
+    /// Its records.
+    pub ledger: &'a RobotLedger,
+    /// Its newest deployment, under way or not.
+    pub latest: Option<&'a Deployment>,
+    /// When its estimator last told a fault, wall time, and what it came from.
+    pub fault: Option<(i64, &'a str)>,
+    /// How far is too far.
+    pub approval: &'a approval::Policy,
+    /// What is alerted.
+    pub policy: &'a AlertPolicy,
+}
+
+/// What one rule sees.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Sighting {
+    /// Which rule.
+    pub kind: AlertKind,
+    /// What it sees.
+    pub observation: Observation,
+    /// In words, when it fires.
+    pub what: String,
+    /// The robots that it is about, when it is about several.
+    pub robots: Vec<RobotId>,
+}
+
+impl Sighting {
+    fn of(kind: AlertKind, seen: Seen) -> Self {
+        let (observation, what) = match seen {
+            Seen::Firing(what) => (Observation::Firing, what),
+            Seen::Clear => (Observation::Clear, String::new()),
+            Seen::Unknown => (Observation::Unknown, String::new()),
+        };
+        Self {
+            kind,
+            observation,
+            what,
+            robots: Vec::new(),
+        }
+    }
+}
+
+enum Seen {
+    Firing(String),
+    Clear,
+    Unknown,
+}
+
+impl Seen {
+    fn firing_if(wrong: bool, what: impl FnOnce() -> String) -> Self {
+        if wrong {
+            Self::Firing(what())
+        } else {
+            Self::Clear
+        }
+    }
+}
+
+/// What every rule sees of a robot. Of a robot without a vehicle nothing is wrong.
+pub fn sightings(situation: &Situation<'_>) -> [Sighting; AlertKind::ALL.len()] {
+    AlertKind::ALL.map(|kind| {
+        let off = situation.policy.off.contains(&kind) || situation.view.config.is_none();
+        let seen = if off {
+            Seen::Clear
+        } else {
+            look(kind, situation)
+        };
+        Sighting::of(kind, seen)
+    })
+}
+
+fn look(kind: AlertKind, situation: &Situation<'_>) -> Seen {
+    match kind {
+        AlertKind::RollbackFailed => rollback_failed(situation),
+        AlertKind::Drift => drift(situation),
+        AlertKind::VerificationFailed => verification_failed(situation),
+        AlertKind::EstimatorFailed => {
+            let view = situation.view;
+            Seen::firing_if(view.state == RobotState::Failed, || {
+                let restarts = view.estimator_restarts;
+                format!("the estimator failed, was restarted {restarts} times, and was stopped")
+            })
+        }
+        AlertKind::NotApplied => not_applied(situation),
+        AlertKind::OutOfSync => out_of_sync(situation),
+        AlertKind::NoData => no_data(situation),
+        AlertKind::Fault => match situation.fault {
+            Some((at_ns, cause)) => {
+                let since_ns = situation.now_ns.saturating_sub(at_ns);
+                let lasts = (0..FAULT_LASTS_NS).contains(&since_ns);
+                Seen::firing_if(lasts, || {
+                    format!("the estimator told a fault of the {cause}")
+                })
+            }
+            None => Seen::Clear,
+        },
+    }
+}
+
+fn rollback_failed(situation: &Situation<'_>) -> Seen {
+    let shadow = &situation.ledger.shadow;
+    let failed = situation
+        .latest
+        .filter(|latest| latest.state == DeploymentState::RollbackFailed && !shadow.in_sync());
+    match failed {
+        Some(latest) => Seen::Firing(format!(
+            "deployment {} was rolled back and the robot did not take its former values: {}",
+            latest.id,
+            reason_of(latest)
+        )),
+        None => Seen::Clear,
+    }
+}
+
+fn verification_failed(situation: &Situation<'_>) -> Seen {
+    use DeploymentState as S;
+    let failed = situation.latest.filter(|latest| {
+        let disagrees = latest.verification.is_some_and(|verdict| !verdict.within);
+        disagrees
+            && matches!(
+                latest.state,
+                S::Verifying | S::RollingBack | S::RolledBack | S::Kept
+            )
+    });
+    let Some(latest) = failed else {
+        return Seen::Clear;
+    };
+    // While it still verifies, people decide on that verdict, not on the present estimate.
+    let is_settled = matches!(latest.state, S::RolledBack | S::Kept);
+    let is_settled = is_settled && situation.ledger.shadow.in_sync();
+    if is_settled && matches!(compared(situation), Compared::Near) {
+        return Seen::Clear;
+    }
+    let follows = match latest.state {
+        S::RolledBack => "the robot uses its former values again".to_owned(),
+        S::RollingBack => "its former values are on their way to the robot".to_owned(),
+        S::Kept => format!(
+            "the robot keeps the values that {} chose",
+            latest.approved_by
+        ),
+        _ => "the robot still uses it".to_owned(),
+    };
+    let limits = situation.approval.verify_within.limits();
+    let residual = latest.verification.map(|verdict| verdict.residual);
+    let parts = residual.map(|residual| far_parts(&residual, None, &limits));
+    Seen::Firing(format!(
+        "deployment {} failed its verification ({}); {follows}",
+        latest.id,
+        parts.unwrap_or_default()
+    ))
+}
+
+fn not_applied(situation: &Situation<'_>) -> Seen {
+    use DeploymentState as S;
+    let Some(latest) = situation.latest else {
+        return Seen::Clear;
+    };
+    let outcome = match latest.state {
+        S::Refused => "was refused by the robot",
+        S::Failed => "was not kept by the robot",
+        S::TimedOut => "was not taken by the robot in time",
+        _ => return Seen::Clear,
+    };
+    let (id, reason) = (latest.id, reason_of(latest));
+    Seen::Firing(format!("deployment {id} {outcome}: {reason}"))
+}
+
+fn reason_of(deployment: &Deployment) -> &str {
+    deployment
+        .reason
+        .as_deref()
+        .unwrap_or("no reason was given")
+}
+
+fn out_of_sync(situation: &Situation<'_>) -> Seen {
+    let ledger = situation.ledger;
+    let told_otherwise = situation
+        .latest
+        .is_some_and(|latest| latest.state == DeploymentState::RollbackFailed);
+    let Some(desired) = &ledger.shadow.desired else {
+        return Seen::Clear;
+    };
+    let wrong = ledger.live.is_none() && !ledger.shadow.in_sync() && !told_otherwise;
+    Seen::firing_if(wrong, || {
+        let should = desired.generation;
+        match &ledger.shadow.in_use {
+            Some(in_use) => format!(
+                "the robot should use generation {should} and uses {}",
+                in_use.generation
+            ),
+            None => format!("the robot should use generation {should} and has not said that"),
+        }
+    })
+}
+
+/// Only a robot that was sending can have stopped, before or after the service's start; one that is
+/// in maintenance is expected to be silent.
+fn no_data(situation: &Situation<'_>) -> Seen {
+    let connection = &situation.view.connection;
+    let maintenance = situation.ledger.shadow.maintenance.as_ref();
+    if maintenance.is_some_and(|one| one.holds_at(situation.now_ns)) {
+        return Seen::Clear;
+    }
+    let Some(last_heard_ns) = connection.last_heard_ns() else {
+        return Seen::Unknown;
+    };
+    let watched_ns = situation.now_ns.saturating_sub(situation.watched_since_ns);
+    let is_expected = connection.last_seen_ns.is_some() || watched_ns >= NS_PER_S * STALE_S;
+    Seen::firing_if(connection.stale && is_expected, || {
+        let seen = Timestamp::from_nanosecond(i128::from(last_heard_ns));
+        let seen = seen.unwrap_or(Timestamp::UNIX_EPOCH);
+        format!("nothing has come from the robot since {seen:.0}")
+    })
+}
+
+/// Steering offset, LiDAR x, y and yaw, in the order of [`approval::Change`].
+const FOUR: [Parameter; 4] = [
+    Parameter::SteeringOffset,
+    Parameter::LidarX,
+    Parameter::LidarY,
+    Parameter::LidarYaw,
+];
+
+fn drift(situation: &Situation<'_>) -> Seen {
+    let view = situation.view;
+    if is_silent(situation) || matches!(view.state, RobotState::NoData | RobotState::Failed) {
+        return Seen::Unknown;
+    }
+    let changed = view.state == RobotState::Changed;
+    match (compared(situation), changed) {
+        (Compared::Far(parts), false) => {
+            Seen::Firing(format!("{parts} away from what the robot uses"))
+        }
+        (Compared::Far(parts), true) => Seen::Firing(format!(
+            "the vehicle is no longer the one that was calibrated: {parts} away from what the \
+             robot uses"
+        )),
+        (Compared::Near | Compared::NotYet, true) => Seen::Firing(
+            "the vehicle is no longer the one that was calibrated; how far it moved is being \
+             learnt"
+                .to_owned(),
+        ),
+        (Compared::Near, false) => Seen::Clear,
+        (Compared::NotYet, false) => Seen::Unknown,
+    }
+}
+
+/// Whether the robot has sent nothing for so long that its estimate is no longer of now. A gap of
+/// seconds, as a radio link has them, is none.
+fn is_silent(situation: &Situation<'_>) -> bool {
+    let connection = &situation.view.connection;
+    let pending_ns = situation.policy.periods(AlertKind::Drift).pending_ns;
+    let quiet_ns = connection
+        .last_seen_ns
+        .map(|seen_ns| situation.now_ns.saturating_sub(seen_ns));
+    connection.stale && quiet_ns.is_none_or(|quiet_ns| quiet_ns >= pending_ns)
+}
+
+enum Compared {
+    /// At least one parameter is surely too far away; which and how far, in words.
+    Far(String),
+    /// All four are known, and none is.
+    Near,
+    /// None is, but not all are known.
+    NotYet,
+}
+
+/// Holds the present estimate against what the robot uses.
+fn compared(situation: &Situation<'_>) -> Compared {
+    let view = situation.view;
+    let nominal = view.config.as_ref().and_then(|config| config.nominal);
+    let in_use = situation.ledger.shadow.in_use.as_ref();
+    let used = in_use
+        .map(|in_use| in_use.values)
+        .or_else(|| nominal.map(|mount| nominal_values(&mount.pose())));
+    match (used, view.estimate.as_deref()) {
+        (Some(used), Some(estimate)) => compare(&used, estimate, situation.approval),
+        // Nobody knows what the robot uses, so there is nothing that it has drifted from.
+        (None, Some(_)) => Compared::Near,
+        (_, None) => Compared::NotYet,
+    }
+}
+
+/// Holds the parameters that are known against what the robot uses.
+fn compare(
+    used: &CalibrationValues,
+    estimate: &EstimateDocument,
+    policy: &approval::Policy,
+) -> Compared {
+    let [steering, x, y, yaw] = FOUR.map(|name| {
+        let parameter = estimate.parameters.get(name);
+        (parameter.status == ParameterStatus::Converged).then_some(parameter)
+    });
+    let estimated = CalibrationValues {
+        steering_offset_rad: steering.map_or(used.steering_offset_rad, |one| one.value),
+        lidar_x_m: x.map_or(used.lidar_x_m, |one| one.value),
+        lidar_y_m: y.map_or(used.lidar_y_m, |one| one.value),
+        lidar_yaw_rad: yaw.map_or(used.lidar_yaw_rad, |one| one.value),
+        ..CalibrationValues::default()
+    };
+    let sigma = [steering, x, y, yaw].map(|known| known.map_or(0.0, |one| one.sigma));
+    let change = difference(used, &estimated);
+    let limits = policy.propose_beyond.limits();
+    let mut sure = limits;
+    for (sure, sigma) in sure.iter_mut().zip(&sigma) {
+        *sure = sure.max(policy.propose_sigmas * sigma);
+    }
+    if change
+        .iter()
+        .zip(&sure)
+        .any(|(part, most)| part.abs() > *most)
+    {
+        return Compared::Far(far_parts(&change, Some(&sigma), &sure));
+    }
+    let unknown = |name| {
+        let status = estimate.parameters.get(name).status;
+        matches!(
+            status,
+            ParameterStatus::Learning | ParameterStatus::Unobservable
+        )
+    };
+    if FOUR.into_iter().any(unknown) {
+        return Compared::NotYet;
+    }
+    Compared::Near
+}
+
+/// The parts of a change that are beyond their limits, in words.
+fn far_parts(change: &approval::Change, sigma: Option<&[f64; 4]>, limits: &[f64; 4]) -> String {
+    const NAMED: [(&str, f64, &str, usize); 4] = [
+        ("steering offset", 180.0 / std::f64::consts::PI, "°", 2),
+        ("LiDAR x", 1e3, " mm", 1),
+        ("LiDAR y", 1e3, " mm", 1),
+        ("LiDAR yaw", 180.0 / std::f64::consts::PI, "°", 2),
+    ];
+    let sigma = sigma.map_or([None; 4], |sigma| sigma.map(Some));
+    let parts = NAMED.iter().zip(change).zip(limits).zip(sigma);
+    let far = parts.filter(|(((_, part), limit), _)| part.abs() > **limit);
+    let words: Vec<String> = far
+        .map(|((((name, scale, unit, digits), part), _), sigma)| {
+            let part = part * scale;
+            let doubt = sigma.map_or_else(String::new, |sigma| {
+                format!(" (sigma {:.digits$}{unit})", sigma * scale)
+            });
+            format!("{name} {part:+.digits$}{unit}{doubt}")
+        })
+        .collect();
+    words.join(", ")
+}

@@ -1,0 +1,574 @@
+//! Every pair of condition and observation, every rule, and the two axes of an alert.
+
+use std::sync::Arc;
+
+use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::CalibrationValues;
+use serde_json::json;
+
+use super::*;
+use crate::approval::{
+    Deployment, DeploymentState, GenerationRef, InUse, Maintenance, Policy, RobotLedger,
+    Verification,
+};
+use crate::robot::{Connection, Counters, RobotConfig, RobotState, RobotView};
+
+const S: i64 = 1_000_000_000;
+const PERIODS: Periods = Periods {
+    pending_ns: 10 * S,
+    recovering_ns: 60 * S,
+};
+
+fn condition(name: ConditionName, since_ns: i64) -> Condition {
+    match name {
+        ConditionName::Normal => Condition::Normal { since_ns },
+        ConditionName::Pending => Condition::Pending { since_ns },
+        ConditionName::Alerting => Condition::Alerting { since_ns },
+        ConditionName::Recovering => Condition::Recovering { since_ns },
+        ConditionName::NoData => Condition::NoData { since_ns },
+    }
+}
+
+/// What follows before and after the periods are over.
+fn expected(was: ConditionName, seen: Observation) -> (ConditionName, ConditionName) {
+    use ConditionName as C;
+    use Observation as O;
+    match (was, seen) {
+        (C::Normal, O::Firing) => (C::Pending, C::Pending),
+        (C::Pending, O::Firing) => (C::Pending, C::Alerting),
+        (C::Normal | C::Pending, O::Clear | O::Unknown) => (C::Normal, C::Normal),
+        (C::Alerting | C::Recovering | C::NoData, O::Firing) => (C::Alerting, C::Alerting),
+        (C::Alerting | C::NoData, O::Clear) => (C::Recovering, C::Recovering),
+        (C::Recovering, O::Clear) => (C::Recovering, C::Normal),
+        (C::Alerting | C::Recovering | C::NoData, O::Unknown) => (C::NoData, C::NoData),
+    }
+}
+
+#[test]
+fn every_pair_of_condition_and_observation() {
+    for &was in ConditionName::ALL {
+        for seen in Observation::ALL {
+            let (early, late) = expected(was, seen);
+            for (now_ns, follows) in [(105 * S, early), (200 * S, late)] {
+                let before = condition(was, 100 * S);
+                let after = before.after(seen, now_ns, PERIODS);
+                assert_eq!(after.name(), follows, "{was:?} {seen:?} at {now_ns}");
+                // What stays keeps its time, what changes has a new one.
+                let since_ns = if was == follows { 100 * S } else { now_ns };
+                assert_eq!(after.since_ns(), since_ns, "{was:?} {seen:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_period_ends_to_the_nanosecond_and_none_is_none() {
+    let pending = condition(ConditionName::Pending, 0);
+    let just_before = pending.after(Observation::Firing, 10 * S - 1, PERIODS);
+    let just_then = pending.after(Observation::Firing, 10 * S, PERIODS);
+    assert_eq!(just_before, pending);
+    assert_eq!(just_then.name(), ConditionName::Alerting);
+    let normal = condition(ConditionName::Normal, 0);
+    let at_once = normal.after(Observation::Firing, 1, Periods::NONE);
+    assert_eq!(at_once.name(), ConditionName::Alerting);
+    let over = at_once.after(Observation::Clear, 2, Periods::NONE);
+    assert_eq!(over.name(), ConditionName::Normal);
+    // A clock that was set back by an hour: longer, never shorter.
+    let back = pending.after(Observation::Firing, -3_600 * S, PERIODS);
+    assert_eq!(back, pending);
+}
+
+fn robot() -> RobotId {
+    RobotId::parse("tugger_01").unwrap()
+}
+
+fn seen(observation: Observation) -> Sighting {
+    Sighting {
+        kind: AlertKind::Drift,
+        observation,
+        what: "far away".to_owned(),
+        robots: Vec::new(),
+    }
+}
+
+fn kept(step: Step) -> (Alert, Option<Notice>) {
+    match step {
+        Step::Changed(alert, notice) => (*alert, notice),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn an_alert_is_told_once_when_it_alerts_and_once_when_it_is_over() {
+    let robot = Subject::Robot(robot());
+    let step = |before: Option<&Alert>, observation, at_s: i64| {
+        step(before, &robot, &seen(observation), at_s * S, PERIODS)
+    };
+    assert_eq!(step(None, Observation::Clear, 0), Step::Same);
+    let (pending, notice) = kept(step(None, Observation::Firing, 0));
+    assert_eq!((pending.version, notice), (1, None));
+    assert_eq!(step(Some(&pending), Observation::Firing, 9), Step::Same);
+    assert_eq!(step(Some(&pending), Observation::Clear, 9), Step::Dropped);
+    let (alerting, notice) = kept(step(Some(&pending), Observation::Firing, 10));
+    assert_eq!(notice, Some(Notice::Alerting));
+    assert_eq!(alerting.alerted_ns, Some(10 * S));
+    let (recovering, notice) = kept(step(Some(&alerting), Observation::Clear, 20));
+    assert_eq!(notice, None);
+    // It comes back while nobody believed that it was over: the same alert, told once.
+    let (again, notice) = kept(step(Some(&recovering), Observation::Firing, 30));
+    assert_eq!((notice, again.alerted_ns), (None, Some(10 * S)));
+    let (over, notice) = kept(step(Some(&recovering), Observation::Clear, 80));
+    assert_eq!(notice, Some(Notice::Resolved));
+    assert_eq!((over.ended_ns, over.is_active()), (Some(80 * S), false));
+    assert_eq!((over.version, over.what.as_str()), (4, "far away"));
+    assert!(again.rank() < pending.rank() && pending.rank() < over.rank());
+}
+
+#[test]
+fn an_acknowledgement_changes_no_condition_and_a_condition_no_acknowledgement() {
+    let robot = Subject::Robot(robot());
+    for &name in ConditionName::ALL {
+        let alert = Alert {
+            id: 7,
+            robot: robot.clone(),
+            robots: Vec::new(),
+            kind: AlertKind::Drift,
+            version: 3,
+            condition: condition(name, 0),
+            began_ns: 0,
+            alerted_ns: Some(0),
+            ended_ns: None,
+            what: String::new(),
+            told_ns: 0,
+            acknowledgement: None,
+        };
+        let ada = Acknowledgement {
+            by: "ada".to_owned(),
+            at_ns: 5,
+            note: Some("on my way".to_owned()),
+        };
+        let taken = alert.acknowledge(3, ada.clone()).unwrap();
+        assert_eq!((taken.version, taken.condition), (4, alert.condition));
+        let stale = taken.acknowledge(3, ada.clone()).unwrap_err();
+        assert_eq!(stale, AlertRefused::Stale { found: 4 });
+        let twice = taken.acknowledge(4, ada.clone()).unwrap_err();
+        assert_eq!(twice, AlertRefused::AcknowledgedAlready("ada".to_owned()));
+        for observation in Observation::ALL {
+            if let Step::Changed(after, _) =
+                step(Some(&taken), &robot, &seen(observation), 900 * S, PERIODS)
+            {
+                assert_eq!(after.acknowledgement, Some(ada.clone()));
+            }
+        }
+    }
+}
+
+/// A robot that sends, is calibrated, and uses what its drawing says.
+fn view() -> RobotView {
+    let config: RobotConfig = serde_json::from_value(json!({
+        "model": "bicycle", "wheelbase_m": 1.2,
+        "nominal": {"x_m": 0.434, "y_m": 0.0, "yaw_rad": 0.0},
+    }))
+    .unwrap();
+    RobotView {
+        id: robot(),
+        config: Some(config),
+        state: RobotState::Calibrated,
+        connection: Connection {
+            last_seen_ns: Some(100 * S),
+            heard_before_ns: None,
+            stale: false,
+            alive: true,
+            streams: Vec::new(),
+        },
+        estimate: Some(Arc::new(estimate(0.0, 0.0001, "converged"))),
+        fresh: None,
+        counters: Counters::default(),
+        estimator_restarts: 0,
+        pairing: None,
+        warnings: Vec::new(),
+        topics: Arc::from([]),
+    }
+}
+
+fn estimate(
+    offset_rad: f64,
+    sigma_rad: f64,
+    status: &str,
+) -> fleetcal_proto::estimate::EstimateDocument {
+    let parameter = |value: f64, sigma: f64, unit: &str, status: &str| json!({"value": value, "sigma": sigma, "unit": unit, "status": status, "needs": null});
+    serde_json::from_value(json!({
+        "robot": "tugger_01", "stamp_ns": 100 * S, "time_s": 100.0, "distance_m": 90.0,
+        "parameters": {
+            "steering_offset": parameter(offset_rad, sigma_rad, "rad", status),
+            "lidar_x": parameter(0.434, 0.001, "m", "converged"),
+            "lidar_y": parameter(0.0, 0.001, "m", "converged"),
+            "lidar_yaw": parameter(0.0, 0.001, "rad", "converged"),
+            "speed_scale": parameter(1.0, 0.001, "1", "learning"),
+            "wheelbase": parameter(1.2, 0.0, "m", "fixed"),
+            "time_offset": parameter(0.0, 0.01, "s", "learning"),
+            "steering_gain": parameter(1.0, 0.0, "1", "off"),
+        },
+        "consistency": {"nis_mean": 3.0, "nis_dof": 3.0, "samples": 5},
+        "counts": {"drive_samples": 1, "scans": 1, "scans_rejected": 0, "late": 0, "duplicates": 0},
+    }))
+    .unwrap()
+}
+
+fn deployment(state: DeploymentState) -> Deployment {
+    let offer = GenerationRef {
+        generation: 2,
+        sha256: "00".to_owned(),
+        revision: 1,
+        chosen_by: None,
+    };
+    Deployment {
+        id: 5,
+        robot: robot(),
+        version: 3,
+        state,
+        proposal: Some(1),
+        approved_by: "ada".to_owned(),
+        offer,
+        earlier: Vec::new(),
+        base: None,
+        desired_before: None,
+        created_ns: 0,
+        expires_ns: 0,
+        offered_ns: None,
+        applied_ns: None,
+        closed_ns: None,
+        verification: None,
+        reason: Some("hook said no".to_owned()),
+        roll_back: None,
+    }
+}
+
+fn in_use(generation: u64, steering_offset_rad: f64) -> InUse {
+    InUse {
+        generation,
+        revision: None,
+        values: CalibrationValues {
+            steering_offset_rad,
+            lidar_x_m: 0.434,
+            ..CalibrationValues::default()
+        },
+        since_ns: 0,
+    }
+}
+
+/// One case of a rule: what it is given, and what it sees.
+struct Case {
+    view: RobotView,
+    ledger: RobotLedger,
+    latest: Option<Deployment>,
+    fault: Option<(i64, &'static str)>,
+    policy: AlertPolicy,
+    watched_since_s: i64,
+}
+
+fn case() -> Case {
+    Case {
+        view: view(),
+        ledger: RobotLedger::new(robot()),
+        latest: None,
+        fault: None,
+        policy: AlertPolicy::default(),
+        watched_since_s: 0,
+    }
+}
+
+impl Case {
+    fn sight(&self, kind: AlertKind) -> (Observation, String) {
+        let all = sightings(&Situation {
+            now_ns: 110 * S,
+            watched_since_ns: self.watched_since_s * S,
+            view: &self.view,
+            ledger: &self.ledger,
+            latest: self.latest.as_ref(),
+            fault: self.fault,
+            approval: &Policy::default(),
+            policy: &self.policy,
+        });
+        let found = all.into_iter().find(|one| one.kind == kind).unwrap();
+        (found.observation, found.what)
+    }
+
+    fn firing(&self) -> Vec<AlertKind> {
+        let fires = |kind: &AlertKind| self.sight(*kind).0 == Observation::Firing;
+        AlertKind::ALL.into_iter().filter(fires).collect()
+    }
+}
+
+#[test]
+fn nothing_is_wrong_with_a_robot_that_is_as_it_should_be() {
+    assert!(case().firing().is_empty());
+}
+
+#[test]
+fn drift_is_sure_and_far_or_a_vehicle_that_changed() {
+    let drift = |change: fn(&mut Case)| {
+        let mut case = case();
+        change(&mut case);
+        case.sight(AlertKind::Drift)
+    };
+    let estimated = |case: &mut Case, offset_rad, sigma_rad, status: &str| {
+        case.view.estimate = Some(Arc::new(estimate(offset_rad, sigma_rad, status)));
+    };
+    let (far, what) = drift(|case| {
+        case.view.estimate = Some(Arc::new(estimate(0.01, 0.0005, "converged")));
+    });
+    assert_eq!(far, Observation::Firing);
+    assert_eq!(
+        what,
+        "steering offset +0.57° (sigma 0.03°) away from what the robot uses"
+    );
+    let mut unsure = case();
+    estimated(&mut unsure, 0.01, 0.01, "converged");
+    assert_eq!(unsure.sight(AlertKind::Drift).0, Observation::Clear);
+    let mut near = case();
+    estimated(&mut near, 0.002, 0.0001, "converged");
+    assert_eq!(near.sight(AlertKind::Drift).0, Observation::Clear);
+    // One that is not known yet does not count, whatever its value.
+    let mut learning = case();
+    estimated(&mut learning, 0.1, 0.0001, "learning");
+    assert_eq!(learning.sight(AlertKind::Drift).0, Observation::Unknown);
+    // What the robot says it uses counts more than its drawing.
+    let mut applied = case();
+    estimated(&mut applied, 0.01, 0.0001, "converged");
+    applied.ledger.shadow.in_use = Some(in_use(2, 0.01));
+    assert_eq!(applied.sight(AlertKind::Drift).0, Observation::Clear);
+    assert_eq!(
+        drift(|case| case.view.state = RobotState::Changed).0,
+        Observation::Firing
+    );
+    let unknown: [fn(&mut Case); 3] = [
+        |case| {
+            case.view.connection.stale = true;
+            case.view.connection.last_seen_ns = Some(100 * S);
+        },
+        |case| case.view.state = RobotState::NoData,
+        |case| case.view.estimate = None,
+    ];
+    for change in unknown {
+        assert_eq!(drift(change).0, Observation::Unknown);
+    }
+    let gap = drift(|case| {
+        case.view.connection.stale = true;
+        case.view.connection.last_seen_ns = Some(105 * S);
+    });
+    assert_eq!(gap.0, Observation::Clear);
+    // Nobody knows what it uses: there is nothing to have drifted from.
+    let unknown_base = drift(|case| {
+        case.view.estimate = Some(Arc::new(estimate(0.1, 0.0001, "converged")));
+        case.view.config = case.view.config.take().map(|config| RobotConfig {
+            nominal: None,
+            ..config
+        });
+    });
+    assert_eq!(unknown_base.0, Observation::Clear);
+}
+
+#[test]
+fn only_a_robot_that_was_sending_has_stopped_sending() {
+    let mut silent = case();
+    silent.view.connection.stale = true;
+    let (observation, what) = silent.sight(AlertKind::NoData);
+    assert_eq!(observation, Observation::Firing);
+    assert_eq!(
+        what,
+        "nothing has come from the robot since 1970-01-01T00:01:40Z"
+    );
+    silent.view.connection.last_seen_ns = None;
+    assert_eq!(silent.sight(AlertKind::NoData).0, Observation::Unknown);
+    // It was heard before the service was started, and stays away.
+    silent.view.connection.heard_before_ns = Some(50 * S);
+    let (observation, what) = silent.sight(AlertKind::NoData);
+    assert_eq!(observation, Observation::Firing);
+    assert_eq!(
+        what,
+        "nothing has come from the robot since 1970-01-01T00:00:50Z"
+    );
+    silent.watched_since_s = 108;
+    assert_eq!(silent.sight(AlertKind::NoData).0, Observation::Clear);
+    let never = Condition::Normal { since_ns: 0 };
+    let never = never.after(Observation::Unknown, 900 * S, PERIODS);
+    assert_eq!(never.name(), ConditionName::Normal);
+}
+
+#[test]
+fn a_robot_in_maintenance_raises_no_alert_until_that_ends() {
+    let mut parked = case();
+    parked.view.connection.stale = true;
+    let until = |until_ns| Maintenance {
+        until_ns,
+        by: "ada".to_owned(),
+        at_ns: 90 * S,
+        reason: "parked for the night".to_owned(),
+    };
+    parked.ledger.shadow.maintenance = Some(until(111 * S));
+    assert_eq!(parked.sight(AlertKind::NoData).0, Observation::Clear);
+    parked.ledger.shadow.maintenance = Some(until(110 * S));
+    assert_eq!(parked.sight(AlertKind::NoData).0, Observation::Firing);
+}
+
+#[test]
+fn the_words_of_an_alert_follow_what_is_seen() {
+    let robot = Subject::Robot(robot());
+    let seen = |what: &str| Sighting {
+        kind: AlertKind::Drift,
+        observation: Observation::Firing,
+        what: what.to_owned(),
+        robots: Vec::new(),
+    };
+    let first = seen("LiDAR yaw +1.73°");
+    let (alert, _) = kept(step(None, &robot, &first, 0, Periods::NONE));
+    let now = seen("steering offset +1.33°, LiDAR y +38.0 mm");
+    let step = |at_s: i64| step(Some(&alert), &robot, &now, at_s * S, Periods::NONE);
+    assert_eq!(step(9), Step::Same, "not with every look");
+    let Step::Retold(retold) = step(10) else {
+        panic!("{:?}", step(10));
+    };
+    assert_eq!(retold.what, now.what);
+    assert_eq!(
+        (retold.version, retold.condition),
+        (alert.version, alert.condition)
+    );
+    let told = AlertDocument::of(&retold).what;
+    assert_eq!(told, "steering offset +1.33°, LiDAR y +38.0 mm");
+    let over = Alert {
+        condition: Condition::Normal { since_ns: 20 * S },
+        ..*retold
+    };
+    let told = AlertDocument::of(&over).what;
+    assert_eq!(
+        told,
+        "over; it was: steering offset +1.33°, LiDAR y +38.0 mm"
+    );
+}
+
+#[test]
+fn each_state_of_the_newest_deployment_fires_its_own_alert() {
+    use AlertKind as K;
+    use DeploymentState as D;
+    for state in D::ALL {
+        let expected: &[K] = match state {
+            D::Refused | D::Failed | D::TimedOut => &[K::NotApplied],
+            D::RollbackFailed => &[K::RollbackFailed],
+            _ => &[],
+        };
+        let mut case = case();
+        case.latest = Some(deployment(state));
+        if state == D::RollbackFailed {
+            case.ledger.shadow.desired = case.latest.as_ref().map(|one| one.offer.clone());
+            case.ledger.shadow.in_use = Some(in_use(1, 0.0));
+        }
+        assert_eq!(case.firing(), expected, "{state:?}");
+        if !expected.is_empty() {
+            let (_, what) = case.sight(expected[0]);
+            assert!(what.contains("deployment 5") && what.contains("hook said no"));
+        }
+        case.latest = case.latest.map(|latest| Deployment {
+            verification: Some(Verification {
+                at_ns: 0,
+                distance_m: 60.0,
+                residual: [0.02, 0.0, 0.0, 0.0],
+                sigma: [0.001; 4],
+                within: false,
+            }),
+            ..latest
+        });
+        case.view.estimate = Some(Arc::new(estimate(0.02, 0.0001, "converged")));
+        let failed = matches!(
+            state,
+            D::Verifying | D::RollingBack | D::RolledBack | D::Kept
+        );
+        let (observation, what) = case.sight(K::VerificationFailed);
+        assert_eq!(observation == Observation::Firing, failed, "{state:?}");
+        assert_eq!(what.contains("steering offset +1.15°"), failed, "{what}");
+    }
+}
+
+#[test]
+fn a_failed_verification_clears_once_the_estimate_agrees_with_what_the_robot_uses() {
+    use DeploymentState as D;
+    for state in [D::RolledBack, D::Kept] {
+        let sight = |estimated_rad| {
+            let mut case = case();
+            let mut latest = deployment(state);
+            latest.verification = Some(Verification {
+                at_ns: 0,
+                distance_m: 60.0,
+                residual: [0.02, 0.0, 0.0, 0.0],
+                sigma: [0.001; 4],
+                within: false,
+            });
+            case.latest = Some(latest);
+            case.ledger.shadow.in_use = Some(in_use(2, 0.01));
+            case.view.estimate = Some(Arc::new(estimate(estimated_rad, 0.0001, "converged")));
+            case.sight(AlertKind::VerificationFailed).0
+        };
+        assert_eq!(sight(0.03), Observation::Firing, "{state:?}");
+        assert_eq!(sight(0.0101), Observation::Clear, "{state:?}");
+    }
+}
+
+#[test]
+fn a_robot_that_uses_another_generation_is_out_of_sync_unless_one_is_on_its_way() {
+    let mut apart = case();
+    apart.ledger.shadow.desired = Some(deployment(DeploymentState::Verified).offer);
+    apart.ledger.shadow.in_use = Some(in_use(1, 0.0));
+    assert_eq!(apart.firing(), [AlertKind::OutOfSync]);
+    let (_, what) = apart.sight(AlertKind::OutOfSync);
+    assert_eq!(what, "the robot should use generation 2 and uses 1");
+    apart.ledger.live = Some(deployment(DeploymentState::Offered));
+    assert!(apart.firing().is_empty());
+}
+
+#[test]
+fn faults_pass_and_failures_stay() {
+    let mut faulty = case();
+    faulty.fault = Some((108 * S, "LiDAR odometry"));
+    assert_eq!(faulty.firing(), [AlertKind::Fault]);
+    faulty.fault = Some((90 * S, "LiDAR odometry"));
+    assert!(faulty.firing().is_empty());
+    faulty.view.state = RobotState::Failed;
+    assert_eq!(faulty.firing(), [AlertKind::EstimatorFailed]);
+}
+
+#[test]
+fn what_is_switched_off_or_not_registered_is_silent() {
+    let mut silent = case();
+    silent.view.connection.stale = true;
+    silent.policy.off = vec![AlertKind::NoData];
+    assert_eq!(silent.sight(AlertKind::NoData).0, Observation::Clear);
+    silent.policy.off.clear();
+    silent.view.config = None;
+    assert!(silent.firing().is_empty());
+}
+
+#[test]
+fn a_policy_is_refused_by_key_and_value() {
+    let policy = AlertPolicy {
+        pending_s: -1.0,
+        ..AlertPolicy::default()
+    };
+    let refused = policy.check().unwrap_err();
+    assert_eq!(refused, "alerts.pending_s is -1, accepted is 0 to 86400");
+    assert!(AlertPolicy::default().check().is_ok());
+}
+
+#[test]
+fn names_are_those_of_documents() {
+    for kind in AlertKind::ALL {
+        assert_eq!(json!(kind), kind.as_str());
+        assert_eq!(AlertKind::parse(kind.as_str()), Some(kind));
+        assert_eq!(json!(kind.severity()), kind.severity().as_str());
+        assert!(kind.advice().ends_with('.'));
+    }
+    for &name in ConditionName::ALL {
+        assert_eq!(json!(name), name.as_str());
+        assert_eq!(ConditionName::parse(name.as_str()), Some(name));
+        assert_eq!(json!(condition(name, 0))["state"], name.as_str());
+    }
+}

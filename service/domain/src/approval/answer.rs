@@ -1,0 +1,171 @@
+//! What a robot says it does with a document.
+
+use fleetcal_proto::calibration::{Applied, AppliedStatus};
+
+use super::ask::believable;
+use super::deployment::{Deployment, DeploymentEvent, DeploymentState};
+use super::draft::Draft;
+use super::generation::{GenerationRef, InUse};
+use super::ledger::Parcel;
+use super::refused::Refused;
+use super::shadow::{Reported, Shadow};
+use super::transition::{DeploymentAction, ShadowAction};
+
+/// How far a robot may be ahead of the records: more calibrations than are approved between two
+/// backups. A robot that names more is not believed, lest it use up the numbers there are.
+pub(super) const GENERATIONS_AHEAD_MAX: u64 = 1_000;
+
+impl Draft<'_> {
+    pub(super) fn acknowledge(&mut self, applied: &Applied) -> Result<(), Refused> {
+        if let Some(values) = &applied.values {
+            believable(values)?;
+        }
+        if applied.generation > self.outcome.ledger.shadow.generation_last {
+            return self.heard_of_later(applied);
+        }
+        if let Some(live) = self.live_offer(applied.generation) {
+            same_document(&live.offer, applied)?;
+            return self.answer_to_offer(&live, applied);
+        }
+        let ledger = &self.outcome.ledger;
+        let named = ledger.reference(applied.generation).cloned();
+        if let Some(named) = &named {
+            same_document(named, applied)?;
+        }
+        let desired = ledger.shadow.desired.as_ref();
+        let is_desired = desired.is_some_and(|one| one.generation == applied.generation);
+        // That an older one was refused, or dropped, is no news of a robot that uses a newer one.
+        let uses_newer = |in_use: &InUse| in_use.generation > applied.generation;
+        let is_old = ledger.shadow.in_use.as_ref().is_some_and(uses_newer);
+        if is_old && !is_desired && applied.status != AppliedStatus::Applied {
+            return Ok(());
+        }
+        // A robot that uses what is not wanted any more is not told to keep it: it goes back.
+        let unwanted =
+            applied.status == AppliedStatus::Applied && applied.generation > 0 && !is_desired;
+        self.report(applied, named.map(|one| one.revision), !unwanted);
+        Ok(())
+    }
+
+    /// The robot names a generation that these records know nothing of: they are older than it is,
+    /// as after a backup was restored. What is approved next must come after it, or the robot
+    /// would take it for an old document.
+    fn heard_of_later(&mut self, applied: &Applied) -> Result<(), Refused> {
+        let last = self.outcome.ledger.shadow.generation_last;
+        let most = last.saturating_add(GENERATIONS_AHEAD_MAX);
+        if applied.generation > most {
+            return Err(Refused::NeverOffered {
+                generation: applied.generation,
+                most,
+            });
+        }
+        self.report(applied, None, false);
+        Ok(())
+    }
+
+    /// The robot answers what it is offered now.
+    fn answer_to_offer(&mut self, before: &Deployment, applied: &Applied) -> Result<(), Refused> {
+        use DeploymentState as S;
+        let (event, action) = match applied.status {
+            AppliedStatus::Applied => (DeploymentEvent::Applied, DeploymentAction::Apply),
+            AppliedStatus::Refused => (DeploymentEvent::Refused, DeploymentAction::Refuse),
+            AppliedStatus::Failed => (DeploymentEvent::Failed, DeploymentAction::Fail),
+            AppliedStatus::Reverted => (DeploymentEvent::Reverted, DeploymentAction::Revert),
+        };
+        let again =
+            event == DeploymentEvent::Applied && matches!(before.state, S::Applied | S::Verifying);
+        if !again {
+            let mut live = before.clone();
+            live.applied_ns = Some(self.standing.now_ns);
+            let reason = applied.reason.clone();
+            self.advance(before, live, event, action, reason)?;
+        }
+        self.report(applied, Some(before.offer.revision), true);
+        Ok(())
+    }
+
+    /// Writes down what a robot said, and what it therefore uses.
+    fn report(&mut self, applied: &Applied, revision: Option<u64>, confirm: bool) {
+        let generation = applied.generation;
+        let now_ns = self.standing.now_ns;
+        let mut shadow = self.outcome.ledger.shadow.clone();
+        shadow.generation_last = shadow.generation_last.max(generation);
+        match applied.status {
+            AppliedStatus::Applied => self.now_uses(&mut shadow, applied, revision),
+            // It may have gone back from what it never told us that it used.
+            AppliedStatus::Reverted if shadow.uses(generation) => {
+                let before = shadow.before.take();
+                let values = applied
+                    .values
+                    .or(before.as_ref().map(|before| before.values));
+                shadow.in_use = values.map(|values| InUse {
+                    generation: before.as_ref().map_or(0, |before| before.generation),
+                    revision: before.and_then(|before| before.revision),
+                    values,
+                    since_ns: applied.applied_at_ns,
+                });
+            }
+            AppliedStatus::Reverted | AppliedStatus::Refused | AppliedStatus::Failed => {}
+        }
+        let reported = Reported {
+            generation,
+            sha256: applied.sha256.clone(),
+            status: applied.status,
+            reason: applied.reason.clone(),
+            at_ns: applied.applied_at_ns,
+            received_ns: now_ns,
+            confirmed: confirm,
+        };
+        let is_news = shadow.reported.as_ref().is_none_or(|last| {
+            let received_ns = last.received_ns;
+            *last
+                != Reported {
+                    received_ns,
+                    ..reported.clone()
+                }
+        }) || shadow.in_use != self.outcome.ledger.shadow.in_use;
+        // One confirmation waits at a time, and that of what is under way goes first.
+        let live = self.outcome.ledger.live.as_ref();
+        let another_waits = live.is_some_and(|live| {
+            live.state == DeploymentState::Applied && live.offer.generation != generation
+        });
+        if confirm && generation > 0 && !another_waits {
+            self.outcome.parcels.push(Parcel::Confirmed(generation));
+        }
+        // The same answer again, because its confirmation was lost, is no news.
+        if is_news {
+            shadow.reported = Some(reported);
+            self.save_shadow(ShadowAction::Report, shadow, applied.reason.clone());
+        }
+    }
+
+    /// What a robot uses that says it has applied something; unknown when nobody can say.
+    fn now_uses(&self, shadow: &mut Shadow, applied: &Applied, revision: Option<u64>) {
+        let generation = applied.generation;
+        let known = revision.and_then(|id| self.outcome.ledger.revisions.get(&id));
+        let held = shadow.in_use.clone().filter(|_| shadow.uses(generation));
+        if held.is_none() {
+            shadow.before = shadow.in_use.take();
+        }
+        let values = applied.values.or(known.map(|revision| revision.values));
+        let values = values.or(held.as_ref().map(|held| held.values));
+        let revision = revision.or(held.and_then(|held| held.revision));
+        shadow.in_use = values.map(|values| InUse {
+            generation,
+            revision: revision.filter(|_| generation > 0),
+            values,
+            since_ns: applied.applied_at_ns,
+        });
+    }
+}
+
+fn same_document(offer: &GenerationRef, applied: &Applied) -> Result<(), Refused> {
+    if offer.sha256 != applied.sha256 {
+        return Err(Refused::OtherDocument {
+            generation: applied.generation,
+            given: applied.sha256.clone(),
+            found: offer.sha256.clone(),
+        });
+    }
+    Ok(())
+}

@@ -1,0 +1,307 @@
+//! What people are asked for, and what they answer.
+
+use fleetcal_proto::calibration::CalibrationValues;
+
+use super::draft::{Draft, after, fresh};
+use super::policy::Policy;
+use super::present::outdated;
+use super::proposal::{Approval, Closing, Proposal, ProposalEvent, ProposalState, Refreshed};
+use super::refused::Refused;
+use super::revision::{Evidence, Origin, Revision};
+use super::transition::ProposalAction;
+use super::values::{difference, differs_beside, exceeds};
+use crate::access::Authentication;
+
+/// Farthest from the rear axle that a LiDAR is believed to sit, m.
+const BELIEVED_DISTANCE_MAX_M: f64 = 30.0;
+
+impl Draft<'_> {
+    pub(super) fn propose(
+        &mut self,
+        origin: Origin,
+        (values, sigmas): (CalibrationValues, CalibrationValues),
+        evidence: Evidence,
+        nominal: Option<CalibrationValues>,
+        reason: Option<String>,
+    ) -> Result<(), Refused> {
+        within_limits(&values, self.standing.policy)?;
+        self.nothing_underway()?;
+        if let Some(open) = &self.outcome.ledger.open {
+            let id = open.id;
+            let newer = "a newer proposal was made".to_owned();
+            self.close(id, None, ProposalEvent::Supersede, Some(newer))?;
+        }
+        let rear_axle = self.standing.rear_axle_in_base_link;
+        let revision = self.add_revision(origin, (values, sigmas), evidence, rear_axle);
+        let shadow = &self.outcome.ledger.shadow;
+        let base = shadow
+            .in_use
+            .as_ref()
+            .map(|in_use| in_use.values)
+            .or(nominal);
+        let approvals_needed = self.approvers_needed(base.as_ref(), &revision);
+        let now_ns = self.standing.now_ns;
+        let proposal = Proposal {
+            id: self.ids.proposal,
+            robot: shadow.robot.clone(),
+            version: 1,
+            state: ProposalState::Proposed,
+            revision: revision.id,
+            revision_sha256: revision.sha256,
+            proposed_by: self.standing.actor.name.clone(),
+            reason: reason.clone(),
+            created_ns: now_ns,
+            expires_ns: after(now_ns, self.standing.policy.expires_after_s),
+            base,
+            base_generation: shadow.in_use.as_ref().map(|in_use| in_use.generation),
+            approvals_needed,
+            approvals: Vec::new(),
+            closing: None,
+            refreshed: None,
+        };
+        self.ids.proposal += 1;
+        self.save_proposal(ProposalAction::Create, None, proposal, reason);
+        Ok(())
+    }
+
+    /// Puts the present estimate in the place of what is proposed.
+    pub(super) fn refresh(
+        &mut self,
+        id: u64,
+        found: (CalibrationValues, CalibrationValues),
+        evidence: Evidence,
+        nominal: Option<CalibrationValues>,
+        reason: &str,
+    ) -> Result<(), Refused> {
+        within_limits(&found.0, self.standing.policy)?;
+        let before = self.open_proposal(id, None)?;
+        let rear_axle = self.standing.rear_axle_in_base_link;
+        let revision = self.add_revision(Origin::Estimator, found, evidence, rear_axle);
+        let in_use = self.outcome.ledger.shadow.in_use.as_ref();
+        let base = in_use.map(|in_use| in_use.values).or(nominal);
+        let base_generation = in_use.map(|in_use| in_use.generation);
+        let now_ns = self.standing.now_ns;
+        let voided: Vec<String> = before.approvals.iter().map(|one| one.by.clone()).collect();
+        let void = match voided.as_slice() {
+            [] => String::new(),
+            names => format!("; void is the approval of {}", names.join(", ")),
+        };
+        let times = before.refreshed.as_ref().map_or(0, |last| last.times);
+        let proposal = Proposal {
+            version: before.version + 1,
+            state: before.state.after(ProposalEvent::Refresh)?,
+            approvals_needed: self.approvers_needed(base.as_ref(), &revision),
+            revision: revision.id,
+            revision_sha256: revision.sha256,
+            base,
+            base_generation,
+            approvals: Vec::new(),
+            expires_ns: after(now_ns, self.standing.policy.expires_after_s),
+            refreshed: Some(Refreshed {
+                at_ns: now_ns,
+                times: times.saturating_add(1),
+                reason: reason.to_owned(),
+                voided,
+            }),
+            ..before.clone()
+        };
+        let reason = Some(format!("{reason}{void}"));
+        self.save_proposal(ProposalAction::Refresh, Some(&before), proposal, reason);
+        Ok(())
+    }
+
+    /// Nobody approves what the present estimate speaks against.
+    fn still_holds(&self, proposal: &Proposal) -> Result<(), Refused> {
+        let proposed = self.outcome.ledger.revisions.get(&proposal.revision);
+        match proposed.and_then(|one| outdated(one, &self.standing.present)) {
+            Some(outdated) => Err(Refused::Outdated(outdated)),
+            None => Ok(()),
+        }
+    }
+
+    pub(super) fn approve(
+        &mut self,
+        id: u64,
+        version: Option<u64>,
+        sha256: String,
+        reason: Option<String>,
+    ) -> Result<(), Refused> {
+        let before = self.open_proposal(id, version)?;
+        let actor = self.standing.actor;
+        if self.standing.now_ns >= before.expires_ns {
+            let state = ProposalState::Expired;
+            return Err(Refused::ProposalClosed { state });
+        }
+        if before.revision_sha256 != sha256 {
+            return Err(Refused::OtherRevision {
+                given: sha256,
+                found: before.revision_sha256,
+            });
+        }
+        let by_service = actor.authentication == Authentication::Service;
+        if before.proposed_by == actor.name && !by_service {
+            return Err(Refused::OwnProposal(actor.name.clone()));
+        }
+        if before.approvals.iter().any(|one| one.by == actor.name) {
+            return Err(Refused::ApprovedAlready(actor.name.clone()));
+        }
+        if by_service {
+            self.nobody_chose()?;
+        }
+        self.nothing_underway()?;
+        self.still_holds(&before)?;
+        let mut proposal = before.clone();
+        proposal.approvals_needed = self.approvers_needed_now(&before);
+        proposal.approvals.push(Approval {
+            by: actor.name.clone(),
+            at_ns: self.standing.now_ns,
+            sha256,
+            reason: reason.clone(),
+        });
+        let enough = proposal.approvals.len() >= proposal.approvals_needed as usize;
+        let event = if enough {
+            ProposalEvent::Approve
+        } else {
+            ProposalEvent::ApproveInPart
+        };
+        proposal.state = before.state.after(event)?;
+        proposal.version += 1;
+        self.save_proposal(event.into(), Some(&before), proposal.clone(), reason);
+        if enough {
+            self.deploy(Some(&proposal), proposal.revision, proposal.base, None)?;
+        }
+        Ok(())
+    }
+
+    /// How many people have to agree to a change.
+    fn approvers_needed(&self, base: Option<&CalibrationValues>, to: &Revision) -> u32 {
+        let limits = self.standing.policy.two_approvers_beyond.limits();
+        let large = base.is_some_and(|base| exceeds(&difference(base, &to.values), &limits));
+        let in_use = self.outcome.ledger.revision_in_use();
+        let moves_base =
+            in_use.is_some_and(|in_use| in_use.rear_axle_in_base_link != to.rear_axle_in_base_link);
+        if large || moves_base || differs_beside(base, &to.values) {
+            2
+        } else {
+            1
+        }
+    }
+
+    /// How many have to agree to a proposal now: the rules may have changed since it was made, and
+    /// what the robot uses, so that the change is a larger one.
+    fn approvers_needed_now(&self, proposal: &Proposal) -> u32 {
+        let ledger = &self.outcome.ledger;
+        let in_use = ledger.shadow.in_use.as_ref().map(|in_use| in_use.values);
+        let base = in_use.or(proposal.base);
+        let proposed = ledger.revisions.get(&proposal.revision);
+        let now = proposed.map_or(1, |to| self.approvers_needed(base.as_ref(), to));
+        proposal.approvals_needed.max(now)
+    }
+
+    /// Ends a proposal otherwise than by approval.
+    pub(super) fn close(
+        &mut self,
+        id: u64,
+        version: Option<u64>,
+        event: ProposalEvent,
+        reason: Option<String>,
+    ) -> Result<(), Refused> {
+        let before = self.open_proposal(id, version)?;
+        let mut proposal = before.clone();
+        proposal.state = before.state.after(event)?;
+        proposal.version += 1;
+        proposal.closing = Some(Closing {
+            by: self.standing.actor.name.clone(),
+            at_ns: self.standing.now_ns,
+            reason: reason.clone(),
+        });
+        if matches!(event, ProposalEvent::Reject | ProposalEvent::Withdraw) {
+            self.decline(before.revision);
+        }
+        self.save_proposal(event.into(), Some(&before), proposal, reason);
+        Ok(())
+    }
+
+    fn open_proposal(&self, id: u64, version: Option<u64>) -> Result<Proposal, Refused> {
+        let open = self.outcome.ledger.open.as_ref();
+        let open = open
+            .filter(|open| open.id == id)
+            .ok_or(Refused::NotOpen(id))?;
+        fresh(version, open.version)?;
+        Ok(open.clone())
+    }
+
+    /// The service itself does not replace what a person rolled the robot back to.
+    fn nobody_chose(&self) -> Result<(), Refused> {
+        let desired = self.outcome.ledger.shadow.desired.as_ref();
+        match desired.and_then(|one| Some((one.generation, one.chosen_by.clone()?))) {
+            Some((generation, by)) => Err(Refused::ChosenByPerson { generation, by }),
+            None => Ok(()),
+        }
+    }
+
+    fn nothing_underway(&self) -> Result<(), Refused> {
+        match &self.outcome.ledger.live {
+            Some(live) => Err(Refused::Underway {
+                deployment: live.id,
+                state: live.state,
+            }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// What no robot can have is not even proposed.
+pub(super) fn within_limits(values: &CalibrationValues, policy: &Policy) -> Result<(), Refused> {
+    let steering_rad = policy.steering_offset_max_deg.to_radians();
+    within_bounds(values, steering_rad, policy.lidar_distance_max_m)
+}
+
+/// What no vehicle can have is not believed, whatever the policy was when it was approved.
+pub(super) fn believable(values: &CalibrationValues) -> Result<(), Refused> {
+    within_bounds(values, std::f64::consts::FRAC_PI_2, BELIEVED_DISTANCE_MAX_M)
+}
+
+fn within_bounds(
+    values: &CalibrationValues,
+    steering_rad: f64,
+    distance_m: f64,
+) -> Result<(), Refused> {
+    let checks = [
+        (
+            "steering_offset_rad",
+            values.steering_offset_rad,
+            steering_rad,
+        ),
+        ("lidar_x_m", values.lidar_x_m, distance_m),
+        ("lidar_y_m", values.lidar_y_m, distance_m),
+        ("lidar_yaw_rad", values.lidar_yaw_rad, std::f64::consts::TAU),
+    ];
+    for (field, value, most) in checks {
+        if !(-most..=most).contains(&value) {
+            let accepted = format!("{:.4} to {most:.4}", -most);
+            return Err(Refused::OutOfLimits {
+                field,
+                value,
+                accepted,
+            });
+        }
+    }
+    // What an agent accepts unless its robot says otherwise.
+    let others = [
+        ("speed_scale", values.speed_scale, 0.8..=1.25),
+        ("wheelbase_m", values.wheelbase_m, 0.1..=10.0),
+        ("steering_gain", values.steering_gain, 0.5..=2.0),
+        ("time_offset_s", values.time_offset_s, -0.5..=0.5),
+    ];
+    for (field, value, accepted) in others {
+        if let Some(value) = value.filter(|value| !accepted.contains(value)) {
+            return Err(Refused::OutOfLimits {
+                field,
+                value,
+                accepted: format!("{} to {}", accepted.start(), accepted.end()),
+            });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,23 @@
+//! What the audit keeps of a transition.
+
+use serde::Serialize;
+use serde_json::Value;
+
+use super::transition::{Changed, Transition};
+
+/// The record of a transition before and after it, as the audit keeps them.
+pub fn audited(transition: &Transition) -> (Option<Value>, Value) {
+    fn records<A, R: Serialize>(change: &Changed<A, R>) -> (Option<Value>, Value) {
+        (change.before.as_ref().map(json), json(&change.after))
+    }
+    match transition {
+        Transition::Proposal(change) => records(change),
+        Transition::Deployment(change) => records(change),
+        Transition::Shadow(change) => records(change),
+    }
+}
+
+/// The records hold finite numbers and text, which JSON can carry.
+fn json<T: Serialize>(record: &T) -> Value {
+    serde_json::to_value(record).unwrap_or(Value::Null)
+}

@@ -1,0 +1,190 @@
+//! A step in the making: the records as they will be, and each change of one.
+
+use fleetcal_model::Pose2;
+use fleetcal_proto::calibration::CalibrationValues;
+
+use super::command::Standing;
+use super::deployment::{Deployment, DeploymentEvent, DeploymentState};
+use super::ledger::{NextIds, Outcome, RobotLedger};
+use super::proposal::{Proposal, ProposalState};
+use super::refused::Refused;
+use super::revision::{Evidence, Origin, Revision};
+use super::shadow::Shadow;
+use super::transition::{Changed, DeploymentAction, ProposalAction, ShadowAction, Transition};
+
+/// Nanoseconds in a second.
+const NS_PER_S: i64 = 1_000_000_000;
+
+/// What a step has made so far.
+pub(super) struct Draft<'a> {
+    pub(super) standing: &'a Standing<'a>,
+    pub(super) ids: NextIds,
+    pub(super) outcome: Outcome,
+}
+
+impl<'a> Draft<'a> {
+    pub(super) fn new(ledger: &RobotLedger, ids: NextIds, standing: &'a Standing<'a>) -> Self {
+        Self {
+            standing,
+            ids,
+            outcome: Outcome {
+                ledger: ledger.clone(),
+                revisions: Vec::new(),
+                proposals: Vec::new(),
+                deployments: Vec::new(),
+                shadow_changed: false,
+                envelopes: Vec::new(),
+                parcels: Vec::new(),
+                sent: None,
+                transitions: Vec::new(),
+            },
+        }
+    }
+
+    pub(super) fn live_offer(&self, generation: u64) -> Option<Deployment> {
+        let live = self.outcome.ledger.live.as_ref();
+        live.filter(|live| live.offer.generation == generation)
+            .cloned()
+    }
+
+    pub(super) fn underway(&self, id: u64) -> Result<Deployment, Refused> {
+        let live = self.outcome.ledger.live.as_ref();
+        live.filter(|live| live.id == id)
+            .cloned()
+            .ok_or(Refused::NotUnderway(id))
+    }
+
+    /// Moves a deployment on and writes it down.
+    pub(super) fn advance(
+        &mut self,
+        before: &Deployment,
+        mut after: Deployment,
+        event: DeploymentEvent,
+        action: DeploymentAction,
+        reason: Option<String>,
+    ) -> Result<(), Refused> {
+        after.state = before.state.after(event)?;
+        after.version += 1;
+        if reason.is_some() {
+            after.reason.clone_from(&reason);
+        }
+        if !after.state.is_live() {
+            after.closed_ns = Some(self.standing.now_ns);
+        }
+        self.settle(&after);
+        self.save_deployment(action, Some(before), after, reason);
+        Ok(())
+    }
+
+    /// What the end of a deployment leaves the robot with.
+    fn settle(&mut self, deployment: &Deployment) {
+        use DeploymentState as S;
+        let given_up = matches!(
+            deployment.state,
+            S::Refused | S::Failed | S::TimedOut | S::Withdrawn
+        );
+        // A robot that is away for long still goes back to what a person chose when it returns.
+        let is_awaited = deployment.is_return() && deployment.state == S::TimedOut;
+        if given_up && !is_awaited {
+            let mut shadow = self.outcome.ledger.shadow.clone();
+            shadow.desired.clone_from(&deployment.desired_before);
+            self.save_shadow(ShadowAction::Desire, shadow, None);
+        }
+        if matches!(deployment.state, S::Refused | S::Failed | S::Withdrawn) {
+            self.decline(deployment.offer.revision);
+        }
+    }
+
+    /// The service does not propose this again by itself.
+    pub(super) fn decline(&mut self, revision: u64) {
+        let mut shadow = self.outcome.ledger.shadow.clone();
+        if shadow.declined != Some(revision) {
+            shadow.declined = Some(revision);
+            self.save_shadow(ShadowAction::Decline, shadow, None);
+        }
+    }
+
+    pub(super) fn add_revision(
+        &mut self,
+        origin: Origin,
+        values: (CalibrationValues, CalibrationValues),
+        evidence: Evidence,
+        rear_axle: Option<Pose2>,
+    ) -> Revision {
+        let robot = self.outcome.ledger.shadow.robot.clone();
+        let id = self.ids.revision;
+        self.ids.revision += 1;
+        let now_ns = self.standing.now_ns;
+        let revision = Revision::new(id, robot, origin, values, evidence, rear_axle, now_ns);
+        self.outcome.ledger.revisions.insert(id, revision.clone());
+        self.outcome.revisions.push(revision.clone());
+        revision
+    }
+
+    pub(super) fn save_proposal(
+        &mut self,
+        action: ProposalAction,
+        before: Option<&Proposal>,
+        after: Proposal,
+        reason: Option<String>,
+    ) {
+        self.note(Transition::Proposal(Box::new(Changed {
+            action,
+            before: before.cloned(),
+            after: after.clone(),
+            reason,
+        })));
+        self.outcome.ledger.open =
+            Some(after.clone()).filter(|one| one.state == ProposalState::Proposed);
+        self.outcome.proposals.push(after);
+    }
+
+    pub(super) fn save_deployment(
+        &mut self,
+        action: DeploymentAction,
+        before: Option<&Deployment>,
+        after: Deployment,
+        reason: Option<String>,
+    ) {
+        self.note(Transition::Deployment(Box::new(Changed {
+            action,
+            before: before.cloned(),
+            after: after.clone(),
+            reason,
+        })));
+        self.outcome.ledger.live = Some(after.clone()).filter(|one| one.state.is_live());
+        self.outcome.deployments.push(after);
+    }
+
+    pub(super) fn save_shadow(
+        &mut self,
+        action: ShadowAction,
+        mut after: Shadow,
+        reason: Option<String>,
+    ) {
+        after.version += 1;
+        let before = std::mem::replace(&mut self.outcome.ledger.shadow, after.clone());
+        self.note(Transition::Shadow(Box::new(Changed {
+            action,
+            before: Some(before),
+            after,
+            reason,
+        })));
+        self.outcome.shadow_changed = true;
+    }
+
+    fn note(&mut self, transition: Transition) {
+        self.outcome.transitions.push(transition);
+    }
+}
+
+pub(super) fn after(now_ns: i64, seconds: u32) -> i64 {
+    now_ns.saturating_add(i64::from(seconds).saturating_mul(NS_PER_S))
+}
+
+pub(super) fn fresh(expected: Option<u64>, found: u64) -> Result<(), Refused> {
+    if expected.is_some_and(|expected| expected != found) {
+        return Err(Refused::Stale { found });
+    }
+    Ok(())
+}

@@ -1,0 +1,328 @@
+//! What time and the estimates ask for.
+
+use fleetcal_proto::calibration::CalibrationValues;
+use fleetcal_proto::estimate::EstimateDocument;
+
+use super::ask::within_limits;
+use super::command::Command;
+use super::deployment::{Deployment, DeploymentState, Verification};
+use super::ledger::RobotLedger;
+use super::policy::Policy;
+use super::present::{Outdated, Present, REFRESH_EVERY_NS, outdated};
+use super::proposal::Proposal;
+use super::revision::{Evidence, Origin};
+use super::values::{difference, exceeds, exceeds_surely, four, values_and_sigmas};
+
+/// How the robot stands beside its records.
+#[derive(Debug, Clone, Copy)]
+pub struct Situation<'a> {
+    /// Wall time.
+    pub now_ns: i64,
+    /// The latest estimate, if its vehicle is the one that was calibrated.
+    pub estimate: Option<&'a EstimateDocument>,
+    /// Whether the vehicle is no longer the one that was calibrated, and not known anew yet.
+    pub vehicle_changed: bool,
+    /// Whether that estimate has stood still long enough, see [`Candidate`].
+    pub stable: bool,
+    /// An estimate from nothing but what came since the values in use were applied.
+    pub fresh: Option<&'a EstimateDocument>,
+    /// What the robot uses if it has never said so.
+    pub nominal: Option<CalibrationValues>,
+}
+
+/// What a fresh estimate says of the values in use.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Verdict {
+    /// It cannot tell yet.
+    NotYet,
+    /// They are inside, or outside, of the tolerance at `VERIFY_SIGMAS`.
+    Known(Verification),
+}
+
+/// Sigmas of the verification estimate that have to fit beside the difference.
+///
+/// At two, values that are outside of the tolerance in truth pass with a probability of 2.3 % at
+/// most, values that are inside fail with the same, and both verdicts are drawn by one rule. One
+/// sigma would pass 16 %; three would leave robots verifying whose doubt is a third of the
+/// tolerance, which is as sharp as the LiDAR's position gets within the first 100 m.
+const VERIFY_SIGMAS: f64 = 2.0;
+
+/// Judges the values in use by a fresh estimate, part by part of the difference `d` with the
+/// estimate's `sigma` against the tolerance `T`:
+///
+/// 1. verified when `|d| + k sigma <= T` for all of them,
+/// 2. failed when `|d| - k sigma > T` for one of them,
+/// 3. otherwise more motion has to tell; `k` is `VERIFY_SIGMAS`.
+pub fn judge(
+    in_use: &CalibrationValues,
+    fresh: &EstimateDocument,
+    policy: &Policy,
+    now_ns: i64,
+) -> Verdict {
+    let Some((values, sigmas)) = values_and_sigmas(fresh) else {
+        return Verdict::NotYet;
+    };
+    if fresh.distance_m < policy.verify_after_m {
+        return Verdict::NotYet;
+    }
+    let residual = difference(in_use, &values);
+    let sigma = four(&sigmas);
+    let limits = policy.verify_within.limits();
+    let beyond = |sigmas: f64| {
+        let parts = residual.iter().zip(&limits).zip(&sigma);
+        parts
+            .into_iter()
+            .any(|((part, limit), sigma)| part.abs() + sigmas * sigma > *limit)
+    };
+    let within = !beyond(VERIFY_SIGMAS);
+    let outside = beyond(-VERIFY_SIGMAS);
+    if !within && !outside {
+        return Verdict::NotYet;
+    }
+    Verdict::Known(Verification {
+        at_ns: now_ns,
+        distance_m: fresh.distance_m,
+        residual,
+        sigma,
+        within,
+    })
+}
+
+/// The command that is due, if any. Each ends or begins something, so that it is not due again.
+pub fn due(ledger: &RobotLedger, situation: &Situation<'_>, policy: &Policy) -> Option<Command> {
+    if let Some(live) = &ledger.live {
+        return deployment_due(ledger, live, situation, policy);
+    }
+    let Some(open) = &ledger.open else {
+        return proposal_due(ledger, situation, policy);
+    };
+    if situation.now_ns >= open.expires_ns {
+        return Some(Command::Expire { proposal: open.id });
+    }
+    brought_up_to_date(ledger, open, situation, policy)
+}
+
+impl Situation<'_> {
+    /// What the estimator says at this moment.
+    fn present(&self) -> Present {
+        if self.vehicle_changed {
+            return Present::VehicleChanged;
+        }
+        match self.estimate.and_then(values_and_sigmas) {
+            Some((values, sigmas)) => Present::Known { values, sigmas },
+            None => Present::Unknown,
+        }
+    }
+}
+
+/// Refreshes or closes a proposal that the present estimate speaks against, at most once in
+/// [`REFRESH_EVERY_NS`], and only by an estimate that has stood still.
+fn brought_up_to_date(
+    ledger: &RobotLedger,
+    open: &Proposal,
+    situation: &Situation<'_>,
+    policy: &Policy,
+) -> Option<Command> {
+    let proposal = open.id;
+    let proposed = ledger.revisions.get(&open.revision)?;
+    let outdated = outdated(proposed, &situation.present())?;
+    let close = |reason: String| Some(Command::Supersede { proposal, reason });
+    if outdated == Outdated::VehicleChanged {
+        return close(outdated.to_string());
+    }
+    let estimate = situation.estimate?;
+    let (values, sigmas) = values_and_sigmas(estimate)?;
+    let refreshed_ns = open.refreshed.as_ref().map(|last| last.at_ns);
+    let since_ns = refreshed_ns.unwrap_or(open.created_ns);
+    if situation.now_ns.saturating_sub(since_ns) < REFRESH_EVERY_NS || !situation.stable {
+        return None;
+    }
+    let in_use = ledger.shadow.in_use.as_ref().map(|in_use| in_use.values);
+    let used = in_use.or(situation.nominal);
+    if used.is_some_and(|used| !differs(&used, &values, &sigmas, policy)) {
+        return close("the present estimate agrees with what the robot uses".to_owned());
+    }
+    if let Err(refused) = within_limits(&values, policy) {
+        return close(format!("the present estimate is refused: {refused}"));
+    }
+    Some(Command::Refresh {
+        proposal,
+        values,
+        sigmas,
+        evidence: Evidence::of(estimate),
+        nominal: situation.nominal,
+        reason: outdated.to_string(),
+    })
+}
+
+/// Whether an estimate differs from some values by so much, and so surely, that it is proposed.
+fn differs(
+    from: &CalibrationValues,
+    values: &CalibrationValues,
+    sigmas: &CalibrationValues,
+    policy: &Policy,
+) -> bool {
+    let change = difference(from, values);
+    let limits = policy.propose_beyond.limits();
+    exceeds_surely(&change, &limits, &four(sigmas), policy.propose_sigmas)
+}
+
+/// The approval of an open proposal that needs no person, where the policy has one.
+pub fn automatic(ledger: &RobotLedger, policy: &Policy) -> Option<Command> {
+    let within = policy.approve_within?;
+    let open = ledger.open.as_ref()?;
+    let revision = ledger.revisions.get(&open.revision)?;
+    let small = !exceeds(
+        &difference(open.base.as_ref()?, &revision.values),
+        &within.limits(),
+    );
+    let ours = revision.origin == Origin::Estimator && open.approvals_needed == 1;
+    let in_use = ledger.revision_in_use();
+    let frame = in_use.and_then(|in_use| in_use.rear_axle_in_base_link);
+    let same_frame = frame == revision.rear_axle_in_base_link;
+    let desired = ledger.shadow.desired.as_ref();
+    let chosen = desired.is_some_and(|desired| desired.chosen_by.is_some());
+    (small && ours && same_frame && !chosen && ledger.live.is_none()).then(|| Command::Approve {
+        proposal: open.id,
+        version: Some(open.version),
+        sha256: open.revision_sha256.clone(),
+        reason: Some("the change is inside approval.approve_within".to_owned()),
+    })
+}
+
+fn deployment_due(
+    ledger: &RobotLedger,
+    live: &Deployment,
+    situation: &Situation<'_>,
+    policy: &Policy,
+) -> Option<Command> {
+    let deployment = live.id;
+    let give_up = |reason: &str| {
+        Some(Command::GiveUp {
+            deployment,
+            reason: reason.to_owned(),
+        })
+    };
+    match live.state {
+        DeploymentState::Queued | DeploymentState::Offered => {
+            if situation.now_ns >= live.expires_ns {
+                return give_up("the robot did not take it in time");
+            }
+            // What goes back to an earlier calibration was not estimated now.
+            live.proposal?;
+            let reason = disagreement(ledger, live.offer.revision, situation, policy)?;
+            Some(Command::Void { deployment, reason })
+        }
+        DeploymentState::RollingBack if situation.now_ns >= live.expires_ns => {
+            give_up("the robot did not take its former values in time")
+        }
+        DeploymentState::Verifying => verification_due(ledger, live, situation, policy),
+        _ => None,
+    }
+}
+
+fn verification_due(
+    ledger: &RobotLedger,
+    live: &Deployment,
+    situation: &Situation<'_>,
+    policy: &Policy,
+) -> Option<Command> {
+    let deployment = live.id;
+    let in_use = ledger.shadow.in_use.as_ref()?;
+    let judged = situation
+        .fresh
+        .map(|fresh| judge(&in_use.values, fresh, policy, situation.now_ns));
+    let failed_before = live.verification.is_some_and(|verdict| !verdict.within);
+    if let Some(Verdict::Known(verification)) = judged
+        && (verification.within || !failed_before)
+    {
+        return Some(Command::Judge {
+            deployment,
+            verification,
+        });
+    }
+    let since_ns = live.applied_ns.unwrap_or(live.created_ns);
+    let given_ns = i64::from(policy.verify_within_s).saturating_mul(1_000_000_000);
+    let reason = if failed_before {
+        "a fresh estimate disagreed with it, and nobody decided in time"
+    } else {
+        "the robot has not moved enough to tell"
+    };
+    (situation.now_ns.saturating_sub(since_ns) >= given_ns).then(|| Command::GiveUp {
+        deployment,
+        reason: reason.to_owned(),
+    })
+}
+
+/// Why the latest estimate speaks against a revision of the estimator's.
+fn disagreement(
+    ledger: &RobotLedger,
+    revision: u64,
+    situation: &Situation<'_>,
+    policy: &Policy,
+) -> Option<String> {
+    let revision = ledger.revisions.get(&revision)?;
+    if revision.origin != Origin::Estimator {
+        return None;
+    }
+    let (values, sigmas) = values_and_sigmas(situation.estimate?)?;
+    differs(&revision.values, &values, &sigmas, policy)
+        .then(|| "a newer estimate disagrees with it".to_owned())
+}
+
+fn proposal_due(
+    ledger: &RobotLedger,
+    situation: &Situation<'_>,
+    policy: &Policy,
+) -> Option<Command> {
+    if !policy.propose || !situation.stable {
+        return None;
+    }
+    let estimate = situation.estimate?;
+    let (values, sigmas) = values_and_sigmas(estimate)?;
+    let differs = |from: &CalibrationValues| differs(from, &values, &sigmas, policy);
+    let in_use = ledger.shadow.in_use.as_ref().map(|in_use| in_use.values);
+    if in_use
+        .or(situation.nominal)
+        .is_some_and(|used| !differs(&used))
+    {
+        return None;
+    }
+    let declined = ledger.shadow.declined;
+    let declined = declined.and_then(|id| ledger.revisions.get(&id));
+    if declined.is_some_and(|revision| !differs(&revision.values)) {
+        return None;
+    }
+    Some(Command::Propose {
+        origin: Origin::Estimator,
+        values,
+        sigmas,
+        evidence: Evidence::of(estimate),
+        nominal: situation.nominal,
+        reason: None,
+    })
+}
+
+/// How long an estimate has stood still.
+#[derive(Debug, Clone, Default)]
+pub struct Candidate {
+    since: Option<(i64, CalibrationValues)>,
+}
+
+impl Candidate {
+    /// Takes the latest estimate; whether it has stayed within half of what is proposed for long
+    /// enough.
+    pub fn observe(&mut self, estimate: Option<&EstimateDocument>, policy: &Policy) -> bool {
+        let known = estimate.and_then(|one| Some((one.stamp_ns, values_and_sigmas(one)?.0)));
+        let Some((stamp_ns, values)) = known else {
+            self.since = None;
+            return false;
+        };
+        let limits = policy.propose_beyond.limits().map(|limit| limit / 2.0);
+        let still = self.since.filter(|(since_ns, first)| {
+            stamp_ns >= *since_ns && !exceeds(&difference(first, &values), &limits)
+        });
+        let (since_ns, _) = *self.since.insert(still.unwrap_or((stamp_ns, values)));
+        (stamp_ns - since_ns) as f64 >= policy.stable_for_s * 1e9
+    }
+}

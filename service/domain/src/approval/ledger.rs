@@ -1,0 +1,123 @@
+//! The records of one robot that can still change, and what a step makes of them.
+
+use std::collections::BTreeMap;
+
+use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::Envelope;
+
+use super::deployment::Deployment;
+use super::generation::GenerationRef;
+use super::proposal::Proposal;
+use super::revision::Revision;
+use super::shadow::Shadow;
+use super::transition::Transition;
+
+/// The records of one robot that can still change.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RobotLedger {
+    /// Desired and reported state.
+    pub shadow: Shadow,
+    /// The proposal that waits, if any.
+    pub open: Option<Proposal>,
+    /// The deployment under way, if any.
+    pub live: Option<Deployment>,
+    /// The document that a robot's answer is about, which the records above may not name any more.
+    pub answered: Option<GenerationRef>,
+    /// Every revision that these name.
+    pub revisions: BTreeMap<u64, Revision>,
+}
+
+impl RobotLedger {
+    /// A robot for which nothing was ever proposed.
+    pub fn new(robot: RobotId) -> Self {
+        Self {
+            shadow: Shadow::new(robot),
+            open: None,
+            live: None,
+            answered: None,
+            revisions: BTreeMap::new(),
+        }
+    }
+
+    /// The signed document of a generation, where the records name it.
+    pub(super) fn reference(&self, generation: u64) -> Option<&GenerationRef> {
+        let live = self.live.iter();
+        let offers = live.flat_map(|live| {
+            let earlier = live.earlier.iter().chain(&live.desired_before);
+            earlier.chain(std::iter::once(&live.offer))
+        });
+        let shadow = &self.shadow;
+        let named = offers.chain(&shadow.desired).chain(&shadow.verified);
+        let mut named = named.chain(&self.answered);
+        named.find(|one| one.generation == generation)
+    }
+
+    /// What the robot uses, where it was approved here.
+    pub(super) fn revision_in_use(&self) -> Option<&Revision> {
+        self.revisions.get(&self.shadow.in_use.as_ref()?.revision?)
+    }
+
+    /// The revisions that the records name.
+    pub fn named_revisions(&self) -> Vec<u64> {
+        let shadow = &self.shadow;
+        let mut ids: Vec<u64> = shadow.verified.iter().map(|one| one.revision).collect();
+        ids.extend(shadow.desired.iter().map(|one| one.revision));
+        ids.extend(shadow.in_use.iter().filter_map(|one| one.revision));
+        ids.extend(shadow.before.iter().filter_map(|one| one.revision));
+        ids.extend(shadow.declined);
+        ids.extend(self.answered.iter().map(|one| one.revision));
+        ids.extend(self.open.iter().map(|one| one.revision));
+        if let Some(live) = &self.live {
+            ids.push(live.offer.revision);
+            ids.extend(live.earlier.iter().map(|one| one.revision));
+            ids.extend(live.desired_before.iter().map(|one| one.revision));
+            ids.extend(live.base.iter().filter_map(|base| base.revision));
+        }
+        ids.sort_unstable();
+        ids.dedup();
+        ids
+    }
+}
+
+/// The numbers that new records get.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NextIds {
+    /// Of the next revision.
+    pub revision: u64,
+    /// Of the next proposal.
+    pub proposal: u64,
+    /// Of the next deployment.
+    pub deployment: u64,
+}
+
+/// Something to be sent to the robot, kept until it was.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Parcel {
+    /// The approved document of this generation.
+    Approved(u64),
+    /// That the answer about this generation is stored.
+    Confirmed(u64),
+}
+
+/// What a step leaves, to be written in one transaction.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    /// The robot's records afterwards.
+    pub ledger: RobotLedger,
+    /// Revisions that are new.
+    pub revisions: Vec<Revision>,
+    /// Proposals that are new or changed.
+    pub proposals: Vec<Proposal>,
+    /// Deployments that are new or changed.
+    pub deployments: Vec<Deployment>,
+    /// Whether the shadow changed.
+    pub shadow_changed: bool,
+    /// Documents that were signed, with their generations.
+    pub envelopes: Vec<(u64, Envelope)>,
+    /// What to send.
+    pub parcels: Vec<Parcel>,
+    /// What was sent and need not be kept any more.
+    pub sent: Option<Parcel>,
+    /// One for each change of a record.
+    pub transitions: Vec<Transition>,
+}

@@ -1,0 +1,50 @@
+//! From estimate to robot: what is proposed, approved, offered, applied and proven.
+//!
+//! Pure: no clock, no database, no wire. Four records, never one status column: a [`Revision`] is
+//! what was found, a [`Proposal`] asks people for it, a [`Deployment`] brings it to one robot, and
+//! the [`Shadow`] says what the robot should use and what it reported. A [`RobotLedger`] holds
+//! those of one robot that can still change; [`step`] takes a [`Command`] and gives the records
+//! anew, with one [`Transition`] for each change, or refuses and changes nothing. [`due`] says
+//! which command time and the estimates ask for.
+
+mod answer;
+mod ask;
+mod audited;
+mod command;
+mod deployment;
+mod draft;
+mod due;
+mod gain;
+mod generation;
+mod ledger;
+mod lifecycle;
+mod policy;
+mod present;
+mod proposal;
+mod refused;
+mod revision;
+mod rollback;
+mod shadow;
+mod step;
+mod transition;
+mod values;
+
+#[cfg(test)]
+mod tests;
+
+pub use audited::audited;
+pub use command::{Command, Standing};
+pub use deployment::{Deployment, DeploymentEvent, DeploymentState, RollBack, Verification};
+pub use due::{Candidate, Situation, Verdict, automatic, due, judge};
+pub use gain::{ExpectedGain, expected_gain};
+pub use generation::{GenerationRef, InUse};
+pub use ledger::{NextIds, Outcome, Parcel, RobotLedger};
+pub use policy::{Policy, Tolerance};
+pub use present::{Outdated, Present, outdated};
+pub use proposal::{Approval, Closing, Proposal, ProposalEvent, ProposalState, Refreshed};
+pub use refused::Refused;
+pub use revision::{Evidence, Origin, Revision};
+pub use shadow::{Maintenance, Reported, Shadow};
+pub use step::step;
+pub use transition::{Changed, DeploymentAction, ProposalAction, ShadowAction, Transition};
+pub use values::{Change, difference, nominal_values, values_and_sigmas};

@@ -1,0 +1,117 @@
+//! Why a command was refused.
+
+use thiserror::Error;
+
+use super::deployment::{DeploymentEvent, DeploymentState};
+use super::present::Outdated;
+use super::proposal::ProposalState;
+
+/// Why a command was refused; nothing has changed then.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum Refused {
+    /// The proposal is decided.
+    #[error("the proposal is {}, accepted are open ones", state.as_str())]
+    ProposalClosed {
+        /// Where it stands.
+        state: ProposalState,
+    },
+    /// The event does not fit the deployment's state.
+    #[error("the deployment is {}, to which {event:?} does not happen", state.as_str())]
+    Deployment {
+        /// Where it stands.
+        state: DeploymentState,
+        /// What was to happen.
+        event: DeploymentEvent,
+    },
+    /// No open proposal of the robot has this number.
+    #[error("proposal {0} is not open any more")]
+    NotOpen(u64),
+    /// The record has changed since it was looked at.
+    #[error("it is at version {found} now: somebody changed it since you opened it")]
+    Stale {
+        /// The version it is at.
+        found: u64,
+    },
+    /// The approval is about another revision.
+    #[error("sha256 is {given}, accepted is the proposed revision's, {found}")]
+    OtherRevision {
+        /// What was given.
+        given: String,
+        /// The revision's.
+        found: String,
+    },
+    /// People do not approve what they have proposed.
+    #[error("{0} has proposed this, and somebody else has to approve it")]
+    OwnProposal(String),
+    /// One person counts once.
+    #[error("{0} has approved this already, and a second person has to")]
+    ApprovedAlready(String),
+    /// Nobody approves what the present estimate speaks against.
+    #[error("{0}; it cannot be approved, and is refreshed or closed")]
+    Outdated(Outdated),
+    /// Another deployment is under way.
+    #[error("deployment {deployment} of this robot is {}, accepted is one at a time", state.as_str())]
+    Underway {
+        /// Which.
+        deployment: u64,
+        /// Where it stands.
+        state: DeploymentState,
+    },
+    /// A value that no robot of this site can have.
+    #[error("{field} is {value}, accepted is {accepted}")]
+    OutOfLimits {
+        /// Which.
+        field: &'static str,
+        /// What it is.
+        value: f64,
+        /// What is accepted.
+        accepted: String,
+    },
+    /// A decision without its reason.
+    #[error("reason is empty, accepted is why, in words")]
+    ReasonMissing,
+    /// Nobody knows what the robot used before.
+    #[error("nothing is known that the robot could go back to; propose values instead")]
+    NothingToReturnTo,
+    /// The robot uses already what it would go back to.
+    #[error("the robot has no earlier verified calibration than the one it uses")]
+    NothingEarlier,
+    /// No robot is shown what it has not seen yet while the site-wide stop is on.
+    #[error("the site-wide stop is on, and deployment {0} waits for its end")]
+    Held(u64),
+    /// The service never replaces values that a person rolled the robot back to.
+    #[error("generation {generation} was chosen by {by}: only a person can replace it")]
+    ChosenByPerson {
+        /// The generation.
+        generation: u64,
+        /// Who rolled the robot back to it.
+        by: String,
+    },
+    /// The robot is in no maintenance that could end.
+    #[error("the robot is not in maintenance")]
+    NoMaintenance,
+    /// No such deployment is under way.
+    #[error("deployment {0} is not under way")]
+    NotUnderway(u64),
+    /// An answer about a document that was never given out.
+    #[error("generation is {generation}, accepted is {most} at most")]
+    NeverOffered {
+        /// What the answer is about.
+        generation: u64,
+        /// The highest one that is believed.
+        most: u64,
+    },
+    /// An answer about another document of this generation.
+    #[error("sha256 of generation {generation} is {given:?}, accepted is {found}")]
+    OtherDocument {
+        /// The generation.
+        generation: u64,
+        /// What the answer is about.
+        given: String,
+        /// The document's.
+        found: String,
+    },
+    /// The document cannot be signed.
+    #[error("the document cannot be signed: {0}")]
+    Seal(String),
+}

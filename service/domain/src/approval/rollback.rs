@@ -1,0 +1,280 @@
+//! Sends values on their way to the robot: approved ones, and former ones on the way back.
+
+use fleetcal_model::Pose2;
+use fleetcal_proto::calibration::{
+    CalibrationDocument, CalibrationFrame, CalibrationSchema, CalibrationValues,
+};
+use fleetcal_proto::signing::seal;
+use jiff::Timestamp;
+
+use super::deployment::{Deployment, DeploymentEvent, DeploymentState, RollBack};
+use super::draft::{Draft, after};
+use super::generation::{GenerationRef, InUse};
+use super::ledger::Parcel;
+use super::proposal::Proposal;
+use super::refused::Refused;
+use super::revision::{Evidence, Origin};
+use super::transition::{DeploymentAction, ShadowAction};
+
+/// Who brings former values back.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Rollback {
+    /// A person: nothing but a person undoes it.
+    ByPerson,
+    /// The service, after a failed verification or a newer estimate.
+    Automatic,
+}
+
+/// A pose in `frame`, in the frame that `frame` is given in.
+fn within(frame: Pose2, pose: &Pose2) -> Pose2 {
+    frame.compose(pose)
+}
+
+impl Draft<'_> {
+    /// Queues a revision for the robot: of an approved proposal, or an earlier one.
+    pub(super) fn deploy(
+        &mut self,
+        proposal: Option<&Proposal>,
+        revision: u64,
+        nominal: Option<CalibrationValues>,
+        reason: Option<String>,
+    ) -> Result<(), Refused> {
+        let shadow = &self.outcome.ledger.shadow;
+        let brought_along = |values| InUse {
+            generation: 0,
+            revision: None,
+            values,
+            since_ns: 0,
+        };
+        let base = shadow.in_use.clone().or(nominal.map(brought_along));
+        let base_generation = base.as_ref().map(|base| base.generation);
+        let desired_before = shadow.desired.clone();
+        let approved_by = self.approvers(proposal);
+        let chosen_by = proposal.is_none().then(|| approved_by.clone());
+        let roll_back = match &reason {
+            Some(reason) if proposal.is_none() => {
+                self.note_roll_back(Rollback::ByPerson, revision, reason)
+            }
+            _ => None,
+        };
+        let offer = self.sign(revision, base_generation, &approved_by, chosen_by)?;
+        let now_ns = self.standing.now_ns;
+        let deployment = Deployment {
+            id: self.ids.deployment,
+            robot: self.outcome.ledger.shadow.robot.clone(),
+            version: 1,
+            state: DeploymentState::Queued,
+            proposal: proposal.map(|proposal| proposal.id),
+            approved_by,
+            offer,
+            earlier: Vec::new(),
+            base,
+            desired_before,
+            created_ns: now_ns,
+            expires_ns: after(now_ns, self.standing.policy.expires_after_s),
+            offered_ns: None,
+            applied_ns: None,
+            closed_ns: None,
+            verification: None,
+            reason: reason.clone(),
+            roll_back,
+        };
+        self.ids.deployment += 1;
+        self.save_deployment(DeploymentAction::Create, None, deployment, reason);
+        Ok(())
+    }
+
+    /// What is kept of a roll-back to a revision.
+    fn note_roll_back(&self, rollback: Rollback, revision: u64, reason: &str) -> Option<RollBack> {
+        let revision = self.outcome.ledger.revisions.get(&revision)?;
+        Some(RollBack {
+            by: self.standing.actor.name.clone(),
+            automatic: rollback == Rollback::Automatic,
+            at_ns: self.standing.now_ns,
+            reason: reason.to_owned(),
+            values: revision.values,
+        })
+    }
+
+    fn approvers(&self, proposal: Option<&Proposal>) -> String {
+        let names = proposal.map(|proposal| {
+            let names: Vec<&str> = proposal
+                .approvals
+                .iter()
+                .map(|one| one.by.as_str())
+                .collect();
+            names.join(", ")
+        });
+        names.unwrap_or_else(|| self.standing.actor.name.clone())
+    }
+
+    /// Signs a revision under the next generation and makes it what the robot should hold.
+    fn sign(
+        &mut self,
+        revision: u64,
+        base_generation: Option<u64>,
+        approved_by: &str,
+        chosen_by: Option<String>,
+    ) -> Result<GenerationRef, Refused> {
+        let named = self.outcome.ledger.revisions.get(&revision);
+        let named = named.ok_or(Refused::NothingToReturnTo)?;
+        let mut shadow = self.outcome.ledger.shadow.clone();
+        shadow.generation_last += 1;
+        let generation = shadow.generation_last;
+        let rear_axle = named.rear_axle_in_base_link;
+        let CalibrationValues {
+            lidar_x_m,
+            lidar_y_m,
+            lidar_yaw_rad,
+            ..
+        } = named.values;
+        let lidar = Pose2::new(lidar_x_m, lidar_y_m, lidar_yaw_rad);
+        let document = CalibrationDocument {
+            schema: CalibrationSchema::V1,
+            robot: shadow.robot.clone(),
+            generation,
+            base_generation,
+            revision,
+            approved_at: time_of(self.standing.now_ns),
+            approved_by: approved_by.to_owned(),
+            values: named.values,
+            sigmas: named.sigmas,
+            frame: CalibrationFrame::RearAxle,
+            confirm_within_s: self.standing.policy.confirm_within_s,
+            rear_axle_in_base_link: rear_axle,
+            lidar_in_base_link: rear_axle.map(|axle| within(axle, &lidar)),
+        };
+        let envelope =
+            seal(&document, self.standing.key).map_err(|error| Refused::Seal(error.to_string()))?;
+        let offer = GenerationRef {
+            generation,
+            sha256: envelope.sha256.clone(),
+            revision,
+            chosen_by,
+        };
+        shadow.desired = Some(offer.clone());
+        self.save_shadow(ShadowAction::Desire, shadow, None);
+        self.outcome.envelopes.push((generation, envelope));
+        self.outcome.parcels.push(Parcel::Approved(generation));
+        Ok(offer)
+    }
+
+    /// Brings the former values back, whatever the deployment is doing; with none under way, the
+    /// verified ones before those in use.
+    pub(super) fn roll_back(&mut self, rollback: Rollback, reason: String) -> Result<(), Refused> {
+        let Some(before) = self.outcome.ledger.live.clone() else {
+            return self.return_to_verified(reason);
+        };
+        let action = DeploymentAction::RollBack;
+        if before.state == DeploymentState::Queued {
+            return self.withdraw_queued(&before, rollback, reason);
+        }
+        let state = before.state.after(DeploymentEvent::RollBack)?;
+        let Some(base) = before.base.clone() else {
+            if before.state == DeploymentState::Offered {
+                // A robot that has taken it goes back by itself: nobody confirms it.
+                let event = DeploymentEvent::TimeOut;
+                return self.advance(&before, before.clone(), event, action, Some(reason));
+            }
+            return Err(Refused::NothingToReturnTo);
+        };
+        let approved = before.earlier.first().unwrap_or(&before.offer).revision;
+        self.decline(approved);
+        let revision = self.revision_of(&base, Some(approved));
+        let by = self.standing.actor.name.clone();
+        let chosen_by = match rollback {
+            Rollback::ByPerson => Some(by.clone()),
+            // What a person had chosen before stays that person's choice.
+            Rollback::Automatic => before
+                .desired_before
+                .as_ref()
+                .filter(|one| one.generation == base.generation)
+                .and_then(|one| one.chosen_by.clone()),
+        };
+        let offer = self.sign(revision, Some(before.offer.generation), &by, chosen_by)?;
+        let mut live = before.clone();
+        live.roll_back = self.note_roll_back(rollback, revision, &reason);
+        live.earlier.push(std::mem::replace(&mut live.offer, offer));
+        live.expires_ns = after(self.standing.now_ns, self.standing.policy.expires_after_s);
+        live.state = state;
+        self.advance(
+            &before,
+            live,
+            DeploymentEvent::RollBack,
+            action,
+            Some(reason),
+        )
+    }
+
+    /// Takes back what no robot has seen: it goes on with the values that it uses.
+    fn withdraw_queued(
+        &mut self,
+        before: &Deployment,
+        rollback: Rollback,
+        reason: String,
+    ) -> Result<(), Refused> {
+        let mut live = before.clone();
+        live.roll_back = before.base.as_ref().map(|base| RollBack {
+            by: self.standing.actor.name.clone(),
+            automatic: rollback == Rollback::Automatic,
+            at_ns: self.standing.now_ns,
+            reason: reason.clone(),
+            values: base.values,
+        });
+        let (event, action) = (DeploymentEvent::RollBack, DeploymentAction::RollBack);
+        self.advance(before, live, event, action, Some(reason))
+    }
+
+    /// A revision of what the robot used, which it may have brought along: its frames are then
+    /// those of what it goes back from.
+    fn revision_of(&mut self, base: &InUse, from: Option<u64>) -> u64 {
+        let known = base
+            .revision
+            .filter(|id| self.outcome.ledger.revisions.contains_key(id));
+        known.unwrap_or_else(|| {
+            let values = (base.values, CalibrationValues::default());
+            let revisions = &self.outcome.ledger.revisions;
+            let from = from.and_then(|from| revisions.get(&from));
+            let rear_axle = from.and_then(|from| from.rear_axle_in_base_link);
+            self.add_revision(Origin::Robot, values, Evidence::default(), rear_axle)
+                .id
+        })
+    }
+
+    /// What somebody has gone back from is not gone back to, whatever it has proven once.
+    fn forget_proof(&mut self, revision: u64) {
+        let mut shadow = self.outcome.ledger.shadow.clone();
+        shadow.verified.retain(|one| one.revision != revision);
+        if shadow.verified.len() < self.outcome.ledger.shadow.verified.len() {
+            self.save_shadow(ShadowAction::Forget, shadow, None);
+        }
+    }
+
+    fn return_to_verified(&mut self, reason: String) -> Result<(), Refused> {
+        let shadow = &self.outcome.ledger.shadow;
+        let in_use = shadow.in_use.as_ref().ok_or(Refused::NothingToReturnTo)?;
+        let used = in_use.revision;
+        let earlier = shadow.verified.iter().rev();
+        let verified = earlier.map(|one| one.revision).find(|id| Some(*id) != used);
+        let declined = shadow.declined;
+        let before = shadow.before.clone();
+        let before = before.filter(|one| one.revision.is_none() || one.revision != declined);
+        let revision = match (verified, before) {
+            (Some(revision), _) => revision,
+            (None, Some(before)) => self.revision_of(&before, used),
+            (None, None) => return Err(Refused::NothingEarlier),
+        };
+        if let Some(used) = used {
+            self.decline(used);
+            self.forget_proof(used);
+        }
+        self.deploy(None, revision, None, Some(reason))
+    }
+}
+
+/// RFC 3339 in UTC.
+fn time_of(ns: i64) -> String {
+    Timestamp::from_nanosecond(i128::from(ns))
+        .unwrap_or(Timestamp::UNIX_EPOCH)
+        .to_string()
+}

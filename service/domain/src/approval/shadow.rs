@@ -1,0 +1,113 @@
+//! What a robot should use, and what it reported.
+
+use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::AppliedStatus;
+use serde::{Deserialize, Serialize};
+
+use super::generation::{GenerationRef, InUse};
+
+/// The latest answer of a robot.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Reported {
+    /// The generation it is about.
+    pub generation: u64,
+    /// SHA-256 of the document.
+    pub sha256: String,
+    /// What became of it.
+    pub status: AppliedStatus,
+    /// Why, in the robot's words.
+    pub reason: Option<String>,
+    /// When, ns since 1970, by the robot's clock.
+    pub at_ns: i64,
+    /// When the service learnt of it, ns since 1970, wall time.
+    pub received_ns: i64,
+    /// Whether the robot is told that its answer is stored.
+    pub confirmed: bool,
+}
+
+/// That a robot is switched off on purpose.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct Maintenance {
+    /// Until when, ns since 1970, wall time.
+    pub until_ns: i64,
+    /// Who says so.
+    pub by: String,
+    /// Since when, ns since 1970, wall time.
+    pub at_ns: i64,
+    /// Why.
+    pub reason: String,
+}
+
+impl Maintenance {
+    /// Longest maintenance, ns: 90 days. A robot that is away for longer is asked for again.
+    pub const LONGEST_NS: i64 = 90 * 86_400 * 1_000_000_000;
+
+    /// Whether it has not ended by then.
+    pub const fn holds_at(&self, now_ns: i64) -> bool {
+        now_ns < self.until_ns
+    }
+}
+
+/// Desired and reported state of one robot.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Shadow {
+    /// Whose.
+    pub robot: RobotId,
+    /// Goes up with every change of it.
+    pub version: u64,
+    /// The highest generation ever given out; none is used twice.
+    pub generation_last: u64,
+    /// What the robot should hold; `None` before the first approval.
+    pub desired: Option<GenerationRef>,
+    /// What the robot last answered.
+    pub reported: Option<Reported>,
+    /// What the robot uses, as far as it has said.
+    pub in_use: Option<InUse>,
+    /// What it used before, to which it goes back by itself.
+    pub before: Option<InUse>,
+    /// Generations that were verified, oldest first.
+    pub verified: Vec<GenerationRef>,
+    /// The revision that was last rejected, withdrawn or rolled back: not proposed again.
+    pub declined: Option<u64>,
+    /// That it is switched off on purpose; it may be over.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub maintenance: Option<Maintenance>,
+}
+
+impl Shadow {
+    /// Verified generations that are remembered.
+    pub const VERIFIED_MAX: usize = 8;
+
+    /// A robot of which nothing is known.
+    pub fn new(robot: RobotId) -> Self {
+        Self {
+            robot,
+            version: 0,
+            generation_last: 0,
+            desired: None,
+            reported: None,
+            in_use: None,
+            before: None,
+            verified: Vec::new(),
+            declined: None,
+            maintenance: None,
+        }
+    }
+
+    /// Whether the robot has said that it uses this generation.
+    pub fn uses(&self, generation: u64) -> bool {
+        let in_use = self.in_use.as_ref();
+        in_use.is_some_and(|in_use| in_use.generation == generation)
+    }
+
+    /// Whether the robot holds what it should.
+    pub fn in_sync(&self) -> bool {
+        match (&self.desired, &self.in_use) {
+            (None, _) => true,
+            (Some(desired), Some(in_use)) => desired.generation == in_use.generation,
+            (Some(_), None) => false,
+        }
+    }
+}

@@ -1,0 +1,244 @@
+//! Takes a command: the records anew, or a refusal.
+
+use super::command::{Command, Standing};
+use super::deployment::{DeploymentEvent, DeploymentState, Verification};
+use super::draft::{Draft, fresh};
+use super::ledger::{NextIds, Outcome, Parcel, RobotLedger};
+use super::proposal::ProposalEvent;
+use super::refused::Refused;
+use super::rollback::Rollback;
+use super::shadow::{Maintenance, Shadow};
+use super::transition::{DeploymentAction, ShadowAction};
+
+/// Takes a command on a robot's records.
+///
+/// # Errors
+/// When it does not fit them; nothing has changed then.
+pub fn step(
+    ledger: &RobotLedger,
+    command: Command,
+    ids: NextIds,
+    standing: &Standing<'_>,
+) -> Result<Outcome, Refused> {
+    let mut draft = Draft::new(ledger, ids, standing);
+    match command {
+        Command::Propose {
+            origin,
+            values,
+            sigmas,
+            evidence,
+            nominal,
+            reason,
+        } => draft.propose(origin, (values, sigmas), evidence, nominal, reason)?,
+        Command::Approve {
+            proposal,
+            version,
+            sha256,
+            reason,
+        } => draft.approve(proposal, version, sha256, reason)?,
+        Command::Reject {
+            proposal,
+            version,
+            reason,
+        } => {
+            let reason = said(reason)?;
+            draft.close(proposal, version, ProposalEvent::Reject, Some(reason))?;
+        }
+        Command::Withdraw {
+            proposal,
+            version,
+            reason,
+        } => draft.close(proposal, version, ProposalEvent::Withdraw, reason)?,
+        Command::Expire { proposal } => {
+            draft.close(proposal, None, ProposalEvent::Expire, None)?;
+        }
+        Command::Supersede { proposal, reason } => {
+            draft.close(proposal, None, ProposalEvent::Supersede, Some(reason))?;
+        }
+        Command::Refresh {
+            proposal,
+            values,
+            sigmas,
+            evidence,
+            nominal,
+            reason,
+        } => draft.refresh(proposal, (values, sigmas), evidence, nominal, &reason)?,
+        Command::Offer { generation } => draft.offer(generation)?,
+        Command::Offered { generation } => {
+            draft.offered(generation);
+        }
+        Command::Acknowledge(applied) => draft.acknowledge(&applied)?,
+        Command::Confirmed { generation } => draft.confirmed(generation)?,
+        Command::Judge {
+            deployment,
+            verification,
+        } => draft.judge(deployment, verification)?,
+        Command::GiveUp { deployment, reason } => draft.give_up(deployment, reason)?,
+        Command::Void { deployment, reason } => draft.void(deployment, reason)?,
+        Command::Maintain { until_ns, reason } => draft.maintain(until_ns, said(reason)?)?,
+        Command::RollBack { version, reason } => {
+            let found = draft.outcome.ledger.shadow.version;
+            fresh(version, found)?;
+            draft.roll_back(Rollback::ByPerson, said(reason)?)?;
+        }
+    }
+    draft.outcome.ledger.answered = None;
+    Ok(draft.outcome)
+}
+
+impl Draft<'_> {
+    /// The robot is about to see the document.
+    fn offer(&mut self, generation: u64) -> Result<(), Refused> {
+        let Some(before) = self.live_offer(generation) else {
+            return Ok(());
+        };
+        if before.state == DeploymentState::Queued {
+            // The way back is never kept.
+            if self.standing.held && before.proposal.is_some() {
+                return Err(Refused::Held(before.id));
+            }
+            let mut live = before.clone();
+            live.offered_ns = Some(self.standing.now_ns);
+            self.advance(
+                &before,
+                live,
+                DeploymentEvent::Offer,
+                DeploymentAction::Offer,
+                None,
+            )?;
+        }
+        Ok(())
+    }
+
+    /// The robot was shown the document. One that nobody was to see yet still has to be sent.
+    fn offered(&mut self, generation: u64) {
+        let live = self.live_offer(generation);
+        if live.is_none_or(|live| live.state != DeploymentState::Queued) {
+            self.outcome.sent = Some(Parcel::Approved(generation));
+        }
+    }
+
+    /// The robot was told that its answer is stored.
+    fn confirmed(&mut self, generation: u64) -> Result<(), Refused> {
+        self.outcome.sent = Some(Parcel::Confirmed(generation));
+        let Some(before) = self.live_offer(generation) else {
+            return Ok(());
+        };
+        if before.state == DeploymentState::Applied {
+            let event = DeploymentEvent::Confirmed;
+            self.advance(
+                &before,
+                before.clone(),
+                event,
+                DeploymentAction::Confirm,
+                None,
+            )?;
+        }
+        Ok(())
+    }
+
+    fn judge(&mut self, id: u64, verification: Verification) -> Result<(), Refused> {
+        let before = self.underway(id)?;
+        let mut live = before.clone();
+        live.verification = Some(verification);
+        if verification.within {
+            live.reason = None;
+            let event = DeploymentEvent::Verified;
+            self.advance(&before, live, event, DeploymentAction::Verify, None)?;
+            let mut shadow = self.outcome.ledger.shadow.clone();
+            shadow.verified.push(before.offer);
+            let surplus = shadow.verified.len().saturating_sub(Shadow::VERIFIED_MAX);
+            shadow.verified.drain(..surplus);
+            self.save_shadow(ShadowAction::Remember, shadow, None);
+            return Ok(());
+        }
+        if before.is_return() {
+            let by = &before.approved_by;
+            let reason = format!("a fresh estimate disagrees with the values that {by} chose");
+            let event = DeploymentEvent::Contradicted;
+            return self.advance(&before, live, event, DeploymentAction::Keep, Some(reason));
+        }
+        let reason = "a fresh estimate disagrees with what the robot uses".to_owned();
+        // The verdict is written down before what follows from it.
+        let event = DeploymentEvent::VerificationFailed;
+        let action = DeploymentAction::FailVerification;
+        self.advance(&before, live, event, action, Some(reason.clone()))?;
+        if !self.standing.policy.roll_back {
+            return Ok(());
+        }
+        match self.roll_back(Rollback::Automatic, reason) {
+            // Somebody has to decide what the robot shall use instead.
+            Err(Refused::NothingToReturnTo) => Ok(()),
+            other => other,
+        }
+    }
+
+    fn give_up(&mut self, id: u64, reason: String) -> Result<(), Refused> {
+        let before = self.underway(id)?;
+        let (event, action) = match before.state {
+            DeploymentState::Verifying => (
+                DeploymentEvent::TooLittleMotion,
+                DeploymentAction::LeaveInconclusive,
+            ),
+            _ => (DeploymentEvent::TimeOut, DeploymentAction::TimeOut),
+        };
+        self.advance(&before, before.clone(), event, action, Some(reason))
+    }
+
+    fn void(&mut self, id: u64, reason: String) -> Result<(), Refused> {
+        let before = self.underway(id)?;
+        if before.is_return() {
+            return Err(Refused::ChosenByPerson {
+                generation: before.offer.generation,
+                by: before.approved_by,
+            });
+        }
+        match before.state {
+            DeploymentState::Queued | DeploymentState::Offered => {
+                self.roll_back(Rollback::Automatic, reason)
+            }
+            state => Err(Refused::Deployment {
+                state,
+                event: DeploymentEvent::RollBack,
+            }),
+        }
+    }
+}
+
+impl Draft<'_> {
+    /// The robot is switched off on purpose, or not any more.
+    fn maintain(&mut self, until_ns: Option<i64>, reason: String) -> Result<(), Refused> {
+        let now_ns = self.standing.now_ns;
+        let mut shadow = self.outcome.ledger.shadow.clone();
+        let Some(until_ns) = until_ns else {
+            let held = shadow.maintenance.take();
+            held.filter(|held| held.holds_at(now_ns))
+                .ok_or(Refused::NoMaintenance)?;
+            self.save_shadow(ShadowAction::EndMaintenance, shadow, Some(reason));
+            return Ok(());
+        };
+        let lasts_ns = until_ns.saturating_sub(now_ns);
+        if !(1..=Maintenance::LONGEST_NS).contains(&lasts_ns) {
+            return Err(Refused::OutOfLimits {
+                field: "until",
+                value: lasts_ns as f64 / 3.6e12,
+                accepted: "more than 0 and at most 2160 hours from now".to_owned(),
+            });
+        }
+        shadow.maintenance = Some(Maintenance {
+            until_ns,
+            by: self.standing.actor.name.clone(),
+            at_ns: now_ns,
+            reason: reason.clone(),
+        });
+        self.save_shadow(ShadowAction::BeginMaintenance, shadow, Some(reason));
+        Ok(())
+    }
+}
+
+fn said(reason: String) -> Result<String, Refused> {
+    if reason.trim().is_empty() {
+        return Err(Refused::ReasonMissing);
+    }
+    Ok(reason)
+}

@@ -1,0 +1,427 @@
+//! What time and the estimates ask for.
+
+use fleetcal_model::{Consistency, Counts, Parameter, ParameterStatus, Pose2};
+use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationDocument, CalibrationValues};
+use fleetcal_proto::estimate::{EstimateDocument, ParameterDocument, Parameters};
+use fleetcal_proto::signing::SigningKey;
+
+use crate::access::{Actor, Authentication, Role};
+use crate::approval::{
+    Candidate, Command, DeploymentState, Evidence, NextIds, Origin, Policy, Present, Refused,
+    RobotLedger, Situation, Standing, Tolerance, automatic, due, step, values_and_sigmas,
+};
+
+const NOW_NS: i64 = 1_763_700_000_000_000_000;
+
+/// An estimate that has converged on this steering offset.
+fn estimate(offset_rad: f64, second: i64) -> EstimateDocument {
+    let parameter = |name: Parameter| ParameterDocument {
+        value: match name {
+            Parameter::SteeringOffset => offset_rad,
+            Parameter::LidarX => 0.434,
+            Parameter::LidarY | Parameter::LidarYaw | Parameter::TimeOffset => 0.0,
+            _ => 1.0,
+        },
+        sigma: 0.000_2,
+        unit: name.unit(),
+        status: match name {
+            Parameter::Wheelbase | Parameter::SteeringGain => ParameterStatus::Fixed,
+            _ => ParameterStatus::Converged,
+        },
+        needs: None,
+    };
+    EstimateDocument {
+        robot: RobotId::parse("tugger_01").unwrap(),
+        stamp_ns: NOW_NS + second * 1_000_000_000,
+        time_s: 100.0,
+        distance_m: 80.0,
+        parameters: Parameters {
+            steering_offset: parameter(Parameter::SteeringOffset),
+            lidar_x: parameter(Parameter::LidarX),
+            lidar_y: parameter(Parameter::LidarY),
+            lidar_yaw: parameter(Parameter::LidarYaw),
+            speed_scale: parameter(Parameter::SpeedScale),
+            wheelbase: parameter(Parameter::Wheelbase),
+            time_offset: parameter(Parameter::TimeOffset),
+            steering_gain: parameter(Parameter::SteeringGain),
+        },
+        consistency: Consistency::default(),
+        counts: Counts::default(),
+        lidar_in_base_link: None,
+    }
+}
+
+/// One robot whose commands are taken as the clerk takes them.
+struct Bench {
+    ledger: RobotLedger,
+    ids: NextIds,
+    policy: Policy,
+    /// What the configuration says now.
+    rear_axle: Option<Pose2>,
+    /// What was signed last.
+    signed: Option<CalibrationDocument>,
+    /// Wall time.
+    now_ns: i64,
+    /// What the estimator says when somebody decides.
+    present: Present,
+}
+
+impl Bench {
+    fn new() -> Self {
+        Self {
+            ledger: RobotLedger::new(RobotId::parse("tugger_01").unwrap()),
+            ids: NextIds {
+                revision: 1,
+                proposal: 1,
+                deployment: 1,
+            },
+            policy: Policy::default(),
+            rear_axle: None,
+            signed: None,
+            now_ns: NOW_NS,
+            present: Present::Unknown,
+        }
+    }
+
+    fn take(&mut self, command: Command, actor: &Actor) {
+        self.try_to(command, actor).unwrap();
+    }
+
+    fn try_to(&mut self, command: Command, actor: &Actor) -> Result<(), Refused> {
+        let key = SigningKey::from_bytes(&[7; 32]);
+        let standing = Standing {
+            policy: &self.policy,
+            key: &key,
+            actor,
+            now_ns: self.now_ns,
+            held: false,
+            rear_axle_in_base_link: self.rear_axle,
+            present: self.present,
+        };
+        let outcome = step(&self.ledger, command, self.ids, &standing)?;
+        self.ids.revision += 1;
+        self.ids.proposal += 1;
+        self.ids.deployment += 1;
+        if let Some((_, envelope)) = outcome.envelopes.last() {
+            self.signed = Some(serde_json::from_str(&envelope.document).unwrap());
+        }
+        self.ledger = outcome.ledger;
+        Ok(())
+    }
+
+    fn due(&self, estimate: Option<&EstimateDocument>, fresh: bool) -> Option<Command> {
+        let situation = Situation {
+            now_ns: self.now_ns,
+            estimate: estimate.filter(|_| !fresh),
+            vehicle_changed: false,
+            stable: true,
+            fresh: estimate.filter(|_| fresh),
+            nominal: Some(CalibrationValues {
+                lidar_x_m: 0.434,
+                ..CalibrationValues::default()
+            }),
+        };
+        due(&self.ledger, &situation, &self.policy)
+    }
+
+    /// Takes what is due by the service itself.
+    fn do_due(&mut self, estimate: &EstimateDocument, fresh: bool) -> Option<&'static str> {
+        let command = self.due(Some(estimate), fresh)?;
+        let name = match command {
+            Command::Propose { .. } => "propose",
+            Command::Supersede { .. } => "supersede",
+            Command::Refresh { .. } => "refresh",
+            Command::Void { .. } => "void",
+            Command::Judge { verification, .. } if verification.within => "verify",
+            Command::Judge { .. } => "fail",
+            _ => "another",
+        };
+        self.take(command, &Actor::service());
+        Some(name)
+    }
+
+    fn approve(&mut self) {
+        self.approve_as("ana").unwrap();
+    }
+
+    fn approve_as(&mut self, name: &str) -> Result<(), Refused> {
+        let open = self.ledger.open.clone().unwrap();
+        let person = Actor {
+            name: name.to_owned(),
+            authentication: Authentication::Session,
+            role: Some(Role::Approver),
+            request: None,
+        };
+        let command = Command::Approve {
+            proposal: open.id,
+            version: Some(open.version),
+            sha256: open.revision_sha256,
+            reason: None,
+        };
+        self.try_to(command, &person)
+    }
+
+    /// Time goes on until a proposal may be refreshed.
+    fn wait(&mut self) {
+        self.now_ns += 60 * 1_000_000_000;
+    }
+
+    /// Brings the deployment under way to the trial.
+    fn try_out(&mut self) {
+        let offer = self.ledger.live.clone().unwrap().offer;
+        let generation = offer.generation;
+        let applied = Applied {
+            generation,
+            sha256: offer.sha256,
+            status: AppliedStatus::Applied,
+            reason: None,
+            applied_at_ns: NOW_NS,
+            values: None,
+        };
+        self.take(Command::Offer { generation }, &Actor::service());
+        self.take(Command::Acknowledge(applied), &Actor::service());
+        self.take(Command::Confirmed { generation }, &Actor::service());
+    }
+
+    fn state(&self) -> Option<DeploymentState> {
+        self.ledger.live.as_ref().map(|live| live.state)
+    }
+}
+
+#[test]
+fn what_differs_from_what_is_used_is_proposed_once() {
+    let mut bench = Bench::new();
+    assert_eq!(
+        bench.do_due(&estimate(0.002, 0), false),
+        None,
+        "0.11 degrees"
+    );
+    assert_eq!(bench.do_due(&estimate(0.05, 0), false), Some("propose"));
+    assert_eq!(bench.do_due(&estimate(0.05, 1), false), None);
+    bench.policy.propose = false;
+    assert_eq!(Bench::new().due(None, false), None);
+}
+
+#[test]
+fn an_estimate_three_sigma_from_a_proposal_refreshes_it_and_voids_its_approvals() {
+    let mut bench = Bench::new();
+    bench.policy.two_approvers_beyond.steering_offset_deg = 1.0;
+    bench.do_due(&estimate(0.05, 0), false);
+    bench.approve();
+    let before = bench.ledger.open.clone().unwrap();
+    assert_eq!((before.approvals.len(), before.approvals_needed), (1, 2));
+    bench.wait();
+    // The sigma of the proposal and of now is 0.0002 rad.
+    assert_eq!(bench.do_due(&estimate(0.050_59, 1), false), None);
+    let moved = estimate(0.050_61, 2);
+    assert_eq!(bench.do_due(&moved, false), Some("refresh"));
+    let open = bench.ledger.open.clone().unwrap();
+    assert_eq!((open.id, open.version), (before.id, before.version + 1));
+    assert_ne!(open.revision_sha256, before.revision_sha256);
+    assert!(open.approvals.is_empty());
+    let refreshed = open.refreshed.unwrap();
+    assert_eq!(refreshed.voided, ["ana"]);
+    let expected = "the present estimate differs from the proposal: steering offset by +0.03°, 3.0 \
+                    sigma";
+    assert_eq!(refreshed.reason, expected);
+    let proposed = bench.ledger.revisions[&open.revision].values;
+    assert!((proposed.steering_offset_rad - 0.050_61).abs() < 1e-12);
+
+    // Not twice within a minute, however far it moves.
+    assert_eq!(bench.do_due(&estimate(0.06, 3), false), None);
+    bench.wait();
+    assert_eq!(bench.do_due(&estimate(0.06, 3), false), Some("refresh"));
+    let times = bench.ledger.open.as_ref().unwrap().refreshed.clone();
+    assert_eq!(times.unwrap().times, 2);
+    assert_eq!(bench.do_due(&estimate(0.06, 4), false), None, "once");
+}
+
+#[test]
+fn a_proposal_that_brings_nothing_any_more_is_closed() {
+    let mut bench = Bench::new();
+    bench.do_due(&estimate(0.05, 0), false);
+    bench.wait();
+    assert_eq!(bench.do_due(&estimate(0.0, 1), false), Some("supersede"));
+    assert!(bench.ledger.open.is_none());
+
+    let mut bench = Bench::new();
+    bench.do_due(&estimate(0.05, 0), false);
+    let changed = Situation {
+        now_ns: bench.now_ns,
+        estimate: None,
+        vehicle_changed: true,
+        stable: false,
+        fresh: None,
+        nominal: None,
+    };
+    let command = due(&bench.ledger, &changed, &bench.policy);
+    assert!(
+        matches!(&command, Some(Command::Supersede { reason, .. })
+            if reason == "the vehicle is no longer the one that was calibrated"),
+        "{command:?}"
+    );
+}
+
+#[test]
+fn nobody_approves_what_the_present_estimate_speaks_against() {
+    let mut bench = Bench::new();
+    bench.do_due(&estimate(0.05, 0), false);
+    let present = |steering_offset_rad| {
+        let (values, sigmas) = values_and_sigmas(&estimate(steering_offset_rad, 1)).unwrap();
+        Present::Known { values, sigmas }
+    };
+    for outdated in [present(0.049_3), Present::VehicleChanged] {
+        bench.present = outdated;
+        let refused = bench.approve_as("ana");
+        assert!(matches!(refused, Err(Refused::Outdated(_))), "{refused:?}");
+    }
+    bench.present = present(0.050_5);
+    bench.approve_as("ana").unwrap();
+    assert_eq!(bench.state(), Some(DeploymentState::Queued));
+}
+
+#[test]
+fn values_of_a_person_are_held_against_no_estimate() {
+    let mut bench = Bench::new();
+    let command = Command::Propose {
+        origin: Origin::Person,
+        values: CalibrationValues::default(),
+        sigmas: CalibrationValues::default(),
+        evidence: Evidence::default(),
+        nominal: None,
+        reason: None,
+    };
+    bench.take(command, &Actor::service());
+    bench.present = Present::VehicleChanged;
+    bench.wait();
+    assert_eq!(bench.do_due(&estimate(0.06, 3), false), None);
+    bench.approve_as("ana").unwrap();
+}
+
+#[test]
+fn a_newer_estimate_that_disagrees_voids_what_no_robot_uses_yet() {
+    let mut bench = Bench::new();
+    bench.do_due(&estimate(0.05, 0), false);
+    bench.approve();
+    assert_eq!(bench.do_due(&estimate(0.05, 1), false), None);
+    assert_eq!(bench.do_due(&estimate(0.06, 2), false), Some("void"));
+    assert_eq!(bench.state(), None);
+    assert_eq!(bench.ledger.shadow.desired, None);
+    // Once it is in use, the fresh estimate judges it and nothing else.
+    assert_eq!(bench.do_due(&estimate(0.07, 3), false), Some("propose"));
+    bench.approve();
+    bench.try_out();
+    assert_eq!(bench.do_due(&estimate(0.05, 4), false), None);
+    assert_eq!(bench.state(), Some(DeploymentState::Verifying));
+}
+
+#[test]
+fn what_is_used_is_judged_by_a_fresh_estimate() {
+    for (found_rad, expected, state) in [
+        (0.0505, Some("verify"), None),
+        (0.06, Some("fail"), Some(DeploymentState::RollingBack)),
+        // Outside by less than its own uncertainty.
+        (0.05 + 0.002_8, None, Some(DeploymentState::Verifying)),
+    ] {
+        let mut bench = Bench::new();
+        bench.do_due(&estimate(0.05, 0), false);
+        bench.approve();
+        bench.try_out();
+        let mut early = estimate(found_rad, 10);
+        early.distance_m = 59.0;
+        assert_eq!(bench.do_due(&early, true), None, "too little driven");
+        assert_eq!(bench.do_due(&estimate(found_rad, 20), true), expected);
+        assert_eq!(bench.state(), state, "{found_rad}");
+        assert_eq!(bench.do_due(&estimate(found_rad, 30), true), None, "once");
+    }
+}
+
+#[test]
+fn verified_means_that_difference_and_doubt_lie_within_the_tolerance() {
+    // LiDAR x against its 10 mm: the value that was found beside the 434 mm in use, and its sigma.
+    for (lidar_x_m, sigma_m, expected) in [
+        (0.442, 0.004_2, None),
+        (0.442, 0.001_1, None),
+        (0.442, 0.000_9, Some("verify")),
+        (0.434, 0.004_9, Some("verify")),
+        (0.434, 0.005_1, None),
+        (0.448, 0.002_1, None),
+        (0.448, 0.001_9, Some("fail")),
+    ] {
+        let mut bench = Bench::new();
+        bench.do_due(&estimate(0.05, 0), false);
+        bench.approve();
+        bench.try_out();
+        let mut fresh = estimate(0.05, 20);
+        fresh.parameters.lidar_x.value = lidar_x_m;
+        fresh.parameters.lidar_x.sigma = sigma_m;
+        let done = bench.do_due(&fresh, true);
+        assert_eq!(done, expected, "{lidar_x_m} m, sigma {sigma_m} m");
+    }
+}
+
+#[test]
+fn what_was_rejected_is_not_proposed_again() {
+    let mut bench = Bench::new();
+    bench.do_due(&estimate(0.05, 0), false);
+    let open = bench.ledger.open.clone().unwrap();
+    let reject = Command::Reject {
+        proposal: open.id,
+        version: Some(open.version),
+        reason: "it was pushed by hand".to_owned(),
+    };
+    bench.take(reject, &Actor::service());
+    assert_eq!(bench.do_due(&estimate(0.05, 1), false), None);
+    assert_eq!(bench.do_due(&estimate(0.06, 2), false), Some("propose"));
+}
+
+#[test]
+fn an_estimate_is_a_candidate_once_it_has_stood_still() {
+    let policy = Policy::default();
+    let mut candidate = Candidate::default();
+    assert!(!candidate.observe(Some(&estimate(0.05, 0)), &policy));
+    assert!(!candidate.observe(Some(&estimate(0.05, 9)), &policy));
+    assert!(candidate.observe(Some(&estimate(0.05, 10)), &policy));
+    assert!(!candidate.observe(Some(&estimate(0.06, 11)), &policy));
+    assert!(!candidate.observe(Some(&estimate(0.06, 20)), &policy));
+    assert!(candidate.observe(Some(&estimate(0.06, 21)), &policy));
+    assert!(!candidate.observe(None, &policy));
+    assert!(!candidate.observe(Some(&estimate(0.06, 40)), &policy));
+}
+
+#[test]
+fn the_frame_that_was_looked_at_is_signed_and_another_takes_two() {
+    let axle = |x_m| Pose2 {
+        x_m,
+        y_m: 0.0,
+        yaw_rad: 0.0,
+    };
+    let mut bench = Bench::new();
+    bench.policy.approve_within = Some(Tolerance {
+        steering_offset_deg: 5.0,
+        lidar_yaw_deg: 5.0,
+        lidar_position_mm: 50.0,
+    });
+    bench.rear_axle = Some(axle(-0.4));
+    bench.do_due(&estimate(0.05, 0), false);
+    assert_eq!(automatic(&bench.ledger, &bench.policy), None, "a new frame");
+    // Configured while the proposal waits: nobody has agreed to it.
+    bench.rear_axle = Some(axle(5.0));
+    bench.approve();
+    let signed = bench.signed.clone().unwrap();
+    assert_eq!(signed.rear_axle_in_base_link, Some(axle(-0.4)));
+    assert!((signed.lidar_in_base_link.unwrap().x_m - 0.034).abs() < 1e-12);
+    bench.try_out();
+    assert_eq!(bench.do_due(&estimate(0.05, 20), true), Some("verify"));
+
+    assert_eq!(bench.do_due(&estimate(0.06, 30), false), Some("propose"));
+    let needed = |bench: &Bench| bench.ledger.open.as_ref().unwrap().approvals_needed;
+    assert_eq!(needed(&bench), 2, "base_link has moved");
+    assert_eq!(automatic(&bench.ledger, &bench.policy), None);
+    bench.rear_axle = Some(axle(-0.4));
+    bench.wait();
+    bench.do_due(&estimate(0.07, 31), false);
+    assert_eq!(needed(&bench), 1);
+    assert!(automatic(&bench.ledger, &bench.policy).is_some());
+}

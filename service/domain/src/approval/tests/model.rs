@@ -1,0 +1,410 @@
+//! A second opinion on one robot's records: it follows what a step gives and says what is wrong.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues, Envelope};
+use fleetcal_proto::signing::TrustedKeys;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+use crate::access::{Actor, Authentication};
+use crate::approval::{
+    Command, Deployment, DeploymentState, GenerationRef, NextIds, Outcome, Parcel, Policy,
+    Proposal, ProposalState, Revision, RobotLedger, Shadow, Transition, audited, difference,
+};
+
+/// The name under which the service itself acts.
+const SERVICE: &str = "fleetcal";
+
+/// What the robot uses, as it has said: a generation and its values. `None` when nobody knows.
+type Used = Option<(u64, CalibrationValues)>;
+
+/// Every record that there ever was of one robot, and what is known of it from outside.
+#[derive(Debug)]
+pub struct Model {
+    /// What the store would read before the next step.
+    pub ledger: RobotLedger,
+    /// Every signed document by generation.
+    pub envelopes: BTreeMap<u64, Envelope>,
+    revisions: BTreeMap<u64, Revision>,
+    proposals: BTreeMap<u64, Proposal>,
+    deployments: BTreeMap<u64, Deployment>,
+    /// The last `after` of every record in the audit.
+    audited: BTreeMap<(&'static str, String), Value>,
+    /// What waits to be sent, one of each kind.
+    outbox: BTreeMap<&'static str, Parcel>,
+    used: Used,
+    used_before: Used,
+    /// The highest generation that the robot has named.
+    heard: u64,
+    trusted: TrustedKeys,
+    policy: Policy,
+}
+
+impl Model {
+    pub fn new(robot: RobotId, trusted: TrustedKeys, policy: Policy) -> Self {
+        Self {
+            ledger: RobotLedger::new(robot),
+            envelopes: BTreeMap::new(),
+            revisions: BTreeMap::new(),
+            proposals: BTreeMap::new(),
+            deployments: BTreeMap::new(),
+            audited: BTreeMap::new(),
+            outbox: BTreeMap::new(),
+            used: None,
+            used_before: None,
+            heard: 0,
+            trusted,
+            policy,
+        }
+    }
+
+    /// The records as the store reads them for `command`.
+    pub fn read_for(&self, command: &Command) -> RobotLedger {
+        let mut ledger = self.ledger.clone();
+        if let Command::Acknowledge(applied) = command
+            && let Some(envelope) = self.envelopes.get(&applied.generation)
+        {
+            let revision = envelope.open(&self.trusted).unwrap().revision;
+            ledger.answered = Some(GenerationRef {
+                generation: applied.generation,
+                sha256: envelope.sha256.clone(),
+                revision,
+                chosen_by: None,
+            });
+            let known = self.revisions[&revision].clone();
+            ledger.revisions.insert(revision, known);
+        }
+        ledger
+    }
+
+    pub fn next_ids(&self) -> NextIds {
+        let next = |last: Option<u64>| last.unwrap_or(0) + 1;
+        NextIds {
+            revision: next(self.revisions.keys().next_back().copied()),
+            proposal: next(self.proposals.keys().next_back().copied()),
+            deployment: next(self.deployments.keys().next_back().copied()),
+        }
+    }
+
+    /// Takes what a step gave for `command` at `now_ns`, and checks all of it.
+    pub fn take(&mut self, command: &Command, actor: &Actor, outcome: &Outcome, now_ns: i64) {
+        self.check_choice(command, actor, outcome);
+        if let Command::Acknowledge(applied) = command {
+            self.heard = self.heard.max(applied.generation);
+        }
+        self.take_audit(outcome);
+        self.take_revisions(outcome);
+        self.take_proposals(outcome, now_ns);
+        self.take_deployments(outcome);
+        self.take_envelopes(outcome);
+        self.take_parcels(outcome);
+        if let Command::Acknowledge(applied) = command {
+            self.take_answer(applied, outcome);
+        }
+        self.check_shadow(&outcome.ledger.shadow);
+        self.check_live(&outcome.ledger);
+        self.reload(outcome);
+    }
+
+    /// What a person chose stands until a person, or the robot itself, replaces it; and who chose
+    /// it, why, and which values it brought back stay in the deployment.
+    fn check_choice(&self, command: &Command, actor: &Actor, outcome: &Outcome) {
+        if matches!(command, Command::RollBack { .. }) {
+            let asked = outcome.deployments.iter().rev().find_map(|one| {
+                let asked = one.roll_back.as_ref().filter(|_| one.state.is_live())?;
+                Some((asked, &one.offer))
+            });
+            if let Some((asked, offer)) = asked {
+                assert!(!asked.automatic);
+                assert_eq!(
+                    (Some(&asked.by), &asked.by),
+                    (offer.chosen_by.as_ref(), &actor.name)
+                );
+                assert_eq!(
+                    asked.values,
+                    outcome.ledger.revisions[&offer.revision].values
+                );
+            }
+            return;
+        }
+        for after in &outcome.deployments {
+            let before = self.deployments.get(&after.id);
+            let asked = before.and_then(|before| before.roll_back.as_ref());
+            if let Some(asked) = asked.filter(|asked| !asked.automatic) {
+                assert_eq!(after.roll_back.as_ref(), Some(asked), "{command:?}");
+            }
+        }
+        let chosen = self.ledger.shadow.desired.as_ref();
+        let chosen = chosen.filter(|one| one.chosen_by.is_some());
+        let of_the_service = match command {
+            Command::Judge { .. } | Command::Void { .. } | Command::GiveUp { .. } => true,
+            Command::Approve { .. } => actor.authentication == Authentication::Service,
+            _ => false,
+        };
+        if chosen.is_some() && of_the_service {
+            assert_eq!(
+                outcome.ledger.shadow.desired.as_ref(),
+                chosen,
+                "{command:?}"
+            );
+            let live = outcome.ledger.live.as_ref();
+            assert!(live.is_none_or(|live| live.state != DeploymentState::RollingBack));
+        }
+    }
+
+    /// Every changed record has its rows, and every row its change.
+    fn take_audit(&mut self, outcome: &Outcome) {
+        for transition in &outcome.transitions {
+            let record = (transition.subject(), transition.subject_id());
+            let unborn = matches!(transition, Transition::Shadow(_))
+                .then(|| serde_json::to_value(&self.ledger.shadow).unwrap());
+            let before = self.audited.get(&record).cloned().or(unborn);
+            let (stood, after) = audited(transition);
+            assert_eq!(stood, before, "before, {}", transition.action());
+            let version = |record: &Value| record["version"].as_u64().unwrap();
+            let earlier = before.as_ref().map_or(0, version);
+            assert_eq!(version(&after), earlier + 1, "a version each");
+            assert_ne!(Some(&after), before.as_ref(), "a change each");
+            self.audited.insert(record, after);
+        }
+        let last_audited = |subject, id: String| self.audited.get(&(subject, id));
+        for proposal in &outcome.proposals {
+            let id = proposal.id.to_string();
+            assert_eq!(
+                last_audited("proposal", id),
+                Some(&there_and_back(proposal))
+            );
+        }
+        for deployment in &outcome.deployments {
+            let last = outcome
+                .deployments
+                .iter()
+                .rfind(|one| one.id == deployment.id);
+            let id = deployment.id.to_string();
+            assert_eq!(
+                last_audited("deployment", id),
+                Some(&there_and_back(last.unwrap()))
+            );
+        }
+        let shadow = &outcome.ledger.shadow;
+        let changed = *shadow != self.ledger.shadow;
+        assert_eq!(outcome.shadow_changed, changed, "{:?}", outcome.transitions);
+        if changed {
+            let id = shadow.robot.to_string();
+            assert_eq!(last_audited("shadow", id), Some(&there_and_back(shadow)));
+        }
+    }
+
+    fn take_revisions(&mut self, outcome: &Outcome) {
+        for revision in &outcome.revisions {
+            assert_eq!(revision.sha256, revision.hash());
+            there_and_back(revision);
+            let earlier = self.revisions.insert(revision.id, revision.clone());
+            assert!(earlier.is_none(), "a revision is never changed");
+        }
+    }
+
+    fn take_proposals(&mut self, outcome: &Outcome, now_ns: i64) {
+        for proposal in &outcome.proposals {
+            let before = self.proposals.insert(proposal.id, proposal.clone());
+            let open = |one: Proposal| one.state == ProposalState::Proposed;
+            assert!(before.is_none_or(open), "a decided proposal stays decided");
+            let revision = &self.revisions[&proposal.revision];
+            assert_eq!(proposal.revision_sha256, revision.sha256);
+            let by: BTreeSet<_> = proposal.approvals.iter().map(|one| &one.by).collect();
+            assert_eq!(by.len(), proposal.approvals.len(), "one person counts once");
+            let own = by.contains(&proposal.proposed_by) && proposal.proposed_by != SERVICE;
+            assert!(!own, "nobody approves what he proposed");
+            for approval in &proposal.approvals {
+                assert_eq!(approval.sha256, revision.sha256);
+                assert!(approval.at_ns < proposal.expires_ns, "approved too late");
+            }
+            let enough = by.len() >= proposal.approvals_needed as usize;
+            assert_eq!(proposal.state == ProposalState::Approved, enough);
+            if proposal.state == ProposalState::Approved {
+                assert_eq!(proposal.approvals.last().unwrap().at_ns, now_ns);
+                let used = self.used.map(|(_, values)| values).or(proposal.base);
+                let change = used.map(|used| difference(&used, &revision.values));
+                let two = change.is_some_and(|change| {
+                    let parts = change.iter().zip(self.policy.two_approvers_beyond.limits());
+                    parts.into_iter().any(|(part, limit)| part.abs() > limit)
+                });
+                assert!(!two || by.len() >= 2, "two have to agree to a large change");
+            }
+        }
+    }
+
+    fn take_deployments(&mut self, outcome: &Outcome) {
+        for deployment in &outcome.deployments {
+            let before = self.deployments.insert(deployment.id, deployment.clone());
+            let was_live = before.is_none_or(|one| one.state.is_live());
+            assert!(was_live, "an ended deployment stays ended");
+            let closed = deployment.closed_ns.is_some();
+            assert_ne!(deployment.state.is_live(), closed);
+        }
+        let live: Vec<_> = self
+            .deployments
+            .values()
+            .filter(|one| one.state.is_live())
+            .collect();
+        assert!(live.len() <= 1, "one deployment at a time");
+        assert_eq!(live.first().copied(), outcome.ledger.live.as_ref());
+        let open = |one: &&Proposal| one.state == ProposalState::Proposed;
+        let open: Vec<_> = self.proposals.values().filter(open).collect();
+        assert!(open.len() <= 1, "one open proposal at a time");
+        assert_eq!(open.first().copied(), outcome.ledger.open.as_ref());
+        for proposal in self.proposals.values() {
+            let brought = self.deployments.values();
+            let brought = brought.filter(|one| one.proposal == Some(proposal.id));
+            let approved = proposal.state == ProposalState::Approved;
+            assert_eq!(brought.count(), usize::from(approved), "{proposal:?}");
+        }
+    }
+
+    /// Every signed document is new, higher than all before, and says what its revision says.
+    fn take_envelopes(&mut self, outcome: &Outcome) {
+        for (generation, envelope) in &outcome.envelopes {
+            let last = self.envelopes.keys().next_back().copied();
+            assert!(last.is_none_or(|last| last < *generation));
+            let document = envelope.open(&self.trusted).unwrap();
+            assert_eq!(document.generation, *generation);
+            let revision = &self.revisions[&document.revision];
+            assert_eq!(
+                (document.values, document.sigmas),
+                (revision.values, revision.sigmas)
+            );
+            self.envelopes.insert(*generation, envelope.clone());
+        }
+        let last = self.envelopes.keys().next_back().copied().unwrap_or(0);
+        let highest = last.max(self.heard);
+        assert_eq!(outcome.ledger.shadow.generation_last, highest);
+    }
+
+    fn take_parcels(&mut self, outcome: &Outcome) {
+        if let Some(sent) = outcome.sent {
+            self.outbox.retain(|_, parcel| *parcel != sent);
+        }
+        for parcel in &outcome.parcels {
+            let kind = match parcel {
+                Parcel::Approved(_) => "approved",
+                Parcel::Confirmed(_) => "confirmed",
+            };
+            self.outbox.insert(kind, *parcel);
+        }
+        let signed = outcome.envelopes.iter().map(|(generation, _)| *generation);
+        for generation in signed {
+            assert!(outcome.parcels.contains(&Parcel::Approved(generation)));
+        }
+    }
+
+    /// Follows the robot, which keeps what it applied and remembers what it used before.
+    fn take_answer(&mut self, applied: &Applied, outcome: &Outcome) {
+        let generation = applied.generation;
+        let in_use = self
+            .used
+            .as_ref()
+            .is_some_and(|(used, _)| *used == generation);
+        match applied.status {
+            AppliedStatus::Applied => {
+                let known = self.envelopes.get(&generation);
+                let known = known.map(|envelope| envelope.open(&self.trusted).unwrap().values);
+                let brought = self.used.filter(|_| in_use).map(|(_, values)| values);
+                let values = applied.values.or(known).or(brought);
+                if !in_use {
+                    self.used_before = self.used.take();
+                }
+                self.used = values.map(|values| (generation, values));
+            }
+            AppliedStatus::Reverted if in_use => {
+                let before = self.used_before.take();
+                let values = applied.values.or(before.map(|(_, values)| values));
+                self.used = values.map(|values| (before.map_or(0, |(used, _)| used), values));
+            }
+            _ => {}
+        }
+        let shadow = &outcome.ledger.shadow;
+        let believed = shadow
+            .in_use
+            .as_ref()
+            .map(|one| (one.generation, one.values));
+        assert_eq!(believed, self.used, "what the robot uses after {applied:?}");
+        let desired = self
+            .ledger
+            .shadow
+            .desired
+            .as_ref()
+            .map(|one| one.generation);
+        let kept = outcome.parcels.contains(&Parcel::Confirmed(generation));
+        if kept && applied.status == AppliedStatus::Applied {
+            assert_eq!(
+                Some(generation),
+                desired,
+                "only what is wanted is confirmed"
+            );
+        }
+        let revision = shadow.in_use.as_ref().and_then(|one| one.revision);
+        if let Some(revision) = revision {
+            assert!(self.revisions.contains_key(&revision));
+        }
+    }
+
+    /// What the robot should hold follows from its deployments.
+    fn check_shadow(&self, shadow: &Shadow) {
+        use DeploymentState as S;
+        let last = self.deployments.values().next_back();
+        let desired: Option<&GenerationRef> = last.and_then(|last| match last.state {
+            S::TimedOut if last.is_return() => Some(&last.offer),
+            S::Refused | S::Failed | S::TimedOut | S::Withdrawn => last.desired_before.as_ref(),
+            _ => Some(&last.offer),
+        });
+        assert_eq!(shadow.desired.as_ref(), desired);
+        let references = shadow.desired.iter().chain(&shadow.verified);
+        for reference in references {
+            let envelope = &self.envelopes[&reference.generation];
+            assert_eq!(envelope.sha256, reference.sha256);
+            let document = envelope.open(&self.trusted).unwrap();
+            assert_eq!(document.revision, reference.revision);
+        }
+        assert!(shadow.verified.len() <= Shadow::VERIFIED_MAX);
+    }
+
+    /// What has to reach the robot is in the outbox.
+    fn check_live(&self, ledger: &RobotLedger) {
+        let Some(live) = &ledger.live else { return };
+        let generation = live.offer.generation;
+        match live.state {
+            DeploymentState::Queued => {
+                let waiting = self.outbox.get("approved");
+                assert_eq!(waiting, Some(&Parcel::Approved(generation)));
+            }
+            DeploymentState::Applied => {
+                let waiting = self.outbox.get("confirmed");
+                assert_eq!(waiting, Some(&Parcel::Confirmed(generation)));
+            }
+            _ => {}
+        }
+    }
+
+    /// Reads the records back as the store does: with no other revisions than those they name.
+    fn reload(&mut self, outcome: &Outcome) {
+        self.ledger = outcome.ledger.clone();
+        let named = self.ledger.named_revisions();
+        let revisions = named
+            .into_iter()
+            .map(|id| (id, self.revisions[&id].clone()));
+        self.ledger.revisions = revisions.collect();
+    }
+}
+
+/// A record as JSON; it says the same when it is read back.
+fn there_and_back<T: Serialize + DeserializeOwned + PartialEq + std::fmt::Debug>(
+    record: &T,
+) -> Value {
+    let json = serde_json::to_value(record).unwrap();
+    let text = serde_json::to_string(record).unwrap();
+    assert_eq!(serde_json::from_str::<T>(&text).unwrap(), *record);
+    json
+}

@@ -1,0 +1,313 @@
+//! Every limit of the service: queues, caches, bodies, waits. One name each, all in one place.
+
+use std::time::Duration;
+
+use fleetcal_model::Stream;
+
+/// Largest message that the Zenoh transport puts together, in bytes.
+pub const PAYLOAD_BYTES_MAX: usize = 4 * 1024 * 1024;
+
+/// Largest payload taken from a robot on one stream, in bytes. A full mailbox of the largest ones
+/// stays under 24 MiB; the largest scan is a cloud of 32,768 points of 48 bytes and some more.
+pub const fn payload_bytes_max(stream: Stream) -> usize {
+    match stream {
+        // Joints and odometry are longer than a drive sample.
+        Stream::Drive | Stream::Steering | Stream::Speed => 4 * 1024,
+        Stream::Scan => 2 * 1024 * 1024,
+        Stream::LidarOdometry => 64 * 1024,
+        Stream::Event => 16 * 1024,
+    }
+}
+
+/// Drive samples that wait in a robot's mailbox.
+pub const MAILBOX_DRIVE_SAMPLES_MAX: usize = 1_024;
+/// Scans (or LiDAR poses) that wait in a robot's mailbox.
+pub const MAILBOX_SCANS_MAX: usize = 8;
+/// Notes and other rare messages that wait in a robot's mailbox.
+pub const MAILBOX_NOTES_MAX: usize = 64;
+/// Robots that are configured.
+pub const ROBOTS_MAX: usize = 4_096;
+/// Robots that send without being configured; further ones are counted and forgotten.
+pub const UNREGISTERED_ROBOTS_MAX: usize = 256;
+/// Live updates that a slow listener may lag behind before it loses the oldest.
+pub const LIVE_UPDATES_MAX: usize = 4_096;
+/// Characters of a note that a person or tool attaches.
+pub const NOTE_CHARS_MAX: usize = 1_000;
+/// Characters of a refusal's reason that are kept for the robot's page.
+pub const REFUSAL_CHARS_MAX: usize = 300;
+
+/// ROS 2 topics that a robot can have announced; further ones are left out.
+pub const ANNOUNCED_TOPICS_MAX: usize = 256;
+/// ROS 2 tokens that are remembered at once; further ones are left out.
+pub const ROS2_TOKENS_MAX: usize = 16_384;
+
+/// The same of one robot, which has some for each topic that it sends or takes.
+pub const ROS2_TOKENS_OF_ROBOT_MAX: usize = 1_024;
+/// Longest ROS 2 token that is read.
+pub const ROS2_TOKEN_BYTES_MAX: usize = 1_024;
+/// Places, of a prefix and a key layout, that one robot's ROS 2 topics can have at once.
+pub const ROS2_HOMES_MAX: usize = 4;
+
+/// Robots' answers that wait to be stored.
+pub const ANSWERS_MAX: usize = 1_024;
+/// Longest cross-track error of a robot, in bytes.
+pub const CROSS_TRACK_BYTES_MAX: usize = 1_024;
+/// Longest answer of a robot, in bytes.
+pub const ANSWER_BYTES_MAX: usize = 16 * 1024;
+/// Robots' questions that the database answers at once or that wait for it: one of each robot.
+/// Further ones get no answer. An agent asks again; a ROS 2 node hears the next approval.
+pub const QUESTIONS_MAX: usize = ROBOTS_MAX;
+/// What could not be sent is tried again after this long.
+pub const POST_RETRY: Duration = Duration::from_secs(5);
+/// What waits to be sent is looked through at least this often.
+pub const POST_EVERY: Duration = Duration::from_secs(30);
+
+/// Sightings of alerts that one transaction takes; the rest follows a second later.
+pub const ALERTS_AT_ONCE_MAX: usize = 1_000;
+/// Changes of one alert that are remembered, the latest.
+pub const ALERT_CHANGES_MAX: u32 = 500;
+/// Alerts that are over are kept this long.
+pub const ALERTS_KEPT: Duration = Duration::from_hours(365 * 24);
+
+/// Webhooks at once.
+pub const WEBHOOKS_MAX: usize = 16;
+/// Longest address of a webhook, in bytes.
+pub const WEBHOOK_URL_BYTES_MAX: usize = 2_000;
+/// Messages that wait for one receiver; beyond, the oldest is given up.
+pub const WEBHOOK_WAITING_MAX: u32 = 1_000;
+/// Messages of one webhook that are kept after they were taken or given up, the latest.
+pub const WEBHOOK_LOG_MAX: u32 = 1_000;
+/// Attempts of one message that are kept, the latest.
+pub const WEBHOOK_ATTEMPTS_KEPT: usize = 20;
+/// A message is looked for this often.
+pub const WEBHOOK_LOOK_EVERY: Duration = Duration::from_secs(1);
+/// A receiver must take the connection within this time.
+pub const WEBHOOK_CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
+/// A receiver must have answered within this time.
+pub const WEBHOOK_TIMEOUT: Duration = Duration::from_secs(10);
+/// Bytes of the header of a receiver's answer; its body is not read.
+pub const WEBHOOK_ANSWER_BYTES_MAX: usize = 16 * 1024;
+/// Characters of an attempt's error that are kept.
+pub const WEBHOOK_ERROR_CHARS_MAX: usize = 300;
+/// The first wait after a failed attempt; it doubles with each.
+pub const WEBHOOK_BACKOFF_FIRST: Duration = Duration::from_secs(5);
+/// The longest wait between two attempts.
+pub const WEBHOOK_BACKOFF_MAX: Duration = Duration::from_hours(1);
+/// A message that was not taken for so long is given up.
+pub const WEBHOOK_RETRY_FOR: Duration = Duration::from_hours(24);
+
+/// A robot is stale after this long without data.
+pub const STALE_AFTER: Duration = Duration::from_secs(3);
+/// A session of a robot ends after this long without data.
+pub const SESSION_ENDS_AFTER: Duration = Duration::from_secs(10);
+/// A robot's session ends this long after its liveliness token went, with nothing more to come.
+pub const SESSION_ENDS_AFTER_TOKEN: Duration = Duration::from_millis(500);
+/// Message time between two checkpoints of an estimator.
+pub const CHECKPOINT_EVERY_S: f64 = 10.0;
+/// Messages of a robot overtake each other by less than this, s of message time: a verification run
+/// begins so long after the first message that came after the robot's acknowledgement.
+pub const IN_FLIGHT_S: f64 = 1.0;
+
+/// How often a robot's next manoeuvres are ranked, s of message time.
+pub const ADVICE_EVERY_S: f64 = 5.0;
+/// Askers for a robot's plan that wait; whoever comes then is told to come again.
+pub const PLAN_ASKERS_MAX: usize = 64;
+/// Whoever asks again within this much message time gets the same plan, s.
+pub const PLAN_EVERY_S: f64 = 0.4;
+/// A plan shows surfaces this far from the LiDAR, m.
+pub const PLAN_REACH_M: f64 = 30.0;
+/// Points of surfaces in a plan, the nearest.
+pub const PLAN_SURFACES_MAX: usize = 4_096;
+/// Length of a plan's trajectories, m by the wheels.
+pub const PLAN_TRAJECTORY_M: f64 = 20.0;
+/// Points of each trajectory.
+pub const PLAN_TRAJECTORY_POINTS_MAX: usize = 200;
+/// Robots' sessions that are recorded at once.
+pub const SESSIONS_MAX: usize = 8;
+/// What waits for the writer of a session, in number.
+pub const SESSION_WAITING_MAX: usize = 4_096;
+/// What waits for the writer of a session, bytes of the robot's messages.
+pub const SESSION_WAITING_BYTES_MAX: usize = 16 * 1024 * 1024;
+/// Longest recording of a session, s.
+pub const SESSION_DURATION_MAX_S: u32 = 3_600;
+/// A session is recorded for so long unless asked for otherwise, s.
+pub const SESSION_DURATION_DEFAULT_S: u32 = 60;
+/// A recording of a session ends when it is longer, bytes.
+pub const SESSION_BYTES_MAX: u64 = 1024 * 1024 * 1024;
+/// Pieces of a recording that wait for whoever fetches it.
+pub const SESSION_PIECES_WAITING_MAX: usize = 4;
+/// Whoever takes no piece of a recording for so long gets no more.
+pub const SESSION_STALLED_AFTER: Duration = Duration::from_secs(30);
+/// All that is left of a recording at its end has to be taken within this.
+pub const SESSION_REST_TAKEN_WITHIN: Duration = Duration::from_secs(30);
+/// Times an estimator is restarted after a panic before its robot is left alone.
+pub const ESTIMATOR_RESTARTS_MAX: u32 = 10;
+
+/// Rows of history that wait for the store's writer.
+pub const STORE_QUEUE_MAX: usize = 16_384;
+/// The store's writer commits at least this often.
+pub const STORE_FLUSH_EVERY: Duration = Duration::from_secs(1);
+/// Writes that one transaction of the store holds before it is committed early.
+pub const STORE_BATCH_MAX: usize = 4_096;
+/// A robot's latest estimate is stored at most this often; its history every second.
+pub const STORE_CURRENT_EVERY: Duration = Duration::from_secs(10);
+/// Connections that read the database.
+pub const STORE_READERS_MAX: u32 = 4;
+/// A reader waits this long for a connection, a writer for a place in the queue.
+pub const STORE_READ_TIMEOUT: Duration = Duration::from_secs(5);
+/// A write waits this long for another process to let go of the database. Two such waits and the
+/// pause between them fit into [`STORE_ANSWER_WITHIN`].
+pub const STORE_BUSY_TIMEOUT: Duration = Duration::from_millis(1_500);
+/// A write whose turn comes later than this is refused: whoever asked has been told so already.
+pub const STORE_ANSWER_WITHIN: Duration = Duration::from_secs(4);
+/// How often it is looked at whether the writer gets on.
+pub const STORE_LOOK_EVERY: Duration = Duration::from_secs(5);
+/// A writer that has not written for so long, though the database takes writes, is stuck.
+pub const STORE_STUCK_AFTER: Duration = Duration::from_mins(1);
+/// After a commit that failed, the next one begins after this; each further failure doubles it.
+pub const STORE_RETRY_FIRST: Duration = Duration::from_millis(100);
+/// Longest pause between two commits while the database fails.
+pub const STORE_RETRY_MAX: Duration = Duration::from_secs(1);
+/// Commits that are tried when the store is closed, before what is left is lost.
+pub const STORE_CLOSE_TRIES: u32 = 4;
+/// Seconds of history are kept this long after their receipt.
+pub const HISTORY_SECONDS_KEPT: Duration = Duration::from_hours(3 * 24);
+/// Minutes of history are kept this long after their receipt.
+pub const HISTORY_MINUTES_KEPT: Duration = Duration::from_hours(90 * 24);
+/// Hours of history, and events, are kept this long after their receipt.
+pub const HISTORY_HOURS_KEPT: Duration = Duration::from_hours(5 * 365 * 24);
+/// Answers to requests with an `Idempotency-Key` are kept this long.
+pub const IDEMPOTENCY_KEPT: Duration = Duration::from_hours(24);
+/// Old rows of one kind that are deleted at a time, once a second.
+pub const RETENTION_ROWS_MAX: u32 = 2_000;
+/// Rows of one tier of the history that one request reads.
+pub const HISTORY_ROWS_MAX: i64 = 4 * 3_600;
+
+/// Longest body of an HTTP request, in bytes.
+pub const HTTP_BODY_BYTES_MAX: usize = 64 * 1024;
+/// HTTP connections served at once. For a further one, the connection that has waited longest for
+/// its peer is cut.
+pub const HTTP_CONNECTIONS_MAX: usize = 512;
+/// HTTP connections that are cut at once when there is no place, so that the next ones find some.
+pub const HTTP_EVICTED_AT_ONCE_MAX: usize = 32;
+/// HTTP connections that wait to be accepted; the system may have a lower limit.
+pub const HTTP_BACKLOG: u32 = 4_096;
+/// HTTP connections of one address (IPv6: of one /64 network), trusted proxies excepted.
+pub const HTTP_CONNECTIONS_PER_ADDRESS_MAX: usize = 64;
+/// HTTP requests under way at once; the connections beyond that are left to probes.
+pub const HTTP_REQUESTS_MAX: usize = HTTP_CONNECTIONS_MAX - 32;
+/// HTTP requests under way from one address, also of a client behind a trusted proxy.
+pub const HTTP_REQUESTS_PER_ADDRESS_MAX: usize = 64;
+/// A client must have sent its request's header within this time.
+pub const HTTP_HEADER_TIMEOUT: Duration = Duration::from_secs(10);
+/// A request's body must have come within this time; a little longer than
+/// [`HTTP_REQUEST_TIMEOUT`], by which its route has answered.
+pub const HTTP_BODY_TIMEOUT: Duration = Duration::from_secs(12);
+/// A client must take something of an answer within this time; a robot's session has
+/// [`SESSION_STALLED_AFTER`].
+pub const HTTP_WRITE_STALL_TIMEOUT: Duration = Duration::from_secs(10);
+/// A request is answered within this time (event streams excepted).
+pub const HTTP_REQUEST_TIMEOUT: Duration = Duration::from_secs(10);
+/// Listeners of the event stream at once.
+pub const HTTP_STREAMS_MAX: usize = 64;
+/// Listeners of the event stream that are one user or token.
+pub const HTTP_STREAMS_PER_CALLER_MAX: usize = 8;
+/// Listeners of the event stream at one address.
+pub const HTTP_STREAMS_PER_ADDRESS_MAX: usize = 32;
+/// The fleet's lean rows are told this often.
+pub const HTTP_STREAM_ROWS_EVERY: Duration = Duration::from_secs(1);
+/// Topics of one event stream: a page shows one robot, or a few beside each other.
+pub const HTTP_STREAM_TOPICS_MAX: usize = 8;
+/// An event stream without news says this often that it is there.
+pub const HTTP_STREAM_KEEP_ALIVE: Duration = Duration::from_secs(10);
+/// A listener whose event stream broke off comes back after this long.
+pub const HTTP_STREAM_RETRY: Duration = Duration::from_secs(2);
+/// Bytes of a request's header.
+pub const HTTP_HEADER_BYTES_MAX: usize = 32 * 1024;
+/// Entries of a page of a list.
+pub const HTTP_PAGE_MAX: u32 = 1_000;
+/// Entries of a page of a list unless asked for otherwise.
+pub const HTTP_PAGE_DEFAULT: u32 = 100;
+/// Proposals that one request approves.
+pub const APPROVED_AT_ONCE_MAX: usize = 500;
+/// Rows of the audit in one file.
+pub const AUDIT_FILE_ROWS_MAX: u32 = 100_000;
+/// Points of a chart's line that one request gets.
+pub const HTTP_POINTS_MAX: u32 = 5_000;
+/// Points of a chart's line unless asked for otherwise.
+pub const HTTP_POINTS_DEFAULT: u32 = 600;
+/// Span of a robot's history unless asked for otherwise, s.
+pub const HTTP_HISTORY_SPAN_DEFAULT_S: i64 = 3_600;
+/// Characters of an `Idempotency-Key`.
+pub const HTTP_IDEMPOTENCY_KEY_CHARS_MAX: usize = 128;
+/// Robots that `/metrics` tells apart; further ones are summed up by the fleet's counters alone.
+pub const METRICS_ROBOTS_MAX: usize = 1_000;
+/// A request that changes something is answered within this, whatever the database does.
+pub const HTTP_WRITE_TIMEOUT: Duration = Duration::from_millis(4_500);
+/// `/readyz` waits this long for the database.
+pub const READY_PROBE_TIMEOUT: Duration = Duration::from_secs(4);
+/// `/readyz` writes to the database at most this often.
+pub const READY_PROBE_EVERY: Duration = Duration::from_secs(1);
+
+/// Opening the Zenoh session may take this long.
+pub const ZENOH_OPEN_TIMEOUT: Duration = Duration::from_secs(10);
+/// Closing it may take this long; after that the process ends without.
+pub const ZENOH_CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
+/// The whole shutdown may take this long.
+pub const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(4);
+
+/// Characters of the name of a user or a token.
+pub const ACCOUNT_NAME_CHARS_MAX: usize = 64;
+/// Fewest characters of a password.
+pub const PASSWORD_CHARS_MIN: usize = 12;
+/// Most characters of a password.
+pub const PASSWORD_CHARS_MAX: usize = 128;
+/// Passwords that are hashed at once, each with 19 MiB and a core.
+pub const PASSWORD_HASHES_MAX: usize = 2;
+/// Passwords from addresses that have not signed in under their name that are hashed at once: the
+/// rest is left to those that have.
+pub const PASSWORD_HASHES_OF_STRANGERS_MAX: usize = 1;
+/// Passwords that are hashed or wait for it, from addresses that have not signed in under their
+/// name; further ones are refused until later.
+pub const PASSWORD_HASHES_WAITING_MAX: usize = 16;
+/// The same from addresses that have signed in under their name.
+pub const PASSWORD_HASHES_KNOWN_WAITING_MAX: usize = 16;
+/// Allocations of more bytes than this are mapped, and unmapped when they are freed: glibc's
+/// `DEFAULT_MMAP_THRESHOLD_MAX` on 64 bits, up to which the threshold follows what was freed.
+pub const ALLOCATOR_MAPS_BEYOND_BYTES: usize = 32 * 1024 * 1024;
+/// A session that is not used ends after this long.
+pub const SESSION_IDLE_MAX: Duration = Duration::from_hours(12);
+/// A session ends after this long however much it is used.
+pub const SESSION_MAX: Duration = Duration::from_hours(7 * 24);
+/// The use of a session or token is written down at most this often.
+pub const SESSION_USE_NOTED_EVERY: Duration = Duration::from_mins(1);
+/// Sessions of one user; the oldest ends when there would be more.
+pub const SESSIONS_PER_USER_MAX: u32 = 16;
+/// An open event stream asks this often whether its listener may still hear.
+pub const STREAM_ACCESS_CHECKED_EVERY: Duration = Duration::from_secs(2);
+/// The code for the first administrator counts this long.
+pub const SETUP_CODE_MAX: Duration = Duration::from_hours(24);
+/// Users.
+pub const USERS_MAX: u32 = 10_000;
+/// Tokens that are kept, revoked ones too.
+pub const TOKENS_MAX: u32 = 10_000;
+/// Longest time that a token can be made to count.
+pub const TOKEN_EXPIRES_MAX: Duration = Duration::from_hours(10 * 365 * 24);
+/// Tries to sign in under one name from one address at once, and the time after which one more is
+/// let through.
+pub const SIGN_IN_NAME_BURST: u32 = 10;
+/// See [`SIGN_IN_NAME_BURST`].
+pub const SIGN_IN_NAME_EVERY: Duration = Duration::from_secs(30);
+/// The same under one name from all addresses together: far more than one address gets, so that
+/// nobody keeps somebody else out.
+pub const SIGN_IN_EVERYWHERE_BURST: u32 = 100;
+/// See [`SIGN_IN_EVERYWHERE_BURST`].
+pub const SIGN_IN_EVERYWHERE_EVERY: Duration = Duration::from_secs(10);
+/// Tries to sign in from one address at once, and the time after which one more is let through.
+pub const SIGN_IN_ADDRESS_BURST: u32 = 60;
+/// See [`SIGN_IN_ADDRESS_BURST`].
+pub const SIGN_IN_ADDRESS_EVERY: Duration = Duration::from_secs(2);
+/// Names, and addresses, whose tries are remembered.
+pub const SIGN_IN_KEYS_MAX: usize = 4_096;
+/// Names that have signed in from an address that are remembered, the latest.
+pub const SIGN_IN_KNOWN_MAX: usize = 4_096;

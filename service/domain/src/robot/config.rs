@@ -1,0 +1,223 @@
+//! One robot in the configuration: its vehicle, its streams, and what is known beforehand.
+
+use std::f64::consts::TAU;
+
+use fleetcal_estimator::calibrator::CalibratorConfig;
+use fleetcal_estimator::point_cloud::PlanarBand;
+use fleetcal_estimator::vehicle::SpeedMeasuredAt;
+use fleetcal_estimator::{EstimatorSettings, Pose2, Vehicle, VehicleModel};
+use fleetcal_proto::message_type::ScanType;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
+use thiserror::Error;
+
+use crate::streams::RobotStreams;
+
+/// Longest wheelbase accepted, m: beyond any vehicle on wheels.
+pub const WHEELBASE_MAX_M: f64 = 30.0;
+/// Farthest a LiDAR can be mounted from the rear axle, m.
+pub const MOUNT_MAX_M: f64 = 30.0;
+
+/// Why a value in a configuration was refused.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[error("{key} is {value}, accepted is {accepted}")]
+pub struct ValueRefused {
+    /// Name of the key.
+    pub key: &'static str,
+    /// The value that was refused.
+    pub value: f64,
+    /// What would have been accepted, in words.
+    pub accepted: &'static str,
+}
+
+/// A wheelbase that a vehicle can have, m.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "f64", into = "f64")]
+pub struct Wheelbase(f64);
+
+impl Wheelbase {
+    /// The wheelbase, m.
+    pub fn metres(self) -> f64 {
+        self.0
+    }
+}
+
+impl TryFrom<f64> for Wheelbase {
+    type Error = ValueRefused;
+
+    fn try_from(metres: f64) -> Result<Self, ValueRefused> {
+        if metres > 0.0 && metres <= WHEELBASE_MAX_M {
+            Ok(Self(metres))
+        } else {
+            let accepted = "more than 0 and at most 30 m";
+            Err(ValueRefused {
+                key: "wheelbase_m",
+                value: metres,
+                accepted,
+            })
+        }
+    }
+}
+
+impl From<Wheelbase> for f64 {
+    fn from(wheelbase: Wheelbase) -> Self {
+        wheelbase.0
+    }
+}
+
+/// The pose of a part on the vehicle, from CAD or tape.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Pose2", into = "Pose2")]
+pub struct Mount(Pose2);
+
+impl Mount {
+    /// The pose.
+    pub fn pose(&self) -> Pose2 {
+        self.0
+    }
+}
+
+impl TryFrom<Pose2> for Mount {
+    type Error = ValueRefused;
+
+    fn try_from(pose: Pose2) -> Result<Self, ValueRefused> {
+        let metres = -MOUNT_MAX_M..=MOUNT_MAX_M;
+        let refused = |key, value, accepted| {
+            Err(ValueRefused {
+                key,
+                value,
+                accepted,
+            })
+        };
+        if !metres.contains(&pose.x_m) {
+            return refused("x_m", pose.x_m, "-30 to 30 m");
+        }
+        if !metres.contains(&pose.y_m) {
+            return refused("y_m", pose.y_m, "-30 to 30 m");
+        }
+        if !(-TAU..=TAU).contains(&pose.yaw_rad) {
+            return refused("yaw_rad", pose.yaw_rad, "radians within one turn");
+        }
+        Ok(Self(pose))
+    }
+}
+
+impl From<Mount> for Pose2 {
+    fn from(mount: Mount) -> Self {
+        mount.0
+    }
+}
+
+/// Whether a robot's drive stream carries the sensor's raw steering angle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DriveSignal {
+    /// As the sensor measures it.
+    #[default]
+    Raw,
+    /// Less the offset that the robot applies, which the service adds back.
+    Compensated,
+}
+
+/// How a robot's scans are taken.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ScanSettings {
+    /// Which message they are, unless they say so themselves.
+    pub scan_type: ScanType,
+    /// What is taken of clouds.
+    pub band: PlanarBand,
+}
+
+/// One robot: its vehicle and what is known of it beforehand. The keys of `[[robot]]` in
+/// `fleetcal.toml` (beside `id`) and of the body of `PUT /api/v1/robots/{id}`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RobotConfig {
+    /// How the vehicle steers.
+    pub model: VehicleModel,
+    /// Distance between the axles.
+    pub wheelbase_m: Wheelbase,
+    /// Where the speed is measured; where the model usually measures it unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub speed_measured_at: Option<SpeedMeasuredAt>,
+    /// The LiDAR's pose in `base` from CAD or tape.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nominal: Option<Mount>,
+    /// Whether the drive stream is raw.
+    #[serde(default)]
+    pub drive: DriveSignal,
+    /// The rear axle in the vehicle's `base_link`; documents then also give `lidar_in_base_link`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rear_axle_in_base_link: Option<Mount>,
+    /// Which message its scans are, where they do not say so themselves.
+    #[serde(default)]
+    pub scan_type: ScanType,
+    /// What is taken of the clouds of a 3D scanner; the default band unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub point_cloud: Option<PlanarBand>,
+    /// Its ROS 2 topics, where they are not those of `[ros2]`.
+    #[serde(default, skip_serializing_if = "RobotStreams::is_default")]
+    pub streams: RobotStreams,
+    /// Settings of this robot's estimator; those of `[estimator]` unless given.
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "checked_settings_if_any"
+    )]
+    pub estimator: Option<EstimatorSettings>,
+}
+
+impl RobotConfig {
+    /// A robot of which only the vehicle is known.
+    pub fn of_vehicle(model: VehicleModel, wheelbase_m: Wheelbase) -> Self {
+        Self {
+            model,
+            wheelbase_m,
+            speed_measured_at: None,
+            nominal: None,
+            drive: DriveSignal::Raw,
+            rear_axle_in_base_link: None,
+            scan_type: ScanType::default(),
+            point_cloud: None,
+            streams: RobotStreams::default(),
+            estimator: None,
+        }
+    }
+
+    /// How its scans are taken.
+    pub fn scans(&self) -> ScanSettings {
+        ScanSettings {
+            scan_type: self.scan_type,
+            band: self.point_cloud.unwrap_or_default(),
+        }
+    }
+
+    /// The vehicle, as the estimator takes it.
+    pub fn vehicle(&self) -> Vehicle {
+        let mut vehicle = Vehicle::new(self.model, self.wheelbase_m.metres());
+        if let Some(place) = self.speed_measured_at {
+            vehicle.speed_measured_at = place;
+        }
+        vehicle
+    }
+
+    /// What this robot's estimator is made with, `defaults` being the settings of `[estimator]`.
+    pub fn calibrator_config(&self, defaults: &EstimatorSettings) -> CalibratorConfig {
+        CalibratorConfig {
+            vehicle: self.vehicle(),
+            nominal_lidar_in_base: self.nominal.map(|mount| mount.pose()),
+            settings: self.estimator.clone().unwrap_or_else(|| defaults.clone()),
+        }
+    }
+}
+
+/// Settings that an estimator can work with, where there are any.
+fn checked_settings_if_any<'de, D: Deserializer<'de>>(
+    from: D,
+) -> Result<Option<EstimatorSettings>, D::Error> {
+    let settings = Option::<EstimatorSettings>::deserialize(from)?;
+    if let Some(settings) = &settings {
+        settings.check().map_err(D::Error::custom)?;
+    }
+    Ok(settings)
+}

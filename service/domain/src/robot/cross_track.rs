@@ -1,0 +1,59 @@
+//! How well a robot follows its path with one calibration.
+
+use serde::{Deserialize, Serialize};
+
+/// Width of a bin, m.
+pub const BIN_WIDTH_M: f64 = 0.01;
+/// Bins to either side of the path. What lies outside goes into the outermost ones.
+pub const BINS_PER_SIDE: usize = 50;
+/// Calibrations of a robot whose histograms are kept.
+pub const GENERATIONS_MAX: usize = 8;
+
+/// Cross-track errors of one robot with one calibration.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CrossTrack {
+    /// How many there are.
+    pub count: u64,
+    /// Their sum, m.
+    pub sum_m: f64,
+    /// Sum of their squares, m^2.
+    pub sum_square_m2: f64,
+    /// How many lie in each bin, from far right of the path to far left.
+    pub bins: Vec<u64>,
+}
+
+impl Default for CrossTrack {
+    fn default() -> Self {
+        Self {
+            count: 0,
+            sum_m: 0.0,
+            sum_square_m2: 0.0,
+            bins: vec![0; 2 * BINS_PER_SIDE],
+        }
+    }
+}
+
+impl CrossTrack {
+    /// Takes one error, m, positive when left of the path.
+    pub fn add(&mut self, error_m: f64) {
+        self.count += 1;
+        self.sum_m += error_m;
+        self.sum_square_m2 += error_m * error_m;
+        let bin = (error_m / BIN_WIDTH_M).floor() + BINS_PER_SIDE as f64;
+        let last = self.bins.len().saturating_sub(1);
+        let bin = (bin.max(0.0) as usize).min(last);
+        if let Some(count) = self.bins.get_mut(bin) {
+            *count += 1;
+        }
+    }
+
+    /// Root mean square, m.
+    pub fn rms_m(&self) -> f64 {
+        (self.sum_square_m2 / self.count.max(1) as f64).sqrt()
+    }
+
+    /// Mean, m.
+    pub fn mean_m(&self) -> f64 {
+        self.sum_m / self.count.max(1) as f64
+    }
+}

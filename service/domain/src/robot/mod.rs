@@ -1,0 +1,18 @@
+//! A robot as the whole service names it: what is configured of it, what is seen of it, and what
+//! stands in its history. Below everything that decides, stores, shows or sends.
+
+mod config;
+mod cross_track;
+mod history;
+mod view;
+
+pub use config::{
+    DriveSignal, MOUNT_MAX_M, Mount, RobotConfig, ScanSettings, ValueRefused, WHEELBASE_MAX_M,
+    Wheelbase,
+};
+pub use cross_track::{BIN_WIDTH_M, BINS_PER_SIDE, CrossTrack, GENERATIONS_MAX};
+pub use history::{HistoryEvent, Journal, ServiceEvent, ServiceEventKind};
+pub use view::{
+    AnnouncedTopic, Connection, ConnectionState, Counters, PairingReport, RobotState, RobotView,
+    StreamView, Warning, WarningKind,
+};

@@ -1,0 +1,252 @@
+//! What the rest of the service sees of a robot.
+
+use std::sync::Arc;
+
+use fleetcal_model::{RobotId, Stream};
+use fleetcal_proto::estimate::EstimateDocument;
+use fleetcal_proto::ros2_key::KeyLayout;
+use serde::{Deserialize, Serialize};
+use strum::{IntoStaticStr, VariantArray};
+
+use super::config::RobotConfig;
+
+/// Where a robot stands, in one word.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, IntoStaticStr,
+)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
+pub enum RobotState {
+    /// It sends, but nobody has given its vehicle.
+    Unregistered,
+    /// It is configured and sends nothing.
+    NoData,
+    /// Its estimator failed too often and was stopped.
+    Failed,
+    /// Its vehicle is no longer the one that was calibrated; the new values are being learnt.
+    Changed,
+    /// Its parameters are on their way.
+    Learning,
+    /// Every parameter that its motions can tell is converged.
+    Calibrated,
+}
+
+impl RobotState {
+    /// The name in documents.
+    pub fn name(self) -> &'static str {
+        self.into()
+    }
+}
+
+/// What has come in on one stream.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct StreamView {
+    /// Which stream.
+    pub stream: Stream,
+    /// Messages received.
+    pub messages: u64,
+    /// Messages per second of receipt time, over the last seconds.
+    pub rate_hz: f64,
+    /// When the last one was received, wall time; `None` before the first.
+    pub last_received_ns: Option<i64>,
+}
+
+/// Whether the robot is there.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Connection {
+    /// When anything was last received since the service started, wall time.
+    pub last_seen_ns: Option<i64>,
+    /// When it was last heard before that, to the few seconds after which estimates are stored.
+    pub heard_before_ns: Option<i64>,
+    /// Whether nothing has come for [`crate::limits::STALE_AFTER`].
+    pub stale: bool,
+    /// Whether its liveliness token stands.
+    pub alive: bool,
+    /// What it sends.
+    pub streams: Vec<StreamView>,
+}
+
+impl Connection {
+    /// When anything was last received, before or after the service started.
+    pub fn last_heard_ns(&self) -> Option<i64> {
+        self.last_seen_ns.or(self.heard_before_ns)
+    }
+}
+
+/// What became of a robot's messages:
+/// `received = processed + shed_… + refused + ignored + waiting`, always.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Counters {
+    /// Messages that came in.
+    pub received: u64,
+    /// Messages that the estimator has taken.
+    pub processed: u64,
+    /// Drive samples shed because the mailbox was full.
+    pub shed_drive: u64,
+    /// Scans and poses shed because the mailbox was full.
+    pub shed_scans: u64,
+    /// Notes shed because the mailbox was full.
+    pub shed_notes: u64,
+    /// Messages that could not be decoded or hold values that cannot be.
+    pub refused: u64,
+    /// Why the last one was refused.
+    pub last_refusal: Option<String>,
+    /// Messages that came while the robot was not configured.
+    pub ignored: u64,
+    /// Messages that wait in the mailbox or are being worked on.
+    pub waiting: u64,
+}
+
+/// How well steering and speed fit together.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[cfg_attr(feature = "openapi", schema(as = Pairing))]
+pub struct PairingReport {
+    /// Drive samples made of two messages.
+    pub paired: u64,
+    /// Speeds that had no steering angle near enough, and were left out.
+    pub unpaired: u64,
+    /// Mean distance in time from a speed to the nearest angle, s.
+    pub error_mean_s: f64,
+    /// Largest of these, s.
+    pub error_max_s: f64,
+}
+
+/// How a robot is heard, in one word.
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Hash,
+    Serialize,
+    Deserialize,
+    IntoStaticStr,
+    VariantArray,
+    utoipa::ToSchema,
+)]
+#[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
+pub enum ConnectionState {
+    /// It sends data, in maintenance or not.
+    Online,
+    /// It should send data and does not.
+    Silent,
+    /// It is switched off on purpose and sends nothing.
+    Maintenance,
+}
+
+impl ConnectionState {
+    /// All of them.
+    pub const ALL: &'static [Self] = <Self as VariantArray>::VARIANTS;
+
+    /// How a robot is heard that has sent nothing for some seconds (`stale`), or is in maintenance.
+    pub const fn of(stale: bool, in_maintenance: bool) -> Self {
+        match (stale, in_maintenance) {
+            (false, _) => Self::Online,
+            (true, true) => Self::Maintenance,
+            (true, false) => Self::Silent,
+        }
+    }
+
+    /// The name in documents.
+    pub fn name(self) -> &'static str {
+        self.into()
+    }
+}
+
+/// One robot as the rest of the service sees it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RobotView {
+    /// Its id.
+    pub id: RobotId,
+    /// Its configuration; `None` for an unregistered robot.
+    pub config: Option<RobotConfig>,
+    /// Where it stands.
+    pub state: RobotState,
+    /// Whether it is there, and what it sends.
+    pub connection: Connection,
+    /// The latest estimate, once there is one.
+    pub estimate: Option<Arc<EstimateDocument>>,
+    /// An estimate from nothing but what came since the values of this generation are in use;
+    /// `None` while nothing is to be verified.
+    pub fresh: Option<(u64, Arc<EstimateDocument>)>,
+    /// What became of its messages.
+    pub counters: Counters,
+    /// Times that its estimator was started anew after a panic.
+    pub estimator_restarts: u32,
+    /// How well steering and speed of different topics fit together; `None` of a robot that sends
+    /// both in one.
+    pub pairing: Option<PairingReport>,
+    /// What looks wrong with what it sends.
+    pub warnings: Vec<Warning>,
+    /// The ROS 2 topics that it has announced, by name.
+    pub topics: Arc<[AnnouncedTopic]>,
+}
+
+/// A ROS 2 topic that a robot has announced.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct AnnouncedTopic {
+    /// Its name below the robot, `front/scan`.
+    pub topic: String,
+    /// Its type, `sensor_msgs/msg/LaserScan`.
+    #[serde(rename = "type")]
+    pub type_name: String,
+    /// Which Zenoh keys its messages have.
+    pub layout: KeyLayout,
+    /// The streams that it could be.
+    pub suited_for: Vec<Stream>,
+}
+
+/// Something that looks wrong with what a robot sends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum WarningKind {
+    /// The steering angle has neither a sensor's noise nor its lag.
+    SteeringLooksCommanded,
+    /// The scans state no beam times, and the scanner turns.
+    ScanBeamTimesMissing,
+}
+
+/// A warning, with words for people.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[cfg_attr(feature = "openapi", schema(as = RobotWarning))]
+pub struct Warning {
+    /// Which one.
+    pub kind: WarningKind,
+    /// What was seen, and what to do.
+    pub text: String,
+}
+
+impl Warning {
+    /// The warning of [`WarningKind::SteeringLooksCommanded`].
+    pub fn steering_looks_commanded() -> Self {
+        Self {
+            kind: WarningKind::SteeringLooksCommanded,
+            text: "The steering angle has neither a sensor's noise nor its lag: it looks like the \
+                   command, not the measurement. What is estimated from it is the error of the \
+                   whole steering, and it is wrong while the wheel still turns. Send the measured \
+                   angle."
+                .to_owned(),
+        }
+    }
+
+    /// The warning of [`WarningKind::ScanBeamTimesMissing`].
+    pub fn scan_beam_times_missing() -> Self {
+        Self {
+            kind: WarningKind::ScanBeamTimesMissing,
+            text: "The scans have time_increment 0, but the scanner turns while it measures. The \
+                   duration of a scan is estimated from the robot's motion. Set time_increment in \
+                   the scanner's driver, and stamp each scan at its first beam."
+                .to_owned(),
+        }
+    }
+}

@@ -1,0 +1,385 @@
+//! Which ROS 2 topics a robot's streams come on, and what its messages are.
+
+mod settings;
+
+pub use settings::{Ros2Settings, TopicName};
+
+use std::collections::BTreeSet;
+
+use fleetcal_proto::message_type::MessageType;
+use serde::{Deserialize, Serialize};
+
+use fleetcal_model::Stream;
+
+/// Longest name of a topic or a joint, and longest prefix, in bytes.
+const NAME_BYTES_MAX: usize = 200;
+/// Most wheels whose mean is the speed.
+const WHEELS_MAX: usize = 8;
+/// Largest wheel, m.
+const WHEEL_RADIUS_MAX_M: f64 = 5.0;
+/// Largest gear ratio, either way.
+const GEAR_MAX: f64 = 1_000.0;
+
+/// One topic.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Source {
+    /// Its name below the robot.
+    pub topic: TopicName,
+    /// What its messages are, where keys, tokens and encodings do not say so.
+    #[serde(rename = "type", default, skip_serializing_if = "Option::is_none")]
+    pub message_type: Option<MessageType>,
+}
+
+/// Which joints of a `JointState` steer and drive.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Joints {
+    /// The joint whose position is the steering angle, left positive.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub steering: Option<String>,
+    /// Steering angle of the (virtual) centre wheel for each radian of the joint.
+    #[serde(default = "one")]
+    pub steering_gear: f64,
+    /// The joints whose mean velocity is the speed.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub wheels: Vec<String>,
+    /// Radius of these wheels, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wheel_radius_m: Option<f64>,
+    /// Turns of the wheel for each turn of the joint.
+    #[serde(default = "one")]
+    pub wheel_gear: f64,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// The topics of one robot, where they are not those of `[ros2]`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(try_from = "StreamsFields", into = "StreamsFields")]
+pub struct RobotStreams(StreamsFields);
+
+/// The keys of `streams`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct StreamsFields {
+    /// What stands before its topics in keys, instead of what the templates say: `7`, `site/7`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub prefix: Option<TopicName>,
+    /// Steering and speed in one message.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub drive: Option<Source>,
+    /// Steering alone, paired by stamp with `speed`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub steering: Option<Source>,
+    /// Speed alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub speed: Option<Source>,
+    /// Sweeps or clouds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scan: Option<Source>,
+    /// Poses of the LiDAR.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lidar_odometry: Option<Source>,
+    /// Which joints steer and drive, of a `JointState`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joints: Option<Joints>,
+}
+
+/// The messages that a stream may be made of, the usual one first; none of a stream that is no ROS
+/// topic.
+pub const fn message_types(stream: Stream) -> &'static [MessageType] {
+    match stream {
+        Stream::Drive => MessageType::OF_DRIVE,
+        Stream::Steering => MessageType::OF_STEERING,
+        Stream::Speed => MessageType::OF_SPEED,
+        Stream::Scan => MessageType::OF_SCAN,
+        Stream::LidarOdometry => MessageType::OF_LIDAR_ODOMETRY,
+        Stream::Event => &[],
+    }
+}
+
+/// The streams that ROS 2 topics carry.
+pub const STREAMS_OF_TOPICS: [Stream; 5] = [
+    Stream::Drive,
+    Stream::Steering,
+    Stream::Speed,
+    Stream::Scan,
+    Stream::LidarOdometry,
+];
+
+/// A topic and the stream that it is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TopicRole {
+    /// Its name below the robot.
+    pub topic: TopicName,
+    /// What it carries.
+    pub stream: Stream,
+}
+
+impl RobotStreams {
+    /// What is configured.
+    pub fn fields(&self) -> &StreamsFields {
+        &self.0
+    }
+
+    /// Whether nothing is.
+    pub fn is_default(&self) -> bool {
+        self.0 == StreamsFields::default()
+    }
+
+    /// What a stream's messages are configured to be.
+    pub fn message_type(&self, stream: Stream) -> Option<MessageType> {
+        self.0.source(stream)?.message_type
+    }
+
+    /// The joints, of a robot that sends them.
+    pub fn joints(&self) -> Option<&Joints> {
+        self.0.joints.as_ref()
+    }
+
+    /// The robot's topics: its own, and those of `settings` for what it does not say.
+    pub fn roles(&self, settings: &Ros2Settings) -> Vec<TopicRole> {
+        let mut roles: Vec<TopicRole> = STREAMS_OF_TOPICS
+            .into_iter()
+            .filter_map(|stream| {
+                let topic = self.0.source(stream)?.topic.clone();
+                Some(TopicRole { topic, stream })
+            })
+            .collect();
+        let has = |of: &[Stream]| of.iter().any(|&stream| self.0.source(stream).is_some());
+        let mut usual = Vec::new();
+        if !has(&[Stream::Drive, Stream::Steering, Stream::Speed]) {
+            usual.push((Stream::Drive, &settings.drive));
+        }
+        if !has(&[Stream::Scan, Stream::LidarOdometry]) {
+            usual.push((Stream::Scan, &settings.scan));
+            usual.push((Stream::LidarOdometry, &settings.lidar_odometry));
+        }
+        for (stream, topic) in usual {
+            let topic = topic.clone();
+            if roles.iter().all(|role| role.topic != topic) {
+                roles.push(TopicRole { topic, stream });
+            }
+        }
+        roles
+    }
+}
+
+impl StreamsFields {
+    /// The topic of a stream, where it is configured.
+    pub fn source(&self, stream: Stream) -> Option<&Source> {
+        match stream {
+            Stream::Drive => self.drive.as_ref(),
+            Stream::Steering => self.steering.as_ref(),
+            Stream::Speed => self.speed.as_ref(),
+            Stream::Scan => self.scan.as_ref(),
+            Stream::LidarOdometry => self.lidar_odometry.as_ref(),
+            Stream::Event => None,
+        }
+    }
+
+    fn check(&self) -> Result<(), String> {
+        match (&self.drive, &self.steering, &self.speed) {
+            (Some(_) | None, None, None) | (None, Some(_), Some(_)) => {}
+            (Some(_), ..) => {
+                return Err(
+                    "streams has drive beside steering or speed, accepted is drive, or \
+                            steering and speed"
+                        .to_owned(),
+                );
+            }
+            (None, ..) => {
+                return Err("streams has one of steering and speed, accepted are both".to_owned());
+            }
+        }
+        if self.scan.is_some() && self.lidar_odometry.is_some() {
+            return Err("streams has scan and lidar_odometry, accepted is one of them".to_owned());
+        }
+        let mut topics = BTreeSet::new();
+        for stream in STREAMS_OF_TOPICS {
+            let Some(source) = self.source(stream) else {
+                continue;
+            };
+            let topic = source.topic.as_str();
+            if !topics.insert(topic) {
+                return Err(format!(
+                    "streams has the topic {topic} twice, accepted is one stream for each; steering \
+                     and speed in one message are drive"
+                ));
+            }
+            self.check_type(stream, source.message_type)?;
+        }
+        self.joints.as_ref().map_or(Ok(()), Joints::check)
+    }
+
+    fn check_type(&self, stream: Stream, of: Option<MessageType>) -> Result<(), String> {
+        let Some(message_type) = of else {
+            return Ok(());
+        };
+        let name = stream.name();
+        let accepted = message_types(stream);
+        if !accepted.contains(&message_type) {
+            let accepted: Vec<&str> = accepted.iter().map(|of| of.ros_type()).collect();
+            return Err(format!(
+                "streams.{name}.type is {}, accepted are {}",
+                message_type.ros_type(),
+                accepted.join(" and ")
+            ));
+        }
+        if message_type != MessageType::JointState {
+            return Ok(());
+        }
+        let steers = self.joints.as_ref().is_some_and(|of| of.steering.is_some());
+        let drives = self.joints.as_ref().is_some_and(|of| !of.wheels.is_empty());
+        if (stream != Stream::Speed && !steers) || (stream != Stream::Steering && !drives) {
+            return Err(format!(
+                "streams.{name} comes as JointState and streams.joints does not say by which \
+                 joints, accepted are steering, and wheels with wheel_radius_m"
+            ));
+        }
+        Ok(())
+    }
+}
+
+impl Joints {
+    fn check(&self) -> Result<(), String> {
+        let names = self.wheels.iter().chain(&self.steering);
+        if let Some(name) = names
+            .into_iter()
+            .find(|name| name.is_empty() || name.len() > NAME_BYTES_MAX)
+        {
+            return Err(format!(
+                "streams.joints has a joint {name:?}, accepted are names of 1 to 200 bytes"
+            ));
+        }
+        if self.wheels.len() > WHEELS_MAX {
+            let wheels = self.wheels.len();
+            return Err(format!(
+                "streams.joints.wheels has {wheels} wheels, accepted are 8 at most"
+            ));
+        }
+        for (key, gear) in [
+            ("steering_gear", self.steering_gear),
+            ("wheel_gear", self.wheel_gear),
+        ] {
+            if !gear.is_finite() || gear == 0.0 || gear.abs() > GEAR_MAX {
+                return Err(format!(
+                    "streams.joints.{key} is {gear}, accepted is a ratio other than 0, up to 1000 \
+                     either way"
+                ));
+            }
+        }
+        let radius = self.wheel_radius_m;
+        let usable = radius.is_some_and(|metres| metres > 0.0 && metres <= WHEEL_RADIUS_MAX_M);
+        if usable || (radius.is_none() && self.wheels.is_empty()) {
+            return Ok(());
+        }
+        let given = radius.map_or_else(|| "not given".to_owned(), |metres| metres.to_string());
+        Err(format!(
+            "streams.joints.wheel_radius_m is {given}, accepted is more than 0 and at most 5 m"
+        ))
+    }
+}
+
+impl TryFrom<StreamsFields> for RobotStreams {
+    type Error = String;
+
+    fn try_from(fields: StreamsFields) -> Result<Self, String> {
+        fields.check()?;
+        Ok(Self(fields))
+    }
+}
+
+impl From<RobotStreams> for StreamsFields {
+    fn from(streams: RobotStreams) -> Self {
+        streams.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn streams(text: &str) -> Result<RobotStreams, String> {
+        toml::from_str(text).map_err(|error| error.message().to_owned())
+    }
+
+    fn roles(text: &str) -> Vec<(String, Stream)> {
+        let roles = streams(text).unwrap().roles(&Ros2Settings::default());
+        let role = |role: TopicRole| (String::from(role.topic), role.stream);
+        roles.into_iter().map(role).collect()
+    }
+
+    #[test]
+    fn what_is_not_said_is_as_usual() {
+        let usual = |topic: &str, stream| (topic.to_owned(), stream);
+        assert_eq!(
+            roles(""),
+            [
+                usual("drive", Stream::Drive),
+                usual("scan", Stream::Scan),
+                usual("lidar_odometry", Stream::LidarOdometry)
+            ]
+        );
+        let text = "steering = { topic = 'joint_states' }\nspeed = { topic = 'odom' }\n\
+                    scan = { topic = 'front/scan' }";
+        assert_eq!(
+            roles(text),
+            [
+                usual("joint_states", Stream::Steering),
+                usual("odom", Stream::Speed),
+                usual("front/scan", Stream::Scan)
+            ]
+        );
+    }
+
+    #[test]
+    fn each_refusal_names_its_key() {
+        let joints = "steering = { topic = 'j', type = 'sensor_msgs/msg/JointState' }\n\
+                      speed = { topic = 'o' }\n";
+        for (text, wanted) in [
+            ("drive = { topic = '/drive' }", "topic is \"/drive\""),
+            ("drive = { topic = 'a/*/b' }", "topic is \"a/*/b\""),
+            ("speed = { topic = 'o' }", "one of steering and speed"),
+            (
+                "drive = { topic = 'd' }\nspeed = { topic = 'o' }",
+                "drive beside",
+            ),
+            (
+                "scan = { topic = 's' }\nlidar_odometry = { topic = 'o' }",
+                "scan and lidar_odometry",
+            ),
+            (
+                "steering = { topic = 'j' }\nspeed = { topic = 'j' }",
+                "topic j twice",
+            ),
+            (
+                "scan = { topic = 's', type = 'nav_msgs/msg/Odometry' }",
+                "streams.scan.type",
+            ),
+            (joints, "does not say by which joints"),
+            (&format!("{joints}joints = {{}}"), "does not say by which"),
+            ("joints = { wheels = ['w'] }", "wheel_radius_m is not given"),
+            (
+                "joints = { steering = 's', steering_gear = 0.0 }",
+                "steering_gear is 0",
+            ),
+            ("joints = { steering = '' }", "a joint \"\""),
+            ("camera = 1", "camera"),
+        ] {
+            let sentence = streams(text).unwrap_err();
+            assert!(sentence.contains(wanted), "{text}: {sentence}");
+        }
+        let good = format!("{joints}joints = {{ steering = 's' }}");
+        let read = streams(&good).unwrap();
+        assert_eq!(
+            read.message_type(Stream::Steering),
+            Some(MessageType::JointState)
+        );
+        let json = serde_json::to_string(&read).unwrap();
+        assert_eq!(serde_json::from_str::<RobotStreams>(&json).unwrap(), read);
+    }
+}

@@ -1,0 +1,216 @@
+//! One message on its way to one receiver.
+
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+use strum::{EnumString, IntoStaticStr, VariantArray};
+
+use super::record::WebhookEvent;
+use crate::limits;
+
+/// Where a delivery stands.
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Hash,
+    Serialize,
+    Deserialize,
+    EnumString,
+    IntoStaticStr,
+    VariantArray,
+)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
+pub enum DeliveryState {
+    /// It is tried, or tried again.
+    Waiting,
+    /// The receiver has taken it.
+    Delivered,
+    /// The receiver did not take it in time, or too many newer ones wait.
+    GivenUp,
+}
+
+impl DeliveryState {
+    /// All of them.
+    pub const ALL: &'static [Self] = <Self as VariantArray>::VARIANTS;
+
+    /// The name in documents and in the database.
+    pub fn as_str(self) -> &'static str {
+        self.into()
+    }
+
+    /// The state of this name.
+    pub fn parse(name: &str) -> Option<Self> {
+        name.parse().ok()
+    }
+}
+
+/// One attempt at a delivery.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Attempt {
+    /// When it began, ns since 1970, wall time.
+    pub at_ns: i64,
+    /// How long it took, ms.
+    pub took_ms: u64,
+    /// The HTTP status of the answer; `None` when there was none.
+    pub status: Option<u16>,
+    /// Why there was none.
+    pub error: Option<String>,
+}
+
+impl Attempt {
+    /// Whether the receiver has taken the message. A redirection is not followed.
+    pub fn is_taken(&self) -> bool {
+        self.status
+            .is_some_and(|status| (200..300).contains(&status))
+    }
+}
+
+/// One message on its way to one receiver.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Delivery {
+    /// Its number.
+    pub id: u64,
+    /// To which webhook.
+    pub webhook: u64,
+    /// The message's `webhook-id`.
+    pub message: String,
+    /// What it tells.
+    pub event: WebhookEvent,
+    /// The body, byte for byte.
+    pub body: String,
+    /// When it happened, ns since 1970, wall time.
+    pub created_ns: i64,
+    /// Where it stands.
+    pub state: DeliveryState,
+    /// When it is tried next.
+    pub due_ns: i64,
+    /// How many attempts there were.
+    pub attempts_made: u32,
+    /// The latest [`limits::WEBHOOK_ATTEMPTS_KEPT`] of them, oldest first.
+    pub attempts: Vec<Attempt>,
+    /// When it was taken or given up.
+    pub finished_ns: Option<i64>,
+}
+
+impl Delivery {
+    /// The delivery after an attempt that ended at `now_ns`; `jitter` is a random number from 0 to 1.
+    #[must_use]
+    pub fn after(&self, attempt: Attempt, now_ns: i64, jitter: f64) -> Self {
+        let mut after = self.clone();
+        let taken = attempt.is_taken();
+        after.attempts_made = self.attempts_made.saturating_add(1);
+        after.attempts.push(attempt);
+        let surplus = after.attempts.len();
+        let surplus = surplus.saturating_sub(limits::WEBHOOK_ATTEMPTS_KEPT);
+        after.attempts.drain(..surplus);
+        let wait_ns = nanoseconds(backoff(after.attempts_made, jitter));
+        after.due_ns = now_ns.saturating_add(wait_ns);
+        let last_ns = self
+            .created_ns
+            .saturating_add(nanoseconds(limits::WEBHOOK_RETRY_FOR));
+        after.state = if taken {
+            DeliveryState::Delivered
+        } else if after.due_ns > last_ns {
+            DeliveryState::GivenUp
+        } else {
+            DeliveryState::Waiting
+        };
+        after.finished_ns = (after.state != DeliveryState::Waiting).then_some(now_ns);
+        after
+    }
+}
+
+/// How long to wait after so many attempts: twice as long each time, up to
+/// [`limits::WEBHOOK_BACKOFF_MAX`], of which `jitter` (a random number from 0 to 1) takes up to a
+/// half away, so that many messages do not come back at the same moment.
+pub fn backoff(attempts_made: u32, jitter: f64) -> Duration {
+    let doublings = attempts_made.saturating_sub(1).min(16);
+    let whole = limits::WEBHOOK_BACKOFF_FIRST.saturating_mul(1 << doublings);
+    let whole = whole.min(limits::WEBHOOK_BACKOFF_MAX);
+    whole.mul_f64(1.0 - jitter.clamp(0.0, 1.0) / 2.0)
+}
+
+fn nanoseconds(duration: Duration) -> i64 {
+    i64::try_from(duration.as_nanos()).unwrap_or(i64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const S: i64 = 1_000_000_000;
+
+    fn delivery() -> Delivery {
+        Delivery {
+            id: 1,
+            webhook: 1,
+            message: "msg_1".to_owned(),
+            event: WebhookEvent::AlertAlerting,
+            body: "{}".to_owned(),
+            created_ns: 0,
+            state: DeliveryState::Waiting,
+            due_ns: 0,
+            attempts_made: 0,
+            attempts: Vec::new(),
+            finished_ns: None,
+        }
+    }
+
+    fn attempt(at_ns: i64, status: Option<u16>) -> Attempt {
+        Attempt {
+            at_ns,
+            took_ms: 1,
+            status,
+            error: None,
+        }
+    }
+
+    #[test]
+    fn the_wait_doubles_up_to_an_hour_and_jitter_takes_up_to_a_half() {
+        let milliseconds = |made, jitter| backoff(made, jitter).as_millis();
+        let first = [1, 2, 3].map(|made| milliseconds(made, 0.0));
+        assert_eq!(first, [5_000, 10_000, 20_000]);
+        assert_eq!(milliseconds(40, 0.0), 3_600_000);
+        assert_eq!(milliseconds(1, 1.0), 2_500);
+        assert_eq!(milliseconds(1, 7.0), 2_500);
+    }
+
+    #[test]
+    fn what_is_not_taken_is_tried_for_a_day_and_then_given_up() {
+        for jitter in [0.0, 0.5, 1.0] {
+            let mut now = delivery();
+            while now.state == DeliveryState::Waiting {
+                assert!(now.attempts_made < 100, "it ends");
+                now = now.after(attempt(now.due_ns, Some(500)), now.due_ns, jitter);
+            }
+            assert_eq!(now.state, DeliveryState::GivenUp);
+            let last_ns = now.finished_ns.unwrap();
+            assert!((22 * 3_600 * S..=24 * 3_600 * S).contains(&last_ns));
+            assert!(now.attempts.len() <= limits::WEBHOOK_ATTEMPTS_KEPT);
+            assert!(now.attempts_made > 25, "{}", now.attempts_made);
+        }
+    }
+
+    #[test]
+    fn only_a_status_of_success_is_taken() {
+        for (status, state) in [
+            (Some(200), DeliveryState::Delivered),
+            (Some(204), DeliveryState::Delivered),
+            (Some(301), DeliveryState::Waiting),
+            (Some(404), DeliveryState::Waiting),
+            (None, DeliveryState::Waiting),
+        ] {
+            let after = delivery().after(attempt(0, status), 7, 0.0);
+            assert_eq!((after.state, after.attempts_made), (state, 1), "{status:?}");
+            assert_eq!(after.finished_ns.is_some(), state != DeliveryState::Waiting);
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! What is told.
+
+use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::CalibrationValues;
+use jiff::Timestamp;
+use serde::Serialize;
+
+use super::record::WebhookEvent;
+use crate::alert::{Alert, AlertDocument, Notice};
+use crate::approval::{Outcome, Proposal, ProposalAction, Revision, Transition};
+
+/// A message before it is signed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Message {
+    /// What it tells.
+    pub event: WebhookEvent,
+    /// What it is about: with the webhook's secret this gives the `webhook-id`.
+    pub subject: String,
+    /// The body.
+    pub body: String,
+}
+
+#[derive(Serialize)]
+struct Body<T> {
+    #[serde(rename = "type")]
+    event: WebhookEvent,
+    timestamp: Timestamp,
+    data: T,
+}
+
+/// A proposal that waits for people.
+#[derive(Serialize)]
+struct Waiting<'a> {
+    id: u64,
+    robot: &'a RobotId,
+    version: u64,
+    proposed_by: &'a str,
+    reason: Option<&'a str>,
+    expires: Timestamp,
+    approvals_needed: u32,
+    /// What the robot uses now; `null` when nobody knows.
+    base: Option<CalibrationValues>,
+    values: Option<CalibrationValues>,
+    sigmas: Option<CalibrationValues>,
+}
+
+impl Message {
+    /// What is told of an alert.
+    ///
+    /// # Errors
+    /// When it cannot be written as JSON.
+    pub fn of_alert(alert: &Alert, notice: Notice, now_ns: i64) -> Result<Self, serde_json::Error> {
+        let event = match notice {
+            Notice::Alerting => WebhookEvent::AlertAlerting,
+            Notice::Resolved => WebhookEvent::AlertResolved,
+        };
+        let subject = format!("alert-{}-{}", alert.id, alert.version);
+        Self::new(event, subject, AlertDocument::of(alert), now_ns)
+    }
+
+    /// What is told of a proposal that waits.
+    ///
+    /// # Errors
+    /// When it cannot be written as JSON.
+    pub fn of_proposal(
+        proposal: &Proposal,
+        revision: Option<&Revision>,
+        now_ns: i64,
+    ) -> Result<Self, serde_json::Error> {
+        let data = Waiting {
+            id: proposal.id,
+            robot: &proposal.robot,
+            version: proposal.version,
+            proposed_by: &proposal.proposed_by,
+            reason: proposal.reason.as_deref(),
+            expires: time(proposal.expires_ns),
+            approvals_needed: proposal.approvals_needed,
+            base: proposal.base,
+            values: revision.map(|revision| revision.values),
+            sigmas: revision.map(|revision| revision.sigmas),
+        };
+        let subject = format!("proposal-{}-{}", proposal.id, proposal.version);
+        Self::new(WebhookEvent::ProposalWaiting, subject, data, now_ns)
+    }
+
+    /// What is told of a transition of `outcome`; `None` of one that nobody is told of.
+    ///
+    /// # Errors
+    /// When it cannot be written as JSON.
+    pub fn of_transition(
+        transition: &Transition,
+        outcome: &Outcome,
+        now_ns: i64,
+    ) -> Result<Option<Self>, serde_json::Error> {
+        match transition {
+            Transition::Proposal(change) => match change.action {
+                ProposalAction::Create | ProposalAction::Refresh => {
+                    let revision = outcome.ledger.revisions.get(&change.after.revision);
+                    Self::of_proposal(&change.after, revision, now_ns).map(Some)
+                }
+                ProposalAction::Approve
+                | ProposalAction::ApproveInPart
+                | ProposalAction::Reject
+                | ProposalAction::Expire
+                | ProposalAction::Withdraw
+                | ProposalAction::Supersede => Ok(None),
+            },
+            Transition::Deployment(_) | Transition::Shadow(_) => Ok(None),
+        }
+    }
+
+    fn new<T: Serialize>(
+        event: WebhookEvent,
+        subject: String,
+        data: T,
+        now_ns: i64,
+    ) -> Result<Self, serde_json::Error> {
+        let body = Body {
+            event,
+            timestamp: time(now_ns),
+            data,
+        };
+        Ok(Self {
+            event,
+            subject,
+            body: serde_json::to_string(&body)?,
+        })
+    }
+}
+
+fn time(ns: i64) -> Timestamp {
+    Timestamp::from_nanosecond(i128::from(ns)).unwrap_or(Timestamp::UNIX_EPOCH)
+}

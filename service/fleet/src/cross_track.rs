@@ -1,0 +1,145 @@
+//! How well a robot follows its path, as it says itself: one histogram for each calibration that
+//! it has used.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use fleetcal_domain::robot::{CrossTrack, GENERATIONS_MAX};
+use fleetcal_proto::calibration::CalibrationValues;
+use fleetcal_proto::encoding::Encoding;
+use fleetcal_proto::event::CrossTrackError;
+use fleetcal_proto::ros::{Float64, RosMessage};
+
+/// Errors beyond this are no path following, m.
+const ERROR_MAX_M: f64 = 100.0;
+
+/// Values that a robot compensates with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UsedValues {
+    /// Since when, ns since 1970 by the clock of the robot's agent, which need not be the one that
+    /// stamps its messages.
+    pub since_ns: i64,
+    /// Generation of their document; 0 for what the robot brought along.
+    pub generation: u64,
+    /// The values.
+    pub values: CalibrationValues,
+}
+
+/// The histograms of one robot, by generation; 0 is what it drove with before any was applied.
+#[derive(Debug, Clone, Default)]
+pub struct CrossTracks {
+    by_generation: BTreeMap<u64, CrossTrack>,
+    /// Generations that have changed since they were last taken for the store.
+    unsaved: BTreeSet<u64>,
+}
+
+impl CrossTracks {
+    /// Those that were stored.
+    pub fn of(stored: BTreeMap<u64, CrossTrack>) -> Self {
+        Self {
+            by_generation: stored,
+            unsaved: BTreeSet::new(),
+        }
+    }
+
+    /// Takes an error of a robot that used `generation` then.
+    pub fn add(&mut self, generation: u64, error_m: f64) {
+        self.by_generation
+            .entry(generation)
+            .or_default()
+            .add(error_m);
+        self.unsaved.insert(generation);
+        // What it drove with at first stays: it is what all others are held against.
+        while self.by_generation.len() > GENERATIONS_MAX {
+            let Some(oldest) = self.by_generation.keys().copied().find(|one| *one > 0) else {
+                return;
+            };
+            self.by_generation.remove(&oldest);
+            self.unsaved.remove(&oldest);
+        }
+    }
+
+    /// All of them.
+    pub fn all(&self) -> &BTreeMap<u64, CrossTrack> {
+        &self.by_generation
+    }
+
+    /// Those that have changed since this was last asked.
+    pub fn take_unsaved(&mut self) -> Vec<(u64, CrossTrack)> {
+        let unsaved = std::mem::take(&mut self.unsaved).into_iter();
+        unsaved
+            .filter_map(|one| Some((one, self.by_generation.get(&one)?.clone())))
+            .collect()
+    }
+}
+
+/// Reads a robot's message: its own stamp, where it has one, and the error in metres.
+///
+/// # Errors
+/// Says what is wrong with it.
+pub fn read(encoding: Encoding, payload: &[u8]) -> Result<(Option<i64>, f64), String> {
+    let (stamp_ns, error_m) = match encoding {
+        Encoding::Json => {
+            let error: CrossTrackError = serde_json::from_slice(payload)
+                .map_err(|error| format!("cross_track_error: {error}"))?;
+            (Some(error.stamp_ns), error.value_m)
+        }
+        Encoding::Cdr => {
+            let message = Float64::from_cdr(payload);
+            let message = message.map_err(|error| format!("cross_track_error: {error}"))?;
+            (None, message.data)
+        }
+    };
+    if !(-ERROR_MAX_M..=ERROR_MAX_M).contains(&error_m) {
+        return Err(format!(
+            "cross_track_error: value_m is {error_m}, accepted are -{ERROR_MAX_M} to {ERROR_MAX_M}"
+        ));
+    }
+    Ok((stamp_ns, error_m))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_fall_into_their_bins_and_none_is_lost() {
+        let mut errors = CrossTrack::default();
+        for error_m in [-3.0, -0.5, -0.001, 0.0, 0.009, 0.499, 7.0] {
+            errors.add(error_m);
+        }
+        assert_eq!(errors.bins.iter().sum::<u64>(), errors.count);
+        assert_eq!(
+            (errors.bins[0], errors.bins[49], errors.bins[50]),
+            (2, 1, 2)
+        );
+        assert_eq!(errors.bins[99], 2);
+    }
+
+    #[test]
+    fn the_first_and_the_latest_calibrations_are_kept() {
+        let mut tracks = CrossTracks::default();
+        for generation in 0..20 {
+            tracks.add(generation, 0.1);
+        }
+        let kept: Vec<u64> = tracks.all().keys().copied().collect();
+        assert_eq!(kept, [0, 13, 14, 15, 16, 17, 18, 19]);
+        assert_eq!(tracks.take_unsaved().len(), 8);
+        assert!(tracks.take_unsaved().is_empty());
+    }
+
+    #[test]
+    fn both_forms_are_read_and_nonsense_is_named() {
+        let json = br#"{"stamp_ns": 7, "value_m": -0.25}"#;
+        assert_eq!(read(Encoding::Json, json), Ok((Some(7), -0.25)));
+        let mut cdr = vec![0, 1, 0, 0];
+        cdr.extend(0.5_f64.to_le_bytes());
+        assert_eq!(read(Encoding::Cdr, &cdr), Ok((None, 0.5)));
+        assert!(
+            read(Encoding::Json, b"{}")
+                .unwrap_err()
+                .contains("stamp_ns")
+        );
+        let far = br#"{"stamp_ns": 7, "value_m": 1e9}"#;
+        assert!(read(Encoding::Json, far).unwrap_err().contains("accepted"));
+    }
+}

@@ -1,0 +1,517 @@
+//! From what a robot sends to what an estimator takes. The live path and `fleetcal calibrate` both
+//! come through here, so that a message is refused by both or by neither, for the same reason.
+
+use fleetcal_domain::limits::NOTE_CHARS_MAX;
+use fleetcal_domain::robot::ScanSettings;
+use fleetcal_domain::streams::message_types;
+use fleetcal_estimator::stream::{FieldRefused, SweepShape};
+use fleetcal_estimator::{DriveSample, Event, LidarPose, Note, Pose2, Stamp, Sweep};
+use fleetcal_model::Stream;
+use fleetcal_proto::calibration::CalibrationValues;
+use fleetcal_proto::encoding::DecodeError;
+use fleetcal_proto::event::RobotEvent;
+use fleetcal_proto::message_type::{Form, MessageType};
+use fleetcal_proto::ros::{
+    AckermannDriveStamped, Header, LaserScan, Odometry, PointCloud2, Pose, Quaternion, RosMessage,
+    ScanRefused,
+};
+use nalgebra::Matrix3;
+use thiserror::Error;
+
+use crate::cloud::{self, CloudUnusable};
+
+/// Shortest quaternion that still says which way it turns.
+const QUATERNION_LENGTH_MIN: f64 = 1e-3;
+
+/// Why a message was refused: its stream, the field, the value and what is accepted.
+#[derive(Debug, Error)]
+pub enum MessageRefused {
+    /// It is no message of this kind at all.
+    #[error("{stream}: {source}", stream = stream.name())]
+    Payload {
+        /// Where it came.
+        stream: Stream,
+        /// What is wrong.
+        source: DecodeError,
+    },
+    /// The scan contradicts itself.
+    #[error("scan: {0}")]
+    Scan(#[from] ScanRefused),
+    /// The cloud contradicts itself, or no sweep can be made of it.
+    #[error("scan: {0}")]
+    Cloud(#[from] CloudUnusable),
+    /// A field holds what cannot be.
+    #[error("{stream}: {source}", stream = stream.name())]
+    Field {
+        /// Where it came.
+        stream: Stream,
+        /// What is wrong.
+        source: FieldRefused,
+    },
+    /// The orientation says nothing.
+    #[error(
+        "lidar_odometry: pose.pose.orientation is of length {length}, accepted is a quaternion of \
+         length 1"
+    )]
+    Orientation {
+        /// Length of the quaternion.
+        length: f64,
+    },
+    /// It is of a type that is not taken there.
+    #[error("{stream}: type is {found}, accepted are {accepted}", stream = stream.name())]
+    Type {
+        /// Where it came.
+        stream: Stream,
+        /// What it is.
+        found: &'static str,
+        /// What it may be.
+        accepted: String,
+    },
+    /// It is half of a drive sample.
+    #[error("{stream}: comes alone, accepted are steering and speed of a robot", stream = stream.name())]
+    Alone {
+        /// Where it came.
+        stream: Stream,
+    },
+    /// It lacks a joint that the robot's configuration names.
+    #[error("{stream}: name lacks the joint {joint:?} or its {what}, accepted are the joints of streams.joints", stream = stream.name())]
+    Joint {
+        /// Where it came.
+        stream: Stream,
+        /// The joint.
+        joint: String,
+        /// `position` or `velocity`.
+        what: &'static str,
+    },
+    /// It holds joints, and the configuration does not say which steer and drive.
+    #[error("{stream}: is a JointState, accepted where streams.joints says which joints steer and drive", stream = stream.name())]
+    NoJoints {
+        /// Where it came.
+        stream: Stream,
+    },
+    /// An event that cannot be read.
+    #[error("event: {0}, accepted is {{\"kind\", \"stamp_ns\", \"note\"}}")]
+    Event(#[source] serde_json::Error),
+    /// An event's note is too long.
+    #[error("event: note has {0} characters, accepted are {NOTE_CHARS_MAX} at most")]
+    NoteTooLong(usize),
+    /// An event without a time.
+    #[error("event: stamp_ns is {0}, accepted is a time after 1970")]
+    NoteStamp(i64),
+}
+
+impl MessageRefused {
+    /// A refusal of a type that is not taken on a stream.
+    pub(super) fn of_type(stream: Stream, found: MessageType) -> Self {
+        let accepted = message_types(stream).iter().map(|of| of.ros_type());
+        Self::Type {
+            stream,
+            found: found.ros_type(),
+            accepted: accepted.collect::<Vec<_>>().join(" and "),
+        }
+    }
+}
+
+/// A message that was accepted.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Decoded {
+    /// Its header stamp.
+    pub stamp: Stamp,
+    /// What the estimator takes.
+    pub event: Event,
+    /// The note that goes into the robot's history, when it is one.
+    pub note: Option<RobotEvent>,
+}
+
+/// Decodes and checks one payload. What a scan is, it says itself, or `scans` does.
+///
+/// # Errors
+/// One sentence: the stream, the field, its value and what is accepted.
+pub fn decode(
+    stream: Stream,
+    form: Form,
+    scans: &ScanSettings,
+    payload: &[u8],
+) -> Result<Decoded, MessageRefused> {
+    let encoding = form.encoding;
+    let refused = |source| MessageRefused::Payload { stream, source };
+    let event = match stream {
+        Stream::Drive => {
+            let message = AckermannDriveStamped::decode(encoding, payload).map_err(refused)?;
+            Event::Drive(drive_sample(&message)?)
+        }
+        Stream::Scan => match form.message_type.unwrap_or(scans.scan_type.message_type()) {
+            MessageType::LaserScan => {
+                let message = LaserScan::decode(encoding, payload).map_err(refused)?;
+                Event::Sweep(sweep(message)?)
+            }
+            MessageType::PointCloud2 => {
+                let message = PointCloud2::decode(encoding, payload).map_err(refused)?;
+                Event::Sweep(cloud::sweep(&message, &scans.band)?)
+            }
+            other => return Err(MessageRefused::of_type(stream, other)),
+        },
+        Stream::LidarOdometry => {
+            let message = Odometry::decode(encoding, payload).map_err(refused)?;
+            Event::LidarPose(lidar_pose(&message)?)
+        }
+        Stream::Steering | Stream::Speed => return Err(MessageRefused::Alone { stream }),
+        Stream::Event => {
+            let message: RobotEvent =
+                serde_json::from_slice(payload).map_err(MessageRefused::Event)?;
+            return noted(message);
+        }
+    };
+    let stamp = match &event {
+        Event::Drive(sample) => sample.stamp(),
+        Event::Sweep(sweep) => sweep.stamp(),
+        Event::LidarPose(pose) => pose.stamp(),
+        Event::Note(note) => note.stamp,
+        Event::EndOfSession => Stamp(0),
+    };
+    Ok(Decoded {
+        stamp,
+        event,
+        note: None,
+    })
+}
+
+/// A drive sample out of its message.
+///
+/// # Errors
+/// Names the field that holds what cannot be.
+pub fn drive_sample(message: &AckermannDriveStamped) -> Result<DriveSample, MessageRefused> {
+    let stamp = Stamp(message.header.stamp.as_ns());
+    let speed_mps = f64::from(message.drive.speed);
+    let steering_rad = f64::from(message.drive.steering_angle);
+    DriveSample::new(stamp, speed_mps, steering_rad).map_err(|source| MessageRefused::Field {
+        stream: Stream::Drive,
+        source,
+    })
+}
+
+/// A drive sample as the sensors measured it, of a robot that takes off `values` before it sends:
+/// `steering_sent = steering_gain (steering_measured - steering_offset)` and
+/// `speed_sent = speed_scale speed_measured`.
+///
+/// # Errors
+/// Names the field that is no physical value then.
+pub fn added_back(
+    sample: &DriveSample,
+    values: &CalibrationValues,
+) -> Result<DriveSample, MessageRefused> {
+    let gain = values.steering_gain.unwrap_or(1.0);
+    let scale = values.speed_scale.unwrap_or(1.0);
+    let steering_rad = sample.steering_rad() / gain + values.steering_offset_rad;
+    let speed_mps = sample.speed_mps() / scale;
+    DriveSample::new(sample.stamp(), speed_mps, steering_rad).map_err(|source| {
+        MessageRefused::Field {
+            stream: Stream::Drive,
+            source,
+        }
+    })
+}
+
+/// A sweep out of its message.
+///
+/// # Errors
+/// Names the field that holds what cannot be, or the number of beams that contradicts the angles.
+pub fn sweep(message: LaserScan) -> Result<Sweep, MessageRefused> {
+    message.check_beams()?;
+    let shape = SweepShape {
+        angle_min_rad: f64::from(message.angle_min),
+        angle_increment_rad: f64::from(message.angle_increment),
+        time_increment_s: f64::from(message.time_increment),
+        range_min_m: f64::from(message.range_min),
+        range_max_m: f64::from(message.range_max),
+    };
+    Sweep::new(Stamp(message.header.stamp.as_ns()), shape, message.ranges).map_err(|source| {
+        MessageRefused::Field {
+            stream: Stream::Scan,
+            source,
+        }
+    })
+}
+
+/// A LiDAR pose out of its message. A covariance of zeros is none.
+///
+/// # Errors
+/// Names the field that holds what cannot be.
+pub fn lidar_pose(message: &Odometry) -> Result<LidarPose, MessageRefused> {
+    let covariance = planar_covariance(&message.pose.covariance);
+    pose_in_odom(&message.header, &message.pose.pose, covariance)
+}
+
+/// A LiDAR pose out of the pose of a message, in whatever frame that moves not.
+///
+/// # Errors
+/// Names the field that holds what cannot be.
+pub fn pose_in_odom(
+    header: &Header,
+    pose: &Pose,
+    covariance: Option<Matrix3<f64>>,
+) -> Result<LidarPose, MessageRefused> {
+    let Quaternion { x, y, z, w } = pose.orientation;
+    let length = (x * x + y * y + z * z + w * w).sqrt();
+    if length < QUATERNION_LENGTH_MIN {
+        return Err(MessageRefused::Orientation { length });
+    }
+    let lidar_in_odom = Pose2::new(pose.position.x, pose.position.y, pose.orientation.yaw_rad());
+    LidarPose::new(Stamp(header.stamp.as_ns()), lidar_in_odom, covariance).map_err(|source| {
+        MessageRefused::Field {
+            stream: Stream::LidarOdometry,
+            source,
+        }
+    })
+}
+
+/// The covariance of (x, y, yaw) out of that of (x, y, z, roll, pitch, yaw).
+fn planar_covariance(spatial: &[f64; 36]) -> Option<Matrix3<f64>> {
+    let [
+        xx,
+        xy,
+        _,
+        _,
+        _,
+        xa,
+        yx,
+        yy,
+        _,
+        _,
+        _,
+        ya,
+        ..,
+        ax,
+        ay,
+        _,
+        _,
+        _,
+        aa,
+    ] = *spatial;
+    let planar = Matrix3::new(xx, xy, xa, yx, yy, ya, ax, ay, aa);
+    (planar != Matrix3::zeros()).then_some(planar)
+}
+
+fn noted(message: RobotEvent) -> Result<Decoded, MessageRefused> {
+    let chars = message.note.chars().count();
+    if chars > NOTE_CHARS_MAX {
+        return Err(MessageRefused::NoteTooLong(chars));
+    }
+    if message.stamp_ns <= 0 {
+        return Err(MessageRefused::NoteStamp(message.stamp_ns));
+    }
+    let note = note(&message);
+    Ok(Decoded {
+        stamp: note.stamp,
+        event: Event::Note(note),
+        note: Some(message),
+    })
+}
+
+/// What the estimator takes of a note.
+pub fn note(message: &RobotEvent) -> Note {
+    Note {
+        stamp: Stamp(message.stamp_ns),
+        kind: message.kind,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use fleetcal_model::NoteKind;
+    use fleetcal_proto::Encoding;
+    use fleetcal_proto::ros::Time;
+
+    use super::*;
+
+    fn header() -> Header {
+        Header {
+            stamp: Time {
+                sec: 1_700_000_000,
+                nanosec: 5,
+            },
+            frame_id: "laser".to_owned(),
+        }
+    }
+
+    fn scan() -> LaserScan {
+        LaserScan {
+            header: header(),
+            angle_min: -1.5,
+            angle_max: 1.5,
+            angle_increment: 0.5,
+            time_increment: 0.0,
+            scan_time: 0.1,
+            range_min: 0.05,
+            range_max: 30.0,
+            ranges: Arc::from([1.0, f32::NAN, f32::INFINITY, -1.0, 0.0, 99.0, 2.0]),
+            intensities: Arc::from([]),
+        }
+    }
+
+    fn decode_cdr(stream: Stream, payload: &[u8]) -> Result<Decoded, MessageRefused> {
+        decode(
+            stream,
+            Encoding::Cdr.into(),
+            &ScanSettings::default(),
+            payload,
+        )
+    }
+
+    fn refusal(stream: Stream, payload: &[u8]) -> String {
+        decode_cdr(stream, payload)
+            .expect_err("must be refused")
+            .to_string()
+    }
+
+    #[test]
+    fn a_scan_with_every_kind_of_range_is_accepted() {
+        let decoded = decode_cdr(Stream::Scan, &scan().to_cdr()).expect("normal input");
+        assert_eq!(decoded.stamp, Stamp(1_700_000_000_000_000_005));
+        let json = scan().to_json().expect("json");
+        let form = Encoding::Json.into();
+        assert!(decode(Stream::Scan, form, &ScanSettings::default(), &json).is_ok());
+    }
+
+    #[test]
+    fn a_scan_whose_length_contradicts_its_angles_is_refused_by_field() {
+        let longer = LaserScan {
+            ranges: vec![1.0; 900].into(),
+            ..scan()
+        };
+        let reason = refusal(Stream::Scan, &longer.to_cdr());
+        assert!(reason.contains("ranges has 900 beams"), "{reason}");
+    }
+
+    #[test]
+    fn each_field_that_cannot_be_is_named() {
+        let cases: [(&str, LaserScan); 6] = [
+            (
+                "angle_min",
+                LaserScan {
+                    angle_min: f32::NAN,
+                    ..scan()
+                },
+            ),
+            (
+                "angle_increment",
+                LaserScan {
+                    angle_increment: 0.0,
+                    ..scan()
+                },
+            ),
+            (
+                "time_increment",
+                LaserScan {
+                    time_increment: -1.0,
+                    ..scan()
+                },
+            ),
+            (
+                "range_min",
+                LaserScan {
+                    range_min: f32::NEG_INFINITY,
+                    ..scan()
+                },
+            ),
+            (
+                "range_max",
+                LaserScan {
+                    range_max: f32::NAN,
+                    ..scan()
+                },
+            ),
+            (
+                "header.stamp",
+                LaserScan {
+                    header: Header::default(),
+                    ..scan()
+                },
+            ),
+        ];
+        for (field, message) in cases {
+            let reason = refusal(Stream::Scan, &message.to_cdr());
+            assert!(
+                reason.starts_with("scan: ") && reason.contains(field),
+                "{reason}"
+            );
+        }
+        for (field, speed, steering_angle) in [
+            ("drive.speed", f32::INFINITY, 0.0),
+            ("drive.speed", 51.0, 0.0),
+            ("drive.steering_angle", 0.0, f32::NAN),
+            ("drive.steering_angle", 0.0, -4.0),
+        ] {
+            let mut message = AckermannDriveStamped {
+                header: header(),
+                ..Default::default()
+            };
+            message.drive.speed = speed;
+            message.drive.steering_angle = steering_angle;
+            let reason = refusal(Stream::Drive, &message.to_cdr());
+            assert!(
+                reason.contains(field) && reason.contains("accepted"),
+                "{reason}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_pose_keeps_its_planar_covariance() {
+        let mut message = Odometry {
+            header: header(),
+            ..Default::default()
+        };
+        message.pose.pose.orientation = Quaternion::from_yaw(0.3);
+        assert_eq!(
+            lidar_pose(&message).expect("no covariance").covariance(),
+            None
+        );
+        for (at, value) in [
+            (0, 1.0),
+            (1, 0.1),
+            (6, 0.1),
+            (7, 2.0),
+            (35, 3.0),
+            (5, 0.2),
+            (30, 0.2),
+        ] {
+            message.pose.covariance[at] = value;
+        }
+        let pose = lidar_pose(&message).expect("a covariance");
+        let wanted = Matrix3::new(1.0, 0.1, 0.2, 0.1, 2.0, 0.0, 0.2, 0.0, 3.0);
+        assert_eq!(pose.covariance(), Some(&wanted));
+        message.pose.covariance[0] = -1.0;
+        let reason = lidar_pose(&message).expect_err("not positive").to_string();
+        assert!(reason.contains("pose.covariance"), "{reason}");
+        message.pose.pose.orientation = Quaternion {
+            x: 0.0,
+            y: 0.0,
+            z: 0.0,
+            w: 0.0,
+        };
+        let reason = lidar_pose(&message).expect_err("no direction").to_string();
+        assert!(reason.contains("orientation"), "{reason}");
+    }
+
+    #[test]
+    fn an_event_is_json_with_known_keys() {
+        let payload = br#"{"kind": "reassembled", "stamp_ns": 7, "note": "new bracket"}"#;
+        let decoded = decode_cdr(Stream::Event, payload).expect("documented");
+        assert_eq!(
+            decoded.event,
+            Event::Note(Note {
+                stamp: Stamp(7),
+                kind: NoteKind::Reassembled
+            })
+        );
+        assert!(
+            refusal(Stream::Event, br#"{"kind": "exploded", "stamp_ns": 7}"#).contains("exploded")
+        );
+        assert!(
+            refusal(Stream::Event, br#"{"kind": "power_on", "stamp_ns": 0}"#).contains("stamp_ns")
+        );
+    }
+}

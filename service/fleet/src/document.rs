@@ -1,0 +1,117 @@
+//! From what an estimator says to the documents that travel.
+
+use fleetcal_domain::robot::Mount;
+use fleetcal_estimator::Vehicle;
+use fleetcal_estimator::calibrator::Calibrator;
+use fleetcal_estimator::estimate::{self, Change, Estimate, ParameterEstimate, ParameterEstimates};
+use fleetcal_model::{Parameter, Pose2, RobotId};
+use fleetcal_proto::estimate::{
+    self as document, CalibrationReport, ChangeDocument, EstimateDocument, ParameterDocument,
+    Parameters, Timing, VehicleDocument,
+};
+
+/// The document of an estimate.
+pub fn estimate_document(robot: &RobotId, estimate: &Estimate) -> EstimateDocument {
+    EstimateDocument {
+        robot: robot.clone(),
+        stamp_ns: estimate.stamp.0,
+        time_s: estimate.time_s,
+        distance_m: estimate.distance_m,
+        parameters: parameters(&estimate.parameters),
+        consistency: estimate.consistency,
+        counts: estimate.counts,
+        lidar_in_base_link: None,
+    }
+}
+
+/// The LiDAR's pose in `base_link`, in which the rear axle is where it is configured.
+pub fn lidar_in_base_link(rear_axle_in_base_link: &Mount, of: &Parameters) -> Pose2 {
+    let value = |name| of.get(name).value;
+    let lidar_in_rear_axle = Pose2::new(
+        value(Parameter::LidarX),
+        value(Parameter::LidarY),
+        value(Parameter::LidarYaw),
+    );
+    rear_axle_in_base_link.pose().compose(&lidar_in_rear_axle)
+}
+
+/// The document of a change or fault.
+pub fn change_document(change: &Change) -> ChangeDocument {
+    ChangeDocument {
+        kind: change.kind,
+        cause: change.cause,
+        time_s: change.time_s,
+        onset_s: change.onset_s,
+        stamp_ns: change.stamp.0,
+        change: change.change.iter().copied().collect(),
+    }
+}
+
+/// What `fleetcal calibrate` prints of a calibrator that has seen the whole recording.
+pub fn report(robot: &RobotId, calibrator: &Calibrator, timing: Timing) -> CalibrationReport {
+    let estimate = calibrator.estimate();
+    let segments = calibrator.segments();
+    CalibrationReport {
+        robot: robot.clone(),
+        vehicle: vehicle_document(&calibrator.config().vehicle),
+        duration_s: calibrator.duration_s(),
+        distance_m: estimate.distance_m,
+        drive_samples: estimate.counts.drive_samples,
+        scans: estimate.counts.scans,
+        scans_rejected: estimate.counts.scans_rejected,
+        parameters: parameters(&estimate.parameters),
+        consistency: estimate.consistency,
+        events: calibrator.changes().iter().map(change_document).collect(),
+        segments: segments.iter().map(segment).collect(),
+        timing,
+    }
+}
+
+/// The document of a vehicle.
+pub fn vehicle_document(vehicle: &Vehicle) -> VehicleDocument {
+    VehicleDocument {
+        model: vehicle.model,
+        wheelbase_m: vehicle.wheelbase_m,
+    }
+}
+
+/// Whether every number of a document is finite. JSON has no other, and a filter that says another
+/// has failed.
+pub fn is_finite(document: &EstimateDocument) -> bool {
+    let mut parameters = document.parameters.iter();
+    parameters.all(|(_, parameter)| parameter.value.is_finite() && parameter.sigma.is_finite())
+        && document.consistency.nis_mean.is_finite()
+        && document.distance_m.is_finite()
+}
+
+fn segment(segment: &estimate::Segment) -> document::Segment {
+    document::Segment {
+        from_s: segment.from_s,
+        to_s: segment.to_s,
+        parameters: parameters(&segment.parameters),
+    }
+}
+
+fn parameters(estimates: &ParameterEstimates) -> Parameters {
+    let [offset, x, y, yaw, scale, wheelbase, time, gain] = estimates;
+    Parameters {
+        steering_offset: parameter(Parameter::SteeringOffset, offset),
+        lidar_x: parameter(Parameter::LidarX, x),
+        lidar_y: parameter(Parameter::LidarY, y),
+        lidar_yaw: parameter(Parameter::LidarYaw, yaw),
+        speed_scale: parameter(Parameter::SpeedScale, scale),
+        wheelbase: parameter(Parameter::Wheelbase, wheelbase),
+        time_offset: parameter(Parameter::TimeOffset, time),
+        steering_gain: parameter(Parameter::SteeringGain, gain),
+    }
+}
+
+fn parameter(name: Parameter, estimate: &ParameterEstimate) -> ParameterDocument {
+    ParameterDocument {
+        value: estimate.value,
+        sigma: estimate.sigma,
+        unit: name.unit(),
+        status: estimate.status,
+        needs: estimate.needs.clone(),
+    }
+}

@@ -1,0 +1,439 @@
+//! The fleet as the API, the link and the commands hold it.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, PoisonError, RwLock};
+
+use fleetcal_clock::SharedClock;
+use fleetcal_domain::limits;
+use fleetcal_domain::robot::{
+    AnnouncedTopic, CrossTrack, HistoryEvent, Journal, RobotConfig, RobotView,
+};
+use fleetcal_domain::streams::RobotStreams;
+use fleetcal_estimator::advice::ranking::Ranked;
+use fleetcal_estimator::calibrator::Plan;
+use fleetcal_estimator::{Calibrator, EstimatorSettings, Pose2};
+use fleetcal_model::Stream;
+use fleetcal_proto::RobotId;
+use fleetcal_proto::encoding::Encoding;
+use fleetcal_proto::estimate::EstimateDocument;
+use fleetcal_proto::event::RobotEvent;
+use fleetcal_proto::message_type::Form;
+use fleetcal_proto::progress::Progress;
+use thiserror::Error;
+use tokio::sync::{broadcast, watch as watch_channel};
+use tokio_util::sync::CancellationToken;
+use tokio_util::task::TaskTracker;
+
+use crate::cross_track::{self, UsedValues};
+use crate::decode;
+use crate::live::LiveUpdate;
+use crate::mailbox::Message;
+use crate::registry::{Counts, Fleet, FleetCounters, Step};
+use crate::robot::Robot;
+use crate::tap::{TapReader, Tapped};
+use crate::{task, watch};
+
+/// Why the fleet refused a request.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum FleetRefused {
+    /// No robot of this id has been configured or has sent anything.
+    #[error("no robot {0} is known")]
+    UnknownRobot(RobotId),
+    /// Nobody has registered it.
+    #[error("robot {0} is not registered, accepted is a robot with a vehicle")]
+    Unregistered(RobotId),
+    /// The fleet is full.
+    #[error("{} robots are configured, which is the limit", limits::ROBOTS_MAX)]
+    RobotsMax,
+    /// The note's text is too long.
+    #[error("note has {0} characters, accepted are {max}", max = limits::NOTE_CHARS_MAX)]
+    NoteTooLong(usize),
+    /// The robot has too many notes that wait.
+    #[error("robot {0} has {max} notes that wait", max = limits::MAILBOX_NOTES_MAX)]
+    NotesMax(RobotId),
+    /// Too many want to see the robot's plan at once.
+    #[error("{max} others wait for the plan of robot {0}", max = limits::PLAN_ASKERS_MAX)]
+    PlanAskersMax(RobotId),
+}
+
+/// What a fleet begins with.
+#[derive(Debug)]
+pub struct FleetSetup {
+    /// Where time comes from.
+    pub clock: SharedClock,
+    /// Where history goes.
+    pub journal: Arc<dyn Journal>,
+    /// Settings of estimators whose robots have none of their own.
+    pub estimator: EstimatorSettings,
+    /// The robots that are configured.
+    pub robots: BTreeMap<RobotId, RobotConfig>,
+    /// How well robots followed their paths, by generation.
+    pub cross_tracks: BTreeMap<RobotId, BTreeMap<u64, CrossTrack>>,
+    /// The estimators' states when the service last stopped, as JSON.
+    pub checkpoints: BTreeMap<RobotId, String>,
+    /// When robots were last heard before this start, wall time, ns.
+    pub last_heard_ns: BTreeMap<RobotId, i64>,
+}
+
+/// The fleet, cheap to clone.
+#[derive(Debug, Clone)]
+pub struct FleetHandle {
+    fleet: Arc<Fleet>,
+}
+
+impl FleetHandle {
+    /// Starts the fleet: a task for each configured robot, on the runtime that this is called in.
+    pub fn start(setup: FleetSetup) -> Self {
+        Self::start_with(setup, Calibrator::step)
+    }
+
+    /// Starts the fleet with estimators that take events by `step`.
+    pub(crate) fn start_with(setup: FleetSetup, step: Step) -> Self {
+        let mut checkpoints = setup.checkpoints;
+        let mut cross_tracks = setup.cross_tracks;
+        let (live, _) = broadcast::channel(limits::LIVE_UPDATES_MAX);
+        let robots = setup
+            .robots
+            .into_iter()
+            .map(|(id, config)| (id.clone(), Arc::new(Robot::new(id, Some(config)))))
+            .collect();
+        let fleet = Arc::new(Fleet {
+            clock: setup.clock,
+            journal: setup.journal,
+            estimator: setup.estimator,
+            stop: CancellationToken::new(),
+            step,
+            robots: RwLock::new(robots),
+            live,
+            counts: Counts::default(),
+            tasks: TaskTracker::new(),
+            configured: watch_channel::Sender::new(0),
+        });
+        let handle = Self { fleet };
+        handle
+            .fleet
+            .tasks
+            .spawn(watch::run(Arc::clone(&handle.fleet)));
+        for robot in handle.fleet.all() {
+            if let Some(stored) = cross_tracks.remove(&robot.id) {
+                robot.restore_cross_tracks(stored);
+            }
+            if let Some(heard_ns) = setup.last_heard_ns.get(&robot.id) {
+                robot.restore_last_heard(*heard_ns);
+            }
+            let stored = checkpoints.remove(&robot.id);
+            handle.spawn(robot, stored);
+        }
+        handle
+    }
+
+    fn spawn(&self, robot: Arc<Robot>, stored: Option<String>) {
+        self.fleet
+            .tasks
+            .spawn(task::run(Arc::clone(&self.fleet), robot, stored));
+    }
+
+    /// Works through what waits, stores the estimators' states, and ends every task. The link has
+    /// to be closed before.
+    pub async fn stop(&self) {
+        self.fleet.stop.cancel();
+        self.fleet.tasks.close();
+        self.fleet.tasks.wait().await;
+    }
+
+    /// Every robot, by id.
+    pub fn robots(&self) -> Vec<RobotView> {
+        self.fleet
+            .all()
+            .iter()
+            .map(|robot| robot.view(&*self.fleet.clock))
+            .collect()
+    }
+
+    /// One robot.
+    pub fn robot(&self, id: &RobotId) -> Option<RobotView> {
+        Some(self.fleet.find(id.as_str())?.view(&*self.fleet.clock))
+    }
+
+    /// Gives a robot its vehicle; it may be unknown, unregistered or configured already. A
+    /// configuration other than the one it has begins its estimate from nothing. To store the
+    /// configuration is the caller's part.
+    ///
+    /// # Errors
+    /// When [`limits::ROBOTS_MAX`] others are configured.
+    pub fn configure(&self, id: &RobotId, config: RobotConfig) -> Result<(), FleetRefused> {
+        let robot = {
+            let mut robots = self
+                .fleet
+                .robots
+                .write()
+                .unwrap_or_else(PoisonError::into_inner);
+            let configured = robots
+                .values()
+                .filter(|robot| robot.is_configured())
+                .count();
+            let known = robots.get(id).is_some_and(|robot| robot.is_configured());
+            if !known && configured >= limits::ROBOTS_MAX {
+                return Err(FleetRefused::RobotsMax);
+            }
+            let robot = || Arc::new(Robot::new(id.clone(), None));
+            Arc::clone(robots.entry(id.clone()).or_insert_with(robot))
+        };
+        if robot.set_config(config).is_none() {
+            self.spawn(robot, None);
+        } else {
+            robot.mailbox.wake();
+        }
+        self.fleet.configured.send_modify(|changes| *changes += 1);
+        Ok(())
+    }
+
+    /// Tells a robot's estimator, in its turn, and every listener what a person noted. To store
+    /// the note is the caller's part.
+    ///
+    /// # Errors
+    /// When the robot is unknown, the text too long, or too many notes wait.
+    pub fn note(&self, id: &RobotId, note: &RobotEvent) -> Result<(), FleetRefused> {
+        let chars = note.note.chars().count();
+        if chars > limits::NOTE_CHARS_MAX {
+            return Err(FleetRefused::NoteTooLong(chars));
+        }
+        let robot = self
+            .fleet
+            .find(id.as_str())
+            .ok_or_else(|| FleetRefused::UnknownRobot(id.clone()))?;
+        if !robot.mailbox.push_note(decode::note(note)) {
+            return Err(FleetRefused::NotesMax(id.clone()));
+        }
+        robot.taps.offer(|| Some(Tapped::of_note(note)));
+        let event = Arc::new(HistoryEvent::Note(note.clone()));
+        self.fleet.announce(LiveUpdate::Event {
+            robot: id.clone(),
+            event,
+        });
+        Ok(())
+    }
+
+    /// Takes what a robot compensates with, oldest first, and the generation that a fresh estimate
+    /// has to verify, with since when it is in use by its agent's clock. What waits in the robot's
+    /// mailbox came before that.
+    pub fn use_values(&self, id: &RobotId, values: &[UsedValues], on_trial: Option<(u64, i64)>) {
+        if let Some(robot) = self.fleet.find(id.as_str()) {
+            robot.set_used(values, on_trial);
+        }
+    }
+
+    /// Tells every listener; nobody listening is no error.
+    pub fn announce(&self, update: LiveUpdate) {
+        self.fleet.announce(update);
+    }
+
+    /// Takes how far a robot was off its path. It never blocks: this runs on the link's receiving
+    /// threads. Robots that are not registered are not listened to.
+    pub fn take_cross_track_error(&self, id: &RobotId, encoding: Encoding, payload: &[u8]) {
+        let robot = self.fleet.find(id.as_str());
+        let Some(robot) = robot.filter(|robot| robot.is_configured()) else {
+            return;
+        };
+        match cross_track::read(encoding, payload) {
+            Ok((stamp_ns, error_m)) => robot.take_cross_track_error(stamp_ns, error_m),
+            Err(reason) => tracing::debug!(robot.id = %id, reason, "message refused"),
+        }
+    }
+
+    /// How well a robot follows its path, by the generation of the calibration it used; 0 is what
+    /// it drove with before any was applied.
+    pub fn cross_tracks(&self, id: &RobotId) -> BTreeMap<u64, CrossTrack> {
+        let robot = self.fleet.find(id.as_str());
+        robot.map(|robot| robot.cross_tracks()).unwrap_or_default()
+    }
+
+    /// What a robot should drive next, the best first; empty while it has sent nothing.
+    pub fn manoeuvres(&self, id: &RobotId) -> Arc<[Ranked]> {
+        let robot = self.fleet.find(id.as_str());
+        robot.map_or_else(|| Arc::from([]), |robot| robot.manoeuvres())
+    }
+
+    /// The robot seen from above, asked of its task, which draws it up for nobody else; `None` while
+    /// nothing is known.
+    ///
+    /// # Errors
+    /// When the robot is unknown, or too many ask at once.
+    pub async fn plan(&self, id: &RobotId) -> Result<Option<Arc<Plan>>, FleetRefused> {
+        let unknown = || FleetRefused::UnknownRobot(id.clone());
+        let robot = self.fleet.find(id.as_str()).ok_or_else(unknown)?;
+        if !robot.is_configured() {
+            return Ok(None);
+        }
+        let busy = || FleetRefused::PlanAskersMax(id.clone());
+        let answer = robot.plan_askers.ask().ok_or_else(busy)?;
+        robot.mailbox.wake();
+        tokio::select! {
+            answer = answer => Ok(answer.ok().flatten()),
+            () = self.fleet.stop.cancelled() => Ok(None),
+        }
+    }
+
+    /// Reads along with the robot's session from now on.
+    ///
+    /// # Errors
+    /// When the robot is unknown, or has no estimator since nobody has registered it.
+    pub fn tap(&self, id: &RobotId) -> Result<TapReader, FleetRefused> {
+        let unknown = || FleetRefused::UnknownRobot(id.clone());
+        let robot = self.fleet.find(id.as_str()).ok_or_else(unknown)?;
+        if !robot.is_configured() {
+            return Err(FleetRefused::Unregistered(id.clone()));
+        }
+        Ok(robot.taps.open())
+    }
+
+    /// Live updates from now on. A listener that lags more than [`limits::LIVE_UPDATES_MAX`]
+    /// behind is told how many it lost.
+    pub fn live(&self) -> broadcast::Receiver<LiveUpdate> {
+        self.fleet.live.subscribe()
+    }
+
+    /// Counters of the whole service.
+    pub fn counters(&self) -> FleetCounters {
+        self.fleet.counters()
+    }
+
+    /// The ids of all robots.
+    pub fn ids(&self) -> Vec<RobotId> {
+        self.fleet
+            .all()
+            .iter()
+            .map(|robot| robot.id.clone())
+            .collect()
+    }
+
+    /// The latest estimate of every robot that has one.
+    pub fn estimates(&self) -> BTreeMap<RobotId, Arc<EstimateDocument>> {
+        let robots = self.fleet.all();
+        robots
+            .iter()
+            .filter_map(|robot| Some((robot.id.clone(), robot.estimate()?)))
+            .collect()
+    }
+
+    /// How far a robot's task has come; `None` for a robot that is unknown.
+    pub fn progress(&self, id: &RobotId) -> Option<Progress> {
+        Some(self.fleet.find(id.as_str())?.mailbox.progress())
+    }
+
+    /// Takes a message in. It never blocks: this runs on the link's receiving threads. `payload`
+    /// is asked for only when the message is kept.
+    pub fn receive(
+        &self,
+        id: &RobotId,
+        stream: Stream,
+        form: impl Into<Form>,
+        bytes: usize,
+        payload: impl FnOnce() -> Vec<u8>,
+    ) {
+        let Some(robot) = self.admit(id, stream) else {
+            return;
+        };
+        let limit = limits::payload_bytes_max(stream);
+        if bytes > limit {
+            self.fleet.counts.oversized.fetch_add(1, Ordering::Relaxed);
+            let name = stream.name();
+            let reason = format!("{name}: payload is {bytes} bytes, accepted are {limit} at most");
+            robot.mailbox.refuse(stream, &reason);
+        } else if !robot.is_configured() {
+            robot.mailbox.ignore(stream);
+        } else {
+            robot.mailbox.push(Message {
+                stream,
+                form: form.into(),
+                payload: payload(),
+            });
+        }
+    }
+
+    /// Counts a message that the link itself refuses.
+    pub fn refuse(&self, id: &RobotId, stream: Stream, reason: &str) {
+        if let Some(robot) = self.admit(id, stream) {
+            robot.mailbox.refuse(stream, reason);
+        }
+    }
+
+    /// Counts a message and finds its robot; `None` when there is no room for another one.
+    fn admit(&self, id: &RobotId, stream: Stream) -> Option<Arc<Robot>> {
+        let counts = &self.fleet.counts;
+        counts.received.fetch_add(1, Ordering::Relaxed);
+        if let Some(by_stream) = counts.by_stream.get(stream.index()) {
+            by_stream.fetch_add(1, Ordering::Relaxed);
+        }
+        let robot = self.fleet.find_or_admit(id);
+        match &robot {
+            Some(robot) => robot.received(stream, &*self.fleet.clock),
+            None => {
+                counts.beyond_robots_max.fetch_add(1, Ordering::Relaxed);
+            }
+        }
+        robot
+    }
+
+    /// Tells of every change of a robot's configuration from now on.
+    pub fn configured(&self) -> watch_channel::Receiver<u64> {
+        self.fleet.configured.subscribe()
+    }
+
+    /// The topics of every robot that is configured, as far as they are its own.
+    pub fn streams(&self) -> BTreeMap<RobotId, RobotStreams> {
+        let robots = self.fleet.all();
+        robots
+            .iter()
+            .filter_map(|robot| Some((robot.id.clone(), robot.versioned_config()?.1.streams)))
+            .collect()
+    }
+
+    /// Where a robot's rear axle is in its `base_link`, where that is configured.
+    pub fn rear_axle_in_base_link(&self, id: &RobotId) -> Option<Pose2> {
+        let (_, config) = self.fleet.find(id.as_str())?.versioned_config()?;
+        let Pose2 { x_m, y_m, yaw_rad } = config.rear_axle_in_base_link?.pose();
+        Some(Pose2 { x_m, y_m, yaw_rad })
+    }
+
+    /// Takes which ROS 2 topics a robot has announced. One that nobody has configured is taken in
+    /// unregistered, if there is room; it is there as long as it announces any.
+    pub fn set_topics(&self, id: &RobotId, topics: Vec<AnnouncedTopic>) {
+        let robot = if topics.is_empty() {
+            self.fleet.find(id.as_str())
+        } else {
+            self.fleet.find_or_admit(id)
+        };
+        if let Some(robot) = robot {
+            robot.set_topics(topics, &*self.fleet.clock);
+        }
+    }
+
+    /// Counts a message whose key names no robot or no stream.
+    pub fn count_foreign_key(&self) {
+        self.fleet.counts.received.fetch_add(1, Ordering::Relaxed);
+        self.fleet
+            .counts
+            .foreign_keys
+            .fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Counts a question that found too many others waiting.
+    pub fn count_unanswered_question(&self) {
+        let counts = &self.fleet.counts;
+        counts.unanswered_questions.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Notes that a robot's liveliness token came or went.
+    pub fn set_alive(&self, id: &RobotId, alive: bool) {
+        let robot = if alive {
+            self.fleet.find_or_admit(id)
+        } else {
+            self.fleet.find(id.as_str())
+        };
+        if let Some(robot) = robot {
+            robot.set_alive(alive, &*self.fleet.clock);
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! From a robot's messages to its estimator's events, in the order in which they come. The live
+//! path and `fleetcal calibrate` both go through it.
+
+use fleetcal_domain::robot::PairingReport;
+use fleetcal_estimator::{DriveSample, Event, Stamp};
+use fleetcal_model::{Parameter, ParameterStatus, Stream};
+use fleetcal_proto::estimate::EstimateDocument;
+use fleetcal_proto::message_type::{Form, MessageType};
+
+use crate::commanded::SteeringWatch;
+use crate::decode::{Decoded, MessageRefused};
+use crate::pairing::Pairing;
+use crate::reading::{self, Reading, ReadingSettings};
+
+/// What one message came to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Taken {
+    /// Its header stamp.
+    pub stamp: Stamp,
+    /// What the estimator takes, which of half a drive sample may be nothing or several.
+    pub events: Vec<Decoded>,
+}
+
+/// Reads the messages of one robot, and pairs its steering with its speed where they come apart.
+#[derive(Debug, Default)]
+pub struct Intake {
+    settings: ReadingSettings,
+    /// Steering and speed that come apart.
+    pairing: Pairing,
+    /// What tells a measured steering angle from a commanded one.
+    steering: SteeringWatch,
+    /// The latest speed of a robot whose speed and steering come apart.
+    speed_mps: f64,
+}
+
+impl Intake {
+    /// Of a robot that has sent nothing yet.
+    pub fn new(settings: ReadingSettings) -> Self {
+        Self {
+            settings,
+            ..Self::default()
+        }
+    }
+
+    /// What a stream's messages are, by their form or else by configuration.
+    pub fn message_type(&self, stream: Stream, form: Form) -> Option<MessageType> {
+        self.settings.message_type(stream, form)
+    }
+
+    /// The topic that a stream is configured to come on.
+    pub fn topic(&self, stream: Stream) -> Option<&str> {
+        let source = self.settings.streams.fields().source(stream)?;
+        Some(source.topic.as_str())
+    }
+
+    /// Takes one message.
+    ///
+    /// # Errors
+    /// One sentence: the stream, the field, its value and what is accepted.
+    pub fn take(
+        &mut self,
+        stream: Stream,
+        form: Form,
+        payload: &[u8],
+    ) -> Result<Taken, MessageRefused> {
+        let taken = match reading::read(stream, form, &self.settings, payload)? {
+            Reading::Whole(decoded) => {
+                if let Event::Drive(sample) = &decoded.event {
+                    self.steering.take(sample);
+                }
+                Taken {
+                    stamp: decoded.stamp,
+                    events: vec![decoded],
+                }
+            }
+            Reading::Steering(angle) => {
+                self.steering.take_angle(angle.value, self.speed_mps);
+                let samples = self.pairing.take_steering(angle);
+                paired(angle.stamp, samples)
+            }
+            Reading::Speed(speed) => {
+                self.speed_mps = speed.value;
+                let samples = self.pairing.take_speed(speed);
+                paired(speed.stamp, samples)
+            }
+        };
+        Ok(taken)
+    }
+
+    /// How well steering and speed fit together, of a robot that sends them apart.
+    pub fn pairing(&self) -> Option<PairingReport> {
+        let report = self.pairing.report();
+        (report != PairingReport::default()).then_some(report)
+    }
+
+    /// Whether its steering angles look commanded, with what is known of it.
+    pub fn looks_commanded(&self, estimate: Option<&EstimateDocument>) -> bool {
+        let time_offset = estimate.and_then(|document| {
+            let parameter = document.parameters.get(Parameter::TimeOffset);
+            let known = parameter.status == ParameterStatus::Converged;
+            known.then_some((parameter.value, parameter.sigma))
+        });
+        self.steering.looks_commanded(time_offset)
+    }
+}
+
+/// The samples that a half with this stamp has completed.
+fn paired(stamp: Stamp, samples: Vec<DriveSample>) -> Taken {
+    let event = |sample: DriveSample| Decoded {
+        stamp: sample.stamp(),
+        event: Event::Drive(sample),
+        note: None,
+    };
+    Taken {
+        stamp,
+        events: samples.into_iter().map(event).collect(),
+    }
+}

@@ -1,0 +1,32 @@
+//! The fleet: one mailbox and one estimator task per robot.
+
+mod cloud;
+mod commanded;
+mod cross_track;
+pub mod decode;
+pub mod document;
+mod handle;
+mod intake;
+pub mod live;
+mod mailbox;
+mod pairing;
+mod plan;
+mod pose;
+mod reading;
+mod registry;
+mod robot;
+mod tap;
+mod task;
+#[cfg(test)]
+mod tests;
+mod trial;
+mod watch;
+pub mod words;
+
+pub use cross_track::UsedValues;
+pub use handle::{FleetHandle, FleetRefused, FleetSetup};
+pub use intake::{Intake, Taken};
+pub use pose::LatestPose;
+pub use reading::ReadingSettings;
+pub use registry::FleetCounters;
+pub use tap::{TapReader, Tapped, Taps};

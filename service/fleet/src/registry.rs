@@ -1,0 +1,149 @@
+//! The robots of the fleet, and what all of its tasks share.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, PoisonError, RwLock};
+use std::time::Duration;
+
+use fleetcal_clock::SharedClock;
+use fleetcal_domain::limits;
+use fleetcal_domain::robot::{HistoryEvent, Journal};
+use fleetcal_estimator::{Calibrator, Effect, EstimatorSettings, Event};
+use fleetcal_model::{RobotId, Stream};
+use serde::Serialize;
+use tokio::sync::{broadcast, watch as watch_channel};
+use tokio_util::sync::CancellationToken;
+use tokio_util::task::TaskTracker;
+
+use crate::live::LiveUpdate;
+use crate::robot::Robot;
+
+/// An unregistered robot makes room for another after this long without data.
+const UNREGISTERED_KEPT: Duration = Duration::from_mins(1);
+
+/// Counters of the whole service, for `/metrics`.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+pub struct FleetCounters {
+    /// Messages that came in on any key.
+    pub received: u64,
+    /// Messages on keys that name no robot or no stream.
+    pub foreign_keys: u64,
+    /// Messages larger than [`fleetcal_domain::limits::PAYLOAD_BYTES_MAX`].
+    pub oversized: u64,
+    /// Messages of robots beyond [`fleetcal_domain::limits::UNREGISTERED_ROBOTS_MAX`].
+    pub beyond_robots_max: u64,
+    /// Questions over Zenoh beyond [`fleetcal_domain::limits::QUESTIONS_MAX`].
+    pub unanswered_questions: u64,
+    /// Estimators that panicked.
+    pub estimator_panics: u64,
+    /// Messages received from robots in each stream.
+    pub by_stream: BTreeMap<&'static str, u64>,
+}
+
+#[derive(Debug, Default)]
+pub(super) struct Counts {
+    pub(super) received: AtomicU64,
+    pub(super) foreign_keys: AtomicU64,
+    pub(super) oversized: AtomicU64,
+    pub(super) beyond_robots_max: AtomicU64,
+    pub(super) unanswered_questions: AtomicU64,
+    pub(super) estimator_panics: AtomicU64,
+    pub(super) by_stream: [AtomicU64; Stream::COUNT],
+}
+
+/// How an estimator takes an event.
+pub(crate) type Step = fn(&mut Calibrator, Event) -> Vec<Effect>;
+
+/// What every task of the fleet shares.
+#[derive(Debug)]
+pub(crate) struct Fleet {
+    pub(crate) clock: SharedClock,
+    pub(crate) journal: Arc<dyn Journal>,
+    pub(crate) estimator: EstimatorSettings,
+    pub(crate) stop: CancellationToken,
+    /// [`Calibrator::step`], or what a test puts in its place.
+    pub(crate) step: Step,
+    pub(super) robots: RwLock<BTreeMap<RobotId, Arc<Robot>>>,
+    pub(super) live: broadcast::Sender<LiveUpdate>,
+    pub(super) counts: Counts,
+    pub(super) tasks: TaskTracker,
+    /// Moves with every change of a robot's configuration.
+    pub(super) configured: watch_channel::Sender<u64>,
+}
+
+impl Fleet {
+    /// Tells every listener; nobody listening is no error.
+    pub(crate) fn announce(&self, update: LiveUpdate) {
+        drop(self.live.send(update));
+    }
+
+    /// Puts an entry into a robot's history and tells every listener.
+    pub(crate) fn record(&self, robot: &RobotId, event: HistoryEvent) {
+        let event = Arc::new(event);
+        self.journal.record_event(robot, &event);
+        self.announce(LiveUpdate::Event {
+            robot: robot.clone(),
+            event,
+        });
+    }
+
+    /// Counters of the whole service.
+    pub(super) fn counters(&self) -> FleetCounters {
+        let counts = &self.counts;
+        let read = |count: &AtomicU64| count.load(Ordering::Relaxed);
+        let streams = Stream::ALL.iter().zip(&counts.by_stream);
+        FleetCounters {
+            received: read(&counts.received),
+            foreign_keys: read(&counts.foreign_keys),
+            oversized: read(&counts.oversized),
+            beyond_robots_max: read(&counts.beyond_robots_max),
+            unanswered_questions: read(&counts.unanswered_questions),
+            estimator_panics: read(&counts.estimator_panics),
+            by_stream: streams
+                .map(|(stream, count)| (stream.name(), read(count)))
+                .collect(),
+        }
+    }
+
+    /// Counts an estimator's panic.
+    pub(crate) fn count_panic(&self) {
+        self.counts.estimator_panics.fetch_add(1, Ordering::Relaxed);
+    }
+
+    // The map is whole after every statement, so the panic of another thread is no reason to stop.
+    pub(super) fn find(&self, id: &str) -> Option<Arc<Robot>> {
+        self.robots
+            .read()
+            .unwrap_or_else(PoisonError::into_inner)
+            .get(id)
+            .cloned()
+    }
+
+    pub(crate) fn all(&self) -> Vec<Arc<Robot>> {
+        let robots = self.robots.read().unwrap_or_else(PoisonError::into_inner);
+        robots.values().cloned().collect()
+    }
+
+    /// The robot of this id; a new one is taken in unregistered, if there is room.
+    pub(super) fn find_or_admit(&self, id: &RobotId) -> Option<Arc<Robot>> {
+        if let Some(robot) = self.find(id.as_str()) {
+            return Some(robot);
+        }
+        let mut robots = self.robots.write().unwrap_or_else(PoisonError::into_inner);
+        let unregistered = || robots.values().filter(|robot| !robot.is_configured());
+        if unregistered().count() >= limits::UNREGISTERED_ROBOTS_MAX {
+            let quiet = |robot: &&Arc<Robot>| robot.quiet_for(&*self.clock);
+            let longest = unregistered().max_by_key(quiet)?;
+            if longest
+                .quiet_for(&*self.clock)
+                .is_some_and(|quiet| quiet < UNREGISTERED_KEPT)
+            {
+                return None;
+            }
+            let gone = longest.id.clone();
+            robots.remove(&gone);
+        }
+        let robot = Arc::new(Robot::new(id.clone(), None));
+        Some(Arc::clone(robots.entry(id.clone()).or_insert(robot)))
+    }
+}

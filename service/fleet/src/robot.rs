@@ -1,0 +1,516 @@
+//! One robot's place in the fleet: its mailbox, its connection, and what its task last said.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use fleetcal_clock::Clock;
+use fleetcal_domain::limits::{SESSION_ENDS_AFTER, SESSION_ENDS_AFTER_TOKEN, STALE_AFTER};
+use fleetcal_domain::robot::{
+    AnnouncedTopic, Connection, CrossTrack, PairingReport, RobotConfig, RobotState, RobotView,
+    StreamView, Warning,
+};
+use fleetcal_estimator::Stamp;
+use fleetcal_estimator::advice::ranking::Ranked;
+use fleetcal_model::Stream;
+use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::CalibrationValues;
+use fleetcal_proto::estimate::EstimateDocument;
+
+use crate::cross_track::{CrossTracks, UsedValues};
+use crate::mailbox::Mailbox;
+use crate::plan::PlanAskers;
+use crate::tap::Taps;
+
+/// Seconds over which a stream's rate is taken.
+const RATE_WINDOW_S: usize = 5;
+
+/// Receipts of one stream.
+#[derive(Debug, Default)]
+struct Receipts {
+    messages: u64,
+    last_received_ns: Option<i64>,
+    /// `messages` at the last ticks, one a second, oldest first.
+    at_ticks: VecDeque<u64>,
+}
+
+impl Receipts {
+    fn rate_hz(&self) -> f64 {
+        let seconds = self.at_ticks.len().saturating_sub(1);
+        match (self.at_ticks.front(), self.at_ticks.back()) {
+            (Some(first), Some(last)) if seconds > 0 => (last - first) as f64 / seconds as f64,
+            _ => 0.0,
+        }
+    }
+}
+
+/// Whether a robot's session goes on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Session {
+    /// Nothing has come since the last one ended.
+    Ended,
+    /// Messages come, or may still come.
+    Open,
+}
+
+/// What is known of a robot's connection.
+#[derive(Debug)]
+struct Link {
+    streams: [Receipts; Stream::COUNT],
+    /// When it was last heard before the service started.
+    heard_before_ns: Option<i64>,
+    last_seen_ns: Option<i64>,
+    last_seen: Option<Duration>,
+    /// Whether its own token stands.
+    alive: bool,
+    /// The ROS 2 topics that it has announced.
+    topics: Arc<[AnnouncedTopic]>,
+    /// When the last token went, on the running clock.
+    token_gone: Option<Duration>,
+    session: Session,
+    /// State, staleness and presence as listeners last heard of them.
+    announced: Option<(RobotState, bool, bool)>,
+}
+
+impl Link {
+    fn is_alive(&self) -> bool {
+        self.alive || !self.topics.is_empty()
+    }
+}
+
+/// What the robot's task last said.
+#[derive(Debug)]
+struct Status {
+    config: Option<RobotConfig>,
+    /// Goes up with every change of `config`.
+    config_version: u64,
+    state: RobotState,
+    estimate: Option<Arc<EstimateDocument>>,
+    estimator_restarts: u32,
+    used: Used,
+    fresh: Option<(u64, Arc<EstimateDocument>)>,
+    /// What it should drive next, the best first.
+    manoeuvres: Arc<[Ranked]>,
+    pairing: Option<PairingReport>,
+    warnings: Vec<Warning>,
+}
+
+/// Values that a robot compensates with, and from which of its messages on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct InForce {
+    used: UsedValues,
+    /// From this stamp on, ns since 1970 by the clock of its messages.
+    from_stamp_ns: i64,
+}
+
+impl InForce {
+    /// As the agent says it, until its answer has come up among the messages.
+    const fn as_told(used: UsedValues) -> Self {
+        Self {
+            used,
+            from_stamp_ns: used.since_ns,
+        }
+    }
+}
+
+/// What a robot compensates with, as far as it has said.
+#[derive(Debug, Clone, PartialEq, Default)]
+struct Used {
+    /// Values, oldest first.
+    values: Vec<InForce>,
+    /// The generation to be verified, and since when it is in use by the agent's clock.
+    on_trial: Option<(u64, i64)>,
+    /// Answers that have not come up among the messages yet.
+    unheard: u32,
+}
+
+impl Used {
+    /// What the robot says now; of what it said before, the stamps are known. `true` when that is
+    /// something new.
+    fn follow(&mut self, values: &[UsedValues], on_trial: Option<(u64, i64)>) -> bool {
+        let known = |used: &UsedValues| {
+            let mut known = self.values.iter();
+            let known = known.find(|known| known.used == *used).copied();
+            known.unwrap_or(InForce::as_told(*used))
+        };
+        let values: Vec<InForce> = values.iter().map(known).collect();
+        let latest = |values: &[InForce]| values.last().map(|latest| latest.used);
+        let is_new = latest(&values) != latest(&self.values) || on_trial != self.on_trial;
+        self.values = values;
+        self.on_trial = on_trial;
+        is_new
+    }
+}
+
+/// One robot of the fleet.
+#[derive(Debug)]
+pub struct Robot {
+    /// Its id.
+    pub id: RobotId,
+    /// What waits for its task.
+    pub mailbox: Mailbox,
+    /// Those who want to see it from above.
+    pub plan_askers: PlanAskers,
+    /// Those who record it.
+    pub taps: Taps,
+    link: Mutex<Link>,
+    status: Mutex<Status>,
+    cross_tracks: Mutex<CrossTracks>,
+}
+
+/// The values behind the locks are whole after every statement, so the panic of another thread
+/// leaves nothing half done.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Robot {
+    /// A robot that has sent nothing yet.
+    pub fn new(id: RobotId, config: Option<RobotConfig>) -> Self {
+        let state = if config.is_some() {
+            RobotState::NoData
+        } else {
+            RobotState::Unregistered
+        };
+        Self {
+            id,
+            mailbox: Mailbox::default(),
+            plan_askers: PlanAskers::default(),
+            taps: Taps::default(),
+            link: Mutex::new(Link {
+                streams: Default::default(),
+                heard_before_ns: None,
+                last_seen_ns: None,
+                last_seen: None,
+                alive: false,
+                topics: Arc::from([]),
+                token_gone: None,
+                session: Session::Ended,
+                announced: None,
+            }),
+            status: Mutex::new(Status {
+                config,
+                config_version: 0,
+                state,
+                estimate: None,
+                estimator_restarts: 0,
+                used: Used::default(),
+                fresh: None,
+                manoeuvres: Arc::from([]),
+                pairing: None,
+                warnings: Vec::new(),
+            }),
+            cross_tracks: Mutex::default(),
+        }
+    }
+
+    /// Takes when it was last heard before the service started, wall time.
+    pub fn restore_last_heard(&self, heard_ns: i64) {
+        lock(&self.link).heard_before_ns = Some(heard_ns);
+    }
+
+    /// Notes that a message came on `stream`.
+    pub fn received(&self, stream: Stream, clock: &dyn Clock) {
+        let (now_ns, now) = (clock.now_ns(), clock.elapsed());
+        let mut link = lock(&self.link);
+        link.last_seen_ns = Some(now_ns);
+        link.last_seen = Some(now);
+        link.session = Session::Open;
+        if let Some(receipts) = link.streams.get_mut(stream.index()) {
+            receipts.messages += 1;
+            receipts.last_received_ns = Some(now_ns);
+        }
+    }
+
+    /// Notes that the robot's liveliness token came or went.
+    pub fn set_alive(&self, alive: bool, clock: &dyn Clock) {
+        let mut link = lock(&self.link);
+        link.alive = alive;
+        link.token_gone = (!link.is_alive()).then(|| clock.elapsed());
+    }
+
+    /// Takes which ROS 2 topics it has announced: with the last of them it is gone, as with a
+    /// token.
+    pub fn set_topics(&self, topics: Vec<AnnouncedTopic>, clock: &dyn Clock) {
+        let mut link = lock(&self.link);
+        let was_there = link.is_alive();
+        link.topics = Arc::from(topics);
+        if was_there != link.is_alive() {
+            link.token_gone = was_there.then(|| clock.elapsed());
+        }
+    }
+
+    /// Once a second: moves the rates on.
+    pub fn tick(&self) {
+        for receipts in &mut lock(&self.link).streams {
+            receipts.at_ticks.push_back(receipts.messages);
+            if receipts.at_ticks.len() > RATE_WINDOW_S + 1 {
+                receipts.at_ticks.pop_front();
+            }
+        }
+    }
+
+    /// Whether the session has just ended: its token went or nothing came for long, and all that
+    /// came is worked through. Says so once.
+    pub fn session_just_ended(&self, clock: &dyn Clock) -> bool {
+        let now = clock.elapsed();
+        let mut link = lock(&self.link);
+        let quiet = link
+            .last_seen
+            .map_or(Duration::MAX, |seen| now.saturating_sub(seen));
+        let gone = link.token_gone.is_some_and(|gone| {
+            now.saturating_sub(gone) >= SESSION_ENDS_AFTER_TOKEN
+                && quiet >= SESSION_ENDS_AFTER_TOKEN
+        });
+        let over = gone || quiet >= SESSION_ENDS_AFTER;
+        let ends = link.session == Session::Open && over && self.mailbox.is_idle();
+        if ends {
+            link.session = Session::Ended;
+        }
+        ends
+    }
+
+    /// How long nothing has come; `None` when nothing ever has.
+    pub fn quiet_for(&self, clock: &dyn Clock) -> Option<Duration> {
+        lock(&self.link)
+            .last_seen
+            .map(|seen| clock.elapsed().saturating_sub(seen))
+    }
+
+    /// State, staleness and presence, when they differ from what was announced last.
+    pub fn to_announce(&self, clock: &dyn Clock) -> Option<(RobotState, bool, bool)> {
+        let state = self.state();
+        let stale = self.is_stale(clock);
+        let mut link = lock(&self.link);
+        let now = (state, stale, link.is_alive());
+        if link.announced == Some(now) {
+            return None;
+        }
+        link.announced = Some(now);
+        Some(now)
+    }
+
+    fn is_stale(&self, clock: &dyn Clock) -> bool {
+        self.quiet_for(clock)
+            .is_none_or(|quiet| quiet >= STALE_AFTER)
+    }
+
+    /// Where the robot stands.
+    pub fn state(&self) -> RobotState {
+        lock(&self.status).state
+    }
+
+    /// Whether it has a configuration.
+    pub fn is_configured(&self) -> bool {
+        lock(&self.status).config.is_some()
+    }
+
+    /// The number that goes up with every change of the configuration.
+    pub fn config_version(&self) -> u64 {
+        lock(&self.status).config_version
+    }
+
+    /// Its configuration, and a number that goes up with every change of it.
+    pub fn versioned_config(&self) -> Option<(u64, RobotConfig)> {
+        let status = lock(&self.status);
+        Some((status.config_version, status.config.clone()?))
+    }
+
+    /// The latest estimate.
+    pub fn estimate(&self) -> Option<Arc<EstimateDocument>> {
+        lock(&self.status).estimate.clone()
+    }
+
+    /// Gives the robot a configuration and says what it had before. The same one again changes
+    /// nothing.
+    pub fn set_config(&self, config: RobotConfig) -> Option<RobotConfig> {
+        let mut status = lock(&self.status);
+        if status.config.as_ref() == Some(&config) {
+            return status.config.clone();
+        }
+        status.config_version += 1;
+        status.state = RobotState::NoData;
+        status.estimate = None;
+        status.manoeuvres = Arc::from([]);
+        status.pairing = None;
+        status.warnings = Vec::new();
+        status.config.replace(config)
+    }
+
+    /// Takes what the robot's task has to say.
+    pub fn set_state(&self, state: RobotState) {
+        lock(&self.status).state = state;
+    }
+
+    /// Takes a new estimate.
+    pub fn set_estimate(&self, estimate: Arc<EstimateDocument>) {
+        lock(&self.status).estimate = Some(estimate);
+    }
+
+    /// Takes how well its steering and speed fit together.
+    pub fn set_pairing(&self, report: PairingReport) {
+        lock(&self.status).pairing = Some(report);
+    }
+
+    /// Takes what looks wrong with what it sends; whether that is another than before.
+    pub fn set_warnings(&self, warnings: Vec<Warning>) -> bool {
+        let mut status = lock(&self.status);
+        let changed = status.warnings != warnings;
+        status.warnings = warnings;
+        changed
+    }
+
+    /// Takes what the robot should drive next, the best first.
+    pub fn set_manoeuvres(&self, ranked: Vec<Ranked>) {
+        lock(&self.status).manoeuvres = Arc::from(ranked);
+    }
+
+    /// What the robot should drive next, the best first.
+    pub fn manoeuvres(&self) -> Arc<[Ranked]> {
+        Arc::clone(&lock(&self.status).manoeuvres)
+    }
+
+    /// Takes what the robot compensates with, oldest first, and the generation to be verified with
+    /// since when it is in use by the agent's clock. Both count from the messages on that come
+    /// after this.
+    pub fn set_used(&self, values: &[UsedValues], on_trial: Option<(u64, i64)>) {
+        {
+            let mut status = lock(&self.status);
+            let fresh = status.fresh.take();
+            let generation = on_trial.map(|(generation, _)| generation);
+            status.fresh = fresh.filter(|(of, _)| Some(*of) == generation);
+            if !status.used.follow(values, on_trial) {
+                return;
+            }
+            status.used.unheard = status.used.unheard.saturating_add(1);
+        }
+        if !self.mailbox.push_values_heard() {
+            self.count_heard();
+        }
+    }
+
+    fn count_heard(&self) {
+        let mut status = lock(&self.status);
+        status.used.unheard = status.used.unheard.saturating_sub(1);
+    }
+
+    /// The robot's answer has come up among its messages, of which `newest` is the newest: what it
+    /// said counts from there on, whatever time the agent's clock shows.
+    pub fn values_heard(&self, newest: Stamp) {
+        self.count_heard();
+        let mut status = lock(&self.status);
+        if let Some(latest) = status.used.values.last_mut() {
+            latest.from_stamp_ns = latest.from_stamp_ns.min(newest.0);
+        }
+    }
+
+    /// The clock of its messages went back: what it said last counts for all that comes.
+    pub fn clock_went_back(&self) {
+        let mut status = lock(&self.status);
+        if let Some(latest) = status.used.values.last_mut() {
+            latest.from_stamp_ns = i64::MIN;
+        }
+    }
+
+    /// What the robot compensated with at `stamp_ns`; of a time before it has said so, the first
+    /// that it said.
+    pub fn values_at(&self, stamp_ns: i64) -> Option<CalibrationValues> {
+        self.used_at(stamp_ns).map(|used| used.values)
+    }
+
+    fn used_at(&self, stamp_ns: i64) -> Option<UsedValues> {
+        let status = lock(&self.status);
+        let values = &status.used.values;
+        let mut latest_first = values.iter().rev();
+        let then = latest_first.find(|one| one.from_stamp_ns <= stamp_ns);
+        then.or(values.first()).map(|one| one.used)
+    }
+
+    /// Takes how far the robot was off its path, m; without a stamp it is of now.
+    pub fn take_cross_track_error(&self, stamp_ns: Option<i64>, error_m: f64) {
+        let used = self.used_at(stamp_ns.unwrap_or(i64::MAX));
+        let generation = used.map_or(0, |used| used.generation);
+        lock(&self.cross_tracks).add(generation, error_m);
+    }
+
+    /// How well it follows its path, by generation.
+    pub fn cross_tracks(&self) -> BTreeMap<u64, CrossTrack> {
+        lock(&self.cross_tracks).all().clone()
+    }
+
+    /// What of that has changed since this was last asked.
+    pub fn unsaved_cross_tracks(&self) -> Vec<(u64, CrossTrack)> {
+        lock(&self.cross_tracks).take_unsaved()
+    }
+
+    /// Goes on from what was stored.
+    pub fn restore_cross_tracks(&self, stored: BTreeMap<u64, CrossTrack>) {
+        *lock(&self.cross_tracks) = CrossTracks::of(stored);
+    }
+
+    /// The generation to be verified, and since when it is in use by the agent's clock; `None`
+    /// while messages wait that came before the robot said so.
+    pub fn on_trial(&self) -> Option<(u64, i64)> {
+        let status = lock(&self.status);
+        status.used.on_trial.filter(|_| status.used.unheard == 0)
+    }
+
+    /// Takes an estimate of the generation on trial.
+    pub fn set_fresh(&self, generation: u64, estimate: Arc<EstimateDocument>) {
+        let mut status = lock(&self.status);
+        if status
+            .used
+            .on_trial
+            .is_some_and(|(on_trial, _)| on_trial == generation)
+        {
+            status.fresh = Some((generation, estimate));
+        }
+    }
+
+    /// Counts a restart of the estimator and says how many there were.
+    pub fn count_restart(&self) -> u32 {
+        let mut status = lock(&self.status);
+        status.estimator_restarts = status.estimator_restarts.saturating_add(1);
+        status.estimator_restarts
+    }
+
+    /// The robot as the rest of the service sees it.
+    pub fn view(&self, clock: &dyn Clock) -> RobotView {
+        let stale = self.is_stale(clock);
+        let topics = Arc::clone(&lock(&self.link).topics);
+        let connection = {
+            let link = lock(&self.link);
+            let streams = Stream::ALL.iter().copied().zip(&link.streams);
+            Connection {
+                last_seen_ns: link.last_seen_ns,
+                heard_before_ns: link.heard_before_ns,
+                stale,
+                alive: link.is_alive(),
+                streams: streams
+                    .filter(|(_, receipts)| receipts.messages > 0)
+                    .map(|(stream, receipts)| StreamView {
+                        stream,
+                        messages: receipts.messages,
+                        rate_hz: receipts.rate_hz(),
+                        last_received_ns: receipts.last_received_ns,
+                    })
+                    .collect(),
+            }
+        };
+        let counters = self.mailbox.counters();
+        let status = lock(&self.status);
+        RobotView {
+            id: self.id.clone(),
+            config: status.config.clone(),
+            state: status.state,
+            connection,
+            estimate: status.estimate.clone(),
+            fresh: status.fresh.clone(),
+            counters,
+            estimator_restarts: status.estimator_restarts,
+            pairing: status.pairing,
+            warnings: status.warnings.clone(),
+            topics,
+        }
+    }
+}

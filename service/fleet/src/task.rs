@@ -1,0 +1,545 @@
+//! One robot's task: takes what waits in the mailbox, feeds the pure estimator, and does what the
+//! estimator asks for.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+use fleetcal_domain::limits::{
+    ADVICE_EVERY_S, CHECKPOINT_EVERY_S, ESTIMATOR_RESTARTS_MAX, PLAN_EVERY_S,
+};
+use fleetcal_domain::robot::{
+    DriveSignal, HistoryEvent, Mount, RobotConfig, RobotState, ServiceEvent, ServiceEventKind,
+    Warning,
+};
+use fleetcal_estimator::calibrator::{CalibratorConfig, Plan};
+use fleetcal_estimator::lidar_odometry::BeamTimes;
+use fleetcal_estimator::{Calibrator, Checkpoint, Effect, Event, Stamp};
+use fleetcal_model::{ChangeKind, Parameter, ParameterStatus, Stream};
+use fleetcal_proto::estimate::EstimateDocument;
+use fleetcal_proto::message_type::Form;
+use fleetcal_robot::recording::SessionTopic;
+use serde::{Deserialize, Serialize};
+
+use crate::decode::{self, Decoded};
+use crate::document;
+use crate::intake::Intake;
+use crate::live::LiveUpdate;
+use crate::mailbox::{Item, Message, Outcome};
+use crate::plan;
+use crate::pose::LatestPose;
+use crate::reading::ReadingSettings;
+use crate::registry::Fleet;
+use crate::robot::Robot;
+use crate::tap::Tapped;
+use crate::trial::Trial;
+
+/// The parameters that have to be known for a robot to be called calibrated.
+const CALIBRATED: [Parameter; 4] = [
+    Parameter::SteeringOffset,
+    Parameter::LidarX,
+    Parameter::LidarY,
+    Parameter::LidarYaw,
+];
+
+/// A stored estimator: its state, and what it was made with. A robot that is configured otherwise
+/// by now begins from nothing.
+#[derive(Debug, Serialize, Deserialize)]
+struct Stored {
+    config: CalibratorConfig,
+    calibrator: Checkpoint,
+}
+
+/// Runs until the fleet stops and the mailbox is empty.
+pub async fn run(fleet: Arc<Fleet>, robot: Arc<Robot>, stored: Option<String>) {
+    let Some((version, config)) = robot.versioned_config() else {
+        return;
+    };
+    let mut task = RobotTask::start(fleet, robot, version, &config, stored.as_deref());
+    loop {
+        while let Some(item) = task.robot.mailbox.take() {
+            task.take(item);
+            task.answer_plan_askers();
+            // A scan takes a millisecond: let the API and the other robots have theirs.
+            tokio::task::yield_now().await;
+        }
+        if task.fleet.stop.is_cancelled() {
+            break;
+        }
+        tokio::select! {
+            () = task.robot.mailbox.arrived() => {}
+            () = task.fleet.stop.cancelled() => {}
+        }
+        task.follow_config();
+        task.answer_plan_askers();
+    }
+    task.save_checkpoint();
+    drop(task.robot.plan_askers.take());
+}
+
+/// What the estimator is doing.
+#[derive(Debug)]
+enum Engine {
+    /// It works.
+    Running(Box<Calibrator>),
+    /// It failed too often.
+    Stopped,
+}
+
+#[derive(Debug)]
+struct RobotTask {
+    fleet: Arc<Fleet>,
+    robot: Arc<Robot>,
+    version: u64,
+    drive: DriveSignal,
+    intake: Intake,
+    rear_axle_in_base_link: Option<Mount>,
+    config: CalibratorConfig,
+    engine: Engine,
+    /// The last state that was stored, to go on from after a panic.
+    last_good: Option<Checkpoint>,
+    checkpointed: Option<Stamp>,
+    /// When the manoeuvres were ranked last.
+    advised: Option<Stamp>,
+    newest: Stamp,
+    /// The last pose of the rear axle that was handed to those who record.
+    tapped_pose: LatestPose,
+    /// The plan that was asked for last, and the newest message then.
+    plan: Option<(Stamp, Arc<Plan>)>,
+    /// Whether a change was seen and the new values are not known yet.
+    changed: bool,
+    /// What proves the values that the robot has begun to use.
+    trial: Option<Trial>,
+}
+
+impl RobotTask {
+    fn start(
+        fleet: Arc<Fleet>,
+        robot: Arc<Robot>,
+        version: u64,
+        config: &RobotConfig,
+        stored: Option<&str>,
+    ) -> Self {
+        let drive = config.drive;
+        let rear_axle_in_base_link = config.rear_axle_in_base_link;
+        let intake = Intake::new(ReadingSettings {
+            scans: config.scans(),
+            streams: config.streams.clone(),
+        });
+        let config = config.calibrator_config(&fleet.estimator);
+        let restored = stored.and_then(|json| restore(&robot, &config, json));
+        let last_good = restored.as_ref().map(Calibrator::checkpoint);
+        let calibrator = restored.unwrap_or_else(|| Calibrator::new(config.clone()));
+        let mut task = Self {
+            fleet,
+            robot,
+            version,
+            drive,
+            intake,
+            rear_axle_in_base_link,
+            config,
+            engine: Engine::Running(Box::new(calibrator)),
+            last_good,
+            checkpointed: None,
+            advised: None,
+            newest: Stamp(0),
+            tapped_pose: LatestPose::default(),
+            plan: None,
+            changed: false,
+            trial: None,
+        };
+        if task.last_good.is_some() {
+            task.show_restored();
+        }
+        task
+    }
+
+    /// Shows the estimate that was restored before the robot sends anything.
+    fn show_restored(&mut self) {
+        let Engine::Running(calibrator) = &self.engine else {
+            return;
+        };
+        let estimate = calibrator.estimate();
+        if estimate.stamp.0 <= 0 {
+            return;
+        }
+        let document = document::estimate_document(&self.robot.id, &estimate);
+        if document::is_finite(&document) {
+            self.robot.set_state(state_of(&document, false));
+            self.robot.set_estimate(Arc::new(document));
+        }
+    }
+
+    /// Begins anew when the robot was configured otherwise.
+    fn follow_config(&mut self) {
+        if self.robot.config_version() == self.version {
+            return;
+        }
+        if let Some((version, config)) = self.robot.versioned_config() {
+            let (fleet, robot) = (Arc::clone(&self.fleet), Arc::clone(&self.robot));
+            *self = Self::start(fleet, robot, version, &config, None);
+        }
+    }
+
+    fn take(&mut self, item: Item) {
+        self.follow_config();
+        match item {
+            Item::Message(message) => {
+                let outcome = self.take_message(&message);
+                if let Outcome::Refused(reason) = &outcome {
+                    tracing::debug!(robot.id = %self.robot.id, reason, "message refused");
+                }
+                self.robot.mailbox.finish(outcome);
+            }
+            Item::Note(note) => {
+                self.step(Event::Note(note));
+            }
+            Item::EndOfSession => {
+                self.step(Event::EndOfSession);
+                self.save_checkpoint();
+            }
+            Item::ValuesHeard => self.robot.values_heard(self.newest),
+        }
+    }
+
+    fn take_message(&mut self, message: &Message) -> Outcome {
+        let Message {
+            stream,
+            form,
+            payload,
+        } = message;
+        let taken = match self.intake.take(*stream, *form, payload) {
+            Ok(taken) => taken,
+            Err(refused) => return Outcome::Refused(refused.to_string()),
+        };
+        self.robot.taps.offer(|| {
+            let topic = self.session_topic(*stream, *form)?;
+            Some(Tapped::Message {
+                stamp: taken.stamp,
+                topic,
+                payload: payload.as_slice().into(),
+            })
+        });
+        if let Some(pairing) = self.intake.pairing() {
+            self.robot.set_pairing(pairing);
+        }
+        for decoded in taken.events {
+            let outcome = self.take_decoded(decoded);
+            if let Outcome::Refused(_) = outcome {
+                return outcome;
+            }
+        }
+        Outcome::Processed {
+            stamp_ns: taken.stamp.0,
+        }
+    }
+
+    /// What a session calls a stream; `None` of what is no ROS 2 message.
+    fn session_topic(&self, stream: Stream, form: Form) -> Option<SessionTopic> {
+        let name = self.intake.topic(stream).unwrap_or(stream.name());
+        Some(SessionTopic {
+            topic: format!("/{}/{name}", self.robot.id),
+            message_type: self.intake.message_type(stream, form)?,
+            encoding: form.encoding,
+        })
+    }
+
+    fn take_decoded(&mut self, decoded: Decoded) -> Outcome {
+        let Decoded { stamp, event, note } = decoded;
+        let event = match self.raw(event) {
+            Ok(event) => event,
+            Err(reason) => return Outcome::Refused(reason),
+        };
+        if let Some(note) = note {
+            self.robot.taps.offer(|| Some(Tapped::of_note(&note)));
+            self.fleet.record(&self.robot.id, HistoryEvent::Note(note));
+        }
+        if !self.step(event) {
+            return Outcome::Refused("the robot's estimator is stopped after a fault".to_owned());
+        }
+        self.newest = self.newest.max(stamp);
+        let due = |last: Option<Stamp>, every_s: f64| {
+            last.is_none_or(|last| stamp.seconds_since(last) >= every_s || stamp < last)
+        };
+        if due(self.checkpointed, CHECKPOINT_EVERY_S) {
+            self.checkpointed = Some(stamp);
+            self.save_checkpoint();
+        }
+        if due(self.advised, ADVICE_EVERY_S) {
+            self.advised = Some(stamp);
+            self.advise();
+        }
+        if self.robot.state() == RobotState::NoData {
+            self.robot.set_state(RobotState::Learning);
+        }
+        Outcome::Processed { stamp_ns: stamp.0 }
+    }
+
+    /// Ranks what the robot should drive next, and says what looks wrong.
+    fn advise(&self) {
+        self.warn();
+        if let Engine::Running(calibrator) = &self.engine {
+            self.robot.set_manoeuvres(calibrator.next_manoeuvres(None));
+        }
+    }
+
+    /// Draws up the robot's plan for those who have asked.
+    fn answer_plan_askers(&mut self) {
+        let askers = self.robot.plan_askers.take();
+        if askers.is_empty() {
+            return;
+        }
+        let plan = self.plan_now();
+        for asker in askers {
+            // Whoever has gone meanwhile is no matter.
+            drop(asker.send(plan.clone()));
+        }
+    }
+
+    fn plan_now(&mut self) -> plan::Answer {
+        let newest = self.newest;
+        let is_recent = |at: Stamp| newest.seconds_since(at).abs() < PLAN_EVERY_S;
+        if let Some((at, plan)) = &self.plan
+            && is_recent(*at)
+        {
+            return Some(Arc::clone(plan));
+        }
+        let Engine::Running(calibrator) = &self.engine else {
+            return None;
+        };
+        let drawn = catch_unwind(AssertUnwindSafe(|| calibrator.plan(&plan::LIMITS)));
+        let plan = drawn.unwrap_or_else(|_| {
+            self.fleet.count_panic();
+            tracing::error!(robot.id = %self.robot.id, "the plan could not be drawn up");
+            None
+        });
+        self.plan = plan.map(|plan| (newest, Arc::new(plan)));
+        self.plan.as_ref().map(|(_, plan)| Arc::clone(plan))
+    }
+
+    fn warn(&self) {
+        let estimate = self.robot.estimate();
+        let mut warnings = Vec::new();
+        if self.intake.looks_commanded(estimate.as_deref()) {
+            warnings.push(Warning::steering_looks_commanded());
+        }
+        if let Engine::Running(calibrator) = &self.engine
+            && matches!(calibrator.scanner().beam_times, BeamTimes::Turning { .. })
+        {
+            warnings.push(Warning::scan_beam_times_missing());
+        }
+        let kinds: Vec<_> = warnings.iter().map(|warning| warning.kind).collect();
+        if self.robot.set_warnings(warnings) && !kinds.is_empty() {
+            tracing::warn!(robot.id = %self.robot.id, ?kinds, "what the robot sends looks wrong");
+        }
+    }
+
+    /// What the sensor measured, where the robot takes off what it compensates with.
+    fn raw(&self, event: Event) -> Result<Event, String> {
+        let Event::Drive(sample) = &event else {
+            return Ok(event);
+        };
+        if self.drive == DriveSignal::Raw {
+            return Ok(event);
+        }
+        let Some(values) = self.robot.values_at(sample.stamp().0) else {
+            return Err(
+                "drive: the robot is declared compensated and has not reported what it applies; \
+                 accepted is drive = \"raw\" until then"
+                    .to_owned(),
+            );
+        };
+        decode::added_back(sample, &values)
+            .map(Event::Drive)
+            .map_err(|refused| refused.to_string())
+    }
+
+    /// Feeds the estimator, and the one of the values on trial. `false` when it is stopped, or failed on this event.
+    fn step(&mut self, event: Event) -> bool {
+        let scanner = || match &self.engine {
+            Engine::Running(calibrator) => Some(calibrator.learnt_scanner()),
+            Engine::Stopped => None,
+        };
+        self.trial = Trial::follow(self.trial.take(), &self.robot, &self.config, scanner)
+            .and_then(|trial| trial.take(&self.robot, &event));
+        let Engine::Running(calibrator) = &mut self.engine else {
+            return false;
+        };
+        // After a panic the calibrator may be half changed: it is thrown away.
+        let step = self.fleet.step;
+        let Ok(effects) = catch_unwind(AssertUnwindSafe(|| step(calibrator, event))) else {
+            self.restart("it panicked");
+            return false;
+        };
+        for effect in effects {
+            if !self.perform(effect) {
+                self.restart("its numbers are no longer finite");
+                return false;
+            }
+        }
+        if self.robot.taps.is_open() {
+            self.tap_pose();
+        }
+        true
+    }
+
+    /// Hands on where the rear axle is, when that is new.
+    fn tap_pose(&mut self) {
+        let Engine::Running(calibrator) = &self.engine else {
+            return;
+        };
+        if let Some((stamp, pose)) = self.tapped_pose.advance(calibrator) {
+            self.robot.taps.offer(|| Some(Tapped::Pose(stamp, pose)));
+        }
+    }
+
+    /// Does what the estimator asks for. `false` when what it says is no estimate.
+    fn perform(&mut self, effect: Effect) -> bool {
+        match effect {
+            Effect::Estimate(estimate) => {
+                let document = document::estimate_document(&self.robot.id, &estimate);
+                if !document::is_finite(&document) {
+                    return false;
+                }
+                self.publish(document);
+            }
+            Effect::Change(change) => {
+                let change = document::change_document(&change);
+                self.changed |= change.kind == ChangeKind::CalibrationChanged;
+                let taps = &self.robot.taps;
+                taps.offer(|| Some(Tapped::Change(change.clone())));
+                self.fleet
+                    .record(&self.robot.id, HistoryEvent::Change(change));
+            }
+            // The same event, complete: the journal keeps it once.
+            Effect::ChangeSized(change) => {
+                let change = document::change_document(&change);
+                let taps = &self.robot.taps;
+                taps.offer(|| Some(Tapped::Change(change.clone())));
+                self.fleet
+                    .record(&self.robot.id, HistoryEvent::Change(change));
+            }
+            // The estimator has counted it; its counts stand in every estimate.
+            Effect::Dropped(_) => {}
+            Effect::SessionStarted(stamp) => {
+                self.robot.clock_went_back();
+                self.record_service_event(ServiceEventKind::SessionStarted, stamp, String::new());
+            }
+        }
+        true
+    }
+
+    fn publish(&mut self, mut document: EstimateDocument) {
+        let rear_axle = self.rear_axle_in_base_link.as_ref();
+        document.lidar_in_base_link =
+            rear_axle.map(|axle| document::lidar_in_base_link(axle, &document.parameters));
+        let state = state_of(&document, self.changed);
+        self.changed = state == RobotState::Changed;
+        let document = Arc::new(document);
+        let taps = &self.robot.taps;
+        taps.offer(|| Some(Tapped::Estimate(Arc::clone(&document))));
+        self.robot.set_state(state);
+        self.robot.set_estimate(Arc::clone(&document));
+        self.fleet.journal.record_history(&self.robot.id, &document);
+        let robot = self.robot.id.clone();
+        self.fleet
+            .announce(LiveUpdate::Estimate { robot, document });
+    }
+
+    /// Starts the estimator anew after a fault: from the last stored state, and from nothing when
+    /// that fails before it could be stored again.
+    fn restart(&mut self, why: &str) {
+        self.fleet.count_panic();
+        let restarts = self.robot.count_restart();
+        if restarts > ESTIMATOR_RESTARTS_MAX {
+            tracing::error!(robot.id = %self.robot.id, restarts, "estimator stopped: {why}");
+            self.engine = Engine::Stopped;
+            self.robot.set_state(RobotState::Failed);
+            let note = format!("{why}, {restarts} times");
+            self.record_service_event(ServiceEventKind::EstimatorStopped, self.newest, note);
+            return;
+        }
+        tracing::error!(robot.id = %self.robot.id, restarts, "estimator started anew: {why}");
+        let calibrator = self
+            .last_good
+            .take()
+            .and_then(|checkpoint| Calibrator::restore(self.config.clone(), &checkpoint).ok())
+            .unwrap_or_else(|| Calibrator::new(self.config.clone()));
+        self.engine = Engine::Running(Box::new(calibrator));
+        self.plan = None;
+        let note = why.to_owned();
+        self.record_service_event(ServiceEventKind::EstimatorRestarted, self.newest, note);
+    }
+
+    fn record_service_event(&self, kind: ServiceEventKind, stamp: Stamp, note: String) {
+        let event = ServiceEvent {
+            kind,
+            stamp_ns: stamp.0,
+            note,
+        };
+        let taps = &self.robot.taps;
+        taps.offer(|| Some(Tapped::of_service_event(&event)));
+        self.fleet
+            .record(&self.robot.id, HistoryEvent::Service(event));
+    }
+
+    fn save_checkpoint(&mut self) {
+        let Engine::Running(calibrator) = &self.engine else {
+            return;
+        };
+        if self.newest.0 <= 0 {
+            return;
+        }
+        let checkpoint = calibrator.checkpoint();
+        self.last_good = Some(checkpoint.clone());
+        let stored = Stored {
+            config: self.config.clone(),
+            calibrator: checkpoint,
+        };
+        match serde_json::to_string(&stored) {
+            Ok(json) => self
+                .fleet
+                .journal
+                .save_checkpoint(&self.robot.id, self.newest.0, json),
+            Err(error) => {
+                tracing::error!(robot.id = %self.robot.id, %error, "checkpoint not written");
+            }
+        }
+    }
+}
+
+fn restore(robot: &Robot, config: &CalibratorConfig, json: &str) -> Option<Calibrator> {
+    let stored: Stored = match serde_json::from_str(json) {
+        Ok(stored) => stored,
+        Err(error) => {
+            tracing::warn!(robot.id = %robot.id, %error, "stored estimator cannot be read");
+            return None;
+        }
+    };
+    if stored.config != *config {
+        tracing::info!(robot.id = %robot.id, "configured otherwise: estimator begins from nothing");
+        return None;
+    }
+    match Calibrator::restore(config.clone(), &stored.calibrator) {
+        Ok(calibrator) => Some(calibrator),
+        Err(error) => {
+            tracing::warn!(robot.id = %robot.id, %error, "estimator begins from nothing");
+            None
+        }
+    }
+}
+
+/// Where a robot stands by its estimate.
+fn state_of(document: &EstimateDocument, changed: bool) -> RobotState {
+    let known = CALIBRATED.iter().all(|&name| {
+        let status = document.parameters.get(name).status;
+        matches!(
+            status,
+            ParameterStatus::Converged | ParameterStatus::Fixed | ParameterStatus::Off
+        )
+    });
+    match (known, changed) {
+        (true, _) => RobotState::Calibrated,
+        (false, true) => RobotState::Changed,
+        (false, false) => RobotState::Learning,
+    }
+}

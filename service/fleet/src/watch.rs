@@ -1,0 +1,71 @@
+//! The fleet's one periodic task: rates, staleness, the end of sessions.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::time::MissedTickBehavior;
+
+use crate::live::LiveUpdate;
+use crate::registry::Fleet;
+
+/// How often the fleet is looked at.
+const LOOK_EVERY: Duration = Duration::from_millis(250);
+/// Looks in a second: rates are taken, and states announced, once a second.
+const LOOKS_PER_SECOND: u32 = 4;
+
+/// Looks between two rounds of storing how well robots follow their paths.
+const LOOKS_PER_SAVE: u32 = 40;
+
+/// Runs until the fleet stops.
+pub async fn run(fleet: Arc<Fleet>) {
+    let mut ticks = tokio::time::interval(LOOK_EVERY);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut looks = 0_u32;
+    loop {
+        tokio::select! {
+            () = fleet.stop.cancelled() => {
+                save_cross_tracks(&fleet);
+                return;
+            }
+            _ = ticks.tick() => {}
+        }
+        looks = looks.wrapping_add(1);
+        look(&fleet, looks.is_multiple_of(LOOKS_PER_SECOND));
+        if looks.is_multiple_of(LOOKS_PER_SAVE) {
+            save_cross_tracks(&fleet);
+        }
+    }
+}
+
+fn save_cross_tracks(fleet: &Fleet) {
+    for robot in fleet.all() {
+        for (generation, errors) in robot.unsaved_cross_tracks() {
+            fleet
+                .journal
+                .save_cross_track(&robot.id, generation, &errors);
+        }
+    }
+}
+
+/// Looks once at every robot.
+pub fn look(fleet: &Fleet, whole_second: bool) {
+    let clock = &*fleet.clock;
+    for robot in fleet.all() {
+        if robot.session_just_ended(clock) {
+            robot.mailbox.end_session();
+        }
+        if !whole_second {
+            continue;
+        }
+        robot.tick();
+        if let Some((state, stale, alive)) = robot.to_announce(clock) {
+            let robot = robot.id.clone();
+            fleet.announce(LiveUpdate::RobotState {
+                robot,
+                state,
+                stale,
+                alive,
+            });
+        }
+    }
+}

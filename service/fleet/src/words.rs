@@ -1,0 +1,34 @@
+//! What documents say, in words for people.
+
+use fleetcal_model::Unit;
+use fleetcal_proto::estimate::ChangeDocument;
+
+/// A change or fault in one line.
+pub fn event(event: &ChangeDocument) -> String {
+    let kind = word(&event.kind);
+    let cause = word(&event.cause);
+    let changes: Vec<String> = event
+        .change
+        .iter()
+        .map(|(name, by)| match name.unit() {
+            Unit::Radian => format!("{} {:+.3}°", word(name), by.to_degrees()),
+            Unit::Metre => format!("{} {:+.1} mm", word(name), by * 1e3),
+            Unit::Second => format!("{} {:+.1} ms", word(name), by * 1e3),
+            Unit::One => format!("{} {by:+.5}", word(name)),
+        })
+        .collect();
+    format!(
+        "{kind} ({cause}) at {:.1} s, since {:.1} s: {}",
+        event.time_s,
+        event.onset_s,
+        changes.join(", ")
+    )
+}
+
+/// The word that documents use, with spaces.
+pub fn word(value: &impl serde::Serialize) -> String {
+    match serde_json::to_value(value) {
+        Ok(serde_json::Value::String(word)) => word.replace('_', " "),
+        _ => String::new(),
+    }
+}

@@ -1,0 +1,517 @@
+//! Which connections and requests are served when more come than there are places.
+//!
+//! A new connection always gets a place while any other waits for its peer: that of the address
+//! with the most connections that has waited longest goes. So peers that are silent, slow or do not
+//! read take places from each other, and a probe that asks at once is answered at once.
+
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, HashMap};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use fleetcal_clock::SharedClock;
+use fleetcal_domain::limits;
+use tokio_util::sync::CancellationToken;
+
+use super::client_address::PeerAddress;
+use super::progress::{Overdue, Progress};
+use super::shares::{Share, Shares};
+use crate::trusted_proxies::TrustedProxies;
+
+/// Why a connection or request was not served.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Turned {
+    /// Its address has as many connections as it may have.
+    AddressConnections,
+    /// Every place is taken by a connection that the service works for.
+    Places,
+    /// It waited for its peer longest when a place was needed.
+    Evicted,
+    /// No whole header came in time.
+    HeaderTimeout,
+    /// No whole body came in time.
+    BodyTimeout,
+    /// Its peer did not read the answer.
+    WriteStalled,
+    /// Its address has as many requests under way as it may have.
+    AddressRequests,
+    /// As many requests are under way as there may be.
+    Requests,
+    /// Its header was too large.
+    HeaderBytes,
+    /// It was meant for another host.
+    Host,
+    /// Too many event streams: all together, of one caller, or of one address.
+    Streams,
+}
+
+impl Turned {
+    /// Every reason.
+    pub const ALL: [Self; 11] = [
+        Self::AddressConnections,
+        Self::Places,
+        Self::Evicted,
+        Self::HeaderTimeout,
+        Self::BodyTimeout,
+        Self::WriteStalled,
+        Self::AddressRequests,
+        Self::Requests,
+        Self::HeaderBytes,
+        Self::Host,
+        Self::Streams,
+    ];
+
+    /// Its name in `/metrics`.
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::AddressConnections => "address_connections",
+            Self::Places => "places",
+            Self::Evicted => "evicted",
+            Self::HeaderTimeout => "header_timeout",
+            Self::BodyTimeout => "body_timeout",
+            Self::WriteStalled => "write_stalled",
+            Self::AddressRequests => "address_requests",
+            Self::Requests => "requests",
+            Self::HeaderBytes => "header_bytes",
+            Self::Host => "host",
+            Self::Streams => "streams",
+        }
+    }
+}
+
+impl From<Overdue> for Turned {
+    fn from(overdue: Overdue) -> Self {
+        match overdue {
+            Overdue::Header => Self::HeaderTimeout,
+            Overdue::Body => Self::BodyTimeout,
+            Overdue::Write => Self::WriteStalled,
+        }
+    }
+}
+
+/// The connections that are open, and what was turned away.
+#[derive(Debug, Clone)]
+pub struct Connections(Arc<Inner>);
+
+#[derive(Debug)]
+struct Inner {
+    clock: SharedClock,
+    trusted: TrustedProxies,
+    table: Mutex<Table>,
+    requests: Shares,
+    turned: [AtomicU64; Turned::ALL.len()],
+}
+
+#[derive(Debug, Default)]
+struct Table {
+    next: u64,
+    open: BTreeMap<u64, Entry>,
+    /// Connections of each address, those of trusted proxies left out.
+    of_address: HashMap<String, usize>,
+    /// Requests under way, those of probes left out.
+    requests: usize,
+}
+
+#[derive(Debug)]
+struct Entry {
+    /// `None` of a trusted proxy, which stands for many.
+    address: Option<String>,
+    progress: Arc<Progress>,
+    in_request: bool,
+    cut: CancellationToken,
+}
+
+/// The place of a connection, which is free again when this goes.
+#[derive(Debug)]
+pub struct Place {
+    id: u64,
+    peer: PeerAddress,
+    progress: Arc<Progress>,
+    cut: CancellationToken,
+    connections: Connections,
+}
+
+/// A request under way.
+#[derive(Debug)]
+pub struct RequestPlace {
+    place: Arc<Place>,
+    is_counted: bool,
+    _of_address: Option<Share>,
+}
+
+impl Connections {
+    /// No connections yet.
+    pub fn new(clock: SharedClock, trusted: TrustedProxies) -> Self {
+        Self(Arc::new(Inner {
+            clock,
+            trusted,
+            table: Mutex::default(),
+            requests: Shares::new(limits::HTTP_REQUESTS_PER_ADDRESS_MAX),
+            turned: std::array::from_fn(|_| AtomicU64::new(0)),
+        }))
+    }
+
+    /// The proxies whose word about a client's address counts.
+    pub(crate) fn trusted(&self) -> &TrustedProxies {
+        &self.0.trusted
+    }
+
+    /// Counts what was turned away.
+    pub fn count(&self, reason: Turned) {
+        self.count_many(reason, 1);
+    }
+
+    fn count_many(&self, reason: Turned, count: usize) {
+        if let Some(counter) = self.0.turned.get(reason as usize) {
+            counter.fetch_add(count as u64, Ordering::Relaxed);
+        }
+    }
+
+    /// How often each reason turned something away.
+    pub fn turned(&self) -> [(&'static str, u64); Turned::ALL.len()] {
+        let value = |reason: Turned| self.0.turned.get(reason as usize);
+        Turned::ALL.map(|reason| {
+            let count = value(reason).map_or(0, |counter| counter.load(Ordering::Relaxed));
+            (reason.as_str(), count)
+        })
+    }
+
+    /// Connections that are open.
+    pub fn open(&self) -> usize {
+        self.table().open.len()
+    }
+
+    fn table(&self) -> MutexGuard<'_, Table> {
+        self.0.table.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A place for a new connection; another one may be cut for it.
+    pub(crate) fn admit(&self, peer: PeerAddress) -> Result<Arc<Place>, Turned> {
+        let is_trusted = peer
+            .0
+            .is_some_and(|address| self.0.trusted.contain(address));
+        let address = (!is_trusted).then(|| peer.key());
+        let mut table = self.table();
+        if table.connections_of(address.as_deref()) >= limits::HTTP_CONNECTIONS_PER_ADDRESS_MAX {
+            let own = |entry: &Entry| entry.address == address;
+            let freed = table.evict(1, own);
+            self.evicted(freed, Turned::AddressConnections)?;
+        }
+        if table.open.len() >= limits::HTTP_CONNECTIONS_MAX {
+            let freed = table.evict(limits::HTTP_EVICTED_AT_ONCE_MAX, |_| true);
+            self.evicted(freed, Turned::Places)?;
+        }
+        let progress = Progress::new(Arc::clone(&self.0.clock));
+        let cut = CancellationToken::new();
+        let id = table.insert(Entry {
+            address,
+            progress: Arc::clone(&progress),
+            in_request: false,
+            cut: cut.clone(),
+        });
+        drop(table);
+        Ok(Arc::new(Place {
+            id,
+            peer,
+            progress,
+            cut,
+            connections: self.clone(),
+        }))
+    }
+
+    /// Cuts the connection that waits longest, when the process has no file left to open.
+    pub(crate) fn make_room(&self) {
+        let freed = self.table().evict(1, |_| true);
+        self.count_many(Turned::Evicted, freed);
+    }
+
+    /// Counts the connections that went, or says why there is no place when none did.
+    fn evicted(&self, freed: usize, otherwise: Turned) -> Result<(), Turned> {
+        self.count_many(Turned::Evicted, freed);
+        if freed == 0 { Err(otherwise) } else { Ok(()) }
+    }
+
+    /// Cuts each connection whose peer has not done its part in time.
+    pub(crate) fn cut_overdue(&self) {
+        let mut table = self.table();
+        let overdue: Vec<_> = table
+            .open
+            .iter()
+            .filter_map(|(id, entry)| Some((*id, entry.progress.overdue()?)))
+            .collect();
+        for (id, overdue) in overdue {
+            table.cut(id);
+            self.count(overdue.into());
+        }
+    }
+}
+
+impl Table {
+    fn connections_of(&self, address: Option<&str>) -> usize {
+        let count = address.and_then(|address| self.of_address.get(address));
+        count.copied().unwrap_or(0)
+    }
+
+    fn insert(&mut self, entry: Entry) -> u64 {
+        if let Some(address) = &entry.address {
+            *self.of_address.entry(address.clone()).or_default() += 1;
+        }
+        let id = self.next;
+        self.next += 1;
+        self.open.insert(id, entry);
+        id
+    }
+
+    fn remove(&mut self, id: u64) -> Option<Entry> {
+        let entry = self.open.remove(&id)?;
+        if let Some(address) = &entry.address
+            && let Some(count) = self.of_address.get_mut(address)
+        {
+            *count = count.saturating_sub(1);
+            if *count == 0 {
+                self.of_address.remove(address);
+            }
+        }
+        Some(entry)
+    }
+
+    fn cut(&mut self, id: u64) {
+        if let Some(entry) = self.remove(id) {
+            entry.cut.cancel();
+        }
+    }
+
+    /// Cuts at most `count` of the connections that wait for their peer, and gives how many: first
+    /// of the address with the most connections, and of those the one that has waited longest.
+    fn evict(&mut self, count: usize, fits: impl Fn(&Entry) -> bool) -> usize {
+        let waiting = self.open.iter().filter(|(_, entry)| fits(entry));
+        let mut waiting: Vec<_> = waiting
+            .filter_map(|(id, entry)| {
+                let since = entry.progress.waits_since()?;
+                let beside = self.connections_of(entry.address.as_deref());
+                Some((Reverse(beside), since, *id))
+            })
+            .collect();
+        if let Some(last) = count.checked_sub(1).filter(|last| *last < waiting.len()) {
+            waiting.select_nth_unstable(last);
+        }
+        waiting.truncate(count);
+        for (_, _, id) in &waiting {
+            self.cut(*id);
+        }
+        waiting.len()
+    }
+}
+
+impl Place {
+    /// Where the connection comes from.
+    pub(crate) fn peer(&self) -> PeerAddress {
+        self.peer
+    }
+
+    /// The connections that it is one of.
+    pub(crate) fn connections(&self) -> &Connections {
+        &self.connections
+    }
+
+    /// Where the connection stands.
+    pub(crate) fn progress(&self) -> &Arc<Progress> {
+        &self.progress
+    }
+
+    /// Ends when the connection has to go.
+    pub(crate) async fn cut(&self) {
+        self.cut.cancelled().await;
+    }
+
+    /// Begins a request that comes from `client`. A probe is answered whatever else is under way.
+    pub(crate) fn begin(
+        self: &Arc<Self>,
+        client: PeerAddress,
+        is_probe: bool,
+    ) -> Result<RequestPlace, Turned> {
+        let connections = &self.connections;
+        let mut of_address = None;
+        if !is_probe {
+            let share = connections.0.requests.take(client.key());
+            of_address = Some(share.ok_or(Turned::AddressRequests)?);
+        }
+        let mut table = connections.table();
+        if !is_probe && table.requests >= limits::HTTP_REQUESTS_MAX {
+            let freed = table.evict(1, |entry| entry.in_request);
+            connections.evicted(freed, Turned::Requests)?;
+        }
+        table.requests += usize::from(!is_probe);
+        if let Some(entry) = table.open.get_mut(&self.id) {
+            entry.in_request = true;
+        }
+        Ok(RequestPlace {
+            place: Arc::clone(self),
+            is_counted: !is_probe,
+            _of_address: of_address,
+        })
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.connections.table().remove(self.id);
+    }
+}
+
+impl Drop for RequestPlace {
+    fn drop(&mut self) {
+        self.place.progress.request_ends();
+        let mut table = self.place.connections.table();
+        table.requests -= usize::from(self.is_counted);
+        if let Some(entry) = table.open.get_mut(&self.place.id) {
+            entry.in_request = false;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::IpAddr;
+    use std::time::Duration;
+
+    use super::*;
+    use fleetcal_clock::MockClock;
+
+    fn connections(clock: &Arc<MockClock>, trusted: &[&str]) -> Connections {
+        let trusted = trusted.iter().map(|range| range.parse().unwrap()).collect();
+        Connections::new(clock.clone(), trusted)
+    }
+
+    fn at(number: usize) -> PeerAddress {
+        let [.., c, d] = number.to_be_bytes();
+        PeerAddress(Some(IpAddr::from([10, 0, c, d])))
+    }
+
+    fn count(connections: &Connections, reason: Turned) -> u64 {
+        let mut turned = connections.turned().into_iter();
+        turned.find(|(name, _)| *name == reason.as_str()).unwrap().1
+    }
+
+    #[test]
+    fn a_new_connection_takes_the_place_of_the_one_that_waits_longest_of_the_busiest_address() {
+        let clock = MockClock::at(0);
+        let connections = connections(&clock, &[]);
+        let alone = connections.admit(at(0)).unwrap();
+        clock.advance(Duration::from_secs(1));
+        let crowd: Vec<_> = (1..limits::HTTP_CONNECTIONS_MAX)
+            .map(|number| connections.admit(at(1 + number / 10)).unwrap())
+            .collect();
+        let probe = connections.admit(at(999)).unwrap();
+        let gone = limits::HTTP_EVICTED_AT_ONCE_MAX;
+        assert_eq!(connections.open(), limits::HTTP_CONNECTIONS_MAX + 1 - gone);
+        assert!(!alone.cut.is_cancelled() && !probe.cut.is_cancelled());
+        assert_eq!(
+            crowd
+                .iter()
+                .filter(|place| place.cut.is_cancelled())
+                .count(),
+            gone
+        );
+        assert_eq!(count(&connections, Turned::Evicted), gone as u64);
+    }
+
+    #[test]
+    fn what_the_service_works_for_is_not_cut() {
+        let clock = MockClock::at(0);
+        let connections = connections(&clock, &[]);
+        let places: Vec<_> = (0..limits::HTTP_CONNECTIONS_MAX)
+            .map(|number| connections.admit(at(number)).unwrap())
+            .collect();
+        for place in &places {
+            place.progress.request_begins(false);
+        }
+        assert_eq!(connections.admit(at(999)).unwrap_err(), Turned::Places);
+        drop(places);
+        assert_eq!(connections.open(), 0);
+        assert!(connections.table().of_address.is_empty());
+    }
+
+    #[test]
+    fn an_address_has_its_own_limit_and_a_trusted_proxy_has_none() {
+        let clock = MockClock::at(0);
+        let connections = connections(&clock, &["10.0.0.9"]);
+        let open = |number, count| -> Vec<_> {
+            let all = (0..count).map(|_| connections.admit(at(number)).unwrap());
+            all.collect()
+        };
+        let first = open(1, limits::HTTP_CONNECTIONS_PER_ADDRESS_MAX);
+        let behind = open(9, limits::HTTP_CONNECTIONS_PER_ADDRESS_MAX + 1);
+        assert!(behind.iter().all(|place| !place.cut.is_cancelled()));
+        let one_more = connections.admit(at(1)).unwrap();
+        assert_eq!(
+            first
+                .iter()
+                .filter(|place| place.cut.is_cancelled())
+                .count(),
+            1
+        );
+        for place in first.iter().chain([&one_more]) {
+            place.progress.request_begins(false);
+        }
+        assert_eq!(
+            connections.admit(at(1)).unwrap_err(),
+            Turned::AddressConnections
+        );
+    }
+
+    #[test]
+    fn requests_leave_places_for_probes() {
+        let clock = MockClock::at(0);
+        let connections = connections(&clock, &[]);
+        let places: Vec<_> = (0..limits::HTTP_REQUESTS_MAX)
+            .map(|number| connections.admit(at(number)).unwrap())
+            .collect();
+        let begin = |place: &Arc<Place>, is_probe| {
+            place.progress.request_begins(false);
+            place.begin(place.peer(), is_probe)
+        };
+        let under_way: Vec<_> = places
+            .iter()
+            .map(|place| begin(place, false).unwrap())
+            .collect();
+        let late = connections.admit(at(999)).unwrap();
+        assert_eq!(begin(&late, false).unwrap_err(), Turned::Requests);
+        assert!(begin(&late, true).is_ok());
+        // One that does not read makes room.
+        places.first().unwrap().progress.request_begins(true);
+        assert!(begin(&late, false).is_ok());
+        assert!(places.first().unwrap().cut.is_cancelled());
+        drop(under_way);
+        assert_eq!(connections.table().requests, 0);
+    }
+
+    #[test]
+    fn one_address_has_so_many_requests_under_way() {
+        let clock = MockClock::at(0);
+        let connections = connections(&clock, &["10.0.0.9"]);
+        let place = connections.admit(at(9)).unwrap();
+        let held: Vec<_> = (0..limits::HTTP_REQUESTS_PER_ADDRESS_MAX)
+            .map(|_| place.begin(at(1), false).unwrap())
+            .collect();
+        assert_eq!(
+            place.begin(at(1), false).unwrap_err(),
+            Turned::AddressRequests
+        );
+        assert!(place.begin(at(2), false).is_ok());
+        drop(held);
+        assert!(place.begin(at(1), false).is_ok());
+    }
+
+    #[test]
+    fn who_is_overdue_is_cut_and_counted() {
+        let clock = MockClock::at(0);
+        let connections = connections(&clock, &[]);
+        let silent = connections.admit(at(1)).unwrap();
+        clock.advance(limits::HTTP_HEADER_TIMEOUT);
+        let fresh = connections.admit(at(1)).unwrap();
+        connections.cut_overdue();
+        assert!(silent.cut.is_cancelled() && !fresh.cut.is_cancelled());
+        assert_eq!(count(&connections, Turned::HeaderTimeout), 1);
+    }
+}

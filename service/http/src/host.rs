@@ -1,0 +1,103 @@
+//! What a request's header says about itself: how long it is, and which host it is for.
+
+use std::net::IpAddr;
+
+use axum::http::header;
+use axum::http::request::Parts;
+
+use super::public_url::PublicUrl;
+use super::server::LocalAddress;
+
+/// Bytes of a request's header as it was sent, give or take the line of the request.
+pub fn header_bytes(parts: &Parts) -> usize {
+    /// Colon, blank, and the end of the line.
+    const BETWEEN: usize = 4;
+    let of_target = parts
+        .uri
+        .path_and_query()
+        .map_or(0, |target| target.as_str().len());
+    let headers = parts.headers.iter();
+    headers.fold(of_target, |sum, (name, value)| {
+        sum + name.as_str().len() + value.len() + BETWEEN
+    })
+}
+
+/// The host that a request is for; none of HTTP/1.0.
+pub fn host(parts: &Parts) -> Option<&str> {
+    let of_target = parts
+        .uri
+        .authority()
+        .map(axum::http::uri::Authority::as_str);
+    let of_header = || {
+        parts
+            .headers
+            .get(header::HOST)
+            .map(|host| host.to_str().unwrap_or("?"))
+    };
+    of_target.or_else(of_header)
+}
+
+/// The address of this machine that the connection came to.
+pub fn local(parts: &Parts) -> Option<IpAddr> {
+    parts.extensions.get::<LocalAddress>()?.0
+}
+
+/// Whether a request for `host` is meant for this service. A page whose name an attacker lets point
+/// here (DNS rebinding) is asked for under that name: so names count only when they are known.
+/// Addresses and `localhost` cannot be pointed anywhere.
+pub fn is_ours(host: &str, public: Option<&PublicUrl>, local: Option<IpAddr>) -> bool {
+    let name = without_port(host);
+    let is_address = name.trim_matches(['[', ']']).parse::<IpAddr>().is_ok();
+    let name = name.to_ascii_lowercase();
+    let is_local_name = name == "localhost" || name.ends_with(".localhost");
+    if is_address || is_local_name {
+        return true;
+    }
+    match public {
+        Some(url) => url.is_for(host),
+        // On loopback nobody else has a name for it; elsewhere its names are not known.
+        None => !local.is_some_and(|address| address.is_loopback()),
+    }
+}
+
+fn without_port(host: &str) -> &str {
+    match host.rsplit_once(':') {
+        Some((name, port)) if port.bytes().all(|byte| byte.is_ascii_digit()) => name,
+        _ => host,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_request_for_another_host_is_not_ours() {
+        let public: PublicUrl = "https://fleetcal.example.com".parse().unwrap();
+        let loopback = Some(IpAddr::from([127, 0, 0, 1]));
+        let outside = Some(IpAddr::from([192, 0, 2, 1]));
+        for (host, with_public, on_loopback) in [
+            ("127.0.0.1:8080", true, true),
+            ("[::1]:8080", true, true),
+            ("localhost", true, true),
+            ("LOCALHOST:5173", true, true),
+            ("fleetcal.example.com", true, false),
+            ("Fleetcal.Example.com:443", true, false),
+            ("fleetcal.example.com:8080", false, false),
+            ("evil.example", false, false),
+            ("fleetcal.example.com.evil.example", false, false),
+            ("localhost.evil.example", false, false),
+            ("127.0.0.1.evil.example", false, false),
+            ("", false, false),
+        ] {
+            assert_eq!(is_ours(host, Some(&public), outside), with_public, "{host}");
+            assert_eq!(
+                is_ours(host, Some(&public), loopback),
+                with_public,
+                "{host}"
+            );
+            assert_eq!(is_ours(host, None, loopback), on_loopback, "{host}");
+            assert!(is_ours(host, None, outside), "{host}");
+        }
+    }
+}

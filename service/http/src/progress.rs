@@ -1,0 +1,307 @@
+//! What a connection waits for: the service, or its peer, and since when.
+
+use std::io;
+use std::pin::Pin;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::task::{Context, Poll};
+use std::time::Duration;
+
+use axum::body::{Body, Bytes};
+use fleetcal_clock::SharedClock;
+use fleetcal_domain::limits;
+use hyper::body::{Body as HttpBody, Frame, SizeHint};
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::net::TcpStream;
+
+/// Where a connection stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    /// The next request's header is awaited.
+    Header,
+    /// A request's body is awaited.
+    Body,
+    /// A request is being answered.
+    Answering,
+}
+
+/// Why a connection was cut.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Overdue {
+    /// No whole header came.
+    Header,
+    /// No whole body came.
+    Body,
+    /// The answer was not read.
+    Write,
+}
+
+#[derive(Debug)]
+struct State {
+    phase: Phase,
+    /// When the phase began.
+    since: Duration,
+    /// When the peer stopped to take what is written; `None` while it takes it.
+    stalled: Option<Duration>,
+    /// How long it may do so.
+    patience: Duration,
+}
+
+/// Where one connection stands. All times are of the service's running clock.
+#[derive(Debug)]
+pub struct Progress {
+    clock: SharedClock,
+    state: Mutex<State>,
+}
+
+/// A response that is written piece by piece to readers who may pause for so long. It goes into
+/// the response's extensions.
+#[derive(Debug, Clone, Copy)]
+pub struct WritePatience(pub Duration);
+
+impl Progress {
+    /// Of a connection that was just accepted.
+    pub(crate) fn new(clock: SharedClock) -> Arc<Self> {
+        let state = Mutex::new(State {
+            phase: Phase::Header,
+            since: clock.elapsed(),
+            stalled: None,
+            patience: limits::HTTP_WRITE_STALL_TIMEOUT,
+        });
+        Arc::new(Self { clock, state })
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn enter(&self, phase: Phase) {
+        let now = self.clock.elapsed();
+        let mut state = self.state();
+        (state.phase, state.since) = (phase, now);
+    }
+
+    /// A request has come, whose body is still awaited or not.
+    pub(crate) fn request_begins(&self, body_awaited: bool) {
+        self.enter(if body_awaited {
+            Phase::Body
+        } else {
+            Phase::Answering
+        });
+    }
+
+    /// Sets how long the peer may pause while it reads the present answer.
+    pub(crate) fn be_patient(&self, patience: Duration) {
+        self.state().patience = patience;
+    }
+
+    /// The answer was handed over whole: the next request may come.
+    pub(crate) fn request_ends(&self) {
+        self.enter(Phase::Header);
+        self.be_patient(limits::HTTP_WRITE_STALL_TIMEOUT);
+    }
+
+    /// Since when the service waits for the peer; `None` while it is its own turn.
+    pub(crate) fn waits_since(&self) -> Option<Duration> {
+        let state = self.state();
+        let for_request = (state.phase != Phase::Answering).then_some(state.since);
+        state.stalled.or(for_request)
+    }
+
+    /// What the peer has failed to do in time.
+    pub(crate) fn overdue(&self) -> Option<Overdue> {
+        let now = self.clock.elapsed();
+        let state = self.state();
+        if let Some(stalled) = state.stalled {
+            let is_over = now.saturating_sub(stalled) >= state.patience;
+            return is_over.then_some(Overdue::Write);
+        }
+        let (longest, overdue) = match state.phase {
+            Phase::Header => (limits::HTTP_HEADER_TIMEOUT, Overdue::Header),
+            // The route itself answers first, unless it does not read the body.
+            Phase::Body => (limits::HTTP_BODY_TIMEOUT, Overdue::Body),
+            Phase::Answering => return None,
+        };
+        (now.saturating_sub(state.since) >= longest).then_some(overdue)
+    }
+
+    /// Notes what became of a write.
+    fn note<T>(&self, written: &Poll<io::Result<T>>) {
+        let stalls = written.is_pending();
+        let mut state = self.state();
+        if stalls != state.stalled.is_some() {
+            state.stalled = stalls.then(|| self.clock.elapsed());
+        }
+    }
+}
+
+/// A socket that notes when its peer stops reading. What such a peer has not read is thrown away
+/// with the socket; the system would keep it for minutes.
+#[derive(Debug)]
+pub struct Watched {
+    socket: TcpStream,
+    progress: Arc<Progress>,
+}
+
+impl Watched {
+    /// Notes into `progress` what becomes of writes.
+    pub(crate) fn new(socket: TcpStream, progress: Arc<Progress>) -> Self {
+        Self { socket, progress }
+    }
+}
+
+impl Drop for Watched {
+    fn drop(&mut self) {
+        let stalls = self.progress.state().stalled.is_some();
+        if stalls && let Err(error) = self.socket.set_zero_linger() {
+            tracing::debug!(%error, "what a peer has not read stays with the system");
+        }
+    }
+}
+
+impl AsyncRead for Watched {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.socket).poll_read(context, buffer)
+    }
+}
+
+impl AsyncWrite for Watched {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
+        let written = Pin::new(&mut self.socket).poll_write(context, bytes);
+        self.progress.note(&written);
+        written
+    }
+
+    fn poll_write_vectored(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        pieces: &[io::IoSlice<'_>],
+    ) -> Poll<io::Result<usize>> {
+        let written = Pin::new(&mut self.socket).poll_write_vectored(context, pieces);
+        self.progress.note(&written);
+        written
+    }
+
+    fn is_write_vectored(&self) -> bool {
+        self.socket.is_write_vectored()
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.socket).poll_flush(context)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.socket).poll_shutdown(context)
+    }
+}
+
+/// A body with what lasts as long as it is read or written.
+pub struct Held<B, G> {
+    body: B,
+    _guard: G,
+}
+
+impl<B, G> Held<B, G>
+where
+    B: HttpBody<Data = Bytes> + Unpin + Send + 'static,
+    B::Error: Into<axum::BoxError>,
+    G: Unpin + Send + 'static,
+{
+    /// The body, which drops `guard` when it is dropped itself.
+    pub(crate) fn body(body: B, guard: G) -> Body {
+        Body::new(Self {
+            body,
+            _guard: guard,
+        })
+    }
+}
+
+impl<B: HttpBody + Unpin, G: Unpin> HttpBody for Held<B, G> {
+    type Data = B::Data;
+    type Error = B::Error;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<B::Data>, B::Error>>> {
+        Pin::new(&mut self.body).poll_frame(context)
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.body.is_end_stream()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        self.body.size_hint()
+    }
+}
+
+/// A request's body as its route reads it: with it ends the wait for it.
+pub struct BodyAwaited(pub Arc<Progress>);
+
+impl Drop for BodyAwaited {
+    fn drop(&mut self) {
+        self.0.enter(Phase::Answering);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fleetcal_clock::{Clock, MockClock};
+    use tokio::io::{AsyncReadExt, AsyncWriteExt};
+    use tokio::net::TcpListener;
+
+    use super::*;
+
+    /// More than the system's buffers hold, bytes.
+    const LONG: usize = 32 << 20;
+
+    #[tokio::test]
+    async fn a_peer_that_does_not_read_is_overdue_until_it_reads() {
+        let clock = MockClock::at(0);
+        let progress = Progress::new(clock.clone());
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let mut peer = TcpStream::connect(listener.local_addr().unwrap())
+            .await
+            .unwrap();
+        let (socket, _) = listener.accept().await.unwrap();
+        let mut watched = Watched::new(socket, Arc::clone(&progress));
+        progress.request_begins(false);
+        assert_eq!((progress.waits_since(), progress.overdue()), (None, None));
+        let writing = tokio::spawn(async move { watched.write_all(&vec![0; LONG]).await });
+        while progress.waits_since().is_none() {
+            tokio::task::yield_now().await;
+        }
+        assert_eq!(progress.waits_since(), Some(Duration::ZERO));
+        clock.advance(limits::HTTP_WRITE_STALL_TIMEOUT);
+        assert_eq!(progress.overdue(), Some(Overdue::Write));
+        progress.be_patient(2 * limits::HTTP_WRITE_STALL_TIMEOUT);
+        assert_eq!(progress.overdue(), None);
+        peer.read_exact(&mut vec![0; LONG]).await.unwrap();
+        writing.await.unwrap().unwrap();
+        assert_eq!(progress.waits_since(), None);
+    }
+
+    #[test]
+    fn a_header_and_a_body_have_their_time() {
+        let clock = MockClock::at(0);
+        let progress = Progress::new(clock.clone());
+        clock.advance(limits::HTTP_HEADER_TIMEOUT);
+        assert_eq!(progress.overdue(), Some(Overdue::Header));
+        progress.request_begins(true);
+        assert_eq!(progress.overdue(), None);
+        clock.advance(limits::HTTP_BODY_TIMEOUT);
+        assert_eq!(progress.overdue(), Some(Overdue::Body));
+        drop(BodyAwaited(Arc::clone(&progress)));
+        assert_eq!((progress.waits_since(), progress.overdue()), (None, None));
+        progress.request_ends();
+        assert_eq!(progress.waits_since(), Some(clock.elapsed()));
+    }
+}

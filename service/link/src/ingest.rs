@@ -1,0 +1,113 @@
+//! What comes in: robots' streams and their liveliness tokens.
+
+use fleetcal_domain::limits;
+use fleetcal_fleet::FleetHandle;
+use fleetcal_model::Stream;
+use fleetcal_proto::RobotId;
+use fleetcal_proto::encoding::Encoding;
+use fleetcal_proto::key::{Key, Keys, StreamKind};
+use fleetcal_proto::message_type::{Form, MessageType};
+use zenoh::pubsub::Subscriber;
+use zenoh::sample::{Locality, Sample, SampleKind};
+use zenoh::{Result, Session};
+
+/// Subscribes to every robot's streams with one callback: a queue for each stream would lose the
+/// order in which a robot has sent. The callback runs on Zenoh's receiving threads and never
+/// blocks.
+pub async fn subscribe(
+    session: &Session,
+    keys: &Keys,
+    fleet: FleetHandle,
+) -> Result<Subscriber<()>> {
+    let own_keys = keys.clone();
+    session
+        .declare_subscriber(keys.stream_of_all_kinds())
+        .allowed_origin(Locality::Remote)
+        .callback(move |sample| take(&fleet, &own_keys, &sample))
+        .await
+}
+
+fn take(fleet: &FleetHandle, keys: &Keys, sample: &Sample) {
+    let Ok(Key::Stream { robot, kind }) = keys.parse(sample.key_expr().as_str()) else {
+        fleet.count_foreign_key();
+        return;
+    };
+    let stream = match kind {
+        StreamKind::Drive => Stream::Drive,
+        StreamKind::Scan => Stream::Scan,
+        StreamKind::LidarOdometry => Stream::LidarOdometry,
+        StreamKind::Event => Stream::Event,
+        StreamKind::CrossTrackError => {
+            take_cross_track_error(fleet, &robot, sample);
+            return;
+        }
+        _ => {
+            fleet.count_foreign_key();
+            return;
+        }
+    };
+    offer(fleet, &robot, stream, None, sample);
+}
+
+/// Offers a message to its robot's mailbox; `message_type` is what its key says that it is.
+pub fn offer(
+    fleet: &FleetHandle,
+    robot: &RobotId,
+    stream: Stream,
+    message_type: Option<MessageType>,
+    sample: &Sample,
+) {
+    if sample.kind() != SampleKind::Put {
+        fleet.refuse(
+            robot,
+            stream,
+            "the message is a deletion, accepted is a put",
+        );
+        return;
+    }
+    let payload = sample.payload();
+    match Form::parse(&sample.encoding().to_string()) {
+        Ok(form) => {
+            let form = Form {
+                message_type: message_type.or(form.message_type),
+                ..form
+            };
+            let bytes = || payload.to_bytes().into_owned();
+            fleet.receive(robot, stream, form, payload.len(), bytes);
+        }
+        Err(refused) => fleet.refuse(robot, stream, &format!("{}: {refused}", stream.name())),
+    }
+}
+
+fn take_cross_track_error(fleet: &FleetHandle, robot: &RobotId, sample: &Sample) {
+    let payload = sample.payload();
+    let fits = payload.len() <= limits::CROSS_TRACK_BYTES_MAX;
+    if sample.kind() != SampleKind::Put || !fits {
+        return;
+    }
+    if let Ok(encoding) = Encoding::parse(&sample.encoding().to_string()) {
+        fleet.take_cross_track_error(robot, encoding, &payload.to_bytes());
+    }
+}
+
+/// Follows which robots are there, those that were there before included.
+pub async fn watch_presence(
+    session: &Session,
+    keys: &Keys,
+    fleet: FleetHandle,
+) -> Result<Subscriber<()>> {
+    let own_keys = keys.clone();
+    let take = move |sample: Sample| {
+        if let Ok(Key::Alive(robot)) = own_keys.parse(sample.key_expr().as_str()) {
+            fleet.set_alive(&robot, sample.kind() == SampleKind::Put);
+        } else {
+            fleet.count_foreign_key();
+        }
+    };
+    session
+        .liveliness()
+        .declare_subscriber(keys.alive_of_all())
+        .history(true)
+        .callback(take)
+        .await
+}

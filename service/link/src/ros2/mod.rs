@@ -1,0 +1,292 @@
+//! ROS 2 robots that run none of our software: `rmw_zenoh`, and `zenoh-bridge-ros2dds`.
+//!
+//! Which keys are theirs follows from `[ros2]` and from each robot's `streams`, so the
+//! subscriptions move with the robots that are registered. What robots announce by liveliness
+//! tokens is shown before anybody has registered them.
+
+pub mod access;
+pub mod calibration;
+mod discovery;
+mod graph;
+mod routes;
+mod subscribe;
+
+pub use routes::RouteTable;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::{AtomicI64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
+
+use fleetcal_clock::SharedClock;
+use fleetcal_domain::limits;
+use fleetcal_fleet::FleetHandle;
+use fleetcal_operations::clerk::Clerk;
+use fleetcal_proto::RobotId;
+use fleetcal_proto::ros2_key::KeyLayout;
+use tokio::sync::{Notify, mpsc};
+use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
+use zenoh::pubsub::Subscriber;
+use zenoh::query::Queryable;
+use zenoh::{Result, Session};
+
+use crate::questions::Questions;
+use calibration::Home;
+use discovery::Discovery;
+use subscribe::Subscriptions;
+
+/// What every callback shares. Cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Ros2 {
+    shared: Arc<Shared>,
+}
+
+#[derive(Debug)]
+struct Shared {
+    fleet: FleetHandle,
+    clock: SharedClock,
+    table: RwLock<RouteTable>,
+    discovery: Mutex<Discovery>,
+    homes: Mutex<BTreeMap<RobotId, BTreeSet<Home>>>,
+    /// Robots that came (back), which should hear what is approved.
+    came: mpsc::Sender<RobotId>,
+    /// `homes` changed.
+    homes_changed: Notify,
+    /// Messages sent to ROS 2 robots.
+    sent: AtomicI64,
+}
+
+/// The values behind the locks are whole after every statement, so the panic of another thread
+/// leaves nothing half done.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Ros2 {
+    /// The table.
+    fn table(&self) -> RwLockReadGuard<'_, RouteTable> {
+        self.shared
+            .table
+            .read()
+            .unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn change_table(&self, change: impl FnOnce(&mut RouteTable)) {
+        let table = self.shared.table.write();
+        change(&mut table.unwrap_or_else(PoisonError::into_inner));
+    }
+
+    /// Where a robot's topics are, as far as that is known: one that speaks by two middlewares has
+    /// two homes.
+    fn homes(&self, robot: &RobotId) -> BTreeSet<Home> {
+        let homes = lock(&self.shared.homes);
+        homes.get(robot).cloned().unwrap_or_default()
+    }
+
+    /// All of these.
+    fn all_homes(&self) -> BTreeSet<Home> {
+        let homes = lock(&self.shared.homes);
+        homes.values().flatten().cloned().collect()
+    }
+
+    /// Forgets where a robot's topics were, since it announces none any more.
+    fn left(&self, robot: &RobotId) {
+        lock(&self.shared.homes).remove(robot);
+        self.shared.homes_changed.notify_one();
+    }
+
+    /// Notes where a robot's topics are; one that was not there before hears what is approved.
+    fn seen_at(&self, robot: &RobotId, prefix: &str, layout: KeyLayout) {
+        if self.moved(robot, prefix, layout) {
+            self.came(robot);
+        }
+    }
+
+    /// Notes where a robot's topics are; whether that is a new place.
+    fn moved(&self, robot: &RobotId, prefix: &str, layout: KeyLayout) -> bool {
+        if !self.table().knows(robot) {
+            // Nothing is approved for a robot that nobody has registered.
+            return false;
+        }
+        let mut homes = lock(&self.shared.homes);
+        let of_robot = homes.entry(robot.clone()).or_default();
+        let is_there = |home: &Home| home.prefix == prefix && home.layout == layout;
+        if of_robot.iter().any(is_there) || of_robot.len() >= limits::ROS2_HOMES_MAX {
+            return false;
+        }
+        let prefix = prefix.to_owned();
+        self.shared.homes_changed.notify_one();
+        of_robot.insert(Home { prefix, layout })
+    }
+
+    /// Lets a robot that came hear what is approved. It never blocks; what finds the queue full is
+    /// asked for by the robot itself.
+    fn came(&self, robot: &RobotId) {
+        if let Err(error) = self.shared.came.try_send(robot.clone()) {
+            tracing::debug!(robot.id = %robot, %error, "not told what is approved");
+        }
+    }
+
+    /// What is attached to the next message.
+    fn attachment(&self, session: &Session) -> Vec<u8> {
+        let sequence = self.shared.sent.fetch_add(1, Ordering::Relaxed);
+        let now_ns = self.shared.clock.now_ns();
+        calibration::attachment(sequence, now_ns, &session.zid().to_le_bytes())
+    }
+}
+
+/// What the part of the link that serves ROS 2 robots works with.
+#[derive(Debug)]
+pub struct Surroundings {
+    /// Whose robots they are.
+    pub fleet: FleetHandle,
+    /// Who knows what is approved.
+    pub clerk: Clerk,
+    /// Where time comes from.
+    pub clock: SharedClock,
+    /// Where questions wait.
+    pub questions: Questions,
+}
+
+/// The part of the link that serves ROS 2 robots.
+#[derive(Debug)]
+pub struct Ros2Link {
+    ros2: Ros2,
+    tokens: Vec<Subscriber<()>>,
+    history: Vec<Queryable<()>>,
+    tasks: Vec<JoinHandle<()>>,
+}
+
+impl Ros2Link {
+    /// Subscribes to tokens and streams, and answers those who ask for what is approved.
+    ///
+    /// # Errors
+    /// When Zenoh refuses to declare something.
+    pub async fn open(
+        session: &Session,
+        table: RouteTable,
+        surroundings: Surroundings,
+        stop: CancellationToken,
+    ) -> Result<Self> {
+        let Surroundings {
+            fleet,
+            clerk,
+            clock,
+            questions,
+        } = surroundings;
+        let publishes = table.settings().publish_calibration;
+        let (came, comers) = mpsc::channel(limits::ROBOTS_MAX);
+        let mut configured = fleet.configured();
+        let ros2 = Ros2 {
+            shared: Arc::new(Shared {
+                fleet,
+                clock,
+                table: RwLock::new(table),
+                discovery: Mutex::default(),
+                homes: Mutex::default(),
+                came,
+                homes_changed: Notify::new(),
+                sent: AtomicI64::new(1),
+            }),
+        };
+        let mut subscriptions = Subscriptions::default();
+        subscriptions.follow(session, &ros2).await?;
+        let tokens = discovery::watch_tokens(session, &ros2).await?;
+        let mut history = Vec::new();
+        let mut tasks = Vec::new();
+        if publishes {
+            let (own, asked) = (ros2.clone(), clerk.clone());
+            history = calibration::answer_history(session, own, asked, &questions).await?;
+            let telling = tell(session.clone(), ros2.clone(), clerk, comers, stop.clone());
+            tasks.push(tokio::spawn(telling));
+            let announcing = graph::announce(session.clone(), ros2.clone(), stop.clone());
+            tasks.push(tokio::spawn(announcing));
+        }
+        let (own, session) = (ros2.clone(), session.clone());
+        tasks.push(tokio::spawn(async move {
+            loop {
+                tokio::select! {
+                    () = stop.cancelled() => break,
+                    changed = configured.changed() => if changed.is_err() { break },
+                }
+                own.robots_changed();
+                if let Err(error) = subscriptions.follow(&session, &own).await {
+                    tracing::error!(error, "a robot's topics are not subscribed to");
+                }
+            }
+            subscriptions.close().await;
+        }));
+        Ok(Self {
+            ros2,
+            tokens,
+            history,
+            tasks,
+        })
+    }
+
+    /// What callbacks share.
+    pub fn shared(&self) -> Ros2 {
+        self.ros2.clone()
+    }
+
+    /// Takes nothing further. The tasks have been told to stop.
+    pub async fn close(self) {
+        for token in self.tokens {
+            warn_if_refused(token.undeclare().await);
+        }
+        for queryable in self.history {
+            warn_if_refused(queryable.undeclare().await);
+        }
+        for task in self.tasks {
+            if let Err(error) = task.await {
+                tracing::error!(%error, "a task of the link to ROS 2 robots failed");
+            }
+        }
+    }
+}
+
+fn warn_if_refused(undeclared: Result<()>) {
+    if let Err(error) = undeclared {
+        tracing::warn!(error, "Zenoh refused to undeclare");
+    }
+}
+
+impl Ros2 {
+    /// Takes the robots' topics anew, and looks again whose the announced ones are.
+    fn robots_changed(&self) {
+        let robots = self.shared.fleet.streams();
+        self.change_table(|table| table.set_robots(robots));
+        discovery::place_anew(self);
+    }
+}
+
+/// Tells robots that came what is approved for them.
+async fn tell(
+    session: Session,
+    ros2: Ros2,
+    clerk: Clerk,
+    mut comers: mpsc::Receiver<RobotId>,
+    stop: CancellationToken,
+) {
+    loop {
+        let robot = tokio::select! {
+            () = stop.cancelled() => return,
+            comer = comers.recv() => comer,
+        };
+        let Some(robot) = robot else {
+            return;
+        };
+        match clerk.approved(&robot).await {
+            Ok(Some(envelope)) => {
+                let put = calibration::publish(&session, &ros2, &robot, &envelope).await;
+                if let Err(error) = put {
+                    tracing::warn!(robot.id = %robot, error, "not told what is approved");
+                }
+            }
+            Ok(None) => {}
+            Err(error) => {
+                tracing::error!(robot.id = %robot, %error, "not told what is approved");
+            }
+        }
+    }
+}

@@ -1,0 +1,157 @@
+//! Opens and closes the Zenoh session, which is a router.
+
+use std::path::Path;
+
+use fleetcal_domain::limits;
+use serde_json::Value;
+use tokio::sync::oneshot;
+use zenoh::{Config, Session, Wait};
+
+use crate::{LinkError, LinkSetup, access};
+
+/// Opens the session on a thread of its own: `zenoh::open` may block for ever.
+/// The embedded router's access list has `more` rules beside those of our own keys.
+pub async fn open(setup: &LinkSetup, more: &[Value]) -> Result<Session, LinkError> {
+    let (config, endpoints) = match &setup.zenoh_config {
+        Some(path) => (native(path, setup)?, path.display().to_string()),
+        None => (
+            embedded(setup, more)?,
+            [setup.listen.join(" "), setup.connect.join(" ")].join(" "),
+        ),
+    };
+    let endpoints = endpoints.trim().to_owned();
+    let opened = on_own_thread("zenoh-open", move || zenoh::open(config).wait());
+    match tokio::time::timeout(limits::ZENOH_OPEN_TIMEOUT, opened).await {
+        Ok(Some(Ok(session))) => Ok(session),
+        Ok(Some(Err(error))) => Err(LinkError::Open {
+            endpoints,
+            reason: error.to_string(),
+        }),
+        Ok(None) | Err(_) => Err(LinkError::Timeout { endpoints }),
+    }
+}
+
+/// Closes the session; one that does not close in time is left to the end of the process.
+pub async fn close(session: Session) {
+    let closed = on_own_thread("zenoh-close", move || session.close().wait());
+    match tokio::time::timeout(limits::ZENOH_CLOSE_TIMEOUT, closed).await {
+        Ok(Some(Ok(()))) => {}
+        Ok(Some(Err(error))) => tracing::warn!(error, "the Zenoh session did not close"),
+        Ok(None) | Err(_) => tracing::warn!("the Zenoh session did not close in time"),
+    }
+}
+
+/// The result of something that blocks. Not on the runtime's threads for blocking work: the
+/// process could not end before it.
+async fn on_own_thread<T: Send + 'static>(
+    name: &str,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Option<T> {
+    let (sender, receiver) = oneshot::channel();
+    let spawned = std::thread::Builder::new()
+        .name(name.to_owned())
+        .spawn(move || {
+            // Nobody waits any more when the time is over.
+            drop(sender.send(work()));
+        });
+    match spawned {
+        Ok(_) => receiver.await.ok(),
+        Err(_) => None,
+    }
+}
+
+/// A native file as it is, but for the endpoints that are given beside it.
+fn native(path: &Path, setup: &LinkSetup) -> Result<Config, LinkError> {
+    let mut config = Config::from_file(path)
+        .map_err(|error| LinkError::Config(format!("{}: {error}", path.display())))?;
+    let given = [
+        ("listen/endpoints", &setup.listen),
+        ("connect/endpoints", &setup.connect),
+    ];
+    for (key, endpoints) in given {
+        if !endpoints.is_empty() {
+            set(&mut config, key, &serde_json::json!(endpoints))?;
+        }
+    }
+    let is_listed = config
+        .get_json("access_control/enabled")
+        .is_ok_and(|enabled| enabled == "true");
+    let listens = config
+        .get_json("listen/endpoints")
+        .is_ok_and(|endpoints| endpoints.contains('/'));
+    if listens && !is_listed {
+        tracing::warn!(
+            path = %path.display(),
+            "the Zenoh configuration has no access list: whoever connects reads and writes every \
+             robot's keys"
+        );
+    }
+    Ok(config)
+}
+
+fn set(config: &mut Config, key: &str, value: &serde_json::Value) -> Result<(), LinkError> {
+    config
+        .insert_json5(key, &value.to_string())
+        .map_err(|error| LinkError::Config(format!("{key} is {value}: {error}")))
+}
+
+/// The embedded router: listens where it is told, finds nobody by itself, takes no message larger
+/// than [`limits::PAYLOAD_BYTES_MAX`], and lets through what the access list names.
+fn embedded(setup: &LinkSetup, more: &[Value]) -> Result<Config, LinkError> {
+    let mut config = Config::default();
+    let settings = [
+        ("mode", serde_json::json!("router")),
+        ("listen/endpoints", serde_json::json!(setup.listen)),
+        ("connect/endpoints", serde_json::json!(setup.connect)),
+        ("scouting/multicast/enabled", serde_json::json!(false)),
+        ("scouting/gossip/enabled", serde_json::json!(false)),
+        (
+            "transport/link/rx/max_message_size",
+            serde_json::json!(limits::PAYLOAD_BYTES_MAX),
+        ),
+        (
+            "transport/unicast/max_sessions",
+            serde_json::json!(limits::ROBOTS_MAX),
+        ),
+        ("access_control", access::list(&setup.keys, more)),
+    ];
+    for (key, value) in settings {
+        set(&mut config, key, &value)?;
+    }
+    Ok(config)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_embedded_configuration_is_what_zenoh_accepts() {
+        let listen = vec!["tcp/127.0.0.1:7447".to_owned()];
+        assert!(
+            embedded(
+                &LinkSetup {
+                    listen,
+                    ..LinkSetup::default()
+                },
+                &[]
+            )
+            .is_ok()
+        );
+        let listen = vec!["no endpoint".to_owned()];
+        let hostile = LinkSetup {
+            listen,
+            ..LinkSetup::default()
+        };
+        let reason = embedded(&hostile, &[]).expect_err("refused").to_string();
+        assert!(reason.contains("listen/endpoints"), "{reason}");
+    }
+
+    #[test]
+    fn a_native_file_that_is_not_there_is_named() {
+        let reason = native(Path::new("/nowhere/zenoh.json5"), &LinkSetup::default())
+            .expect_err("refused")
+            .to_string();
+        assert!(reason.contains("/nowhere/zenoh.json5"), "{reason}");
+    }
+}

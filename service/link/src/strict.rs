@@ -1,0 +1,355 @@
+//! A router's configuration with an access list per robot: each has its own keys and no others.
+//!
+//! Zenoh authenticates a connection, by certificate or password, and not a message. So who may use
+//! a key is bound to the connection's name here: the common name of its certificate, or its user.
+//! The list is read when the router starts; one more robot asks for a restart.
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+use fleetcal_domain::limits;
+use fleetcal_proto::RobotId;
+use fleetcal_proto::key::{Keys, StreamKind};
+use serde_json::{Value, json};
+
+use crate::access::{ANSWERED, FROM_ROBOTS, FROM_SERVICE, rule};
+
+/// How a router knows who is at the other end of a connection.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Identity {
+    /// By the common name of its certificate (mTLS).
+    Certificate,
+    /// By user and password, which stand in this file, `user:password` in each line.
+    User {
+        /// The file.
+        passwords: PathBuf,
+    },
+}
+
+/// A router's own certificate.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RouterCertificate {
+    /// Its certificate, PEM.
+    pub certificate: PathBuf,
+    /// The key of it, PEM.
+    pub key: PathBuf,
+    /// Who has signed the certificates of those that connect, PEM.
+    pub ca: Option<PathBuf>,
+}
+
+/// What a router with a list per robot is made of.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StrictRouter {
+    /// The keys under the configured root.
+    pub keys: Keys,
+    /// The robots; each connects under its id.
+    pub robots: BTreeSet<RobotId>,
+    /// Of a router before the service, as whom the service connects; `None` for the service's own.
+    pub service: Option<String>,
+    /// Further key expressions that a robot may put to, `{robot}` standing for its id.
+    pub streams: Vec<String>,
+    /// How those who connect are known.
+    pub identity: Identity,
+    /// The router's certificate, for endpoints with TLS.
+    pub certificate: Option<RouterCertificate>,
+    /// Where it listens.
+    pub listen: Vec<String>,
+}
+
+/// Whether a key expression with `{robot}` for the id has that as one whole chunk, so that no robot
+/// gets the keys of another whose id begins as its own does.
+pub fn is_robots_own(stream: &str) -> bool {
+    let (own, others): (Vec<&str>, Vec<&str>) =
+        stream.split('/').partition(|chunk| *chunk == "{robot}");
+    own.len() == 1
+        && !others.iter().any(|chunk| chunk.contains("{robot}"))
+        && zenoh::key_expr::KeyExpr::try_from(stream.replace("{robot}", "robot")).is_ok()
+}
+
+impl StrictRouter {
+    /// The whole configuration as Zenoh reads it. What the list does not name is denied.
+    pub fn configuration(&self) -> Value {
+        let mut link = json!({ "rx": { "max_message_size": limits::PAYLOAD_BYTES_MAX } });
+        if let (Some(tls), Some(link)) = (&self.certificate, link.as_object_mut()) {
+            link.insert("tls".to_owned(), self.tls(tls));
+        }
+        let mut transport = json!({
+            "unicast": { "max_sessions": limits::ROBOTS_MAX },
+            "link": link,
+        });
+        if let (Identity::User { passwords }, Some(transport)) =
+            (&self.identity, transport.as_object_mut())
+        {
+            let auth = json!({ "usrpwd": { "dictionary_file": passwords } });
+            transport.insert("auth".to_owned(), auth);
+        }
+        json!({
+            "mode": "router",
+            "listen": { "endpoints": self.listen },
+            "scouting": { "multicast": { "enabled": false }, "gossip": { "enabled": false } },
+            "transport": transport,
+            "access_control": self.list(),
+        })
+    }
+
+    fn tls(&self, tls: &RouterCertificate) -> Value {
+        let mut settings = json!({
+            "listen_certificate": tls.certificate,
+            "listen_private_key": tls.key,
+            "enable_mtls": self.identity == Identity::Certificate,
+        });
+        if let (Some(ca), Some(settings)) = (&tls.ca, settings.as_object_mut()) {
+            settings.insert("root_ca_certificate".to_owned(), json!(ca));
+        }
+        settings
+    }
+
+    /// The access list.
+    fn list(&self) -> Value {
+        let mut list = List::default();
+        for robot in &self.robots {
+            list.add(self.subject(robot.as_str()), &self.rules_of(robot));
+        }
+        if let Some(service) = &self.service {
+            list.add(self.subject(service), &self.rules_of_service());
+        }
+        json!({
+            "enabled": true,
+            "default_permission": "deny",
+            "rules": list.rules,
+            "subjects": list.subjects,
+            "policies": list.policies,
+        })
+    }
+
+    fn subject(&self, name: &str) -> Value {
+        let property = match self.identity {
+            Identity::Certificate => "cert_common_names",
+            Identity::User { .. } => "usernames",
+        };
+        json!({ "id": name, property: [name] })
+    }
+
+    /// What one robot may do: send its own streams, ask for and hear what is for it.
+    fn rules_of(&self, robot: &RobotId) -> Vec<Value> {
+        let of = |kinds: &[StreamKind]| -> Vec<String> {
+            let own = |&kind| self.keys.stream(robot, kind);
+            kinds.iter().map(own).collect()
+        };
+        let named = |what: &str| format!("{robot}: {what}");
+        let mut streams = of(&FROM_ROBOTS);
+        let further = self.streams.iter();
+        streams.extend(further.map(|stream| stream.replace("{robot}", robot.as_str())));
+        let alive = [self.keys.alive(robot)];
+        let service = [self.keys.service_of_all()];
+        let mut rules = vec![
+            rule(&named("streams"), "ingress", &["put"], &streams),
+            rule(&named("presence"), "ingress", &["liveliness_token"], &alive),
+            rule(
+                &named("answers wanted"),
+                "ingress",
+                &["query"],
+                &of(&ANSWERED),
+            ),
+            rule(
+                &named("results wanted"),
+                "ingress",
+                &["declare_subscriber"],
+                &of(&FROM_SERVICE),
+            ),
+            rule(
+                &named("service wanted"),
+                "ingress",
+                &["declare_liveliness_subscriber", "liveliness_query"],
+                &service,
+            ),
+            rule(&named("results"), "egress", &["put"], &of(&FROM_SERVICE)),
+            rule(&named("answers"), "egress", &["reply"], &of(&ANSWERED)),
+            rule(
+                &named("service"),
+                "egress",
+                &["liveliness_token", "reply"],
+                &service,
+            ),
+        ];
+        rules.extend(self.wanted(&named(""), "egress"));
+        rules
+    }
+
+    /// That the service listens and answers: for the whole fleet, since it says so once for all.
+    fn wanted(&self, named: &str, flow: &str) -> [Value; 3] {
+        let (streams, answered) = (self.streams_of_all(), self.of_all(&ANSWERED));
+        let alive = [self.keys.alive_of_all()];
+        [
+            rule(
+                &format!("{named}streams wanted"),
+                flow,
+                &["declare_subscriber"],
+                &streams,
+            ),
+            rule(
+                &format!("{named}answers offered"),
+                flow,
+                &["declare_queryable"],
+                &answered,
+            ),
+            rule(
+                &format!("{named}presence wanted"),
+                flow,
+                &["declare_liveliness_subscriber", "liveliness_query"],
+                &alive,
+            ),
+        ]
+    }
+
+    /// What a service that connects to the router may do: hear all robots and answer them.
+    fn rules_of_service(&self) -> Vec<Value> {
+        let (results, answered) = (self.of_all(&FROM_SERVICE), self.of_all(&ANSWERED));
+        let service = [self.keys.service_of_all()];
+        let named = |what: &str| format!("the service: {what}");
+        let mut rules = vec![
+            rule(&named("results"), "ingress", &["put"], &results),
+            rule(&named("answers"), "ingress", &["reply"], &answered),
+            rule(
+                &named("presence"),
+                "ingress",
+                &["liveliness_token"],
+                &service,
+            ),
+            rule(
+                &named("streams"),
+                "egress",
+                &["put"],
+                &self.streams_of_all(),
+            ),
+            rule(&named("questions"), "egress", &["query"], &answered),
+            rule(
+                &named("results wanted"),
+                "egress",
+                &["declare_subscriber"],
+                &results,
+            ),
+            rule(
+                &named("robots' presence"),
+                "egress",
+                &["liveliness_token", "reply"],
+                &[self.keys.alive_of_all()],
+            ),
+            rule(
+                &named("presence asked for"),
+                "egress",
+                &["declare_liveliness_subscriber", "liveliness_query"],
+                &service,
+            ),
+        ];
+        rules.extend(self.wanted(&named(""), "ingress"));
+        rules
+    }
+
+    fn of_all(&self, kinds: &[StreamKind]) -> Vec<String> {
+        let of_all = |&kind| self.keys.stream_of_all(kind);
+        kinds.iter().map(of_all).collect()
+    }
+
+    fn streams_of_all(&self) -> Vec<String> {
+        let mut streams = self.of_all(&FROM_ROBOTS);
+        streams.push(self.keys.stream_of_all_kinds());
+        let further = self.streams.iter();
+        streams.extend(further.map(|stream| stream.replace("{robot}", "*")));
+        streams
+    }
+}
+
+/// An access list in the making.
+#[derive(Debug, Default)]
+struct List {
+    rules: Vec<Value>,
+    subjects: Vec<Value>,
+    policies: Vec<Value>,
+}
+
+impl List {
+    fn add(&mut self, subject: Value, rules: &[Value]) {
+        let names: Vec<Value> = rules.iter().map(|rule| rule["id"].clone()).collect();
+        let policy = json!({ "rules": names, "subjects": [subject["id"].clone()] });
+        self.policies.push(policy);
+        self.subjects.push(subject);
+        self.rules.extend_from_slice(rules);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn router(robots: &[&str]) -> StrictRouter {
+        let robots = robots.iter().map(|id| RobotId::parse(id).unwrap());
+        StrictRouter {
+            keys: Keys::default(),
+            robots: robots.collect(),
+            service: Some("fleetcal".to_owned()),
+            streams: vec!["*/{robot}/scan/**".to_owned()],
+            identity: Identity::Certificate,
+            certificate: None,
+            listen: vec!["tls/0.0.0.0:7447".to_owned()],
+        }
+    }
+
+    /// The key expressions that a subject's policy lets it put to.
+    fn may_put(list: &Value, subject: &str) -> Vec<String> {
+        let policies = list["policies"].as_array().unwrap();
+        let own = policies.iter().find(|p| p["subjects"] == json!([subject]));
+        let names = own.unwrap()["rules"].as_array().unwrap();
+        let rules = list["rules"].as_array().unwrap().iter();
+        let puts = rules.filter(|rule| {
+            names.contains(&rule["id"])
+                && rule["flows"] == json!(["ingress"])
+                && rule["messages"] == json!(["put"])
+        });
+        let keys = puts.flat_map(|rule| rule["key_exprs"].as_array().unwrap());
+        keys.map(|key| key.as_str().unwrap().to_owned()).collect()
+    }
+
+    #[test]
+    fn a_robot_may_put_to_its_own_keys_and_the_service_to_no_stream() {
+        let list = router(&["tugger_01", "tugger_02"]).list();
+        let keys = may_put(&list, "tugger_01");
+        assert!(keys.contains(&"fleet/tugger_01/drive".to_owned()));
+        assert!(keys.contains(&"*/tugger_01/scan/**".to_owned()));
+        assert!(
+            keys.iter().all(|key| key.contains("/tugger_01/")),
+            "{keys:?}"
+        );
+        let keys = may_put(&list, "fleetcal");
+        assert!(keys.contains(&"fleet/*/estimate".to_owned()));
+        assert!(!keys.contains(&"fleet/*/drive".to_owned()), "{keys:?}");
+    }
+
+    #[test]
+    fn names_in_the_list_are_unique() {
+        let list = router(&["a", "b", "c"]).list();
+        for part in ["rules", "subjects"] {
+            let entries = list[part].as_array().unwrap();
+            let names: BTreeSet<&str> = entries.iter().filter_map(|e| e["id"].as_str()).collect();
+            assert_eq!(names.len(), entries.len(), "{part}");
+        }
+    }
+
+    #[test]
+    fn zenoh_accepts_the_whole_configuration() {
+        let mut router = router(&["a", "b"]);
+        router.certificate = Some(RouterCertificate {
+            certificate: "router.pem".into(),
+            key: "router.key.pem".into(),
+            ca: Some("ca.pem".into()),
+        });
+        let written = router.configuration().to_string();
+        zenoh::Config::from_json5(&written).unwrap();
+        router.identity = Identity::User {
+            passwords: "passwords.txt".into(),
+        };
+        let written = router.configuration().to_string();
+        zenoh::Config::from_json5(&written).unwrap();
+        assert!(written.contains("passwords.txt") && written.contains("usernames"));
+    }
+}

@@ -1,0 +1,364 @@
+//! Keeps the life cycle going: takes decisions to the store one at a time for each robot, hears
+//! robots' answers, and does each second what is due.
+//!
+//! What is decided is pure and stands in [`fleetcal_domain::approval`]; what is decided upon stands in the
+//! store. This is the part between them that waits.
+
+mod answers;
+mod duty;
+mod offer;
+mod policy;
+#[cfg(test)]
+mod tests;
+
+pub use offer::Letter;
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, PoisonError, RwLock};
+
+use fleetcal_clock::SharedClock;
+use fleetcal_domain::access::Actor;
+use fleetcal_domain::approval::{
+    Command, DeploymentState, Policy, Present, RobotLedger, values_and_sigmas,
+};
+use fleetcal_domain::limits;
+use fleetcal_domain::robot::RobotState;
+use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::Applied;
+use fleetcal_proto::signing::{PublicKey, SigningKey};
+use fleetcal_store::{Decided, Decision, HoldWrite, IdempotencyKey, SiteHold, Store, StoreError};
+use tokio::sync::{Mutex, Notify, mpsc};
+use tokio_util::sync::CancellationToken;
+use tokio_util::task::TaskTracker;
+
+use crate::Boxed;
+use fleetcal_fleet::live::LiveUpdate;
+use fleetcal_fleet::{FleetHandle, UsedValues};
+use policy::Rules;
+
+/// What a clerk works with.
+#[derive(Debug)]
+pub struct ClerkSetup {
+    /// Where the records are.
+    pub store: Store,
+    /// Whose robots they are about.
+    pub fleet: FleetHandle,
+    /// Where time comes from.
+    pub clock: SharedClock,
+    /// The rules of the configuration file.
+    pub policy: Policy,
+    /// What documents are signed with.
+    pub key: SigningKey,
+}
+
+/// One robot's records, and whose turn it is to change them.
+#[derive(Debug)]
+struct Desk {
+    ledger: RwLock<Arc<RobotLedger>>,
+    turn: Mutex<()>,
+}
+
+#[derive(Debug)]
+struct Inner {
+    store: Store,
+    fleet: FleetHandle,
+    clock: SharedClock,
+    rules: Rules,
+    key: Arc<SigningKey>,
+    desks: RwLock<BTreeMap<RobotId, Arc<Desk>>>,
+    hold: RwLock<SiteHold>,
+    answers: mpsc::Sender<(RobotId, Applied)>,
+    /// Something is to be sent.
+    post: Notify,
+    lost_answers: AtomicU64,
+    refused_answers: AtomicU64,
+    stop: CancellationToken,
+    tasks: TaskTracker,
+}
+
+/// The clerk, cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Clerk {
+    inner: Arc<Inner>,
+}
+
+impl Clerk {
+    /// Reads every robot's records and goes to work.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub fn start(setup: ClerkSetup) -> Boxed<Result<Self, StoreError>> {
+        Box::pin(Self::started(setup))
+    }
+
+    async fn started(setup: ClerkSetup) -> Result<Self, StoreError> {
+        let ledgers = setup.store.load_ledgers().await?;
+        let hold = setup.store.site_hold().await?;
+        let policy = setup.store.stored_policy().await?;
+        let (answers, inbox) = mpsc::channel(limits::ANSWERS_MAX);
+        let clerk = Self {
+            inner: Arc::new(Inner {
+                store: setup.store,
+                fleet: setup.fleet,
+                clock: setup.clock,
+                rules: Rules::new(setup.policy, policy),
+                key: Arc::new(setup.key),
+                desks: RwLock::default(),
+                hold: RwLock::new(hold),
+                answers,
+                post: Notify::new(),
+                lost_answers: AtomicU64::new(0),
+                refused_answers: AtomicU64::new(0),
+                stop: CancellationToken::new(),
+                tasks: TaskTracker::new(),
+            }),
+        };
+        for ledger in ledgers {
+            clerk.tell_fleet(&ledger);
+            let desk = clerk.desk(&ledger.shadow.robot.clone());
+            *desk.ledger.write().unwrap_or_else(PoisonError::into_inner) = Arc::new(ledger);
+        }
+        let tasks = &clerk.inner.tasks;
+        tasks.spawn(answers::hear(clerk.clone(), inbox));
+        tasks.spawn(duty::attend(clerk.clone()));
+        // What was decided before the service stopped may not have been sent.
+        clerk.inner.post.notify_one();
+        Ok(clerk)
+    }
+
+    /// Ends what the clerk does by itself. Decisions that are under way are finished.
+    pub async fn stop(&self) {
+        self.inner.stop.cancel();
+        self.inner.tasks.close();
+        self.inner.tasks.wait().await;
+    }
+
+    /// The public half of what documents are signed with.
+    pub fn public_key(&self) -> PublicKey {
+        self.inner.key.public_key()
+    }
+
+    /// A robot's records; those of a robot for which nothing was proposed when there are none.
+    pub fn ledger(&self, robot: &RobotId) -> Arc<RobotLedger> {
+        let desks = self
+            .inner
+            .desks
+            .read()
+            .unwrap_or_else(PoisonError::into_inner);
+        let desk = desks.get(robot).map(Arc::clone);
+        drop(desks);
+        desk.map_or_else(
+            || Arc::new(RobotLedger::new(robot.clone())),
+            |desk| Arc::clone(&desk.ledger.read().unwrap_or_else(PoisonError::into_inner)),
+        )
+    }
+
+    /// Whether any robot was ever given a signed document.
+    pub fn has_given_out(&self) -> bool {
+        let desks = self
+            .inner
+            .desks
+            .read()
+            .unwrap_or_else(PoisonError::into_inner);
+        let signed = |desk: &Arc<Desk>| {
+            let ledger = desk.ledger.read().unwrap_or_else(PoisonError::into_inner);
+            ledger.shadow.generation_last > 0
+        };
+        desks.values().any(signed)
+    }
+
+    /// The site-wide stop.
+    pub fn site_hold(&self) -> SiteHold {
+        let hold = self
+            .inner
+            .hold
+            .read()
+            .unwrap_or_else(PoisonError::into_inner);
+        hold.clone()
+    }
+
+    /// Answers that found no room, and answers that fitted no record.
+    pub fn answer_counters(&self) -> (u64, u64) {
+        let read = |count: &AtomicU64| count.load(Ordering::Relaxed);
+        (
+            read(&self.inner.lost_answers),
+            read(&self.inner.refused_answers),
+        )
+    }
+
+    /// Takes a command on a robot's records; it is committed when this returns.
+    ///
+    /// # Errors
+    /// [`StoreError::Refused`] when it does not fit them, or the database's failure; nothing has
+    /// changed then.
+    pub async fn decide(
+        &self,
+        robot: &RobotId,
+        command: Command,
+        actor: Actor,
+        idempotency: Option<IdempotencyKey>,
+    ) -> Result<Decided, StoreError> {
+        let (clerk, robot) = (self.clone(), robot.clone());
+        self.see_through(async move { clerk.take(&robot, command, actor, idempotency).await })
+            .await
+    }
+
+    /// Does something to its end, even if whoever asked for it goes away meanwhile: what is
+    /// committed has to be known here and sent.
+    async fn see_through<T: Send + 'static>(
+        &self,
+        work: impl Future<Output = Result<T, StoreError>> + Send + 'static,
+    ) -> Result<T, StoreError> {
+        let ended = self.inner.tasks.spawn(work).await;
+        ended.unwrap_or_else(|ended| match ended.try_into_panic() {
+            Ok(panic) => std::panic::resume_unwind(panic),
+            Err(_) => Err(StoreError::Closed),
+        })
+    }
+
+    async fn take(
+        &self,
+        robot: &RobotId,
+        command: Command,
+        actor: Actor,
+        idempotency: Option<IdempotencyKey>,
+    ) -> Result<Decided, StoreError> {
+        let desk = self.desk(robot);
+        let _turn = desk.turn.lock().await;
+        let decision = Decision {
+            robot: robot.clone(),
+            command,
+            actor,
+            given_policy: self.given_policy(),
+            key: Arc::clone(&self.inner.key),
+            now_ns: self.inner.clock.now_ns(),
+            idempotency,
+            rear_axle_in_base_link: self.inner.fleet.rear_axle_in_base_link(robot),
+            present: self.present(robot),
+        };
+        let decided = self.inner.store.decide(decision).await?;
+        if let Decided::Taken(outcome) = &decided {
+            let ledger = Arc::new(outcome.ledger.clone());
+            self.tell_fleet(&ledger);
+            *desk.ledger.write().unwrap_or_else(PoisonError::into_inner) = ledger;
+            if !outcome.parcels.is_empty() {
+                self.inner.post.notify_one();
+            }
+            let told = |transition| LiveUpdate::of_transition(robot, transition);
+            let mut updates: Vec<_> = outcome.transitions.iter().map(told).collect();
+            updates.dedup();
+            for update in updates {
+                self.inner.fleet.announce(update);
+            }
+        }
+        Ok(decided)
+    }
+
+    /// What a robot's estimator says at this moment.
+    pub fn present(&self, robot: &RobotId) -> Present {
+        let Some(view) = self.inner.fleet.robot(robot) else {
+            return Present::Unknown;
+        };
+        match view.state {
+            RobotState::Changed => Present::VehicleChanged,
+            RobotState::Calibrated => {
+                let known = view.estimate.as_deref().and_then(values_and_sigmas);
+                known.map_or(Present::Unknown, |(values, sigmas)| Present::Known {
+                    values,
+                    sigmas,
+                })
+            }
+            _ => Present::Unknown,
+        }
+    }
+
+    /// Holds or releases the site-wide stop.
+    ///
+    /// # Errors
+    /// [`StoreError::Refused`] when it changed since it was looked at, or the database's failure.
+    pub async fn hold(
+        &self,
+        held: bool,
+        version: u64,
+        actor: Actor,
+        reason: String,
+    ) -> Result<SiteHold, StoreError> {
+        let write = HoldWrite {
+            held,
+            version,
+            actor,
+            now_ns: self.inner.clock.now_ns(),
+            reason,
+        };
+        let clerk = self.clone();
+        self.see_through(async move { clerk.take_hold(write).await })
+            .await
+    }
+
+    async fn take_hold(&self, write: HoldWrite) -> Result<SiteHold, StoreError> {
+        let hold = self.inner.store.hold(write).await?;
+        let mut known = self
+            .inner
+            .hold
+            .write()
+            .unwrap_or_else(PoisonError::into_inner);
+        if known.version < hold.version {
+            *known = hold.clone();
+        }
+        drop(known);
+        self.inner.post.notify_one();
+        self.inner.fleet.announce(LiveUpdate::Hold);
+        Ok(hold)
+    }
+
+    fn desk(&self, robot: &RobotId) -> Arc<Desk> {
+        let desks = self
+            .inner
+            .desks
+            .read()
+            .unwrap_or_else(PoisonError::into_inner);
+        if let Some(desk) = desks.get(robot) {
+            return Arc::clone(desk);
+        }
+        drop(desks);
+        let mut desks = self
+            .inner
+            .desks
+            .write()
+            .unwrap_or_else(PoisonError::into_inner);
+        let new = || {
+            Arc::new(Desk {
+                ledger: RwLock::new(Arc::new(RobotLedger::new(robot.clone()))),
+                turn: Mutex::default(),
+            })
+        };
+        Arc::clone(desks.entry(robot.clone()).or_insert_with(new))
+    }
+
+    /// Tells the robot's task what the robot compensates with, and what is to be verified.
+    fn tell_fleet(&self, ledger: &RobotLedger) {
+        let shadow = &ledger.shadow;
+        let used = [&shadow.before, &shadow.in_use];
+        // The agent's clock may have gone back between the two: their order is that of the answers.
+        let used: Vec<_> = used
+            .into_iter()
+            .flatten()
+            .map(|in_use| UsedValues {
+                since_ns: in_use.since_ns,
+                generation: in_use.generation,
+                values: in_use.values,
+            })
+            .collect();
+        let on_trial = ledger.live.as_ref().and_then(|live| {
+            let state = matches!(
+                live.state,
+                DeploymentState::Applied | DeploymentState::Verifying
+            );
+            let in_use = shadow.in_use.as_ref()?;
+            (state && in_use.generation == live.offer.generation)
+                .then_some((in_use.generation, in_use.since_ns))
+        });
+        self.inner.fleet.use_values(&shadow.robot, &used, on_trial);
+    }
+}

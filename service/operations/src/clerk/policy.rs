@@ -1,0 +1,90 @@
+//! The rules that the clerk goes by: what the configuration file says, or what was set since.
+
+use std::sync::{Arc, PoisonError, RwLock};
+
+use fleetcal_domain::access::Actor;
+use fleetcal_domain::approval::Policy;
+use fleetcal_fleet::live::LiveUpdate;
+use fleetcal_store::{PolicyWrite, StoreError, StoredPolicy};
+
+use super::Clerk;
+
+/// The rules in force, and where they come from.
+#[derive(Debug)]
+pub(super) struct Rules {
+    /// What the configuration file says.
+    given: Arc<Policy>,
+    stored: RwLock<StoredPolicy>,
+}
+
+impl Rules {
+    pub(super) fn new(given: Policy, stored: StoredPolicy) -> Self {
+        Self {
+            given: Arc::new(given),
+            stored: RwLock::new(stored),
+        }
+    }
+
+    fn stored(&self) -> StoredPolicy {
+        let stored = self.stored.read().unwrap_or_else(PoisonError::into_inner);
+        stored.clone()
+    }
+}
+
+impl Clerk {
+    /// The rules in force.
+    pub fn policy(&self) -> Arc<Policy> {
+        let rules = &self.inner.rules;
+        let stored = rules.stored.read().unwrap_or_else(PoisonError::into_inner);
+        stored
+            .policy
+            .map_or_else(|| Arc::clone(&rules.given), Arc::new)
+    }
+
+    /// What the configuration file says, whatever was set since.
+    pub(super) fn given_policy(&self) -> Arc<Policy> {
+        Arc::clone(&self.inner.rules.given)
+    }
+
+    /// What was set over the API, and by whom.
+    pub fn stored_policy(&self) -> StoredPolicy {
+        self.inner.rules.stored()
+    }
+
+    /// Sets the rules, or with `None` goes back to those of the configuration file. What is decided
+    /// from now on goes by them.
+    ///
+    /// # Errors
+    /// [`StoreError::Refused`] when they changed since they were looked at, or the database's
+    /// failure.
+    pub async fn change_policy(
+        &self,
+        policy: Option<Policy>,
+        version: u64,
+        actor: Actor,
+        reason: String,
+    ) -> Result<StoredPolicy, StoreError> {
+        let write = PolicyWrite {
+            policy,
+            version,
+            actor,
+            now_ns: self.inner.clock.now_ns(),
+            reason,
+        };
+        let clerk = self.clone();
+        self.see_through(async move { clerk.take_policy(write).await })
+            .await
+    }
+
+    async fn take_policy(&self, write: PolicyWrite) -> Result<StoredPolicy, StoreError> {
+        let stored = self.inner.store.write_policy(write).await?;
+        let rules = &self.inner.rules;
+        let mut known = rules.stored.write().unwrap_or_else(PoisonError::into_inner);
+        if known.version < stored.version {
+            *known = stored.clone();
+        }
+        drop(known);
+        self.inner.fleet.announce(LiveUpdate::Policy);
+        Ok(stored)
+    }
+}

@@ -1,0 +1,197 @@
+//! The store for a command that administrates, also beside the service that holds the folder.
+
+use std::fs::{File, OpenOptions};
+use std::io::{Error, ErrorKind};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use fleetcal_domain::access::Actor;
+use fleetcal_store::backend::{AccountReader as _, Batch, Reader as _, Writer as _};
+use fleetcal_store::{
+    StoreError, TokenChange, TokenRecord, TokenWrite, UserChange, UserRecord, UserWrite, Written,
+};
+
+use super::folder::Folder;
+use super::{SqliteReader, SqliteWriter};
+
+/// Users and tokens of a data folder, whether a service holds it or not. Each change is a
+/// transaction of its own.
+#[derive(Debug)]
+pub struct Administration {
+    writer: SqliteWriter,
+    reader: SqliteReader,
+    /// Held as long as no service runs, so that none starts in the middle of a migration.
+    _folder: Option<Folder>,
+}
+
+impl Administration {
+    /// Opens the database of a folder. It makes none: a folder without one is a wrong folder.
+    ///
+    /// # Errors
+    /// [`StoreError::Missing`] without a database, [`StoreError::OtherSchema`] when a service of another version runs on it, and whatever else
+    /// keeps it from being opened.
+    pub async fn open(path: &Path) -> Result<Self, StoreError> {
+        let database = Folder::database_in(path);
+        if !database.is_file() {
+            return Err(StoreError::Missing { path: database });
+        }
+        let folder = match Folder::hold(path) {
+            Ok(folder) => Some(folder),
+            Err(StoreError::InUse { .. }) => None,
+            Err(error) => return Err(error),
+        };
+        let (writer, reader) = super::administer(&database, folder.as_ref()).await?;
+        Ok(Self {
+            writer,
+            reader,
+            _folder: folder,
+        })
+    }
+
+    /// Changes a user at `now_ns`, wall time.
+    ///
+    /// # Errors
+    /// [`StoreError::Account`] when it is refused; otherwise the database's failure.
+    pub async fn write_user(
+        &mut self,
+        actor: Actor,
+        now_ns: i64,
+        change: UserChange,
+    ) -> Result<Written<UserRecord>, StoreError> {
+        let write = UserWrite {
+            actor,
+            now_ns,
+            change,
+        };
+        let batch = Batch {
+            users: vec![write],
+            ..Batch::default()
+        };
+        let outcomes = self.writer.commit(&batch).await?;
+        outcomes
+            .users
+            .into_iter()
+            .next()
+            .unwrap_or(Err(StoreError::Closed))
+    }
+
+    /// Changes a token at `now_ns`, wall time.
+    ///
+    /// # Errors
+    /// [`StoreError::Account`] when it is refused; otherwise the database's failure.
+    pub async fn write_token(
+        &mut self,
+        actor: Actor,
+        now_ns: i64,
+        change: TokenChange,
+    ) -> Result<Written<TokenRecord>, StoreError> {
+        let write = TokenWrite {
+            actor,
+            now_ns,
+            change,
+        };
+        let batch = Batch {
+            tokens: vec![write],
+            ..Batch::default()
+        };
+        let outcomes = self.writer.commit(&batch).await?;
+        outcomes
+            .tokens
+            .into_iter()
+            .next()
+            .unwrap_or(Err(StoreError::Closed))
+    }
+
+    /// The user of a name, upper or lower case.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn user_named(&self, name: &str) -> Result<Option<UserRecord>, StoreError> {
+        self.reader.user_named(name).await
+    }
+
+    /// Every user.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn users(&self) -> Result<Vec<UserRecord>, StoreError> {
+        self.reader
+            .users(0, fleetcal_domain::limits::USERS_MAX)
+            .await
+    }
+
+    /// Every token.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn tokens(&self) -> Result<Vec<TokenRecord>, StoreError> {
+        self.reader
+            .tokens(0, fleetcal_domain::limits::TOKENS_MAX)
+            .await
+    }
+
+    /// Closes the database.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn close(self) -> Result<(), StoreError> {
+        self.reader.close().await;
+        Box::new(self.writer).close().await
+    }
+}
+
+/// Copies the database of a folder into the file `to`, whole and as of one moment, also while a
+/// service writes. The file is its owner's alone, and it is there only once it is complete; one
+/// that was there before is replaced.
+///
+/// # Errors
+/// [`StoreError::Missing`] without a database, [`StoreError::Backup`] when the file cannot be
+/// written.
+pub async fn backup(folder: &Path, to: &Path) -> Result<(), StoreError> {
+    let database = Folder::database_in(folder);
+    if !database.is_file() {
+        return Err(StoreError::Missing { path: database });
+    }
+    let failed = |source: Error| StoreError::Backup {
+        path: to.to_owned(),
+        source: Arc::new(source),
+    };
+    let unfinished = unfinished(to).ok_or_else(|| failed(ErrorKind::InvalidFilename.into()))?;
+    make_private(&unfinished).map_err(failed)?;
+    let copied = super::copy(&database, &unfinished).await;
+    let finished = copied.and_then(|()| finish(&unfinished, to).map_err(failed));
+    if finished.is_err()
+        && let Err(error) = std::fs::remove_file(&unfinished)
+    {
+        tracing::warn!(%error, "an unfinished backup is left behind");
+    }
+    finished
+}
+
+/// Where a backup is until it is complete.
+fn unfinished(to: &Path) -> Option<PathBuf> {
+    let mut name = to.file_name()?.to_owned();
+    name.push(".tmp");
+    Some(to.with_file_name(name))
+}
+
+/// Makes an empty file that its owner alone can read; one that an earlier backup left is removed.
+fn make_private(path: &Path) -> Result<(), Error> {
+    match std::fs::remove_file(path) {
+        Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
+        _ => {}
+    }
+    let mut options = OpenOptions::new();
+    options.write(true).create_new(true);
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
+    options.open(path).map(drop)
+}
+
+/// Gives a complete backup its name, for good.
+fn finish(unfinished: &Path, to: &Path) -> Result<(), Error> {
+    File::open(unfinished)?.sync_all()?;
+    std::fs::rename(unfinished, to)?;
+    let folder = to.parent().filter(|folder| !folder.as_os_str().is_empty());
+    File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
+}

@@ -1,0 +1,269 @@
+//! The store's database in SQLite: one connection that writes, a pool that only reads. The data
+//! folder, its lock and the signing key in it stand here as well.
+//!
+//! Nothing outside this crate knows sqlx.
+
+mod accounts;
+mod administration;
+mod alerts;
+mod approvals;
+mod audit;
+mod columns;
+mod events;
+mod folder;
+mod policy;
+mod read;
+mod records;
+mod robots;
+mod row;
+pub mod signing_key;
+#[cfg(test)]
+mod tests;
+mod webhooks;
+mod write;
+mod writer;
+
+use std::path::{Path, PathBuf};
+use std::pin::Pin;
+use std::sync::Arc;
+
+use fleetcal_clock::SharedClock;
+use fleetcal_domain::limits;
+use fleetcal_store::backend::{Database, Reader as _};
+use fleetcal_store::{EventKind, EventSource, Store, StoreError};
+use sqlx::migrate::{MigrateError, Migrator};
+use sqlx::sqlite::{
+    SqliteConnectOptions, SqliteConnection, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous,
+};
+use sqlx::{ConnectOptions, Connection};
+
+use folder::Folder;
+use read::SqliteReader;
+use writer::SqliteWriter;
+
+pub use administration::{Administration, backup};
+
+static MIGRATIONS: Migrator = sqlx::migrate!("../../migrations/sqlite");
+
+/// A future that is compiled in this crate, and not in each that awaits it.
+pub type Boxed<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
+
+/// What an acknowledged commit outlives.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[expect(
+    clippy::manual_non_exhaustive,
+    reason = "the hidden one is real: tests choose it"
+)]
+pub enum Outlives {
+    /// The machine's power. The service knows nothing else.
+    Power,
+    /// The process alone. With this, the test that takes the power away shows that it can fail.
+    #[doc(hidden)]
+    Process,
+}
+
+/// The database of a folder, which is held as long as this value.
+#[derive(Debug)]
+struct Held {
+    folder: Folder,
+}
+
+impl Database for Held {
+    fn schema_known(&self) -> i64 {
+        schema_known()
+    }
+
+    fn write_once(&self) -> Boxed<'static, Result<(), StoreError>> {
+        Box::pin(write_once(self.folder.database()))
+    }
+}
+
+/// Opens the store of a folder, which is made when it is missing, and starts its writer.
+///
+/// # Errors
+/// [`StoreError::InUse`] when another process has it, [`StoreError::NewerSchema`] when a newer
+/// program wrote it, and whatever else keeps it from being opened.
+pub fn open(folder: &Path, clock: SharedClock) -> Boxed<'_, Result<Store, StoreError>> {
+    open_with(folder, clock, Outlives::Power)
+}
+
+/// The same, with commits that may outlive less.
+///
+/// # Errors
+/// As [`open`].
+#[doc(hidden)]
+pub fn open_with(
+    folder: &Path,
+    clock: SharedClock,
+    outlives: Outlives,
+) -> Boxed<'_, Result<Store, StoreError>> {
+    Box::pin(async move {
+        let folder = Folder::hold(folder)?;
+        let (writer, reader) = connect(&folder, clock.now_ns(), outlives).await?;
+        let held = Arc::new(Held { folder });
+        Ok(Store::start(writer, reader, held, clock))
+    })
+}
+
+/// The newest migration in this program.
+fn schema_known() -> i64 {
+    MIGRATIONS
+        .iter()
+        .map(|migration| migration.version)
+        .max()
+        .unwrap_or(0)
+}
+
+/// Opens the database of a folder, makes it when it is missing, and brings it to this program's
+/// schema.
+///
+/// # Errors
+/// [`StoreError::NewerSchema`], [`StoreError::Migration`], [`StoreError::Database`] or
+/// [`StoreError::Folder`].
+async fn connect(
+    folder: &Folder,
+    now_ns: i64,
+    outlives: Outlives,
+) -> Result<(SqliteWriter, SqliteReader), StoreError> {
+    folder.check_whole()?;
+    folder.make_private()?;
+    let path = folder.database();
+    let synchronous = match outlives {
+        Outlives::Power => SqliteSynchronous::Full,
+        Outlives::Process => SqliteSynchronous::Normal,
+    };
+    let options = options(&path).synchronous(synchronous);
+    let mut connection = options
+        .clone()
+        .create_if_missing(true)
+        .connect()
+        .await
+        .map_err(StoreError::database("be opened"))?;
+    migrate(&mut connection, path.clone()).await?;
+    // Before anything is acknowledged, the new file must also be in its folder for good.
+    folder.sync()?;
+    note_start(&mut connection, now_ns).await?;
+    let reader = readers(&path).await?;
+    Ok((SqliteWriter::new(connection, options).await?, reader))
+}
+
+/// Opens the database of a folder for administration. A folder that is held is migrated; that of a
+/// running service is taken as it is.
+///
+/// # Errors
+/// [`StoreError::OtherSchema`] when the running service is another version; else those of
+/// [`open`].
+async fn administer(
+    path: &Path,
+    held: Option<&Folder>,
+) -> Result<(SqliteWriter, SqliteReader), StoreError> {
+    if let Some(folder) = held {
+        folder.check_whole()?;
+        folder.make_private()?;
+    }
+    let options = options(path);
+    let mut connection = options
+        .connect()
+        .await
+        .map_err(StoreError::database("be opened"))?;
+    if let Some(folder) = held {
+        migrate(&mut connection, path.to_owned()).await?;
+        folder.sync()?;
+    }
+    let reader = readers(path).await?;
+    let (found, known) = (reader.schema_version().await?, schema_known());
+    if found != known {
+        return Err(StoreError::OtherSchema { found, known });
+    }
+    Ok((SqliteWriter::new(connection, options).await?, reader))
+}
+
+/// Copies a database as it is now into `to`, which is empty or missing.
+///
+/// # Errors
+/// [`StoreError::Database`].
+async fn copy(path: &Path, to: &Path) -> Result<(), StoreError> {
+    let failed = || StoreError::database("be copied");
+    let mut connection = options(path)
+        .read_only(true)
+        .connect()
+        .await
+        .map_err(StoreError::database("be opened for reading"))?;
+    sqlx::query("VACUUM INTO ?1")
+        .bind(to.to_string_lossy().into_owned())
+        .execute(&mut connection)
+        .await
+        .map_err(failed())?;
+    close(connection).await
+}
+
+/// Writes over a connection of its own, to find out whether the database takes writes at all.
+///
+/// # Errors
+/// [`StoreError::Database`].
+async fn write_once(path: PathBuf) -> Result<(), StoreError> {
+    let mut connection = options(&path)
+        .connect()
+        .await
+        .map_err(StoreError::database("be opened"))?;
+    sqlx::query("UPDATE probe SET written_ns = written_ns")
+        .execute(&mut connection)
+        .await
+        .map_err(StoreError::database("write at all"))?;
+    close(connection).await
+}
+
+async fn readers(path: &Path) -> Result<SqliteReader, StoreError> {
+    let pool = SqlitePoolOptions::new()
+        .max_connections(limits::STORE_READERS_MAX)
+        .acquire_timeout(limits::STORE_READ_TIMEOUT)
+        .connect_with(options(path).read_only(true))
+        .await
+        .map_err(StoreError::database("be opened for reading"))?;
+    Ok(SqliteReader::new(pool))
+}
+
+fn options(path: &Path) -> SqliteConnectOptions {
+    SqliteConnectOptions::new()
+        .filename(path)
+        .journal_mode(SqliteJournalMode::Wal)
+        // A commit that was acknowledged outlives the machine's power, not the process alone.
+        .synchronous(SqliteSynchronous::Full)
+        .busy_timeout(limits::STORE_BUSY_TIMEOUT)
+        .foreign_keys(true)
+}
+
+async fn migrate(connection: &mut SqliteConnection, path: PathBuf) -> Result<(), StoreError> {
+    match MIGRATIONS.run_direct(None, connection, false).await {
+        Ok(()) => Ok(()),
+        Err(MigrateError::VersionMissing(found)) => Err(StoreError::NewerSchema {
+            path,
+            found,
+            known: schema_known(),
+        }),
+        Err(error) => Err(StoreError::Migration(Arc::new(error))),
+    }
+}
+
+/// Puts the service's start into the history of every robot whose estimator goes on from here.
+async fn note_start(connection: &mut SqliteConnection, now_ns: i64) -> Result<(), StoreError> {
+    sqlx::query(
+        "INSERT INTO robot_event (robot, kind, stamp_ns, received_ns, source)
+         SELECT robot, ?1, stamp_ns, ?2, ?3 FROM checkpoint",
+    )
+    .bind(EventKind::ServiceStarted.as_str())
+    .bind(now_ns)
+    .bind(EventSource::Service.as_str())
+    .execute(connection)
+    .await
+    .map_err(StoreError::database("note the service's start"))?;
+    Ok(())
+}
+
+/// Closes a connection, which also folds the write-ahead log into the database.
+async fn close(connection: SqliteConnection) -> Result<(), StoreError> {
+    connection
+        .close()
+        .await
+        .map_err(StoreError::database("be closed"))
+}

@@ -1,0 +1,361 @@
+//! The connections that only read.
+
+use std::collections::BTreeMap;
+
+use async_trait::async_trait;
+use fleetcal_domain::alert::Alert;
+use fleetcal_domain::approval::{
+    Deployment, DeploymentState, Parcel, Proposal, Revision, RobotLedger,
+};
+use fleetcal_domain::webhook::{Delivery, Webhook};
+use fleetcal_model::Parameter;
+use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::Envelope;
+use fleetcal_store::backend::{Cell, Reader, Stretch, Tier};
+use fleetcal_store::{
+    AlertFilter, AlertMoment, AuditFilter, AuditRow, CheckpointRecord, CrossTrackRecord,
+    CurrentRecord, DueDelivery, EventKind, EventRecord, EventSource, NewEvent, ProposalFilter,
+    RobotRecord, SiteHold, StoreError, StoredPolicy,
+};
+use sqlx::AssertSqlSafe;
+use sqlx::sqlite::{SqlitePool, SqliteRow};
+
+use super::row::{column, corrupt, parsed, robot_id};
+use super::{alerts, columns, policy, records, webhooks};
+
+/// The pool of connections that only read.
+#[derive(Debug)]
+pub(crate) struct SqliteReader {
+    pool: SqlitePool,
+}
+
+impl SqliteReader {
+    pub(super) fn new(pool: SqlitePool) -> Self {
+        Self { pool }
+    }
+
+    pub(super) fn pool(&self) -> &SqlitePool {
+        &self.pool
+    }
+}
+
+#[async_trait]
+impl Reader for SqliteReader {
+    async fn robots(&self) -> Result<Vec<RobotRecord>, StoreError> {
+        let rows = sqlx::query(
+            "SELECT id, config, version, created_ns, updated_ns FROM robot ORDER BY id",
+        )
+        .fetch_all(&self.pool)
+        .await
+        .map_err(StoreError::database("read the robots"))?;
+        rows.iter().map(robot_of).collect()
+    }
+
+    async fn robot(&self, id: &RobotId) -> Result<Option<RobotRecord>, StoreError> {
+        let row = sqlx::query(
+            "SELECT id, config, version, created_ns, updated_ns FROM robot WHERE id = ?1",
+        )
+        .bind(id.as_str())
+        .fetch_optional(&self.pool)
+        .await
+        .map_err(StoreError::database("read a robot"))?;
+        row.as_ref().map(robot_of).transpose()
+    }
+
+    async fn current(&self) -> Result<Vec<CurrentRecord>, StoreError> {
+        let rows = sqlx::query("SELECT received_ns, estimate FROM robot_current ORDER BY robot")
+            .fetch_all(&self.pool)
+            .await
+            .map_err(StoreError::database("read the latest estimates"))?;
+        rows.iter()
+            .map(|row| {
+                let estimate: String = column(row, "robot_current", 1)?;
+                Ok(CurrentRecord {
+                    received_ns: column(row, "robot_current", 0)?,
+                    estimate: parsed("robot_current", &estimate)?,
+                })
+            })
+            .collect()
+    }
+
+    async fn checkpoints(&self) -> Result<Vec<CheckpointRecord>, StoreError> {
+        let rows = sqlx::query(
+            "SELECT r.id, c.stamp_ns, c.received_ns, c.state
+             FROM checkpoint AS c JOIN robot AS r ON r.key = c.robot ORDER BY r.id",
+        )
+        .fetch_all(&self.pool)
+        .await
+        .map_err(StoreError::database("read the estimators' states"))?;
+        rows.iter()
+            .map(|row| {
+                Ok(CheckpointRecord {
+                    robot: robot_id(row, "checkpoint", 0)?,
+                    stamp_ns: column(row, "checkpoint", 1)?,
+                    received_ns: column(row, "checkpoint", 2)?,
+                    state: column(row, "checkpoint", 3)?,
+                })
+            })
+            .collect()
+    }
+
+    async fn cross_tracks(&self) -> Result<Vec<CrossTrackRecord>, StoreError> {
+        let rows = sqlx::query("SELECT robot, generation, errors FROM cross_track")
+            .fetch_all(&self.pool)
+            .await
+            .map_err(StoreError::database("read how robots follow their paths"))?;
+        rows.iter()
+            .map(|row| {
+                let generation: i64 = column(row, "cross_track", 1)?;
+                let errors: String = column(row, "cross_track", 2)?;
+                Ok(CrossTrackRecord {
+                    robot: robot_id(row, "cross_track", 0)?,
+                    generation: generation.unsigned_abs(),
+                    errors: parsed("cross_track", &errors)?,
+                })
+            })
+            .collect()
+    }
+
+    async fn extent(&self, tier: Tier) -> Result<Option<(i64, i64)>, StoreError> {
+        // Two statements in one, because only a lone `min` or `max` is taken from the key.
+        let table = columns::table(tier);
+        let sql = format!("SELECT (SELECT min(t) FROM {table}), (SELECT max(t) FROM {table})");
+        let row = sqlx::query(AssertSqlSafe(sql))
+            .fetch_one(&self.pool)
+            .await
+            .map_err(StoreError::database("read the extent of the history"))?;
+        let first: Option<i64> = column(&row, table, 0)?;
+        let last: Option<i64> = column(&row, table, 1)?;
+        Ok(first.zip(last))
+    }
+
+    async fn last_second(&self, id: &RobotId) -> Result<Option<i64>, StoreError> {
+        let failed = || StoreError::database("read the latest estimate");
+        let stamp_ns: Option<i64> = sqlx::query_scalar(
+            "SELECT stamp_ns FROM robot_current
+             WHERE robot = (SELECT key FROM robot WHERE id = ?1)",
+        )
+        .bind(id.as_str())
+        .fetch_optional(&self.pool)
+        .await
+        .map_err(failed())?;
+        Ok(stamp_ns.map(|stamp_ns| stamp_ns.div_euclid(1_000_000_000)))
+    }
+
+    async fn stretches(
+        &self,
+        id: &RobotId,
+        tier: Tier,
+        parameters: &[Parameter],
+        from_s: i64,
+        to_s: i64,
+    ) -> Result<Vec<Stretch>, StoreError> {
+        let failed = || StoreError::database("read a robot's history");
+        let key: Option<i64> = sqlx::query_scalar("SELECT key FROM robot WHERE id = ?1")
+            .bind(id.as_str())
+            .fetch_optional(&self.pool)
+            .await
+            .map_err(failed())?;
+        let Some(key) = key else {
+            return Ok(Vec::new());
+        };
+        // The text is made of table and column names of this program alone.
+        let rows = sqlx::query(AssertSqlSafe(columns::select(tier, parameters)))
+            .bind(from_s)
+            .bind(to_s)
+            .bind(tier.seconds())
+            .bind(key)
+            .fetch_all(&self.pool)
+            .await
+            .map_err(failed())?;
+        rows.iter()
+            .map(|row| stretch_of(row, tier, parameters.len()))
+            .collect()
+    }
+
+    async fn events(
+        &self,
+        id: &RobotId,
+        before: Option<i64>,
+        limit: u32,
+    ) -> Result<Vec<EventRecord>, StoreError> {
+        let rows = sqlx::query(
+            "SELECT e.id, r.id, e.kind, e.stamp_ns, e.received_ns, e.source, e.author, e.note,
+                 e.details
+             FROM robot_event AS e JOIN robot AS r ON r.key = e.robot
+             WHERE r.id = ?1 AND e.id < ?2 ORDER BY e.id DESC LIMIT ?3",
+        )
+        .bind(id.as_str())
+        .bind(before.unwrap_or(i64::MAX))
+        .bind(limit)
+        .fetch_all(&self.pool)
+        .await
+        .map_err(StoreError::database("read a robot's events"))?;
+        rows.iter().map(|row| event_of(row, false)).collect()
+    }
+
+    async fn schema_version(&self) -> Result<i64, StoreError> {
+        sqlx::query_scalar("SELECT max(version) FROM _sqlx_migrations WHERE success")
+            .fetch_one(&self.pool)
+            .await
+            .map_err(StoreError::database("read its schema's version"))
+    }
+
+    async fn ledgers(&self) -> Result<Vec<RobotLedger>, StoreError> {
+        records::ledgers(&self.pool).await
+    }
+
+    async fn envelope(
+        &self,
+        robot: &RobotId,
+        generation: u64,
+    ) -> Result<Option<Envelope>, StoreError> {
+        records::envelope(&self.pool, robot, generation).await
+    }
+
+    async fn outbox(&self) -> Result<Vec<(RobotId, Parcel)>, StoreError> {
+        records::outbox(&self.pool).await
+    }
+
+    async fn proposals(
+        &self,
+        filter: &ProposalFilter,
+    ) -> Result<Vec<(Proposal, Revision)>, StoreError> {
+        records::proposals(&self.pool, filter).await
+    }
+
+    async fn proposal(&self, id: u64) -> Result<Option<(Proposal, Revision)>, StoreError> {
+        records::proposal(&self.pool, id).await
+    }
+
+    async fn deployments(
+        &self,
+        robot: &RobotId,
+        before: Option<i64>,
+        limit: u32,
+    ) -> Result<Vec<Deployment>, StoreError> {
+        records::deployments(&self.pool, robot, before, limit).await
+    }
+
+    async fn followed(
+        &self,
+        proposals: &[u64],
+    ) -> Result<BTreeMap<u64, DeploymentState>, StoreError> {
+        records::followed(&self.pool, proposals).await
+    }
+
+    async fn site_hold(&self) -> Result<SiteHold, StoreError> {
+        records::site_hold(&self.pool).await
+    }
+
+    async fn policy(&self) -> Result<StoredPolicy, StoreError> {
+        policy::read(&self.pool).await
+    }
+
+    async fn audit(&self, filter: &AuditFilter) -> Result<Vec<AuditRow>, StoreError> {
+        records::audit_rows(&self.pool, filter).await
+    }
+
+    async fn active_alerts(&self) -> Result<Vec<Alert>, StoreError> {
+        alerts::active_alerts(&self.pool).await
+    }
+
+    async fn alerts(&self, filter: &AlertFilter) -> Result<Vec<Alert>, StoreError> {
+        alerts::alerts(&self.pool, filter).await
+    }
+
+    async fn alert(&self, id: u64) -> Result<Option<(Alert, Vec<AlertMoment>)>, StoreError> {
+        alerts::alert(&self.pool, id).await
+    }
+
+    async fn webhooks(&self) -> Result<Vec<Webhook>, StoreError> {
+        webhooks::webhooks(&self.pool).await
+    }
+
+    async fn deliveries(
+        &self,
+        webhook: u64,
+        before: Option<i64>,
+        limit: u32,
+    ) -> Result<Vec<Delivery>, StoreError> {
+        webhooks::deliveries(&self.pool, webhook, before, limit).await
+    }
+
+    async fn due_deliveries(&self, now_ns: i64) -> Result<Vec<DueDelivery>, StoreError> {
+        webhooks::due(&self.pool, now_ns).await
+    }
+
+    async fn waiting_deliveries(&self) -> Result<u64, StoreError> {
+        webhooks::waiting(&self.pool).await
+    }
+
+    async fn close(&self) {
+        self.pool.close().await;
+    }
+}
+
+fn robot_of(row: &SqliteRow) -> Result<RobotRecord, StoreError> {
+    let config: Option<String> = column(row, "robot", 1)?;
+    let version: i64 = column(row, "robot", 2)?;
+    Ok(RobotRecord {
+        id: robot_id(row, "robot", 0)?,
+        config: config.map(|config| parsed("robot", &config)).transpose()?,
+        version: u64::try_from(version).map_err(corrupt("robot"))?,
+        created_ns: column(row, "robot", 3)?,
+        updated_ns: column(row, "robot", 4)?,
+    })
+}
+
+fn stretch_of(row: &SqliteRow, tier: Tier, parameters: usize) -> Result<Stretch, StoreError> {
+    let table = columns::table(tier);
+    let count: i64 = column(row, table, 1)?;
+    let status: i64 = column(row, table, 2)?;
+    let mut cells = Vec::with_capacity(parameters);
+    for parameter in 0..parameters {
+        let value = |offset: usize| column::<Option<f64>>(row, table, 4 + 4 * parameter + offset);
+        let (mean, min, max, sigma) = (value(0)?, value(1)?, value(2)?, value(3)?);
+        let cell = match (mean, min, max, sigma) {
+            (Some(mean), Some(min), Some(max), Some(sigma)) => Some(Cell {
+                mean,
+                min,
+                max,
+                sigma,
+            }),
+            _ => None,
+        };
+        cells.push(cell);
+    }
+    Ok(Stretch {
+        t_s: column(row, table, 0)?,
+        count: u32::try_from(count).map_err(corrupt(table))?,
+        status: u32::try_from(status).map_err(corrupt(table))?,
+        nis: column(row, table, 3)?,
+        cells,
+    })
+}
+
+/// An event out of `id, robot, kind, stamp_ns, received_ns, source, author, note, details`.
+pub(super) fn event_of(row: &SqliteRow, repeated: bool) -> Result<EventRecord, StoreError> {
+    const TABLE: &str = "robot_event";
+    let kind: String = column(row, TABLE, 2)?;
+    let source: String = column(row, TABLE, 5)?;
+    let details: Option<String> = column(row, TABLE, 8)?;
+    let unknown = |what, name: &str| StoreError::Corrupt {
+        table: TABLE,
+        reason: format!("{what} {name:?} is unknown"),
+    };
+    Ok(EventRecord {
+        id: column(row, TABLE, 0)?,
+        repeated,
+        event: NewEvent {
+            robot: robot_id(row, TABLE, 1)?,
+            kind: EventKind::parse(&kind).ok_or_else(|| unknown("kind", &kind))?,
+            stamp_ns: column(row, TABLE, 3)?,
+            received_ns: column(row, TABLE, 4)?,
+            source: EventSource::parse(&source).ok_or_else(|| unknown("source", &source))?,
+            author: column(row, TABLE, 6)?,
+            note: column(row, TABLE, 7)?,
+            details: details.map(|details| parsed(TABLE, &details)).transpose()?,
+        },
+    })
+}

@@ -1,0 +1,309 @@
+//! What is asked of the life cycle's records.
+
+use std::collections::BTreeMap;
+
+use fleetcal_domain::approval::{
+    Deployment, DeploymentState, Parcel, Proposal, Refused, Revision, RobotLedger, Shadow,
+};
+use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::Envelope;
+use fleetcal_store::{AuditFilter, AuditRow, ProposalFilter, SiteHold, StoreError};
+use serde::de::DeserializeOwned;
+use sqlx::sqlite::{SqlitePool, SqliteRow};
+use sqlx::{QueryBuilder, Row, Sqlite, SqliteExecutor};
+
+use super::row::{column, parsed, robot_id};
+
+/// Deployments that are under way.
+pub(super) const LIVE: &str =
+    "state IN ('queued', 'offered', 'applied', 'verifying', 'rolling_back')";
+
+/// Refuses a change of what is at version `stands`, if another was looked at or no reason is given.
+pub(super) fn may_change(stands: u64, looked_at: u64, reason: &str) -> Result<(), StoreError> {
+    if stands != looked_at {
+        return Err(StoreError::Refused(Refused::Stale { found: stands }));
+    }
+    if reason.trim().is_empty() {
+        return Err(StoreError::Refused(Refused::ReasonMissing));
+    }
+    Ok(())
+}
+
+/// The records of every robot that has any.
+pub(super) async fn ledgers(pool: &SqlitePool) -> Result<Vec<RobotLedger>, StoreError> {
+    let failed = || StoreError::database("read the robots' records");
+    let mut found: BTreeMap<RobotId, RobotLedger> = BTreeMap::new();
+    let rows = sqlx::query("SELECT record FROM shadow")
+        .fetch_all(pool)
+        .await;
+    for row in rows.map_err(failed())? {
+        let shadow: Shadow = record(&row, "shadow", 0)?;
+        let mut ledger = RobotLedger::new(shadow.robot.clone());
+        ledger.shadow = shadow;
+        found.insert(ledger.shadow.robot.clone(), ledger);
+    }
+    let mut of = |robot: &RobotId, take: &mut dyn FnMut(&mut RobotLedger)| {
+        let new = || RobotLedger::new(robot.clone());
+        take(found.entry(robot.clone()).or_insert_with(new));
+    };
+    let rows = sqlx::query("SELECT record FROM proposal WHERE state = 'proposed'").fetch_all(pool);
+    for row in rows.await.map_err(failed())? {
+        let open: Proposal = record(&row, "proposal", 0)?;
+        of(&open.robot.clone(), &mut |ledger| {
+            ledger.open = Some(open.clone());
+        });
+    }
+    let mut live = QueryBuilder::<Sqlite>::new("SELECT record FROM deployment WHERE ");
+    let rows = live.push(LIVE).build().fetch_all(pool).await;
+    for row in rows.map_err(failed())? {
+        let live: Deployment = record(&row, "deployment", 0)?;
+        of(&live.robot.clone(), &mut |ledger| {
+            ledger.live = Some(live.clone());
+        });
+    }
+    for ledger in found.values_mut() {
+        for id in ledger.named_revisions() {
+            let row = sqlx::query("SELECT record FROM revision WHERE id = ?1").bind(id as i64);
+            let row = row.fetch_one(pool).await.map_err(failed())?;
+            ledger.revisions.insert(id, record(&row, "revision", 0)?);
+        }
+    }
+    Ok(found.into_values().collect())
+}
+
+/// A signed document.
+pub(super) async fn envelope(
+    pool: &SqlitePool,
+    robot: &RobotId,
+    generation: u64,
+) -> Result<Option<Envelope>, StoreError> {
+    let row = sqlx::query("SELECT record FROM envelope WHERE robot = ?1 AND generation = ?2")
+        .bind(robot.as_str())
+        .bind(generation as i64)
+        .fetch_optional(pool)
+        .await
+        .map_err(StoreError::database("read a signed document"))?;
+    row.map(|row| record(&row, "envelope", 0)).transpose()
+}
+
+/// What waits to be sent.
+pub(super) async fn outbox(pool: &SqlitePool) -> Result<Vec<(RobotId, Parcel)>, StoreError> {
+    let rows = sqlx::query("SELECT robot, kind, generation FROM outbox ORDER BY robot, kind")
+        .fetch_all(pool)
+        .await
+        .map_err(StoreError::database("read the outbox"))?;
+    rows.iter()
+        .map(|row| {
+            let kind: String = column(row, "outbox", 1)?;
+            let generation = number(row, 2)?;
+            let parcel = if kind == "approved" {
+                Parcel::Approved(generation)
+            } else {
+                Parcel::Confirmed(generation)
+            };
+            Ok((robot_id(row, "outbox", 0)?, parcel))
+        })
+        .collect()
+}
+
+/// Proposals with what they propose, newest first.
+pub(super) async fn proposals(
+    pool: &SqlitePool,
+    filter: &ProposalFilter,
+) -> Result<Vec<(Proposal, Revision)>, StoreError> {
+    let mut query = QueryBuilder::<Sqlite>::new(
+        "SELECT p.record, r.record FROM proposal AS p JOIN revision AS r ON r.id = p.revision
+         WHERE true",
+    );
+    if let Some(robot) = &filter.robot {
+        query
+            .push(" AND p.robot = ")
+            .push_bind(robot.as_str().to_owned());
+    }
+    if let Some(state) = filter.state {
+        query.push(" AND p.state = ").push_bind(state.as_str());
+    }
+    if let Some(before) = filter.before {
+        query.push(" AND p.id < ").push_bind(before);
+    }
+    query
+        .push(" ORDER BY p.id DESC LIMIT ")
+        .push_bind(i64::from(filter.limit));
+    let rows = query.build().fetch_all(pool).await;
+    rows.map_err(StoreError::database("read the proposals"))?
+        .iter()
+        .map(pair)
+        .collect()
+}
+
+/// One proposal with what it proposes.
+pub(super) async fn proposal(
+    pool: &SqlitePool,
+    id: u64,
+) -> Result<Option<(Proposal, Revision)>, StoreError> {
+    let row = sqlx::query(
+        "SELECT p.record, r.record FROM proposal AS p JOIN revision AS r ON r.id = p.revision
+         WHERE p.id = ?1",
+    )
+    .bind(i64::try_from(id).unwrap_or(i64::MAX))
+    .fetch_optional(pool)
+    .await
+    .map_err(StoreError::database("read a proposal"))?;
+    row.as_ref().map(pair).transpose()
+}
+
+fn pair(row: &SqliteRow) -> Result<(Proposal, Revision), StoreError> {
+    Ok((record(row, "proposal", 0)?, record(row, "revision", 1)?))
+}
+
+/// A robot's deployments, newest first.
+pub(super) async fn deployments(
+    pool: &SqlitePool,
+    robot: &RobotId,
+    before: Option<i64>,
+    limit: u32,
+) -> Result<Vec<Deployment>, StoreError> {
+    let rows = sqlx::query(
+        "SELECT record FROM deployment WHERE robot = ?1 AND id < ?2 ORDER BY id DESC LIMIT ?3",
+    )
+    .bind(robot.as_str())
+    .bind(before.unwrap_or(i64::MAX))
+    .bind(i64::from(limit))
+    .fetch_all(pool)
+    .await
+    .map_err(StoreError::database("read a robot's deployments"))?;
+    rows.iter()
+        .map(|row| record(row, "deployment", 0))
+        .collect()
+}
+
+/// Where the deployments of some proposals stand, by the proposal.
+pub(super) async fn followed(
+    pool: &SqlitePool,
+    proposals: &[u64],
+) -> Result<BTreeMap<u64, DeploymentState>, StoreError> {
+    let failed = || StoreError::database("read what followed from proposals");
+    let ids: Vec<String> = proposals.iter().map(u64::to_string).collect();
+    let rows = sqlx::query(
+        "SELECT proposal, state FROM deployment
+         WHERE proposal IN (SELECT value FROM json_each(?1)) ORDER BY id",
+    )
+    .bind(format!("[{}]", ids.join(",")))
+    .fetch_all(pool)
+    .await
+    .map_err(failed())?;
+    rows.iter()
+        .map(|row| {
+            let proposal: i64 = column(row, "deployment", 0)?;
+            let state: String = column(row, "deployment", 1)?;
+            let state = DeploymentState::parse(&state).ok_or_else(|| StoreError::Corrupt {
+                table: "deployment",
+                reason: format!("state {state:?} is unknown"),
+            })?;
+            Ok((u64::try_from(proposal).unwrap_or_default(), state))
+        })
+        .collect()
+}
+
+/// The site-wide stop.
+pub(super) async fn site_hold(executor: impl SqliteExecutor<'_>) -> Result<SiteHold, StoreError> {
+    let row = sqlx::query("SELECT version, held, by, at_ns, reason FROM site")
+        .fetch_one(executor)
+        .await
+        .map_err(StoreError::database("read the site-wide stop"))?;
+    site_of(&row)
+}
+
+fn site_of(row: &SqliteRow) -> Result<SiteHold, StoreError> {
+    Ok(SiteHold {
+        version: number(row, 0)?,
+        held: column(row, "site", 1)?,
+        by: column(row, "site", 2)?,
+        at_ns: column(row, "site", 3)?,
+        reason: column(row, "site", 4)?,
+    })
+}
+
+/// Rows of the audit, newest first.
+pub(super) async fn audit_rows(
+    pool: &SqlitePool,
+    filter: &AuditFilter,
+) -> Result<Vec<AuditRow>, StoreError> {
+    let mut query = QueryBuilder::<Sqlite>::new(
+        "SELECT id, at_ns, actor, authentication, role, request, action, subject, subject_id,
+             robot, before, after, reason FROM audit WHERE true",
+    );
+    if let Some(robot) = &filter.robot {
+        query
+            .push(" AND robot = ")
+            .push_bind(robot.as_str().to_owned());
+    }
+    if let Some(actor) = &filter.actor {
+        query.push(" AND actor = ").push_bind(actor.clone());
+    }
+    if let Some(action) = &filter.action {
+        query
+            .push(" AND substr(action, 1, length(")
+            .push_bind(action.clone());
+        query.push(")) = ").push_bind(action.clone());
+    }
+    if let Some(from_ns) = filter.from_ns {
+        query.push(" AND at_ns >= ").push_bind(from_ns);
+    }
+    if let Some(to_ns) = filter.to_ns {
+        query.push(" AND at_ns < ").push_bind(to_ns);
+    }
+    if let Some(before) = filter.before {
+        query.push(" AND id < ").push_bind(before);
+    }
+    query
+        .push(" ORDER BY id DESC LIMIT ")
+        .push_bind(i64::from(filter.limit));
+    let rows = query.build().fetch_all(pool).await;
+    rows.map_err(StoreError::database("read the audit"))?
+        .iter()
+        .map(audit_row)
+        .collect()
+}
+
+fn audit_row(row: &SqliteRow) -> Result<AuditRow, StoreError> {
+    let table = "audit";
+    let document = |index| -> Result<Option<serde_json::Value>, StoreError> {
+        let text: Option<String> = column(row, table, index)?;
+        text.map(|text| parsed(table, &text)).transpose()
+    };
+    Ok(AuditRow {
+        id: column(row, table, 0)?,
+        at_ns: column(row, table, 1)?,
+        actor: column(row, table, 2)?,
+        authentication: column(row, table, 3)?,
+        role: column(row, table, 4)?,
+        request: column(row, table, 5)?,
+        action: column(row, table, 6)?,
+        subject: column(row, table, 7)?,
+        subject_id: column(row, table, 8)?,
+        robot: column(row, table, 9)?,
+        before: document(10)?,
+        after: document(11)?,
+        reason: column(row, table, 12)?,
+    })
+}
+
+pub(super) fn record<T: DeserializeOwned>(
+    row: &SqliteRow,
+    table: &'static str,
+    index: usize,
+) -> Result<T, StoreError> {
+    let text: String = row
+        .try_get(index)
+        .map_err(StoreError::database("read a record of the life cycle"))?;
+    parsed(table, &text)
+}
+
+pub(super) fn number(row: &SqliteRow, index: usize) -> Result<u64, StoreError> {
+    let number: i64 = column(row, "record", index)?;
+    u64::try_from(number).map_err(|_| StoreError::Corrupt {
+        table: "record",
+        reason: format!("{number} is no number of a record"),
+    })
+}

@@ -1,0 +1,91 @@
+//! What every table shares: columns in and out of rows, and robots' keys.
+
+use std::collections::HashMap;
+use std::num::TryFromIntError;
+
+use fleetcal_model::RobotId;
+use fleetcal_store::StoreError;
+use sqlx::Row;
+use sqlx::sqlite::{SqliteConnection, SqliteRow};
+
+/// Nanoseconds in a second.
+pub(super) const NS_PER_S: i64 = 1_000_000_000;
+
+/// The keys of robots' rows that are known already.
+pub(super) type Keys = HashMap<RobotId, i64>;
+
+/// The robot's key; makes a row without configuration for one that is new.
+pub(super) async fn key_of(
+    connection: &mut SqliteConnection,
+    keys: &mut Keys,
+    robot: &RobotId,
+    now_ns: i64,
+) -> Result<i64, StoreError> {
+    if let Some(key) = keys.get(robot) {
+        return Ok(*key);
+    }
+    let key: i64 = sqlx::query_scalar(
+        "INSERT INTO robot (id, created_ns, updated_ns) VALUES (?1, ?2, ?2)
+         ON CONFLICT (id) DO UPDATE SET id = excluded.id RETURNING key",
+    )
+    .bind(robot.as_str())
+    .bind(now_ns)
+    .fetch_one(connection)
+    .await
+    .map_err(StoreError::database("write a robot"))?;
+    keys.insert(robot.clone(), key);
+    Ok(key)
+}
+
+pub(super) fn robot_id(
+    row: &SqliteRow,
+    table: &'static str,
+    index: usize,
+) -> Result<RobotId, StoreError> {
+    let id: String = column(row, table, index)?;
+    RobotId::parse(&id).map_err(corrupt(table))
+}
+
+pub(super) fn column<'r, T>(
+    row: &'r SqliteRow,
+    table: &'static str,
+    index: usize,
+) -> Result<T, StoreError>
+where
+    T: sqlx::Decode<'r, sqlx::Sqlite> + sqlx::Type<sqlx::Sqlite>,
+{
+    row.try_get(index).map_err(corrupt(table))
+}
+
+pub(super) fn parsed<T: serde::de::DeserializeOwned>(
+    table: &'static str,
+    json: &str,
+) -> Result<T, StoreError> {
+    serde_json::from_str(json).map_err(corrupt(table))
+}
+
+pub(super) fn corrupt<E: std::fmt::Display>(table: &'static str) -> impl FnOnce(E) -> StoreError {
+    move |error| StoreError::Corrupt {
+        table,
+        reason: error.to_string(),
+    }
+}
+
+pub(super) fn json<T: serde::Serialize>(
+    table: &'static str,
+    value: &T,
+) -> Result<String, StoreError> {
+    serde_json::to_string(value).map_err(|error| StoreError::Corrupt {
+        table,
+        reason: error.to_string(),
+    })
+}
+
+pub(super) fn count(table: &'static str, value: i64) -> Result<u64, StoreError> {
+    value
+        .try_into()
+        .map_err(|error: TryFromIntError| StoreError::Corrupt {
+            table,
+            reason: error.to_string(),
+        })
+}

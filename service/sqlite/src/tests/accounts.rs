@@ -1,0 +1,326 @@
+//! Users, sessions and tokens, with their audit.
+
+use fleetcal_domain::access::{
+    AccountName, AccountRefused, Actor, Authentication, Grant, PasswordHash, Role, SecretHash,
+};
+use fleetcal_store::{
+    Credential, Expected, IdempotencyKey, StoreError, TokenChange, UserChange, UserEdit,
+};
+
+use super::*;
+use crate::{Administration, backup};
+use sqlx::ConnectOptions;
+
+fn actor() -> Actor {
+    Actor {
+        name: "root".to_owned(),
+        authentication: Authentication::Session,
+        role: Some(Role::Admin),
+        request: Some("r-1".to_owned()),
+    }
+}
+
+fn name(text: &str) -> AccountName {
+    AccountName::parse(text).unwrap()
+}
+
+fn new_user(text: &str, role: Role) -> UserChange {
+    UserChange::Create {
+        name: name(text),
+        grant: Grant::of_person(role).unwrap(),
+        password: PasswordHash::stored("hash".to_owned()),
+        key: None,
+    }
+}
+
+fn new_token(text: &str, role: Role) -> TokenChange {
+    TokenChange::Create {
+        name: name(text),
+        grant: Grant::of_token(role, (role == Role::Robot).then(|| robot("a"))).unwrap(),
+        hash: SecretHash::of(text),
+        expires_ns: None,
+        key: None,
+    }
+}
+
+async fn raw(folder: &Path) -> sqlx::SqliteConnection {
+    sqlx::sqlite::SqliteConnectOptions::new()
+        .filename(folder.join("fleetcal.db"))
+        .connect()
+        .await
+        .unwrap()
+}
+
+/// `action subject subject_id` of every audit row, oldest first.
+async fn audit(folder: &Path) -> Vec<String> {
+    sqlx::query_scalar(
+        "SELECT action || ' ' || subject || ' ' || subject_id || ' ' || actor FROM audit
+         ORDER BY id",
+    )
+    .fetch_all(&mut raw(folder).await)
+    .await
+    .unwrap()
+}
+
+/// A sign-in of user 1, whose password was right at `version`.
+fn sign_in(version: u64) -> UserChange {
+    UserChange::SignIn {
+        id: 1,
+        version,
+        session: SecretHash::of("cookie"),
+    }
+}
+
+fn edit(version: u64, edit: UserEdit) -> UserChange {
+    UserChange::Edit {
+        id: 1,
+        expected: Expected::Version(version),
+        edit,
+        keep: None,
+    }
+}
+
+fn password() -> UserEdit {
+    UserEdit {
+        password: Some(PasswordHash::stored("other".to_owned())),
+        ..UserEdit::default()
+    }
+}
+
+#[tokio::test]
+async fn every_change_leaves_its_audit_row_without_secrets() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = open(folder.path(), &clock()).await;
+    let user = async |change| store.write_user(actor(), change).await.unwrap();
+    let session = SecretHash::of("cookie");
+    user(new_user("ann", Role::Admin)).await;
+    user(sign_in(1)).await;
+    let found = store.session_of(session).await.unwrap().unwrap();
+    assert_eq!((found.user.id, found.span.used_ns), (1, NOW_S * NS));
+    user(UserChange::SignOut { session }).await;
+    assert_eq!(store.session_of(session).await.unwrap(), None);
+    user(edit(1, password())).await;
+    let token = store.write_token(actor(), new_token("ci", Role::Viewer));
+    let id = token.await.unwrap().record.id;
+    for _ in 0..2 {
+        let revoked = store.write_token(actor(), TokenChange::Revoke { id });
+        revoked.await.unwrap();
+    }
+    let wanted = [
+        "user.create user 1 root",
+        "session.sign_in user 1 root",
+        "session.sign_out user 1 root",
+        "user.password user 1 root",
+        "token.create token 1 root",
+        "token.revoke token 1 root",
+    ];
+    assert_eq!(audit(folder.path()).await, wanted);
+    let secrets: i64 = sqlx::query_scalar(
+        "SELECT count(*) FROM audit
+         WHERE coalesce(before, '') || coalesce(after, '') LIKE '%hash%'
+             OR coalesce(before, '') || coalesce(after, '') LIKE '%other%'",
+    )
+    .fetch_one(&mut raw(folder.path()).await)
+    .await
+    .unwrap();
+    assert_eq!(secrets, 0);
+}
+
+#[tokio::test]
+async fn a_refused_change_leaves_no_audit_row() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = open(folder.path(), &clock()).await;
+    let user = async |change| store.write_user(actor(), change).await;
+    let session = SecretHash::of("cookie");
+    user(new_user("ann", Role::Admin)).await.unwrap();
+    user(edit(1, password())).await.unwrap();
+    let viewer = UserEdit {
+        grant: Some(Grant::of_person(Role::Viewer).unwrap()),
+        ..UserEdit::default()
+    };
+    let changes = [
+        new_user("ANN", Role::Viewer),
+        sign_in(1),
+        UserChange::SignOut { session },
+        edit(1, viewer.clone()),
+        edit(2, viewer),
+        UserChange::Remove {
+            id: 1,
+            expected: Expected::Any,
+        },
+        UserChange::SetUp {
+            name: name("eve"),
+            password: PasswordHash::stored("hash".to_owned()),
+            session,
+        },
+    ];
+    for change in changes {
+        let refused = user(change).await;
+        assert!(
+            matches!(refused, Err(StoreError::Account(_))),
+            "{refused:?}"
+        );
+    }
+    let wanted = ["user.create user 1 root", "user.password user 1 root"];
+    assert_eq!(audit(folder.path()).await, wanted);
+}
+
+#[tokio::test]
+async fn of_many_who_remove_the_last_administrators_one_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = open(folder.path(), &clock()).await;
+    for admin in ["a", "b", "c"] {
+        let made = store
+            .write_user(actor(), new_user(admin, Role::Admin))
+            .await;
+        made.unwrap();
+    }
+    let removals = (1..=3).map(|id| {
+        let expected = Expected::Version(1);
+        store.write_user(actor(), UserChange::Remove { id, expected })
+    });
+    let done = futures::future::join_all(removals).await;
+    let refused: Vec<_> = done.into_iter().filter_map(Result::err).collect();
+    assert!(
+        matches!(
+            refused.as_slice(),
+            [StoreError::Account(AccountRefused::LastAdmin)]
+        ),
+        "{refused:?}"
+    );
+}
+
+#[tokio::test]
+async fn a_repeated_request_makes_one_token() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = open(folder.path(), &clock()).await;
+    let make = async |text: &str, sha: u8| {
+        let TokenChange::Create {
+            name,
+            grant,
+            hash,
+            expires_ns,
+            ..
+        } = new_token(text, Role::Robot)
+        else {
+            panic!("a new token")
+        };
+        let key = Some(IdempotencyKey {
+            key: "k".to_owned(),
+            request_sha256: [sha; 32],
+        });
+        let change = TokenChange::Create {
+            name,
+            grant,
+            hash,
+            expires_ns,
+            key,
+        };
+        store.write_token(actor(), change).await
+    };
+    let first = make("ci", 1).await.unwrap();
+    let second = make("ci", 1).await.unwrap();
+    assert_eq!((first.repeated, second.repeated), (false, true));
+    assert_eq!(first.record, second.record);
+    assert!(matches!(make("ci", 2).await, Err(StoreError::KeyReused)));
+    assert_eq!(first.record.grant.robot(), Some(&robot("a")));
+}
+
+#[tokio::test]
+async fn uses_are_noted_and_outlive_a_restart() {
+    let folder = tempfile::tempdir().unwrap();
+    let clock = clock();
+    let store = open(folder.path(), &clock).await;
+    let made = store
+        .write_token(actor(), new_token("ci", Role::Viewer))
+        .await;
+    let hash = made.unwrap().record.hash;
+    clock.advance(std::time::Duration::from_secs(5));
+    store.note_use(Credential::Token(hash));
+    store.close().await.unwrap();
+    drop(store);
+    let store = open(folder.path(), &clock).await;
+    let token = store.token_of(hash).await.unwrap().unwrap();
+    assert_eq!(token.used_ns, Some((NOW_S + 5) * NS));
+    assert_eq!(store.token_of(SecretHash::of("x")).await.unwrap(), None);
+}
+
+#[tokio::test]
+async fn administration_works_beside_the_service_and_without_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("data");
+    let refused = Administration::open(&path).await.unwrap_err();
+    assert!(matches!(refused, StoreError::Missing { .. }), "{refused}");
+    assert!(!path.exists());
+    open(&path, &clock()).await.close().await.unwrap();
+    let mut alone = Administration::open(&path).await.unwrap();
+    let made = alone
+        .write_user(actor(), 1, new_user("ann", Role::Admin))
+        .await;
+    made.unwrap();
+    alone.close().await.unwrap();
+    let store = open(&path, &clock()).await;
+    let mut beside = Administration::open(&path).await.unwrap();
+    let made = beside
+        .write_token(actor(), 2, new_token("ci", Role::Viewer))
+        .await;
+    made.unwrap();
+    assert_eq!(beside.users().await.unwrap().len(), 1);
+    beside.close().await.unwrap();
+    assert_eq!(store.tokens(0, 10).await.unwrap().len(), 1);
+    store
+        .write_user(actor(), new_user("bob", Role::Viewer))
+        .await
+        .unwrap();
+    let users = store.users(1, 10).await.unwrap();
+    assert_eq!(users.first().map(|user| user.name.as_str()), Some("bob"));
+}
+
+#[tokio::test]
+async fn a_service_of_another_schema_is_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = open(folder.path(), &clock()).await;
+    sqlx::query(
+        "INSERT INTO _sqlx_migrations (version, description, success, checksum, execution_time)
+         VALUES (99991231235959, 'later', TRUE, x'00', 0)",
+    )
+    .execute(&mut raw(folder.path()).await)
+    .await
+    .unwrap();
+    let refused = Administration::open(folder.path()).await.unwrap_err();
+    assert!(
+        matches!(refused, StoreError::OtherSchema { .. }),
+        "{refused}"
+    );
+    drop(store);
+}
+
+#[tokio::test]
+async fn a_backup_is_whole_private_and_replaces_an_earlier_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = open(folder.path(), &clock()).await;
+    let to = folder.path().join("backup.db");
+    std::fs::write(folder.path().join("backup.db.tmp"), "left behind").unwrap();
+    for admin in ["a", "b"] {
+        let made = store
+            .write_user(actor(), new_user(admin, Role::Admin))
+            .await;
+        made.unwrap();
+        backup(folder.path(), &to).await.unwrap();
+    }
+    let mut copy = sqlx::sqlite::SqliteConnectOptions::new()
+        .filename(&to)
+        .connect()
+        .await
+        .unwrap();
+    let users: i64 = sqlx::query_scalar("SELECT count(*) FROM user")
+        .fetch_one(&mut copy)
+        .await
+        .unwrap();
+    assert_eq!(users, 2);
+    let missing = backup(&folder.path().join("none"), &to).await.unwrap_err();
+    assert!(matches!(missing, StoreError::Missing { .. }), "{missing}");
+    let nowhere = folder.path().join("no/such/backup.db");
+    let refused = backup(folder.path(), &nowhere).await.unwrap_err();
+    assert!(matches!(refused, StoreError::Backup { .. }), "{refused}");
+}

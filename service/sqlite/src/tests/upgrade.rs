@@ -1,0 +1,131 @@
+//! Databases of earlier versions.
+
+use fleetcal_proto::calibration::CalibrationValues;
+
+use super::durability::raw;
+use super::*;
+use fleetcal_domain::approval::{
+    Deployment, DeploymentState, Evidence, GenerationRef, Origin, Revision, Shadow,
+};
+
+/// The migration that names who had chosen values before records did.
+const CHOSEN_BY: i64 = 20_261_122_140_000;
+
+fn offer(generation: u64) -> GenerationRef {
+    GenerationRef {
+        generation,
+        sha256: "ab".repeat(32),
+        revision: 1,
+        chosen_by: None,
+    }
+}
+
+/// An ended deployment of a robot that should hold generation 2.
+fn deployment(id: u64, name: &str, approved_by: &str, proposal: Option<u64>) -> Deployment {
+    Deployment {
+        id,
+        robot: robot(name),
+        version: 4,
+        state: if proposal.is_some() {
+            DeploymentState::RolledBack
+        } else {
+            DeploymentState::Verified
+        },
+        proposal,
+        approved_by: approved_by.to_owned(),
+        offer: offer(2),
+        earlier: proposal.map(|_| offer(1)).into_iter().collect(),
+        base: None,
+        desired_before: None,
+        created_ns: NOW_S * NS,
+        expires_ns: NOW_S * NS,
+        offered_ns: None,
+        applied_ns: None,
+        closed_ns: Some(NOW_S * NS),
+        verification: None,
+        reason: Some("it weaves".to_owned()),
+        roll_back: None,
+    }
+}
+
+/// Who chose what a robot should hold, after the database was brought up to date.
+async fn chosen_by(
+    deployment: &Deployment,
+    rolled_back_by: Option<(&str, &str)>,
+) -> Option<String> {
+    let folder = tempfile::tempdir().unwrap();
+    let clock = clock();
+    open(folder.path(), &clock).await.close().await.unwrap();
+    let mut raw = raw(folder.path()).await;
+    let robot = deployment.robot.clone();
+    let values = (CalibrationValues::default(), CalibrationValues::default());
+    let found = Evidence::default();
+    let revision = Revision::new(1, robot.clone(), Origin::Robot, values, found, None, 0);
+    let shadow = Shadow {
+        generation_last: 2,
+        desired: Some(offer(2)),
+        ..Shadow::new(robot)
+    };
+    let insert = [
+        (
+            "INSERT INTO revision (id, record) VALUES (1, ?1)",
+            json(&revision),
+        ),
+        (
+            "INSERT INTO proposal (id, record) VALUES (1, ?1)",
+            r#"{"robot": "a", "state": "approved", "revision": 1}"#.to_owned(),
+        ),
+        (
+            "INSERT INTO shadow (robot, record) VALUES ('a', ?1)",
+            json(&shadow),
+        ),
+        (
+            "INSERT INTO deployment (id, record) VALUES (1, ?1)",
+            json(deployment),
+        ),
+    ];
+    for (sql, record) in insert {
+        sqlx::query(sql)
+            .bind(record)
+            .execute(&mut raw)
+            .await
+            .unwrap();
+    }
+    if let Some((actor, authentication)) = rolled_back_by {
+        sqlx::query(
+            "INSERT INTO audit (at_ns, actor, authentication, action, subject, subject_id)
+             VALUES (1, ?1, ?2, 'deployment.roll_back', 'deployment', '1')",
+        )
+        .bind(actor)
+        .bind(authentication)
+        .execute(&mut raw)
+        .await
+        .unwrap();
+    }
+    sqlx::query("DELETE FROM _sqlx_migrations WHERE version >= ?1")
+        .bind(CHOSEN_BY)
+        .execute(&mut raw)
+        .await
+        .unwrap();
+    drop(raw);
+    let store = open(folder.path(), &clock).await;
+    let ledgers = store.load_ledgers().await.unwrap();
+    let desired = ledgers.into_iter().next().unwrap().shadow.desired;
+    store.close().await.unwrap();
+    desired.unwrap().chosen_by
+}
+
+fn json(record: &impl serde::Serialize) -> String {
+    serde_json::to_string(record).unwrap()
+}
+
+#[tokio::test]
+async fn what_people_rolled_back_to_before_records_said_so_is_theirs() {
+    let returned = deployment(1, "a", "ana", None);
+    assert_eq!(chosen_by(&returned, None).await.as_deref(), Some("ana"));
+    let rolled_back = deployment(1, "a", "ada", Some(1));
+    let by_person = chosen_by(&rolled_back, Some(("ana", "session"))).await;
+    assert_eq!(by_person.as_deref(), Some("ana"));
+    let by_service = chosen_by(&rolled_back, Some(("fleetcal", "service"))).await;
+    assert_eq!(by_service, None);
+}

@@ -1,0 +1,390 @@
+//! What a batch does to the tables.
+
+use std::collections::BTreeSet;
+
+use fleetcal_domain::robot::GENERATIONS_MAX;
+use fleetcal_proto::estimate::EstimateDocument;
+use fleetcal_store::backend::{Batch, EventWrite, Outcomes, Repetition, Retention, Tier};
+use fleetcal_store::{
+    CheckpointRecord, CrossTrackRecord, Decided, Decision, HistoryRow, StoreError,
+};
+use sqlx::Transaction;
+use sqlx::sqlite::{Sqlite, SqliteConnection};
+
+use super::row::{Keys, NS_PER_S, json, key_of};
+use super::{accounts, alerts, approvals, columns, events, policy, robots, webhooks};
+
+/// Calibrations of a robot whose cross-track errors are kept, beside the first.
+const CROSS_TRACKS_KEPT: i64 = GENERATIONS_MAX as i64 - 1;
+
+/// Writes a batch; what can be refused is an outcome.
+pub(super) async fn write(
+    transaction: &mut Transaction<'_, Sqlite>,
+    keys: &mut Keys,
+    batch: &Batch,
+) -> Result<Outcomes, StoreError> {
+    let mut outcomes = Outcomes::default();
+    history(transaction, keys, &batch.history).await?;
+    for (estimate, received_ns) in &batch.current {
+        current(transaction, keys, estimate, *received_ns).await?;
+    }
+    for record in &batch.checkpoints {
+        checkpoint(transaction, keys, record).await?;
+    }
+    for record in &batch.cross_tracks {
+        cross_track(transaction, record).await?;
+    }
+    for robot in &batch.robots {
+        outcomes.robots.push(refusable(
+            robots::configure(transaction, keys, robot).await,
+        )?);
+    }
+    for decision in &batch.decisions {
+        outcomes
+            .decisions
+            .push(decide(transaction, keys, decision).await?);
+    }
+    for hold in &batch.holds {
+        outcomes
+            .holds
+            .push(refusable(approvals::hold(transaction, hold).await)?);
+    }
+    for write in &batch.policies {
+        outcomes
+            .policies
+            .push(refusable(policy::write(transaction, write).await)?);
+    }
+    for write in &batch.alerts {
+        outcomes
+            .alerts
+            .push(refusable(alerts::write(transaction, write).await)?);
+    }
+    for write in &batch.webhooks {
+        outcomes
+            .webhooks
+            .push(refusable(webhooks::write(transaction, write).await)?);
+    }
+    for write in &batch.events {
+        outcomes
+            .events
+            .push(refusable(events::write(transaction, keys, write).await)?);
+    }
+    for write in &batch.users {
+        outcomes
+            .users
+            .push(refusable(accounts::write_user(transaction, write).await)?);
+    }
+    for write in &batch.tokens {
+        outcomes
+            .tokens
+            .push(refusable(accounts::write_token(transaction, write).await)?);
+    }
+    for used in &batch.uses {
+        accounts::note_use(transaction, used).await?;
+    }
+    if let Some(now_ns) = batch.probe_ns {
+        probe(transaction, now_ns).await?;
+    }
+    if let Some(retention) = &batch.retention {
+        outcomes.pruned = prune(transaction, retention).await?;
+    }
+    Ok(outcomes)
+}
+
+/// Takes a decision, and writes what follows from it: events, and messages to those who watch.
+async fn decide(
+    transaction: &mut Transaction<'_, Sqlite>,
+    keys: &mut Keys,
+    decision: &Decision,
+) -> Result<Result<Decided, StoreError>, StoreError> {
+    let policy = policy::in_force(transaction, &decision.given_policy).await?;
+    let decided = refusable(approvals::decide(transaction, decision, &policy).await)?;
+    if let Ok(Decided::Taken(outcome)) = &decided {
+        for made in decision.events(outcome) {
+            let write = EventWrite {
+                event: made,
+                repetition: Repetition::Never,
+                noted_by: None,
+            };
+            events::write(transaction, keys, &write).await?;
+        }
+        webhooks::enqueue_proposals(transaction, outcome, &policy, decision.now_ns).await?;
+    }
+    Ok(decided)
+}
+
+/// Parts what the caller is told from what undoes the whole batch.
+fn refusable<T>(result: Result<T, StoreError>) -> Result<Result<T, StoreError>, StoreError> {
+    match result {
+        Err(
+            refused @ (StoreError::VersionConflict { .. }
+            | StoreError::KeyReused
+            | StoreError::Account(_)
+            | StoreError::Refused(_)
+            | StoreError::Alert(_)
+            | StoreError::Webhook(_)),
+        ) => Ok(Err(refused)),
+        Err(failed) => Err(failed),
+        Ok(value) => Ok(Ok(value)),
+    }
+}
+
+/// Writes seconds and merges them into their minutes and hours.
+///
+/// A second that was there already is overwritten, and its minute and hour are made anew: the
+/// same recording replayed with another wheelbase is not averaged with the first run.
+async fn history(
+    connection: &mut SqliteConnection,
+    keys: &mut Keys,
+    rows: &[HistoryRow],
+) -> Result<(), StoreError> {
+    let mut overwritten = BTreeSet::new();
+    for row in rows {
+        let key = key_of(connection, keys, &row.robot, row.received_s * NS_PER_S).await?;
+        let insert = columns::INSERT_SECOND.as_str();
+        if put_second(connection, insert, key, row, row.t_s).await? == 0 {
+            put_second(
+                connection,
+                columns::REPLACE_SECOND.as_str(),
+                key,
+                row,
+                row.t_s,
+            )
+            .await?;
+            overwritten.insert((key, start(row.t_s, Tier::Minute)));
+            continue;
+        }
+        for (tier, merge) in [
+            (Tier::Minute, columns::MERGE_MINUTE.as_str()),
+            (Tier::Hour, columns::MERGE_HOUR.as_str()),
+        ] {
+            put_second(connection, merge, key, row, start(row.t_s, tier)).await?;
+        }
+    }
+    let hours: BTreeSet<_> = overwritten
+        .iter()
+        .map(|&(key, minute)| (key, start(minute, Tier::Hour)))
+        .collect();
+    for (key, minute) in overwritten {
+        remake(
+            connection,
+            Tier::Minute,
+            columns::REMAKE_MINUTE.as_str(),
+            key,
+            minute,
+        )
+        .await?;
+    }
+    for (key, hour) in hours {
+        remake(
+            connection,
+            Tier::Hour,
+            columns::REMAKE_HOUR.as_str(),
+            key,
+            hour,
+        )
+        .await?;
+    }
+    Ok(())
+}
+
+/// First second of the stretch that `t_s` is in.
+const fn start(t_s: i64, tier: Tier) -> i64 {
+    t_s - t_s.rem_euclid(tier.seconds())
+}
+
+/// Runs a statement that takes the columns of a second; gives the number of rows written.
+async fn put_second(
+    connection: &mut SqliteConnection,
+    sql: &'static str,
+    key: i64,
+    row: &HistoryRow,
+    t_s: i64,
+) -> Result<u64, StoreError> {
+    let mut query = sqlx::query(sql)
+        .bind(t_s)
+        .bind(key)
+        .bind(row.received_s)
+        .bind(i64::from(row.status))
+        .bind(row.nis);
+    for cell in &row.cells {
+        query = query
+            .bind(cell.map(|(value, _)| value))
+            .bind(cell.map(|(_, sigma)| sigma));
+    }
+    let done = query
+        .execute(connection)
+        .await
+        .map_err(StoreError::database("write a robot's history"))?;
+    Ok(done.rows_affected())
+}
+
+async fn remake(
+    connection: &mut SqliteConnection,
+    tier: Tier,
+    sql: &'static str,
+    key: i64,
+    start_s: i64,
+) -> Result<(), StoreError> {
+    let failed = || StoreError::database("roll up a robot's history");
+    let delete = match tier {
+        Tier::Hour => "DELETE FROM history_hour WHERE t = ?1 AND robot = ?2",
+        Tier::Second | Tier::Minute => "DELETE FROM history_minute WHERE t = ?1 AND robot = ?2",
+    };
+    sqlx::query(delete)
+        .bind(start_s)
+        .bind(key)
+        .execute(&mut *connection)
+        .await
+        .map_err(failed())?;
+    sqlx::query(sql)
+        .bind(key)
+        .bind(start_s)
+        .bind(start_s + tier.seconds())
+        .execute(connection)
+        .await
+        .map_err(failed())?;
+    Ok(())
+}
+
+async fn current(
+    connection: &mut SqliteConnection,
+    keys: &mut Keys,
+    estimate: &EstimateDocument,
+    received_ns: i64,
+) -> Result<(), StoreError> {
+    let key = key_of(connection, keys, &estimate.robot, received_ns).await?;
+    sqlx::query(
+        "INSERT INTO robot_current (robot, stamp_ns, received_ns, estimate)
+         VALUES (?1, ?2, ?3, ?4)
+         ON CONFLICT (robot) DO UPDATE SET stamp_ns = excluded.stamp_ns,
+             received_ns = excluded.received_ns, estimate = excluded.estimate",
+    )
+    .bind(key)
+    .bind(estimate.stamp_ns)
+    .bind(received_ns)
+    .bind(json("robot_current", estimate)?)
+    .execute(connection)
+    .await
+    .map_err(StoreError::database("write a robot's estimate"))?;
+    Ok(())
+}
+
+async fn checkpoint(
+    connection: &mut SqliteConnection,
+    keys: &mut Keys,
+    record: &CheckpointRecord,
+) -> Result<(), StoreError> {
+    let key = key_of(connection, keys, &record.robot, record.received_ns).await?;
+    sqlx::query(
+        "INSERT INTO checkpoint (robot, stamp_ns, received_ns, state) VALUES (?1, ?2, ?3, ?4)
+         ON CONFLICT (robot) DO UPDATE SET stamp_ns = excluded.stamp_ns,
+             received_ns = excluded.received_ns, state = excluded.state",
+    )
+    .bind(key)
+    .bind(record.stamp_ns)
+    .bind(record.received_ns)
+    .bind(record.state.as_str())
+    .execute(connection)
+    .await
+    .map_err(StoreError::database("write an estimator's state"))?;
+    Ok(())
+}
+
+async fn cross_track(
+    connection: &mut SqliteConnection,
+    record: &CrossTrackRecord,
+) -> Result<(), StoreError> {
+    let failed = || StoreError::database("write how a robot follows its path");
+    sqlx::query(
+        "INSERT INTO cross_track (robot, generation, errors) VALUES (?1, ?2, ?3)
+         ON CONFLICT (robot, generation) DO UPDATE SET errors = excluded.errors",
+    )
+    .bind(record.robot.as_str())
+    .bind(record.generation as i64)
+    .bind(json("cross_track", &record.errors)?)
+    .execute(&mut *connection)
+    .await
+    .map_err(failed())?;
+    // Beside what it drove with at first, the latest ones are kept.
+    sqlx::query(
+        "DELETE FROM cross_track WHERE robot = ?1 AND generation > 0 AND generation NOT IN
+         (SELECT generation FROM cross_track WHERE robot = ?1 ORDER BY generation DESC LIMIT ?2)",
+    )
+    .bind(record.robot.as_str())
+    .bind(CROSS_TRACKS_KEPT)
+    .execute(connection)
+    .await
+    .map_err(failed())?;
+    Ok(())
+}
+
+async fn probe(connection: &mut SqliteConnection, now_ns: i64) -> Result<(), StoreError> {
+    sqlx::query("UPDATE probe SET written_ns = ?1")
+        .bind(now_ns)
+        .execute(connection)
+        .await
+        .map_err(StoreError::database("write at all"))?;
+    Ok(())
+}
+
+async fn prune(
+    connection: &mut SqliteConnection,
+    retention: &Retention,
+) -> Result<u64, StoreError> {
+    const HISTORY: [(Tier, &str); 3] = [
+        (
+            Tier::Second,
+            "DELETE FROM history_second WHERE (t, robot) IN (SELECT t, robot
+             FROM history_second WHERE received < ?1 ORDER BY received LIMIT ?2)",
+        ),
+        (
+            Tier::Minute,
+            "DELETE FROM history_minute WHERE (t, robot) IN (SELECT t, robot
+             FROM history_minute WHERE received < ?1 ORDER BY received LIMIT ?2)",
+        ),
+        (
+            Tier::Hour,
+            "DELETE FROM history_hour WHERE (t, robot) IN (SELECT t, robot
+             FROM history_hour WHERE received < ?1 ORDER BY received LIMIT ?2)",
+        ),
+    ];
+    let mut deletes: Vec<(&'static str, i64)> = HISTORY
+        .map(|(tier, sql)| match tier {
+            Tier::Second => (sql, retention.seconds_before),
+            Tier::Minute => (sql, retention.minutes_before),
+            Tier::Hour => (sql, retention.hours_before),
+        })
+        .to_vec();
+    deletes.push((
+        "DELETE FROM robot_event WHERE id IN (SELECT id FROM robot_event
+         WHERE received_ns < ?1 ORDER BY received_ns LIMIT ?2)",
+        retention.hours_before.saturating_mul(NS_PER_S),
+    ));
+    deletes.push((
+        "DELETE FROM idempotency WHERE (scope, key) IN (SELECT scope, key FROM idempotency
+         WHERE received < ?1 ORDER BY received LIMIT ?2)",
+        retention.idempotency_before,
+    ));
+    deletes.push((
+        "DELETE FROM proposal_request WHERE (robot, key) IN (SELECT robot, key
+         FROM proposal_request WHERE received < ?1 ORDER BY received LIMIT ?2)",
+        retention.idempotency_before,
+    ));
+    deletes.push((
+        "DELETE FROM alert WHERE id IN (SELECT id FROM alert
+         WHERE ended_ns < ?1 ORDER BY ended_ns LIMIT ?2)",
+        retention.alerts_before.saturating_mul(NS_PER_S),
+    ));
+    let mut pruned = 0;
+    for (sql, before) in deletes {
+        let done = sqlx::query(sql)
+            .bind(before)
+            .bind(retention.rows_max)
+            .execute(&mut *connection)
+            .await
+            .map_err(StoreError::database("delete old rows"))?;
+        pruned += done.rows_affected();
+    }
+    Ok(pruned)
+}

@@ -1,0 +1,28 @@
+//! Who did what, as the store keeps it.
+
+use fleetcal_domain::access::Actor;
+use fleetcal_proto::RobotId;
+use serde_json::Value;
+
+/// One change, written in the change's own transaction.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AuditEntry {
+    /// When, wall time.
+    pub at_ns: i64,
+    /// Who.
+    pub actor: Actor,
+    /// What was done, such as `deployment.acknowledge`.
+    pub action: &'static str,
+    /// To what kind of record, such as `deployment`.
+    pub subject: &'static str,
+    /// To which one.
+    pub subject_id: String,
+    /// The robot it is about.
+    pub robot: Option<RobotId>,
+    /// The record before; `None` for a new one.
+    pub before: Option<Value>,
+    /// The record after; `None` for one that is gone.
+    pub after: Option<Value>,
+    /// Why, in the actor's words.
+    pub reason: Option<String>,
+}

@@ -1,0 +1,382 @@
+//! What a database has to do for the store: one implementation of these traits per database.
+
+use std::collections::BTreeMap;
+use std::pin::Pin;
+
+use async_trait::async_trait;
+use fleetcal_domain::access::{Actor, SecretHash};
+use fleetcal_domain::alert::Alert;
+use fleetcal_domain::approval::{
+    Deployment, DeploymentState, Parcel, Proposal, Revision, RobotLedger,
+};
+use fleetcal_domain::robot::RobotConfig;
+use fleetcal_domain::webhook::{Delivery, Webhook};
+use fleetcal_model::Parameter;
+use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::Envelope;
+use fleetcal_proto::estimate::EstimateDocument;
+
+use super::accounts::{
+    CredentialUse, SessionRecord, TokenRecord, TokenWrite, UserRecord, UserWrite, Written,
+};
+use super::alerts::{AlertChange, AlertFilter, AlertMoment, AlertWrite};
+use super::approvals::{
+    AuditFilter, AuditRow, Decided, Decision, HoldWrite, ProposalFilter, SiteHold,
+};
+use super::error::StoreError;
+use super::policy::{PolicyWrite, StoredPolicy};
+use super::record::{
+    CheckpointRecord, CrossTrackRecord, CurrentRecord, EventRecord, Expected, HistoryRow,
+    IdempotencyKey, NewEvent, RobotRecord,
+};
+use super::webhooks::{DueDelivery, WebhookWrite, WebhookWritten};
+
+/// A robot's configuration to be written.
+#[derive(Debug)]
+pub struct RobotWrite {
+    /// Whose.
+    pub robot: RobotId,
+    /// The configuration.
+    pub config: RobotConfig,
+    /// What must be there now.
+    pub expected: Expected,
+    /// Who.
+    pub actor: Actor,
+    /// Wall time.
+    pub now_ns: i64,
+}
+
+/// How an event that comes again is recognised, so that it is not written twice.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Repetition {
+    /// It is not: each is an event of its own.
+    Never,
+    /// By its robot, kind, stamp and note: a message that was delivered or replayed twice, or that
+    /// a person gave the service, which passed it on to the estimator.
+    Content,
+    /// By its robot, kind, stamp and note, and what it says now replaces what it said: an estimator
+    /// tells of a change before it knows how far it went.
+    Completes,
+    /// By the key of its request.
+    Key(IdempotencyKey),
+}
+
+/// An event to be written.
+#[derive(Debug)]
+pub struct EventWrite {
+    /// The event.
+    pub event: NewEvent,
+    /// What makes it recognisable when it comes again.
+    pub repetition: Repetition,
+    /// The person or tool that noted it over the API, for the audit.
+    pub noted_by: Option<Actor>,
+}
+
+/// Rows older than these are deleted, a limited number of each kind at a time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Retention {
+    /// Seconds received before this go, s since the Unix epoch.
+    pub seconds_before: i64,
+    /// Minutes received before this go.
+    pub minutes_before: i64,
+    /// Hours and events received before this go.
+    pub hours_before: i64,
+    /// Answers to requests with an `Idempotency-Key` given before this go.
+    pub idempotency_before: i64,
+    /// Alerts that were over before this go.
+    pub alerts_before: i64,
+    /// Rows of one kind deleted at a time.
+    pub rows_max: u32,
+}
+
+/// What one transaction writes.
+#[derive(Debug, Default)]
+pub struct Batch {
+    /// Seconds of history, with their roll-ups.
+    pub history: Vec<HistoryRow>,
+    /// Latest estimates, with when they were received, wall time ns.
+    pub current: Vec<(EstimateDocument, i64)>,
+    /// States of estimators.
+    pub checkpoints: Vec<CheckpointRecord>,
+    /// How well robots follow their paths.
+    pub cross_tracks: Vec<CrossTrackRecord>,
+    /// Events.
+    pub events: Vec<EventWrite>,
+    /// Configurations.
+    pub robots: Vec<RobotWrite>,
+    /// Users and their sessions.
+    pub users: Vec<UserWrite>,
+    /// Tokens.
+    pub tokens: Vec<TokenWrite>,
+    /// Sessions and tokens that were used.
+    pub uses: Vec<CredentialUse>,
+    /// Decisions on robots' records.
+    pub decisions: Vec<Decision>,
+    /// Changes of the site-wide stop.
+    pub holds: Vec<HoldWrite>,
+    /// Changes of the policy.
+    pub policies: Vec<PolicyWrite>,
+    /// Changes of alerts.
+    pub alerts: Vec<AlertWrite>,
+    /// Changes of webhooks and their deliveries.
+    pub webhooks: Vec<WebhookWrite>,
+    /// What to delete.
+    pub retention: Option<Retention>,
+    /// Wall time of a write that only proves that the database can be written.
+    pub probe_ns: Option<i64>,
+}
+
+/// What became of the parts of a batch that can be refused, in their order.
+#[derive(Debug, Default)]
+pub struct Outcomes {
+    /// Each event in its place.
+    pub events: Vec<Result<EventRecord, StoreError>>,
+    /// Each configuration's new version.
+    pub robots: Vec<Result<u64, StoreError>>,
+    /// Each user in its place.
+    pub users: Vec<Result<Written<UserRecord>, StoreError>>,
+    /// Each token in its place.
+    pub tokens: Vec<Result<Written<TokenRecord>, StoreError>>,
+    /// Each decision in its place.
+    pub decisions: Vec<Result<Decided, StoreError>>,
+    /// Each change of the site-wide stop.
+    pub holds: Vec<Result<SiteHold, StoreError>>,
+    /// Each change of the policy.
+    pub policies: Vec<Result<StoredPolicy, StoreError>>,
+    /// What became of the alerts of each write.
+    pub alerts: Vec<Result<Vec<AlertChange>, StoreError>>,
+    /// Each change of a webhook or delivery.
+    pub webhooks: Vec<Result<WebhookWritten, StoreError>>,
+    /// Rows deleted.
+    pub pruned: u64,
+}
+
+/// An open database. Whatever keeps others from it goes with this value.
+pub trait Database: std::fmt::Debug + Send + Sync + 'static {
+    /// The newest migration that this program knows.
+    fn schema_known(&self) -> i64;
+
+    /// Writes over a connection of its own, to find out whether the database takes writes at all.
+    ///
+    /// # Errors
+    /// [`StoreError::Database`].
+    fn write_once(&self) -> Pin<Box<dyn Future<Output = Result<(), StoreError>> + Send>>;
+}
+
+/// The one connection that writes.
+#[async_trait]
+pub trait Writer: std::fmt::Debug + Send + 'static {
+    /// Writes all of a batch or nothing of it. A refused event or configuration is an outcome and
+    /// leaves the rest of the batch alone.
+    ///
+    /// # Errors
+    /// [`StoreError::Database`] when nothing was written.
+    async fn commit(&mut self, batch: &Batch) -> Result<Outcomes, StoreError>;
+
+    /// Closes the connection.
+    ///
+    /// # Errors
+    /// [`StoreError::Database`].
+    async fn close(self: Box<Self>) -> Result<(), StoreError>;
+}
+
+/// How finely the history is kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Tier {
+    /// Every second.
+    Second,
+    /// Roll-ups of a minute.
+    Minute,
+    /// Roll-ups of an hour.
+    Hour,
+}
+
+impl Tier {
+    /// Length of one row, s.
+    pub const fn seconds(self) -> i64 {
+        match self {
+            Self::Second => 1,
+            Self::Minute => 60,
+            Self::Hour => 3_600,
+        }
+    }
+
+    /// The next coarser one.
+    pub const fn coarser(self) -> Option<Self> {
+        match self {
+            Self::Second => Some(Self::Minute),
+            Self::Minute => Some(Self::Hour),
+            Self::Hour => None,
+        }
+    }
+}
+
+/// One parameter over one stretch of time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cell {
+    /// Mean value.
+    pub mean: f64,
+    /// Lowest value.
+    pub min: f64,
+    /// Highest value.
+    pub max: f64,
+    /// Mean of the sigmas.
+    pub sigma: f64,
+}
+
+/// One stretch of a robot's history.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stretch {
+    /// Its first second, message time.
+    pub t_s: i64,
+    /// Seconds of data in it.
+    pub count: u32,
+    /// Status of every parameter at its end, see [`super::record::unpack_status`].
+    pub status: u32,
+    /// Mean normalised innovation squared.
+    pub nis: Option<f64>,
+    /// The parameters that were asked for, in that order.
+    pub cells: Vec<Option<Cell>>,
+}
+
+/// The part of [`Reader`] that is about access.
+#[async_trait]
+pub trait AccountReader {
+    /// Users after number `after`, at most `limit`.
+    async fn users(&self, after: i64, limit: u32) -> Result<Vec<UserRecord>, StoreError>;
+
+    /// A user.
+    async fn user(&self, id: i64) -> Result<Option<UserRecord>, StoreError>;
+
+    /// The user of a name, upper or lower case.
+    async fn user_named(&self, name: &str) -> Result<Option<UserRecord>, StoreError>;
+
+    /// Tokens after number `after`, at most `limit`.
+    async fn tokens(&self, after: i64, limit: u32) -> Result<Vec<TokenRecord>, StoreError>;
+
+    /// The token of a value.
+    async fn token_of(&self, hash: SecretHash) -> Result<Option<TokenRecord>, StoreError>;
+
+    /// The session of a cookie.
+    async fn session_of(&self, hash: SecretHash) -> Result<Option<SessionRecord>, StoreError>;
+}
+
+/// Connections that only read.
+#[async_trait]
+pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
+    /// Every robot, by id.
+    async fn robots(&self) -> Result<Vec<RobotRecord>, StoreError>;
+
+    /// One robot.
+    async fn robot(&self, id: &RobotId) -> Result<Option<RobotRecord>, StoreError>;
+
+    /// The latest stored estimate of every robot that has one.
+    async fn current(&self) -> Result<Vec<CurrentRecord>, StoreError>;
+
+    /// The state of every estimator.
+    async fn checkpoints(&self) -> Result<Vec<CheckpointRecord>, StoreError>;
+
+    /// How well every robot follows its path.
+    async fn cross_tracks(&self) -> Result<Vec<CrossTrackRecord>, StoreError>;
+
+    /// First and last second of message time that any robot has in a tier.
+    async fn extent(&self, tier: Tier) -> Result<Option<(i64, i64)>, StoreError>;
+
+    /// A robot's last second of message time.
+    async fn last_second(&self, id: &RobotId) -> Result<Option<i64>, StoreError>;
+
+    /// A robot's rows of a tier that begin in `from_s..to_s`, oldest first.
+    async fn stretches(
+        &self,
+        id: &RobotId,
+        tier: Tier,
+        parameters: &[Parameter],
+        from_s: i64,
+        to_s: i64,
+    ) -> Result<Vec<Stretch>, StoreError>;
+
+    /// A robot's events before number `before`, newest first, at most `limit`.
+    async fn events(
+        &self,
+        id: &RobotId,
+        before: Option<i64>,
+        limit: u32,
+    ) -> Result<Vec<EventRecord>, StoreError>;
+
+    /// The newest migration of the database.
+    async fn schema_version(&self) -> Result<i64, StoreError>;
+
+    /// The life cycle's records of every robot that has any.
+    async fn ledgers(&self) -> Result<Vec<RobotLedger>, StoreError>;
+
+    /// A signed document.
+    async fn envelope(
+        &self,
+        robot: &RobotId,
+        generation: u64,
+    ) -> Result<Option<Envelope>, StoreError>;
+
+    /// What is to be sent, and was not.
+    async fn outbox(&self) -> Result<Vec<(RobotId, Parcel)>, StoreError>;
+
+    /// Proposals with what they propose, newest first.
+    async fn proposals(
+        &self,
+        filter: &ProposalFilter,
+    ) -> Result<Vec<(Proposal, Revision)>, StoreError>;
+
+    /// One proposal with what it proposes.
+    async fn proposal(&self, id: u64) -> Result<Option<(Proposal, Revision)>, StoreError>;
+
+    /// A robot's deployments before number `before`, newest first.
+    async fn deployments(
+        &self,
+        robot: &RobotId,
+        before: Option<i64>,
+        limit: u32,
+    ) -> Result<Vec<Deployment>, StoreError>;
+
+    /// Where the deployments of some proposals stand, by the proposal.
+    async fn followed(
+        &self,
+        proposals: &[u64],
+    ) -> Result<BTreeMap<u64, DeploymentState>, StoreError>;
+
+    /// The site-wide stop.
+    async fn site_hold(&self) -> Result<SiteHold, StoreError>;
+
+    /// The policy that was set.
+    async fn policy(&self) -> Result<StoredPolicy, StoreError>;
+
+    /// Rows of the audit, newest first.
+    async fn audit(&self, filter: &AuditFilter) -> Result<Vec<AuditRow>, StoreError>;
+
+    /// Every alert that is not over.
+    async fn active_alerts(&self) -> Result<Vec<Alert>, StoreError>;
+
+    /// Alerts, the most urgent first, the newest first among equals.
+    async fn alerts(&self, filter: &AlertFilter) -> Result<Vec<Alert>, StoreError>;
+
+    /// One alert with how it went, oldest change first.
+    async fn alert(&self, id: u64) -> Result<Option<(Alert, Vec<AlertMoment>)>, StoreError>;
+
+    /// Every webhook, oldest first.
+    async fn webhooks(&self) -> Result<Vec<Webhook>, StoreError>;
+
+    /// A webhook's deliveries before number `before`, newest first.
+    async fn deliveries(
+        &self,
+        webhook: u64,
+        before: Option<i64>,
+        limit: u32,
+    ) -> Result<Vec<Delivery>, StoreError>;
+
+    /// The oldest delivery of each webhook that is due.
+    async fn due_deliveries(&self, now_ns: i64) -> Result<Vec<DueDelivery>, StoreError>;
+
+    /// How many deliveries wait.
+    async fn waiting_deliveries(&self) -> Result<u64, StoreError>;
+
+    /// Closes the connections.
+    async fn close(&self);
+}

@@ -1,0 +1,115 @@
+//! Users, sessions and API tokens: what the store is asked.
+
+use fleetcal_domain::access::{Actor, SecretHash};
+
+use crate::Store;
+use crate::accounts::{
+    Credential, CredentialUse, SessionRecord, TokenChange, TokenRecord, TokenWrite, UserChange,
+    UserRecord, UserWrite, Written,
+};
+use crate::command::Command;
+use crate::error::StoreError;
+
+impl Store {
+    /// Changes a user.
+    ///
+    /// # Errors
+    /// [`StoreError::Account`] when it is refused, [`StoreError::KeyReused`]; otherwise the
+    /// database's failure.
+    pub async fn write_user(
+        &self,
+        actor: Actor,
+        change: UserChange,
+    ) -> Result<Written<UserRecord>, StoreError> {
+        let now_ns = self.shared.clock.now_ns();
+        let write = UserWrite {
+            actor,
+            now_ns,
+            change,
+        };
+        self.ask(|reply| Command::User(Box::new(write), reply))
+            .await
+    }
+
+    /// Changes a token.
+    ///
+    /// # Errors
+    /// [`StoreError::Account`] when it is refused, [`StoreError::KeyReused`]; otherwise the
+    /// database's failure.
+    pub async fn write_token(
+        &self,
+        actor: Actor,
+        change: TokenChange,
+    ) -> Result<Written<TokenRecord>, StoreError> {
+        let now_ns = self.shared.clock.now_ns();
+        let write = TokenWrite {
+            actor,
+            now_ns,
+            change,
+        };
+        self.ask(|reply| Command::Token(Box::new(write), reply))
+            .await
+    }
+
+    /// Notes that a session or token was used. Never waits.
+    pub fn note_use(&self, credential: Credential) {
+        let now_ns = self.shared.clock.now_ns();
+        self.offer(Command::Use(CredentialUse { credential, now_ns }));
+    }
+
+    /// Users after number `after`, at most `limit`.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn users(&self, after: i64, limit: u32) -> Result<Vec<UserRecord>, StoreError> {
+        self.shared.reader.users(after, limit).await
+    }
+
+    /// Whether there is any user.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn has_users(&self) -> Result<bool, StoreError> {
+        Ok(!self.shared.reader.users(0, 1).await?.is_empty())
+    }
+
+    /// A user.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn user(&self, id: i64) -> Result<Option<UserRecord>, StoreError> {
+        self.shared.reader.user(id).await
+    }
+
+    /// The user of a name, upper or lower case.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn user_named(&self, name: &str) -> Result<Option<UserRecord>, StoreError> {
+        self.shared.reader.user_named(name).await
+    }
+
+    /// Tokens after number `after`, at most `limit`.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn tokens(&self, after: i64, limit: u32) -> Result<Vec<TokenRecord>, StoreError> {
+        self.shared.reader.tokens(after, limit).await
+    }
+
+    /// The token of a value, whether it counts or not.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn token_of(&self, hash: SecretHash) -> Result<Option<TokenRecord>, StoreError> {
+        self.shared.reader.token_of(hash).await
+    }
+
+    /// The session of a cookie, whether it counts or not; none of a user that is disabled.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn session_of(&self, hash: SecretHash) -> Result<Option<SessionRecord>, StoreError> {
+        self.shared.reader.session_of(hash).await
+    }
+}

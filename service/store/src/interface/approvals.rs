@@ -1,0 +1,125 @@
+//! The life cycle's records: what the store is asked.
+
+use std::collections::BTreeMap;
+
+use fleetcal_domain::approval::{
+    Deployment, DeploymentState, Parcel, Proposal, Revision, RobotLedger,
+};
+use fleetcal_model::RobotId;
+use fleetcal_proto::calibration::Envelope;
+
+use crate::Store;
+use crate::approvals::{
+    AuditFilter, AuditRow, Decided, Decision, HoldWrite, ProposalFilter, SiteHold,
+};
+use crate::command::Command;
+use crate::error::StoreError;
+
+impl Store {
+    /// Takes a command on a robot's records and waits until all of it is committed.
+    ///
+    /// # Errors
+    /// [`StoreError::Refused`] when it does not fit them, [`StoreError::KeyReused`], or the
+    /// database's failure; nothing has changed then.
+    pub async fn decide(&self, decision: Decision) -> Result<Decided, StoreError> {
+        self.ask(|reply| Command::Decide(Box::new(decision), reply))
+            .await
+    }
+
+    /// Holds or releases the site-wide stop.
+    ///
+    /// # Errors
+    /// [`StoreError::Refused`] when it changed since it was looked at; otherwise the database's
+    /// failure.
+    pub async fn hold(&self, write: HoldWrite) -> Result<SiteHold, StoreError> {
+        self.ask(|reply| Command::Hold(Box::new(write), reply))
+            .await
+    }
+
+    /// The records of every robot that has any.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn load_ledgers(&self) -> Result<Vec<RobotLedger>, StoreError> {
+        self.shared.reader.ledgers().await
+    }
+
+    /// A signed document.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn envelope(
+        &self,
+        robot: &RobotId,
+        generation: u64,
+    ) -> Result<Option<Envelope>, StoreError> {
+        self.shared.reader.envelope(robot, generation).await
+    }
+
+    /// What is to be sent, and was not.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn outbox(&self) -> Result<Vec<(RobotId, Parcel)>, StoreError> {
+        self.shared.reader.outbox().await
+    }
+
+    /// Proposals with what they propose, newest first.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn proposals(
+        &self,
+        filter: &ProposalFilter,
+    ) -> Result<Vec<(Proposal, Revision)>, StoreError> {
+        self.shared.reader.proposals(filter).await
+    }
+
+    /// One proposal with what it proposes.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn proposal(&self, id: u64) -> Result<Option<(Proposal, Revision)>, StoreError> {
+        self.shared.reader.proposal(id).await
+    }
+
+    /// A robot's deployments before number `before`, newest first.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn deployments(
+        &self,
+        robot: &RobotId,
+        before: Option<i64>,
+        limit: u32,
+    ) -> Result<Vec<Deployment>, StoreError> {
+        self.shared.reader.deployments(robot, before, limit).await
+    }
+
+    /// Where the deployments of some proposals stand, by the proposal.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn followed(
+        &self,
+        proposals: &[u64],
+    ) -> Result<BTreeMap<u64, DeploymentState>, StoreError> {
+        self.shared.reader.followed(proposals).await
+    }
+
+    /// The site-wide stop.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn site_hold(&self) -> Result<SiteHold, StoreError> {
+        self.shared.reader.site_hold().await
+    }
+
+    /// Rows of the audit, newest first.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn audit(&self, filter: &AuditFilter) -> Result<Vec<AuditRow>, StoreError> {
+        self.shared.reader.audit(filter).await
+    }
+}

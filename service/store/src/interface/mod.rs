@@ -1,0 +1,7 @@
+//! What the store is asked, a file for each kind of record.
+
+mod accounts;
+mod alerts;
+mod approvals;
+mod policy;
+mod webhooks;

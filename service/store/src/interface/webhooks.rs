@@ -1,0 +1,57 @@
+//! Webhooks and their deliveries: what the store is asked.
+
+use fleetcal_domain::webhook::{Delivery, Webhook};
+
+use crate::Store;
+use crate::command::Command;
+use crate::error::StoreError;
+use crate::webhooks::{DueDelivery, WebhookWrite, WebhookWritten};
+
+impl Store {
+    /// Changes a webhook or a delivery and waits until that is committed.
+    ///
+    /// # Errors
+    /// [`StoreError::Webhook`] when it is refused; otherwise the database's failure.
+    pub async fn write_webhook(&self, write: WebhookWrite) -> Result<WebhookWritten, StoreError> {
+        self.ask(|reply| Command::Webhook(Box::new(write), reply))
+            .await
+    }
+
+    /// Every webhook, oldest first.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn webhooks(&self) -> Result<Vec<Webhook>, StoreError> {
+        self.shared.reader.webhooks().await
+    }
+
+    /// A webhook's deliveries before number `before`, newest first.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn deliveries(
+        &self,
+        webhook: u64,
+        before: Option<i64>,
+        limit: u32,
+    ) -> Result<Vec<Delivery>, StoreError> {
+        self.shared.reader.deliveries(webhook, before, limit).await
+    }
+
+    /// The oldest delivery of each webhook that is due at `now_ns`, or that a clock which was set
+    /// back would make wait for longer than there is to wait.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn due_deliveries(&self, now_ns: i64) -> Result<Vec<DueDelivery>, StoreError> {
+        self.shared.reader.due_deliveries(now_ns).await
+    }
+
+    /// How many deliveries wait.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn waiting_deliveries(&self) -> Result<u64, StoreError> {
+        self.shared.reader.waiting_deliveries().await
+    }
+}

@@ -1,0 +1,177 @@
+//! Whether the writer gets on. A database that takes no writes is not the writer's fault and mends
+//! without a restart; a writer that does not write although the database would take it is stuck.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use fleetcal_domain::limits;
+use tokio::sync::mpsc;
+use tokio::task::JoinHandle;
+use tokio::time::{Instant, MissedTickBehavior};
+
+use super::command::Queued;
+use super::error::StoreError;
+use super::writer::WriterCounters;
+
+/// Looks at the writer until it ends.
+#[derive(Debug)]
+pub(super) struct Liveness {
+    counters: Arc<WriterCounters>,
+    queue: mpsc::WeakSender<Queued>,
+    commits: u64,
+    /// Since when fresh connections have written while the writer has not.
+    overtaken_since: Option<Instant>,
+    /// A fresh connection's write that has not ended yet: one that hangs is not followed by others.
+    fresh: Option<JoinHandle<Result<(), StoreError>>>,
+}
+
+impl Liveness {
+    pub(super) fn new(counters: Arc<WriterCounters>, queue: mpsc::WeakSender<Queued>) -> Self {
+        Self {
+            counters,
+            queue,
+            commits: 0,
+            overtaken_since: None,
+            fresh: None,
+        }
+    }
+
+    /// Looks every [`limits::STORE_LOOK_EVERY`] until `writer` ends; `fresh` writes over a
+    /// connection of its own.
+    pub(super) async fn watch<F>(mut self, mut writer: JoinHandle<()>, fresh: impl Fn() -> F + Send)
+    where
+        F: Future<Output = Result<(), StoreError>> + Send + 'static,
+    {
+        let mut ticks = tokio::time::interval(limits::STORE_LOOK_EVERY);
+        ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            tokio::select! {
+                ended = &mut writer => {
+                    if let Err(error) = ended {
+                        tracing::error!(%error, "the store's writer failed");
+                        self.counters.stuck.store(true, Ordering::Relaxed);
+                    }
+                    return;
+                }
+                now = ticks.tick() => self.look(now, &fresh).await,
+            }
+        }
+    }
+
+    /// Looks at the writer at `now`.
+    async fn look<F>(&mut self, now: Instant, fresh: &(impl Fn() -> F + Send))
+    where
+        F: Future<Output = Result<(), StoreError>> + Send + 'static,
+    {
+        if self.is_well() {
+            self.overtaken_since = None;
+            self.counters.stuck.store(false, Ordering::Relaxed);
+            return;
+        }
+        let write = self.fresh.get_or_insert_with(|| tokio::spawn(fresh()));
+        let ended = tokio::time::timeout(limits::STORE_LOOK_EVERY, write).await;
+        if ended.is_ok() {
+            self.fresh = None;
+        }
+        if !matches!(ended, Ok(Ok(Ok(())))) {
+            self.overtaken_since = None;
+            return;
+        }
+        let since = *self.overtaken_since.get_or_insert(now);
+        let overtaken_for = now.duration_since(since);
+        let stuck = overtaken_for >= limits::STORE_STUCK_AFTER;
+        if stuck && !self.counters.stuck.swap(true, Ordering::Relaxed) {
+            let for_s = overtaken_for.as_secs();
+            tracing::error!(
+                for_s,
+                "the writer does not write, though the database takes writes"
+            );
+        }
+    }
+
+    /// Whether the writer has committed since the last look, or nothing waits for it.
+    fn is_well(&mut self) -> bool {
+        let commits = self.counters.commits.load(Ordering::Relaxed);
+        let queue = self.queue.upgrade();
+        let queued = queue.map_or(0, |queue| queue.max_capacity() - queue.capacity());
+        let waiting = queued as u64 + self.counters.pending.load(Ordering::Relaxed);
+        let well = commits != self.commits || waiting == 0;
+        self.commits = commits;
+        well
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A writer that has one row in memory and writes or does not, beside a database that takes
+    /// writes or does not. Its time is the test's.
+    struct Bench {
+        liveness: Liveness,
+        now: Instant,
+        writes: bool,
+        takes: bool,
+        _queue: mpsc::Sender<Queued>,
+    }
+
+    impl Bench {
+        fn new() -> Self {
+            let counters = Arc::new(WriterCounters::default());
+            counters.pending.store(1, Ordering::Relaxed);
+            let (queue, _) = mpsc::channel(1);
+            Self {
+                liveness: Liveness::new(counters, queue.downgrade()),
+                now: Instant::now(),
+                writes: true,
+                takes: true,
+                _queue: queue,
+            }
+        }
+
+        async fn is_stuck_after(&mut self, seconds: u64) -> bool {
+            let counters = Arc::clone(&self.liveness.counters);
+            let takes = self.takes;
+            let fresh = || async move { takes.then_some(()).ok_or(StoreError::Closed) };
+            for _ in 0..seconds / limits::STORE_LOOK_EVERY.as_secs() {
+                let commits = u64::from(self.writes);
+                counters.commits.fetch_add(commits, Ordering::Relaxed);
+                self.now += limits::STORE_LOOK_EVERY;
+                self.liveness.look(self.now, &fresh).await;
+            }
+            counters.stuck.load(Ordering::Relaxed)
+        }
+    }
+
+    #[tokio::test]
+    async fn a_writer_that_stops_beside_a_database_that_works_is_stuck() {
+        let mut bench = Bench::new();
+        assert!(!bench.is_stuck_after(300).await);
+        bench.writes = false;
+        assert!(!bench.is_stuck_after(55).await);
+        assert!(bench.is_stuck_after(20).await);
+        bench.writes = true;
+        assert!(!bench.is_stuck_after(10).await);
+    }
+
+    #[tokio::test]
+    async fn a_database_that_takes_nothing_is_not_the_writers_fault() {
+        let mut bench = Bench::new();
+        bench.writes = false;
+        bench.takes = false;
+        assert!(!bench.is_stuck_after(600).await);
+        // The database is back, the writer too, a little later.
+        bench.takes = true;
+        assert!(!bench.is_stuck_after(20).await);
+        bench.writes = true;
+        assert!(!bench.is_stuck_after(600).await);
+    }
+
+    #[tokio::test]
+    async fn a_writer_without_work_is_not_stuck() {
+        let mut bench = Bench::new();
+        bench.writes = false;
+        bench.liveness.counters.pending.store(0, Ordering::Relaxed);
+        assert!(!bench.is_stuck_after(600).await);
+    }
+}

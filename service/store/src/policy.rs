@@ -1,0 +1,35 @@
+//! The approval policy as it was set over the API.
+
+use fleetcal_domain::access::Actor;
+use fleetcal_domain::approval::Policy;
+use serde::Serialize;
+
+/// The policy that was set, and by whom.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct StoredPolicy {
+    /// Goes up with every change of it.
+    pub version: u64,
+    /// The policy; `None` when what the configuration file says counts.
+    pub policy: Option<Policy>,
+    /// Who changed it last.
+    pub by: Option<String>,
+    /// When, ns since 1970, wall time.
+    pub at_ns: Option<i64>,
+    /// Why.
+    pub reason: Option<String>,
+}
+
+/// A change of the policy.
+#[derive(Debug, Clone)]
+pub struct PolicyWrite {
+    /// The new one; `None` to go back to what the configuration file says.
+    pub policy: Option<Policy>,
+    /// The version that was looked at.
+    pub version: u64,
+    /// Who.
+    pub actor: Actor,
+    /// When, wall time.
+    pub now_ns: i64,
+    /// Why.
+    pub reason: String,
+}

@@ -1,0 +1,346 @@
+//! What the store keeps, free of any database.
+
+use fleetcal_domain::robot::{CrossTrack, RobotConfig};
+use fleetcal_model::{Parameter, ParameterStatus};
+use fleetcal_proto::RobotId;
+use fleetcal_proto::estimate::EstimateDocument;
+use serde::{Deserialize, Serialize};
+use strum::{EnumString, IntoStaticStr, VariantArray};
+
+/// Nanoseconds in a second.
+const NS_PER_S: i64 = 1_000_000_000;
+/// Parameters of a row.
+pub const PARAMETERS: usize = Parameter::ALL.len();
+
+/// One robot as the store knows it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RobotRecord {
+    /// Its id.
+    pub id: RobotId,
+    /// Its configuration; `None` while nobody has described it.
+    pub config: Option<RobotConfig>,
+    /// Goes up by one with every change of `config`; 0 while there is none.
+    pub version: u64,
+    /// When the store first heard of it, wall time.
+    pub created_ns: i64,
+    /// When `config` last changed, wall time.
+    pub updated_ns: i64,
+}
+
+/// Which version of a robot's configuration a writer has seen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Expected {
+    /// Whatever is there is overwritten.
+    Any,
+    /// There is no configuration yet.
+    Absent,
+    /// This version.
+    Version(u64),
+}
+
+impl Expected {
+    /// Whether a configuration at `version` (0: none) is what was expected.
+    pub fn accepts(self, version: u64) -> bool {
+        match self {
+            Self::Any => true,
+            Self::Absent => version == 0,
+            Self::Version(expected) => version == expected,
+        }
+    }
+}
+
+/// An estimator's state.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CheckpointRecord {
+    /// Whose.
+    pub robot: RobotId,
+    /// Message time of the state.
+    pub stamp_ns: i64,
+    /// When it was handed to the store, wall time.
+    pub received_ns: i64,
+    /// The state as JSON.
+    pub state: String,
+}
+
+/// How well a robot follows its path with one calibration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CrossTrackRecord {
+    /// Whose.
+    pub robot: RobotId,
+    /// Generation of the calibration; 0 for what it drove with at first.
+    pub generation: u64,
+    /// The errors.
+    pub errors: CrossTrack,
+}
+
+/// The latest estimate the store has of a robot.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CurrentRecord {
+    /// The estimate.
+    pub estimate: EstimateDocument,
+    /// When it was handed to the store, wall time.
+    pub received_ns: i64,
+}
+
+/// One second of a robot's history.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HistoryRow {
+    /// Whose.
+    pub robot: RobotId,
+    /// Message time, whole seconds since the Unix epoch.
+    pub t_s: i64,
+    /// Receipt time, whole seconds since the Unix epoch.
+    pub received_s: i64,
+    /// Value and sigma of each parameter that is estimated, in the order of
+    /// [`Parameter::ALL`].
+    pub cells: [Option<(f64, f64)>; PARAMETERS],
+    /// Status of each parameter, packed by `pack_status`.
+    pub status: u32,
+    /// Mean normalised innovation squared.
+    pub nis: Option<f64>,
+}
+
+impl HistoryRow {
+    /// The row of an estimate that was received at `received_ns`.
+    pub fn of(robot: &RobotId, document: &EstimateDocument, received_ns: i64) -> Self {
+        let estimated = |name: Parameter| {
+            let parameter = document.parameters.get(name);
+            let fixed = matches!(
+                parameter.status,
+                ParameterStatus::Fixed | ParameterStatus::Off
+            );
+            (!fixed).then_some((parameter.value, parameter.sigma))
+        };
+        let consistency = &document.consistency;
+        Self {
+            robot: robot.clone(),
+            t_s: document.stamp_ns.div_euclid(NS_PER_S),
+            received_s: received_ns.div_euclid(NS_PER_S),
+            cells: Parameter::ALL.map(estimated),
+            status: pack_status(Parameter::ALL.map(|n| document.parameters.get(n).status)),
+            nis: (consistency.samples > 0).then_some(consistency.nis_mean),
+        }
+    }
+}
+
+/// Packs the status of every parameter into four bits each, the first one lowest.
+pub fn pack_status(status: [ParameterStatus; PARAMETERS]) -> u32 {
+    let code = |status| match status {
+        ParameterStatus::Off => 0,
+        ParameterStatus::Fixed => 1,
+        ParameterStatus::Learning => 2,
+        ParameterStatus::Unobservable => 3,
+        ParameterStatus::Converged => 4,
+    };
+    status
+        .into_iter()
+        .rev()
+        .fold(0, |packed, status| (packed << 4) | code(status))
+}
+
+/// One parameter's status out of a packed row; `None` for bits that `pack_status` never sets.
+pub fn unpack_status(packed: u32, parameter: Parameter) -> Option<ParameterStatus> {
+    let position = Parameter::ALL.iter().position(|&name| name == parameter)?;
+    match (packed >> (4 * position)) & 0xf {
+        0 => Some(ParameterStatus::Off),
+        1 => Some(ParameterStatus::Fixed),
+        2 => Some(ParameterStatus::Learning),
+        3 => Some(ParameterStatus::Unobservable),
+        4 => Some(ParameterStatus::Converged),
+        _ => None,
+    }
+}
+
+/// What happened to a robot.
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Hash,
+    Serialize,
+    Deserialize,
+    EnumString,
+    IntoStaticStr,
+    VariantArray,
+)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
+pub enum EventKind {
+    /// The estimator found that the vehicle is no longer the one that was calibrated.
+    CalibrationChanged,
+    /// After a reassembly the calibration came out equal.
+    CalibrationConfirmed,
+    /// A sensor or the LiDAR odometry failed for a while.
+    Fault,
+    /// Parts were taken off and put back.
+    Reassembled,
+    /// Other work was done on the robot.
+    Maintenance,
+    /// The robot was switched on.
+    PowerOn,
+    /// The robot's clock jumped back: a new session began.
+    SessionStarted,
+    /// The robot's configuration was given or changed: its estimator began from nothing.
+    Configured,
+    /// The robot's estimator failed and was started anew.
+    EstimatorRestarted,
+    /// The robot's estimator failed too often and was stopped.
+    EstimatorStopped,
+    /// The service was started and went on from the robot's stored state.
+    ServiceStarted,
+    /// A calibration was proposed.
+    Proposed,
+    /// Enough people have agreed to a proposal.
+    Approved,
+    /// A proposal ended without approval.
+    ProposalClosed,
+    /// The present estimate took the place of what was proposed; approvals already given are void.
+    ProposalRefreshed,
+    /// The approved calibration was offered to the robot.
+    Offered,
+    /// The robot uses the approved calibration.
+    Applied,
+    /// The robot did not take the approved calibration, or not keep it.
+    NotApplied,
+    /// A fresh estimate agrees with what the robot uses.
+    Verified,
+    /// A fresh estimate disagrees with what the robot uses.
+    VerificationFailed,
+    /// The robot did not move enough to tell.
+    Inconclusive,
+    /// The former calibration is on its way back.
+    RollingBack,
+    /// The robot uses its former calibration again.
+    RolledBack,
+    /// The robot did not take its former calibration.
+    RollbackFailed,
+}
+
+impl EventKind {
+    /// All of them.
+    pub const ALL: &'static [Self] = <Self as VariantArray>::VARIANTS;
+
+    /// The name in documents and in the database.
+    pub fn as_str(self) -> &'static str {
+        self.into()
+    }
+
+    /// The kind of this name.
+    pub fn parse(name: &str) -> Option<Self> {
+        name.parse().ok()
+    }
+}
+
+/// Who says that something happened.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, IntoStaticStr,
+)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
+pub enum EventSource {
+    /// The estimator.
+    Estimator,
+    /// The robot or a tool beside it.
+    Robot,
+    /// The service.
+    Service,
+    /// A person or a tool of the site, over HTTP.
+    Person,
+}
+
+impl EventSource {
+    /// The name in documents and in the database.
+    pub fn as_str(self) -> &'static str {
+        self.into()
+    }
+
+    /// The source of this name.
+    pub fn parse(name: &str) -> Option<Self> {
+        [Self::Estimator, Self::Robot, Self::Service, Self::Person]
+            .into_iter()
+            .find(|source| source.as_str() == name)
+    }
+}
+
+/// Something that happened, before it has a place in the history.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NewEvent {
+    /// To whom.
+    pub robot: RobotId,
+    /// What.
+    pub kind: EventKind,
+    /// When, message time.
+    pub stamp_ns: i64,
+    /// When the service learnt of it, wall time.
+    pub received_ns: i64,
+    /// Who says so.
+    pub source: EventSource,
+    /// The person's or tool's name.
+    pub author: Option<String>,
+    /// In words.
+    pub note: Option<String>,
+    /// What belongs to its kind.
+    pub details: Option<serde_json::Value>,
+}
+
+/// Something that happened, in its place in the history.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EventRecord {
+    /// Its number; later events have higher ones.
+    pub id: i64,
+    /// Whether it was there before and is only told again.
+    pub repeated: bool,
+    /// What happened.
+    pub event: NewEvent,
+}
+
+/// What makes a repeated request recognisable.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct IdempotencyKey {
+    /// The `Idempotency-Key` of the request.
+    pub key: String,
+    /// SHA-256 of the request's body.
+    pub request_sha256: [u8; 32],
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_status_survives_packing() {
+        use ParameterStatus::{Converged, Fixed, Learning, Off, Unobservable};
+        let status = [
+            Converged,
+            Learning,
+            Unobservable,
+            Fixed,
+            Off,
+            Fixed,
+            Learning,
+            Converged,
+        ];
+        let packed = pack_status(status);
+        for (name, expected) in Parameter::ALL.into_iter().zip(status) {
+            assert_eq!(unpack_status(packed, name), Some(expected), "{name:?}");
+        }
+        assert_eq!(unpack_status(0xf, Parameter::SteeringOffset), None);
+    }
+
+    #[test]
+    fn names_of_events_are_those_of_their_documents() {
+        for &kind in EventKind::ALL {
+            assert_eq!(serde_json::to_value(kind).unwrap(), kind.as_str());
+            assert_eq!(EventKind::parse(kind.as_str()), Some(kind));
+        }
+        assert_eq!(EventKind::parse("exploded"), None);
+        assert_eq!(EventSource::parse("person"), Some(EventSource::Person));
+        assert_eq!(EventSource::parse(""), None);
+    }
+}

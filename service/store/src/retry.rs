@@ -1,0 +1,51 @@
+//! When the writer tries again after a commit that failed.
+
+use std::time::Duration;
+
+use fleetcal_domain::limits;
+use tokio::time::Instant;
+
+/// The pause between two commits: none while they succeed, and longer with each that fails.
+#[derive(Debug, Default)]
+pub(super) struct Retry {
+    pause: Duration,
+    at: Option<Instant>,
+}
+
+impl Retry {
+    /// Takes a commit that failed at `now`.
+    pub(super) fn failed(&mut self, now: Instant) {
+        self.pause = (self.pause * 2).clamp(limits::STORE_RETRY_FIRST, limits::STORE_RETRY_MAX);
+        self.at = Some(now + self.pause);
+    }
+
+    /// Forgets what failed before.
+    pub(super) fn reset(&mut self) {
+        *self = Self::default();
+    }
+
+    /// When the next commit may begin; `None` when it may at once.
+    pub(super) fn at(&self) -> Option<Instant> {
+        self.at
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_pause_grows_to_its_limit_and_ends_with_success() {
+        let now = Instant::now();
+        let mut retry = Retry::default();
+        assert_eq!(retry.at(), None);
+        let mut pauses = Vec::new();
+        for _ in 0..6 {
+            retry.failed(now);
+            pauses.push((retry.at().unwrap() - now).as_millis());
+        }
+        assert_eq!(pauses, [100, 200, 400, 800, 1_000, 1_000]);
+        retry.reset();
+        assert_eq!(retry.at(), None);
+    }
+}

@@ -1,0 +1,102 @@
+//! `fleetcal simulate --imperfections`: the recording, its truth, and files that are refused.
+
+use std::fs;
+
+use fleetcal_robot::fleet::{RecordedTruth, truth_path};
+use fleetcal_robot::simulator::Imperfections;
+use fleetcal_tests::binary;
+use tempfile::TempDir;
+
+use super::{assert_refused, calibrate};
+
+const SECONDS: [&str; 2] = ["--duration", "20"];
+
+#[test]
+fn a_recording_of_an_imperfect_robot_names_what_is_wrong_with_it() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("imperfect.mcap");
+    let file = folder.path().join("imperfections.toml");
+    let text =
+        "[vehicle]\nsteering_gain = 0.02\nwheelbase = 0.02\n[scanner]\nstamped_at_end = true\n";
+    fs::write(&file, text).unwrap();
+    let [recorded, given] = [&path, &file].map(|path| path.to_str().unwrap());
+    let flags = ["simulate", "--record", recorded, "--imperfections", given];
+    let output = binary::run(flags.iter().chain(&SECONDS));
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        output.status.success() && said.contains("wheelbase 1.224 m"),
+        "{output:?}"
+    );
+
+    let truth = fs::read(truth_path(&path)).unwrap();
+    let truth: RecordedTruth = serde_json::from_slice(&truth).unwrap();
+    let mut expected = Imperfections::default();
+    expected.vehicle.steering_gain = 0.02;
+    expected.vehicle.wheelbase = 0.02;
+    expected.scanner.stamped_at_end = true;
+    assert_eq!(truth.imperfections, expected);
+    assert_eq!(truth.parameters.steering_gain, Some(1.02));
+    // The robot is one that can be calibrated.
+    let found = calibrate(&path, &["--wheelbase", "1.224", "--json"]);
+    assert!(found.status.success(), "{found:?}");
+}
+
+#[test]
+fn a_file_with_a_key_that_is_not_one_is_refused_in_one_sentence() {
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("imperfections.toml");
+    let path = folder.path().join("never.mcap");
+    let [recorded, given] = [&path, &file].map(|path| path.to_str().unwrap());
+    let flags = ["simulate", "--record", recorded, "--imperfections", given];
+    for (text, wanted) in [
+        (
+            "[vehicle]\nbacklash_deg = 0.5\n",
+            "line 2: unknown field `backlash_deg`",
+        ),
+        (
+            "[clocks]\nlost_messages = 1.5\n",
+            "imperfections.clocks.lost_messages",
+        ),
+    ] {
+        fs::write(&file, text).unwrap();
+        assert_refused(&binary::run(flags), 2, wanted);
+        assert!(!path.exists(), "nothing is recorded");
+    }
+}
+
+#[test]
+fn a_turning_scanner_without_beam_times_is_told_and_estimated() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("untimed.mcap");
+    let file = folder.path().join("imperfections.toml");
+    let told = |untimed_beams: bool| {
+        fs::write(
+            &file,
+            format!("[scanner]\nuntimed_beams = {untimed_beams}\n"),
+        )
+        .unwrap();
+        let [recorded, given] = [&path, &file].map(|path| path.to_str().unwrap());
+        let _gone = fs::remove_file(&path);
+        let flags = ["simulate", "--record", recorded, "--imperfections", given];
+        let output = binary::run(flags.iter().chain(&["--duration", "60"]));
+        assert!(output.status.success(), "{output:?}");
+        let output = calibrate(&path, &["--wheelbase", "1.2", "--json"]);
+        assert!(output.status.success(), "{output:?}");
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let said = told(true);
+    assert!(
+        said.contains("time_increment 0, but the scanner turns"),
+        "{said}"
+    );
+    let duration = said
+        .split("a scan takes ")
+        .nth(1)
+        .and_then(|rest| rest.split(' ').next());
+    let duration_ms: f64 = duration.expect("a duration").parse().unwrap();
+    assert!(
+        (duration_ms - 100.0).abs() < 5.0,
+        "{duration_ms} ms of 100 ms"
+    );
+    assert!(!told(false).contains("time_increment"));
+}

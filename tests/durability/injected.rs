@@ -1,0 +1,216 @@
+//! A disk that fails: errors that strace puts in the place of what the system would answer.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use fleetcal_tests::service::{self, Service, wait_for};
+use serde_json::json;
+use tempfile::TempDir;
+
+use crate::trace;
+
+/// Writing has to work again so soon after the last fault.
+const RECOVERS_WITHIN: Duration = Duration::from_secs(5);
+/// What SQLite syncs with; which of the two depends on how it was built.
+pub const SYNC: &str = "fsync,fdatasync";
+/// A disk that fails a few times does so for this long.
+const FAILS_FOR: Duration = Duration::from_millis(1_500);
+
+/// Faults that a running process meets, until this goes out of scope.
+pub struct Faults {
+    strace: Child,
+    logs: TempDir,
+}
+
+impl Faults {
+    /// From now on strace does to a call what `fault` says: `error=EIO:when=2` makes the second one
+    /// of each thread fail.
+    pub fn begin(service: &Service, call: &str, fault: &str) -> Self {
+        let logs = tempfile::tempdir().unwrap();
+        let log = logs.path().join("strace.log");
+        fs::write(&log, "").unwrap();
+        let strace = Command::new("strace")
+            .args(["-f", "-p", &service.pid().to_string()])
+            .args(["-e", &format!("trace={call}")])
+            .args(["-e", &format!("inject={call}:{fault}")])
+            .arg("-o")
+            .arg(&log)
+            .stdout(Stdio::null())
+            .stderr(fs::File::create(logs.path().join("said")).unwrap())
+            .spawn()
+            .unwrap();
+        let faults = Self { strace, logs };
+        wait_for("strace", || {
+            faults.read("said").contains("attached").then_some(())
+        });
+        faults
+    }
+
+    fn read(&self, name: &str) -> String {
+        let path: PathBuf = self.logs.path().join(name);
+        String::from_utf8_lossy(&fs::read(path).unwrap()).into_owned()
+    }
+
+    /// Calls that have failed so far.
+    pub fn count(&self) -> usize {
+        self.read("strace.log").matches("(INJECTED)").count()
+    }
+
+    /// Ends them; gives how many there were.
+    pub fn end(mut self) -> usize {
+        self.detach();
+        self.count()
+    }
+
+    fn detach(&mut self) {
+        let asked = Command::new("kill")
+            .args(["-INT", &self.strace.id().to_string()])
+            .status();
+        assert!(asked.unwrap().success());
+        self.strace.wait().unwrap();
+    }
+}
+
+impl Drop for Faults {
+    fn drop(&mut self) {
+        if let Ok(None) = self.strace.try_wait() {
+            self.detach();
+        }
+    }
+}
+
+/// Registers robots and knows which of them were acknowledged.
+#[derive(Default)]
+pub struct Robots {
+    tried: usize,
+    acknowledged: Vec<String>,
+    refused: usize,
+}
+
+impl Robots {
+    /// Registers one more; whether that was acknowledged.
+    pub fn register(&mut self, service: &Service) -> bool {
+        let id = format!("tugger_{}", self.tried);
+        self.tried += 1;
+        let vehicle = json!({"model": "bicycle", "wheelbase_m": 1.2});
+        match service.try_put(&format!("/api/v1/robots/{id}"), &vehicle) {
+            Some(201) => {
+                self.acknowledged.push(id);
+                true
+            }
+            Some(503) => {
+                self.refused += 1;
+                false
+            }
+            other => panic!("{id}: {other:?}"),
+        }
+    }
+
+    /// Writes until it works again.
+    pub fn recover(&mut self, service: &Service) -> Duration {
+        let began = service::now();
+        while !self.register(service) {
+            let waited = began.elapsed();
+            assert!(waited < RECOVERS_WITHIN, "still not after {waited:?}");
+        }
+        began.elapsed()
+    }
+
+    /// How many were not.
+    pub fn refused(&self) -> usize {
+        self.refused
+    }
+
+    /// Checks that every acknowledged one is there.
+    pub fn check(&self, service: &Service) {
+        for id in &self.acknowledged {
+            assert_eq!(service.robot(id)["id"], id.as_str());
+        }
+    }
+}
+
+/// Waits until nothing is left in memory.
+pub fn settle(service: &Service) {
+    wait_for("an empty memory", || {
+        (service.metric("fleetcal_store_waiting") == 0).then_some(())
+    });
+}
+
+/// Whether faults can be injected here. Without strace the test says so, and fails where it must
+/// not be left out.
+pub fn can_inject() -> bool {
+    let Some(missing) = trace::missing() else {
+        return true;
+    };
+    assert!(std::env::var_os("CI").is_none(), "{missing}");
+    println!("skipped: {missing}");
+    false
+}
+
+/// Writes while calls fail: until one has, or for a while.
+fn fail(
+    service: &Service,
+    robots: &mut Robots,
+    (call, error, when): (&str, &str, &str),
+    once: bool,
+) {
+    let faults = Faults::begin(service, call, &format!("error={error}:when={when}"));
+    let began = service::now();
+    let goes_on = || {
+        if once {
+            faults.count() == 0
+        } else {
+            began.elapsed() < FAILS_FOR
+        }
+    };
+    while goes_on() {
+        robots.register(service);
+        assert!(
+            began.elapsed() < Duration::from_secs(20),
+            "{call} did not fail"
+        );
+    }
+    let failed = faults.end();
+    let recovered = robots.recover(service);
+    println!("{call} {error} when={when}: {failed} failed, writing works after {recovered:?}");
+    assert!(failed > 0, "{call} did not fail");
+}
+
+#[test]
+fn a_service_writes_again_after_the_disk_failed() {
+    if !can_inject() {
+        return;
+    }
+    let mut service = Service::start(&[]);
+    let mut robots = Robots::default();
+    for (call, error) in [
+        ("pwrite64", "EIO"),
+        ("pwrite64", "ENOSPC"),
+        (SYNC, "EIO"),
+        (SYNC, "ENOSPC"),
+    ] {
+        for (when, once) in [
+            ("1", true),
+            ("2", true),
+            ("5", true),
+            ("1+", false),
+            ("3+2", false),
+        ] {
+            fail(&service, &mut robots, (call, error, when), once);
+        }
+    }
+    println!(
+        "{} writes acknowledged, {} refused",
+        robots.acknowledged.len(),
+        robots.refused
+    );
+    assert!(robots.refused > 10, "{} were refused", robots.refused);
+    assert_eq!(service.status("/readyz", None), 200);
+    assert_eq!(service.metric("fleetcal_store_lost_total"), 0);
+    settle(&service);
+    service.kill();
+    service.restart();
+    robots.check(&service);
+}

@@ -1,0 +1,193 @@
+//! Runs the campaign of imperfect robots: one line for each cell as it finishes.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Parser;
+use fleetcal_evaluation::error::EvaluationError;
+use fleetcal_evaluation::imperfect::ImperfectExtent;
+use fleetcal_evaluation::imperfect::{
+    Campaign, Cell, Flaw, InjectedChange, Road, Scenario, Sensor, Summary,
+};
+use fleetcal_evaluation::study::imperfect_robots;
+use fleetcal_robot::simulator::Strength;
+
+/// Drives imperfect robots and tells how many claims were false and how far a change went unseen.
+///
+/// Every cell is one imperfection at one strength on one route. Equal seeds give equal numbers.
+#[derive(Debug, Parser)]
+#[command(name = "imperfect_robots")]
+struct Arguments {
+    /// Imperfections by name, `none` or `all`; every one when none is given.
+    #[arg(long, value_delimiter = ',')]
+    only: Vec<String>,
+    /// `typical` or `strong` alone. Changes happen on typical robots unless this is `strong`.
+    #[arg(long, value_parser = ["typical", "strong"])]
+    strength: Option<String>,
+    /// Routes: eight, aisles, left.
+    #[arg(long, value_delimiter = ',')]
+    route: Vec<Road>,
+    /// `claims` for unchanged robots, `changes` for injected changes; both by default.
+    #[arg(long, value_parser = ["claims", "changes"])]
+    scenario: Option<String>,
+    /// Injected changes: `steering_0.5deg`, `mount_yaw_0.5deg`, `mount_20mm`.
+    #[arg(long, value_delimiter = ',')]
+    change: Vec<InjectedChange>,
+    /// What the LiDAR sends; by default poses, and sweeps for imperfections of single beams and
+    /// for all at once.
+    #[arg(long)]
+    sensor: Option<Sensor>,
+    /// Robots of each cell.
+    #[arg(long, default_value_t = 8)]
+    seeds: u64,
+    /// Robots of each cell with a change; as many as of others by default.
+    #[arg(long)]
+    change_seeds: Option<u64>,
+    /// Seed of the first one.
+    #[arg(long, default_value_t = 1)]
+    first_seed: u64,
+    /// Length of an unchanged robot's run, s: claims are looked at after 60, 120, 180 and 600 s.
+    #[arg(long, default_value_t = 600.0)]
+    length: f64,
+    /// Results file: runs in it are not run again, new ones are appended. It belongs to one
+    /// state of the estimator.
+    #[arg(long)]
+    results: Option<PathBuf>,
+    /// Writes the tables of every imperfection and route into this file, as Markdown.
+    #[arg(long, conflicts_with_all = ["only", "strength", "route", "scenario", "change", "sensor", "first_seed", "list"])]
+    report: Option<PathBuf>,
+    /// Lists the cells and runs none.
+    #[arg(long)]
+    list: bool,
+}
+
+impl Arguments {
+    fn cells(&self) -> Result<Vec<Cell>, String> {
+        let known = Flaw::all();
+        for name in &self.only {
+            if !known.iter().any(|flaw| flaw.name() == name) {
+                let mut names: Vec<_> = known.iter().map(|flaw| flaw.name()).collect();
+                names.dedup();
+                return Err(format!(
+                    "--only: got {name:?}, expected some of {}",
+                    names.join(", ")
+                ));
+            }
+        }
+        let roads = if self.route.is_empty() {
+            &Road::ALL[..]
+        } else {
+            &self.route
+        };
+        let mut cells = Vec::new();
+        for flaw in known.into_iter().filter(|flaw| self.wants_flaw(*flaw)) {
+            for &road in roads {
+                for scenario in Scenario::all() {
+                    if let Some(sensor) = self.sensor_for(flaw)
+                        && self.wants_scenario(flaw, scenario)
+                    {
+                        cells.push(Cell {
+                            flaw,
+                            road,
+                            sensor,
+                            scenario,
+                        });
+                    }
+                }
+            }
+        }
+        Ok(cells)
+    }
+
+    fn seeds_of(&self, cell: Cell) -> Vec<u64> {
+        let count = match cell.scenario {
+            Scenario::Unchanged => self.seeds,
+            Scenario::Changed(..) => self.change_seeds.unwrap_or(self.seeds),
+        };
+        (0..count).map(|number| self.first_seed + number).collect()
+    }
+
+    fn wants_flaw(&self, flaw: Flaw) -> bool {
+        let named = self.only.is_empty() || self.only.iter().any(|name| name == flaw.name());
+        let strength = self.strength.as_deref();
+        named && strength.is_none_or(|strength| flaw.strength() == strength || flaw == Flaw::Clean)
+    }
+
+    /// Poses unless beams matter; `None` for beams on a robot that has to send poses.
+    fn sensor_for(&self, flaw: Flaw) -> Option<Sensor> {
+        match (self.sensor, flaw.needs_sweeps()) {
+            (Some(Sensor::Poses), true) => None,
+            (Some(sensor), _) => Some(sensor),
+            (None, true) => Some(Sensor::Sweeps),
+            (None, false) if flaw == Flaw::AllTypical => Some(Sensor::Sweeps),
+            (None, false) => Some(Sensor::Poses),
+        }
+    }
+
+    fn wants_scenario(&self, flaw: Flaw, scenario: Scenario) -> bool {
+        let wanted = self.scenario.as_deref();
+        match scenario {
+            Scenario::Unchanged => wanted != Some("changes") && self.change.is_empty(),
+            Scenario::Changed(change, _) => {
+                let strong = flaw.strength() == Strength::Strong.name();
+                wanted != Some("claims")
+                    && (!strong || self.strength.is_some())
+                    && (self.change.is_empty() || self.change.contains(&change))
+            }
+        }
+    }
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let cells = match arguments.cells() {
+        Ok(cells) => cells,
+        Err(why) => {
+            eprintln!("{why}");
+            return ExitCode::from(2);
+        }
+    };
+    match campaign(&arguments, &cells) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn campaign(arguments: &Arguments, cells: &[Cell]) -> Result<(), EvaluationError> {
+    let mut campaign = match &arguments.results {
+        Some(path) => Campaign::resumed(arguments.length, path)?,
+        None => Campaign::new(arguments.length),
+    };
+    for &cell in cells {
+        if arguments.list {
+            say(&cell.to_string());
+            continue;
+        }
+        let outcomes = campaign.outcomes(cell, &arguments.seeds_of(cell))?;
+        say(&Summary::of(cell, &outcomes).line(cell));
+    }
+    let Some(path) = &arguments.report else {
+        return Ok(());
+    };
+    // Every run is known by now: this only pools them.
+    let extent = ImperfectExtent {
+        seeds: arguments.seeds,
+        length_s: arguments.length,
+        strong: true,
+        change_seeds: arguments.change_seeds.unwrap_or(arguments.seeds),
+        all_changes: true,
+    };
+    let section = imperfect_robots::section(&extent, &mut campaign)?;
+    std::fs::write(path, section.markdown()).map_err(|source| EvaluationError::Written {
+        path: path.clone(),
+        source,
+    })
+}
+
+#[expect(clippy::print_stdout, reason = "the lines are what the command is for")]
+fn say(line: &str) {
+    println!("{line}");
+}

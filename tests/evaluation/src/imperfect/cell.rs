@@ -1,0 +1,286 @@
+//! What is driven: one imperfection, one route, one scenario.
+
+use std::fmt;
+use std::str::FromStr;
+
+use fleetcal_robot::simulator::{ImperfectionKind, Imperfections, Point, Route, Strength};
+use serde::{Deserialize, Serialize};
+
+/// What is wrong with a robot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Flaw {
+    /// Nothing.
+    Clean,
+    /// One imperfection.
+    One(ImperfectionKind, Strength),
+    /// Every one at its typical size, signs and sizes drawn.
+    AllTypical,
+}
+
+impl Flaw {
+    /// No imperfection, each single one at both strengths, and all at once.
+    pub fn all() -> Vec<Self> {
+        let sized = |kind: &ImperfectionKind, strength: &Strength| {
+            kind.has_size() || *strength == Strength::Typical
+        };
+        let single = ImperfectionKind::ALL.into_iter().flat_map(move |kind| {
+            let strengths = Strength::ALL.into_iter();
+            strengths
+                .filter(move |strength| sized(&kind, strength))
+                .map(move |strength| Self::One(kind, strength))
+        });
+        std::iter::once(Self::Clean)
+            .chain(single)
+            .chain([Self::AllTypical])
+            .collect()
+    }
+
+    /// The name that `--only` takes.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Clean => "none",
+            Self::One(kind, _) => kind.name(),
+            Self::AllTypical => "all",
+        }
+    }
+
+    /// `typical` or `strong`; `-` on a clean robot.
+    pub const fn strength(self) -> &'static str {
+        match self {
+            Self::Clean => "-",
+            Self::One(_, strength) => strength.name(),
+            Self::AllTypical => "typical",
+        }
+    }
+
+    /// Whether a robot has to send sweeps to show it.
+    pub const fn needs_sweeps(self) -> bool {
+        match self {
+            Self::One(kind, _) => kind.needs_sweeps(),
+            Self::Clean | Self::AllTypical => false,
+        }
+    }
+
+    /// The imperfections of the robot of a seed.
+    pub fn imperfections(self, seed: u64, sensor: Sensor) -> Imperfections {
+        match self {
+            Self::Clean => Imperfections::default(),
+            Self::One(kind, strength) => Imperfections::drawn(kind, strength, seed),
+            Self::AllTypical => Imperfections::all_typical(seed, sensor == Sensor::Sweeps),
+        }
+    }
+}
+
+/// Where it drives.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Road {
+    /// Figure-eight: both turns.
+    Eight,
+    /// Warehouse aisles, five left turns and a right one, two stretches of each lap backwards.
+    Aisles,
+    /// A loop of left turns.
+    Left,
+}
+
+impl Road {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Eight, Self::Aisles, Self::Left];
+
+    /// Its name.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Eight => "eight",
+            Self::Aisles => "aisles",
+            Self::Left => "left",
+        }
+    }
+
+    /// The route.
+    pub fn route(self) -> Route {
+        match self {
+            Self::Eight => Route::staging_figure_eight(),
+            Self::Aisles => Route::aisles_with_reversals(),
+            Self::Left => Route::left_loop(Point::new(-11.0, 0.0), 10.0, 8.0),
+        }
+    }
+}
+
+/// What the LiDAR sends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Sensor {
+    /// Poses of its own odometry: 3 mm and 0.03°, white.
+    Poses,
+    /// Raw sweeps, for the estimator's LiDAR odometry.
+    Sweeps,
+}
+
+impl Sensor {
+    /// Its name.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Poses => "poses",
+            Self::Sweeps => "sweeps",
+        }
+    }
+}
+
+/// What changes on the vehicle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum InjectedChange {
+    /// The steering zero jumps by 0.5°.
+    Steering,
+    /// The LiDAR turns by 0.5°.
+    MountYaw,
+    /// The LiDAR moves by 20 mm in any direction.
+    MountMoved,
+}
+
+impl InjectedChange {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Steering, Self::MountYaw, Self::MountMoved];
+
+    /// Its name.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Steering => "steering_0.5deg",
+            Self::MountYaw => "mount_yaw_0.5deg",
+            Self::MountMoved => "mount_20mm",
+        }
+    }
+}
+
+/// How fast it drives after a change and before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Speed {
+    /// 0.3 m/s.
+    Slow,
+    /// 1 m/s.
+    Fast,
+}
+
+impl Speed {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Slow, Self::Fast];
+
+    /// The speed, m/s.
+    pub const fn mps(self) -> f64 {
+        match self {
+            Self::Slow => 0.3,
+            Self::Fast => 1.0,
+        }
+    }
+}
+
+/// What is looked at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Scenario {
+    /// An unchanged robot that starts cold: its claims, its errors and false changes.
+    Unchanged,
+    /// A robot on which something changes once it has driven a while: the alarm.
+    Changed(InjectedChange, Speed),
+}
+
+impl Scenario {
+    /// All of them.
+    pub fn all() -> Vec<Self> {
+        let changed = InjectedChange::ALL
+            .into_iter()
+            .flat_map(|change| Speed::ALL.map(|speed| Self::Changed(change, speed)));
+        std::iter::once(Self::Unchanged).chain(changed).collect()
+    }
+}
+
+impl fmt::Display for Scenario {
+    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Self::Unchanged => write!(out, "unchanged"),
+            Self::Changed(change, speed) => write!(out, "{}@{}m/s", change.name(), speed.mps()),
+        }
+    }
+}
+
+/// What the runs of one row of a table have in common.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Cell {
+    /// What is wrong with the robot.
+    pub flaw: Flaw,
+    /// Where it drives.
+    pub road: Road,
+    /// What its LiDAR sends.
+    pub sensor: Sensor,
+    /// What is looked at.
+    pub scenario: Scenario,
+}
+
+impl fmt::Display for Cell {
+    fn fmt(&self, out: &mut fmt::Formatter) -> fmt::Result {
+        let Self {
+            flaw,
+            road,
+            sensor,
+            scenario,
+        } = self;
+        write!(
+            out,
+            "{} {} {} {} {scenario}",
+            flaw.name(),
+            flaw.strength(),
+            road.name(),
+            sensor.name()
+        )
+    }
+}
+
+/// A word that names no such thing.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("got {got:?}, expected one of {expected}")]
+pub struct UnknownName {
+    got: String,
+    expected: String,
+}
+
+fn by_name<T: Copy>(
+    got: &str,
+    all: &[T],
+    name: impl Fn(T) -> &'static str,
+) -> Result<T, UnknownName> {
+    let found = all.iter().copied().find(|one| name(*one) == got);
+    found.ok_or_else(|| UnknownName {
+        got: got.to_owned(),
+        expected: all
+            .iter()
+            .map(|one| name(*one))
+            .collect::<Vec<_>>()
+            .join(", "),
+    })
+}
+
+impl FromStr for Road {
+    type Err = UnknownName;
+
+    fn from_str(text: &str) -> Result<Self, UnknownName> {
+        by_name(text, &Self::ALL, Self::name)
+    }
+}
+
+impl FromStr for Sensor {
+    type Err = UnknownName;
+
+    fn from_str(text: &str) -> Result<Self, UnknownName> {
+        by_name(text, &[Self::Poses, Self::Sweeps], Self::name)
+    }
+}
+
+impl FromStr for InjectedChange {
+    type Err = UnknownName;
+
+    fn from_str(text: &str) -> Result<Self, UnknownName> {
+        by_name(text, &Self::ALL, Self::name)
+    }
+}

@@ -1,0 +1,52 @@
+//! How much of the campaign is driven.
+
+use fleetcal_robot::simulator::{ImperfectionKind, Strength};
+
+use super::cell::Flaw;
+
+/// Imperfections whose typical size lets a robot converge rightly within 180 s of aisles.
+const CONVERGING: [ImperfectionKind; 5] = [
+    ImperfectionKind::SteeringGain,
+    ImperfectionKind::Wheelbase,
+    ImperfectionKind::SteeringAsymmetry,
+    ImperfectionKind::Backlash,
+    ImperfectionKind::SteeringLag,
+];
+
+/// How much of the campaign is driven.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ImperfectExtent {
+    /// Unchanged robots of each imperfection and route: seeds 1 to this.
+    pub seeds: u64,
+    /// Length of their runs, s.
+    pub length_s: f64,
+    /// Whether strong imperfections are driven too.
+    pub strong: bool,
+    /// Changed robots of each imperfection, route, change and speed.
+    pub change_seeds: u64,
+    /// Whether a change happens on robots of every imperfection, or only on those that have to
+    /// converge.
+    pub all_changes: bool,
+}
+
+impl ImperfectExtent {
+    /// The imperfections of unchanged robots.
+    pub fn flaws(&self) -> Vec<Flaw> {
+        let mut flaws = Flaw::all();
+        flaws.retain(|flaw| self.strong || flaw.strength() != Strength::Strong.name());
+        flaws
+    }
+
+    /// The imperfections of robots that change.
+    pub fn changed_flaws(&self) -> Vec<Flaw> {
+        let few = |flaw: &Flaw| match flaw {
+            Flaw::Clean => true,
+            Flaw::One(kind, _) => CONVERGING.contains(kind),
+            Flaw::AllTypical => false,
+        };
+        let mut flaws = Flaw::all();
+        flaws.retain(|flaw| flaw.strength() != Strength::Strong.name());
+        flaws.retain(|flaw| self.all_changes || few(flaw));
+        flaws
+    }
+}

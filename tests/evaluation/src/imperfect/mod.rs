@@ -1,0 +1,22 @@
+//! Imperfect robots: whether claims and alarms hold on vehicles that do not obey the model.
+//!
+//! A [`Cell`] is one imperfection at one strength on one route in one scenario; a [`Campaign`] runs
+//! cells over seeds, and a [`Summary`] pools what the runs of a cell ended with.
+
+mod campaign;
+mod cell;
+mod extent;
+mod outcome;
+mod robot;
+mod run;
+mod summary;
+pub mod tables;
+#[cfg(test)]
+mod tests;
+
+pub use campaign::{Campaign, Finished};
+pub use cell::{Cell, Flaw, InjectedChange, Road, Scenario, Sensor, Speed};
+pub use extent::ImperfectExtent;
+pub use outcome::{ChangeOutcome, ClaimsOutcome, Flagged, Outcome, Snapshot};
+pub use run::run;
+pub use summary::Summary;

@@ -1,0 +1,174 @@
+//! One run of a cell.
+
+use std::ops::ControlFlow;
+
+use fleetcal_estimator::Estimate;
+use fleetcal_estimator::estimate::{Change, ChangeKind};
+use fleetcal_robot::simulator::{Simulation, TrueParameters};
+
+use super::cell::{Cell, Scenario, Speed};
+use super::outcome::{ChangeOutcome, ClaimsOutcome, Flagged, Outcome, Snapshot};
+use super::robot::robot;
+use crate::drive::{Driven, Robot, Seen, drive_watched};
+use crate::error::EvaluationError;
+
+/// When an unchanged robot's claims are looked at, s.
+pub const CLAIMS_AT_S: [f64; 4] = [60.0, 120.0, 180.0, 600.0];
+/// How far a robot drives on after a change, m.
+pub const AFTER_CHANGE_M: f64 = 40.0;
+/// From here on after a change the alarm has had its time, m.
+const ALARM_AFTER_M: f64 = 20.0;
+/// No run is longer than this after a change, s: a robot that drives slower is stopped.
+const AFTER_CHANGE_MAX_S: f64 = 400.0;
+
+/// Drives the robot of a seed. `length_s` is that of an unchanged robot's run.
+///
+/// # Errors
+/// Names the setting or message that is refused.
+pub fn run(cell: Cell, seed: u64, length_s: f64) -> Result<Outcome, EvaluationError> {
+    let (robot, change_s) = robot(cell, seed);
+    match (cell.scenario, change_s) {
+        (Scenario::Changed(_, speed), Some(changed_s)) => {
+            changed(robot, changed_s, speed).map(Outcome::Change)
+        }
+        _ => unchanged(robot, length_s).map(Outcome::Claims),
+    }
+}
+
+fn flagged(change: &Change) -> Flagged {
+    Flagged {
+        at_s: change.time_s,
+        kind: change.kind,
+        cause: change.cause,
+    }
+}
+
+fn unchanged(robot: Robot, length_s: f64) -> Result<ClaimsOutcome, EvaluationError> {
+    let mut outcome = ClaimsOutcome {
+        snapshots: Vec::new(),
+        worst_claim: 0.0,
+        converged_s: None,
+        flagged: Vec::new(),
+        length_s,
+    };
+    let mut due = CLAIMS_AT_S.into_iter().peekable();
+    // The estimate told last before a moment is the one that holds at it.
+    let driven = drive_watched(robot, length_s + 1.0, |time_s, seen, robot| {
+        if let Seen::Estimate(estimate, _) = seen {
+            let snapshot = Snapshot::of(time_s, estimate, &robot.parameters());
+            outcome.worst_claim = outcome.worst_claim.max(snapshot.worst_claim());
+            if snapshot.all_converged() {
+                outcome.converged_s.get_or_insert(time_s);
+            }
+            if due.next_if(|at_s| *at_s <= time_s).is_some() {
+                outcome.snapshots.push(snapshot);
+            }
+        }
+        ControlFlow::Continue(())
+    })?;
+    outcome.flagged = driven.changes.iter().map(flagged).collect();
+    Ok(outcome)
+}
+
+fn changed(robot: Robot, changed_s: f64, speed: Speed) -> Result<ChangeOutcome, EvaluationError> {
+    let mut way = Way::default();
+    let mut outcome = ChangeOutcome {
+        changed_s,
+        before: None,
+        too_early: Vec::new(),
+        flag: None,
+        faults: Vec::new(),
+        driven_m: 0.0,
+        told: [0; 2],
+        told_late: [0; 2],
+        end: None,
+    };
+    let end_s = changed_s + AFTER_CHANGE_MAX_S.min(AFTER_CHANGE_M / speed.mps() * 3.0);
+    let driven = drive_watched(robot, end_s, |time_s, seen, robot| {
+        match seen {
+            Seen::Message(emitted, _) => {
+                let truth = &emitted.truth_when_sent;
+                way.drive(time_s, truth.speed_mps, changed_s);
+            }
+            Seen::Estimate(estimate, _) => {
+                watch_claims(&mut outcome, time_s, way.since_change_m, estimate, robot);
+            }
+        }
+        if way.since_change_m > AFTER_CHANGE_M {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
+    })?;
+    outcome.driven_m = way.since_change_m;
+    sort_flags(&mut outcome, &driven, &way);
+    Ok(outcome)
+}
+
+fn watch_claims(
+    outcome: &mut ChangeOutcome,
+    time_s: f64,
+    since_change_m: f64,
+    estimate: &Estimate,
+    robot: &Simulation,
+) {
+    let truth: TrueParameters = robot.parameters();
+    let snapshot = Snapshot::of(time_s, estimate, &truth);
+    if time_s < outcome.changed_s {
+        outcome.before = Some(snapshot);
+        return;
+    }
+    let count = |[told, wrong]: [u32; 2]| [told + 1, wrong + u32::from(snapshot.is_false())];
+    outcome.told = count(outcome.told);
+    if since_change_m > ALARM_AFTER_M {
+        outcome.told_late = count(outcome.told_late);
+    }
+    outcome.end = Some(snapshot);
+}
+
+/// Sorts what was flagged: before the change, the first change after it, and faults.
+fn sort_flags(outcome: &mut ChangeOutcome, driven: &Driven, way: &Way) {
+    for flagged in driven.changes.iter().map(flagged) {
+        if flagged.at_s < outcome.changed_s {
+            outcome.too_early.push(flagged);
+        } else if flagged.kind == ChangeKind::Fault {
+            outcome.faults.push(flagged);
+        } else if outcome.flag.is_none() {
+            outcome.flag = Some((flagged, way.at_m(flagged.at_s)));
+        }
+    }
+}
+
+/// The way driven since the change, each second of it.
+#[derive(Debug, Default)]
+struct Way {
+    last_s: Option<f64>,
+    since_change_m: f64,
+    /// Time, s, and way since the change, m.
+    marks: Vec<(f64, f64)>,
+}
+
+impl Way {
+    fn drive(&mut self, time_s: f64, speed_mps: f64, changed_s: f64) {
+        let last_s = self.last_s.replace(time_s).unwrap_or(time_s);
+        if time_s < changed_s {
+            return;
+        }
+        self.since_change_m += speed_mps.abs() * (time_s - last_s);
+        if self
+            .marks
+            .last()
+            .is_none_or(|(at_s, _)| time_s - at_s > 0.1)
+        {
+            self.marks.push((time_s, self.since_change_m));
+        }
+    }
+
+    /// The way driven until a time, m.
+    fn at_m(&self, time_s: f64) -> f64 {
+        let after = self.marks.partition_point(|(at_s, _)| *at_s < time_s);
+        self.marks
+            .get(after)
+            .map_or(self.since_change_m, |(_, m)| *m)
+    }
+}

@@ -1,0 +1,237 @@
+//! What the runs of a cell ended with, pooled.
+
+use fleetcal_estimator::estimate::{Cause, ChangeKind};
+
+use super::cell::{Cell, InjectedChange, Scenario};
+use super::outcome::{ChangeOutcome, ClaimsOutcome, Flagged, Outcome, Snapshot};
+use super::run::CLAIMS_AT_S;
+use crate::statistics::{Proportion, Rate, mean};
+
+/// Errors that a robot with an imperfection may have after 180 s: x, y, yaw, steering offset.
+pub const BOUNDS: [f64; 4] = [
+    0.003,
+    0.005,
+    0.03 / 180.0 * std::f64::consts::PI,
+    0.02 / 180.0 * std::f64::consts::PI,
+];
+/// When convergence and errors are looked at, s.
+const CONVERGED_AT_S: f64 = 180.0;
+
+/// Pooled outcomes of one cell, or of many.
+#[derive(Debug, Clone, Default)]
+pub struct Summary {
+    claims: Vec<ClaimsOutcome>,
+    changes: Vec<(InjectedChange, ChangeOutcome)>,
+}
+
+impl Summary {
+    /// Adds the outcomes of a cell.
+    pub fn add(&mut self, cell: Cell, outcomes: &[Outcome]) {
+        for outcome in outcomes {
+            match (outcome, cell.scenario) {
+                (Outcome::Claims(claims), _) => self.claims.push(claims.clone()),
+                (Outcome::Change(change), Scenario::Changed(injected, _)) => {
+                    self.changes.push((injected, change.clone()));
+                }
+                (Outcome::Change(_), Scenario::Unchanged) => {}
+            }
+        }
+    }
+
+    /// The pooled outcomes of one cell.
+    pub fn of(cell: Cell, outcomes: &[Outcome]) -> Self {
+        let mut summary = Self::default();
+        summary.add(cell, outcomes);
+        summary
+    }
+
+    fn snapshots_at(&self, at_s: f64) -> impl Iterator<Item = &Snapshot> {
+        let at = move |snapshot: &&Snapshot| (snapshot.at_s - at_s).abs() < 5.0;
+        self.claims
+            .iter()
+            .filter_map(move |run| run.snapshots.iter().find(at))
+    }
+
+    /// Runs that hold a false claim at a time, of those that got there.
+    pub fn false_claims_at(&self, at_s: f64) -> Proportion {
+        Proportion::count(self.snapshots_at(at_s), |snapshot| snapshot.is_false())
+    }
+
+    /// Runs that hold a false claim at one of the four times.
+    pub fn false_claims(&self) -> Proportion {
+        let at_any = |run: &&ClaimsOutcome| run.snapshots.iter().any(Snapshot::is_false);
+        Proportion::count(self.claims.iter(), |run| at_any(run))
+    }
+
+    /// Runs that hold a false claim in any of the estimates they tell.
+    pub fn false_claims_ever(&self) -> Proportion {
+        Proportion::count(self.claims.iter(), |run| {
+            run.worst_claim > super::outcome::FALSE_SIGMAS
+        })
+    }
+
+    /// Largest error in sigmas of a parameter called converged, at one of the four times.
+    pub fn worst_claim(&self) -> f64 {
+        let all = self.claims.iter().flat_map(|run| &run.snapshots);
+        all.map(Snapshot::worst_claim).fold(0.0, f64::max)
+    }
+
+    /// Runs of which all four are called converged after 180 s.
+    pub fn converged(&self) -> Proportion {
+        Proportion::count(self.snapshots_at(CONVERGED_AT_S), |s| s.all_converged())
+    }
+
+    /// Runs of which all four are called converged after 180 s and are within 3 mm, 5 mm, 0.03°
+    /// and 0.02°.
+    pub fn converged_within_bounds(&self) -> Proportion {
+        Proportion::count(self.snapshots_at(CONVERGED_AT_S), |snapshot| {
+            let sizes = snapshot.errors.iter().zip(BOUNDS);
+            snapshot.all_converged() && sizes.into_iter().all(|(e, bound)| e.abs() <= bound)
+        })
+    }
+
+    /// Errors after 180 s, root of the mean square: x, y (m), yaw, steering offset (rad).
+    pub fn rms_errors(&self) -> [f64; 4] {
+        [0, 1, 2, 3].map(|i| {
+            let squares: Vec<_> = self
+                .snapshots_at(CONVERGED_AT_S)
+                .map(|snapshot| snapshot.errors[i].powi(2))
+                .collect();
+            mean(&squares).abs().sqrt()
+        })
+    }
+
+    /// Median time until all four are called converged for the first time, s; infinite when half
+    /// of the runs never get there.
+    pub fn converged_after_s(&self) -> f64 {
+        let mut times: Vec<_> = self
+            .claims
+            .iter()
+            .map(|run| run.converged_s.unwrap_or(f64::INFINITY))
+            .collect();
+        quantile(&mut times, 0.5)
+    }
+
+    /// Mean normalised error squared of what is published; 4 is right.
+    pub fn nees_at(&self, at_s: f64) -> f64 {
+        mean(&self.snapshots_at(at_s).map(|s| s.nees).collect::<Vec<_>>())
+    }
+
+    /// Changes and faults that were flagged on unchanged robots and before a change, an hour.
+    pub fn false_changes(&self) -> Rate {
+        let hours = |seconds: f64| seconds / 3600.0;
+        let unchanged = self
+            .claims
+            .iter()
+            .map(|run| (run.flagged.len(), run.length_s));
+        let before = self
+            .changes
+            .iter()
+            .map(|(_, run)| (run.too_early.len(), run.changed_s));
+        let mut rate = Rate::default();
+        for (count, length_s) in unchanged.chain(before) {
+            rate.count += count as u64;
+            rate.hours += hours(length_s);
+        }
+        rate
+    }
+
+    /// Changes that were not flagged within the 40 m after them.
+    pub fn missed(&self) -> Proportion {
+        Proportion::count(self.changes.iter(), |(_, run)| run.flag.is_none())
+    }
+
+    /// Flagged changes that were put down to another cause.
+    pub fn wrong_cause(&self) -> Proportion {
+        let flags = self
+            .changes
+            .iter()
+            .filter_map(|(injected, run)| Some((*injected, run.flag?.0)));
+        Proportion::count(flags, |(injected, flag)| !is_right(*injected, flag))
+    }
+
+    /// Way driven from a change to its flag with the right cause, m: the share of changes that are
+    /// flagged by then is `share`. Infinite when fewer are flagged at all.
+    pub fn flagged_after_m(&self, share: f64) -> f64 {
+        let mut ways: Vec<_> = self
+            .changes
+            .iter()
+            .map(|(injected, run)| match run.flag {
+                Some((flag, way_m)) if is_right(*injected, &flag) => way_m,
+                _ => f64::INFINITY,
+            })
+            .collect();
+        quantile(&mut ways, share)
+    }
+
+    /// Runs that still hold a false claim more than 20 m after a change.
+    pub fn false_claims_after_change(&self) -> Proportion {
+        let driven = self.changes.iter().filter(|(_, run)| run.told_late[0] > 0);
+        Proportion::count(driven, |(_, run)| run.told_late[1] > 0)
+    }
+
+    /// The cell in one line.
+    pub fn line(&self, cell: Cell) -> String {
+        match cell.scenario {
+            Scenario::Unchanged => self.claims_line(cell),
+            Scenario::Changed(..) => self.change_line(cell),
+        }
+    }
+
+    fn claims_line(&self, cell: Cell) -> String {
+        let at: Vec<_> = CLAIMS_AT_S
+            .iter()
+            .filter(|at_s| self.snapshots_at(**at_s).next().is_some())
+            .map(|at_s| {
+                let (claims, nees) = (self.false_claims_at(*at_s), self.nees_at(*at_s));
+                format!("{at_s:.0}s {}/{} z2 {nees:.2}", claims.count, claims.of)
+            })
+            .collect();
+        let [x_m, y_m, yaw_rad, steering_rad] = self.rms_errors();
+        format!(
+            "{cell}: false {} [{}] ever {} worst {:.1}σ | conv@180 {} in bounds {} after {:.0}s | \
+             rms {:.1}mm {:.1}mm {:.3}° {:.3}° | false changes {}",
+            self.false_claims(),
+            at.join(", "),
+            self.false_claims_ever(),
+            self.worst_claim(),
+            self.converged(),
+            self.converged_within_bounds(),
+            self.converged_after_s(),
+            1e3 * x_m,
+            1e3 * y_m,
+            yaw_rad.to_degrees(),
+            steering_rad.to_degrees(),
+            self.false_changes(),
+        )
+    }
+
+    fn change_line(&self, cell: Cell) -> String {
+        format!(
+            "{cell}: median {:.1}m 95% {:.1}m | missed {} wrong cause {} | false claim >20m later {} \
+             | too early {}",
+            self.flagged_after_m(0.5),
+            self.flagged_after_m(0.95),
+            self.missed(),
+            self.wrong_cause(),
+            self.false_claims_after_change(),
+            self.false_changes(),
+        )
+    }
+}
+
+/// Whether a flag names what was changed.
+fn is_right(injected: InjectedChange, flag: &Flagged) -> bool {
+    let expected = match injected {
+        InjectedChange::Steering => Cause::Steering,
+        InjectedChange::MountYaw | InjectedChange::MountMoved => Cause::LidarMount,
+    };
+    flag.kind == ChangeKind::CalibrationChanged && flag.cause == expected
+}
+
+/// The value that `share` of the values do not exceed; infinite without values.
+fn quantile(values: &mut [f64], share: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let place = (share * values.len() as f64).ceil().max(1.0) as usize - 1;
+    values.get(place).copied().unwrap_or(f64::INFINITY)
+}

@@ -1,0 +1,189 @@
+//! The tables of a study of imperfect robots.
+
+use super::campaign::Campaign;
+use super::cell::{Cell, Flaw, InjectedChange, Road, Scenario, Sensor, Speed};
+use super::run::CLAIMS_AT_S;
+use super::summary::Summary;
+use crate::error::EvaluationError;
+use crate::report::Table;
+
+/// Pooled outcomes of one imperfection at one strength.
+#[derive(Debug, Clone)]
+pub struct Row {
+    /// What is wrong with the robots.
+    pub flaw: Flaw,
+    /// What came of it.
+    pub summary: Summary,
+}
+
+/// The unchanged robots of each flaw, over all routes.
+///
+/// # Errors
+/// Whatever a run ends with.
+pub fn unchanged(
+    campaign: &mut Campaign,
+    flaws: &[Flaw],
+    seeds: &[u64],
+) -> Result<Vec<Row>, EvaluationError> {
+    pooled(campaign, flaws, seeds, &[Scenario::Unchanged])
+}
+
+/// The robots of each flaw on which `injected` happens, over all routes and both speeds.
+///
+/// # Errors
+/// Whatever a run ends with.
+pub fn changed(
+    campaign: &mut Campaign,
+    flaws: &[Flaw],
+    seeds: &[u64],
+    injected: InjectedChange,
+) -> Result<Vec<Row>, EvaluationError> {
+    let scenarios = Speed::ALL.map(|speed| Scenario::Changed(injected, speed));
+    pooled(campaign, flaws, seeds, &scenarios)
+}
+
+fn pooled(
+    campaign: &mut Campaign,
+    flaws: &[Flaw],
+    seeds: &[u64],
+    scenarios: &[Scenario],
+) -> Result<Vec<Row>, EvaluationError> {
+    let mut rows = Vec::new();
+    for &flaw in flaws {
+        let mut summary = Summary::default();
+        for road in Road::ALL {
+            for &scenario in scenarios {
+                let cell = Cell {
+                    flaw,
+                    road,
+                    sensor: sensor_of(flaw),
+                    scenario,
+                };
+                summary.add(cell, &campaign.outcomes(cell, seeds)?);
+            }
+        }
+        rows.push(Row { flaw, summary });
+    }
+    Ok(rows)
+}
+
+/// Poses where they show the imperfection, because they cost a tenth of sweeps.
+pub fn sensor_of(flaw: Flaw) -> Sensor {
+    if flaw.needs_sweeps() || flaw == Flaw::AllTypical {
+        Sensor::Sweeps
+    } else {
+        Sensor::Poses
+    }
+}
+
+/// False claims and false changes of unchanged robots.
+pub fn claims_table(rows: &[Row]) -> Table {
+    let mut table = Table::new(&[
+        "imperfection",
+        "strength",
+        "from",
+        "60 s",
+        "120 s",
+        "180 s",
+        "600 s",
+        "one of the four",
+        "worst claim",
+        "false changes",
+    ]);
+    for Row { flaw, summary } in rows {
+        let at = CLAIMS_AT_S.map(|at_s| {
+            let claims = summary.false_claims_at(at_s);
+            if claims.of == 0 {
+                "–".to_owned()
+            } else {
+                format!("{}/{}", claims.count, claims.of)
+            }
+        });
+        let head = [flaw.name(), flaw.strength(), sensor_of(*flaw).name()];
+        let tail = [
+            summary.false_claims().to_string(),
+            format!("{:.1} σ", summary.worst_claim()),
+            summary.false_changes().to_string(),
+        ];
+        table.row(head.map(str::to_owned).into_iter().chain(at).chain(tail));
+    }
+    table
+}
+
+/// Convergence, errors and consistency of unchanged robots.
+pub fn errors_table(rows: &[Row]) -> Table {
+    let mut table = Table::new(&[
+        "imperfection",
+        "strength",
+        "converged after 180 s",
+        "and within 3 mm, 5 mm, 0.03°, 0.02°",
+        "median time to it",
+        "x, mm",
+        "y, mm",
+        "yaw, °",
+        "steering, °",
+        "NEES 60, 180, 600 s",
+    ]);
+    for Row { flaw, summary } in rows {
+        let [x_m, y_m, yaw_rad, steering_rad] = summary.rms_errors();
+        let share = |of: crate::statistics::Proportion| format!("{}/{}", of.count, of.of);
+        table.row([
+            flaw.name().to_owned(),
+            flaw.strength().to_owned(),
+            share(summary.converged()),
+            share(summary.converged_within_bounds()),
+            seconds(summary.converged_after_s()),
+            format!("{:.2}", 1e3 * x_m),
+            format!("{:.2}", 1e3 * y_m),
+            format!("{:.4}", yaw_rad.to_degrees()),
+            format!("{:.4}", steering_rad.to_degrees()),
+            [60.0, 180.0, 600.0]
+                .map(|at_s| format!("{:.2}", summary.nees_at(at_s)))
+                .join(", "),
+        ]);
+    }
+    table
+}
+
+/// How far changed robots drive until the alarm.
+pub fn changes_table(rows: &[Row]) -> Table {
+    let mut table = Table::new(&[
+        "imperfection",
+        "strength",
+        "median, m",
+        "95 %, m",
+        "not within 40 m",
+        "wrong cause",
+        "false claim 20 m later",
+        "flagged before",
+    ]);
+    for Row { flaw, summary } in rows {
+        table.row([
+            flaw.name().to_owned(),
+            flaw.strength().to_owned(),
+            metres(summary.flagged_after_m(0.5)),
+            metres(summary.flagged_after_m(0.95)),
+            summary.missed().to_string(),
+            summary.wrong_cause().to_string(),
+            summary.false_claims_after_change().to_string(),
+            summary.false_changes().to_string(),
+        ]);
+    }
+    table
+}
+
+fn seconds(value_s: f64) -> String {
+    if value_s.is_finite() {
+        format!("{value_s:.0} s")
+    } else {
+        "never".to_owned()
+    }
+}
+
+fn metres(value_m: f64) -> String {
+    if value_m.is_finite() {
+        format!("{value_m:.1}")
+    } else {
+        "missed".to_owned()
+    }
+}

@@ -1,0 +1,180 @@
+//! The campaign's own bookkeeping, on short runs and on outcomes that are written down here.
+
+use std::collections::BTreeSet;
+use std::fs;
+
+use fleetcal_estimator::estimate::{Cause, ChangeKind};
+use fleetcal_robot::simulator::{ImperfectionKind, Strength};
+
+use super::*;
+
+fn cell(scenario: Scenario) -> Cell {
+    Cell {
+        flaw: Flaw::One(ImperfectionKind::SteeringGain, Strength::Strong),
+        road: Road::Aisles,
+        sensor: Sensor::Poses,
+        scenario,
+    }
+}
+
+fn snapshot(at_s: f64, errors: [f64; 4], converged: bool) -> Snapshot {
+    Snapshot {
+        at_s,
+        errors,
+        sigmas: [0.001; 4],
+        converged: [converged; 4],
+        nees: errors.iter().map(|error| (error / 0.001).powi(2)).sum(),
+    }
+}
+
+fn claims(snapshots: Vec<Snapshot>) -> Outcome {
+    Outcome::Claims(ClaimsOutcome {
+        snapshots,
+        worst_claim: 0.0,
+        converged_s: Some(100.0),
+        flagged: Vec::new(),
+        length_s: 600.0,
+    })
+}
+
+fn change(flag: Option<(Cause, f64)>, false_late: u32) -> Outcome {
+    let flagged = |cause| Flagged {
+        at_s: 130.0,
+        kind: ChangeKind::CalibrationChanged,
+        cause,
+    };
+    Outcome::Change(ChangeOutcome {
+        changed_s: 120.0,
+        before: None,
+        too_early: Vec::new(),
+        flag: flag.map(|(cause, way_m)| (flagged(cause), way_m)),
+        faults: Vec::new(),
+        driven_m: 40.0,
+        told: [40, false_late],
+        told_late: [20, false_late],
+        end: None,
+    })
+}
+
+#[test]
+fn every_cell_has_its_own_name_and_survives_its_results_file() {
+    let mut names = BTreeSet::new();
+    for flaw in Flaw::all() {
+        for road in Road::ALL {
+            for scenario in Scenario::all() {
+                let cell = Cell {
+                    flaw,
+                    road,
+                    sensor: tables::sensor_of(flaw),
+                    scenario,
+                };
+                assert!(names.insert(cell.to_string()), "{cell} twice");
+                let text = serde_json::to_string(&cell).unwrap();
+                assert_eq!(serde_json::from_str::<Cell>(&text).unwrap(), cell);
+            }
+        }
+    }
+    assert!("aisles".parse::<Road>().is_ok());
+    let unknown = "aisle".parse::<Road>().unwrap_err().to_string();
+    assert_eq!(
+        unknown,
+        r#"got "aisle", expected one of eight, aisles, left"#
+    );
+}
+
+#[test]
+fn an_interrupted_campaign_goes_on_where_it_stopped_and_ends_the_same() {
+    let cell = cell(Scenario::Unchanged);
+    let whole = Campaign::new(6.0).outcomes(cell, &[1, 2, 3]).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("results.jsonl");
+    let first = Campaign::resumed(6.0, &path)
+        .unwrap()
+        .outcomes(cell, &[1, 2])
+        .unwrap();
+    assert_eq!(first, whole[..2]);
+    // A kill in the middle of a line.
+    let text = fs::read_to_string(&path).unwrap();
+    let cut = text.trim_end().len() - 20;
+    fs::write(&path, &text[..cut]).unwrap();
+    let mut again = Campaign::resumed(6.0, &path).unwrap();
+    assert_eq!(again.outcomes(cell, &[1, 2, 3]).unwrap(), whole);
+    let kept = fs::read_to_string(&path).unwrap();
+    let runs = kept
+        .lines()
+        .filter(|line| serde_json::from_str::<Finished>(line).is_ok());
+    assert_eq!(runs.count(), 3);
+    // Runs of another length are others.
+    let longer = Campaign::resumed(7.0, &path).unwrap();
+    assert_ne!(format!("{longer:?}"), format!("{again:?}"));
+}
+
+#[test]
+fn claims_are_pooled_by_time() {
+    let good = snapshot(180.2, [0.000_5; 4], true);
+    let wrong = snapshot(180.4, [0.0, 0.004_5, 0.0, 0.0], true);
+    let modest = snapshot(180.9, [0.1; 4], false);
+    let early = snapshot(60.1, [0.0; 4], false);
+    let outcomes = [
+        claims(vec![early, good]),
+        claims(vec![early, wrong]),
+        claims(vec![early, modest]),
+    ];
+    let summary = Summary::of(cell(Scenario::Unchanged), &outcomes);
+    assert_eq!(summary.false_claims_at(60.0).to_string(), "0/3 (≤63.16%)");
+    assert_eq!(summary.false_claims_at(180.0).count, 1);
+    assert_eq!(summary.false_claims_at(600.0).of, 0);
+    assert!((summary.worst_claim() - 4.5).abs() < 1e-9);
+    assert_eq!(summary.converged().count, 2);
+    // 0.0005 rad of steering are too much, 4.5 mm in y are not.
+    assert_eq!(summary.converged_within_bounds().count, 1);
+    assert!((summary.nees_at(180.0) - (1.0 + 20.25 + 40_000.0) / 3.0).abs() < 1e-6);
+    assert!((summary.false_changes().upper_bound() - 2.995_73 / 0.5).abs() < 1e-3);
+}
+
+#[test]
+fn a_wrong_cause_is_no_right_flag() {
+    let steering = Scenario::Changed(InjectedChange::Steering, Speed::Fast);
+    let outcomes = [
+        change(Some((Cause::Steering, 2.0)), 0),
+        change(Some((Cause::Steering, 5.0)), 0),
+        change(Some((Cause::LidarMount, 1.0)), 0),
+        change(None, 7),
+    ];
+    let summary = Summary::of(cell(steering), &outcomes);
+    assert!((summary.flagged_after_m(0.5) - 5.0).abs() < 1e-12);
+    assert!(summary.flagged_after_m(0.95).is_infinite());
+    assert_eq!((summary.missed().count, summary.missed().of), (1, 4));
+    assert_eq!(
+        (summary.wrong_cause().count, summary.wrong_cause().of),
+        (1, 3)
+    );
+    assert_eq!(summary.false_claims_after_change().count, 1);
+}
+
+#[test]
+fn a_jump_on_a_clean_robot_is_flagged_by_its_name_and_the_way_is_counted_from_it() {
+    let cell = Cell {
+        flaw: Flaw::Clean,
+        road: Road::Eight,
+        sensor: Sensor::Poses,
+        scenario: Scenario::Changed(InjectedChange::Steering, Speed::Fast),
+    };
+    let Outcome::Change(outcome) = run(cell, 1, 600.0).unwrap() else {
+        panic!("a change was asked for");
+    };
+    let (flag, way_m) = outcome.flag.unwrap();
+    assert_eq!(flag.cause, Cause::Steering);
+    assert!(
+        (120.0..160.0).contains(&outcome.changed_s),
+        "{}",
+        outcome.changed_s
+    );
+    // At 1 m/s and less in bends.
+    let since_s = flag.at_s - outcome.changed_s;
+    assert!(
+        way_m > 0.4 * since_s && way_m < 1.05 * since_s + 0.2,
+        "{way_m} {since_s}"
+    );
+    assert!(outcome.driven_m > 40.0 && outcome.told[0] > outcome.told_late[0]);
+}

@@ -1,0 +1,145 @@
+//! Study 7: robots that do not obey the model.
+
+use fleetcal_robot::simulator::Strength;
+
+use crate::error::EvaluationError;
+use crate::extent::Extent;
+use crate::imperfect::tables::{
+    Row, changed, changes_table, claims_table, errors_table, sensor_of, unchanged,
+};
+use crate::imperfect::{Campaign, Flaw, ImperfectExtent, InjectedChange, Sensor, Summary};
+use crate::report::Section;
+use crate::statistics::Proportion;
+
+/// Runs the study.
+///
+/// # Errors
+/// Whatever a run ends with.
+pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
+    let mut campaign = Campaign::new(extent.imperfect.length_s);
+    section(&extent.imperfect, &mut campaign)
+}
+
+/// The study on a campaign, which may hold runs already.
+///
+/// # Errors
+/// Whatever a run ends with.
+pub fn section(
+    extent: &ImperfectExtent,
+    campaign: &mut Campaign,
+) -> Result<Section, EvaluationError> {
+    let mut section = Section::new("7. Imperfect robots");
+    introduce(&mut section, extent);
+    let seeds: Vec<u64> = (1..=extent.seeds).collect();
+    let claims = unchanged(campaign, &extent.flaws(), &seeds)?;
+    section.words(
+        "Runs with a false claim, at each time and at any of the four, with the upper end of the \
+         exact one-sided 95 % interval (Clopper and Pearson; 3/N for none of N). *Worst claim* is \
+         the largest error of a parameter called `converged`, in its own sigmas. *False changes* \
+         are all changes and faults that were flagged, with the bound for one hour.",
+    );
+    section.table(claims_table(&claims));
+    section.words(
+        "The same robots after 180 s: how many called all four `converged`, and how many of those \
+         rightly; root mean square of the errors; mean of the squared errors in published sigmas, \
+         summed over the four (4 is right, less is cautious).",
+    );
+    section.table(errors_table(&claims));
+    let change_seeds: Vec<u64> = (1..=extent.change_seeds).collect();
+    for injected in InjectedChange::ALL {
+        let rows = changed(campaign, &extent.changed_flaws(), &change_seeds, injected)?;
+        section.words(format!(
+            "**{}**, at 0.3 and 1 m/s on each route, anywhere on the lap and after two to five \
+             minutes: way from the change to its flag with the right cause.",
+            in_words(injected)
+        ));
+        section.table(changes_table(&rows));
+        hold_changes(&mut section, injected, &rows);
+    }
+    hold_claims(&mut section, &claims);
+    Ok(section)
+}
+
+fn introduce(section: &mut Section, extent: &ImperfectExtent) {
+    section.words(format!(
+        "Every study above drives robots that obey the model. These do not: each has one \
+         imperfection of [what we assume of a robot](assumptions.md), at its typical or three times \
+         its typical size, its sign drawn by seed; `all` has every one at once, each of half to one \
+         and a half times its typical size. Mount, steering offset, speed scale and time offset are \
+         drawn anew for every seed, and the estimator knows the configured wheelbase alone. Routes \
+         are the figure-eight, warehouse aisles with two reversals a lap, and a loop of left turns; \
+         {} seeds each. A *false claim* is a parameter that is `converged` and more than four of \
+         its own sigmas from the truth. `from` says what the LiDAR sends: sweeps where beams \
+         matter, else poses of 3 mm and 0.03°.",
+        extent.seeds
+    ));
+}
+
+const fn in_words(injected: InjectedChange) -> &'static str {
+    match injected {
+        InjectedChange::Steering => "The steering zero jumps by 0.5°",
+        InjectedChange::MountYaw => "The LiDAR turns by 0.5°",
+        InjectedChange::MountMoved => "The LiDAR moves by 20 mm",
+    }
+}
+
+/// What is held of unchanged robots.
+fn hold_claims(section: &mut Section, rows: &[Row]) {
+    let typical = |row: &&Row| row.flaw.strength() != Strength::Strong.name();
+    let from_poses = |row: &&Row| sensor_of(row.flaw) == Sensor::Poses;
+    let held = rows.iter().filter(typical).filter(from_poses);
+    let early = held.map(|row| false_until_180_s(&row.summary));
+    let early = early.fold(Proportion::default(), |all, one| Proportion {
+        count: all.count + one.count,
+        of: all.of + one.of,
+    });
+    section.at_most(
+        "false claims until 180 s of vehicles with one typical imperfection",
+        early.share(),
+        0.005,
+        |share| format!("{:.2} % of {}", 100.0 * share, early.of),
+    );
+    if let Some(clean) = rows.iter().find(|row| row.flaw == Flaw::Clean) {
+        let claims = clean.summary.false_claims();
+        section.at_most(
+            "false claims of robots without an imperfection",
+            claims.share(),
+            0.0,
+            |share| format!("{:.2} %", 100.0 * share),
+        );
+        section.at_least(
+            "share of them converged after 180 s",
+            clean.summary.converged_within_bounds().share(),
+            0.95,
+            |share| format!("{:.0} %", 100.0 * share),
+        );
+    }
+}
+
+/// Claims looked at after 60, 120 and 180 s.
+fn false_until_180_s(summary: &Summary) -> Proportion {
+    let at = [60.0, 120.0, 180.0].map(|at_s| summary.false_claims_at(at_s));
+    Proportion {
+        count: at.iter().map(|one| one.count).sum(),
+        of: at.iter().map(|one| one.of).sum(),
+    }
+}
+
+/// What is held of changed robots. A LiDAR that moves by 20 mm is not flagged in time yet, not even
+/// without an imperfection.
+fn hold_changes(section: &mut Section, injected: InjectedChange, rows: &[Row]) {
+    let Some(clean) = rows.iter().find(|row| row.flaw == Flaw::Clean) else {
+        return;
+    };
+    if injected == InjectedChange::MountMoved {
+        return;
+    }
+    for (share, name, bound_m) in [(0.5, "median", 6.0), (0.95, "95 %", 20.0)] {
+        let what = format!(
+            "{}, no imperfection: way to its flag, {name}",
+            in_words(injected)
+        );
+        let way_m = clean.summary.flagged_after_m(share);
+        section.at_most(&what, way_m, bound_m, |m| format!("{m:.1} m"));
+    }
+}

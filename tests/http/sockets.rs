@@ -1,0 +1,85 @@
+//! The connections that a process really has, as the system sees them.
+
+use std::collections::HashMap;
+use std::fs;
+use std::net::SocketAddr;
+use std::time::{Duration, Instant};
+
+use fleetcal_tests::service::now;
+
+/// Since when each connection of a service has been there, by the peer's address and port.
+#[derive(Debug)]
+pub struct Held {
+    port: u16,
+    since: HashMap<(u32, u16), Instant>,
+    longest: Duration,
+    most: usize,
+}
+
+impl Held {
+    /// Of a service that listens there.
+    pub fn by(service: SocketAddr) -> Self {
+        Self {
+            port: service.port(),
+            since: HashMap::new(),
+            longest: Duration::ZERO,
+            most: 0,
+        }
+    }
+
+    /// Looks: which connections are there, and how long each has been.
+    pub fn look(&mut self) {
+        let found = established(self.port);
+        let at = now();
+        self.since.retain(|peer, _| found.contains(peer));
+        for peer in &found {
+            let since = *self.since.entry(*peer).or_insert(at);
+            self.longest = self.longest.max(at - since);
+        }
+        self.most = self.most.max(found.len());
+    }
+
+    /// Whether a peer's connection is there.
+    pub fn has(&self, peer: SocketAddr) -> bool {
+        match peer {
+            SocketAddr::V4(peer) => {
+                let address = u32::from_ne_bytes(peer.ip().octets());
+                self.since.contains_key(&(address, peer.port()))
+            }
+            SocketAddr::V6(_) => false,
+        }
+    }
+
+    /// The longest that any connection has been there.
+    pub fn longest(&self) -> Duration {
+        self.longest
+    }
+
+    /// The most connections at once.
+    pub fn most(&self) -> usize {
+        self.most
+    }
+}
+
+/// The peers of established connections on a port that a process has accepted and not closed:
+/// proc(5) `net/tcp`. Those that wait to be accepted, or that the process has closed, have no inode.
+fn established(port: u16) -> std::collections::BTreeSet<(u32, u16)> {
+    let table = fs::read_to_string("/proc/net/tcp").unwrap();
+    let end = |text: &str| {
+        let (address, port) = text.split_once(':').unwrap();
+        let address = u32::from_str_radix(address, 16).unwrap();
+        (address, u16::from_str_radix(port, 16).unwrap())
+    };
+    let rows = table.lines().skip(1).filter_map(|line| {
+        let fields: Vec<_> = line.split_whitespace().collect();
+        let (local, peer, inode) = (end(fields[1]), end(fields[2]), fields[9]);
+        let is_held = local.1 == port && fields[3] != "0A" && inode != "0";
+        is_held.then_some(peer)
+    });
+    rows.collect()
+}
+
+/// Files that a process has open.
+pub fn files(pid: u32) -> usize {
+    fs::read_dir(format!("/proc/{pid}/fd")).unwrap().count()
+}

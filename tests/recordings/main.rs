@@ -1,0 +1,13 @@
+//! What needs recordings of real robots, or those that figures are quoted for: `make
+//! test-recordings`. Every test finds them in the folder that `FLEETCAL_DATA` names, and says that
+//! it was skipped where that is not set.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+mod calibrate;
+mod decode;
+mod error;
+mod odometry;
+mod poles;
+mod repeatability;
+mod replay;

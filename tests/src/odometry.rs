@@ -1,0 +1,47 @@
+//! LiDAR odometry over the scans of a recording.
+
+use std::path::Path;
+
+use fleetcal_estimator::lidar_odometry::OdometryPose;
+use fleetcal_estimator::stream::SweepShape;
+use fleetcal_estimator::{LidarOdometry, Stamp, Sweep};
+use fleetcal_proto::ros::{LaserScan, RosMessage};
+use fleetcal_robot::recording::Recording;
+
+/// The messages of a topic, in their order.
+///
+/// # Panics
+/// When the recording cannot be read.
+pub fn messages<M: RosMessage>(path: &Path, topic: &str) -> Vec<M> {
+    let recording = Recording::open(path).expect("a whole recording");
+    let messages = recording.messages(&[topic]).expect("readable");
+    messages
+        .map(|message| M::from_cdr(&message.expect("readable").payload).expect("of its type"))
+        .collect()
+}
+
+fn sweep(scan: &LaserScan) -> Sweep {
+    let shape = SweepShape {
+        angle_min_rad: f64::from(scan.angle_min),
+        angle_increment_rad: f64::from(scan.angle_increment),
+        time_increment_s: f64::from(scan.time_increment),
+        range_min_m: f64::from(scan.range_min),
+        range_max_m: f64::from(scan.range_max),
+    };
+    let stamp = Stamp(scan.header.stamp.as_ns());
+    Sweep::new(stamp, shape, scan.ranges.clone()).expect("a sweep")
+}
+
+/// What the odometry says of each scan that it can use.
+///
+/// # Panics
+/// When a scan is none.
+pub fn odometry(scans: &[LaserScan]) -> Vec<(&LaserScan, OdometryPose)> {
+    let mut odometry = LidarOdometry::default();
+    let poses = scans
+        .iter()
+        .map(|scan| (scan, odometry.process(&sweep(scan))));
+    poses
+        .filter_map(|(scan, pose)| Some((scan, pose?)))
+        .collect()
+}

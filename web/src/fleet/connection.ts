@@ -1,0 +1,80 @@
+/** Whether a robot is heard: apart from how its calibration stands. */
+
+import type { Robot } from '../api/types';
+import type { Face, Tone } from '../ui/face';
+import { formatTime } from '../units/format';
+
+/** What is said of a robot's connection. */
+export type Connection = 'online' | 'silent' | 'maintenance';
+
+type Heard = Pick<Robot, 'stale' | 'state' | 'connection'>;
+
+export const CONNECTIONS: Record<Connection, Face> = {
+  online: {
+    word: 'Online',
+    shape: 'signal',
+    tone: 'quiet',
+    meaning: 'The robot sends data.',
+  },
+  silent: {
+    word: 'Silent',
+    shape: 'ring-broken',
+    tone: 'warn',
+    meaning: 'The robot sends nothing. Its values are the last known.',
+  },
+  maintenance: {
+    word: 'In maintenance',
+    shape: 'dash',
+    tone: 'quiet',
+    meaning: 'The robot is switched off on purpose and raises no alert for sending nothing.',
+  },
+};
+
+/** The maintenance that a robot is in at `now_ms`. */
+export function maintenanceOf({ connection }: Heard, now_ms: number) {
+  const { maintenance } = connection;
+  return maintenance && Date.parse(maintenance.until) > now_ms ? maintenance : undefined;
+}
+
+/** How a robot is heard at `now_ms`. */
+export function connectionOf(robot: Heard, now_ms: number): Connection {
+  if (!robot.stale && robot.state !== 'no_data') return 'online';
+  return maintenanceOf(robot, now_ms) ? 'maintenance' : 'silent';
+}
+
+/** How a robot is heard, as a face; of a silent one whether it is still connected. */
+export function connectionFace(robot: Heard & Pick<Robot, 'alive'>, now_ms: number): Face {
+  const connection = connectionOf(robot, now_ms);
+  const face = CONNECTIONS[connection];
+  const maintenance = maintenanceOf(robot, now_ms);
+  if (connection === 'maintenance' && maintenance) {
+    const until = formatTime(Date.parse(maintenance.until));
+    const why = `Until ${until}, says ${maintenance.by}: ${maintenance.reason}.`;
+    return { ...face, meaning: `${face.meaning} ${why}` };
+  }
+  if (connection !== 'silent' || !robot.alive) return face;
+  return { ...face, meaning: 'The robot is connected, but sends no data.' };
+}
+
+const LAST_KNOWN: Record<Exclude<Connection, 'online'>, string> = {
+  silent: 'Last known, the robot is silent',
+  maintenance: 'Last known, the robot is in maintenance',
+};
+
+/**
+ * The tone of what is shown of a robot: nothing of one that sends nothing looks well or under way,
+ * since nobody knows whether it still is.
+ */
+export function toneOf(tone: Tone, connection: Connection): Tone {
+  return connection === 'online' || tone === 'bad' || tone === 'warn' ? tone : 'quiet';
+}
+
+/** A state of a robot as it is shown; of one that sends nothing it is the last known. */
+export function lastKnown(face: Face, connection: Connection): Face {
+  if (connection === 'online' || face.tone === 'bad' || face.tone === 'warn') return face;
+  return {
+    ...face,
+    tone: toneOf(face.tone, connection),
+    meaning: `${LAST_KNOWN[connection]}: ${face.meaning}`,
+  };
+}

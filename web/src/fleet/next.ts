@@ -1,0 +1,74 @@
+/** What has to be done next about a robot, and by whom. */
+
+import type { Robot } from '../api/types';
+import { proposalPath, robotPath } from '../routes.svelte';
+import { SHOWN } from '../units/parameters';
+import { needs } from './list';
+import { needsPerson, type Standing } from './standing';
+
+/** Who reads it. */
+export interface Reader {
+  operator: boolean;
+  approver: boolean;
+  /** Whether the open proposal waits for somebody else: the reader made it or has approved it. */
+  approved: boolean;
+}
+
+/** A step; with the address of the page that it is about, where the reader has something to see. */
+export interface Next {
+  text: string;
+  href: string | null;
+  /** All of it, where the text is shorter. */
+  title: string;
+}
+
+/** What a robot asks for whose parameters still need motion: an operator's or a driver's task. */
+const ASKED: Partial<Record<Standing, string>> = {
+  rollback_failed: 'Stop the robot and check it',
+  verification_failed: 'Check the mount, then roll back or propose again',
+  failed: 'Check why the estimator stopped',
+  not_applied: 'Check why the robot did not apply it',
+  out_of_sync: "Check the robot's agent",
+  no_data: 'Check that the robot is on and connected',
+  fault: 'Check the sensor',
+};
+
+/** The next step for `robot`; null when there is none, which no robot has that needs a person. */
+export function nextStep(
+  robot: Robot,
+  standing: Standing,
+  reader: Reader,
+  progress: string,
+): Next | null {
+  const step = (text: string, href: string | null = null, title = text): Next => ({
+    text,
+    href,
+    title,
+  });
+  const page = reader.operator ? robotPath(robot.id) : null;
+  const { proposal } = robot.calibration;
+  if (standing === 'rollback_failed') return step(ASKED.rollback_failed ?? '', page);
+  if (robot.state === 'unregistered') {
+    return page ? step('Set up vehicle', page) : step('Awaiting setup');
+  }
+  if (proposal != null) {
+    const path = proposalPath(proposal);
+    if (!reader.approver) return step('Awaiting approval', path);
+    return step(reader.approved ? 'Awaiting a second approval' : 'Review proposal', path);
+  }
+  const asked = ASKED[standing];
+  if (asked) return step(asked, page);
+  if (progress !== '') return step(progress);
+  const wanted = needs(robot);
+  if (wanted.length > 0) {
+    const all = wanted.map(
+      ({ need, parameters }) => `${parameters.map((p) => SHOWN[p].label).join(', ')}: ${need}`,
+    );
+    return step(wanted.map(({ need }) => need).join('; '), null, all.join('\n'));
+  }
+  if (!robot.estimate) return step('Waiting for data');
+  if (standing === 'drift' || standing === 'uncalibrated') {
+    return page ? step('Propose current estimate', page) : step('Awaiting a proposal');
+  }
+  return needsPerson(standing) ? step('Check the robot', page) : null;
+}
