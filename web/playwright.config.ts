@@ -20,6 +20,9 @@ export default defineConfig({
   workers: 1,
   // One demo is started for all: it takes a while until its robots are calibrated.
   fullyParallel: false,
+  // Robots drive and decide while a test looks: what fails is run once more, on a service of its
+  // own, and the list names it as flaky.
+  retries: 1,
   timeout: 60_000,
   expect: { timeout: 20_000 },
   reporter: [['list']],

@@ -5,6 +5,8 @@ import type { Service } from './binary';
 
 /** The demo's robots are known, and something is proposed for each, this long after its start. */
 export const PROPOSED_WITHIN_MS = 120_000;
+/** The robots of the demo. */
+export const DEMO_ROBOTS = 6;
 
 export interface Proposal {
   id: number;

@@ -1,8 +1,8 @@
+import { DEMO_ROBOTS as ROBOTS } from './decisions';
 import { accessible, expect, test } from './fixtures';
 
 /** A simulated robot is calibrated this long after its start at the latest. */
 const CALIBRATED_WITHIN_MS = 90_000;
-const ROBOTS = 6;
 
 test('the fleet has its six robots, and each is calibrated in time', async ({ page }) => {
   test.setTimeout(CALIBRATED_WITHIN_MS + 30_000);

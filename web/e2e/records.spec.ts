@@ -10,11 +10,12 @@ test.use({ as: 'admin' });
 test('an alert is taken on, with who, when and what for', async ({ page }) => {
   test.setTimeout(PROPOSED_WITHIN_MS);
   await page.goto('/alerts');
-  const alert = page.getByRole('listitem').filter({ hasText: 'Unacknowledged' }).first();
+  const open = page.getByRole('listitem').filter({ hasText: 'Unacknowledged' });
   // By the name that the fleet has for it: nothing was applied yet that could have drifted.
-  await expect(alert).toContainText('Uncalibrated', { timeout: 60_000 });
-  const robot = (await alert.getByRole('link').first().innerText()).trim();
-  await alert.getByRole('button', { name: `Acknowledge the alert of ${robot}` }).click();
+  await expect(open.first()).toContainText('Uncalibrated', { timeout: 60_000 });
+  const robot = (await open.first().getByRole('link').first().innerText()).trim();
+  // Alerts that come meanwhile stand before it: from here on it is known by its robot.
+  await open.getByRole('button', { name: `Acknowledge the alert of ${robot}` }).click();
   await page.getByRole('dialog').getByLabel('Note').fill('Look at its mount');
   await page.getByRole('dialog').getByRole('button', { name: 'Acknowledge' }).click();
   const taken = page.getByRole('listitem').filter({ hasText: 'Look at its mount' });

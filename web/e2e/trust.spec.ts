@@ -1,5 +1,5 @@
 import type { Page } from '@playwright/test';
-import { PROPOSED_WITHIN_MS, waiting } from './decisions';
+import { DEMO_ROBOTS, PROPOSED_WITHIN_MS, waiting } from './decisions';
 import { accessible, expect, test } from './fixtures';
 
 test.use({ as: 'approver', own: 'trust' });
@@ -57,7 +57,8 @@ test('a tablet selects and decides by touch', async ({ browser, service }) => {
     hasTouch: true,
   });
   const page = await context.newPage();
-  const proposals = await waiting(page.request, 2);
+  // Every robot of the demo has its proposal, so that none is added to the list meanwhile.
+  const proposals = await waiting(page.request, DEMO_ROBOTS);
   await page.goto('/approvals');
   const box = page.getByRole('checkbox', {
     name: `Select the proposal for ${proposals[0]?.robot}`,
