@@ -13,7 +13,7 @@ test('the first administrator is made by the printed link, once, by keyboard alo
 }) => {
   const link = await service.setupLink();
   await page.goto('/');
-  await expect(page.getByRole('heading', { name: 'Nobody has an account yet' })).toBeVisible();
+  await expect(page.getByRole('heading', { name: 'No accounts yet' })).toBeVisible();
   await accessible(page);
 
   await page.goto(link);
@@ -21,12 +21,12 @@ test('the first administrator is made by the printed link, once, by keyboard alo
   await accessible(page);
   await page.getByLabel('Your name').fill(ADMIN.name);
   await page.getByLabel('New password', { exact: true }).fill('short');
-  await page.getByLabel('New password once more').fill('short');
-  await page.getByLabel('New password once more').press('Enter');
-  await expect(page.getByRole('alert').filter({ hasText: '5 characters' })).toBeVisible();
+  await page.getByLabel('Confirm new password').fill('short');
+  await page.getByLabel('Confirm new password').press('Enter');
+  await expect(page.getByRole('alert').filter({ hasText: '(now 5)' })).toBeVisible();
   await page.getByLabel('New password', { exact: true }).fill(ADMIN.password);
-  await page.getByLabel('New password once more').fill(ADMIN.password);
-  await page.getByLabel('New password once more').press('Enter');
+  await page.getByLabel('Confirm new password').fill(ADMIN.password);
+  await page.getByLabel('Confirm new password').press('Enter');
   await expect(page.getByRole('heading', { name: 'No robot has sent anything yet' })).toBeVisible();
   await expect(page).toHaveURL(service.url + '/');
   await expect(page.getByRole('banner')).toContainText(`${ADMIN.name} admin`);
@@ -50,7 +50,7 @@ test('one signs in where one was, and out again', async ({ page, account }) => {
   await expect(page).toHaveURL(/no_such_robot$/);
   await page.getByRole('banner').getByRole('button', { name: 'Sign out' }).click();
   await expect(page.getByRole('heading', { name: 'Sign in' })).toBeVisible();
-  await expect(page.getByText('The session has ended')).toBeHidden();
+  await expect(page.getByText('Your session has expired')).toBeHidden();
   account.forgive(ASKED);
   account.forgive(/status of 404/);
 });
@@ -69,9 +69,9 @@ test('a session that ends under the hands leads to signing in and back', async (
   await context.clearCookies();
   await page.getByLabel('Current password').fill(ADMIN.password);
   await page.getByLabel('New password', { exact: true }).fill('another horse battery');
-  await page.getByLabel('New password once more').fill('another horse battery');
-  await page.getByRole('button', { name: 'Change it' }).click();
-  await expect(page.getByText('The session has ended')).toBeVisible();
+  await page.getByLabel('Confirm new password').fill('another horse battery');
+  await page.getByRole('button', { name: 'Change password' }).click();
+  await expect(page.getByText('Your session has expired')).toBeVisible();
   await page.getByLabel('Name').fill(ADMIN.name);
   await page.getByLabel('Password').fill(ADMIN.password);
   await page.getByLabel('Password').press('Enter');
@@ -79,8 +79,8 @@ test('a session that ends under the hands leads to signing in and back', async (
 
   await page.getByLabel('Current password').fill(ADMIN.password);
   await page.getByLabel('New password', { exact: true }).fill('another horse battery');
-  await page.getByLabel('New password once more').fill('another horse battery');
-  await page.getByRole('button', { name: 'Change it' }).click();
+  await page.getByLabel('Confirm new password').fill('another horse battery');
+  await page.getByRole('button', { name: 'Change password' }).click();
   await expect(page.getByText('The password is changed')).toBeVisible();
   account.forgive(ASKED);
 });
@@ -98,7 +98,7 @@ test('edits of the policy outlive a link and a session that ends', async ({
   await page.goto('/settings');
   await signIn();
   await page.getByRole('button', { name: 'Change', exact: true }).click();
-  const steering = page.getByLabel('Verified within: Steering, °');
+  const steering = page.getByLabel('Verification tolerance: Steering, °');
   await steering.fill('0.25');
   await page.getByRole('link', { name: 'Health' }).click();
   await expect(page.getByRole('heading', { level: 1, name: 'Health' })).toBeVisible();
@@ -109,16 +109,16 @@ test('edits of the policy outlive a link and a session that ends', async ({
   await page.getByRole('button', { name: 'Save' }).click();
   const dialog = page.getByRole('dialog');
   await dialog.getByLabel('Why').fill('Narrow aisles');
-  await dialog.getByRole('button', { name: 'Change them' }).click();
+  await dialog.getByRole('button', { name: 'Save changes' }).click();
   await expect(page.getByRole('heading', { name: 'Sign in' })).toBeVisible();
   await signIn();
   await expect(steering).toHaveValue('0.25');
   await page.getByRole('button', { name: 'Save' }).click();
   await expect(dialog.getByLabel('Why')).toHaveValue('Narrow aisles');
-  await dialog.getByRole('button', { name: 'Change them' }).click();
-  await expect(
-    page.getByRole('row').filter({ hasText: 'Counts as verified within' }),
-  ).toContainText('0.25°');
+  await dialog.getByRole('button', { name: 'Save changes' }).click();
+  await expect(page.getByRole('row').filter({ hasText: 'Verification tolerance' })).toContainText(
+    '0.25°',
+  );
   // Cancelled edits are gone.
   await page.getByRole('button', { name: 'Change', exact: true }).click();
   await steering.fill('0.5');

@@ -70,6 +70,6 @@ test.describe('a viewer', () => {
     await expect(page.getByText('Unacknowledged').first()).toBeVisible();
     await expect(page.getByRole('button', { name: /^Acknowledge/ })).toHaveCount(0);
     await page.goto('/settings/users');
-    await expect(page.getByText('An administrator looks after this.')).toBeVisible();
+    await expect(page.getByText('Administrators only.')).toBeVisible();
   });
 });

@@ -18,7 +18,7 @@ test('a robot that nobody knows is given its vehicle, by keyboard alone', async 
   await expect(row).toContainText(/speed and steering.*LiDAR scans/, { timeout: 40_000 });
   await row.getByRole('link', { name: 'Set up vehicle' }).focus();
   await page.keyboard.press('Enter');
-  await expect(page.getByRole('heading', { name: 'Give its vehicle' })).toBeVisible();
+  await expect(page.getByRole('heading', { name: 'Set up vehicle' })).toBeVisible();
   await accessible(page);
 
   const wheelbase = page.getByLabel('Wheelbase');

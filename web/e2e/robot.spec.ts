@@ -102,12 +102,12 @@ test('a stretch cut out of a chart stands in the address, and the way back is th
 
 test('a reassembly is reported and stands among what happened', async ({ page }) => {
   test.setTimeout(180_000);
-  await page.getByRole('button', { name: 'This robot was reassembled' }).click();
+  await page.getByRole('button', { name: 'Report reassembly…' }).click();
   const dialog = page.getByRole('dialog');
   await accessible(page);
   const note = 'New bracket <img src=x onerror=alert(1)>';
   await dialog.getByLabel('What was done').fill(note);
-  await dialog.getByRole('button', { name: 'Report it' }).click();
+  await dialog.getByRole('button', { name: 'Report', exact: true }).click();
   await expect(dialog).toBeHidden();
   await expect(page.getByRole('listitem').filter({ hasText: note })).toContainText('operator');
   // Its verdict stands at the top: open, until the robot has driven.
@@ -115,7 +115,7 @@ test('a reassembly is reported and stands among what happened', async ({ page })
     has: page.getByRole('heading', { name: 'After the reassembly' }),
   });
   await expect(verdict).toContainText(note);
-  await expect(verdict).toContainText(/Not known yet|The same as before|Changed/);
+  await expect(verdict).toContainText(/Not known yet|Unchanged|Changed/);
   await accessible(page);
 });
 
@@ -124,7 +124,7 @@ for (const colorScheme of ['light', 'dark'] as const) {
     // The tables have a row for each second: three times all of that takes its time.
     test.setTimeout(180_000);
     await page.emulateMedia({ colorScheme });
-    await page.getByText('Residuals and counts').click();
+    await page.getByText('Diagnostics', { exact: true }).click();
     await accessible(page);
     for (const button of await page.getByRole('button', { name: /^Show as table/ }).all()) {
       await button.click();
@@ -155,7 +155,7 @@ test('the robot is seen from above: scan, map, and where each steering would hav
 }) => {
   test.setTimeout(180_000);
   const panel = page.locator('section').filter({
-    has: page.getByRole('heading', { name: 'Seen from above' }),
+    has: page.getByRole('heading', { name: 'Top view' }),
   });
   await panel.scrollIntoViewIfNeeded();
   const drawing = panel.getByRole('img');
@@ -178,11 +178,11 @@ test('the robot is seen from above: scan, map, and where each steering would hav
   // By keyboard: closer, and the scale bar with it.
   const bar = panel.locator('.drawing text');
   await expect(bar).toHaveText('2 m');
-  await panel.getByRole('button', { name: 'Show less, closer' }).focus();
+  await panel.getByRole('button', { name: 'Zoom in' }).focus();
   await page.keyboard.press('Enter');
   await page.keyboard.press('Enter');
   await expect(bar).toHaveText('0.5 m');
-  await expect(panel.getByRole('button', { name: 'Show less, closer' })).toBeDisabled();
+  await expect(panel.getByRole('button', { name: 'Zoom in' })).toBeDisabled();
 
   await panel.getByRole('button', { name: 'Show as table: trajectories' }).press('Enter');
   expect(await panel.getByRole('row').count()).toBeGreaterThan(5);

@@ -50,7 +50,7 @@ test('the main pages', async ({ page, browser, service }) => {
   await expect(page.getByText('Verified').first()).toBeVisible();
   await expect(page.getByText('after: generation 1')).toBeVisible();
   await expect(
-    page.getByRole('img', { name: /seen from above.*corrected steering/ }),
+    page.getByRole('img', { name: /Top view of the robot.*corrected steering/ }),
   ).toBeVisible();
   await page.mouse.move(0, 0);
   await page.screenshot(path('robot'));

@@ -13,7 +13,7 @@ describe('roles', () => {
 
 describe('a new password', () => {
   it('is long enough, and the same twice', () => {
-    expect(passwordProblem('short', 'short')).toContain('5 characters');
+    expect(passwordProblem('short', 'short')).toContain('now 5');
     expect(passwordProblem('correct horse', 'correct house')).toContain('not the same');
     expect(passwordProblem('🐎'.repeat(12), '🐎'.repeat(12))).toBe('');
   });

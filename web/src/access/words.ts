@@ -7,5 +7,5 @@ export const ROLE_WORDS: Record<Role, string> = {
   viewer: 'you read everything and change nothing',
   operator: 'you read, register robots, attach notes and propose',
   approver: 'you also approve what somebody else has proposed',
-  admin: 'you also keep users and tokens',
+  admin: 'you also manage users and tokens',
 };

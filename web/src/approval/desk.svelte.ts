@@ -1,4 +1,4 @@
-/** What waits for a decision, the site-wide stop and the policy, as all pages see them. */
+/** Open proposals, the deployment freeze and the policy, as all pages see them. */
 
 import { list, problemOf } from '../api/client';
 import { Reading } from '../api/reading.svelte';

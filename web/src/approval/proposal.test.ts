@@ -22,7 +22,7 @@ const proposal = (given: Partial<Proposal>): Proposal =>
   }) as Proposal;
 
 describe('a proposal', () => {
-  it('is not approved by whoever proposed it, nor twice by the same person', () => {
+  it('is not approved by its proposer, nor twice by the same person', () => {
     expect(whyNotMine(proposal({}), 'ada')).toBe('');
     expect(whyNotMine(proposal({ proposed_by: 'ada' }), 'ada')).toContain('somebody else');
     const agreed = proposal({ approvals: [{ by: 'ada', at: '2026-01-01T00:00:00Z' }] });

@@ -209,7 +209,7 @@ class Fleet {
     }
   }
 
-  /** Reads anew where a calibration stands, of the robots where that has changed. */
+  /** Reads again where a calibration stands, of the robots where that has changed. */
   #readApproved(): void {
     const changed = [...this.#approvals];
     this.#approvals.clear();

@@ -69,7 +69,7 @@ export const STANDINGS: Record<Standing, Face> = {
     word: 'Fault',
     shape: 'bolt',
     tone: 'warn',
-    meaning: 'A sensor or the LiDAR odometry fails. Nothing is learnt from its data meanwhile.',
+    meaning: 'A sensor or the LiDAR odometry fails. Nothing is learned from its data meanwhile.',
   },
   unregistered: {
     word: 'Not set up',

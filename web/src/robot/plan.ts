@@ -1,4 +1,4 @@
-/** The geometry of a robot seen from above: from metres to a drawing, to words and to a file. */
+/** The geometry of a robot's top view: from metres to a drawing, to words and to a file. */
 
 import type { Plan } from '../api/types';
 import { fixed } from '../units/format';

@@ -28,7 +28,7 @@ describe('a reassembly', () => {
     const found = reassemblyOf([later, same, reported, before], robot('calibrated', 60));
     expect(found).toMatchObject({ verdict: 'same', by: { id: 6 } });
     expect(reassemblyOf([later, reported], robot('learning', 60))?.verdict).toBe('changed');
-    // A new report begins anew.
+    // A new report begins from scratch.
     const again = event(8, 'reassembled', 'robot');
     expect(reassemblyOf([again, later, reported], robot('learning', 60))).toMatchObject({
       verdict: 'open',

@@ -18,28 +18,28 @@ export interface Reassembly {
 
 export const VERDICTS: Record<Verdict, Face> = {
   same: {
-    word: 'The same as before',
+    word: 'Unchanged',
     shape: 'check',
     tone: 'good',
-    meaning: 'What was learnt since agrees with the stored calibration as far as the data tell.',
+    meaning: 'What was learnt since agrees with the stored calibration within its uncertainty.',
   },
   changed: {
     word: 'Changed',
     shape: 'diamond',
     tone: 'bad',
-    meaning: 'What was learnt since differs surely from the stored calibration.',
+    meaning: 'What was learnt since differs significantly from the stored calibration.',
   },
   open: {
     word: 'Not known yet',
     shape: 'half',
     tone: 'active',
-    meaning: 'The robot has to drive until its calibration is found anew.',
+    meaning: 'The robot has to drive until it is calibrated again.',
   },
   nothing_stored: {
     word: 'Nothing to compare with',
     shape: 'ring',
     tone: 'quiet',
-    meaning: 'No finished calibration was stored. The one of now was found from nothing.',
+    meaning: 'No finished calibration was stored. The current one was learned from scratch.',
   },
 };
 

@@ -18,14 +18,14 @@ export const PARTS = [
 
 /** The numbers beside the tolerances: key, words, unit. */
 export const NUMBERS = [
-  ['propose_sigmas', 'Proposed when it differs surely: by more than', 'sigmas'],
-  ['stable_for_s', 'And has stood still for', 's'],
+  ['propose_sigmas', 'Minimum significance', 'sigma'],
+  ['stable_for_s', 'Stable for at least', 's'],
   ['expires_after_s', 'A proposal expires after', 's'],
-  ['confirm_within_s', 'A robot reverts without confirmation after', 's'],
+  ['confirm_within_s', 'Revert if unconfirmed after', 's'],
   ['verify_after_m', 'Verified after driving', 'm'],
-  ['verify_within_s', 'Inconclusive when that took longer than', 's'],
-  ['steering_offset_max_deg', 'Steering offsets are refused beyond', '°'],
-  ['lidar_distance_max_m', 'LiDARs are refused farther out than', 'm'],
+  ['verify_within_s', 'Give up verification after', 's'],
+  ['steering_offset_max_deg', 'Largest plausible steering offset', '°'],
+  ['lidar_distance_max_m', 'Largest plausible LiDAR distance', 'm'],
 ] as const satisfies readonly (readonly [keyof Policy, string, string])[];
 
 /** Under what edits are kept that were not saved. */

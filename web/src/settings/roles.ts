@@ -10,6 +10,6 @@ export const MAY: Record<Role, string> = {
   viewer: 'A viewer reads everything and changes nothing.',
   operator: 'An operator reads, registers robots, attaches notes, takes alerts on and proposes.',
   approver: 'An approver is an operator who also approves what somebody else has proposed.',
-  admin: 'An administrator is an approver who also keeps users, tokens and webhooks.',
+  admin: 'An administrator is an approver who also manages users, tokens and webhooks.',
   robot: 'A robot reads and acknowledges its own calibration, nothing else.',
 };
