@@ -45,21 +45,21 @@ const HOOK_TIMEOUT_MAX_S: u64 = 600;
 #[derive(Debug, Args)]
 #[command(after_long_help = LONG_HELP)]
 pub struct Arguments {
-    /// Whose agent it is
+    /// The robot's id
     #[arg(long, value_name = "ID", value_parser = RobotId::parse)]
     pub robot: RobotId,
     /// Where the service is.
     #[command(flatten)]
     pub connection: ConnectionArguments,
     /// The file that the robot's software reads its calibration from, YAML or JSON by its ending
-    /// (.yaml, .yml, .json); it need not be there yet
+    /// (.yaml, .yml, .json); it is created if missing
     #[arg(long, value_name = "FILE")]
     pub apply: PathBuf,
     /// The service's public key, as `GET /api/v1/signing-key` shows it; may be repeated
     #[arg(long, value_name = "PUBLICKEY", required = true)]
     pub service_key: Vec<PublicKey>,
-    /// A program that is asked before values are written, and told when they were and when they
-    /// went; it finds the document on its standard input
+    /// A program that decides whether values may be written, and is called again when they were
+    /// written or reverted; it gets the document on its standard input
     #[arg(long, value_name = "PROGRAM")]
     pub hook: Option<PathBuf>,
     /// An argument of the hook; may be repeated
@@ -70,7 +70,7 @@ pub struct Arguments {
         allow_hyphen_values = true
     )]
     pub hook_arg: Vec<String>,
-    /// A hook that takes longer is killed and has failed
+    /// A hook that takes longer is killed and counts as failed
     #[arg(
         long,
         value_name = "SECONDS",
@@ -79,7 +79,7 @@ pub struct Arguments {
     )]
     pub hook_timeout: u64,
     /// A TOML file with the robot's own limits, `steering_offset_rad = [-0.1, 0.1]` and so on;
-    /// what it leaves out keeps its default
+    /// missing keys keep their defaults
     #[arg(long, value_name = "FILE")]
     pub limits: Option<PathBuf>,
     /// Show the robot as present while the agent runs, for robots whose streams do not
@@ -106,8 +106,8 @@ pub struct RosArguments {
     /// Also write node parameters, for `ros2 run … --ros-args --params-file`
     #[arg(long, value_name = "FILE", help_heading = "Files for ROS")]
     pub ros_parameters: Option<PathBuf>,
-    /// Where the rear axle's centre is in the base frame; unless given, what the robot's
-    /// configuration at the service says, or else the same place
+    /// Where the rear axle's centre is in the base frame [default: as the robot's configuration
+    /// at the service says, or the origin]
     #[arg(
         long,
         value_name = "X_M,Y_M,YAW_RAD",

@@ -49,13 +49,13 @@ pub struct Arguments {
     /// Which topics are taken.
     #[command(flatten)]
     pub topics: TopicArguments,
-    /// Of `JointState`, which joints steer and drive, as `streams.joints` of a configuration has them
+    /// For `JointState`: the joints that steer and drive, as in `streams.joints` of a configuration
     #[arg(long, value_name = "TABLE", value_parser = topics::joints)]
     pub joints: Option<Joints>,
     /// A `fleetcal.toml`, for the estimator's settings, the robot's vehicle and its topics
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// Of clouds, the heights to take in the LiDAR's frame [default: -0.5,0.5, or what --config says]
+    /// For clouds: the band of heights in the LiDAR's frame [default: -0.5,0.5, or as --config says]
     #[arg(long, value_name = "MIN_M,MAX_M", allow_hyphen_values = true)]
     pub height_band: Option<HeightBand>,
     /// A known map to localise in.

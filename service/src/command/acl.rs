@@ -62,7 +62,7 @@ pub struct GenerateArguments {
     /// A `fleetcal.toml`: its robots too, and its root
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// How those who connect are known
+    /// How robots and the service are identified
     #[arg(long, value_enum, default_value = "certificate")]
     pub identity: IdentityName,
     /// The router's certificate, PEM
@@ -71,13 +71,13 @@ pub struct GenerateArguments {
     /// The key of the router's certificate, PEM
     #[arg(long, value_name = "FILE", requires = "tls_certificate")]
     pub tls_key: Option<PathBuf>,
-    /// Who has signed the certificates of robots and service, PEM
+    /// The authority that signed the certificates of robots and service, PEM
     #[arg(long, value_name = "FILE", requires = "tls_certificate")]
     pub tls_ca: Option<PathBuf>,
     /// The file with the passwords, `user:password` in each line
     #[arg(long, value_name = "FILE", conflicts_with = "tls_ca")]
     pub passwords: Option<PathBuf>,
-    /// Of a router before the service: the name that the service connects under
+    /// For an external router: the name under which the service connects
     #[arg(long, value_name = "NAME", value_parser = RobotId::parse)]
     pub service: Option<RobotId>,
     /// A further key expression that each robot may put to, with {robot} for its id, such as
@@ -171,7 +171,7 @@ fn is_readable_by_all(path: &Path) -> bool {
     mode.is_ok_and(|mode| mode & READABLE_BY_ALL != 0)
 }
 
-/// How those who connect are known, once everything is there that it takes.
+/// How robots and the service are identified, once everything is there that it takes.
 fn identity(arguments: &GenerateArguments) -> Result<Identity, CommandError> {
     match (arguments.identity, &arguments.passwords, &arguments.tls_ca) {
         (IdentityName::Certificate, None, Some(_)) => Ok(Identity::Certificate),

@@ -9,10 +9,10 @@ use crate::command::CommandError;
 /// What `fleetcal backup` takes.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// The folder of the service's data
+    /// The service's data folder
     #[arg(long, value_name = "DIR")]
     pub data: PathBuf,
-    /// The file to write; one that is there is replaced once the new one is complete
+    /// The file to write; an existing file is replaced when the new one is complete
     #[arg(long, value_name = "FILE")]
     pub to: PathBuf,
 }

@@ -9,7 +9,7 @@ use crate::command::{Cli, CommandError};
 /// What `fleetcal completions` takes.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// For which shell
+    /// The shell
     #[arg(value_enum)]
     pub shell: Shell,
 }

@@ -25,10 +25,10 @@ use crate::service::{Service, ServiceError};
 /// What `fleetcal demo` takes.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// How many robots
+    /// Number of robots
     #[arg(long, value_name = "N", default_value_t = 6)]
     pub robots: usize,
-    /// Keep the data in this folder; without it each demo begins with none
+    /// Keep the data in this folder; otherwise each demo starts with an empty one
     #[arg(long, value_name = "DIR")]
     pub data: Option<PathBuf>,
     /// Address of the dashboard
@@ -37,7 +37,7 @@ pub struct Arguments {
     /// Zenoh endpoint between the robots and the service
     #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7447")]
     pub listen: String,
-    /// What the robots' faults and the sensors' noise are drawn from
+    /// Seed of the robots' errors and the sensors' noise
     #[arg(long, value_name = "S", default_value_t = 1)]
     pub seed: u64,
 }

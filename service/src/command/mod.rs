@@ -27,8 +27,8 @@ use thiserror::Error;
 
 use crate::service::ServiceError;
 
-/// Finds, online and during normal driving, how far a robot's steering zero is off and where its
-/// LiDAR really sits.
+/// Calibrates fleets of wheeled robots during normal driving: the steering offset and the pose of
+/// the LiDAR.
 #[derive(Debug, Parser)]
 #[command(name = "fleetcal", version, propagate_version = true)]
 pub struct Cli {
@@ -40,29 +40,29 @@ pub struct Cli {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Calibrates the robot of one recording
+    /// Calibrates the robot of a recording
     Calibrate(calibrate::Arguments),
-    /// Writes the LiDAR's trajectory of one recording, by LiDAR odometry alone
+    /// Writes the LiDAR's trajectory of a recording, by LiDAR odometry alone
     Odometry(odometry::Arguments),
     /// Runs the service
     Serve(serve::Arguments),
     /// Streams a recording to a service as its robot would
     Replay(replay::Arguments),
-    /// Brings what is approved for a robot into use, on the robot itself
+    /// Runs on a robot: applies and acknowledges its approved calibrations
     Agent(agent::Arguments),
-    /// Drives simulated robots, or records one
+    /// Simulates robots that drive, or records one
     Simulate(simulate::Arguments),
-    /// Runs the service with six simulated robots, to look at
+    /// Runs the service with six simulated robots
     Demo(demo::Arguments),
-    /// Makes, lists and revokes API tokens; works beside a running service
+    /// Creates, lists and revokes API tokens, also while the service runs
     Token(token::Arguments),
-    /// Makes, lists and changes users; works beside a running service
+    /// Creates, lists and changes users, also while the service runs
     User(user::Arguments),
-    /// Copies the database into a file; works beside a running service
+    /// Copies the database into a file, also while the service runs
     Backup(backup::Arguments),
-    /// Access lists of Zenoh routers
+    /// Generates access lists of Zenoh routers
     Acl(acl::Arguments),
-    /// Prints what a shell needs to complete flags: fleetcal completions bash
+    /// Prints the completions of a shell: fleetcal completions bash
     Completions(completions::Arguments),
 }
 

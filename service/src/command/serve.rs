@@ -34,7 +34,7 @@ pub struct Arguments {
     /// Address of the API and the dashboard [default: 127.0.0.1:8080]
     #[arg(long, value_name = "ADDR")]
     pub http: Option<SocketAddr>,
-    /// Where people reach the dashboard, such as <https://fleetcal.example.com> behind a proxy
+    /// Address under which people reach the dashboard, such as <https://fleetcal.example.com>
     /// [default: the address of --http]
     #[arg(long, value_name = "URL")]
     pub public_url: Option<PublicUrl>,

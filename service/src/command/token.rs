@@ -27,7 +27,7 @@ pub struct Arguments {
 /// What is done with tokens.
 #[derive(Debug, Subcommand)]
 pub enum Action {
-    /// Makes a token and prints it alone on standard output; it is not shown again
+    /// Creates a token and prints it alone on standard output; it is not shown again
     Create(Create),
     /// Lists the tokens
     List(Folder),
@@ -38,7 +38,7 @@ pub enum Action {
 /// Where the data are.
 #[derive(Debug, Args)]
 pub struct Folder {
-    /// The folder of the service's data
+    /// The service's data folder
     #[arg(long, value_name = "DIR")]
     pub data: PathBuf,
 }
@@ -46,19 +46,19 @@ pub struct Folder {
 /// What `fleetcal token create` takes.
 #[derive(Debug, Args)]
 pub struct Create {
-    /// The folder of the service's data
+    /// The service's data folder
     #[arg(long, value_name = "DIR")]
     pub data: PathBuf,
     /// viewer, operator, approver, admin or robot
     #[arg(long, value_parser = role)]
     pub role: Role,
-    /// What the audit calls whoever uses it
+    /// The name that the audit shows for its requests
     #[arg(long)]
     pub name: String,
-    /// The one robot that a token of role robot is for
+    /// The robot, for a token of role robot
     #[arg(long, value_name = "ID")]
     pub robot: Option<RobotId>,
-    /// How long it counts, such as 30d or 12h; for ever unless given
+    /// Validity, such as 30d or 12h; unlimited unless given
     #[arg(long, value_name = "SPAN", value_parser = span)]
     pub expires: Option<Duration>,
 }
@@ -66,7 +66,7 @@ pub struct Create {
 /// What `fleetcal token revoke` takes.
 #[derive(Debug, Args)]
 pub struct Revoke {
-    /// The folder of the service's data
+    /// The service's data folder
     #[arg(long, value_name = "DIR")]
     pub data: PathBuf,
     /// Its number in `fleetcal token list`

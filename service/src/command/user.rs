@@ -26,26 +26,26 @@ pub struct Arguments {
 /// What is done with users.
 #[derive(Debug, Subcommand)]
 pub enum Action {
-    /// Makes a user; the password is asked for, or read from standard input
+    /// Creates a user; asks for the password, or reads it from standard input
     Create(Create),
     /// Lists the users
     List(Folder),
-    /// Sets a user's password, asked for or read from standard input, and ends the user's sessions
+    /// Sets a user's password and ends the user's sessions; asks for it, or reads standard input
     Password(Named),
-    /// Refuses a user to sign in from now on, and ends the user's sessions
+    /// Disables a user and ends the user's sessions
     Disable(Named),
 }
 
 /// What `fleetcal user create` takes.
 #[derive(Debug, Args)]
 pub struct Create {
-    /// The folder of the service's data
+    /// The service's data folder
     #[arg(long, value_name = "DIR")]
     pub data: PathBuf,
     /// viewer, operator, approver or admin
     #[arg(long, value_parser = role)]
     pub role: Role,
-    /// The name to sign in with
+    /// The user name
     #[arg(long)]
     pub name: String,
 }
@@ -53,7 +53,7 @@ pub struct Create {
 /// A user.
 #[derive(Debug, Args)]
 pub struct Named {
-    /// The folder of the service's data
+    /// The service's data folder
     #[arg(long, value_name = "DIR")]
     pub data: PathBuf,
     /// The user's name
