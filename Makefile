@@ -120,6 +120,15 @@ test-web: build-for-tests chromium python ## The dashboard's unit tests, then th
 	cd web && npm run test --silent
 	cd web && FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) npm run e2e --silent
 
+.PHONY: docs
+docs: ## The documentation as a site in target/book (installs mdBook where it is missing)
+	@command -v mdbook >/dev/null || $(CARGO) install --locked mdbook
+	mdbook build
+
+.PHONY: test-docs
+test-docs: build ## Runs every shell block of the documentation that can run
+	python3 tests/docs.py $(abspath $(BIN))
+
 .PHONY: audit
 audit: rust ## Licences, bans and sources of all dependencies (cargo-deny)
 	@$(CARGO) deny --version >/dev/null 2>&1 || $(CARGO) install --locked cargo-deny

@@ -8,6 +8,7 @@
 )]
 
 mod circles;
+mod documents;
 mod rust_sources;
 mod web_sources;
 
@@ -275,4 +276,78 @@ fn files_say_what_they_hold_and_stay_readable() {
             );
         }
     }
+}
+
+/// The texts that people read, by their paths from the root.
+fn documents() -> std::collections::BTreeMap<PathBuf, documents::Document> {
+    let mut paths: Vec<PathBuf> = ["estimator/README.md"].map(PathBuf::from).into();
+    for folder in ["", "docs"] {
+        for entry in fs::read_dir(root().join(folder)).unwrap() {
+            let path = entry.unwrap().path();
+            if path.extension().is_some_and(|ending| ending == "md") {
+                paths.push(path.strip_prefix(root()).unwrap().to_owned());
+            }
+        }
+    }
+    let read = |path: PathBuf| {
+        let text = fs::read_to_string(root().join(&path)).unwrap();
+        (path, documents::Document::parse(&text))
+    };
+    paths.into_iter().map(read).collect()
+}
+
+#[test]
+fn every_link_of_a_document_leads_somewhere() {
+    let documents = documents();
+    let broken = documents::broken(&documents, |path| root().join(path).exists());
+    assert!(broken.is_empty(), "{broken:#?}");
+    let contents = &documents[Path::new("docs/SUMMARY.md")].links;
+    for path in documents.keys().filter(|path| path.starts_with("docs")) {
+        let name = path.file_name().unwrap().to_string_lossy();
+        assert!(
+            name == "SUMMARY.md" || contents.contains(&name.to_string()),
+            "docs/SUMMARY.md does not list {name}"
+        );
+    }
+}
+
+#[test]
+fn nobody_has_to_decode_a_word() {
+    let mut files: Vec<PathBuf> = documents().into_keys().collect();
+    files.push("fleetcal.example.toml".into());
+    files.extend(
+        ["web/src", "examples"]
+            .iter()
+            .flat_map(|folder| texts(&root().join(folder))),
+    );
+    let found: Vec<String> = files
+        .iter()
+        .flat_map(|path| {
+            let text = fs::read_to_string(root().join(path)).unwrap_or_default();
+            let name = path
+                .strip_prefix(root())
+                .unwrap_or(path)
+                .display()
+                .to_string();
+            documents::not_used(&text)
+                .into_iter()
+                .map(move |what| format!("{name}:{what}"))
+        })
+        .collect();
+    assert!(found.is_empty(), "{found:#?}");
+}
+
+/// Every file below a folder that has words: built and generated ones apart.
+fn texts(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        if path.is_dir() && name != "target" {
+            found.extend(texts(&path));
+        } else if path.is_file() && name != "schema.d.ts" {
+            found.push(path);
+        }
+    }
+    found
 }

@@ -62,10 +62,11 @@ pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
     );
     section.table(map(extent)?);
     section.words(
-        "The advisor ranks the library by the doubt that each manoeuvre would take from parameters \
-         which are not `converged` yet, for each metre of way (5 m to get there included), among those \
-         that fit on the floor. To prove it, robots with different pasts drive its first choice, and \
-         for comparison every other manoeuvre from the same state. *Information* is `log2(det P / det \
+        "The advisor ranks the library by the uncertainty that each manoeuvre would remove from \
+         parameters which are not `converged` yet, for each metre of way (5 m to get there included), \
+         among those that fit on the floor. To prove it, robots with different pasts drive its first \
+         choice, and for comparison every other manoeuvre from the same state. *Information* is \
+         `log2(det P / det \
          P') / 2` over the estimated parameters, by the filter that drove it; the rank is that of the \
          first choice in information for each metre, as it came out.",
     );

@@ -1,0 +1,154 @@
+//! What people read: the links among documents, the book's table of contents, and words that
+//! nobody should have to decode.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Component, Path, PathBuf};
+
+use pulldown_cmark::{Event, HeadingLevel, Options, Parser, Tag, TagEnd};
+
+/// Words and phrases that are not used, with the term instead.
+pub const NOT_USED: &[(&str, &str)] = &[
+    ("anew", "again, from scratch"),
+    ("whoever", "a person who, clients that"),
+    ("site-wide stop", "deployment freeze, paused deployments"),
+    ("doubt", "uncertainty"),
+    ("doubts", "uncertainties"),
+    ("brought along", "factory calibration"),
+    ("what is approved", "the approved calibration"),
+    ("surely", "significantly"),
+    ("on trial", "in verification"),
+    ("seen from above", "top view"),
+    ("stands under", "is in"),
+    ("counts meanwhile", "applies meanwhile"),
+];
+
+/// A document: where its links lead, and the anchors of its headings.
+#[derive(Debug, Default)]
+pub struct Document {
+    pub links: Vec<String>,
+    pub anchors: BTreeSet<String>,
+}
+
+impl Document {
+    /// Reads Markdown.
+    pub fn parse(text: &str) -> Self {
+        let mut document = Self::default();
+        let mut heading: Option<(HeadingLevel, String)> = None;
+        for event in Parser::new_ext(text, Options::ENABLE_TABLES) {
+            match event {
+                Event::Start(Tag::Heading { level, .. }) => heading = Some((level, String::new())),
+                Event::End(TagEnd::Heading(_)) => {
+                    if let Some((_, title)) = heading.take() {
+                        document.anchors.insert(anchor(&title));
+                    }
+                }
+                Event::Text(part) | Event::Code(part) => {
+                    if let Some((_, title)) = &mut heading {
+                        title.push_str(&part);
+                    }
+                }
+                Event::Start(Tag::Link { dest_url, .. } | Tag::Image { dest_url, .. }) => {
+                    document.links.push(dest_url.into_string());
+                }
+                _ => {}
+            }
+        }
+        document
+    }
+}
+
+/// A heading's anchor, as the hosts of repositories and mdBook make it.
+fn anchor(title: &str) -> String {
+    title
+        .trim()
+        .to_lowercase()
+        .chars()
+        .filter(|c| c.is_alphanumeric() || matches!(c, '-' | '_' | ' '))
+        .map(|c| if c == ' ' { '-' } else { c })
+        .collect()
+}
+
+/// Links that lead nowhere: `from -> to`. Documents and other files by their paths from the root.
+pub fn broken(
+    documents: &BTreeMap<PathBuf, Document>,
+    exists: impl Fn(&Path) -> bool,
+) -> Vec<String> {
+    let mut broken = Vec::new();
+    for (from, document) in documents {
+        for link in &document.links {
+            if link.contains("://") || link.starts_with("mailto:") {
+                continue;
+            }
+            let (path, fragment) = link.split_once('#').unwrap_or((link, ""));
+            let to = if path.is_empty() {
+                from.clone()
+            } else {
+                normal(&from.parent().unwrap_or(Path::new("")).join(path))
+            };
+            let anchored = fragment.is_empty()
+                || documents
+                    .get(&to)
+                    .is_some_and(|target| target.anchors.contains(fragment));
+            if !exists(&to) || !anchored {
+                broken.push(format!("{} -> {link}", from.display()));
+            }
+        }
+    }
+    broken
+}
+
+/// A path without `..`.
+fn normal(path: &Path) -> PathBuf {
+    let mut parts = PathBuf::new();
+    for part in path.components() {
+        match part {
+            Component::ParentDir => drop(parts.pop()),
+            Component::CurDir => {}
+            other => parts.push(other),
+        }
+    }
+    parts
+}
+
+/// The words of [`NOT_USED`] in a text: `line: word, use …`.
+pub fn not_used(text: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    for (number, line) in text.lines().enumerate() {
+        let line = line.to_lowercase();
+        for (word, instead) in NOT_USED {
+            if has(&line, word) {
+                found.push(format!("{}: {word:?}, use {instead}", number + 1));
+            }
+        }
+    }
+    found
+}
+
+/// Whether a line has a phrase, not as a part of longer words.
+fn has(line: &str, phrase: &str) -> bool {
+    line.match_indices(phrase).any(|(at, _)| {
+        let beside = |c: Option<char>| c.is_none_or(|c| !c.is_alphanumeric() && c != '_');
+        beside(line[..at].chars().next_back()) && beside(line[at + phrase.len()..].chars().next())
+    })
+}
+
+#[test]
+fn a_planted_broken_link_and_word_are_found() {
+    let page = |text| Document::parse(text);
+    let documents = BTreeMap::from([
+        (
+            "README.md".into(),
+            page("# A b\n[x](docs/a.md#what-is-it) ![i](no.png) [y](#a-b)"),
+        ),
+        (
+            "docs/a.md".into(),
+            page("## What *is* it?\n[up](../README.md#nowhere)"),
+        ),
+    ]);
+    let exists = |path: &Path| documents.contains_key(path);
+    assert_eq!(
+        broken(&documents, exists),
+        ["README.md -> no.png", "docs/a.md -> ../README.md#nowhere"]
+    );
+    assert_eq!(not_used("Begin anew.\nrenewal").len(), 1);
+}
