@@ -14,6 +14,7 @@ mod etag;
 mod extract;
 mod health;
 mod layers;
+mod live_event;
 mod metrics;
 mod page;
 mod problem;
@@ -132,20 +133,17 @@ impl ApiState {
     tags(
         (name = "robots", description = "Robots, their calibration and their history"),
         (name = "access", description = "Signing in, users and tokens"),
-        (name = "approval", description = "What is proposed, approved, sent, applied and proven"),
-        (name = "alerts", description = "What is wrong, who has taken it on, and who is told"),
-        (name = "live", description = "Updates as they come"),
+        (name = "approval", description = "Proposals, approvals, deployments and verification"),
+        (name = "alerts", description = "Alerts, their acknowledgement, and webhooks"),
+        (name = "live", description = "Live updates"),
         (name = "service", description = "The service itself"),
     ),
     security(("token" = []), ("session" = [])),
     modifiers(&Credentials),
     components(schemas(
         Problem,
-        robots::RobotStateDocument,
-        robots::EventDocument,
+        live_event::LiveEvent,
         robots::SortSchema,
-        rows::Row,
-        stream::ApprovalUpdate,
     )),
 )]
 struct Document;

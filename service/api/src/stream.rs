@@ -10,15 +10,13 @@ use axum::http::{HeaderMap, StatusCode};
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use fleetcal_clock::SharedClock;
-use fleetcal_domain::alert::AlertDocument;
 use fleetcal_domain::limits;
 use fleetcal_fleet::FleetHandle;
 use fleetcal_fleet::live::LiveUpdate;
 use fleetcal_http::{PeerAddress, Share, Shares, Turned, compressed};
 use fleetcal_proto::RobotId;
-use fleetcal_store::NewEvent;
 use futures::{StreamExt, stream};
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, broadcast};
 use tokio::time::MissedTickBehavior;
 use tokio_stream::wrappers::BroadcastStream;
@@ -29,10 +27,10 @@ use utoipa_axum::routes;
 use super::ApiState;
 use super::access::{Caller, permission_ended};
 use super::extract::Parameters;
+use super::live_event::{EventName, LiveEvent, NoData, robot_of};
 use super::problem::Problem;
-use super::robots::{EventDocument, state_document};
 use super::rows::Rows;
-use super::topics::{EventName, Topics, Wanted};
+use super::topics::{Topics, Wanted};
 
 /// One update, written out.
 #[derive(Debug)]
@@ -136,8 +134,13 @@ impl StreamHub {
                 rows.take(robot, document);
             }
             let frame = match update {
-                Ok(update) => frame(id, &update, clock.now_ns()),
-                Err(broadcast::error::RecvError::Lagged(_)) => Some(resync(id)),
+                Ok(update) => {
+                    let event = LiveEvent::of(&update, clock.now_ns());
+                    Frame::of(id, robot_of(&update), &event)
+                }
+                Err(broadcast::error::RecvError::Lagged(_)) => {
+                    Frame::of(id, None, &LiveEvent::Resync(NoData {}))
+                }
                 Err(broadcast::error::RecvError::Closed) => return,
             };
             self.tell(frame);
@@ -155,72 +158,21 @@ impl StreamHub {
 /// The rows that have changed; `None` when none has.
 fn rows_frame(id: u64, rows: &mut Rows) -> Option<Frame> {
     let new = rows.take_new();
-    Some(Frame {
-        id,
-        name: EventName::Rows,
-        robot: None,
-        data: json(&new).filter(|_| !new.is_empty())?,
-    })
+    let of_all = None;
+    (!new.is_empty())
+        .then(|| Frame::of(id, of_all, &LiveEvent::Rows(&new)))
+        .flatten()
 }
 
-fn frame(id: u64, update: &LiveUpdate, now_ns: i64) -> Option<Frame> {
-    let (name, robot, data) = match update {
-        LiveUpdate::Estimate { robot, document } => {
-            (EventName::Estimate, Some(robot), json(document.as_ref())?)
-        }
-        LiveUpdate::RobotState {
-            robot,
-            state,
-            stale,
-            alive,
-        } => (
-            EventName::RobotState,
-            Some(robot),
-            json(&state_document(robot, *state, *stale, *alive))?,
-        ),
-        LiveUpdate::Approval { robot } => {
-            let data = json(&ApprovalUpdate { robot })?;
-            (EventName::Approval, Some(robot), data)
-        }
-        LiveUpdate::Alert { robot, alert } => {
-            let data = json(&AlertDocument::of(alert))?;
-            (EventName::Alert, robot.as_ref(), data)
-        }
-        LiveUpdate::Hold => (EventName::Hold, None, "{}".to_owned()),
-        LiveUpdate::Policy => (EventName::Policy, None, "{}".to_owned()),
-        LiveUpdate::Event { robot, event } => {
-            let document = EventDocument::of(NewEvent::of(robot, event, now_ns));
-            (EventName::Event, Some(robot), json(&document)?)
-        }
-    };
-    Some(Frame {
-        id,
-        name,
-        robot: robot.cloned(),
-        data,
-    })
-}
-
-/// A proposal, deployment or shadow of a robot has changed.
-#[derive(Debug, Serialize, utoipa::ToSchema)]
-pub(super) struct ApprovalUpdate<'a> {
-    /// The robot.
-    robot: &'a RobotId,
-}
-
-fn json<T: Serialize>(document: &T) -> Option<String> {
-    serde_json::to_string(document)
-        .inspect_err(|error| tracing::error!(%error, "a live update cannot be written"))
-        .ok()
-}
-
-/// Tells a listener that it missed something and should read again what it shows.
-fn resync(id: u64) -> Frame {
-    Frame {
-        id,
-        name: EventName::Resync,
-        robot: None,
-        data: "{}".to_owned(),
+impl Frame {
+    /// Writes out an event about a robot (`None`: about all).
+    fn of(id: u64, robot: Option<&RobotId>, event: &LiveEvent<'_>) -> Option<Self> {
+        Some(Self {
+            id,
+            name: EventName::from(event),
+            robot: robot.cloned(),
+            data: event.data()?,
+        })
     }
 }
 
@@ -239,25 +191,15 @@ pub(super) struct StreamParameters {
 
 /// Streams live updates as server-sent events.
 ///
-/// A client that accepts gzip gets it, each event flushed by itself. The data of each event is JSON:
-/// - `estimate`: an `EstimateDocument`, once a second for each robot;
-/// - `rows`: a list of `RobotRow`, once a second, of the robots whose shown values have changed;
-///   only with the topic `fleet`;
-/// - `robot_state`: a `RobotStateUpdate`;
-/// - `event`: an `Event`;
-/// - `approval`: an `ApprovalUpdate`. A proposal, deployment or shadow of its robot has changed;
-/// - `alert`: an `Alert`, on each change. The state `normal` ends it;
-/// - `hold`, `policy`: the deployment freeze or the approval policy has changed, with an empty object;
-/// - `ready`: the first event of a new client, with an empty object;
-/// - `resync`: the first event of a client that returns with `Last-Event-ID`, and the event after
-///   missed updates, with an empty object. The client reads again what it shows.
+/// Each is a `LiveEvent`: `event` is its name and `data` its content as JSON. A client that accepts
+/// gzip gets it, each event flushed by itself.
 #[utoipa::path(
     get,
     path = "/stream",
     tag = "live",
     params(StreamParameters),
     responses(
-        (status = OK, description = "Server-sent events", body = String,
+        (status = OK, description = "Server-sent events, each a `LiveEvent`", body = LiveEvent,
             content_type = "text/event-stream"),
         (status = TOO_MANY_REQUESTS,
             description = "The caller or its address has too many event streams"),
@@ -279,13 +221,13 @@ pub(super) async fn get_stream(
         .place(&caller, address)
         .inspect_err(|_| api.connections.count(Turned::Streams))?;
     let first = if headers.contains_key("last-event-id") {
-        EventName::Resync
+        LiveEvent::Resync(NoData {})
     } else {
-        EventName::Ready
+        LiveEvent::Ready(NoData {})
     };
     let first = Event::default()
-        .event(first.as_str())
-        .data("{}")
+        .event(EventName::from(&first).as_str())
+        .data(first.data().unwrap_or_default())
         .retry(limits::HTTP_STREAM_RETRY);
     let updates = BroadcastStream::new(hub.frames.subscribe())
         .filter_map(move |frame| std::future::ready(event(frame.ok(), &wanted)))

@@ -5,66 +5,9 @@ use std::collections::BTreeSet;
 use axum::http::StatusCode;
 use fleetcal_proto::RobotId;
 
+use super::live_event::EventName;
 use super::problem::Problem;
 use fleetcal_domain::limits;
-
-/// What an event of the stream is called.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum EventName {
-    /// A robot's estimate.
-    Estimate,
-    /// Lean rows of the robots whose estimates have changed.
-    Rows,
-    /// A robot's state.
-    RobotState,
-    /// What happened to a robot.
-    Event,
-    /// A change of a robot's proposals, deployments or shadow.
-    Approval,
-    /// A change of an alert.
-    Alert,
-    /// The deployment freeze began or ended.
-    Hold,
-    /// The approval policy changed.
-    Policy,
-    /// The beginning.
-    Ready,
-    /// The client missed updates.
-    Resync,
-}
-
-impl EventName {
-    /// All of them.
-    #[cfg(test)]
-    pub(super) const ALL: [Self; 10] = [
-        Self::Estimate,
-        Self::Rows,
-        Self::RobotState,
-        Self::Event,
-        Self::Approval,
-        Self::Alert,
-        Self::Hold,
-        Self::Policy,
-        Self::Ready,
-        Self::Resync,
-    ];
-
-    /// The name in the stream.
-    pub(super) const fn as_str(self) -> &'static str {
-        match self {
-            Self::Estimate => "estimate",
-            Self::Rows => "rows",
-            Self::RobotState => "robot_state",
-            Self::Event => "event",
-            Self::Approval => "approval",
-            Self::Alert => "alert",
-            Self::Hold => "hold",
-            Self::Policy => "policy",
-            Self::Ready => "ready",
-            Self::Resync => "resync",
-        }
-    }
-}
 
 /// One of the topics of the event stream.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
@@ -161,6 +104,8 @@ impl Topics {
 
 #[cfg(test)]
 mod tests {
+    use strum::IntoEnumIterator;
+
     use super::*;
 
     fn robot(id: &str) -> RobotId {
@@ -170,7 +115,7 @@ mod tests {
     fn heard(topics: &str, about: Option<&str>) -> Vec<&'static str> {
         let wanted = Wanted::Topics(Topics::parse(topics).unwrap());
         let about = about.map(robot);
-        let names = EventName::ALL.into_iter();
+        let names = EventName::iter();
         let heard = names.filter(|name| wanted.includes(*name, about.as_ref()));
         heard.map(EventName::as_str).collect()
     }

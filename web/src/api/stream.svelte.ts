@@ -6,6 +6,8 @@
  * that nobody looks at closes its own.
  */
 
+import type { LiveEvent } from './types';
+
 const PATH = '/api/v1/stream';
 const RETRY_FIRST_MS = 1_000;
 const RETRY_MAX_MS = 15_000;
@@ -14,7 +16,7 @@ export type StreamState = 'connecting' | 'live' | 'lost';
 
 /** What listens to the stream. */
 export interface StreamListener {
-  message(name: string, data: unknown): void;
+  message(event: LiveEvent): void;
   /** The stream has begun; `again` when it only changed its topics, and nothing was missed. */
   ready(again: boolean): void;
   /** The stream broke, or could not be opened. */
@@ -24,7 +26,7 @@ export interface StreamListener {
 export class LiveStream {
   state = $state<StreamState>('connecting');
   #listener: StreamListener;
-  #names: readonly string[];
+  #names: readonly LiveEvent['event'][];
   #topics: readonly string[] = [];
   #source: EventSource | undefined;
   /** One that is still listened to until its successor is there: so nothing is missed. */
@@ -32,7 +34,7 @@ export class LiveStream {
   #retry: ReturnType<typeof setTimeout> | undefined;
   #wait_ms = RETRY_FIRST_MS;
 
-  constructor(names: readonly string[], listener: StreamListener) {
+  constructor(names: readonly LiveEvent['event'][], listener: StreamListener) {
     this.#names = names;
     this.#listener = listener;
   }
@@ -86,7 +88,7 @@ export class LiveStream {
     };
     for (const name of this.#names) {
       source.addEventListener(name, (event: MessageEvent<string>) => {
-        this.#listener.message(name, JSON.parse(event.data));
+        this.#listener.message({ event: name, data: JSON.parse(event.data) } as LiveEvent);
       });
     }
   }

@@ -54,6 +54,8 @@ export type Manoeuvres = Schemas['Manoeuvres'];
 export type Plan = Schemas['Plan'];
 export type CrossTrackItem = Schemas['CrossTrackItem'];
 
+export type LiveEvent = Schemas['LiveEvent'];
+
 export type Alert = Schemas['Alert'];
 export type AlertKind = Schemas['AlertKind'];
 export type AlertState = Schemas['AlertState'];

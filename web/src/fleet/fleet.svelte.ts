@@ -4,7 +4,7 @@ import { alerts } from '../alerts/alerts.svelte';
 import { desk } from '../approval/desk.svelte';
 import { get, list, problemOf } from '../api/client';
 import { LiveStream } from '../api/stream.svelte';
-import type { Alert, Estimate, Robot, RobotEvent, RobotRow, RobotStateUpdate } from '../api/types';
+import type { Estimate, LiveEvent, Robot, RobotRow, RobotStateUpdate } from '../api/types';
 import type { Route } from '../routes.svelte';
 import { now } from '../ui/time.svelte';
 import { CALIBRATED } from '../units/parameters';
@@ -46,7 +46,7 @@ export class RobotEntry {
 }
 
 /** What is heard of the event stream. */
-const NAMES = [
+const NAMES: readonly LiveEvent['event'][] = [
   'resync',
   'estimate',
   'rows',
@@ -96,7 +96,7 @@ class Fleet {
 
   constructor() {
     this.stream = new LiveStream(NAMES, {
-      message: (name, data) => this.#take(name, data),
+      message: (event) => this.#take(event),
       ready: (again) => (again ? this.#changedTopics() : this.#resync()),
       lost: () => {
         // To say why there is nothing to show, and to notice that the session has ended.
@@ -184,28 +184,35 @@ class Fleet {
     else this.entries = new Map([...this.entries, [id, new RobotEntry(robot)]]);
   }
 
-  #take(name: string, data: unknown): void {
-    if (name === 'estimate') {
-      const estimate = data as Estimate;
-      this.#estimates.set(estimate.robot, estimate);
-      for (const listener of this.#listeners) listener.estimate?.(estimate);
-    } else if (name === 'rows') {
-      for (const row of data as RobotRow[]) this.#rows.set(row.robot, row);
-    } else if (name === 'robot_state') {
-      const update = data as RobotStateUpdate;
-      this.#states.set(update.robot, update);
-    } else if (name === 'event') {
-      for (const listener of this.#listeners) listener.event?.(data as RobotEvent);
-    } else if (name === 'alert') {
-      for (const listener of this.#listeners) listener.alert?.(data as Alert);
-    } else if (name === 'approval') {
-      const { robot } = data as { robot: string };
-      this.#approvals.add(robot);
-      for (const listener of this.#listeners) listener.approval?.(robot);
-    } else if (name === 'hold' || name === 'policy') {
-      for (const listener of this.#listeners) listener[name]?.();
-    } else {
-      this.#resync();
+  #take({ event, data }: LiveEvent): void {
+    switch (event) {
+      case 'estimate':
+        this.#estimates.set(data.robot, data);
+        for (const listener of this.#listeners) listener.estimate?.(data);
+        break;
+      case 'rows':
+        for (const row of data) this.#rows.set(row.robot, row);
+        break;
+      case 'robot_state':
+        this.#states.set(data.robot, data);
+        break;
+      case 'event':
+        for (const listener of this.#listeners) listener.event?.(data);
+        break;
+      case 'alert':
+        for (const listener of this.#listeners) listener.alert?.(data);
+        break;
+      case 'approval':
+        this.#approvals.add(data.robot);
+        for (const listener of this.#listeners) listener.approval?.(data.robot);
+        break;
+      case 'hold':
+      case 'policy':
+        for (const listener of this.#listeners) listener[event]?.();
+        break;
+      case 'ready':
+      case 'resync':
+        this.#resync();
     }
   }
 
