@@ -8,7 +8,8 @@ use std::time::Duration;
 
 use clap::Parser;
 use fleetcal::command::{
-    Cli, Command, CommandError, acl, backup, completions, demo, serve, token, user,
+    Cli, Command, CommandError, acl, backup, check_config, completions, demo, man, serve, token,
+    user,
 };
 use fleetcal_clock::{SharedClock, SystemClock};
 use fleetcal_command::{agent, calibrate, odometry, replay, simulate};
@@ -43,7 +44,9 @@ fn run(command: &Command) -> Result<(), CommandError> {
         Command::User(arguments) => on_runtime(user::run(arguments, clock)),
         Command::Backup(arguments) => on_runtime(backup::run(arguments)),
         Command::Acl(arguments) => acl::run(arguments),
+        Command::CheckConfig(arguments) => check_config::run(arguments),
         Command::Completions(arguments) => completions::run(arguments),
+        Command::Man(arguments) => man::run(arguments),
     }
 }
 

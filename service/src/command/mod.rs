@@ -2,8 +2,10 @@
 
 pub mod acl;
 pub mod backup;
+pub mod check_config;
 pub mod completions;
 pub mod demo;
+pub mod man;
 pub mod serve;
 mod stopping;
 pub mod token;
@@ -62,8 +64,12 @@ pub enum Command {
     Backup(backup::Arguments),
     /// Generates access lists of Zenoh routers
     Acl(acl::Arguments),
+    /// Checks a `fleetcal.toml` without starting the service
+    CheckConfig(check_config::Arguments),
     /// Prints the completions of a shell: fleetcal completions bash
     Completions(completions::Arguments),
+    /// Writes the manual pages into a folder
+    Man(man::Arguments),
 }
 
 /// Why a command failed, in one sentence.

@@ -1,0 +1,24 @@
+//! `fleetcal man`: the manual pages, one for each command.
+
+use std::path::PathBuf;
+
+use clap::{Args, CommandFactory};
+
+use crate::command::{Cli, CommandError};
+
+/// What `fleetcal man` takes.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// The folder to write them into, such as /usr/local/share/man/man1; it must exist
+    #[arg(value_name = "DIR")]
+    pub to: PathBuf,
+}
+
+/// Writes `fleetcal.1`, `fleetcal-serve.1` and so on.
+///
+/// # Errors
+/// When a page cannot be written.
+pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
+    clap_mangen::generate_to(Cli::command(), &arguments.to)?;
+    Ok(())
+}
