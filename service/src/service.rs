@@ -17,6 +17,7 @@ use fleetcal_link::{Link, LinkError, LinkSetup};
 use fleetcal_operations::clerk::{Clerk, ClerkSetup};
 use fleetcal_operations::courier::{Courier, CourierSetup};
 use fleetcal_operations::entropy::{self, NoEntropy};
+use fleetcal_operations::robots::configure;
 use fleetcal_operations::sentry::{Sentry, SentrySetup};
 use fleetcal_proto::{Keys, RobotId};
 use fleetcal_sqlite::signing_key::{self, KeyError};
@@ -279,9 +280,8 @@ async fn start_fleet(
     }
     for entry in &config.robots {
         if robots.get(&entry.id) != Some(&entry.config) {
-            store
-                .save_robot(&entry.id, &entry.config, Expected::Any, Actor::service())
-                .await?;
+            let actor = Actor::service();
+            configure(store, &entry.id, &entry.config, Expected::Any, actor).await?;
             robots.insert(entry.id.clone(), entry.config.clone());
         }
     }

@@ -6,10 +6,11 @@ use std::sync::Arc;
 use fleetcal_clock::SystemClock;
 use fleetcal_domain::access::{Actor, Authentication, Role};
 use fleetcal_domain::approval::{Command, Evidence, Origin, Policy, ProposalState, Refused};
+use fleetcal_operations::clerk::{Decide, Decided};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::signing::SigningKey;
-use fleetcal_store::{Decided, Decision, ProposalFilter, Store, StoreError};
+use fleetcal_store::{ProposalFilter, Store, StoreError};
 
 use crate::records;
 
@@ -33,7 +34,7 @@ async fn decide(
     command: Command,
     by: &str,
 ) -> Result<Decided, StoreError> {
-    let decision = Decision {
+    let decision = Decide {
         robot: robot.clone(),
         command,
         actor: person(by),
@@ -44,7 +45,7 @@ async fn decide(
         rear_axle_in_base_link: None,
         present: fleetcal_domain::approval::Present::Unknown,
     };
-    store.decide(decision).await
+    store.transact(decision).await
 }
 
 async fn propose(store: &Store, robot: &RobotId) -> (u64, Command) {

@@ -25,11 +25,11 @@ use fleetcal_domain::approval::{
 use fleetcal_domain::robot::{RobotConfig, Wheelbase};
 use fleetcal_estimator::{EstimatorSettings, VehicleModel};
 use fleetcal_fleet::{FleetHandle, FleetSetup};
-use fleetcal_operations::clerk::{Clerk, ClerkSetup};
+use fleetcal_operations::clerk::{Clerk, ClerkSetup, Decided};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::signing::SigningKey;
 use fleetcal_sqlite::Outlives;
-use fleetcal_store::{Decided, StoreError};
+use fleetcal_store::StoreError;
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 

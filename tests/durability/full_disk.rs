@@ -60,7 +60,7 @@ impl Offers {
     async fn offer_until_refused(&mut self) {
         for _ in 0..1_000 {
             self.offer(1);
-            if self.store.probe().await.is_err() {
+            if self.store.flush().await.is_err() {
                 return;
             }
         }

@@ -143,12 +143,18 @@ pub const SESSION_REST_TAKEN_WITHIN: Duration = Duration::from_secs(30);
 /// Times an estimator is restarted after a panic before its robot is left alone.
 pub const ESTIMATOR_RESTARTS_MAX: u32 = 10;
 
-/// Rows of history that wait for the store's writer.
+/// Rows of telemetry that wait for the store.
 pub const STORE_QUEUE_MAX: usize = 16_384;
-/// The store's writer commits at least this often.
+/// Telemetry is committed at least this often.
 pub const STORE_FLUSH_EVERY: Duration = Duration::from_secs(1);
-/// Writes that one transaction of the store holds before it is committed early.
+/// Seconds of history that are gathered before they are written early.
 pub const STORE_BATCH_MAX: usize = 4_096;
+/// Rows of telemetry in one transaction: a job waits for at most one such transaction, some 30 ms.
+pub const STORE_TELEMETRY_ROWS_MAX: usize = 256;
+/// Jobs that wait for the store.
+pub const STORE_JOBS_MAX: usize = 1_024;
+/// Jobs in one transaction.
+pub const STORE_JOBS_AT_ONCE_MAX: usize = 128;
 /// A robot's latest estimate is stored at most this often; its history every second.
 pub const STORE_CURRENT_EVERY: Duration = Duration::from_secs(10);
 /// Connections that read the database.

@@ -5,11 +5,8 @@ use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fleetcal_domain::access::Actor;
-use fleetcal_store::backend::{AccountReader as _, Batch, Reader as _, Writer as _};
-use fleetcal_store::{
-    StoreError, TokenChange, TokenRecord, TokenWrite, UserChange, UserRecord, UserWrite, Written,
-};
+use fleetcal_store::backend::{AccountReader as _, Reader as _};
+use fleetcal_store::{Job, StoreError, TokenRecord, UserRecord};
 
 use super::folder::Folder;
 use super::{SqliteReader, SqliteWriter};
@@ -48,58 +45,12 @@ impl Administration {
         })
     }
 
-    /// Changes a user at `now_ns`, wall time.
+    /// Runs a job in a transaction of its own.
     ///
     /// # Errors
-    /// [`StoreError::Account`] when it is refused; otherwise the database's failure.
-    pub async fn write_user(
-        &mut self,
-        actor: Actor,
-        now_ns: i64,
-        change: UserChange,
-    ) -> Result<Written<UserRecord>, StoreError> {
-        let write = UserWrite {
-            actor,
-            now_ns,
-            change,
-        };
-        let batch = Batch {
-            users: vec![write],
-            ..Batch::default()
-        };
-        let outcomes = self.writer.commit(&batch).await?;
-        outcomes
-            .users
-            .into_iter()
-            .next()
-            .unwrap_or(Err(StoreError::Closed))
-    }
-
-    /// Changes a token at `now_ns`, wall time.
-    ///
-    /// # Errors
-    /// [`StoreError::Account`] when it is refused; otherwise the database's failure.
-    pub async fn write_token(
-        &mut self,
-        actor: Actor,
-        now_ns: i64,
-        change: TokenChange,
-    ) -> Result<Written<TokenRecord>, StoreError> {
-        let write = TokenWrite {
-            actor,
-            now_ns,
-            change,
-        };
-        let batch = Batch {
-            tokens: vec![write],
-            ..Batch::default()
-        };
-        let outcomes = self.writer.commit(&batch).await?;
-        outcomes
-            .tokens
-            .into_iter()
-            .next()
-            .unwrap_or(Err(StoreError::Closed))
+    /// The job's refusal, or the database's failure.
+    pub async fn transact<J: Job>(&mut self, job: J) -> Result<J::Done, StoreError> {
+        self.writer.transact(job).await
     }
 
     /// The user of a name, upper or lower case.
@@ -136,7 +87,7 @@ impl Administration {
     /// The database's failure.
     pub async fn close(self) -> Result<(), StoreError> {
         self.reader.close().await;
-        Box::new(self.writer).close().await
+        self.writer.close().await
     }
 }
 

@@ -1,205 +1,107 @@
-//! Alerts: each change is read, made and written in one transaction, with what is told of it.
+//! Alerts and how they went.
 
-use fleetcal_domain::alert::{
-    self, Acknowledgement, Alert, AlertKind, AlertPolicy, AlertRefused, ConditionName, Notice,
-    Sighting, Step, Subject,
-};
-use fleetcal_domain::limits;
-use fleetcal_domain::webhook::Message;
-use fleetcal_store::{
-    AcknowledgeWrite, AlertChange, AlertFilter, AlertMoment, AlertSelection, AlertWrite,
-    AuditEntry, StoreError,
-};
-use sqlx::sqlite::{SqliteConnection, SqlitePool, SqliteRow};
+use async_trait::async_trait;
+use fleetcal_domain::alert::{Alert, AlertKind, ConditionName, Subject};
+use fleetcal_store::transaction::AlertRecords;
+use fleetcal_store::{AlertFilter, AlertMoment, AlertSelection, StoreError};
+use sqlx::sqlite::{SqlitePool, SqliteRow};
 use sqlx::{QueryBuilder, Sqlite};
 
-use super::row::{column, parsed};
-use super::{audit, webhooks};
+use super::row::{column, json, parsed};
+use super::transaction::SqliteRecords;
 
 const TABLE: &str = "alert";
 
-/// Changes alerts in the transaction that the connection is in.
-///
-/// # Errors
-/// [`StoreError::Alert`] before anything is written.
-pub(super) async fn write(
-    connection: &mut SqliteConnection,
-    write: &AlertWrite,
-) -> Result<Vec<AlertChange>, StoreError> {
-    match write {
-        AlertWrite::Observe {
-            sightings,
-            policy,
-            now_ns,
-        } => {
-            let mut changes = Vec::new();
-            for (robot, sighting) in sightings {
-                let change = observe(connection, robot, sighting, policy, *now_ns).await?;
-                changes.extend(change);
-            }
-            Ok(changes)
-        }
-        AlertWrite::Acknowledge(write) => {
-            let alert = acknowledge(connection, write).await?;
-            Ok(vec![AlertChange::Kept(Box::new(alert))])
-        }
-    }
-}
-
-async fn observe(
-    connection: &mut SqliteConnection,
-    robot: &Subject,
-    sighting: &Sighting,
-    policy: &AlertPolicy,
-    now_ns: i64,
-) -> Result<Option<AlertChange>, StoreError> {
-    let before = active(connection, robot, sighting.kind).await?;
-    let periods = policy.periods(sighting.kind);
-    match alert::step(before.as_ref(), robot, sighting, now_ns, periods) {
-        Step::Same => Ok(None),
-        Step::Dropped => {
-            let Some(before) = before else {
-                return Ok(None);
-            };
-            sqlx::query("DELETE FROM alert WHERE id = ?1")
-                .bind(before.id as i64)
-                .execute(connection)
-                .await
-                .map_err(StoreError::database("delete an alert"))?;
-            Ok(Some(AlertChange::Dropped(Box::new(before))))
-        }
-        Step::Retold(alert) => {
-            retell(connection, &alert).await?;
-            Ok(Some(AlertChange::Kept(alert)))
-        }
-        Step::Changed(mut alert, notice) => {
-            save(connection, &mut alert, None, now_ns).await?;
-            if let Some(notice) = notice {
-                tell(connection, &alert, notice, now_ns).await?;
-            }
-            Ok(Some(AlertChange::Kept(alert)))
-        }
-    }
-}
-
-async fn tell(
-    connection: &mut SqliteConnection,
-    alert: &Alert,
-    notice: Notice,
-    now_ns: i64,
-) -> Result<(), StoreError> {
-    let message = Message::of_alert(alert, notice, now_ns);
-    let message = message.map_err(|error| unwritable(&error))?;
-    webhooks::enqueue(connection, &message, now_ns).await
-}
-
-async fn acknowledge(
-    connection: &mut SqliteConnection,
-    write: &AcknowledgeWrite,
-) -> Result<Alert, StoreError> {
-    let row = sqlx::query("SELECT id, record FROM alert WHERE id = ?1")
-        .bind(i64::try_from(write.id).unwrap_or(i64::MAX))
-        .fetch_optional(&mut *connection)
+#[async_trait]
+impl AlertRecords for SqliteRecords<'_> {
+    async fn active_alert(
+        &mut self,
+        subject: &Subject,
+        kind: AlertKind,
+    ) -> Result<Option<Alert>, StoreError> {
+        let row = sqlx::query(
+            "SELECT id, record FROM alert WHERE robot = ?1 AND kind = ?2 AND state <> 'normal'",
+        )
+        .bind(subject.as_str())
+        .bind(kind.as_str())
+        .fetch_optional(&mut *self.connection)
         .await
         .map_err(StoreError::database("read an alert"))?;
-    let row = row.ok_or(AlertRefused::Unknown(write.id))?;
-    let before = alert_of(&row)?;
-    let acknowledgement = Acknowledgement {
-        by: write.actor.name.clone(),
-        at_ns: write.now_ns,
-        note: write.note.clone(),
-    };
-    let mut after = before.acknowledge(write.version, acknowledgement.clone())?;
-    save(connection, &mut after, Some(&acknowledgement), write.now_ns).await?;
-    let entry = AuditEntry {
-        at_ns: write.now_ns,
-        actor: write.actor.clone(),
-        action: "alert.acknowledge",
-        subject: "alert",
-        subject_id: write.id.to_string(),
-        robot: after.robot.robot().cloned(),
-        before: serde_json::to_value(&before).ok(),
-        after: serde_json::to_value(&after).ok(),
-        reason: write.note.clone(),
-    };
-    audit::append(connection, &entry).await?;
-    Ok(after)
-}
+        row.as_ref().map(alert_of).transpose()
+    }
 
-/// Writes what an alert says now, which is no change of it.
-async fn retell(connection: &mut SqliteConnection, alert: &Alert) -> Result<(), StoreError> {
-    let record = serde_json::to_string(alert).map_err(|error| unwritable(&error))?;
-    sqlx::query("UPDATE alert SET record = ?1 WHERE id = ?2")
-        .bind(record)
-        .bind(alert.id as i64)
-        .execute(connection)
+    async fn alert(&mut self, id: u64) -> Result<Option<Alert>, StoreError> {
+        let row = sqlx::query("SELECT id, record FROM alert WHERE id = ?1")
+            .bind(i64::try_from(id).unwrap_or(i64::MAX))
+            .fetch_optional(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("read an alert"))?;
+        row.as_ref().map(alert_of).transpose()
+    }
+
+    async fn add_alert(&mut self, alert: &Alert) -> Result<u64, StoreError> {
+        let id =
+            sqlx::query_scalar("INSERT INTO alert (record, rank) VALUES (?1, ?2) RETURNING id")
+                .bind(json(TABLE, alert)?)
+                .bind(i64::from(alert.rank()))
+                .fetch_one(&mut *self.connection)
+                .await
+                .map_err(StoreError::database("write an alert"))?;
+        number(id)
+    }
+
+    async fn save_alert(&mut self, alert: &Alert) -> Result<(), StoreError> {
+        sqlx::query("UPDATE alert SET record = ?1, rank = ?2 WHERE id = ?3")
+            .bind(json(TABLE, alert)?)
+            .bind(i64::from(alert.rank()))
+            .bind(alert.id as i64)
+            .execute(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("write an alert"))?;
+        Ok(())
+    }
+
+    async fn delete_alert(&mut self, id: u64) -> Result<(), StoreError> {
+        sqlx::query("DELETE FROM alert WHERE id = ?1")
+            .bind(id as i64)
+            .execute(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("delete an alert"))?;
+        Ok(())
+    }
+
+    async fn add_alert_moment(
+        &mut self,
+        id: u64,
+        moment: &AlertMoment,
+        kept: u32,
+    ) -> Result<(), StoreError> {
+        let failed = || StoreError::database("write how an alert went");
+        sqlx::query(
+            "INSERT INTO alert_change (alert, at_ns, version, state, what, by, note)
+             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
+        )
+        .bind(id as i64)
+        .bind(moment.at_ns)
+        .bind(moment.version as i64)
+        .bind(moment.state.as_str())
+        .bind(&moment.what)
+        .bind(&moment.by)
+        .bind(&moment.note)
+        .execute(&mut *self.connection)
         .await
-        .map_err(StoreError::database("write an alert"))?;
-    Ok(())
-}
-
-/// Writes an alert and its change; a new one gets its number.
-async fn save(
-    connection: &mut SqliteConnection,
-    alert: &mut Alert,
-    acknowledged: Option<&Acknowledgement>,
-    now_ns: i64,
-) -> Result<(), StoreError> {
-    let failed = || StoreError::database("write an alert");
-    let record = serde_json::to_string(alert).map_err(|error| unwritable(&error))?;
-    let is_new = alert.id == 0;
-    let id: i64 = sqlx::query_scalar(if is_new {
-        "INSERT INTO alert (record, rank) VALUES (?1, ?2) RETURNING id"
-    } else {
-        "UPDATE alert SET record = ?1, rank = ?2 WHERE id = ?3 RETURNING id"
-    })
-    .bind(record)
-    .bind(i64::from(alert.rank()))
-    .bind((!is_new).then_some(alert.id as i64))
-    .fetch_one(&mut *connection)
-    .await
-    .map_err(failed())?;
-    alert.id = u64::try_from(id).unwrap_or(0);
-    sqlx::query(
-        "INSERT INTO alert_change (alert, at_ns, version, state, what, by, note)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
-    )
-    .bind(id)
-    .bind(now_ns)
-    .bind(alert.version as i64)
-    .bind(alert.condition.name().as_str())
-    .bind(&alert.what)
-    .bind(acknowledged.map(|one| &one.by))
-    .bind(acknowledged.and_then(|one| one.note.as_ref()))
-    .execute(&mut *connection)
-    .await
-    .map_err(failed())?;
-    sqlx::query(
-        "DELETE FROM alert_change WHERE alert = ?1 AND id <= (SELECT id FROM alert_change
-         WHERE alert = ?1 ORDER BY id DESC LIMIT 1 OFFSET ?2)",
-    )
-    .bind(id)
-    .bind(i64::from(limits::ALERT_CHANGES_MAX))
-    .execute(connection)
-    .await
-    .map_err(failed())?;
-    Ok(())
-}
-
-async fn active(
-    connection: &mut SqliteConnection,
-    robot: &Subject,
-    kind: AlertKind,
-) -> Result<Option<Alert>, StoreError> {
-    let row = sqlx::query(
-        "SELECT id, record FROM alert WHERE robot = ?1 AND kind = ?2 AND state <> 'normal'",
-    )
-    .bind(robot.as_str())
-    .bind(kind.as_str())
-    .fetch_optional(connection)
-    .await
-    .map_err(StoreError::database("read an alert"))?;
-    row.as_ref().map(alert_of).transpose()
+        .map_err(failed())?;
+        sqlx::query(
+            "DELETE FROM alert_change WHERE alert = ?1 AND id <= (SELECT id FROM alert_change
+             WHERE alert = ?1 ORDER BY id DESC LIMIT 1 OFFSET ?2)",
+        )
+        .bind(id as i64)
+        .bind(i64::from(kept))
+        .execute(&mut *self.connection)
+        .await
+        .map_err(failed())?;
+        Ok(())
+    }
 }
 
 /// Every alert that is not over.
@@ -305,11 +207,4 @@ fn number(number: i64) -> Result<u64, StoreError> {
         table: TABLE,
         reason: format!("{number} is no number of a record"),
     })
-}
-
-fn unwritable(error: &serde_json::Error) -> StoreError {
-    StoreError::Corrupt {
-        table: TABLE,
-        reason: error.to_string(),
-    }
 }

@@ -1,87 +1,74 @@
-//! The life cycle's records: each decision is read, taken and written in one transaction.
+//! The life cycle's records: read and written in the transaction of a decision.
 
-use fleetcal_domain::approval::{
-    self, GenerationRef, NextIds, Outcome, Parcel, Policy, Proposal, Refused, RobotLedger, Standing,
-};
+use async_trait::async_trait;
+use fleetcal_domain::approval::{GenerationRef, NextIds, Outcome, Parcel, Proposal, RobotLedger};
 use fleetcal_proto::RobotId;
-use fleetcal_store::{AuditEntry, Decided, Decision, HoldWrite, SiteHold, StoreError};
+use fleetcal_store::transaction::ApprovalRecords;
+use fleetcal_store::{SiteHold, StoreError, StoredPolicy};
 use serde::Serialize;
 use sqlx::sqlite::{SqliteConnection, SqliteRow};
 use sqlx::{QueryBuilder, Sqlite};
 
-use super::audit;
-use super::records::{LIVE, may_change, number, record, site_hold};
-use super::row::column;
+use super::policy;
+use super::records::{self, LIVE, number, record};
+use super::row::{column, json};
+use super::transaction::SqliteRecords;
 
-/// Takes a decision by these rules in the transaction that the connection is in.
-///
-/// # Errors
-/// [`StoreError::Refused`] and [`StoreError::KeyReused`] before anything is written.
-pub(super) async fn decide(
-    connection: &mut SqliteConnection,
-    decision: &Decision,
-    policy: &Policy,
-) -> Result<Decided, StoreError> {
-    if let Some(proposal) = answered(connection, decision).await? {
-        return Ok(Decided::Repeated(Box::new(proposal)));
+#[async_trait]
+impl ApprovalRecords for SqliteRecords<'_> {
+    async fn ledger(
+        &mut self,
+        robot: &RobotId,
+        answered: Option<u64>,
+    ) -> Result<RobotLedger, StoreError> {
+        ledger(self.connection, robot, answered).await
     }
-    let answered = match &decision.command {
-        approval::Command::Acknowledge(applied) => Some(applied.generation),
-        _ => None,
-    };
-    let ledger = ledger(connection, &decision.robot, answered).await?;
-    let standing = Standing {
-        policy,
-        key: &decision.key,
-        actor: &decision.actor,
-        now_ns: decision.now_ns,
-        held: match decision.command {
-            approval::Command::Offer { .. } => site_hold(&mut *connection).await?.held,
-            _ => false,
-        },
-        rear_axle_in_base_link: decision.rear_axle_in_base_link,
-        present: decision.present,
-    };
-    let ids = next_ids(connection).await?;
-    let outcome = match approval::step(&ledger, decision.command.clone(), ids, &standing) {
-        Ok(outcome) => outcome,
-        Err(refused) => return Err(refused_on(connection, &decision.command, refused).await?),
-    };
-    write(connection, decision, &outcome).await?;
-    Ok(Decided::Taken(Box::new(outcome)))
+
+    async fn next_ids(&mut self) -> Result<NextIds, StoreError> {
+        next_ids(self.connection).await
+    }
+
+    async fn proposal(&mut self, id: u64) -> Result<Option<Proposal>, StoreError> {
+        let row = sqlx::query("SELECT record FROM proposal WHERE id = ?1")
+            .bind(i64::try_from(id).unwrap_or(i64::MAX))
+            .fetch_optional(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("read a proposal"))?;
+        row.map(|row| record(&row, "proposal", 0)).transpose()
+    }
+
+    async fn save_outcome(&mut self, outcome: &Outcome) -> Result<(), StoreError> {
+        save(self.connection, outcome).await
+    }
+
+    async fn site_hold(&mut self) -> Result<SiteHold, StoreError> {
+        records::site_hold(&mut *self.connection).await
+    }
+
+    async fn save_site_hold(&mut self, hold: &SiteHold) -> Result<(), StoreError> {
+        sqlx::query("UPDATE site SET version = ?1, held = ?2, by = ?3, at_ns = ?4, reason = ?5")
+            .bind(hold.version as i64)
+            .bind(hold.held)
+            .bind(&hold.by)
+            .bind(hold.at_ns)
+            .bind(&hold.reason)
+            .execute(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("write the site-wide stop"))?;
+        Ok(())
+    }
+
+    async fn stored_policy(&mut self) -> Result<StoredPolicy, StoreError> {
+        policy::read(&mut *self.connection).await
+    }
+
+    async fn save_policy(&mut self, policy: &StoredPolicy) -> Result<(), StoreError> {
+        policy::save(self.connection, policy).await
+    }
 }
 
-/// Tells "somebody was faster" from "that was decided long ago": a proposal that is not open any
-/// more has another version than the one that was looked at while it was.
-async fn refused_on(
-    connection: &mut SqliteConnection,
-    command: &approval::Command,
-    refused: Refused,
-) -> Result<StoreError, StoreError> {
-    let (Refused::NotOpen(id), Some(looked_at)) = (&refused, command.version()) else {
-        return Ok(StoreError::Refused(refused));
-    };
-    let row = sqlx::query("SELECT record FROM proposal WHERE id = ?1")
-        .bind(i64::try_from(*id).unwrap_or(i64::MAX))
-        .fetch_optional(connection)
-        .await
-        .map_err(StoreError::database("read a proposal"))?;
-    let found: Option<Proposal> = row.map(|row| record(&row, "proposal", 0)).transpose()?;
-    Ok(StoreError::Refused(match found {
-        Some(found) if found.version != looked_at => Refused::Stale {
-            found: found.version,
-        },
-        Some(found) => Refused::ProposalClosed { state: found.state },
-        None => refused,
-    }))
-}
-
-async fn write(
-    connection: &mut SqliteConnection,
-    decision: &Decision,
-    outcome: &Outcome,
-) -> Result<(), StoreError> {
-    let robot = decision.robot.as_str();
+async fn save(connection: &mut SqliteConnection, outcome: &Outcome) -> Result<(), StoreError> {
+    let robot = outcome.ledger.shadow.robot.as_str();
     for revision in &outcome.revisions {
         put(
             connection,
@@ -107,7 +94,7 @@ async fn write(
              ON CONFLICT (robot) DO UPDATE SET record = excluded.record",
         )
         .bind(robot)
-        .bind(json(&outcome.ledger.shadow)?)
+        .bind(json("shadow", &outcome.ledger.shadow)?)
         .execute(&mut *connection)
         .await
         .map_err(StoreError::database("write a robot's shadow"))?;
@@ -116,16 +103,12 @@ async fn write(
         sqlx::query("INSERT INTO envelope (robot, generation, record) VALUES (?1, ?2, ?3)")
             .bind(robot)
             .bind(*generation as i64)
-            .bind(json(envelope)?)
+            .bind(json("envelope", envelope)?)
             .execute(&mut *connection)
             .await
             .map_err(StoreError::database("write a signed document"))?;
     }
-    write_outbox(connection, robot, outcome).await?;
-    for entry in decision.audit(outcome) {
-        audit::append(connection, &entry).await?;
-    }
-    remember_answer(connection, decision, outcome).await
+    write_outbox(connection, robot, outcome).await
 }
 
 async fn put<T: Serialize>(
@@ -136,7 +119,7 @@ async fn put<T: Serialize>(
 ) -> Result<(), StoreError> {
     sqlx::query(sql)
         .bind(id as i64)
-        .bind(json(record)?)
+        .bind(json("record", record)?)
         .execute(connection)
         .await
         .map_err(StoreError::database("write a record of the life cycle"))?;
@@ -181,54 +164,6 @@ const fn columns_of(parcel: Parcel) -> (&'static str, i64) {
         Parcel::Approved(generation) => ("approved", generation as i64),
         Parcel::Confirmed(generation) => ("confirmed", generation as i64),
     }
-}
-
-/// The proposal with which the same request was answered before.
-async fn answered(
-    connection: &mut SqliteConnection,
-    decision: &Decision,
-) -> Result<Option<Proposal>, StoreError> {
-    let Some(key) = &decision.idempotency else {
-        return Ok(None);
-    };
-    let row = sqlx::query(
-        "SELECT r.request_sha256, p.record FROM proposal_request AS r
-         JOIN proposal AS p ON p.id = r.proposal WHERE r.robot = ?1 AND r.key = ?2",
-    )
-    .bind(decision.robot.as_str())
-    .bind(&key.key)
-    .fetch_optional(connection)
-    .await
-    .map_err(StoreError::database("read an answer given before"))?;
-    let Some(row) = row else { return Ok(None) };
-    let sha256: Vec<u8> = column(&row, "proposal_request", 0)?;
-    if sha256 != key.request_sha256 {
-        return Err(StoreError::KeyReused);
-    }
-    record(&row, "proposal", 1).map(Some)
-}
-
-async fn remember_answer(
-    connection: &mut SqliteConnection,
-    decision: &Decision,
-    outcome: &Outcome,
-) -> Result<(), StoreError> {
-    let (Some(key), Some(proposal)) = (&decision.idempotency, outcome.proposals.last()) else {
-        return Ok(());
-    };
-    sqlx::query(
-        "INSERT INTO proposal_request (robot, key, request_sha256, proposal, received)
-         VALUES (?1, ?2, ?3, ?4, ?5)",
-    )
-    .bind(decision.robot.as_str())
-    .bind(&key.key)
-    .bind(key.request_sha256.as_slice())
-    .bind(proposal.id as i64)
-    .bind(decision.now_ns.div_euclid(1_000_000_000))
-    .execute(connection)
-    .await
-    .map_err(StoreError::database("remember an answer"))?;
-    Ok(())
 }
 
 async fn next_ids(connection: &mut SqliteConnection) -> Result<NextIds, StoreError> {
@@ -316,53 +251,4 @@ async fn given_out(
         })
     };
     row.map(of).transpose()
-}
-
-/// Holds or releases the site-wide stop.
-pub(super) async fn hold(
-    connection: &mut SqliteConnection,
-    write: &HoldWrite,
-) -> Result<SiteHold, StoreError> {
-    let before = site_hold(&mut *connection).await?;
-    may_change(before.version, write.version, &write.reason)?;
-    let after = SiteHold {
-        version: before.version + 1,
-        held: write.held,
-        by: Some(write.actor.name.clone()),
-        at_ns: Some(write.now_ns),
-        reason: Some(write.reason.clone()),
-    };
-    sqlx::query("UPDATE site SET version = ?1, held = ?2, by = ?3, at_ns = ?4, reason = ?5")
-        .bind(after.version as i64)
-        .bind(after.held)
-        .bind(&after.by)
-        .bind(after.at_ns)
-        .bind(&after.reason)
-        .execute(&mut *connection)
-        .await
-        .map_err(StoreError::database("write the site-wide stop"))?;
-    let entry = AuditEntry {
-        at_ns: write.now_ns,
-        actor: write.actor.clone(),
-        action: if write.held {
-            "site.hold"
-        } else {
-            "site.release"
-        },
-        subject: "site",
-        subject_id: "1".to_owned(),
-        robot: None,
-        before: serde_json::to_value(&before).ok(),
-        after: serde_json::to_value(&after).ok(),
-        reason: Some(write.reason.clone()),
-    };
-    audit::append(connection, &entry).await?;
-    Ok(after)
-}
-
-fn json<T: Serialize>(record: &T) -> Result<String, StoreError> {
-    serde_json::to_string(record).map_err(|error| StoreError::Corrupt {
-        table: "record",
-        reason: error.to_string(),
-    })
 }

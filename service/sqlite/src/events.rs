@@ -1,15 +1,13 @@
 //! Events: written once, however often they are sent.
 
-use fleetcal_domain::access::Actor;
 use fleetcal_store::backend::{EventWrite, Repetition};
-use fleetcal_store::{AuditEntry, EventRecord, IdempotencyKey, NewEvent, StoreError};
-use sqlx::sqlite::SqliteConnection;
-use sqlx::{AssertSqlSafe, Row};
+use fleetcal_store::{EventKind, EventRecord, EventSource, NewEvent, StoreError};
+use sqlx::AssertSqlSafe;
+use sqlx::sqlite::{SqliteConnection, SqliteRow};
 
-use super::audit;
-use super::row::{Keys, NS_PER_S, json, key_of};
+use super::row::{Keys, column, json, key_of, parsed, robot_id};
 
-/// The columns of [`super::read::event_of`].
+/// The columns of [`event_of`].
 const EVENT: &str = "e.id, r.id, e.kind, e.stamp_ns, e.received_ns, e.source, e.author, e.note, \
                      e.details";
 
@@ -18,20 +16,27 @@ pub(super) async fn write(
     connection: &mut SqliteConnection,
     keys: &mut Keys,
     write: &EventWrite,
-) -> Result<EventRecord, StoreError> {
+) -> Result<(), StoreError> {
     let event = &write.event;
-    let failed = || StoreError::database("write an event");
     let key = key_of(connection, keys, &event.robot, event.received_ns).await?;
-    let before = match &write.repetition {
+    let before = match write.repetition {
         Repetition::Never => None,
-        Repetition::Content => same_content(connection, key, event).await?,
-        Repetition::Completes => completed(connection, key, event).await?,
-        Repetition::Key(request) => answered_before(connection, event, request).await?,
+        Repetition::Content | Repetition::Completes => same_content(connection, key, event).await?,
     };
-    if let Some(record) = before {
-        return Ok(record);
+    match (before, write.repetition) {
+        (None, _) => add(connection, key, event).await.map(drop),
+        (Some(id), Repetition::Completes) => complete(connection, id, event).await,
+        (Some(_), _) => Ok(()),
     }
-    let id: i64 = sqlx::query_scalar(
+}
+
+/// Adds an event of the robot with this key; gives its number.
+pub(super) async fn add(
+    connection: &mut SqliteConnection,
+    key: i64,
+    event: &NewEvent,
+) -> Result<i64, StoreError> {
+    sqlx::query_scalar(
         "INSERT INTO robot_event
              (robot, kind, stamp_ns, received_ns, source, author, note, details)
          VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8) RETURNING id",
@@ -44,50 +49,25 @@ pub(super) async fn write(
     .bind(event.author.as_deref())
     .bind(event.note.as_deref())
     .bind(details_of(event)?)
-    .fetch_one(&mut *connection)
+    .fetch_one(connection)
     .await
-    .map_err(failed())?;
-    if let Repetition::Key(request) = &write.repetition {
-        sqlx::query(
-            "INSERT INTO idempotency (scope, key, request_sha256, event, received)
-             VALUES (?1, ?2, ?3, ?4, ?5)",
-        )
-        .bind(event.robot.as_str())
-        .bind(request.key.as_str())
-        .bind(request.request_sha256.as_slice())
-        .bind(id)
-        .bind(event.received_ns.div_euclid(NS_PER_S))
-        .execute(&mut *connection)
-        .await
-        .map_err(failed())?;
-    }
-    if let Some(actor) = &write.noted_by {
-        audit::append(connection, &entry_of(id, event, actor)).await?;
-    }
-    Ok(EventRecord {
-        id,
-        repeated: false,
-        event: event.clone(),
-    })
+    .map_err(StoreError::database("write an event"))
 }
 
-fn entry_of(id: i64, event: &NewEvent, actor: &Actor) -> AuditEntry {
-    let after = serde_json::json!({
-        "kind": event.kind.as_str(),
-        "stamp_ns": event.stamp_ns,
-        "note": event.note,
-    });
-    AuditEntry {
-        at_ns: event.received_ns,
-        actor: actor.clone(),
-        action: "event.note",
-        subject: "event",
-        subject_id: id.to_string(),
-        robot: Some(event.robot.clone()),
-        before: None,
-        after: Some(after),
-        reason: event.note.clone(),
-    }
+/// An event by its number.
+pub(super) async fn by_number(
+    connection: &mut SqliteConnection,
+    id: i64,
+) -> Result<Option<EventRecord>, StoreError> {
+    let sql = format!(
+        "SELECT {EVENT} FROM robot_event AS e JOIN robot AS r ON r.key = e.robot WHERE e.id = ?1"
+    );
+    let found = sqlx::query(AssertSqlSafe(sql))
+        .bind(id)
+        .fetch_optional(connection)
+        .await
+        .map_err(StoreError::database("read an event"))?;
+    found.map(|row| event_of(&row, false)).transpose()
 }
 
 fn details_of(event: &NewEvent) -> Result<Option<String>, StoreError> {
@@ -97,71 +77,62 @@ fn details_of(event: &NewEvent) -> Result<Option<String>, StoreError> {
         .transpose()
 }
 
-/// The event that this one says more of, with what it says now.
-async fn completed(
+/// Writes what an event says now.
+async fn complete(
     connection: &mut SqliteConnection,
-    key: i64,
+    id: i64,
     event: &NewEvent,
-) -> Result<Option<EventRecord>, StoreError> {
-    let Some(mut record) = same_content(connection, key, event).await? else {
-        return Ok(None);
-    };
+) -> Result<(), StoreError> {
     sqlx::query("UPDATE robot_event SET details = ?2 WHERE id = ?1")
-        .bind(record.id)
+        .bind(id)
         .bind(details_of(event)?)
         .execute(connection)
         .await
         .map_err(StoreError::database("complete an event"))?;
-    record.event.details.clone_from(&event.details);
-    Ok(Some(record))
+    Ok(())
 }
 
-/// The event that the same request wrote before.
-async fn answered_before(
-    connection: &mut SqliteConnection,
-    event: &NewEvent,
-    request: &IdempotencyKey,
-) -> Result<Option<EventRecord>, StoreError> {
-    let sql = format!(
-        "SELECT {EVENT}, i.request_sha256
-         FROM idempotency AS i JOIN robot_event AS e ON e.id = i.event
-         JOIN robot AS r ON r.key = e.robot
-         WHERE i.scope = ?1 AND i.key = ?2"
-    );
-    let failed = || StoreError::database("look up an Idempotency-Key");
-    let found = sqlx::query(AssertSqlSafe(sql))
-        .bind(event.robot.as_str())
-        .bind(request.key.as_str())
-        .fetch_optional(connection)
-        .await
-        .map_err(failed())?;
-    let Some(row) = found else { return Ok(None) };
-    let sha256: Vec<u8> = row.try_get(9).map_err(failed())?;
-    if sha256 != request.request_sha256 {
-        return Err(StoreError::KeyReused);
-    }
-    super::read::event_of(&row, true).map(Some)
-}
-
-/// The event of the same robot, kind, stamp and note.
+/// The number of the event of the same robot, kind, stamp and note.
 async fn same_content(
     connection: &mut SqliteConnection,
     key: i64,
     event: &NewEvent,
-) -> Result<Option<EventRecord>, StoreError> {
-    let sql = format!(
-        "SELECT {EVENT} FROM robot_event AS e JOIN robot AS r ON r.key = e.robot
-         WHERE e.robot = ?1 AND e.stamp_ns = ?2 AND e.kind = ?3 AND e.note IS ?4 LIMIT 1"
-    );
-    let found = sqlx::query(AssertSqlSafe(sql))
-        .bind(key)
-        .bind(event.stamp_ns)
-        .bind(event.kind.as_str())
-        .bind(event.note.as_deref())
-        .fetch_optional(connection)
-        .await
-        .map_err(StoreError::database("look up an event"))?;
-    found
-        .map(|row| super::read::event_of(&row, true))
-        .transpose()
+) -> Result<Option<i64>, StoreError> {
+    sqlx::query_scalar(
+        "SELECT id FROM robot_event
+         WHERE robot = ?1 AND stamp_ns = ?2 AND kind = ?3 AND note IS ?4 LIMIT 1",
+    )
+    .bind(key)
+    .bind(event.stamp_ns)
+    .bind(event.kind.as_str())
+    .bind(event.note.as_deref())
+    .fetch_optional(connection)
+    .await
+    .map_err(StoreError::database("look up an event"))
+}
+
+/// An event out of `id, robot, kind, stamp_ns, received_ns, source, author, note, details`.
+pub(super) fn event_of(row: &SqliteRow, repeated: bool) -> Result<EventRecord, StoreError> {
+    const TABLE: &str = "robot_event";
+    let kind: String = column(row, TABLE, 2)?;
+    let source: String = column(row, TABLE, 5)?;
+    let details: Option<String> = column(row, TABLE, 8)?;
+    let unknown = |what, name: &str| StoreError::Corrupt {
+        table: TABLE,
+        reason: format!("{what} {name:?} is unknown"),
+    };
+    Ok(EventRecord {
+        id: column(row, TABLE, 0)?,
+        repeated,
+        event: NewEvent {
+            robot: robot_id(row, TABLE, 1)?,
+            kind: EventKind::parse(&kind).ok_or_else(|| unknown("kind", &kind))?,
+            stamp_ns: column(row, TABLE, 3)?,
+            received_ns: column(row, TABLE, 4)?,
+            source: EventSource::parse(&source).ok_or_else(|| unknown("source", &source))?,
+            author: column(row, TABLE, 6)?,
+            note: column(row, TABLE, 7)?,
+            details: details.map(|details| parsed(TABLE, &details)).transpose()?,
+        },
+    })
 }

@@ -6,6 +6,7 @@
 mod accounts;
 mod administration;
 mod alerts;
+mod answers;
 mod approvals;
 mod audit;
 mod columns;
@@ -19,6 +20,7 @@ mod row;
 pub mod signing_key;
 #[cfg(test)]
 mod tests;
+mod transaction;
 mod webhooks;
 mod write;
 mod writer;
@@ -39,7 +41,7 @@ use sqlx::{ConnectOptions, Connection};
 
 use folder::Folder;
 use read::SqliteReader;
-use writer::SqliteWriter;
+use writer::{JobRuns, SharedWriter, SqliteWriter};
 
 pub use administration::{Administration, backup};
 
@@ -97,12 +99,34 @@ pub fn open_with(
     clock: SharedClock,
     outlives: Outlives,
 ) -> Boxed<'_, Result<Store, StoreError>> {
-    Box::pin(async move {
-        let folder = Folder::hold(folder)?;
-        let (writer, reader) = connect(&folder, clock.now_ns(), outlives).await?;
-        let held = Arc::new(Held { folder });
-        Ok(Store::start(writer, reader, held, clock))
-    })
+    Box::pin(start(folder, clock, outlives, JobRuns::Once))
+}
+
+/// The same, with each job run twice, of which the first run is undone: so tests find a job that
+/// cannot be run again.
+///
+/// # Errors
+/// As [`open`].
+#[doc(hidden)]
+pub fn open_running_twice(
+    folder: &Path,
+    clock: SharedClock,
+) -> Boxed<'_, Result<Store, StoreError>> {
+    Box::pin(start(folder, clock, Outlives::Process, JobRuns::Twice))
+}
+
+async fn start(
+    folder: &Path,
+    clock: SharedClock,
+    outlives: Outlives,
+    jobs: JobRuns,
+) -> Result<Store, StoreError> {
+    let folder = Folder::hold(folder)?;
+    let (writer, reader) = connect(&folder, clock.now_ns(), outlives, jobs).await?;
+    let records = SharedWriter::new(writer);
+    let telemetry = records.clone();
+    let held = Arc::new(Held { folder });
+    Ok(Store::start(records, telemetry, reader, held, clock))
 }
 
 /// The newest migration in this program.
@@ -124,6 +148,7 @@ async fn connect(
     folder: &Folder,
     now_ns: i64,
     outlives: Outlives,
+    jobs: JobRuns,
 ) -> Result<(SqliteWriter, SqliteReader), StoreError> {
     folder.check_whole()?;
     folder.make_private()?;
@@ -144,7 +169,7 @@ async fn connect(
     folder.sync()?;
     note_start(&mut connection, now_ns).await?;
     let reader = readers(&path).await?;
-    Ok((SqliteWriter::new(connection, options).await?, reader))
+    Ok((SqliteWriter::new(connection, options, jobs).await?, reader))
 }
 
 /// Opens the database of a folder for administration. A folder that is held is migrated; that of a
@@ -175,7 +200,10 @@ async fn administer(
     if found != known {
         return Err(StoreError::OtherSchema { found, known });
     }
-    Ok((SqliteWriter::new(connection, options).await?, reader))
+    Ok((
+        SqliteWriter::new(connection, options, JobRuns::Once).await?,
+        reader,
+    ))
 }
 
 /// Copies a database as it is now into `to`, which is empty or missing.

@@ -14,14 +14,14 @@ use fleetcal_proto::calibration::Envelope;
 use fleetcal_store::backend::{Cell, Reader, Stretch, Tier};
 use fleetcal_store::{
     AlertFilter, AlertMoment, AuditFilter, AuditRow, CheckpointRecord, CrossTrackRecord,
-    CurrentRecord, DueDelivery, EventKind, EventRecord, EventSource, NewEvent, ProposalFilter,
-    RobotRecord, SiteHold, StoreError, StoredPolicy,
+    CurrentRecord, DueDelivery, EventRecord, ProposalFilter, RobotRecord, SiteHold, StoreError,
+    StoredPolicy,
 };
 use sqlx::AssertSqlSafe;
 use sqlx::sqlite::{SqlitePool, SqliteRow};
 
 use super::row::{column, corrupt, parsed, robot_id};
-use super::{alerts, columns, policy, records, webhooks};
+use super::{alerts, columns, events, policy, records, robots, webhooks};
 
 /// The pool of connections that only read.
 #[derive(Debug)]
@@ -42,24 +42,20 @@ impl SqliteReader {
 #[async_trait]
 impl Reader for SqliteReader {
     async fn robots(&self) -> Result<Vec<RobotRecord>, StoreError> {
-        let rows = sqlx::query(
-            "SELECT id, config, version, created_ns, updated_ns FROM robot ORDER BY id",
-        )
-        .fetch_all(&self.pool)
-        .await
-        .map_err(StoreError::database("read the robots"))?;
-        rows.iter().map(robot_of).collect()
+        let rows = sqlx::query(robots::SELECT_ALL)
+            .fetch_all(&self.pool)
+            .await
+            .map_err(StoreError::database("read the robots"))?;
+        rows.iter().map(robots::robot_of).collect()
     }
 
     async fn robot(&self, id: &RobotId) -> Result<Option<RobotRecord>, StoreError> {
-        let row = sqlx::query(
-            "SELECT id, config, version, created_ns, updated_ns FROM robot WHERE id = ?1",
-        )
-        .bind(id.as_str())
-        .fetch_optional(&self.pool)
-        .await
-        .map_err(StoreError::database("read a robot"))?;
-        row.as_ref().map(robot_of).transpose()
+        let row = sqlx::query(robots::SELECT_ONE)
+            .bind(id.as_str())
+            .fetch_optional(&self.pool)
+            .await
+            .map_err(StoreError::database("read a robot"))?;
+        row.as_ref().map(robots::robot_of).transpose()
     }
 
     async fn current(&self) -> Result<Vec<CurrentRecord>, StoreError> {
@@ -191,7 +187,9 @@ impl Reader for SqliteReader {
         .fetch_all(&self.pool)
         .await
         .map_err(StoreError::database("read a robot's events"))?;
-        rows.iter().map(|row| event_of(row, false)).collect()
+        rows.iter()
+            .map(|row| events::event_of(row, false))
+            .collect()
     }
 
     async fn schema_version(&self) -> Result<i64, StoreError> {
@@ -294,18 +292,6 @@ impl Reader for SqliteReader {
     }
 }
 
-fn robot_of(row: &SqliteRow) -> Result<RobotRecord, StoreError> {
-    let config: Option<String> = column(row, "robot", 1)?;
-    let version: i64 = column(row, "robot", 2)?;
-    Ok(RobotRecord {
-        id: robot_id(row, "robot", 0)?,
-        config: config.map(|config| parsed("robot", &config)).transpose()?,
-        version: u64::try_from(version).map_err(corrupt("robot"))?,
-        created_ns: column(row, "robot", 3)?,
-        updated_ns: column(row, "robot", 4)?,
-    })
-}
-
 fn stretch_of(row: &SqliteRow, tier: Tier, parameters: usize) -> Result<Stretch, StoreError> {
     let table = columns::table(tier);
     let count: i64 = column(row, table, 1)?;
@@ -331,31 +317,5 @@ fn stretch_of(row: &SqliteRow, tier: Tier, parameters: usize) -> Result<Stretch,
         status: u32::try_from(status).map_err(corrupt(table))?,
         nis: column(row, table, 3)?,
         cells,
-    })
-}
-
-/// An event out of `id, robot, kind, stamp_ns, received_ns, source, author, note, details`.
-pub(super) fn event_of(row: &SqliteRow, repeated: bool) -> Result<EventRecord, StoreError> {
-    const TABLE: &str = "robot_event";
-    let kind: String = column(row, TABLE, 2)?;
-    let source: String = column(row, TABLE, 5)?;
-    let details: Option<String> = column(row, TABLE, 8)?;
-    let unknown = |what, name: &str| StoreError::Corrupt {
-        table: TABLE,
-        reason: format!("{what} {name:?} is unknown"),
-    };
-    Ok(EventRecord {
-        id: column(row, TABLE, 0)?,
-        repeated,
-        event: NewEvent {
-            robot: robot_id(row, TABLE, 1)?,
-            kind: EventKind::parse(&kind).ok_or_else(|| unknown("kind", &kind))?,
-            stamp_ns: column(row, TABLE, 3)?,
-            received_ns: column(row, TABLE, 4)?,
-            source: EventSource::parse(&source).ok_or_else(|| unknown("source", &source))?,
-            author: column(row, TABLE, 6)?,
-            note: column(row, TABLE, 7)?,
-            details: details.map(|details| parsed(TABLE, &details)).transpose()?,
-        },
     })
 }

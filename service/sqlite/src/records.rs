@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use fleetcal_domain::approval::{
-    Deployment, DeploymentState, Parcel, Proposal, Refused, Revision, RobotLedger, Shadow,
+    Deployment, DeploymentState, Parcel, Proposal, Revision, RobotLedger, Shadow,
 };
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
@@ -17,17 +17,6 @@ use super::row::{column, parsed, robot_id};
 /// Deployments that are under way.
 pub(super) const LIVE: &str =
     "state IN ('queued', 'offered', 'applied', 'verifying', 'rolling_back')";
-
-/// Refuses a change of what is at version `stands`, if another was looked at or no reason is given.
-pub(super) fn may_change(stands: u64, looked_at: u64, reason: &str) -> Result<(), StoreError> {
-    if stands != looked_at {
-        return Err(StoreError::Refused(Refused::Stale { found: stands }));
-    }
-    if reason.trim().is_empty() {
-        return Err(StoreError::Refused(Refused::ReasonMissing));
-    }
-    Ok(())
-}
 
 /// The records of every robot that has any.
 pub(super) async fn ledgers(pool: &SqlitePool) -> Result<Vec<RobotLedger>, StoreError> {

@@ -1,69 +1,73 @@
 //! Robots' configurations.
 
-use fleetcal_store::backend::RobotWrite;
-use fleetcal_store::{AuditEntry, StoreError};
-use sqlx::sqlite::SqliteConnection;
+use async_trait::async_trait;
+use fleetcal_domain::robot::RobotConfig;
+use fleetcal_model::RobotId;
+use fleetcal_store::transaction::RobotRecords;
+use fleetcal_store::{EventRecord, NewEvent, RobotRecord, StoreError};
+use sqlx::sqlite::SqliteRow;
 
-use super::audit;
-use super::records::number;
-use super::row::{Keys, column, count, json, key_of};
+use super::events;
+use super::row::{column, corrupt, json, parsed, robot_id};
+use super::transaction::SqliteRecords;
 
-/// Writes a robot's configuration; gives its new version.
-pub(super) async fn configure(
-    connection: &mut SqliteConnection,
-    keys: &mut Keys,
-    write: &RobotWrite,
-) -> Result<u64, StoreError> {
-    let failed = || StoreError::database("write a robot's configuration");
-    let row = sqlx::query("SELECT version, config FROM robot WHERE id = ?1")
-        .bind(write.robot.as_str())
-        .fetch_optional(&mut *connection)
-        .await
-        .map_err(failed())?;
-    let (found, before) = match &row {
-        Some(row) => (number(row, 0)?, column::<Option<String>>(row, "robot", 1)?),
-        None => (0, None),
-    };
-    if !write.expected.accepts(found) {
-        return Err(StoreError::VersionConflict {
-            robot: write.robot.clone(),
-            found,
-        });
+/// Reads every robot for [`robot_of`].
+pub(super) const SELECT_ALL: &str =
+    "SELECT id, config, version, created_ns, updated_ns FROM robot ORDER BY id";
+
+/// Reads one robot.
+pub(super) const SELECT_ONE: &str =
+    "SELECT id, config, version, created_ns, updated_ns FROM robot WHERE id = ?1";
+
+#[async_trait]
+impl RobotRecords for SqliteRecords<'_> {
+    async fn robot(&mut self, id: &RobotId) -> Result<Option<RobotRecord>, StoreError> {
+        let row = sqlx::query(SELECT_ONE)
+            .bind(id.as_str())
+            .fetch_optional(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("read a robot"))?;
+        row.as_ref().map(robot_of).transpose()
     }
-    let key = key_of(connection, keys, &write.robot, write.now_ns).await?;
-    let after = json("robot", &write.config)?;
-    let version: i64 = sqlx::query_scalar(
-        "UPDATE robot SET config = ?2, version = version + 1, updated_ns = ?3
-         WHERE key = ?1 RETURNING version",
-    )
-    .bind(key)
-    .bind(&after)
-    .bind(write.now_ns)
-    .fetch_one(&mut *connection)
-    .await
-    .map_err(failed())?;
-    let entry = AuditEntry {
-        at_ns: write.now_ns,
-        actor: write.actor.clone(),
-        action: match before {
-            Some(_) => "robot.configure",
-            None => "robot.register",
-        },
-        subject: "robot",
-        subject_id: write.robot.as_str().to_owned(),
-        robot: Some(write.robot.clone()),
-        before: before.as_deref().map(document).transpose()?,
-        after: Some(document(&after)?),
-        reason: None,
-    };
-    audit::append(connection, &entry).await?;
-    count("robot", version)
+
+    async fn save_config(
+        &mut self,
+        id: &RobotId,
+        config: &RobotConfig,
+        version: u64,
+        now_ns: i64,
+    ) -> Result<(), StoreError> {
+        let key = self.key_of(id, now_ns).await?;
+        sqlx::query("UPDATE robot SET config = ?2, version = ?3, updated_ns = ?4 WHERE key = ?1")
+            .bind(key)
+            .bind(json("robot", config)?)
+            .bind(version as i64)
+            .bind(now_ns)
+            .execute(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("write a robot's configuration"))?;
+        Ok(())
+    }
+
+    async fn event(&mut self, id: i64) -> Result<Option<EventRecord>, StoreError> {
+        events::by_number(self.connection, id).await
+    }
+
+    async fn add_event(&mut self, event: &NewEvent) -> Result<i64, StoreError> {
+        let key = self.key_of(&event.robot, event.received_ns).await?;
+        events::add(self.connection, key, event).await
+    }
 }
 
-/// A stored configuration, for the audit.
-fn document(json: &str) -> Result<serde_json::Value, StoreError> {
-    serde_json::from_str(json).map_err(|error| StoreError::Corrupt {
-        table: "robot",
-        reason: error.to_string(),
+/// A robot out of `id, config, version, created_ns, updated_ns`.
+pub(super) fn robot_of(row: &SqliteRow) -> Result<RobotRecord, StoreError> {
+    let config: Option<String> = column(row, "robot", 1)?;
+    let version: i64 = column(row, "robot", 2)?;
+    Ok(RobotRecord {
+        id: robot_id(row, "robot", 0)?,
+        config: config.map(|config| parsed("robot", &config)).transpose()?,
+        version: u64::try_from(version).map_err(corrupt("robot"))?,
+        created_ns: column(row, "robot", 3)?,
+        updated_ns: column(row, "robot", 4)?,
     })
 }

@@ -1,7 +1,6 @@
 //! What every table shares: columns in and out of rows, and robots' keys.
 
 use std::collections::HashMap;
-use std::num::TryFromIntError;
 
 use fleetcal_model::RobotId;
 use fleetcal_store::StoreError;
@@ -79,13 +78,4 @@ pub(super) fn json<T: serde::Serialize>(
         table,
         reason: error.to_string(),
     })
-}
-
-pub(super) fn count(table: &'static str, value: i64) -> Result<u64, StoreError> {
-    value
-        .try_into()
-        .map_err(|error: TryFromIntError| StoreError::Corrupt {
-            table,
-            reason: error.to_string(),
-        })
 }

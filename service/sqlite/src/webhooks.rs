@@ -1,18 +1,14 @@
 //! Webhooks, and the outbox of what is told to them.
 
-use fleetcal_domain::approval::{Outcome, Policy, automatic};
+use async_trait::async_trait;
 use fleetcal_domain::limits;
-use fleetcal_domain::webhook::{
-    Delivery, DeliveryState, Message, Secret, Webhook, WebhookEvent, WebhookRefused,
-};
-use fleetcal_store::{
-    AttemptWrite, AuditEntry, CreateWrite, DeleteWrite, DueDelivery, StoreError, WebhookWrite,
-    WebhookWritten,
-};
-use sqlx::sqlite::{SqliteConnection, SqlitePool, SqliteRow};
+use fleetcal_domain::webhook::{Delivery, DeliveryState, Secret, Webhook, WebhookEvent};
+use fleetcal_store::transaction::WebhookRecords;
+use fleetcal_store::{DueDelivery, StoreError};
+use sqlx::sqlite::{SqlitePool, SqliteRow};
 
-use super::audit;
-use super::row::{column, parsed};
+use super::row::{column, json, parsed};
+use super::transaction::SqliteRecords;
 
 const TABLE: &str = "webhook_delivery";
 /// The columns of [`delivery_of`].
@@ -23,241 +19,126 @@ macro_rules! delivery_columns {
     };
 }
 
-/// Puts a message into the outbox of every webhook that is told of its event; the caller's
-/// transaction is the one of the change that it tells.
-pub(super) async fn enqueue(
-    connection: &mut SqliteConnection,
-    message: &Message,
-    now_ns: i64,
-) -> Result<(), StoreError> {
-    let failed = || StoreError::database("write what is told");
-    let rows = sqlx::query("SELECT id, record, secret FROM webhook ORDER BY id")
-        .fetch_all(&mut *connection)
-        .await
-        .map_err(failed())?;
-    for row in &rows {
-        let webhook = webhook_of(row)?;
-        if !webhook.events.contains(&message.event) {
-            continue;
-        }
-        let secret = Secret::from_bytes(column(row, "webhook", 2)?);
+#[async_trait]
+impl WebhookRecords for SqliteRecords<'_> {
+    async fn webhooks(&mut self) -> Result<Vec<(Webhook, Secret)>, StoreError> {
+        let rows = sqlx::query("SELECT id, record, secret FROM webhook ORDER BY id")
+            .fetch_all(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("read the webhooks"))?;
+        let one = |row: &SqliteRow| {
+            let secret = Secret::from_bytes(column(row, "webhook", 2)?);
+            Ok((webhook_of(row)?, secret))
+        };
+        rows.iter().map(one).collect()
+    }
+
+    async fn add_webhook(&mut self, webhook: &Webhook, secret: &Secret) -> Result<u64, StoreError> {
+        let id =
+            sqlx::query_scalar("INSERT INTO webhook (record, secret) VALUES (?1, ?2) RETURNING id")
+                .bind(json("webhook", webhook)?)
+                .bind(secret.as_bytes())
+                .fetch_one(&mut *self.connection)
+                .await
+                .map_err(StoreError::database("write a webhook"))?;
+        number(id)
+    }
+
+    async fn delete_webhook(&mut self, id: u64) -> Result<(), StoreError> {
+        sqlx::query("DELETE FROM webhook WHERE id = ?1")
+            .bind(id as i64)
+            .execute(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("delete a webhook"))?;
+        Ok(())
+    }
+
+    async fn delivery(&mut self, id: u64) -> Result<Option<Delivery>, StoreError> {
+        let sql = concat!(
+            "SELECT ",
+            delivery_columns!(),
+            " FROM webhook_delivery AS d WHERE d.id = ?1"
+        );
+        let row = sqlx::query(sql)
+            .bind(id as i64)
+            .fetch_optional(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("read a delivery"))?;
+        row.as_ref().map(delivery_of).transpose()
+    }
+
+    async fn add_delivery(&mut self, delivery: &Delivery) -> Result<(), StoreError> {
         sqlx::query(
             "INSERT INTO webhook_delivery (webhook, message, event, body, created_ns, state,
-                 due_ns, attempts_made, attempts)
-             VALUES (?1, ?2, ?3, ?4, ?5, 'waiting', ?5, 0, '[]')",
+                 due_ns, attempts_made, attempts, finished_ns)
+             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10)",
         )
-        .bind(webhook.id as i64)
-        .bind(secret.message_id(&message.subject))
-        .bind(message.event.as_str())
-        .bind(&message.body)
+        .bind(delivery.webhook as i64)
+        .bind(&delivery.message)
+        .bind(delivery.event.as_str())
+        .bind(&delivery.body)
+        .bind(delivery.created_ns)
+        .bind(delivery.state.as_str())
+        .bind(delivery.due_ns)
+        .bind(i64::from(delivery.attempts_made))
+        .bind(json(TABLE, &delivery.attempts)?)
+        .bind(delivery.finished_ns)
+        .execute(&mut *self.connection)
+        .await
+        .map_err(StoreError::database("write what is told"))?;
+        Ok(())
+    }
+
+    async fn save_delivery(&mut self, delivery: &Delivery) -> Result<(), StoreError> {
+        sqlx::query(
+            "UPDATE webhook_delivery SET state = ?2, due_ns = ?3, attempts_made = ?4,
+                 attempts = ?5, finished_ns = ?6 WHERE id = ?1",
+        )
+        .bind(delivery.id as i64)
+        .bind(delivery.state.as_str())
+        .bind(delivery.due_ns)
+        .bind(i64::from(delivery.attempts_made))
+        .bind(json(TABLE, &delivery.attempts)?)
+        .bind(delivery.finished_ns)
+        .execute(&mut *self.connection)
+        .await
+        .map_err(StoreError::database("write an attempt"))?;
+        Ok(())
+    }
+
+    async fn give_up_deliveries(
+        &mut self,
+        webhook: u64,
+        kept: u32,
+        now_ns: i64,
+    ) -> Result<u64, StoreError> {
+        let done = sqlx::query(
+            "UPDATE webhook_delivery SET state = 'given_up', finished_ns = ?3
+             WHERE webhook = ?1 AND state = 'waiting' AND id <= (SELECT id FROM webhook_delivery
+                 WHERE webhook = ?1 AND state = 'waiting' ORDER BY id DESC LIMIT 1 OFFSET ?2)",
+        )
+        .bind(webhook as i64)
+        .bind(i64::from(kept))
         .bind(now_ns)
-        .execute(&mut *connection)
+        .execute(&mut *self.connection)
         .await
-        .map_err(failed())?;
-        keep_within_limits(connection, webhook.id as i64, now_ns).await?;
+        .map_err(StoreError::database("give up what is told"))?;
+        Ok(done.rows_affected())
     }
-    Ok(())
-}
 
-/// Gives up the oldest of too many that wait, and forgets the oldest of too many that are done.
-async fn keep_within_limits(
-    connection: &mut SqliteConnection,
-    webhook: i64,
-    now_ns: i64,
-) -> Result<(), StoreError> {
-    let failed = || StoreError::database("shed what is told");
-    let shed = sqlx::query(
-        "UPDATE webhook_delivery SET state = 'given_up', finished_ns = ?3
-         WHERE webhook = ?1 AND state = 'waiting' AND id <= (SELECT id FROM webhook_delivery
-             WHERE webhook = ?1 AND state = 'waiting' ORDER BY id DESC LIMIT 1 OFFSET ?2)",
-    )
-    .bind(webhook)
-    .bind(i64::from(limits::WEBHOOK_WAITING_MAX))
-    .bind(now_ns)
-    .execute(&mut *connection)
-    .await
-    .map_err(failed())?;
-    if shed.rows_affected() > 0 {
-        let shed = shed.rows_affected();
-        tracing::error!(webhook, shed, "too many messages wait, the oldest are lost");
-    }
-    sqlx::query(
-        "DELETE FROM webhook_delivery WHERE webhook = ?1 AND state <> 'waiting' AND id <= (
-             SELECT id FROM webhook_delivery WHERE webhook = ?1 AND state <> 'waiting'
-             ORDER BY id DESC LIMIT 1 OFFSET ?2)",
-    )
-    .bind(webhook)
-    .bind(i64::from(limits::WEBHOOK_LOG_MAX))
-    .execute(connection)
-    .await
-    .map_err(failed())?;
-    Ok(())
-}
-
-/// Puts what a decision leaves waiting for people into the outbox, in its own transaction.
-pub(super) async fn enqueue_proposals(
-    connection: &mut SqliteConnection,
-    outcome: &Outcome,
-    policy: &Policy,
-    now_ns: i64,
-) -> Result<(), StoreError> {
-    // What the service approves by itself waits for nobody.
-    if automatic(&outcome.ledger, policy).is_some() {
-        return Ok(());
-    }
-    for transition in &outcome.transitions {
-        let message = Message::of_transition(transition, outcome, now_ns);
-        let message = message.map_err(|error| StoreError::Corrupt {
-            table: TABLE,
-            reason: error.to_string(),
-        })?;
-        if let Some(message) = message {
-            enqueue(connection, &message, now_ns).await?;
-        }
-    }
-    Ok(())
-}
-
-/// Changes a webhook or a delivery in the transaction that the connection is in.
-///
-/// # Errors
-/// [`StoreError::Webhook`] before anything is written.
-pub(super) async fn write(
-    connection: &mut SqliteConnection,
-    write: &WebhookWrite,
-) -> Result<WebhookWritten, StoreError> {
-    match write {
-        WebhookWrite::Create(write) => create(connection, write).await,
-        WebhookWrite::Delete(write) => delete(connection, write).await,
-        WebhookWrite::Attempted(write) => attempted(connection, write).await,
-    }
-}
-
-async fn create(
-    connection: &mut SqliteConnection,
-    write: &CreateWrite,
-) -> Result<WebhookWritten, StoreError> {
-    let failed = || StoreError::database("write a webhook");
-    let present = all(connection).await?;
-    if let Some(same) = present.iter().find(|one| one.url == write.url) {
-        return Err(StoreError::Webhook(WebhookRefused::UrlTaken(same.id)));
-    }
-    if present.len() >= limits::WEBHOOKS_MAX {
-        return Err(StoreError::Webhook(WebhookRefused::TooMany));
-    }
-    let mut webhook = Webhook {
-        id: 0,
-        url: write.url.clone(),
-        events: write.events.clone(),
-        created_by: write.actor.name.clone(),
-        created_ns: write.now_ns,
-    };
-    let record = serde_json::to_string(&webhook).map_err(|error| StoreError::Corrupt {
-        table: "webhook",
-        reason: error.to_string(),
-    })?;
-    let id: i64 =
-        sqlx::query_scalar("INSERT INTO webhook (record, secret) VALUES (?1, ?2) RETURNING id")
-            .bind(record)
-            .bind(write.secret.as_bytes())
-            .fetch_one(&mut *connection)
-            .await
-            .map_err(failed())?;
-    webhook.id = number(id)?;
-    let entry = AuditEntry {
-        at_ns: write.now_ns,
-        actor: write.actor.clone(),
-        action: "webhook.create",
-        subject: "webhook",
-        subject_id: id.to_string(),
-        robot: None,
-        before: None,
-        after: Some(webhook.audited()),
-        reason: None,
-    };
-    audit::append(connection, &entry).await?;
-    Ok(WebhookWritten::Webhook(Box::new(webhook)))
-}
-
-async fn delete(
-    connection: &mut SqliteConnection,
-    write: &DeleteWrite,
-) -> Result<WebhookWritten, StoreError> {
-    let present = all(connection).await?;
-    let webhook = present.into_iter().find(|one| one.id == write.id);
-    let webhook = webhook.ok_or(WebhookRefused::Unknown(write.id))?;
-    sqlx::query("DELETE FROM webhook WHERE id = ?1")
-        .bind(webhook.id as i64)
-        .execute(&mut *connection)
+    async fn forget_deliveries(&mut self, webhook: u64, kept: u32) -> Result<(), StoreError> {
+        sqlx::query(
+            "DELETE FROM webhook_delivery WHERE webhook = ?1 AND state <> 'waiting' AND id <= (
+                 SELECT id FROM webhook_delivery WHERE webhook = ?1 AND state <> 'waiting'
+                 ORDER BY id DESC LIMIT 1 OFFSET ?2)",
+        )
+        .bind(webhook as i64)
+        .bind(i64::from(kept))
+        .execute(&mut *self.connection)
         .await
-        .map_err(StoreError::database("delete a webhook"))?;
-    let entry = AuditEntry {
-        at_ns: write.now_ns,
-        actor: write.actor.clone(),
-        action: "webhook.delete",
-        subject: "webhook",
-        subject_id: write.id.to_string(),
-        robot: None,
-        before: Some(webhook.audited()),
-        after: None,
-        reason: None,
-    };
-    audit::append(connection, &entry).await?;
-    Ok(WebhookWritten::Webhook(Box::new(webhook)))
-}
-
-async fn attempted(
-    connection: &mut SqliteConnection,
-    write: &AttemptWrite,
-) -> Result<WebhookWritten, StoreError> {
-    let failed = || StoreError::database("write an attempt");
-    let sql = concat!(
-        "SELECT ",
-        delivery_columns!(),
-        " FROM webhook_delivery AS d WHERE d.id = ?1"
-    );
-    let row = sqlx::query(sql)
-        .bind(write.delivery as i64)
-        .fetch_optional(&mut *connection)
-        .await
-        .map_err(failed())?;
-    let Some(row) = row else {
-        return Ok(WebhookWritten::Delivery(None));
-    };
-    let before = delivery_of(&row)?;
-    let mut after = before.after(write.attempt.clone(), write.now_ns, write.jitter);
-    if before.state != DeliveryState::Waiting && after.state != DeliveryState::Delivered {
-        // It was given up meanwhile, which stays so.
-        after.state = before.state;
-        after.finished_ns = before.finished_ns;
+        .map_err(StoreError::database("forget what was told"))?;
+        Ok(())
     }
-    let attempts = serde_json::to_string(&after.attempts).map_err(|error| StoreError::Corrupt {
-        table: TABLE,
-        reason: error.to_string(),
-    })?;
-    sqlx::query(
-        "UPDATE webhook_delivery SET state = ?2, due_ns = ?3, attempts_made = ?4, attempts = ?5,
-             finished_ns = ?6 WHERE id = ?1",
-    )
-    .bind(after.id as i64)
-    .bind(after.state.as_str())
-    .bind(after.due_ns)
-    .bind(i64::from(after.attempts_made))
-    .bind(attempts)
-    .bind(after.finished_ns)
-    .execute(&mut *connection)
-    .await
-    .map_err(failed())?;
-    keep_within_limits(connection, after.webhook as i64, write.now_ns).await?;
-    Ok(WebhookWritten::Delivery(Some(Box::new(after))))
-}
-
-async fn all(connection: &mut SqliteConnection) -> Result<Vec<Webhook>, StoreError> {
-    let rows = sqlx::query("SELECT id, record FROM webhook ORDER BY id")
-        .fetch_all(connection)
-        .await
-        .map_err(StoreError::database("read the webhooks"))?;
-    rows.iter().map(webhook_of).collect()
 }
 
 /// Every webhook, oldest first.

@@ -1,132 +1,43 @@
-//! What a batch does to the tables.
+//! What telemetry does to the tables.
 
 use std::collections::BTreeSet;
 
+use fleetcal_domain::limits;
 use fleetcal_domain::robot::GENERATIONS_MAX;
 use fleetcal_proto::estimate::EstimateDocument;
-use fleetcal_store::backend::{Batch, EventWrite, Outcomes, Repetition, Retention, Tier};
-use fleetcal_store::{
-    CheckpointRecord, CrossTrackRecord, Decided, Decision, HistoryRow, StoreError,
-};
-use sqlx::Transaction;
-use sqlx::sqlite::{Sqlite, SqliteConnection};
+use fleetcal_store::backend::{Aged, Batch, Tier};
+use fleetcal_store::{CheckpointRecord, CrossTrackRecord, HistoryRow, StoreError};
+use sqlx::sqlite::SqliteConnection;
 
 use super::row::{Keys, NS_PER_S, json, key_of};
-use super::{accounts, alerts, approvals, columns, events, policy, robots, webhooks};
+use super::{accounts, columns, events};
 
 /// Calibrations of a robot whose cross-track errors are kept, beside the first.
 const CROSS_TRACKS_KEPT: i64 = GENERATIONS_MAX as i64 - 1;
 
-/// Writes a batch; what can be refused is an outcome.
+/// Writes a batch.
 pub(super) async fn write(
-    transaction: &mut Transaction<'_, Sqlite>,
+    connection: &mut SqliteConnection,
     keys: &mut Keys,
     batch: &Batch,
-) -> Result<Outcomes, StoreError> {
-    let mut outcomes = Outcomes::default();
-    history(transaction, keys, &batch.history).await?;
+) -> Result<(), StoreError> {
+    history(connection, keys, &batch.history).await?;
     for (estimate, received_ns) in &batch.current {
-        current(transaction, keys, estimate, *received_ns).await?;
+        current(connection, keys, estimate, *received_ns).await?;
     }
     for record in &batch.checkpoints {
-        checkpoint(transaction, keys, record).await?;
+        checkpoint(connection, keys, record).await?;
     }
     for record in &batch.cross_tracks {
-        cross_track(transaction, record).await?;
-    }
-    for robot in &batch.robots {
-        outcomes.robots.push(refusable(
-            robots::configure(transaction, keys, robot).await,
-        )?);
-    }
-    for decision in &batch.decisions {
-        outcomes
-            .decisions
-            .push(decide(transaction, keys, decision).await?);
-    }
-    for hold in &batch.holds {
-        outcomes
-            .holds
-            .push(refusable(approvals::hold(transaction, hold).await)?);
-    }
-    for write in &batch.policies {
-        outcomes
-            .policies
-            .push(refusable(policy::write(transaction, write).await)?);
-    }
-    for write in &batch.alerts {
-        outcomes
-            .alerts
-            .push(refusable(alerts::write(transaction, write).await)?);
-    }
-    for write in &batch.webhooks {
-        outcomes
-            .webhooks
-            .push(refusable(webhooks::write(transaction, write).await)?);
+        cross_track(connection, record).await?;
     }
     for write in &batch.events {
-        outcomes
-            .events
-            .push(refusable(events::write(transaction, keys, write).await)?);
-    }
-    for write in &batch.users {
-        outcomes
-            .users
-            .push(refusable(accounts::write_user(transaction, write).await)?);
-    }
-    for write in &batch.tokens {
-        outcomes
-            .tokens
-            .push(refusable(accounts::write_token(transaction, write).await)?);
+        events::write(connection, keys, write).await?;
     }
     for used in &batch.uses {
-        accounts::note_use(transaction, used).await?;
+        accounts::note_use(connection, used).await?;
     }
-    if let Some(now_ns) = batch.probe_ns {
-        probe(transaction, now_ns).await?;
-    }
-    if let Some(retention) = &batch.retention {
-        outcomes.pruned = prune(transaction, retention).await?;
-    }
-    Ok(outcomes)
-}
-
-/// Takes a decision, and writes what follows from it: events, and messages to those who watch.
-async fn decide(
-    transaction: &mut Transaction<'_, Sqlite>,
-    keys: &mut Keys,
-    decision: &Decision,
-) -> Result<Result<Decided, StoreError>, StoreError> {
-    let policy = policy::in_force(transaction, &decision.given_policy).await?;
-    let decided = refusable(approvals::decide(transaction, decision, &policy).await)?;
-    if let Ok(Decided::Taken(outcome)) = &decided {
-        for made in decision.events(outcome) {
-            let write = EventWrite {
-                event: made,
-                repetition: Repetition::Never,
-                noted_by: None,
-            };
-            events::write(transaction, keys, &write).await?;
-        }
-        webhooks::enqueue_proposals(transaction, outcome, &policy, decision.now_ns).await?;
-    }
-    Ok(decided)
-}
-
-/// Parts what the caller is told from what undoes the whole batch.
-fn refusable<T>(result: Result<T, StoreError>) -> Result<Result<T, StoreError>, StoreError> {
-    match result {
-        Err(
-            refused @ (StoreError::VersionConflict { .. }
-            | StoreError::KeyReused
-            | StoreError::Account(_)
-            | StoreError::Refused(_)
-            | StoreError::Alert(_)
-            | StoreError::Webhook(_)),
-        ) => Ok(Err(refused)),
-        Err(failed) => Err(failed),
-        Ok(value) => Ok(Ok(value)),
-    }
+    Ok(())
 }
 
 /// Writes seconds and merges them into their minutes and hours.
@@ -319,7 +230,11 @@ async fn cross_track(
     Ok(())
 }
 
-async fn probe(connection: &mut SqliteConnection, now_ns: i64) -> Result<(), StoreError> {
+/// Writes a row that nothing reads.
+pub(super) async fn probe(
+    connection: &mut SqliteConnection,
+    now_ns: i64,
+) -> Result<(), StoreError> {
     sqlx::query("UPDATE probe SET written_ns = ?1")
         .bind(now_ns)
         .execute(connection)
@@ -328,63 +243,70 @@ async fn probe(connection: &mut SqliteConnection, now_ns: i64) -> Result<(), Sto
     Ok(())
 }
 
-async fn prune(
+/// Deletes what is older than `before_s`, a limited number of rows of each table; gives their
+/// number.
+pub(super) async fn prune(
     connection: &mut SqliteConnection,
-    retention: &Retention,
+    aged: Aged,
+    before_s: i64,
 ) -> Result<u64, StoreError> {
-    const HISTORY: [(Tier, &str); 3] = [
-        (
-            Tier::Second,
-            "DELETE FROM history_second WHERE (t, robot) IN (SELECT t, robot
-             FROM history_second WHERE received < ?1 ORDER BY received LIMIT ?2)",
-        ),
-        (
-            Tier::Minute,
-            "DELETE FROM history_minute WHERE (t, robot) IN (SELECT t, robot
-             FROM history_minute WHERE received < ?1 ORDER BY received LIMIT ?2)",
-        ),
-        (
-            Tier::Hour,
-            "DELETE FROM history_hour WHERE (t, robot) IN (SELECT t, robot
-             FROM history_hour WHERE received < ?1 ORDER BY received LIMIT ?2)",
-        ),
-    ];
-    let mut deletes: Vec<(&'static str, i64)> = HISTORY
-        .map(|(tier, sql)| match tier {
-            Tier::Second => (sql, retention.seconds_before),
-            Tier::Minute => (sql, retention.minutes_before),
-            Tier::Hour => (sql, retention.hours_before),
-        })
-        .to_vec();
-    deletes.push((
-        "DELETE FROM robot_event WHERE id IN (SELECT id FROM robot_event
-         WHERE received_ns < ?1 ORDER BY received_ns LIMIT ?2)",
-        retention.hours_before.saturating_mul(NS_PER_S),
-    ));
-    deletes.push((
-        "DELETE FROM idempotency WHERE (scope, key) IN (SELECT scope, key FROM idempotency
-         WHERE received < ?1 ORDER BY received LIMIT ?2)",
-        retention.idempotency_before,
-    ));
-    deletes.push((
-        "DELETE FROM proposal_request WHERE (robot, key) IN (SELECT robot, key
-         FROM proposal_request WHERE received < ?1 ORDER BY received LIMIT ?2)",
-        retention.idempotency_before,
-    ));
-    deletes.push((
-        "DELETE FROM alert WHERE id IN (SELECT id FROM alert
-         WHERE ended_ns < ?1 ORDER BY ended_ns LIMIT ?2)",
-        retention.alerts_before.saturating_mul(NS_PER_S),
-    ));
     let mut pruned = 0;
-    for (sql, before) in deletes {
+    for &(sql, unit) in deletes(aged) {
         let done = sqlx::query(sql)
-            .bind(before)
-            .bind(retention.rows_max)
+            .bind(before_s.saturating_mul(unit))
+            .bind(limits::RETENTION_ROWS_MAX)
             .execute(&mut *connection)
             .await
             .map_err(StoreError::database("delete old rows"))?;
         pruned += done.rows_affected();
     }
     Ok(pruned)
+}
+
+/// The statements that delete old rows, and what a second is in the unit of their column of time.
+const fn deletes(aged: Aged) -> &'static [(&'static str, i64)] {
+    match aged {
+        Aged::Seconds => &[(
+            "DELETE FROM history_second WHERE (t, robot) IN (SELECT t, robot
+             FROM history_second WHERE received < ?1 ORDER BY received LIMIT ?2)",
+            1,
+        )],
+        Aged::Minutes => &[(
+            "DELETE FROM history_minute WHERE (t, robot) IN (SELECT t, robot
+             FROM history_minute WHERE received < ?1 ORDER BY received LIMIT ?2)",
+            1,
+        )],
+        Aged::Hours => &[(
+            "DELETE FROM history_hour WHERE (t, robot) IN (SELECT t, robot
+             FROM history_hour WHERE received < ?1 ORDER BY received LIMIT ?2)",
+            1,
+        )],
+        Aged::Events => &[(
+            "DELETE FROM robot_event WHERE id IN (SELECT id FROM robot_event
+             WHERE received_ns < ?1 ORDER BY received_ns LIMIT ?2)",
+            NS_PER_S,
+        )],
+        Aged::Answers => &[
+            (
+                "DELETE FROM idempotency WHERE (scope, key) IN (SELECT scope, key
+                 FROM idempotency WHERE received < ?1 ORDER BY received LIMIT ?2)",
+                1,
+            ),
+            (
+                "DELETE FROM proposal_request WHERE (robot, key) IN (SELECT robot, key
+                 FROM proposal_request WHERE received < ?1 ORDER BY received LIMIT ?2)",
+                1,
+            ),
+            (
+                "DELETE FROM access_idempotency WHERE (made, key) IN (SELECT made, key
+                 FROM access_idempotency WHERE received_ns < ?1 ORDER BY received_ns LIMIT ?2)",
+                NS_PER_S,
+            ),
+        ],
+        Aged::Alerts => &[(
+            "DELETE FROM alert WHERE id IN (SELECT id FROM alert
+             WHERE ended_ns < ?1 ORDER BY ended_ns LIMIT ?2)",
+            NS_PER_S,
+        )],
+    }
 }

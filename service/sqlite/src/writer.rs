@@ -1,13 +1,19 @@
-//! The connection that writes: each batch is one transaction.
+//! The connection that writes. Jobs and telemetry share it and take turns, in the order in which
+//! they ask for it.
+
+use std::sync::Arc;
 
 use async_trait::async_trait;
-use fleetcal_store::StoreError;
-use fleetcal_store::backend::{Batch, Outcomes, Writer};
-use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
-use sqlx::{ConnectOptions, Connection};
+use fleetcal_store::backend::{Aged, Batch, RecordWriter, TelemetryWriter};
+use fleetcal_store::transaction::{Job, Records, Waiting};
+use fleetcal_store::{AuditEntry, StoreError};
+use sqlx::sqlite::{Sqlite, SqliteConnectOptions, SqliteConnection};
+use sqlx::{ConnectOptions, Connection, Transaction};
+use tokio::sync::Mutex;
 
 use super::row::Keys;
-use super::write::write;
+use super::transaction::SqliteRecords;
+use super::{audit, write};
 
 /// The one connection that writes, and how it is opened again.
 ///
@@ -26,16 +32,48 @@ pub(crate) struct SqliteWriter {
     keeper: SqliteConnection,
     /// Keys of the robots of committed transactions.
     keys: Keys,
+    jobs: JobRuns,
+}
+
+/// How often each job is run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum JobRuns {
+    Once,
+    /// First in vain, then again: as a database that could not bring its transaction into an order
+    /// with others would do it.
+    Twice,
+}
+
+/// What one transaction does.
+enum Work<'a> {
+    Jobs(&'a mut [Waiting], JobRuns),
+    Telemetry(&'a Batch),
+    Prune(Aged, i64),
 }
 
 /// How a transaction ended.
 #[derive(Debug)]
 enum Ended {
-    Committed(Outcomes),
+    /// With so many rows deleted.
+    Committed(u64),
     /// Nothing was written, and the connection can be used.
     RolledBack(StoreError),
     /// Nothing was written, and the connection cannot be used any more.
     Broken(StoreError),
+}
+
+/// Why a transaction was not committed.
+enum Failed {
+    /// It is to be undone.
+    Undo(StoreError),
+    /// Its connection does not know any more where it stands.
+    Lost(StoreError),
+}
+
+impl From<StoreError> for Failed {
+    fn from(error: StoreError) -> Self {
+        Self::Undo(error)
+    }
 }
 
 impl SqliteWriter {
@@ -46,6 +84,7 @@ impl SqliteWriter {
     pub(super) async fn new(
         connection: SqliteConnection,
         options: SqliteConnectOptions,
+        jobs: JobRuns,
     ) -> Result<Self, StoreError> {
         let failed = || StoreError::database("be opened");
         let mut keeper = options
@@ -64,7 +103,41 @@ impl SqliteWriter {
             connection: Some(connection),
             keeper,
             keys: Keys::new(),
+            jobs,
         })
+    }
+
+    /// Runs one job in a transaction of its own.
+    ///
+    /// # Errors
+    /// The job's refusal, or the database's failure.
+    pub(super) async fn transact<J: Job>(&mut self, job: J) -> Result<J::Done, StoreError> {
+        let (mut job, ended) = Waiting::new(job);
+        let committed = self.run(std::slice::from_mut(&mut job)).await;
+        job.answer(committed);
+        ended.await.map_err(|_| StoreError::Closed)?
+    }
+
+    async fn run(&mut self, jobs: &mut [Waiting]) -> Result<(), StoreError> {
+        let work = Work::Jobs(jobs, self.jobs);
+        self.commit(work).await.map(drop)
+    }
+
+    async fn commit(&mut self, work: Work<'_>) -> Result<u64, StoreError> {
+        let mut connection = self.connection().await?;
+        let ended = transact(&mut connection, &mut self.keys, work).await;
+        // Dropping a connection does not wait for it: its own thread closes it.
+        if !matches!(ended, Ended::Broken(_)) {
+            self.connection = Some(connection);
+        }
+        match ended {
+            Ended::Committed(rows) => Ok(rows),
+            Ended::RolledBack(error) | Ended::Broken(error) => {
+                // Some of these may have been made by the transaction that is gone.
+                self.keys.clear();
+                Err(error)
+            }
+        }
     }
 
     /// The connection; a new one after a failure.
@@ -78,28 +151,8 @@ impl SqliteWriter {
                 .map_err(StoreError::database("be opened again")),
         }
     }
-}
 
-#[async_trait]
-impl Writer for SqliteWriter {
-    async fn commit(&mut self, batch: &Batch) -> Result<Outcomes, StoreError> {
-        let mut connection = self.connection().await?;
-        let ended = transact(&mut connection, &mut self.keys, batch).await;
-        // Dropping a connection does not wait for it: its own thread closes it.
-        if !matches!(ended, Ended::Broken(_)) {
-            self.connection = Some(connection);
-        }
-        match ended {
-            Ended::Committed(outcomes) => Ok(outcomes),
-            Ended::RolledBack(error) | Ended::Broken(error) => {
-                // Some of these may have been made by the transaction that is gone.
-                self.keys.clear();
-                Err(error)
-            }
-        }
-    }
-
-    async fn close(mut self: Box<Self>) -> Result<(), StoreError> {
+    pub(super) async fn close(mut self) -> Result<(), StoreError> {
         let connection = self.connection().await;
         // The keeper first: the last connection folds the log into the database.
         super::close(self.keeper).await?;
@@ -107,8 +160,58 @@ impl Writer for SqliteWriter {
     }
 }
 
-/// Writes a batch in one transaction.
-async fn transact(connection: &mut SqliteConnection, keys: &mut Keys, batch: &Batch) -> Ended {
+/// The writer, held by the task of jobs and by that of telemetry. The lock is fair: after each
+/// transaction of the one, the other one's turn comes.
+#[derive(Debug, Clone)]
+pub(crate) struct SharedWriter(Arc<Mutex<SqliteWriter>>);
+
+impl SharedWriter {
+    pub(super) fn new(writer: SqliteWriter) -> Self {
+        Self(Arc::new(Mutex::new(writer)))
+    }
+
+    /// Closes the connection when nobody else holds it.
+    async fn let_go(self) -> Result<(), StoreError> {
+        match Arc::into_inner(self.0) {
+            Some(writer) => writer.into_inner().close().await,
+            None => Ok(()),
+        }
+    }
+}
+
+#[async_trait]
+impl RecordWriter for SharedWriter {
+    async fn run(&mut self, jobs: &mut [Waiting]) -> Result<(), StoreError> {
+        self.0.lock().await.run(jobs).await
+    }
+
+    async fn close(self: Box<Self>) -> Result<(), StoreError> {
+        self.let_go().await
+    }
+}
+
+#[async_trait]
+impl TelemetryWriter for SharedWriter {
+    async fn write(&mut self, batch: &Batch) -> Result<(), StoreError> {
+        let mut writer = self.0.lock().await;
+        writer.commit(Work::Telemetry(batch)).await.map(drop)
+    }
+
+    async fn prune(&mut self, aged: Aged, before_s: i64) -> Result<u64, StoreError> {
+        self.0
+            .lock()
+            .await
+            .commit(Work::Prune(aged, before_s))
+            .await
+    }
+
+    async fn close(self: Box<Self>) -> Result<(), StoreError> {
+        self.let_go().await
+    }
+}
+
+/// Does some work in one transaction.
+async fn transact(connection: &mut SqliteConnection, keys: &mut Keys, work: Work<'_>) -> Ended {
     // A deferred transaction that reads first could not become a writing one while another
     // process writes, whatever the busy timeout.
     let begun = connection.begin_with("BEGIN IMMEDIATE").await;
@@ -116,17 +219,88 @@ async fn transact(connection: &mut SqliteConnection, keys: &mut Keys, batch: &Ba
         Ok(transaction) => transaction,
         Err(error) => return Ended::Broken(error),
     };
-    match write(&mut transaction, keys, batch).await {
-        Ok(outcomes) => match transaction.commit().await {
-            Ok(()) => Ended::Committed(outcomes),
+    let done = match work {
+        Work::Jobs(jobs, runs) => run(&mut transaction, keys, jobs, runs).await.map(|()| 0),
+        Work::Telemetry(batch) => {
+            let written = write::write(&mut transaction, keys, batch).await;
+            written.map(|()| 0).map_err(Failed::from)
+        }
+        Work::Prune(aged, before_s) => {
+            let pruned = write::prune(&mut transaction, aged, before_s).await;
+            pruned.map_err(Failed::from)
+        }
+    };
+    match done {
+        Ok(rows) => match transaction.commit().await {
+            Ok(()) => Ended::Committed(rows),
             Err(error) => Ended::Broken(StoreError::database("commit what was written")(error)),
         },
-        Err(error) => match transaction.rollback().await {
+        Err(Failed::Lost(error)) => Ended::Broken(error),
+        Err(Failed::Undo(error)) => match transaction.rollback().await {
             Ok(()) => Ended::RolledBack(error),
             Err(source) => {
                 tracing::error!(%source, "a failed write could not be rolled back");
                 Ended::Broken(error)
             }
         },
+    }
+}
+
+/// Runs jobs, each in a savepoint: what one writes before it fails is undone, and the others stay.
+async fn run(
+    transaction: &mut Transaction<'_, Sqlite>,
+    keys: &mut Keys,
+    jobs: &mut [Waiting],
+    runs: JobRuns,
+) -> Result<(), Failed> {
+    for job in jobs {
+        if runs == JobRuns::Twice {
+            run_one(transaction, keys, job, false).await?;
+        }
+        run_one(transaction, keys, job, true).await?;
+    }
+    Ok(())
+}
+
+/// Runs a job in a savepoint, and undoes what it wrote when it fails or is not to be `kept`.
+async fn run_one(
+    transaction: &mut Transaction<'_, Sqlite>,
+    keys: &mut Keys,
+    job: &mut Waiting,
+    kept: bool,
+) -> Result<(), Failed> {
+    let lost = |error: sqlx::Error| Failed::Lost(StoreError::database("undo a job")(error));
+    let begun = transaction.begin().await;
+    let mut savepoint = begun.map_err(StoreError::database("begin a job"))?;
+    let mut learnt = Vec::new();
+    let mut records = SqliteRecords {
+        connection: &mut savepoint,
+        keys: &mut *keys,
+        learnt: &mut learnt,
+    };
+    let ended = job.attempt(&mut records).await;
+    if let Err(error) = &ended
+        && !error.is_refusal()
+    {
+        tracing::error!(%error, source = ?std::error::Error::source(error), "a job failed");
+    }
+    if ended.is_ok() && kept {
+        return savepoint.commit().await.map_err(lost);
+    }
+    for robot in learnt {
+        keys.remove(&robot);
+    }
+    // A failure after which SQLite has undone the whole transaction by itself shows here.
+    savepoint.rollback().await.map_err(lost)
+}
+
+#[async_trait]
+impl Records for SqliteRecords<'_> {
+    async fn append_audit(&mut self, entry: &AuditEntry) -> Result<(), StoreError> {
+        audit::append(self.connection, entry).await.map(drop)
+    }
+
+    async fn prove_writable(&mut self, now_ns: i64) -> Result<(), StoreError> {
+        write::probe(self.connection, now_ns).await
     }
 }

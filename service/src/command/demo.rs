@@ -11,11 +11,12 @@ use fleetcal_command::signals::Signals;
 use fleetcal_config::{Config, RobotEntry};
 use fleetcal_domain::access::{AccountName, Actor, Grant, Password, PasswordHash, Role};
 use fleetcal_domain::robot::{Mount, RobotConfig, ValueRefused, Wheelbase};
+use fleetcal_operations::accounts::{UserChange, change_user};
 use fleetcal_operations::entropy;
 use fleetcal_proto::Keys;
 use fleetcal_proto::signing::TrustedKeys;
 use fleetcal_robot::fleet::{FleetOptions, SimulatedRobot, run_fleet, simulated_robots};
-use fleetcal_store::{Store, UserChange};
+use fleetcal_store::Store;
 use tokio_util::sync::CancellationToken;
 
 use crate::command::CommandError;
@@ -113,7 +114,7 @@ async fn seed_accounts(store: &Store) -> Result<String, CommandError> {
             password: PasswordHash::of(&Password::parse(&text)?, &entropy::salt()?)?,
             key: None,
         };
-        store.write_user(Actor::service(), change).await?;
+        change_user(store, Actor::service(), change).await?;
         told.push(format!("  {name:<10} {text}\n"));
     }
     Ok(told.concat())

@@ -8,10 +8,11 @@ use fleetcal_clock::SharedClock;
 use fleetcal_command::output::print_text;
 use fleetcal_domain::access::{AccountName, Actor, Grant, Role, TokenState, TokenValue};
 use fleetcal_domain::limits;
+use fleetcal_operations::accounts::{ChangeToken, TokenChange};
 use fleetcal_operations::entropy;
 use fleetcal_proto::RobotId;
 use fleetcal_sqlite::Administration;
-use fleetcal_store::{TokenChange, TokenRecord};
+use fleetcal_store::TokenRecord;
 use jiff::{Span, SpanRelativeTo, Timestamp, Unit};
 
 use crate::command::CommandError;
@@ -125,9 +126,7 @@ async fn create(arguments: &Create, now_ns: i64) -> Result<(), CommandError> {
         key: None,
     };
     let mut database = Administration::open(&arguments.data).await?;
-    database
-        .write_token(Actor::command_line(), now_ns, change)
-        .await?;
+    database.transact(asked(now_ns, change)).await?;
     database.close().await?;
     Ok(print_text(&format!("{}\n", value.reveal()))?)
 }
@@ -135,11 +134,18 @@ async fn create(arguments: &Create, now_ns: i64) -> Result<(), CommandError> {
 async fn revoke(arguments: &Revoke, now_ns: i64) -> Result<(), CommandError> {
     let change = TokenChange::Revoke { id: arguments.id };
     let mut database = Administration::open(&arguments.data).await?;
-    database
-        .write_token(Actor::command_line(), now_ns, change)
-        .await?;
+    database.transact(asked(now_ns, change)).await?;
     database.close().await?;
     Ok(())
+}
+
+/// A change that is asked for on the command line.
+fn asked(now_ns: i64, change: TokenChange) -> ChangeToken {
+    ChangeToken {
+        actor: Actor::command_line(),
+        now_ns,
+        change,
+    }
 }
 
 async fn list(arguments: &Folder, now_ns: i64) -> Result<(), CommandError> {

@@ -7,9 +7,10 @@ use clap::{Args, Subcommand};
 use fleetcal_clock::SharedClock;
 use fleetcal_command::output::print_text;
 use fleetcal_domain::access::{AccountName, Actor, Grant, Password, PasswordHash, Role};
+use fleetcal_operations::accounts::{ChangeUser, UserChange, UserEdit};
 use fleetcal_operations::entropy;
 use fleetcal_sqlite::Administration;
-use fleetcal_store::{Expected, UserChange, UserEdit, UserRecord};
+use fleetcal_store::{Expected, UserRecord};
 use rustix::termios::{LocalModes, OptionalActions, tcgetattr, tcsetattr};
 
 use crate::command::CommandError;
@@ -76,9 +77,7 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
                 key: None,
             };
             let mut database = Administration::open(&create.data).await?;
-            database
-                .write_user(Actor::command_line(), now_ns, change)
-                .await?;
+            database.transact(asked(now_ns, change)).await?;
             database.close().await?;
             Ok(())
         }
@@ -110,11 +109,18 @@ async fn edit(named: &Named, edit: UserEdit, now_ns: i64) -> Result<(), CommandE
         edit,
         keep: None,
     };
-    database
-        .write_user(Actor::command_line(), now_ns, change)
-        .await?;
+    database.transact(asked(now_ns, change)).await?;
     database.close().await?;
     Ok(())
+}
+
+/// A change that is asked for on the command line.
+fn asked(now_ns: i64, change: UserChange) -> ChangeUser {
+    ChangeUser {
+        actor: Actor::command_line(),
+        now_ns,
+        change,
+    }
 }
 
 async fn list(arguments: &Folder) -> Result<(), CommandError> {

@@ -1,10 +1,8 @@
 //! Users, sessions and API tokens, as the store keeps them.
 
 use fleetcal_domain::access::{
-    AccountName, Actor, Grant, PasswordHash, SecretHash, SessionSpan, TokenSpan, TokenState,
+    AccountName, Grant, PasswordHash, SecretHash, SessionSpan, TokenSpan, TokenState,
 };
-
-use super::record::{Expected, IdempotencyKey};
 
 /// Somebody who signs in.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -71,119 +69,6 @@ pub struct Written<T> {
     pub record: T,
     /// Whether an earlier request with the same `Idempotency-Key` wrote it.
     pub repeated: bool,
-}
-
-/// A change of a user, or of a user's sessions.
-#[derive(Debug, Clone)]
-pub struct UserWrite {
-    /// Who changes.
-    pub actor: Actor,
-    /// When, wall time.
-    pub now_ns: i64,
-    /// What.
-    pub change: UserChange,
-}
-
-/// What is changed of a user.
-#[derive(Debug, Clone)]
-pub enum UserChange {
-    /// A new one.
-    Create {
-        /// Name.
-        name: AccountName,
-        /// Role.
-        grant: Grant,
-        /// Password.
-        password: PasswordHash,
-        /// The request's key.
-        key: Option<IdempotencyKey>,
-    },
-    /// The first administrator, signed in; refused when there is any user.
-    SetUp {
-        /// Name.
-        name: AccountName,
-        /// Password.
-        password: PasswordHash,
-        /// The browser's session.
-        session: SecretHash,
-    },
-    /// Some of role, password and `disabled`. Sessions end, unless the role alone changes.
-    Edit {
-        /// Who.
-        id: i64,
-        /// The version that the caller saw.
-        expected: Expected,
-        /// The new values.
-        edit: UserEdit,
-        /// The one session that goes on.
-        keep: Option<SecretHash>,
-    },
-    /// Away with it.
-    Remove {
-        /// Who.
-        id: i64,
-        /// The version that the caller saw.
-        expected: Expected,
-    },
-    /// A new session of a user whose password was right at `version`.
-    SignIn {
-        /// Who.
-        id: i64,
-        /// The version whose password was right.
-        version: u64,
-        /// The browser's session.
-        session: SecretHash,
-    },
-    /// The end of a session.
-    SignOut {
-        /// Which.
-        session: SecretHash,
-    },
-}
-
-/// New values of a user; `None` leaves the old one.
-#[derive(Debug, Clone, Default)]
-pub struct UserEdit {
-    /// Role.
-    pub grant: Option<Grant>,
-    /// Password.
-    pub password: Option<PasswordHash>,
-    /// Whether signing in is refused.
-    pub disabled: Option<bool>,
-}
-
-/// A change of a token.
-#[derive(Debug, Clone)]
-pub struct TokenWrite {
-    /// Who changes.
-    pub actor: Actor,
-    /// When, wall time.
-    pub now_ns: i64,
-    /// What.
-    pub change: TokenChange,
-}
-
-/// What is changed of a token.
-#[derive(Debug, Clone)]
-pub enum TokenChange {
-    /// A new one.
-    Create {
-        /// Name.
-        name: AccountName,
-        /// Role and robot.
-        grant: Grant,
-        /// Hash of its value.
-        hash: SecretHash,
-        /// When it ends by itself, wall time.
-        expires_ns: Option<i64>,
-        /// The request's key.
-        key: Option<IdempotencyKey>,
-    },
-    /// It counts no more. A token that was revoked before stays as it is.
-    Revoke {
-        /// Which.
-        id: i64,
-    },
 }
 
 /// That a session or token was used.

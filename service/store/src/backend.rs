@@ -4,152 +4,26 @@ use std::collections::BTreeMap;
 use std::pin::Pin;
 
 use async_trait::async_trait;
-use fleetcal_domain::access::{Actor, SecretHash};
+use fleetcal_domain::access::SecretHash;
 use fleetcal_domain::alert::Alert;
 use fleetcal_domain::approval::{
     Deployment, DeploymentState, Parcel, Proposal, Revision, RobotLedger,
 };
-use fleetcal_domain::robot::RobotConfig;
 use fleetcal_domain::webhook::{Delivery, Webhook};
 use fleetcal_model::Parameter;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
-use fleetcal_proto::estimate::EstimateDocument;
 
-use super::accounts::{
-    CredentialUse, SessionRecord, TokenRecord, TokenWrite, UserRecord, UserWrite, Written,
-};
-use super::alerts::{AlertChange, AlertFilter, AlertMoment, AlertWrite};
-use super::approvals::{
-    AuditFilter, AuditRow, Decided, Decision, HoldWrite, ProposalFilter, SiteHold,
-};
+use super::accounts::{SessionRecord, TokenRecord, UserRecord};
+use super::alerts::{AlertFilter, AlertMoment};
+use super::approvals::{AuditFilter, AuditRow, ProposalFilter, SiteHold};
 use super::error::StoreError;
-use super::policy::{PolicyWrite, StoredPolicy};
-use super::record::{
-    CheckpointRecord, CrossTrackRecord, CurrentRecord, EventRecord, Expected, HistoryRow,
-    IdempotencyKey, NewEvent, RobotRecord,
-};
-use super::webhooks::{DueDelivery, WebhookWrite, WebhookWritten};
+use super::policy::StoredPolicy;
+use super::record::{CheckpointRecord, CrossTrackRecord, CurrentRecord, EventRecord, RobotRecord};
+use super::webhooks::DueDelivery;
 
-/// A robot's configuration to be written.
-#[derive(Debug)]
-pub struct RobotWrite {
-    /// Whose.
-    pub robot: RobotId,
-    /// The configuration.
-    pub config: RobotConfig,
-    /// What must be there now.
-    pub expected: Expected,
-    /// Who.
-    pub actor: Actor,
-    /// Wall time.
-    pub now_ns: i64,
-}
-
-/// How an event that comes again is recognised, so that it is not written twice.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Repetition {
-    /// It is not: each is an event of its own.
-    Never,
-    /// By its robot, kind, stamp and note: a message that was delivered or replayed twice, or that
-    /// a person gave the service, which passed it on to the estimator.
-    Content,
-    /// By its robot, kind, stamp and note, and what it says now replaces what it said: an estimator
-    /// tells of a change before it knows how far it went.
-    Completes,
-    /// By the key of its request.
-    Key(IdempotencyKey),
-}
-
-/// An event to be written.
-#[derive(Debug)]
-pub struct EventWrite {
-    /// The event.
-    pub event: NewEvent,
-    /// What makes it recognisable when it comes again.
-    pub repetition: Repetition,
-    /// The person or tool that noted it over the API, for the audit.
-    pub noted_by: Option<Actor>,
-}
-
-/// Rows older than these are deleted, a limited number of each kind at a time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Retention {
-    /// Seconds received before this go, s since the Unix epoch.
-    pub seconds_before: i64,
-    /// Minutes received before this go.
-    pub minutes_before: i64,
-    /// Hours and events received before this go.
-    pub hours_before: i64,
-    /// Answers to requests with an `Idempotency-Key` given before this go.
-    pub idempotency_before: i64,
-    /// Alerts that were over before this go.
-    pub alerts_before: i64,
-    /// Rows of one kind deleted at a time.
-    pub rows_max: u32,
-}
-
-/// What one transaction writes.
-#[derive(Debug, Default)]
-pub struct Batch {
-    /// Seconds of history, with their roll-ups.
-    pub history: Vec<HistoryRow>,
-    /// Latest estimates, with when they were received, wall time ns.
-    pub current: Vec<(EstimateDocument, i64)>,
-    /// States of estimators.
-    pub checkpoints: Vec<CheckpointRecord>,
-    /// How well robots follow their paths.
-    pub cross_tracks: Vec<CrossTrackRecord>,
-    /// Events.
-    pub events: Vec<EventWrite>,
-    /// Configurations.
-    pub robots: Vec<RobotWrite>,
-    /// Users and their sessions.
-    pub users: Vec<UserWrite>,
-    /// Tokens.
-    pub tokens: Vec<TokenWrite>,
-    /// Sessions and tokens that were used.
-    pub uses: Vec<CredentialUse>,
-    /// Decisions on robots' records.
-    pub decisions: Vec<Decision>,
-    /// Changes of the site-wide stop.
-    pub holds: Vec<HoldWrite>,
-    /// Changes of the policy.
-    pub policies: Vec<PolicyWrite>,
-    /// Changes of alerts.
-    pub alerts: Vec<AlertWrite>,
-    /// Changes of webhooks and their deliveries.
-    pub webhooks: Vec<WebhookWrite>,
-    /// What to delete.
-    pub retention: Option<Retention>,
-    /// Wall time of a write that only proves that the database can be written.
-    pub probe_ns: Option<i64>,
-}
-
-/// What became of the parts of a batch that can be refused, in their order.
-#[derive(Debug, Default)]
-pub struct Outcomes {
-    /// Each event in its place.
-    pub events: Vec<Result<EventRecord, StoreError>>,
-    /// Each configuration's new version.
-    pub robots: Vec<Result<u64, StoreError>>,
-    /// Each user in its place.
-    pub users: Vec<Result<Written<UserRecord>, StoreError>>,
-    /// Each token in its place.
-    pub tokens: Vec<Result<Written<TokenRecord>, StoreError>>,
-    /// Each decision in its place.
-    pub decisions: Vec<Result<Decided, StoreError>>,
-    /// Each change of the site-wide stop.
-    pub holds: Vec<Result<SiteHold, StoreError>>,
-    /// Each change of the policy.
-    pub policies: Vec<Result<StoredPolicy, StoreError>>,
-    /// What became of the alerts of each write.
-    pub alerts: Vec<Result<Vec<AlertChange>, StoreError>>,
-    /// Each change of a webhook or delivery.
-    pub webhooks: Vec<Result<WebhookWritten, StoreError>>,
-    /// Rows deleted.
-    pub pruned: u64,
-}
+pub use super::telemetry::{Aged, Batch, EventWrite, Repetition, TelemetryWriter};
+pub use super::transaction::RecordWriter;
 
 /// An open database. Whatever keeps others from it goes with this value.
 pub trait Database: std::fmt::Debug + Send + Sync + 'static {
@@ -161,23 +35,6 @@ pub trait Database: std::fmt::Debug + Send + Sync + 'static {
     /// # Errors
     /// [`StoreError::Database`].
     fn write_once(&self) -> Pin<Box<dyn Future<Output = Result<(), StoreError>> + Send>>;
-}
-
-/// The one connection that writes.
-#[async_trait]
-pub trait Writer: std::fmt::Debug + Send + 'static {
-    /// Writes all of a batch or nothing of it. A refused event or configuration is an outcome and
-    /// leaves the rest of the batch alone.
-    ///
-    /// # Errors
-    /// [`StoreError::Database`] when nothing was written.
-    async fn commit(&mut self, batch: &Batch) -> Result<Outcomes, StoreError>;
-
-    /// Closes the connection.
-    ///
-    /// # Errors
-    /// [`StoreError::Database`].
-    async fn close(self: Box<Self>) -> Result<(), StoreError>;
 }
 
 /// How finely the history is kept.

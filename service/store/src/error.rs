@@ -154,6 +154,20 @@ pub enum StoreError {
 }
 
 impl StoreError {
+    /// Whether this answers whoever asked, and is no failure of the database.
+    pub const fn is_refusal(&self) -> bool {
+        matches!(
+            self,
+            Self::VersionConflict { .. }
+                | Self::KeyReused
+                | Self::Late
+                | Self::Account(_)
+                | Self::Refused(_)
+                | Self::Alert(_)
+                | Self::Webhook(_)
+        )
+    }
+
     /// A driver's error with what was being done, an infinitive.
     pub fn database<E>(task: &'static str) -> impl FnOnce(E) -> Self
     where

@@ -10,8 +10,8 @@ use fleetcal_proto::event::RobotEvent;
 
 use super::Store;
 use super::backend::Repetition;
-use super::command::Command;
 use super::record::{CrossTrackRecord, EventKind, EventSource, NewEvent};
+use super::telemetry::Telemetry;
 
 impl Journal for Store {
     fn record_history(&self, _robot: &RobotId, document: &Arc<EstimateDocument>) {
@@ -34,7 +34,7 @@ impl Journal for Store {
             generation,
             errors: errors.clone(),
         };
-        self.offer(Command::CrossTrack(Box::new(record)));
+        self.offer(Telemetry::CrossTrack(Box::new(record)));
     }
 
     fn save_checkpoint(&self, robot: &RobotId, stamp_ns: i64, json: String) {

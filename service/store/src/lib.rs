@@ -1,25 +1,27 @@
 //! What outlives the service: robots, their history, events and estimators' states.
 //!
-//! One task writes, a few connections read. Nothing outside this crate knows the database; what a
-//! database has to do is said by the traits in `backend`.
+//! Two paths lead to the database. *Records* are changed by a [`Job`], which whoever asked waits
+//! for: [`Store::transact`]. *Telemetry* is gathered and written in batches, and nobody waits for
+//! it. A few connections read. What a database has to do is said by the traits in [`backend`] and
+//! [`transaction`]; nothing here decides.
 
 mod accounts;
 mod alerts;
 mod approvals;
 mod audit;
 pub mod backend;
-mod command;
+mod counters;
 mod error;
 mod history;
 mod interface;
 mod journal;
 mod liveness;
-mod pending;
 mod policy;
 mod record;
 mod retry;
+mod telemetry;
+pub mod transaction;
 mod webhooks;
-mod writer;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -27,41 +29,35 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::EstimateDocument;
 use tokio::sync::{mpsc, oneshot};
-use tokio::time::Instant;
+use tokio::task::JoinSet;
 
-pub use accounts::{
-    Credential, CredentialUse, SessionRecord, TokenChange, TokenRecord, TokenWrite, UserChange,
-    UserEdit, UserRecord, UserWrite, Written,
-};
-pub use alerts::{
-    AcknowledgeWrite, AlertChange, AlertFilter, AlertMoment, AlertSelection, AlertWrite,
-};
-pub use approvals::{
-    AuditFilter, AuditRow, Decided, Decision, HoldWrite, ProposalFilter, SiteHold,
-};
+pub use accounts::{Credential, CredentialUse, SessionRecord, TokenRecord, UserRecord, Written};
+pub use alerts::{AlertFilter, AlertMoment, AlertSelection};
+pub use approvals::{AuditFilter, AuditRow, ProposalFilter, SiteHold};
 pub use audit::AuditEntry;
 pub use backend::{Cell, Stretch};
 pub use error::{DriverError, StoreError};
 pub use history::{History, HistoryQuery};
 pub use journal::kind_of_note;
-pub use policy::{PolicyWrite, StoredPolicy};
+pub use policy::StoredPolicy;
 pub use record::{
     CheckpointRecord, CrossTrackRecord, CurrentRecord, EventKind, EventRecord, EventSource,
     Expected, HistoryRow, IdempotencyKey, NewEvent, RobotRecord, unpack_status,
 };
-pub use webhooks::{
-    AttemptWrite, CreateWrite, DeleteWrite, DueDelivery, WebhookWrite, WebhookWritten,
-};
+pub use transaction::{Job, Records};
+pub use webhooks::DueDelivery;
 
 use fleetcal_clock::SharedClock;
 
-use backend::{Database, EventWrite, Reader, Repetition, RobotWrite, Writer};
-use command::{Command, Queued, Reply};
-use fleetcal_domain::access::Actor;
+use backend::{Database, EventWrite, Reader, RecordWriter, Repetition, TelemetryWriter};
+use counters::{Counters, PathCounters};
 use fleetcal_domain::limits;
-use fleetcal_domain::robot::RobotConfig;
-use liveness::Liveness;
-use writer::{WriterCounters, WriterTask};
+use liveness::{Liveness, Watched};
+use telemetry::{Offered, Telemetry, TelemetryTask};
+use transaction::{Asked, JobsTask, Waiting};
+
+/// A future that is compiled in this crate, and not in each that awaits it.
+pub type Boxed<'a, T> = std::pin::Pin<Box<dyn Future<Output = T> + Send + 'a>>;
 
 /// What the store has done since it was opened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -92,27 +88,41 @@ pub struct Store {
 
 #[derive(Debug)]
 struct Shared {
-    commands: mpsc::Sender<Queued>,
+    jobs: mpsc::Sender<Asked>,
+    telemetry: mpsc::Sender<Offered>,
     reader: Box<dyn Reader>,
     clock: SharedClock,
-    counters: Arc<WriterCounters>,
+    counters: Counters,
     refused: AtomicU64,
     /// Held as long as the store.
     database: Arc<dyn Database>,
 }
 
 impl Store {
-    /// Starts the store's writer upon an open database.
+    /// Starts the store's two tasks upon an open database.
     pub fn start(
-        writer: impl Writer,
+        records: impl RecordWriter,
+        telemetry: impl TelemetryWriter,
         reader: impl Reader,
         database: Arc<dyn Database>,
         clock: SharedClock,
     ) -> Self {
-        let (commands, inbox) = mpsc::channel(limits::STORE_QUEUE_MAX);
-        let counters = Arc::new(WriterCounters::default());
-        let task = WriterTask::new(writer, Arc::clone(&clock), Arc::clone(&counters));
-        let liveness = Liveness::new(Arc::clone(&counters), commands.downgrade());
+        let (jobs, asked) = mpsc::channel(limits::STORE_JOBS_MAX);
+        let (telemetry_in, offered) = mpsc::channel(limits::STORE_QUEUE_MAX);
+        let counters = Counters::default();
+        let (of_records, of_telemetry) = (&counters.records, &counters.telemetry);
+        let run_jobs = JobsTask::new(records, Arc::clone(of_records));
+        let write = TelemetryTask::new(
+            telemetry,
+            Arc::clone(&clock),
+            Arc::clone(of_telemetry),
+            Arc::clone(&counters.rows),
+        );
+        let liveness = Liveness::new(
+            Watched::new(Arc::clone(of_records), jobs.downgrade()),
+            Watched::new(Arc::clone(of_telemetry), telemetry_in.downgrade()),
+            Arc::clone(&counters.stuck),
+        );
         // The store alone holds the database.
         let held = Arc::downgrade(&database);
         let fresh = move || {
@@ -124,9 +134,13 @@ impl Store {
                 }
             }
         };
-        tokio::spawn(liveness.watch(tokio::spawn(task.run(inbox)), fresh));
+        let mut tasks = JoinSet::new();
+        tasks.spawn(run_jobs.run(asked));
+        tasks.spawn(write.run(offered));
+        tokio::spawn(liveness.watch(tasks, fresh));
         let shared = Shared {
-            commands,
+            jobs,
+            telemetry: telemetry_in,
             reader: Box::new(reader),
             clock,
             counters,
@@ -138,10 +152,30 @@ impl Store {
         }
     }
 
+    /// Runs a job in a transaction and waits until it is committed. Jobs are run in the order of
+    /// their arrival; each is done wholly or not at all.
+    ///
+    /// # Errors
+    /// The job's refusal; [`StoreError::Late`] when its turn came too late, [`StoreError::QueueFull`]
+    /// when too many wait; otherwise the database's failure. Nothing has changed then, unless the
+    /// failure was that of a commit whose end is unknown.
+    pub fn transact<J: Job>(&self, job: J) -> Boxed<'_, Result<J::Done, StoreError>> {
+        let (job, ended) = Waiting::new(job);
+        Box::pin(async move {
+            self.ask(Asked::Run(job)).await?;
+            ended.await.map_err(|_| StoreError::Closed)?
+        })
+    }
+
+    /// The service's wall time, ns since 1970.
+    pub fn now_ns(&self) -> i64 {
+        self.shared.clock.now_ns()
+    }
+
     /// Keeps an estimate that was received at `received_ns` (wall time): one second of history,
     /// and the robot's latest estimate. Never waits; what cannot be queued is counted.
     pub fn record_history(&self, estimate: &EstimateDocument, received_ns: i64) {
-        self.offer(Command::History(Box::new(estimate.clone()), received_ns));
+        self.offer(Telemetry::History(Box::new(estimate.clone()), received_ns));
     }
 
     /// Keeps an estimator's state, of message time `stamp_ns`, as JSON. It replaces the robot's
@@ -149,7 +183,7 @@ impl Store {
     pub fn save_checkpoint(&self, robot: &RobotId, stamp_ns: i64, state: String) {
         let received_ns = self.shared.clock.now_ns();
         let robot = robot.clone();
-        self.offer(Command::Checkpoint(CheckpointRecord {
+        self.offer(Telemetry::Checkpoint(CheckpointRecord {
             robot,
             stamp_ns,
             received_ns,
@@ -159,57 +193,7 @@ impl Store {
 
     /// Keeps an event. Never waits; what cannot be queued is counted.
     fn offer_event(&self, event: NewEvent, repetition: Repetition) {
-        let write = EventWrite {
-            event,
-            repetition,
-            noted_by: None,
-        };
-        self.offer(Command::Event(write, None));
-    }
-
-    /// Keeps an event that somebody notes and waits until it is committed. With a key, a request that was answered
-    /// before is answered with the same event again.
-    ///
-    /// # Errors
-    /// [`StoreError::KeyReused`] when the same key came with another request; otherwise the
-    /// database's failure.
-    pub async fn record_event(
-        &self,
-        event: NewEvent,
-        noted_by: Actor,
-        key: Option<IdempotencyKey>,
-    ) -> Result<EventRecord, StoreError> {
-        let write = EventWrite {
-            event,
-            repetition: key.map_or(Repetition::Never, Repetition::Key),
-            noted_by: Some(noted_by),
-        };
-        self.ask(|reply| Command::Event(write, Some(reply))).await
-    }
-
-    /// Keeps a robot's configuration; gives its new version.
-    ///
-    /// # Errors
-    /// [`StoreError::VersionConflict`] when it is not at the expected version; otherwise the
-    /// database's failure.
-    pub async fn save_robot(
-        &self,
-        robot: &RobotId,
-        config: &RobotConfig,
-        expected: Expected,
-        actor: Actor,
-    ) -> Result<u64, StoreError> {
-        let now_ns = self.shared.clock.now_ns();
-        let (robot, config) = (robot.clone(), config.clone());
-        let write = RobotWrite {
-            robot,
-            config,
-            expected,
-            actor,
-            now_ns,
-        };
-        self.ask(|reply| Command::Robot(Box::new(write), reply))
-            .await
+        self.offer(Telemetry::Event(Box::new(EventWrite { event, repetition })));
     }
 
     /// Waits until everything that was handed over before is committed.
@@ -217,7 +201,14 @@ impl Store {
     /// # Errors
     /// The database's failure.
     pub async fn flush(&self) -> Result<(), StoreError> {
-        self.ask(Command::Flush).await
+        self.probe().await?;
+        let (reply, ended) = oneshot::channel();
+        let telemetry = &self.shared.telemetry;
+        telemetry
+            .send(Offered::Flush(reply))
+            .await
+            .map_err(|_| StoreError::Closed)?;
+        ended.await.map_err(|_| StoreError::Closed)?
     }
 
     /// Writes to the database, to find out whether that works.
@@ -225,7 +216,8 @@ impl Store {
     /// # Errors
     /// The database's failure.
     pub async fn probe(&self) -> Result<(), StoreError> {
-        self.ask(Command::Probe).await
+        let now_ns = self.now_ns();
+        self.transact(Prove { now_ns }).await
     }
 
     /// Commits what was handed over before and closes the database. Later calls fail with
@@ -236,7 +228,16 @@ impl Store {
     pub async fn close(&self) -> Result<(), StoreError> {
         // Readers first: the last connection folds the log into the database.
         self.shared.reader.close().await;
-        self.ask(Command::Close).await
+        let (reply, jobs_ended) = oneshot::channel();
+        self.ask(Asked::Close(reply)).await?;
+        let jobs_ended = jobs_ended.await.map_err(|_| StoreError::Closed)?;
+        let (reply, ended) = oneshot::channel();
+        let telemetry = &self.shared.telemetry;
+        telemetry
+            .send(Offered::Close(reply))
+            .await
+            .map_err(|_| StoreError::Closed)?;
+        ended.await.map_err(|_| StoreError::Closed)?.and(jobs_ended)
     }
 
     /// Every robot, by id.
@@ -323,38 +324,49 @@ impl Store {
     /// What the store has done since it was opened.
     pub fn counters(&self) -> StoreCounters {
         let load = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
-        let counters = &self.shared.counters;
+        let Counters {
+            records,
+            telemetry,
+            rows,
+            ..
+        } = &self.shared.counters;
+        let both = |of: fn(&PathCounters) -> &AtomicU64| load(of(records)) + load(of(telemetry));
         StoreCounters {
-            commits: load(&counters.commits),
-            failed_commits: load(&counters.failed_commits),
-            history_rows: load(&counters.history_rows),
+            commits: both(|path| &path.commits),
+            failed_commits: both(|path| &path.failed_commits),
+            history_rows: load(&rows.history_rows),
             refused: load(&self.shared.refused),
-            lost: load(&counters.lost),
-            lost_history: load(&counters.lost_history),
-            pruned_rows: load(&counters.pruned_rows),
-            waiting: self.queued() as u64 + load(&counters.pending),
+            lost: load(&rows.lost),
+            lost_history: load(&rows.lost_history),
+            pruned_rows: load(&rows.pruned_rows),
+            waiting: self.queued_jobs() as u64
+                + self.queued_telemetry() as u64
+                + both(|path| &path.pending),
         }
     }
 
-    /// Whether the writer has not written for [`limits::STORE_STUCK_AFTER`] although the database
-    /// takes writes: then only a restart of the process helps.
+    /// Whether one of the tasks has not written for [`limits::STORE_STUCK_AFTER`] although the
+    /// database takes writes: then only a restart of the process helps.
     pub fn is_stuck(&self) -> bool {
         self.shared.counters.stuck.load(Ordering::Relaxed)
     }
 
-    /// Commands that the writer has not taken yet.
-    fn queued(&self) -> usize {
-        let commands = &self.shared.commands;
-        commands.max_capacity() - commands.capacity()
+    /// Jobs that were not begun yet.
+    fn queued_jobs(&self) -> usize {
+        let jobs = &self.shared.jobs;
+        jobs.max_capacity() - jobs.capacity()
+    }
+
+    /// Telemetry that its task has not taken yet.
+    fn queued_telemetry(&self) -> usize {
+        let telemetry = &self.shared.telemetry;
+        telemetry.max_capacity() - telemetry.capacity()
     }
 
     /// Queues what nobody waits for.
-    fn offer(&self, command: Command) {
-        let queued = Queued {
-            command,
-            asked_at: None,
-        };
-        if self.shared.commands.try_send(queued).is_err() {
+    fn offer(&self, telemetry: Telemetry) {
+        let offered = Offered::Keep(telemetry);
+        if self.shared.telemetry.try_send(offered).is_err() {
             let refused = self.shared.refused.fetch_add(1, Ordering::Relaxed) + 1;
             // Lost data is an error, but one line for each row would be a second loss.
             if refused.is_power_of_two() {
@@ -363,21 +375,29 @@ impl Store {
         }
     }
 
-    /// Queues a command and waits for its answer.
-    async fn ask<T>(&self, command: impl FnOnce(Reply<T>) -> Command) -> Result<T, StoreError> {
-        let (reply, answer) = oneshot::channel();
-        let asked_at = Some(Instant::now());
-        let place =
-            tokio::time::timeout(limits::STORE_READ_TIMEOUT, self.shared.commands.reserve())
-                .await
-                .map_err(|_| StoreError::QueueFull {
-                    waiting: self.queued(),
-                })?
-                .map_err(|_| StoreError::Closed)?;
-        place.send(Queued {
-            command: command(reply),
-            asked_at,
-        });
-        answer.await.map_err(|_| StoreError::Closed)?
+    /// Queues what somebody waits for.
+    async fn ask(&self, asked: Asked) -> Result<(), StoreError> {
+        let place = self.shared.jobs.reserve();
+        let place = tokio::time::timeout(limits::STORE_READ_TIMEOUT, place).await;
+        let place = place.map_err(|_| StoreError::QueueFull {
+            waiting: self.queued_jobs(),
+        })?;
+        place.map_err(|_| StoreError::Closed)?.send(asked);
+        Ok(())
+    }
+}
+
+/// Writes, to find out whether that works.
+#[derive(Debug)]
+struct Prove {
+    now_ns: i64,
+}
+
+#[async_trait::async_trait]
+impl Job for Prove {
+    type Done = ();
+
+    async fn run(&self, records: &mut dyn Records) -> Result<(), StoreError> {
+        records.prove_writable(self.now_ns).await
     }
 }

@@ -1,71 +1,104 @@
-//! Whether the writer gets on. A database that takes no writes is not the writer's fault and mends
-//! without a restart; a writer that does not write although the database would take it is stuck.
+//! Whether the tasks that write get on. A database that takes no writes is not their fault and mends
+//! without a restart; a task that does not write although the database would take it is stuck.
 
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use fleetcal_domain::limits;
 use tokio::sync::mpsc;
-use tokio::task::JoinHandle;
+use tokio::task::{JoinHandle, JoinSet};
 use tokio::time::{Instant, MissedTickBehavior};
 
-use super::command::Queued;
+use super::counters::PathCounters;
 use super::error::StoreError;
-use super::writer::WriterCounters;
 
-/// Looks at the writer until it ends.
+/// A task that writes, as it is seen from outside.
 #[derive(Debug)]
-pub(super) struct Liveness {
-    counters: Arc<WriterCounters>,
-    queue: mpsc::WeakSender<Queued>,
+pub(super) struct Watched<T> {
+    counters: Arc<PathCounters>,
+    queue: mpsc::WeakSender<T>,
     commits: u64,
-    /// Since when fresh connections have written while the writer has not.
+}
+
+impl<T> Watched<T> {
+    pub(super) fn new(counters: Arc<PathCounters>, queue: mpsc::WeakSender<T>) -> Self {
+        Self {
+            counters,
+            queue,
+            commits: 0,
+        }
+    }
+
+    /// Whether the task has committed since the last look, or nothing waits for it.
+    fn is_well(&mut self) -> bool {
+        let commits = self.counters.commits.load(Ordering::Relaxed);
+        let queue = self.queue.upgrade();
+        let queued = queue.map_or(0, |queue| queue.max_capacity() - queue.capacity());
+        let waiting = queued as u64 + self.counters.pending.load(Ordering::Relaxed);
+        let well = commits != self.commits || waiting == 0;
+        self.commits = commits;
+        well
+    }
+}
+
+/// Looks at the tasks that write until they end.
+#[derive(Debug)]
+pub(super) struct Liveness<J, T> {
+    records: Watched<J>,
+    telemetry: Watched<T>,
+    stuck: Arc<AtomicBool>,
+    /// Since when fresh connections have written while a task has not.
     overtaken_since: Option<Instant>,
     /// A fresh connection's write that has not ended yet: one that hangs is not followed by others.
     fresh: Option<JoinHandle<Result<(), StoreError>>>,
 }
 
-impl Liveness {
-    pub(super) fn new(counters: Arc<WriterCounters>, queue: mpsc::WeakSender<Queued>) -> Self {
+impl<J, T> Liveness<J, T> {
+    pub(super) fn new(records: Watched<J>, telemetry: Watched<T>, stuck: Arc<AtomicBool>) -> Self {
         Self {
-            counters,
-            queue,
-            commits: 0,
+            records,
+            telemetry,
+            stuck,
             overtaken_since: None,
             fresh: None,
         }
     }
 
-    /// Looks every [`limits::STORE_LOOK_EVERY`] until `writer` ends; `fresh` writes over a
+    /// Looks every [`limits::STORE_LOOK_EVERY`] until both tasks end; `fresh` writes over a
     /// connection of its own.
-    pub(super) async fn watch<F>(mut self, mut writer: JoinHandle<()>, fresh: impl Fn() -> F + Send)
+    pub(super) async fn watch<F>(mut self, mut tasks: JoinSet<()>, fresh: impl Fn() -> F + Send)
     where
         F: Future<Output = Result<(), StoreError>> + Send + 'static,
     {
         let mut ticks = tokio::time::interval(limits::STORE_LOOK_EVERY);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut failed = false;
         loop {
             tokio::select! {
-                ended = &mut writer => {
-                    if let Err(error) = ended {
-                        tracing::error!(%error, "the store's writer failed");
-                        self.counters.stuck.store(true, Ordering::Relaxed);
+                ended = tasks.join_next() => match ended {
+                    Some(Ok(())) => {}
+                    Some(Err(error)) => {
+                        tracing::error!(%error, "a task of the store failed");
+                        failed = true;
+                        self.stuck.store(true, Ordering::Relaxed);
                     }
-                    return;
-                }
-                now = ticks.tick() => self.look(now, &fresh).await,
+                    None => return,
+                },
+                now = ticks.tick(), if !failed => self.look(now, &fresh).await,
             }
         }
     }
 
-    /// Looks at the writer at `now`.
+    /// Looks at both tasks at `now`.
     async fn look<F>(&mut self, now: Instant, fresh: &(impl Fn() -> F + Send))
     where
         F: Future<Output = Result<(), StoreError>> + Send + 'static,
     {
-        if self.is_well() {
+        // Both are looked at: each look begins where the last one ended.
+        let (records, telemetry) = (self.records.is_well(), self.telemetry.is_well());
+        if records && telemetry {
             self.overtaken_since = None;
-            self.counters.stuck.store(false, Ordering::Relaxed);
+            self.stuck.store(false, Ordering::Relaxed);
             return;
         }
         let write = self.fresh.get_or_insert_with(|| tokio::spawn(fresh()));
@@ -80,7 +113,7 @@ impl Liveness {
         let since = *self.overtaken_since.get_or_insert(now);
         let overtaken_for = now.duration_since(since);
         let stuck = overtaken_for >= limits::STORE_STUCK_AFTER;
-        if stuck && !self.counters.stuck.swap(true, Ordering::Relaxed) {
+        if stuck && !self.stuck.swap(true, Ordering::Relaxed) {
             let for_s = overtaken_for.as_secs();
             tracing::error!(
                 for_s,
@@ -88,40 +121,33 @@ impl Liveness {
             );
         }
     }
-
-    /// Whether the writer has committed since the last look, or nothing waits for it.
-    fn is_well(&mut self) -> bool {
-        let commits = self.counters.commits.load(Ordering::Relaxed);
-        let queue = self.queue.upgrade();
-        let queued = queue.map_or(0, |queue| queue.max_capacity() - queue.capacity());
-        let waiting = queued as u64 + self.counters.pending.load(Ordering::Relaxed);
-        let well = commits != self.commits || waiting == 0;
-        self.commits = commits;
-        well
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// A writer that has one row in memory and writes or does not, beside a database that takes
-    /// writes or does not. Its time is the test's.
+    /// A task that has one row in memory and writes or does not, beside one that has nothing to do
+    /// and a database that takes writes or does not. Its time is the test's.
     struct Bench {
-        liveness: Liveness,
+        liveness: Liveness<(), ()>,
+        counters: Arc<PathCounters>,
         now: Instant,
         writes: bool,
         takes: bool,
-        _queue: mpsc::Sender<Queued>,
+        _queue: mpsc::Sender<()>,
     }
 
     impl Bench {
         fn new() -> Self {
-            let counters = Arc::new(WriterCounters::default());
+            let counters = Arc::new(PathCounters::default());
             counters.pending.store(1, Ordering::Relaxed);
             let (queue, _) = mpsc::channel(1);
+            let idle = Watched::new(Arc::default(), queue.downgrade());
+            let busy = Watched::new(Arc::clone(&counters), queue.downgrade());
             Self {
-                liveness: Liveness::new(counters, queue.downgrade()),
+                liveness: Liveness::new(busy, idle, Arc::default()),
+                counters,
                 now: Instant::now(),
                 writes: true,
                 takes: true,
@@ -130,16 +156,15 @@ mod tests {
         }
 
         async fn is_stuck_after(&mut self, seconds: u64) -> bool {
-            let counters = Arc::clone(&self.liveness.counters);
             let takes = self.takes;
             let fresh = || async move { takes.then_some(()).ok_or(StoreError::Closed) };
             for _ in 0..seconds / limits::STORE_LOOK_EVERY.as_secs() {
                 let commits = u64::from(self.writes);
-                counters.commits.fetch_add(commits, Ordering::Relaxed);
+                self.counters.commits.fetch_add(commits, Ordering::Relaxed);
                 self.now += limits::STORE_LOOK_EVERY;
                 self.liveness.look(self.now, &fresh).await;
             }
-            counters.stuck.load(Ordering::Relaxed)
+            self.liveness.stuck.load(Ordering::Relaxed)
         }
     }
 
@@ -171,7 +196,7 @@ mod tests {
     async fn a_writer_without_work_is_not_stuck() {
         let mut bench = Bench::new();
         bench.writes = false;
-        bench.liveness.counters.pending.store(0, Ordering::Relaxed);
+        bench.counters.pending.store(0, Ordering::Relaxed);
         assert!(!bench.is_stuck_after(600).await);
     }
 }

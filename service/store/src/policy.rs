@@ -1,6 +1,5 @@
 //! The approval policy as it was set over the API.
 
-use fleetcal_domain::access::Actor;
 use fleetcal_domain::approval::Policy;
 use serde::Serialize;
 
@@ -17,19 +16,4 @@ pub struct StoredPolicy {
     pub at_ns: Option<i64>,
     /// Why.
     pub reason: Option<String>,
-}
-
-/// A change of the policy.
-#[derive(Debug, Clone)]
-pub struct PolicyWrite {
-    /// The new one; `None` to go back to what the configuration file says.
-    pub policy: Option<Policy>,
-    /// The version that was looked at.
-    pub version: u64,
-    /// Who.
-    pub actor: Actor,
-    /// When, wall time.
-    pub now_ns: i64,
-    /// Why.
-    pub reason: String,
 }

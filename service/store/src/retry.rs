@@ -1,4 +1,4 @@
-//! When the writer tries again after a commit that failed.
+//! When a task tries again after a commit that failed.
 
 use std::time::Duration;
 
@@ -7,26 +7,33 @@ use tokio::time::Instant;
 
 /// The pause between two commits: none while they succeed, and longer with each that fails.
 #[derive(Debug, Default)]
-pub(super) struct Retry {
+pub(crate) struct Retry {
     pause: Duration,
     at: Option<Instant>,
 }
 
 impl Retry {
     /// Takes a commit that failed at `now`.
-    pub(super) fn failed(&mut self, now: Instant) {
+    pub(crate) fn failed(&mut self, now: Instant) {
         self.pause = (self.pause * 2).clamp(limits::STORE_RETRY_FIRST, limits::STORE_RETRY_MAX);
         self.at = Some(now + self.pause);
     }
 
     /// Forgets what failed before.
-    pub(super) fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         *self = Self::default();
     }
 
     /// When the next commit may begin; `None` when it may at once.
-    pub(super) fn at(&self) -> Option<Instant> {
+    pub(crate) fn at(&self) -> Option<Instant> {
         self.at
+    }
+}
+
+/// Waits until an instant; not at all without one.
+pub(crate) async fn pause_until(at: Option<Instant>) {
+    if let Some(at) = at {
+        tokio::time::sleep_until(at).await;
     }
 }
 

@@ -7,8 +7,9 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use fleetcal_domain::access::{Actor, Authentication, SecretHash, SessionSpan, SessionValue};
 use fleetcal_http::PeerAddress;
+use fleetcal_operations::accounts::{UserChange, UserEdit, change_user};
 use fleetcal_operations::entropy;
-use fleetcal_store::{Credential, Expected, UserChange, UserEdit, UserRecord};
+use fleetcal_store::{Credential, Expected, UserRecord};
 use serde::Deserialize;
 
 use super::caller::{Caller, request_id};
@@ -66,7 +67,7 @@ pub(super) async fn sign_in(
         role: Some(user.grant.role()),
         request,
     };
-    let written = api.store.write_user(actor, change).await?;
+    let written = change_user(&api.store, actor, change).await?;
     Ok(begun(&api, &written.record, &session))
 }
 
@@ -141,9 +142,8 @@ pub(super) async fn sign_out(
     caller: Caller,
 ) -> Result<Response, Problem> {
     let session = session_of(&caller)?;
-    api.store
-        .write_user(caller.actor, UserChange::SignOut { session })
-        .await?;
+    let change = UserChange::SignOut { session };
+    change_user(&api.store, caller.actor, change).await?;
     let cleared = [(header::SET_COOKIE, api.access.cookies.clear())];
     Ok((StatusCode::NO_CONTENT, cleared).into_response())
 }
@@ -194,7 +194,7 @@ pub(super) async fn change_password(
         edit,
         keep: Some(session),
     };
-    api.store.write_user(caller.actor, change).await?;
+    change_user(&api.store, caller.actor, change).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 

@@ -5,7 +5,7 @@ use axum::http::StatusCode;
 use axum::response::Response;
 use fleetcal_domain::access::{AccountRefused, Actor, Authentication, Role};
 use fleetcal_http::PeerAddress;
-use fleetcal_store::UserChange;
+use fleetcal_operations::accounts::{UserChange, change_user};
 use serde::Deserialize;
 
 use super::document::SessionDocument;
@@ -82,6 +82,6 @@ pub(super) async fn set_up(
         password,
         session: session.hash(),
     };
-    let written = api.store.write_user(actor, change).await?;
+    let written = change_user(&api.store, actor, change).await?;
     Ok(begun(&api, &written.record, &session))
 }

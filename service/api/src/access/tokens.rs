@@ -6,9 +6,9 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use fleetcal_domain::access::{Grant, Role, TokenValue};
 use fleetcal_domain::limits;
+use fleetcal_operations::accounts::{TokenChange, change_token};
 use fleetcal_operations::entropy;
 use fleetcal_proto::RobotId;
-use fleetcal_store::TokenChange;
 use jiff::Timestamp;
 use serde::Deserialize;
 
@@ -100,7 +100,7 @@ pub(super) async fn create_token(
             .transpose()?,
         key,
     };
-    let written = api.store.write_token(caller.actor, change).await?;
+    let written = change_token(&api.store, caller.actor, change).await?;
     let mut document = TokenDocument::of(&written.record, now_ns);
     if !written.repeated {
         document.value = Some(value.reveal().to_owned());
@@ -138,8 +138,6 @@ pub(super) async fn revoke_token(
     Parameters(NoParameters {}): Parameters<NoParameters>,
     caller: Caller,
 ) -> Result<StatusCode, Problem> {
-    api.store
-        .write_token(caller.actor, TokenChange::Revoke { id })
-        .await?;
+    change_token(&api.store, caller.actor, TokenChange::Revoke { id }).await?;
     Ok(StatusCode::NO_CONTENT)
 }

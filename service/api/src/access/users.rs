@@ -6,7 +6,8 @@ use axum::http::request::Parts;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 use fleetcal_domain::access::{AccountName, AccountRefused, Grant, GrantRefused, Role};
-use fleetcal_store::{StoreError, UserChange, UserEdit, UserRecord};
+use fleetcal_operations::accounts::{UserChange, UserEdit, change_user};
+use fleetcal_store::{StoreError, UserRecord};
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
 
@@ -123,7 +124,7 @@ pub(super) async fn create_user(
         password: api.access.passwords.hash(&body.password).await?,
         key,
     };
-    let written = api.store.write_user(caller.actor, change).await?;
+    let written = change_user(&api.store, caller.actor, change).await?;
     Ok(answer(StatusCode::CREATED, &written.record))
 }
 
@@ -192,7 +193,7 @@ pub(super) async fn edit_user(
         },
         keep: None,
     };
-    let written = api.store.write_user(caller.actor, change).await?;
+    let written = change_user(&api.store, caller.actor, change).await?;
     Ok(answer(StatusCode::OK, &written.record))
 }
 
@@ -219,9 +220,8 @@ pub(super) async fn remove_user(
     headers: HeaderMap,
 ) -> Result<StatusCode, Problem> {
     let expected = expected(&headers)?;
-    api.store
-        .write_user(caller.actor, UserChange::Remove { id, expected })
-        .await?;
+    let change = UserChange::Remove { id, expected };
+    change_user(&api.store, caller.actor, change).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 

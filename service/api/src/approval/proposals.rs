@@ -9,9 +9,10 @@ use fleetcal_domain::approval::{
     nominal_values, outdated, values_and_sigmas,
 };
 use fleetcal_domain::limits;
+use fleetcal_operations::clerk::Decided;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
-use fleetcal_store::{Decided, ProposalFilter};
+use fleetcal_store::ProposalFilter;
 use serde::{Deserialize, Serialize};
 
 use super::document::{Beside, ProposalDocument};

@@ -5,7 +5,7 @@ use axum::extract::State;
 use axum::http::StatusCode;
 use fleetcal_domain::approval::{Command, ProposalState};
 use fleetcal_domain::limits;
-use fleetcal_store::Decided;
+use fleetcal_operations::clerk::Decided;
 use serde::{Deserialize, Serialize};
 
 use super::proposals::robot_of;

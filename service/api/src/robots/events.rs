@@ -7,6 +7,7 @@ use axum::response::{IntoResponse, Response};
 use fleetcal_domain::limits;
 use fleetcal_domain::robot::RobotView;
 use fleetcal_model::NoteKind;
+use fleetcal_operations::robots;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::event::RobotEvent;
 use fleetcal_store::{EventKind, EventRecord, EventSource, NewEvent, kind_of_note};
@@ -183,7 +184,7 @@ pub(super) async fn post_event(
         note: Some(note.note.clone()).filter(|note| !note.is_empty()),
         details: None,
     };
-    let record = api.store.record_event(event, caller.actor, key).await?;
+    let record = robots::note(&api.store, event, caller.actor, key).await?;
     if !record.repeated
         && let Err(refused) = api.fleet.note(&id, &note)
     {

@@ -8,6 +8,7 @@ use fleetcal_domain::limits;
 use fleetcal_domain::robot::RobotConfig;
 use fleetcal_domain::streams::RobotStreams;
 use fleetcal_fleet::FleetRefused;
+use fleetcal_operations::robots::configure;
 use fleetcal_proto::RobotId;
 use fleetcal_store::Expected;
 
@@ -101,7 +102,7 @@ async fn register(
     expected: Expected,
     actor: Actor,
 ) -> Result<u64, Problem> {
-    let version = api.store.save_robot(&id, &config, expected, actor).await?;
+    let version = configure(&api.store, &id, &config, expected, actor).await?;
     api.fleet.configure(&id, config)?;
     Ok(version)
 }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use fleetcal_domain::access::{Password, PasswordHash};
 use fleetcal_domain::limits;
-use fleetcal_store::UserChange;
+use fleetcal_operations::accounts::{UserChange, change_user};
 use insta::assert_snapshot;
 use serde_json::json;
 
@@ -22,7 +22,7 @@ async fn user(bench: &Bench, role: Role) {
         password: PasswordHash::of(&password, &[5; 16]).unwrap(),
         key: None,
     };
-    let written = bench.store.write_user(Actor::command_line(), change).await;
+    let written = change_user(&bench.store, Actor::command_line(), change).await;
     written.unwrap();
 }
 
@@ -449,7 +449,7 @@ async fn a_stream_ends_with_the_permission_to_hear_it() {
     assert_eq!(next_event(&mut stream).await.0, "ready");
     let id = bench.store.tokens(0, 10).await.unwrap().last().unwrap().id;
     let change = TokenChange::Revoke { id };
-    let written = bench.store.write_token(Actor::command_line(), change).await;
+    let written = change_token(&bench.store, Actor::command_line(), change).await;
     written.unwrap();
     let ending = async { while stream.next().await.is_some() {} };
     let ended = tokio::time::timeout(Duration::from_secs(30), ending).await;

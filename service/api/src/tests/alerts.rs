@@ -7,8 +7,8 @@ use fleetcal_domain::access::Actor;
 use fleetcal_domain::alert::{AlertKind, Observation, Sighting};
 use fleetcal_domain::approval::{Command, Evidence, Origin};
 use fleetcal_model::Stream;
+use fleetcal_operations::sentry::Observe;
 use fleetcal_proto::calibration::CalibrationValues;
-use fleetcal_store::AlertWrite;
 use insta::assert_snapshot;
 
 use super::*;
@@ -25,12 +25,12 @@ impl Bench {
             what: "deployment 3 was refused by the robot: <b>on a mission</b>".to_owned(),
             robots: Vec::new(),
         };
-        let write = AlertWrite::Observe {
+        let write = Observe {
             sightings: vec![(robot(name).into(), sighting)],
             policy: Arc::new(AlertPolicy::default()),
             now_ns: NOW_NS,
         };
-        self.store.write_alerts(write).await.unwrap();
+        self.store.transact(write).await.unwrap();
     }
 
     /// An answer, once it is as it should be.

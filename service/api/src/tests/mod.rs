@@ -26,12 +26,14 @@ use fleetcal_domain::robot::RobotConfig;
 use fleetcal_estimator::EstimatorSettings;
 use fleetcal_fleet::{FleetHandle, FleetSetup};
 use fleetcal_http::TrustedProxies;
+use fleetcal_operations::accounts::{TokenChange, change_token};
 use fleetcal_operations::clerk::{Clerk, ClerkSetup};
 use fleetcal_operations::courier::{Courier, CourierSetup};
+use fleetcal_operations::robots::configure;
 use fleetcal_operations::sentry::{Sentry, SentrySetup};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::signing::SigningKey;
-use fleetcal_store::{Expected, Store, TokenChange};
+use fleetcal_store::{Expected, Store};
 use futures::StreamExt;
 use serde_json::Value;
 use tempfile::TempDir;
@@ -94,10 +96,9 @@ async fn bench_of(robots: &[&str], last_heard_ns: BTreeMap<RobotId, i64>) -> Ben
         .await
         .unwrap();
     for name in robots {
-        store
-            .save_robot(&robot(name), &config(), Expected::Absent, Actor::service())
-            .await
-            .unwrap();
+        let actor = Actor::service();
+        let done = configure(&store, &robot(name), &config(), Expected::Absent, actor);
+        done.await.unwrap();
     }
     let fleet = FleetHandle::start(FleetSetup {
         clock: clock.clone(),
@@ -192,10 +193,8 @@ async fn token(store: &Store, name: &str, grant: Grant, expires_ns: Option<i64>)
         expires_ns,
         key: None,
     };
-    store
-        .write_token(Actor::command_line(), change)
-        .await
-        .unwrap();
+    let done = change_token(store, Actor::command_line(), change);
+    done.await.unwrap();
     value.reveal().to_owned()
 }
 

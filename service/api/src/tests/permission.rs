@@ -95,7 +95,7 @@ async fn attempts(bench: &Bench) -> Vec<Attempt> {
     let tokens = bench.store.tokens(0, 100).await.unwrap();
     let id = tokens.last().unwrap().id;
     let change = TokenChange::Revoke { id };
-    let written = bench.store.write_token(Actor::command_line(), change).await;
+    let written = change_token(&bench.store, Actor::command_line(), change).await;
     assert_eq!(written.unwrap().record.name.as_str(), "revoked");
     attempts.push(Attempt::bearer("a revoked token", &revoked, None));
     for &role in Role::ALL {

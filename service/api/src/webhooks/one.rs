@@ -5,8 +5,8 @@ use axum::extract::{Path, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use fleetcal_domain::webhook::{Secret, Webhook, WebhookEvent, WebhookRefused, WebhookUrl};
+use fleetcal_operations::courier::{CreateWebhook, DeleteWebhook};
 use fleetcal_operations::entropy;
-use fleetcal_store::{CreateWrite, DeleteWrite, WebhookWrite, WebhookWritten};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 
@@ -117,18 +117,16 @@ pub(super) async fn post_webhook(
 ) -> Result<Response, Problem> {
     let url = WebhookUrl::parse(&value.url)?;
     let secret = new_secret()?;
-    let written = api.store.write_webhook(WebhookWrite::Create(CreateWrite {
+    let create = CreateWebhook {
         url,
         events: events_of(value.events)?,
         secret: secret.clone(),
         actor: caller.actor,
         now_ns: api.clock.now_ns(),
-    }));
-    let WebhookWritten::Webhook(webhook) = written.await? else {
-        return Err(Problem::panicked());
     };
+    let webhook = api.store.transact(create).await?;
     let document = SecretDocument {
-        webhook: WebhookDocument::of(*webhook),
+        webhook: WebhookDocument::of(webhook),
         secret: secret.to_text(),
     };
     Ok((StatusCode::CREATED, Json(document)).into_response())
@@ -171,12 +169,12 @@ pub(super) async fn delete_webhook(
     Path(id): Path<String>,
     Parameters(NoParameters {}): Parameters<NoParameters>,
 ) -> Result<StatusCode, Problem> {
-    let write = DeleteWrite {
+    let delete = DeleteWebhook {
         id: webhook_number(&id)?,
         actor: caller.actor,
         now_ns: api.clock.now_ns(),
     };
-    api.store.write_webhook(WebhookWrite::Delete(write)).await?;
+    api.store.transact(delete).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 

@@ -42,7 +42,7 @@ pub use ledger::{NextIds, Outcome, Parcel, RobotLedger};
 pub use policy::{Policy, Tolerance};
 pub use present::{Outdated, Present, outdated};
 pub use proposal::{Approval, Closing, Proposal, ProposalEvent, ProposalState, Refreshed};
-pub use refused::Refused;
+pub use refused::{Refused, may_change};
 pub use revision::{Evidence, Origin, Revision};
 pub use shadow::{Maintenance, Reported, Shadow};
 pub use step::step;

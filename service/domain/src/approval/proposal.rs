@@ -100,7 +100,8 @@ pub struct Closing {
 }
 
 /// That the present estimate took the place of what was proposed.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Refreshed {
     /// When it last was, ns since 1970, wall time.
     pub at_ns: i64,

@@ -4,7 +4,7 @@ use thiserror::Error;
 
 use super::deployment::{DeploymentEvent, DeploymentState};
 use super::present::Outdated;
-use super::proposal::ProposalState;
+use super::proposal::{Proposal, ProposalState};
 
 /// Why a command was refused; nothing has changed then.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -114,4 +114,35 @@ pub enum Refused {
     /// The document cannot be signed.
     #[error("the document cannot be signed: {0}")]
     Seal(String),
+}
+
+impl Refused {
+    /// Why a command on proposal `id` was refused that is `closed` now. This tells "somebody was
+    /// faster" from "that was decided long ago": a proposal that is not open any more has another
+    /// version than the one that was looked at while it was.
+    pub fn not_open(id: u64, closed: Option<&Proposal>, looked_at: Option<u64>) -> Self {
+        match (closed, looked_at) {
+            (Some(closed), Some(looked_at)) if closed.version != looked_at => Self::Stale {
+                found: closed.version,
+            },
+            (Some(closed), Some(_)) => Self::ProposalClosed {
+                state: closed.state,
+            },
+            _ => Self::NotOpen(id),
+        }
+    }
+}
+
+/// Allows a change of what is at version `found`, when it was looked at so and a reason is given.
+///
+/// # Errors
+/// [`Refused::Stale`] or [`Refused::ReasonMissing`].
+pub fn may_change(found: u64, looked_at: u64, reason: &str) -> Result<(), Refused> {
+    if found != looked_at {
+        return Err(Refused::Stale { found });
+    }
+    if reason.trim().is_empty() {
+        return Err(Refused::ReasonMissing);
+    }
+    Ok(())
 }

@@ -27,7 +27,8 @@ pub struct Reported {
 }
 
 /// That a robot is switched off on purpose.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Maintenance {
     /// Until when, ns since 1970, wall time.
     pub until_ns: i64,

@@ -128,8 +128,8 @@ pub struct PairingReport {
     Deserialize,
     IntoStaticStr,
     VariantArray,
-    utoipa::ToSchema,
 )]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 #[strum(serialize_all = "snake_case")]
 pub enum ConnectionState {

@@ -5,7 +5,9 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use strum::{EnumString, IntoStaticStr, VariantArray};
 
+use super::message::Message;
 use super::record::WebhookEvent;
+use super::signature::Secret;
 use crate::limits;
 
 /// Where a delivery stands.
@@ -101,7 +103,25 @@ pub struct Delivery {
 }
 
 impl Delivery {
+    /// A message of `now_ns` that waits for a webhook with this secret. The store gives the number.
+    pub fn new(webhook: u64, secret: &Secret, message: &Message, now_ns: i64) -> Self {
+        Self {
+            id: 0,
+            webhook,
+            message: secret.message_id(&message.subject),
+            event: message.event,
+            body: message.body.clone(),
+            created_ns: now_ns,
+            state: DeliveryState::Waiting,
+            due_ns: now_ns,
+            attempts_made: 0,
+            attempts: Vec::new(),
+            finished_ns: None,
+        }
+    }
+
     /// The delivery after an attempt that ended at `now_ns`; `jitter` is a random number from 0 to 1.
+    /// One that was given up meanwhile stays so, unless the receiver has taken it.
     #[must_use]
     pub fn after(&self, attempt: Attempt, now_ns: i64, jitter: f64) -> Self {
         let mut after = self.clone();
@@ -124,6 +144,10 @@ impl Delivery {
             DeliveryState::Waiting
         };
         after.finished_ns = (after.state != DeliveryState::Waiting).then_some(now_ns);
+        if self.state != DeliveryState::Waiting && !taken {
+            after.state = self.state;
+            after.finished_ns = self.finished_ns;
+        }
         after
     }
 }

@@ -11,5 +11,5 @@ mod signature;
 
 pub use delivery::{Attempt, Delivery, DeliveryState, backoff};
 pub use message::Message;
-pub use record::{Webhook, WebhookEvent, WebhookRefused, WebhookUrl};
+pub use record::{Webhook, WebhookEvent, WebhookRefused, WebhookUrl, allow_new_webhook};
 pub use signature::Secret;

@@ -165,6 +165,27 @@ impl Webhook {
     }
 }
 
+/// Allows a webhook with this address beside those that are `present`.
+///
+/// # Errors
+/// [`WebhookRefused::UrlTaken`] or [`WebhookRefused::TooMany`].
+pub fn allow_new_webhook<'a>(
+    present: impl Iterator<Item = &'a Webhook>,
+    url: &WebhookUrl,
+) -> Result<(), WebhookRefused> {
+    let mut count = 0;
+    for webhook in present {
+        if webhook.url == *url {
+            return Err(WebhookRefused::UrlTaken(webhook.id));
+        }
+        count += 1;
+    }
+    if count >= limits::WEBHOOKS_MAX {
+        return Err(WebhookRefused::TooMany);
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

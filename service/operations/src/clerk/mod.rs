@@ -5,13 +5,19 @@
 //! store. This is the part between them that waits.
 
 mod answers;
+mod decide;
 mod duty;
+mod history;
+mod hold;
 mod offer;
 mod policy;
 #[cfg(test)]
 mod tests;
 
+pub use decide::{Decide, Decided};
+pub use hold::SetHold;
 pub use offer::Letter;
+pub use policy::SetPolicy;
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -27,7 +33,7 @@ use fleetcal_domain::robot::RobotState;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Applied;
 use fleetcal_proto::signing::{PublicKey, SigningKey};
-use fleetcal_store::{Decided, Decision, HoldWrite, IdempotencyKey, SiteHold, Store, StoreError};
+use fleetcal_store::{IdempotencyKey, SiteHold, Store, StoreError};
 use tokio::sync::{Mutex, Notify, mpsc};
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
@@ -226,7 +232,7 @@ impl Clerk {
     ) -> Result<Decided, StoreError> {
         let desk = self.desk(robot);
         let _turn = desk.turn.lock().await;
-        let decision = Decision {
+        let decision = Decide {
             robot: robot.clone(),
             command,
             actor,
@@ -237,7 +243,7 @@ impl Clerk {
             rear_axle_in_base_link: self.inner.fleet.rear_axle_in_base_link(robot),
             present: self.present(robot),
         };
-        let decided = self.inner.store.decide(decision).await?;
+        let decided = self.inner.store.transact(decision).await?;
         if let Decided::Taken(outcome) = &decided {
             let ledger = Arc::new(outcome.ledger.clone());
             self.tell_fleet(&ledger);
@@ -284,7 +290,7 @@ impl Clerk {
         actor: Actor,
         reason: String,
     ) -> Result<SiteHold, StoreError> {
-        let write = HoldWrite {
+        let write = SetHold {
             held,
             version,
             actor,
@@ -296,8 +302,8 @@ impl Clerk {
             .await
     }
 
-    async fn take_hold(&self, write: HoldWrite) -> Result<SiteHold, StoreError> {
-        let hold = self.inner.store.hold(write).await?;
+    async fn take_hold(&self, write: SetHold) -> Result<SiteHold, StoreError> {
+        let hold = self.inner.store.transact(write).await?;
         let mut known = self
             .inner
             .hold

@@ -2,12 +2,59 @@
 
 use std::sync::{Arc, PoisonError, RwLock};
 
+use async_trait::async_trait;
 use fleetcal_domain::access::Actor;
-use fleetcal_domain::approval::Policy;
+use fleetcal_domain::approval::{Policy, may_change};
 use fleetcal_fleet::live::LiveUpdate;
-use fleetcal_store::{PolicyWrite, StoreError, StoredPolicy};
+use fleetcal_store::{AuditEntry, Job, Records, StoreError, StoredPolicy};
 
 use super::Clerk;
+
+/// A change of the policy.
+#[derive(Debug, Clone)]
+pub struct SetPolicy {
+    /// The new one; `None` to go back to what the configuration file says.
+    pub policy: Option<Policy>,
+    /// The version that was looked at.
+    pub version: u64,
+    /// Who.
+    pub actor: Actor,
+    /// When, wall time.
+    pub now_ns: i64,
+    /// Why.
+    pub reason: String,
+}
+
+#[async_trait]
+impl Job for SetPolicy {
+    type Done = StoredPolicy;
+
+    async fn run(&self, records: &mut dyn Records) -> Result<StoredPolicy, StoreError> {
+        let before = records.stored_policy().await?;
+        may_change(before.version, self.version, &self.reason)?;
+        let after = StoredPolicy {
+            version: before.version + 1,
+            policy: self.policy,
+            by: Some(self.actor.name.clone()),
+            at_ns: Some(self.now_ns),
+            reason: Some(self.reason.clone()),
+        };
+        records.save_policy(&after).await?;
+        let entry = AuditEntry {
+            at_ns: self.now_ns,
+            actor: self.actor.clone(),
+            action: "policy.change",
+            subject: "policy",
+            subject_id: "1".to_owned(),
+            robot: None,
+            before: serde_json::to_value(&before).ok(),
+            after: serde_json::to_value(&after).ok(),
+            reason: Some(self.reason.clone()),
+        };
+        records.append_audit(&entry).await?;
+        Ok(after)
+    }
+}
 
 /// The rules in force, and where they come from.
 #[derive(Debug)]
@@ -64,7 +111,7 @@ impl Clerk {
         actor: Actor,
         reason: String,
     ) -> Result<StoredPolicy, StoreError> {
-        let write = PolicyWrite {
+        let write = SetPolicy {
             policy,
             version,
             actor,
@@ -76,8 +123,8 @@ impl Clerk {
             .await
     }
 
-    async fn take_policy(&self, write: PolicyWrite) -> Result<StoredPolicy, StoreError> {
-        let stored = self.inner.store.write_policy(write).await?;
+    async fn take_policy(&self, write: SetPolicy) -> Result<StoredPolicy, StoreError> {
+        let stored = self.inner.store.transact(write).await?;
         let rules = &self.inner.rules;
         let mut known = rules.stored.write().unwrap_or_else(PoisonError::into_inner);
         if known.version < stored.version {

@@ -4,7 +4,9 @@
 //! What was sent is written down afterwards: a kill between the two sends the message again, with
 //! the same `webhook-id`.
 
+pub(crate) mod outbox;
 mod post;
+mod write;
 
 #[cfg(test)]
 mod tests;
@@ -16,11 +18,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use fleetcal_clock::SharedClock;
 use fleetcal_domain::limits;
 use fleetcal_domain::webhook::{Attempt, DeliveryState};
-use fleetcal_store::{AttemptWrite, DueDelivery, Store, StoreError, WebhookWrite, WebhookWritten};
+use fleetcal_store::{DueDelivery, Store, StoreError};
 use tokio::task::JoinSet;
 use tokio::time::MissedTickBehavior;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
+
+pub use write::{CreateWebhook, DeleteWebhook, NoteAttempt};
 
 use crate::entropy::NoEntropy;
 use post::Post;
@@ -186,23 +190,20 @@ impl Courier {
     async fn write_down(&self, due: &DueDelivery, attempt: Attempt) -> Result<(), StoreError> {
         let counts = &self.inner.counts;
         let taken = attempt.is_taken();
-        let written = self
-            .inner
-            .store
-            .write_webhook(WebhookWrite::Attempted(AttemptWrite {
-                delivery: due.delivery.id,
-                attempt,
-                now_ns: self.inner.clock.now_ns(),
-                jitter: self.jitter(),
-            }));
-        let written = written.await?;
+        let noted = NoteAttempt {
+            delivery: due.delivery.id,
+            attempt,
+            now_ns: self.inner.clock.now_ns(),
+            jitter: self.jitter(),
+        };
+        let noted = self.inner.store.transact(noted).await?;
         let count = if taken {
             &counts.delivered
         } else {
             &counts.failed_attempts
         };
         count.fetch_add(1, Ordering::Relaxed);
-        if let WebhookWritten::Delivery(Some(delivery)) = written
+        if let Some(delivery) = noted
             && delivery.state == DeliveryState::GivenUp
         {
             counts.given_up.fetch_add(1, Ordering::Relaxed);

@@ -8,12 +8,12 @@ use fleetcal_domain::access::Actor;
 use fleetcal_domain::alert::{AlertKind, AlertPolicy, Observation, Sighting};
 use fleetcal_domain::webhook::{Delivery, Secret, WebhookEvent, WebhookUrl};
 use fleetcal_proto::RobotId;
-use fleetcal_store::{AlertWrite, CreateWrite};
 use tempfile::TempDir;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 
 use super::*;
+use crate::sentry::Observe;
 
 /// 2026-01-01T00:00:00Z.
 const NOW_NS: i64 = 1_767_225_600_000_000_000;
@@ -39,17 +39,14 @@ impl Bench {
             .await
             .unwrap();
         for url in urls {
-            let write = CreateWrite {
+            let write = CreateWebhook {
                 url: WebhookUrl::parse(url).unwrap(),
                 events: WebhookEvent::ALL.to_vec(),
                 secret: secret(),
                 actor: Actor::service(),
                 now_ns: NOW_NS,
             };
-            store
-                .write_webhook(WebhookWrite::Create(write))
-                .await
-                .unwrap();
+            store.transact(write).await.unwrap();
         }
         Self {
             folder,
@@ -66,12 +63,12 @@ impl Bench {
             what: "refused".to_owned(),
             robots: Vec::new(),
         };
-        let write = AlertWrite::Observe {
+        let write = Observe {
             sightings: vec![(RobotId::parse(robot).unwrap().into(), sighting)],
             policy: Arc::new(AlertPolicy::default()),
             now_ns: self.clock.now_ns(),
         };
-        self.store.write_alerts(write).await.unwrap();
+        self.store.transact(write).await.unwrap();
     }
 
     fn courier(&self) -> Courier {

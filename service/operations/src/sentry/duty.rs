@@ -13,12 +13,12 @@ use fleetcal_domain::robot::HistoryEvent;
 use fleetcal_fleet::live::LiveUpdate;
 use fleetcal_model::{Cause, ChangeKind};
 use fleetcal_proto::RobotId;
-use fleetcal_store::{AlertWrite, StoreError};
+use fleetcal_store::StoreError;
 use tokio::sync::broadcast;
 use tokio::sync::broadcast::error::TryRecvError;
 use tokio::time::MissedTickBehavior;
 
-use super::Sentry;
+use super::{Observe, Sentry};
 
 /// How often the robots are looked at.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
@@ -111,12 +111,12 @@ impl Sentry {
         if seen.is_empty() {
             return Ok(());
         }
-        let write = AlertWrite::Observe {
+        let write = Observe {
             sightings: seen,
             policy: Arc::clone(&self.inner.policy),
             now_ns,
         };
-        let changes = self.inner.store.write_alerts(write).await?;
+        let changes = self.inner.store.transact(write).await?;
         self.take(&changes);
         Ok(())
     }

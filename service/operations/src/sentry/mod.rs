@@ -2,18 +2,21 @@
 //! what has changed to the store.
 
 mod duty;
+#[cfg(test)]
+mod tests;
+mod write;
+
+pub use write::{Acknowledge, AlertChange, Observe};
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use fleetcal_clock::SharedClock;
 use fleetcal_domain::access::Actor;
-use fleetcal_domain::alert::{
-    Alert, AlertKind, AlertPolicy, AlertRefused, Condition, ConditionName, Subject,
-};
+use fleetcal_domain::alert::{Alert, AlertKind, AlertPolicy, Condition, ConditionName, Subject};
 use fleetcal_fleet::FleetHandle;
 use fleetcal_fleet::live::LiveUpdate;
-use fleetcal_store::{AcknowledgeWrite, AlertChange, AlertWrite, Store, StoreError};
+use fleetcal_store::{Store, StoreError};
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
@@ -119,20 +122,16 @@ impl Sentry {
         actor: Actor,
         note: Option<String>,
     ) -> Result<Alert, StoreError> {
-        let write = AlertWrite::Acknowledge(AcknowledgeWrite {
+        let write = Acknowledge {
             id,
             version,
             actor,
             note,
             now_ns: self.inner.clock.now_ns(),
-        });
-        let changes = self.inner.store.write_alerts(write).await?;
-        self.take(&changes);
-        let alert = changes.into_iter().find_map(|change| match change {
-            AlertChange::Kept(alert) => Some(*alert),
-            AlertChange::Dropped(_) => None,
-        });
-        alert.ok_or(StoreError::Alert(AlertRefused::Unknown(id)))
+        };
+        let alert = self.inner.store.transact(write).await?;
+        self.take(&[AlertChange::Kept(Box::new(alert.clone()))]);
+        Ok(alert)
     }
 
     /// Remembers what was committed, and tells every listener.

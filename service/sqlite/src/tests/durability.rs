@@ -4,12 +4,11 @@ use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use fleetcal_domain::access::Actor;
 use fleetcal_domain::limits;
-use fleetcal_domain::robot::RobotConfig;
-use fleetcal_store::{Expected, StoreError};
+use fleetcal_store::StoreError;
 use sqlx::{ConnectOptions, Connection};
 
+use super::administration::AddUser;
 use super::*;
 
 /// Tells the child process which folder to write to.
@@ -195,12 +194,7 @@ async fn a_locked_database_refuses_who_waits_and_keeps_the_history() {
     let mut other = raw(folder.path()).await;
     let lock = other.begin_with("BEGIN IMMEDIATE").await.unwrap();
     record(&store, "a", NOW_S, 0.25);
-    let config: RobotConfig =
-        serde_json::from_str(r#"{"model": "bicycle", "wheelbase_m": 1.0}"#).unwrap();
-    let refused = store
-        .save_robot(&robot("a"), &config, Expected::Any, Actor::service())
-        .await
-        .unwrap_err();
+    let refused = store.transact(AddUser("ann")).await.unwrap_err();
     assert!(matches!(refused, StoreError::Database { .. }), "{refused}");
     // Readers are not kept waiting.
     assert!(store.load_robots().await.unwrap().is_empty());

@@ -1,11 +1,11 @@
 //! The store as its callers see it.
 
-mod accounts;
-mod alerts;
+mod administration;
 mod connection;
 mod durability;
 mod history;
 mod records;
+mod transaction;
 mod upgrade;
 
 use std::path::Path;

@@ -1,19 +1,17 @@
 //! Robots, checkpoints, current estimates and events.
 
-use fleetcal_domain::access::Actor;
+use async_trait::async_trait;
 use fleetcal_domain::robot::{HistoryEvent, Journal, RobotConfig};
-use fleetcal_model::NoteKind;
-use fleetcal_proto::event::RobotEvent;
-use fleetcal_store::{EventKind, EventSource, Expected, IdempotencyKey, NewEvent, StoreError};
+use fleetcal_store::{EventKind, EventSource, Job, NewEvent, Records, StoreError};
 
 use super::*;
 
-fn config(wheelbase_m: f64) -> RobotConfig {
+pub(super) fn config(wheelbase_m: f64) -> RobotConfig {
     serde_json::from_value(serde_json::json!({"model": "bicycle", "wheelbase_m": wheelbase_m}))
         .unwrap()
 }
 
-fn event(note: &str) -> NewEvent {
+pub(super) fn event(note: &str) -> NewEvent {
     NewEvent {
         robot: robot("a"),
         kind: EventKind::Reassembled,
@@ -26,28 +24,36 @@ fn event(note: &str) -> NewEvent {
     }
 }
 
+/// Keeps the configuration of robot `a` and an event; gives the event's number.
+#[derive(Debug)]
+pub(super) struct KeepRobot(pub(super) RobotConfig, pub(super) NewEvent);
+
+#[async_trait]
+impl Job for KeepRobot {
+    type Done = i64;
+
+    async fn run(&self, records: &mut dyn Records) -> Result<i64, StoreError> {
+        let Self(config, event) = self;
+        let version = records.robot(&robot("a")).await?.map_or(0, |a| a.version) + 1;
+        let now_ns = NOW_S * NS;
+        records
+            .save_config(&robot("a"), config, version, now_ns)
+            .await?;
+        records.add_event(event).await
+    }
+}
+
 #[tokio::test]
 async fn everything_is_there_after_a_restart() {
     let folder = tempfile::tempdir().unwrap();
     let clock = clock();
     let store = open(folder.path(), &clock).await;
-    store
-        .save_robot(
-            &robot("a"),
-            &config(1.2),
-            Expected::Absent,
-            Actor::service(),
-        )
-        .await
-        .unwrap();
+    let keep = KeepRobot(config(1.2), event("new bracket"));
+    let told = store.transact(keep).await.unwrap();
     store.save_checkpoint(&robot("a"), 7, r#"{"state": [0.1]}"#.to_owned());
     store.save_checkpoint(&robot("a"), 8, r#"{"state": [0.2]}"#.to_owned());
     record(&store, "a", NOW_S, 0.1);
     record(&store, "a", NOW_S + 1, 0.2);
-    let told = store
-        .record_event(event("new bracket"), Actor::service(), None)
-        .await
-        .unwrap();
     store.close().await.unwrap();
     assert!(matches!(store.flush().await, Err(StoreError::Closed)));
     drop(store);
@@ -79,137 +85,10 @@ async fn everything_is_there_after_a_restart() {
     let events = store.events(&robot("a"), None, 10).await.unwrap();
     let kinds: Vec<_> = events.iter().map(|record| record.event.kind).collect();
     assert_eq!(kinds, [EventKind::ServiceStarted, EventKind::Reassembled]);
-    assert_eq!(events[1], told);
-}
-
-#[tokio::test]
-async fn a_configuration_is_changed_only_by_who_saw_it() {
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
-    let save = async |wheelbase_m, expected| {
-        store
-            .save_robot(
-                &robot("a"),
-                &config(wheelbase_m),
-                expected,
-                Actor::service(),
-            )
-            .await
-    };
-    assert_eq!(save(1.0, Expected::Version(0)).await.unwrap(), 1);
-    assert_eq!(save(1.1, Expected::Version(1)).await.unwrap(), 2);
-    for stale in [Expected::Absent, Expected::Version(1), Expected::Version(3)] {
-        let refused = save(9.0, stale).await.unwrap_err();
-        assert!(
-            matches!(refused, StoreError::VersionConflict { found: 2, .. }),
-            "{refused}"
-        );
-    }
-    assert_eq!(save(1.2, Expected::Any).await.unwrap(), 3);
-    let stored = store.load_robot(&robot("a")).await.unwrap().unwrap();
-    assert_eq!((stored.version, stored.config), (3, Some(config(1.2))));
-    assert_eq!(store.load_robot(&robot("b")).await.unwrap(), None);
-}
-
-#[tokio::test]
-async fn of_many_writers_with_the_same_version_one_wins() {
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
-    let tries = (0..50).map(|number| {
-        let store = store.clone();
-        async move {
-            let wheelbase_m = 1.0 + f64::from(number) / 100.0;
-            store
-                .save_robot(
-                    &robot("a"),
-                    &config(wheelbase_m),
-                    Expected::Absent,
-                    Actor::service(),
-                )
-                .await
-                .is_ok()
-        }
-    });
-    let won = futures::future::join_all(tries).await;
-    assert_eq!(won.into_iter().filter(|won| *won).count(), 1);
-}
-
-#[tokio::test]
-async fn a_repeated_request_is_answered_with_the_same_event() {
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
-    let key = |sha: u8| {
-        Some(IdempotencyKey {
-            key: "k".to_owned(),
-            request_sha256: [sha; 32],
-        })
-    };
-    let first = store
-        .record_event(event("x"), Actor::service(), key(1))
-        .await
-        .unwrap();
-    let second = store
-        .record_event(event("x"), Actor::service(), key(1))
-        .await
-        .unwrap();
     assert_eq!(
-        (first.id, first.repeated, second.repeated),
-        (second.id, false, true)
+        (events[1].id, &events[1].event),
+        (told, &event("new bracket"))
     );
-    let refused = store
-        .record_event(event("y"), Actor::service(), key(2))
-        .await
-        .unwrap_err();
-    assert!(matches!(refused, StoreError::KeyReused), "{refused}");
-    // Without a key, or for another robot, it is another event.
-    assert_ne!(
-        store
-            .record_event(event("x"), Actor::service(), None)
-            .await
-            .unwrap()
-            .id,
-        first.id
-    );
-    let other = NewEvent {
-        robot: robot("b"),
-        ..event("x")
-    };
-    assert!(
-        !store
-            .record_event(other, Actor::service(), key(1))
-            .await
-            .unwrap()
-            .repeated
-    );
-    assert_eq!(store.events(&robot("a"), None, 10).await.unwrap().len(), 2);
-}
-
-#[tokio::test]
-async fn a_note_that_comes_again_through_the_fleet_is_one_event() {
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
-    store
-        .record_event(event("new bracket"), Actor::service(), None)
-        .await
-        .unwrap();
-    let note = |note: &str| {
-        let note = note.to_owned();
-        Arc::new(HistoryEvent::Note(RobotEvent {
-            kind: NoteKind::Reassembled,
-            stamp_ns: 5,
-            note,
-        }))
-    };
-    for text in ["new bracket", "other", "other", "", ""] {
-        Journal::record_event(&store, &robot("a"), &note(text));
-    }
-    store.flush().await.unwrap();
-    let events = store.events(&robot("a"), None, 10).await.unwrap();
-    let notes: Vec<_> = events
-        .iter()
-        .map(|record| record.event.note.as_deref())
-        .collect();
-    assert_eq!(notes, [None, Some("other"), Some("new bracket")]);
 }
 
 #[tokio::test]
@@ -240,27 +119,4 @@ async fn a_change_that_is_told_again_says_how_far_it_went() {
             serde_json::json!({"steering_offset": 0.02})
         ]
     );
-}
-
-#[tokio::test]
-async fn events_come_in_pages() {
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
-    for number in 0..5 {
-        store
-            .record_event(event(&number.to_string()), Actor::service(), None)
-            .await
-            .unwrap();
-    }
-    let first = store.events(&robot("a"), None, 3).await.unwrap();
-    let rest = store
-        .events(&robot("a"), Some(first[2].id), 3)
-        .await
-        .unwrap();
-    let notes: Vec<_> = first
-        .iter()
-        .chain(&rest)
-        .map(|record| record.event.note.clone().unwrap())
-        .collect();
-    assert_eq!(notes, ["4", "3", "2", "1", "0"]);
 }

@@ -1,60 +1,17 @@
 //! Users, sessions and API tokens: what the store is asked.
 
-use fleetcal_domain::access::{Actor, SecretHash};
+use fleetcal_domain::access::SecretHash;
 
 use crate::Store;
-use crate::accounts::{
-    Credential, CredentialUse, SessionRecord, TokenChange, TokenRecord, TokenWrite, UserChange,
-    UserRecord, UserWrite, Written,
-};
-use crate::command::Command;
+use crate::accounts::{Credential, CredentialUse, SessionRecord, TokenRecord, UserRecord};
 use crate::error::StoreError;
+use crate::telemetry::Telemetry;
 
 impl Store {
-    /// Changes a user.
-    ///
-    /// # Errors
-    /// [`StoreError::Account`] when it is refused, [`StoreError::KeyReused`]; otherwise the
-    /// database's failure.
-    pub async fn write_user(
-        &self,
-        actor: Actor,
-        change: UserChange,
-    ) -> Result<Written<UserRecord>, StoreError> {
-        let now_ns = self.shared.clock.now_ns();
-        let write = UserWrite {
-            actor,
-            now_ns,
-            change,
-        };
-        self.ask(|reply| Command::User(Box::new(write), reply))
-            .await
-    }
-
-    /// Changes a token.
-    ///
-    /// # Errors
-    /// [`StoreError::Account`] when it is refused, [`StoreError::KeyReused`]; otherwise the
-    /// database's failure.
-    pub async fn write_token(
-        &self,
-        actor: Actor,
-        change: TokenChange,
-    ) -> Result<Written<TokenRecord>, StoreError> {
-        let now_ns = self.shared.clock.now_ns();
-        let write = TokenWrite {
-            actor,
-            now_ns,
-            change,
-        };
-        self.ask(|reply| Command::Token(Box::new(write), reply))
-            .await
-    }
-
     /// Notes that a session or token was used. Never waits.
     pub fn note_use(&self, credential: Credential) {
         let now_ns = self.shared.clock.now_ns();
-        self.offer(Command::Use(CredentialUse { credential, now_ns }));
+        self.offer(Telemetry::Use(CredentialUse { credential, now_ns }));
     }
 
     /// Users after number `after`, at most `limit`.

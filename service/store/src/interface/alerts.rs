@@ -3,20 +3,10 @@
 use fleetcal_domain::alert::Alert;
 
 use crate::Store;
-use crate::alerts::{AlertChange, AlertFilter, AlertMoment, AlertWrite};
-use crate::command::Command;
+use crate::alerts::{AlertFilter, AlertMoment};
 use crate::error::StoreError;
 
 impl Store {
-    /// Changes alerts and waits until all of it is committed, with what is told of it.
-    ///
-    /// # Errors
-    /// [`StoreError::Alert`] when an acknowledgement is refused; otherwise the database's failure.
-    pub async fn write_alerts(&self, write: AlertWrite) -> Result<Vec<AlertChange>, StoreError> {
-        self.ask(|reply| Command::Alerts(Box::new(write), reply))
-            .await
-    }
-
     /// Every alert that is not over.
     ///
     /// # Errors

@@ -9,33 +9,10 @@ use fleetcal_model::RobotId;
 use fleetcal_proto::calibration::Envelope;
 
 use crate::Store;
-use crate::approvals::{
-    AuditFilter, AuditRow, Decided, Decision, HoldWrite, ProposalFilter, SiteHold,
-};
-use crate::command::Command;
+use crate::approvals::{AuditFilter, AuditRow, ProposalFilter, SiteHold};
 use crate::error::StoreError;
 
 impl Store {
-    /// Takes a command on a robot's records and waits until all of it is committed.
-    ///
-    /// # Errors
-    /// [`StoreError::Refused`] when it does not fit them, [`StoreError::KeyReused`], or the
-    /// database's failure; nothing has changed then.
-    pub async fn decide(&self, decision: Decision) -> Result<Decided, StoreError> {
-        self.ask(|reply| Command::Decide(Box::new(decision), reply))
-            .await
-    }
-
-    /// Holds or releases the site-wide stop.
-    ///
-    /// # Errors
-    /// [`StoreError::Refused`] when it changed since it was looked at; otherwise the database's
-    /// failure.
-    pub async fn hold(&self, write: HoldWrite) -> Result<SiteHold, StoreError> {
-        self.ask(|reply| Command::Hold(Box::new(write), reply))
-            .await
-    }
-
     /// The records of every robot that has any.
     ///
     /// # Errors

@@ -3,20 +3,10 @@
 use fleetcal_domain::webhook::{Delivery, Webhook};
 
 use crate::Store;
-use crate::command::Command;
 use crate::error::StoreError;
-use crate::webhooks::{DueDelivery, WebhookWrite, WebhookWritten};
+use crate::webhooks::DueDelivery;
 
 impl Store {
-    /// Changes a webhook or a delivery and waits until that is committed.
-    ///
-    /// # Errors
-    /// [`StoreError::Webhook`] when it is refused; otherwise the database's failure.
-    pub async fn write_webhook(&self, write: WebhookWrite) -> Result<WebhookWritten, StoreError> {
-        self.ask(|reply| Command::Webhook(Box::new(write), reply))
-            .await
-    }
-
     /// Every webhook, oldest first.
     ///
     /// # Errors

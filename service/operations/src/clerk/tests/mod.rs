@@ -21,9 +21,9 @@ use fleetcal_fleet::{FleetHandle, FleetSetup};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationDocument, CalibrationValues};
 use fleetcal_proto::signing::{SigningKey, TrustedKeys};
-use fleetcal_store::{Decided, EventKind, EventRecord, HoldWrite, PolicyWrite, Store, StoreError};
+use fleetcal_store::{EventKind, EventRecord, Store, StoreError};
 
-use super::{Clerk, ClerkSetup, Letter};
+use super::{Clerk, ClerkSetup, Decided, Letter, SetHold, SetPolicy};
 
 const HOUR: Duration = Duration::from_hours(1);
 

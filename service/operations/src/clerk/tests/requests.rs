@@ -84,14 +84,14 @@ async fn the_stop_counts_from_its_commit_on() {
     let office = Office::open(Policy::default()).await;
     office.approve(0.02, None).await;
     // Committed, and not yet known to those who push.
-    let stop = HoldWrite {
+    let stop = SetHold {
         held: true,
         version: 1,
         actor: person("ana"),
         now_ns: office.clock.now_ns(),
         reason: "maintenance in hall 3".to_owned(),
     };
-    office.store.hold(stop).await.unwrap();
+    office.store.transact(stop).await.unwrap();
     assert!(!office.clerk.site_hold().held);
     assert_eq!(office.post().await, []);
     assert_eq!(office.asked().await, None);
@@ -111,14 +111,14 @@ async fn a_policy_counts_from_its_commit_on() {
         },
         ..Policy::default()
     };
-    let set = PolicyWrite {
+    let set = SetPolicy {
         policy: Some(careful),
         version: 1,
         actor: person("ana"),
         now_ns: office.clock.now_ns(),
         reason: "narrow aisles".to_owned(),
     };
-    office.store.write_policy(set).await.unwrap();
+    office.store.transact(set).await.unwrap();
     assert_eq!(*office.clerk.policy(), Policy::default());
     let approval = office.approval();
     office.take(approval, person("ana")).await.unwrap();

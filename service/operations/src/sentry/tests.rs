@@ -1,27 +1,28 @@
-//! Alerts, webhooks, and the outbox between a commit and its sending.
+//! Alerts, webhooks, and the outbox between a commit and its sending, on the real database.
 
 use std::io::{BufRead, BufReader};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
-use fleetcal_domain::access::{Actor, Authentication, Role};
-use fleetcal_domain::alert::{
-    Alert, AlertKind, AlertPolicy, AlertRefused, ConditionName, Observation, Sighting,
-};
+use fleetcal_domain::access::{Authentication, Role};
+use fleetcal_domain::alert::{AlertRefused, Observation, Sighting};
 use fleetcal_domain::limits;
 use fleetcal_domain::webhook::{
     Attempt, DeliveryState, Secret, Webhook, WebhookEvent, WebhookRefused, WebhookUrl,
 };
-use fleetcal_store::{
-    AcknowledgeWrite, AlertChange, AlertFilter, AlertSelection, AlertWrite, AttemptWrite,
-    AuditFilter, CreateWrite, DeleteWrite, StoreError, WebhookWrite, WebhookWritten,
-};
+use fleetcal_store::{AlertFilter, AlertSelection, AuditFilter};
 
 use super::*;
+use crate::courier::{CreateWebhook, DeleteWebhook, NoteAttempt};
+use crate::testing::{NOW_NS, clock, open, robot};
+
+const NS: i64 = 1_000_000_000;
+const NOW_S: i64 = NOW_NS / NS;
 
 /// Tells the child process which folder to write to.
 const FOLDER: &str = "FLEETCAL_TEST_STORE";
 /// Name of the child's test.
-const CHILD: &str = "tests::alerts::child_that_is_killed";
+const CHILD: &str = "sentry::tests::child_that_is_killed";
 
 fn ada() -> Actor {
     Actor {
@@ -45,27 +46,23 @@ async fn observe(
         what: format!("seen at {at_s}"),
         robots: Vec::new(),
     };
-    let write = AlertWrite::Observe {
+    let write = Observe {
         sightings: vec![(robot(name).into(), sighting)],
         policy: Arc::new(AlertPolicy::default()),
         now_ns: (NOW_S + at_s) * NS,
     };
-    store.write_alerts(write).await.unwrap()
+    store.transact(write).await.unwrap()
 }
 
 async fn acknowledge(store: &Store, id: u64, version: u64) -> Result<Alert, StoreError> {
-    let write = AlertWrite::Acknowledge(AcknowledgeWrite {
+    let write = Acknowledge {
         id,
         version,
         actor: ada(),
         note: Some("on my way".to_owned()),
         now_ns: NOW_S * NS,
-    });
-    let changes = store.write_alerts(write).await?;
-    match &changes[..] {
-        [AlertChange::Kept(alert)] => Ok(Alert::clone(alert)),
-        other => panic!("{other:?}"),
-    }
+    };
+    store.transact(write).await
 }
 
 async fn all(store: &Store, selection: Option<AlertSelection>) -> Vec<Alert> {
@@ -78,17 +75,14 @@ async fn all(store: &Store, selection: Option<AlertSelection>) -> Vec<Alert> {
 }
 
 async fn create(store: &Store, url: &str, events: &[WebhookEvent]) -> Result<Webhook, StoreError> {
-    let write = CreateWrite {
+    let write = CreateWebhook {
         url: WebhookUrl::parse(url).unwrap(),
         events: events.to_vec(),
         secret: Secret::from_bytes(vec![7; 32]),
         actor: ada(),
         now_ns: NOW_S * NS,
     };
-    match store.write_webhook(WebhookWrite::Create(write)).await? {
-        WebhookWritten::Webhook(webhook) => Ok(*webhook),
-        WebhookWritten::Delivery(_) => panic!("a delivery"),
-    }
+    store.transact(write).await
 }
 
 #[tokio::test]
@@ -258,14 +252,13 @@ async fn each_webhook_is_told_of_its_events_alone_and_goes_with_its_messages() {
     let events: Vec<_> = due.iter().map(|one| one.delivery.event.as_str()).collect();
     assert_eq!(events, ["alert.alerting", "alert.resolved"]);
     assert_eq!(store.waiting_deliveries().await.unwrap(), 3);
-    let gone = DeleteWrite {
+    let gone = DeleteWebhook {
         id: every.id,
         actor: ada(),
         now_ns: 0,
     };
-    let gone = WebhookWrite::Delete(gone);
-    store.write_webhook(gone.clone()).await.unwrap();
-    let unknown = store.write_webhook(gone).await.unwrap_err();
+    store.transact(gone.clone()).await.unwrap();
+    let unknown = store.transact(gone).await.unwrap_err();
     assert!(matches!(
         unknown,
         StoreError::Webhook(WebhookRefused::Unknown(_))
@@ -319,14 +312,14 @@ async fn too_many_that_wait_or_are_done_shed_their_oldest() {
         what: String::new(),
         robots: Vec::new(),
     };
-    let write = AlertWrite::Observe {
+    let write = Observe {
         sightings: (0..messages)
             .map(|number| (robot("a").into(), sighting(number)))
             .collect(),
         policy: Arc::new(AlertPolicy::default()),
         now_ns: NOW_S * NS,
     };
-    store.write_alerts(write).await.unwrap();
+    store.transact(write).await.unwrap();
     assert_eq!(
         store.waiting_deliveries().await.unwrap(),
         u64::from(limits::WEBHOOK_WAITING_MAX)
@@ -347,26 +340,24 @@ async fn an_attempt_is_written_down_and_the_next_one_waits() {
         .unwrap();
     observe(&store, "r", AlertKind::NotApplied, Observation::Firing, 0).await;
     let due = store.due_deliveries(NOW_S * NS).await.unwrap();
-    let attempt = |status| {
-        WebhookWrite::Attempted(AttemptWrite {
-            delivery: due[0].delivery.id,
-            attempt: Attempt {
-                at_ns: NOW_S * NS,
-                took_ms: 3,
-                status,
-                error: None,
-            },
-            now_ns: NOW_S * NS,
-            jitter: 0.0,
-        })
+    let attempt = |status| NoteAttempt {
+        delivery: due[0].delivery.id,
+        attempt: Attempt {
+            at_ns: NOW_S * NS,
+            took_ms: 3,
+            status,
+            error: None,
+        },
+        now_ns: NOW_S * NS,
+        jitter: 0.0,
     };
-    store.write_webhook(attempt(Some(503))).await.unwrap();
+    store.transact(attempt(Some(503))).await.unwrap();
     let at = async |seconds: i64| store.due_deliveries((NOW_S + seconds) * NS).await.unwrap();
     assert!(at(4).await.is_empty());
     assert_eq!(at(5).await.len(), 1);
     // A clock that was set back by a day does not make it wait for a day.
     assert_eq!(at(-86_400).await.len(), 1);
-    store.write_webhook(attempt(Some(204))).await.unwrap();
+    store.transact(attempt(Some(204))).await.unwrap();
     assert!(at(900).await.is_empty());
     let log = store.deliveries(due[0].delivery.webhook, None, 10).await;
     let log = log.unwrap();

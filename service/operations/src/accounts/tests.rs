@@ -1,15 +1,15 @@
-//! Users, sessions and tokens, with their audit.
+//! Users, sessions and tokens with their audit, on the real database.
+
+use std::path::Path;
 
 use fleetcal_domain::access::{
     AccountName, AccountRefused, Actor, Authentication, Grant, PasswordHash, Role, SecretHash,
 };
-use fleetcal_store::{
-    Credential, Expected, IdempotencyKey, StoreError, TokenChange, UserChange, UserEdit,
-};
+use fleetcal_store::{Credential, Expected, IdempotencyKey, StoreError};
+use sqlx::ConnectOptions;
 
 use super::*;
-use crate::{Administration, backup};
-use sqlx::ConnectOptions;
+use crate::testing::{NOW_NS, clock, open, robot};
 
 fn actor() -> Actor {
     Actor {
@@ -91,19 +91,19 @@ fn password() -> UserEdit {
 async fn every_change_leaves_its_audit_row_without_secrets() {
     let folder = tempfile::tempdir().unwrap();
     let store = open(folder.path(), &clock()).await;
-    let user = async |change| store.write_user(actor(), change).await.unwrap();
+    let user = async |change| change_user(&store, actor(), change).await.unwrap();
     let session = SecretHash::of("cookie");
     user(new_user("ann", Role::Admin)).await;
     user(sign_in(1)).await;
     let found = store.session_of(session).await.unwrap().unwrap();
-    assert_eq!((found.user.id, found.span.used_ns), (1, NOW_S * NS));
+    assert_eq!((found.user.id, found.span.used_ns), (1, NOW_NS));
     user(UserChange::SignOut { session }).await;
     assert_eq!(store.session_of(session).await.unwrap(), None);
     user(edit(1, password())).await;
-    let token = store.write_token(actor(), new_token("ci", Role::Viewer));
+    let token = change_token(&store, actor(), new_token("ci", Role::Viewer));
     let id = token.await.unwrap().record.id;
     for _ in 0..2 {
-        let revoked = store.write_token(actor(), TokenChange::Revoke { id });
+        let revoked = change_token(&store, actor(), TokenChange::Revoke { id });
         revoked.await.unwrap();
     }
     let wanted = [
@@ -130,7 +130,7 @@ async fn every_change_leaves_its_audit_row_without_secrets() {
 async fn a_refused_change_leaves_no_audit_row() {
     let folder = tempfile::tempdir().unwrap();
     let store = open(folder.path(), &clock()).await;
-    let user = async |change| store.write_user(actor(), change).await;
+    let user = async |change| change_user(&store, actor(), change).await;
     let session = SecretHash::of("cookie");
     user(new_user("ann", Role::Admin)).await.unwrap();
     user(edit(1, password())).await.unwrap();
@@ -170,14 +170,12 @@ async fn of_many_who_remove_the_last_administrators_one_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let store = open(folder.path(), &clock()).await;
     for admin in ["a", "b", "c"] {
-        let made = store
-            .write_user(actor(), new_user(admin, Role::Admin))
-            .await;
+        let made = change_user(&store, actor(), new_user(admin, Role::Admin)).await;
         made.unwrap();
     }
     let removals = (1..=3).map(|id| {
         let expected = Expected::Version(1);
-        store.write_user(actor(), UserChange::Remove { id, expected })
+        change_user(&store, actor(), UserChange::Remove { id, expected })
     });
     let done = futures::future::join_all(removals).await;
     let refused: Vec<_> = done.into_iter().filter_map(Result::err).collect();
@@ -216,7 +214,7 @@ async fn a_repeated_request_makes_one_token() {
             expires_ns,
             key,
         };
-        store.write_token(actor(), change).await
+        change_token(&store, actor(), change).await
     };
     let first = make("ci", 1).await.unwrap();
     let second = make("ci", 1).await.unwrap();
@@ -231,9 +229,7 @@ async fn uses_are_noted_and_outlive_a_restart() {
     let folder = tempfile::tempdir().unwrap();
     let clock = clock();
     let store = open(folder.path(), &clock).await;
-    let made = store
-        .write_token(actor(), new_token("ci", Role::Viewer))
-        .await;
+    let made = change_token(&store, actor(), new_token("ci", Role::Viewer)).await;
     let hash = made.unwrap().record.hash;
     clock.advance(std::time::Duration::from_secs(5));
     store.note_use(Credential::Token(hash));
@@ -241,86 +237,6 @@ async fn uses_are_noted_and_outlive_a_restart() {
     drop(store);
     let store = open(folder.path(), &clock).await;
     let token = store.token_of(hash).await.unwrap().unwrap();
-    assert_eq!(token.used_ns, Some((NOW_S + 5) * NS));
+    assert_eq!(token.used_ns, Some(NOW_NS + 5_000_000_000));
     assert_eq!(store.token_of(SecretHash::of("x")).await.unwrap(), None);
-}
-
-#[tokio::test]
-async fn administration_works_beside_the_service_and_without_it() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("data");
-    let refused = Administration::open(&path).await.unwrap_err();
-    assert!(matches!(refused, StoreError::Missing { .. }), "{refused}");
-    assert!(!path.exists());
-    open(&path, &clock()).await.close().await.unwrap();
-    let mut alone = Administration::open(&path).await.unwrap();
-    let made = alone
-        .write_user(actor(), 1, new_user("ann", Role::Admin))
-        .await;
-    made.unwrap();
-    alone.close().await.unwrap();
-    let store = open(&path, &clock()).await;
-    let mut beside = Administration::open(&path).await.unwrap();
-    let made = beside
-        .write_token(actor(), 2, new_token("ci", Role::Viewer))
-        .await;
-    made.unwrap();
-    assert_eq!(beside.users().await.unwrap().len(), 1);
-    beside.close().await.unwrap();
-    assert_eq!(store.tokens(0, 10).await.unwrap().len(), 1);
-    store
-        .write_user(actor(), new_user("bob", Role::Viewer))
-        .await
-        .unwrap();
-    let users = store.users(1, 10).await.unwrap();
-    assert_eq!(users.first().map(|user| user.name.as_str()), Some("bob"));
-}
-
-#[tokio::test]
-async fn a_service_of_another_schema_is_left_alone() {
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
-    sqlx::query(
-        "INSERT INTO _sqlx_migrations (version, description, success, checksum, execution_time)
-         VALUES (99991231235959, 'later', TRUE, x'00', 0)",
-    )
-    .execute(&mut raw(folder.path()).await)
-    .await
-    .unwrap();
-    let refused = Administration::open(folder.path()).await.unwrap_err();
-    assert!(
-        matches!(refused, StoreError::OtherSchema { .. }),
-        "{refused}"
-    );
-    drop(store);
-}
-
-#[tokio::test]
-async fn a_backup_is_whole_private_and_replaces_an_earlier_one() {
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
-    let to = folder.path().join("backup.db");
-    std::fs::write(folder.path().join("backup.db.tmp"), "left behind").unwrap();
-    for admin in ["a", "b"] {
-        let made = store
-            .write_user(actor(), new_user(admin, Role::Admin))
-            .await;
-        made.unwrap();
-        backup(folder.path(), &to).await.unwrap();
-    }
-    let mut copy = sqlx::sqlite::SqliteConnectOptions::new()
-        .filename(&to)
-        .connect()
-        .await
-        .unwrap();
-    let users: i64 = sqlx::query_scalar("SELECT count(*) FROM user")
-        .fetch_one(&mut copy)
-        .await
-        .unwrap();
-    assert_eq!(users, 2);
-    let missing = backup(&folder.path().join("none"), &to).await.unwrap_err();
-    assert!(matches!(missing, StoreError::Missing { .. }), "{missing}");
-    let nowhere = folder.path().join("no/such/backup.db");
-    let refused = backup(folder.path(), &nowhere).await.unwrap_err();
-    assert!(matches!(refused, StoreError::Backup { .. }), "{refused}");
 }

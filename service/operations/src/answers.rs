@@ -1,0 +1,37 @@
+//! Requests that come again with their `Idempotency-Key`.
+
+use fleetcal_store::transaction::AnswerScope;
+use fleetcal_store::{IdempotencyKey, Records, StoreError};
+
+/// The number of what the same request made before.
+///
+/// # Errors
+/// [`StoreError::KeyReused`] when the same key came with another request.
+pub(crate) async fn made_before(
+    records: &mut dyn Records,
+    scope: AnswerScope<'_>,
+    request: Option<&IdempotencyKey>,
+) -> Result<Option<i64>, StoreError> {
+    let Some(request) = request else {
+        return Ok(None);
+    };
+    match records.answer(scope, &request.key).await? {
+        None => Ok(None),
+        Some(answer) if answer.request_sha256 == request.request_sha256 => Ok(Some(answer.made)),
+        Some(_) => Err(StoreError::KeyReused),
+    }
+}
+
+/// Keeps what a request has made.
+pub(crate) async fn note_made(
+    records: &mut dyn Records,
+    scope: AnswerScope<'_>,
+    request: Option<&IdempotencyKey>,
+    made: i64,
+    now_ns: i64,
+) -> Result<(), StoreError> {
+    match request {
+        Some(request) => records.add_answer(scope, request, made, now_ns).await,
+        None => Ok(()),
+    }
+}

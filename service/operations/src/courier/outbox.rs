@@ -1,0 +1,47 @@
+//! What is told to webhooks, until it was sent.
+
+use fleetcal_domain::limits;
+use fleetcal_domain::webhook::{Delivery, Message};
+use fleetcal_store::{Records, StoreError};
+
+/// Puts a message into the outbox of every webhook that is told of its event; the transaction is
+/// the one of the change that it tells.
+pub(crate) async fn tell(
+    records: &mut dyn Records,
+    message: &Message,
+    now_ns: i64,
+) -> Result<(), StoreError> {
+    for (webhook, secret) in records.webhooks().await? {
+        if !webhook.events.contains(&message.event) {
+            continue;
+        }
+        let delivery = Delivery::new(webhook.id, &secret, message, now_ns);
+        records.add_delivery(&delivery).await?;
+        keep_within_limits(records, webhook.id, now_ns).await?;
+    }
+    Ok(())
+}
+
+/// Gives up the oldest of too many that wait, and forgets the oldest of too many that are done.
+pub(super) async fn keep_within_limits(
+    records: &mut dyn Records,
+    webhook: u64,
+    now_ns: i64,
+) -> Result<(), StoreError> {
+    let waiting = limits::WEBHOOK_WAITING_MAX;
+    let lost = records.give_up_deliveries(webhook, waiting, now_ns).await?;
+    if lost > 0 {
+        tracing::error!(webhook, lost, "too many messages wait, the oldest are lost");
+    }
+    records
+        .forget_deliveries(webhook, limits::WEBHOOK_LOG_MAX)
+        .await
+}
+
+/// A message that cannot be written as JSON.
+pub(crate) fn unwritable(error: serde_json::Error) -> StoreError {
+    StoreError::Corrupt {
+        table: "webhook_delivery",
+        reason: error.to_string(),
+    }
+}

@@ -1,0 +1,124 @@
+//! Changes of webhooks and of deliveries to them.
+
+use async_trait::async_trait;
+use fleetcal_domain::access::Actor;
+use fleetcal_domain::webhook::{
+    Attempt, Delivery, Secret, Webhook, WebhookEvent, WebhookRefused, WebhookUrl, allow_new_webhook,
+};
+use fleetcal_store::{AuditEntry, Job, Records, StoreError};
+use serde_json::Value;
+
+use super::outbox::keep_within_limits;
+
+/// A new webhook.
+#[derive(Debug, Clone)]
+pub struct CreateWebhook {
+    /// Where messages go.
+    pub url: WebhookUrl,
+    /// What it is told of.
+    pub events: Vec<WebhookEvent>,
+    /// What its messages are signed with.
+    pub secret: Secret,
+    /// Who makes it.
+    pub actor: Actor,
+    /// Wall time.
+    pub now_ns: i64,
+}
+
+/// A webhook that goes.
+#[derive(Debug, Clone)]
+pub struct DeleteWebhook {
+    /// Which.
+    pub id: u64,
+    /// Who takes it away.
+    pub actor: Actor,
+    /// Wall time.
+    pub now_ns: i64,
+}
+
+/// An attempt at a delivery.
+#[derive(Debug, Clone)]
+pub struct NoteAttempt {
+    /// Which delivery.
+    pub delivery: u64,
+    /// What came of it.
+    pub attempt: Attempt,
+    /// Wall time of its end.
+    pub now_ns: i64,
+    /// A random number from 0 to 1.
+    pub jitter: f64,
+}
+
+#[async_trait]
+impl Job for CreateWebhook {
+    type Done = Webhook;
+
+    async fn run(&self, records: &mut dyn Records) -> Result<Webhook, StoreError> {
+        let present = records.webhooks().await?;
+        allow_new_webhook(present.iter().map(|(webhook, _)| webhook), &self.url)?;
+        let mut webhook = Webhook {
+            id: 0,
+            url: self.url.clone(),
+            events: self.events.clone(),
+            created_by: self.actor.name.clone(),
+            created_ns: self.now_ns,
+        };
+        webhook.id = records.add_webhook(&webhook, &self.secret).await?;
+        let after = Some(webhook.audited());
+        let entry = AuditEntry {
+            after,
+            ..entry("webhook.create", &webhook, &self.actor, self.now_ns)
+        };
+        records.append_audit(&entry).await?;
+        Ok(webhook)
+    }
+}
+
+#[async_trait]
+impl Job for DeleteWebhook {
+    type Done = Webhook;
+
+    async fn run(&self, records: &mut dyn Records) -> Result<Webhook, StoreError> {
+        let mut present = records.webhooks().await?.into_iter();
+        let found = present.find(|(webhook, _)| webhook.id == self.id);
+        let (webhook, _) = found.ok_or(WebhookRefused::Unknown(self.id))?;
+        records.delete_webhook(webhook.id).await?;
+        let before: Option<Value> = Some(webhook.audited());
+        let entry = AuditEntry {
+            before,
+            ..entry("webhook.delete", &webhook, &self.actor, self.now_ns)
+        };
+        records.append_audit(&entry).await?;
+        Ok(webhook)
+    }
+}
+
+fn entry(action: &'static str, webhook: &Webhook, actor: &Actor, now_ns: i64) -> AuditEntry {
+    AuditEntry {
+        at_ns: now_ns,
+        actor: actor.clone(),
+        action,
+        subject: "webhook",
+        subject_id: webhook.id.to_string(),
+        robot: None,
+        before: None,
+        after: None,
+        reason: None,
+    }
+}
+
+#[async_trait]
+impl Job for NoteAttempt {
+    /// The delivery as it stands now; `None` when its webhook is gone.
+    type Done = Option<Delivery>;
+
+    async fn run(&self, records: &mut dyn Records) -> Result<Option<Delivery>, StoreError> {
+        let Some(before) = records.delivery(self.delivery).await? else {
+            return Ok(None);
+        };
+        let after = before.after(self.attempt.clone(), self.now_ns, self.jitter);
+        records.save_delivery(&after).await?;
+        keep_within_limits(records, after.webhook, self.now_ns).await?;
+        Ok(Some(after))
+    }
+}

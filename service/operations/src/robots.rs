@@ -1,0 +1,179 @@
+//! Changes of robots' configurations, and what people note in robots' histories.
+
+#[cfg(test)]
+mod tests;
+
+use async_trait::async_trait;
+use fleetcal_domain::access::Actor;
+use fleetcal_domain::robot::RobotConfig;
+use fleetcal_model::RobotId;
+use fleetcal_store::transaction::AnswerScope;
+use fleetcal_store::{
+    AuditEntry, EventRecord, Expected, IdempotencyKey, Job, NewEvent, Records, Store, StoreError,
+};
+use serde_json::Value;
+
+use crate::Boxed;
+use crate::answers::{made_before, note_made};
+
+/// Keeps a robot's configuration; gives its new version.
+///
+/// # Errors
+/// [`StoreError::VersionConflict`] when it is not at the expected version; otherwise the database's
+/// failure.
+pub fn configure(
+    store: &Store,
+    robot: &RobotId,
+    config: &RobotConfig,
+    expected: Expected,
+    actor: Actor,
+) -> Boxed<Result<u64, StoreError>> {
+    let store = store.clone();
+    let job = ConfigureRobot {
+        robot: robot.clone(),
+        config: config.clone(),
+        expected,
+        actor,
+        now_ns: store.now_ns(),
+    };
+    Box::pin(async move { store.transact(job).await })
+}
+
+/// Keeps an event that somebody notes. With a key, a request that was answered before is answered
+/// with the same event again.
+///
+/// # Errors
+/// [`StoreError::KeyReused`] when the same key came with another request; otherwise the database's
+/// failure.
+pub fn note(
+    store: &Store,
+    event: NewEvent,
+    actor: Actor,
+    key: Option<IdempotencyKey>,
+) -> Boxed<Result<EventRecord, StoreError>> {
+    let store = store.clone();
+    let job = NoteEvent { event, actor, key };
+    Box::pin(async move { store.transact(job).await })
+}
+
+/// Keeps a robot's configuration; gives its new version.
+#[derive(Debug, Clone)]
+pub struct ConfigureRobot {
+    /// Whose.
+    pub robot: RobotId,
+    /// The configuration.
+    pub config: RobotConfig,
+    /// What must be there now.
+    pub expected: Expected,
+    /// Who.
+    pub actor: Actor,
+    /// Wall time.
+    pub now_ns: i64,
+}
+
+#[async_trait]
+impl Job for ConfigureRobot {
+    type Done = u64;
+
+    async fn run(&self, records: &mut dyn Records) -> Result<u64, StoreError> {
+        let robot = records.robot(&self.robot).await?;
+        let found = robot.as_ref().map_or(0, |robot| robot.version);
+        if !self.expected.accepts(found) {
+            return Err(StoreError::VersionConflict {
+                robot: self.robot.clone(),
+                found,
+            });
+        }
+        let version = found + 1;
+        records
+            .save_config(&self.robot, &self.config, version, self.now_ns)
+            .await?;
+        let before = robot.and_then(|robot| robot.config);
+        records.append_audit(&self.audit(before.as_ref())).await?;
+        Ok(version)
+    }
+}
+
+impl ConfigureRobot {
+    fn audit(&self, before: Option<&RobotConfig>) -> AuditEntry {
+        AuditEntry {
+            at_ns: self.now_ns,
+            actor: self.actor.clone(),
+            action: match before {
+                Some(_) => "robot.configure",
+                None => "robot.register",
+            },
+            subject: "robot",
+            subject_id: self.robot.as_str().to_owned(),
+            robot: Some(self.robot.clone()),
+            before: before.map(document),
+            after: Some(document(&self.config)),
+            reason: None,
+        }
+    }
+}
+
+/// A configuration for the audit; it holds finite numbers and text, which JSON can carry.
+fn document(config: &RobotConfig) -> Value {
+    serde_json::to_value(config).unwrap_or(Value::Null)
+}
+
+/// Keeps an event that somebody notes. With a key, a request that was answered before is answered
+/// with the same event again.
+#[derive(Debug, Clone)]
+pub struct NoteEvent {
+    /// The event.
+    pub event: NewEvent,
+    /// Who notes it.
+    pub actor: Actor,
+    /// The request's key.
+    pub key: Option<IdempotencyKey>,
+}
+
+#[async_trait]
+impl Job for NoteEvent {
+    type Done = EventRecord;
+
+    async fn run(&self, records: &mut dyn Records) -> Result<EventRecord, StoreError> {
+        let scope = AnswerScope::Event(&self.event.robot);
+        let key = self.key.as_ref();
+        if let Some(id) = made_before(records, scope, key).await?
+            && let Some(record) = records.event(id).await?
+        {
+            return Ok(EventRecord {
+                repeated: true,
+                ..record
+            });
+        }
+        let id = records.add_event(&self.event).await?;
+        note_made(records, scope, key, id, self.event.received_ns).await?;
+        records.append_audit(&self.audit(id)).await?;
+        Ok(EventRecord {
+            id,
+            repeated: false,
+            event: self.event.clone(),
+        })
+    }
+}
+
+impl NoteEvent {
+    fn audit(&self, id: i64) -> AuditEntry {
+        let event = &self.event;
+        let after = serde_json::json!({
+            "kind": event.kind.as_str(),
+            "stamp_ns": event.stamp_ns,
+            "note": event.note,
+        });
+        AuditEntry {
+            at_ns: event.received_ns,
+            actor: self.actor.clone(),
+            action: "event.note",
+            subject: "event",
+            subject_id: id.to_string(),
+            robot: Some(event.robot.clone()),
+            before: None,
+            after: Some(after),
+            reason: event.note.clone(),
+        }
+    }
+}

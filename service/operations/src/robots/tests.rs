@@ -1,0 +1,164 @@
+//! Configurations and notes, on the real database.
+
+use std::sync::Arc;
+
+use fleetcal_domain::robot::{HistoryEvent, Journal};
+use fleetcal_model::NoteKind;
+use fleetcal_proto::event::RobotEvent;
+use fleetcal_store::{EventKind, EventSource};
+
+use super::*;
+use crate::testing::{NOW_NS, clock, open, robot};
+
+fn config(wheelbase_m: f64) -> RobotConfig {
+    serde_json::from_value(serde_json::json!({"model": "bicycle", "wheelbase_m": wheelbase_m}))
+        .unwrap()
+}
+
+fn event(note: &str) -> NewEvent {
+    NewEvent {
+        robot: robot("a"),
+        kind: EventKind::Reassembled,
+        stamp_ns: 5,
+        received_ns: NOW_NS,
+        source: EventSource::Person,
+        author: Some("Ann".to_owned()),
+        note: Some(note.to_owned()),
+        details: Some(serde_json::json!({"change": {"lidar_x": 0.1}})),
+    }
+}
+
+#[tokio::test]
+async fn a_configuration_is_changed_only_by_who_saw_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = open(folder.path(), &clock()).await;
+    let save = async |wheelbase_m, expected| {
+        let (actor, config) = (Actor::service(), config(wheelbase_m));
+        configure(&store, &robot("a"), &config, expected, actor).await
+    };
+    assert_eq!(save(1.0, Expected::Version(0)).await.unwrap(), 1);
+    assert_eq!(save(1.1, Expected::Version(1)).await.unwrap(), 2);
+    for stale in [Expected::Absent, Expected::Version(1), Expected::Version(3)] {
+        let refused = save(9.0, stale).await.unwrap_err();
+        assert!(
+            matches!(refused, StoreError::VersionConflict { found: 2, .. }),
+            "{refused}"
+        );
+    }
+    assert_eq!(save(1.2, Expected::Any).await.unwrap(), 3);
+    let stored = store.load_robot(&robot("a")).await.unwrap().unwrap();
+    assert_eq!((stored.version, stored.config), (3, Some(config(1.2))));
+    assert_eq!(store.load_robot(&robot("b")).await.unwrap(), None);
+}
+
+#[tokio::test]
+async fn of_many_writers_with_the_same_version_one_wins() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = open(folder.path(), &clock()).await;
+    let tries = (0..50).map(|number| {
+        let store = store.clone();
+        async move {
+            let wheelbase_m = 1.0 + f64::from(number) / 100.0;
+            let (actor, config) = (Actor::service(), config(wheelbase_m));
+            configure(&store, &robot("a"), &config, Expected::Absent, actor)
+                .await
+                .is_ok()
+        }
+    });
+    let won = futures::future::join_all(tries).await;
+    assert_eq!(won.into_iter().filter(|won| *won).count(), 1);
+}
+
+#[tokio::test]
+async fn a_repeated_request_is_answered_with_the_same_event() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = open(folder.path(), &clock()).await;
+    let key = |sha: u8| {
+        Some(IdempotencyKey {
+            key: "k".to_owned(),
+            request_sha256: [sha; 32],
+        })
+    };
+    let first = note(&store, event("x"), Actor::service(), key(1))
+        .await
+        .unwrap();
+    let second = note(&store, event("x"), Actor::service(), key(1))
+        .await
+        .unwrap();
+    assert_eq!(
+        (first.id, first.repeated, second.repeated),
+        (second.id, false, true)
+    );
+    let refused = note(&store, event("y"), Actor::service(), key(2))
+        .await
+        .unwrap_err();
+    assert!(matches!(refused, StoreError::KeyReused), "{refused}");
+    // Without a key, or for another robot, it is another event.
+    assert_ne!(
+        note(&store, event("x"), Actor::service(), None)
+            .await
+            .unwrap()
+            .id,
+        first.id
+    );
+    let other = NewEvent {
+        robot: robot("b"),
+        ..event("x")
+    };
+    assert!(
+        !note(&store, other, Actor::service(), key(1))
+            .await
+            .unwrap()
+            .repeated
+    );
+    assert_eq!(store.events(&robot("a"), None, 10).await.unwrap().len(), 2);
+}
+
+#[tokio::test]
+async fn a_note_that_comes_again_through_the_fleet_is_one_event() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = open(folder.path(), &clock()).await;
+    note(&store, event("new bracket"), Actor::service(), None)
+        .await
+        .unwrap();
+    let noted = |text: &str| {
+        let note = text.to_owned();
+        Arc::new(HistoryEvent::Note(RobotEvent {
+            kind: NoteKind::Reassembled,
+            stamp_ns: 5,
+            note,
+        }))
+    };
+    for text in ["new bracket", "other", "other", "", ""] {
+        Journal::record_event(&store, &robot("a"), &noted(text));
+    }
+    store.flush().await.unwrap();
+    let events = store.events(&robot("a"), None, 10).await.unwrap();
+    let notes: Vec<_> = events
+        .iter()
+        .map(|record| record.event.note.as_deref())
+        .collect();
+    assert_eq!(notes, [None, Some("other"), Some("new bracket")]);
+}
+
+#[tokio::test]
+async fn events_come_in_pages() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = open(folder.path(), &clock()).await;
+    for number in 0..5 {
+        note(&store, event(&number.to_string()), Actor::service(), None)
+            .await
+            .unwrap();
+    }
+    let first = store.events(&robot("a"), None, 3).await.unwrap();
+    let rest = store
+        .events(&robot("a"), Some(first[2].id), 3)
+        .await
+        .unwrap();
+    let notes: Vec<_> = first
+        .iter()
+        .chain(&rest)
+        .map(|record| record.event.note.clone().unwrap())
+        .collect();
+    assert_eq!(notes, ["4", "3", "2", "1", "0"]);
+}

@@ -1,0 +1,26 @@
+//! What tests on the real database begin with.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use fleetcal_clock::MockClock;
+use fleetcal_model::RobotId;
+use fleetcal_store::Store;
+
+/// Wall time at which they begin: 2026-01-01.
+pub(crate) const NOW_NS: i64 = 1_767_225_600_000_000_000;
+
+pub(crate) fn robot(name: &str) -> RobotId {
+    RobotId::parse(name).unwrap()
+}
+
+pub(crate) fn clock() -> Arc<MockClock> {
+    MockClock::at(NOW_NS)
+}
+
+/// A store that runs each job twice, of which the first run is undone: so every test here shows
+/// that its jobs can be run again.
+pub(crate) async fn open(folder: &Path, clock: &Arc<MockClock>) -> Store {
+    let store = fleetcal_sqlite::open_running_twice(folder, Arc::clone(clock) as _);
+    store.await.unwrap()
+}

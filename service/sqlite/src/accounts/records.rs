@@ -1,0 +1,231 @@
+//! Users, sessions and tokens in a transaction.
+
+use async_trait::async_trait;
+use fleetcal_domain::access::{AccountName, Role, SecretHash};
+use fleetcal_model::RobotId;
+use fleetcal_store::transaction::{AccountRecords, SessionRecords, TokenRecords};
+use fleetcal_store::{StoreError, TokenRecord, UserRecord};
+use sqlx::AssertSqlSafe;
+
+use super::read::{TOKEN, USER, token_of, user_of};
+use crate::transaction::SqliteRecords;
+
+#[async_trait]
+impl AccountRecords for SqliteRecords<'_> {
+    async fn count_users(&mut self) -> Result<u32, StoreError> {
+        sqlx::query_scalar("SELECT count(*) FROM user")
+            .fetch_one(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("count the users"))
+    }
+
+    async fn count_admins(&mut self) -> Result<u32, StoreError> {
+        sqlx::query_scalar("SELECT count(*) FROM user WHERE role = ?1 AND NOT disabled")
+            .bind(Role::Admin.as_str())
+            .fetch_one(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("count the administrators"))
+    }
+
+    async fn user(&mut self, id: i64) -> Result<Option<UserRecord>, StoreError> {
+        let sql = format!("SELECT {USER} FROM user AS u WHERE u.id = ?1");
+        let row = sqlx::query(AssertSqlSafe(sql))
+            .bind(id)
+            .fetch_optional(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("read a user"))?;
+        row.as_ref().map(user_of).transpose()
+    }
+
+    async fn user_named(&mut self, name: &AccountName) -> Result<Option<UserRecord>, StoreError> {
+        let sql = format!("SELECT {USER} FROM user AS u WHERE u.name = ?1 COLLATE NOCASE");
+        let row = sqlx::query(AssertSqlSafe(sql))
+            .bind(name.as_str())
+            .fetch_optional(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("look up a user's name"))?;
+        row.as_ref().map(user_of).transpose()
+    }
+
+    async fn add_user(&mut self, user: &UserRecord) -> Result<i64, StoreError> {
+        sqlx::query_scalar(
+            "INSERT INTO user (name, role, password, disabled, version, created_ns, updated_ns,
+                 signed_in_ns)
+             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8) RETURNING id",
+        )
+        .bind(user.name.as_str())
+        .bind(user.grant.role().as_str())
+        .bind(user.password.as_str())
+        .bind(user.disabled)
+        .bind(user.version as i64)
+        .bind(user.created_ns)
+        .bind(user.updated_ns)
+        .bind(user.signed_in_ns)
+        .fetch_one(&mut *self.connection)
+        .await
+        .map_err(StoreError::database("write a user"))
+    }
+
+    async fn save_user(&mut self, user: &UserRecord) -> Result<(), StoreError> {
+        sqlx::query(
+            "UPDATE user SET role = ?2, password = ?3, disabled = ?4, version = ?5,
+                 updated_ns = ?6, signed_in_ns = ?7
+             WHERE id = ?1",
+        )
+        .bind(user.id)
+        .bind(user.grant.role().as_str())
+        .bind(user.password.as_str())
+        .bind(user.disabled)
+        .bind(user.version as i64)
+        .bind(user.updated_ns)
+        .bind(user.signed_in_ns)
+        .execute(&mut *self.connection)
+        .await
+        .map_err(StoreError::database("write a user"))?;
+        Ok(())
+    }
+
+    async fn delete_user(&mut self, id: i64) -> Result<(), StoreError> {
+        sqlx::query("DELETE FROM user WHERE id = ?1")
+            .bind(id)
+            .execute(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("remove a user"))?;
+        Ok(())
+    }
+}
+
+#[async_trait]
+impl SessionRecords for SqliteRecords<'_> {
+    async fn add_session(
+        &mut self,
+        user: i64,
+        session: &SecretHash,
+        now_ns: i64,
+    ) -> Result<(), StoreError> {
+        sqlx::query(
+            "INSERT INTO session (sha256, user, created_ns, used_ns) VALUES (?1, ?2, ?3, ?3)",
+        )
+        .bind(session.as_bytes())
+        .bind(user)
+        .bind(now_ns)
+        .execute(&mut *self.connection)
+        .await
+        .map_err(StoreError::database("begin a session"))?;
+        Ok(())
+    }
+
+    async fn delete_session(&mut self, session: &SecretHash) -> Result<Option<i64>, StoreError> {
+        sqlx::query_scalar("DELETE FROM session WHERE sha256 = ?1 RETURNING user")
+            .bind(session.as_bytes())
+            .fetch_optional(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("end a session"))
+    }
+
+    async fn delete_sessions(
+        &mut self,
+        user: i64,
+        keep: Option<&SecretHash>,
+    ) -> Result<(), StoreError> {
+        sqlx::query("DELETE FROM session WHERE user = ?1 AND (?2 IS NULL OR sha256 <> ?2)")
+            .bind(user)
+            .bind(keep.map(SecretHash::as_bytes))
+            .execute(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("end a user's sessions"))?;
+        Ok(())
+    }
+
+    async fn delete_old_sessions(
+        &mut self,
+        created_ns: i64,
+        used_ns: i64,
+    ) -> Result<(), StoreError> {
+        sqlx::query("DELETE FROM session WHERE created_ns <= ?1 OR used_ns <= ?2")
+            .bind(created_ns)
+            .bind(used_ns)
+            .execute(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("delete sessions that have ended"))?;
+        Ok(())
+    }
+
+    async fn keep_sessions(&mut self, user: i64, kept: u32) -> Result<(), StoreError> {
+        sqlx::query(
+            "DELETE FROM session WHERE id IN
+                 (SELECT id FROM session WHERE user = ?1 ORDER BY id DESC LIMIT -1 OFFSET ?2)",
+        )
+        .bind(user)
+        .bind(kept)
+        .execute(&mut *self.connection)
+        .await
+        .map_err(StoreError::database("end a user's oldest sessions"))?;
+        Ok(())
+    }
+}
+
+#[async_trait]
+impl TokenRecords for SqliteRecords<'_> {
+    async fn count_tokens(&mut self) -> Result<u32, StoreError> {
+        sqlx::query_scalar("SELECT count(*) FROM token")
+            .fetch_one(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("count the tokens"))
+    }
+
+    async fn token(&mut self, id: i64) -> Result<Option<TokenRecord>, StoreError> {
+        let sql = format!("SELECT {TOKEN} FROM token AS t WHERE t.id = ?1");
+        let row = sqlx::query(AssertSqlSafe(sql))
+            .bind(id)
+            .fetch_optional(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("read a token"))?;
+        row.as_ref().map(token_of).transpose()
+    }
+
+    async fn token_named(
+        &mut self,
+        name: &AccountName,
+        now_ns: i64,
+    ) -> Result<Option<TokenRecord>, StoreError> {
+        let sql = format!(
+            "SELECT {TOKEN} FROM token AS t WHERE t.name = ?1 COLLATE NOCASE
+             AND t.revoked_ns IS NULL AND (t.expires_ns IS NULL OR t.expires_ns > ?2) LIMIT 1"
+        );
+        let row = sqlx::query(AssertSqlSafe(sql))
+            .bind(name.as_str())
+            .bind(now_ns)
+            .fetch_optional(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("look up a token's name"))?;
+        row.as_ref().map(token_of).transpose()
+    }
+
+    async fn add_token(&mut self, token: &TokenRecord) -> Result<i64, StoreError> {
+        sqlx::query_scalar(
+            "INSERT INTO token (sha256, name, role, robot, created_by, created_ns, expires_ns)
+             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7) RETURNING id",
+        )
+        .bind(token.hash.as_bytes())
+        .bind(token.name.as_str())
+        .bind(token.grant.role().as_str())
+        .bind(token.grant.robot().map(RobotId::as_str))
+        .bind(token.created_by.as_str())
+        .bind(token.span.created_ns)
+        .bind(token.span.expires_ns)
+        .fetch_one(&mut *self.connection)
+        .await
+        .map_err(StoreError::database("write a token"))
+    }
+
+    async fn save_token_revoked(&mut self, id: i64, revoked_ns: i64) -> Result<(), StoreError> {
+        sqlx::query("UPDATE token SET revoked_ns = ?1 WHERE id = ?2")
+            .bind(revoked_ns)
+            .bind(id)
+            .execute(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("revoke a token"))?;
+        Ok(())
+    }
+}

@@ -1,0 +1,109 @@
+//! Commands beside the service and without it.
+
+use async_trait::async_trait;
+use fleetcal_domain::access::{AccountName, Grant, PasswordHash, Role};
+use fleetcal_store::{Job, Records, StoreError, UserRecord};
+use sqlx::ConnectOptions;
+
+use super::*;
+use crate::{Administration, backup};
+
+/// Adds an administrator of this name.
+#[derive(Debug)]
+pub(super) struct AddUser(pub(super) &'static str);
+
+#[async_trait]
+impl Job for AddUser {
+    type Done = i64;
+
+    async fn run(&self, records: &mut dyn Records) -> Result<i64, StoreError> {
+        let user = UserRecord {
+            id: 0,
+            name: AccountName::parse(self.0).unwrap(),
+            grant: Grant::of_person(Role::Admin).unwrap(),
+            password: PasswordHash::stored("hash".to_owned()),
+            disabled: false,
+            version: 1,
+            created_ns: 1,
+            updated_ns: 1,
+            signed_in_ns: None,
+        };
+        records.add_user(&user).await
+    }
+}
+
+async fn raw(folder: &Path) -> sqlx::SqliteConnection {
+    sqlx::sqlite::SqliteConnectOptions::new()
+        .filename(folder.join("fleetcal.db"))
+        .connect()
+        .await
+        .unwrap()
+}
+
+#[tokio::test]
+async fn administration_works_beside_the_service_and_without_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("data");
+    let refused = Administration::open(&path).await.unwrap_err();
+    assert!(matches!(refused, StoreError::Missing { .. }), "{refused}");
+    assert!(!path.exists());
+    open(&path, &clock()).await.close().await.unwrap();
+    let mut alone = Administration::open(&path).await.unwrap();
+    alone.transact(AddUser("ann")).await.unwrap();
+    alone.close().await.unwrap();
+    let store = open(&path, &clock()).await;
+    let mut beside = Administration::open(&path).await.unwrap();
+    beside.transact(AddUser("ci")).await.unwrap();
+    assert_eq!(beside.users().await.unwrap().len(), 2);
+    beside.close().await.unwrap();
+    assert_eq!(store.users(0, 10).await.unwrap().len(), 2);
+    store.transact(AddUser("bob")).await.unwrap();
+    let users = store.users(2, 10).await.unwrap();
+    assert_eq!(users.first().map(|user| user.name.as_str()), Some("bob"));
+}
+
+#[tokio::test]
+async fn a_service_of_another_schema_is_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = open(folder.path(), &clock()).await;
+    sqlx::query(
+        "INSERT INTO _sqlx_migrations (version, description, success, checksum, execution_time)
+         VALUES (99991231235959, 'later', TRUE, x'00', 0)",
+    )
+    .execute(&mut raw(folder.path()).await)
+    .await
+    .unwrap();
+    let refused = Administration::open(folder.path()).await.unwrap_err();
+    assert!(
+        matches!(refused, StoreError::OtherSchema { .. }),
+        "{refused}"
+    );
+    drop(store);
+}
+
+#[tokio::test]
+async fn a_backup_is_whole_private_and_replaces_an_earlier_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = open(folder.path(), &clock()).await;
+    let to = folder.path().join("backup.db");
+    std::fs::write(folder.path().join("backup.db.tmp"), "left behind").unwrap();
+    for admin in ["a", "b"] {
+        store.transact(AddUser(admin)).await.unwrap();
+        backup(folder.path(), &to).await.unwrap();
+    }
+    let mut copy = sqlx::sqlite::SqliteConnectOptions::new()
+        .filename(&to)
+        .connect()
+        .await
+        .unwrap();
+    let users: i64 = sqlx::query_scalar("SELECT count(*) FROM user")
+        .fetch_one(&mut copy)
+        .await
+        .unwrap();
+    assert_eq!(users, 2);
+    let missing = backup(&folder.path().join("none"), &to).await.unwrap_err();
+    assert!(matches!(missing, StoreError::Missing { .. }), "{missing}");
+    let nowhere = folder.path().join("no/such/backup.db");
+    let refused = backup(folder.path(), &nowhere).await.unwrap_err();
+    assert!(matches!(refused, StoreError::Backup { .. }), "{refused}");
+}

@@ -1,0 +1,125 @@
+//! What waits for the next transaction.
+
+use std::collections::HashMap;
+
+use fleetcal_domain::limits;
+use fleetcal_proto::RobotId;
+use fleetcal_proto::estimate::EstimateDocument;
+
+use super::{Batch, Telemetry};
+use crate::accounts::CredentialUse;
+use crate::counters::Lost;
+use crate::record::HistoryRow;
+
+/// What waits for the next transaction.
+#[derive(Debug, Default)]
+pub(super) struct Pending {
+    batch: Batch,
+    /// Latest estimates whose turn has not come.
+    current: HashMap<RobotId, (EstimateDocument, i64)>,
+    /// When the stored estimate of each robot was last written, receipt time.
+    current_written_ns: HashMap<RobotId, i64>,
+}
+
+impl Pending {
+    pub(super) fn take(&mut self, telemetry: Telemetry) {
+        match telemetry {
+            Telemetry::History(estimate, received_ns) => self.take_second(*estimate, received_ns),
+            Telemetry::Checkpoint(record) => {
+                let checkpoints = &mut self.batch.checkpoints;
+                checkpoints.retain(|earlier| earlier.robot != record.robot);
+                checkpoints.push(record);
+            }
+            Telemetry::CrossTrack(record) => {
+                let cross_tracks = &mut self.batch.cross_tracks;
+                cross_tracks.retain(|earlier| {
+                    earlier.robot != record.robot || earlier.generation != record.generation
+                });
+                cross_tracks.push(*record);
+            }
+            Telemetry::Event(write) => self.batch.events.push(*write),
+            Telemetry::Use(used) => {
+                let earlier = |earlier: &CredentialUse| earlier.credential == used.credential;
+                self.batch.uses.retain(|known| !earlier(known));
+                self.batch.uses.push(used);
+            }
+        }
+    }
+
+    /// Takes a second of history, which is the robot's latest estimate too.
+    fn take_second(&mut self, estimate: EstimateDocument, received_ns: i64) {
+        let robot = estimate.robot.clone();
+        let row = HistoryRow::of(&robot, &estimate, received_ns);
+        self.batch.history.push(row);
+        self.current.insert(robot, (estimate, received_ns));
+    }
+
+    /// Whether more has come than should wait.
+    pub(super) fn is_full(&self) -> bool {
+        self.batch.history.len() >= limits::STORE_BATCH_MAX
+    }
+
+    /// Takes the latest estimates whose turn has come into the batch: a robot's estimate is
+    /// replaced every few seconds, not every second, unless `everything` is to be written.
+    pub(super) fn choose_current(&mut self, everything: bool) {
+        let every_ns = i64::try_from(limits::STORE_CURRENT_EVERY.as_nanos()).unwrap_or(i64::MAX);
+        let written = &mut self.current_written_ns;
+        let due = |robot: &RobotId, received_ns: i64| match written.get(robot) {
+            Some(last_ns) => everything || received_ns.saturating_sub(*last_ns) >= every_ns,
+            None => true,
+        };
+        let chosen: Vec<_> = self
+            .current
+            .extract_if(|robot, (_, received_ns)| due(robot, *received_ns))
+            .collect();
+        for (robot, (estimate, received_ns)) in chosen {
+            written.insert(robot, received_ns);
+            self.batch.current.push((estimate, received_ns));
+        }
+    }
+
+    /// Takes out what one transaction writes; `None` when nothing waits.
+    pub(super) fn next(&mut self) -> Option<Batch> {
+        let batch = self.batch.take_first(limits::STORE_TELEMETRY_ROWS_MAX);
+        (!batch.is_empty()).then_some(batch)
+    }
+
+    /// Takes back what could not be written, and keeps the newest when there is too much. Gives the
+    /// rows that were lost.
+    pub(super) fn take_back(&mut self, batch: Batch) -> Lost {
+        self.batch.put_back(batch);
+        for (estimate, received_ns) in self.batch.current.drain(..) {
+            self.current_written_ns.remove(&estimate.robot);
+            self.current
+                .entry(estimate.robot.clone())
+                .or_insert((estimate, received_ns));
+        }
+        let history = shed_oldest(&mut self.batch.history);
+        let events = shed_oldest(&mut self.batch.events);
+        let uses = shed_oldest(&mut self.batch.uses);
+        Lost {
+            rows: history + events + uses,
+            history,
+        }
+    }
+
+    /// Rows that wait.
+    pub(super) fn rows(&self) -> u64 {
+        (self.batch.rows() + self.current.len()) as u64
+    }
+
+    /// What is lost when nothing more is written.
+    pub(super) fn left(&self) -> Lost {
+        Lost {
+            rows: self.rows(),
+            history: self.batch.history.len() as u64,
+        }
+    }
+}
+
+/// Drops the oldest entries of a list that has outgrown its limit; gives their number.
+fn shed_oldest<T>(list: &mut Vec<T>) -> u64 {
+    let lost = list.len().saturating_sub(limits::STORE_QUEUE_MAX);
+    list.drain(..lost);
+    lost as u64
+}

@@ -1,0 +1,228 @@
+//! The task that writes telemetry: it gathers what comes within a second, and writes it in
+//! transactions so short that no job waits long for one.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use fleetcal_clock::SharedClock;
+use fleetcal_domain::limits;
+use tokio::sync::{mpsc, oneshot};
+use tokio::time::{Instant, MissedTickBehavior};
+
+use super::pending::Pending;
+use super::{Aged, Telemetry, TelemetryWriter};
+use crate::counters::{PathCounters, TelemetryCounters};
+use crate::error::StoreError;
+use crate::retry::{Retry, pause_until};
+
+/// Nanoseconds in a second.
+const NS_PER_S: i64 = 1_000_000_000;
+
+/// Where somebody waits.
+type Reply = oneshot::Sender<Result<(), StoreError>>;
+
+/// What the task is asked.
+#[derive(Debug)]
+pub(crate) enum Offered {
+    /// To keep something.
+    Keep(Telemetry),
+    /// To write everything that was offered before.
+    Flush(Reply),
+    /// The same, then to end.
+    Close(Reply),
+}
+
+/// The task's state.
+#[derive(Debug)]
+pub(crate) struct TelemetryTask<W> {
+    writer: Box<W>,
+    clock: SharedClock,
+    path: Arc<PathCounters>,
+    counters: Arc<TelemetryCounters>,
+    pending: Pending,
+    retry: Retry,
+    /// Rows taken since a commit was last tried.
+    taken: usize,
+    flushes: Vec<Reply>,
+    closers: Vec<Reply>,
+}
+
+impl<W: TelemetryWriter> TelemetryTask<W> {
+    pub(crate) fn new(
+        writer: W,
+        clock: SharedClock,
+        path: Arc<PathCounters>,
+        counters: Arc<TelemetryCounters>,
+    ) -> Self {
+        Self {
+            writer: Box::new(writer),
+            clock,
+            path,
+            counters,
+            pending: Pending::default(),
+            retry: Retry::default(),
+            taken: 0,
+            flushes: Vec::new(),
+            closers: Vec::new(),
+        }
+    }
+
+    /// Writes until the store is closed or nobody holds it any more.
+    pub(crate) async fn run(mut self, mut offers: mpsc::Receiver<Offered>) {
+        let mut tick = tokio::time::interval(limits::STORE_FLUSH_EVERY);
+        tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut inbox = Vec::with_capacity(limits::STORE_BATCH_MAX);
+        let mut held = true;
+        while held && self.closers.is_empty() {
+            let retry_at = self.retry.at();
+            // What comes while the task pauses waits in the queue, whose limit refuses it.
+            let room = retry_at.is_none() || self.taken < limits::STORE_QUEUE_MAX;
+            tokio::select! {
+                received = offers.recv_many(&mut inbox, limits::STORE_BATCH_MAX), if room => {
+                    held = received > 0;
+                    self.take(inbox.drain(..));
+                    let urgent = !self.flushes.is_empty() || self.pending.is_full();
+                    if retry_at.is_none() && urgent {
+                        self.write().await;
+                    }
+                }
+                () = pause_until(retry_at), if retry_at.is_some() => {
+                    self.write().await;
+                }
+                _ = tick.tick(), if retry_at.is_none() => {
+                    if self.write().await.is_none() {
+                        self.prune().await;
+                    }
+                }
+            }
+        }
+        self.finish(offers).await;
+    }
+
+    fn take(&mut self, offered: impl Iterator<Item = Offered>) {
+        for one in offered {
+            match one {
+                Offered::Keep(telemetry) => {
+                    self.pending.take(telemetry);
+                    self.taken += 1;
+                }
+                Offered::Flush(reply) => self.flushes.push(reply),
+                Offered::Close(reply) => self.closers.push(reply),
+            }
+        }
+        self.note_pending();
+    }
+
+    fn note_pending(&self) {
+        let rows = self.pending.rows();
+        self.path.pending.store(rows, Ordering::Relaxed);
+    }
+
+    /// Writes what waits, one short transaction after another. A failure is told to those who wait,
+    /// and is the result.
+    async fn write(&mut self) -> Option<StoreError> {
+        self.taken = 0;
+        let everything = !self.flushes.is_empty() || !self.closers.is_empty();
+        self.pending.choose_current(everything);
+        let mut failure = None;
+        while let Some(batch) = self.pending.next() {
+            let history = batch.history.len() as u64;
+            match self.writer.write(&batch).await {
+                Ok(()) => {
+                    self.path.committed();
+                    let written = &self.counters.history_rows;
+                    written.fetch_add(history, Ordering::Relaxed);
+                    self.note_pending();
+                }
+                Err(error) => {
+                    self.counters.lose(self.pending.take_back(batch));
+                    self.failed(&error);
+                    failure = Some(error);
+                    break;
+                }
+            }
+        }
+        if failure.is_none() {
+            self.retry.reset();
+        }
+        self.note_pending();
+        for flush in self.flushes.drain(..) {
+            answer(flush, failure.clone().map_or(Ok(()), Err));
+        }
+        failure
+    }
+
+    fn failed(&mut self, error: &StoreError) {
+        self.retry.failed(Instant::now());
+        self.path.failed(error);
+    }
+
+    /// Deletes what is too old, one kind of row after another.
+    async fn prune(&mut self) {
+        let now_ns = self.clock.now_ns();
+        for aged in Aged::ALL {
+            let before_s = now_ns.div_euclid(NS_PER_S).saturating_sub(kept_s(aged));
+            match self.writer.prune(aged, before_s).await {
+                Ok(rows) => {
+                    let pruned = &self.counters.pruned_rows;
+                    pruned.fetch_add(rows, Ordering::Relaxed);
+                }
+                Err(error) => return self.failed(&error),
+            }
+        }
+    }
+
+    /// Writes what is left, counts what cannot be written, and closes the database.
+    async fn finish(mut self, mut offers: mpsc::Receiver<Offered>) {
+        offers.close();
+        while let Some(offered) = offers.recv().await {
+            self.take(std::iter::once(offered));
+        }
+        // The process has little time to end: the pauses begin anew.
+        self.retry.reset();
+        let mut failure = None;
+        for _ in 0..limits::STORE_CLOSE_TRIES {
+            pause_until(self.retry.at()).await;
+            failure = self.write().await;
+            if failure.is_none() {
+                break;
+            }
+        }
+        let left = self.pending.left();
+        let closed = self.writer.close().await;
+        if let Err(error) = &closed {
+            tracing::error!(%error, "the database could not be closed");
+        }
+        self.counters.lose(left);
+        self.path.pending.store(0, Ordering::Relaxed);
+        let ended = match (left.rows, failure) {
+            (0, _) => closed,
+            (rows, failure) => Err(StoreError::RowsLost {
+                rows,
+                source: failure.map(Box::new),
+            }),
+        };
+        for closer in self.closers {
+            answer(closer, ended.clone());
+        }
+    }
+}
+
+fn answer(reply: Reply, result: Result<(), StoreError>) {
+    if reply.send(result).is_err() {
+        tracing::debug!("nobody waited for the end of a write any more");
+    }
+}
+
+/// How long rows are kept, s.
+fn kept_s(aged: Aged) -> i64 {
+    let kept: Duration = match aged {
+        Aged::Seconds => limits::HISTORY_SECONDS_KEPT,
+        Aged::Minutes => limits::HISTORY_MINUTES_KEPT,
+        Aged::Hours | Aged::Events => limits::HISTORY_HOURS_KEPT,
+        Aged::Answers => limits::IDEMPOTENCY_KEPT,
+        Aged::Alerts => limits::ALERTS_KEPT,
+    };
+    i64::try_from(kept.as_secs()).unwrap_or(i64::MAX)
+}

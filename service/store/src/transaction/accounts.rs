@@ -1,0 +1,88 @@
+//! Users, their sessions, and API tokens.
+
+use async_trait::async_trait;
+use fleetcal_domain::access::{AccountName, SecretHash};
+
+use crate::accounts::{TokenRecord, UserRecord};
+use crate::error::StoreError;
+
+/// Users; errors as in [`super::Records`].
+#[async_trait]
+pub trait AccountRecords {
+    /// How many users there are.
+    async fn count_users(&mut self) -> Result<u32, StoreError>;
+
+    /// How many administrators can sign in.
+    async fn count_admins(&mut self) -> Result<u32, StoreError>;
+
+    /// One user.
+    async fn user(&mut self, id: i64) -> Result<Option<UserRecord>, StoreError>;
+
+    /// The user of a name, upper or lower case.
+    async fn user_named(&mut self, name: &AccountName) -> Result<Option<UserRecord>, StoreError>;
+
+    /// Adds a user, whose number in the record does not count; gives the number.
+    async fn add_user(&mut self, user: &UserRecord) -> Result<i64, StoreError>;
+
+    /// Keeps a user who is there.
+    async fn save_user(&mut self, user: &UserRecord) -> Result<(), StoreError>;
+
+    /// Deletes a user with the sessions.
+    async fn delete_user(&mut self, id: i64) -> Result<(), StoreError>;
+}
+
+/// Sessions of users; errors as in [`super::Records`].
+#[async_trait]
+pub trait SessionRecords {
+    /// Adds a user's session, which begins at `now_ns`.
+    async fn add_session(
+        &mut self,
+        user: i64,
+        session: &SecretHash,
+        now_ns: i64,
+    ) -> Result<(), StoreError>;
+
+    /// Deletes a session; gives its user.
+    async fn delete_session(&mut self, session: &SecretHash) -> Result<Option<i64>, StoreError>;
+
+    /// Deletes a user's sessions but `keep`.
+    async fn delete_sessions(
+        &mut self,
+        user: i64,
+        keep: Option<&SecretHash>,
+    ) -> Result<(), StoreError>;
+
+    /// Deletes every session that began at `created_ns` or before, or was last used at `used_ns` or
+    /// before.
+    async fn delete_old_sessions(
+        &mut self,
+        created_ns: i64,
+        used_ns: i64,
+    ) -> Result<(), StoreError>;
+
+    /// Deletes all but the latest `kept` sessions of a user.
+    async fn keep_sessions(&mut self, user: i64, kept: u32) -> Result<(), StoreError>;
+}
+
+/// API tokens; errors as in [`super::Records`].
+#[async_trait]
+pub trait TokenRecords {
+    /// How many tokens there are, revoked ones included.
+    async fn count_tokens(&mut self) -> Result<u32, StoreError>;
+
+    /// One token.
+    async fn token(&mut self, id: i64) -> Result<Option<TokenRecord>, StoreError>;
+
+    /// The token of a name, upper or lower case, that counts at `now_ns`.
+    async fn token_named(
+        &mut self,
+        name: &AccountName,
+        now_ns: i64,
+    ) -> Result<Option<TokenRecord>, StoreError>;
+
+    /// Adds a token, whose number in the record does not count; gives the number.
+    async fn add_token(&mut self, token: &TokenRecord) -> Result<i64, StoreError>;
+
+    /// Keeps when a token was revoked.
+    async fn save_token_revoked(&mut self, id: i64, revoked_ns: i64) -> Result<(), StoreError>;
+}

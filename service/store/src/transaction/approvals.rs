@@ -1,0 +1,41 @@
+//! The life cycle's records, the site-wide stop, and the policy.
+
+use async_trait::async_trait;
+use fleetcal_domain::approval::{NextIds, Outcome, Proposal, RobotLedger};
+use fleetcal_model::RobotId;
+
+use crate::approvals::SiteHold;
+use crate::error::StoreError;
+use crate::policy::StoredPolicy;
+
+/// The life cycle's records; errors as in [`super::Records`].
+#[async_trait]
+pub trait ApprovalRecords {
+    /// One robot's records, with the document of generation `answered`.
+    async fn ledger(
+        &mut self,
+        robot: &RobotId,
+        answered: Option<u64>,
+    ) -> Result<RobotLedger, StoreError>;
+
+    /// The numbers that new records get.
+    async fn next_ids(&mut self) -> Result<NextIds, StoreError>;
+
+    /// One proposal.
+    async fn proposal(&mut self, id: u64) -> Result<Option<Proposal>, StoreError>;
+
+    /// Keeps the records that a step leaves, its documents, and what is to be sent.
+    async fn save_outcome(&mut self, outcome: &Outcome) -> Result<(), StoreError>;
+
+    /// The site-wide stop.
+    async fn site_hold(&mut self) -> Result<SiteHold, StoreError>;
+
+    /// Keeps the site-wide stop.
+    async fn save_site_hold(&mut self, hold: &SiteHold) -> Result<(), StoreError>;
+
+    /// The policy that was set.
+    async fn stored_policy(&mut self) -> Result<StoredPolicy, StoreError>;
+
+    /// Keeps the policy.
+    async fn save_policy(&mut self, policy: &StoredPolicy) -> Result<(), StoreError>;
+}

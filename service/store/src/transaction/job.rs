@@ -1,0 +1,114 @@
+//! What is done in a transaction, and who waits for it.
+
+use std::fmt;
+
+use async_trait::async_trait;
+use fleetcal_domain::limits;
+use tokio::sync::oneshot;
+use tokio::time::Instant;
+
+use super::Records;
+use crate::error::StoreError;
+
+/// Something that is done with records, wholly or not at all.
+///
+/// A database may run a job more than once, for instance after a serialisation failure: each run
+/// begins with the records as they were, and only the last one counts. So a job changes nothing
+/// but the records, and what it needs of clocks and chance it brings along.
+#[async_trait]
+pub trait Job: fmt::Debug + Send + Sync + 'static {
+    /// What whoever asked is told once it is committed.
+    type Done: Send + 'static;
+
+    /// Does it.
+    ///
+    /// # Errors
+    /// A refusal, or the database's failure; everything that this job wrote is undone.
+    async fn run(&self, records: &mut dyn Records) -> Result<Self::Done, StoreError>;
+}
+
+/// A job that waits for its turn, with whoever waits for its end.
+#[derive(Debug)]
+pub struct Waiting {
+    job: Box<dyn Attempt>,
+    asked_at: Instant,
+}
+
+impl Waiting {
+    /// A job, and where its end is told.
+    pub fn new<J: Job>(job: J) -> (Self, oneshot::Receiver<Result<J::Done, StoreError>>) {
+        let (reply, ended) = oneshot::channel();
+        let job = Asked {
+            job,
+            done: None,
+            reply,
+        };
+        let waiting = Self {
+            job: Box::new(job),
+            asked_at: Instant::now(),
+        };
+        (waiting, ended)
+    }
+
+    /// Runs the job with these records. The caller undoes what it wrote when it fails; it may then
+    /// be run again.
+    ///
+    /// # Errors
+    /// Those of the job, and [`StoreError::Late`] when whoever asked has been answered meanwhile: so
+    /// nothing is changed long after its request was answered.
+    pub async fn attempt(&mut self, records: &mut dyn Records) -> Result<(), StoreError> {
+        if self.asked_at.elapsed() > limits::STORE_ANSWER_WITHIN {
+            self.job.fail(StoreError::Late);
+            return Err(StoreError::Late);
+        }
+        self.job.attempt(records).await
+    }
+
+    /// Tells whoever waits how it ended: as its last attempt did, if its transaction was committed.
+    pub fn answer(self, committed: Result<(), StoreError>) {
+        self.job.answer(committed);
+    }
+}
+
+/// A job whose kind is forgotten.
+#[async_trait]
+trait Attempt: fmt::Debug + Send {
+    async fn attempt(&mut self, records: &mut dyn Records) -> Result<(), StoreError>;
+    fn fail(&mut self, error: StoreError);
+    fn answer(self: Box<Self>, committed: Result<(), StoreError>);
+}
+
+/// A job, how its last attempt ended, and who waits.
+struct Asked<J: Job> {
+    job: J,
+    done: Option<Result<J::Done, StoreError>>,
+    reply: oneshot::Sender<Result<J::Done, StoreError>>,
+}
+
+impl<J: Job> fmt::Debug for Asked<J> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.job.fmt(f)
+    }
+}
+
+#[async_trait]
+impl<J: Job> Attempt for Asked<J> {
+    async fn attempt(&mut self, records: &mut dyn Records) -> Result<(), StoreError> {
+        let done = self.job.run(records).await;
+        let ended = done.as_ref().map(|_| ()).map_err(Clone::clone);
+        self.done = Some(done);
+        ended
+    }
+
+    fn fail(&mut self, error: StoreError) {
+        self.done = Some(Err(error));
+    }
+
+    fn answer(self: Box<Self>, committed: Result<(), StoreError>) {
+        let done = self.done.unwrap_or(Err(StoreError::Closed));
+        let answer = committed.and(done);
+        if self.reply.send(answer).is_err() {
+            tracing::debug!("nobody waited for the end of a job any more");
+        }
+    }
+}

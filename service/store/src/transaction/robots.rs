@@ -1,0 +1,30 @@
+//! Robots' configurations and histories.
+
+use async_trait::async_trait;
+use fleetcal_domain::robot::RobotConfig;
+use fleetcal_model::RobotId;
+
+use crate::error::StoreError;
+use crate::record::{EventRecord, NewEvent, RobotRecord};
+
+/// Robots' configurations and histories; errors as in [`super::Records`].
+#[async_trait]
+pub trait RobotRecords {
+    /// One robot; `None` when the store has never heard of it.
+    async fn robot(&mut self, id: &RobotId) -> Result<Option<RobotRecord>, StoreError>;
+
+    /// Keeps a robot's configuration as `version`, changed at `now_ns`.
+    async fn save_config(
+        &mut self,
+        id: &RobotId,
+        config: &RobotConfig,
+        version: u64,
+        now_ns: i64,
+    ) -> Result<(), StoreError>;
+
+    /// An event by its number.
+    async fn event(&mut self, id: i64) -> Result<Option<EventRecord>, StoreError>;
+
+    /// Adds an event to its robot's history; gives its number.
+    async fn add_event(&mut self, event: &NewEvent) -> Result<i64, StoreError>;
+}
