@@ -14,6 +14,7 @@ pub mod message_type;
 pub mod progress;
 pub mod ros;
 pub mod ros2_key;
+mod session_topic;
 pub mod signing;
 
 pub use encoding::{DecodeError, Encoding};
@@ -21,3 +22,4 @@ pub use fleetcal_model::RobotId;
 pub use key::{Key, KeyRoot, Keys, StreamKind};
 pub use message_type::{Form, MessageType, ScanType};
 pub use ros::RosMessage;
+pub use session_topic::SessionTopic;

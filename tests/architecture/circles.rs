@@ -56,7 +56,7 @@ pub const CRATES: [Member; 17] = [
     member(
         "fleetcal-fleet",
         "service/fleet",
-        "clock domain estimator model proto robot",
+        "clock domain estimator model proto",
     ),
     member(
         "fleetcal-operations",

@@ -20,7 +20,7 @@ mod writer;
 pub use error::RecordingError;
 pub use messages::Messages;
 pub use recorded_message::RecordedMessage;
-pub use session_writer::{SESSION_METADATA, SessionTopic, SessionWriter};
+pub use session_writer::{SESSION_METADATA, SessionWriter};
 pub use topics::{
     AskedTopic, AskedTopics, ChosenDrive, ChosenPose, TopicError, Topics, choose_scan_topic,
     choose_topics,

@@ -7,8 +7,7 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use fleetcal_model::Pose2;
-use fleetcal_proto::encoding::Encoding;
-use fleetcal_proto::message_type::MessageType;
+use fleetcal_proto::SessionTopic;
 use mcap::write::NoSeek;
 use serde_json::{Value, json};
 
@@ -17,17 +16,6 @@ use super::mcap_file::{self, McapFile};
 
 /// Name of the metadata record that says how much is missing.
 pub const SESSION_METADATA: &str = "fleetcal.session";
-
-/// A topic of a session, and what its messages are.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub struct SessionTopic {
-    /// The topic, `/tugger_01/scan`.
-    pub topic: String,
-    /// The type of its messages.
-    pub message_type: MessageType,
-    /// How they are written.
-    pub encoding: Encoding,
-}
 
 /// Writes a session: the streams as they came, `/tf` as `foxglove.FrameTransform`,
 /// `/{robot}/estimate` as JSON and `/{robot}/events` as `foxglove.Log`.

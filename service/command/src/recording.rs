@@ -4,10 +4,9 @@ use std::path::{Path, PathBuf};
 
 use fleetcal_fleet::{Intake, Taken};
 use fleetcal_model::Stream;
+use fleetcal_proto::SessionTopic;
 use fleetcal_proto::message_type::{Form, MessageType};
-use fleetcal_robot::recording::{
-    Channel, ChosenDrive, ChosenPose, RecordedMessage, SessionTopic, Topics,
-};
+use fleetcal_robot::recording::{Channel, ChosenDrive, ChosenPose, RecordedMessage, Topics};
 
 use crate::CommandError;
 

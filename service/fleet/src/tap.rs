@@ -9,9 +9,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use fleetcal_domain::limits;
 use fleetcal_domain::robot::ServiceEvent;
 use fleetcal_estimator::{Pose2, Stamp};
+use fleetcal_proto::SessionTopic;
 use fleetcal_proto::estimate::{ChangeDocument, EstimateDocument};
 use fleetcal_proto::event::RobotEvent;
-use fleetcal_robot::recording::SessionTopic;
 use tokio::sync::mpsc;
 
 use crate::words::word;

@@ -15,9 +15,9 @@ use fleetcal_estimator::calibrator::{CalibratorConfig, Plan};
 use fleetcal_estimator::lidar_odometry::BeamTimes;
 use fleetcal_estimator::{Calibrator, Checkpoint, Effect, Event, Stamp};
 use fleetcal_model::{ChangeKind, Parameter, ParameterStatus, Stream};
+use fleetcal_proto::SessionTopic;
 use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_proto::message_type::Form;
-use fleetcal_robot::recording::SessionTopic;
 use serde::{Deserialize, Serialize};
 
 use crate::decode::{self, Decoded};

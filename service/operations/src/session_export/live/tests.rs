@@ -4,9 +4,10 @@ use std::future::pending;
 
 use fleetcal_estimator::Stamp;
 use fleetcal_fleet::Taps;
+use fleetcal_proto::SessionTopic;
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::message_type::MessageType;
-use fleetcal_robot::recording::{Recording as Recorded, SessionTopic};
+use fleetcal_robot::recording::Recording as Recorded;
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 
