@@ -201,8 +201,8 @@ fn effect(robot: &str, outcome: &Outcome) -> Effect {
         Parcel::Confirmed(generation) => ("confirmed".to_owned(), *generation),
     };
     let rows = outcome.transitions.iter().map(|transition| Row {
-        action: transition.action().to_owned(),
-        subject: transition.subject().to_owned(),
+        action: transition.action().as_str().to_owned(),
+        subject: transition.action().subject().to_owned(),
         subject_id: transition.subject_id(),
         after: audited(transition).1,
     });

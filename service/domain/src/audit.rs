@@ -3,7 +3,7 @@
 
 use strum::IntoStaticStr;
 
-use crate::approval::{DeploymentAction, ProposalAction, ShadowAction};
+use crate::approval::{DeploymentAction, ProposalAction, ShadowAction, Transition};
 
 /// What was done. The text is the audit's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, IntoStaticStr)]
@@ -101,6 +101,17 @@ impl Action {
             Self::CreateWebhook | Self::DeleteWebhook => "webhook",
             Self::Hold | Self::Release => "site",
             Self::ChangePolicy => "policy",
+        }
+    }
+}
+
+impl Transition {
+    /// What was done, for the audit.
+    pub const fn action(&self) -> Action {
+        match self {
+            Self::Proposal(change) => Action::Proposal(change.action),
+            Self::Deployment(change) => Action::Deployment(change.action),
+            Self::Shadow(change) => Action::Shadow(change.action),
         }
     }
 }

@@ -9,6 +9,7 @@
 pub mod access;
 pub mod alert;
 pub mod approval;
+pub mod audit;
 pub mod limits;
 pub mod robot;
 pub mod streams;

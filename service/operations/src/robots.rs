@@ -5,6 +5,7 @@ mod tests;
 
 use async_trait::async_trait;
 use fleetcal_domain::access::Actor;
+use fleetcal_domain::audit::Action;
 use fleetcal_domain::robot::RobotConfig;
 use fleetcal_model::RobotId;
 use fleetcal_store::transaction::AnswerScope;
@@ -100,10 +101,9 @@ impl ConfigureRobot {
             at_ns: self.now_ns,
             actor: self.actor.clone(),
             action: match before {
-                Some(_) => "robot.configure",
-                None => "robot.register",
+                Some(_) => Action::ConfigureRobot,
+                None => Action::RegisterRobot,
             },
-            subject: "robot",
             subject_id: self.robot.as_str().to_owned(),
             robot: Some(self.robot.clone()),
             before: before.map(document),
@@ -167,8 +167,7 @@ impl NoteEvent {
         AuditEntry {
             at_ns: event.received_ns,
             actor: self.actor.clone(),
-            action: "event.note",
-            subject: "event",
+            action: Action::NoteEvent,
             subject_id: id.to_string(),
             robot: Some(event.robot.clone()),
             before: None,

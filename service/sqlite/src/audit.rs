@@ -19,8 +19,8 @@ pub(super) async fn append(
     .bind(actor.authentication.as_str())
     .bind(actor.role.map(fleetcal_domain::access::Role::as_str))
     .bind(&actor.request)
-    .bind(entry.action)
-    .bind(entry.subject)
+    .bind(entry.action.as_str())
+    .bind(entry.action.subject())
     .bind(&entry.subject_id)
     .bind(entry.robot.as_ref().map(fleetcal_proto::RobotId::as_str))
     .bind(entry.before.as_ref().map(ToString::to_string))
@@ -34,6 +34,8 @@ pub(super) async fn append(
 #[cfg(test)]
 mod tests {
     use fleetcal_domain::access::Actor;
+    use fleetcal_domain::approval::DeploymentAction;
+    use fleetcal_domain::audit::Action;
     use sqlx::Connection;
 
     use super::*;
@@ -48,8 +50,7 @@ mod tests {
         let entry = AuditEntry {
             at_ns: 7,
             actor: Actor::service(),
-            action: "deployment.offer",
-            subject: "deployment",
+            action: Action::Deployment(DeploymentAction::Offer),
             subject_id: "1".to_owned(),
             robot: None,
             before: None,

@@ -1,6 +1,7 @@
 //! Who did what, as the store keeps it.
 
 use fleetcal_domain::access::Actor;
+use fleetcal_domain::audit::Action;
 use fleetcal_proto::RobotId;
 use serde_json::Value;
 
@@ -11,10 +12,8 @@ pub struct AuditEntry {
     pub at_ns: i64,
     /// Who.
     pub actor: Actor,
-    /// What was done, such as `deployment.acknowledge`.
-    pub action: &'static str,
-    /// To what kind of record, such as `deployment`.
-    pub subject: &'static str,
+    /// What was done, which says to what kind of record.
+    pub action: Action,
     /// To which one.
     pub subject_id: String,
     /// The robot it is about.

@@ -1,5 +1,6 @@
 //! What the two paths to the database have done.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use crate::error::StoreError;
@@ -60,9 +61,9 @@ impl TelemetryCounters {
 /// Everything that is counted.
 #[derive(Debug, Default)]
 pub(crate) struct Counters {
-    pub(crate) records: std::sync::Arc<PathCounters>,
-    pub(crate) telemetry: std::sync::Arc<PathCounters>,
-    pub(crate) rows: std::sync::Arc<TelemetryCounters>,
+    pub(crate) records: Arc<PathCounters>,
+    pub(crate) telemetry: Arc<PathCounters>,
+    pub(crate) rows: Arc<TelemetryCounters>,
     /// Whether one of the paths does not get on although the database takes writes.
-    pub(crate) stuck: std::sync::Arc<AtomicBool>,
+    pub(crate) stuck: Arc<AtomicBool>,
 }

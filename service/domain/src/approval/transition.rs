@@ -146,24 +146,6 @@ pub enum ShadowAction {
 }
 
 impl Transition {
-    /// What was done, as the audit names it: `deployment.roll_back`.
-    pub fn action(&self) -> &'static str {
-        match self {
-            Self::Proposal(change) => change.action.into(),
-            Self::Deployment(change) => change.action.into(),
-            Self::Shadow(change) => change.action.into(),
-        }
-    }
-
-    /// The kind of the record, as the audit names it.
-    pub const fn subject(&self) -> &'static str {
-        match self {
-            Self::Proposal(_) => "proposal",
-            Self::Deployment(_) => "deployment",
-            Self::Shadow(_) => "shadow",
-        }
-    }
-
     /// The record's number; the robot's id of a shadow.
     pub fn subject_id(&self) -> String {
         match self {

@@ -4,6 +4,7 @@ use async_trait::async_trait;
 use fleetcal_domain::access::{
     AccountName, AccountRefused, Actor, Grant, SecretHash, TokenSpan, allow_new_token,
 };
+use fleetcal_domain::audit::Action;
 use fleetcal_store::transaction::AnswerScope;
 use fleetcal_store::{AuditEntry, IdempotencyKey, Job, Records, StoreError, TokenRecord, Written};
 use serde_json::{Value, json};
@@ -96,7 +97,8 @@ impl ChangeToken {
         allow_new_token(tokens, &token.name, taken.is_some())?;
         token.id = records.add_token(&token).await?;
         note_made(records, AnswerScope::Token, key, token.id, self.now_ns).await?;
-        self.audit(records, "token.create", None, &token).await?;
+        self.audit(records, Action::CreateToken, None, &token)
+            .await?;
         Ok(Written {
             record: token,
             repeated: false,
@@ -118,7 +120,7 @@ impl ChangeToken {
         records.save_token_revoked(id, self.now_ns).await?;
         let mut after = before.clone();
         after.span.revoked_ns = Some(self.now_ns);
-        self.audit(records, "token.revoke", Some(&before), &after)
+        self.audit(records, Action::RevokeToken, Some(&before), &after)
             .await?;
         Ok(Written {
             record: after,
@@ -129,7 +131,7 @@ impl ChangeToken {
     async fn audit(
         &self,
         records: &mut dyn Records,
-        action: &'static str,
+        action: Action,
         before: Option<&TokenRecord>,
         after: &TokenRecord,
     ) -> Result<(), StoreError> {
@@ -137,7 +139,6 @@ impl ChangeToken {
             at_ns: self.now_ns,
             actor: self.actor.clone(),
             action,
-            subject: "token",
             subject_id: after.id.to_string(),
             robot: after.grant.robot().cloned(),
             before: before.map(shown),

@@ -5,6 +5,7 @@ use fleetcal_domain::access::{
     AccountName, AccountRefused, Actor, Grant, PasswordHash, Role, SecretHash, allow_change,
     allow_new_user, allow_set_up, counts_as_admin, ended_before,
 };
+use fleetcal_domain::audit::Action;
 use fleetcal_domain::limits;
 use fleetcal_store::transaction::AnswerScope;
 use fleetcal_store::{
@@ -156,7 +157,7 @@ impl ChangeUser {
         }
         let record = self.add(records, new).await?;
         note_made(records, AnswerScope::User, key, record.id, self.now_ns).await?;
-        self.audit(records, "user.create", None, Some(&record))
+        self.audit(records, Action::CreateUser, None, Some(&record))
             .await?;
         Ok(Written {
             record,
@@ -200,7 +201,7 @@ impl ChangeUser {
         })?;
         let user = self.add(records, (name, &admin, password)).await?;
         let user = self.begin_session(records, user, session).await?;
-        self.audit(records, "user.set_up", None, Some(&user))
+        self.audit(records, Action::SetUp, None, Some(&user))
             .await?;
         Ok(user)
     }
@@ -225,8 +226,8 @@ impl ChangeUser {
             records.delete_sessions(after.id, keep).await?;
         }
         let action = match (&edit.password, &edit.grant, edit.disabled) {
-            (Some(_), None, None) => "user.password",
-            _ => "user.edit",
+            (Some(_), None, None) => Action::ChangePassword,
+            _ => Action::EditUser,
         };
         self.audit(records, action, Some(&before), Some(&after))
             .await?;
@@ -240,7 +241,7 @@ impl ChangeUser {
     ) -> Result<UserRecord, StoreError> {
         check_admin_stays(records, &before, false).await?;
         records.delete_user(before.id).await?;
-        self.audit(records, "user.remove", Some(&before), None)
+        self.audit(records, Action::RemoveUser, Some(&before), None)
             .await?;
         Ok(before)
     }
@@ -257,7 +258,7 @@ impl ChangeUser {
             return Err(AccountRefused::UserUnknown(id).into());
         }
         let after = self.begin_session(records, before, session).await?;
-        self.audit(records, "session.sign_in", None, Some(&after))
+        self.audit(records, Action::SignIn, None, Some(&after))
             .await?;
         Ok(after)
     }
@@ -290,7 +291,7 @@ impl ChangeUser {
         let id = records.delete_session(session).await?;
         let id = id.ok_or(AccountRefused::SessionUnknown)?;
         let user = known(records, id).await?;
-        self.audit(records, "session.sign_out", Some(&user), None)
+        self.audit(records, Action::SignOut, Some(&user), None)
             .await?;
         Ok(user)
     }
@@ -298,7 +299,7 @@ impl ChangeUser {
     async fn audit(
         &self,
         records: &mut dyn Records,
-        action: &'static str,
+        action: Action,
         before: Option<&UserRecord>,
         after: Option<&UserRecord>,
     ) -> Result<(), StoreError> {
@@ -307,7 +308,6 @@ impl ChangeUser {
             at_ns: self.now_ns,
             actor: self.actor.clone(),
             action,
-            subject: "user",
             subject_id: subject.map_or_else(String::new, |user| user.id.to_string()),
             robot: None,
             before: before.map(shown),

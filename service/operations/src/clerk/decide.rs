@@ -148,7 +148,7 @@ impl Decide {
         }
         for transition in &outcome.transitions {
             let message = Message::of_transition(transition, outcome, self.now_ns);
-            if let Some(message) = message.map_err(outbox::unwritable)? {
+            if let Some(message) = message.map_err(|error| outbox::unwritable(&error))? {
                 outbox::tell(records, &message, self.now_ns).await?;
             }
         }
@@ -165,7 +165,6 @@ impl Decide {
                 at_ns: self.now_ns,
                 actor: self.actor.clone(),
                 action: transition.action(),
-                subject: transition.subject(),
                 subject_id: transition.subject_id(),
                 robot: Some(self.robot.clone()),
                 before,
@@ -210,7 +209,7 @@ impl Decide {
                 author: (source == EventSource::Person).then(|| self.actor.name.clone()),
                 note: transition.reason().map(str::to_owned),
                 details: Some(serde_json::json!({
-                    transition.subject(): transition.subject_id(),
+                    transition.action().subject(): transition.subject_id(),
                     "generation": generation,
                     "values": values,
                 })),

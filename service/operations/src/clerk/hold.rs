@@ -3,6 +3,7 @@
 use async_trait::async_trait;
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::approval::may_change;
+use fleetcal_domain::audit::Action;
 use fleetcal_store::{AuditEntry, Job, Records, SiteHold, StoreError};
 
 /// A change of the site-wide stop.
@@ -39,11 +40,10 @@ impl Job for SetHold {
             at_ns: self.now_ns,
             actor: self.actor.clone(),
             action: if self.held {
-                "site.hold"
+                Action::Hold
             } else {
-                "site.release"
+                Action::Release
             },
-            subject: "site",
             subject_id: "1".to_owned(),
             robot: None,
             before: serde_json::to_value(&before).ok(),

@@ -5,6 +5,7 @@ use std::sync::{Arc, PoisonError, RwLock};
 use async_trait::async_trait;
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::approval::{Policy, may_change};
+use fleetcal_domain::audit::Action;
 use fleetcal_fleet::live::LiveUpdate;
 use fleetcal_store::{AuditEntry, Job, Records, StoreError, StoredPolicy};
 
@@ -43,8 +44,7 @@ impl Job for SetPolicy {
         let entry = AuditEntry {
             at_ns: self.now_ns,
             actor: self.actor.clone(),
-            action: "policy.change",
-            subject: "policy",
+            action: Action::ChangePolicy,
             subject_id: "1".to_owned(),
             robot: None,
             before: serde_json::to_value(&before).ok(),

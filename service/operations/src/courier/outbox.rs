@@ -39,7 +39,7 @@ pub(super) async fn keep_within_limits(
 }
 
 /// A message that cannot be written as JSON.
-pub(crate) fn unwritable(error: serde_json::Error) -> StoreError {
+pub(crate) fn unwritable(error: &serde_json::Error) -> StoreError {
     StoreError::Corrupt {
         table: "webhook_delivery",
         reason: error.to_string(),

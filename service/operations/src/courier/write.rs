@@ -2,6 +2,7 @@
 
 use async_trait::async_trait;
 use fleetcal_domain::access::Actor;
+use fleetcal_domain::audit::Action;
 use fleetcal_domain::webhook::{
     Attempt, Delivery, Secret, Webhook, WebhookEvent, WebhookRefused, WebhookUrl, allow_new_webhook,
 };
@@ -67,7 +68,7 @@ impl Job for CreateWebhook {
         let after = Some(webhook.audited());
         let entry = AuditEntry {
             after,
-            ..entry("webhook.create", &webhook, &self.actor, self.now_ns)
+            ..entry(Action::CreateWebhook, &webhook, &self.actor, self.now_ns)
         };
         records.append_audit(&entry).await?;
         Ok(webhook)
@@ -86,19 +87,18 @@ impl Job for DeleteWebhook {
         let before: Option<Value> = Some(webhook.audited());
         let entry = AuditEntry {
             before,
-            ..entry("webhook.delete", &webhook, &self.actor, self.now_ns)
+            ..entry(Action::DeleteWebhook, &webhook, &self.actor, self.now_ns)
         };
         records.append_audit(&entry).await?;
         Ok(webhook)
     }
 }
 
-fn entry(action: &'static str, webhook: &Webhook, actor: &Actor, now_ns: i64) -> AuditEntry {
+fn entry(action: Action, webhook: &Webhook, actor: &Actor, now_ns: i64) -> AuditEntry {
     AuditEntry {
         at_ns: now_ns,
         actor: actor.clone(),
         action,
-        subject: "webhook",
         subject_id: webhook.id.to_string(),
         robot: None,
         before: None,

@@ -7,6 +7,7 @@ use fleetcal_domain::access::Actor;
 use fleetcal_domain::alert::{
     Acknowledgement, Alert, AlertPolicy, AlertRefused, Notice, Sighting, Step, Subject, step,
 };
+use fleetcal_domain::audit::Action;
 use fleetcal_domain::limits;
 use fleetcal_domain::webhook::Message;
 use fleetcal_store::{AlertMoment, AuditEntry, Job, Records, StoreError};
@@ -106,7 +107,7 @@ impl Observe {
         notice: Notice,
     ) -> Result<(), StoreError> {
         let message = Message::of_alert(alert, notice, self.now_ns);
-        let message = message.map_err(outbox::unwritable)?;
+        let message = message.map_err(|error| outbox::unwritable(&error))?;
         outbox::tell(records, &message, self.now_ns).await
     }
 }
@@ -129,8 +130,7 @@ impl Job for Acknowledge {
         let entry = AuditEntry {
             at_ns: self.now_ns,
             actor: self.actor.clone(),
-            action: "alert.acknowledge",
-            subject: "alert",
+            action: Action::AcknowledgeAlert,
             subject_id: self.id.to_string(),
             robot: after.robot.robot().cloned(),
             before: serde_json::to_value(&before).ok(),

@@ -158,12 +158,12 @@ impl Model {
     /// Every changed record has its rows, and every row its change.
     fn take_audit(&mut self, outcome: &Outcome) {
         for transition in &outcome.transitions {
-            let record = (transition.subject(), transition.subject_id());
+            let record = (transition.action().subject(), transition.subject_id());
             let unborn = matches!(transition, Transition::Shadow(_))
                 .then(|| serde_json::to_value(&self.ledger.shadow).unwrap());
             let before = self.audited.get(&record).cloned().or(unborn);
             let (stood, after) = audited(transition);
-            assert_eq!(stood, before, "before, {}", transition.action());
+            assert_eq!(stood, before, "before, {:?}", transition.action());
             let version = |record: &Value| record["version"].as_u64().unwrap();
             let earlier = before.as_ref().map_or(0, version);
             assert_eq!(version(&after), earlier + 1, "a version each");

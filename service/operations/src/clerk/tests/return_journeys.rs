@@ -1,6 +1,7 @@
 //! Back to what the robot used before, from wherever it stands.
 
-use fleetcal_domain::approval::Transition;
+use fleetcal_domain::approval::{DeploymentAction, Transition};
+use fleetcal_domain::audit::Action;
 
 use super::*;
 
@@ -85,8 +86,14 @@ async fn a_verification_that_fails_rolls_back() {
     let office = office_in(DeploymentState::Verifying).await;
     let outcome = office.verify(false).await;
     let actions: Vec<_> = outcome.transitions.iter().map(Transition::action).collect();
-    assert_eq!(actions.first(), Some(&"deployment.fail_verification"));
-    assert_eq!(actions.last(), Some(&"deployment.roll_back"));
+    assert_eq!(
+        actions.first(),
+        Some(&Action::Deployment(DeploymentAction::FailVerification))
+    );
+    assert_eq!(
+        actions.last(),
+        Some(&Action::Deployment(DeploymentAction::RollBack))
+    );
     assert_eq!(office.state(), Some(DeploymentState::RollingBack));
 }
 
