@@ -9,6 +9,8 @@ export const KINDS: Record<AlertKind, Face> = {
   rollback_failed: STANDINGS.rollback_failed,
   drift: STANDINGS.drift,
   verification_failed: STANDINGS.verification_failed,
+  two_senders: STANDINGS.two_senders,
+  false_report: STANDINGS.false_report,
   estimator_failed: STANDINGS.failed,
   not_applied: STANDINGS.not_applied,
   out_of_sync: STANDINGS.out_of_sync,

@@ -9,6 +9,8 @@ export type Standing =
   | 'rollback_failed'
   | 'drift'
   | 'verification_failed'
+  | 'two_senders'
+  | 'false_report'
   | 'failed'
   | 'not_applied'
   | 'out_of_sync'
@@ -40,6 +42,18 @@ export const STANDINGS: Record<Standing, Face> = {
     shape: 'triangle',
     tone: 'bad',
     meaning: 'A fresh estimate disagrees with the calibration that was applied.',
+  },
+  two_senders: {
+    word: 'Two senders',
+    shape: 'split',
+    tone: 'bad',
+    meaning: 'Two senders use this robot’s id. Nothing that they send is used.',
+  },
+  false_report: {
+    word: 'False report',
+    shape: 'triangle',
+    tone: 'bad',
+    meaning: 'An answer in the robot’s name contradicts another: one was not the robot’s.',
   },
   failed: {
     word: 'Estimator failed',

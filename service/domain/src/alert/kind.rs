@@ -28,6 +28,10 @@ pub enum AlertKind {
     Drift,
     /// A fresh estimate disagreed with the calibration that was applied.
     VerificationFailed,
+    /// Two senders use the robot's name.
+    TwoSenders,
+    /// Somebody answered in the robot's name, and the robot itself said otherwise.
+    FalseReport,
     /// The robot's estimator failed too often and was stopped.
     EstimatorFailed,
     /// The robot did not take what was approved.
@@ -42,10 +46,12 @@ pub enum AlertKind {
 
 impl AlertKind {
     /// All of them.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 10] = [
         Self::RollbackFailed,
         Self::Drift,
         Self::VerificationFailed,
+        Self::TwoSenders,
+        Self::FalseReport,
         Self::EstimatorFailed,
         Self::NotApplied,
         Self::OutOfSync,
@@ -67,7 +73,11 @@ impl AlertKind {
     pub const fn severity(self) -> Severity {
         match self {
             Self::RollbackFailed => Severity::Critical,
-            Self::Drift | Self::VerificationFailed | Self::EstimatorFailed => Severity::Error,
+            Self::Drift
+            | Self::VerificationFailed
+            | Self::TwoSenders
+            | Self::FalseReport
+            | Self::EstimatorFailed => Severity::Error,
             Self::NotApplied | Self::OutOfSync | Self::NoData | Self::Fault => Severity::Warning,
         }
     }
@@ -86,6 +96,14 @@ impl AlertKind {
             Self::VerificationFailed => {
                 "Compare the estimate with what the robot uses, look for a loose mount, and \
                  approve anew or leave the former values in place."
+            }
+            Self::TwoSenders => {
+                "Find the second robot, recording or program that sends under this id and stop it; \
+                 an access list per robot (docs/zenoh.md) keeps others out."
+            }
+            Self::FalseReport => {
+                "Look on the robot at which calibration it uses, and decide what it should use. An \
+                 access list per robot (docs/zenoh.md) keeps others from answering for it."
             }
             Self::EstimatorFailed => {
                 "Read the service's log, and give the robot's configuration again: its estimator \

@@ -55,12 +55,13 @@ impl AlertPolicy {
         match kind {
             AlertKind::Drift | AlertKind::OutOfSync | AlertKind::NoData => of_data,
             // It is told once, when it has happened.
-            AlertKind::Fault => Periods {
+            AlertKind::Fault | AlertKind::TwoSenders => Periods {
                 pending_ns: 0,
                 ..of_data
             },
             AlertKind::RollbackFailed
             | AlertKind::VerificationFailed
+            | AlertKind::FalseReport
             | AlertKind::EstimatorFailed
             | AlertKind::NotApplied => Periods::NONE,
         }

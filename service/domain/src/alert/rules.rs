@@ -10,7 +10,7 @@ use super::condition::Observation;
 use super::kind::AlertKind;
 use super::policy::AlertPolicy;
 use crate::approval::{self, Deployment, DeploymentState, RobotLedger, difference, nominal_values};
-use crate::robot::{RobotState, RobotView};
+use crate::robot::{RobotState, RobotView, WarningKind};
 
 /// Nanoseconds in a second.
 const NS_PER_S: i64 = 1_000_000_000;
@@ -103,6 +103,8 @@ fn look(kind: AlertKind, situation: &Situation<'_>) -> Seen {
         AlertKind::RollbackFailed => rollback_failed(situation),
         AlertKind::Drift => drift(situation),
         AlertKind::VerificationFailed => verification_failed(situation),
+        AlertKind::TwoSenders => two_senders(situation),
+        AlertKind::FalseReport => false_report(situation),
         AlertKind::EstimatorFailed => {
             let view = situation.view;
             Seen::firing_if(view.state == RobotState::Failed, || {
@@ -177,6 +179,27 @@ fn verification_failed(situation: &Situation<'_>) -> Seen {
         latest.id,
         parts.unwrap_or_default()
     ))
+}
+
+fn two_senders(situation: &Situation<'_>) -> Seen {
+    let mut warnings = situation.view.warnings.iter();
+    match warnings.find(|warning| warning.kind == WarningKind::TwoSenders) {
+        Some(_) => Seen::Firing(
+            "two senders use the robot's id at once; nothing that they send is used".to_owned(),
+        ),
+        None => Seen::Clear,
+    }
+}
+
+fn false_report(situation: &Situation<'_>) -> Seen {
+    match &situation.ledger.shadow.contradicted {
+        Some(one) => Seen::Firing(format!(
+            "an answer said that the robot uses generation {}, and a later one about generation {} \
+             contradicts it: one of them was not the robot's",
+            one.generation, one.by_generation
+        )),
+        None => Seen::Clear,
+    }
 }
 
 fn not_applied(situation: &Situation<'_>) -> Seen {

@@ -8,7 +8,7 @@ use super::draft::Draft;
 use super::generation::{GenerationRef, InUse};
 use super::ledger::Parcel;
 use super::refused::Refused;
-use super::shadow::{Reported, Shadow};
+use super::shadow::{Contradicted, Reported, Shadow};
 use super::transition::{DeploymentAction, ShadowAction};
 
 /// How far a robot may be ahead of the records: more calibrations than are approved between two
@@ -90,6 +90,9 @@ impl Draft<'_> {
         let now_ns = self.standing.now_ns;
         let mut shadow = self.outcome.ledger.shadow.clone();
         shadow.generation_last = shadow.generation_last.max(generation);
+        if let Some(contradicted) = contradicts(&shadow, applied, now_ns) {
+            shadow.contradicted = Some(contradicted);
+        }
         match applied.status {
             AppliedStatus::Applied => self.now_uses(&mut shadow, applied, revision),
             // It may have gone back from what it never told us that it used.
@@ -157,6 +160,38 @@ impl Draft<'_> {
             since_ns: applied.applied_at_ns,
         });
     }
+}
+
+/// Whether a robot's answer and the one before it cannot both be its own: it refused, or could not
+/// use, what it was said to have applied, it applied that at another time, or it goes on using since
+/// before what it was said to have replaced by values that it brought along.
+fn contradicts(shadow: &Shadow, now: &Applied, now_ns: i64) -> Option<Contradicted> {
+    use AppliedStatus as S;
+    let before = shadow.reported.as_ref()?;
+    if before.status != S::Applied {
+        return None;
+    }
+    let same = now.generation == before.generation && before.generation > 0;
+    let goes_on = |earlier: &InUse| {
+        earlier.generation == now.generation && earlier.since_ns == now.applied_at_ns
+    };
+    let cannot_be = match now.status {
+        S::Refused | S::Failed => same,
+        S::Applied if same => now.applied_at_ns != before.at_ns,
+        S::Applied => {
+            before.generation == 0
+                && now.generation > 0
+                && shadow.before.as_ref().is_some_and(goes_on)
+        }
+        S::Reverted => false,
+    };
+    cannot_be.then_some(Contradicted {
+        generation: before.generation,
+        received_ns: before.received_ns,
+        by_generation: now.generation,
+        by_status: now.status,
+        at_ns: now_ns,
+    })
 }
 
 fn same_document(offer: &GenerationRef, applied: &Applied) -> Result<(), Refused> {

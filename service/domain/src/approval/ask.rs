@@ -9,7 +9,7 @@ use super::proposal::{Approval, Closing, Proposal, ProposalEvent, ProposalState,
 use super::refused::Refused;
 use super::revision::{Evidence, Origin, Revision};
 use super::transition::ProposalAction;
-use super::values::{difference, differs_beside, exceeds};
+use super::values::{added, difference, differs_beside, exceeds};
 use crate::access::Authentication;
 
 /// Farthest from the rear axle that a LiDAR is believed to sit, m.
@@ -168,9 +168,23 @@ impl Draft<'_> {
         proposal.version += 1;
         self.save_proposal(event.into(), Some(&before), proposal.clone(), reason);
         if enough {
+            self.count_step(&proposal, by_service);
             self.deploy(Some(&proposal), proposal.revision, proposal.base, None)?;
         }
         Ok(())
+    }
+
+    /// Adds a step that no person approved to those before it; a person's approval begins anew. What
+    /// the robot should use is written down with the deployment.
+    fn count_step(&mut self, proposal: &Proposal, by_service: bool) {
+        let ledger = &mut self.outcome.ledger;
+        ledger.shadow.automatic_sum = match ledger.step_of(proposal) {
+            Some(step) if by_service => added(&ledger.shadow.automatic_sum, &step),
+            _ => [0.0; 4],
+        };
+        if !by_service {
+            ledger.shadow.contradicted = None;
+        }
     }
 
     /// How many people have to agree to a change.

@@ -11,7 +11,7 @@ use super::policy::Policy;
 use super::present::{Outdated, Present, REFRESH_EVERY_NS, outdated};
 use super::proposal::Proposal;
 use super::revision::{Evidence, Origin};
-use super::values::{difference, exceeds, exceeds_surely, four, values_and_sigmas};
+use super::values::{added, difference, exceeds, exceeds_surely, four, values_and_sigmas};
 
 /// How the robot stands beside its records.
 #[derive(Debug, Clone, Copy)]
@@ -172,10 +172,11 @@ pub fn automatic(ledger: &RobotLedger, policy: &Policy) -> Option<Command> {
     let within = policy.approve_within?;
     let open = ledger.open.as_ref()?;
     let revision = ledger.revisions.get(&open.revision)?;
-    let small = !exceeds(
-        &difference(open.base.as_ref()?, &revision.values),
-        &within.limits(),
-    );
+    let limits = within.limits();
+    let step = difference(open.base.as_ref()?, &revision.values);
+    // Many small steps go as far as a large one, which a person would have looked at.
+    let sum = added(&ledger.shadow.automatic_sum, &ledger.step_of(open)?);
+    let small = !exceeds(&step, &limits) && !exceeds(&sum, &limits);
     let ours = revision.origin == Origin::Estimator && open.approvals_needed == 1;
     let in_use = ledger.revision_in_use();
     let frame = in_use.and_then(|in_use| in_use.rear_axle_in_base_link);
@@ -186,7 +187,10 @@ pub fn automatic(ledger: &RobotLedger, policy: &Policy) -> Option<Command> {
         proposal: open.id,
         version: Some(open.version),
         sha256: open.revision_sha256.clone(),
-        reason: Some("the change is inside approval.approve_within".to_owned()),
+        reason: Some(
+            "the change is inside approval.approve_within, with those since a person approved"
+                .to_owned(),
+        ),
     })
 }
 

@@ -11,6 +11,7 @@ use super::proposal::Proposal;
 use super::revision::Revision;
 use super::shadow::Shadow;
 use super::transition::Transition;
+use super::values::{Change, difference};
 
 /// The records of one robot that can still change.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,6 +56,16 @@ impl RobotLedger {
     /// What the robot uses, where it was approved here.
     pub(super) fn revision_in_use(&self) -> Option<&Revision> {
         self.revisions.get(&self.shadow.in_use.as_ref()?.revision?)
+    }
+
+    /// How far a proposal goes from what the robot should use; of a robot for which nothing was
+    /// approved yet, from what it uses. What robots say of themselves makes no step smaller.
+    pub(super) fn step_of(&self, proposal: &Proposal) -> Option<Change> {
+        let to = self.revisions.get(&proposal.revision)?;
+        let desired = self.shadow.desired.as_ref();
+        let desired = desired.and_then(|one| self.revisions.get(&one.revision));
+        let from = desired.map(|one| one.values).or(proposal.base)?;
+        Some(difference(&from, &to.values))
     }
 
     /// The revisions that the records name.

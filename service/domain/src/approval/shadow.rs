@@ -5,6 +5,7 @@ use fleetcal_proto::calibration::AppliedStatus;
 use serde::{Deserialize, Serialize};
 
 use super::generation::{GenerationRef, InUse};
+use super::values::Change;
 
 /// The latest answer of a robot.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -75,6 +76,33 @@ pub struct Shadow {
     /// That it is switched off on purpose; it may be over.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub maintenance: Option<Maintenance>,
+    /// Sum of the steps, whichever way each went, that were approved without a person since a person
+    /// last decided what the robot should use: rad, m, m, rad.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    #[cfg_attr(feature = "openapi", schema(value_type = Vec<f64>))]
+    pub automatic_sum: Change,
+    /// The robot's answer that a later one of it contradicted; a person's decision ends it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contradicted: Option<Contradicted>,
+}
+
+/// Two answers of a robot that cannot both be its own.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+pub struct Contradicted {
+    /// The generation that it was said to have applied.
+    pub generation: u64,
+    /// When the service learnt of that, ns since 1970, wall time.
+    pub received_ns: i64,
+    /// The generation of the answer that contradicts it.
+    pub by_generation: u64,
+    /// What that answer says.
+    pub by_status: AppliedStatus,
+    /// When the service learnt of that, ns since 1970, wall time.
+    pub at_ns: i64,
+}
+
+fn is_zero(sum: &Change) -> bool {
+    sum.iter().all(|part| *part == 0.0)
 }
 
 impl Shadow {
@@ -94,6 +122,8 @@ impl Shadow {
             verified: Vec::new(),
             declined: None,
             maintenance: None,
+            automatic_sum: [0.0; 4],
+            contradicted: None,
         }
     }
 

@@ -79,6 +79,9 @@ pub fn step(
         Command::RollBack { version, reason } => {
             let found = draft.outcome.ledger.shadow.version;
             fresh(version, found)?;
+            let shadow = &mut draft.outcome.ledger.shadow;
+            shadow.automatic_sum = [0.0; 4];
+            shadow.contradicted = None;
             draft.roll_back(Rollback::ByPerson, said(reason)?)?;
         }
     }

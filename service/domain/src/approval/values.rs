@@ -24,6 +24,11 @@ pub fn difference(from: &CalibrationValues, to: &CalibrationValues) -> Change {
     ]
 }
 
+/// A sum of steps, whichever way each went, with one more.
+pub(super) fn added(sum: &Change, step: &Change) -> Change {
+    std::array::from_fn(|part| sum[part] + step[part].abs())
+}
+
 /// Change of a scale, of the wheelbase in metres, and of a delay in seconds, from which on it is a
 /// large one.
 const SCALE_CHANGE_MAX: f64 = 0.03;

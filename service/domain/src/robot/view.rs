@@ -213,6 +213,8 @@ pub enum WarningKind {
     SteeringLooksCommanded,
     /// The scans state no beam times, and the scanner turns.
     ScanBeamTimesMissing,
+    /// Two senders use the robot's id.
+    TwoSenders,
 }
 
 /// A warning, with words for people.
@@ -235,6 +237,16 @@ impl Warning {
                    command, not the measurement. What is estimated from it is the error of the \
                    whole steering, and it is wrong while the wheel still turns. Send the measured \
                    angle."
+                .to_owned(),
+        }
+    }
+
+    /// The warning of [`WarningKind::TwoSenders`].
+    pub fn two_senders() -> Self {
+        Self {
+            kind: WarningKind::TwoSenders,
+            text: "Two senders use this robot's id at once. Nothing that they send is used until \
+                   there is one again. Stop the second one."
                 .to_owned(),
         }
     }

@@ -425,3 +425,142 @@ fn the_frame_that_was_looked_at_is_signed_and_another_takes_two() {
     assert_eq!(needed(&bench), 1);
     assert!(automatic(&bench.ledger, &bench.policy).is_some());
 }
+
+#[test]
+fn automatic_steps_add_up_until_a_person_decides() {
+    let mut bench = Bench::new();
+    bench.policy.approve_within = Some(Tolerance {
+        steering_offset_deg: 5.0,
+        lidar_yaw_deg: 5.0,
+        lidar_position_mm: 50.0,
+    });
+    let next = |bench: &mut Bench, offset_rad: f64, second: i64| {
+        assert_eq!(
+            bench.do_due(&estimate(offset_rad, second), false),
+            Some("propose")
+        );
+        automatic(&bench.ledger, &bench.policy)
+    };
+    let settle = |bench: &mut Bench, offset_rad: f64, second: i64| {
+        bench.try_out();
+        assert_eq!(
+            bench.do_due(&estimate(offset_rad, second), true),
+            Some("verify")
+        );
+    };
+    // Each step is 2.9 degrees, which is inside of the limit; two of them are not.
+    let first = next(&mut bench, 0.05, 0).unwrap();
+    bench.take(first, &Actor::service());
+    settle(&mut bench, 0.05, 20);
+    assert_eq!(next(&mut bench, 0.1, 30), None);
+    bench.approve();
+    settle(&mut bench, 0.1, 50);
+    // There and back is no way around it.
+    let back = next(&mut bench, 0.05, 60).unwrap();
+    bench.take(back, &Actor::service());
+    settle(&mut bench, 0.05, 80);
+    assert_eq!(next(&mut bench, 0.1, 90), None);
+}
+
+#[test]
+fn what_a_robot_says_of_itself_makes_no_step_smaller() {
+    let mut bench = Bench::new();
+    bench.policy.approve_within = Some(Tolerance {
+        steering_offset_deg: 5.0,
+        lidar_yaw_deg: 5.0,
+        lidar_position_mm: 50.0,
+    });
+    bench.do_due(&estimate(0.05, 0), false);
+    bench.approve();
+    bench.try_out();
+    assert_eq!(bench.do_due(&estimate(0.05, 20), true), Some("verify"));
+    // Somebody says that it uses what is about to be proposed.
+    bench.take(
+        Command::Acknowledge(brought_along(0.199, 1)),
+        &Actor::service(),
+    );
+    assert_eq!(
+        bench.do_due(&estimate(0.2, 30), false),
+        None,
+        "it differs from nothing"
+    );
+    assert_eq!(bench.do_due(&estimate(0.21, 40), false), Some("propose"));
+    assert_eq!(
+        automatic(&bench.ledger, &bench.policy),
+        None,
+        "9 degrees from what was approved"
+    );
+}
+
+/// An answer that the robot uses values of its own.
+fn brought_along(offset_rad: f64, at_ns: i64) -> Applied {
+    Applied {
+        generation: 0,
+        sha256: String::new(),
+        status: AppliedStatus::Applied,
+        reason: None,
+        applied_at_ns: at_ns,
+        values: Some(CalibrationValues {
+            steering_offset_rad: offset_rad,
+            lidar_x_m: 0.434,
+            ..CalibrationValues::default()
+        }),
+    }
+}
+
+#[test]
+fn an_answer_that_the_next_one_contradicts_is_kept_until_a_person_decides() {
+    let offered = || {
+        let mut bench = Bench::new();
+        bench.do_due(&estimate(0.05, 0), false);
+        bench.approve();
+        bench.try_out();
+        bench
+    };
+    let own = |bench: &Bench, status: AppliedStatus, at_ns: i64| {
+        let reported = bench.ledger.shadow.reported.clone().unwrap();
+        Command::Acknowledge(Applied {
+            generation: reported.generation,
+            sha256: reported.sha256,
+            status,
+            reason: None,
+            applied_at_ns: at_ns,
+            values: None,
+        })
+    };
+    let is_told = |bench: &Bench| bench.ledger.shadow.contradicted.is_some();
+    // The same answer again is the robot's own, and going back is what a robot may do.
+    let mut honest = offered();
+    for status in [AppliedStatus::Applied, AppliedStatus::Reverted] {
+        honest.take(own(&honest, status, NOW_NS), &Actor::service());
+        assert!(!is_told(&honest), "{status:?}");
+    }
+    // It cannot have refused what it has applied, nor applied it at another time.
+    let later = (AppliedStatus::Applied, NOW_NS + 5);
+    for (status, at_ns) in [(AppliedStatus::Refused, NOW_NS + 5), later] {
+        let mut forged = offered();
+        assert_eq!(forged.do_due(&estimate(0.05, 20), true), Some("verify"));
+        forged.take(own(&forged, status, at_ns), &Actor::service());
+        assert!(is_told(&forged), "{status:?}");
+    }
+    // Nor go on using since then what it was said to have replaced.
+    let mut forged = offered();
+    assert_eq!(forged.do_due(&estimate(0.05, 20), true), Some("verify"));
+    let own_answer = own(&forged, AppliedStatus::Applied, NOW_NS);
+    forged.take(
+        Command::Acknowledge(brought_along(0.1, 7)),
+        &Actor::service(),
+    );
+    assert!(!is_told(&forged));
+    forged.take(own_answer, &Actor::service());
+    assert!(is_told(&forged));
+    let contradicted = forged.ledger.shadow.contradicted.clone().unwrap();
+    assert_eq!(
+        (contradicted.generation, contradicted.by_generation),
+        (0, 1)
+    );
+    // A person looks at it and decides.
+    forged.do_due(&estimate(0.12, 30), false);
+    forged.approve();
+    assert!(!is_told(&forged));
+}
