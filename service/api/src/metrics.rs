@@ -42,6 +42,7 @@ pub(super) async fn metrics(
         fleet: api.fleet.counters(),
         heard: heard(&api, &robots),
         robots: Arc::new(robots),
+        lost_answers: api.clerk.answer_counters(),
         store: api.store.counters(),
         alerts: api.sentry.counts(),
         courier: api.courier.counters(),
@@ -81,6 +82,7 @@ fn heard(api: &ApiState, robots: &[RobotView]) -> BTreeMap<ConnectionState, u64>
 struct Snapshot {
     fleet: FleetCounters,
     robots: Arc<Vec<RobotView>>,
+    lost_answers: [(&'static str, u64); 3],
     /// How many robots are heard how.
     heard: BTreeMap<ConnectionState, u64>,
     store: StoreCounters,
@@ -163,6 +165,26 @@ impl Snapshot {
                 fleet.unanswered_questions,
             ),
             (
+                "fleetcal_notes_beyond_budget",
+                "Notes of robots beyond their budget",
+                fleet.notes_beyond_budget,
+            ),
+            (
+                "fleetcal_events_beyond_budget",
+                "Events beyond their robot's budget",
+                fleet.events_beyond_budget,
+            ),
+            (
+                "fleetcal_missing",
+                "Messages that by their neighbours' stamps were sent and not used, shed ones included",
+                fleet.missing,
+            ),
+            (
+                "fleetcal_of_two_senders",
+                "Messages not used since two senders use one id",
+                fleet.of_two_senders,
+            ),
+            (
                 "fleetcal_estimator_panics",
                 "Estimators that failed",
                 fleet.estimator_panics,
@@ -170,6 +192,12 @@ impl Snapshot {
         ] {
             counter(out, name, help, value)?;
         }
+        let lost = self
+            .lost_answers
+            .iter()
+            .map(|(reason, count)| ([("reason", *reason)], *count));
+        let help = "Answers of robots that were not stored, by reason";
+        counters(out, "fleetcal_lost_answers", help, lost)?;
         let by_stream = fleet
             .by_stream
             .iter()

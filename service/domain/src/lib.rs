@@ -10,6 +10,7 @@ pub mod access;
 pub mod alert;
 pub mod approval;
 pub mod audit;
+pub mod budget;
 pub mod limits;
 pub mod robot;
 pub mod streams;

@@ -48,8 +48,23 @@ pub const ROS2_TOKEN_BYTES_MAX: usize = 1_024;
 /// Places, of a prefix and a key layout, that one robot's ROS 2 topics can have at once.
 pub const ROS2_HOMES_MAX: usize = 4;
 
-/// Robots' answers that wait to be stored.
-pub const ANSWERS_MAX: usize = 1_024;
+/// Answers of one robot that wait to be stored; a further one pushes the oldest out.
+pub const ANSWERS_OF_ROBOT_MAX: usize = 4;
+/// Answers of one robot that say something new and are stored, an hour. What answers the deployment
+/// under way is stored besides.
+pub const ANSWERS_PER_HOUR_MAX: u32 = 20;
+/// Answers of one robot that are looked at, an hour: an agent repeats one every five seconds.
+pub const ANSWERS_HEARD_PER_HOUR_MAX: u32 = 3_600;
+/// Notes that one robot puts into its history, an hour; what people note is not counted.
+pub const NOTES_PER_HOUR_MAX: u32 = 20;
+/// Bytes of text in these.
+pub const NOTE_BYTES_PER_HOUR_MAX: u32 = 8 * 1024;
+/// Events that a robot's estimator puts into its history, an hour.
+pub const EVENTS_PER_HOUR_MAX: u32 = 60;
+/// Losses of one kind and robot are logged this often.
+pub const LOSSES_LOGGED_EVERY: Duration = Duration::from_mins(1);
+/// Losses of all robots that are logged in that time.
+pub const LOSSES_LOGGED_MAX: usize = 60;
 /// Longest cross-track error of a robot, in bytes.
 pub const CROSS_TRACK_BYTES_MAX: usize = 1_024;
 /// Longest answer of a robot, in bytes.
@@ -255,6 +270,15 @@ pub const READY_PROBE_TIMEOUT: Duration = Duration::from_secs(4);
 /// `/readyz` writes to the database at most this often.
 pub const READY_PROBE_EVERY: Duration = Duration::from_secs(1);
 
+/// Threads on which Zenoh receives. Declarations of all sessions wait for one lock there, so as many
+/// sessions as there are threads can keep all others' data waiting; a thread that waits costs nothing.
+pub const ZENOH_RECEIVING_THREADS: usize = 64;
+/// Connections to the Zenoh port that have not said who they are, at once; one more waits.
+pub const ZENOH_HANDSHAKES_MAX: usize = ROBOTS_MAX;
+/// A connection to the Zenoh port has said who it is within this time.
+pub const ZENOH_HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(3);
+/// Lines that Zenoh itself logs, an hour: peers can make it log at will.
+pub const ZENOH_LOG_LINES_PER_HOUR_MAX: u32 = 1_200;
 /// Opening the Zenoh session may take this long.
 pub const ZENOH_OPEN_TIMEOUT: Duration = Duration::from_secs(10);
 /// Closing it may take this long; after that the process ends without.

@@ -1,5 +1,6 @@
 //! The fleet: one mailbox and one estimator task per robot.
 
+mod budgets;
 mod cloud;
 mod commanded;
 mod cross_track;
@@ -15,6 +16,7 @@ mod pose;
 mod reading;
 mod registry;
 mod robot;
+mod senders;
 mod tap;
 mod task;
 #[cfg(test)]

@@ -34,6 +34,15 @@ pub struct FleetCounters {
     pub beyond_robots_max: u64,
     /// Questions over Zenoh beyond [`fleetcal_domain::limits::QUESTIONS_MAX`].
     pub unanswered_questions: u64,
+    /// Notes of robots beyond their budget of an hour.
+    pub notes_beyond_budget: u64,
+    /// Events of estimators beyond their robot's budget of an hour.
+    pub events_beyond_budget: u64,
+    /// Messages that by the stamps of those before and after were sent and never reached the
+    /// estimator: lost on the way, or shed.
+    pub missing: u64,
+    /// Messages that were not used since two senders use their robot's id.
+    pub of_two_senders: u64,
     /// Estimators that panicked.
     pub estimator_panics: u64,
     /// Messages received from robots in each stream.
@@ -41,12 +50,16 @@ pub struct FleetCounters {
 }
 
 #[derive(Debug, Default)]
-pub(super) struct Counts {
+pub(crate) struct Counts {
     pub(super) received: AtomicU64,
     pub(super) foreign_keys: AtomicU64,
     pub(super) oversized: AtomicU64,
     pub(super) beyond_robots_max: AtomicU64,
     pub(super) unanswered_questions: AtomicU64,
+    pub(crate) notes_beyond_budget: AtomicU64,
+    pub(crate) events_beyond_budget: AtomicU64,
+    pub(crate) missing: AtomicU64,
+    pub(crate) of_two_senders: AtomicU64,
     pub(super) estimator_panics: AtomicU64,
     pub(super) by_stream: [AtomicU64; Stream::COUNT],
 }
@@ -65,7 +78,7 @@ pub(crate) struct Fleet {
     pub(crate) step: Step,
     pub(super) robots: RwLock<BTreeMap<RobotId, Arc<Robot>>>,
     pub(super) live: broadcast::Sender<LiveUpdate>,
-    pub(super) counts: Counts,
+    pub(crate) counts: Counts,
     pub(super) tasks: TaskTracker,
     /// Moves with every change of a robot's configuration.
     pub(super) configured: watch_channel::Sender<u64>,
@@ -98,6 +111,10 @@ impl Fleet {
             oversized: read(&counts.oversized),
             beyond_robots_max: read(&counts.beyond_robots_max),
             unanswered_questions: read(&counts.unanswered_questions),
+            notes_beyond_budget: read(&counts.notes_beyond_budget),
+            events_beyond_budget: read(&counts.events_beyond_budget),
+            missing: read(&counts.missing),
+            of_two_senders: read(&counts.of_two_senders),
             estimator_panics: read(&counts.estimator_panics),
             by_stream: streams
                 .map(|(stream, count)| (stream.name(), read(count)))

@@ -1,11 +1,13 @@
 //! One robot's task: takes what waits in the mailbox, feeds the pure estimator, and does what the
 //! estimator asks for.
 
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 use fleetcal_domain::limits::{
-    ADVICE_EVERY_S, CHECKPOINT_EVERY_S, ESTIMATOR_RESTARTS_MAX, PLAN_EVERY_S,
+    ADVICE_EVERY_S, CHECKPOINT_EVERY_S, ESTIMATOR_RESTARTS_MAX, NOTES_PER_HOUR_MAX, PLAN_EVERY_S,
 };
 use fleetcal_domain::robot::{
     DriveSignal, HistoryEvent, Mount, RobotConfig, RobotState, ServiceEvent, ServiceEventKind,
@@ -20,6 +22,7 @@ use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_proto::message_type::Form;
 use serde::{Deserialize, Serialize};
 
+use crate::budgets::HistoryBudgets;
 use crate::decode::{self, Decoded};
 use crate::document;
 use crate::intake::Intake;
@@ -30,6 +33,7 @@ use crate::pose::LatestPose;
 use crate::reading::ReadingSettings;
 use crate::registry::Fleet;
 use crate::robot::Robot;
+use crate::senders::Senders;
 use crate::tap::Tapped;
 use crate::trial::Trial;
 
@@ -97,6 +101,11 @@ struct RobotTask {
     engine: Engine,
     /// The last state that was stored, to go on from after a panic.
     last_good: Option<Checkpoint>,
+    /// The one before that: when two senders are told apart, the last may hold something of both.
+    earlier_good: Option<Checkpoint>,
+    /// Whether one sender uses the robot's id.
+    senders: Senders,
+    budgets: HistoryBudgets,
     checkpointed: Option<Stamp>,
     /// When the manoeuvres were ranked last.
     advised: Option<Stamp>,
@@ -138,7 +147,10 @@ impl RobotTask {
             rear_axle_in_base_link,
             config,
             engine: Engine::Running(Box::new(calibrator)),
+            earlier_good: last_good.clone(),
             last_good,
+            senders: Senders::default(),
+            budgets: HistoryBudgets::default(),
             checkpointed: None,
             advised: None,
             newest: Stamp(0),
@@ -176,7 +188,9 @@ impl RobotTask {
         }
         if let Some((version, config)) = self.robot.versioned_config() {
             let (fleet, robot) = (Arc::clone(&self.fleet), Arc::clone(&self.robot));
+            let budgets = std::mem::take(&mut self.budgets);
             *self = Self::start(fleet, robot, version, &config, None);
+            self.budgets = budgets;
         }
     }
 
@@ -211,6 +225,9 @@ impl RobotTask {
             Ok(taken) => taken,
             Err(refused) => return Outcome::Refused(refused.to_string()),
         };
+        if self.is_of_two_senders(*stream, taken.stamp, payload) {
+            return Outcome::Refused("two senders use the robot's id".to_owned());
+        }
         self.robot.taps.offer(|| {
             let topic = self.session_topic(*stream, *form)?;
             Some(Tapped::Message {
@@ -233,6 +250,28 @@ impl RobotTask {
         }
     }
 
+    /// Whether two senders use the robot's id at once: then nothing of either is used, and what was
+    /// learnt while they were not told apart yet is given up.
+    fn is_of_two_senders(&mut self, stream: Stream, stamp: Stamp, payload: &[u8]) -> bool {
+        let were_two = self.senders.are_two();
+        let mut hasher = DefaultHasher::new();
+        payload.hash(&mut hasher);
+        let are_two = self.senders.take(stream, stamp, hasher.finish());
+        let counts = &self.fleet.counts;
+        let (missing, of_two) = (self.senders.missing(stream), u64::from(are_two));
+        counts.missing.fetch_add(missing, Ordering::Relaxed);
+        counts.of_two_senders.fetch_add(of_two, Ordering::Relaxed);
+        if are_two && !were_two {
+            let earlier = self.earlier_good.take();
+            self.begin_from(earlier);
+            self.trial = None;
+        }
+        if are_two != were_two {
+            self.warn();
+        }
+        are_two
+    }
+
     /// What a session calls a stream; `None` of what is no ROS 2 message.
     fn session_topic(&self, stream: Stream, form: Form) -> Option<SessionTopic> {
         let name = self.intake.topic(stream).unwrap_or(stream.name());
@@ -250,6 +289,11 @@ impl RobotTask {
             Err(reason) => return Outcome::Refused(reason),
         };
         if let Some(note) = note {
+            if !self.budgets.take_note(&self.fleet, &note) {
+                return Outcome::Refused(format!(
+                    "event: the robot's notes of this hour are used up, accepted are {NOTES_PER_HOUR_MAX}"
+                ));
+            }
             self.robot.taps.offer(|| Some(Tapped::of_note(&note)));
             self.fleet.record(&self.robot.id, HistoryEvent::Note(note));
         }
@@ -321,6 +365,9 @@ impl RobotTask {
         let mut warnings = Vec::new();
         if self.intake.looks_commanded(estimate.as_deref()) {
             warnings.push(Warning::steering_looks_commanded());
+        }
+        if self.senders.are_two() {
+            warnings.push(Warning::two_senders());
         }
         if let Engine::Running(calibrator) = &self.engine
             && matches!(calibrator.scanner().beam_times, BeamTimes::Turning { .. })
@@ -407,16 +454,16 @@ impl RobotTask {
                 self.changed |= change.kind == ChangeKind::CalibrationChanged;
                 let taps = &self.robot.taps;
                 taps.offer(|| Some(Tapped::Change(change.clone())));
-                self.fleet
-                    .record(&self.robot.id, HistoryEvent::Change(change));
+                self.budgets
+                    .record(&self.fleet, &self.robot.id, HistoryEvent::Change(change));
             }
             // The same event, complete: the journal keeps it once.
             Effect::ChangeSized(change) => {
                 let change = document::change_document(&change);
                 let taps = &self.robot.taps;
                 taps.offer(|| Some(Tapped::Change(change.clone())));
-                self.fleet
-                    .record(&self.robot.id, HistoryEvent::Change(change));
+                self.budgets
+                    .record(&self.fleet, &self.robot.id, HistoryEvent::Change(change));
             }
             // The estimator has counted it; its counts stand in every estimate.
             Effect::Dropped(_) => {}
@@ -459,18 +506,22 @@ impl RobotTask {
             return;
         }
         tracing::error!(robot.id = %self.robot.id, restarts, "estimator started anew: {why}");
-        let calibrator = self
-            .last_good
-            .take()
-            .and_then(|checkpoint| Calibrator::restore(self.config.clone(), &checkpoint).ok())
-            .unwrap_or_else(|| Calibrator::new(self.config.clone()));
-        self.engine = Engine::Running(Box::new(calibrator));
-        self.plan = None;
+        let last_good = self.last_good.take();
+        self.begin_from(last_good);
         let note = why.to_owned();
         self.record_service_event(ServiceEventKind::EstimatorRestarted, self.newest, note);
     }
 
-    fn record_service_event(&self, kind: ServiceEventKind, stamp: Stamp, note: String) {
+    /// Goes on from a state, or from nothing when there is none that can be used.
+    fn begin_from(&mut self, checkpoint: Option<Checkpoint>) {
+        let restored = checkpoint
+            .and_then(|checkpoint| Calibrator::restore(self.config.clone(), &checkpoint).ok());
+        let calibrator = restored.unwrap_or_else(|| Calibrator::new(self.config.clone()));
+        self.engine = Engine::Running(Box::new(calibrator));
+        self.plan = None;
+    }
+
+    fn record_service_event(&mut self, kind: ServiceEventKind, stamp: Stamp, note: String) {
         let event = ServiceEvent {
             kind,
             stamp_ns: stamp.0,
@@ -478,8 +529,8 @@ impl RobotTask {
         };
         let taps = &self.robot.taps;
         taps.offer(|| Some(Tapped::of_service_event(&event)));
-        self.fleet
-            .record(&self.robot.id, HistoryEvent::Service(event));
+        self.budgets
+            .record(&self.fleet, &self.robot.id, HistoryEvent::Service(event));
     }
 
     fn save_checkpoint(&mut self) {
@@ -490,7 +541,7 @@ impl RobotTask {
             return;
         }
         let checkpoint = calibrator.checkpoint();
-        self.last_good = Some(checkpoint.clone());
+        self.earlier_good = self.last_good.replace(checkpoint.clone());
         let stored = Stored {
             config: self.config.clone(),
             calibrator: checkpoint,

@@ -35,12 +35,15 @@ fn take_answer(clerk: &Clerk, robot: &RobotId, sample: &Sample) {
     let payload = sample.payload();
     if sample.kind() != SampleKind::Put || payload.len() > limits::ANSWER_BYTES_MAX {
         let bytes = payload.len();
-        tracing::warn!(robot.id = %robot, bytes, "an answer is no message of an accepted size");
+        clerk.refuse_answer(
+            robot,
+            &format!("no message of an accepted size: {bytes} bytes"),
+        );
         return;
     }
     match serde_json::from_slice::<Applied>(&payload.to_bytes()) {
         Ok(applied) => clerk.take_answer(robot, applied),
-        Err(error) => tracing::warn!(robot.id = %robot, %error, "an answer cannot be read"),
+        Err(error) => clerk.refuse_answer(robot, &error.to_string()),
     }
 }
 

@@ -1,5 +1,6 @@
 //! Robots' answers.
 
+use std::sync::PoisonError;
 use std::sync::atomic::Ordering;
 
 use fleetcal_domain::access::Actor;
@@ -7,7 +8,6 @@ use fleetcal_domain::approval::Command;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Applied;
 use fleetcal_store::StoreError;
-use tokio::sync::mpsc;
 
 use super::Clerk;
 
@@ -15,18 +15,38 @@ impl Clerk {
     /// Takes a robot's answer. It never blocks: this runs on the link's receiving threads. An
     /// answer that is lost comes again, because it is not confirmed.
     pub fn take_answer(&self, robot: &RobotId, applied: Applied) {
-        let known = self
-            .inner
-            .fleet
-            .robot(robot)
-            .is_some_and(|view| view.config.is_some());
-        if !known {
+        if !self.is_registered(robot) {
             tracing::debug!(robot.id = %robot, "an answer of a robot that is not registered");
             return;
         }
-        let robot = robot.clone();
-        if self.inner.answers.try_send((robot, applied)).is_err() {
+        let now = self.inner.clock.elapsed();
+        if !self.inner.answers.put(robot, applied, now) {
             self.inner.lost_answers.fetch_add(1, Ordering::Relaxed);
+            self.log_loss(robot, "an answer was lost beyond the robot's limit", "");
+        }
+    }
+
+    /// Counts an answer that cannot be read.
+    pub fn refuse_answer(&self, robot: &RobotId, reason: &str) {
+        self.inner
+            .unreadable_answers
+            .fetch_add(1, Ordering::Relaxed);
+        self.log_loss(robot, "an answer cannot be read", reason);
+    }
+
+    fn is_registered(&self, robot: &RobotId) -> bool {
+        let view = self.inner.fleet.robot(robot);
+        view.is_some_and(|view| view.config.is_some())
+    }
+
+    /// Logs a loss, of each robot and kind once a minute.
+    fn log_loss(&self, robot: &RobotId, kind: &'static str, reason: &str) {
+        let registered = self.is_registered(robot).then_some(robot);
+        let now = self.inner.clock.elapsed();
+        let losses = self.inner.losses.lock();
+        let mut losses = losses.unwrap_or_else(PoisonError::into_inner);
+        if let Some(unsaid) = losses.take(registered, kind, now) {
+            tracing::warn!(robot.id = %robot, unsaid, reason, "{kind}");
         }
     }
 
@@ -48,21 +68,42 @@ impl Clerk {
             }
         })
     }
+
+    /// Whether an answer may be stored: it says what the robot has said already, or answers the
+    /// deployment under way for the first time, or the robot has said little that was new.
+    fn may_store(&self, robot: &RobotId, applied: &Applied) -> bool {
+        let ledger = self.ledger(robot);
+        let reported = ledger.shadow.reported.as_ref();
+        let says_the_same = reported.is_some_and(|last| {
+            (last.generation, last.status, last.at_ns)
+                == (applied.generation, applied.status, applied.applied_at_ns)
+                && (&last.sha256, &last.reason) == (&applied.sha256, &applied.reason)
+        });
+        let is_awaited = ledger.live.as_ref().is_some_and(|live| {
+            live.offer.generation == applied.generation
+                && live.offer.sha256 == applied.sha256
+                && reported.is_none_or(|last| last.generation != applied.generation)
+        });
+        let now = self.inner.clock.elapsed();
+        says_the_same || is_awaited || self.inner.answers.has_room_for_news(robot, now)
+    }
 }
 
 /// Stores what comes until the clerk stops.
-pub(super) async fn hear(clerk: Clerk, mut inbox: mpsc::Receiver<(RobotId, Applied)>) {
+pub(super) async fn hear(clerk: Clerk) {
     loop {
-        let received = tokio::select! {
-            received = inbox.recv() => received,
+        let (robot, applied) = tokio::select! {
+            received = clerk.inner.answers.next() => received,
             () = clerk.inner.stop.cancelled() => return,
         };
-        let Some((robot, applied)) = received else {
-            return;
-        };
+        if !clerk.may_store(&robot, &applied) {
+            clerk.inner.lost_answers.fetch_add(1, Ordering::Relaxed);
+            clerk.log_loss(&robot, "an answer was lost beyond the robot's limit", "");
+            continue;
+        }
         let actor = Actor::robot(&robot);
         if let Err(error) = clerk.acknowledge(&robot, applied, actor).await {
-            tracing::warn!(robot.id = %robot, %error, "a robot's answer was not stored");
+            clerk.log_loss(&robot, "an answer was not stored", &error.to_string());
         }
     }
 }

@@ -9,6 +9,7 @@ mod decide;
 mod duty;
 mod history;
 mod hold;
+mod inbox;
 mod offer;
 mod policy;
 #[cfg(test)]
@@ -28,19 +29,19 @@ use fleetcal_domain::access::Actor;
 use fleetcal_domain::approval::{
     Command, DeploymentState, Policy, Present, RobotLedger, values_and_sigmas,
 };
-use fleetcal_domain::limits;
+use fleetcal_domain::budget::LossLog;
 use fleetcal_domain::robot::RobotState;
 use fleetcal_proto::RobotId;
-use fleetcal_proto::calibration::Applied;
 use fleetcal_proto::signing::{PublicKey, SigningKey};
 use fleetcal_store::{IdempotencyKey, SiteHold, Store, StoreError};
-use tokio::sync::{Mutex, Notify, mpsc};
+use tokio::sync::{Mutex, Notify};
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
 use crate::Boxed;
 use fleetcal_fleet::live::LiveUpdate;
 use fleetcal_fleet::{FleetHandle, UsedValues};
+use inbox::Inbox;
 use policy::Rules;
 
 /// What a clerk works with.
@@ -74,10 +75,12 @@ struct Inner {
     key: Arc<SigningKey>,
     desks: RwLock<BTreeMap<RobotId, Arc<Desk>>>,
     hold: RwLock<SiteHold>,
-    answers: mpsc::Sender<(RobotId, Applied)>,
+    answers: Inbox,
+    losses: std::sync::Mutex<LossLog>,
     /// Something is to be sent.
     post: Notify,
     lost_answers: AtomicU64,
+    unreadable_answers: AtomicU64,
     refused_answers: AtomicU64,
     stop: CancellationToken,
     tasks: TaskTracker,
@@ -102,7 +105,6 @@ impl Clerk {
         let ledgers = setup.store.load_ledgers().await?;
         let hold = setup.store.site_hold().await?;
         let policy = setup.store.stored_policy().await?;
-        let (answers, inbox) = mpsc::channel(limits::ANSWERS_MAX);
         let clerk = Self {
             inner: Arc::new(Inner {
                 store: setup.store,
@@ -112,7 +114,9 @@ impl Clerk {
                 key: Arc::new(setup.key),
                 desks: RwLock::default(),
                 hold: RwLock::new(hold),
-                answers,
+                answers: Inbox::default(),
+                losses: std::sync::Mutex::default(),
+                unreadable_answers: AtomicU64::new(0),
                 post: Notify::new(),
                 lost_answers: AtomicU64::new(0),
                 refused_answers: AtomicU64::new(0),
@@ -126,7 +130,7 @@ impl Clerk {
             *desk.ledger.write().unwrap_or_else(PoisonError::into_inner) = Arc::new(ledger);
         }
         let tasks = &clerk.inner.tasks;
-        tasks.spawn(answers::hear(clerk.clone(), inbox));
+        tasks.spawn(answers::hear(clerk.clone()));
         tasks.spawn(duty::attend(clerk.clone()));
         // What was decided before the service stopped may not have been sent.
         clerk.inner.post.notify_one();
@@ -184,13 +188,14 @@ impl Clerk {
         hold.clone()
     }
 
-    /// Answers that found no room, and answers that fitted no record.
-    pub fn answer_counters(&self) -> (u64, u64) {
+    /// Robots' answers that were not stored, by reason.
+    pub fn answer_counters(&self) -> [(&'static str, u64); 3] {
         let read = |count: &AtomicU64| count.load(Ordering::Relaxed);
-        (
-            read(&self.inner.lost_answers),
-            read(&self.inner.refused_answers),
-        )
+        [
+            ("beyond_limit", read(&self.inner.lost_answers)),
+            ("refused", read(&self.inner.refused_answers)),
+            ("unreadable", read(&self.inner.unreadable_answers)),
+        ]
     }
 
     /// Takes a command on a robot's records; it is committed when this returns.
