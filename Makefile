@@ -174,6 +174,26 @@ load: build ## 50 robots at once: prints the CPU time per robot-second and sampl
 hardening-http: build ## 2,600 silent, slow and never-reading HTTP connections for ten minutes: prints N and percentiles
 	FLEETCAL_HTTP_FLOOD_S=600 FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked -p fleetcal-tests --test http -- --ignored --nocapture flood::
 
+# The campaigns go on where they stopped: the seeds that have passed stand in the folder SEEDS_PASSED.
+SEEDS_PASSED = $(abspath $(BUILT))/hardening
+HARDENING_N ?= 200
+STOPPED_S ?= 60
+.PHONY: hardening
+hardening: hardening-store hardening-http hardening-zenoh hardening-process kill-rounds ## Every fault of docs/reliability.md: hours; goes on where it stopped
+
+.PHONY: hardening-zenoh
+hardening-zenoh: build-for-tests ## 8 hostile Zenoh sessions for a minute, each kind against either access list: half an hour, prints losses
+	FLEETCAL_ZENOH_FLOOD_S=60 FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked --workspace --test zenoh -- --include-ignored --nocapture --test-threads 1 floods::
+
+.PHONY: hardening-process
+hardening-process: build-for-tests ## HARDENING_N=200 kills inside migrations and SIGTERMs under load; stopped for a minute; 64 file descriptors
+	HARDENING_N=$(HARDENING_N) HARDENING_STOPPED_S=$(STOPPED_S) HARDENING_SEEDS=$(SEEDS_PASSED) FLEETCAL_BIN=$(abspath $(BIN)) \
+	  nice $(CARGO) test --release --locked --workspace --test durability -- --nocapture --test-threads 1 lifecycle::
+
+.PHONY: soak
+soak: build-for-tests ## 50 robots for SOAK_MINUTES=120 with a flood of each kind in turn: prints memory, files and threads
+	SOAK_MINUTES=$(or $(SOAK_MINUTES),120) FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked --workspace --test zenoh -- --ignored --nocapture soak::
+
 .PHONY: encoders
 encoders: rust ## 10,000 random messages of each type by rosbags and pycdr2 (PyPI): same bytes back
 	@python3 -c 'import venv, ensurepip' 2>/dev/null \

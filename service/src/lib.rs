@@ -8,3 +8,4 @@
 
 pub mod command;
 pub mod service;
+pub mod zenoh_threads;

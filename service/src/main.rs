@@ -3,7 +3,7 @@
 use std::error::Error as _;
 use std::io::IsTerminal as _;
 use std::process::ExitCode;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use clap::Parser;
@@ -11,9 +11,14 @@ use fleetcal::command::{
     Cli, Command, CommandError, acl, backup, check_config, completions, demo, man, serve, token,
     user,
 };
-use fleetcal_clock::{SharedClock, SystemClock};
+use fleetcal::zenoh_threads;
+use fleetcal_clock::{Clock as _, SharedClock, SystemClock};
 use fleetcal_command::{agent, calibrate, odometry, replay, simulate};
-use tracing_subscriber::EnvFilter;
+use fleetcal_domain::budget::Budget;
+use fleetcal_domain::limits::ZENOH_LOG_LINES_PER_HOUR_MAX;
+use tracing_subscriber::filter::{EnvFilter, FilterExt as _, dynamic_filter_fn};
+use tracing_subscriber::layer::{Layer as _, SubscriberExt as _};
+use tracing_subscriber::util::SubscriberInitExt as _;
 
 /// Threads that still work for a library when a command has ended get this long.
 const LEFT_OVER_TIMEOUT: Duration = Duration::from_millis(100);
@@ -21,6 +26,11 @@ const LEFT_OVER_TIMEOUT: Duration = Duration::from_millis(100);
 fn main() -> ExitCode {
     let cli = Cli::parse();
     log();
+    if matches!(cli.command, Command::Serve(_) | Command::Demo(_))
+        && let Err(error) = zenoh_threads::ensure()
+    {
+        tracing::warn!(%error, "Zenoh receives on two threads: a few sessions can stop all data");
+    }
     match run(&cli.command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -77,13 +87,20 @@ fn in_one_sentence(error: &CommandError) -> String {
     sentence
 }
 
-/// Logs go to standard error; `RUST_LOG` chooses which.
+/// Logs go to standard error; `RUST_LOG` chooses which. What Zenoh logs, others can make it log: it
+/// has a budget.
 fn log() {
-    let filter = EnvFilter::try_from_default_env()
+    let chosen = EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| EnvFilter::new("info,zenoh=warn,zenoh_transport=warn"));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
+    let clock = SystemClock::start();
+    let budget = Mutex::new(Budget::per_hour(ZENOH_LOG_LINES_PER_HOUR_MAX));
+    let within_budget = dynamic_filter_fn(move |event, _| {
+        let mut budget = budget.lock().unwrap_or_else(PoisonError::into_inner);
+        !event.target().starts_with("zenoh") || budget.take(clock.elapsed(), 1)
+    });
+    let lines = tracing_subscriber::fmt::layer()
         .with_ansi(std::io::stderr().is_terminal())
         .with_writer(std::io::stderr)
-        .init();
+        .with_filter(chosen.and(within_budget));
+    tracing_subscriber::registry().with(lines).init();
 }

@@ -85,6 +85,15 @@ impl Service {
     /// # Errors
     /// When an address is in use, the store cannot be opened, or Zenoh refuses its configuration.
     pub async fn start(config: Config, clock: SharedClock) -> Result<Self, ServiceError> {
+        let link_setup = LinkSetup {
+            listen: config.listen.clone(),
+            connect: config.connect.clone(),
+            zenoh_config: config.zenoh_config.clone(),
+            allow_anonymous: config.allow_anonymous,
+            keys: Keys::new(config.root.clone()),
+            ros2: config.ros2.clone(),
+        };
+        link_setup.check()?;
         let refused = |source| ServiceError::Http {
             address: config.http,
             source,
@@ -114,15 +123,8 @@ impl Service {
             stop: stop.clone(),
         });
         let http = tokio::spawn(serve(listener, routes, connections, stop.clone()));
-        let setup = LinkSetup {
-            listen: config.listen,
-            connect: config.connect,
-            zenoh_config: config.zenoh_config,
-            keys: Keys::new(config.root),
-            ros2: config.ros2,
-        };
         let link_clock = clock;
-        let link = match Link::open(setup, fleet.clone(), clerk.clone(), link_clock).await {
+        let link = match Link::open(link_setup, fleet.clone(), clerk.clone(), link_clock).await {
             Ok(link) => link,
             Err(error) => {
                 stop.cancel();

@@ -5,8 +5,11 @@
 
 mod breaks;
 mod certificates;
+mod floods;
 mod link;
 mod lists;
 mod native;
 mod robot;
 mod router;
+mod session;
+mod soak;

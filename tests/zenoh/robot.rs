@@ -1,40 +1,16 @@
-//! A robot on the wire, with the configuration of any Zenoh client.
+//! A robot on the wire.
 
 use std::time::Duration;
 
 use fleetcal_proto::ros::{AckermannDrive, AckermannDriveStamped, Header, RosMessage, Time};
-use serde_json::{Value, json};
+use zenoh::Session;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::CongestionControl;
-use zenoh::{Config, Session, Wait};
 
-/// Longest wait for a connection, or for somebody who listens.
-pub const PATIENCE: Duration = Duration::from_secs(30);
+pub use crate::session::{PATIENCE, client, open, with_password};
+
 /// Stamp of the first sample, ns.
 const FIRST_NS: i64 = 1_700_000_000_000_000_000;
-
-/// A client's configuration, with `transport` as Zenoh has it.
-pub fn client(endpoint: &str, transport: &Value) -> Value {
-    json!({
-        "mode": "client",
-        "connect": { "endpoints": [endpoint], "timeout_ms": 10_000 },
-        "scouting": { "multicast": { "enabled": false }, "gossip": { "enabled": false } },
-        "transport": transport,
-    })
-}
-
-/// A client that shows a password.
-pub fn with_password(endpoint: &str, user: &str, password: &str) -> Value {
-    let auth = json!({ "auth": { "usrpwd": { "user": user, "password": password } } });
-    client(endpoint, &auth)
-}
-
-/// Opens a session, or says why not.
-pub async fn open(config: Value) -> Result<Session, String> {
-    let config = Config::from_json5(&config.to_string()).unwrap();
-    let opened = tokio::task::spawn_blocking(move || zenoh::open(config).wait()).await;
-    opened.unwrap().map_err(|error| error.to_string())
-}
 
 /// A drive sample, each with a stamp of its own.
 pub fn sample(number: u64) -> Vec<u8> {

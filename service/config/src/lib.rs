@@ -81,6 +81,8 @@ pub struct Config {
     pub connect: Vec<String>,
     /// A native Zenoh configuration file, taken as it is instead of `listen` and `connect`.
     pub zenoh_config: Option<PathBuf>,
+    /// Whether peers beyond this machine may connect to Zenoh without showing who they are.
+    pub allow_anonymous: bool,
     /// First chunk of every key.
     pub root: KeyRoot,
     /// Where ROS 2 robots' topics are.
@@ -109,6 +111,7 @@ impl Default for Config {
             listen: vec!["tcp/127.0.0.1:7447".to_owned()],
             connect: Vec::new(),
             zenoh_config: None,
+            allow_anonymous: false,
             root: KeyRoot::default(),
             ros2: Ros2Settings::default(),
             estimator: EstimatorSettings::default(),

@@ -1,6 +1,7 @@
 //! The one crate of the service that knows Zenoh: the embedded router, what comes in, what goes out.
 
 mod access;
+mod anonymous;
 mod calibration;
 mod ingest;
 mod outgoing;
@@ -41,6 +42,8 @@ pub struct LinkSetup {
     /// A native Zenoh configuration file, taken as it is instead of the embedded router; `listen` and
     /// `connect` replace the endpoints in it when there are any.
     pub zenoh_config: Option<PathBuf>,
+    /// Whether peers beyond this machine may connect without showing who they are.
+    pub allow_anonymous: bool,
     /// The keys under the configured root.
     pub keys: Keys,
     /// Where ROS 2 robots' topics are.
@@ -53,6 +56,16 @@ pub enum LinkError {
     /// The configuration was refused.
     #[error("the Zenoh configuration is refused: {0}")]
     Config(String),
+    /// Anybody beyond this machine could connect.
+    #[error(
+        "Zenoh would take anybody who reaches {endpoint}, without authentication: give -c a \
+         configuration of `fleetcal acl generate`, or --allow-anonymous where everybody on the \
+         network is trusted"
+    )]
+    Anonymous {
+        /// Where.
+        endpoint: String,
+    },
     /// The session could not be opened.
     #[error("Zenoh cannot be opened on {endpoints}: {reason}")]
     Open {
@@ -99,6 +112,16 @@ pub struct Link {
     publisher: JoinHandle<()>,
     poster: JoinHandle<()>,
     stop: CancellationToken,
+}
+
+impl LinkSetup {
+    /// Checks what [`Link::open`] would refuse before it opens anything.
+    ///
+    /// # Errors
+    /// When the configuration is refused, or anybody could connect and that is not allowed.
+    pub fn check(&self) -> Result<(), LinkError> {
+        session::configuration(self, &[]).map(drop)
+    }
 }
 
 impl Link {

@@ -7,19 +7,18 @@ use serde_json::Value;
 use tokio::sync::oneshot;
 use zenoh::{Config, Session, Wait};
 
-use crate::{LinkError, LinkSetup, access};
+use crate::{LinkError, LinkSetup, access, anonymous};
 
 /// Opens the session on a thread of its own: `zenoh::open` may block for ever.
 /// The embedded router's access list has `more` rules beside those of our own keys.
 pub async fn open(setup: &LinkSetup, more: &[Value]) -> Result<Session, LinkError> {
-    let (config, endpoints) = match &setup.zenoh_config {
-        Some(path) => (native(path, setup)?, path.display().to_string()),
-        None => (
-            embedded(setup, more)?,
-            [setup.listen.join(" "), setup.connect.join(" ")].join(" "),
-        ),
+    let config = configuration(setup, more)?;
+    let endpoints = match &setup.zenoh_config {
+        Some(path) => path.display().to_string(),
+        None => [setup.listen.join(" "), setup.connect.join(" ")].join(" "),
     };
     let endpoints = endpoints.trim().to_owned();
+    warn_without_list(&config, setup);
     let opened = on_own_thread("zenoh-open", move || zenoh::open(config).wait());
     match tokio::time::timeout(limits::ZENOH_OPEN_TIMEOUT, opened).await {
         Ok(Some(Ok(session))) => Ok(session),
@@ -28,6 +27,19 @@ pub async fn open(setup: &LinkSetup, more: &[Value]) -> Result<Session, LinkErro
             reason: error.to_string(),
         }),
         Ok(None) | Err(_) => Err(LinkError::Timeout { endpoints }),
+    }
+}
+
+/// The session's configuration, which lets nobody beyond this machine connect without showing who it
+/// is unless that is allowed.
+pub fn configuration(setup: &LinkSetup, more: &[Value]) -> Result<Config, LinkError> {
+    let config = match &setup.zenoh_config {
+        Some(path) => native(path, setup)?,
+        None => embedded(setup, more)?,
+    };
+    match anonymous::open_endpoint(&config) {
+        Some(endpoint) if !setup.allow_anonymous => Err(LinkError::Anonymous { endpoint }),
+        _ => Ok(config),
     }
 }
 
@@ -73,6 +85,13 @@ fn native(path: &Path, setup: &LinkSetup) -> Result<Config, LinkError> {
             set(&mut config, key, &serde_json::json!(endpoints))?;
         }
     }
+    Ok(config)
+}
+
+fn warn_without_list(config: &Config, setup: &LinkSetup) {
+    let Some(path) = &setup.zenoh_config else {
+        return;
+    };
     let is_listed = config
         .get_json("access_control/enabled")
         .is_ok_and(|enabled| enabled == "true");
@@ -86,7 +105,6 @@ fn native(path: &Path, setup: &LinkSetup) -> Result<Config, LinkError> {
              robot's keys"
         );
     }
-    Ok(config)
 }
 
 fn set(config: &mut Config, key: &str, value: &serde_json::Value) -> Result<(), LinkError> {
@@ -112,6 +130,14 @@ fn embedded(setup: &LinkSetup, more: &[Value]) -> Result<Config, LinkError> {
         (
             "transport/unicast/max_sessions",
             serde_json::json!(limits::ROBOTS_MAX),
+        ),
+        (
+            "transport/unicast/accept_pending",
+            serde_json::json!(limits::ZENOH_HANDSHAKES_MAX),
+        ),
+        (
+            "transport/unicast/accept_timeout",
+            serde_json::json!(limits::ZENOH_HANDSHAKE_TIMEOUT.as_millis() as u64),
         ),
         ("access_control", access::list(&setup.keys, more)),
     ];

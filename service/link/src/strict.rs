@@ -74,7 +74,11 @@ impl StrictRouter {
             link.insert("tls".to_owned(), self.tls(tls));
         }
         let mut transport = json!({
-            "unicast": { "max_sessions": limits::ROBOTS_MAX },
+            "unicast": {
+                "max_sessions": limits::ROBOTS_MAX,
+                "accept_pending": limits::ZENOH_HANDSHAKES_MAX,
+                "accept_timeout": limits::ZENOH_HANDSHAKE_TIMEOUT.as_millis() as u64,
+            },
             "link": link,
         });
         if let (Identity::User { passwords }, Some(transport)) =

@@ -155,7 +155,8 @@ impl CommandError {
         match self {
             Self::WithoutData(error) => error.exit_status(),
             Self::Service(
-                ServiceError::Link(LinkError::Config(_)) | ServiceError::TooManyRobots { .. },
+                ServiceError::Link(LinkError::Config(_) | LinkError::Anonymous { .. })
+                | ServiceError::TooManyRobots { .. },
             )
             | Self::Store(StoreError::Account(_) | StoreError::Missing { .. })
             | Self::Account(_)

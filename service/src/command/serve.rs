@@ -48,6 +48,10 @@ pub struct Arguments {
     /// router with its access list; --listen and --connect replace the endpoints in it
     #[arg(short = 'c', long, env = "ZENOH_CONFIG", value_name = "FILE")]
     pub zenoh_config: Option<PathBuf>,
+    /// Lets everybody who reaches a Zenoh endpoint beyond this machine connect without password or
+    /// certificate: any of them can be any robot, and stop all others' data
+    #[arg(long)]
+    pub allow_anonymous: bool,
 }
 
 impl Arguments {
@@ -71,6 +75,7 @@ impl Arguments {
         if let Some(path) = &self.zenoh_config {
             config.zenoh_config = Some(path.clone());
         }
+        config.allow_anonymous |= self.allow_anonymous;
         if config.zenoh_config.is_some() {
             config.listen = Vec::new();
             config.connect = Vec::new();

@@ -1,0 +1,337 @@
+//! Hostile sessions beside a fleet: its robots lose no sample.
+//!
+//! Robots and hostile sessions are processes of their own. The short form is part of the suite;
+//! `make hardening-zenoh` repeats each flood for a minute, against both access lists.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::net::{SocketAddr, TcpStream};
+use std::path::Path;
+use std::process::{Child, ChildStdout, Command, Stdio};
+use std::time::Duration;
+
+use fleetcal_tests::recording;
+use fleetcal_tests::service::{Service, free_port, now, wait_for};
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use super::lists::{generated, password, passwords};
+use super::robot;
+
+/// Robots that drive, and one more under whose name is attacked.
+pub const ROBOTS: usize = 49;
+/// Hostile sessions.
+pub const SESSIONS: usize = 8;
+/// Seconds of a flood unless the environment says otherwise.
+const FLOOD_S: u64 = 8;
+/// The robots drive before and after it for so long, s.
+const MARGIN_S: u64 = 2;
+/// Silent connections to the Zenoh port, and how long a robot may then take to connect.
+const SILENT: usize = 1_500;
+const CONNECTS_WITHIN: Duration = Duration::from_secs(5);
+/// Pause between two looks at a robot.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum List {
+    /// The service's own: anybody connects, and may be any robot.
+    Default,
+    /// The generated one: each session is a robot with its password.
+    Generated,
+}
+
+fn seconds() -> u64 {
+    let asked = std::env::var("FLEETCAL_ZENOH_FLOOD_S").ok();
+    asked.map_or(FLOOD_S, |text| text.parse().unwrap())
+}
+
+fn names() -> Vec<String> {
+    (1..=ROBOTS + 1)
+        .map(|number| format!("robot_{number:02}"))
+        .collect()
+}
+
+pub fn started(list: List, folder: &Path) -> Service {
+    let entry = |id: &String| {
+        format!("[[robot]]\nid = \"{id}\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n\n")
+    };
+    let config: String = names().iter().map(entry).collect();
+    if list == List::Default {
+        return Service::start_with(&config);
+    }
+    let zenoh = free_port();
+    let names = names();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let file = passwords(folder, &names);
+    let listen = format!("tcp/{zenoh}");
+    let robots = names.iter().flat_map(|name| ["--robot", name]);
+    let rest = ["--identity", "user", "--passwords", &file, "-l", &listen];
+    let flags: Vec<&str> = robots.chain(rest).collect();
+    let router = generated(folder, &flags);
+    Service::start_on(zenoh, &config, &["-c", &router])
+}
+
+/// A process of robots or of hostile sessions, ended with its test.
+pub struct Crowd {
+    child: Child,
+    said: BufReader<ChildStdout>,
+}
+
+impl Crowd {
+    pub fn start(words: &[&str]) -> Self {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_fleetcal-crowd"))
+            .args(words)
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let said = BufReader::new(child.stdout.take().unwrap());
+        let mut crowd = Self { child, said };
+        let ready = crowd.hear();
+        assert!(
+            ready["ready"].as_u64().is_some_and(|ready| ready > 0),
+            "{ready}"
+        );
+        crowd
+    }
+
+    /// The next line.
+    pub fn hear(&mut self) -> Value {
+        let mut line = String::new();
+        self.said.read_line(&mut line).unwrap();
+        serde_json::from_str(&line).unwrap()
+    }
+}
+
+impl Drop for Crowd {
+    fn drop(&mut self) {
+        drop(self.child.kill());
+        drop(self.child.wait());
+    }
+}
+
+/// What a flood did to the others.
+#[derive(Debug, Default)]
+struct Figures {
+    sent: u64,
+    lost: u64,
+    shed_drive: u64,
+    shed_scans: u64,
+    /// Longest time in which nothing came of a robot that sends every 10 ms.
+    stalled: Duration,
+    grown_bytes: u64,
+    database_bytes: u64,
+    log_bytes: u64,
+    done: u64,
+}
+
+fn size_of(folder: &Path) -> u64 {
+    let files = std::fs::read_dir(folder).unwrap();
+    let sizes = files.map(|file| file.unwrap().metadata().map_or(0, |data| data.len()));
+    sizes.sum()
+}
+
+/// Robots drive while `kind` is done to the service; without a kind, nothing is.
+fn flooded(list: List, kind: Option<&str>, seconds: u64) -> Figures {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("robot.mcap");
+    let drive_s = seconds + 2 * MARGIN_S;
+    recording::simulated(&path, drive_s as f64);
+    let service = started(list, folder.path());
+    let (memory, database, log) = (
+        service.memory_bytes(),
+        size_of(&service.data()),
+        service.logged().len(),
+    );
+    let who = if list == List::Default {
+        "anonymous"
+    } else {
+        "passwords"
+    };
+    let (endpoint, drive_s, robots) = (service.endpoint(), drive_s.to_string(), ROBOTS.to_string());
+    let mut fleet = Crowd::start(&[
+        "robots",
+        &endpoint,
+        &drive_s,
+        &robots,
+        path.to_str().unwrap(),
+        who,
+    ]);
+    std::thread::sleep(Duration::from_secs(MARGIN_S));
+    let mut figures = Figures::default();
+    if let Some(kind) = kind {
+        let name = if list == List::Default {
+            "-"
+        } else {
+            "robot_50"
+        };
+        let (seconds, sessions) = (seconds.to_string(), SESSIONS.to_string());
+        let mut hostile = Crowd::start(&["hostile", &endpoint, &seconds, &sessions, kind, name]);
+        let hears = std::thread::spawn(move || hostile.hear()["done"].as_u64().unwrap());
+        figures.stalled = longest_stall(&service, || !hears.is_finished());
+        figures.done = hears.join().unwrap();
+    }
+    let sent = fleet.hear();
+    for (id, of_robot) in sent["sent"].as_object().unwrap() {
+        let count = |stream: &str| of_robot[stream].as_u64().unwrap_or_default();
+        let sent = count("drive") + count("scan");
+        let counters = service.accounts_of(id);
+        let counted = |name: &str| counters[name].as_u64().unwrap();
+        figures.sent += sent;
+        figures.lost += sent.saturating_sub(counted("received"));
+        figures.shed_drive += counted("shed_drive");
+        figures.shed_scans += counted("shed_scans");
+    }
+    figures.grown_bytes = service.memory_bytes().saturating_sub(memory);
+    figures.database_bytes = size_of(&service.data()).saturating_sub(database);
+    figures.log_bytes = (service.logged().len() - log) as u64;
+    figures
+}
+
+/// The longest time without a message of a robot, while `goes_on`.
+fn longest_stall(service: &Service, goes_on: impl Fn() -> bool) -> Duration {
+    let received = || service.robot("robot_01")["counters"]["received"].clone();
+    let (mut last, mut since, mut longest) = (received(), now(), Duration::ZERO);
+    while goes_on() {
+        std::thread::sleep(LOOK_EVERY);
+        let next = received();
+        longest = longest.max(since.elapsed().saturating_sub(LOOK_EVERY));
+        if next != last {
+            (last, since) = (next, now());
+        }
+    }
+    longest
+}
+
+fn report(list: List, kind: &str, figures: &Figures) {
+    println!(
+        "{kind} by {SESSIONS} sessions ({}), {list:?} list, {} s: {} sent, {} lost, {} drive samples \
+         and {} scans shed, stalled {:.2} s, memory +{} MiB, database +{} kB, log +{} kB",
+        figures.done,
+        seconds(),
+        figures.sent,
+        figures.lost,
+        figures.shed_drive,
+        figures.shed_scans,
+        figures.stalled.as_secs_f64(),
+        figures.grown_bytes >> 20,
+        figures.database_bytes / 1_000,
+        figures.log_bytes / 1_000,
+    );
+}
+
+fn assert_no_sample_is_lost(list: List, kind: &str) {
+    let figures = flooded(list, Some(kind), seconds());
+    report(list, kind, &figures);
+    assert!(figures.done > 100, "that was no flood: {figures:?}");
+    assert_eq!(
+        (figures.lost, figures.shed_drive),
+        (0, 0),
+        "{kind}: {figures:?}"
+    );
+}
+
+#[test]
+fn sessions_that_declare_tokens_take_no_sample_from_others() {
+    assert_no_sample_is_lost(List::Default, "tokens");
+}
+
+#[test]
+fn under_a_list_of_names_no_robot_takes_a_sample_from_another() {
+    assert_no_sample_is_lost(List::Generated, "all");
+}
+
+#[test]
+#[ignore = "half an hour; make hardening-zenoh"]
+fn every_flood_against_either_list() {
+    let kinds = [
+        "tokens",
+        "subscribers",
+        "queryables",
+        "queries",
+        "notes",
+        "answers",
+        "all",
+    ];
+    for list in [List::Default, List::Generated] {
+        let control = flooded(list, None, seconds());
+        report(list, "nothing", &control);
+        for kind in kinds {
+            assert_no_sample_is_lost(list, kind);
+        }
+    }
+}
+
+#[test]
+fn a_robot_connects_beside_silent_connections() {
+    let service = Service::start(&["robot_a"]);
+    let address: SocketAddr = service
+        .endpoint()
+        .trim_start_matches("tcp/")
+        .parse()
+        .unwrap();
+    let silent: Vec<TcpStream> = (0..SILENT)
+        .map_while(|_| TcpStream::connect(address).ok())
+        .collect();
+    assert_eq!(silent.len(), SILENT);
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .enable_all()
+        .build();
+    let began = now();
+    let config = robot::client(&service.endpoint(), &json!({}));
+    let session = runtime.unwrap().block_on(robot::open(config)).unwrap();
+    let took = began.elapsed();
+    println!("beside {SILENT} silent connections a robot connects in {took:?}");
+    drop(session);
+    assert!(took < CONNECTS_WITHIN, "{took:?}");
+    drop(silent);
+}
+
+#[test]
+fn beyond_loopback_nobody_connects_without_authentication_unless_a_flag_says_so() {
+    let folder = TempDir::new().unwrap();
+    let log = folder.path().join("log");
+    let run = |more: &[&str]| {
+        let zenoh = format!("tcp/0.0.0.0:{}", free_port().port());
+        Command::new(fleetcal_tests::binary::path())
+            .args([
+                "serve",
+                "--http",
+                &free_port().to_string(),
+                "--listen",
+                &zenoh,
+                "--data",
+            ])
+            .arg(folder.path().join("data"))
+            .args(more)
+            .env_remove("ZENOH_CONFIG")
+            .stdout(Stdio::null())
+            .stderr(File::create(&log).unwrap())
+            .spawn()
+            .unwrap()
+    };
+    let said = || std::fs::read_to_string(&log).unwrap();
+    let status = run(&[]).wait().unwrap();
+    assert_eq!(status.code(), Some(2), "{}", said());
+    let refusal = said();
+    assert_eq!(refusal.trim().lines().count(), 1, "{refusal}");
+    assert!(
+        refusal.contains("acl generate") && refusal.contains("--allow-anonymous"),
+        "{refusal}"
+    );
+    assert!(!folder.path().join("data").exists(), "nothing was begun");
+    let mut allowed = run(&["--allow-anonymous"]);
+    wait_for("readiness", || said().contains("is ready").then_some(()));
+    allowed.kill().unwrap();
+    allowed.wait().unwrap();
+}
+
+/// That a client without password is refused is what the whole default rests on.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_router_with_passwords_takes_nobody_without_one() {
+    let folder = TempDir::new().unwrap();
+    let service = started(List::Generated, folder.path());
+    let anonymous = robot::client(&service.endpoint(), &json!({}));
+    assert!(robot::open(anonymous).await.is_err());
+    let known = robot::with_password(&service.endpoint(), "robot_01", &password("robot_01"));
+    assert!(robot::open(known).await.is_ok());
+}

@@ -1,0 +1,169 @@
+//! What sessions of anybody who reaches the port can do.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use serde_json::{Value, json};
+use tokio::task::JoinSet;
+use tokio::time::Instant;
+use zenoh::Session;
+use zenoh::qos::CongestionControl;
+
+use super::{connect, say};
+
+/// What is done, in this order when all of it is.
+pub const KINDS: [&str; 6] = [
+    "tokens",
+    "subscribers",
+    "queryables",
+    "queries",
+    "notes",
+    "answers",
+];
+/// Declarations that a session keeps; it takes back the oldest beyond.
+const KEPT_MAX: usize = 20_000;
+/// What is done between two looks at the clock.
+const AT_ONCE: u64 = 16;
+
+/// Attacks from `count` sessions, one process, in one way or (`all`) each in another; under one
+/// robot's name, or (`-`) none.
+pub async fn sessions(endpoint: &str, duration: Duration, count: usize, kind: &str, who: &str) {
+    let name = (who != "-").then_some(who);
+    let mut opened = Vec::new();
+    for _ in 0..count {
+        opened.push(connect(endpoint, name).await);
+    }
+    say(&json!({ "ready": opened.len() }));
+    let end = Instant::now() + duration;
+    let done = Arc::new(AtomicU64::new(0));
+    let mut attacks = JoinSet::new();
+    for (number, session) in opened.into_iter().enumerate() {
+        let kind = match kind {
+            "all" => KINDS[number % KINDS.len()],
+            one => KINDS.into_iter().find(|kind| *kind == one).unwrap(),
+        };
+        let robot = name.unwrap_or("robot_50").to_owned();
+        let done = Arc::clone(&done);
+        attacks.spawn(async move { attack(&session, kind, number, &robot, end, &done).await });
+    }
+    // A session that the service has closed, or one that hangs, does not keep the process.
+    let grace = end + Duration::from_secs(5);
+    while let Ok(Some(ended)) = tokio::time::timeout_at(grace, attacks.join_next()).await {
+        ended.unwrap();
+    }
+    say(&json!({ "done": done.load(Ordering::Relaxed) }));
+    std::process::exit(0);
+}
+
+async fn attack(
+    session: &Session,
+    kind: &str,
+    number: usize,
+    robot: &str,
+    end: Instant,
+    done: &AtomicU64,
+) {
+    let mut at = 0_u64;
+    match kind {
+        "tokens" => {
+            let mut kept = std::collections::VecDeque::new();
+            while Instant::now() < end {
+                let key = format!("fleet/@alive/x{number}_{at}");
+                let declared = session.liveliness().declare_token(key).await;
+                keep(&mut kept, declared);
+                tick(&mut at, done).await;
+            }
+        }
+        "subscribers" => {
+            let mut kept = std::collections::VecDeque::new();
+            while Instant::now() < end {
+                let key = format!("fleet/{robot}_{number}_{at}/estimate");
+                let declared = session.declare_subscriber(key).callback(|_| {}).await;
+                keep(&mut kept, declared);
+                tick(&mut at, done).await;
+            }
+        }
+        "queryables" => {
+            let mut kept = std::collections::VecDeque::new();
+            while Instant::now() < end {
+                let key = format!("fleet/{robot}_{number}_{at}/progress");
+                let declared = session.declare_queryable(key).callback(|_| {}).await;
+                keep(&mut kept, declared);
+                tick(&mut at, done).await;
+            }
+        }
+        "queries" => {
+            while Instant::now() < end {
+                for key in ["progress", "calibration/approved", "calibration/confirmed"] {
+                    let asked = session.get(format!("fleet/{robot}/{key}"));
+                    drop(asked.callback(|_| {}).await);
+                }
+                tick(&mut at, done).await;
+            }
+        }
+        "notes" => {
+            let key = format!("fleet/{robot}/event");
+            while Instant::now() < end {
+                put(session, &key, &note(at)).await;
+                tick(&mut at, done).await;
+            }
+        }
+        "answers" => {
+            let key = format!("fleet/{robot}/calibration/applied");
+            while Instant::now() < end {
+                put(session, &key, &forged(at)).await;
+                tick(&mut at, done).await;
+            }
+        }
+        other => unreachable!("{other}"),
+    }
+}
+
+/// Whatever becomes of a declaration that is refused is the attacker's own trouble.
+fn keep<T>(kept: &mut std::collections::VecDeque<T>, declared: zenoh::Result<T>) {
+    if let Ok(declared) = declared {
+        kept.push_back(declared);
+    }
+    if kept.len() > KEPT_MAX {
+        kept.pop_front();
+    }
+}
+
+async fn tick(at: &mut u64, done: &AtomicU64) {
+    *at += 1;
+    done.fetch_add(1, Ordering::Relaxed);
+    if at.is_multiple_of(AT_ONCE) {
+        tokio::task::yield_now().await;
+    }
+}
+
+async fn put(session: &Session, key: &str, document: &Value) {
+    let put = session
+        .put(key, document.to_string())
+        .encoding(zenoh::bytes::Encoding::APPLICATION_JSON)
+        .congestion_control(CongestionControl::Block);
+    drop(put.await);
+}
+
+/// A note of its greatest length, each another.
+fn note(at: u64) -> Value {
+    json!({
+        "stamp_ns": 1_760_000_000_000_000_000_u64 + at,
+        "kind": "comment",
+        "note": format!("{at:09} {}", "x".repeat(980)),
+    })
+}
+
+/// An answer about something that was never sent; every other one is none at all.
+fn forged(at: u64) -> Value {
+    if at.is_multiple_of(2) {
+        return json!({ "nothing": at });
+    }
+    json!({
+        "generation": at % 900,
+        "sha256": "0".repeat(64),
+        "status": "applied",
+        "applied_at_ns": at,
+    })
+}

@@ -1,0 +1,32 @@
+//! A session with the configuration of any Zenoh client.
+
+use std::time::Duration;
+
+use serde_json::{Value, json};
+use zenoh::{Config, Session, Wait};
+
+/// Longest wait for a connection, or for somebody who listens.
+pub const PATIENCE: Duration = Duration::from_secs(30);
+
+/// A client's configuration, with `transport` as Zenoh has it.
+pub fn client(endpoint: &str, transport: &Value) -> Value {
+    json!({
+        "mode": "client",
+        "connect": { "endpoints": [endpoint], "timeout_ms": 10_000 },
+        "scouting": { "multicast": { "enabled": false }, "gossip": { "enabled": false } },
+        "transport": transport,
+    })
+}
+
+/// A client that shows a password.
+pub fn with_password(endpoint: &str, user: &str, password: &str) -> Value {
+    let auth = json!({ "auth": { "usrpwd": { "user": user, "password": password } } });
+    client(endpoint, &auth)
+}
+
+/// Opens a session, or says why not.
+pub async fn open(config: Value) -> Result<Session, String> {
+    let config = Config::from_json5(&config.to_string()).unwrap();
+    let opened = tokio::task::spawn_blocking(move || zenoh::open(config).wait()).await;
+    opened.unwrap().map_err(|error| error.to_string())
+}

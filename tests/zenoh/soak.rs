@@ -1,0 +1,127 @@
+//! Fifty robots for hours with a flood of each kind in turn: what the process holds does not grow.
+//! `make soak`; `SOAK_MINUTES` shortens it.
+
+use std::path::Path;
+
+use fleetcal_tests::recording;
+use fleetcal_tests::service::{Service, wait_for};
+use tempfile::TempDir;
+
+use super::floods::{Crowd, List, ROBOTS, SESSIONS, started};
+
+/// Minutes unless `SOAK_MINUTES` says otherwise.
+const MINUTES: u64 = 120;
+/// Parts of the whole, each with a flood in it.
+const PERIODS: u64 = 12;
+/// What is done in turn.
+const KINDS: [&str; 6] = [
+    "tokens",
+    "subscribers",
+    "queryables",
+    "queries",
+    "notes",
+    "answers",
+];
+/// What is asked of the process.
+const MEMORY_MAX_BYTES: u64 = 256 << 20;
+const GROWTH_MAX_BYTES_PER_H: f64 = (1 << 20) as f64;
+const OTHERS_MAX: usize = 2;
+
+/// What the process holds at the end of a period.
+#[derive(Debug, Clone, Copy)]
+struct Held {
+    memory_bytes: u64,
+    files: usize,
+    threads: usize,
+}
+
+impl Held {
+    fn by(service: &Service) -> Self {
+        let count = |what: &str| {
+            let folder = format!("/proc/{}/{what}", service.pid());
+            std::fs::read_dir(folder).unwrap().count()
+        };
+        Self {
+            memory_bytes: service.memory_bytes(),
+            files: count("fd"),
+            threads: count("task"),
+        }
+    }
+}
+
+/// Median of the slopes between all pairs (Theil and Sen), bytes a period.
+fn slope(held: &[Held]) -> f64 {
+    let mut slopes = Vec::new();
+    for (from, first) in held.iter().enumerate() {
+        for (to, second) in held.iter().enumerate().skip(from + 1) {
+            let grown = second.memory_bytes as f64 - first.memory_bytes as f64;
+            slopes.push(grown / (to - from) as f64);
+        }
+    }
+    slopes.sort_by(f64::total_cmp);
+    slopes.get(slopes.len() / 2).copied().unwrap_or_default()
+}
+
+/// A period: the robots drive, and for a sixth of it something is done to the service.
+fn period(service: &Service, recording: &Path, kind: &str, seconds: u64) {
+    let (drive_s, robots) = (seconds.to_string(), ROBOTS.to_string());
+    let endpoint = service.endpoint();
+    let path = recording.to_str().unwrap();
+    let mut fleet = Crowd::start(&["robots", &endpoint, &drive_s, &robots, path, "anonymous"]);
+    let (flood_s, sessions) = ((seconds / 6).max(2).to_string(), SESSIONS.to_string());
+    let mut hostile = Crowd::start(&["hostile", &endpoint, &flood_s, &sessions, kind, "-"]);
+    hostile.hear();
+    drop(hostile);
+    fleet.hear();
+}
+
+#[test]
+#[ignore = "two hours; make soak"]
+fn what_the_process_holds_does_not_grow() {
+    let asked = std::env::var("SOAK_MINUTES").ok();
+    let minutes = asked.map_or(MINUTES, |text| text.parse().unwrap());
+    let seconds = minutes * 60 / PERIODS;
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("robot.mcap");
+    recording::simulated(&path, seconds as f64);
+    let service = started(List::Default, folder.path());
+    let mut held = Vec::new();
+    for kind in KINDS.into_iter().cycle().take(PERIODS as usize) {
+        period(&service, &path, kind, seconds);
+        wait_for("the end of all sessions", || {
+            (service.robot("robot_01")["alive"] != true).then_some(())
+        });
+        let now = Held::by(&service);
+        println!(
+            "{kind}: {} MiB, {} files, {} threads",
+            now.memory_bytes >> 20,
+            now.files,
+            now.threads
+        );
+        held.push(now);
+    }
+    // The first half warms up: each kind of flood has been there once.
+    let (_, settled) = held.split_at(held.len() / 2);
+    let per_hour = slope(settled) * 3_600.0 / seconds as f64;
+    println!(
+        "{minutes} min: {:.1} MiB/h after the first half",
+        per_hour / f64::from(1 << 20)
+    );
+    let first = settled[0];
+    for later in settled {
+        assert!(later.memory_bytes <= MEMORY_MAX_BYTES, "{later:?}");
+        assert!(
+            later.files.abs_diff(first.files) <= OTHERS_MAX,
+            "{first:?}, {later:?}"
+        );
+        assert!(
+            later.threads.abs_diff(first.threads) <= OTHERS_MAX,
+            "{first:?}, {later:?}"
+        );
+    }
+    // A slope of minutes is no slope of hours.
+    assert!(
+        minutes < MINUTES || per_hour <= GROWTH_MAX_BYTES_PER_H,
+        "{held:?}"
+    );
+}
