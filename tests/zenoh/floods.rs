@@ -26,6 +26,9 @@ pub const SESSIONS: usize = 8;
 const FLOOD_S: u64 = 8;
 /// The robots drive before and after it for so long, s.
 const MARGIN_S: u64 = 2;
+/// What is asked on a machine with nothing else to do, beside what an undisturbed fleet takes.
+const STALLED_MAX: Duration = Duration::from_secs(1);
+const GROWN_MAX_BYTES: u64 = 32 << 20;
 /// Silent connections to the Zenoh port, and how long a robot may then take to connect.
 const SILENT: usize = 1_500;
 const CONNECTS_WITHIN: Duration = Duration::from_secs(5);
@@ -219,15 +222,13 @@ fn report(list: List, kind: &str, figures: &Figures) {
     );
 }
 
-fn assert_no_sample_is_lost(list: List, kind: &str) {
+/// None may be lost on the way. A busy machine may shed some afterwards, which is counted.
+fn assert_no_sample_is_lost(list: List, kind: &str) -> Figures {
     let figures = flooded(list, Some(kind), seconds());
     report(list, kind, &figures);
     assert!(figures.done > 100, "that was no flood: {figures:?}");
-    assert_eq!(
-        (figures.lost, figures.shed_drive),
-        (0, 0),
-        "{kind}: {figures:?}"
-    );
+    assert_eq!(figures.lost, 0, "{kind}: {figures:?}");
+    figures
 }
 
 #[test]
@@ -252,13 +253,25 @@ fn every_flood_against_either_list() {
         "answers",
         "all",
     ];
+    let mut missed = Vec::new();
     for list in [List::Default, List::Generated] {
         let control = flooded(list, None, seconds());
         report(list, "nothing", &control);
         for kind in kinds {
-            assert_no_sample_is_lost(list, kind);
+            let figures = assert_no_sample_is_lost(list, kind);
+            let grown = figures.grown_bytes.saturating_sub(control.grown_bytes);
+            let is_reached = figures.shed_drive <= control.shed_drive
+                && figures.stalled <= STALLED_MAX
+                && grown <= GROWN_MAX_BYTES;
+            if !is_reached {
+                missed.push(format!(
+                    "{list:?} {kind}: {} MiB beyond, {figures:?}",
+                    grown >> 20
+                ));
+            }
         }
     }
+    assert!(missed.is_empty(), "{}", missed.join("\n"));
 }
 
 #[test]

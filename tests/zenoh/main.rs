@@ -11,5 +11,6 @@ mod lists;
 mod native;
 mod robot;
 mod router;
+mod senders;
 mod session;
 mod soak;
