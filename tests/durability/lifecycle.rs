@@ -31,12 +31,12 @@ struct Fleet {
 }
 
 impl Fleet {
-    fn drives(service: &Service) -> Self {
+    fn drives(service: &Service, seconds: u64) -> Self {
         let folder = TempDir::new().unwrap();
         let path = folder.path().join("robot.mcap");
-        recording::simulated(&path, DRIVE_S as f64);
+        recording::simulated(&path, seconds as f64);
         let mut child = Command::new(env!("CARGO_BIN_EXE_fleetcal-crowd"))
-            .args(["robots", &service.endpoint(), &DRIVE_S.to_string()])
+            .args(["robots", &service.endpoint(), &seconds.to_string()])
             .args([&ROBOTS.to_string(), path.to_str().unwrap(), "anonymous"])
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
@@ -109,7 +109,7 @@ fn a_service_killed_in_its_migrations_starts_again() {
 #[test]
 fn a_service_that_is_told_to_stop_under_load_ends_in_time_and_in_order() {
     let mut service = with_robots();
-    let _fleet = Fleet::drives(&service);
+    let _fleet = Fleet::drives(&service, DRIVE_S);
     let mut longest = Duration::ZERO;
     campaign("sigterm", ROUNDS, |seed| {
         let mut random = StdRng::seed_from_u64(seed);
@@ -133,7 +133,7 @@ fn a_service_that_was_stopped_for_a_while_goes_on_and_tells_what_it_missed() {
     let service = with_robots();
     let asked = std::env::var("HARDENING_STOPPED_S").ok();
     let stopped = Duration::from_secs(asked.map_or(3, |text| text.parse().unwrap()));
-    let _fleet = Fleet::drives(&service);
+    let _fleet = Fleet::drives(&service, stopped.as_secs() + DRIVE_S);
     wait_for("the first messages", || {
         (received(&service) > 100).then_some(())
     });
@@ -155,7 +155,7 @@ fn a_service_that_was_stopped_for_a_while_goes_on_and_tells_what_it_missed() {
 #[test]
 fn a_service_with_64_file_descriptors_goes_on_when_some_are_free_again() {
     let service = with_robots();
-    let _fleet = Fleet::drives(&service);
+    let _fleet = Fleet::drives(&service, DRIVE_S);
     let limit = Command::new("prlimit")
         .args(["--pid", &service.pid().to_string(), "--nofile=64:64"])
         .status();

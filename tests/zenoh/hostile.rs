@@ -150,7 +150,7 @@ async fn put(session: &Session, key: &str, document: &Value) {
 fn note(at: u64) -> Value {
     json!({
         "stamp_ns": 1_760_000_000_000_000_000_u64 + at,
-        "kind": "comment",
+        "kind": "maintenance",
         "note": format!("{at:09} {}", "x".repeat(980)),
     })
 }
