@@ -34,7 +34,8 @@ impl Budget {
             .mul_add(self.per_hour, self.left)
             .min(self.per_hour);
         self.at = self.at.max(now);
-        let fits = self.left >= f64::from(amount);
+        // A whole one that has filled up in parts counts as whole.
+        let fits = self.left + 1e-6 >= f64::from(amount);
         if fits {
             self.left -= f64::from(amount);
         }

@@ -177,14 +177,11 @@ impl Draft<'_> {
     /// Adds a step that no person approved to those before it; a person's approval begins anew. What
     /// the robot should use is written down with the deployment.
     fn count_step(&mut self, proposal: &Proposal, by_service: bool) {
-        let ledger = &mut self.outcome.ledger;
-        ledger.shadow.automatic_sum = match ledger.step_of(proposal) {
+        let ledger = &self.outcome.ledger;
+        self.automatic_sum = Some(match ledger.step_of(proposal) {
             Some(step) if by_service => added(&ledger.shadow.automatic_sum, &step),
             _ => [0.0; 4],
-        };
-        if !by_service {
-            ledger.shadow.contradicted = None;
-        }
+        });
     }
 
     /// How many people have to agree to a change.

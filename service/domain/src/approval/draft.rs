@@ -11,6 +11,7 @@ use super::refused::Refused;
 use super::revision::{Evidence, Origin, Revision};
 use super::shadow::Shadow;
 use super::transition::{Changed, DeploymentAction, ProposalAction, ShadowAction, Transition};
+use super::values::Change;
 
 /// Nanoseconds in a second.
 const NS_PER_S: i64 = 1_000_000_000;
@@ -20,6 +21,9 @@ pub(super) struct Draft<'a> {
     pub(super) standing: &'a Standing<'a>,
     pub(super) ids: NextIds,
     pub(super) outcome: Outcome,
+    /// What the sum of automatic steps becomes with the next change of the shadow: nothing, and what
+    /// was contradicted is settled, when a person decides.
+    pub(super) automatic_sum: Option<Change>,
 }
 
 impl<'a> Draft<'a> {
@@ -38,6 +42,7 @@ impl<'a> Draft<'a> {
                 sent: None,
                 transitions: Vec::new(),
             },
+            automatic_sum: None,
         }
     }
 
@@ -163,6 +168,12 @@ impl<'a> Draft<'a> {
         reason: Option<String>,
     ) {
         after.version += 1;
+        if let Some(sum) = self.automatic_sum.take() {
+            after.automatic_sum = sum;
+            if sum == [0.0; 4] {
+                after.contradicted = None;
+            }
+        }
         let before = std::mem::replace(&mut self.outcome.ledger.shadow, after.clone());
         self.note(Transition::Shadow(Box::new(Changed {
             action,

@@ -79,9 +79,7 @@ pub fn step(
         Command::RollBack { version, reason } => {
             let found = draft.outcome.ledger.shadow.version;
             fresh(version, found)?;
-            let shadow = &mut draft.outcome.ledger.shadow;
-            shadow.automatic_sum = [0.0; 4];
-            shadow.contradicted = None;
+            draft.automatic_sum = Some([0.0; 4]);
             draft.roll_back(Rollback::ByPerson, said(reason)?)?;
         }
     }
