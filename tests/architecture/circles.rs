@@ -36,7 +36,7 @@ const fn member(package: &'static str, folder: &'static str, uses: &'static str)
 }
 
 /// The crates, lowest first.
-pub const CRATES: [Member; 17] = [
+pub const CRATES: [Member; 18] = [
     member("fleetcal-model", "proto/model", ""),
     member("fleetcal-proto", "proto", "model"),
     member("fleetcal-estimator", "estimator", "model"),
@@ -70,9 +70,14 @@ pub const CRATES: [Member; 17] = [
     ),
     member("fleetcal-http", "service/http", "clock domain"),
     member(
+        "fleetcal-requests",
+        "service/requests",
+        "domain fleet proto store",
+    ),
+    member(
         "fleetcal-api",
         "service/api",
-        "clock domain estimator fleet http model operations proto store",
+        "clock domain estimator fleet http model operations proto requests store",
     ),
     member(
         "fleetcal-config",

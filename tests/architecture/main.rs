@@ -159,7 +159,10 @@ fn assert_known_only_in(crate_folder: &str, word: &str, rooms: &[&str]) {
 const WORLDS: [(&[&str], &[&str]); 8] = [
     (&["zenoh"], &["fleetcal-link"]),
     (&["sqlx"], &["fleetcal-sqlite"]),
-    (&["axum", "tower"], &["fleetcal-api", "fleetcal-http"]),
+    (
+        &["axum", "tower"],
+        &["fleetcal-api", "fleetcal-http", "fleetcal-requests"],
+    ),
     (
         &[
             "tower-http",

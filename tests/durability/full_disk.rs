@@ -208,7 +208,7 @@ fn refuse_everything(service: &Service, taken: &mut Vec<String>) {
 fn register(service: &Service, id: &str) -> u16 {
     let vehicle = json!({"model": "bicycle", "wheelbase_m": 1.2});
     let path = format!("/api/v1/robots/{id}");
-    service.try_put(&path, &vehicle).unwrap()
+    service.try_put(&path, &vehicle).unwrap().status
 }
 
 #[test]

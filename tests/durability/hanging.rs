@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 use fleetcal_tests::service::{self, Service};
+use serde_json::json;
 use sqlx::{ConnectOptions, Connection};
 
 use crate::injected::{Faults, Robots, SYNC, can_inject, settle};
@@ -37,23 +38,65 @@ async fn a_locked_database_is_told_in_time_and_waited_for() {
     let service = Service::start(&[]);
     let mut robots = Robots::default();
     robots.register(&service);
-    let mut other = sqlx::sqlite::SqliteConnectOptions::new()
-        .filename(service.data().join("fleetcal.db"))
-        .connect()
-        .await
-        .unwrap();
-    let lock = other.begin_with("BEGIN IMMEDIATE").await.unwrap();
+    let lock = locked(&service).await;
     let end = service::now() + hangs_for();
     tokio::task::block_in_place(|| {
         write_until(&service, &mut robots, end);
         assert_eq!(service.status("/readyz", None), 503);
     });
-    lock.rollback().await.unwrap();
+    lock.close().await.unwrap();
     let recovered = tokio::task::block_in_place(|| robots.recover(&service));
     println!("writing works after {recovered:?}");
     settle(&service);
     robots.check(&service);
     assert_eq!(service.metric("fleetcal_store_lost_total"), 0);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn approvals_that_find_the_database_locked_are_answered_in_time() {
+    let service = Service::start(&["tugger_01"]);
+    let [ana, bo] = [("approver", "ana"), ("operator", "bo")]
+        .map(|(role, name)| service.made_token(&["--role", role, "--name", name]));
+    let values = json!({
+        "robot": "tugger_01", "reason": "by tape",
+        "values": {
+            "steering_offset_rad": 0.02, "lidar_x_m": 0.43, "lidar_y_m": 0.01, "lidar_yaw_rad": 0.01,
+        },
+    });
+    let key = "Idempotency-Key: k\r\n";
+    let proposal = service.send("POST /api/v1/proposals", &bo, key, &values.to_string());
+    let one = json!({
+        "id": proposal["id"], "version": 1, "sha256": proposal["revision"]["sha256"],
+    });
+    let body = json!({ "proposals": vec![one; 8] }).to_string();
+    let lock = locked(&service).await;
+    let (answer, took) = tokio::task::block_in_place(|| {
+        let asked = service::now();
+        let answer = service.send("POST /api/v1/proposals/approve", &ana, "", &body);
+        (answer, asked.elapsed())
+    });
+    assert!(took < ANSWERED_WITHIN, "answered after {took:?}");
+    let items = answer["items"].as_array().unwrap().iter();
+    let codes: Vec<_> = items.map(|item| item["problem"]["code"].as_str()).collect();
+    println!("answered after {took:?}: {codes:?}");
+    let honest = ["database_unavailable", "outcome_unknown", "not_tried"].map(Some);
+    assert!(codes.iter().all(|code| honest.contains(code)), "{codes:?}");
+    assert_eq!(codes.last(), Some(&Some("not_tried")), "{codes:?}");
+    lock.close().await.unwrap();
+}
+
+/// Locks a service's database until the connection is closed.
+pub async fn locked(service: &Service) -> sqlx::SqliteConnection {
+    let mut other = sqlx::sqlite::SqliteConnectOptions::new()
+        .filename(service.data().join("fleetcal.db"))
+        .connect()
+        .await
+        .unwrap();
+    sqlx::query("BEGIN IMMEDIATE")
+        .execute(&mut other)
+        .await
+        .unwrap();
+    other
 }
 
 #[test]

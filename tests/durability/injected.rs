@@ -86,7 +86,9 @@ impl Drop for Faults {
 pub struct Robots {
     tried: usize,
     acknowledged: Vec<String>,
-    refused: usize,
+    /// Refused with the word that nothing was changed.
+    unchanged: Vec<String>,
+    unknown: usize,
 }
 
 impl Robots {
@@ -95,16 +97,22 @@ impl Robots {
         let id = format!("tugger_{}", self.tried);
         self.tried += 1;
         let vehicle = json!({"model": "bicycle", "wheelbase_m": 1.2});
-        match service.try_put(&format!("/api/v1/robots/{id}"), &vehicle) {
-            Some(201) => {
+        let answer = service.try_put(&format!("/api/v1/robots/{id}"), &vehicle);
+        let answer = answer.unwrap_or_else(|| panic!("{id}: no answer"));
+        match (answer.status, answer.body.contains("\"outcome_unknown\"")) {
+            (201, _) => {
                 self.acknowledged.push(id);
                 true
             }
-            Some(503) => {
-                self.refused += 1;
+            (503, true) => {
+                self.unknown += 1;
                 false
             }
-            other => panic!("{id}: {other:?}"),
+            (503, false) => {
+                self.unchanged.push(id);
+                false
+            }
+            (status, _) => panic!("{id}: {status}: {}", answer.body),
         }
     }
 
@@ -120,13 +128,17 @@ impl Robots {
 
     /// How many were not.
     pub fn refused(&self) -> usize {
-        self.refused
+        self.unchanged.len() + self.unknown
     }
 
-    /// Checks that every acknowledged one is there.
+    /// Checks that every acknowledged one is there, and none of which it was said that nothing was
+    /// changed.
     pub fn check(&self, service: &Service) {
         for id in &self.acknowledged {
             assert_eq!(service.robot(id)["id"], id.as_str());
+        }
+        for id in &self.unchanged {
+            assert_eq!(service.try_get(&format!("/api/v1/robots/{id}")), None);
         }
     }
 }
@@ -202,11 +214,12 @@ fn a_service_writes_again_after_the_disk_failed() {
         }
     }
     println!(
-        "{} writes acknowledged, {} refused",
+        "{} writes acknowledged, {} refused, {} of unknown outcome",
         robots.acknowledged.len(),
-        robots.refused
+        robots.unchanged.len(),
+        robots.unknown
     );
-    assert!(robots.refused > 10, "{} were refused", robots.refused);
+    assert!(robots.refused() > 10, "{} were refused", robots.refused());
     assert_eq!(service.status("/readyz", None), 200);
     assert_eq!(service.metric("fleetcal_store_lost_total"), 0);
     settle(&service);

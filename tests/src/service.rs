@@ -242,10 +242,9 @@ impl Service {
         String::from_utf8_lossy(&bytes).into_owned()
     }
 
-    /// The status of putting a new document at `path`; `None` without an answer.
-    pub fn try_put(&self, path: &str, document: &Value) -> Option<u16> {
-        let answer = http::put(self.http, path, &self.token, &document.to_string());
-        answer.map(|answer| answer.status)
+    /// The answer to putting a new document at `path`; `None` without one.
+    pub fn try_put(&self, path: &str, document: &Value) -> Option<http::Answer> {
+        http::put(self.http, path, &self.token, &document.to_string())
     }
 
     /// A count of `/metrics`; 0 when it is not there.

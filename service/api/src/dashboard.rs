@@ -58,7 +58,8 @@ fn answer(
 }
 
 fn embedded(name: &str, file: &EmbeddedFile, headers: &HeaderMap) -> Response {
-    let tag = etag::tag_of(&file.data);
+    // The digest is the build's: hashing a file for each request would be most of its cost.
+    let tag = etag::tag_of_digest(file.metadata.sha256_hash());
     let caching = if name.starts_with(HASHED) {
         HeaderValue::from_static("public, max-age=31536000, immutable")
     } else {

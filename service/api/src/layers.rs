@@ -57,16 +57,19 @@ pub(super) fn around(routes: Router, head: HeadCheck) -> Router {
         .layer(layers)
 }
 
-/// Gives up on a request that takes too long. What a write has begun is seen through all the same.
+/// Gives up on a request that takes too long. What a write has begun is seen through all the same,
+/// so nobody can tell yet what becomes of it.
 pub(super) async fn in_time(request: Request, next: Next) -> Response {
-    let longest = if request.method().is_safe() {
+    let reads = request.method().is_safe();
+    let longest = if reads {
         limits::HTTP_REQUEST_TIMEOUT
     } else {
         limits::HTTP_WRITE_TIMEOUT
     };
     match tokio::time::timeout(longest, next.run(request)).await {
         Ok(response) => response,
-        Err(_) => Problem::timed_out().into_response(),
+        Err(_) if reads => Problem::timed_out().into_response(),
+        Err(_) => Problem::outcome_unknown().into_response(),
     }
 }
 

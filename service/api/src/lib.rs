@@ -10,20 +10,15 @@ mod answers;
 mod approval;
 mod dashboard;
 mod documentation;
-mod etag;
-mod extract;
 mod health;
 mod layers;
 mod live_event;
 mod metrics;
-mod page;
-mod problem;
 mod request_head;
 mod robots;
 mod rows;
 mod serving;
 mod stream;
-mod time;
 mod topics;
 mod webhooks;
 
@@ -36,10 +31,11 @@ use axum::middleware;
 use axum::response::Response;
 use fleetcal_clock::SharedClock;
 use fleetcal_fleet::FleetHandle;
-use fleetcal_http::Connections;
+use fleetcal_http::{Connections, host};
 use fleetcal_operations::clerk::Clerk;
 use fleetcal_operations::courier::Courier;
 use fleetcal_operations::sentry::Sentry;
+use fleetcal_requests::{etag, extract, page, problem, time};
 use fleetcal_store::Store;
 use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
@@ -174,6 +170,7 @@ impl Modify for Credentials {
 pub fn router(setup: ApiSetup) -> Router {
     let cross_origin = access::cross_origin_refused(setup.access.public_url.as_ref());
     let head = HeadCheck {
+        own_name: host::own_name(),
         public_url: setup.access.public_url.clone(),
         connections: setup.connections.clone(),
     };

@@ -15,6 +15,8 @@ use super::problem::Problem;
 /// What requests are checked against.
 #[derive(Debug, Clone)]
 pub(super) struct HeadCheck {
+    /// The machine's own name.
+    pub(super) own_name: String,
     /// Where people reach the service.
     pub(super) public_url: Option<PublicUrl>,
     /// Where refusals are counted.
@@ -50,12 +52,16 @@ fn refused(check: &HeadCheck, parts: &Parts) -> Option<(Turned, Problem)> {
     let is_public = health::is_probe(parts.uri.path()) || parts.uri.path() == "/metrics";
     // A page that an attacker points here cannot send a token.
     let has_token = parts.headers.contains_key(header::AUTHORIZATION);
-    if is_public || has_token || is_ours(host, check.public_url.as_ref(), local(parts)) {
+    let public_url = check.public_url.as_ref();
+    if is_public || has_token || is_ours(host, &check.own_name, public_url, local(parts)) {
         return None;
     }
     let expected = match &check.public_url {
         Some(url) => url.authority().to_owned(),
-        None => "an address, localhost, or the host of public_url once that is set".to_owned(),
+        None => {
+            "an address, localhost, this machine's name, or the host of public_url once that is set"
+                .to_owned()
+        }
     };
     let shown: String = host.chars().take(100).collect();
     let detail = format!("Host: got {shown:?}, expected {expected}");

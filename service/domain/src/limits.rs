@@ -251,6 +251,9 @@ pub const HTTP_PAGE_MAX: u32 = 1_000;
 pub const HTTP_PAGE_DEFAULT: u32 = 100;
 /// Proposals that one request approves.
 pub const APPROVED_AT_ONCE_MAX: usize = 500;
+/// Approvals of one request that have not begun within this are not tried: the request is answered
+/// before [`HTTP_WRITE_TIMEOUT`].
+pub const APPROVED_WITHIN: Duration = Duration::from_secs(4);
 /// Rows of the audit in one file.
 pub const AUDIT_FILE_ROWS_MAX: u32 = 100_000;
 /// Points of a chart's line that one request gets.

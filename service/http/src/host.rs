@@ -44,13 +44,19 @@ pub fn local(parts: &Parts) -> Option<IpAddr> {
 
 /// Whether a request for `host` is meant for this service. A page whose name an attacker lets point
 /// here (DNS rebinding) is asked for under that name: so names count only when they are known.
-/// Addresses and `localhost` cannot be pointed anywhere.
-pub fn is_ours(host: &str, public: Option<&PublicUrl>, local: Option<IpAddr>) -> bool {
+/// Addresses, `localhost` and the machine's own name cannot be pointed
+/// anywhere.
+pub fn is_ours(
+    host: &str,
+    own_name: &str,
+    public: Option<&PublicUrl>,
+    local: Option<IpAddr>,
+) -> bool {
     let name = without_port(host);
     let is_address = name.trim_matches(['[', ']']).parse::<IpAddr>().is_ok();
     let name = name.to_ascii_lowercase();
     let is_local_name = name == "localhost" || name.ends_with(".localhost");
-    if is_address || is_local_name {
+    if is_address || is_local_name || is_of_machine(&name, own_name) {
         return true;
     }
     match public {
@@ -58,6 +64,19 @@ pub fn is_ours(host: &str, public: Option<&PublicUrl>, local: Option<IpAddr>) ->
         // On loopback nobody else has a name for it; elsewhere its names are not known.
         None => !local.is_some_and(|address| address.is_loopback()),
     }
+}
+
+/// The name that this machine has; empty without one.
+pub fn own_name() -> String {
+    let system = rustix::system::uname();
+    system.nodename().to_string_lossy().to_ascii_lowercase()
+}
+
+/// Whether a name is the machine's own, in full or without its domain: nobody else can point that
+/// here.
+fn is_of_machine(name: &str, own_name: &str) -> bool {
+    let first = own_name.split('.').next().unwrap_or("");
+    !first.is_empty() && (name == own_name || name == first)
 }
 
 fn without_port(host: &str) -> &str {
@@ -76,7 +95,11 @@ mod tests {
         let public: PublicUrl = "https://fleetcal.example.com".parse().unwrap();
         let loopback = Some(IpAddr::from([127, 0, 0, 1]));
         let outside = Some(IpAddr::from([192, 0, 2, 1]));
+        let own = "hall-7.example.net";
         for (host, with_public, on_loopback) in [
+            ("hall-7:8080", true, true),
+            ("Hall-7.example.net", true, true),
+            ("hall-7.evil.example", false, false),
             ("127.0.0.1:8080", true, true),
             ("[::1]:8080", true, true),
             ("localhost", true, true),
@@ -90,14 +113,19 @@ mod tests {
             ("127.0.0.1.evil.example", false, false),
             ("", false, false),
         ] {
-            assert_eq!(is_ours(host, Some(&public), outside), with_public, "{host}");
             assert_eq!(
-                is_ours(host, Some(&public), loopback),
+                is_ours(host, own, Some(&public), outside),
                 with_public,
                 "{host}"
             );
-            assert_eq!(is_ours(host, None, loopback), on_loopback, "{host}");
-            assert!(is_ours(host, None, outside), "{host}");
+            assert_eq!(
+                is_ours(host, own, Some(&public), loopback),
+                with_public,
+                "{host}"
+            );
+            assert_eq!(is_ours(host, own, None, loopback), on_loopback, "{host}");
+            assert!(is_ours(host, own, None, outside), "{host}");
         }
+        assert!(!is_ours("", "", None, loopback), "a machine without a name");
     }
 }

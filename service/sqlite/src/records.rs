@@ -220,7 +220,7 @@ pub(super) async fn audit_rows(
 ) -> Result<Vec<AuditRow>, StoreError> {
     let mut query = QueryBuilder::<Sqlite>::new(
         "SELECT id, at_ns, actor, authentication, role, request, action, subject, subject_id,
-             robot, before, after, reason FROM audit WHERE true",
+             robot, before, after, reason, address FROM audit WHERE true",
     );
     if let Some(robot) = &filter.robot {
         query
@@ -275,6 +275,7 @@ fn audit_row(row: &SqliteRow) -> Result<AuditRow, StoreError> {
         before: document(10)?,
         after: document(11)?,
         reason: column(row, table, 12)?,
+        address: column(row, table, 13)?,
     })
 }
 

@@ -233,7 +233,7 @@ async fn transact(connection: &mut SqliteConnection, keys: &mut Keys, work: Work
     match done {
         Ok(rows) => match transaction.commit().await {
             Ok(()) => Ended::Committed(rows),
-            Err(error) => Ended::Broken(StoreError::database("commit what was written")(error)),
+            Err(error) => Ended::Broken(StoreError::Commit(Arc::new(error))),
         },
         Err(Failed::Lost(error)) => Ended::Broken(error),
         Err(Failed::Undo(error)) => match transaction.rollback().await {

@@ -68,6 +68,8 @@ pub struct AuditRow {
     pub role: Option<String>,
     /// The HTTP request's id.
     pub request: Option<String>,
+    /// The address that it came from.
+    pub address: Option<String>,
     /// What was done.
     pub action: String,
     /// To what kind of record.

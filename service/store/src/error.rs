@@ -96,6 +96,9 @@ pub enum StoreError {
         #[source]
         source: DriverError,
     },
+    /// The database failed while it committed.
+    #[error("the database could not commit what was written; it may or may not have kept it")]
+    Commit(#[source] DriverError),
     /// The store ended with rows that could not be written.
     #[error("{rows} rows that were not written yet are lost")]
     RowsLost {

@@ -4,9 +4,10 @@ use axum::extract::FromRequestParts;
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, StatusCode, header};
 use fleetcal_domain::access::{
-    Access, Actor, Authentication, Grant, SessionSpan, TokenState, TokenValue,
+    Access, Actor, Authentication, Grant, HttpRequest, SessionSpan, TokenState, TokenValue,
 };
 use fleetcal_domain::limits;
+use fleetcal_http::PeerAddress;
 use fleetcal_store::{Credential, StoreError};
 use tower_http::request_id::RequestId;
 
@@ -62,7 +63,6 @@ pub(super) async fn authenticate(
     parts: &Parts,
     route: Asked,
 ) -> Result<Caller, Problem> {
-    let request = request_id(parts);
     let credential = shown(api, &parts.headers)?;
     let Some(credential) = credential else {
         if api.access.has_users(&api.store).await? {
@@ -73,7 +73,7 @@ pub(super) async fn authenticate(
         return Err(unauthorised("setup_required", detail));
     };
     let mut caller = known(api, credential, route).await?;
-    caller.actor.request = request;
+    caller.actor.request = Some(http_request(parts));
     Ok(caller)
 }
 
@@ -165,11 +165,15 @@ fn shown(api: &ApiState, headers: &HeaderMap) -> Result<Option<Credential>, Prob
     }
 }
 
-/// The id of a request, for the audit.
-pub(super) fn request_id(parts: &Parts) -> Option<String> {
-    let id = parts.extensions.get::<RequestId>()?;
-    let text = id.header_value().to_str().ok()?;
-    Some(text.chars().take(REQUEST_ID_CHARS_MAX).collect())
+/// A request, for the audit: its id, and where it came from.
+pub(super) fn http_request(parts: &Parts) -> HttpRequest {
+    let id = parts.extensions.get::<RequestId>();
+    let id = id.and_then(|id| id.header_value().to_str().ok());
+    let PeerAddress(peer) = parts.extensions.get().copied().unwrap_or(PeerAddress(None));
+    HttpRequest {
+        id: id.map(|text| text.chars().take(REQUEST_ID_CHARS_MAX).collect()),
+        address: peer.map(|address| address.to_canonical().to_string()),
+    }
 }
 
 fn missing() -> Problem {

@@ -5,14 +5,16 @@ use axum::extract::State;
 use axum::http::request::Parts;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use fleetcal_domain::access::{Actor, Authentication, SecretHash, SessionSpan, SessionValue};
+use fleetcal_domain::access::{
+    Actor, Authentication, HttpRequest, SecretHash, SessionSpan, SessionValue,
+};
 use fleetcal_http::PeerAddress;
 use fleetcal_operations::accounts::{UserChange, UserEdit, change_user};
 use fleetcal_operations::entropy;
 use fleetcal_store::{Credential, Expected, UserRecord};
 use serde::Deserialize;
 
-use super::caller::{Caller, request_id};
+use super::caller::{Caller, http_request};
 use super::document::{CredentialKind, SessionDocument};
 use super::password::failed;
 use super::sign_in::verified;
@@ -51,7 +53,7 @@ pub(super) async fn sign_in(
     State(api): State<ApiState>,
     Parameters(NoParameters {}): Parameters<NoParameters>,
     peer: PeerAddress,
-    RequestId(request): RequestId,
+    OfRequest(request): OfRequest,
     Body { value: body, .. }: Body<SignInDocument>,
 ) -> Result<Response, Problem> {
     let user = verified(&api, peer, &body.name, body.password).await?;
@@ -65,7 +67,7 @@ pub(super) async fn sign_in(
         name: user.name.to_string(),
         authentication: Authentication::Session,
         role: Some(user.grant.role()),
-        request,
+        request: Some(request),
     };
     let written = change_user(&api.store, actor, change).await?;
     Ok(begun(&api, &written.record, &session))
@@ -97,15 +99,15 @@ pub(super) fn begun(api: &ApiState, user: &UserRecord, session: &SessionValue) -
     (StatusCode::CREATED, headers, Json(document)).into_response()
 }
 
-/// The id of a request, for the audit of what nobody was known to do before it.
+/// A request, for the audit of what nobody was known to do before it.
 #[derive(Debug)]
-pub(super) struct RequestId(pub(super) Option<String>);
+pub(super) struct OfRequest(pub(super) HttpRequest);
 
-impl<S: Send + Sync> axum::extract::FromRequestParts<S> for RequestId {
+impl<S: Send + Sync> axum::extract::FromRequestParts<S> for OfRequest {
     type Rejection = Problem;
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Problem> {
-        Ok(Self(request_id(parts)))
+        Ok(Self(http_request(parts)))
     }
 }
 

@@ -9,7 +9,7 @@ use fleetcal_operations::accounts::{UserChange, change_user};
 use serde::Deserialize;
 
 use super::document::SessionDocument;
-use super::session::{RequestId, begun, new_session};
+use super::session::{OfRequest, begun, new_session};
 use super::users::checked_name;
 use crate::ApiState;
 use crate::extract::{Body, NoParameters, Parameters};
@@ -50,7 +50,7 @@ pub(super) async fn set_up(
     State(api): State<ApiState>,
     Parameters(NoParameters {}): Parameters<NoParameters>,
     peer: PeerAddress,
-    RequestId(request): RequestId,
+    OfRequest(request): OfRequest,
     Body { value: body, .. }: Body<SetupDocument>,
 ) -> Result<Response, Problem> {
     let access = &api.access;
@@ -75,7 +75,7 @@ pub(super) async fn set_up(
         name: name.to_string(),
         authentication: Authentication::SetupLink,
         role: Some(Role::Admin),
-        request,
+        request: Some(request),
     };
     let change = UserChange::SetUp {
         name,

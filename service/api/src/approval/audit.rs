@@ -57,6 +57,8 @@ struct AuditDocument {
     role: Option<String>,
     /// The HTTP request's id.
     request: Option<String>,
+    /// The address that the HTTP request came from.
+    address: Option<String>,
     /// What was done.
     action: String,
     /// To what kind of record.
@@ -83,6 +85,7 @@ impl AuditDocument {
             authentication: row.authentication,
             role: row.role,
             request: row.request,
+            address: row.address,
             action: row.action,
             subject: row.subject,
             subject_id: row.subject_id,
@@ -179,7 +182,7 @@ fn ndjson(items: &[AuditDocument]) -> String {
 fn csv(items: &[AuditDocument]) -> String {
     let mut text = String::from(
         "id,time,actor,authentication,role,request,action,subject,subject_id,robot,reason,\
-         before,after\r\n",
+         before,after,address\r\n",
     );
     for item in items {
         let empty = String::new;
@@ -200,6 +203,7 @@ fn csv(items: &[AuditDocument]) -> String {
             item.reason.clone().unwrap_or_else(empty),
             json(&item.before),
             json(&item.after),
+            item.address.clone().unwrap_or_else(empty),
         ];
         text.push_str(&line(fields.iter().map(String::as_str)));
     }

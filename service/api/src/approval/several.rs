@@ -7,6 +7,7 @@ use fleetcal_domain::approval::{Command, ProposalState};
 use fleetcal_domain::limits;
 use fleetcal_operations::clerk::Decided;
 use serde::{Deserialize, Serialize};
+use tokio::time::Instant;
 
 use super::proposals::robot_of;
 use crate::ApiState;
@@ -61,7 +62,8 @@ struct SeveralOutcome {
 }
 
 /// Approves several proposals. Each is decided on its own: one that was changed meanwhile does not
-/// keep the others.
+/// keep the others. When the database is slow, those whose turn does not come in time have the
+/// problem `not_tried`, and the one under way `outcome_unknown`.
 #[utoipa::path(
     post,
     path = "/proposals/approve",
@@ -91,10 +93,17 @@ pub(super) async fn approve_several(
         value.reason.as_deref().unwrap_or(""),
         limits::NOTE_CHARS_MAX,
     )?;
+    let end = Instant::now() + limits::APPROVED_WITHIN;
     let mut items = Vec::with_capacity(count);
     for one in value.proposals {
         let id = one.id;
-        let decided = approve(&api, &caller, one, value.reason.clone()).await;
+        let decided = if Instant::now() < end {
+            let approving = approve(&api, &caller, one, value.reason.clone());
+            let ended = tokio::time::timeout_at(end, approving).await;
+            ended.unwrap_or_else(|_| Err(Problem::outcome_unknown()))
+        } else {
+            Err(not_tried())
+        };
         let (state, problem) = match decided {
             Ok(state) => (Some(state), None),
             Err(problem) => (None, Some(problem)),
@@ -102,6 +111,11 @@ pub(super) async fn approve_several(
         items.push(SeveralOutcome { id, state, problem });
     }
     Ok(Json(SeveralAnswer { items }))
+}
+
+fn not_tried() -> Problem {
+    let detail = "the database was too slow: this proposal's turn did not come; approve it again";
+    Problem::new(StatusCode::SERVICE_UNAVAILABLE, "not_tried", detail)
 }
 
 async fn approve(

@@ -4,7 +4,7 @@ use axum::Json;
 use axum::extract::{Path, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
-use fleetcal_domain::webhook::{Secret, Webhook, WebhookEvent, WebhookRefused, WebhookUrl};
+use fleetcal_domain::webhook::{Secret, Webhook, WebhookEvent, WebhookUrl};
 use fleetcal_operations::courier::{CreateWebhook, DeleteWebhook};
 use fleetcal_operations::entropy;
 use jiff::Timestamp;
@@ -181,22 +181,4 @@ pub(super) async fn delete_webhook(
 pub(super) fn webhook_number(id: &str) -> Result<u64, Problem> {
     id.parse()
         .map_err(|_| Problem::refused("id", id, "the number of a webhook"))
-}
-
-impl From<WebhookRefused> for Problem {
-    fn from(refused: WebhookRefused) -> Self {
-        let detail = refused.to_string();
-        match refused {
-            WebhookRefused::Unknown(_) => {
-                Self::new(StatusCode::NOT_FOUND, "webhook_unknown", detail)
-            }
-            WebhookRefused::Url { .. } => {
-                Self::new(StatusCode::BAD_REQUEST, "value_refused", detail).of_field("url")
-            }
-            WebhookRefused::UrlTaken(_) => {
-                Self::new(StatusCode::CONFLICT, "webhook_exists", detail).of_field("url")
-            }
-            WebhookRefused::TooMany => Self::new(StatusCode::CONFLICT, "webhooks_full", detail),
-        }
-    }
 }

@@ -41,8 +41,17 @@ pub struct Actor {
     pub authentication: Authentication,
     /// What the actor may do; `None` for the service itself.
     pub role: Option<Role>,
-    /// The HTTP request's id.
-    pub request: Option<String>,
+    /// The HTTP request; `None` of whoever sends none.
+    pub request: Option<HttpRequest>,
+}
+
+/// The HTTP request with which somebody does something.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct HttpRequest {
+    /// Its id.
+    pub id: Option<String>,
+    /// The client's address.
+    pub address: Option<String>,
 }
 
 impl Actor {

@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use fleetcal_domain::access::{
-    AccountName, AccountRefused, Actor, Authentication, Grant, PasswordHash, Role, SecretHash,
+    AccountName, AccountRefused, Actor, Authentication, Grant, HttpRequest, PasswordHash, Role,
+    SecretHash,
 };
 use fleetcal_store::{Credential, Expected, IdempotencyKey, StoreError};
 use sqlx::ConnectOptions;
@@ -16,7 +17,10 @@ fn actor() -> Actor {
         name: "root".to_owned(),
         authentication: Authentication::Session,
         role: Some(Role::Admin),
-        request: Some("r-1".to_owned()),
+        request: Some(HttpRequest {
+            id: Some("r-1".to_owned()),
+            address: Some("192.0.2.7".to_owned()),
+        }),
     }
 }
 

@@ -107,6 +107,11 @@ async fn chosen_by(
         .execute(&mut raw)
         .await
         .unwrap();
+    // What later migrations have made is not there in a database of that time.
+    sqlx::query("ALTER TABLE audit DROP COLUMN address")
+        .execute(&mut raw)
+        .await
+        .unwrap();
     drop(raw);
     let store = open(folder.path(), &clock).await;
     let ledgers = store.load_ledgers().await.unwrap();

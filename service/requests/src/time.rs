@@ -3,12 +3,12 @@
 use jiff::Timestamp;
 
 /// Nanoseconds since the Unix epoch as a time.
-pub(super) fn of_ns(ns: i64) -> Timestamp {
+pub fn of_ns(ns: i64) -> Timestamp {
     // Every such number is a year between 1677 and 2262, all of which a time can hold.
     Timestamp::from_nanosecond(i128::from(ns)).unwrap_or(Timestamp::UNIX_EPOCH)
 }
 
 /// Seconds since the Unix epoch as a time.
-pub(super) fn of_seconds(seconds: i64) -> Timestamp {
+pub fn of_seconds(seconds: i64) -> Timestamp {
     of_ns(seconds.saturating_mul(1_000_000_000))
 }

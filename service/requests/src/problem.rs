@@ -6,6 +6,7 @@ use axum::response::{IntoResponse, Response};
 use fleetcal_domain::access::AccountRefused;
 use fleetcal_domain::alert::AlertRefused;
 use fleetcal_domain::approval::Refused;
+use fleetcal_domain::webhook::WebhookRefused;
 use fleetcal_fleet::FleetRefused;
 use fleetcal_store::StoreError;
 use serde::Serialize;
@@ -16,7 +17,7 @@ const RETRY_AFTER_S: u32 = 2;
 /// Why a request was not answered as asked, as RFC 9457 has it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, utoipa::ToSchema)]
 #[schema(as = Problem)]
-pub(super) struct Problem {
+pub struct Problem {
     /// Always `about:blank`: `code` tells problems apart.
     #[serde(rename = "type")]
     #[schema(examples("about:blank"))]
@@ -43,7 +44,7 @@ pub(super) struct Problem {
 
 impl Problem {
     /// A problem with this status and code.
-    pub(super) fn new(status: StatusCode, code: &'static str, detail: impl Into<String>) -> Self {
+    pub fn new(status: StatusCode, code: &'static str, detail: impl Into<String>) -> Self {
         Self {
             kind: "about:blank",
             title: status.canonical_reason().unwrap_or("Error").to_owned(),
@@ -56,14 +57,14 @@ impl Problem {
     }
 
     /// A value that is not accepted.
-    pub(super) fn refused(field: &str, value: &str, accepted: &str) -> Self {
+    pub fn refused(field: &str, value: &str, accepted: &str) -> Self {
         let shown: String = value.chars().take(100).collect();
         let detail = format!("{field} is {shown:?}, accepted is {accepted}");
         Self::new(StatusCode::BAD_REQUEST, "value_refused", detail).of_field(field)
     }
 
     /// Nothing is there under this address.
-    pub(super) fn not_found(path: &str) -> Self {
+    pub fn not_found(path: &str) -> Self {
         Self::new(
             StatusCode::NOT_FOUND,
             "not_found",
@@ -72,42 +73,49 @@ impl Problem {
     }
 
     /// The address is there, but not for this method.
-    pub(super) fn method_refused(method: &Method, path: &str) -> Self {
+    pub fn method_refused(method: &Method, path: &str) -> Self {
         let detail = format!("{method} is not answered at {path}");
         Self::new(StatusCode::METHOD_NOT_ALLOWED, "method_refused", detail)
     }
 
     /// The request's handler failed.
-    pub(super) fn panicked() -> Self {
+    pub fn panicked() -> Self {
         let detail = "the request made the service fail; its log says more";
         Self::new(StatusCode::INTERNAL_SERVER_ERROR, "failed", detail)
     }
 
     /// No robot of this id.
-    pub(super) fn robot_unknown(id: &str) -> Self {
+    pub fn robot_unknown(id: &str) -> Self {
         let detail = format!("no robot {id} is known");
         Self::new(StatusCode::NOT_FOUND, "robot_unknown", detail)
     }
 
     /// The request took too long.
-    pub(super) fn timed_out() -> Self {
+    pub fn timed_out() -> Self {
         let detail = "the request could not be answered in time";
         Self::new(StatusCode::SERVICE_UNAVAILABLE, "timeout", detail)
     }
 
+    /// The change took too long or failed at its very end.
+    pub fn outcome_unknown() -> Self {
+        let detail = "the database did not confirm the change in time: it may or may not have been \
+                      made; read again before you repeat it";
+        Self::new(StatusCode::SERVICE_UNAVAILABLE, "outcome_unknown", detail)
+    }
+
     /// The HTTP status.
-    pub(super) fn status(&self) -> StatusCode {
+    pub fn status(&self) -> StatusCode {
         StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR)
     }
 
     /// The same problem, with the seconds to wait before the next try.
-    pub(super) fn retry_after(mut self, seconds: u32) -> Self {
+    pub fn retry_after(mut self, seconds: u32) -> Self {
         self.retry_after_s = Some(seconds);
         self
     }
 
     /// The same problem, with the parameter, field or header that it is about.
-    pub(super) fn of_field(mut self, field: &str) -> Self {
+    pub fn of_field(mut self, field: &str) -> Self {
         self.field = Some(field.to_owned());
         self
     }
@@ -137,6 +145,11 @@ impl From<StoreError> for Problem {
                     "database_corrupt",
                     detail,
                 )
+            }
+            // The database may hold it all the same, and finds it when it is opened the next time.
+            StoreError::Commit(source) => {
+                tracing::error!(%source, "the database failed while it committed");
+                Self::outcome_unknown()
             }
             other => {
                 let source = std::error::Error::source(&other).map(ToString::to_string);
@@ -215,6 +228,24 @@ impl From<AlertRefused> for Problem {
             AlertRefused::AcknowledgedAlready(_) => (StatusCode::CONFLICT, "acknowledged_already"),
         };
         Self::new(status, code, detail)
+    }
+}
+
+impl From<WebhookRefused> for Problem {
+    fn from(refused: WebhookRefused) -> Self {
+        let detail = refused.to_string();
+        match refused {
+            WebhookRefused::Unknown(_) => {
+                Self::new(StatusCode::NOT_FOUND, "webhook_unknown", detail)
+            }
+            WebhookRefused::Url { .. } => {
+                Self::new(StatusCode::BAD_REQUEST, "value_refused", detail).of_field("url")
+            }
+            WebhookRefused::UrlTaken(_) => {
+                Self::new(StatusCode::CONFLICT, "webhook_exists", detail).of_field("url")
+            }
+            WebhookRefused::TooMany => Self::new(StatusCode::CONFLICT, "webhooks_full", detail),
+        }
     }
 }
 

@@ -11,10 +11,7 @@ use super::extract::header_text;
 use super::problem::Problem;
 
 /// Answers with a document and the tag of its bytes; 304 when the client has them.
-pub(super) fn tagged_json<T: Serialize>(
-    headers: &HeaderMap,
-    document: &T,
-) -> Result<Response, Problem> {
+pub fn tagged_json<T: Serialize>(headers: &HeaderMap, document: &T) -> Result<Response, Problem> {
     let bytes = serde_json::to_vec(document).map_err(|error| {
         let status = StatusCode::INTERNAL_SERVER_ERROR;
         Problem::new(status, "not_serializable", error.to_string())
@@ -28,8 +25,12 @@ pub(super) fn tagged_json<T: Serialize>(
 }
 
 /// The tag of these bytes.
-pub(super) fn tag_of(bytes: &[u8]) -> HeaderValue {
-    let digest: [u8; 32] = Sha256::digest(bytes).into();
+pub fn tag_of(bytes: &[u8]) -> HeaderValue {
+    tag_of_digest(Sha256::digest(bytes).into())
+}
+
+/// The tag of the bytes with this SHA-256.
+pub fn tag_of_digest(digest: [u8; 32]) -> HeaderValue {
     let (half, _) = digest.split_at(16);
     quoted(
         &half
@@ -39,16 +40,12 @@ pub(super) fn tag_of(bytes: &[u8]) -> HeaderValue {
 }
 
 /// A document with the tag of its version.
-pub(super) fn versioned_json<T: Serialize>(
-    status: StatusCode,
-    version: u64,
-    document: T,
-) -> Response {
+pub fn versioned_json<T: Serialize>(status: StatusCode, version: u64, document: T) -> Response {
     (status, [(header::ETAG, quoted(&version))], Json(document)).into_response()
 }
 
 /// Whether `If-None-Match` names this tag.
-pub(super) fn client_has(headers: &HeaderMap, tag: &HeaderValue) -> bool {
+pub fn client_has(headers: &HeaderMap, tag: &HeaderValue) -> bool {
     let Some(named) = headers
         .get(header::IF_NONE_MATCH)
         .and_then(|value| value.to_str().ok())
@@ -64,7 +61,7 @@ pub(super) fn client_has(headers: &HeaderMap, tag: &HeaderValue) -> bool {
 
 /// Which version a change is meant for: `If-Match: "3"`, or `If-None-Match: *` for what must not
 /// be there yet.
-pub(super) fn expected(headers: &HeaderMap) -> Result<Expected, Problem> {
+pub fn expected(headers: &HeaderMap) -> Result<Expected, Problem> {
     if let Some(text) = header_text(headers, &header::IF_MATCH)? {
         let version = text
             .strip_prefix('"')
@@ -89,7 +86,7 @@ pub(super) fn expected(headers: &HeaderMap) -> Result<Expected, Problem> {
 }
 
 /// The version that a change of what exists is meant for: `If-Match: "3"`.
-pub(super) fn expected_version(headers: &HeaderMap) -> Result<u64, Problem> {
+pub fn expected_version(headers: &HeaderMap) -> Result<u64, Problem> {
     match expected(headers)? {
         Expected::Version(version) => Ok(version),
         Expected::Any | Expected::Absent => {

@@ -19,11 +19,11 @@ static IDEMPOTENCY_KEY: HeaderName = HeaderName::from_static("idempotency-key");
 /// The query of a route without parameters: every parameter is refused by name.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct NoParameters {}
+pub struct NoParameters {}
 
 /// A request's query.
 #[derive(Debug)]
-pub(super) struct Parameters<T>(pub(super) T);
+pub struct Parameters<T>(pub T);
 
 impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for Parameters<T> {
     type Rejection = Problem;
@@ -39,7 +39,7 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for Parameters<T> 
 
 /// The robot that a path names.
 #[derive(Debug)]
-pub(super) struct RobotPath(pub(super) RobotId);
+pub struct RobotPath(pub RobotId);
 
 impl<S: Send + Sync> FromRequestParts<S> for RobotPath {
     type Rejection = Problem;
@@ -59,11 +59,11 @@ impl<S: Send + Sync> FromRequestParts<S> for RobotPath {
 
 /// A request's JSON body.
 #[derive(Debug)]
-pub(super) struct Body<T> {
+pub struct Body<T> {
     /// What it says.
-    pub(super) value: T,
+    pub value: T,
     /// SHA-256 of its bytes.
-    pub(super) sha256: [u8; 32],
+    pub sha256: [u8; 32],
 }
 
 impl<S: Send + Sync, T: DeserializeOwned> FromRequest<S> for Body<T> {
@@ -127,7 +127,7 @@ fn is_json(headers: &HeaderMap) -> bool {
 }
 
 /// A header's text.
-pub(super) fn header_text<'a>(
+pub fn header_text<'a>(
     headers: &'a HeaderMap,
     name: &HeaderName,
 ) -> Result<Option<&'a str>, Problem> {
@@ -143,7 +143,7 @@ pub(super) fn header_text<'a>(
 }
 
 /// The `Idempotency-Key` of a request.
-pub(super) fn idempotency_key(
+pub fn idempotency_key(
     headers: &HeaderMap,
     request_sha256: [u8; 32],
 ) -> Result<Option<IdempotencyKey>, Problem> {
@@ -164,7 +164,7 @@ pub(super) fn idempotency_key(
 }
 
 /// A number of a query within its limits; `default` when it is not given.
-pub(super) fn number_within(
+pub fn number_within(
     field: &str,
     given: Option<&str>,
     range: std::ops::RangeInclusive<u32>,
@@ -183,7 +183,7 @@ pub(super) fn number_within(
 }
 
 /// A time of a query.
-pub(super) fn time(field: &str, given: Option<&str>) -> Result<Option<jiff::Timestamp>, Problem> {
+pub fn time(field: &str, given: Option<&str>) -> Result<Option<jiff::Timestamp>, Problem> {
     given
         .map(|text| {
             text.parse().map_err(|_| {
@@ -194,7 +194,7 @@ pub(super) fn time(field: &str, given: Option<&str>) -> Result<Option<jiff::Time
 }
 
 /// Refuses a text that is too long.
-pub(super) fn check_length(field: &str, text: &str, chars_max: usize) -> Result<(), Problem> {
+pub fn check_length(field: &str, text: &str, chars_max: usize) -> Result<(), Problem> {
     let chars = text.chars().count();
     if chars > chars_max {
         let detail = format!("{field} has {chars} characters, accepted are {chars_max} at most");
@@ -205,7 +205,7 @@ pub(super) fn check_length(field: &str, text: &str, chars_max: usize) -> Result<
 }
 
 /// The number that a cursor names.
-pub(super) fn number_of(cursor: &str) -> Result<i64, Problem> {
+pub fn number_of(cursor: &str) -> Result<i64, Problem> {
     cursor
         .parse()
         .map_err(|_| Problem::refused("cursor", cursor, "`next` of the page before"))

@@ -1,0 +1,8 @@
+//! How requests are read and answers written: parameters, bodies, conditions, pages and problem
+//! documents. It knows no route.
+
+pub mod etag;
+pub mod extract;
+pub mod page;
+pub mod problem;
+pub mod time;
