@@ -122,7 +122,8 @@ impl Service {
             connections: connections.clone(),
             stop: stop.clone(),
         });
-        let http = tokio::spawn(serve(listener, routes, connections, stop.clone()));
+        let serving = serve(listener, routes, connections, stop.clone()).map_err(refused)?;
+        let http = tokio::spawn(serving);
         let link_clock = clock;
         let link = match Link::open(link_setup, fleet.clone(), clerk.clone(), link_clock).await {
             Ok(link) => link,

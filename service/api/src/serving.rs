@@ -1,24 +1,28 @@
 //! The routes upon the service's own accept loop.
 
-use std::pin::Pin;
+use std::io;
 
 use axum::Router;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
-use fleetcal_http::{Connections, Served, Turned};
+use fleetcal_http::{Connections, Served, Serving, Turned};
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
 
 use super::health;
 use super::problem::Problem;
 
-/// Serves `routes` on a listener until `stop`, then lets requests that are under way finish.
+/// Begins to accept on a listener; the future serves `routes` until `stop`, then lets requests that
+/// are under way finish.
+///
+/// # Errors
+/// When the system gives no thread that accepts.
 pub fn serve(
     listener: TcpListener,
     routes: Router,
     connections: Connections,
     stop: CancellationToken,
-) -> Pin<Box<dyn Future<Output = ()> + Send>> {
+) -> io::Result<Serving> {
     let served = Served {
         routes,
         is_probe: health::is_probe,

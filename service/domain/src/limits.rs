@@ -206,11 +206,15 @@ pub const HISTORY_ROWS_MAX: i64 = 4 * 3_600;
 
 /// Longest body of an HTTP request, in bytes.
 pub const HTTP_BODY_BYTES_MAX: usize = 64 * 1024;
-/// HTTP connections served at once. For a further one, the connection that has waited longest for
-/// its peer is cut.
+/// HTTP connections served at once. For a further one of an address of which none waits for its peer,
+/// one of the address of which most wait is cut.
 pub const HTTP_CONNECTIONS_MAX: usize = 512;
-/// HTTP connections that are cut at once when there is no place, so that the next ones find some.
-pub const HTTP_EVICTED_AT_ONCE_MAX: usize = 32;
+/// A connection that has waited for its peer for so long is cut for another one of its address, when
+/// that has as many as it may have.
+pub const HTTP_EVICTED_AFTER: Duration = Duration::from_secs(1);
+/// Bytes of answers that the system holds for a peer that reads slowly; Linux takes twice as much, for
+/// its own bookkeeping.
+pub const HTTP_SEND_BUFFER_BYTES: u32 = 256 * 1024;
 /// HTTP connections that wait to be accepted; the system may have a lower limit.
 pub const HTTP_BACKLOG: u32 = 4_096;
 /// HTTP connections of one address (IPv6: of one /64 network), trusted proxies excepted.

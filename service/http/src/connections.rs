@@ -1,20 +1,23 @@
 //! Which connections and requests are served when more come than there are places.
 //!
-//! A new connection always gets a place while any other waits for its peer: that of the address
-//! with the most connections that has waited longest goes. So peers that are silent, slow or do not
-//! read take places from each other, and a probe that asks at once is answered at once.
+//! Places are shared by address. When all are taken, an address of which no connection waits for its
+//! peer gets one: that of the address with the most waiting connections that has waited longest
+//! goes. An address that has its share already is refused at once, at the cost of an accept. So
+//! peers that are silent, slow or do not read keep each other out, however often they come back,
+//! and a probe that asks at once is answered at once.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, HashMap};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use fleetcal_clock::SharedClock;
 use fleetcal_domain::limits;
 use tokio_util::sync::CancellationToken;
 
 use super::client_address::PeerAddress;
-use super::progress::{Overdue, Progress};
+use super::progress::{Overdue, Progress, Waiting};
 use super::shares::{Share, Shares};
 use crate::trusted_proxies::TrustedProxies;
 
@@ -23,11 +26,13 @@ use crate::trusted_proxies::TrustedProxies;
 pub enum Turned {
     /// Its address has as many connections as it may have.
     AddressConnections,
-    /// Every place is taken by a connection that the service works for.
+    /// Every place is taken, and its address has its share or nobody waits for a peer.
     Places,
     /// It waited for its peer longest when a place was needed.
     Evicted,
-    /// No whole header came in time.
+    /// No request came in time, as on a connection that a browser keeps for the next one.
+    IdleTimeout,
+    /// A header began and did not end in time.
     HeaderTimeout,
     /// No whole body came in time.
     BodyTimeout,
@@ -47,10 +52,11 @@ pub enum Turned {
 
 impl Turned {
     /// Every reason.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::AddressConnections,
         Self::Places,
         Self::Evicted,
+        Self::IdleTimeout,
         Self::HeaderTimeout,
         Self::BodyTimeout,
         Self::WriteStalled,
@@ -67,6 +73,7 @@ impl Turned {
             Self::AddressConnections => "address_connections",
             Self::Places => "places",
             Self::Evicted => "evicted",
+            Self::IdleTimeout => "idle_timeout",
             Self::HeaderTimeout => "header_timeout",
             Self::BodyTimeout => "body_timeout",
             Self::WriteStalled => "write_stalled",
@@ -82,6 +89,7 @@ impl Turned {
 impl From<Overdue> for Turned {
     fn from(overdue: Overdue) -> Self {
         match overdue {
+            Overdue::Idle => Self::IdleTimeout,
             Overdue::Header => Self::HeaderTimeout,
             Overdue::Body => Self::BodyTimeout,
             Overdue::Write => Self::WriteStalled,
@@ -106,16 +114,24 @@ struct Inner {
 struct Table {
     next: u64,
     open: BTreeMap<u64, Entry>,
-    /// Connections of each address, those of trusted proxies left out.
-    of_address: HashMap<String, usize>,
+    /// The addresses that have connections, trusted proxies left out.
+    addresses: HashMap<String, Address>,
     /// Requests under way, those of probes left out.
     requests: usize,
+}
+
+#[derive(Debug, Default)]
+struct Address {
+    connections: usize,
+    waiting: Waiting,
 }
 
 #[derive(Debug)]
 struct Entry {
     /// `None` of a trusted proxy, which stands for many.
     address: Option<String>,
+    /// Those of its address that wait for their peer.
+    beside: Waiting,
     progress: Arc<Progress>,
     in_request: bool,
     cut: CancellationToken,
@@ -158,12 +174,8 @@ impl Connections {
 
     /// Counts what was turned away.
     pub fn count(&self, reason: Turned) {
-        self.count_many(reason, 1);
-    }
-
-    fn count_many(&self, reason: Turned, count: usize) {
         if let Some(counter) = self.0.turned.get(reason as usize) {
-            counter.fetch_add(count as u64, Ordering::Relaxed);
+            counter.fetch_add(1, Ordering::Relaxed);
         }
     }
 
@@ -193,18 +205,22 @@ impl Connections {
         let address = (!is_trusted).then(|| peer.key());
         let mut table = self.table();
         if table.connections_of(address.as_deref()) >= limits::HTTP_CONNECTIONS_PER_ADDRESS_MAX {
-            let own = |entry: &Entry| entry.address == address;
-            let freed = table.evict(1, own);
+            let now = self.0.clock.elapsed();
+            let freed = table.evict(|entry, since| {
+                entry.address == address && now.saturating_sub(since) >= limits::HTTP_EVICTED_AFTER
+            });
             self.evicted(freed, Turned::AddressConnections)?;
         }
         if table.open.len() >= limits::HTTP_CONNECTIONS_MAX {
-            let freed = table.evict(limits::HTTP_EVICTED_AT_ONCE_MAX, |_| true);
+            let freed = table.evict_for(address.as_deref());
             self.evicted(freed, Turned::Places)?;
         }
-        let progress = Progress::new(Arc::clone(&self.0.clock));
+        let beside = table.waiting_of(address.as_deref());
+        let progress = Progress::new(Arc::clone(&self.0.clock), beside.clone());
         let cut = CancellationToken::new();
         let id = table.insert(Entry {
             address,
+            beside,
             progress: Arc::clone(&progress),
             in_request: false,
             cut: cut.clone(),
@@ -221,14 +237,18 @@ impl Connections {
 
     /// Cuts the connection that waits longest, when the process has no file left to open.
     pub(crate) fn make_room(&self) {
-        let freed = self.table().evict(1, |_| true);
-        self.count_many(Turned::Evicted, freed);
+        if self.table().evict(|_, _| true) {
+            self.count(Turned::Evicted);
+        }
     }
 
-    /// Counts the connections that went, or says why there is no place when none did.
-    fn evicted(&self, freed: usize, otherwise: Turned) -> Result<(), Turned> {
-        self.count_many(Turned::Evicted, freed);
-        if freed == 0 { Err(otherwise) } else { Ok(()) }
+    /// Counts the connection that went, or says why there is no place when none did.
+    fn evicted(&self, freed: bool, otherwise: Turned) -> Result<(), Turned> {
+        if !freed {
+            return Err(otherwise);
+        }
+        self.count(Turned::Evicted);
+        Ok(())
     }
 
     /// Cuts each connection whose peer has not done its part in time.
@@ -248,13 +268,25 @@ impl Connections {
 
 impl Table {
     fn connections_of(&self, address: Option<&str>) -> usize {
-        let count = address.and_then(|address| self.of_address.get(address));
-        count.copied().unwrap_or(0)
+        let known = address.and_then(|address| self.addresses.get(address));
+        known.map_or(0, |address| address.connections)
+    }
+
+    /// Where the waiting connections of an address are counted; those of a trusted proxy, which
+    /// stands for many, each by itself.
+    fn waiting_of(&self, address: Option<&str>) -> Waiting {
+        let known = address.and_then(|address| self.addresses.get(address));
+        known.map_or_else(Waiting::default, |address| address.waiting.clone())
     }
 
     fn insert(&mut self, entry: Entry) -> u64 {
         if let Some(address) = &entry.address {
-            *self.of_address.entry(address.clone()).or_default() += 1;
+            let known = self.addresses.entry(address.clone());
+            let known = known.or_insert_with(|| Address {
+                connections: 0,
+                waiting: entry.beside.clone(),
+            });
+            known.connections += 1;
         }
         let id = self.next;
         self.next += 1;
@@ -264,12 +296,13 @@ impl Table {
 
     fn remove(&mut self, id: u64) -> Option<Entry> {
         let entry = self.open.remove(&id)?;
+        entry.progress.leave();
         if let Some(address) = &entry.address
-            && let Some(count) = self.of_address.get_mut(address)
+            && let Some(known) = self.addresses.get_mut(address)
         {
-            *count = count.saturating_sub(1);
-            if *count == 0 {
-                self.of_address.remove(address);
+            known.connections = known.connections.saturating_sub(1);
+            if known.connections == 0 {
+                self.addresses.remove(address);
             }
         }
         Some(entry)
@@ -281,25 +314,33 @@ impl Table {
         }
     }
 
-    /// Cuts at most `count` of the connections that wait for their peer, and gives how many: first
-    /// of the address with the most connections, and of those the one that has waited longest.
-    fn evict(&mut self, count: usize, fits: impl Fn(&Entry) -> bool) -> usize {
-        let waiting = self.open.iter().filter(|(_, entry)| fits(entry));
-        let mut waiting: Vec<_> = waiting
-            .filter_map(|(id, entry)| {
-                let since = entry.progress.waits_since()?;
-                let beside = self.connections_of(entry.address.as_deref());
-                Some((Reverse(beside), since, *id))
-            })
-            .collect();
-        if let Some(last) = count.checked_sub(1).filter(|last| *last < waiting.len()) {
-            waiting.select_nth_unstable(last);
+    /// Makes room for one more connection of an address, if it is its turn, and says whether. An address of which nothing waits is next; for any other, only one that has more.
+    fn evict_for(&mut self, address: Option<&str>) -> bool {
+        let own = self.waiting_of(address).count();
+        if own == 0 {
+            return self.evict(|_, _| true);
         }
-        waiting.truncate(count);
-        for (_, _, id) in &waiting {
-            self.cut(*id);
+        let counts = self.addresses.values().map(|known| known.waiting.count());
+        let most = counts.max().unwrap_or(0);
+        // Else the two would take the place from each other again and again.
+        if own + 1 >= most {
+            return false;
         }
-        waiting.len()
+        self.evict(|entry, _| entry.beside.count() > own + 1)
+    }
+
+    /// Cuts one of the connections that wait for their peer and, with the time since when they do,
+    /// fit: of the address of which most wait, the one that has waited longest. Says whether one was.
+    fn evict(&mut self, fits: impl Fn(&Entry, Duration) -> bool) -> bool {
+        let waiting = self.open.iter().filter_map(|(id, entry)| {
+            let since = entry.progress.waits_since()?;
+            fits(entry, since).then(|| (Reverse(entry.beside.count()), since, *id))
+        });
+        let Some((_, _, id)) = waiting.min() else {
+            return false;
+        };
+        self.cut(id);
+        true
     }
 }
 
@@ -338,7 +379,7 @@ impl Place {
         }
         let mut table = connections.table();
         if !is_probe && table.requests >= limits::HTTP_REQUESTS_MAX {
-            let freed = table.evict(1, |entry| entry.in_request);
+            let freed = table.evict(|entry, _| entry.in_request);
             connections.evicted(freed, Turned::Requests)?;
         }
         table.requests += usize::from(!is_probe);
@@ -373,7 +414,6 @@ impl Drop for RequestPlace {
 #[cfg(test)]
 mod tests {
     use std::net::IpAddr;
-    use std::time::Duration;
 
     use super::*;
     use fleetcal_clock::MockClock;
@@ -403,17 +443,16 @@ mod tests {
             .map(|number| connections.admit(at(1 + number / 10)).unwrap())
             .collect();
         let probe = connections.admit(at(999)).unwrap();
-        let gone = limits::HTTP_EVICTED_AT_ONCE_MAX;
-        assert_eq!(connections.open(), limits::HTTP_CONNECTIONS_MAX + 1 - gone);
+        assert_eq!(connections.open(), limits::HTTP_CONNECTIONS_MAX);
         assert!(!alone.cut.is_cancelled() && !probe.cut.is_cancelled());
         assert_eq!(
             crowd
                 .iter()
                 .filter(|place| place.cut.is_cancelled())
                 .count(),
-            gone
+            1
         );
-        assert_eq!(count(&connections, Turned::Evicted), gone as u64);
+        assert_eq!(count(&connections, Turned::Evicted), 1);
     }
 
     #[test]
@@ -429,7 +468,7 @@ mod tests {
         assert_eq!(connections.admit(at(999)).unwrap_err(), Turned::Places);
         drop(places);
         assert_eq!(connections.open(), 0);
-        assert!(connections.table().of_address.is_empty());
+        assert!(connections.table().addresses.is_empty());
     }
 
     #[test]
@@ -443,6 +482,9 @@ mod tests {
         let first = open(1, limits::HTTP_CONNECTIONS_PER_ADDRESS_MAX);
         let behind = open(9, limits::HTTP_CONNECTIONS_PER_ADDRESS_MAX + 1);
         assert!(behind.iter().all(|place| !place.cut.is_cancelled()));
+        let too_early = connections.admit(at(1)).unwrap_err();
+        assert_eq!(too_early, Turned::AddressConnections);
+        clock.advance(limits::HTTP_EVICTED_AFTER);
         let one_more = connections.admit(at(1)).unwrap();
         assert_eq!(
             first
@@ -512,6 +554,36 @@ mod tests {
         let fresh = connections.admit(at(1)).unwrap();
         connections.cut_overdue();
         assert!(silent.cut.is_cancelled() && !fresh.cut.is_cancelled());
-        assert_eq!(count(&connections, Turned::HeaderTimeout), 1);
+        assert_eq!(count(&connections, Turned::IdleTimeout), 1);
+    }
+
+    #[test]
+    fn who_comes_back_again_and_again_gets_no_more_than_a_share() {
+        const ATTACKERS: usize = 250;
+        let clock = MockClock::at(0);
+        let connections = connections(&clock, &[]);
+        let mut open = Vec::new();
+        for number in 0..4 * limits::HTTP_CONNECTIONS_MAX {
+            open.extend(connections.admit(at(number % ATTACKERS)));
+        }
+        let cut = |open: &[Arc<Place>]| {
+            let cut = open.iter().filter(|place| place.cut.is_cancelled());
+            cut.count()
+        };
+        assert_eq!((open.len(), cut(&open)), (limits::HTTP_CONNECTIONS_MAX, 0));
+        // Whoever is there for the first time, or works with what it has, is let in.
+        let mut working = Vec::new();
+        for _ in 0..10 {
+            let place = connections.admit(at(ATTACKERS)).unwrap();
+            place.progress.request_begins(false);
+            working.push(place);
+        }
+        // The attackers get none of that room.
+        for number in 0..4 * limits::HTTP_CONNECTIONS_MAX {
+            open.extend(connections.admit(at(number % ATTACKERS)));
+        }
+        assert_eq!(cut(&working), 0);
+        assert_eq!(cut(&open), working.len());
+        assert_eq!(connections.open(), limits::HTTP_CONNECTIONS_MAX);
     }
 }

@@ -1,6 +1,7 @@
 //! The accept loop of HTTP and its limits: which connections and requests are served, how long a
 //! peer may take, and from which address a request comes. It knows no route.
 
+mod acceptor;
 mod client_address;
 pub mod compressed;
 mod connections;
@@ -12,10 +13,11 @@ mod server;
 mod shares;
 mod trusted_proxies;
 
+pub use acceptor::listen;
 pub use client_address::PeerAddress;
 pub use connections::{Connections, Turned};
 pub use progress::WritePatience;
 pub use public_url::PublicUrl;
-pub use server::{LocalAddress, Served, listen, serve};
+pub use server::{LocalAddress, Served, Serving, serve};
 pub use shares::{Share, Shares};
 pub use trusted_proxies::TrustedProxies;

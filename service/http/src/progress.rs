@@ -2,6 +2,7 @@
 
 use std::io;
 use std::pin::Pin;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll};
 use std::time::Duration;
@@ -16,7 +17,9 @@ use tokio::net::TcpStream;
 /// Where a connection stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
-    /// The next request's header is awaited.
+    /// The next request is awaited, of which nothing has come.
+    Idle,
+    /// The rest of a request's header is awaited.
     Header,
     /// A request's body is awaited.
     Body,
@@ -27,7 +30,9 @@ enum Phase {
 /// Why a connection was cut.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Overdue {
-    /// No whole header came.
+    /// No request came.
+    Idle,
+    /// A header began and did not end.
     Header,
     /// No whole body came.
     Body,
@@ -35,15 +40,48 @@ pub enum Overdue {
     Write,
 }
 
+/// How many connections of one address wait for their peer.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Waiting(Arc<AtomicUsize>);
+
+impl Waiting {
+    /// How many.
+    pub(crate) fn count(&self) -> usize {
+        self.0.load(Ordering::Relaxed)
+    }
+
+    fn change(&self, waited: bool, waits: bool) {
+        match (waited, waits) {
+            (false, true) => {
+                self.0.fetch_add(1, Ordering::Relaxed);
+            }
+            (true, false) => {
+                self.0.fetch_sub(1, Ordering::Relaxed);
+            }
+            (false, false) | (true, true) => {}
+        }
+    }
+}
+
 #[derive(Debug)]
 struct State {
     phase: Phase,
-    /// When the phase began.
+    /// When the phase began; of a header, when it began to be awaited.
     since: Duration,
     /// When the peer stopped to take what is written; `None` while it takes it.
     stalled: Option<Duration>,
     /// How long it may do so.
     patience: Duration,
+    /// Where it is counted while it waits; `None` once it has lost its place.
+    waiting: Option<Waiting>,
+}
+
+impl State {
+    /// Since when the service waits for the peer; `None` while it is its own turn.
+    fn waits_since(&self) -> Option<Duration> {
+        let for_request = (self.phase != Phase::Answering).then_some(self.since);
+        self.stalled.or(for_request)
+    }
 }
 
 /// Where one connection stands. All times are of the service's running clock.
@@ -59,13 +97,15 @@ pub struct Progress {
 pub struct WritePatience(pub Duration);
 
 impl Progress {
-    /// Of a connection that was just accepted.
-    pub(crate) fn new(clock: SharedClock) -> Arc<Self> {
+    /// Of a connection that was just accepted, which is counted in `waiting` while it waits.
+    pub(crate) fn new(clock: SharedClock, waiting: Waiting) -> Arc<Self> {
+        waiting.change(false, true);
         let state = Mutex::new(State {
-            phase: Phase::Header,
+            phase: Phase::Idle,
             since: clock.elapsed(),
             stalled: None,
             patience: limits::HTTP_WRITE_STALL_TIMEOUT,
+            waiting: Some(waiting),
         });
         Arc::new(Self { clock, state })
     }
@@ -74,10 +114,36 @@ impl Progress {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Changes the state, and with it the count of those that wait.
+    fn change(&self, change: impl FnOnce(&mut State)) {
+        let mut state = self.state();
+        let waited = state.waits_since().is_some();
+        change(&mut state);
+        if let Some(waiting) = &state.waiting {
+            waiting.change(waited, state.waits_since().is_some());
+        }
+    }
+
     fn enter(&self, phase: Phase) {
         let now = self.clock.elapsed();
+        self.change(|state| (state.phase, state.since) = (phase, now));
+    }
+
+    /// The connection has lost its place: it counts no longer.
+    pub(crate) fn leave(&self) {
         let mut state = self.state();
-        (state.phase, state.since) = (phase, now);
+        let waited = state.waits_since().is_some();
+        if let Some(waiting) = state.waiting.take() {
+            waiting.change(waited, false);
+        }
+    }
+
+    /// Something of a request has come. Its header has the time that was left for it.
+    fn received(&self) {
+        let mut state = self.state();
+        if state.phase == Phase::Idle {
+            state.phase = Phase::Header;
+        }
     }
 
     /// A request has come, whose body is still awaited or not.
@@ -96,15 +162,21 @@ impl Progress {
 
     /// The answer was handed over whole: the next request may come.
     pub(crate) fn request_ends(&self) {
-        self.enter(Phase::Header);
+        self.enter(Phase::Idle);
         self.be_patient(limits::HTTP_WRITE_STALL_TIMEOUT);
     }
 
     /// Since when the service waits for the peer; `None` while it is its own turn.
     pub(crate) fn waits_since(&self) -> Option<Duration> {
-        let state = self.state();
-        let for_request = (state.phase != Phase::Answering).then_some(state.since);
-        state.stalled.or(for_request)
+        self.state().waits_since()
+    }
+
+    /// What the peer has failed to do when no header came in time.
+    pub(crate) fn header_overdue(&self) -> Overdue {
+        match self.state().phase {
+            Phase::Idle => Overdue::Idle,
+            Phase::Header | Phase::Body | Phase::Answering => Overdue::Header,
+        }
     }
 
     /// What the peer has failed to do in time.
@@ -116,6 +188,7 @@ impl Progress {
             return is_over.then_some(Overdue::Write);
         }
         let (longest, overdue) = match state.phase {
+            Phase::Idle => (limits::HTTP_HEADER_TIMEOUT, Overdue::Idle),
             Phase::Header => (limits::HTTP_HEADER_TIMEOUT, Overdue::Header),
             // The route itself answers first, unless it does not read the body.
             Phase::Body => (limits::HTTP_BODY_TIMEOUT, Overdue::Body),
@@ -127,10 +200,11 @@ impl Progress {
     /// Notes what became of a write.
     fn note<T>(&self, written: &Poll<io::Result<T>>) {
         let stalls = written.is_pending();
-        let mut state = self.state();
-        if stalls != state.stalled.is_some() {
-            state.stalled = stalls.then(|| self.clock.elapsed());
-        }
+        self.change(|state| {
+            if stalls != state.stalled.is_some() {
+                state.stalled = stalls.then(|| self.clock.elapsed());
+            }
+        });
     }
 }
 
@@ -164,7 +238,12 @@ impl AsyncRead for Watched {
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.socket).poll_read(context, buffer)
+        let before = buffer.filled().len();
+        let read = Pin::new(&mut self.socket).poll_read(context, buffer);
+        if buffer.filled().len() > before {
+            self.progress.received();
+        }
+        read
     }
 }
 
@@ -266,7 +345,7 @@ mod tests {
     #[tokio::test]
     async fn a_peer_that_does_not_read_is_overdue_until_it_reads() {
         let clock = MockClock::at(0);
-        let progress = Progress::new(clock.clone());
+        let progress = Progress::new(clock.clone(), Waiting::default());
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let mut peer = TcpStream::connect(listener.local_addr().unwrap())
             .await
@@ -292,8 +371,11 @@ mod tests {
     #[test]
     fn a_header_and_a_body_have_their_time() {
         let clock = MockClock::at(0);
-        let progress = Progress::new(clock.clone());
+        let progress = Progress::new(clock.clone(), Waiting::default());
         clock.advance(limits::HTTP_HEADER_TIMEOUT);
+        assert_eq!(progress.overdue(), Some(Overdue::Idle));
+        // A header that began late gets no time of its own, or it could be sent for ever.
+        progress.received();
         assert_eq!(progress.overdue(), Some(Overdue::Header));
         progress.request_begins(true);
         assert_eq!(progress.overdue(), None);
@@ -303,5 +385,26 @@ mod tests {
         assert_eq!((progress.waits_since(), progress.overdue()), (None, None));
         progress.request_ends();
         assert_eq!(progress.waits_since(), Some(clock.elapsed()));
+    }
+
+    #[test]
+    fn an_address_counts_what_waits_for_its_peer() {
+        let clock = MockClock::at(0);
+        let waiting = Waiting::default();
+        let [first, second] = [(), ()].map(|()| Progress::new(clock.clone(), waiting.clone()));
+        assert_eq!(waiting.count(), 2);
+        first.request_begins(true);
+        assert_eq!(waiting.count(), 2, "its body is awaited");
+        first.enter(Phase::Answering);
+        assert_eq!(waiting.count(), 1);
+        first.note(&Poll::<io::Result<()>>::Pending);
+        assert_eq!(waiting.count(), 2, "its answer is not read");
+        first.note(&Poll::Ready(Ok(())));
+        second.leave();
+        assert_eq!(waiting.count(), 0);
+        second.request_begins(false);
+        second.request_ends();
+        first.leave();
+        assert_eq!(waiting.count(), 0, "what has left counts no more");
     }
 }

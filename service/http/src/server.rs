@@ -1,9 +1,9 @@
-//! The accept loop: its own, because `axum::serve` has no timer, no limits, and lets a slow peer
-//! hold a connection for ever.
+//! Serving connections: our own, because `axum::serve` has no timer, no limits, and lets a slow
+//! peer hold a connection for ever.
 
 use std::convert::Infallible;
-use std::io::{self, ErrorKind};
-use std::net::{IpAddr, SocketAddr};
+use std::io;
+use std::net::IpAddr;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::time::Duration;
@@ -18,36 +18,19 @@ use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::server::graceful::{GracefulShutdown, Watcher};
-use tokio::net::{TcpListener, TcpSocket, TcpStream};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::mpsc;
 use tokio_util::sync::CancellationToken;
 use tower::ServiceExt;
 
-use super::client_address::PeerAddress;
+use super::acceptor::{self, Accepted};
 use super::connections::{Connections, Place, Turned};
 use super::progress::{BodyAwaited, Held, Watched, WritePatience};
 
-/// Wait after a failed accept, which mostly means that the process has no file left to open.
-const ACCEPT_RETRY: Duration = Duration::from_millis(100);
 /// Connections whose peer is overdue are looked for this often.
 const OVERDUE_EVERY: Duration = Duration::from_millis(500);
 /// Requests that are under way at a shutdown may take this long.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(2);
-
-/// Listens on an address, where more connections can wait to be accepted than come at once in a
-/// flood: the system answers no further ones, and their clients ask again only after seconds.
-///
-/// # Errors
-/// When the address is in use, or cannot be listened on.
-pub fn listen(address: SocketAddr) -> io::Result<TcpListener> {
-    let socket = match address {
-        SocketAddr::V4(_) => TcpSocket::new_v4()?,
-        SocketAddr::V6(_) => TcpSocket::new_v6()?,
-    };
-    // A restart must not wait for the connections of the run before.
-    socket.set_reuseaddr(true)?;
-    socket.bind(address)?;
-    socket.listen(limits::HTTP_BACKLOG)
-}
 
 /// The address of this machine that a connection came to.
 #[derive(Debug, Clone, Copy)]
@@ -64,35 +47,44 @@ pub struct Served {
     pub turned_away: fn(Turned) -> Response,
 }
 
-/// Serves on a listener until `stop`, then lets requests that are under way finish.
+/// What serves connections until its stop.
+pub type Serving = Pin<Box<dyn Future<Output = ()> + Send>>;
+
+/// Begins to accept on a listener; the future serves until `stop`, then lets requests that are
+/// under way finish.
 ///
 /// The future is compiled in this crate, and not in each that awaits it.
+///
+/// # Errors
+/// When the system gives no thread that accepts.
 pub fn serve(
     listener: TcpListener,
     served: Served,
     connections: Connections,
     stop: CancellationToken,
-) -> Pin<Box<dyn Future<Output = ()> + Send>> {
-    Box::pin(accept_all(listener, served, connections, stop))
+) -> io::Result<Serving> {
+    let accepted = acceptor::begin(listener, connections.clone(), stop.clone())?;
+    Ok(Box::pin(serve_all(accepted, served, connections, stop)))
 }
 
-async fn accept_all(
-    listener: TcpListener,
+async fn serve_all(
+    mut accepted: mpsc::Receiver<Accepted>,
     served: Served,
     connections: Connections,
     stop: CancellationToken,
 ) {
     let graceful = GracefulShutdown::new();
-    let sweep = tokio::spawn(cut_overdue(connections.clone(), stop.clone()));
-    while let Some((socket, place)) = accept(&listener, &connections, &stop).await {
-        tokio::spawn(serve_connection(
-            socket,
-            place,
-            served.clone(),
-            graceful.watcher(),
-        ));
+    let sweep = tokio::spawn(cut_overdue(connections, stop));
+    // It ends when nothing is accepted any more.
+    while let Some((socket, place)) = accepted.recv().await {
+        let watcher = graceful.watcher();
+        match TcpStream::from_std(socket) {
+            Ok(socket) => {
+                tokio::spawn(serve_connection(socket, place, served.clone(), watcher));
+            }
+            Err(error) => tracing::debug!(%error, "a connection was lost"),
+        }
     }
-    drop(listener);
     if tokio::time::timeout(DRAIN_TIMEOUT, graceful.shutdown())
         .await
         .is_err()
@@ -108,43 +100,6 @@ async fn cut_overdue(connections: Connections, stop: CancellationToken) {
         ticks.tick().await;
         connections.cut_overdue();
     }
-}
-
-/// The next connection that has a place; `None` at `stop`. It never waits for a place, or probes
-/// would wait behind everybody else.
-async fn accept(
-    listener: &TcpListener,
-    connections: &Connections,
-    stop: &CancellationToken,
-) -> Option<(TcpStream, Arc<Place>)> {
-    let next = async {
-        loop {
-            match listener.accept().await {
-                Ok((socket, peer)) => match connections.admit(PeerAddress(Some(peer.ip()))) {
-                    Ok(place) => return (socket, place),
-                    Err(reason) => connections.count(reason),
-                },
-                Err(error) if is_of_peer(error.kind()) => {}
-                Err(error) => {
-                    tracing::error!(%error, "an HTTP connection could not be accepted");
-                    connections.make_room();
-                    tokio::time::sleep(ACCEPT_RETRY).await;
-                }
-            }
-        }
-    };
-    tokio::select! {
-        () = stop.cancelled() => None,
-        next = next => Some(next),
-    }
-}
-
-/// Whether an accept failed because the client had gone already.
-const fn is_of_peer(kind: ErrorKind) -> bool {
-    matches!(
-        kind,
-        ErrorKind::ConnectionAborted | ErrorKind::ConnectionReset | ErrorKind::ConnectionRefused
-    )
 }
 
 async fn serve_connection(socket: TcpStream, place: Arc<Place>, served: Served, watcher: Watcher) {
@@ -163,8 +118,9 @@ async fn serve_connection(socket: TcpStream, place: Arc<Place>, served: Served, 
     let serving = watcher.watch(builder.serve_connection(TokioIo::new(socket), service));
     tokio::select! {
         served = serving => if let Err(error) = served {
+            // Hyper's own clock may be a moment ahead of the sweep.
             if error.is_timeout() {
-                place.connections().count(Turned::HeaderTimeout);
+                place.connections().count(place.progress().header_overdue().into());
             }
             tracing::debug!(%error, "an HTTP connection ended early");
         },

@@ -14,12 +14,15 @@ async fn served(bench: &Bench) -> (std::net::SocketAddr, JoinHandle<()>) {
     let address = listener.local_addr().unwrap();
     (
         address,
-        tokio::spawn(serve(
-            listener,
-            bench.routes.clone(),
-            bench.setup.connections.clone(),
-            bench.stop.clone(),
-        )),
+        tokio::spawn(
+            serve(
+                listener,
+                bench.routes.clone(),
+                bench.setup.connections.clone(),
+                bench.stop.clone(),
+            )
+            .unwrap(),
+        ),
     )
 }
 
