@@ -130,9 +130,16 @@ test-docs: build ## Runs every shell block of the documentation that can run
 	python3 tests/docs.py $(abspath $(BIN))
 
 .PHONY: audit
-audit: rust ## Licences, bans and sources of all dependencies (cargo-deny)
+audit: rust ## Dependencies: unmaintained ones with reasons, licences, bans, sources, known advisories (cargo-deny)
+	@.ci/unmaintained
 	@$(CARGO) deny --version >/dev/null 2>&1 || $(CARGO) install --locked cargo-deny
 	$(CARGO) deny --all-features check bans licenses sources
+	@# What cannot be fetched is said; what was fetched is obeyed.
+	@if $(CARGO) deny --all-features fetch db; then \
+	  $(CARGO) deny --all-features check --disable-fetch advisories; \
+	else \
+	  echo "advisories not checked: their database cannot be reached"; \
+	fi
 
 .PHONY: bench
 bench: rust ## Benchmarks of the estimator's stages
@@ -170,9 +177,23 @@ imperfect-robots: rust ## Claims and alarms of imperfect robots, 600 of each imp
 load: build ## 50 robots at once: prints the CPU time per robot-second and sample, and the share of the CPU
 	FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked -p fleetcal-tests --test load -- --nocapture
 
+# What a campaign has done stands in its file here; `rm` begins it anew.
+HARDENING := $(abspath $(BUILT))/hardening
+COMMIT = $$(git describe --always --dirty --exclude '*')
+
+.PHONY: hardening
+hardening: hardening-http hardening-store ## The long forms of all fault and flood tests: hours; goes on where it stopped
+
 .PHONY: hardening-http
-hardening-http: build ## 2,600 silent, slow and never-reading HTTP connections for ten minutes: prints N and percentiles
-	FLEETCAL_HTTP_FLOOD_S=600 FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked -p fleetcal-tests --test http -- --ignored --nocapture flood::
+hardening-http: build-for-tests ## 2,600 silent, slow and never-reading HTTP connections for ten minutes: prints N and percentiles
+	@mkdir -p $(HARDENING) && touch $(HARDENING)/http.seeds
+	@if grep -qx "flood 600 $(COMMIT)" $(HARDENING)/http.seeds; then \
+	  echo "the flood of HTTP was withstood at this commit already: $(HARDENING)/http.seeds"; \
+	else \
+	  FLEETCAL_HTTP_FLOOD_S=600 FLEETCAL_BIN=$(abspath $(BIN)) \
+	    $(CARGO) test --release --locked --workspace --test http -- --nocapture flood:: && \
+	  echo "flood 600 $(COMMIT)" >> $(HARDENING)/http.seeds; \
+	fi
 
 # The campaigns go on where they stopped: the seeds that have passed stand in the folder SEEDS_PASSED.
 SEEDS_PASSED = $(abspath $(BUILT))/hardening
@@ -215,10 +236,13 @@ kill-rounds: rust ## Kills the deciding process 3,000 times: nothing acknowledge
 
 .PHONY: hardening-store
 hardening-store: build-for-tests strace ## Each N-th write and sync of the database fails: hours; goes on where it stopped
-	FLEETCAL_BIN=$(abspath $(BIN)) FAULTS_PROGRESS=$(abspath $(BUILT))/hardening-store.progress \
+	@mkdir -p $(HARDENING)
+	FLEETCAL_BIN=$(abspath $(BIN)) FAULTS_PROGRESS=$(HARDENING)/store.seeds \
 	  $(CARGO) test --release --locked --workspace --test durability -- --nocapture --ignored campaign::
 	FLEETCAL_BIN=$(abspath $(BIN)) HANGS_FOR_S=30 \
 	  $(CARGO) test --release --locked --workspace --test durability -- --nocapture hanging::
+	FLEETCAL_BIN=$(abspath $(BIN)) \
+	  $(CARGO) test --release --locked --workspace --test durability -- --nocapture --ignored stuck::
 
 .PHONY: doc
 doc: rust ## The crates' documentation

@@ -21,5 +21,6 @@ mod said;
 mod seeds;
 mod short_writes;
 mod small_disk;
+mod stuck;
 mod trace;
 mod witness;
