@@ -2,7 +2,7 @@
 //! `make hardening-store`.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
@@ -33,11 +33,11 @@ impl Frozen {
             let name = fs::read_to_string(task.join("comm")).unwrap_or_default();
             name.trim() == THREAD
         });
-        Self(of_sqlite.map(freeze).collect())
+        Self(of_sqlite.map(|task| freeze(&task)).collect())
     }
 }
 
-fn freeze(task: PathBuf) -> Child {
+fn freeze(task: &Path) -> Child {
     let thread = task.file_name().unwrap().to_owned();
     let mut strace = Command::new("strace");
     strace.arg("-p").arg(thread);

@@ -11,6 +11,9 @@ use super::extract::header_text;
 use super::problem::Problem;
 
 /// Answers with a document and the tag of its bytes; 304 when the client has them.
+///
+/// # Errors
+/// [`Problem`] that names what is refused.
 pub fn tagged_json<T: Serialize>(headers: &HeaderMap, document: &T) -> Result<Response, Problem> {
     let bytes = serde_json::to_vec(document).map_err(|error| {
         let status = StatusCode::INTERNAL_SERVER_ERROR;
@@ -61,6 +64,9 @@ pub fn client_has(headers: &HeaderMap, tag: &HeaderValue) -> bool {
 
 /// Which version a change is meant for: `If-Match: "3"`, or `If-None-Match: *` for what must not
 /// be there yet.
+///
+/// # Errors
+/// [`Problem`] that names what is refused.
 pub fn expected(headers: &HeaderMap) -> Result<Expected, Problem> {
     if let Some(text) = header_text(headers, &header::IF_MATCH)? {
         let version = text
@@ -86,6 +92,9 @@ pub fn expected(headers: &HeaderMap) -> Result<Expected, Problem> {
 }
 
 /// The version that a change of what exists is meant for: `If-Match: "3"`.
+///
+/// # Errors
+/// [`Problem`] that names what is refused.
 pub fn expected_version(headers: &HeaderMap) -> Result<u64, Problem> {
     match expected(headers)? {
         Expected::Version(version) => Ok(version),

@@ -127,6 +127,9 @@ fn is_json(headers: &HeaderMap) -> bool {
 }
 
 /// A header's text.
+///
+/// # Errors
+/// [`Problem`] that names what is refused.
 pub fn header_text<'a>(
     headers: &'a HeaderMap,
     name: &HeaderName,
@@ -143,6 +146,9 @@ pub fn header_text<'a>(
 }
 
 /// The `Idempotency-Key` of a request.
+///
+/// # Errors
+/// [`Problem`] that names what is refused.
 pub fn idempotency_key(
     headers: &HeaderMap,
     request_sha256: [u8; 32],
@@ -164,6 +170,9 @@ pub fn idempotency_key(
 }
 
 /// A number of a query within its limits; `default` when it is not given.
+///
+/// # Errors
+/// [`Problem`] that names what is refused.
 pub fn number_within(
     field: &str,
     given: Option<&str>,
@@ -183,6 +192,9 @@ pub fn number_within(
 }
 
 /// A time of a query.
+///
+/// # Errors
+/// [`Problem`] that names what is refused.
 pub fn time(field: &str, given: Option<&str>) -> Result<Option<jiff::Timestamp>, Problem> {
     given
         .map(|text| {
@@ -194,6 +206,9 @@ pub fn time(field: &str, given: Option<&str>) -> Result<Option<jiff::Timestamp>,
 }
 
 /// Refuses a text that is too long.
+///
+/// # Errors
+/// [`Problem`] that names what is refused.
 pub fn check_length(field: &str, text: &str, chars_max: usize) -> Result<(), Problem> {
     let chars = text.chars().count();
     if chars > chars_max {
@@ -205,6 +220,9 @@ pub fn check_length(field: &str, text: &str, chars_max: usize) -> Result<(), Pro
 }
 
 /// The number that a cursor names.
+///
+/// # Errors
+/// [`Problem`] that names what is refused.
 pub fn number_of(cursor: &str) -> Result<i64, Problem> {
     cursor
         .parse()

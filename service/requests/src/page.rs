@@ -6,6 +6,9 @@ use super::extract::number_within;
 use super::problem::Problem;
 
 /// How many entries a page has, 1 to [`limits::HTTP_PAGE_MAX`].
+///
+/// # Errors
+/// [`Problem`] when it is no such number.
 pub fn page_limit(limit: Option<&str>) -> Result<u32, Problem> {
     let all = 1..=limits::HTTP_PAGE_MAX;
     number_within("limit", limit, all, limits::HTTP_PAGE_DEFAULT)
