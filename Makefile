@@ -181,9 +181,6 @@ load: build ## 50 robots at once: prints the CPU time per robot-second and sampl
 HARDENING := $(abspath $(BUILT))/hardening
 COMMIT = $$(git describe --always --dirty --exclude '*')
 
-.PHONY: hardening
-hardening: hardening-http hardening-store ## The long forms of all fault and flood tests: hours; goes on where it stopped
-
 .PHONY: hardening-http
 hardening-http: build-for-tests ## 2,600 silent, slow and never-reading HTTP connections for ten minutes: prints N and percentiles
 	@mkdir -p $(HARDENING) && touch $(HARDENING)/http.seeds
