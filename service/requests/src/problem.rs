@@ -109,12 +109,14 @@ impl Problem {
     }
 
     /// The same problem, with the seconds to wait before the next try.
+    #[must_use]
     pub fn retry_after(mut self, seconds: u32) -> Self {
         self.retry_after_s = Some(seconds);
         self
     }
 
     /// The same problem, with the parameter, field or header that it is about.
+    #[must_use]
     pub fn of_field(mut self, field: &str) -> Self {
         self.field = Some(field.to_owned());
         self

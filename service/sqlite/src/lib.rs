@@ -52,10 +52,6 @@ pub type Boxed<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
 
 /// What an acknowledged commit outlives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[expect(
-    clippy::manual_non_exhaustive,
-    reason = "the hidden one is real: tests choose it"
-)]
 pub enum Outlives {
     /// The machine's power. The service knows nothing else.
     Power,

@@ -170,7 +170,7 @@ impl<'a> Draft<'a> {
         after.version += 1;
         if let Some(sum) = self.automatic_sum.take() {
             after.automatic_sum = sum;
-            if sum == [0.0; 4] {
+            if sum.iter().all(|step| *step == 0.0) {
                 after.contradicted = None;
             }
         }
