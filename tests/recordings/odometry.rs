@@ -60,7 +60,7 @@ fn reflector_poles_stay_where_they_are() {
 /// A real robot in an office building for 17 minutes, four sweeps a second, against a grid SLAM's
 /// poses, whose own noise is part of the figures.
 #[test]
-fn an_office_building_is_driven_through_without_a_loss() {
+fn an_office_building_is_driven_through_on_one_map() {
     let Some(path) = recording::named("freiburg_079.mcap") else {
         return;
     };
@@ -81,7 +81,11 @@ fn an_office_building_is_driven_through_without_a_loss() {
         poses.len(),
         scans.len()
     );
-    assert_eq!(lost(&poses), 0);
+    // People right before the scanner leave 28 % of one sweep on the map. It is rejected, because such
+    // a fit is off by centimetres and degrees, and the next sweep lies on the same map again.
+    assert!(lost(&poses) <= 1, "{} sweeps are lost", lost(&poses));
+    let mut later = poses.iter().skip(1);
+    assert!(later.all(|(_, pose)| !pose.map_restarted));
     let pairs = error::matched(&poses, &reference);
     assert!(pairs.len() > 4000, "{} scans have a reference", pairs.len());
     for (scans, metres_max, degrees_max) in [(1, 0.014, 0.42), (10, 0.02, 0.6), (50, 0.03, 0.8)] {
