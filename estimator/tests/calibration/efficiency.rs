@@ -5,7 +5,7 @@ use fleetcal_estimator::drive_history::DriveHistory;
 use fleetcal_estimator::filter::prediction::PredictedMotion;
 use fleetcal_estimator::filter::prior::Prior;
 use fleetcal_estimator::filter::{
-    OdometryReading, PARAMETERS, ParameterCovariance, SIDE_SLIP, Values, drive_parameters,
+    DRIVE_PARAMETER, OdometryReading, PARAMETERS, ParameterCovariance, Values, drive_parameters,
     lidar_in_base,
 };
 use fleetcal_estimator::{DriveSample, Freedom, Parameter, Pose2, Stamp};
@@ -80,14 +80,7 @@ fn stretch(
     let (to_lidar, back) = (x.inverse().adjoint(), h.inverse().adjoint());
 
     let mut by_parameters = ByParameters::zeros();
-    let drive_parameters = [
-        Parameter::SteeringOffset.index(),
-        Parameter::SpeedScale.index(),
-        Parameter::Wheelbase.index(),
-        Parameter::SteeringGain.index(),
-        SIDE_SLIP,
-    ];
-    for (column, parameter) in drive_parameters.iter().enumerate() {
+    for (column, parameter) in DRIVE_PARAMETER.iter().enumerate() {
         let by = to_lidar * motion.by_parameters.column(column);
         by_parameters.set_column(*parameter, &by);
     }

@@ -32,6 +32,26 @@ pub enum Cause {
     Unknown,
 }
 
+/// Whether a change of one cause would be seen now, and what its detection waits for if not.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum DetectionState {
+    /// A change would be seen within some metres.
+    Watching,
+    /// The estimator has not begun, or a new session has not been held against the stored
+    /// calibration yet.
+    FirstEstimate,
+    /// The parameters are not known well enough to be held against.
+    Accuracy,
+    /// Errors of this robot that come and go are as large as the changes that matter.
+    Scatter,
+    /// The robot has not driven far enough since the detection began.
+    Motion,
+    /// A fault lasts, in which nothing can be told.
+    Fault,
+}
+
 /// What happened to a robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
