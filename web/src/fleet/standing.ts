@@ -45,13 +45,13 @@ export const STANDINGS: Record<Standing, Face> = {
   },
   two_senders: {
     word: 'Two senders',
-    shape: 'split',
+    shape: 'twins',
     tone: 'bad',
     meaning: 'Two senders use this robot’s id. Nothing that they send is used.',
   },
   false_report: {
     word: 'False report',
-    shape: 'triangle',
+    shape: 'square-cross',
     tone: 'bad',
     meaning: 'An answer in the robot’s name contradicts another: one was not the robot’s.',
   },

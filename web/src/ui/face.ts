@@ -18,6 +18,8 @@ export type Shape =
   | 'check'
   | 'ring'
   | 'ring-dot'
+  | 'twins'
+  | 'square-cross'
   | 'dash'
   | 'signal';
 export type Tone = 'bad' | 'warn' | 'active' | 'good' | 'quiet';
