@@ -86,7 +86,7 @@ export async function get<T>(path: string, signal?: AbortSignal): Promise<Answer
   return { body: (await response.json()) as T, etag: response.headers.get('etag') };
 }
 
-/** PUT of a JSON document; `etag` is the version it replaces, null when there is none yet. */
+/** PUT of a JSON document; `etag` is the version that it replaces, null to create the document. */
 export async function put<T>(path: string, body: unknown, etag: string | null): Promise<T> {
   const condition: HeadersInit = etag === null ? { 'if-none-match': '*' } : { 'if-match': etag };
   const response = await send(path, {

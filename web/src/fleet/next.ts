@@ -33,7 +33,7 @@ const ASKED: Partial<Record<Standing, string>> = {
   fault: 'Check the sensor',
 };
 
-/** The next step for `robot`; null when there is none, which no robot has that needs a person. */
+/** The next step for `robot`, or null. A robot that needs a person always has one. */
 export function nextStep(
   robot: Robot,
   standing: Standing,

@@ -23,7 +23,7 @@ export function parseMetrics(text: string): Sample[] {
   });
 }
 
-/** The sum of all samples of a name; null where there are none. */
+/** The sum of all samples of a name; null without samples. */
 export function total(samples: readonly Sample[], name: string): number | null {
   const found = samples.filter((sample) => sample.name === name);
   return found.length === 0 ? null : found.reduce((sum, { value }) => sum + value, 0);

@@ -113,7 +113,7 @@ function isMixed(series: Series, i: number, bucket_s: number, gap_s: number): bo
   return Math.max(Math.abs(at(max, i) - middle), Math.abs(at(min, i) - middle)) > near;
 }
 
-/** Whether nothing can be told of what the stretch holds, since there is none beside it. */
+/** Whether bucket `i` has no neighbour within `gap_s` to compare its values with. */
 function isAlone({ t_s }: Series, i: number, bucket_s: number, gap_s: number): boolean {
   const at = (k: number) => t_s[k] ?? Number.NaN;
   return bucket_s > 1 && !(at(i) - at(i - 1) <= gap_s) && !(at(i + 1) - at(i) <= gap_s);
@@ -201,7 +201,7 @@ export function allSeries(
   return new Map(answer.series.map((given) => [given.parameter, seriesOf(times_s, given)]));
 }
 
-/** The number of the point nearest to a time; null when there is none. */
+/** The index of the point nearest to a time; null for an empty series. */
 export function nearest(times_s: readonly number[], t_s: number): number | null {
   if (times_s.length === 0) return null;
   let low = 0;
