@@ -55,5 +55,5 @@ endpoint, robot = given.get(0, "tcp/127.0.0.1:7447"), given.get(1, "tugger_01")
 config = zenoh.Config.from_json5(json.dumps({"mode": "client", "connect": {"endpoints": [endpoint]}}))
 with zenoh.open(config) as session, session.liveliness().declare_token(f"fleet/@alive/{robot}"):
     streams = [session.declare_publisher(f"fleet/{robot}/{stream}", encoding="application/json")
-               for stream in ("drive", "scan")]
+               for stream in ("wheel_odometry", "scan")]
     drive(*streams, int(given.get(2, 120)), float(given.get(3, 1.0)))

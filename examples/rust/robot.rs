@@ -101,7 +101,7 @@ fn main() -> Result<(), Failure> {
     let alive = format!("fleet/@alive/{robot}");
     let token = session.liveliness().declare_token(alive).wait()?;
     drive(
-        &declare("drive")?,
+        &declare("wheel_odometry")?,
         &declare("scan")?,
         100 * seconds,
         speedup,

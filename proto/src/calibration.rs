@@ -64,7 +64,7 @@ pub struct CalibrationValues {
     /// True steering angle (less its offset) over the measured one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub steering_gain: Option<f64>,
-    /// How much later a motion shows in the drive stream than in the LiDAR's, s.
+    /// How much later a motion shows in the wheel odometry than in the LiDAR's, s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time_offset_s: Option<f64>,
 }

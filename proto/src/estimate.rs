@@ -43,7 +43,7 @@ pub struct Parameters {
     pub speed_scale: ParameterDocument,
     /// Distance between the axles.
     pub wheelbase: ParameterDocument,
-    /// How much later a motion shows in the drive stream than in the LiDAR's.
+    /// How much later a motion shows in the wheel odometry than in the LiDAR's.
     pub time_offset: ParameterDocument,
     /// True steering angle (less its offset) over the measured one.
     pub steering_gain: ParameterDocument,

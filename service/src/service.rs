@@ -282,10 +282,14 @@ async fn start_fleet(
         }
     }
     for entry in &config.robots {
-        if robots.get(&entry.id) != Some(&entry.config) {
+        let mut wanted = entry.config.clone();
+        if let Some(stored) = robots.get(&entry.id) {
+            wanted.streams.keep_former_topic(&stored.streams);
+        }
+        if robots.get(&entry.id) != Some(&wanted) {
             let actor = Actor::service();
-            configure(store, &entry.id, &entry.config, Expected::Any, actor).await?;
-            robots.insert(entry.id.clone(), entry.config.clone());
+            configure(store, &entry.id, &wanted, Expected::Any, actor).await?;
+            robots.insert(entry.id.clone(), wanted);
         }
     }
     if robots.len() > limits::ROBOTS_MAX {

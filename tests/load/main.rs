@@ -84,7 +84,11 @@ async fn fifty_robots_lose_no_drive_sample() {
     let cost = drive(&service, &path, &names).await;
     for summary in &cost.summaries {
         let counters = service.accounts_of(summary.robot.as_str());
-        assert_eq!(counters["shed_drive"], 0, "{}: {counters}", summary.robot);
+        assert_eq!(
+            counters["dropped_wheel_odometry"], 0,
+            "{}: {counters}",
+            summary.robot
+        );
         assert_eq!(counters["refused"], 0, "{}: {counters}", summary.robot);
         assert_eq!(counters["received"], summary.drive_samples + summary.scans);
     }
@@ -112,7 +116,7 @@ async fn take_in_alone(service: &Service) {
     let mut scans = Vec::new();
     for name in named("unknown") {
         let publisher = |stream| session.declare_publisher(format!("fleet/{name}/{stream}"));
-        drives.push(publisher("drive").await.unwrap());
+        drives.push(publisher("wheel_odometry").await.unwrap());
         scans.push(publisher("scan").await.unwrap());
     }
     let (cpu_s, began) = (service.cpu_s(), now());

@@ -84,7 +84,7 @@ async fn a_live_session_is_a_recording_that_calibrates_the_same() {
 
     let recording = Recording::open(&session).unwrap();
     let count = |stream: &str| recording.count(&[&format!("/tugger_01/{stream}")]);
-    assert_eq!(count("drive"), summary.drive_samples);
+    assert_eq!(count("wheel_odometry"), summary.drive_samples);
     assert_eq!(count("scan"), summary.scans);
     assert!(count("estimate") >= 25, "{}", count("estimate"));
     let events = recording.messages(&["/tugger_01/events"]).unwrap();
@@ -139,7 +139,7 @@ async fn a_session_ends_by_itself_and_its_reader_may_go_in_the_middle() {
     let sending = send(sender(&service, &path, "tugger_01"));
     let (summary, left) = tokio::join!(sending, leaving);
     left.unwrap();
-    assert_eq!(summary.shed, 0);
+    assert_eq!(summary.dropped, 0);
     assert!(short_fetching.wait().unwrap().success());
     Recording::open(&short).unwrap();
     let admin = service.made_token(&["--role", "admin", "--name", "asking"]);

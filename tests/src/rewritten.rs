@@ -97,6 +97,20 @@ fn add_channel(writer: &mut Writer<BufWriter<File>>, topic: &str, message_type: 
     channel.expect("a channel")
 }
 
+/// Writes a recording with one of its topics under another name.
+///
+/// # Panics
+/// When it cannot be read or written.
+pub fn renamed(recording: &Path, path: &Path, from: &str, to: &str) {
+    rewritten(recording, path, |message_type, of| {
+        let mut message = Rewritten::unchanged(message_type, of);
+        if message.topic == from {
+            to.clone_into(&mut message.topic);
+        }
+        vec![message]
+    });
+}
+
 /// What a robot sends instead of `AckermannDriveStamped`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DriveAs {

@@ -120,7 +120,7 @@ impl Robot {
             .declare_token(format!("fleet/@alive/{id}"));
         let token = token.await.unwrap();
         let mut streams = BTreeMap::new();
-        for stream in ["drive", "scan"] {
+        for stream in ["wheel_odometry", "scan"] {
             let publisher = session
                 .declare_publisher(format!("fleet/{id}/{stream}"))
                 .congestion_control(CongestionControl::Drop)
@@ -172,7 +172,7 @@ fn script(recording: &Path, duration: Duration) -> Script {
         let message = message.unwrap();
         let topic = &message.channel.topic;
         let stream = match topic.rsplit('/').next() {
-            Some("drive") => "drive",
+            Some("wheel_odometry") => "wheel_odometry",
             Some("scan") => "scan",
             _ => continue,
         };

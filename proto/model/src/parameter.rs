@@ -37,7 +37,7 @@ pub enum Parameter {
     SpeedScale,
     /// Distance between the axles, m.
     Wheelbase,
-    /// How much later a motion shows in the drive stream than in the LiDAR's, s.
+    /// How much later a motion shows in the wheel odometry than in the LiDAR's, s.
     TimeOffset,
     /// True steering angle (less its offset) over the measured one.
     SteeringGain,

@@ -165,7 +165,7 @@ pub fn record(
 
 fn write(writer: &mut RecordingWriter, emitted: Emitted) -> Result<(), RecordError> {
     match emitted.message {
-        SimulatedMessage::Drive(drive) => writer.drive(&drive_message(&drive)?)?,
+        SimulatedMessage::Drive(drive) => writer.wheel_odometry(&drive_message(&drive)?)?,
         SimulatedMessage::Sweep(sweep) => {
             writer.scan(&scan_message(sweep)?)?;
             writer.truth(&truth_message(&emitted.truth)?)?;
@@ -248,7 +248,11 @@ mod tests {
         let truth = record(&robot, 5.0, &path).unwrap();
 
         let recording = Recording::open(&path).unwrap();
-        let topics = ["/tugger_01/drive", "/tugger_01/scan", "/tugger_01/truth"];
+        let topics = [
+            "/tugger_01/wheel_odometry",
+            "/tugger_01/scan",
+            "/tugger_01/truth",
+        ];
         let counts = topics.map(|topic| recording.count(&[topic]));
         assert_eq!(counts, [500, 49, 49]);
         let payloads = |topic: &str| -> Vec<Vec<u8>> {

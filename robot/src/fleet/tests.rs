@@ -124,7 +124,7 @@ fn envelope_of(
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn robots_stream_drive_scan_and_cross_track_error() {
     let (session, endpoint) = router().await;
-    let drives = collect(&session, "fleet/*/drive", Encoding::Cdr).await;
+    let drives = collect(&session, "fleet/*/wheel_odometry", Encoding::Cdr).await;
     let scans = collect(&session, "fleet/*/scan", Encoding::Cdr).await;
     let errors = collect(&session, "fleet/*/cross_track_error", Encoding::Json).await;
     let stop = CancellationToken::new();
@@ -154,7 +154,7 @@ async fn robots_stream_drive_scan_and_cross_track_error() {
     for summary in summaries {
         assert_eq!(summary.late, 0);
         let id = summary.id.as_str();
-        let drives = drives.lock().unwrap()[&format!("fleet/{id}/drive")].clone();
+        let drives = drives.lock().unwrap()[&format!("fleet/{id}/wheel_odometry")].clone();
         assert_eq!(drives.len() as u64, summary.drive_samples, "none lost");
         let stamps: Vec<_> = drives
             .iter()

@@ -22,8 +22,8 @@ pub use messages::Messages;
 pub use recorded_message::RecordedMessage;
 pub use session_writer::{SESSION_METADATA, SessionWriter};
 pub use topics::{
-    AskedTopic, AskedTopics, ChosenDrive, ChosenPose, TopicError, Topics, choose_scan_topic,
-    choose_topics,
+    AskedTopic, AskedTopics, ChosenPose, ChosenWheelOdometry, TopicError, Topics,
+    choose_scan_topic, choose_topics,
 };
 pub use writer::{RecordingWriter, TRUTH_METADATA};
 
@@ -51,7 +51,7 @@ pub const HELD_BYTES_MAX: usize = 512 << 20;
 /// One topic of a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Channel {
-    /// The topic, `/tugger_01/drive`.
+    /// The topic, `/tugger_01/wheel_odometry`.
     pub topic: String,
     /// The ROS 2 type of its messages, `sensor_msgs/msg/LaserScan`; empty when the file has none.
     pub message_type: String,

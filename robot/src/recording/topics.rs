@@ -7,7 +7,7 @@ use super::Channel;
 
 /// Where speed and steering are.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum ChosenDrive {
+pub enum ChosenWheelOdometry {
     /// In the same messages.
     Whole(Channel),
     /// On topics of their own, to be paired by stamp.
@@ -19,7 +19,7 @@ pub enum ChosenDrive {
     },
 }
 
-impl ChosenDrive {
+impl ChosenWheelOdometry {
     /// The channels.
     pub fn channels(&self) -> Vec<&Channel> {
         match self {
@@ -51,15 +51,15 @@ impl ChosenPose {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Topics {
     /// Measured speed and steering.
-    pub drive: ChosenDrive,
+    pub wheel_odometry: ChosenWheelOdometry,
     /// The LiDAR's sweeps or poses.
     pub pose: ChosenPose,
 }
 
 impl Topics {
-    /// The channels, those of the drive first.
+    /// The channels, those of the wheel odometry first.
     pub fn channels(&self) -> Vec<&Channel> {
-        let mut channels = self.drive.channels();
+        let mut channels = self.wheel_odometry.channels();
         channels.push(self.pose.channel());
         channels
     }
@@ -70,20 +70,20 @@ impl Topics {
         channels.map(|channel| channel.topic.as_str()).collect()
     }
 
-    /// The topic that says whose recording it is: of the drive, or of the steering.
-    pub fn drive_topic(&self) -> &str {
-        match &self.drive {
-            ChosenDrive::Whole(channel)
-            | ChosenDrive::Halves {
+    /// The topic that says whose recording it is: of the wheel odometry, or of the steering.
+    pub fn wheel_odometry_topic(&self) -> &str {
+        match &self.wheel_odometry {
+            ChosenWheelOdometry::Whole(channel)
+            | ChosenWheelOdometry::Halves {
                 steering: channel, ..
             } => &channel.topic,
         }
     }
 
-    /// The first chunk of the drive topic, as which the robot is known unless told otherwise:
-    /// `tugger_01` of `/tugger_01/drive`. `None` when the topic has only one chunk.
+    /// The first chunk of the wheel odometry topic, as which the robot is known unless told otherwise:
+    /// `tugger_01` of `/tugger_01/wheel_odometry`. `None` when the topic has only one chunk.
     pub fn robot(&self) -> Option<&str> {
-        let chunks = self.drive_topic().trim_start_matches('/');
+        let chunks = self.wheel_odometry_topic().trim_start_matches('/');
         chunks.split_once('/').map(|(robot, _)| robot)
     }
 }
@@ -101,7 +101,7 @@ pub struct AskedTopic {
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct AskedTopics {
     /// Speed and steering in one.
-    pub drive: Option<AskedTopic>,
+    pub wheel_odometry: Option<AskedTopic>,
     /// Steering alone.
     pub steering: Option<AskedTopic>,
     /// Speed alone.
@@ -167,14 +167,16 @@ pub enum TopicError {
         /// What asks for poses.
         pose: &'static str,
     },
-    /// Neither a drive nor both of its halves.
+    /// Neither wheel odometry nor both of its halves.
     #[error("{given} given, accepted is a topic of both steering and speed, or one of each")]
     Halves {
         /// What is given.
         given: String,
     },
     /// One topic as both halves.
-    #[error("{steering} and {speed} are both {topic:?}, accepted is {drive} for a topic of both")]
+    #[error(
+        "{steering} and {speed} are both {topic:?}, accepted is {wheel_odometry} for a topic of both"
+    )]
     OneTopic {
         /// What asks for the steering.
         steering: &'static str,
@@ -183,7 +185,7 @@ pub enum TopicError {
         /// The topic.
         topic: String,
         /// The flag of a topic that has both.
-        drive: &'static str,
+        wheel_odometry: &'static str,
     },
 }
 
@@ -216,10 +218,10 @@ impl Wanted {
     }
 }
 
-const DRIVE: Wanted = Wanted {
-    what: "drive",
-    flag: "--drive-topic",
-    accepted: MessageType::OF_DRIVE,
+const WHEEL_ODOMETRY: Wanted = Wanted {
+    what: "wheel odometry",
+    flag: "--wheel-odometry-topic",
+    accepted: MessageType::OF_WHEEL_ODOMETRY,
     found: &[MessageType::AckermannDriveStamped],
 };
 const STEERING: Wanted = Wanted {
@@ -253,7 +255,7 @@ const POSE: Wanted = Wanted {
 /// # Errors
 /// Says what is missing, lists the candidates, or names the flag that can't be.
 pub fn choose_topics(channels: &[Channel], asked: &AskedTopics) -> Result<Topics, TopicError> {
-    let drive = choose_drive(channels, asked)?;
+    let drive = choose_wheel_odometry(channels, asked)?;
     let pose = match (&asked.scan, &asked.pose) {
         (Some(scan), Some(pose)) => {
             return Err(TopicError::ScanAndPose {
@@ -274,27 +276,35 @@ pub fn choose_topics(channels: &[Channel], asked: &AskedTopics) -> Result<Topics
         format!("{scan}; or {pose} of the LiDAR, which {flag} names")
     };
     let pose = pose.ok_or_else(|| missing(channels, "scan or LiDAR pose", needed()))?;
-    Ok(Topics { drive, pose })
+    Ok(Topics {
+        wheel_odometry: drive,
+        pose,
+    })
 }
 
-fn others(channels: &[Channel], drive: &ChosenDrive) -> Vec<Channel> {
+fn others(channels: &[Channel], drive: &ChosenWheelOdometry) -> Vec<Channel> {
     let taken = drive.channels();
     let is_other = |channel: &&Channel| !taken.contains(channel);
     channels.iter().filter(is_other).cloned().collect()
 }
 
-fn choose_drive(channels: &[Channel], asked: &AskedTopics) -> Result<ChosenDrive, TopicError> {
-    match (&asked.drive, &asked.steering, &asked.speed) {
-        (Some(drive), None, None) => asked_for(channels, &DRIVE, drive).map(ChosenDrive::Whole),
+fn choose_wheel_odometry(
+    channels: &[Channel],
+    asked: &AskedTopics,
+) -> Result<ChosenWheelOdometry, TopicError> {
+    match (&asked.wheel_odometry, &asked.steering, &asked.speed) {
+        (Some(drive), None, None) => {
+            asked_for(channels, &WHEEL_ODOMETRY, drive).map(ChosenWheelOdometry::Whole)
+        }
         (None, Some(steering), Some(speed)) if steering.topic == speed.topic => {
             Err(TopicError::OneTopic {
                 steering: steering.by,
                 speed: speed.by,
                 topic: speed.topic.clone(),
-                drive: DRIVE.flag,
+                wheel_odometry: WHEEL_ODOMETRY.flag,
             })
         }
-        (None, Some(steering), Some(speed)) => Ok(ChosenDrive::Halves {
+        (None, Some(steering), Some(speed)) => Ok(ChosenWheelOdometry::Halves {
             steering: asked_for(channels, &STEERING, steering)?,
             speed: asked_for(channels, &SPEED, speed)?,
         }),
@@ -303,14 +313,14 @@ fn choose_drive(channels: &[Channel], asked: &AskedTopics) -> Result<ChosenDrive
                 "{}; or {} with the wheels too, which {} names; or {} and {} for a topic of each",
                 MessageType::AckermannDriveStamped.ros_type(),
                 MessageType::JointState.ros_type(),
-                DRIVE.flag,
+                WHEEL_ODOMETRY.flag,
                 STEERING.flag,
                 SPEED.flag
             );
-            let drive = only_one(channels, &DRIVE)?;
+            let drive = only_one(channels, &WHEEL_ODOMETRY)?;
             drive
-                .map(ChosenDrive::Whole)
-                .ok_or_else(|| missing(channels, DRIVE.what, needed))
+                .map(ChosenWheelOdometry::Whole)
+                .ok_or_else(|| missing(channels, WHEEL_ODOMETRY.what, needed))
         }
         (drive, steering, speed) => {
             let given = [drive, steering, speed].into_iter().flatten();

@@ -123,7 +123,7 @@ pub struct SimulationConfig {
     pub speed: SpeedProfile,
     /// How well it knows where it is.
     pub localisation: LocalisationNoise,
-    /// Its drive stream.
+    /// Its wheel odometry.
     pub drive: DriveSettings,
     /// Its LiDAR stream.
     pub lidar: LidarOutput,

@@ -7,7 +7,7 @@ use super::plane::Pose2;
 /// Measured speed and steering of the interval that ends at the stamp.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Drive {
-    /// End of the interval on the drive stream's clock, ns.
+    /// End of the interval on the wheel odometry's clock, ns.
     pub stamp_ns: i64,
     /// Measured speed, m/s, at the place where the vehicle measures it.
     pub speed_mps: f64,
@@ -122,7 +122,7 @@ pub struct TrueParameters {
     pub speed_scale: f64,
     /// Distance between the axles, m.
     pub wheelbase_m: f64,
-    /// How much later a motion shows in the drive stream than in the LiDAR's, s.
+    /// How much later a motion shows in the wheel odometry than in the LiDAR's, s.
     pub time_offset_s: f64,
     /// True steering angle over the measured one less its offset.
     pub steering_gain: f64,

@@ -266,7 +266,7 @@ fn integrating_the_samples_over_the_interval_before_each_stamp_gives_the_true_pa
             let lag_ns = drive.stamp_ns - emitted.truth.stamp_ns;
             assert_eq!(
                 lag_ns, 80_000_000,
-                "motion shows 80 ms later in the drive stream"
+                "motion shows 80 ms later in the wheel odometry"
             );
             assert!(emitted.truth.stamp_ns > start_ns);
         }

@@ -176,7 +176,7 @@ impl Snapshot {
             ),
             (
                 "fleetcal_missing",
-                "Messages that by their neighbours' stamps were sent and not used, shed ones included",
+                "Messages that by their neighbours' stamps were sent and not used, dropped ones included",
                 fleet.missing,
             ),
             (
@@ -351,13 +351,15 @@ const ROBOT_COUNTERS: [RobotCounter; 8] = [
         "Messages that its estimator took",
         |robot| robot.counters.processed,
     ),
-    ("fleetcal_robot_shed_drive", "Drive samples shed", |robot| {
-        robot.counters.shed_drive
-    }),
     (
-        "fleetcal_robot_shed_scans",
-        "Scans and poses shed",
-        |robot| robot.counters.shed_scans,
+        "fleetcal_robot_dropped_wheel_odometry",
+        "Drive samples dropped",
+        |robot| robot.counters.dropped_wheel_odometry,
+    ),
+    (
+        "fleetcal_robot_dropped_scans",
+        "Scans and poses dropped",
+        |robot| robot.counters.dropped_scans,
     ),
     ("fleetcal_robot_refused", "Messages refused", |robot| {
         robot.counters.refused

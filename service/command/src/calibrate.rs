@@ -43,7 +43,7 @@ pub struct Arguments {
     /// How the vehicle steers [default: bicycle, or what --config says]
     #[arg(long)]
     pub model: Option<ModelName>,
-    /// The robot's name [default: the first chunk of the drive topic]
+    /// The robot's name [default: the first chunk of the wheel odometry topic]
     #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
     /// Which topics are taken.
@@ -297,7 +297,7 @@ impl<'a> Run<'a> {
             effects.extend(self.calibrator.step(decoded.event));
         }
         let spent = thread_cpu().saturating_sub(before);
-        if stream.is_drive() {
+        if stream.is_wheel_odometry() {
             self.times.add(spent);
         } else {
             self.times.add_scan(spent);

@@ -12,7 +12,7 @@ pub const PAYLOAD_BYTES_MAX: usize = 4 * 1024 * 1024;
 pub const fn payload_bytes_max(stream: Stream) -> usize {
     match stream {
         // Joints and odometry are longer than a drive sample.
-        Stream::Drive | Stream::Steering | Stream::Speed => 4 * 1024,
+        Stream::WheelOdometry | Stream::Steering | Stream::Speed => 4 * 1024,
         Stream::Scan => 2 * 1024 * 1024,
         Stream::LidarOdometry => 64 * 1024,
         Stream::Event => 16 * 1024,
@@ -20,7 +20,7 @@ pub const fn payload_bytes_max(stream: Stream) -> usize {
 }
 
 /// Drive samples that wait in a robot's mailbox.
-pub const MAILBOX_DRIVE_SAMPLES_MAX: usize = 1_024;
+pub const MAILBOX_WHEEL_ODOMETRY_MAX: usize = 1_024;
 /// Scans (or LiDAR poses) that wait in a robot's mailbox.
 pub const MAILBOX_SCANS_MAX: usize = 8;
 /// Notes and other rare messages that wait in a robot's mailbox.
@@ -47,6 +47,9 @@ pub const ROS2_TOKENS_OF_ROBOT_MAX: usize = 1_024;
 pub const ROS2_TOKEN_BYTES_MAX: usize = 1_024;
 /// Places, of a prefix and a key layout, that one robot's ROS 2 topics can have at once.
 pub const ROS2_HOMES_MAX: usize = 4;
+
+/// A robot is warned of for so long after its last message on a former key of a stream.
+pub const FORMER_KEY_WARNED_FOR: Duration = Duration::from_secs(30);
 
 /// Answers of one robot that wait to be stored; a further one pushes the oldest out.
 pub const ANSWERS_OF_ROBOT_MAX: usize = 4;

@@ -136,7 +136,7 @@ pub fn decode(
     let encoding = form.encoding;
     let refused = |source| MessageRefused::Payload { stream, source };
     let event = match stream {
-        Stream::Drive => {
+        Stream::WheelOdometry => {
             let message = AckermannDriveStamped::decode(encoding, payload).map_err(refused)?;
             Event::Drive(drive_sample(&message)?)
         }
@@ -185,7 +185,7 @@ pub fn drive_sample(message: &AckermannDriveStamped) -> Result<DriveSample, Mess
     let speed_mps = f64::from(message.drive.speed);
     let steering_rad = f64::from(message.drive.steering_angle);
     DriveSample::new(stamp, speed_mps, steering_rad).map_err(|source| MessageRefused::Field {
-        stream: Stream::Drive,
+        stream: Stream::WheelOdometry,
         source,
     })
 }
@@ -206,7 +206,7 @@ pub fn added_back(
     let speed_mps = sample.speed_mps() / scale;
     DriveSample::new(sample.stamp(), speed_mps, steering_rad).map_err(|source| {
         MessageRefused::Field {
-            stream: Stream::Drive,
+            stream: Stream::WheelOdometry,
             source,
         }
     })
@@ -450,7 +450,7 @@ mod tests {
             };
             message.drive.speed = speed;
             message.drive.steering_angle = steering_angle;
-            let reason = refusal(Stream::Drive, &message.to_cdr());
+            let reason = refusal(Stream::WheelOdometry, &message.to_cdr());
             assert!(
                 reason.contains(field) && reason.contains("accepted"),
                 "{reason}"

@@ -359,6 +359,16 @@ impl FleetHandle {
         }
     }
 
+    /// Counts a message on a former key of a stream, of which nothing is used: the robot is warned of
+    /// and told, by its refusal, the key to send to.
+    pub fn refuse_former_key(&self, id: &RobotId, stream: Stream, key: &str) {
+        if let Some(robot) = self.admit(id, stream) {
+            robot.used_former_key(key, &*self.fleet.clock);
+            let reason = format!("it was sent on a former key, expected is {key}");
+            robot.mailbox.refuse(stream, &reason);
+        }
+    }
+
     /// Counts a message and finds its robot; `None` when there is no room for another one.
     fn admit(&self, id: &RobotId, stream: Stream) -> Option<Arc<Robot>> {
         let counts = &self.fleet.counts;

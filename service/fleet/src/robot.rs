@@ -5,7 +5,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use fleetcal_clock::Clock;
-use fleetcal_domain::limits::{SESSION_ENDS_AFTER, SESSION_ENDS_AFTER_TOKEN, STALE_AFTER};
+use fleetcal_domain::limits::{
+    FORMER_KEY_WARNED_FOR, SESSION_ENDS_AFTER, SESSION_ENDS_AFTER_TOKEN, STALE_AFTER,
+};
 use fleetcal_domain::robot::{
     AnnouncedTopic, Connection, CrossTrack, PairingReport, RobotConfig, RobotState, RobotView,
     StreamView, Warning,
@@ -68,6 +70,8 @@ struct Link {
     /// When the last token went, on the running clock.
     token_gone: Option<Duration>,
     session: Session,
+    /// When it last sent on a former key, on the running clock, and the key to send to.
+    former_key: Option<(Duration, String)>,
     /// State, staleness and presence as listeners last heard of them.
     announced: Option<(RobotState, bool, bool)>,
 }
@@ -186,6 +190,7 @@ impl Robot {
                 topics: Arc::from([]),
                 token_gone: None,
                 session: Session::Ended,
+                former_key: None,
                 announced: None,
             }),
             status: Mutex::new(Status {
@@ -219,6 +224,16 @@ impl Robot {
         if let Some(receipts) = link.streams.get_mut(stream.index()) {
             receipts.messages += 1;
             receipts.last_received_ns = Some(now_ns);
+        }
+    }
+
+    /// Notes that the robot sent on a former key of a stream whose key is `key`.
+    pub fn used_former_key(&self, key: &str, clock: &dyn Clock) {
+        let now = clock.elapsed();
+        let mut link = lock(&self.link);
+        match &mut link.former_key {
+            Some((at, _)) => *at = now,
+            None => link.former_key = Some((now, key.to_owned())),
         }
     }
 
@@ -474,6 +489,13 @@ impl Robot {
         status.estimator_restarts
     }
 
+    fn warning_of_former_key(&self, clock: &dyn Clock) -> Option<Warning> {
+        let link = lock(&self.link);
+        let (at, key) = link.former_key.as_ref()?;
+        let since = clock.elapsed().saturating_sub(*at);
+        (since < FORMER_KEY_WARNED_FOR).then(|| Warning::former_key(key))
+    }
+
     /// The robot as the rest of the service sees it.
     pub fn view(&self, clock: &dyn Clock) -> RobotView {
         let stale = self.is_stale(clock);
@@ -498,6 +520,7 @@ impl Robot {
             }
         };
         let counters = self.mailbox.counters();
+        let former_key = self.warning_of_former_key(clock);
         let status = lock(&self.status);
         RobotView {
             id: self.id.clone(),
@@ -509,7 +532,7 @@ impl Robot {
             counters,
             estimator_restarts: status.estimator_restarts,
             pairing: status.pairing,
-            warnings: status.warnings.clone(),
+            warnings: status.warnings.iter().cloned().chain(former_key).collect(),
             topics,
         }
     }

@@ -10,8 +10,8 @@ use fleetcal_domain::limits::{
     ADVICE_EVERY_S, CHECKPOINT_EVERY_S, ESTIMATOR_RESTARTS_MAX, NOTES_PER_HOUR_MAX, PLAN_EVERY_S,
 };
 use fleetcal_domain::robot::{
-    DriveSignal, HistoryEvent, Mount, RobotConfig, RobotState, ServiceEvent, ServiceEventKind,
-    Warning,
+    HistoryEvent, Mount, RobotConfig, RobotState, ServiceEvent, ServiceEventKind, Warning,
+    WheelOdometrySignal,
 };
 use fleetcal_estimator::calibrator::{CalibratorConfig, Plan};
 use fleetcal_estimator::lidar_odometry::BeamTimes;
@@ -94,7 +94,7 @@ struct RobotTask {
     fleet: Arc<Fleet>,
     robot: Arc<Robot>,
     version: u64,
-    drive: DriveSignal,
+    signal: WheelOdometrySignal,
     intake: Intake,
     rear_axle_in_base_link: Option<Mount>,
     config: CalibratorConfig,
@@ -128,7 +128,7 @@ impl RobotTask {
         config: &RobotConfig,
         stored: Option<&str>,
     ) -> Self {
-        let drive = config.drive;
+        let signal = config.wheel_odometry;
         let rear_axle_in_base_link = config.rear_axle_in_base_link;
         let intake = Intake::new(ReadingSettings {
             scans: config.scans(),
@@ -142,7 +142,7 @@ impl RobotTask {
             fleet,
             robot,
             version,
-            drive,
+            signal,
             intake,
             rear_axle_in_base_link,
             config,
@@ -385,13 +385,13 @@ impl RobotTask {
         let Event::Drive(sample) = &event else {
             return Ok(event);
         };
-        if self.drive == DriveSignal::Raw {
+        if self.signal == WheelOdometrySignal::Raw {
             return Ok(event);
         }
         let Some(values) = self.robot.values_at(sample.stamp().0) else {
             return Err(
                 "drive: the robot is declared compensated and has not reported what it applies; \
-                 accepted is drive = \"raw\" until then"
+                 expected is wheel_odometry = \"raw\" until then"
                     .to_owned(),
             );
         };

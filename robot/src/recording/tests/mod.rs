@@ -57,7 +57,7 @@ fn recorded(folder: &TempDir, name: &str, seconds: i64) -> PathBuf {
     let mut writer = RecordingWriter::create(&path, &robot).unwrap();
     for step in 0..seconds * 100 {
         let stamp_ns = START_NS + step * SECOND_NS / 100;
-        writer.drive(&drive(stamp_ns)).unwrap();
+        writer.wheel_odometry(&drive(stamp_ns)).unwrap();
         if step % 10 == 0 {
             writer.scan(&scan(stamp_ns)).unwrap();
             let pose = PoseStamped {

@@ -88,7 +88,7 @@ pub enum ImperfectionKind {
     /// Forty sweeps in a second.
     #[serde(rename = "scan_rate_40hz")]
     ScanRate40Hz,
-    /// Clock of the drive stream against the LiDAR's, 100 ppm.
+    /// Clock of the wheel odometry against the LiDAR's, 100 ppm.
     ClockDrift,
     /// Jitter of all stamps, 5 ms.
     StampJitter,

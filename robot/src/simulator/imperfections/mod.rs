@@ -51,10 +51,10 @@ pub struct VehicleImperfections {
     /// Play between steering sensor and wheel, from one end to the other, rad. The wheel stays
     /// until the sensor's side pushes it: `wheel = clamp(wheel, side - play/2, side + play/2)`.
     pub backlash_rad: f64,
-    /// Time constant with which the wheel follows the angle that the drive stream shows, s: a
+    /// Time constant with which the wheel follows the angle that the wheel odometry shows, s: a
     /// servo whose command is sent as its angle. The speed does not lag.
     pub steering_lag_s: f64,
-    /// How much later the drive stream shows an angle than the speed of the same moment, s.
+    /// How much later the wheel odometry shows an angle than the speed of the same moment, s.
     pub steering_delay_s: f64,
     /// Step of the steering encoder on a robot whose wheel does not tremble, rad: in place of the
     /// configured step, and localisation and steering are without noise. 0 leaves all three.
@@ -113,7 +113,7 @@ pub struct ScannerImperfections {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ClockImperfections {
-    /// Rate of the drive stream's clock over the LiDAR's, less 1: 1e-4 is 100 ppm.
+    /// Rate of the wheel odometry's clock over the LiDAR's, less 1: 1e-4 is 100 ppm.
     pub drive_drift: f64,
     /// Standard deviation of every stamp of both streams, s; a stream's stamps still rise.
     pub stamp_jitter_s: f64,

@@ -89,7 +89,7 @@ pub(super) struct RobotDocument {
     #[schema(value_type = Option<String>, format = DateTime)]
     configured: Option<Timestamp>,
     /// What became of its messages:
-    /// `received = processed + shed_… + refused + ignored + waiting`.
+    /// `received = processed + dropped_… + refused + ignored + waiting`.
     counters: Counters,
     /// Times that its estimator was started anew after a failure.
     estimator_restarts: u32,

@@ -94,14 +94,18 @@ pub(super) async fn put_robot(
     answer(&api, &id, status).await
 }
 
-/// Stores the configuration and gives it to the fleet; gives its version.
+/// Stores the configuration and gives it to the fleet; gives its version. What replaces a stored
+/// configuration without naming a topic for wheel odometry keeps the stored one's.
 async fn register(
     api: ApiState,
     id: RobotId,
-    config: RobotConfig,
+    mut config: RobotConfig,
     expected: Expected,
     actor: Actor,
 ) -> Result<u64, Problem> {
+    if let Some(stored) = api.fleet.robot(&id).and_then(|robot| robot.config) {
+        config.streams.keep_former_topic(&stored.streams);
+    }
     let version = configure(&api.store, &id, &config, expected, actor).await?;
     api.fleet.configure(&id, config)?;
     Ok(version)

@@ -53,7 +53,9 @@ async fn a_robot_that_fell_silent_is_alerted_acknowledged_and_comes_back() {
     let bench = bench(&["a", "never_seen"]).await;
     let mut live = bench.begin("/api/v1/stream?robot=a", &[]).await;
     assert_eq!(next_event(&mut live).await.0, "ready");
-    bench.fleet.refuse(&robot("a"), Stream::Drive, "no CDR");
+    bench
+        .fleet
+        .refuse(&robot("a"), Stream::WheelOdometry, "no CDR");
     bench.clock.advance(Duration::from_secs(4));
     let one =
         |state: &'static str| move |page: &Value| page["items"][0]["state"].as_str() == Some(state);
@@ -86,12 +88,16 @@ async fn a_robot_that_fell_silent_is_alerted_acknowledged_and_comes_back() {
     assert_eq!(taken.told(), "200");
     assert_eq!(taken.json()["acknowledgement"]["note"], "battery");
     assert_eq!(taken.json()["state"], "alerting");
-    bench.fleet.refuse(&robot("a"), Stream::Drive, "no CDR");
+    bench
+        .fleet
+        .refuse(&robot("a"), Stream::WheelOdometry, "no CDR");
     bench.once(all, one("recovering")).await;
     // Two steps, because a robot that sends nothing for a minute would be silent again.
     for _ in 0..30 {
         bench.clock.advance(Duration::from_secs(2));
-        bench.fleet.refuse(&robot("a"), Stream::Drive, "no CDR");
+        bench
+            .fleet
+            .refuse(&robot("a"), Stream::WheelOdometry, "no CDR");
     }
     let over = bench.once(all, one("normal")).await;
     assert_ne!(over["items"][0]["ended"], Value::Null);
@@ -277,7 +283,9 @@ async fn robots_that_stay_away_after_a_restart_raise_one_alert() {
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let bench = bench_after_restart(&names).await;
     for name in &names[..6] {
-        bench.fleet.refuse(&robot(name), Stream::Drive, "no CDR");
+        bench
+            .fleet
+            .refuse(&robot(name), Stream::WheelOdometry, "no CDR");
     }
     let silent = "/api/v1/robots?connection=silent";
     let page = bench.get(silent).await.json();
@@ -287,7 +295,9 @@ async fn robots_that_stay_away_after_a_restart_raise_one_alert() {
     for _ in 0..8 {
         bench.clock.advance(Duration::from_secs(2));
         for name in &names[..6] {
-            bench.fleet.refuse(&robot(name), Stream::Drive, "no CDR");
+            bench
+                .fleet
+                .refuse(&robot(name), Stream::WheelOdometry, "no CDR");
         }
         tokio::time::sleep(Duration::from_millis(1_100)).await;
     }

@@ -11,7 +11,7 @@ use serde_json::json;
 
 use super::*;
 
-const CONFIG: &str = r#"{"model": "tricycle", "wheelbase_m": 1.55, "drive": "raw"}"#;
+const CONFIG: &str = r#"{"model": "tricycle", "wheelbase_m": 1.55, "wheel_odometry": "raw"}"#;
 
 /// An estimate of second `second` after [`NOW_NS`].
 fn estimate(name: &str, second: i64, offset_rad: f64) -> EstimateDocument {
@@ -97,7 +97,7 @@ async fn a_robot_that_has_sent_something_is_told_what_to_drive_next() {
     let (a, form) = (robot("a"), Encoding::Json);
     bench
         .fleet
-        .receive(&a, Stream::Drive, form, length, || payload);
+        .receive(&a, Stream::WheelOdometry, form, length, || payload);
     while bench.fleet.robot(&a).unwrap().counters.processed == 0 {
         tokio::time::sleep(Duration::from_millis(1)).await;
     }
@@ -133,7 +133,10 @@ fn straight_on(bench: &Bench, step: u32) {
         "pose": {"pose": {"position": position, "orientation": orientation}, "covariance": vec![0.0; 36]},
         "twist": {"twist": {"linear": zero, "angular": zero}, "covariance": vec![0.0; 36]},
     });
-    let sent = [(Stream::Drive, drive), (Stream::LidarOdometry, pose)];
+    let sent = [
+        (Stream::WheelOdometry, drive),
+        (Stream::LidarOdometry, pose),
+    ];
     for (stream, message) in sent {
         let payload = message.to_string().into_bytes();
         let length = payload.len();
@@ -220,6 +223,39 @@ async fn a_robot_is_registered_and_changed_with_conditions() {
     assert_snapshot!(put(&[("if-match", "*")]).await.told(), @r#"400 value_refused [If-Match]: If-Match is "*", accepted is the ETag of GET, such as "3""#);
     let config = bench.fleet.robot(&robot("agv_1")).unwrap().config;
     assert_eq!(config, Some(serde_json::from_str(CONFIG).unwrap()));
+}
+
+#[tokio::test]
+async fn former_names_of_wheel_odometry_are_accepted_and_answered_by_todays() {
+    let bench = bench(&[]).await;
+    let put = async |version: &str, body: &str| {
+        let condition = if version == "*" {
+            "if-none-match"
+        } else {
+            "if-match"
+        };
+        let path = "/api/v1/robots/a";
+        let answer = bench
+            .send_body("PUT", path, &[(condition, version)], body.to_owned())
+            .await;
+        answer.json()["config"].clone()
+    };
+    let config = |more: &str| format!(r#"{{"model": "bicycle", "wheelbase_m": 1.2{more}}}"#);
+    let former = r#", "drive": "compensated", "streams": {"drive": {"topic": "feedback"}}"#;
+    let config_a = put("*", &config(former)).await;
+    assert_eq!(config_a["wheel_odometry"], "compensated", "{config_a}");
+    let streams = json!({"wheel_odometry": {"topic": "feedback"}});
+    assert_eq!(config_a["streams"], streams, "{config_a}");
+
+    // The topic that a migrated robot is on stays its own until somebody names one.
+    let migrated = json!({"former_topic": true});
+    let with_streams = |streams: &Value| config(&format!(r#", "streams": {streams}"#));
+    let config_a = put("\"1\"", &with_streams(&migrated)).await;
+    assert_eq!(config_a["streams"], migrated, "{config_a}");
+    let config_a = put("\"2\"", &config("")).await;
+    assert_eq!(config_a["streams"], migrated, "{config_a}");
+    let config_a = put("\"3\"", &with_streams(&streams)).await;
+    assert_eq!(config_a["streams"], streams, "{config_a}");
 }
 
 #[tokio::test]

@@ -47,7 +47,7 @@ async fn what_came_is_in_the_file_which_ends_with_the_service() {
         let payload = drive(stamp_s);
         bench.fleet.receive(
             &robot("a"),
-            Stream::Drive,
+            Stream::WheelOdometry,
             Encoding::Json,
             payload.len(),
             || payload,
@@ -71,13 +71,13 @@ async fn what_came_is_in_the_file_which_ends_with_the_service() {
     let path = folder.path().join("a.mcap");
     std::fs::write(&path, bytes).unwrap();
     let recording = Recording::open(&path).unwrap();
-    assert_eq!(recording.count(&["/a/drive"]), 10);
+    assert_eq!(recording.count(&["/a/wheel_odometry"]), 10);
     let events = recording.messages(&["/a/events"]).unwrap();
     let events = events.map(|event| String::from_utf8(event.unwrap().payload).unwrap());
     let noted = events.filter(|event| event.contains("maintenance: greased"));
     assert_eq!(noted.count(), 1);
     assert_eq!(recording.start_ns(), 1_000_000_000_000);
-    let mut drives = recording.messages(&["/a/drive"]).unwrap();
+    let mut drives = recording.messages(&["/a/wheel_odometry"]).unwrap();
     assert_eq!(drives.next().unwrap().unwrap().payload, drive(1_000));
 }
 
@@ -132,7 +132,7 @@ async fn a_robot_without_an_estimator_has_no_session() {
     let payload = drive(1_000);
     bench.fleet.receive(
         &robot("b"),
-        Stream::Drive,
+        Stream::WheelOdometry,
         Encoding::Json,
         payload.len(),
         || payload,

@@ -55,7 +55,7 @@ impl AlertPolicy {
         match kind {
             AlertKind::Drift | AlertKind::OutOfSync | AlertKind::NoData => of_data,
             // It is told once, when it has happened.
-            AlertKind::Fault | AlertKind::TwoSenders => Periods {
+            AlertKind::Fault | AlertKind::TwoSenders | AlertKind::FormerKey => Periods {
                 pending_ns: 0,
                 ..of_data
             },

@@ -11,7 +11,7 @@ use crate::approval::{
     Deployment, DeploymentState, GenerationRef, InUse, Maintenance, Policy, RobotLedger,
     Verification,
 };
-use crate::robot::{Connection, Counters, RobotConfig, RobotState, RobotView};
+use crate::robot::{Connection, Counters, RobotConfig, RobotState, RobotView, Warning};
 
 const S: i64 = 1_000_000_000;
 const PERIODS: Periods = Periods {
@@ -303,6 +303,17 @@ impl Case {
 #[test]
 fn nothing_is_wrong_with_a_robot_that_is_as_it_should_be() {
     assert!(case().firing().is_empty());
+}
+
+#[test]
+fn a_robot_on_a_former_key_is_told_of_until_it_stops() {
+    let mut case = case();
+    let warning = Warning::former_key("fleet/tugger_01/wheel_odometry");
+    case.view.warnings.push(warning);
+    assert_eq!(case.firing(), [AlertKind::FormerKey]);
+    assert!(AlertKind::FormerKey.advice().contains("wheel_odometry"));
+    case.view.warnings.clear();
+    assert!(case.firing().is_empty());
 }
 
 #[test]

@@ -325,10 +325,10 @@ async fn too_many_that_wait_or_are_done_shed_their_oldest() {
         u64::from(limits::WEBHOOK_WAITING_MAX)
     );
     let kept = store.deliveries(webhook.id, None, 10_000).await.unwrap();
-    let shed = kept
+    let dropped = kept
         .iter()
         .filter(|one| one.state == DeliveryState::GivenUp);
-    assert_eq!(shed.count(), limits::WEBHOOK_LOG_MAX as usize);
+    assert_eq!(dropped.count(), limits::WEBHOOK_LOG_MAX as usize);
 }
 
 #[tokio::test]

@@ -57,7 +57,10 @@ impl Driver {
             let (stream, payload) = match &emitted.message {
                 SimulatedMessage::Drive(drive) => {
                     self.distance_m += emitted.truth.speed_mps.abs() * 0.01;
-                    (Stream::Drive, drive_message(drive).unwrap().to_cdr())
+                    (
+                        Stream::WheelOdometry,
+                        drive_message(drive).unwrap().to_cdr(),
+                    )
                 }
                 SimulatedMessage::LidarPose(pose) => {
                     let message = lidar_pose_message(pose).unwrap();
