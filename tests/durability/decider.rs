@@ -152,7 +152,7 @@ impl Worker {
                 key: &key(),
                 actor: &actor,
                 now_ns: self.clock.now_ns(),
-                held: false,
+                frozen: false,
                 rear_axle_in_base_link: None,
                 present: Present::Unknown,
             };

@@ -212,7 +212,7 @@ impl From<Refused> for Problem {
             Refused::NothingToReturnTo | Refused::NothingEarlier => {
                 conflict("nothing_to_return_to")
             }
-            Refused::Held(_) => conflict("held"),
+            Refused::Held(_) => conflict("frozen"),
             Refused::NeverOffered { .. } => value("generation"),
             Refused::OtherDocument { .. } => value("sha256"),
             Refused::ChosenByPerson { .. } => conflict("chosen_by_person"),

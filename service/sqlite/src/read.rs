@@ -14,7 +14,7 @@ use fleetcal_proto::calibration::Envelope;
 use fleetcal_store::backend::{Cell, Reader, Stretch, Tier};
 use fleetcal_store::{
     AlertFilter, AlertMoment, AuditFilter, AuditRow, CheckpointRecord, CrossTrackRecord,
-    CurrentRecord, DueDelivery, EventRecord, ProposalFilter, RobotRecord, SiteHold, StoreError,
+    CurrentRecord, DueDelivery, EventRecord, ProposalFilter, RobotRecord, DeploymentFreeze, StoreError,
     StoredPolicy,
 };
 use sqlx::AssertSqlSafe;
@@ -242,8 +242,8 @@ impl Reader for SqliteReader {
         records::followed(&self.pool, proposals).await
     }
 
-    async fn site_hold(&self) -> Result<SiteHold, StoreError> {
-        records::site_hold(&self.pool).await
+    async fn deployment_freeze(&self) -> Result<DeploymentFreeze, StoreError> {
+        records::deployment_freeze(&self.pool).await
     }
 
     async fn policy(&self) -> Result<StoredPolicy, StoreError> {

@@ -7,7 +7,7 @@ use fleetcal_domain::approval::{
 };
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
-use fleetcal_store::{AuditFilter, AuditRow, ProposalFilter, SiteHold, StoreError};
+use fleetcal_store::{AuditFilter, AuditRow, ProposalFilter, DeploymentFreeze, StoreError};
 use serde::de::DeserializeOwned;
 use sqlx::sqlite::{SqlitePool, SqliteRow};
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteExecutor};
@@ -194,19 +194,19 @@ pub(super) async fn followed(
         .collect()
 }
 
-/// The site-wide stop.
-pub(super) async fn site_hold(executor: impl SqliteExecutor<'_>) -> Result<SiteHold, StoreError> {
+/// The deployment freeze.
+pub(super) async fn deployment_freeze(executor: impl SqliteExecutor<'_>) -> Result<DeploymentFreeze, StoreError> {
     let row = sqlx::query("SELECT version, held, by, at_ns, reason FROM site")
         .fetch_one(executor)
         .await
-        .map_err(StoreError::database("read the site-wide stop"))?;
+        .map_err(StoreError::database("read the deployment freeze"))?;
     site_of(&row)
 }
 
-fn site_of(row: &SqliteRow) -> Result<SiteHold, StoreError> {
-    Ok(SiteHold {
+fn site_of(row: &SqliteRow) -> Result<DeploymentFreeze, StoreError> {
+    Ok(DeploymentFreeze {
         version: number(row, 0)?,
-        held: column(row, "site", 1)?,
+        frozen: column(row, "site", 1)?,
         by: column(row, "site", 2)?,
         at_ns: column(row, "site", 3)?,
         reason: column(row, "site", 4)?,

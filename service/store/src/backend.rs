@@ -16,7 +16,7 @@ use fleetcal_proto::calibration::Envelope;
 
 use super::accounts::{SessionRecord, TokenRecord, UserRecord};
 use super::alerts::{AlertFilter, AlertMoment};
-use super::approvals::{AuditFilter, AuditRow, ProposalFilter, SiteHold};
+use super::approvals::{AuditFilter, AuditRow, ProposalFilter, DeploymentFreeze};
 use super::error::StoreError;
 use super::policy::StoredPolicy;
 use super::record::{CheckpointRecord, CrossTrackRecord, CurrentRecord, EventRecord, RobotRecord};
@@ -199,8 +199,8 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
         proposals: &[u64],
     ) -> Result<BTreeMap<u64, DeploymentState>, StoreError>;
 
-    /// The site-wide stop.
-    async fn site_hold(&self) -> Result<SiteHold, StoreError>;
+    /// The deployment freeze.
+    async fn deployment_freeze(&self) -> Result<DeploymentFreeze, StoreError>;
 
     /// The policy that was set.
     async fn policy(&self) -> Result<StoredPolicy, StoreError>;

@@ -2,7 +2,7 @@
 
 import { list, problemOf } from '../api/client';
 import { Reading } from '../api/reading.svelte';
-import type { PolicyInForce, Proposal, SiteHold } from '../api/types';
+import type { PolicyInForce, Proposal, DeploymentFreeze } from '../api/types';
 import type { FleetListener } from '../fleet/listener';
 
 /** What waits is read again this often: whether it still holds is told by no event. */
@@ -16,7 +16,7 @@ class Desk {
   waiting = $state.raw<readonly Proposal[]>([]);
   loaded = $state<'loading' | 'ready' | 'failed'>('loading');
   problem = $state('');
-  hold = new Reading<SiteHold>(() => '/site/hold');
+  freeze = new Reading<DeploymentFreeze>(() => '/deployments/freeze');
   policy = new Reading<PolicyInForce>(() => '/policy');
   /** Moves with every change of the life cycle that the service has told. */
   changes = $state(0);
@@ -25,11 +25,11 @@ class Desk {
   /** Hears of changes. */
   readonly listener: FleetListener = {
     approval: () => this.#later(),
-    hold: () => void this.hold.load(),
+    freeze: () => void this.freeze.load(),
     policy: () => void this.policy.load(),
     resync: () => {
       this.#later();
-      void this.hold.load();
+      void this.freeze.load();
       void this.policy.load();
     },
   };
@@ -37,7 +37,7 @@ class Desk {
   /** Starts reading; returns how to stop. */
   run(): () => void {
     void this.load();
-    void this.hold.load();
+    void this.freeze.load();
     void this.policy.load();
     const timer = setInterval(() => void this.load(), REREAD_EVERY_MS);
     return () => {

@@ -56,11 +56,11 @@ const NAMES: readonly LiveEvent['event'][] = [
   'event',
   'approval',
   'alert',
-  'hold',
+  'freeze',
   'policy',
 ];
-/** What every page shows: its bar counts alerts and approvals, and says when deployments pause. */
-const EVERYWHERE = ['alerts', 'approvals', 'site'];
+/** What every page shows: its bar counts alerts and approvals, and says when deployments are frozen. */
+const EVERYWHERE = ['alerts', 'approvals', 'deployments'];
 
 /** The topics of what a page shows; `robot` is the one that it is about, where it is about one. */
 export function topicsOf(page: Route['page'], robot: string | undefined): string[] {
@@ -211,7 +211,7 @@ class Fleet {
         this.#approvals.add(data.robot);
         for (const listener of this.#listeners) listener.approval?.(data.robot);
         break;
-      case 'hold':
+      case 'freeze':
       case 'policy':
         for (const listener of this.#listeners) listener[event]?.();
         break;

@@ -76,8 +76,8 @@ pub enum Refused {
     /// The robot uses already what it would go back to.
     #[error("the robot has no earlier verified calibration than the one it uses")]
     NothingEarlier,
-    /// No robot is shown what it has not seen yet while the site-wide stop is on.
-    #[error("the site-wide stop is on, and deployment {0} waits for its end")]
+    /// No robot is shown what it has not seen yet while the deployment freeze is on.
+    #[error("the deployment freeze is on, and deployment {0} waits for its end")]
     Held(u64),
     /// The service never replaces values that a person rolled the robot back to.
     #[error("generation {generation} was chosen by {by}: only a person can replace it")]

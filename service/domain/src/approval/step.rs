@@ -95,7 +95,7 @@ impl Draft<'_> {
         };
         if before.state == DeploymentState::Queued {
             // The way back is never kept.
-            if self.standing.held && before.proposal.is_some() {
+            if self.standing.frozen && before.proposal.is_some() {
                 return Err(Refused::Held(before.id));
             }
             let mut live = before.clone();

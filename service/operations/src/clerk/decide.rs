@@ -89,8 +89,8 @@ impl Decide {
             _ => None,
         };
         let ledger = records.ledger(&self.robot, answered).await?;
-        let held = match self.command {
-            Command::Offer { .. } => records.site_hold().await?.held,
+        let frozen = match self.command {
+            Command::Offer { .. } => records.deployment_freeze().await?.frozen,
             _ => false,
         };
         let ids = records.next_ids().await?;
@@ -99,7 +99,7 @@ impl Decide {
             key: &self.key,
             actor: &self.actor,
             now_ns: self.now_ns,
-            held,
+            frozen,
             rear_axle_in_base_link: self.rear_axle_in_base_link,
             present: self.present,
         };

@@ -8,7 +8,7 @@ mod answers;
 mod decide;
 mod duty;
 mod history;
-mod hold;
+mod freeze;
 mod inbox;
 mod offer;
 mod policy;
@@ -16,7 +16,7 @@ mod policy;
 mod tests;
 
 pub use decide::{Decide, Decided};
-pub use hold::SetHold;
+pub use freeze::SetFreeze;
 pub use offer::Letter;
 pub use policy::SetPolicy;
 
@@ -33,7 +33,7 @@ use fleetcal_domain::budget::LossLog;
 use fleetcal_domain::robot::RobotState;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::signing::{PublicKey, SigningKey};
-use fleetcal_store::{IdempotencyKey, SiteHold, Store, StoreError};
+use fleetcal_store::{IdempotencyKey, DeploymentFreeze, Store, StoreError};
 use tokio::sync::{Mutex, Notify};
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
@@ -74,7 +74,7 @@ struct Inner {
     rules: Rules,
     key: Arc<SigningKey>,
     desks: RwLock<BTreeMap<RobotId, Arc<Desk>>>,
-    hold: RwLock<SiteHold>,
+    freeze: RwLock<DeploymentFreeze>,
     answers: Inbox,
     losses: std::sync::Mutex<LossLog>,
     /// Something is to be sent.
@@ -103,7 +103,7 @@ impl Clerk {
 
     async fn started(setup: ClerkSetup) -> Result<Self, StoreError> {
         let ledgers = setup.store.load_ledgers().await?;
-        let hold = setup.store.site_hold().await?;
+        let freeze = setup.store.deployment_freeze().await?;
         let policy = setup.store.stored_policy().await?;
         let clerk = Self {
             inner: Arc::new(Inner {
@@ -113,7 +113,7 @@ impl Clerk {
                 rules: Rules::new(setup.policy, policy),
                 key: Arc::new(setup.key),
                 desks: RwLock::default(),
-                hold: RwLock::new(hold),
+                freeze: RwLock::new(freeze),
                 answers: Inbox::default(),
                 losses: std::sync::Mutex::default(),
                 unreadable_answers: AtomicU64::new(0),
@@ -178,14 +178,14 @@ impl Clerk {
         desks.values().any(signed)
     }
 
-    /// The site-wide stop.
-    pub fn site_hold(&self) -> SiteHold {
-        let hold = self
+    /// The deployment freeze.
+    pub fn deployment_freeze(&self) -> DeploymentFreeze {
+        let freeze = self
             .inner
-            .hold
+            .freeze
             .read()
             .unwrap_or_else(PoisonError::into_inner);
-        hold.clone()
+        freeze.clone()
     }
 
     /// Robots' answers that were not stored, by reason.
@@ -284,43 +284,43 @@ impl Clerk {
         }
     }
 
-    /// Holds or releases the site-wide stop.
+    /// Begins or ends the deployment freeze.
     ///
     /// # Errors
     /// [`StoreError::Refused`] when it changed since it was looked at, or the database's failure.
-    pub async fn hold(
+    pub async fn freeze(
         &self,
-        held: bool,
+        frozen: bool,
         version: u64,
         actor: Actor,
         reason: String,
-    ) -> Result<SiteHold, StoreError> {
-        let write = SetHold {
-            held,
+    ) -> Result<DeploymentFreeze, StoreError> {
+        let write = SetFreeze {
+            frozen,
             version,
             actor,
             now_ns: self.inner.clock.now_ns(),
             reason,
         };
         let clerk = self.clone();
-        self.see_through(async move { clerk.take_hold(write).await })
+        self.see_through(async move { clerk.take_freeze(write).await })
             .await
     }
 
-    async fn take_hold(&self, write: SetHold) -> Result<SiteHold, StoreError> {
-        let hold = self.inner.store.transact(write).await?;
+    async fn take_freeze(&self, write: SetFreeze) -> Result<DeploymentFreeze, StoreError> {
+        let freeze = self.inner.store.transact(write).await?;
         let mut known = self
             .inner
-            .hold
+            .freeze
             .write()
             .unwrap_or_else(PoisonError::into_inner);
-        if known.version < hold.version {
-            *known = hold.clone();
+        if known.version < freeze.version {
+            *known = freeze.clone();
         }
         drop(known);
         self.inner.post.notify_one();
-        self.inner.fleet.announce(LiveUpdate::Hold);
-        Ok(hold)
+        self.inner.fleet.announce(LiveUpdate::Freeze);
+        Ok(freeze)
     }
 
     fn desk(&self, robot: &RobotId) -> Arc<Desk> {

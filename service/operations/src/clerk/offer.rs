@@ -31,7 +31,7 @@ impl Clerk {
             return Ok(None);
         };
         if !self.offer(robot, &ledger, generation).await? {
-            // The site-wide stop came first: the robot keeps what it was shown before.
+            // The deployment freeze came first: the robot keeps what it was shown before.
             let live = ledger.live.as_ref();
             match live.and_then(|live| live.desired_before.as_ref()) {
                 Some(before) => generation = before.generation,
@@ -68,7 +68,7 @@ impl Clerk {
         self.inner.post.notified().await;
     }
 
-    /// What waits to be sent; what the site-wide stop holds stays where it is.
+    /// What waits to be sent; what the deployment freeze holds stays where it is.
     ///
     /// # Errors
     /// The database's failure.
@@ -126,7 +126,7 @@ impl Clerk {
         decided.map(|_| ())
     }
 
-    /// Counts a document as offered; says whether the robot may see it. The site-wide stop is read
+    /// Counts a document as offered; says whether the robot may see it. The deployment freeze is read
     /// again in the transaction, since it may have come after the look that led here.
     async fn offer(
         &self,
@@ -159,7 +159,7 @@ impl Clerk {
         desired.map(|desired| desired.generation)
     }
 
-    /// Whether the site-wide stop keeps a robot's deployment back. The way back is never kept.
+    /// Whether the deployment freeze keeps a robot's deployment back. The way back is never kept.
     fn is_held(&self, ledger: &RobotLedger) -> bool {
         let keeps = |live: &Deployment| {
             live.proposal.is_some()
@@ -168,6 +168,6 @@ impl Clerk {
                     DeploymentState::Queued | DeploymentState::Offered
                 )
         };
-        self.site_hold().held && ledger.live.as_ref().is_some_and(keeps)
+        self.deployment_freeze().frozen && ledger.live.as_ref().is_some_and(keeps)
     }
 }

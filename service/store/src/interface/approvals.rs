@@ -9,7 +9,7 @@ use fleetcal_model::RobotId;
 use fleetcal_proto::calibration::Envelope;
 
 use crate::Store;
-use crate::approvals::{AuditFilter, AuditRow, ProposalFilter, SiteHold};
+use crate::approvals::{AuditFilter, AuditRow, ProposalFilter, DeploymentFreeze};
 use crate::error::StoreError;
 
 impl Store {
@@ -84,12 +84,12 @@ impl Store {
         self.shared.reader.followed(proposals).await
     }
 
-    /// The site-wide stop.
+    /// The deployment freeze.
     ///
     /// # Errors
     /// The database's failure.
-    pub async fn site_hold(&self) -> Result<SiteHold, StoreError> {
-        self.shared.reader.site_hold().await
+    pub async fn deployment_freeze(&self) -> Result<DeploymentFreeze, StoreError> {
+        self.shared.reader.deployment_freeze().await
     }
 
     /// Rows of the audit, newest first.

@@ -95,7 +95,7 @@ impl Bench {
             key: &key,
             actor,
             now_ns: self.now_ns,
-            held: false,
+            frozen: false,
             rear_axle_in_base_link: self.rear_axle,
             present: self.present,
         };

@@ -23,7 +23,7 @@ use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationDocument, C
 use fleetcal_proto::signing::{SigningKey, TrustedKeys};
 use fleetcal_store::{EventKind, EventRecord, Store, StoreError};
 
-use super::{Clerk, ClerkSetup, Decided, Letter, SetHold, SetPolicy};
+use super::{Clerk, ClerkSetup, Decided, Letter, SetFreeze, SetPolicy};
 
 const HOUR: Duration = Duration::from_hours(1);
 

@@ -1,4 +1,4 @@
-//! What people, the policy and the site-wide stop decide.
+//! What people, the policy and the deployment freeze decide.
 
 use fleetcal_domain::approval::Tolerance;
 
@@ -46,7 +46,7 @@ async fn a_decision_is_seen_through_when_nobody_waits_for_it_any_more() {
 }
 
 #[tokio::test]
-async fn the_site_wide_stop_holds_what_no_robot_has_seen() {
+async fn the_deployment_freeze_holds_what_no_robot_has_seen() {
     let office = Office::open(Policy::default()).await;
     office.approve(0.02, None).await;
     office.drive_on_trial().await;
@@ -54,7 +54,7 @@ async fn the_site_wide_stop_holds_what_no_robot_has_seen() {
     let reason = || "maintenance in hall 3".to_owned();
     office
         .clerk
-        .hold(true, 1, person("ana"), reason())
+        .freeze(true, 1, person("ana"), reason())
         .await
         .unwrap();
     office.approve(0.05, None).await;
@@ -65,14 +65,14 @@ async fn the_site_wide_stop_holds_what_no_robot_has_seen() {
     let office = office.restart().await;
     assert_eq!(office.post().await, []);
     assert_eq!(office.asked().await.unwrap().generation, 1);
-    let stale = office.clerk.hold(false, 1, person("bruno"), reason()).await;
+    let stale = office.clerk.freeze(false, 1, person("bruno"), reason()).await;
     assert!(matches!(
         stale,
         Err(StoreError::Refused(Refused::Stale { found: 2 }))
     ));
     office
         .clerk
-        .hold(false, 2, person("bruno"), reason())
+        .freeze(false, 2, person("bruno"), reason())
         .await
         .unwrap();
     assert_eq!(office.post().await.len(), 1);
@@ -84,15 +84,15 @@ async fn the_stop_counts_from_its_commit_on() {
     let office = Office::open(Policy::default()).await;
     office.approve(0.02, None).await;
     // Committed, and not yet known to those who push.
-    let stop = SetHold {
-        held: true,
+    let stop = SetFreeze {
+        frozen: true,
         version: 1,
         actor: person("ana"),
         now_ns: office.clock.now_ns(),
         reason: "maintenance in hall 3".to_owned(),
     };
     office.store.transact(stop).await.unwrap();
-    assert!(!office.clerk.site_hold().held);
+    assert!(!office.clerk.deployment_freeze().frozen);
     assert_eq!(office.post().await, []);
     assert_eq!(office.asked().await, None);
     assert_eq!(office.state(), Some(DeploymentState::Queued));
@@ -136,7 +136,7 @@ async fn the_way_back_is_not_held() {
     let reason = "maintenance in hall 3".to_owned();
     office
         .clerk
-        .hold(true, 1, person("ana"), reason)
+        .freeze(true, 1, person("ana"), reason)
         .await
         .unwrap();
     office.roll_back().await.unwrap();

@@ -1,16 +1,16 @@
-//! The site-wide stop.
+//! The deployment freeze.
 
 use async_trait::async_trait;
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::approval::may_change;
 use fleetcal_domain::audit::Action;
-use fleetcal_store::{AuditEntry, Job, Records, SiteHold, StoreError};
+use fleetcal_store::{AuditEntry, Job, Records, DeploymentFreeze, StoreError};
 
-/// A change of the site-wide stop.
+/// A change of the deployment freeze.
 #[derive(Debug, Clone)]
-pub struct SetHold {
-    /// Whether it is to be held.
-    pub held: bool,
+pub struct SetFreeze {
+    /// Whether deployments are to be frozen.
+    pub frozen: bool,
     /// The version that was looked at.
     pub version: u64,
     /// Who.
@@ -22,27 +22,27 @@ pub struct SetHold {
 }
 
 #[async_trait]
-impl Job for SetHold {
-    type Done = SiteHold;
+impl Job for SetFreeze {
+    type Done = DeploymentFreeze;
 
-    async fn run(&self, records: &mut dyn Records) -> Result<SiteHold, StoreError> {
-        let before = records.site_hold().await?;
+    async fn run(&self, records: &mut dyn Records) -> Result<DeploymentFreeze, StoreError> {
+        let before = records.deployment_freeze().await?;
         may_change(before.version, self.version, &self.reason)?;
-        let after = SiteHold {
+        let after = DeploymentFreeze {
             version: before.version + 1,
-            held: self.held,
+            frozen: self.frozen,
             by: Some(self.actor.name.clone()),
             at_ns: Some(self.now_ns),
             reason: Some(self.reason.clone()),
         };
-        records.save_site_hold(&after).await?;
+        records.save_deployment_freeze(&after).await?;
         let entry = AuditEntry {
             at_ns: self.now_ns,
             actor: self.actor.clone(),
-            action: if self.held {
-                Action::Hold
+            action: if self.frozen {
+                Action::BeginFreeze
             } else {
-                Action::Release
+                Action::EndFreeze
             },
             subject_id: "1".to_owned(),
             robot: None,
