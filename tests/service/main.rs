@@ -8,8 +8,8 @@ mod folder;
 mod hostile;
 mod openapi;
 mod rest;
+mod robot_recording;
 mod ros2;
-mod session;
 
 use std::path::PathBuf;
 use std::time::Duration;

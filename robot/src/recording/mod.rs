@@ -11,8 +11,8 @@ mod error;
 mod mcap_file;
 mod messages;
 mod recorded_message;
+mod robot_writer;
 mod scan;
-mod session_writer;
 mod storage;
 mod topics;
 mod writer;
@@ -20,7 +20,7 @@ mod writer;
 pub use error::RecordingError;
 pub use messages::Messages;
 pub use recorded_message::RecordedMessage;
-pub use session_writer::{SESSION_METADATA, SessionWriter};
+pub use robot_writer::{RECORDING_METADATA, RobotWriter};
 pub use topics::{
     AskedTopic, AskedTopics, ChosenPose, ChosenWheelOdometry, TopicError, Topics,
     choose_scan_topic, choose_topics,

@@ -91,7 +91,7 @@ struct ApiState {
     clock: SharedClock,
     link_open: watch::Receiver<bool>,
     stream: StreamHub,
-    sessions: robots::Sessions,
+    recordings: robots::Recordings,
     connections: Connections,
     ready: ReadyProbe,
     access: AccessState,
@@ -100,7 +100,7 @@ struct ApiState {
 impl ApiState {
     fn start(setup: ApiSetup) -> Self {
         Self {
-            sessions: robots::Sessions::new(setup.stop.clone()),
+            recordings: robots::Recordings::new(setup.stop.clone()),
             stream: StreamHub::start(&setup.fleet, setup.clock.clone(), setup.stop),
             fleet: setup.fleet,
             clerk: setup.clerk,

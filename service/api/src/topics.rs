@@ -42,7 +42,8 @@ pub(super) struct Topics(BTreeSet<Topic>);
 impl Topics {
     /// Reads `fleet,robot:tugger_01,alerts`.
     pub(super) fn parse(text: &str) -> Result<Self, Problem> {
-        const ACCEPTED: &str = "fleet, robot:ID, alerts, approvals and deployments, separated by commas";
+        const ACCEPTED: &str =
+            "fleet, robot:ID, alerts, approvals and deployments, separated by commas";
         let refused = || Problem::refused("topics", text, ACCEPTED);
         let mut topics = BTreeSet::new();
         for name in text.split(',') {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use fleetcal_fleet::{Intake, Taken};
 use fleetcal_model::Stream;
-use fleetcal_proto::SessionTopic;
+use fleetcal_proto::RecordingTopic;
 use fleetcal_proto::message_type::{Form, MessageType};
 use fleetcal_robot::recording::{
     Channel, ChosenPose, ChosenWheelOdometry, RecordedMessage, Topics,
@@ -66,9 +66,9 @@ impl RecordedStream {
     }
 
     /// What a session calls it.
-    pub fn session_topic(&self) -> Option<SessionTopic> {
+    pub fn recording_topic(&self) -> Option<RecordingTopic> {
         let message_type: MessageType = self.form.message_type?;
-        Some(SessionTopic {
+        Some(RecordingTopic {
             topic: self.topic.clone(),
             message_type,
             encoding: self.form.encoding,

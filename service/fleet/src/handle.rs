@@ -11,7 +11,7 @@ use fleetcal_domain::robot::{
 };
 use fleetcal_domain::streams::RobotStreams;
 use fleetcal_estimator::advice::ranking::Ranked;
-use fleetcal_estimator::calibrator::Plan;
+use fleetcal_estimator::calibrator::Plan as TopView;
 use fleetcal_estimator::{Calibrator, EstimatorSettings, Pose2};
 use fleetcal_model::Stream;
 use fleetcal_proto::RobotId;
@@ -52,9 +52,9 @@ pub enum FleetRefused {
     /// The robot has too many notes that wait.
     #[error("robot {0} has {max} notes that wait", max = limits::MAILBOX_NOTES_MAX)]
     NotesMax(RobotId),
-    /// Too many want to see the robot's plan at once.
-    #[error("{max} others wait for the plan of robot {0}", max = limits::PLAN_ASKERS_MAX)]
-    PlanAskersMax(RobotId),
+    /// Too many want to see the robot's top view at once.
+    #[error("{max} others wait for the top view of robot {0}", max = limits::TOP_VIEW_ASKERS_MAX)]
+    TopViewAskersMax(RobotId),
 }
 
 /// What a fleet begins with.
@@ -255,19 +255,19 @@ impl FleetHandle {
         robot.map_or_else(|| Arc::from([]), |robot| robot.manoeuvres())
     }
 
-    /// The robot seen from above, asked of its task, which draws it up for nobody else; `None` while
+    /// The robot from above, asked of its task, which draws it up for nobody else; `None` while
     /// nothing is known.
     ///
     /// # Errors
     /// When the robot is unknown, or too many ask at once.
-    pub async fn plan(&self, id: &RobotId) -> Result<Option<Arc<Plan>>, FleetRefused> {
+    pub async fn top_view(&self, id: &RobotId) -> Result<Option<Arc<TopView>>, FleetRefused> {
         let unknown = || FleetRefused::UnknownRobot(id.clone());
         let robot = self.fleet.find(id.as_str()).ok_or_else(unknown)?;
         if !robot.is_configured() {
             return Ok(None);
         }
-        let busy = || FleetRefused::PlanAskersMax(id.clone());
-        let answer = robot.plan_askers.ask().ok_or_else(busy)?;
+        let busy = || FleetRefused::TopViewAskersMax(id.clone());
+        let answer = robot.top_view_askers.ask().ok_or_else(busy)?;
         robot.mailbox.wake();
         tokio::select! {
             answer = answer => Ok(answer.ok().flatten()),

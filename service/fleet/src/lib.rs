@@ -11,7 +11,6 @@ mod intake;
 pub mod live;
 mod mailbox;
 mod pairing;
-mod plan;
 mod pose;
 mod reading;
 mod registry;
@@ -21,6 +20,7 @@ mod tap;
 mod task;
 #[cfg(test)]
 mod tests;
+mod top_view;
 mod trial;
 mod watch;
 pub mod words;

@@ -21,8 +21,8 @@ use fleetcal_proto::estimate::EstimateDocument;
 
 use crate::cross_track::{CrossTracks, UsedValues};
 use crate::mailbox::Mailbox;
-use crate::plan::PlanAskers;
 use crate::tap::Taps;
+use crate::top_view::TopViewAskers;
 
 /// Seconds over which a stream's rate is taken.
 const RATE_WINDOW_S: usize = 5;
@@ -154,7 +154,7 @@ pub struct Robot {
     /// What waits for its task.
     pub mailbox: Mailbox,
     /// Those who want to see it from above.
-    pub plan_askers: PlanAskers,
+    pub top_view_askers: TopViewAskers,
     /// Those who record it.
     pub taps: Taps,
     link: Mutex<Link>,
@@ -179,7 +179,7 @@ impl Robot {
         Self {
             id,
             mailbox: Mailbox::default(),
-            plan_askers: PlanAskers::default(),
+            top_view_askers: TopViewAskers::default(),
             taps: Taps::default(),
             link: Mutex::new(Link {
                 streams: Default::default(),

@@ -7,17 +7,18 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use fleetcal_domain::limits::{
-    ADVICE_EVERY_S, CHECKPOINT_EVERY_S, ESTIMATOR_RESTARTS_MAX, NOTES_PER_HOUR_MAX, PLAN_EVERY_S,
+    ADVICE_EVERY_S, CHECKPOINT_EVERY_S, ESTIMATOR_RESTARTS_MAX, NOTES_PER_HOUR_MAX,
+    TOP_VIEW_EVERY_S,
 };
 use fleetcal_domain::robot::{
     HistoryEvent, Mount, RobotConfig, RobotState, ServiceEvent, ServiceEventKind, Warning,
     WheelOdometrySignal,
 };
-use fleetcal_estimator::calibrator::{CalibratorConfig, Plan};
+use fleetcal_estimator::calibrator::{CalibratorConfig, Plan as TopView};
 use fleetcal_estimator::lidar_odometry::BeamTimes;
 use fleetcal_estimator::{Calibrator, Checkpoint, Effect, Event, Stamp};
 use fleetcal_model::{ChangeKind, Parameter, ParameterStatus, Stream};
-use fleetcal_proto::SessionTopic;
+use fleetcal_proto::RecordingTopic;
 use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_proto::message_type::Form;
 use serde::{Deserialize, Serialize};
@@ -28,13 +29,13 @@ use crate::document;
 use crate::intake::Intake;
 use crate::live::LiveUpdate;
 use crate::mailbox::{Item, Message, Outcome};
-use crate::plan;
 use crate::pose::LatestPose;
 use crate::reading::ReadingSettings;
 use crate::registry::Fleet;
 use crate::robot::Robot;
 use crate::senders::Senders;
 use crate::tap::Tapped;
+use crate::top_view;
 use crate::trial::Trial;
 
 /// The parameters that have to be known for a robot to be called calibrated.
@@ -62,7 +63,7 @@ pub async fn run(fleet: Arc<Fleet>, robot: Arc<Robot>, stored: Option<String>) {
     loop {
         while let Some(item) = task.robot.mailbox.take() {
             task.take(item);
-            task.answer_plan_askers();
+            task.answer_top_view_askers();
             // A scan takes a millisecond: let the API and the other robots have theirs.
             tokio::task::yield_now().await;
         }
@@ -74,10 +75,10 @@ pub async fn run(fleet: Arc<Fleet>, robot: Arc<Robot>, stored: Option<String>) {
             () = task.fleet.stop.cancelled() => {}
         }
         task.follow_config();
-        task.answer_plan_askers();
+        task.answer_top_view_askers();
     }
     task.save_checkpoint();
-    drop(task.robot.plan_askers.take());
+    drop(task.robot.top_view_askers.take());
 }
 
 /// What the estimator is doing.
@@ -112,8 +113,8 @@ struct RobotTask {
     newest: Stamp,
     /// The last pose of the rear axle that was handed to those who record.
     tapped_pose: LatestPose,
-    /// The plan that was asked for last, and the newest message then.
-    plan: Option<(Stamp, Arc<Plan>)>,
+    /// The top view that was asked for last, and the newest message then.
+    top_view: Option<(Stamp, Arc<TopView>)>,
     /// Whether a change was seen and the new values are not known yet.
     changed: bool,
     /// What proves the values that the robot has begun to use.
@@ -155,7 +156,7 @@ impl RobotTask {
             advised: None,
             newest: Stamp(0),
             tapped_pose: LatestPose::default(),
-            plan: None,
+            top_view: None,
             changed: false,
             trial: None,
         };
@@ -229,7 +230,7 @@ impl RobotTask {
             return Outcome::Refused("two senders use the robot's id".to_owned());
         }
         self.robot.taps.offer(|| {
-            let topic = self.session_topic(*stream, *form)?;
+            let topic = self.recording_topic(*stream, *form)?;
             Some(Tapped::Message {
                 stamp: taken.stamp,
                 topic,
@@ -273,9 +274,9 @@ impl RobotTask {
     }
 
     /// What a session calls a stream; `None` of what is no ROS 2 message.
-    fn session_topic(&self, stream: Stream, form: Form) -> Option<SessionTopic> {
+    fn recording_topic(&self, stream: Stream, form: Form) -> Option<RecordingTopic> {
         let name = self.intake.topic(stream).unwrap_or(stream.name());
-        Some(SessionTopic {
+        Some(RecordingTopic {
             topic: format!("/{}/{name}", self.robot.id),
             message_type: self.intake.message_type(stream, form)?,
             encoding: form.encoding,
@@ -326,38 +327,38 @@ impl RobotTask {
         }
     }
 
-    /// Draws up the robot's plan for those who have asked.
-    fn answer_plan_askers(&mut self) {
-        let askers = self.robot.plan_askers.take();
+    /// Draws up the robot's top view for those who have asked.
+    fn answer_top_view_askers(&mut self) {
+        let askers = self.robot.top_view_askers.take();
         if askers.is_empty() {
             return;
         }
-        let plan = self.plan_now();
+        let view = self.top_view_now();
         for asker in askers {
             // Whoever has gone meanwhile is no matter.
-            drop(asker.send(plan.clone()));
+            drop(asker.send(view.clone()));
         }
     }
 
-    fn plan_now(&mut self) -> plan::Answer {
+    fn top_view_now(&mut self) -> top_view::Answer {
         let newest = self.newest;
-        let is_recent = |at: Stamp| newest.seconds_since(at).abs() < PLAN_EVERY_S;
-        if let Some((at, plan)) = &self.plan
+        let is_recent = |at: Stamp| newest.seconds_since(at).abs() < TOP_VIEW_EVERY_S;
+        if let Some((at, view)) = &self.top_view
             && is_recent(*at)
         {
-            return Some(Arc::clone(plan));
+            return Some(Arc::clone(view));
         }
         let Engine::Running(calibrator) = &self.engine else {
             return None;
         };
-        let drawn = catch_unwind(AssertUnwindSafe(|| calibrator.plan(&plan::LIMITS)));
-        let plan = drawn.unwrap_or_else(|_| {
+        let drawn = catch_unwind(AssertUnwindSafe(|| calibrator.plan(&top_view::LIMITS)));
+        let view = drawn.unwrap_or_else(|_| {
             self.fleet.count_panic();
-            tracing::error!(robot.id = %self.robot.id, "the plan could not be drawn up");
+            tracing::error!(robot.id = %self.robot.id, "the top view could not be drawn up");
             None
         });
-        self.plan = plan.map(|plan| (newest, Arc::new(plan)));
-        self.plan.as_ref().map(|(_, plan)| Arc::clone(plan))
+        self.top_view = view.map(|view| (newest, Arc::new(view)));
+        self.top_view.as_ref().map(|(_, view)| Arc::clone(view))
     }
 
     fn warn(&self) {
@@ -518,7 +519,7 @@ impl RobotTask {
             .and_then(|checkpoint| Calibrator::restore(self.config.clone(), &checkpoint).ok());
         let calibrator = restored.unwrap_or_else(|| Calibrator::new(self.config.clone()));
         self.engine = Engine::Running(Box::new(calibrator));
-        self.plan = None;
+        self.top_view = None;
     }
 
     fn record_service_event(&mut self, kind: ServiceEventKind, stamp: Stamp, note: String) {

@@ -4,7 +4,7 @@
 //! `fleetcal-domain`, and saves, in one transaction. [`accounts`] and [`robots`] have those that
 //! people ask for alone. [`clerk`] takes decisions to the store, one at a time for each robot, and does each second what
 //! is due; [`sentry`] holds every robot against the rules for alerts; [`courier`] sends webhooks;
-//! [`session_export`] writes a robot's session as MCAP. What they decide by is pure and stands in
+//! [`recording_export`] writes a recording of a robot as MCAP. What they decide by is pure and stands in
 //! `fleetcal-domain`. [`entropy`] is where randomness enters.
 
 pub mod accounts;
@@ -12,9 +12,9 @@ mod answers;
 pub mod clerk;
 pub mod courier;
 pub mod entropy;
+pub mod recording_export;
 pub mod robots;
 pub mod sentry;
-pub mod session_export;
 #[cfg(test)]
 mod testing;
 

@@ -265,7 +265,7 @@ impl From<FleetRefused> for Problem {
             FleetRefused::NoteTooLong(_) => {
                 Self::new(StatusCode::BAD_REQUEST, "value_refused", detail).of_field("note")
             }
-            FleetRefused::NotesMax(_) | FleetRefused::PlanAskersMax(_) => {
+            FleetRefused::NotesMax(_) | FleetRefused::TopViewAskersMax(_) => {
                 Self::new(StatusCode::SERVICE_UNAVAILABLE, "robot_busy", detail)
             }
         }

@@ -45,7 +45,10 @@ impl ApprovalRecords for SqliteRecords<'_> {
         records::deployment_freeze(&mut *self.connection).await
     }
 
-    async fn save_deployment_freeze(&mut self, freeze: &DeploymentFreeze) -> Result<(), StoreError> {
+    async fn save_deployment_freeze(
+        &mut self,
+        freeze: &DeploymentFreeze,
+    ) -> Result<(), StoreError> {
         sqlx::query("UPDATE site SET version = ?1, held = ?2, by = ?3, at_ns = ?4, reason = ?5")
             .bind(freeze.version as i64)
             .bind(freeze.frozen)

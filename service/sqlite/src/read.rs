@@ -14,8 +14,8 @@ use fleetcal_proto::calibration::Envelope;
 use fleetcal_store::backend::{Cell, Reader, Stretch, Tier};
 use fleetcal_store::{
     AlertFilter, AlertMoment, AuditFilter, AuditRow, CheckpointRecord, CrossTrackRecord,
-    CurrentRecord, DueDelivery, EventRecord, ProposalFilter, RobotRecord, DeploymentFreeze, StoreError,
-    StoredPolicy,
+    CurrentRecord, DeploymentFreeze, DueDelivery, EventRecord, ProposalFilter, RobotRecord,
+    StoreError, StoredPolicy,
 };
 use sqlx::AssertSqlSafe;
 use sqlx::sqlite::{SqlitePool, SqliteRow};

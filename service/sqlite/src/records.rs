@@ -7,7 +7,7 @@ use fleetcal_domain::approval::{
 };
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
-use fleetcal_store::{AuditFilter, AuditRow, ProposalFilter, DeploymentFreeze, StoreError};
+use fleetcal_store::{AuditFilter, AuditRow, DeploymentFreeze, ProposalFilter, StoreError};
 use serde::de::DeserializeOwned;
 use sqlx::sqlite::{SqlitePool, SqliteRow};
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteExecutor};
@@ -195,7 +195,9 @@ pub(super) async fn followed(
 }
 
 /// The deployment freeze.
-pub(super) async fn deployment_freeze(executor: impl SqliteExecutor<'_>) -> Result<DeploymentFreeze, StoreError> {
+pub(super) async fn deployment_freeze(
+    executor: impl SqliteExecutor<'_>,
+) -> Result<DeploymentFreeze, StoreError> {
     let row = sqlx::query("SELECT version, held, by, at_ns, reason FROM site")
         .fetch_one(executor)
         .await

@@ -16,7 +16,7 @@ use fleetcal_proto::calibration::Envelope;
 
 use super::accounts::{SessionRecord, TokenRecord, UserRecord};
 use super::alerts::{AlertFilter, AlertMoment};
-use super::approvals::{AuditFilter, AuditRow, ProposalFilter, DeploymentFreeze};
+use super::approvals::{AuditFilter, AuditRow, DeploymentFreeze, ProposalFilter};
 use super::error::StoreError;
 use super::policy::StoredPolicy;
 use super::record::{CheckpointRecord, CrossTrackRecord, CurrentRecord, EventRecord, RobotRecord};

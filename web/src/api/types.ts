@@ -51,7 +51,7 @@ export type DeploymentPage = Schemas['DeploymentPage'];
 export type DeploymentState = Schemas['DeploymentState'];
 export type CrossTrackErrors = Schemas['CrossTrackErrors'];
 export type Manoeuvres = Schemas['Manoeuvres'];
-export type Plan = Schemas['Plan'];
+export type TopView = Schemas['TopView'];
 export type CrossTrackItem = Schemas['CrossTrackItem'];
 
 export type LiveEvent = Schemas['LiveEvent'];

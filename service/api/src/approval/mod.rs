@@ -4,10 +4,10 @@ mod audit;
 mod calibration;
 mod deployments;
 mod document;
+mod freeze;
 mod policy;
 mod proposals;
 mod several;
-mod freeze;
 
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;

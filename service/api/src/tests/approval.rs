@@ -194,7 +194,13 @@ async fn the_deployment_freeze_keeps_robots_from_what_they_have_not_seen() {
     let freeze = async |frozen: bool, tag: &str| {
         let body = json!({ "frozen": frozen, "reason": "crane works" }).to_string();
         bench
-            .write(&ana, "PUT", "/api/v1/deployments/freeze", &[("if-match", tag)], body)
+            .write(
+                &ana,
+                "PUT",
+                "/api/v1/deployments/freeze",
+                &[("if-match", tag)],
+                body,
+            )
             .await
     };
     assert_eq!(freeze(true, "\"1\"").await.told(), "200");

@@ -6,10 +6,10 @@ mod approval;
 mod description;
 mod permission;
 mod policy;
+mod recording;
 mod robots;
 mod server;
 mod service;
-mod session;
 mod stream;
 
 use std::collections::BTreeMap;

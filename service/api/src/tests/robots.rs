@@ -147,9 +147,9 @@ fn straight_on(bench: &Bench, step: u32) {
 }
 
 #[tokio::test]
-async fn a_plan_is_drawn_up_for_whoever_asks() {
+async fn a_top_view_is_drawn_up_for_all_who_ask() {
     let bench = bench(&["a"]).await;
-    let path = "/api/v1/robots/a/plan";
+    let path = "/api/v1/robots/a/top-view";
     assert_eq!(bench.get(path).await.body, "null");
     for step in 0..100 {
         straight_on(&bench, step);
@@ -160,23 +160,23 @@ async fn a_plan_is_drawn_up_for_whoever_asks() {
         }
     }
     // Half a second waits in the merger; nothing can be guessed from a straight way.
-    let plan = bench.get(path).await.json();
-    assert!(plan["lidar"]["x_m"].as_f64().unwrap() > 1.2, "{plan}");
+    let view = bench.get(path).await.json();
+    assert!(view["lidar"]["x_m"].as_f64().unwrap() > 1.2, "{view}");
     assert_eq!(
-        plan["stamp_ns"].as_i64().unwrap() / 1_000_000_000,
+        view["stamp_ns"].as_i64().unwrap() / 1_000_000_000,
         1_760_000_001
     );
-    assert_eq!(plan["lidar_in_base"], Value::Null);
+    assert_eq!(view["lidar_in_base"], Value::Null);
     for empty in ["returns_m", "surfaces_m", "trajectory"] {
-        assert_eq!(plan[empty], json!([]), "{empty}");
+        assert_eq!(view[empty], json!([]), "{empty}");
     }
     // Everybody at once gets the same, and nobody is left waiting.
     let all = futures::future::join_all((0..20).map(|_| bench.get(path))).await;
-    assert!(all.iter().all(|answer| answer.json() == plan));
-    assert_snapshot!(bench.get("/api/v1/robots/b/plan").await.told(), @"404 robot_unknown: no robot b is known");
+    assert!(all.iter().all(|answer| answer.json() == view));
+    assert_snapshot!(bench.get("/api/v1/robots/b/top-view").await.told(), @"404 robot_unknown: no robot b is known");
     assert_snapshot!(bench.get(&format!("{path}?x=1")).await.told(), @"400 query_refused [x]: the query: unknown field `x`, there are no fields");
     bench.fleet.stop().await;
-    assert_eq!(bench.fleet.plan(&robot("a")).await, Ok(None));
+    assert_eq!(bench.fleet.top_view(&robot("a")).await, Ok(None));
 }
 
 #[tokio::test]

@@ -4,7 +4,7 @@ use async_trait::async_trait;
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::approval::may_change;
 use fleetcal_domain::audit::Action;
-use fleetcal_store::{AuditEntry, Job, Records, DeploymentFreeze, StoreError};
+use fleetcal_store::{AuditEntry, DeploymentFreeze, Job, Records, StoreError};
 
 /// A change of the deployment freeze.
 #[derive(Debug, Clone)]

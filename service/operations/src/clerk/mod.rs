@@ -7,8 +7,8 @@
 mod answers;
 mod decide;
 mod duty;
-mod history;
 mod freeze;
+mod history;
 mod inbox;
 mod offer;
 mod policy;
@@ -33,7 +33,7 @@ use fleetcal_domain::budget::LossLog;
 use fleetcal_domain::robot::RobotState;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::signing::{PublicKey, SigningKey};
-use fleetcal_store::{IdempotencyKey, DeploymentFreeze, Store, StoreError};
+use fleetcal_store::{DeploymentFreeze, IdempotencyKey, Store, StoreError};
 use tokio::sync::{Mutex, Notify};
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;

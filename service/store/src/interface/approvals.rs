@@ -9,7 +9,7 @@ use fleetcal_model::RobotId;
 use fleetcal_proto::calibration::Envelope;
 
 use crate::Store;
-use crate::approvals::{AuditFilter, AuditRow, ProposalFilter, DeploymentFreeze};
+use crate::approvals::{AuditFilter, AuditRow, DeploymentFreeze, ProposalFilter};
 use crate::error::StoreError;
 
 impl Store {

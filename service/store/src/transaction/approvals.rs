@@ -31,7 +31,8 @@ pub trait ApprovalRecords {
     async fn deployment_freeze(&mut self) -> Result<DeploymentFreeze, StoreError>;
 
     /// Keeps the deployment freeze.
-    async fn save_deployment_freeze(&mut self, freeze: &DeploymentFreeze) -> Result<(), StoreError>;
+    async fn save_deployment_freeze(&mut self, freeze: &DeploymentFreeze)
+    -> Result<(), StoreError>;
 
     /// The policy that was set.
     async fn stored_policy(&mut self) -> Result<StoredPolicy, StoreError>;

@@ -65,7 +65,10 @@ async fn the_deployment_freeze_holds_what_no_robot_has_seen() {
     let office = office.restart().await;
     assert_eq!(office.post().await, []);
     assert_eq!(office.asked().await.unwrap().generation, 1);
-    let stale = office.clerk.freeze(false, 1, person("bruno"), reason()).await;
+    let stale = office
+        .clerk
+        .freeze(false, 1, person("bruno"), reason())
+        .await;
     assert!(matches!(
         stale,
         Err(StoreError::Refused(Refused::Stale { found: 2 }))

@@ -1,4 +1,4 @@
-//! `GET /robots/{id}/session`: a robot's session as it drives, as MCAP for Foxglove.
+//! `GET /robots/{id}/recording`: a recording of a robot as it drives, as MCAP for Foxglove.
 
 use std::io;
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use fleetcal_domain::limits;
 use fleetcal_http::WritePatience;
-use fleetcal_operations::session_export::live::{self, LiveError, Patience};
+use fleetcal_operations::recording_export::live::{self, LiveError, Patience};
 use fleetcal_proto::RobotId;
 use futures::{Stream, StreamExt, stream};
 use serde::Deserialize;
@@ -23,18 +23,18 @@ use crate::access::{Caller, permission_ended};
 use crate::extract::{Parameters, RobotPath, number_within};
 use crate::problem::Problem;
 
-/// What recordings of sessions share.
+/// What recordings share.
 #[derive(Debug, Clone)]
-pub(crate) struct Sessions {
+pub(crate) struct Recordings {
     places: Arc<Semaphore>,
     /// Ends them all.
     stop: CancellationToken,
 }
 
-impl Sessions {
+impl Recordings {
     /// Of a service that runs until `stop`.
     pub(crate) fn new(stop: CancellationToken) -> Self {
-        let places = Arc::new(Semaphore::new(limits::SESSIONS_MAX));
+        let places = Arc::new(Semaphore::new(limits::RECORDINGS_MAX));
         Self { places, stop }
     }
 }
@@ -42,7 +42,7 @@ impl Sessions {
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
 #[into_params(parameter_in = Query)]
 #[serde(deny_unknown_fields)]
-pub(super) struct SessionParameters {
+pub(super) struct RecordingParameters {
     /// How long it is recorded, s, 1 to 3600; 60 unless given.
     #[param(value_type = Option<u32>)]
     duration_s: Option<String>,
@@ -52,9 +52,9 @@ pub(super) struct SessionParameters {
 #[derive(utoipa::ToSchema)]
 #[schema(value_type = String, format = Binary)]
 #[expect(dead_code, reason = "it is described, and written piece by piece")]
-pub(super) struct SessionFile(Vec<u8>);
+pub(super) struct RecordingFile(Vec<u8>);
 
-/// Records a robot's session from now on and gives it as it is written: an MCAP file that Foxglove
+/// Records a robot from now on and gives it as it is written: an MCAP file that Foxglove
 /// opens, with the robot's own messages, `/tf`, `/{robot}/estimate` and `/{robot}/events`, all logged
 /// by the robot's clock. It is whole after `duration_s`, when it has 1 GiB, or when the permission
 /// ends, for whoever takes the rest within 30 s; and at the service's end for whoever does within 2 s.
@@ -63,43 +63,43 @@ pub(super) struct SessionFile(Vec<u8>);
 /// `fleetcal.session` say how much.
 #[utoipa::path(
     get,
-    path = "/robots/{id}/session",
+    path = "/robots/{id}/recording",
     tag = "robots",
-    params(("id" = RobotId, Path, description = "The robot."), SessionParameters),
+    params(("id" = RobotId, Path, description = "The robot."), RecordingParameters),
     responses(
-        (status = OK, description = "The recording", body = inline(SessionFile),
+        (status = OK, description = "The recording", body = inline(RecordingFile),
             content_type = "application/octet-stream"),
         (status = NOT_FOUND, description = "The robot is unknown"),
         (status = CONFLICT, description = "The robot is not registered"),
         (status = SERVICE_UNAVAILABLE,
-            description = "Too many sessions are being recorded, or the request took too long"),
+            description = "Too many recordings are made at once, or the request took too long"),
     )
 )]
-pub(super) async fn record_session(
+pub(super) async fn get_recording(
     State(api): State<ApiState>,
     RobotPath(id): RobotPath,
-    Parameters(query): Parameters<SessionParameters>,
+    Parameters(query): Parameters<RecordingParameters>,
     caller: Caller,
 ) -> Result<Response, Problem> {
     let seconds = number_within(
         "duration_s",
         query.duration_s.as_deref(),
-        1..=limits::SESSION_DURATION_MAX_S,
-        limits::SESSION_DURATION_DEFAULT_S,
+        1..=limits::RECORDING_DURATION_MAX_S,
+        limits::RECORDING_DURATION_DEFAULT_S,
     )?;
-    let places = Arc::clone(&api.sessions.places);
+    let places = Arc::clone(&api.recordings.places);
     let place = places.try_acquire_owned().map_err(|_| {
         let detail = format!(
-            "{} sessions are recorded already, which is the limit",
-            limits::SESSIONS_MAX
+            "{} recordings are made already, which is the limit",
+            limits::RECORDINGS_MAX
         );
-        Problem::new(StatusCode::SERVICE_UNAVAILABLE, "sessions_full", detail)
+        Problem::new(StatusCode::SERVICE_UNAVAILABLE, "recordings_full", detail)
     })?;
     let tap = api.fleet.tap(&id)?;
-    let (pieces, receiver) = mpsc::channel(limits::SESSION_PIECES_WAITING_MAX);
+    let (pieces, receiver) = mpsc::channel(limits::RECORDING_PIECES_WAITING_MAX);
     let (ended, outcome) = oneshot::channel();
     let file = HeaderValue::try_from(format!("attachment; filename=\"{id}.mcap\""));
-    let stop = api.sessions.stop.clone();
+    let stop = api.recordings.stop.clone();
     tokio::spawn(async move {
         let end = async {
             tokio::select! {
@@ -110,14 +110,14 @@ pub(super) async fn record_session(
         };
         let outcome = live::record(id.clone(), tap, pieces, Patience::default(), end).await;
         if let Err(error) = &outcome {
-            tracing::warn!(robot.id = %id, %error, "a session's recording was broken off");
+            tracing::warn!(robot.id = %id, %error, "a recording was broken off");
         }
         drop(place);
         // Whoever fetched it may have gone.
         drop(ended.send(outcome));
     });
     let mut response = Body::from_stream(file_of(receiver, outcome)).into_response();
-    let patience = WritePatience(limits::SESSION_STALLED_AFTER);
+    let patience = WritePatience(limits::RECORDING_STALLED_AFTER);
     response.extensions_mut().insert(patience);
     let headers = response.headers_mut();
     let bytes = HeaderValue::from_static("application/octet-stream");

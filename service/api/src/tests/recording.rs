@@ -1,4 +1,4 @@
-//! A robot's session as it is recorded.
+//! A recording of a robot as it drives.
 
 use std::time::Duration;
 
@@ -11,7 +11,7 @@ use fleetcal_robot::recording::Recording;
 use super::access::signed_in;
 use super::*;
 
-const URI: &str = "/api/v1/robots/a/session";
+const URI: &str = "/api/v1/robots//recording";
 
 fn drive(stamp_s: i64) -> Vec<u8> {
     let message = serde_json::json!({
@@ -82,18 +82,18 @@ async fn what_came_is_in_the_file_which_ends_with_the_service() {
 }
 
 #[tokio::test]
-async fn sessions_are_limited_and_make_room_when_their_readers_go() {
+async fn recordings_are_limited_and_make_room_when_their_readers_go() {
     let bench = bench(&["a"]).await;
-    let mut sessions = Vec::new();
-    for _ in 0..limits::SESSIONS_MAX {
-        sessions.push(bench.begin(URI, &[]).await);
+    let mut recordings = Vec::new();
+    for _ in 0..limits::RECORDINGS_MAX {
+        recordings.push(bench.begin(URI, &[]).await);
     }
     let told = bench.get(URI).await.told();
     assert_eq!(
         told,
-        "503 sessions_full: 8 sessions are recorded already, which is the limit"
+        "503 recordings_full: 8 recordings are made already, which is the limit"
     );
-    drop(sessions);
+    drop(recordings);
     let is_full = async || {
         let request = bench.request("GET", URI, &[], "");
         let response = bench.routes.clone().oneshot(request).await.unwrap();
@@ -125,9 +125,9 @@ async fn a_recording_ends_when_its_operator_is_made_a_viewer() {
 }
 
 #[tokio::test]
-async fn a_robot_without_an_estimator_has_no_session() {
+async fn a_robot_without_an_estimator_has_no_recording() {
     let bench = bench(&["a"]).await;
-    let told = bench.get("/api/v1/robots/b/session").await.told();
+    let told = bench.get("/api/v1/robots//recording").await.told();
     assert!(told.starts_with("404 robot_unknown"), "{told}");
     let payload = drive(1_000);
     bench.fleet.receive(
@@ -137,7 +137,7 @@ async fn a_robot_without_an_estimator_has_no_session() {
         payload.len(),
         || payload,
     );
-    let told = bench.get("/api/v1/robots/b/session").await.told();
+    let told = bench.get("/api/v1/robots//recording").await.told();
     assert!(told.starts_with("409 robot_unregistered"), "{told}");
     for query in ["duration_s=0", "duration_s=3601", "duration_s=x"] {
         let told = bench.get(&format!("{URI}?{query}")).await.told();

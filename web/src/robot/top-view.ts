@@ -1,6 +1,6 @@
 /** The geometry of a robot's top view: from metres to a drawing, to words and to a file. */
 
-import type { Plan } from '../api/types';
+import type { TopView } from '../api/types';
 import { fixed } from '../units/format';
 
 export type Point = readonly number[];
@@ -44,13 +44,13 @@ export function line(view: View, points: readonly Point[]): string {
 }
 
 /** A point of the frame `b` in the frame `a`, by the pose of `b` in `a`. */
-export function onto({ x_m, y_m, yaw_rad }: Plan['lidar'], [x = 0, y = 0]: Point): Point {
+export function onto({ x_m, y_m, yaw_rad }: TopView['lidar'], [x = 0, y = 0]: Point): Point {
   const [sin, cos] = [Math.sin(yaw_rad), Math.cos(yaw_rad)];
   return [x_m + cos * x - sin * y, y_m + sin * x + cos * y];
 }
 
 /** The outline of the vehicle with a nose that shows ahead; null while the mount is not known. */
-export function vehicle({ lidar, lidar_in_base }: Plan, wheelbase_m: number): Point[] | null {
+export function vehicle({ lidar, lidar_in_base }: TopView, wheelbase_m: number): Point[] | null {
   if (!lidar_in_base) return null;
   // From the vehicle to the LiDAR and back again: `base_in_odom = lidar_in_odom * base_in_lidar`.
   const { x_m, y_m, yaw_rad } = lidar_in_base;
@@ -81,7 +81,7 @@ export function scaleBar({ px_per_m }: View, most_px: number): number {
 const apart = ([ax = 0, ay = 0]: Point, [bx = 0, by = 0]: Point) => Math.hypot(ax - bx, ay - by);
 
 /** How far the two steerings end from where the LiDAR says, m; null without trajectories. */
-export function ends({ trajectory }: Plan): { raw_m: number; corrected_m: number } | null {
+export function ends({ trajectory }: TopView): { raw_m: number; corrected_m: number } | null {
   const last = trajectory.at(-1);
   if (!last || trajectory.length < 2) return null;
   return {
@@ -101,7 +101,7 @@ export interface Row {
 }
 
 /** The trajectories, the newest point first. */
-export function rows({ trajectory }: Plan): Row[] {
+export function rows({ trajectory }: TopView): Row[] {
   const newest_ns = trajectory.at(-1)?.stamp_ns ?? 0;
   return trajectory.toReversed().map((point) => ({
     before_s: (newest_ns - point.stamp_ns) / 1e9,
@@ -113,33 +113,33 @@ export function rows({ trajectory }: Plan): Row[] {
 }
 
 /** What the drawing shows, in a sentence. */
-export function inWords(plan: Plan): string {
-  const off = ends(plan);
+export function inWords(view: TopView): string {
+  const off = ends(view);
   if (!off) return 'Trajectories follow once a first calibration is found.';
   const metres = (m: number) => `${fixed(m, 2)} m`;
   return (
-    `Over the last ${fixed(plan.distance_m, 0)} m, raw steering ends ${metres(off.raw_m)} ` +
+    `Over the last ${fixed(view.distance_m, 0)} m, raw steering ends ${metres(off.raw_m)} ` +
     `from where the LiDAR says, corrected steering ${metres(off.corrected_m)}.`
   );
 }
 
 /** All that is drawn, as a CSV file: what it is, its time where it has one, x and y. */
-export function planCsv(plan: Plan): string {
+export function topViewCsv(view: TopView): string {
   const time = (stamp_ns: number) => new Date(stamp_ns / 1e6).toISOString();
   const still = (what: string, points: readonly Point[]) =>
     points.map(([x = 0, y = 0]) => [what, '', x, y]);
   const moving = (
     what: string,
     key: 'by_lidar_m' | 'by_raw_steering_m' | 'by_corrected_steering_m',
-  ) => plan.trajectory.map((point) => [what, time(point.stamp_ns), ...point[key]]);
+  ) => view.trajectory.map((point) => [what, time(point.stamp_ns), ...point[key]]);
   const all = [
     ['what', 'time_utc', 'x_m', 'y_m'],
-    ['lidar', time(plan.stamp_ns), plan.lidar.x_m, plan.lidar.y_m],
+    ['lidar', time(view.stamp_ns), view.lidar.x_m, view.lidar.y_m],
     ...moving('rear_axle_by_lidar', 'by_lidar_m'),
     ...moving('rear_axle_by_raw_steering', 'by_raw_steering_m'),
     ...moving('rear_axle_by_corrected_steering', 'by_corrected_steering_m'),
-    ...still('return', plan.returns_m),
-    ...still('surface', plan.surfaces_m),
+    ...still('return', view.returns_m),
+    ...still('surface', view.surfaces_m),
   ];
   return all.map((row) => row.join(',')).join('\r\n') + '\r\n';
 }

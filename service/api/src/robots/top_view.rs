@@ -1,8 +1,8 @@
-//! `GET /robots/{id}/plan`: a robot seen from above.
+//! `GET /robots/{id}/top-view`: a robot from above.
 
 use axum::Json;
 use axum::extract::State;
-use fleetcal_estimator::calibrator::{Plan, TrajectoryPoint};
+use fleetcal_estimator::calibrator::{Plan as TopView, TrajectoryPoint};
 use fleetcal_model::Pose2;
 use fleetcal_proto::RobotId;
 use serde::Serialize;
@@ -11,18 +11,18 @@ use crate::ApiState;
 use crate::extract::{NoParameters, Parameters, RobotPath};
 use crate::problem::Problem;
 
-/// A robot seen from above: its latest sweep on the local map, and how it came here by what the
+/// A robot from above: its latest sweep on the local map, and how it came here by what the
 /// LiDAR says and by what raw and corrected steering say. All in the LiDAR's odometry frame.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
-#[schema(as = Plan)]
-pub(super) struct PlanDocument {
+#[schema(as = TopView)]
+pub(super) struct TopViewDocument {
     /// Time of the latest sweep or pose, ns since 1970 by the robot's clock.
     stamp_ns: i64,
     /// The LiDAR's pose then.
-    lidar: PlanPose,
+    lidar: TopViewPose,
     /// Where the LiDAR sits on the vehicle, as estimated: its pose from the rear axle's centre;
     /// null before the first guess.
-    lidar_in_base: Option<PlanPose>,
+    lidar_in_base: Option<TopViewPose>,
     /// Whether the sweep fits nowhere on the map: its pose is a guess.
     lost: bool,
     /// Returns of the latest sweep, corrected for the motion within it: x and y, m. Empty for a
@@ -33,14 +33,14 @@ pub(super) struct PlanDocument {
     surfaces_m: Vec<[f64; 2]>,
     /// How the rear axle came here, oldest first: the last 20 m, or as far back as a stretch without
     /// a gap goes. Empty before the first guess.
-    trajectory: Vec<PlanPoint>,
+    trajectory: Vec<TopViewPoint>,
     /// Length of the trajectory, m by the wheels.
     distance_m: f64,
 }
 
 /// A pose in the plane.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
-struct PlanPose {
+struct TopViewPose {
     /// x, m.
     x_m: f64,
     /// y, m.
@@ -52,7 +52,7 @@ struct PlanPose {
 /// Where the rear axle's centre was at one time: x and y, m. The two steerings begin where the
 /// LiDAR says, and are speed and steering alone from there.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
-struct PlanPoint {
+struct TopViewPoint {
     /// The time, ns since 1970 by the robot's clock.
     stamp_ns: i64,
     /// By LiDAR odometry and the estimated mount.
@@ -63,7 +63,7 @@ struct PlanPoint {
     by_corrected_steering_m: [f64; 2],
 }
 
-impl PlanPose {
+impl TopViewPose {
     fn of(pose: Pose2) -> Self {
         let Pose2 { x_m, y_m, yaw_rad } = pose.wrapped();
         let [x_m, y_m] = rounded([x_m, y_m]);
@@ -75,7 +75,7 @@ impl PlanPose {
     }
 }
 
-impl PlanPoint {
+impl TopViewPoint {
     fn of(point: &TrajectoryPoint) -> Self {
         let at = |pose: Pose2| rounded([pose.x_m, pose.y_m]);
         Self {
@@ -87,19 +87,19 @@ impl PlanPoint {
     }
 }
 
-impl PlanDocument {
-    fn of(plan: &Plan) -> Self {
-        let seen = plan.surroundings.as_ref();
+impl TopViewDocument {
+    fn of(view: &TopView) -> Self {
+        let seen = view.surroundings.as_ref();
         let all = |points: &[[f64; 2]]| points.iter().copied().map(rounded).collect();
         Self {
-            stamp_ns: plan.stamp.0,
-            lidar: PlanPose::of(plan.lidar_in_odom),
-            lidar_in_base: plan.lidar_in_base.map(PlanPose::of),
+            stamp_ns: view.stamp.0,
+            lidar: TopViewPose::of(view.lidar_in_odom),
+            lidar_in_base: view.lidar_in_base.map(TopViewPose::of),
             lost: seen.is_some_and(|seen| seen.is_lost),
             returns_m: seen.map_or_else(Vec::new, |seen| all(&seen.returns_m)),
             surfaces_m: seen.map_or_else(Vec::new, |seen| all(&seen.surfaces_m)),
-            trajectory: plan.trajectory.iter().map(PlanPoint::of).collect(),
-            distance_m: plan.distance_m,
+            trajectory: view.trajectory.iter().map(TopViewPoint::of).collect(),
+            distance_m: view.distance_m,
         }
     }
 }
@@ -109,26 +109,26 @@ fn rounded(point: [f64; 2]) -> [f64; 2] {
     point.map(|m| (m * 1e3).round() / 1e3)
 }
 
-/// Gives a robot seen from above, as its estimator sees it now; null before the first sweep or pose.
+/// Gives a robot from above, as its estimator sees it now; null before the first sweep or pose.
 #[utoipa::path(
     get,
-    path = "/robots/{id}/plan",
+    path = "/robots/{id}/top-view",
     tag = "robots",
     params(("id" = RobotId, Path, description = "The robot.")),
     responses(
         (status = OK, description = "The robot from above; null before its first sweep or pose",
-            body = Option<PlanDocument>),
+            body = Option<TopViewDocument>),
         (status = NOT_FOUND, description = "The robot is unknown"),
         (status = CONFLICT, description = "The robot is not registered"),
         (status = SERVICE_UNAVAILABLE,
-            description = "Too many requests for this plan, or the request took too long"),
+            description = "Too many requests for this view, or the request took too long"),
     )
 )]
-pub(super) async fn get_plan(
+pub(super) async fn get_top_view(
     State(api): State<ApiState>,
     RobotPath(id): RobotPath,
     Parameters(NoParameters {}): Parameters<NoParameters>,
-) -> Result<Json<Option<PlanDocument>>, Problem> {
-    let plan = api.fleet.plan(&id).await?;
-    Ok(Json(plan.as_deref().map(PlanDocument::of)))
+) -> Result<Json<Option<TopViewDocument>>, Problem> {
+    let view = api.fleet.top_view(&id).await?;
+    Ok(Json(view.as_deref().map(TopViewDocument::of)))
 }

@@ -1,4 +1,4 @@
-//! Writes a robot's session as MCAP for Foxglove: its streams as they were, and beside them what
+//! Writes a recording of a robot as MCAP for Foxglove: its streams as they were, and beside them what
 //! was found of it.
 
 use std::collections::BTreeMap;
@@ -7,7 +7,7 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use fleetcal_model::Pose2;
-use fleetcal_proto::SessionTopic;
+use fleetcal_proto::RecordingTopic;
 use mcap::write::NoSeek;
 use serde_json::{Value, json};
 
@@ -15,9 +15,9 @@ use super::RecordingError;
 use super::mcap_file::{self, McapFile};
 
 /// Name of the metadata record that says how much is missing.
-pub const SESSION_METADATA: &str = "fleetcal.session";
+pub const RECORDING_METADATA: &str = "fleetcal.session";
 
-/// Writes a session: the streams as they came, `/tf` as `foxglove.FrameTransform`,
+/// Writes a recording: the streams as they came, `/tf` as `foxglove.FrameTransform`,
 /// `/{robot}/estimate` as JSON and `/{robot}/events` as `foxglove.Log`.
 ///
 /// Everything is logged at its own stamp, by the robot's clock: the messages at that of their
@@ -25,15 +25,15 @@ pub const SESSION_METADATA: &str = "fleetcal.session";
 /// recorder's clock said is left out, since it may be any other. The same messages give the same
 /// bytes.
 #[derive(Debug)]
-pub struct SessionWriter<W: Write> {
+pub struct RobotWriter<W: Write> {
     file: McapFile<NoSeek<W>>,
-    streams: BTreeMap<SessionTopic, u16>,
+    streams: BTreeMap<RecordingTopic, u16>,
     transforms: u16,
     estimates: u16,
     events: u16,
 }
 
-impl SessionWriter<BufWriter<File>> {
+impl RobotWriter<BufWriter<File>> {
     /// Makes the file, or empties it.
     ///
     /// # Errors
@@ -57,7 +57,7 @@ impl SessionWriter<BufWriter<File>> {
     }
 }
 
-impl<W: Write> SessionWriter<W> {
+impl<W: Write> RobotWriter<W> {
     /// Begins to write to `to`, from its beginning to its end; errors call it `path`.
     ///
     /// # Errors
@@ -83,13 +83,13 @@ impl<W: Write> SessionWriter<W> {
     pub fn message(
         &mut self,
         stamp_ns: i64,
-        topic: &SessionTopic,
+        topic: &RecordingTopic,
         payload: &[u8],
     ) -> Result<(), RecordingError> {
         let channel = if let Some(&known) = self.streams.get(topic) {
             known
         } else {
-            let SessionTopic {
+            let RecordingTopic {
                 topic: name,
                 message_type,
                 encoding,
@@ -154,7 +154,7 @@ impl<W: Write> SessionWriter<W> {
     /// When it can't be written.
     pub fn left_out(&mut self, messages: u64) -> Result<(), RecordingError> {
         let values = [("left_out".to_owned(), messages.to_string())];
-        self.file.metadata(SESSION_METADATA, values.into())
+        self.file.metadata(RECORDING_METADATA, values.into())
     }
 
     /// Writes the end.

@@ -1,4 +1,4 @@
-//! A robot's session recorded as it drives: a file that others read, and that calibrates the same.
+//! A robot recorded as it drives: a file that others read, and that calibrates the same.
 
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -11,7 +11,7 @@ use tempfile::TempDir;
 
 use super::{assert_same, calibrated, recorded, send, sender};
 
-/// Fetches a session as a person does; it has begun when the answer's head is there.
+/// Fetches a recording as a person does; it has begun when the answer's head is there.
 fn fetch(service: &Service, robot: &str, query: &str, to: &Path) -> Child {
     let name = to.file_stem().unwrap().to_string_lossy();
     let token = service.made_token(&["--role", "operator", "--name", &name]);
@@ -29,7 +29,7 @@ fn fetch(service: &Service, robot: &str, query: &str, to: &Path) -> Child {
         .arg(&head)
         .args(["--header", &format!("Authorization: Bearer {token}")])
         .arg(format!(
-            "{}/api/v1/robots/{robot}/session?{query}",
+            "{}/api/v1/robots/{robot}/recording?{query}",
             service.url()
         ))
         .stderr(Stdio::inherit())
@@ -63,12 +63,12 @@ fn read_by_python(python: &str, path: &Path) -> Value {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_live_session_is_a_recording_that_calibrates_the_same() {
+async fn the_recording_of_a_live_robot_calibrates_the_same() {
     let folder = TempDir::new().unwrap();
     let path = recorded(&folder, 30.0);
     let mut service = Service::start(&["tugger_01"]);
-    let session = folder.path().join("session.mcap");
-    let mut fetching = fetch(&service, "tugger_01", "duration_s=3600", &session);
+    let recorded = folder.path().join("recorded.mcap");
+    let mut fetching = fetch(&service, "tugger_01", "duration_s=3600", &recorded);
     let summary = send(sender(&service, &path, "tugger_01")).await;
     let estimate = service.estimate_of("tugger_01", summary.drive_samples);
     let token = service.made_token(&["--role", "operator", "--name", "maintenance"]);
@@ -82,7 +82,7 @@ async fn a_live_session_is_a_recording_that_calibrates_the_same() {
     service.terminate();
     assert!(fetching.wait().unwrap().success());
 
-    let recording = Recording::open(&session).unwrap();
+    let recording = Recording::open(&recorded).unwrap();
     let count = |stream: &str| recording.count(&[&format!("/tugger_01/{stream}")]);
     assert_eq!(count("wheel_odometry"), summary.drive_samples);
     assert_eq!(count("scan"), summary.scans);
@@ -97,13 +97,13 @@ async fn a_live_session_is_a_recording_that_calibrates_the_same() {
         let scan = LaserScan::from_cdr(&message.payload).unwrap();
         assert_eq!(message.log_time_ns.cast_signed(), scan.header.stamp.as_ns());
     }
-    assert_same(&estimate, &calibrated(&session));
+    assert_same(&estimate, &calibrated(&recorded));
 
     let Ok(python) = std::env::var("FLEETCAL_PYTHON") else {
         eprintln!("skipped: FLEETCAL_PYTHON is not set; `make test` sets it");
         return;
     };
-    let read = read_by_python(&python, &session);
+    let read = read_by_python(&python, &recorded);
     let topic = |name: &str| read[0][name].clone();
     let scans = summary.scans;
     assert_eq!(
@@ -117,7 +117,7 @@ async fn a_live_session_is_a_recording_that_calibrates_the_same() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_session_ends_by_itself_and_its_reader_may_go_in_the_middle() {
+async fn a_recording_ends_by_itself_and_its_reader_may_go_in_the_middle() {
     let folder = TempDir::new().unwrap();
     let path = recorded(&folder, 10.0);
     let service = Service::start(&["tugger_01"]);
@@ -149,7 +149,7 @@ async fn a_session_ends_by_itself_and_its_reader_may_go_in_the_middle() {
         ("tugger_01", "seconds=1", 400),
         ("nobody", "", 404),
     ] {
-        let path = format!("/api/v1/robots/{robot}/session?{query}");
+        let path = format!("/api/v1/robots/{robot}/recording?{query}");
         assert_eq!(service.status(&path, Some(&admin)), wanted, "{path}");
     }
 }

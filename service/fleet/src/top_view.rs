@@ -1,35 +1,35 @@
-//! A robot's plan: asked for by whoever looks, drawn up by its task between two messages.
+//! A robot's top view: asked for by those who look, drawn up by its task between two messages.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
 use fleetcal_domain::limits;
-use fleetcal_estimator::calibrator::{Plan, PlanLimits};
+use fleetcal_estimator::calibrator::{Plan as TopView, PlanLimits as TopViewLimits};
 use tokio::sync::oneshot;
 
 /// What of a robot's surroundings is shown.
-pub const LIMITS: PlanLimits = PlanLimits {
-    reach_m: limits::PLAN_REACH_M,
-    surfaces_max: limits::PLAN_SURFACES_MAX,
-    trajectory_m: limits::PLAN_TRAJECTORY_M,
-    trajectory_points_max: limits::PLAN_TRAJECTORY_POINTS_MAX,
+pub const LIMITS: TopViewLimits = TopViewLimits {
+    reach_m: limits::TOP_VIEW_REACH_M,
+    surfaces_max: limits::TOP_VIEW_SURFACES_MAX,
+    trajectory_m: limits::TOP_VIEW_TRAJECTORY_M,
+    trajectory_points_max: limits::TOP_VIEW_TRAJECTORY_POINTS_MAX,
 };
 
 /// What an asker is told: nothing while nothing is known.
-pub type Answer = Option<Arc<Plan>>;
+pub type Answer = Option<Arc<TopView>>;
 
-/// Those who have asked for a robot's plan and wait.
+/// Those who have asked for a robot's top view and wait.
 #[derive(Debug, Default)]
-pub struct PlanAskers {
+pub struct TopViewAskers {
     waiting: Mutex<Vec<oneshot::Sender<Answer>>>,
 }
 
-impl PlanAskers {
-    /// Waits for the plan; `None` when [`limits::PLAN_ASKERS_MAX`] others wait. An answer that
+impl TopViewAskers {
+    /// Waits for the view; `None` when [`limits::TOP_VIEW_ASKERS_MAX`] others wait. An answer that
     /// never comes is closed.
     pub fn ask(&self) -> Option<oneshot::Receiver<Answer>> {
         let mut waiting = self.lock();
         waiting.retain(|asker| !asker.is_closed());
-        if waiting.len() >= limits::PLAN_ASKERS_MAX {
+        if waiting.len() >= limits::TOP_VIEW_ASKERS_MAX {
             return None;
         }
         let (asker, answer) = oneshot::channel();

@@ -1,5 +1,5 @@
-//! A robot's session as MCAP for Foxglove: its streams, and beside them what was known when and what
-//! happened. `fleetcal calibrate --export` writes one of a recording, `GET /robots/{id}/session` of
+//! A recording of a robot as MCAP for Foxglove: its streams, and beside them what was known when and what
+//! happened. `fleetcal calibrate --export` writes one of a recording, `GET /robots/{id}/recording` of
 //! a robot as it drives.
 
 pub mod live;
@@ -7,13 +7,13 @@ pub mod live;
 use fleetcal_estimator::{Pose2, Stamp};
 use fleetcal_fleet::words;
 use fleetcal_model::Parameter;
+use fleetcal_proto::RecordingTopic;
 use fleetcal_proto::RobotId;
-use fleetcal_proto::SessionTopic;
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::estimate::{ChangeDocument, EstimateDocument};
 use fleetcal_proto::message_type::MessageType;
 use fleetcal_proto::ros::{LaserScan, PointCloud2, RosMessage};
-use fleetcal_robot::recording::{RecordingError, SessionWriter};
+use fleetcal_robot::recording::{RecordingError, RobotWriter};
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
@@ -25,21 +25,21 @@ const BASE: &str = "base";
 /// Frame of a LiDAR whose messages name none.
 const LIDAR: &str = "lidar";
 
-/// A session that is being written. Everything is logged at its stamp in message time.
+/// A recording that is being written. Everything is logged at its stamp in message time.
 #[derive(Debug)]
-pub struct SessionExport<W: Write> {
-    writer: SessionWriter<W>,
+pub struct RecordingExport<W: Write> {
+    writer: RobotWriter<W>,
     /// The LiDAR's frame, once a message has named it.
     lidar_frame: Option<String>,
 }
 
-impl SessionExport<BufWriter<File>> {
+impl RecordingExport<BufWriter<File>> {
     /// Makes the file.
     ///
     /// # Errors
     /// When it cannot be made.
     pub fn create(path: &Path, robot: &RobotId) -> Result<Self, RecordingError> {
-        Ok(Self::of(SessionWriter::create(path, robot.as_str())?))
+        Ok(Self::of(RobotWriter::create(path, robot.as_str())?))
     }
 
     /// Writes the end of the file.
@@ -51,8 +51,8 @@ impl SessionExport<BufWriter<File>> {
     }
 }
 
-impl<W: Write> SessionExport<W> {
-    fn of(writer: SessionWriter<W>) -> Self {
+impl<W: Write> RecordingExport<W> {
+    fn of(writer: RobotWriter<W>) -> Self {
         Self {
             writer,
             lidar_frame: None,
@@ -64,7 +64,7 @@ impl<W: Write> SessionExport<W> {
     /// # Errors
     /// When it cannot be written.
     pub fn begin(path: &Path, to: W, robot: &RobotId) -> Result<Self, RecordingError> {
-        Ok(Self::of(SessionWriter::begin(path, to, robot.as_str())?))
+        Ok(Self::of(RobotWriter::begin(path, to, robot.as_str())?))
     }
 
     /// Adds a message of the robot.
@@ -74,7 +74,7 @@ impl<W: Write> SessionExport<W> {
     pub fn message(
         &mut self,
         stamp: Stamp,
-        topic: &SessionTopic,
+        topic: &RecordingTopic,
         payload: &[u8],
     ) -> Result<(), RecordingError> {
         if self.lidar_frame.is_none() {
@@ -149,7 +149,7 @@ impl<W: Write> SessionExport<W> {
 }
 
 /// The frame that a sweep or cloud names, if it names one.
-fn frame(topic: &SessionTopic, payload: &[u8]) -> Option<String> {
+fn frame(topic: &RecordingTopic, payload: &[u8]) -> Option<String> {
     let named = match (topic.encoding, topic.message_type) {
         (Encoding::Json, MessageType::LaserScan | MessageType::PointCloud2) => {
             let message: serde_json::Value = serde_json::from_slice(payload).ok()?;

@@ -4,7 +4,7 @@ use std::future::pending;
 
 use fleetcal_estimator::Stamp;
 use fleetcal_fleet::Taps;
-use fleetcal_proto::SessionTopic;
+use fleetcal_proto::RecordingTopic;
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::message_type::MessageType;
 use fleetcal_robot::recording::Recording as Recorded;
@@ -23,7 +23,7 @@ const SHORT: Duration = Duration::from_millis(500);
 fn message() -> Tapped {
     Tapped::Message {
         stamp: Stamp(1),
-        topic: SessionTopic {
+        topic: RecordingTopic {
             topic: "/a/scan".to_owned(),
             message_type: MessageType::LaserScan,
             encoding: Encoding::Cdr,
@@ -42,7 +42,7 @@ struct Begun {
 
 fn begin(patience: Patience) -> Begun {
     let taps = Taps::default();
-    let (sender, pieces) = mpsc::channel(limits::SESSION_PIECES_WAITING_MAX);
+    let (sender, pieces) = mpsc::channel(limits::RECORDING_PIECES_WAITING_MAX);
     let (end, ended) = oneshot::channel();
     let ended = async {
         if ended.await.is_err() {

@@ -1,4 +1,4 @@
-//! The session of a robot that drives now, handed on piece by piece as it is written.
+//! A recording of a robot that drives now, handed on piece by piece as it is written.
 
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -13,9 +13,9 @@ use thiserror::Error;
 use tokio::sync::mpsc;
 use tokio::time::timeout;
 
-use super::SessionExport;
+use super::RecordingExport;
 
-/// What was written and not handed on yet. A session's writer fills it, [`record`] empties it.
+/// What was written and not handed on yet. The writer of the recording fills it, [`record`] empties it.
 #[derive(Debug, Clone, Default)]
 struct Spool(Arc<Mutex<Vec<u8>>>);
 
@@ -54,8 +54,8 @@ pub struct Patience {
 impl Default for Patience {
     fn default() -> Self {
         Self {
-            piece: limits::SESSION_STALLED_AFTER,
-            rest: limits::SESSION_REST_TAKEN_WITHIN,
+            piece: limits::RECORDING_STALLED_AFTER,
+            rest: limits::RECORDING_REST_TAKEN_WITHIN,
         }
     }
 }
@@ -123,13 +123,13 @@ impl Delivery {
 
     /// Whether it is as long as it may be.
     fn is_full(&self) -> bool {
-        self.sent > limits::SESSION_BYTES_MAX
+        self.sent > limits::RECORDING_BYTES_MAX
     }
 }
 
 /// A recording on its way to whoever fetches it.
 struct Recording {
-    export: SessionExport<Spool>,
+    export: RecordingExport<Spool>,
     delivery: Delivery,
 }
 
@@ -196,8 +196,8 @@ impl Recording {
     }
 }
 
-/// Writes a robot's session into `pieces` until `end`, or until it is
-/// [`limits::SESSION_BYTES_MAX`] long. Then the file is whole, unless the reader has gone.
+/// Writes a recording of a robot into `pieces` until `end`, or until it is
+/// [`limits::RECORDING_BYTES_MAX`] long. Then the file is whole, unless the reader has gone.
 ///
 /// # Errors
 /// When something cannot be written, or nobody takes it: the file then lacks its end.
@@ -211,7 +211,7 @@ pub async fn record(
     let path = PathBuf::from(format!("{robot}.mcap"));
     let spool = Spool::default();
     let mut recording = Recording {
-        export: SessionExport::begin(&path, spool.clone(), &robot)?,
+        export: RecordingExport::begin(&path, spool.clone(), &robot)?,
         delivery: Delivery {
             spool,
             pieces,

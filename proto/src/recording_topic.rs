@@ -4,7 +4,7 @@ use crate::{Encoding, MessageType};
 
 /// A topic of a session, and what its messages are.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub struct SessionTopic {
+pub struct RecordingTopic {
     /// The topic, `/tugger_01/scan`.
     pub topic: String,
     /// The type of its messages.
