@@ -172,7 +172,7 @@ const WORLDS: [(&[&str], &[&str]); 8] = [
         ],
         &["fleetcal-api"],
     ),
-    // HTTP comes in at the accept loop and goes out at the courier.
+    // HTTP comes in at the accept loop and goes out at the webhook dispatcher.
     (
         &["hyper", "hyper-util"],
         &["fleetcal-http", "fleetcal-operations"],
@@ -237,7 +237,7 @@ fn one_module_knows_each_outside_world_within_a_crate() {
         "rustls",
         "rustls_native_certs",
     ] {
-        assert_known_only_in("service/operations", word, &["courier"]);
+        assert_known_only_in("service/operations", word, &["webhook_dispatcher"]);
     }
     assert_known_only_in("service/operations", "getrandom", &["entropy.rs"]);
 }

@@ -1,7 +1,9 @@
 //! The life cycle's records: read and written in the transaction of a decision.
 
 use async_trait::async_trait;
-use fleetcal_domain::approval::{GenerationRef, NextIds, Outcome, Parcel, Proposal, RobotLedger};
+use fleetcal_domain::approval::{
+    GenerationRef, NextIds, OutboxEntry, Outcome, Proposal, RobotLedger,
+};
 use fleetcal_proto::RobotId;
 use fleetcal_store::transaction::ApprovalRecords;
 use fleetcal_store::{DeploymentFreeze, StoreError, StoredPolicy};
@@ -146,8 +148,8 @@ async fn write_outbox(
             .await
             .map_err(failed())?;
     }
-    for parcel in &outcome.parcels {
-        let (kind, generation) = columns_of(*parcel);
+    for entry in &outcome.outbox {
+        let (kind, generation) = columns_of(*entry);
         sqlx::query(
             "INSERT INTO outbox (robot, kind, generation) VALUES (?1, ?2, ?3)
              ON CONFLICT (robot, kind) DO UPDATE SET generation = excluded.generation",
@@ -162,10 +164,10 @@ async fn write_outbox(
     Ok(())
 }
 
-const fn columns_of(parcel: Parcel) -> (&'static str, i64) {
-    match parcel {
-        Parcel::Approved(generation) => ("approved", generation as i64),
-        Parcel::Confirmed(generation) => ("confirmed", generation as i64),
+const fn columns_of(entry: OutboxEntry) -> (&'static str, i64) {
+    match entry {
+        OutboxEntry::Approved(generation) => ("approved", generation as i64),
+        OutboxEntry::Confirmed(generation) => ("confirmed", generation as i64),
     }
 }
 

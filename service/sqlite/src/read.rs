@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use async_trait::async_trait;
 use fleetcal_domain::alert::Alert;
 use fleetcal_domain::approval::{
-    Deployment, DeploymentState, Parcel, Proposal, Revision, RobotLedger,
+    Deployment, DeploymentState, OutboxEntry, Proposal, Revision, RobotLedger,
 };
 use fleetcal_domain::webhook::{Delivery, Webhook};
 use fleetcal_model::Parameter;
@@ -211,7 +211,7 @@ impl Reader for SqliteReader {
         records::envelope(&self.pool, robot, generation).await
     }
 
-    async fn outbox(&self) -> Result<Vec<(RobotId, Parcel)>, StoreError> {
+    async fn outbox(&self) -> Result<Vec<(RobotId, OutboxEntry)>, StoreError> {
         records::outbox(&self.pool).await
     }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use fleetcal_domain::approval::{
-    Deployment, DeploymentState, Parcel, Proposal, Revision, RobotLedger, Shadow,
+    Deployment, DeploymentState, OutboxEntry, Proposal, Revision, RobotLedger, Shadow,
 };
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
@@ -76,7 +76,7 @@ pub(super) async fn envelope(
 }
 
 /// What waits to be sent.
-pub(super) async fn outbox(pool: &SqlitePool) -> Result<Vec<(RobotId, Parcel)>, StoreError> {
+pub(super) async fn outbox(pool: &SqlitePool) -> Result<Vec<(RobotId, OutboxEntry)>, StoreError> {
     let rows = sqlx::query("SELECT robot, kind, generation FROM outbox ORDER BY robot, kind")
         .fetch_all(pool)
         .await
@@ -85,12 +85,12 @@ pub(super) async fn outbox(pool: &SqlitePool) -> Result<Vec<(RobotId, Parcel)>, 
         .map(|row| {
             let kind: String = column(row, "outbox", 1)?;
             let generation = number(row, 2)?;
-            let parcel = if kind == "approved" {
-                Parcel::Approved(generation)
+            let entry = if kind == "approved" {
+                OutboxEntry::Approved(generation)
             } else {
-                Parcel::Confirmed(generation)
+                OutboxEntry::Confirmed(generation)
             };
-            Ok((robot_id(row, "outbox", 0)?, parcel))
+            Ok((robot_id(row, "outbox", 0)?, entry))
         })
         .collect()
 }

@@ -7,7 +7,7 @@ use async_trait::async_trait;
 use fleetcal_domain::access::SecretHash;
 use fleetcal_domain::alert::Alert;
 use fleetcal_domain::approval::{
-    Deployment, DeploymentState, Parcel, Proposal, Revision, RobotLedger,
+    Deployment, DeploymentState, OutboxEntry, Proposal, Revision, RobotLedger,
 };
 use fleetcal_domain::webhook::{Delivery, Webhook};
 use fleetcal_model::Parameter;
@@ -174,7 +174,7 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
     ) -> Result<Option<Envelope>, StoreError>;
 
     /// What is to be sent, and was not.
-    async fn outbox(&self) -> Result<Vec<(RobotId, Parcel)>, StoreError>;
+    async fn outbox(&self) -> Result<Vec<(RobotId, OutboxEntry)>, StoreError>;
 
     /// Proposals with what they propose, newest first.
     async fn proposals(

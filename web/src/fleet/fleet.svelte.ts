@@ -1,7 +1,7 @@
 /** The fleet as the pages see it: read once, then kept up by the event stream. */
 
 import { alerts } from '../alerts/alerts.svelte';
-import { desk } from '../approval/desk.svelte';
+import { approvals } from '../approval/approvals.svelte';
 import { get, list, problemOf } from '../api/client';
 import { LiveStream } from '../api/stream.svelte';
 import type { Estimate, LiveEvent, Robot, RobotRow, RobotStateUpdate } from '../api/types';
@@ -37,7 +37,7 @@ export class RobotEntry {
       standingIn(this.robot, this.connection),
       alerts.firing.get(this.robot.id) ?? NOTHING,
       alerts.stale.get(this.robot.id) ?? NOTHING,
-      desk.policy.value?.propose_beyond,
+      approvals.policy.value?.propose_beyond,
     ),
   );
 

@@ -41,7 +41,7 @@ pub(super) async fn get_freeze(
     State(api): State<ApiState>,
     Parameters(NoParameters {}): Parameters<NoParameters>,
 ) -> Response {
-    answer(api.clerk.deployment_freeze())
+    answer(api.lifecycle.deployment_freeze())
 }
 
 /// Whether to freeze deployments.
@@ -78,7 +78,7 @@ pub(super) async fn put_freeze(
     let version = expected_version(&headers)?;
     check_length("reason", &value.reason, limits::NOTE_CHARS_MAX)?;
     let freeze = api
-        .clerk
+        .lifecycle
         .freeze(value.frozen, version, caller.actor, value.reason)
         .await?;
     Ok(answer(freeze))

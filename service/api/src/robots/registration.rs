@@ -153,7 +153,7 @@ async fn answer(api: &ApiState, id: &RobotId, status: StatusCode) -> Result<Resp
     let document = RobotDocument::of(
         view,
         record.as_ref(),
-        &api.clerk.ledger(id),
+        &api.lifecycle.ledger(id),
         api.clock.now_ns(),
     );
     Ok(versioned_json(

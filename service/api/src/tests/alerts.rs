@@ -7,7 +7,7 @@ use fleetcal_domain::access::Actor;
 use fleetcal_domain::alert::{AlertKind, Observation, Sighting};
 use fleetcal_domain::approval::{Command, Evidence, Origin};
 use fleetcal_model::Stream;
-use fleetcal_operations::sentry::Observe;
+use fleetcal_operations::alert_evaluator::Observe;
 use fleetcal_proto::calibration::CalibrationValues;
 use insta::assert_snapshot;
 
@@ -245,7 +245,7 @@ async fn alerts_and_proposals_are_told_and_the_log_says_what_came_of_it() {
         ..Actor::service()
     };
     bench
-        .clerk
+        .lifecycle
         .decide(&robot("a"), propose, ada, None)
         .await
         .unwrap();

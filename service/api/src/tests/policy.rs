@@ -35,7 +35,7 @@ async fn what_is_set_counts_from_then_on_and_outlives_the_service() {
         (&json!("tester"), &json!("narrow aisles"))
     );
     assert_eq!(bench.get(PATH).await.json(), set);
-    let counts = bench.clerk.policy();
+    let counts = bench.lifecycle.policy();
     assert_eq!(
         (counts.propose_beyond.steering_offset_deg, counts.roll_back),
         (0.4, false)
@@ -56,7 +56,7 @@ async fn what_is_set_counts_from_then_on_and_outlives_the_service() {
     let back = bench.set_policy("\"2\"", &Value::Null, "as agreed").await;
     assert_eq!((back.status.as_u16(), back.header("etag")), (200, "\"3\""));
     assert_eq!(back.json(), given.json());
-    assert_eq!(*bench.clerk.policy(), Policy::default());
+    assert_eq!(*bench.lifecycle.policy(), Policy::default());
 }
 
 #[tokio::test]

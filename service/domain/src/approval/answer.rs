@@ -6,7 +6,7 @@ use super::ask::believable;
 use super::deployment::{Deployment, DeploymentEvent, DeploymentState};
 use super::draft::Draft;
 use super::generation::{GenerationRef, InUse};
-use super::ledger::Parcel;
+use super::ledger::OutboxEntry;
 use super::refused::Refused;
 use super::shadow::{Contradicted, Reported, Shadow};
 use super::transition::{DeploymentAction, ShadowAction};
@@ -133,7 +133,7 @@ impl Draft<'_> {
             live.state == DeploymentState::Applied && live.offer.generation != generation
         });
         if confirm && generation > 0 && !another_waits {
-            self.outcome.parcels.push(Parcel::Confirmed(generation));
+            self.outcome.outbox.push(OutboxEntry::Confirmed(generation));
         }
         // The same answer again, because its confirmation was lost, is no news.
         if is_news {

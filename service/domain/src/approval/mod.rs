@@ -38,7 +38,7 @@ pub use deployment::{Deployment, DeploymentEvent, DeploymentState, RollBack, Ver
 pub use due::{Candidate, Situation, Verdict, automatic, due, judge};
 pub use gain::{ExpectedGain, expected_gain};
 pub use generation::{GenerationRef, InUse};
-pub use ledger::{NextIds, Outcome, Parcel, RobotLedger};
+pub use ledger::{NextIds, OutboxEntry, Outcome, RobotLedger};
 pub use policy::{Policy, Tolerance};
 pub use present::{Outdated, Present, outdated};
 pub use proposal::{Approval, Closing, Proposal, ProposalEvent, ProposalState, Refreshed};

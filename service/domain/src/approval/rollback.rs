@@ -10,7 +10,7 @@ use jiff::Timestamp;
 use super::deployment::{Deployment, DeploymentEvent, DeploymentState, RollBack};
 use super::draft::{Draft, after};
 use super::generation::{GenerationRef, InUse};
-use super::ledger::Parcel;
+use super::ledger::OutboxEntry;
 use super::proposal::Proposal;
 use super::refused::Refused;
 use super::revision::{Evidence, Origin};
@@ -155,7 +155,7 @@ impl Draft<'_> {
         shadow.desired = Some(offer.clone());
         self.save_shadow(ShadowAction::Desire, shadow, None);
         self.outcome.envelopes.push((generation, envelope));
-        self.outcome.parcels.push(Parcel::Approved(generation));
+        self.outcome.outbox.push(OutboxEntry::Approved(generation));
         Ok(offer)
     }
 

@@ -3,7 +3,7 @@
 use super::command::{Command, Standing};
 use super::deployment::{DeploymentEvent, DeploymentState, Verification};
 use super::draft::{Draft, fresh};
-use super::ledger::{NextIds, Outcome, Parcel, RobotLedger};
+use super::ledger::{NextIds, OutboxEntry, Outcome, RobotLedger};
 use super::proposal::ProposalEvent;
 use super::refused::Refused;
 use super::rollback::Rollback;
@@ -115,13 +115,13 @@ impl Draft<'_> {
     fn offered(&mut self, generation: u64) {
         let live = self.live_offer(generation);
         if live.is_none_or(|live| live.state != DeploymentState::Queued) {
-            self.outcome.sent = Some(Parcel::Approved(generation));
+            self.outcome.sent = Some(OutboxEntry::Approved(generation));
         }
     }
 
     /// The robot was told that its answer is stored.
     fn confirmed(&mut self, generation: u64) -> Result<(), Refused> {
-        self.outcome.sent = Some(Parcel::Confirmed(generation));
+        self.outcome.sent = Some(OutboxEntry::Confirmed(generation));
         let Some(before) = self.live_offer(generation) else {
             return Ok(());
         };

@@ -20,7 +20,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
 use fleetcal_clock::SharedClock;
 use fleetcal_domain::limits;
 use fleetcal_fleet::FleetHandle;
-use fleetcal_operations::clerk::Clerk;
+use fleetcal_operations::lifecycle::Lifecycle;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::ros2_key::KeyLayout;
 use tokio::sync::{Notify, mpsc};
@@ -141,7 +141,7 @@ pub struct Surroundings {
     /// Whose robots they are.
     pub fleet: FleetHandle,
     /// Who knows what is approved.
-    pub clerk: Clerk,
+    pub lifecycle: Lifecycle,
     /// Where time comes from.
     pub clock: SharedClock,
     /// Where questions wait.
@@ -170,7 +170,7 @@ impl Ros2Link {
     ) -> Result<Self> {
         let Surroundings {
             fleet,
-            clerk,
+            lifecycle,
             clock,
             questions,
         } = surroundings;
@@ -195,9 +195,15 @@ impl Ros2Link {
         let mut history = Vec::new();
         let mut tasks = Vec::new();
         if publishes {
-            let (own, asked) = (ros2.clone(), clerk.clone());
+            let (own, asked) = (ros2.clone(), lifecycle.clone());
             history = calibration::answer_history(session, own, asked, &questions).await?;
-            let telling = tell(session.clone(), ros2.clone(), clerk, comers, stop.clone());
+            let telling = tell(
+                session.clone(),
+                ros2.clone(),
+                lifecycle,
+                comers,
+                stop.clone(),
+            );
             tasks.push(tokio::spawn(telling));
             let announcing = graph::announce(session.clone(), ros2.clone(), stop.clone());
             tasks.push(tokio::spawn(announcing));
@@ -264,7 +270,7 @@ impl Ros2 {
 async fn tell(
     session: Session,
     ros2: Ros2,
-    clerk: Clerk,
+    lifecycle: Lifecycle,
     mut comers: mpsc::Receiver<RobotId>,
     stop: CancellationToken,
 ) {
@@ -276,7 +282,7 @@ async fn tell(
         let Some(robot) = robot else {
             return;
         };
-        match clerk.approved(&robot).await {
+        match lifecycle.approved(&robot).await {
             Ok(Some(envelope)) => {
                 let put = calibration::publish(&session, &ros2, &robot, &envelope).await;
                 if let Err(error) = put {

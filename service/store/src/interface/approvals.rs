@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use fleetcal_domain::approval::{
-    Deployment, DeploymentState, Parcel, Proposal, Revision, RobotLedger,
+    Deployment, DeploymentState, OutboxEntry, Proposal, Revision, RobotLedger,
 };
 use fleetcal_model::RobotId;
 use fleetcal_proto::calibration::Envelope;
@@ -37,7 +37,7 @@ impl Store {
     ///
     /// # Errors
     /// The database's failure.
-    pub async fn outbox(&self) -> Result<Vec<(RobotId, Parcel)>, StoreError> {
+    pub async fn outbox(&self) -> Result<Vec<(RobotId, OutboxEntry)>, StoreError> {
         self.shared.reader.outbox().await
     }
 

@@ -52,7 +52,7 @@ fn estimate(offset_rad: f64, second: i64) -> EstimateDocument {
     }
 }
 
-/// One robot whose commands are taken as the clerk takes them.
+/// One robot whose commands are taken as the lifecycle takes them.
 struct Bench {
     ledger: RobotLedger,
     ids: NextIds,

@@ -11,7 +11,7 @@ const REREAD_EVERY_MS = 60_000;
 const GATHER_MS = 250;
 const WAITING_MAX = 5000;
 
-class Desk {
+class Approvals {
   /** Proposals that wait, newest first. */
   waiting = $state.raw<readonly Proposal[]>([]);
   loaded = $state<'loading' | 'ready' | 'failed'>('loading');
@@ -67,4 +67,4 @@ class Desk {
   }
 }
 
-export const desk = new Desk();
+export const approvals = new Approvals();

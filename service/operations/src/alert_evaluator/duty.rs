@@ -18,12 +18,12 @@ use tokio::sync::broadcast;
 use tokio::sync::broadcast::error::TryRecvError;
 use tokio::time::MissedTickBehavior;
 
-use super::{Observe, Sentry};
+use super::{AlertEvaluator, Observe};
 
 /// How often the robots are looked at.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 
-/// What the sentry remembers between two looks.
+/// What the alert evaluator remembers between two looks.
 #[derive(Debug, Default)]
 struct Memory {
     /// Each robot's records as they were last seen, and its newest deployment then.
@@ -32,18 +32,18 @@ struct Memory {
     faults: BTreeMap<RobotId, (i64, &'static str)>,
 }
 
-/// Looks at every robot until the sentry stops.
-pub(super) async fn watch(sentry: Sentry, mut live: broadcast::Receiver<LiveUpdate>) {
+/// Looks at every robot until the alert evaluator stops.
+pub(super) async fn watch(evaluator: AlertEvaluator, mut live: broadcast::Receiver<LiveUpdate>) {
     let mut ticks = tokio::time::interval(LOOK_EVERY);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut memory = Memory::default();
     loop {
         tokio::select! {
-            () = sentry.inner.stop.cancelled() => return,
+            () = evaluator.inner.stop.cancelled() => return,
             _ = ticks.tick() => {}
         }
-        memory.hear(&mut live, sentry.inner.clock.now_ns());
-        if let Err(error) = sentry.look(&mut memory).await {
+        memory.hear(&mut live, evaluator.inner.clock.now_ns());
+        if let Err(error) = evaluator.look(&mut memory).await {
             tracing::error!(%error, "the alerts could not be brought up to date");
         }
     }
@@ -63,7 +63,7 @@ impl Memory {
                 }
                 Ok(_) => {}
                 Err(TryRecvError::Lagged(lost)) => {
-                    tracing::warn!(lost, "live updates passed the sentry by");
+                    tracing::warn!(lost, "live updates passed the alert evaluator by");
                 }
                 Err(TryRecvError::Empty | TryRecvError::Closed) => return,
             }
@@ -81,16 +81,16 @@ const fn words(cause: Cause) -> &'static str {
     }
 }
 
-impl Sentry {
+impl AlertEvaluator {
     /// Looks once at every robot and takes to the store what has changed.
     async fn look(&self, memory: &mut Memory) -> Result<(), StoreError> {
         let now_ns = self.inner.clock.now_ns();
-        let approval = self.inner.clerk.policy();
+        let approval = self.inner.lifecycle.policy();
         let mut seen = Vec::new();
         let mut set_up = 0;
         for view in self.inner.fleet.robots() {
             set_up += usize::from(view.config.is_some());
-            let ledger = self.inner.clerk.ledger(&view.id);
+            let ledger = self.inner.lifecycle.ledger(&view.id);
             let latest = self.latest(memory, &view.id, &ledger).await?;
             let situation = Situation {
                 now_ns,

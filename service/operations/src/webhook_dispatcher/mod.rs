@@ -29,9 +29,9 @@ pub use write::{CreateWebhook, DeleteWebhook, NoteAttempt};
 use crate::entropy::NoEntropy;
 use post::Post;
 
-/// What a courier works with.
+/// What a webhook dispatcher works with.
 #[derive(Debug)]
-pub struct CourierSetup {
+pub struct WebhookDispatcherSetup {
     /// Where the outbox is.
     pub store: Store,
     /// Where time comes from.
@@ -40,9 +40,9 @@ pub struct CourierSetup {
     pub jitter: fn() -> Result<f64, NoEntropy>,
 }
 
-/// What a courier has done since it was started.
+/// What a webhook dispatcher has done since it was started.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct CourierCounters {
+pub struct WebhookDispatcherCounters {
     /// Messages that a receiver has taken.
     pub delivered: u64,
     /// Attempts that failed.
@@ -69,16 +69,16 @@ struct Inner {
     tasks: TaskTracker,
 }
 
-/// The courier, cheap to clone.
+/// The webhook dispatcher, cheap to clone.
 #[derive(Debug, Clone)]
-pub struct Courier {
+pub struct WebhookDispatcher {
     inner: Arc<Inner>,
 }
 
-impl Courier {
+impl WebhookDispatcher {
     /// Begins to send what waits.
-    pub fn start(setup: CourierSetup) -> Self {
-        let courier = Self {
+    pub fn start(setup: WebhookDispatcherSetup) -> Self {
+        let dispatcher = Self {
             inner: Arc::new(Inner {
                 store: setup.store,
                 clock: setup.clock,
@@ -89,8 +89,8 @@ impl Courier {
                 tasks: TaskTracker::new(),
             }),
         };
-        courier.inner.tasks.spawn(courier.clone().run());
-        courier
+        dispatcher.inner.tasks.spawn(dispatcher.clone().run());
+        dispatcher
     }
 
     /// Ends the sending. An attempt that is under way is broken off, and made again after the next
@@ -102,10 +102,10 @@ impl Courier {
     }
 
     /// What was done since the start.
-    pub fn counters(&self) -> CourierCounters {
+    pub fn counters(&self) -> WebhookDispatcherCounters {
         let read = |count: &AtomicU64| count.load(Ordering::Relaxed);
         let counts = &self.inner.counts;
-        CourierCounters {
+        WebhookDispatcherCounters {
             delivered: read(&counts.delivered),
             failed_attempts: read(&counts.failed_attempts),
             given_up: read(&counts.given_up),

@@ -17,7 +17,7 @@ mod tests;
 
 pub use decide::{Decide, Decided};
 pub use freeze::SetFreeze;
-pub use offer::Letter;
+pub use offer::OutboxMessage;
 pub use policy::SetPolicy;
 
 use std::collections::BTreeMap;
@@ -44,9 +44,9 @@ use fleetcal_fleet::{FleetHandle, UsedValues};
 use inbox::Inbox;
 use policy::Rules;
 
-/// What a clerk works with.
+/// What the lifecycle works with.
 #[derive(Debug)]
-pub struct ClerkSetup {
+pub struct LifecycleSetup {
     /// Where the records are.
     pub store: Store,
     /// Whose robots they are about.
@@ -61,7 +61,7 @@ pub struct ClerkSetup {
 
 /// One robot's records, and whose turn it is to change them.
 #[derive(Debug)]
-struct Desk {
+struct RobotLock {
     ledger: RwLock<Arc<RobotLedger>>,
     turn: Mutex<()>,
 }
@@ -73,12 +73,12 @@ struct Inner {
     clock: SharedClock,
     rules: Rules,
     key: Arc<SigningKey>,
-    desks: RwLock<BTreeMap<RobotId, Arc<Desk>>>,
+    locks: RwLock<BTreeMap<RobotId, Arc<RobotLock>>>,
     freeze: RwLock<DeploymentFreeze>,
     answers: Inbox,
     losses: std::sync::Mutex<LossLog>,
     /// Something is to be sent.
-    post: Notify,
+    outbox: Notify,
     lost_answers: AtomicU64,
     unreadable_answers: AtomicU64,
     refused_answers: AtomicU64,
@@ -86,38 +86,38 @@ struct Inner {
     tasks: TaskTracker,
 }
 
-/// The clerk, cheap to clone.
+/// The life cycle of calibrations at work, cheap to clone.
 #[derive(Debug, Clone)]
-pub struct Clerk {
+pub struct Lifecycle {
     inner: Arc<Inner>,
 }
 
-impl Clerk {
+impl Lifecycle {
     /// Reads every robot's records and goes to work.
     ///
     /// # Errors
     /// The database's failure.
-    pub fn start(setup: ClerkSetup) -> Boxed<Result<Self, StoreError>> {
+    pub fn start(setup: LifecycleSetup) -> Boxed<Result<Self, StoreError>> {
         Box::pin(Self::started(setup))
     }
 
-    async fn started(setup: ClerkSetup) -> Result<Self, StoreError> {
+    async fn started(setup: LifecycleSetup) -> Result<Self, StoreError> {
         let ledgers = setup.store.load_ledgers().await?;
         let freeze = setup.store.deployment_freeze().await?;
         let policy = setup.store.stored_policy().await?;
-        let clerk = Self {
+        let lifecycle = Self {
             inner: Arc::new(Inner {
                 store: setup.store,
                 fleet: setup.fleet,
                 clock: setup.clock,
                 rules: Rules::new(setup.policy, policy),
                 key: Arc::new(setup.key),
-                desks: RwLock::default(),
+                locks: RwLock::default(),
                 freeze: RwLock::new(freeze),
                 answers: Inbox::default(),
                 losses: std::sync::Mutex::default(),
                 unreadable_answers: AtomicU64::new(0),
-                post: Notify::new(),
+                outbox: Notify::new(),
                 lost_answers: AtomicU64::new(0),
                 refused_answers: AtomicU64::new(0),
                 stop: CancellationToken::new(),
@@ -125,19 +125,19 @@ impl Clerk {
             }),
         };
         for ledger in ledgers {
-            clerk.tell_fleet(&ledger);
-            let desk = clerk.desk(&ledger.shadow.robot.clone());
-            *desk.ledger.write().unwrap_or_else(PoisonError::into_inner) = Arc::new(ledger);
+            lifecycle.tell_fleet(&ledger);
+            let lock = lifecycle.lock(&ledger.shadow.robot.clone());
+            *lock.ledger.write().unwrap_or_else(PoisonError::into_inner) = Arc::new(ledger);
         }
-        let tasks = &clerk.inner.tasks;
-        tasks.spawn(answers::hear(clerk.clone()));
-        tasks.spawn(duty::attend(clerk.clone()));
+        let tasks = &lifecycle.inner.tasks;
+        tasks.spawn(answers::hear(lifecycle.clone()));
+        tasks.spawn(duty::attend(lifecycle.clone()));
         // What was decided before the service stopped may not have been sent.
-        clerk.inner.post.notify_one();
-        Ok(clerk)
+        lifecycle.inner.outbox.notify_one();
+        Ok(lifecycle)
     }
 
-    /// Ends what the clerk does by itself. Decisions that are under way are finished.
+    /// Ends what the lifecycle does by itself. Decisions that are under way are finished.
     pub async fn stop(&self) {
         self.inner.stop.cancel();
         self.inner.tasks.close();
@@ -151,31 +151,31 @@ impl Clerk {
 
     /// A robot's records; those of a robot for which nothing was proposed when there are none.
     pub fn ledger(&self, robot: &RobotId) -> Arc<RobotLedger> {
-        let desks = self
+        let locks = self
             .inner
-            .desks
+            .locks
             .read()
             .unwrap_or_else(PoisonError::into_inner);
-        let desk = desks.get(robot).map(Arc::clone);
-        drop(desks);
-        desk.map_or_else(
+        let lock = locks.get(robot).map(Arc::clone);
+        drop(locks);
+        lock.map_or_else(
             || Arc::new(RobotLedger::new(robot.clone())),
-            |desk| Arc::clone(&desk.ledger.read().unwrap_or_else(PoisonError::into_inner)),
+            |lock| Arc::clone(&lock.ledger.read().unwrap_or_else(PoisonError::into_inner)),
         )
     }
 
     /// Whether any robot was ever given a signed document.
     pub fn has_given_out(&self) -> bool {
-        let desks = self
+        let locks = self
             .inner
-            .desks
+            .locks
             .read()
             .unwrap_or_else(PoisonError::into_inner);
-        let signed = |desk: &Arc<Desk>| {
-            let ledger = desk.ledger.read().unwrap_or_else(PoisonError::into_inner);
+        let signed = |lock: &Arc<RobotLock>| {
+            let ledger = lock.ledger.read().unwrap_or_else(PoisonError::into_inner);
             ledger.shadow.generation_last > 0
         };
-        desks.values().any(signed)
+        locks.values().any(signed)
     }
 
     /// The deployment freeze.
@@ -210,8 +210,8 @@ impl Clerk {
         actor: Actor,
         idempotency: Option<IdempotencyKey>,
     ) -> Result<Decided, StoreError> {
-        let (clerk, robot) = (self.clone(), robot.clone());
-        self.see_through(async move { clerk.take(&robot, command, actor, idempotency).await })
+        let (lifecycle, robot) = (self.clone(), robot.clone());
+        self.see_through(async move { lifecycle.take(&robot, command, actor, idempotency).await })
             .await
     }
 
@@ -235,8 +235,8 @@ impl Clerk {
         actor: Actor,
         idempotency: Option<IdempotencyKey>,
     ) -> Result<Decided, StoreError> {
-        let desk = self.desk(robot);
-        let _turn = desk.turn.lock().await;
+        let lock = self.lock(robot);
+        let _turn = lock.turn.lock().await;
         let decision = Decide {
             robot: robot.clone(),
             command,
@@ -252,9 +252,9 @@ impl Clerk {
         if let Decided::Taken(outcome) = &decided {
             let ledger = Arc::new(outcome.ledger.clone());
             self.tell_fleet(&ledger);
-            *desk.ledger.write().unwrap_or_else(PoisonError::into_inner) = ledger;
-            if !outcome.parcels.is_empty() {
-                self.inner.post.notify_one();
+            *lock.ledger.write().unwrap_or_else(PoisonError::into_inner) = ledger;
+            if !outcome.outbox.is_empty() {
+                self.inner.outbox.notify_one();
             }
             let told = |transition| LiveUpdate::of_transition(robot, transition);
             let mut updates: Vec<_> = outcome.transitions.iter().map(told).collect();
@@ -302,8 +302,8 @@ impl Clerk {
             now_ns: self.inner.clock.now_ns(),
             reason,
         };
-        let clerk = self.clone();
-        self.see_through(async move { clerk.take_freeze(write).await })
+        let lifecycle = self.clone();
+        self.see_through(async move { lifecycle.take_freeze(write).await })
             .await
     }
 
@@ -318,33 +318,33 @@ impl Clerk {
             *known = freeze.clone();
         }
         drop(known);
-        self.inner.post.notify_one();
+        self.inner.outbox.notify_one();
         self.inner.fleet.announce(LiveUpdate::Freeze);
         Ok(freeze)
     }
 
-    fn desk(&self, robot: &RobotId) -> Arc<Desk> {
-        let desks = self
+    fn lock(&self, robot: &RobotId) -> Arc<RobotLock> {
+        let locks = self
             .inner
-            .desks
+            .locks
             .read()
             .unwrap_or_else(PoisonError::into_inner);
-        if let Some(desk) = desks.get(robot) {
-            return Arc::clone(desk);
+        if let Some(lock) = locks.get(robot) {
+            return Arc::clone(lock);
         }
-        drop(desks);
-        let mut desks = self
+        drop(locks);
+        let mut locks = self
             .inner
-            .desks
+            .locks
             .write()
             .unwrap_or_else(PoisonError::into_inner);
         let new = || {
-            Arc::new(Desk {
+            Arc::new(RobotLock {
                 ledger: RwLock::new(Arc::new(RobotLedger::new(robot.clone()))),
                 turn: Mutex::default(),
             })
         };
-        Arc::clone(desks.entry(robot.clone()).or_insert_with(new))
+        Arc::clone(locks.entry(robot.clone()).or_insert_with(new))
     }
 
     /// Tells the robot's task what the robot compensates with, and what is to be verified.

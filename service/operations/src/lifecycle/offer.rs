@@ -2,24 +2,24 @@
 
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::approval::{
-    Command, Deployment, DeploymentState, Parcel, Refused, RobotLedger,
+    Command, Deployment, DeploymentState, OutboxEntry, Refused, RobotLedger,
 };
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{Confirmed, Envelope};
 use fleetcal_store::StoreError;
 
-use super::Clerk;
+use super::Lifecycle;
 
 /// Something for a robot, ready to be put on the wire.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Letter {
+pub enum OutboxMessage {
     /// The approved document.
     Approved(Box<Envelope>),
     /// That its answer is stored.
     Confirmed(Confirmed),
 }
 
-impl Clerk {
+impl Lifecycle {
     /// The document that a robot should hold. One that nobody has seen yet counts as offered
     /// before it is given out.
     ///
@@ -65,34 +65,34 @@ impl Clerk {
 
     /// Returns when something is to be sent.
     pub async fn post_comes(&self) {
-        self.inner.post.notified().await;
+        self.inner.outbox.notified().await;
     }
 
     /// What waits to be sent; what the deployment freeze holds stays where it is.
     ///
     /// # Errors
     /// The database's failure.
-    pub async fn parcels(&self) -> Result<Vec<(RobotId, Parcel)>, StoreError> {
+    pub async fn outbox(&self) -> Result<Vec<(RobotId, OutboxEntry)>, StoreError> {
         self.inner.store.outbox().await
     }
 
-    /// Makes a parcel ready. `None` when it is held, or when something newer has taken its place.
+    /// Makes a entry ready. `None` when it is held, or when something newer has taken its place.
     ///
     /// # Errors
     /// The database's failure.
-    pub async fn letter(
+    pub async fn message(
         &self,
         robot: &RobotId,
-        parcel: Parcel,
-    ) -> Result<Option<Letter>, StoreError> {
-        // The parcel is read from the store, which knows of a decision before the desk does.
-        drop(self.desk(robot).turn.lock().await);
+        entry: OutboxEntry,
+    ) -> Result<Option<OutboxMessage>, StoreError> {
+        // The entry is read from the store, which knows of a decision before the lock does.
+        drop(self.lock(robot).turn.lock().await);
         let ledger = self.ledger(robot);
-        match parcel {
-            Parcel::Approved(generation) => {
+        match entry {
+            OutboxEntry::Approved(generation) => {
                 if self.shown(&ledger) != Some(generation) {
                     if !self.is_held(&ledger) {
-                        self.sent(robot, parcel).await?;
+                        self.sent(robot, entry).await?;
                     }
                     return Ok(None);
                 }
@@ -100,27 +100,27 @@ impl Clerk {
                     return Ok(None);
                 }
                 let envelope = self.inner.store.envelope(robot, generation).await?;
-                Ok(envelope.map(|envelope| Letter::Approved(Box::new(envelope))))
+                Ok(envelope.map(|envelope| OutboxMessage::Approved(Box::new(envelope))))
             }
-            Parcel::Confirmed(generation) => {
+            OutboxEntry::Confirmed(generation) => {
                 let confirmed = self.confirmed(robot);
                 let confirmed = confirmed.filter(|one| one.generation == generation);
                 if confirmed.is_none() {
-                    self.sent(robot, parcel).await?;
+                    self.sent(robot, entry).await?;
                 }
-                Ok(confirmed.map(Letter::Confirmed))
+                Ok(confirmed.map(OutboxMessage::Confirmed))
             }
         }
     }
 
-    /// Notes that a parcel was put on the wire.
+    /// Notes that a entry was put on the wire.
     ///
     /// # Errors
     /// The database's failure.
-    pub async fn sent(&self, robot: &RobotId, parcel: Parcel) -> Result<(), StoreError> {
-        let command = match parcel {
-            Parcel::Approved(generation) => Command::Offered { generation },
-            Parcel::Confirmed(generation) => Command::Confirmed { generation },
+    pub async fn sent(&self, robot: &RobotId, entry: OutboxEntry) -> Result<(), StoreError> {
+        let command = match entry {
+            OutboxEntry::Approved(generation) => Command::Offered { generation },
+            OutboxEntry::Confirmed(generation) => Command::Confirmed { generation },
         };
         let decided = self.decide(robot, command, Actor::service(), None).await;
         decided.map(|_| ())

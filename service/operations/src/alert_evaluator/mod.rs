@@ -21,17 +21,17 @@ use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
 use crate::Boxed;
-use crate::clerk::Clerk;
+use crate::lifecycle::Lifecycle;
 
-/// What a sentry works with.
+/// What an alert evaluator works with.
 #[derive(Debug)]
-pub struct SentrySetup {
+pub struct AlertEvaluatorSetup {
     /// Where alerts are kept.
     pub store: Store,
     /// The robots.
     pub fleet: FleetHandle,
     /// Their records.
-    pub clerk: Clerk,
+    pub lifecycle: Lifecycle,
     /// Where time comes from.
     pub clock: SharedClock,
     /// What is alerted, and after how long.
@@ -42,7 +42,7 @@ pub struct SentrySetup {
 struct Inner {
     store: Store,
     fleet: FleetHandle,
-    clerk: Clerk,
+    lifecycle: Lifecycle,
     clock: SharedClock,
     policy: Arc<AlertPolicy>,
     active: Mutex<BTreeMap<(Subject, AlertKind), Alert>>,
@@ -51,32 +51,32 @@ struct Inner {
     tasks: TaskTracker,
 }
 
-/// The sentry, cheap to clone.
+/// The alert evaluator, cheap to clone.
 #[derive(Debug, Clone)]
-pub struct Sentry {
+pub struct AlertEvaluator {
     inner: Arc<Inner>,
 }
 
-impl Sentry {
+impl AlertEvaluator {
     /// Reads the alerts that are active and begins to watch.
     ///
     /// # Errors
     /// The database's failure.
-    pub fn start(setup: SentrySetup) -> Boxed<Result<Self, StoreError>> {
+    pub fn start(setup: AlertEvaluatorSetup) -> Boxed<Result<Self, StoreError>> {
         Box::pin(Self::started(setup))
     }
 
-    async fn started(setup: SentrySetup) -> Result<Self, StoreError> {
+    async fn started(setup: AlertEvaluatorSetup) -> Result<Self, StoreError> {
         let active = setup.store.active_alerts().await?;
         let since_ns = setup.clock.now_ns();
         let active = active
             .into_iter()
             .map(|alert| ((alert.robot.clone(), alert.kind), alert));
-        let sentry = Self {
+        let evaluator = Self {
             inner: Arc::new(Inner {
                 store: setup.store,
                 fleet: setup.fleet,
-                clerk: setup.clerk,
+                lifecycle: setup.lifecycle,
                 clock: setup.clock,
                 policy: Arc::new(setup.policy),
                 active: Mutex::new(active.collect()),
@@ -86,9 +86,12 @@ impl Sentry {
             }),
         };
         // From before the first look on, or a fault between the two would be lost.
-        let live = sentry.inner.fleet.live();
-        sentry.inner.tasks.spawn(duty::watch(sentry.clone(), live));
-        Ok(sentry)
+        let live = evaluator.inner.fleet.live();
+        evaluator
+            .inner
+            .tasks
+            .spawn(duty::watch(evaluator.clone(), live));
+        Ok(evaluator)
     }
 
     /// Ends the watch. A change that is under way is finished.

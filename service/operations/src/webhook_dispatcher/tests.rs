@@ -13,7 +13,7 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 
 use super::*;
-use crate::sentry::Observe;
+use crate::alert_evaluator::Observe;
 
 /// 2026-01-01T00:00:00Z.
 const NOW_NS: i64 = 1_767_225_600_000_000_000;
@@ -71,8 +71,8 @@ impl Bench {
         self.store.transact(write).await.unwrap();
     }
 
-    fn courier(&self) -> Courier {
-        Courier::start(CourierSetup {
+    fn dispatcher(&self) -> WebhookDispatcher {
+        WebhookDispatcher::start(WebhookDispatcherSetup {
             store: self.store.clone(),
             clock: self.clock.clone(),
             jitter: || Ok(0.0),
@@ -151,7 +151,7 @@ async fn a_message_is_signed_and_sent_again_until_it_is_taken() {
     let (listener, url) = listen().await;
     let bench = Bench::new(&[url]).await;
     bench.alert("tugger_01").await;
-    let courier = bench.courier();
+    let dispatcher = bench.dispatcher();
     let mut ids = Vec::new();
     for (number, said) in [
         "HTTP/1.1 500 Internal Server Error\r\ncontent-length: 0\r\n\r\n",
@@ -189,19 +189,19 @@ async fn a_message_is_signed_and_sent_again_until_it_is_taken() {
     let statuses: Vec<_> = log.attempts.iter().map(|one| one.status).collect();
     assert_eq!(statuses, [Some(500), None, Some(204)]);
     assert!(log.attempts[1].error.is_some());
-    let counters = CourierCounters {
+    let counters = WebhookDispatcherCounters {
         delivered: 1,
         failed_attempts: 2,
         given_up: 0,
     };
     // They are counted after they are written down.
     let counted = async {
-        while courier.counters() != counters {
+        while dispatcher.counters() != counters {
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
     };
     tokio::time::timeout(PATIENCE, counted).await.unwrap();
-    courier.stop().await;
+    dispatcher.stop().await;
 }
 
 #[tokio::test]
@@ -224,13 +224,13 @@ async fn what_was_committed_before_a_stop_is_sent_after_the_next_start() {
         clock,
         store,
     };
-    let courier = bench.courier();
+    let dispatcher = bench.dispatcher();
     let received = answer(&listener, OK).await;
     assert!(received.body.contains("\"robot\":\"a\""));
     bench
         .delivery(1, |one| one.state == DeliveryState::Delivered)
         .await;
-    courier.stop().await;
+    dispatcher.stop().await;
 }
 
 #[tokio::test]
@@ -239,7 +239,7 @@ async fn a_redirection_is_not_followed() {
     let (listener, url) = listen().await;
     let bench = Bench::new(&[url]).await;
     bench.alert("a").await;
-    let courier = bench.courier();
+    let dispatcher = bench.dispatcher();
     let moved = format!("HTTP/1.1 307 Moved\r\nlocation: {there}\r\ncontent-length: 0\r\n\r\n");
     answer(&listener, &moved).await;
     let tried = bench.delivery(1, |one| one.attempts_made == 1).await;
@@ -247,7 +247,7 @@ async fn a_redirection_is_not_followed() {
     assert_eq!(tried.state, DeliveryState::Waiting);
     let followed = tokio::time::timeout(Duration::from_millis(200), elsewhere.accept());
     assert!(followed.await.is_err(), "somebody came");
-    courier.stop().await;
+    dispatcher.stop().await;
 }
 
 #[tokio::test]
@@ -257,7 +257,7 @@ async fn a_receiver_that_never_answers_keeps_nobody_else_waiting() {
     let bench = Bench::new(&[silent_url, good_url]).await;
     bench.alert("a").await;
     bench.alert("b").await;
-    let courier = bench.courier();
+    let dispatcher = bench.dispatcher();
     let (_held, _) = silent.accept().await.unwrap();
     for _ in 0..2 {
         answer(&good, OK).await;
@@ -268,7 +268,7 @@ async fn a_receiver_that_never_answers_keeps_nobody_else_waiting() {
     let waits = bench.delivery(1, |_| true).await;
     assert_eq!(waits.attempts_made, 0);
     // Nor the service's end.
-    let stopped = tokio::time::timeout(Duration::from_secs(5), courier.stop());
+    let stopped = tokio::time::timeout(Duration::from_secs(5), dispatcher.stop());
     stopped.await.unwrap();
 }
 
@@ -277,7 +277,7 @@ async fn https_is_spoken_and_an_untrusted_receiver_is_told_nothing() {
     let (listener, url) = listen().await;
     let bench = Bench::new(&[url.replace("http:", "https:")]).await;
     bench.alert("a").await;
-    let courier = bench.courier();
+    let dispatcher = bench.dispatcher();
     let (mut stream, _) = listener.accept().await.unwrap();
     let mut first = [0; 3];
     stream.read_exact(&mut first).await.unwrap();
@@ -288,5 +288,5 @@ async fn https_is_spoken_and_an_untrusted_receiver_is_told_nothing() {
     let attempt = &tried.attempts[0];
     assert_eq!(attempt.status, None);
     assert!(attempt.error.is_some(), "{attempt:?}");
-    courier.stop().await;
+    dispatcher.stop().await;
 }

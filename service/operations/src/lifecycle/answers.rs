@@ -9,9 +9,9 @@ use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Applied;
 use fleetcal_store::StoreError;
 
-use super::Clerk;
+use super::Lifecycle;
 
-impl Clerk {
+impl Lifecycle {
     /// Takes a robot's answer. It never blocks: this runs on the link's receiving threads. An
     /// answer that is lost comes again, because it is not confirmed.
     pub fn take_answer(&self, robot: &RobotId, applied: Applied) {
@@ -89,21 +89,21 @@ impl Clerk {
     }
 }
 
-/// Stores what comes until the clerk stops.
-pub(super) async fn hear(clerk: Clerk) {
+/// Stores what comes until the lifecycle stops.
+pub(super) async fn hear(lifecycle: Lifecycle) {
     loop {
         let (robot, applied) = tokio::select! {
-            received = clerk.inner.answers.next() => received,
-            () = clerk.inner.stop.cancelled() => return,
+            received = lifecycle.inner.answers.next() => received,
+            () = lifecycle.inner.stop.cancelled() => return,
         };
-        if !clerk.may_store(&robot, &applied) {
-            clerk.inner.lost_answers.fetch_add(1, Ordering::Relaxed);
-            clerk.log_loss(&robot, "an answer was lost beyond the robot's limit", "");
+        if !lifecycle.may_store(&robot, &applied) {
+            lifecycle.inner.lost_answers.fetch_add(1, Ordering::Relaxed);
+            lifecycle.log_loss(&robot, "an answer was lost beyond the robot's limit", "");
             continue;
         }
         let actor = Actor::robot(&robot);
-        if let Err(error) = clerk.acknowledge(&robot, applied, actor).await {
-            clerk.log_loss(&robot, "an answer was not stored", &error.to_string());
+        if let Err(error) = lifecycle.acknowledge(&robot, applied, actor).await {
+            lifecycle.log_loss(&robot, "an answer was not stored", &error.to_string());
         }
     }
 }

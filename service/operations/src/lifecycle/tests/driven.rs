@@ -15,15 +15,15 @@ const OFFSET_RAD: f64 = 0.05;
 /// Messages that are sent before the robot's task has to have taken them.
 const BURST: usize = 32;
 
-/// A robot on the figure-eight whose stamps follow the office's clock.
+/// A robot on the figure-eight whose stamps follow the bench's clock.
 struct Driver {
     simulation: Simulation,
     distance_m: f64,
 }
 
 impl Driver {
-    fn new(office: &Office) -> Self {
-        Self::with_clock(office.clock.now_ns())
+    fn new(bench: &Bench) -> Self {
+        Self::with_clock(bench.clock.now_ns())
     }
 
     /// One whose message clock shows this time when it begins.
@@ -51,7 +51,7 @@ impl Driver {
     }
 
     /// Drives a second; the lifecycle then does what is due.
-    async fn second(&mut self, office: &Office) {
+    async fn second(&mut self, bench: &Bench) {
         let mut sent = 0;
         for emitted in self.simulation.run(1.0) {
             let (stream, payload) = match &emitted.message {
@@ -69,63 +69,63 @@ impl Driver {
                 _ => continue,
             };
             let bytes = payload.len();
-            let fleet = &office.fleet;
+            let fleet = &bench.fleet;
             fleet.receive(&robot(), stream, Encoding::Cdr, bytes, || payload);
             sent += 1;
             if sent % BURST == 0 {
-                taken(office).await;
+                taken(bench).await;
             }
         }
-        taken(office).await;
-        office.clock.advance(Duration::from_secs(1));
-        office.look().await;
+        taken(bench).await;
+        bench.clock.advance(Duration::from_secs(1));
+        bench.look().await;
     }
 
-    async fn metres(&mut self, office: &Office, metres: f64) {
+    async fn metres(&mut self, bench: &Bench, metres: f64) {
         let end_m = self.distance_m + metres;
         while self.distance_m < end_m {
-            self.second(office).await;
+            self.second(bench).await;
         }
     }
 }
 
 /// Waits until the robot's task has taken all that was sent.
-async fn taken(office: &Office) {
-    while office.fleet.robot(&robot()).unwrap().counters.waiting > 0 {
+async fn taken(bench: &Bench) {
+    while bench.fleet.robot(&robot()).unwrap().counters.waiting > 0 {
         tokio::time::sleep(Duration::from_millis(1)).await;
     }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_robot_keeps_what_a_person_rolled_it_back_to_over_200_m() {
-    let office = Office::open(Policy::default()).await;
-    let mut driver = Driver::new(&office);
+    let bench = Bench::open(Policy::default()).await;
+    let mut driver = Driver::new(&bench);
     let (right, factory) = (driver.right_values(), values(0.0));
     let brought_along = Applied {
         generation: 0,
         sha256: String::new(),
         status: AppliedStatus::Applied,
         reason: None,
-        applied_at_ns: office.clock.now_ns(),
+        applied_at_ns: bench.clock.now_ns(),
         values: Some(factory),
     };
     let robot = robot();
     let actor = Actor::robot(&robot);
-    let heard = office.clerk.acknowledge(&robot, brought_along, actor);
+    let heard = bench.lifecycle.acknowledge(&robot, brought_along, actor);
     heard.await.unwrap();
-    driver.second(&office).await;
-    office.propose_values(right, None).await;
-    office.take(office.approval(), person("ana")).await.unwrap();
-    office.drive_on_trial().await;
-    driver.metres(&office, 90.0).await;
-    assert_eq!(office.latest().await.state, DeploymentState::Verified);
+    driver.second(&bench).await;
+    bench.propose_values(right, None).await;
+    bench.take(bench.approval(), person("ana")).await.unwrap();
+    bench.drive_on_trial().await;
+    driver.metres(&bench, 90.0).await;
+    assert_eq!(bench.latest().await.state, DeploymentState::Verified);
 
     // No earlier calibration was verified: it goes back to its factory values.
-    office.roll_back().await.unwrap();
-    assert_eq!(office.drive_on_trial().await, 2);
-    driver.metres(&office, 210.0).await;
+    bench.roll_back().await.unwrap();
+    assert_eq!(bench.drive_on_trial().await, 2);
+    driver.metres(&bench, 210.0).await;
 
-    let latest = office.latest().await;
+    let latest = bench.latest().await;
     assert_eq!(latest.state, DeploymentState::Kept);
     assert!(
         !latest.verification.unwrap().within,
@@ -137,7 +137,7 @@ async fn a_robot_keeps_what_a_person_rolled_it_back_to_over_200_m() {
         ("ana", "it weaves")
     );
     assert_eq!(asked.values, factory);
-    let ledger = office.clerk.ledger(&robot);
+    let ledger = bench.lifecycle.ledger(&robot);
     assert_eq!(ledger.shadow.generation_last, 2, "nothing else was sent");
     assert!(ledger.shadow.in_sync());
     assert_eq!(ledger.shadow.in_use.as_ref().unwrap().values, factory);
@@ -155,16 +155,16 @@ async fn a_robot_is_verified_whatever_its_message_clock_shows() {
         |now_ns| now_ns + YEAR_NS,
     ] as [fn(i64) -> i64; 3]
     {
-        let office = Office::open(Policy::default()).await;
-        let start_ns = start_ns(office.clock.now_ns());
+        let bench = Bench::open(Policy::default()).await;
+        let start_ns = start_ns(bench.clock.now_ns());
         let mut driver = Driver::with_clock(start_ns);
-        driver.second(&office).await;
-        office.propose_values(driver.right_values(), None).await;
-        office.take(office.approval(), person("ana")).await.unwrap();
-        office.drive_on_trial().await;
+        driver.second(&bench).await;
+        bench.propose_values(driver.right_values(), None).await;
+        bench.take(bench.approval(), person("ana")).await.unwrap();
+        bench.drive_on_trial().await;
         let before_m = driver.distance_m;
-        driver.metres(&office, 90.0).await;
-        let latest = office.latest().await;
+        driver.metres(&bench, 90.0).await;
+        let latest = bench.latest().await;
         assert_eq!(latest.state, DeploymentState::Verified, "{start_ns}");
         let driven_m = latest.verification.unwrap().distance_m;
         assert!(

@@ -1,4 +1,4 @@
-//! The clerk on the real store and the real fleet, with a clock that the tests hold.
+//! The lifecycle on the real store and the real fleet, with a clock that the tests hold.
 
 mod driven;
 mod requests;
@@ -23,18 +23,18 @@ use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationDocument, C
 use fleetcal_proto::signing::{SigningKey, TrustedKeys};
 use fleetcal_store::{EventKind, EventRecord, Store, StoreError};
 
-use super::{Clerk, ClerkSetup, Decided, Letter, SetFreeze, SetPolicy};
+use super::{Decided, Lifecycle, LifecycleSetup, OutboxMessage, SetFreeze, SetPolicy};
 
 const HOUR: Duration = Duration::from_hours(1);
 
 /// A service without its link and its API.
-struct Office {
+struct Bench {
     folder: tempfile::TempDir,
     clock: Arc<MockClock>,
     policy: Policy,
     store: Store,
     fleet: FleetHandle,
-    clerk: Clerk,
+    lifecycle: Lifecycle,
 }
 
 fn robot() -> RobotId {
@@ -58,7 +58,7 @@ fn values(steering_offset_rad: f64) -> CalibrationValues {
     }
 }
 
-impl Office {
+impl Bench {
     async fn open(policy: Policy) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let clock = MockClock::at(1_763_700_000_000_000_000);
@@ -80,35 +80,35 @@ impl Office {
             checkpoints: BTreeMap::new(),
             last_heard_ns: BTreeMap::new(),
         });
-        let clerk = Clerk::start(ClerkSetup {
+        let lifecycle = Lifecycle::start(LifecycleSetup {
             store: store.clone(),
             fleet: fleet.clone(),
             clock: clock.clone(),
             policy,
             key: SigningKey::from_bytes(&[7; 32]),
         });
-        let clerk = clerk.await.unwrap();
+        let lifecycle = lifecycle.await.unwrap();
         Self {
             folder,
             clock,
             policy,
             store,
             fleet,
-            clerk,
+            lifecycle,
         }
     }
 
     /// Ends the service and starts it anew on what it has stored.
     async fn restart(self) -> Self {
-        self.clerk.stop().await;
+        self.lifecycle.stop().await;
         self.fleet.stop().await;
         self.store.close().await.unwrap();
-        drop((self.clerk, self.fleet, self.store));
+        drop((self.lifecycle, self.fleet, self.store));
         Self::open_in(self.folder, self.clock, self.policy).await
     }
 
     async fn take(&self, command: Command, actor: Actor) -> Result<Outcome, Refused> {
-        match self.clerk.decide(&robot(), command, actor, None).await {
+        match self.lifecycle.decide(&robot(), command, actor, None).await {
             Ok(Decided::Taken(outcome)) => Ok(*outcome),
             Err(StoreError::Refused(refused)) => Err(refused),
             other => panic!("{other:?}"),
@@ -132,7 +132,7 @@ impl Office {
     }
 
     fn approval(&self) -> Command {
-        let open = self.clerk.ledger(&robot()).open.clone().unwrap();
+        let open = self.lifecycle.ledger(&robot()).open.clone().unwrap();
         Command::Approve {
             proposal: open.id,
             version: Some(open.version),
@@ -148,12 +148,12 @@ impl Office {
     }
 
     /// Sends everything that may be sent, as the link does; gives it.
-    async fn post(&self) -> Vec<Letter> {
+    async fn send_outbox(&self) -> Vec<OutboxMessage> {
         let mut sent = Vec::new();
-        for (robot, parcel) in self.clerk.parcels().await.unwrap() {
-            if let Some(letter) = self.clerk.letter(&robot, parcel).await.unwrap() {
-                self.clerk.sent(&robot, parcel).await.unwrap();
-                sent.push(letter);
+        for (robot, entry) in self.lifecycle.outbox().await.unwrap() {
+            if let Some(message) = self.lifecycle.message(&robot, entry).await.unwrap() {
+                self.lifecycle.sent(&robot, entry).await.unwrap();
+                sent.push(message);
             }
         }
         sent
@@ -161,8 +161,8 @@ impl Office {
 
     /// The document that the robot gets when it asks.
     async fn asked(&self) -> Option<CalibrationDocument> {
-        let trusted = TrustedKeys::new(vec![self.clerk.public_key()]).unwrap();
-        let envelope = self.clerk.approved(&robot()).await.unwrap();
+        let trusted = TrustedKeys::new(vec![self.lifecycle.public_key()]).unwrap();
+        let envelope = self.lifecycle.approved(&robot()).await.unwrap();
         envelope.map(|envelope| envelope.open(&trusted).unwrap())
     }
 
@@ -178,7 +178,7 @@ impl Office {
             values: None,
         };
         let actor = Actor::robot(&robot());
-        match self.clerk.acknowledge(&robot(), applied, actor).await {
+        match self.lifecycle.acknowledge(&robot(), applied, actor).await {
             Ok(()) => Ok(()),
             Err(StoreError::Refused(refused)) => Err(refused),
             Err(other) => panic!("{other}"),
@@ -188,17 +188,17 @@ impl Office {
     /// Brings an approved proposal to the point where the robot drives on trial.
     async fn drive_on_trial(&self) -> u64 {
         let generation = self.asked().await.unwrap().generation;
-        self.post().await;
+        self.send_outbox().await;
         self.answer(generation, AppliedStatus::Applied)
             .await
             .unwrap();
-        self.post().await;
+        self.send_outbox().await;
         assert_eq!(self.state(), Some(DeploymentState::Verifying));
         generation
     }
 
     async fn verify(&self, within: bool) -> Outcome {
-        let deployment = self.clerk.ledger(&robot()).live.clone().unwrap().id;
+        let deployment = self.lifecycle.ledger(&robot()).live.clone().unwrap().id;
         let verification = Verification {
             at_ns: self.clock.now_ns(),
             distance_m: 80.0,
@@ -221,14 +221,14 @@ impl Office {
         self.take(command, person("ana")).await
     }
 
-    /// Lets the clerk do what is due.
+    /// Lets the lifecycle do what is due.
     async fn look(&self) {
-        self.clerk.look(&mut BTreeMap::new()).await;
+        self.lifecycle.look(&mut BTreeMap::new()).await;
     }
 
     /// Where the deployment under way stands.
     fn state(&self) -> Option<DeploymentState> {
-        self.clerk
+        self.lifecycle
             .ledger(&robot())
             .live
             .as_ref()
@@ -243,7 +243,7 @@ impl Office {
 
     /// The generation that the robot is believed to use.
     fn used(&self) -> Option<u64> {
-        let ledger = self.clerk.ledger(&robot());
+        let ledger = self.lifecycle.ledger(&robot());
         ledger
             .shadow
             .in_use
@@ -265,10 +265,10 @@ impl Office {
     }
 }
 
-fn is_confirmation_of(letters: &[Letter], generation: u64) -> bool {
-    let mut confirmations = letters.iter().filter_map(|letter| match letter {
-        Letter::Confirmed(confirmed) => Some(confirmed.generation),
-        Letter::Approved(_) => None,
+fn is_confirmation_of(messages: &[OutboxMessage], generation: u64) -> bool {
+    let mut confirmations = messages.iter().filter_map(|message| match message {
+        OutboxMessage::Confirmed(confirmed) => Some(confirmed.generation),
+        OutboxMessage::Approved(_) => None,
     });
     confirmations.next() == Some(generation)
 }

@@ -20,7 +20,7 @@ use fleetcal_store::{
 
 use super::history;
 use crate::answers::{made_before, note_made};
-use crate::courier::outbox;
+use crate::webhook_dispatcher::outbox;
 
 /// A command on one robot's records, to be taken in one transaction.
 #[derive(Debug, Clone)]

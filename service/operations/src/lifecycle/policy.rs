@@ -1,4 +1,4 @@
-//! The rules that the clerk goes by: what the configuration file says, or what was set since.
+//! The rules that the lifecycle goes by: what the configuration file says, or what was set since.
 
 use std::sync::{Arc, PoisonError, RwLock};
 
@@ -9,7 +9,7 @@ use fleetcal_domain::audit::Action;
 use fleetcal_fleet::live::LiveUpdate;
 use fleetcal_store::{AuditEntry, Job, Records, StoreError, StoredPolicy};
 
-use super::Clerk;
+use super::Lifecycle;
 
 /// A change of the policy.
 #[derive(Debug, Clone)]
@@ -78,7 +78,7 @@ impl Rules {
     }
 }
 
-impl Clerk {
+impl Lifecycle {
     /// The rules in force.
     pub fn policy(&self) -> Arc<Policy> {
         let rules = &self.inner.rules;
@@ -118,8 +118,8 @@ impl Clerk {
             now_ns: self.inner.clock.now_ns(),
             reason,
         };
-        let clerk = self.clone();
-        self.see_through(async move { clerk.take_policy(write).await })
+        let lifecycle = self.clone();
+        self.see_through(async move { lifecycle.take_policy(write).await })
             .await
     }
 

@@ -10,26 +10,26 @@ use fleetcal_proto::RobotId;
 use fleetcal_store::StoreError;
 use tokio::time::MissedTickBehavior;
 
-use super::Clerk;
+use super::Lifecycle;
 
 /// How often the records are looked at.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 
-/// Looks at every robot's records until the clerk stops.
-pub(super) async fn attend(clerk: Clerk) {
+/// Looks at every robot's records until the lifecycle stops.
+pub(super) async fn attend(lifecycle: Lifecycle) {
     let mut ticks = tokio::time::interval(LOOK_EVERY);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut candidates = BTreeMap::new();
     loop {
         tokio::select! {
-            () = clerk.inner.stop.cancelled() => return,
+            () = lifecycle.inner.stop.cancelled() => return,
             _ = ticks.tick() => {}
         }
-        clerk.look(&mut candidates).await;
+        lifecycle.look(&mut candidates).await;
     }
 }
 
-impl Clerk {
+impl Lifecycle {
     /// Looks once at every robot's records and does what is due.
     pub(super) async fn look(&self, candidates: &mut BTreeMap<RobotId, Candidate>) {
         let now_ns = self.inner.clock.now_ns();

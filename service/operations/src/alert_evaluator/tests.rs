@@ -13,8 +13,8 @@ use fleetcal_domain::webhook::{
 use fleetcal_store::{AlertFilter, AlertSelection, AuditFilter};
 
 use super::*;
-use crate::courier::{CreateWebhook, DeleteWebhook, NoteAttempt};
 use crate::testing::{NOW_NS, clock, open, robot};
+use crate::webhook_dispatcher::{CreateWebhook, DeleteWebhook, NoteAttempt};
 
 const NS: i64 = 1_000_000_000;
 const NOW_S: i64 = NOW_NS / NS;
@@ -22,7 +22,7 @@ const NOW_S: i64 = NOW_NS / NS;
 /// Tells the child process which folder to write to.
 const FOLDER: &str = "FLEETCAL_TEST_STORE";
 /// Name of the child's test.
-const CHILD: &str = "sentry::tests::child_that_is_killed";
+const CHILD: &str = "alert_evaluator::tests::child_that_is_killed";
 
 fn ada() -> Actor {
     Actor {

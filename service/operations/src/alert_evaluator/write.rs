@@ -12,7 +12,7 @@ use fleetcal_domain::limits;
 use fleetcal_domain::webhook::Message;
 use fleetcal_store::{AlertMoment, AuditEntry, Job, Records, StoreError};
 
-use crate::courier::outbox;
+use crate::webhook_dispatcher::outbox;
 
 /// Takes what the rules have seen.
 #[derive(Debug, Clone)]
