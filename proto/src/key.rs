@@ -155,13 +155,13 @@ fn chunk(text: &str) -> Result<Arc<str>, RobotIdRefused> {
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum KeyRefused {
     /// It is longer than [`KEY_BYTES_MAX`].
-    #[error("key is {length} bytes long, accepted are at most 255")]
+    #[error("key is {length} bytes long, expected at most 255")]
     TooLong {
         /// Its length in bytes.
         length: usize,
     },
     /// It holds a wildcard: it names many keys.
-    #[error("key {key:?} contains {character:?}, accepted is the key of one stream")]
+    #[error("key {key:?} contains {character:?}, expected the key of one stream")]
     Wildcard {
         /// The key.
         key: String,
@@ -169,13 +169,13 @@ pub enum KeyRefused {
         character: char,
     },
     /// Two slashes in a row, or one at an end.
-    #[error("key {key:?} has an empty chunk, accepted are chunks parted by one slash")]
+    #[error("key {key:?} has an empty chunk, expected chunks parted by one slash")]
     EmptyChunk {
         /// The key.
         key: String,
     },
     /// It is under another root.
-    #[error("key {key:?} is not under {root:?}, accepted is {root}/{{robot}}/{{stream}}")]
+    #[error("key {key:?} is not under {root:?}, expected {root}/{{robot}}/{{stream}}")]
     OtherRoot {
         /// The key.
         key: String,
@@ -193,7 +193,7 @@ pub enum KeyRefused {
     },
     /// Nothing is sent under that name.
     #[error(
-        "key {key:?} ends in {stream:?}, accepted are wheel_odometry, scan, lidar_odometry, event, \
+        "key {key:?} ends in {stream:?}, expected wheel_odometry, scan, lidar_odometry, event, \
          estimate, calibration/{{approved,applied,confirmed}}, cross_track_error and progress"
     )]
     UnknownStream {
@@ -423,7 +423,7 @@ mod tests {
         for (key, wanted) in cases {
             let sentence = keys.parse(key).unwrap_err().to_string();
             assert!(sentence.contains(wanted), "{key:?} gave {sentence:?}");
-            assert!(sentence.contains("accepted"), "{key:?} gave {sentence:?}");
+            assert!(sentence.contains("expected"), "{key:?} gave {sentence:?}");
         }
         assert!(
             keys.parse(&"a".repeat(256))

@@ -52,7 +52,7 @@ pub enum ServiceError {
     Entropy(#[from] NoEntropy),
     /// More robots are configured than there is room for.
     #[error(
-        "{configured} robots are configured, accepted are {} at most",
+        "{configured} robots are configured, expected {} at most",
         limits::ROBOTS_MAX
     )]
     TooManyRobots {

@@ -48,7 +48,7 @@ struct Order {
 fn main() {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let [folder, seed, robots, decisions, sessions, outlives] = words.as_slice() else {
-        panic!("accepted are FOLDER SEED ROBOTS DECISIONS SESSIONS power|process");
+        panic!("expected FOLDER SEED ROBOTS DECISIONS SESSIONS power|process");
     };
     let order = Order {
         folder: folder.clone(),

@@ -16,7 +16,7 @@ pub fn assert_near(
         let error = parameter["value"].as_f64().expect("a number") - truth;
         assert!(
             error.abs() <= tolerance,
-            "{name} is off by {error}, accepted is {tolerance}"
+            "{name} is off by {error}, expected {tolerance}"
         );
         let doubt = if parameter["unit"] == "rad" {
             doubt[0]

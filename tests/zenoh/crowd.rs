@@ -34,7 +34,7 @@ const CONNECT_AT_ONCE: usize = 8;
 fn main() {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let [what, endpoint, seconds, count, kind, who] = words.as_slice() else {
-        panic!("accepted are robots|hostile ENDPOINT SECONDS COUNT RECORDING|KIND WHO");
+        panic!("expected robots|hostile ENDPOINT SECONDS COUNT RECORDING|KIND WHO");
     };
     let duration = Duration::from_secs(seconds.parse().unwrap());
     let count = count.parse().unwrap();

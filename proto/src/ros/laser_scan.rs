@@ -53,7 +53,7 @@ pub struct LaserScan {
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum ScanRefused {
     /// An angle that is no number, or a step that leads nowhere.
-    #[error("{field} is {value}, accepted is a finite number (and a step other than zero)")]
+    #[error("{field} is {value}, expected a finite number (and a step other than zero)")]
     Angle {
         /// Name of the field.
         field: &'static str,
@@ -63,7 +63,7 @@ pub enum ScanRefused {
     /// More or fewer beams than the angles say.
     #[error(
         "ranges has {beams} beams, but angle_min, angle_max and angle_increment make {wanted:.0}; \
-         accepted is that number, one more or one fewer"
+         expected that number, one more or one fewer"
     )]
     Length {
         /// How many there are.

@@ -31,7 +31,7 @@ const LOCK_ENDING: &str = ".agent.lock";
 #[derive(Debug, Error)]
 pub enum FileError {
     /// Its ending says no format.
-    #[error("file to apply is {}, accepted are names ending in .yaml, .yml or .json", path.display())]
+    #[error("file to apply is {}, expected names ending in .yaml, .yml or .json", path.display())]
     Format {
         /// The file.
         path: PathBuf,
@@ -69,7 +69,7 @@ pub enum FileError {
         robot: RobotId,
     },
     /// Two files that the agent was to write are one.
-    #[error("{} is named for two of the agent's files, accepted is another file for each", path.display())]
+    #[error("{} is named for two of the agent's files, expected another file for each", path.display())]
     Twice {
         /// The file.
         path: PathBuf,

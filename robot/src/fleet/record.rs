@@ -25,7 +25,7 @@ pub const RECORD_DURATION_MAX_S: f64 = 86_400.0;
 #[derive(Debug, Error)]
 pub enum RecordError {
     /// Longer or shorter than a recording can be.
-    #[error("duration is {0} s, accepted are more than 0 and at most {RECORD_DURATION_MAX_S} s")]
+    #[error("duration is {0} s, expected more than 0 and at most {RECORD_DURATION_MAX_S} s")]
     Duration(f64),
     /// The robot's configuration cannot be simulated.
     #[error(transparent)]

@@ -254,7 +254,7 @@ async fn a_robot_pulls_applies_and_acknowledges_what_is_approved() {
 
     for (payload, generation, reason) in [
         (envelope("tugger_02", 7, 600), 7, "robot is tugger_02"),
-        (pushed, 4, "accepted are higher ones than 5"),
+        (pushed, 4, "expected higher ones than 5"),
         (
             envelope("tugger_01", 9, 600),
             9,

@@ -138,7 +138,7 @@ pub enum TopicError {
         flag: &'static str,
     },
     /// The topic that was asked for is not in the recording.
-    #[error("{flag} is {topic:?}, accepted are the recording's topics: {present}")]
+    #[error("{flag} is {topic:?}, expected the recording's topics: {present}")]
     NotInRecording {
         /// The flag.
         flag: &'static str,
@@ -148,7 +148,7 @@ pub enum TopicError {
         present: String,
     },
     /// The topic that was asked for is of another type.
-    #[error("{flag} is {topic:?}, which is of type {found}, accepted is {needed}")]
+    #[error("{flag} is {topic:?}, which is of type {found}, expected {needed}")]
     WrongType {
         /// The flag.
         flag: &'static str,
@@ -160,7 +160,7 @@ pub enum TopicError {
         needed: String,
     },
     /// Two that exclude each other.
-    #[error("{scan} and {pose} are both given, accepted is one of them")]
+    #[error("{scan} and {pose} are both given, expected one of them")]
     ScanAndPose {
         /// What asks for sweeps.
         scan: &'static str,
@@ -168,14 +168,14 @@ pub enum TopicError {
         pose: &'static str,
     },
     /// Neither wheel odometry nor both of its halves.
-    #[error("{given} given, accepted is a topic of both steering and speed, or one of each")]
+    #[error("{given} given, expected a topic of both steering and speed, or one of each")]
     Halves {
         /// What is given.
         given: String,
     },
     /// One topic as both halves.
     #[error(
-        "{steering} and {speed} are both {topic:?}, accepted is {wheel_odometry} for a topic of both"
+        "{steering} and {speed} are both {topic:?}, expected {wheel_odometry} for a topic of both"
     )]
     OneTopic {
         /// What asks for the steering.

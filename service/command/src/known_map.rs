@@ -42,7 +42,7 @@ impl FromStr for Start {
             [x_m, y_m, yaw_deg] if text.matches(',').count() == 2 => {
                 Ok(Self(Pose2::new(*x_m, *y_m, yaw_deg.to_radians())))
             }
-            _ => Err("accepted are three numbers: metres, metres, degrees".to_owned()),
+            _ => Err("expected three numbers: metres, metres, degrees".to_owned()),
         }
     }
 }

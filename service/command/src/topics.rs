@@ -97,13 +97,13 @@ fn recorded_as(channels: &[Channel], robot: &str, name: &str) -> String {
 pub fn joints(text: &str) -> Result<Joints, String> {
     let fields: StreamsFields = toml::from_str(&format!("joints = {text}")).map_err(|error| {
         format!(
-            "{}, accepted is a table as in the configuration: {{ steering = \"steer_joint\" }}",
+            "{}, expected a table as in the configuration: {{ steering = \"steer_joint\" }}",
             error.message()
         )
     })?;
     let joints = fields.joints.clone();
     RobotStreams::try_from(fields)?;
-    joints.ok_or_else(|| "accepted is a table: { steering = \"steer_joint\" }".to_owned())
+    joints.ok_or_else(|| "expected a table: { steering = \"steer_joint\" }".to_owned())
 }
 
 #[cfg(test)]
@@ -147,7 +147,7 @@ mod tests {
         let read = joints("{ steering = 'steer', steering_gear = 0.5 }");
         assert_eq!(read.map(|of| of.steering), Ok(Some("steer".to_owned())));
         for (text, wanted) in [
-            ("steer", "accepted is a table"),
+            ("steer", "expected a table"),
             ("{ steer = 'a' }", "steer"),
             (
                 "{ steering = 'a', steering_gear = 0 }",

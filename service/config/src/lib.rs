@@ -360,7 +360,7 @@ mod tests {
         assert_ne!(cloud.band, laser.band);
         let reason = scans(&text.replace("1.5", "-1.5")).expect_err("upside down");
         assert!(
-            reason.contains("height_max_m is -1.5, accepted is"),
+            reason.contains("height_max_m is -1.5, expected"),
             "{reason}"
         );
         let reason = scans(&text.replace("beams", "beens")).expect_err("unknown");

@@ -50,7 +50,7 @@ pub enum MessageRefused {
     },
     /// The orientation says nothing.
     #[error(
-        "lidar_odometry: pose.pose.orientation is of length {length}, accepted is a quaternion of \
+        "lidar_odometry: pose.pose.orientation is of length {length}, expected a quaternion of \
          length 1"
     )]
     Orientation {
@@ -58,7 +58,7 @@ pub enum MessageRefused {
         length: f64,
     },
     /// It is of a type that is not taken there.
-    #[error("{stream}: type is {found}, accepted are {accepted}", stream = stream.name())]
+    #[error("{stream}: type is {found}, expected {accepted}", stream = stream.name())]
     Type {
         /// Where it came.
         stream: Stream,
@@ -68,13 +68,13 @@ pub enum MessageRefused {
         accepted: String,
     },
     /// It is half of a drive sample.
-    #[error("{stream}: comes alone, accepted are steering and speed of a robot", stream = stream.name())]
+    #[error("{stream}: comes alone, expected steering and speed of a robot", stream = stream.name())]
     Alone {
         /// Where it came.
         stream: Stream,
     },
     /// It lacks a joint that the robot's configuration names.
-    #[error("{stream}: name lacks the joint {joint:?} or its {what}, accepted are the joints of streams.joints", stream = stream.name())]
+    #[error("{stream}: name lacks the joint {joint:?} or its {what}, expected the joints of streams.joints", stream = stream.name())]
     Joint {
         /// Where it came.
         stream: Stream,
@@ -90,13 +90,13 @@ pub enum MessageRefused {
         stream: Stream,
     },
     /// An event that cannot be read.
-    #[error("event: {0}, accepted is {{\"kind\", \"stamp_ns\", \"note\"}}")]
+    #[error("event: {0}, expected {{\"kind\", \"stamp_ns\", \"note\"}}")]
     Event(#[source] serde_json::Error),
     /// An event's note is too long.
-    #[error("event: note has {0} characters, accepted are {NOTE_CHARS_MAX} at most")]
+    #[error("event: note has {0} characters, expected {NOTE_CHARS_MAX} at most")]
     NoteTooLong(usize),
     /// An event without a time.
-    #[error("event: stamp_ns is {0}, accepted is a time after 1970")]
+    #[error("event: stamp_ns is {0}, expected a time after 1970")]
     NoteStamp(i64),
 }
 
@@ -452,7 +452,7 @@ mod tests {
             message.drive.steering_angle = steering_angle;
             let reason = refusal(Stream::WheelOdometry, &message.to_cdr());
             assert!(
-                reason.contains(field) && reason.contains("accepted"),
+                reason.contains(field) && reason.contains("expected"),
                 "{reason}"
             );
         }

@@ -41,13 +41,13 @@ pub enum FleetRefused {
     #[error("no robot {0} is known")]
     UnknownRobot(RobotId),
     /// Nobody has registered it.
-    #[error("robot {0} is not registered, accepted is a robot with a vehicle")]
+    #[error("robot {0} is not registered, expected a robot with a vehicle")]
     Unregistered(RobotId),
     /// The fleet is full.
     #[error("{} robots are configured, which is the limit", limits::ROBOTS_MAX)]
     RobotsMax,
     /// The note's text is too long.
-    #[error("note has {0} characters, accepted are {max}", max = limits::NOTE_CHARS_MAX)]
+    #[error("note has {0} characters, expected {max}", max = limits::NOTE_CHARS_MAX)]
     NoteTooLong(usize),
     /// The robot has too many notes that wait.
     #[error("robot {0} has {max} notes that wait", max = limits::MAILBOX_NOTES_MAX)]
@@ -339,7 +339,7 @@ impl FleetHandle {
         if bytes > limit {
             self.fleet.counts.oversized.fetch_add(1, Ordering::Relaxed);
             let name = stream.name();
-            let reason = format!("{name}: payload is {bytes} bytes, accepted are {limit} at most");
+            let reason = format!("{name}: payload is {bytes} bytes, expected {limit} at most");
             robot.mailbox.refuse(stream, &reason);
         } else if !robot.is_configured() {
             robot.mailbox.ignore(stream);

@@ -377,7 +377,7 @@ mod tests {
             ),
             (
                 reason(read_as(Stream::LidarOdometry, &plain, &joint_state())),
-                "accepted are nav_msgs/msg/Odometry and geometry_msgs/msg/PoseStamped",
+                "expected nav_msgs/msg/Odometry and geometry_msgs/msg/PoseStamped",
             ),
             (
                 reason(read_as(Stream::Speed, &plain, &PoseStamped::default())),

@@ -8,7 +8,6 @@ use std::sync::atomic::Ordering;
 
 use fleetcal_domain::limits::{
     ADVICE_EVERY_S, CHECKPOINT_EVERY_S, ESTIMATOR_RESTARTS_MAX, NOTES_PER_HOUR_MAX,
-    TOP_VIEW_EVERY_S,
 };
 use fleetcal_domain::robot::{
     HistoryEvent, Mount, RobotConfig, RobotState, ServiceEvent, ServiceEventKind, Warning,
@@ -292,7 +291,7 @@ impl RobotTask {
         if let Some(note) = note {
             if !self.budgets.take_note(&self.fleet, &note) {
                 return Outcome::Refused(format!(
-                    "event: the robot's notes of this hour are used up, accepted are {NOTES_PER_HOUR_MAX}"
+                    "event: the robot's notes of this hour are used up, the limit is {NOTES_PER_HOUR_MAX}"
                 ));
             }
             self.robot.taps.offer(|| Some(Tapped::of_note(&note)));
@@ -335,14 +334,13 @@ impl RobotTask {
         }
         let view = self.top_view_now();
         for asker in askers {
-            // Whoever has gone meanwhile is no matter.
             drop(asker.send(view.clone()));
         }
     }
 
     fn top_view_now(&mut self) -> top_view::Answer {
         let newest = self.newest;
-        let is_recent = |at: Stamp| newest.seconds_since(at).abs() < TOP_VIEW_EVERY_S;
+        let is_recent = |at: Stamp| newest.seconds_since(at).abs() < top_view::EVERY_S;
         if let Some((at, view)) = &self.top_view
             && is_recent(*at)
         {

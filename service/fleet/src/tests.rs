@@ -235,7 +235,7 @@ async fn a_payload_that_is_too_large_is_refused_unread() {
         counters
             .last_refusal
             .unwrap()
-            .contains("4097 bytes, accepted are 4096")
+            .contains("4097 bytes, expected 4096")
     );
     assert_eq!(bench.fleet.counters().oversized, 1);
 }

@@ -6,6 +6,9 @@ use fleetcal_domain::limits;
 use fleetcal_estimator::calibrator::{Plan as TopView, PlanLimits as TopViewLimits};
 use tokio::sync::oneshot;
 
+/// Those who ask again within this much message time get the same view, s.
+pub const EVERY_S: f64 = limits::TOP_VIEW_EVERY_S;
+
 /// What of a robot's surroundings is shown.
 pub const LIMITS: TopViewLimits = TopViewLimits {
     reach_m: limits::TOP_VIEW_REACH_M,

@@ -66,11 +66,7 @@ pub fn offer(
     sample: &Sample,
 ) {
     if sample.kind() != SampleKind::Put {
-        fleet.refuse(
-            robot,
-            stream,
-            "the message is a deletion, accepted is a put",
-        );
+        fleet.refuse(robot, stream, "the message is a deletion, expected a put");
         return;
     }
     let payload = sample.payload();

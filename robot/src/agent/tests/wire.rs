@@ -351,7 +351,7 @@ async fn what_must_not_be_applied_is_refused_with_its_reason() {
         (
             sealed(&document(2)),
             2,
-            "generation is 2, accepted are higher ones than 3",
+            "generation is 2, expected higher ones than 3",
         ),
         (
             sealed(&beyond),
@@ -361,7 +361,7 @@ async fn what_must_not_be_applied_is_refused_with_its_reason() {
         (
             sealed(&stale_base),
             9,
-            "base_generation is none, accepted are 3",
+            "base_generation is none, expected 3",
         ),
     ];
     service.push(b"{\"document\": 1}".to_vec()).await;

@@ -82,7 +82,7 @@ pub(super) async fn approve_several(
     let count = value.proposals.len();
     if count == 0 || count > limits::APPROVED_AT_ONCE_MAX {
         let detail = format!(
-            "{count} proposals are named, accepted are 1 to {}",
+            "{count} proposals are named, expected 1 to {}",
             limits::APPROVED_AT_ONCE_MAX
         );
         let status = StatusCode::BAD_REQUEST;

@@ -20,7 +20,7 @@ pub const MOUNT_MAX_M: f64 = 30.0;
 
 /// Why a value in a configuration was refused.
 #[derive(Debug, Clone, PartialEq, Error)]
-#[error("{key} is {value}, accepted is {accepted}")]
+#[error("{key} is {value}, expected {accepted}")]
 pub struct ValueRefused {
     /// Name of the key.
     pub key: &'static str,

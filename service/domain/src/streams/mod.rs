@@ -218,11 +218,11 @@ impl StreamsFields {
                 );
             }
             (None, ..) => {
-                return Err("streams has one of steering and speed, accepted are both".to_owned());
+                return Err("streams has one of steering and speed, expected both".to_owned());
             }
         }
         if self.scan.is_some() && self.lidar_odometry.is_some() {
-            return Err("streams has scan and lidar_odometry, accepted is one of them".to_owned());
+            return Err("streams has scan and lidar_odometry, expected one of them".to_owned());
         }
         let mut topics = BTreeSet::new();
         for stream in STREAMS_OF_TOPICS {
@@ -232,7 +232,7 @@ impl StreamsFields {
             let topic = source.topic.as_str();
             if !topics.insert(topic) {
                 return Err(format!(
-                    "streams has the topic {topic} twice, accepted is one stream for each; steering \
+                    "streams has the topic {topic} twice, expected one stream for each; steering \
                      and speed in one message are wheel_odometry"
                 ));
             }
@@ -250,7 +250,7 @@ impl StreamsFields {
         if !accepted.contains(&message_type) {
             let accepted: Vec<&str> = accepted.iter().map(|of| of.ros_type()).collect();
             return Err(format!(
-                "streams.{name}.type is {}, accepted are {}",
+                "streams.{name}.type is {}, expected {}",
                 message_type.ros_type(),
                 accepted.join(" and ")
             ));
@@ -263,7 +263,7 @@ impl StreamsFields {
         if (stream != Stream::Speed && !steers) || (stream != Stream::Steering && !drives) {
             return Err(format!(
                 "streams.{name} comes as JointState and streams.joints does not say by which \
-                 joints, accepted are steering, and wheels with wheel_radius_m"
+                 joints, expected steering, and wheels with wheel_radius_m"
             ));
         }
         Ok(())
@@ -278,13 +278,13 @@ impl Joints {
             .find(|name| name.is_empty() || name.len() > NAME_BYTES_MAX)
         {
             return Err(format!(
-                "streams.joints has a joint {name:?}, accepted are names of 1 to 200 bytes"
+                "streams.joints has a joint {name:?}, expected names of 1 to 200 bytes"
             ));
         }
         if self.wheels.len() > WHEELS_MAX {
             let wheels = self.wheels.len();
             return Err(format!(
-                "streams.joints.wheels has {wheels} wheels, accepted are 8 at most"
+                "streams.joints.wheels has {wheels} wheels, expected 8 at most"
             ));
         }
         for (key, gear) in [
@@ -293,7 +293,7 @@ impl Joints {
         ] {
             if !gear.is_finite() || gear == 0.0 || gear.abs() > GEAR_MAX {
                 return Err(format!(
-                    "streams.joints.{key} is {gear}, accepted is a ratio other than 0, up to 1000 \
+                    "streams.joints.{key} is {gear}, expected a ratio other than 0, up to 1000 \
                      either way"
                 ));
             }
@@ -305,7 +305,7 @@ impl Joints {
         }
         let given = radius.map_or_else(|| "not given".to_owned(), |metres| metres.to_string());
         Err(format!(
-            "streams.joints.wheel_radius_m is {given}, accepted is more than 0 and at most 5 m"
+            "streams.joints.wheel_radius_m is {given}, expected more than 0 and at most 5 m"
         ))
     }
 }

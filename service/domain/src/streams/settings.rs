@@ -75,7 +75,7 @@ impl TryFrom<String> for TopicName {
             return Ok(Self(text));
         }
         Err(format!(
-            "topic is {text:?}, accepted is its name below the robot, without a slash at the ends: \
+            "topic is {text:?}, expected its name below the robot, without a slash at the ends: \
              front/scan"
         ))
     }
