@@ -177,7 +177,7 @@ imperfect-robots: rust ## Claims and alarms of imperfect robots, 600 of each imp
 load: build ## 50 robots at once: prints the CPU time per robot-second and sample, and the share of the CPU
 	FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked -p fleetcal-tests --test load -- --nocapture
 
-# What a campaign has done stands in its file here; `rm` begins it anew.
+# What a campaign has done stands in its file here; `rm` begins it again.
 HARDENING := $(abspath $(BUILT))/hardening
 COMMIT = $$(git describe --always --dirty --exclude '*')
 

@@ -142,9 +142,9 @@ pub enum AppliedStatus {
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Applied {
-    /// Generation of the document it is about; 0 for values the robot brought along.
+    /// Generation of the document it is about; 0 for its factory calibration.
     pub generation: u64,
-    /// SHA-256 of the document, lower-case hexadecimal; empty for values the robot brought along.
+    /// SHA-256 of the document, lower-case hexadecimal; empty for its factory calibration.
     pub sha256: String,
     /// What became of it.
     pub status: AppliedStatus,

@@ -47,7 +47,7 @@ impl Rewritten {
     }
 }
 
-/// Writes a recording anew as `path`: each message, of the type that is given with it, as what
+/// Writes a recording again as `path`: each message, of the type that is given with it, as what
 /// `rewrite` makes of it.
 ///
 /// # Panics

@@ -153,7 +153,7 @@ impl Service {
         service
     }
 
-    /// Starts the service anew on the same folder and ports.
+    /// Restarts the service on the same folder and ports.
     ///
     /// # Panics
     /// When it still runs or does not become ready.

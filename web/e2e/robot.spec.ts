@@ -150,7 +150,7 @@ test('the colours can be chosen and are kept', async ({ page }) => {
   expect(await background()).toBe(dark);
 });
 
-test('the robot is seen from above: scan, map, and where each steering would have led it', async ({
+test('the robot has a top view: scan, map, and where each steering would have led it', async ({
   page,
 }) => {
   test.setTimeout(180_000);

@@ -118,7 +118,7 @@ pub enum ParameterStatus {
     Learning,
     /// The motions so far say nothing about it.
     Unobservable,
-    /// Held at its configured value, with its configured doubt.
+    /// Held at its configured value, with its configured uncertainty.
     Fixed,
     /// Not part of the model.
     Off,

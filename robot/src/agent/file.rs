@@ -51,7 +51,7 @@ pub enum FileError {
         path: PathBuf,
     },
     /// The memory cannot be understood.
-    #[error("{}: {reason}; move it away to begin anew", path.display())]
+    #[error("{}: {reason}; move it away to begin again", path.display())]
     Memory {
         /// The file.
         path: PathBuf,
@@ -451,7 +451,7 @@ mod tests {
         ));
         let [robot, other] = ["tugger_01", "tugger_02"].map(|id| RobotId::parse(id).unwrap());
         assert_eq!(file.memory(&robot).unwrap(), None);
-        let held = crate::agent::state::Held::brought_along(Some(values()), 7);
+        let held = crate::agent::state::Held::factory(Some(values()), 7);
         let memory = Memory::new(robot.clone(), held);
         file.remember(&memory).unwrap();
         assert_eq!(file.memory(&robot).unwrap(), Some(memory));

@@ -217,7 +217,7 @@ async fn a_robot_pulls_applies_and_acknowledges_what_is_approved() {
     assert_eq!(
         (first.generation, first.sha256.as_str()),
         (0, ""),
-        "what it brought along"
+        "its factory calibration"
     );
 
     // Without a confirmation the robot goes back to where it was, which nobody confirmed either.
@@ -235,7 +235,7 @@ async fn a_robot_pulls_applies_and_acknowledges_what_is_approved() {
     let values = reverted().unwrap().values.unwrap();
     assert!(
         values.steering_offset_rad.abs() < 1e-12,
-        "what it brought along"
+        "its factory calibration"
     );
 
     let confirmed = envelope("tugger_01", 5, 2);
@@ -306,7 +306,7 @@ async fn a_robot_stops_weaving_once_its_true_calibration_is_approved() {
         let squares: f64 = errors.iter().map(|error| error * error).sum();
         (squares / errors.len() as f64).sqrt()
     };
-    until("it drove with what it brought along", || {
+    until("it drove with its factory calibration", || {
         errors_m().len() >= SETTLING + READINGS
     })
     .await;

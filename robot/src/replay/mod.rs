@@ -62,7 +62,7 @@ pub struct ReplaySummary {
     pub scans: u64,
     /// Messages that the service gave up because its mailbox was full, as it says itself.
     pub dropped: u64,
-    /// Messages that were on the way when the service was started anew: lost with it, or counted
+    /// Messages that were on the way when the service was restarted: lost with it, or counted
     /// by nobody.
     pub unconfirmed: u64,
     /// How long it took, from the first message until the service had worked through the last.

@@ -3,7 +3,7 @@
 use fleetcal_proto::progress::Progress;
 
 /// Most drive samples on the way: half of what a robot's mailbox holds, because a service that
-/// starts anew may hold as many again that it has not reported.
+/// restarts may hold as many again that it has not reported.
 pub const AHEAD_DRIVE_SAMPLES_MAX: u64 = 512;
 /// Most sweeps or LiDAR poses on the way, likewise.
 pub const AHEAD_SCANS_MAX: u64 = 4;
@@ -11,7 +11,7 @@ pub const AHEAD_SCANS_MAX: u64 = 4;
 /// What was sent, against what the service says it has worked through.
 ///
 /// The service counts from its own start, so its first report is the zero. When its counts fall,
-/// it was started anew: what was on the way then is lost or counted already, and the window is
+/// it was restarted: what was on the way then is lost or counted already, and the window is
 /// empty again.
 #[derive(Debug, Clone)]
 pub struct Window {
@@ -31,7 +31,7 @@ pub enum Report {
     MovedOn,
     /// The counts are the same.
     Unmoved,
-    /// The counts fell: the service was started anew.
+    /// The counts fell: the service was restarted.
     StartedAnew,
 }
 
@@ -97,7 +97,7 @@ impl Window {
         }
     }
 
-    /// Gives up what is on the way: the service counts anew from `progress`.
+    /// Gives up what is on the way: the service counts again from `progress`.
     pub fn restart(&mut self, progress: Progress) {
         self.unconfirmed += self.outstanding();
         self.dropped_before = self.dropped();
@@ -136,7 +136,7 @@ impl Window {
         self.dropped_before + self.dropped_now()
     }
 
-    /// How many messages were on the way when the service was started anew: lost with it, or
+    /// How many messages were on the way when the service was restarted: lost with it, or
     /// counted by nobody.
     pub fn unconfirmed(&self) -> u64 {
         self.unconfirmed

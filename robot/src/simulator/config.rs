@@ -54,7 +54,7 @@ impl Default for SpeedProfile {
 /// straight, and all that a coarse steering encoder shows there would be one wrong number.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct LocalisationNoise {
-    /// Standard deviation of each coordinate, anew ten times a second, m.
+    /// Standard deviation of each coordinate, again ten times a second, m.
     pub position_sigma_m: f64,
     /// The same of the heading, rad.
     pub yaw_sigma_rad: f64,

@@ -121,7 +121,7 @@ impl ApiState {
     info(
         title = "fleetcal",
         description = "Calibration of fleets of wheeled robots: what each robot's steering offset \
-            and LiDAR mount are, how they went, and what happened to it.\n\nAngles are in \
+            and LiDAR extrinsics are, how they went, and what happened to it.\n\nAngles are in \
             radians, lengths in metres, times RFC 3339 in UTC. Errors are `Problem` documents \
             (RFC 9457). Unknown query parameters are refused by name.",
         license(name = "Apache-2.0", identifier = "Apache-2.0"),

@@ -52,7 +52,7 @@ struct Summary {
     scans_rejected: u64,
     /// Sweeps in each state of tracking.
     tracking: TrackingCounts,
-    /// Times the local map was begun anew: poses before and after do not compare.
+    /// Times the local map was restarted: poses before and after do not compare.
     map_restarts: u64,
     /// Length of the way, m.
     distance_m: f64,
@@ -174,7 +174,7 @@ fn in_words(summary: &Summary) -> String {
     } = summary;
     format!(
         "{scans} scans, {scans_rejected} rejected; {distance_m:.2} m in {:.1} s\n\
-         tracking {}, degraded {}, lost {}, recovered {}; map begun anew {map_restarts} times\n\
+         tracking {}, degraded {}, lost {}, recovered {}; map restarted {map_restarts} times\n\
          {:.3} ms a scan (99 % under {:.3} ms), {:.2} s of CPU time, {:.0} times real time\n",
         summary.duration_s,
         tracking.tracking,

@@ -18,7 +18,7 @@ pub struct UsedValues {
     /// Since when, ns since 1970 by the clock of the robot's agent, which need not be the one that
     /// stamps its messages.
     pub since_ns: i64,
-    /// Generation of their document; 0 for what the robot brought along.
+    /// Generation of their document; 0 for its factory calibration.
     pub generation: u64,
     /// The values.
     pub values: CalibrationValues,

@@ -215,12 +215,17 @@ impl FleetHandle {
         Ok(())
     }
 
-    /// Takes what a robot compensates with, oldest first, and the generation that a fresh estimate
+    /// Takes what a robot compensates with, oldest first, and the generation that a verification estimate
     /// has to verify, with since when it is in use by its agent's clock. What waits in the robot's
     /// mailbox came before that.
-    pub fn use_values(&self, id: &RobotId, values: &[UsedValues], on_trial: Option<(u64, i64)>) {
+    pub fn use_values(
+        &self,
+        id: &RobotId,
+        values: &[UsedValues],
+        in_verification: Option<(u64, i64)>,
+    ) {
         if let Some(robot) = self.fleet.find(id.as_str()) {
-            robot.set_used(values, on_trial);
+            robot.set_used(values, in_verification);
         }
     }
 

@@ -21,7 +21,7 @@ mod task;
 #[cfg(test)]
 mod tests;
 mod top_view;
-mod trial;
+mod verification_run;
 mod watch;
 pub mod words;
 

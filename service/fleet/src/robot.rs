@@ -123,7 +123,7 @@ struct Used {
     /// Values, oldest first.
     values: Vec<InForce>,
     /// The generation to be verified, and since when it is in use by the agent's clock.
-    on_trial: Option<(u64, i64)>,
+    in_verification: Option<(u64, i64)>,
     /// Answers that have not come up among the messages yet.
     unheard: u32,
 }
@@ -131,7 +131,7 @@ struct Used {
 impl Used {
     /// What the robot says now; of what it said before, the stamps are known. `true` when that is
     /// something new.
-    fn follow(&mut self, values: &[UsedValues], on_trial: Option<(u64, i64)>) -> bool {
+    fn follow(&mut self, values: &[UsedValues], in_verification: Option<(u64, i64)>) -> bool {
         let known = |used: &UsedValues| {
             let mut known = self.values.iter();
             let known = known.find(|known| known.used == *used).copied();
@@ -139,9 +139,10 @@ impl Used {
         };
         let values: Vec<InForce> = values.iter().map(known).collect();
         let latest = |values: &[InForce]| values.last().map(|latest| latest.used);
-        let is_new = latest(&values) != latest(&self.values) || on_trial != self.on_trial;
+        let is_new =
+            latest(&values) != latest(&self.values) || in_verification != self.in_verification;
         self.values = values;
-        self.on_trial = on_trial;
+        self.in_verification = in_verification;
         is_new
     }
 }
@@ -388,13 +389,13 @@ impl Robot {
     /// Takes what the robot compensates with, oldest first, and the generation to be verified with
     /// since when it is in use by the agent's clock. Both count from the messages on that come
     /// after this.
-    pub fn set_used(&self, values: &[UsedValues], on_trial: Option<(u64, i64)>) {
+    pub fn set_used(&self, values: &[UsedValues], in_verification: Option<(u64, i64)>) {
         {
             let mut status = lock(&self.status);
             let fresh = status.fresh.take();
-            let generation = on_trial.map(|(generation, _)| generation);
+            let generation = in_verification.map(|(generation, _)| generation);
             status.fresh = fresh.filter(|(of, _)| Some(*of) == generation);
-            if !status.used.follow(values, on_trial) {
+            if !status.used.follow(values, in_verification) {
                 return;
             }
             status.used.unheard = status.used.unheard.saturating_add(1);
@@ -465,18 +466,21 @@ impl Robot {
 
     /// The generation to be verified, and since when it is in use by the agent's clock; `None`
     /// while messages wait that came before the robot said so.
-    pub fn on_trial(&self) -> Option<(u64, i64)> {
+    pub fn in_verification(&self) -> Option<(u64, i64)> {
         let status = lock(&self.status);
-        status.used.on_trial.filter(|_| status.used.unheard == 0)
+        status
+            .used
+            .in_verification
+            .filter(|_| status.used.unheard == 0)
     }
 
-    /// Takes an estimate of the generation on trial.
+    /// Takes an estimate of the generation in verification.
     pub fn set_fresh(&self, generation: u64, estimate: Arc<EstimateDocument>) {
         let mut status = lock(&self.status);
         if status
             .used
-            .on_trial
-            .is_some_and(|(on_trial, _)| on_trial == generation)
+            .in_verification
+            .is_some_and(|(in_verification, _)| in_verification == generation)
         {
             status.fresh = Some((generation, estimate));
         }

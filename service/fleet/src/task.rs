@@ -35,7 +35,7 @@ use crate::robot::Robot;
 use crate::senders::Senders;
 use crate::tap::Tapped;
 use crate::top_view;
-use crate::trial::Trial;
+use crate::verification_run::VerificationRun;
 
 /// The parameters that have to be known for a robot to be called calibrated.
 const CALIBRATED: [Parameter; 4] = [
@@ -117,7 +117,7 @@ struct RobotTask {
     /// Whether a change was seen and the new values are not known yet.
     changed: bool,
     /// What proves the values that the robot has begun to use.
-    trial: Option<Trial>,
+    verification_run: Option<VerificationRun>,
 }
 
 impl RobotTask {
@@ -157,7 +157,7 @@ impl RobotTask {
             tapped_pose: LatestPose::default(),
             top_view: None,
             changed: false,
-            trial: None,
+            verification_run: None,
         };
         if task.last_good.is_some() {
             task.show_restored();
@@ -181,7 +181,7 @@ impl RobotTask {
         }
     }
 
-    /// Begins anew when the robot was configured otherwise.
+    /// Begins again when the robot was configured otherwise.
     fn follow_config(&mut self) {
         if self.robot.config_version() == self.version {
             return;
@@ -264,7 +264,7 @@ impl RobotTask {
         if are_two && !were_two {
             let earlier = self.earlier_good.take();
             self.begin_from(earlier);
-            self.trial = None;
+            self.verification_run = None;
         }
         if are_two != were_two {
             self.warn();
@@ -399,14 +399,19 @@ impl RobotTask {
             .map_err(|refused| refused.to_string())
     }
 
-    /// Feeds the estimator, and the one of the values on trial. `false` when it is stopped, or failed on this event.
+    /// Feeds the estimator, and the one of the values in verification. `false` when it is stopped, or failed on this event.
     fn step(&mut self, event: Event) -> bool {
         let scanner = || match &self.engine {
             Engine::Running(calibrator) => Some(calibrator.learnt_scanner()),
             Engine::Stopped => None,
         };
-        self.trial = Trial::follow(self.trial.take(), &self.robot, &self.config, scanner)
-            .and_then(|trial| trial.take(&self.robot, &event));
+        self.verification_run = VerificationRun::follow(
+            self.verification_run.take(),
+            &self.robot,
+            &self.config,
+            scanner,
+        )
+        .and_then(|verification_run| verification_run.take(&self.robot, &event));
         let Engine::Running(calibrator) = &mut self.engine else {
             return false;
         };
@@ -491,7 +496,7 @@ impl RobotTask {
             .announce(LiveUpdate::Estimate { robot, document });
     }
 
-    /// Starts the estimator anew after a fault: from the last stored state, and from nothing when
+    /// Restarts the estimator after a fault: from the last stored state, and from nothing when
     /// that fails before it could be stored again.
     fn restart(&mut self, why: &str) {
         self.fleet.count_panic();
@@ -504,7 +509,7 @@ impl RobotTask {
             self.record_service_event(ServiceEventKind::EstimatorStopped, self.newest, note);
             return;
         }
-        tracing::error!(robot.id = %self.robot.id, restarts, "estimator started anew: {why}");
+        tracing::error!(robot.id = %self.robot.id, restarts, "estimator restarted: {why}");
         let last_good = self.last_good.take();
         self.begin_from(last_good);
         let note = why.to_owned();

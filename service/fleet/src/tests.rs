@@ -537,5 +537,9 @@ async fn values_on_trial_are_judged_by_an_estimator_of_their_own() {
     );
     assert!(fresh.distance_m < all.distance_m);
     bench.fleet.use_values(&id("robot"), &[], None);
-    assert_eq!(bench.view("robot").fresh, None, "the trial is over");
+    assert_eq!(
+        bench.view("robot").fresh,
+        None,
+        "the verification_run is over"
+    );
 }

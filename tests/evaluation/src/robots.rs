@@ -19,7 +19,7 @@ pub const NANO_CAD: Pose2 = Pose2::new(0.26, 0.0, 0.0);
 const SPEED_SCALE: f64 = 1.005;
 const TIME_OFFSET_S: f64 = 0.02;
 
-/// How well a robot in a warehouse knows where its LiDAR is: 1 cm and 0.3°, anew ten times a second.
+/// How well a robot in a warehouse knows where its LiDAR is: 1 cm and 0.3°, again ten times a second.
 pub const WAREHOUSE_LOCALISATION: LocalisationNoise = LocalisationNoise {
     position_sigma_m: 0.01,
     yaw_sigma_rad: 0.3 / 180.0 * std::f64::consts::PI,

@@ -213,8 +213,8 @@ pub(super) struct ReasonBody {
     pub(super) reason: String,
 }
 
-/// Agrees to a proposal: the last one needed sends it to the robot. Who proposed it cannot agree
-/// to it.
+/// Approves a proposal. The last required approval starts the deployment. Nobody can approve their
+/// own proposal.
 #[utoipa::path(
     post,
     path = "/proposals/{id}/approve",

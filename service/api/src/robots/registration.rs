@@ -43,7 +43,7 @@ pub(super) async fn get_robot(
 
 /// Registers a robot or changes its configuration. The first configuration is sent with
 /// `If-None-Match: *`, a change with `If-Match` and the `ETag` of `GET`. A robot whose
-/// configuration changes begins its estimate anew.
+/// configuration changes begins its estimate again.
 #[utoipa::path(
     put,
     path = "/robots/{id}",

@@ -24,9 +24,9 @@ use strum::{EnumString, IntoStaticStr};
 pub enum AlertKind {
     /// The former calibration should have come back and did not.
     RollbackFailed,
-    /// The vehicle is surely not as its calibration says.
+    /// The vehicle is significantly not as its calibration says.
     Drift,
-    /// A fresh estimate disagreed with the calibration that was applied.
+    /// A verification estimate disagreed with the calibration that was applied.
     VerificationFailed,
     /// Two senders use the robot's name.
     TwoSenders,
@@ -99,7 +99,7 @@ impl AlertKind {
             }
             Self::VerificationFailed => {
                 "Compare the estimate with what the robot uses, look for a loose mount, and \
-                 approve anew or leave the former values in place."
+                 approve again or leave the former values in place."
             }
             Self::TwoSenders => {
                 "Find the second robot, recording or program that sends under this id and stop it; \
@@ -116,7 +116,7 @@ impl AlertKind {
             }
             Self::EstimatorFailed => {
                 "Read the service's log, and give the robot's configuration again: its estimator \
-                 then begins anew."
+                 then begins again."
             }
             Self::NotApplied => {
                 "Read the robot's reason, mend it on the robot, and propose the calibration again."

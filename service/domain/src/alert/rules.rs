@@ -317,7 +317,7 @@ fn is_silent(situation: &Situation<'_>) -> bool {
 }
 
 enum Compared {
-    /// At least one parameter is surely too far away; which and how far, in words.
+    /// At least one parameter is significantly too far away; which and how far, in words.
     Far(String),
     /// All four are known, and none is.
     Near,
@@ -399,10 +399,10 @@ fn far_parts(change: &approval::Change, sigma: Option<&[f64; 4]>, limits: &[f64;
     let words: Vec<String> = far
         .map(|((((name, scale, unit, digits), part), _), sigma)| {
             let part = part * scale;
-            let doubt = sigma.map_or_else(String::new, |sigma| {
+            let uncertainty = sigma.map_or_else(String::new, |sigma| {
                 format!(" (sigma {:.digits$}{unit})", sigma * scale)
             });
-            format!("{name} {part:+.digits$}{unit}{doubt}")
+            format!("{name} {part:+.digits$}{unit}{uncertainty}")
         })
         .collect();
     words.join(", ")

@@ -164,7 +164,7 @@ impl Draft<'_> {
 
 /// Whether a robot's answer and the one before it cannot both be its own: it refused, or could not
 /// use, what it was said to have applied, it applied that at another time, or it goes on using since
-/// before what it was said to have replaced by values that it brought along.
+/// before what it was said to have replaced by its factory calibration.
 fn contradicts(shadow: &Shadow, now: &Applied, now_ns: i64) -> Option<Contradicted> {
     use AppliedStatus as S;
     let before = shadow.reported.as_ref()?;

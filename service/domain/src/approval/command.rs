@@ -28,7 +28,7 @@ pub enum Command {
         /// Why.
         reason: Option<String>,
     },
-    /// Agree to a proposal.
+    /// Approve a proposal.
     Approve {
         /// Which.
         proposal: u64,
@@ -101,7 +101,7 @@ pub enum Command {
         /// The generation.
         generation: u64,
     },
-    /// What a fresh estimate says of the values in use.
+    /// What a verification estimate says of the values in use.
     Judge {
         /// The deployment that brought them.
         deployment: u64,

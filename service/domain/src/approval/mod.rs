@@ -4,7 +4,7 @@
 //! what was found, a [`Proposal`] asks people for it, a [`Deployment`] brings it to one robot, and
 //! the [`Shadow`] says what the robot should use and what it reported. A [`RobotLedger`] holds
 //! those of one robot that can still change; [`step`] takes a [`Command`] and gives the records
-//! anew, with one [`Transition`] for each change, or refuses and changes nothing. [`due`] says
+//! again, with one [`Transition`] for each change, or refuses and changes nothing. [`due`] says
 //! which command time and the estimates ask for.
 
 mod answer;

@@ -78,7 +78,7 @@ pub struct Policy {
     pub expires_after_s: u32,
     /// A robot that hears no confirmation for so long after applying goes back by itself, s.
     pub confirm_within_s: u32,
-    /// Verified when what the robot now drives with differs from a fresh estimate by less than
+    /// Verified when what the robot now drives with differs from a verification estimate by less than
     /// this, twice the estimate's sigma included.
     pub verify_within: Tolerance,
     /// Which is judged after so much driving, m.

@@ -1,4 +1,4 @@
-//! Takes a command: the records anew, or a refusal.
+//! Takes a command: the records again, or a refusal.
 
 use super::command::{Command, Standing};
 use super::deployment::{DeploymentEvent, DeploymentState, Verification};
@@ -155,11 +155,12 @@ impl Draft<'_> {
         }
         if before.is_return() {
             let by = &before.approved_by;
-            let reason = format!("a fresh estimate disagrees with the values that {by} chose");
+            let reason =
+                format!("a verification estimate disagrees with the values that {by} chose");
             let event = DeploymentEvent::Contradicted;
             return self.advance(&before, live, event, DeploymentAction::Keep, Some(reason));
         }
-        let reason = "a fresh estimate disagrees with what the robot uses".to_owned();
+        let reason = "a verification estimate disagrees with what the robot uses".to_owned();
         // The verdict is written down before what follows from it.
         let event = DeploymentEvent::VerificationFailed;
         let action = DeploymentAction::FailVerification;

@@ -178,7 +178,7 @@ pub struct RobotView {
     pub fresh: Option<(u64, Arc<EstimateDocument>)>,
     /// What became of its messages.
     pub counters: Counters,
-    /// Times that its estimator was started anew after a panic.
+    /// Times that its estimator was restarted after a panic.
     pub estimator_restarts: u32,
     /// How well steering and speed of different topics fit together; `None` of a robot that sends
     /// both in one.

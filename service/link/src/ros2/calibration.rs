@@ -2,7 +2,7 @@
 //! whose text is the signed envelope in JSON.
 //!
 //! The topic is transient-local: whoever subscribes later asks for what was said before, with the
-//! query that Zenoh's advanced subscriber sends, and is answered from the database. One is said anew
+//! query that Zenoh's advanced subscriber sends, and is answered from the database. One is said again
 //! whenever a robot comes back, so a subscriber that was there before the service hears it too.
 
 use fleetcal_operations::lifecycle::Lifecycle;

@@ -258,7 +258,7 @@ fn warn_if_refused(undeclared: Result<()>) {
 }
 
 impl Ros2 {
-    /// Takes the robots' topics anew, and looks again whose the announced ones are.
+    /// Takes the robots' topics again, and looks again whose the announced ones are.
     fn robots_changed(&self) {
         let robots = self.shared.fleet.streams();
         self.change_table(|table| table.set_robots(robots));

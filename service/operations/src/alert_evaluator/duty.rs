@@ -140,7 +140,7 @@ impl AlertEvaluator {
         step(before, subject, sighting, now_ns, periods) != Step::Same
     }
 
-    /// A robot's newest deployment; it is read anew when the robot's records have changed.
+    /// A robot's newest deployment; it is read again when the robot's records have changed.
     async fn latest(
         &self,
         memory: &mut Memory,

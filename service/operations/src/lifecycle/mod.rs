@@ -361,7 +361,7 @@ impl Lifecycle {
                 values: in_use.values,
             })
             .collect();
-        let on_trial = ledger.live.as_ref().and_then(|live| {
+        let in_verification = ledger.live.as_ref().and_then(|live| {
             let state = matches!(
                 live.state,
                 DeploymentState::Applied | DeploymentState::Verifying
@@ -370,6 +370,8 @@ impl Lifecycle {
             (state && in_use.generation == live.offer.generation)
                 .then_some((in_use.generation, in_use.since_ns))
         });
-        self.inner.fleet.use_values(&shadow.robot, &used, on_trial);
+        self.inner
+            .fleet
+            .use_values(&shadow.robot, &used, in_verification);
     }
 }

@@ -232,7 +232,7 @@ impl Model {
                     let parts = change.iter().zip(self.policy.two_approvers_beyond.limits());
                     parts.into_iter().any(|(part, limit)| part.abs() > limit)
                 });
-                assert!(!two || by.len() >= 2, "two have to agree to a large change");
+                assert!(!two || by.len() >= 2, "two have to approve a large change");
             }
         }
     }

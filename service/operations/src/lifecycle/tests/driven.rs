@@ -101,7 +101,7 @@ async fn a_robot_keeps_what_a_person_rolled_it_back_to_over_200_m() {
     let bench = Bench::open(Policy::default()).await;
     let mut driver = Driver::new(&bench);
     let (right, factory) = (driver.right_values(), values(0.0));
-    let brought_along = Applied {
+    let reported = Applied {
         generation: 0,
         sha256: String::new(),
         status: AppliedStatus::Applied,
@@ -111,18 +111,18 @@ async fn a_robot_keeps_what_a_person_rolled_it_back_to_over_200_m() {
     };
     let robot = robot();
     let actor = Actor::robot(&robot);
-    let heard = bench.lifecycle.acknowledge(&robot, brought_along, actor);
+    let heard = bench.lifecycle.acknowledge(&robot, reported, actor);
     heard.await.unwrap();
     driver.second(&bench).await;
     bench.propose_values(right, None).await;
     bench.take(bench.approval(), person("ana")).await.unwrap();
-    bench.drive_on_trial().await;
+    bench.drive_in_verification().await;
     driver.metres(&bench, 90.0).await;
     assert_eq!(bench.latest().await.state, DeploymentState::Verified);
 
     // No earlier calibration was verified: it goes back to its factory values.
     bench.roll_back().await.unwrap();
-    assert_eq!(bench.drive_on_trial().await, 2);
+    assert_eq!(bench.drive_in_verification().await, 2);
     driver.metres(&bench, 210.0).await;
 
     let latest = bench.latest().await;
@@ -161,7 +161,7 @@ async fn a_robot_is_verified_whatever_its_message_clock_shows() {
         driver.second(&bench).await;
         bench.propose_values(driver.right_values(), None).await;
         bench.take(bench.approval(), person("ana")).await.unwrap();
-        bench.drive_on_trial().await;
+        bench.drive_in_verification().await;
         let before_m = driver.distance_m;
         driver.metres(&bench, 90.0).await;
         let latest = bench.latest().await;

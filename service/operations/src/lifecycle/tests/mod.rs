@@ -98,7 +98,7 @@ impl Bench {
         }
     }
 
-    /// Ends the service and starts it anew on what it has stored.
+    /// Ends the service and starts it again on what it has stored.
     async fn restart(self) -> Self {
         self.lifecycle.stop().await;
         self.fleet.stop().await;
@@ -185,8 +185,8 @@ impl Bench {
         }
     }
 
-    /// Brings an approved proposal to the point where the robot drives on trial.
-    async fn drive_on_trial(&self) -> u64 {
+    /// Brings an approved proposal to the point where the robot drives in verification.
+    async fn drive_in_verification(&self) -> u64 {
         let generation = self.asked().await.unwrap().generation;
         self.send_outbox().await;
         self.answer(generation, AppliedStatus::Applied)

@@ -49,7 +49,7 @@ async fn a_decision_is_seen_through_when_nobody_waits_for_it_any_more() {
 async fn the_deployment_freeze_holds_what_no_robot_has_seen() {
     let bench = Bench::open(Policy::default()).await;
     bench.approve(0.02, None).await;
-    bench.drive_on_trial().await;
+    bench.drive_in_verification().await;
     bench.verify(true).await;
     let reason = || "maintenance in hall 3".to_owned();
     bench
@@ -135,7 +135,7 @@ async fn a_policy_counts_from_its_commit_on() {
 async fn the_way_back_is_not_held() {
     let bench = Bench::open(Policy::default()).await;
     bench.approve(0.02, Some(values(0.0))).await;
-    bench.drive_on_trial().await;
+    bench.drive_in_verification().await;
     let reason = "maintenance in hall 3".to_owned();
     bench
         .lifecycle
@@ -190,7 +190,7 @@ async fn a_change_that_became_large_needs_a_second_person() {
     let bench = Bench::open(policy).await;
     for offset_rad in [0.04, 0.08] {
         bench.approve(offset_rad, Some(values(0.0))).await;
-        bench.drive_on_trial().await;
+        bench.drive_in_verification().await;
         bench.verify(true).await;
     }
     // From 0.08 it is a small step; from 0.04, to which the robot goes back, it is a large one.
@@ -201,7 +201,7 @@ async fn a_change_that_became_large_needs_a_second_person() {
     };
     assert_eq!(needed(&bench), Some(1));
     bench.roll_back().await.unwrap();
-    bench.drive_on_trial().await;
+    bench.drive_in_verification().await;
     bench.verify(true).await;
     bench.take(bench.approval(), person("ana")).await.unwrap();
     assert_eq!(needed(&bench), Some(2));

@@ -105,7 +105,7 @@ async fn a_verification_that_fails_waits_for_a_person_where_the_policy_says_so()
     };
     let bench = Bench::open(policy).await;
     bench.approve(0.02, Some(values(0.0))).await;
-    bench.drive_on_trial().await;
+    bench.drive_in_verification().await;
     bench.verify(false).await;
     assert_eq!(bench.state(), Some(DeploymentState::Verifying));
     bench.roll_back().await.unwrap();
@@ -120,7 +120,7 @@ async fn where_nobody_knows_the_former_values_there_is_no_way_back() {
         Refused::NothingToReturnTo
     );
     bench.approve(0.02, None).await;
-    bench.drive_on_trial().await;
+    bench.drive_in_verification().await;
     assert_eq!(
         bench.roll_back().await.unwrap_err(),
         Refused::NothingToReturnTo
@@ -140,7 +140,7 @@ async fn with_nothing_under_way_it_goes_back_to_what_was_verified() {
     let bench = Bench::open(Policy::default()).await;
     for offset_rad in [0.02, 0.05] {
         bench.approve(offset_rad, None).await;
-        bench.drive_on_trial().await;
+        bench.drive_in_verification().await;
         bench.verify(true).await;
     }
     bench.roll_back().await.unwrap();
@@ -157,11 +157,11 @@ async fn office_rolled_back_by_a_person(policy: Policy) -> Bench {
     let bench = Bench::open(policy).await;
     for offset_rad in [0.02, 0.05] {
         bench.approve(offset_rad, None).await;
-        bench.drive_on_trial().await;
+        bench.drive_in_verification().await;
         bench.verify(true).await;
     }
     bench.roll_back().await.unwrap();
-    assert_eq!(bench.drive_on_trial().await, 3);
+    assert_eq!(bench.drive_in_verification().await, 3);
     bench
 }
 
@@ -246,7 +246,7 @@ async fn a_robot_that_was_away_still_goes_back_to_what_a_person_chose() {
     let bench = Bench::open(Policy::default()).await;
     for offset_rad in [0.02, 0.05] {
         bench.approve(offset_rad, None).await;
-        bench.drive_on_trial().await;
+        bench.drive_in_verification().await;
         bench.verify(true).await;
     }
     bench.roll_back().await.unwrap();
@@ -268,7 +268,7 @@ async fn a_failed_deployment_returns_to_what_a_person_chose_as_that_persons_choi
     bench.propose(0.035, None).await;
     let approval = bench.approval();
     bench.take(approval, person("bruno")).await.unwrap();
-    bench.drive_on_trial().await;
+    bench.drive_in_verification().await;
     bench.verify(false).await;
     assert_eq!(bench.state(), Some(DeploymentState::RollingBack));
     let desired = bench
@@ -289,13 +289,13 @@ async fn going_back_twice_does_not_return_to_what_was_left() {
     let bench = Bench::open(Policy::default()).await;
     for offset_rad in [0.02, 0.05, 0.08] {
         bench.approve(offset_rad, None).await;
-        bench.drive_on_trial().await;
+        bench.drive_in_verification().await;
         bench.verify(true).await;
     }
     for offset_rad in [0.05, 0.02] {
         bench.roll_back().await.unwrap();
         assert_eq!(bench.asked().await.unwrap().values, values(offset_rad));
-        bench.drive_on_trial().await;
+        bench.drive_in_verification().await;
         bench.verify(true).await;
     }
     assert_eq!(
@@ -308,7 +308,7 @@ async fn going_back_twice_does_not_return_to_what_was_left() {
 async fn what_failed_and_nobody_decided_upon_says_so() {
     let bench = Bench::open(Policy::default()).await;
     bench.approve(0.02, None).await;
-    bench.drive_on_trial().await;
+    bench.drive_in_verification().await;
     bench.verify(false).await;
     bench.clock.advance(24 * HOUR);
     bench.look().await;

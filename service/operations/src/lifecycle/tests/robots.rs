@@ -36,7 +36,7 @@ async fn a_robot_that_starts_an_hour_later_gets_the_newest_once() {
 async fn the_same_answer_again_changes_nothing_and_is_confirmed_again() {
     let bench = Bench::open(Policy::default()).await;
     bench.approve(0.02, None).await;
-    let generation = bench.drive_on_trial().await;
+    let generation = bench.drive_in_verification().await;
     let (rows, before) = (bench.rows().await, bench.lifecycle.ledger(&robot()));
     for _ in 0..3 {
         bench
@@ -78,7 +78,7 @@ async fn an_answer_after_the_time_is_over_is_not_confirmed() {
 async fn a_robot_that_reverts_unheard_is_believed_to_use_what_it_used() {
     let bench = Bench::open(Policy::default()).await;
     bench.approve(0.02, None).await;
-    bench.drive_on_trial().await;
+    bench.drive_in_verification().await;
     bench.verify(true).await;
     bench.approve(0.05, None).await;
     assert_eq!(bench.asked().await.unwrap().generation, 2);
@@ -95,7 +95,7 @@ async fn a_robot_that_reverts_unheard_is_believed_to_use_what_it_used() {
 async fn a_late_word_about_the_values_on_their_way_out_does_not_hide_what_is_used() {
     let bench = Bench::open(Policy::default()).await;
     bench.approve(0.02, Some(values(0.0))).await;
-    bench.drive_on_trial().await;
+    bench.drive_in_verification().await;
     bench.roll_back().await.unwrap();
     bench.clock.advance(HOUR);
     bench.answer(1, AppliedStatus::Applied).await.unwrap();
@@ -114,7 +114,7 @@ async fn a_late_word_about_the_values_on_their_way_out_does_not_hide_what_is_use
 async fn an_old_answer_does_not_take_the_place_of_a_new_one() {
     let bench = Bench::open(Policy::default()).await;
     bench.approve(0.02, None).await;
-    bench.drive_on_trial().await;
+    bench.drive_in_verification().await;
     bench.verify(true).await;
     bench.approve(0.05, None).await;
     assert_eq!(bench.asked().await.unwrap().generation, 2);
@@ -130,7 +130,7 @@ async fn an_old_answer_does_not_take_the_place_of_a_new_one() {
 async fn a_robot_that_does_not_drive_is_inconclusive_after_a_day() {
     let bench = Bench::open(Policy::default()).await;
     bench.approve(0.02, None).await;
-    bench.drive_on_trial().await;
+    bench.drive_in_verification().await;
     bench.clock.advance(Duration::from_secs(24 * 3600 - 1));
     bench.look().await;
     assert_eq!(bench.state(), Some(DeploymentState::Verifying));

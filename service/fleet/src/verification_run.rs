@@ -1,4 +1,4 @@
-//! Values on trial: an estimator that begins from nothing when a robot begins to use them.
+//! Values in verification: an estimator that begins from nothing when a robot begins to use them.
 //!
 //! What the robot's own estimator says rests on what led to the proposal. A second one that has
 //! seen nothing of that proves the values, or does not. It is told what is known of the scanner:
@@ -43,17 +43,17 @@ impl Start {
     }
 }
 
-/// The estimator of the values on trial.
+/// The estimator of the values in verification.
 #[derive(Debug)]
-pub struct Trial {
+pub struct VerificationRun {
     generation: u64,
     since_ns: i64,
     start: Start,
     calibrator: Box<Calibrator>,
 }
 
-impl Trial {
-    /// Follows what is on trial: begins, with the `scanner` that the robot's own estimator has
+impl VerificationRun {
+    /// Follows what is in verification: begins, with the `scanner` that the robot's own estimator has
     /// learnt, goes on, or ends.
     pub fn follow(
         current: Option<Self>,
@@ -61,9 +61,11 @@ impl Trial {
         config: &CalibratorConfig,
         scanner: impl FnOnce() -> Option<LearntScanner>,
     ) -> Option<Self> {
-        let (generation, since_ns) = robot.on_trial()?;
+        let (generation, since_ns) = robot.in_verification()?;
         current
-            .filter(|trial| trial.generation == generation && trial.since_ns == since_ns)
+            .filter(|verification_run| {
+                verification_run.generation == generation && verification_run.since_ns == since_ns
+            })
             .or_else(|| {
                 let fresh = Calibrator::new(config.clone());
                 let fresh = match scanner() {
@@ -90,7 +92,7 @@ impl Trial {
         let calibrator = &mut self.calibrator;
         let stepped = catch_unwind(AssertUnwindSafe(|| calibrator.step(event.clone())));
         let Ok(effects) = stepped else {
-            tracing::error!(robot.id = %robot.id, "the estimator of the values on trial panicked");
+            tracing::error!(robot.id = %robot.id, "the estimator of the values in verification panicked");
             return None;
         };
         for effect in effects {
