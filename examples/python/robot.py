@@ -32,7 +32,7 @@ def ranges(x, y, yaw):
         yield wall_m + random.gauss(0.0, 0.01)
 
 def drive(drives, scans, seconds, speedup):
-    """Drives 100 samples and 10 sweeps a second, in the robot's own time."""
+    """Drives 100 samples and 10 scans a second, in the robot's own time."""
     began_ns, x, y, yaw, step = time.time_ns(), 0.0, 0.0, 0.0, 2 * math.pi / BEAMS
     scan = {"angle_min": -math.pi, "angle_max": math.pi - step, "angle_increment": step,
             "time_increment": 0.0, "range_min": 0.05, "range_max": 30.0}

@@ -1,6 +1,6 @@
 //! The approved calibration on its way to a robot, and the robot's answer.
 //!
-//! What is approved travels as an [`Envelope`]: hash and Ed25519 signature are over the exact bytes
+//! The approved calibration travels as an [`Envelope`]: hash and Ed25519 signature are over the exact bytes
 //! of its `document` string, which is a [`CalibrationDocument`] in JSON. Values are absolute, never
 //! a residual on top of what the robot already applies.
 

@@ -26,9 +26,9 @@ const SERVICE: &str = "@service";
 pub enum StreamKind {
     /// Measured speed and steering, `ackermann_msgs/msg/AckermannDriveStamped`.
     WheelOdometry,
-    /// Raw sweeps, `sensor_msgs/msg/LaserScan`.
+    /// Raw scans, `sensor_msgs/msg/LaserScan`.
     Scan,
-    /// The LiDAR's pose instead of sweeps, `nav_msgs/msg/Odometry`.
+    /// The LiDAR's pose instead of scans, `nav_msgs/msg/Odometry`.
     LidarOdometry,
     /// What happened to the robot, [`crate::event::RobotEvent`].
     Event,

@@ -26,7 +26,7 @@ pub enum MessageType {
     /// A pose.
     #[serde(rename = "geometry_msgs/msg/PoseStamped")]
     PoseStamped,
-    /// A planar sweep.
+    /// A planar scan.
     #[serde(rename = "sensor_msgs/msg/LaserScan")]
     LaserScan,
     /// The cloud of a 3D scanner.

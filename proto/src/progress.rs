@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 pub struct Progress {
     /// Drive samples worked through.
     pub drive_samples: u64,
-    /// Sweeps or LiDAR poses worked through.
+    /// Scans or LiDAR poses worked through.
     pub scans: u64,
     /// Messages given up because the mailbox was full, or refused.
     #[serde(rename = "shed")]

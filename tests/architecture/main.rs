@@ -323,6 +323,19 @@ fn nobody_has_to_decode_a_word() {
             .iter()
             .flat_map(|folder| texts(&root().join(folder))),
     );
+    files.extend(
+        [
+            "proto",
+            "estimator",
+            "robot",
+            "service",
+            "tests",
+            "examples",
+        ]
+        .iter()
+        .flat_map(|folder| texts(&root().join(folder)))
+        .filter(|path| path.extension().is_some_and(|ending| ending == "rs")),
+    );
     let found: Vec<String> = files
         .iter()
         .flat_map(|path| {
@@ -332,7 +345,7 @@ fn nobody_has_to_decode_a_word() {
                 .unwrap_or(path)
                 .display()
                 .to_string();
-            documents::not_used(&text)
+            documents::not_used(&name, &text)
                 .into_iter()
                 .map(move |what| format!("{name}:{what}"))
         })

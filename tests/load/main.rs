@@ -24,7 +24,7 @@ const ROBOTS: usize = 50;
 const DURATION_S: f64 = 20.0;
 /// Hundredths of a second that robots drive whose vehicle the service does not know.
 const UNKNOWN_TICKS: usize = 500;
-/// Size of their messages: a drive sample, and a sweep of 1,081 beams.
+/// Size of their messages: a drive sample, and a scan of 1,081 beams.
 const DRIVE_BYTES: usize = 48;
 const SCAN_BYTES: usize = 4_384;
 

@@ -185,7 +185,7 @@ pub fn driven(recording: &Path, path: &Path, how: DriveAs) {
     });
 }
 
-/// Writes a recording without its sweeps, its true poses as those of a LiDAR at the rear axle, as
+/// Writes a recording without its scans, its true poses as those of a LiDAR at the rear axle, as
 /// `PoseStamped` and as `Odometry`.
 ///
 /// # Panics

@@ -142,9 +142,9 @@ pub struct Consistency {
 pub struct Counts {
     /// Drive samples used.
     pub drive_samples: u64,
-    /// Sweeps or LiDAR poses used.
+    /// Scans or LiDAR poses used.
     pub scans: u64,
-    /// Sweeps that could not be used.
+    /// Scans that could not be used.
     pub scans_rejected: u64,
     /// Messages that came too late.
     pub late: u64,

@@ -39,7 +39,7 @@ pub fn drive_message(drive: &Drive) -> Result<AckermannDriveStamped, StampRefuse
     })
 }
 
-/// A sweep as `sensor_msgs/msg/LaserScan`.
+/// A scan as `sensor_msgs/msg/LaserScan`.
 ///
 /// # Errors
 /// When its stamp does not fit.

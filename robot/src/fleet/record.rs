@@ -93,7 +93,7 @@ pub fn truth_path(recording: &Path) -> PathBuf {
 }
 
 /// Records `duration_s` of a simulated robot: drive, scan and the true pose of `base` at each
-/// sweep's middle into `path`, the true values into the file that [`truth_path`] names. The same
+/// scan's middle into `path`, the true values into the file that [`truth_path`] names. The same
 /// robot gives the same bytes.
 ///
 /// # Errors

@@ -21,7 +21,7 @@ pub const RECORDING_METADATA: &str = "fleetcal.session";
 /// `/{robot}/estimate` as JSON and `/{robot}/events` as `foxglove.Log`.
 ///
 /// Everything is logged at its own stamp, by the robot's clock: the messages at that of their
-/// header, a sweep at its first beam; the rest at the message time that it speaks of. What a
+/// header, a scan at its first beam; the rest at the message time that it speaks of. What a
 /// recorder's clock said is left out, since it may be any other. The same messages give the same
 /// bytes.
 #[derive(Debug)]

@@ -32,7 +32,7 @@ impl ChosenWheelOdometry {
 /// What the LiDAR's motion is taken from.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ChosenPose {
-    /// Raw sweeps, or the clouds of a 3D scanner: the channel's type tells.
+    /// Raw scans, or the clouds of a 3D scanner: the channel's type tells.
     Scan(Channel),
     /// Poses of a LiDAR odometry that ran on the robot.
     LidarOdometry(Channel),
@@ -52,7 +52,7 @@ impl ChosenPose {
 pub struct Topics {
     /// Measured speed and steering.
     pub wheel_odometry: ChosenWheelOdometry,
-    /// The LiDAR's sweeps or poses.
+    /// The LiDAR's scans or poses.
     pub pose: ChosenPose,
 }
 
@@ -106,7 +106,7 @@ pub struct AskedTopics {
     pub steering: Option<AskedTopic>,
     /// Speed alone.
     pub speed: Option<AskedTopic>,
-    /// Sweeps or clouds.
+    /// Scans or clouds.
     pub scan: Option<AskedTopic>,
     /// Poses of the LiDAR.
     pub pose: Option<AskedTopic>,
@@ -162,7 +162,7 @@ pub enum TopicError {
     /// Two that exclude each other.
     #[error("{scan} and {pose} are both given, expected one of them")]
     ScanAndPose {
-        /// What asks for sweeps.
+        /// What asks for scans.
         scan: &'static str,
         /// What asks for poses.
         pose: &'static str,
@@ -250,7 +250,7 @@ const POSE: Wanted = Wanted {
 };
 
 /// Chooses the topics of a calibration: those asked for, else by message type when only one would
-/// do. Sweeps are preferred to poses, unless a pose topic is asked for.
+/// do. Scans are preferred to poses, unless a pose topic is asked for.
 ///
 /// # Errors
 /// Says what is missing, lists the candidates, or names the flag that can't be.
@@ -333,8 +333,8 @@ fn choose_wheel_odometry(
     }
 }
 
-/// Chooses the topic with sweeps: the one asked for, else the only one; clouds when there are no
-/// sweeps.
+/// Chooses the topic with scans: the one asked for, else the only one; clouds when there are no
+/// scans.
 ///
 /// # Errors
 /// Says that there is none, lists the candidates, or names the flag that can't be.

@@ -58,7 +58,7 @@ impl RecordingWriter {
             .write(self.wheel_odometry, [stamp_ns; 2], &message.to_cdr())
     }
 
-    /// Writes a sweep, which is stamped at its first beam and logged when its last was taken.
+    /// Writes a scan, which is stamped at its first beam and logged when its last was taken.
     ///
     /// # Errors
     /// When it can't be written.

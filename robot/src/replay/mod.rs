@@ -58,7 +58,7 @@ pub struct ReplaySummary {
     pub robot: RobotId,
     /// Drive samples sent.
     pub drive_samples: u64,
-    /// Sweeps or LiDAR poses sent.
+    /// Scans or LiDAR poses sent.
     pub scans: u64,
     /// Messages that the service gave up because its mailbox was full, as it says itself.
     pub dropped: u64,

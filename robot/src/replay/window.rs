@@ -5,7 +5,7 @@ use fleetcal_proto::progress::Progress;
 /// Most drive samples on the way: half of what a robot's mailbox holds, because a service that
 /// restarts may hold as many again that it has not reported.
 pub const AHEAD_DRIVE_SAMPLES_MAX: u64 = 512;
-/// Most sweeps or LiDAR poses on the way, likewise.
+/// Most scans or LiDAR poses on the way, likewise.
 pub const AHEAD_SCANS_MAX: u64 = 4;
 
 /// What was sent, against what the service says it has worked through.
@@ -126,7 +126,7 @@ impl Window {
         self.sent.drive_samples
     }
 
-    /// How many sweeps or LiDAR poses were sent.
+    /// How many scans or LiDAR poses were sent.
     pub fn sent_scans(&self) -> u64 {
         self.sent.scans
     }

@@ -96,7 +96,7 @@ pub struct ScheduledChange {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LidarOutput {
-    /// Raw sweeps.
+    /// Raw scans.
     Sweeps(LidarSettings),
     /// Poses of its own odometry: no ray is cast.
     Poses(PoseSettings),

@@ -20,7 +20,7 @@ use crate::{Boxed, CommandError};
 
 /// What a hook has to know, and what else is not said by one flag.
 const LONG_HELP: &str = "\
-The agent asks the service for what is approved for its robot: at its start, whenever a service comes \
+The agent asks the service for the approved calibration for its robot: at its start, whenever a service comes \
 up, and once a minute; what the service pushes arrives at once. A document is taken when it is signed \
 with a trusted key, for this robot, of a higher generation than any before, and inside the robot's \
 limits; else it is refused, and the service is told why. The file is replaced as a whole or not at \

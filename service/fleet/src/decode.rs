@@ -37,7 +37,7 @@ pub enum MessageRefused {
     /// The scan contradicts itself.
     #[error("scan: {0}")]
     Scan(#[from] ScanRefused),
-    /// The cloud contradicts itself, or no sweep can be made of it.
+    /// The cloud contradicts itself, or no scan can be made of it.
     #[error("scan: {0}")]
     Cloud(#[from] CloudUnusable),
     /// A field holds what cannot be.
@@ -212,7 +212,7 @@ pub fn added_back(
     })
 }
 
-/// A sweep out of its message.
+/// A scan out of its message.
 ///
 /// # Errors
 /// Names the field that holds what cannot be, or the number of beams that contradicts the angles.

@@ -149,7 +149,7 @@ async fn a_robot_of_every_layout_gets_the_numbers_of_a_plain_one() {
     assert_eq!(service.robot("jazzy_01")["warnings"], serde_json::json!([]));
 }
 
-/// Where a robot of `rmw_zenoh` hears what is approved.
+/// Where a robot of `rmw_zenoh` hears the approved calibration.
 const APPROVED: &str = "0/jazzy_01/calibration/approved/std_msgs::msg::dds_::String_/\
                         RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18";
 

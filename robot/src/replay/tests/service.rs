@@ -26,7 +26,7 @@ pub struct Seen {
     pub keys: BTreeSet<String>,
     /// Encodings they came in.
     pub encodings: Vec<String>,
-    /// Most drive samples and sweeps that waited at once.
+    /// Most drive samples and scans that waited at once.
     pub waiting_max: [usize; 2],
     /// What happened to the liveliness token.
     pub token: Vec<String>,

@@ -26,7 +26,7 @@ pub(super) struct RevisionDocument {
     /// Their standard deviations; 0 where nobody measured.
     sigmas: CalibrationValues,
     /// Where the rear axle was in the robot's `base_link` when this was made; absent where that was
-    /// not configured. What is approved is signed with this one.
+    /// not configured. The approved calibration is signed with this one.
     #[serde(skip_serializing_if = "Option::is_none")]
     rear_axle_in_base_link: Option<Pose2>,
     /// Version of the program that made it.

@@ -82,7 +82,7 @@ pub(super) enum ScanTypeSchema {
     PointCloud2,
 }
 
-/// The band of heights in the LiDAR's frame that makes a planar sweep of a cloud.
+/// The band of heights in the LiDAR's frame that makes a planar scan of a cloud.
 #[derive(utoipa::ToSchema)]
 #[schema(as = PlanarBand)]
 #[expect(dead_code, reason = "a schema")]

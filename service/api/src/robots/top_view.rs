@@ -11,21 +11,21 @@ use crate::ApiState;
 use crate::extract::{NoParameters, Parameters, RobotPath};
 use crate::problem::Problem;
 
-/// A robot from above: its latest sweep on the local map, and how it came here by what the
+/// A robot from above: its latest scan on the local map, and how it came here by what the
 /// LiDAR says and by what raw and corrected steering say. All in the LiDAR's odometry frame.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = TopView)]
 pub(super) struct TopViewDocument {
-    /// Time of the latest sweep or pose, ns since 1970 by the robot's clock.
+    /// Time of the latest scan or pose, ns since 1970 by the robot's clock.
     stamp_ns: i64,
     /// The LiDAR's pose then.
     lidar: TopViewPose,
     /// Where the LiDAR sits on the vehicle, as estimated: its pose from the rear axle's centre;
     /// null before the first guess.
     lidar_in_base: Option<TopViewPose>,
-    /// Whether the sweep fits nowhere on the map: its pose is a guess.
+    /// Whether the scan fits nowhere on the map: its pose is a guess.
     lost: bool,
-    /// Returns of the latest sweep, corrected for the motion within it: x and y, m. Empty for a
+    /// Returns of the latest scan, corrected for the motion within it: x and y, m. Empty for a
     /// robot that sends poses.
     returns_m: Vec<[f64; 2]>,
     /// Surfaces of the local map, a point for each cell of 10 cm, the nearest 4096 within 30 m: x
@@ -109,14 +109,14 @@ fn rounded(point: [f64; 2]) -> [f64; 2] {
     point.map(|m| (m * 1e3).round() / 1e3)
 }
 
-/// Gives a robot from above, as its estimator sees it now; null before the first sweep or pose.
+/// Gives a robot from above, as its estimator sees it now; null before the first scan or pose.
 #[utoipa::path(
     get,
     path = "/robots/{id}/top-view",
     tag = "robots",
     params(("id" = RobotId, Path, description = "The robot.")),
     responses(
-        (status = OK, description = "The robot from above; null before its first sweep or pose",
+        (status = OK, description = "The robot from above; null before its first scan or pose",
             body = Option<TopViewDocument>),
         (status = NOT_FOUND, description = "The robot is unknown"),
         (status = CONFLICT, description = "The robot is not registered"),

@@ -48,7 +48,7 @@ impl Draft<'_> {
     }
 
     /// The robot names a generation that these records know nothing of: they are older than it is,
-    /// as after a backup was restored. What is approved next must come after it, or the robot
+    /// as after a backup was restored. The next approval must come after it, or the robot
     /// would take it for an old document.
     fn heard_of_later(&mut self, applied: &Applied) -> Result<(), Refused> {
         let last = self.outcome.ledger.shadow.generation_last;

@@ -81,7 +81,7 @@ pub struct StreamsFields {
     /// Speed alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub speed: Option<Source>,
-    /// Sweeps or clouds.
+    /// Scans or clouds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scan: Option<Source>,
     /// Poses of the LiDAR.

@@ -1,4 +1,4 @@
-//! What is approved, as a ROS 2 topic: `calibration/approved` of each robot, a `std_msgs/msg/String`
+//! The approved calibration, as a ROS 2 topic: `calibration/approved` of each robot, a `std_msgs/msg/String`
 //! whose text is the signed envelope in JSON.
 //!
 //! The topic is transient-local: whoever subscribes later asks for what was said before, with the
@@ -93,7 +93,7 @@ pub fn history_expressions(table: &RouteTable) -> Vec<String> {
     expressions(table).into_iter().map(behind).collect()
 }
 
-/// Says what is approved for a robot on its topic.
+/// Says the approved calibration for a robot on its topic.
 pub async fn publish(
     session: &Session,
     ros2: &Ros2,

@@ -48,7 +48,7 @@ struct Shared {
     table: RwLock<RouteTable>,
     discovery: Mutex<Discovery>,
     homes: Mutex<BTreeMap<RobotId, BTreeSet<Home>>>,
-    /// Robots that came (back), which should hear what is approved.
+    /// Robots that came (back), which should hear the approved calibration.
     came: mpsc::Sender<RobotId>,
     /// `homes` changed.
     homes_changed: Notify,
@@ -95,7 +95,7 @@ impl Ros2 {
         self.shared.homes_changed.notify_one();
     }
 
-    /// Notes where a robot's topics are; one that was not there before hears what is approved.
+    /// Notes where a robot's topics are; one that was not there before hears the approved calibration.
     fn seen_at(&self, robot: &RobotId, prefix: &str, layout: KeyLayout) {
         if self.moved(robot, prefix, layout) {
             self.came(robot);
@@ -119,11 +119,11 @@ impl Ros2 {
         of_robot.insert(Home { prefix, layout })
     }
 
-    /// Lets a robot that came hear what is approved. It never blocks; what finds the queue full is
+    /// Lets a robot that came hear the approved calibration. It never blocks; what finds the queue full is
     /// asked for by the robot itself.
     fn came(&self, robot: &RobotId) {
         if let Err(error) = self.shared.came.try_send(robot.clone()) {
-            tracing::debug!(robot.id = %robot, %error, "not told what is approved");
+            tracing::debug!(robot.id = %robot, %error, "not told the approved calibration");
         }
     }
 
@@ -140,7 +140,7 @@ impl Ros2 {
 pub struct Surroundings {
     /// Whose robots they are.
     pub fleet: FleetHandle,
-    /// Who knows what is approved.
+    /// Who knows the approved calibration.
     pub lifecycle: Lifecycle,
     /// Where time comes from.
     pub clock: SharedClock,
@@ -158,7 +158,7 @@ pub struct Ros2Link {
 }
 
 impl Ros2Link {
-    /// Subscribes to tokens and streams, and answers those who ask for what is approved.
+    /// Subscribes to tokens and streams, and answers those who ask for the approved calibration.
     ///
     /// # Errors
     /// When Zenoh refuses to declare something.
@@ -266,7 +266,7 @@ impl Ros2 {
     }
 }
 
-/// Tells robots that came what is approved for them.
+/// Tells robots that came the approved calibration for them.
 async fn tell(
     session: Session,
     ros2: Ros2,
@@ -286,12 +286,12 @@ async fn tell(
             Ok(Some(envelope)) => {
                 let put = calibration::publish(&session, &ros2, &robot, &envelope).await;
                 if let Err(error) = put {
-                    tracing::warn!(robot.id = %robot, error, "not told what is approved");
+                    tracing::warn!(robot.id = %robot, error, "not told the approved calibration");
                 }
             }
             Ok(None) => {}
             Err(error) => {
-                tracing::error!(robot.id = %robot, %error, "not told what is approved");
+                tracing::error!(robot.id = %robot, %error, "not told the approved calibration");
             }
         }
     }

@@ -148,7 +148,7 @@ impl<W: Write> RecordingExport<W> {
     }
 }
 
-/// The frame that a sweep or cloud names, if it names one.
+/// The frame that a scan or cloud names, if it names one.
 fn frame(topic: &RecordingTopic, payload: &[u8]) -> Option<String> {
     let named = match (topic.encoding, topic.message_type) {
         (Encoding::Json, MessageType::LaserScan | MessageType::PointCloud2) => {
