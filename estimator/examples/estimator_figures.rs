@@ -49,7 +49,7 @@ fn main() -> Result<(), String> {
     ];
     if !what.is_empty() && !tables.iter().any(|(name, ..)| *name == what) {
         return Err(format!(
-            "unknown table {what}, accepted is convergence, delays, drift, disturbances or steps"
+            "unknown table {what}, expected convergence, delays, drift, disturbances or steps"
         ));
     }
     for (name, table, usual) in tables {

@@ -32,7 +32,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let figure_eight = SimulationConfig::figure_eight;
     if let [_, flag, path] = arguments.as_slice() {
         if flag != "--sweeps" {
-            return Err(format!("unknown argument {flag}, accepted is --sweeps FILE").into());
+            return Err(format!("unknown argument {flag}, expected --sweeps FILE").into());
         }
         write_sweeps(Path::new(path), &record(figure_eight(7), SWEEPS)?)?;
     }

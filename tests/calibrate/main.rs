@@ -180,7 +180,7 @@ fn a_recording_without_drive_or_scans_says_what_is_missing() {
     assert_refused(
         &calibrate(&path, &["--wheelbase", "1.2"]),
         65,
-        "no drive topic",
+        "no wheel odometry topic",
     );
     without("sensor_msgs/msg/LaserScan");
     let out = folder.path().join("none.tum");

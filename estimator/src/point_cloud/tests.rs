@@ -218,7 +218,7 @@ fn times_that_tell_of_no_turn_are_refused() {
     cloud.points[7].time_s = 3.0;
     let reason = PlanarBand::default().sweep(&cloud).unwrap_err().to_string();
     assert!(
-        reason.contains("a time 3 s after the stamp, accepted is within a second"),
+        reason.contains("a time 3 s after the stamp, expected within a second"),
         "{reason}"
     );
     cloud.points[7].time_s = f32::NAN;
@@ -292,7 +292,7 @@ fn a_band_that_cannot_be_is_refused_by_key() {
     ] {
         let reason = PlanarBand::try_from(fields).unwrap_err().to_string();
         assert!(
-            reason.starts_with(key) && reason.contains("accepted is"),
+            reason.starts_with(key) && reason.contains("expected"),
             "{reason}"
         );
     }

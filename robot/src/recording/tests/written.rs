@@ -14,13 +14,13 @@ fn what_is_written_reads_back() {
     assert_eq!(
         shown,
         [
+            ("/tugger_01/scan", "sensor_msgs/msg/LaserScan", 200),
+            ("/tugger_01/truth", "geometry_msgs/msg/PoseStamped", 200),
             (
                 "/tugger_01/wheel_odometry",
                 "ackermann_msgs/msg/AckermannDriveStamped",
                 2000
             ),
-            ("/tugger_01/scan", "sensor_msgs/msg/LaserScan", 200),
-            ("/tugger_01/truth", "geometry_msgs/msg/PoseStamped", 200),
         ]
     );
     assert_eq!(recording.start_ns(), START_NS.unsigned_abs());

@@ -217,7 +217,9 @@ mod tests {
         let refusal = serde_json::from_str::<RobotConfig>(r#"{"x": 1}"#)
             .unwrap_err()
             .to_string();
-        let accepted: BTreeSet<_> = refusal.split('`').skip(3).step_by(2).collect();
+        // A former name is read and not described.
+        let named = refusal.split('`').skip(3).step_by(2);
+        let accepted: BTreeSet<_> = named.filter(|name| *name != "drive").collect();
         assert_eq!(
             described
                 .iter()

@@ -11,7 +11,7 @@ use fleetcal_robot::recording::Recording;
 use super::access::signed_in;
 use super::*;
 
-const URI: &str = "/api/v1/robots//recording";
+const URI: &str = "/api/v1/robots/a/recording";
 
 fn drive(stamp_s: i64) -> Vec<u8> {
     let message = serde_json::json!({
@@ -127,7 +127,7 @@ async fn a_recording_ends_when_its_operator_is_made_a_viewer() {
 #[tokio::test]
 async fn a_robot_without_an_estimator_has_no_recording() {
     let bench = bench(&["a"]).await;
-    let told = bench.get("/api/v1/robots//recording").await.told();
+    let told = bench.get("/api/v1/robots/b/recording").await.told();
     assert!(told.starts_with("404 robot_unknown"), "{told}");
     let payload = drive(1_000);
     bench.fleet.receive(
@@ -137,7 +137,7 @@ async fn a_robot_without_an_estimator_has_no_recording() {
         payload.len(),
         || payload,
     );
-    let told = bench.get("/api/v1/robots//recording").await.told();
+    let told = bench.get("/api/v1/robots/b/recording").await.told();
     assert!(told.starts_with("409 robot_unregistered"), "{told}");
     for query in ["duration_s=0", "duration_s=3601", "duration_s=x"] {
         let told = bench.get(&format!("{URI}?{query}")).await.told();

@@ -283,7 +283,7 @@ async fn a_configuration_is_refused_by_field() {
     assert_snapshot!(told(r#"{"model": "bicycle"}"#).await, @"422 body_refused: the body: missing field `wheelbase_m` at line 1 column 20");
     assert_snapshot!(told(r#"{"model": "bicycle", "wheelbase_m": -1}"#).await, @"422 body_refused [wheelbase_m]: the body: wheelbase_m is -1, expected more than 0 and at most 30 m at line 1 column 39");
     assert_snapshot!(told(r#"{"model": "hovercraft", "wheelbase_m": 1}"#).await, @"422 body_refused [model]: the body: unknown variant `hovercraft`, expected `bicycle` or `tricycle` at line 1 column 22");
-    assert_snapshot!(told(r#"{"model": "bicycle", "wheelbase_m": 1, "colour": "red"}"#).await, @"422 body_refused [colour]: the body: unknown field `colour`, expected one of `model`, `wheelbase_m`, `speed_measured_at`, `nominal`, `drive`, `rear_axle_in_base_link`, `scan_type`, `point_cloud`, `streams`, `estimator` at line 1 column 47");
+    assert_snapshot!(told(r#"{"model": "bicycle", "wheelbase_m": 1, "colour": "red"}"#).await, @"422 body_refused [colour]: the body: unknown field `colour`, expected one of `model`, `wheelbase_m`, `speed_measured_at`, `nominal`, `drive`, `wheel_odometry`, `rear_axle_in_base_link`, `scan_type`, `point_cloud`, `streams`, `estimator` at line 1 column 47");
     assert_eq!(bench.store.load_robot(&robot("a")).await.unwrap(), None);
 }
 

@@ -433,6 +433,6 @@ wheel_odometry = { topic = '3/wheel_odometry' }",
         assert!(usual.contains(&format!("*/*/scan/{SCAN}/*")), "{usual:?}");
         assert!(usual.contains("*/wheel_odometry"));
         let bridge: Vec<String> = table.bridge_expressions().into_iter().collect();
-        assert_eq!(bridge, ["*/wheel_odometry", "*/lidar_odometry", "*/scan"]);
+        assert_eq!(bridge, ["*/lidar_odometry", "*/scan", "*/wheel_odometry"]);
     }
 }
