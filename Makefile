@@ -183,7 +183,7 @@ imperfect-robots: rust ## Claims and alarms of imperfect robots, 600 of each imp
 load: build ## 50 robots at once: prints the CPU time per robot-second and sample, and the share of the CPU
 	FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked -p fleetcal-tests --test load -- --nocapture
 
-# What a campaign has done stands in its file here; `rm` begins it anew.
+# What a campaign has done stands in its file here; `rm` begins it again.
 HARDENING := $(abspath $(BUILT))/hardening
 COMMIT = $$(git describe --always --dirty --exclude '*')
 
@@ -210,9 +210,10 @@ hardening-zenoh: build-for-tests ## 8 hostile Zenoh sessions for a minute, each 
 	FLEETCAL_ZENOH_FLOOD_S=60 FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked --workspace --test zenoh -- --include-ignored --nocapture --test-threads 1 floods::
 
 .PHONY: hardening-process
-hardening-process: build-for-tests ## HARDENING_N=200 kills inside migrations and SIGTERMs under load; stopped for a minute; 64 file descriptors
+hardening-process: build-for-tests ## HARDENING_N=200 kills inside migrations and SIGTERMs under load; stopped for a minute; 64 file descriptors; 256 MiB (root)
 	HARDENING_N=$(HARDENING_N) HARDENING_STOPPED_S=$(STOPPED_S) HARDENING_SEEDS=$(SEEDS_PASSED) FLEETCAL_BIN=$(abspath $(BIN)) \
-	  nice $(CARGO) test --release --locked --workspace --test durability -- --nocapture --test-threads 1 lifecycle::
+	  nice $(CARGO) test --release --locked --workspace --test durability -- --nocapture --test-threads 1 lifecycle:: && \
+	FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked --workspace --test durability -- --ignored --nocapture memory::
 
 .PHONY: soak
 soak: build-for-tests ## 50 robots for SOAK_MINUTES=120 with a flood of each kind in turn: prints memory, files and threads

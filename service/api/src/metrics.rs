@@ -12,7 +12,7 @@ use fleetcal_domain::limits;
 use fleetcal_domain::robot::{ConnectionState, RobotView};
 use fleetcal_fleet::FleetCounters;
 use fleetcal_http::Turned;
-use fleetcal_operations::courier::CourierCounters;
+use fleetcal_operations::webhook_dispatcher::WebhookDispatcherCounters;
 use fleetcal_store::StoreCounters;
 use prometheus_client::collector::Collector;
 use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric, text};
@@ -42,10 +42,10 @@ pub(super) async fn metrics(
         fleet: api.fleet.counters(),
         heard: heard(&api, &robots),
         robots: Arc::new(robots),
-        lost_answers: api.clerk.answer_counters(),
+        lost_answers: api.lifecycle.answer_counters(),
         store: api.store.counters(),
-        alerts: api.sentry.counts(),
-        courier: api.courier.counters(),
+        alerts: api.evaluator.counts(),
+        dispatcher: api.dispatcher.counters(),
         waiting_deliveries: api.store.waiting_deliveries().await.ok(),
         link_open: *api.link_open.borrow(),
         connections: api.connections.open(),
@@ -69,7 +69,7 @@ fn heard(api: &ApiState, robots: &[RobotView]) -> BTreeMap<ConnectionState, u64>
     let all = ConnectionState::ALL.iter();
     let mut heard: BTreeMap<_, _> = all.map(|one| (*one, 0)).collect();
     for robot in robots {
-        let ledger = api.clerk.ledger(&robot.id);
+        let ledger = api.lifecycle.ledger(&robot.id);
         *heard
             .entry(connection_state(robot, &ledger, now_ns))
             .or_default() += 1;
@@ -87,7 +87,7 @@ struct Snapshot {
     heard: BTreeMap<ConnectionState, u64>,
     store: StoreCounters,
     alerts: BTreeMap<(AlertKind, ConditionName), u64>,
-    courier: CourierCounters,
+    dispatcher: WebhookDispatcherCounters,
     /// `None` while the database does not say.
     waiting_deliveries: Option<u64>,
     link_open: bool,
@@ -176,7 +176,7 @@ impl Snapshot {
             ),
             (
                 "fleetcal_missing",
-                "Messages that by their neighbours' stamps were sent and not used, shed ones included",
+                "Messages that by their neighbours' stamps were sent and not used, dropped ones included",
                 fleet.missing,
             ),
             (
@@ -277,22 +277,22 @@ impl Snapshot {
                 ConstGauge::new(count as f64).encode(family.encode_family(&labels)?)?;
             }
         }
-        let courier = &self.courier;
+        let dispatcher = &self.dispatcher;
         for (name, help, value) in [
             (
                 "fleetcal_webhook_delivered",
                 "Messages that a receiver has taken",
-                courier.delivered,
+                dispatcher.delivered,
             ),
             (
                 "fleetcal_webhook_failed_attempts",
                 "Attempts to send a message that failed",
-                courier.failed_attempts,
+                dispatcher.failed_attempts,
             ),
             (
                 "fleetcal_webhook_given_up",
                 "Messages that were given up",
-                courier.given_up,
+                dispatcher.given_up,
             ),
         ] {
             counter(out, name, help, value)?;
@@ -351,13 +351,15 @@ const ROBOT_COUNTERS: [RobotCounter; 8] = [
         "Messages that its estimator took",
         |robot| robot.counters.processed,
     ),
-    ("fleetcal_robot_shed_drive", "Drive samples shed", |robot| {
-        robot.counters.shed_drive
-    }),
     (
-        "fleetcal_robot_shed_scans",
-        "Scans and poses shed",
-        |robot| robot.counters.shed_scans,
+        "fleetcal_robot_dropped_wheel_odometry",
+        "Drive samples dropped",
+        |robot| robot.counters.dropped_wheel_odometry,
+    ),
+    (
+        "fleetcal_robot_dropped_scans",
+        "Scans and poses dropped",
+        |robot| robot.counters.dropped_scans,
     ),
     ("fleetcal_robot_refused", "Messages refused", |robot| {
         robot.counters.refused

@@ -184,7 +184,7 @@ pub(super) struct StreamParameters {
     #[param(value_type = Option<RobotId>)]
     robot: Option<String>,
     /// Only these topics, separated by commas: `fleet` (lean rows and states of all robots),
-    /// `robot:ID` (everything about this robot), `alerts`, `approvals`, `site` (policy and
+    /// `robot:ID` (everything about this robot), `alerts`, `approvals`, `deployments` (policy and
     /// deployment freeze). At most 8.
     topics: Option<String>,
 }

@@ -39,7 +39,7 @@ pub struct FleetCounters {
     /// Events of estimators beyond their robot's budget of an hour.
     pub events_beyond_budget: u64,
     /// Messages that by the stamps of those before and after were sent and never reached the
-    /// estimator: lost on the way, or shed.
+    /// estimator: lost on the way, or dropped.
     pub missing: u64,
     /// Messages that were not used since two senders use their robot's id.
     pub of_two_senders: u64,

@@ -81,7 +81,7 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
             robots,
             connect: vec![arguments.listen.clone()].into(),
             keys: Keys::default(),
-            trusted: Some(TrustedKeys::from(service.clerk().public_key())),
+            trusted: Some(TrustedKeys::from(service.lifecycle().public_key())),
             start_stamp_ns: clock.now_ns(),
         },
         stop.clone(),

@@ -10,6 +10,12 @@ export const KINDS: Record<AlertKind, Face> = {
   drift: STANDINGS.drift,
   verification_failed: STANDINGS.verification_failed,
   two_senders: STANDINGS.two_senders,
+  former_key: {
+    word: 'Former key',
+    shape: 'signpost',
+    tone: 'bad',
+    meaning: 'The robot sends its wheel odometry on the former key. It is not used.',
+  },
   false_report: STANDINGS.false_report,
   estimator_failed: STANDINGS.failed,
   not_applied: STANDINGS.not_applied,

@@ -1,7 +1,7 @@
 /** The fleet as the pages see it: read once, then kept up by the event stream. */
 
 import { alerts } from '../alerts/alerts.svelte';
-import { desk } from '../approval/desk.svelte';
+import { approvals } from '../approval/approvals.svelte';
 import { get, list, problemOf } from '../api/client';
 import { LiveStream } from '../api/stream.svelte';
 import type { Estimate, LiveEvent, Robot, RobotRow, RobotStateUpdate } from '../api/types';
@@ -37,7 +37,7 @@ export class RobotEntry {
       standingIn(this.robot, this.connection),
       alerts.firing.get(this.robot.id) ?? NOTHING,
       alerts.stale.get(this.robot.id) ?? NOTHING,
-      desk.policy.value?.propose_beyond,
+      approvals.policy.value?.propose_beyond,
     ),
   );
 
@@ -56,11 +56,11 @@ const NAMES: readonly LiveEvent['event'][] = [
   'event',
   'approval',
   'alert',
-  'hold',
+  'freeze',
   'policy',
 ];
-/** What every page shows: its bar counts alerts and approvals, and says when deployments pause. */
-const EVERYWHERE = ['alerts', 'approvals', 'site'];
+/** What every page shows: its bar counts alerts and approvals, and says when deployments are frozen. */
+const EVERYWHERE = ['alerts', 'approvals', 'deployments'];
 
 /** The topics of what a page shows; `robot` is the one that it is about, where it is about one. */
 export function topicsOf(page: Route['page'], robot: string | undefined): string[] {
@@ -211,7 +211,7 @@ class Fleet {
         this.#approvals.add(data.robot);
         for (const listener of this.#listeners) listener.approval?.(data.robot);
         break;
-      case 'hold':
+      case 'freeze':
       case 'policy':
         for (const listener of this.#listeners) listener[event]?.();
         break;

@@ -41,7 +41,7 @@ export const STANDINGS: Record<Standing, Face> = {
     word: 'Verification failed',
     shape: 'triangle',
     tone: 'bad',
-    meaning: 'A fresh estimate disagrees with the calibration that was applied.',
+    meaning: 'A verification estimate disagrees with the calibration that was applied.',
   },
   two_senders: {
     word: 'Two senders',

@@ -3,7 +3,7 @@ import type { Robot, RobotRow } from '../api/types';
 import { robotsOf } from '../alerts/alerts.svelte';
 import { topicsOf, withRow } from './fleet.svelte';
 
-const BASE = ['alerts', 'approvals', 'site'];
+const BASE = ['alerts', 'approvals', 'deployments'];
 
 describe('the topics of a page', () => {
   it('are what it shows and what every page shows', () => {

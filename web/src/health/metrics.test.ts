@@ -5,7 +5,7 @@ const TEXT = `# HELP fleetcal_up_seconds Time since the start
 # TYPE fleetcal_up_seconds gauge
 fleetcal_up_seconds 58.4
 fleetcal_robot_received_total{robot="tugger_01"} 6340
-fleetcal_robot_received_total{robot="a\\"b",stream="drive"} 2
+fleetcal_robot_received_total{robot="a\\"b",stream="wheel_odometry"} 2
 nonsense
 # EOF
 `;
@@ -14,7 +14,7 @@ describe('metrics', () => {
   it('are read with their labels', () => {
     const samples = parseMetrics(TEXT);
     expect(samples).toHaveLength(3);
-    expect(samples[2]?.labels).toEqual({ robot: 'a"b', stream: 'drive' });
+    expect(samples[2]?.labels).toEqual({ robot: 'a"b', stream: 'wheel_odometry' });
   });
 
   it('are summed over their labels', () => {

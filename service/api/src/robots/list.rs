@@ -110,7 +110,8 @@ pub(super) async fn list_robots(
     let now_ns = api.clock.now_ns();
     let robots = api.fleet.robots();
     let counts = counts(&robots);
-    let heard = |robot: &RobotView| connection_state(robot, &api.clerk.ledger(&robot.id), now_ns);
+    let heard =
+        |robot: &RobotView| connection_state(robot, &api.lifecycle.ledger(&robot.id), now_ns);
     let connections = connections(robots.iter().map(heard));
     let place = |robot: &RobotView| {
         let rank = if by_severity {
@@ -132,7 +133,7 @@ pub(super) async fn list_robots(
     let items = chosen
         .into_iter()
         .map(|(_, robot)| {
-            let ledger = api.clerk.ledger(&robot.id);
+            let ledger = api.lifecycle.ledger(&robot.id);
             RobotSummary::of(robot, &ledger, now_ns)
         })
         .collect();

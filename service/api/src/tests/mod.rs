@@ -6,10 +6,10 @@ mod approval;
 mod description;
 mod permission;
 mod policy;
+mod recording;
 mod robots;
 mod server;
 mod service;
-mod session;
 mod stream;
 
 use std::collections::BTreeMap;
@@ -27,10 +27,10 @@ use fleetcal_estimator::EstimatorSettings;
 use fleetcal_fleet::{FleetHandle, FleetSetup};
 use fleetcal_http::TrustedProxies;
 use fleetcal_operations::accounts::{TokenChange, change_token};
-use fleetcal_operations::clerk::{Clerk, ClerkSetup};
-use fleetcal_operations::courier::{Courier, CourierSetup};
+use fleetcal_operations::alert_evaluator::{AlertEvaluator, AlertEvaluatorSetup};
+use fleetcal_operations::lifecycle::{Lifecycle, LifecycleSetup};
 use fleetcal_operations::robots::configure;
-use fleetcal_operations::sentry::{Sentry, SentrySetup};
+use fleetcal_operations::webhook_dispatcher::{WebhookDispatcher, WebhookDispatcherSetup};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::signing::SigningKey;
 use fleetcal_store::{Expected, Store};
@@ -52,7 +52,7 @@ struct Bench {
     setup: ApiSetup,
     routes: Router,
     fleet: FleetHandle,
-    clerk: Clerk,
+    lifecycle: Lifecycle,
     store: Store,
     link_open: watch::Sender<bool>,
     stop: CancellationToken,
@@ -109,7 +109,7 @@ async fn bench_of(robots: &[&str], last_heard_ns: BTreeMap<RobotId, i64>) -> Ben
         checkpoints: BTreeMap::new(),
         last_heard_ns,
     });
-    let clerk = Clerk::start(ClerkSetup {
+    let lifecycle = Lifecycle::start(LifecycleSetup {
         store: store.clone(),
         fleet: fleet.clone(),
         clock: clock.clone(),
@@ -118,15 +118,15 @@ async fn bench_of(robots: &[&str], last_heard_ns: BTreeMap<RobotId, i64>) -> Ben
     })
     .await
     .unwrap();
-    let (sentry, courier) = watchers(&store, &fleet, &clerk, &clock).await;
+    let (evaluator, dispatcher) = watchers(&store, &fleet, &lifecycle, &clock).await;
     let (link_open, is_open) = watch::channel(true);
     let stop = CancellationToken::new();
     let (setup_code, setup_text) = SetupCode::new(&[0xab; 32], NOW_NS);
     let setup = ApiSetup {
         fleet: fleet.clone(),
-        clerk: clerk.clone(),
-        sentry,
-        courier,
+        lifecycle: lifecycle.clone(),
+        evaluator,
+        dispatcher,
         store: store.clone(),
         clock: clock.clone(),
         link_open: is_open,
@@ -143,7 +143,7 @@ async fn bench_of(robots: &[&str], last_heard_ns: BTreeMap<RobotId, i64>) -> Ben
         setup,
         routes,
         fleet,
-        clerk,
+        lifecycle,
         store,
         link_open,
         stop,
@@ -158,22 +158,22 @@ async fn bench_of(robots: &[&str], last_heard_ns: BTreeMap<RobotId, i64>) -> Ben
 async fn watchers(
     store: &Store,
     fleet: &FleetHandle,
-    clerk: &Clerk,
+    lifecycle: &Lifecycle,
     clock: &Arc<MockClock>,
-) -> (Sentry, Courier) {
-    let sentry = Sentry::start(SentrySetup {
+) -> (AlertEvaluator, WebhookDispatcher) {
+    let evaluator = AlertEvaluator::start(AlertEvaluatorSetup {
         store: store.clone(),
         fleet: fleet.clone(),
-        clerk: clerk.clone(),
+        lifecycle: lifecycle.clone(),
         clock: clock.clone(),
         policy: AlertPolicy::default(),
     });
-    let courier = Courier::start(CourierSetup {
+    let dispatcher = WebhookDispatcher::start(WebhookDispatcherSetup {
         store: store.clone(),
         clock: clock.clone(),
         jitter: fleetcal_operations::entropy::jitter,
     });
-    (sentry.await.unwrap(), courier)
+    (evaluator.await.unwrap(), dispatcher)
 }
 
 /// A role; of a robot, that of robot `a`.

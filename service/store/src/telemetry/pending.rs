@@ -98,9 +98,9 @@ impl Pending {
                 .entry(estimate.robot.clone())
                 .or_insert((estimate, received_ns));
         }
-        let history = shed_oldest(&mut self.batch.history);
-        let events = shed_oldest(&mut self.batch.events);
-        let uses = shed_oldest(&mut self.batch.uses);
+        let history = drop_oldest(&mut self.batch.history);
+        let events = drop_oldest(&mut self.batch.events);
+        let uses = drop_oldest(&mut self.batch.uses);
         Lost {
             rows: history + events + uses,
             history,
@@ -122,7 +122,7 @@ impl Pending {
 }
 
 /// Drops the oldest entries of a list that has outgrown its limit; gives their number.
-fn shed_oldest<T>(list: &mut Vec<T>) -> u64 {
+fn drop_oldest<T>(list: &mut Vec<T>) -> u64 {
     let lost = list.len().saturating_sub(limits::STORE_QUEUE_MAX);
     list.drain(..lost);
     lost as u64

@@ -185,7 +185,7 @@ impl<W: TelemetryWriter> TelemetryTask<W> {
         while let Some(offered) = offers.recv().await {
             self.take(std::iter::once(offered));
         }
-        // The process has little time to end: the pauses begin anew.
+        // The process has little time to end: the pauses begin again.
         self.retry.reset();
         let mut failure = None;
         for _ in 0..limits::STORE_CLOSE_TRIES {
