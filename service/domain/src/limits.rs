@@ -204,6 +204,10 @@ pub const HISTORY_HOURS_KEPT: Duration = Duration::from_hours(5 * 365 * 24);
 pub const IDEMPOTENCY_KEPT: Duration = Duration::from_hours(24);
 /// Old rows of one kind that are deleted at a time, once a second.
 pub const RETENTION_ROWS_MAX: u32 = 2_000;
+/// A clock that is ahead of running time by so many seconds was set, and has not drifted.
+pub const CLOCK_STEP_S: i64 = 3_600;
+/// A clock that was set forward and stays there for so long is believed by retention.
+pub const CLOCK_STEP_BELIEVED_AFTER: Duration = Duration::from_hours(24);
 /// Rows of one tier of the history that one request reads.
 pub const HISTORY_ROWS_MAX: i64 = 4 * 3_600;
 

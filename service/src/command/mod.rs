@@ -6,6 +6,7 @@ pub mod check_config;
 pub mod completions;
 pub mod demo;
 pub mod man;
+pub mod restore;
 pub mod serve;
 mod stopping;
 pub mod token;
@@ -62,6 +63,8 @@ pub enum Command {
     User(user::Arguments),
     /// Copies the database into a file, also while the service runs
     Backup(backup::Arguments),
+    /// Puts a backup into an empty data folder, and the signing key with it
+    Restore(restore::Arguments),
     /// Generates access lists of Zenoh routers
     Acl(acl::Arguments),
     /// Checks a `fleetcal.toml` without starting the service
@@ -158,7 +161,9 @@ impl CommandError {
                 ServiceError::Link(LinkError::Config(_) | LinkError::Anonymous { .. })
                 | ServiceError::TooManyRobots { .. },
             )
-            | Self::Store(StoreError::Account(_) | StoreError::Missing { .. })
+            | Self::Store(
+                StoreError::Account(_) | StoreError::Missing { .. } | StoreError::Restore { .. },
+            )
             | Self::Account(_)
             | Self::UserUnknown(_)
             | Self::Name(_)

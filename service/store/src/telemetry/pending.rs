@@ -65,7 +65,11 @@ impl Pending {
         let every_ns = i64::try_from(limits::STORE_CURRENT_EVERY.as_nanos()).unwrap_or(i64::MAX);
         let written = &mut self.current_written_ns;
         let due = |robot: &RobotId, received_ns: i64| match written.get(robot) {
-            Some(last_ns) => everything || received_ns.saturating_sub(*last_ns) >= every_ns,
+            // A clock that was set back must not keep it waiting until it is as late again.
+            Some(last_ns) => {
+                let passed_ns = received_ns.saturating_sub(*last_ns);
+                everything || !(0..every_ns).contains(&passed_ns)
+            }
             None => true,
         };
         let chosen: Vec<_> = self
