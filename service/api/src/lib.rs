@@ -18,6 +18,7 @@ mod request_head;
 mod robots;
 mod rows;
 mod serving;
+mod standings;
 mod stream;
 mod topics;
 mod webhooks;
@@ -101,7 +102,7 @@ impl ApiState {
     fn start(setup: ApiSetup) -> Self {
         Self {
             sessions: robots::Sessions::new(setup.stop.clone()),
-            stream: StreamHub::start(&setup.fleet, setup.clock.clone(), setup.stop),
+            stream: StreamHub::start(&setup),
             fleet: setup.fleet,
             clerk: setup.clerk,
             sentry: setup.sentry,

@@ -10,6 +10,7 @@ mod robots;
 mod server;
 mod service;
 mod session;
+mod standing;
 mod stream;
 
 use std::collections::BTreeMap;

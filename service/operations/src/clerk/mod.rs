@@ -247,6 +247,7 @@ impl Clerk {
             idempotency,
             rear_axle_in_base_link: self.inner.fleet.rear_axle_in_base_link(robot),
             present: self.present(robot),
+            view: self.inner.fleet.robot(robot).map(Box::new),
         };
         let decided = self.inner.store.transact(decision).await?;
         if let Decided::Taken(outcome) = &decided {
