@@ -15,6 +15,7 @@ use tower_http::request_id::{MakeRequestUuid, PropagateRequestIdLayer, SetReques
 use tower_http::trace::{DefaultOnFailure, TraceLayer};
 use tracing::Level;
 
+use super::durations::{self, RequestDurations};
 use super::problem::Problem;
 use super::request_head::{self, HeadCheck};
 
@@ -40,12 +41,16 @@ const SECURITY_HEADERS: [(HeaderName, &str); 6] = [
 ];
 
 /// Puts the layers of all routes around them.
-pub(super) fn around(routes: Router, head: HeadCheck) -> Router {
+pub(super) fn around(routes: Router, head: HeadCheck, durations: RequestDurations) -> Router {
     let request_id = HeaderName::from_static("x-request-id");
     let layers = ServiceBuilder::new()
         .layer(SetRequestIdLayer::new(request_id.clone(), MakeRequestUuid))
         // A 503 of a service that is starting is no error; what fails says so where it fails.
         .layer(TraceLayer::new_for_http().on_failure(DefaultOnFailure::new().level(Level::DEBUG)))
+        .layer(middleware::from_fn_with_state(
+            durations,
+            durations::measured,
+        ))
         .layer(PropagateRequestIdLayer::new(request_id))
         .layer(middleware::from_fn(with_headers))
         .layer(middleware::from_fn_with_state(head, request_head::checked))

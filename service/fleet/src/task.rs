@@ -198,7 +198,11 @@ impl RobotTask {
         self.follow_config();
         match item {
             Item::Message(message) => {
+                let began = self.fleet.clock.elapsed();
                 let outcome = self.take_message(&message);
+                if message.stream == Stream::Scan {
+                    self.fleet.took_scan(began);
+                }
                 if let Outcome::Refused(reason) = &outcome {
                     tracing::debug!(robot.id = %self.robot.id, reason, "message refused");
                 }

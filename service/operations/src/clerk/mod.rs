@@ -192,9 +192,9 @@ impl Clerk {
     pub fn answer_counters(&self) -> [(&'static str, u64); 3] {
         let read = |count: &AtomicU64| count.load(Ordering::Relaxed);
         [
-            ("beyond_limit", read(&self.inner.lost_answers)),
-            ("refused", read(&self.inner.refused_answers)),
-            ("unreadable", read(&self.inner.unreadable_answers)),
+            ("answer_limit", read(&self.inner.lost_answers)),
+            ("answer_refused", read(&self.inner.refused_answers)),
+            ("answer_unreadable", read(&self.inner.unreadable_answers)),
         ]
     }
 
