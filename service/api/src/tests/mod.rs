@@ -14,6 +14,7 @@ mod service;
 mod session;
 mod standing;
 mod stream;
+mod trace;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
