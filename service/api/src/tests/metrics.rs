@@ -1,5 +1,7 @@
 //! `/metrics`, read strictly.
 
+#![expect(clippy::float_cmp, reason = "what is counted is a whole number")]
+
 use fleetcal_domain::limits;
 use fleetcal_domain::standing::Standing;
 use fleetcal_model::Stream;

@@ -1,4 +1,6 @@
-//! A strict reader of the OpenMetrics text format: what a lenient one passes over is refused.
+//! A strict reader of the `OpenMetrics` text format: what a lenient one passes over is refused.
+
+#![expect(clippy::float_cmp, reason = "what is counted is a whole number")]
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -165,7 +167,7 @@ fn check(name: &str, family: &Family) -> Result<(), String> {
         if !seen.insert((&sample.name, &sample.labels)) {
             return Err(format!("a series twice: {sample:?}"));
         }
-        if family.kind != "gauge" && !(sample.value >= 0.0) {
+        if family.kind != "gauge" && (sample.value.is_nan() || sample.value < 0.0) {
             return Err(format!("less than nothing: {sample:?}"));
         }
     }
