@@ -18,8 +18,14 @@ help: ## Lists the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-18s %s\n", $$1, $$2}'
 
 .PHONY: demo
-demo: build ## Builds all and starts service, router and six simulated robots: http://127.0.0.1:8080
+demo: announce dashboard rust ## Builds and starts service, router and six simulated robots: http://127.0.0.1:8080
+	@# With the features of all crates, as `make build` has them; their other binaries are left out.
+	$(CARGO) build --release --locked --workspace --bin fleetcal
 	$(BIN) demo
+
+.PHONY: announce
+announce:
+	@[ -x $(BIN) ] || echo "Builds the dashboard and the service from about 700 crates: some 12 minutes on two cores, once. Then six simulated robots drive: http://127.0.0.1:8080"
 
 .PHONY: build
 build: dashboard rust ## Builds the dashboard and the binary
@@ -177,7 +183,7 @@ imperfect-robots: rust ## Claims and alarms of imperfect robots, 600 of each imp
 load: build ## 50 robots at once: prints the CPU time per robot-second and sample, and the share of the CPU
 	FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked -p fleetcal-tests --test load -- --nocapture
 
-# What a campaign has done stands in its file here; `rm` begins it anew.
+# What a campaign has done stands in its file here; `rm` begins it again.
 HARDENING := $(abspath $(BUILT))/hardening
 COMMIT = $$(git describe --always --dirty --exclude '*')
 
@@ -204,9 +210,10 @@ hardening-zenoh: build-for-tests ## 8 hostile Zenoh sessions for a minute, each 
 	FLEETCAL_ZENOH_FLOOD_S=60 FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked --workspace --test zenoh -- --include-ignored --nocapture --test-threads 1 floods::
 
 .PHONY: hardening-process
-hardening-process: build-for-tests ## HARDENING_N=200 kills inside migrations and SIGTERMs under load; stopped for a minute; 64 file descriptors
+hardening-process: build-for-tests ## HARDENING_N=200 kills inside migrations and SIGTERMs under load; stopped for a minute; 64 file descriptors; 256 MiB (root)
 	HARDENING_N=$(HARDENING_N) HARDENING_STOPPED_S=$(STOPPED_S) HARDENING_SEEDS=$(SEEDS_PASSED) FLEETCAL_BIN=$(abspath $(BIN)) \
-	  nice $(CARGO) test --release --locked --workspace --test durability -- --nocapture --test-threads 1 lifecycle::
+	  nice $(CARGO) test --release --locked --workspace --test durability -- --nocapture --test-threads 1 lifecycle:: && \
+	FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked --workspace --test durability -- --ignored --nocapture memory::
 
 .PHONY: soak
 soak: build-for-tests ## 50 robots for SOAK_MINUTES=120 with a flood of each kind in turn: prints memory, files and threads
@@ -248,6 +255,14 @@ doc: rust ## The crates' documentation
 .PHONY: screenshots
 screenshots: build chromium ## Takes the pictures in docs/ from the running demo
 	cd web && FLEETCAL_BIN=$(abspath $(BIN)) npm run screenshots
+
+.PHONY: release
+release: dashboard rust ## Static binary, Debian package, container image, notices, SBOM and checksums in target/packages
+	packaging/release.sh
+
+.PHONY: test-packages
+test-packages: ## Installs, upgrades and removes what `make release` made, and runs its container (root, Debian)
+	packaging/test_packages.sh
 
 .PHONY: clean
 clean: ## Removes what was built

@@ -12,6 +12,8 @@ export default defineConfig({
     assetsInlineLimit: 0,
     modulePreload: { polyfill: false },
     chunkSizeWarningLimit: 400,
+    // Packages carry it (packaging/release.sh), and the service serves it.
+    license: { fileName: 'licenses.md' },
   },
   server: {
     proxy: { '/api': service, '/healthz': service, '/readyz': service, '/metrics': service },

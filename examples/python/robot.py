@@ -32,7 +32,7 @@ def ranges(x, y, yaw):
         yield wall_m + random.gauss(0.0, 0.01)
 
 def drive(drives, scans, seconds, speedup):
-    """Drives 100 samples and 10 sweeps a second, in the robot's own time."""
+    """Drives 100 samples and 10 scans a second, in the robot's own time."""
     began_ns, x, y, yaw, step = time.time_ns(), 0.0, 0.0, 0.0, 2 * math.pi / BEAMS
     scan = {"angle_min": -math.pi, "angle_max": math.pi - step, "angle_increment": step,
             "time_increment": 0.0, "range_min": 0.05, "range_max": 30.0}
@@ -55,5 +55,5 @@ endpoint, robot = given.get(0, "tcp/127.0.0.1:7447"), given.get(1, "tugger_01")
 config = zenoh.Config.from_json5(json.dumps({"mode": "client", "connect": {"endpoints": [endpoint]}}))
 with zenoh.open(config) as session, session.liveliness().declare_token(f"fleet/@alive/{robot}"):
     streams = [session.declare_publisher(f"fleet/{robot}/{stream}", encoding="application/json")
-               for stream in ("drive", "scan")]
+               for stream in ("wheel_odometry", "scan")]
     drive(*streams, int(given.get(2, 120)), float(given.get(3, 1.0)))

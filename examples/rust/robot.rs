@@ -45,7 +45,7 @@ fn ranges(random: &mut StdRng, (x, y, yaw): (f64, f64, f64)) -> Result<Vec<f64>,
     Ok((0..BEAMS).map(beam).collect())
 }
 
-/// Drives 100 samples and 10 sweeps a second, in the robot's own time.
+/// Drives 100 samples and 10 scans a second, in the robot's own time.
 #[expect(
     clippy::disallowed_methods,
     reason = "the robot's own clock is what stamps its messages"
@@ -101,7 +101,7 @@ fn main() -> Result<(), Failure> {
     let alive = format!("fleet/@alive/{robot}");
     let token = session.liveliness().declare_token(alive).wait()?;
     drive(
-        &declare("drive")?,
+        &declare("wheel_odometry")?,
         &declare("scan")?,
         100 * seconds,
         speedup,

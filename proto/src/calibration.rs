@@ -1,6 +1,6 @@
 //! The approved calibration on its way to a robot, and the robot's answer.
 //!
-//! What is approved travels as an [`Envelope`]: hash and Ed25519 signature are over the exact bytes
+//! The approved calibration travels as an [`Envelope`]: hash and Ed25519 signature are over the exact bytes
 //! of its `document` string, which is a [`CalibrationDocument`] in JSON. Values are absolute, never
 //! a residual on top of what the robot already applies.
 
@@ -64,7 +64,7 @@ pub struct CalibrationValues {
     /// True steering angle (less its offset) over the measured one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub steering_gain: Option<f64>,
-    /// How much later a motion shows in the drive stream than in the LiDAR's, s.
+    /// How much later a motion shows in the wheel odometry than in the LiDAR's, s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time_offset_s: Option<f64>,
 }
@@ -142,9 +142,9 @@ pub enum AppliedStatus {
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Applied {
-    /// Generation of the document it is about; 0 for values the robot brought along.
+    /// Generation of the document it is about; 0 for its factory calibration.
     pub generation: u64,
-    /// SHA-256 of the document, lower-case hexadecimal; empty for values the robot brought along.
+    /// SHA-256 of the document, lower-case hexadecimal; empty for its factory calibration.
     pub sha256: String,
     /// What became of it.
     pub status: AppliedStatus,

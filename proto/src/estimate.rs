@@ -43,7 +43,7 @@ pub struct Parameters {
     pub speed_scale: ParameterDocument,
     /// Distance between the axles.
     pub wheelbase: ParameterDocument,
-    /// How much later a motion shows in the drive stream than in the LiDAR's.
+    /// How much later a motion shows in the wheel odometry than in the LiDAR's.
     pub time_offset: ParameterDocument,
     /// True steering angle (less its offset) over the measured one.
     pub steering_gain: ParameterDocument,
@@ -140,9 +140,9 @@ pub struct VehicleDocument {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Timing {
-    /// Median time of one sweep's LiDAR odometry and update, ms.
+    /// Median time of one scan's LiDAR odometry and update, ms.
     pub scan_median_ms: f64,
-    /// The time that 99 of 100 sweeps stay under, ms.
+    /// The time that 99 of 100 scans stay under, ms.
     pub scan_p99_ms: f64,
     /// CPU time of it all, s.
     pub cpu_s: f64,
@@ -166,9 +166,9 @@ pub struct CalibrationReport {
     pub distance_m: f64,
     /// Drive samples used.
     pub drive_samples: u64,
-    /// Sweeps or LiDAR poses used.
+    /// Scans or LiDAR poses used.
     pub scans: u64,
-    /// Sweeps that could not be used.
+    /// Scans that could not be used.
     pub scans_rejected: u64,
     /// The vehicle as it is at the end.
     pub parameters: Parameters,

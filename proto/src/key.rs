@@ -16,6 +16,8 @@ pub const ROOT_DEFAULT: &str = "fleet";
 /// Longest key that is looked at, in bytes; longer ones are refused unread.
 pub const KEY_BYTES_MAX: usize = 255;
 
+/// What wheel odometry was called until version 0.2, when it got a name that is not a command's.
+const FORMER_WHEEL_ODOMETRY: &str = "drive";
 const ALIVE: &str = "@alive";
 const SERVICE: &str = "@service";
 
@@ -23,10 +25,10 @@ const SERVICE: &str = "@service";
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum StreamKind {
     /// Measured speed and steering, `ackermann_msgs/msg/AckermannDriveStamped`.
-    Drive,
-    /// Raw sweeps, `sensor_msgs/msg/LaserScan`.
+    WheelOdometry,
+    /// Raw scans, `sensor_msgs/msg/LaserScan`.
     Scan,
-    /// The LiDAR's pose instead of sweeps, `nav_msgs/msg/Odometry`.
+    /// The LiDAR's pose instead of scans, `nav_msgs/msg/Odometry`.
     LidarOdometry,
     /// What happened to the robot, [`crate::event::RobotEvent`].
     Event,
@@ -47,7 +49,7 @@ pub enum StreamKind {
 impl StreamKind {
     /// All of them.
     pub const ALL: [Self; 10] = [
-        Self::Drive,
+        Self::WheelOdometry,
         Self::Scan,
         Self::LidarOdometry,
         Self::Event,
@@ -59,10 +61,10 @@ impl StreamKind {
         Self::Progress,
     ];
 
-    /// The chunks behind the robot's: `drive`, `calibration/approved` and so on.
+    /// The chunks behind the robot's: `wheel_odometry`, `calibration/approved` and so on.
     pub const fn suffix(self) -> &'static str {
         match self {
-            Self::Drive => "drive",
+            Self::WheelOdometry => "wheel_odometry",
             Self::Scan => "scan",
             Self::LidarOdometry => "lidar_odometry",
             Self::Event => "event",
@@ -153,13 +155,13 @@ fn chunk(text: &str) -> Result<Arc<str>, RobotIdRefused> {
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum KeyRefused {
     /// It is longer than [`KEY_BYTES_MAX`].
-    #[error("key is {length} bytes long, accepted are at most 255")]
+    #[error("key is {length} bytes long, expected at most 255")]
     TooLong {
         /// Its length in bytes.
         length: usize,
     },
     /// It holds a wildcard: it names many keys.
-    #[error("key {key:?} contains {character:?}, accepted is the key of one stream")]
+    #[error("key {key:?} contains {character:?}, expected the key of one stream")]
     Wildcard {
         /// The key.
         key: String,
@@ -167,13 +169,13 @@ pub enum KeyRefused {
         character: char,
     },
     /// Two slashes in a row, or one at an end.
-    #[error("key {key:?} has an empty chunk, accepted are chunks parted by one slash")]
+    #[error("key {key:?} has an empty chunk, expected chunks parted by one slash")]
     EmptyChunk {
         /// The key.
         key: String,
     },
     /// It is under another root.
-    #[error("key {key:?} is not under {root:?}, accepted is {root}/{{robot}}/{{stream}}")]
+    #[error("key {key:?} is not under {root:?}, expected {root}/{{robot}}/{{stream}}")]
     OtherRoot {
         /// The key.
         key: String,
@@ -191,7 +193,7 @@ pub enum KeyRefused {
     },
     /// Nothing is sent under that name.
     #[error(
-        "key {key:?} ends in {stream:?}, accepted are drive, scan, lidar_odometry, event, \
+        "key {key:?} ends in {stream:?}, expected wheel_odometry, scan, lidar_odometry, event, \
          estimate, calibration/{{approved,applied,confirmed}}, cross_track_error and progress"
     )]
     UnknownStream {
@@ -218,6 +220,8 @@ pub enum Key {
         /// What it carries.
         kind: StreamKind,
     },
+    /// `{root}/{robot}/drive`: the former key of wheel odometry. Nothing on it is used.
+    FormerWheelOdometry(RobotId),
     /// `{root}/@alive/{robot}`: the token of a robot that is there.
     Alive(RobotId),
     /// `{root}/@service/{instance}`: the token of a service that is there.
@@ -241,12 +245,22 @@ impl Keys {
         &self.root
     }
 
-    /// Key of one robot's stream, `fleet/tugger_01/drive`.
+    /// Key of one robot's stream, `fleet/tugger_01/wheel_odometry`.
     pub fn stream(&self, robot: &RobotId, kind: StreamKind) -> String {
         format!("{}/{robot}/{}", self.root.as_str(), kind.suffix())
     }
 
-    /// Key expression of every robot's stream of a kind, `fleet/*/drive`.
+    /// Former key of a robot's wheel odometry, `fleet/tugger_01/drive`.
+    pub fn former_wheel_odometry(&self, robot: &RobotId) -> String {
+        format!("{}/{robot}/{FORMER_WHEEL_ODOMETRY}", self.root.as_str())
+    }
+
+    /// Key expression of every robot's former key of wheel odometry, `fleet/*/drive`.
+    pub fn former_wheel_odometry_of_all(&self) -> String {
+        format!("{}/*/{FORMER_WHEEL_ODOMETRY}", self.root.as_str())
+    }
+
+    /// Key expression of every robot's stream of a kind, `fleet/*/wheel_odometry`.
     pub fn stream_of_all(&self, kind: StreamKind) -> String {
         format!("{}/*/{}", self.root.as_str(), kind.suffix())
     }
@@ -321,6 +335,9 @@ impl Keys {
             SERVICE => ServiceInstance::parse(rest).map(Key::Service),
             _ => {
                 let robot = robot(first)?;
+                if rest == FORMER_WHEEL_ODOMETRY {
+                    return Ok(Key::FormerWheelOdometry(robot));
+                }
                 let kind =
                     StreamKind::from_suffix(rest).ok_or_else(|| KeyRefused::UnknownStream {
                         key: key.to_owned(),
@@ -354,6 +371,8 @@ mod tests {
                     })
                 );
             }
+            let former = keys.former_wheel_odometry(&robot());
+            assert_eq!(keys.parse(&former), Ok(Key::FormerWheelOdometry(robot())));
             assert_eq!(keys.parse(&keys.alive(&robot())), Ok(Key::Alive(robot())));
             let instance = ServiceInstance::parse("a1b2").unwrap();
             assert_eq!(
@@ -367,8 +386,8 @@ mod tests {
     fn the_spelling_is_that_of_the_wire() {
         let keys = Keys::default();
         assert_eq!(
-            keys.stream(&robot(), StreamKind::Drive),
-            "fleet/tugger_01/drive"
+            keys.stream(&robot(), StreamKind::WheelOdometry),
+            "fleet/tugger_01/wheel_odometry"
         );
         assert_eq!(
             keys.stream(&robot(), StreamKind::CalibrationApproved),
@@ -383,25 +402,28 @@ mod tests {
     fn each_refusal_says_what_is_wrong() {
         let keys = Keys::default();
         let cases = [
-            ("fleet/*/drive", "contains '*'"),
-            ("fleet/a$*/drive", "contains '$'"),
-            ("fleet//drive", "empty chunk"),
-            ("/fleet/a/drive", "empty chunk"),
-            ("fleet/a/drive/", "empty chunk"),
+            ("fleet/*/wheel_odometry", "contains '*'"),
+            ("fleet/a$*/wheel_odometry", "contains '$'"),
+            ("fleet//wheel_odometry", "empty chunk"),
+            ("/fleet/a/wheel_odometry", "empty chunk"),
+            ("fleet/a/wheel_odometry/", "empty chunk"),
             ("fleet", "not under \"fleet\""),
             ("fleet/a", "not under \"fleet\""),
-            ("fleets/a/drive", "not under \"fleet\""),
-            ("fleet/@robot/drive", "contains '@'"),
+            ("fleets/a/wheel_odometry", "not under \"fleet\""),
+            ("fleet/@robot/wheel_odometry", "contains '@'"),
             ("fleet/@alive/@a", "contains '@'"),
             ("fleet/@alive/a/b", "contains '/'"),
             ("fleet/@service/a b", "contains ' '"),
             ("fleet/a/camera", "ends in \"camera\""),
-            ("fleet/a/drive/raw", "ends in \"drive/raw\""),
+            (
+                "fleet/a/wheel_odometry/raw",
+                "ends in \"wheel_odometry/raw\"",
+            ),
         ];
         for (key, wanted) in cases {
             let sentence = keys.parse(key).unwrap_err().to_string();
             assert!(sentence.contains(wanted), "{key:?} gave {sentence:?}");
-            assert!(sentence.contains("accepted"), "{key:?} gave {sentence:?}");
+            assert!(sentence.contains("expected"), "{key:?} gave {sentence:?}");
         }
         assert!(
             keys.parse(&"a".repeat(256))

@@ -12,14 +12,14 @@ pub mod event;
 pub mod key;
 pub mod message_type;
 pub mod progress;
+mod recording_topic;
 pub mod ros;
 pub mod ros2_key;
-mod session_topic;
 pub mod signing;
 
 pub use encoding::{DecodeError, Encoding};
 pub use fleetcal_model::RobotId;
 pub use key::{Key, KeyRoot, Keys, StreamKind};
 pub use message_type::{Form, MessageType, ScanType};
+pub use recording_topic::RecordingTopic;
 pub use ros::RosMessage;
-pub use session_topic::SessionTopic;

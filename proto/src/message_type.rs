@@ -26,7 +26,7 @@ pub enum MessageType {
     /// A pose.
     #[serde(rename = "geometry_msgs/msg/PoseStamped")]
     PoseStamped,
-    /// A planar sweep.
+    /// A planar scan.
     #[serde(rename = "sensor_msgs/msg/LaserScan")]
     LaserScan,
     /// The cloud of a 3D scanner.
@@ -47,7 +47,7 @@ impl MessageType {
     ];
 
     /// Those that have steering and speed in one, the usual one first.
-    pub const OF_DRIVE: &'static [Self] = &[Self::AckermannDriveStamped, Self::JointState];
+    pub const OF_WHEEL_ODOMETRY: &'static [Self] = &[Self::AckermannDriveStamped, Self::JointState];
     /// Those that have a steering angle.
     pub const OF_STEERING: &'static [Self] = &[Self::JointState, Self::AckermannDriveStamped];
     /// Those that have a speed.

@@ -11,10 +11,11 @@ use serde::{Deserialize, Serialize};
 pub struct Progress {
     /// Drive samples worked through.
     pub drive_samples: u64,
-    /// Sweeps or LiDAR poses worked through.
+    /// Scans or LiDAR poses worked through.
     pub scans: u64,
     /// Messages given up because the mailbox was full, or refused.
-    pub shed: u64,
+    #[serde(rename = "shed")]
+    pub dropped: u64,
     /// Header stamp of the newest message worked through, ns since 1970; 0 before the first.
     pub stamp_ns: i64,
 }

@@ -24,7 +24,7 @@ async fn main() -> Result<(), Box<dyn Error + Send + Sync>> {
     let endpoint = format!("tcp/127.0.0.1:{port}");
     let router = router(&endpoint).await?;
     let keys = Keys::default();
-    let drives = count(&router, &keys.stream_of_all(StreamKind::Drive)).await?;
+    let drives = count(&router, &keys.stream_of_all(StreamKind::WheelOdometry)).await?;
     let scans = count(&router, &keys.stream_of_all(StreamKind::Scan)).await?;
 
     let options = FleetOptions {

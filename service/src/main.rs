@@ -8,10 +8,10 @@ use std::time::Duration;
 
 use clap::Parser;
 use fleetcal::command::{
-    Cli, Command, CommandError, acl, backup, check_config, completions, demo, man, serve, token,
-    user,
+    Cli, Command, CommandError, acl, backup, check_config, completions, demo, man, restore, serve,
+    token, user,
 };
-use fleetcal::zenoh_threads;
+use fleetcal::environment;
 use fleetcal_clock::{Clock as _, SharedClock, SystemClock};
 use fleetcal_command::{agent, calibrate, odometry, replay, simulate};
 use fleetcal_domain::budget::Budget;
@@ -27,7 +27,7 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     log();
     if matches!(cli.command, Command::Serve(_) | Command::Demo(_))
-        && let Err(error) = zenoh_threads::ensure()
+        && let Err(error) = environment::ensure()
     {
         tracing::warn!(%error, "Zenoh receives on two threads: a few sessions can stop all data");
     }
@@ -53,6 +53,7 @@ fn run(command: &Command) -> Result<(), CommandError> {
         Command::Token(arguments) => on_runtime(token::run(arguments, clock)),
         Command::User(arguments) => on_runtime(user::run(arguments, clock)),
         Command::Backup(arguments) => on_runtime(backup::run(arguments)),
+        Command::Restore(arguments) => on_runtime(restore::run(arguments)),
         Command::Acl(arguments) => acl::run(arguments),
         Command::CheckConfig(arguments) => check_config::run(arguments),
         Command::Completions(arguments) => completions::run(arguments),

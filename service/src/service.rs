@@ -14,11 +14,11 @@ use fleetcal_fleet::{FleetHandle, FleetSetup};
 use fleetcal_http::Connections;
 use fleetcal_http::PublicUrl;
 use fleetcal_link::{Link, LinkError, LinkSetup};
-use fleetcal_operations::clerk::{Clerk, ClerkSetup};
-use fleetcal_operations::courier::{Courier, CourierSetup};
+use fleetcal_operations::alert_evaluator::{AlertEvaluator, AlertEvaluatorSetup};
 use fleetcal_operations::entropy::{self, NoEntropy};
+use fleetcal_operations::lifecycle::{Lifecycle, LifecycleSetup};
 use fleetcal_operations::robots::configure;
-use fleetcal_operations::sentry::{Sentry, SentrySetup};
+use fleetcal_operations::webhook_dispatcher::{WebhookDispatcher, WebhookDispatcherSetup};
 use fleetcal_proto::{Keys, RobotId};
 use fleetcal_sqlite::signing_key::{self, KeyError};
 use fleetcal_store::{Expected, Store, StoreError};
@@ -61,7 +61,7 @@ pub enum ServiceError {
     Entropy(#[from] NoEntropy),
     /// More robots are configured than there is room for.
     #[error(
-        "{configured} robots are configured, accepted are {} at most",
+        "{configured} robots are configured, expected {} at most",
         limits::ROBOTS_MAX
     )]
     TooManyRobots {
@@ -74,9 +74,9 @@ pub enum ServiceError {
 #[derive(Debug)]
 pub struct Service {
     fleet: FleetHandle,
-    clerk: Clerk,
-    sentry: Sentry,
-    courier: Courier,
+    lifecycle: Lifecycle,
+    evaluator: AlertEvaluator,
+    dispatcher: WebhookDispatcher,
     store: Store,
     link: Link,
     link_open: watch::Sender<bool>,
@@ -111,7 +111,8 @@ impl Service {
         let http_address = listener.local_addr().map_err(refused)?;
         let store = fleetcal_sqlite::open(&config.data, Arc::clone(&clock)).await?;
         let fleet = start_fleet(&config, &store, Arc::clone(&clock)).await?;
-        let (clerk, sentry, courier) = start_staff(&config, &store, &fleet, &clock).await?;
+        let (lifecycle, evaluator, dispatcher) =
+            start_workers(&config, &store, &fleet, &clock).await?;
         let stop = CancellationToken::new();
         let (link_open, link_is_open) = watch::channel(false);
         let (setup_code, setup_text) = setup_code(&store, clock.now_ns()).await?.unzip();
@@ -119,9 +120,9 @@ impl Service {
         let routes = router(ApiSetup {
             build: BUILD,
             fleet: fleet.clone(),
-            clerk: clerk.clone(),
-            sentry: sentry.clone(),
-            courier: courier.clone(),
+            lifecycle: lifecycle.clone(),
+            evaluator: evaluator.clone(),
+            dispatcher: dispatcher.clone(),
             store: store.clone(),
             clock: Arc::clone(&clock),
             link_open: link_is_open,
@@ -134,14 +135,14 @@ impl Service {
         });
         let serving = serve(listener, routes, connections, stop.clone()).map_err(refused)?;
         let http = tokio::spawn(serving);
-        let link_clock = clock;
-        let link = match Link::open(link_setup, fleet.clone(), clerk.clone(), link_clock).await {
+        let opening = Link::open(link_setup, fleet.clone(), lifecycle.clone(), clock);
+        let link = match opening.await {
             Ok(link) => link,
             Err(error) => {
                 stop.cancel();
-                sentry.stop().await;
-                courier.stop().await;
-                clerk.stop().await;
+                evaluator.stop().await;
+                dispatcher.stop().await;
+                lifecycle.stop().await;
                 fleet.stop().await;
                 close_store(&store).await;
                 return Err(error.into());
@@ -150,9 +151,9 @@ impl Service {
         link_open.send_replace(true);
         Ok(Self {
             fleet,
-            clerk,
-            sentry,
-            courier,
+            lifecycle,
+            evaluator,
+            dispatcher,
             store,
             link,
             link_open,
@@ -195,8 +196,8 @@ impl Service {
     }
 
     /// The life cycle of calibrations.
-    pub fn clerk(&self) -> &Clerk {
-        &self.clerk
+    pub fn lifecycle(&self) -> &Lifecycle {
+        &self.lifecycle
     }
 
     /// Takes no further message, works through what waits, stores it, and ends.
@@ -207,9 +208,9 @@ impl Service {
         self.link_open.send_replace(false);
         self.stop.cancel();
         self.link.close().await;
-        self.sentry.stop().await;
-        self.courier.stop().await;
-        self.clerk.stop().await;
+        self.evaluator.stop().await;
+        self.dispatcher.stop().await;
+        self.lifecycle.stop().await;
         self.fleet.stop().await;
         let closed = self.store.close().await;
         if let Err(error) = self.http.await {
@@ -230,18 +231,18 @@ async fn setup_code(
     Ok(Some(SetupCode::new(&entropy::secret()?, now_ns)))
 }
 
-/// Those who look after the fleet: the clerk for its calibrations, the sentry for what is wrong
-/// with it, and the courier for who is told of that.
-async fn start_staff(
+/// Those who look after the fleet: the lifecycle for its calibrations, the alert evaluator for what is wrong
+/// with it, and the webhook dispatcher for who is told of that.
+async fn start_workers(
     config: &Config,
     store: &Store,
     fleet: &FleetHandle,
     clock: &SharedClock,
-) -> Result<(Clerk, Sentry, Courier), ServiceError> {
+) -> Result<(Lifecycle, AlertEvaluator, WebhookDispatcher), ServiceError> {
     let (key, key_is_new) = signing_key::load_or_make(&config.data, || {
         entropy::secret().map_err(|error| std::io::Error::other(error.to_string()))
     })?;
-    let clerk = Clerk::start(ClerkSetup {
+    let lifecycle = Lifecycle::start(LifecycleSetup {
         store: store.clone(),
         fleet: fleet.clone(),
         clock: Arc::clone(clock),
@@ -249,27 +250,27 @@ async fn start_staff(
         key,
     })
     .await?;
-    if key_is_new && clerk.has_given_out() {
+    if key_is_new && lifecycle.has_given_out() {
         tracing::error!(
             folder = %config.data.display(),
             "the signing key was missing and a new one was made: robots refuse what it signs until \
              their agents are given its public half, or the former key is put back"
         );
     }
-    let sentry = Sentry::start(SentrySetup {
+    let evaluator = AlertEvaluator::start(AlertEvaluatorSetup {
         store: store.clone(),
         fleet: fleet.clone(),
-        clerk: clerk.clone(),
+        lifecycle: lifecycle.clone(),
         clock: Arc::clone(clock),
         policy: config.alerts.clone(),
     })
     .await?;
-    let courier = Courier::start(CourierSetup {
+    let dispatcher = WebhookDispatcher::start(WebhookDispatcherSetup {
         store: store.clone(),
         clock: Arc::clone(clock),
         jitter: entropy::jitter,
     });
-    Ok((clerk, sentry, courier))
+    Ok((lifecycle, evaluator, dispatcher))
 }
 
 async fn close_store(store: &Store) {
@@ -292,10 +293,14 @@ async fn start_fleet(
         }
     }
     for entry in &config.robots {
-        if robots.get(&entry.id) != Some(&entry.config) {
+        let mut wanted = entry.config.clone();
+        if let Some(stored) = robots.get(&entry.id) {
+            wanted.streams.keep_former_topic(&stored.streams);
+        }
+        if robots.get(&entry.id) != Some(&wanted) {
             let actor = Actor::service();
-            configure(store, &entry.id, &entry.config, Expected::Any, actor).await?;
-            robots.insert(entry.id.clone(), entry.config.clone());
+            configure(store, &entry.id, &wanted, Expected::Any, actor).await?;
+            robots.insert(entry.id.clone(), wanted);
         }
     }
     if robots.len() > limits::ROBOTS_MAX {

@@ -71,18 +71,18 @@ fn approver() -> Actor {
 
 /// Approves what waits for a robot, once it waits; gives the cross-track error that it promises.
 async fn approve(service: &Service, robot: &RobotId) -> ExpectedGain {
-    let clerk = service.clerk();
-    until("a proposal", || clerk.ledger(robot).open.is_some()).await;
+    let lifecycle = service.lifecycle();
+    until("a proposal", || lifecycle.ledger(robot).open.is_some()).await;
     until("an expected gain", || promised(service, robot).is_some()).await;
     let promise = promised(service, robot).unwrap();
-    let open = clerk.ledger(robot).open.clone().unwrap();
+    let open = lifecycle.ledger(robot).open.clone().unwrap();
     let command = Command::Approve {
         proposal: open.id,
         version: Some(open.version),
         sha256: open.revision_sha256,
         reason: Some("looks right".to_owned()),
     };
-    clerk
+    lifecycle
         .decide(robot, command, approver(), None)
         .await
         .unwrap();
@@ -91,7 +91,7 @@ async fn approve(service: &Service, robot: &RobotId) -> ExpectedGain {
 
 /// What the open proposal of a robot promises, once it has driven enough.
 fn promised(service: &Service, robot: &RobotId) -> Option<ExpectedGain> {
-    let ledger = service.clerk().ledger(robot);
+    let ledger = service.lifecycle().ledger(robot);
     let open = ledger.open.as_ref()?;
     let revision = ledger.revisions.get(&open.revision)?;
     let errors = service.fleet().cross_tracks(robot);
@@ -101,8 +101,8 @@ fn promised(service: &Service, robot: &RobotId) -> Option<ExpectedGain> {
 
 /// Waits until a robot has proven what it was given; any other end of it is told at once.
 async fn verified(service: &Service, robot: &RobotId) {
-    let clerk = service.clerk();
-    let state = || clerk.ledger(robot).live.clone().map(|live| live.state);
+    let lifecycle = service.lifecycle();
+    let state = || lifecycle.ledger(robot).live.clone().map(|live| live.state);
     let mut seen = state();
     until("verified calibration", || {
         let now = state();
@@ -111,7 +111,7 @@ async fn verified(service: &Service, robot: &RobotId) {
             seen = now;
         }
         let ended = matches!(seen, None | Some(DeploymentState::RollingBack));
-        let proven = !clerk.ledger(robot).shadow.verified.is_empty();
+        let proven = !lifecycle.ledger(robot).shadow.verified.is_empty();
         assert!(proven || !ended, "{robot}: not proven");
         proven
     })
@@ -152,7 +152,7 @@ async fn an_offset_is_found_approved_pulled_and_proven() {
             robots: robots.clone(),
             connect: vec![endpoint].into(),
             keys: Keys::default(),
-            trusted: Some(TrustedKeys::from(service.clerk().public_key())),
+            trusted: Some(TrustedKeys::from(service.lifecycle().public_key())),
             start_stamp_ns: clock.now_ns(),
         },
         stop.clone(),
@@ -179,7 +179,7 @@ async fn is_proven(service: &Service, robot: &RobotId, offset_deg: f64, promise:
     let deployments = service.store().deployments(robot, None, 1).await.unwrap();
     let deployment = deployments.first().unwrap();
     assert_eq!(deployment.state, DeploymentState::Verified);
-    let ledger = service.clerk().ledger(robot);
+    let ledger = service.lifecycle().ledger(robot);
     assert!(ledger.shadow.in_sync());
     let used = ledger.shadow.in_use.as_ref().unwrap().values;
     let residual_deg = (offset_deg - used.steering_offset_rad.to_degrees()).abs();

@@ -20,7 +20,7 @@ fn calibrated(recording: &Path) -> Value {
     report
 }
 
-/// Writes a recording anew with an independent implementation of `rosbag2`.
+/// Writes a recording again with an independent implementation of `rosbag2`.
 fn converted(python: &Path, from: &Path, to: PathBuf, flags: [&str; 3]) -> PathBuf {
     let [storage, compression, mode] = flags;
     let output = Command::new(python.with_file_name("rosbags-convert"))

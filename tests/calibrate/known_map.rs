@@ -172,7 +172,7 @@ fn a_map_that_cannot_be_is_refused_in_one_sentence() {
     let flags = |start: &'static str| ["--wheelbase", "1.2", "--map", yaml, "--start", start];
     assert_refused(&calibrate(&path, &flags("0,0,0")), 74, "map.yaml");
     fs::write(&map, "image: map.pgm\nresolution: fine\n").unwrap();
-    assert_refused(&calibrate(&path, &flags("0,0,0")), 65, "accepted is");
+    assert_refused(&calibrate(&path, &flags("0,0,0")), 65, "expected");
     let output = calibrate(&path, &flags("0,0"));
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{said}");

@@ -152,8 +152,13 @@ fn what_the_caller_can_mend_is_said_with_its_flag() {
         let flags = ["--wheelbase", "1.2", "--robot", robot];
         assert_refused(&calibrate(&path, &flags), 2, "--robot");
     }
-    let flags = ["--wheelbase", "1.2", "--drive-topic", "/tugger_01/scan"];
-    assert_refused(&calibrate(&path, &flags), 2, "--drive-topic");
+    let flags = [
+        "--wheelbase",
+        "1.2",
+        "--wheel-odometry-topic",
+        "/tugger_01/scan",
+    ];
+    assert_refused(&calibrate(&path, &flags), 2, "--wheel-odometry-topic");
     let config = folder.path().join("fleetcal.toml");
     fs::write(&config, "[estimator]\nnoize = 1\n").unwrap();
     let flags = ["--wheelbase", "1.2", "--config", config.to_str().unwrap()];

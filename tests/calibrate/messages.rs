@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use fleetcal_tests::rewritten::{DriveAs, JOINTS, driven, posed};
+use fleetcal_tests::rewritten::{DriveAs, JOINTS, driven, posed, renamed};
 use fleetcal_tests::{binary, recording};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -26,6 +26,24 @@ fn calibrated(recording: &Path, more: &[&str]) -> Value {
 }
 
 #[test]
+fn a_recording_with_the_former_topic_gives_the_same_numbers() {
+    let folder = TempDir::new().unwrap();
+    let path = recorded(&folder, 30.0);
+    let former = folder.path().join("former.mcap");
+    renamed(
+        &path,
+        &former,
+        "/tugger_01/wheel_odometry",
+        "/tugger_01/drive",
+    );
+    let expected = calibrated(&path, &[]);
+    assert_eq!(calibrated(&former, &[]), expected);
+    // The flag of that time is read as well.
+    let flags = ["--drive-topic", "/tugger_01/drive"];
+    assert_eq!(calibrated(&former, &flags), expected);
+}
+
+#[test]
 fn joints_odometry_and_twist_give_the_numbers_of_one_message() {
     let folder = TempDir::new().unwrap();
     let path = recorded(&folder, 30.0);
@@ -38,7 +56,7 @@ fn joints_odometry_and_twist_give_the_numbers_of_one_message() {
     // All in one message, or in two of the same stamp: to the last digit.
     let joints = other(DriveAs::Joints);
     let flags = [
-        "--drive-topic",
+        "--wheel-odometry-topic",
         "/tugger_01/joint_states",
         "--joints",
         JOINTS,

@@ -42,7 +42,7 @@ fn the_report_needs_nothing_else_and_the_session_holds_what_was_found() {
     let session = Recording::open(&session).unwrap();
     let original = Recording::open(&path).unwrap();
     let count = |recording: &Recording, topic: &str| recording.count(&[topic]);
-    for topic in ["/tugger_01/scan", "/tugger_01/drive"] {
+    for topic in ["/tugger_01/scan", "/tugger_01/wheel_odometry"] {
         assert_eq!(count(&session, topic), count(&original, topic), "{topic}");
     }
     assert!(count(&session, "/tugger_01/estimate") >= 15);
@@ -80,7 +80,7 @@ fn what_was_refused_is_not_in_the_session() {
     let (mut drives, mut cut) = (0, 0);
     rewritten(&whole, &path, |message_type, message| {
         let mut message = Rewritten::unchanged(message_type, message);
-        if message.topic == "/tugger_01/drive" {
+        if message.topic == "/tugger_01/wheel_odometry" {
             drives += 1;
             if drives % 10 == 0 {
                 cut += 1;
@@ -92,11 +92,11 @@ fn what_was_refused_is_not_in_the_session() {
     let export = ["--wheelbase", "1.2", "--export", session.to_str().unwrap()];
     let output = calibrate(&path, &export);
     let said = String::from_utf8_lossy(&output.stderr);
-    let refused = format!("{cut} of {drives} messages of /tugger_01/drive were refused");
+    let refused = format!("{cut} of {drives} messages of /tugger_01/wheel_odometry were refused");
     assert!(output.status.success() && said.contains(&refused), "{said}");
     let session = Recording::open(&session).unwrap();
     assert!(cut > 0);
-    assert_eq!(session.count(&["/tugger_01/drive"]), drives - cut);
+    assert_eq!(session.count(&["/tugger_01/wheel_odometry"]), drives - cut);
 }
 
 #[test]

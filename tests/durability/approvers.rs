@@ -6,7 +6,7 @@ use std::sync::Arc;
 use fleetcal_clock::SystemClock;
 use fleetcal_domain::access::{Actor, Authentication, Role};
 use fleetcal_domain::approval::{Command, Evidence, Origin, Policy, ProposalState, Refused};
-use fleetcal_operations::clerk::{Decide, Decided};
+use fleetcal_operations::lifecycle::{Decide, Decided};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::signing::SigningKey;

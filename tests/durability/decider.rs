@@ -1,4 +1,4 @@
-//! Takes decisions on a few robots' calibrations, through the real clerk and the real store, until
+//! Takes decisions on a few robots' calibrations, through the real lifecycle and the real store, until
 //! it is killed or has taken as many as it was told to. It says before and after each what it does.
 //!
 //! `fleetcal-decider FOLDER SEED ROBOTS DECISIONS SESSIONS power|process`
@@ -20,12 +20,12 @@ use std::sync::Arc;
 use fleetcal_clock::{SharedClock, SystemClock};
 use fleetcal_domain::access::{Actor, Authentication, Role};
 use fleetcal_domain::approval::{
-    self, NextIds, Outcome, Parcel, Policy, Present, Standing, audited,
+    self, NextIds, OutboxEntry, Outcome, Policy, Present, Standing, audited,
 };
 use fleetcal_domain::robot::{RobotConfig, Wheelbase};
 use fleetcal_estimator::{EstimatorSettings, VehicleModel};
 use fleetcal_fleet::{FleetHandle, FleetSetup};
-use fleetcal_operations::clerk::{Clerk, ClerkSetup, Decided};
+use fleetcal_operations::lifecycle::{Decided, Lifecycle, LifecycleSetup};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::signing::SigningKey;
 use fleetcal_sqlite::Outlives;
@@ -48,7 +48,7 @@ struct Order {
 fn main() {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let [folder, seed, robots, decisions, sessions, outlives] = words.as_slice() else {
-        panic!("accepted are FOLDER SEED ROBOTS DECISIONS SESSIONS power|process");
+        panic!("expected FOLDER SEED ROBOTS DECISIONS SESSIONS power|process");
     };
     let order = Order {
         folder: folder.clone(),
@@ -97,14 +97,14 @@ async fn run(order: &Order, session: u64) {
         last_heard_ns: BTreeMap::new(),
     });
     let policy = Policy::default();
-    let clerk = Clerk::start(ClerkSetup {
+    let lifecycle = Lifecycle::start(LifecycleSetup {
         store: store.clone(),
         fleet: fleet.clone(),
         clock: Arc::clone(&clock),
         policy,
         key: key(),
     });
-    let clerk = clerk.await.unwrap();
+    let lifecycle = lifecycle.await.unwrap();
     say(&Said::Opened);
     let mut workers = tokio::task::JoinSet::new();
     for (number, robot) in ids.into_iter().enumerate() {
@@ -114,7 +114,7 @@ async fn run(order: &Order, session: u64) {
             .wrapping_add(session * 100 + number as u64);
         let worker = Worker {
             robot,
-            clerk: clerk.clone(),
+            lifecycle: lifecycle.clone(),
             clock: Arc::clone(&clock),
             random: StdRng::seed_from_u64(seed),
         };
@@ -123,7 +123,7 @@ async fn run(order: &Order, session: u64) {
     while let Some(ended) = workers.join_next().await {
         ended.unwrap();
     }
-    clerk.stop().await;
+    lifecycle.stop().await;
     fleet.stop().await;
     store.close().await.unwrap();
     say(&Said::Closed);
@@ -136,7 +136,7 @@ fn key() -> SigningKey {
 /// Decides for one robot, one thing after another.
 struct Worker {
     robot: RobotId,
-    clerk: Clerk,
+    lifecycle: Lifecycle,
     clock: SharedClock,
     random: StdRng,
 }
@@ -145,14 +145,14 @@ impl Worker {
     async fn work(mut self, decisions: usize) {
         for _ in 0..decisions {
             let actor = self.actor();
-            let ledger = self.clerk.ledger(&self.robot);
+            let ledger = self.lifecycle.ledger(&self.robot);
             let command = choice::choose(&mut self.random, &ledger, self.clock.now_ns());
             let standing = Standing {
-                policy: &self.clerk.policy(),
+                policy: &self.lifecycle.policy(),
                 key: &key(),
                 actor: &actor,
                 now_ns: self.clock.now_ns(),
-                held: false,
+                frozen: false,
                 rear_axle_in_base_link: None,
                 present: Present::Unknown,
             };
@@ -169,11 +169,15 @@ impl Worker {
                 Err(_) => Effect {
                     robot: robot.clone(),
                     rows: Vec::new(),
-                    parcels: Vec::new(),
+                    outbox: Vec::new(),
                     sent: None,
                 },
             }));
-            match self.clerk.decide(&self.robot, command, actor, None).await {
+            match self
+                .lifecycle
+                .decide(&self.robot, command, actor, None)
+                .await
+            {
                 Ok(Decided::Taken(outcome)) => say(&Said::Done(effect(&robot, &outcome))),
                 Err(StoreError::Refused(_)) => say(&Said::Refused { robot }),
                 other => panic!("{other:?}"),
@@ -196,9 +200,9 @@ impl Worker {
 }
 
 fn effect(robot: &str, outcome: &Outcome) -> Effect {
-    let parcel = |parcel: &Parcel| match parcel {
-        Parcel::Approved(generation) => ("approved".to_owned(), *generation),
-        Parcel::Confirmed(generation) => ("confirmed".to_owned(), *generation),
+    let entry = |entry: &OutboxEntry| match entry {
+        OutboxEntry::Approved(generation) => ("approved".to_owned(), *generation),
+        OutboxEntry::Confirmed(generation) => ("confirmed".to_owned(), *generation),
     };
     let rows = outcome.transitions.iter().map(|transition| Row {
         action: transition.action().as_str().to_owned(),
@@ -209,7 +213,7 @@ fn effect(robot: &str, outcome: &Outcome) -> Effect {
     Effect {
         robot: robot.to_owned(),
         rows: rows.collect(),
-        parcels: outcome.parcels.iter().map(parcel).collect(),
-        sent: outcome.sent.as_ref().map(parcel),
+        outbox: outcome.outbox.iter().map(entry).collect(),
+        sent: outcome.sent.as_ref().map(entry),
     }
 }

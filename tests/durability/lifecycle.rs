@@ -25,19 +25,20 @@ const ROBOTS: usize = 10;
 const DRIVE_S: u64 = 20;
 
 /// Robots that drive, in a process of their own.
-struct Fleet {
+pub struct Fleet {
     child: Child,
     _folder: TempDir,
 }
 
 impl Fleet {
-    fn drives(service: &Service, seconds: u64) -> Self {
+    /// `robot_01` and so on, as many as `robots`.
+    pub fn drives(service: &Service, robots: usize, seconds: u64) -> Self {
         let folder = TempDir::new().unwrap();
         let path = folder.path().join("robot.mcap");
         recording::simulated(&path, seconds as f64);
         let mut child = Command::new(env!("CARGO_BIN_EXE_fleetcal-crowd"))
             .args(["robots", &service.endpoint(), &seconds.to_string()])
-            .args([&ROBOTS.to_string(), path.to_str().unwrap(), "anonymous"])
+            .args([&robots.to_string(), path.to_str().unwrap(), "anonymous"])
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()
@@ -74,7 +75,7 @@ fn signal(service: &Service, name: &str) {
     assert!(sent.unwrap().success());
 }
 
-fn received(service: &Service) -> u64 {
+pub fn received(service: &Service) -> u64 {
     let counters = service.robot("robot_01")["counters"].clone();
     counters["received"].as_u64().unwrap()
 }
@@ -109,7 +110,7 @@ fn a_service_killed_in_its_migrations_starts_again() {
 #[test]
 fn a_service_that_is_told_to_stop_under_load_ends_in_time_and_in_order() {
     let mut service = with_robots();
-    let _fleet = Fleet::drives(&service, DRIVE_S);
+    let _fleet = Fleet::drives(&service, ROBOTS, DRIVE_S);
     let mut longest = Duration::ZERO;
     campaign("sigterm", ROUNDS, |seed| {
         let mut random = StdRng::seed_from_u64(seed);
@@ -133,7 +134,7 @@ fn a_service_that_was_stopped_for_a_while_goes_on_and_tells_what_it_missed() {
     let service = with_robots();
     let asked = std::env::var("HARDENING_STOPPED_S").ok();
     let stopped = Duration::from_secs(asked.map_or(3, |text| text.parse().unwrap()));
-    let _fleet = Fleet::drives(&service, stopped.as_secs() + DRIVE_S);
+    let _fleet = Fleet::drives(&service, ROBOTS, stopped.as_secs() + DRIVE_S);
     wait_for("the first messages", || {
         (received(&service) > 100).then_some(())
     });
@@ -155,7 +156,7 @@ fn a_service_that_was_stopped_for_a_while_goes_on_and_tells_what_it_missed() {
 #[test]
 fn a_service_with_64_file_descriptors_goes_on_when_some_are_free_again() {
     let service = with_robots();
-    let _fleet = Fleet::drives(&service, DRIVE_S);
+    let _fleet = Fleet::drives(&service, ROBOTS, DRIVE_S);
     let limit = Command::new("prlimit")
         .args(["--pid", &service.pid().to_string(), "--nofile=64:64"])
         .status();

@@ -9,12 +9,14 @@
 
 mod approvers;
 mod campaign;
+mod clock;
 mod disk;
 mod full_disk;
 mod hanging;
 mod injected;
 mod kill;
 mod lifecycle;
+mod memory;
 mod power;
 mod records;
 mod said;

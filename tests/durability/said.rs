@@ -30,7 +30,7 @@ pub struct Effect {
     /// The audit's rows, in order.
     pub rows: Vec<Row>,
     /// What is to be sent: kind and generation.
-    pub parcels: Vec<(String, u64)>,
+    pub outbox: Vec<(String, u64)>,
     /// What was sent.
     pub sent: Option<(String, u64)>,
 }

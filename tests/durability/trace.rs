@@ -216,7 +216,7 @@ impl Reader {
         });
     }
 
-    /// The name of a file of the folder. The index of the log is no data: it is made anew.
+    /// The name of a file of the folder. The index of the log is no data: it is made again.
     fn inside(&self, path: &str) -> Option<String> {
         let name = path.strip_prefix(&self.folder)?.strip_prefix('/')?;
         let is_data = !name.ends_with("-shm") && !name.ends_with(" (deleted)");

@@ -193,7 +193,7 @@ fn send(outbox: &mut BTreeMap<(String, String), u64>, effect: &Effect) {
     {
         outbox.remove(&of(kind));
     }
-    for (kind, generation) in &effect.parcels {
+    for (kind, generation) in &effect.outbox {
         outbox.insert(of(kind), *generation);
     }
 }

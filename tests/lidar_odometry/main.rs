@@ -1,4 +1,4 @@
-//! LiDAR odometry held to its figures on simulated sweeps; `tests/recordings` does the same on real
+//! LiDAR odometry held to its figures on simulated scans; `tests/recordings` does the same on real
 //! ones.
 
 use fleetcal_estimator::lidar_odometry::Tracking;
@@ -7,7 +7,7 @@ use fleetcal_tests::odometry::{messages, odometry};
 use fleetcal_tests::{binary, recording};
 use tempfile::TempDir;
 
-/// Every sweep of a simulated drive fits.
+/// Every scan of a simulated drive fits.
 #[test]
 fn every_simulated_sweep_is_tracked() {
     let folder = TempDir::new().expect("a folder");
@@ -24,7 +24,7 @@ fn every_simulated_sweep_is_tracked() {
     }
 }
 
-/// CPU time of a sweep of 1024 beams, from its message to its pose, deskew and map upkeep included:
+/// CPU time of a scan of 1024 beams, from its message to its pose, deskew and map upkeep included:
 /// a tenth of `small_gicp`'s, which `estimator/benches/peers/compare.py` measures in the same run.
 #[test]
 fn a_sweep_takes_no_more_than_a_tenth_of_the_next_best_engines_time() {

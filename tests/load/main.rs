@@ -24,7 +24,7 @@ const ROBOTS: usize = 50;
 const DURATION_S: f64 = 20.0;
 /// Hundredths of a second that robots drive whose vehicle the service does not know.
 const UNKNOWN_TICKS: usize = 500;
-/// Size of their messages: a drive sample, and a sweep of 1,081 beams.
+/// Size of their messages: a drive sample, and a scan of 1,081 beams.
 const DRIVE_BYTES: usize = 48;
 const SCAN_BYTES: usize = 4_384;
 
@@ -84,7 +84,11 @@ async fn fifty_robots_lose_no_drive_sample() {
     let cost = drive(&service, &path, &names).await;
     for summary in &cost.summaries {
         let counters = service.accounts_of(summary.robot.as_str());
-        assert_eq!(counters["shed_drive"], 0, "{}: {counters}", summary.robot);
+        assert_eq!(
+            counters["dropped_wheel_odometry"], 0,
+            "{}: {counters}",
+            summary.robot
+        );
         assert_eq!(counters["refused"], 0, "{}: {counters}", summary.robot);
         assert_eq!(counters["received"], summary.drive_samples + summary.scans);
     }
@@ -112,7 +116,7 @@ async fn take_in_alone(service: &Service) {
     let mut scans = Vec::new();
     for name in named("unknown") {
         let publisher = |stream| session.declare_publisher(format!("fleet/{name}/{stream}"));
-        drives.push(publisher("drive").await.unwrap());
+        drives.push(publisher("wheel_odometry").await.unwrap());
         scans.push(publisher("scan").await.unwrap());
     }
     let (cpu_s, began) = (service.cpu_s(), now());

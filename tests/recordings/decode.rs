@@ -18,7 +18,7 @@ fn simulated_sweeps_and_drive_samples_decode() {
         let message = message.unwrap();
         assert!(message.log_time_ns >= newest_ns);
         newest_ns = message.log_time_ns;
-        if *message.topic == *topics.drive_topic() {
+        if *message.topic == *topics.wheel_odometry_topic() {
             drives += 1;
             AckermannDriveStamped::from_cdr(&message.payload).unwrap();
         } else {

@@ -19,7 +19,7 @@ fn lost(poses: &[(&LaserScan, OdometryPose)]) -> usize {
 }
 
 /// A real vehicle in a yard for 223 s: its reflector poles stay where they are, from the first
-/// sweep to the last.
+/// scan to the last.
 #[test]
 fn reflector_poles_stay_where_they_are() {
     let Some(path) = recording::named("unsw_ugv.mcap") else {
@@ -57,7 +57,7 @@ fn reflector_poles_stay_where_they_are() {
     assert!(scatter_m < 0.04, "{scatter_m} m");
 }
 
-/// A real robot in an office building for 17 minutes, four sweeps a second, against a grid SLAM's
+/// A real robot in an office building for 17 minutes, four scans a second, against a grid SLAM's
 /// poses, whose own noise is part of the figures.
 #[test]
 fn an_office_building_is_driven_through_on_one_map() {
@@ -81,8 +81,8 @@ fn an_office_building_is_driven_through_on_one_map() {
         poses.len(),
         scans.len()
     );
-    // One sweep is rejected, of whose 103 points 47 move: its closeness, over all points, is 0.388 of
-    // the usual one, where CLOSENESS_MIN asks 0.4. The next sweep lies on the same map again.
+    // One scan is rejected, of whose 103 points 47 move: its closeness, over all points, is 0.388 of
+    // the usual one, where CLOSENESS_MIN asks 0.4. The next scan lies on the same map again.
     assert!(lost(&poses) <= 1, "{} sweeps are lost", lost(&poses));
     let mut later = poses.iter().skip(1);
     assert!(later.all(|(_, pose)| !pose.map_restarted));

@@ -27,7 +27,7 @@ async fn every_message_of_a_recording_arrives() {
             (summary.drive_samples, summary.scans),
             (drive_samples, poses)
         );
-        assert_eq!((summary.shed, summary.unconfirmed), (0, 0));
+        assert_eq!((summary.dropped, summary.unconfirmed), (0, 0));
         let counters = service.accounts_of("tugger_01");
         assert_eq!(counters["received"], drive_samples + poses);
     }

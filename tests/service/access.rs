@@ -71,7 +71,7 @@ fn users_are_made_and_kept_out_over_the_command_line() {
     let short = user(&data, &create, "secret");
     assert_eq!(short.status.code(), Some(2));
     assert!(
-        said(&short).contains("accepted are 12 to 128"),
+        said(&short).contains("expected 12 to 128"),
         "{}",
         said(&short)
     );

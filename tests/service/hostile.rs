@@ -50,10 +50,10 @@ async fn a_huge_payload_and_hostile_keys_disturb_nobody() {
     let good = tokio::spawn(send(sender(&service, &path, "good")));
     let evil = client(&service).await;
     for key in [
-        "fleet/*/drive",
-        "fleet/a$*/drive",
+        "fleet/*/wheel_odometry",
+        "fleet/a$*/wheel_odometry",
         "fleet/**",
-        "fleet/rüttler/drive",
+        "fleet/rüttler/wheel_odometry",
         "fleet/evil",
     ] {
         put(&evil, key, vec![0; 48]).await;
@@ -62,8 +62,8 @@ async fn a_huge_payload_and_hostile_keys_disturb_nobody() {
     lie.header.stamp.sec = 1_700_000_000;
     lie.drive.speed = f32::NAN;
     for _ in 0..100 {
-        put(&evil, "fleet/evil/drive", lie.to_cdr()).await;
-        put(&evil, "fleet/evil/drive", b"\0\x01".to_vec()).await;
+        put(&evil, "fleet/evil/wheel_odometry", lie.to_cdr()).await;
+        put(&evil, "fleet/evil/wheel_odometry", b"\0\x01".to_vec()).await;
         put(&evil, "fleet/evil/scan", vec![0xff; 4_000]).await;
     }
     put(&evil, "fleet/evil/scan", vec![0; 2 << 20]).await;
@@ -94,7 +94,12 @@ async fn robots_do_not_hear_each_other() {
     let eavesdropper = client(&service).await;
     let heard = Arc::new(AtomicU64::new(0));
     let mut ears = Vec::new();
-    for key in ["fleet/*/drive", "fleet/talker/scan", "fleet/**", "**"] {
+    for key in [
+        "fleet/*/wheel_odometry",
+        "fleet/talker/scan",
+        "fleet/**",
+        "**",
+    ] {
         let heard = Arc::clone(&heard);
         let ear = eavesdropper
             .declare_subscriber(key)
@@ -141,7 +146,7 @@ async fn estimates_are_put_and_a_stranger_is_shown() {
     subscriber.undeclare().await.unwrap();
 
     let stranger = send(sender(&service, &path, "stranger")).await;
-    assert_eq!(stranger.shed, stranger.drive_samples + stranger.scans);
+    assert_eq!(stranger.dropped, stranger.drive_samples + stranger.scans);
     let robot = service.robot("stranger");
     assert_eq!(robot["state"], "unregistered");
     let streams = robot["streams"].as_array().unwrap();
@@ -149,5 +154,5 @@ async fn estimates_are_put_and_a_stranger_is_shown() {
         .iter()
         .map(|stream| stream["stream"].as_str().unwrap())
         .collect();
-    assert_eq!(names, ["drive", "scan"]);
+    assert_eq!(names, ["wheel_odometry", "scan"]);
 }

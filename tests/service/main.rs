@@ -8,8 +8,8 @@ mod folder;
 mod hostile;
 mod openapi;
 mod rest;
+mod robot_recording;
 mod ros2;
-mod session;
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -65,7 +65,7 @@ async fn steering_and_speed_of_two_topics_replayed_give_the_numbers_of_calibrate
     options.topics.steering = asked("/tugger_01/joint_states", "steering");
     options.topics.speed = asked("/tugger_01/odom", "speed");
     let summary = send(options).await;
-    assert_eq!((summary.shed, summary.unconfirmed), (0, 0));
+    assert_eq!((summary.dropped, summary.unconfirmed), (0, 0));
     let estimate = service.estimate_of("tugger_01", summary.drive_samples / 2);
     let (path, config) = (path.to_str().unwrap(), config.to_str().unwrap());
     let report = binary::run_json(["calibrate", path, "--config", config, "--json"]);
@@ -125,7 +125,7 @@ async fn a_sender_that_does_not_wait_is_shed_and_counted() {
     options.pacing = Pacing::Unpaced;
     let flood = send(options).await;
     let paced = paced.await.unwrap();
-    assert_eq!(paced.shed, 0, "the one that waits loses nothing");
+    assert_eq!(paced.dropped, 0, "the one that waits loses nothing");
     let counters = service.accounts_of("flood");
     let count = |name: &str| counters[name].as_u64().unwrap();
     assert_eq!(
@@ -133,7 +133,7 @@ async fn a_sender_that_does_not_wait_is_shed_and_counted() {
         flood.drive_samples + flood.scans,
         "{counters}"
     );
-    assert!(count("shed_scans") > 0, "{counters}");
+    assert!(count("dropped_scans") > 0, "{counters}");
     assert_eq!(count("refused"), 0);
     let estimate = service.estimate_of("paced", paced.drive_samples);
     assert_same(&estimate, &calibrated(&path));

@@ -14,8 +14,8 @@ const CEILING_M: f64 = 4.0;
 /// Of the planar scanner's beams each so many make a column.
 const BEAMS_A_COLUMN: usize = 2;
 
-/// Writes a recording's messages as `path`, its sweeps as the clouds that a scanner of eight rings
-/// would have taken: walls from the floor to the ceiling, where the sweep saw them.
+/// Writes a recording's messages as `path`, its scans as the clouds that a scanner of eight rings
+/// would have taken: walls from the floor to the ceiling, where the scan saw them.
 ///
 /// # Panics
 /// When it cannot be written.

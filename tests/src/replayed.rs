@@ -61,7 +61,7 @@ pub fn assert_same(estimate: &Value, report: &Value) {
 pub async fn replay_equals_calibrate(path: &Path, robot: &str) {
     let service = Service::start(&[robot]);
     let summary = send(sender(&service, path, robot)).await;
-    assert_eq!((summary.shed, summary.unconfirmed), (0, 0));
+    assert_eq!((summary.dropped, summary.unconfirmed), (0, 0));
     let estimate = service.estimate_of(robot, summary.drive_samples);
     assert_same(&estimate, &calibrated(path));
     let counters = service.accounts_of(robot);

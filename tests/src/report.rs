@@ -1,7 +1,7 @@
 //! What `fleetcal calibrate --json` prints, held against the truth.
 
 /// Asserts that each parameter is as near to the truth as asked for, and inside `sigmas` of its
-/// own sigma and `doubt` of the truth's.
+/// own sigma and `uncertainty` of the truth's.
 ///
 /// # Panics
 /// When one is not.
@@ -9,21 +9,21 @@ pub fn assert_near(
     report: &serde_json::Value,
     cases: &[(&str, f64, f64)],
     sigmas: f64,
-    doubt: [f64; 2],
+    uncertainty: [f64; 2],
 ) {
     for &(name, truth, tolerance) in cases {
         let parameter = &report["parameters"][name];
         let error = parameter["value"].as_f64().expect("a number") - truth;
         assert!(
             error.abs() <= tolerance,
-            "{name} is off by {error}, accepted is {tolerance}"
+            "{name} is off by {error}, expected {tolerance}"
         );
-        let doubt = if parameter["unit"] == "rad" {
-            doubt[0]
+        let uncertainty = if parameter["unit"] == "rad" {
+            uncertainty[0]
         } else {
-            doubt[1]
+            uncertainty[1]
         };
-        let honest = sigmas * parameter["sigma"].as_f64().expect("a number") + doubt;
+        let honest = sigmas * parameter["sigma"].as_f64().expect("a number") + uncertainty;
         assert!(
             error.abs() <= honest,
             "{name} is off by {error}, its sigma allows {honest}"

@@ -47,7 +47,7 @@ impl Rewritten {
     }
 }
 
-/// Writes a recording anew as `path`: each message, of the type that is given with it, as what
+/// Writes a recording again as `path`: each message, of the type that is given with it, as what
 /// `rewrite` makes of it.
 ///
 /// # Panics
@@ -95,6 +95,20 @@ fn add_channel(writer: &mut Writer<BufWriter<File>>, topic: &str, message_type: 
     let schema = schema.expect("a schema");
     let channel = writer.add_channel(schema, topic, "cdr", &BTreeMap::new());
     channel.expect("a channel")
+}
+
+/// Writes a recording with one of its topics under another name.
+///
+/// # Panics
+/// When it cannot be read or written.
+pub fn renamed(recording: &Path, path: &Path, from: &str, to: &str) {
+    rewritten(recording, path, |message_type, of| {
+        let mut message = Rewritten::unchanged(message_type, of);
+        if message.topic == from {
+            to.clone_into(&mut message.topic);
+        }
+        vec![message]
+    });
 }
 
 /// What a robot sends instead of `AckermannDriveStamped`.
@@ -171,7 +185,7 @@ pub fn driven(recording: &Path, path: &Path, how: DriveAs) {
     });
 }
 
-/// Writes a recording without its sweeps, its true poses as those of a LiDAR at the rear axle, as
+/// Writes a recording without its scans, its true poses as those of a LiDAR at the rear axle, as
 /// `PoseStamped` and as `Odometry`.
 ///
 /// # Panics

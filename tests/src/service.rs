@@ -153,7 +153,7 @@ impl Service {
         service
     }
 
-    /// Starts the service anew on the same folder and ports.
+    /// Restarts the service on the same folder and ports.
     ///
     /// # Panics
     /// When it still runs or does not become ready.
@@ -345,8 +345,9 @@ impl Service {
         });
         let count = |name: &str| counters[name].as_u64().expect("a count");
         let kept = count("processed") + count("refused") + count("ignored");
-        let shed = count("shed_drive") + count("shed_scans") + count("shed_notes");
-        assert_eq!(count("received"), kept + shed, "{counters}");
+        let dropped =
+            count("dropped_wheel_odometry") + count("dropped_scans") + count("dropped_notes");
+        assert_eq!(count("received"), kept + dropped, "{counters}");
         counters
     }
 

@@ -34,7 +34,7 @@ const CONNECT_AT_ONCE: usize = 8;
 fn main() {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let [what, endpoint, seconds, count, kind, who] = words.as_slice() else {
-        panic!("accepted are robots|hostile ENDPOINT SECONDS COUNT RECORDING|KIND WHO");
+        panic!("expected robots|hostile ENDPOINT SECONDS COUNT RECORDING|KIND WHO");
     };
     let duration = Duration::from_secs(seconds.parse().unwrap());
     let count = count.parse().unwrap();
@@ -120,7 +120,7 @@ impl Robot {
             .declare_token(format!("fleet/@alive/{id}"));
         let token = token.await.unwrap();
         let mut streams = BTreeMap::new();
-        for stream in ["drive", "scan"] {
+        for stream in ["wheel_odometry", "scan"] {
             let publisher = session
                 .declare_publisher(format!("fleet/{id}/{stream}"))
                 .congestion_control(CongestionControl::Drop)
@@ -172,7 +172,7 @@ fn script(recording: &Path, duration: Duration) -> Script {
         let message = message.unwrap();
         let topic = &message.channel.topic;
         let stream = match topic.rsplit('/').next() {
-            Some("drive") => "drive",
+            Some("wheel_odometry") => "wheel_odometry",
             Some("scan") => "scan",
             _ => continue,
         };

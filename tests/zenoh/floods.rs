@@ -117,8 +117,8 @@ impl Drop for Crowd {
 struct Figures {
     sent: u64,
     lost: u64,
-    shed_drive: u64,
-    shed_scans: u64,
+    dropped_wheel_odometry: u64,
+    dropped_scans: u64,
     /// Longest time in which nothing came of a robot that sends every 10 ms.
     stalled: Duration,
     grown_bytes: u64,
@@ -176,13 +176,13 @@ fn flooded(list: List, kind: Option<&str>, seconds: u64) -> Figures {
     let sent = fleet.hear();
     for (id, of_robot) in sent["sent"].as_object().unwrap() {
         let count = |stream: &str| of_robot[stream].as_u64().unwrap_or_default();
-        let sent = count("drive") + count("scan");
+        let sent = count("wheel_odometry") + count("scan");
         let counters = service.accounts_of(id);
         let counted = |name: &str| counters[name].as_u64().unwrap();
         figures.sent += sent;
         figures.lost += sent.saturating_sub(counted("received"));
-        figures.shed_drive += counted("shed_drive");
-        figures.shed_scans += counted("shed_scans");
+        figures.dropped_wheel_odometry += counted("dropped_wheel_odometry");
+        figures.dropped_scans += counted("dropped_scans");
     }
     figures.grown_bytes = service.memory_bytes().saturating_sub(memory);
     figures.database_bytes = size_of(&service.data()).saturating_sub(database);
@@ -208,13 +208,13 @@ fn longest_stall(service: &Service, goes_on: impl Fn() -> bool) -> Duration {
 fn report(list: List, kind: &str, figures: &Figures) {
     println!(
         "{kind} by {SESSIONS} sessions ({}), {list:?} list, {} s: {} sent, {} lost, {} drive samples \
-         and {} scans shed, stalled {:.2} s, memory +{} MiB, database +{} kB, log +{} kB",
+         and {} scans dropped, stalled {:.2} s, memory +{} MiB, database +{} kB, log +{} kB",
         figures.done,
         seconds(),
         figures.sent,
         figures.lost,
-        figures.shed_drive,
-        figures.shed_scans,
+        figures.dropped_wheel_odometry,
+        figures.dropped_scans,
         figures.stalled.as_secs_f64(),
         figures.grown_bytes >> 20,
         figures.database_bytes / 1_000,
@@ -266,7 +266,7 @@ fn every_flood_against_either_list() {
             let figures = measured(list, kind);
             let grown = figures.grown_bytes.saturating_sub(control.grown_bytes);
             let is_reached = figures.lost == 0
-                && figures.shed_drive <= control.shed_drive
+                && figures.dropped_wheel_odometry <= control.dropped_wheel_odometry
                 && figures.stalled <= STALLED_MAX
                 && grown <= GROWN_MAX_BYTES;
             if !is_reached {

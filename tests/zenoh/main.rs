@@ -10,6 +10,7 @@
 mod breaks;
 mod certificates;
 mod floods;
+mod former_key;
 mod link;
 mod lists;
 mod native;

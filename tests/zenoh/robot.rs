@@ -26,11 +26,16 @@ pub fn sample(number: u64) -> Vec<u8> {
     AckermannDriveStamped { header, drive }.to_cdr()
 }
 
-/// The drive stream of a robot's key, once somebody listens to it: nothing is kept back at the
+/// The wheel odometry of a robot's key, once somebody listens to it: nothing is kept back at the
 /// sender. A publisher waits for room, so that what does not arrive was refused.
 pub async fn stream(session: &Session, robot: &str) -> Publisher<'static> {
+    stream_on(session, &format!("fleet/{robot}/wheel_odometry")).await
+}
+
+/// The same of any key.
+pub async fn stream_on(session: &Session, key: &str) -> Publisher<'static> {
     let publisher = session
-        .declare_publisher(format!("fleet/{robot}/drive"))
+        .declare_publisher(key.to_owned())
         .congestion_control(CongestionControl::Block)
         .await
         .unwrap();
@@ -40,7 +45,7 @@ pub async fn stream(session: &Session, robot: &str) -> Publisher<'static> {
         }
     };
     let matched = tokio::time::timeout(PATIENCE, matching).await;
-    assert!(matched.is_ok(), "nobody listens to {robot}'s drive");
+    assert!(matched.is_ok(), "nobody listens to {key}");
     publisher
 }
 

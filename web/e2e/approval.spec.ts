@@ -111,16 +111,16 @@ test('a decision that comes too late is told, also to a page that hears nothing'
   await accessible(page);
 });
 
-test('the site-wide stop says why and by whom, on every page', async ({ page }) => {
+test('the deployment freeze says why and by whom, on every page', async ({ page }) => {
   await page.goto('/approvals');
-  await page.getByRole('button', { name: 'Pause all deployments' }).click();
+  await page.getByRole('button', { name: 'Freeze deployments' }).click();
   const dialog = page.getByRole('dialog');
-  await dialog.getByRole('button', { name: 'Pause all deployments' }).click();
+  await dialog.getByRole('button', { name: 'Freeze deployments' }).click();
   await expect(dialog.getByText('Enter a reason')).toBeVisible();
   await accessible(page);
   await dialog.getByLabel('Why').fill('Visitors in the hall');
-  await dialog.getByRole('button', { name: 'Pause all deployments' }).click();
-  const banner = page.getByText('Deployments are paused: no new calibrations are sent to robots.');
+  await dialog.getByRole('button', { name: 'Freeze deployments' }).click();
+  const banner = page.getByText('Deployments are frozen: no new calibrations are sent to robots.');
   await expect(banner).toBeVisible();
   await page.goto('/');
   await expect(banner).toBeVisible();
@@ -135,11 +135,11 @@ test('an open dialog never changes its action', async ({ page, browser, service 
   const dialog = other.getByRole('dialog');
   await dialog.getByLabel('Why').fill('They are gone');
 
-  const set = async (held: boolean) => {
-    const headers = (await page.request.get('/api/v1/site/hold')).headers();
-    const answer = await page.request.put('/api/v1/site/hold', {
+  const set = async (frozen: boolean) => {
+    const headers = (await page.request.get('/api/v1/deployments/freeze')).headers();
+    const answer = await page.request.put('/api/v1/deployments/freeze', {
       headers: { 'if-match': headers['etag'] ?? '' },
-      data: { held, reason: 'Visitors in the hall' },
+      data: { frozen, reason: 'Visitors in the hall' },
     });
     expect(answer.status()).toBe(200);
   };
@@ -147,7 +147,7 @@ test('an open dialog never changes its action', async ({ page, browser, service 
   await expect(dialog.getByRole('alert')).toContainText('approver resumed deployments meanwhile.');
   await expect(dialog.getByRole('heading')).toHaveText('Resume deployments');
   await expect(dialog.getByRole('button', { name: 'Resume deployments' })).toBeDisabled();
-  await expect(dialog.getByRole('button', { name: 'Pause' })).toHaveCount(0);
+  await expect(dialog.getByRole('button', { name: 'Freeze' })).toHaveCount(0);
   await accessible(other);
   await dialog.getByRole('button', { name: 'Cancel' }).click();
   await set(true);
@@ -173,13 +173,13 @@ test('several are approved at once, and wait for the end of the stop', async ({ 
 
   const robot = proposals[0]?.robot ?? '';
   await page.goto(`/robots/${robot}`);
-  await expect(page.getByText('(deployments are paused)')).toBeVisible();
+  await expect(page.getByText('(deployments are frozen)')).toBeVisible();
   await page.goto('/approvals');
   await page.getByRole('button', { name: 'Resume deployments' }).click();
   await page.getByRole('dialog').getByLabel('Why').fill('They are gone');
   await page.getByRole('dialog').getByRole('button', { name: 'Resume deployments' }).click();
   await expect(
-    page.getByText('Deployments are paused: no new calibrations are sent to robots.'),
+    page.getByText('Deployments are frozen: no new calibrations are sent to robots.'),
   ).toBeHidden();
   await page.goto(`/robots/${robot}`);
   await expect(page.getByText(/^(Verifying|Verified)/).first()).toBeVisible({ timeout: 60_000 });

@@ -10,7 +10,7 @@ const LIVE_WITHIN_MS = 2_500;
 /** An event may fall into the opening of a page; not into this many in a row. */
 const OPENINGS = 4;
 /** What a page shows that is read again all the time while it is seen. */
-const LIVE = /\/(plan|stream|metrics)$/;
+const LIVE = /\/(top-view|stream|metrics)$/;
 const ROUND_TRIPS = 15;
 /** Listeners of what is not collected yet. */
 const LISTENERS_MAX = 4;

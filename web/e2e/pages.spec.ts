@@ -62,7 +62,7 @@ test.describe('a viewer', () => {
     await page.goto('/approvals');
     await expect(page.getByRole('rowheader').first()).toBeVisible();
     await expect(page.getByRole('checkbox')).toHaveCount(0);
-    await expect(page.getByRole('button', { name: 'Pause all deployments' })).toHaveCount(0);
+    await expect(page.getByRole('button', { name: 'Freeze deployments' })).toHaveCount(0);
     await page.goto(`/approvals/${first?.id}`);
     await expect(page.getByText('An approver decides on this.')).toBeVisible();
     await expect(page.getByRole('button', { name: /Approve|Reject|Withdraw/ })).toHaveCount(0);

@@ -150,7 +150,7 @@ test('the colours can be chosen and are kept', async ({ page }) => {
   expect(await background()).toBe(dark);
 });
 
-test('the robot is seen from above: scan, map, and where each steering would have led it', async ({
+test('the robot has a top view: scan, map, and where each steering would have led it', async ({
   page,
 }) => {
   test.setTimeout(180_000);
@@ -189,7 +189,7 @@ test('the robot is seen from above: scan, map, and where each steering would hav
   await expect(panel.getByRole('row').nth(1)).toContainText(/^0\.0/);
   await accessible(page);
   const download = page.waitForEvent('download');
-  await panel.getByRole('button', { name: 'Download CSV: plan' }).press('Enter');
+  await panel.getByRole('button', { name: 'Download CSV: top view' }).press('Enter');
   const lines = (await readFile(await (await download).path(), 'utf8')).trimEnd().split('\r\n');
   expect(lines[0]).toBe('what,time_utc,x_m,y_m');
   const kinds = new Set(lines.slice(1).map((line) => line.split(',')[0]));

@@ -55,7 +55,7 @@ def main():
         topics["odom"].put(cdr(*header, ("string", "base"), ("d", *(7 + 36) * [0.0]),
                                ("d", speed_mps, *(5 + 36) * [0.0])))
 
-    hearing = [near.declare_subscriber("fleet/*/drive", take_drive),
+    hearing = [near.declare_subscriber("fleet/*/wheel_odometry", take_drive),
                near.declare_subscriber("fleet/*/scan", lambda sample: topics["front/scan"].put(sample.payload))]
     driving = subprocess.Popen([fleetcal, "simulate", "--robots", "1", "--connect", at], stdout=subprocess.DEVNULL)
     for number in signal.SIGTERM, signal.SIGINT:

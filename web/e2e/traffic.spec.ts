@@ -100,7 +100,7 @@ test('going from page to page changes what is sent, and nothing is missed', asyn
   await expect(page.getByRole('figure')).toHaveCount(4, { timeout: 40_000 });
   await page.getByRole('link', { name: 'Alerts' }).first().click();
   await expect(page.getByRole('heading', { name: 'Alerts' })).toBeVisible();
-  const base = 'alerts,approvals,site';
+  const base = 'alerts,approvals,deployments';
   await expect.poll(() => streams).toEqual([`fleet,${base}`, `robot:${ROBOT},${base}`, base]);
   await expect(page.getByText('Live', { exact: true })).toBeVisible();
 });

@@ -37,7 +37,7 @@ pub enum Parameter {
     SpeedScale,
     /// Distance between the axles, m.
     Wheelbase,
-    /// How much later a motion shows in the drive stream than in the LiDAR's, s.
+    /// How much later a motion shows in the wheel odometry than in the LiDAR's, s.
     TimeOffset,
     /// True steering angle (less its offset) over the measured one.
     SteeringGain,
@@ -118,7 +118,7 @@ pub enum ParameterStatus {
     Learning,
     /// The motions so far say nothing about it.
     Unobservable,
-    /// Held at its configured value, with its configured doubt.
+    /// Held at its configured value, with its configured uncertainty.
     Fixed,
     /// Not part of the model.
     Off,
@@ -142,9 +142,9 @@ pub struct Consistency {
 pub struct Counts {
     /// Drive samples used.
     pub drive_samples: u64,
-    /// Sweeps or LiDAR poses used.
+    /// Scans or LiDAR poses used.
     pub scans: u64,
-    /// Sweeps that could not be used.
+    /// Scans that could not be used.
     pub scans_rejected: u64,
     /// Messages that came too late.
     pub late: u64,

@@ -25,10 +25,10 @@ pub struct RobotId(Arc<str>);
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum RobotIdRefused {
     /// It has no character at all.
-    #[error("robot id is empty, accepted are 1 to 63 of A-Z, a-z, 0-9, _ and -")]
+    #[error("robot id is empty, expected 1 to 63 of A-Z, a-z, 0-9, _ and -")]
     Empty,
     /// It is longer than [`ROBOT_ID_BYTES_MAX`].
-    #[error("robot id {shown:?}… is {length} bytes long, accepted are at most 63")]
+    #[error("robot id {shown:?}… is {length} bytes long, expected at most 63")]
     TooLong {
         /// The id's first characters.
         shown: String,
@@ -36,7 +36,7 @@ pub enum RobotIdRefused {
         length: usize,
     },
     /// It begins with `_` or `-`, which could be taken for a flag or a hidden name.
-    #[error("robot id {id:?} begins with {first:?}, accepted is a letter or digit first")]
+    #[error("robot id {id:?} begins with {first:?}, expected a letter or digit first")]
     FirstCharacter {
         /// The id.
         id: String,
@@ -44,7 +44,7 @@ pub enum RobotIdRefused {
         first: char,
     },
     /// A character in it would mean something in a key expression or path, or is not ASCII.
-    #[error("robot id {id:?} contains {character:?}, accepted are A-Z, a-z, 0-9, _ and -")]
+    #[error("robot id {id:?} contains {character:?}, expected A-Z, a-z, 0-9, _ and -")]
     Character {
         /// The id.
         id: String,
@@ -158,7 +158,7 @@ mod tests {
         for (text, wanted) in cases {
             let sentence = RobotId::parse(text).unwrap_err().to_string();
             assert!(sentence.contains(wanted), "{text:?} gave {sentence:?}");
-            assert!(sentence.contains("accepted"), "{text:?} gave {sentence:?}");
+            assert!(sentence.contains("expected"), "{text:?} gave {sentence:?}");
         }
         let long = RobotId::parse(&"ü".repeat(40)).unwrap_err().to_string();
         assert!(long.contains("80 bytes long"), "{long}");

@@ -24,12 +24,12 @@ use strum::{EnumCount, IntoStaticStr, VariantArray};
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub enum Stream {
     /// Measured speed and steering.
-    Drive,
+    WheelOdometry,
     /// Measured steering alone, of a robot whose speed comes on a topic of its own.
     Steering,
     /// Measured speed alone.
     Speed,
-    /// Raw sweeps.
+    /// Scans.
     Scan,
     /// Poses of the LiDAR, made on the robot.
     LidarOdometry,
@@ -51,11 +51,11 @@ impl Stream {
 
     /// Whether it tells how the vehicle drives.
     #[inline]
-    pub const fn is_drive(self) -> bool {
-        matches!(self, Self::Drive | Self::Steering | Self::Speed)
+    pub const fn is_wheel_odometry(self) -> bool {
+        matches!(self, Self::WheelOdometry | Self::Steering | Self::Speed)
     }
 
-    /// The name in keys and documents: `drive`, `lidar_odometry` and so on.
+    /// The name in keys and documents: `wheel_odometry`, `lidar_odometry` and so on.
     #[inline]
     pub fn name(self) -> &'static str {
         self.into()

@@ -30,7 +30,7 @@ pub enum Endianness {
 pub enum CdrError {
     /// The payload does not begin as `PLAIN_CDR` does.
     #[error(
-        "encapsulation header is {header:02x?}, accepted are 4 bytes that begin with 00 00 \
+        "encapsulation header is {header:02x?}, expected 4 bytes that begin with 00 00 \
          (big endian) or 00 01 (little endian)"
     )]
     Encapsulation {
@@ -48,7 +48,7 @@ pub enum CdrError {
         left: usize,
     },
     /// The field claims more elements than the payload can hold.
-    #[error("{field} claims {claimed} elements, accepted are at most {accepted} in this payload")]
+    #[error("{field} claims {claimed} elements, expected at most {accepted} in this payload")]
     Length {
         /// Name of the field.
         field: &'static str,
@@ -58,19 +58,19 @@ pub enum CdrError {
         accepted: usize,
     },
     /// A string without its closing NUL.
-    #[error("{field} is a string without a closing NUL, accepted is one with it")]
+    #[error("{field} is a string without a closing NUL, expected one with it")]
     StringNotTerminated {
         /// Name of the field.
         field: &'static str,
     },
     /// A string that is not UTF-8.
-    #[error("{field} is not UTF-8, accepted is a string in UTF-8")]
+    #[error("{field} is not UTF-8, expected a string in UTF-8")]
     StringNotUtf8 {
         /// Name of the field.
         field: &'static str,
     },
     /// A value that the field can't have.
-    #[error("{field} is {value}, accepted is {accepted}")]
+    #[error("{field} is {value}, expected {accepted}")]
     Value {
         /// Name of the field.
         field: &'static str,
@@ -80,7 +80,7 @@ pub enum CdrError {
         accepted: &'static str,
     },
     /// The payload goes on behind the last field: it is of another type.
-    #[error("{extra} bytes follow {field}, the last field; accepted are at most 7 of padding")]
+    #[error("{extra} bytes follow {field}, the last field; expected at most 7 of padding")]
     Trailing {
         /// Name of the last field.
         field: &'static str,

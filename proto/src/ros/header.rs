@@ -87,7 +87,7 @@ fn below_a_second<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::
         return Ok(nanosec);
     }
     Err(D::Error::custom(format!(
-        "{nanosec} ns, accepted is less than 1000000000"
+        "{nanosec} ns, expected less than 1000000000"
     )))
 }
 

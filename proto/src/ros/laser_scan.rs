@@ -1,4 +1,4 @@
-//! `sensor_msgs/msg/LaserScan`: one sweep of a planar LiDAR.
+//! `sensor_msgs/msg/LaserScan`: one scan of a planar LiDAR.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use crate::cdr::{CdrError, CdrReader, CdrWriter};
 /// one, and round.
 pub const BEAMS_TOLERANCE: f64 = 1.5;
 
-/// One sweep. Stamped at its first beam; `time_increment` other than 0 says that the beams were
+/// One scan. Stamped at its first beam; `time_increment` other than 0 says that the beams were
 /// taken one after the other.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -27,7 +27,7 @@ pub struct LaserScan {
     pub angle_increment: f32,
     /// Time from one beam to the next, s.
     pub time_increment: f32,
-    /// Time from one sweep to the next, s.
+    /// Time from one scan to the next, s.
     #[serde(default)]
     pub scan_time: f32,
     /// Shortest valid range, m.
@@ -53,7 +53,7 @@ pub struct LaserScan {
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum ScanRefused {
     /// An angle that is no number, or a step that leads nowhere.
-    #[error("{field} is {value}, accepted is a finite number (and a step other than zero)")]
+    #[error("{field} is {value}, expected a finite number (and a step other than zero)")]
     Angle {
         /// Name of the field.
         field: &'static str,
@@ -63,7 +63,7 @@ pub enum ScanRefused {
     /// More or fewer beams than the angles say.
     #[error(
         "ranges has {beams} beams, but angle_min, angle_max and angle_increment make {wanted:.0}; \
-         accepted is that number, one more or one fewer"
+         expected that number, one more or one fewer"
     )]
     Length {
         /// How many there are.

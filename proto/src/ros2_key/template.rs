@@ -37,7 +37,7 @@ pub struct KeyTemplate {
 /// Why a text is no template.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error(
-    "key template {text:?} {reason}, accepted are chunks of {{robot}} (once), {{domain}}, * and \
+    "key template {text:?} {reason}, expected chunks of {{robot}} (once), {{domain}}, * and \
      names, and {{topic}} last: {{domain}}/{{robot}}/{{topic}}"
 )]
 pub struct TemplateRefused {
@@ -242,7 +242,7 @@ mod tests {
         ] {
             let sentence = KeyTemplate::parse(text).unwrap_err().to_string();
             assert!(sentence.contains(wanted), "{sentence}");
-            assert!(sentence.contains("accepted are"), "{sentence}");
+            assert!(sentence.contains("expected"), "{sentence}");
         }
         let long = format!("{}{{robot}}/{{topic}}", "a/".repeat(16));
         assert!(KeyTemplate::parse(&long).is_err());

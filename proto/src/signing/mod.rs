@@ -59,9 +59,7 @@ pub struct PublicKey(ed25519_dalek::VerifyingKey);
 
 /// Why a text is no public key.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error(
-    "public key {text:?} is {fault}, accepted is base64 of the 32 bytes of an Ed25519 public key"
-)]
+#[error("public key {text:?} is {fault}, expected base64 of the 32 bytes of an Ed25519 public key")]
 pub struct PublicKeyRefused {
     /// The text.
     pub text: String,
@@ -112,7 +110,7 @@ pub struct TrustedKeys(Vec<PublicKey>);
 
 /// Why keys cannot be trusted together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-#[error("{count} trusted keys were given, accepted are 1 to 8")]
+#[error("{count} trusted keys were given, expected 1 to 8")]
 pub struct TrustedKeysRefused {
     /// How many were given.
     pub count: usize,
@@ -152,7 +150,7 @@ impl From<PublicKey> for TrustedKeys {
 #[derive(Debug, Error)]
 pub enum SealRefused {
     /// A value or sigma is not a finite number, which JSON cannot carry.
-    #[error("{field} is {value}, accepted are finite numbers")]
+    #[error("{field} is {value}, expected finite numbers")]
     NotFinite {
         /// Its path in the document.
         field: String,
@@ -163,7 +161,7 @@ pub enum SealRefused {
     #[error("the document cannot be written: {0}")]
     Json(#[from] serde_json::Error),
     /// Nobody would read it.
-    #[error("the envelope is {length} bytes long, accepted are at most 65536")]
+    #[error("the envelope is {length} bytes long, expected at most 65536")]
     TooLarge {
         /// Its length in bytes.
         length: usize,
@@ -204,7 +202,7 @@ pub fn sha256_hex(bytes: &[u8]) -> String {
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum EnvelopeRefused {
     /// Longer than [`ENVELOPE_BYTES_MAX`], and not looked at.
-    #[error("envelope is {length} bytes long, accepted are at most 65536")]
+    #[error("envelope is {length} bytes long, expected at most 65536")]
     TooLarge {
         /// Its length in bytes.
         length: usize,
@@ -221,7 +219,7 @@ pub enum EnvelopeRefused {
         found: String,
     },
     /// Signed with a key that is not trusted.
-    #[error("key_id is {key_id:?}, accepted are {trusted}")]
+    #[error("key_id is {key_id:?}, expected {trusted}")]
     KeyUnknown {
         /// Which key the envelope names.
         key_id: String,
@@ -229,7 +227,7 @@ pub enum EnvelopeRefused {
         trusted: String,
     },
     /// The signature is not that of the trusted key over these bytes.
-    #[error("signature is {fault}, accepted is that of key {key_id} over the document's bytes")]
+    #[error("signature is {fault}, expected that of key {key_id} over the document's bytes")]
     Signature {
         /// Which key it should be of.
         key_id: String,
@@ -237,7 +235,7 @@ pub enum EnvelopeRefused {
         fault: &'static str,
     },
     /// Signed and whole, but of a schema that is not known here.
-    #[error("schema is {found}, accepted is \"fleetcal.calibration/1\"")]
+    #[error("schema is {found}, expected \"fleetcal.calibration/1\"")]
     Schema {
         /// What the document says, as JSON.
         found: String,

@@ -166,7 +166,7 @@ fn what_nobody_could_read_is_not_sealed() {
     let sentence = seal(&unreal, &key()).unwrap_err().to_string();
     assert_eq!(
         sentence,
-        "values.speed_scale is NaN, accepted are finite numbers"
+        "values.speed_scale is NaN, expected finite numbers"
     );
     let mut long = document();
     long.approved_by = "a".repeat(ENVELOPE_BYTES_MAX);

@@ -31,7 +31,7 @@ const LOCK_ENDING: &str = ".agent.lock";
 #[derive(Debug, Error)]
 pub enum FileError {
     /// Its ending says no format.
-    #[error("file to apply is {}, accepted are names ending in .yaml, .yml or .json", path.display())]
+    #[error("file to apply is {}, expected names ending in .yaml, .yml or .json", path.display())]
     Format {
         /// The file.
         path: PathBuf,
@@ -51,7 +51,7 @@ pub enum FileError {
         path: PathBuf,
     },
     /// The memory cannot be understood.
-    #[error("{}: {reason}; move it away to begin anew", path.display())]
+    #[error("{}: {reason}; move it away to begin again", path.display())]
     Memory {
         /// The file.
         path: PathBuf,
@@ -69,7 +69,7 @@ pub enum FileError {
         robot: RobotId,
     },
     /// Two files that the agent was to write are one.
-    #[error("{} is named for two of the agent's files, accepted is another file for each", path.display())]
+    #[error("{} is named for two of the agent's files, expected another file for each", path.display())]
     Twice {
         /// The file.
         path: PathBuf,
@@ -451,7 +451,7 @@ mod tests {
         ));
         let [robot, other] = ["tugger_01", "tugger_02"].map(|id| RobotId::parse(id).unwrap());
         assert_eq!(file.memory(&robot).unwrap(), None);
-        let held = crate::agent::state::Held::brought_along(Some(values()), 7);
+        let held = crate::agent::state::Held::factory(Some(values()), 7);
         let memory = Memory::new(robot.clone(), held);
         file.remember(&memory).unwrap();
         assert_eq!(file.memory(&robot).unwrap(), Some(memory));

@@ -14,7 +14,7 @@ pub struct Range {
 
 /// Why two numbers are no range.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
-#[error("range is [{lowest}, {highest}], accepted are two finite numbers, the lower one first")]
+#[error("range is [{lowest}, {highest}], expected two finite numbers, the lower one first")]
 pub struct RangeRefused {
     lowest: f64,
     highest: f64,

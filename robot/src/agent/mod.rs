@@ -1,4 +1,4 @@
-//! A robot's agent: pulls what is approved for the robot, checks it, brings it into use,
+//! A robot's agent: pulls the approved calibration for the robot, checks it, brings it into use,
 //! acknowledges it, and goes back by itself when nobody confirms.
 //!
 //! [`Agent`] decides: it takes [`Event`]s and says which [`Effect`]s follow, and knows neither clock

@@ -362,7 +362,7 @@ fn first_memory(robot: &RobotId, file: &AppliedFile, now_ns: i64) -> Result<Memo
         let file = file.path().display();
         warn!(robot.id = %robot, %file, "says something else than calibration values: approved ones will replace it as a whole");
     }
-    let held = Held::brought_along(values, now_ns);
+    let held = Held::factory(values, now_ns);
     Ok(Memory::new(robot.clone(), held))
 }
 

@@ -8,9 +8,9 @@ use serde::{Deserialize, Serialize};
 /// What the robot compensates with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Held {
-    /// Generation of the document; 0 for what the robot brought along.
+    /// Generation of the document; 0 for its factory calibration.
     pub generation: u64,
-    /// SHA-256 of the document; empty for what the robot brought along.
+    /// SHA-256 of the document; empty for its factory calibration.
     pub sha256: String,
     /// Since when, ns since 1970 by the robot's clock.
     pub applied_at_ns: i64,
@@ -23,7 +23,7 @@ pub struct Held {
 
 impl Held {
     /// What a robot has that never heard of a service.
-    pub fn brought_along(values: Option<CalibrationValues>, now_ns: i64) -> Self {
+    pub fn factory(values: Option<CalibrationValues>, now_ns: i64) -> Self {
         Self {
             generation: 0,
             sha256: String::new(),

@@ -16,7 +16,7 @@ pub(super) fn agent(robot: RobotId, trusted: TrustedKeys, nominal: Applied, now_
     let Pose2 { x_m, y_m, yaw_rad } = nominal.lidar_in_base;
     let (most_m, most_rad) = (MOUNT_POSITION_MAX_M, MOUNT_YAW_MAX_RAD);
     let limits = Limits::around_mount(x_m, y_m, yaw_rad, most_m, most_rad);
-    let held = Held::brought_along(Some(values_of(nominal)), now_ns);
+    let held = Held::factory(Some(values_of(nominal)), now_ns);
     let memory = Memory::new(robot.clone(), held);
     let identity = Identity {
         robot,

@@ -10,7 +10,7 @@ use crate::simulator::{Drive, LidarPose, Pose2, Sweep, Truth};
 
 /// A stamp that a ROS message cannot carry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-#[error("header.stamp is {stamp_ns} ns, accepted are 68 years around 1970")]
+#[error("header.stamp is {stamp_ns} ns, expected 68 years around 1970")]
 pub struct StampRefused {
     /// The stamp, ns since 1970.
     pub stamp_ns: i64,
@@ -39,7 +39,7 @@ pub fn drive_message(drive: &Drive) -> Result<AckermannDriveStamped, StampRefuse
     })
 }
 
-/// A sweep as `sensor_msgs/msg/LaserScan`.
+/// A scan as `sensor_msgs/msg/LaserScan`.
 ///
 /// # Errors
 /// When its stamp does not fit.

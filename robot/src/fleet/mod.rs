@@ -57,7 +57,7 @@ pub struct RobotSummary {
     pub id: RobotId,
     /// Drive samples sent.
     pub drive_samples: u64,
-    /// Sweeps or LiDAR poses sent.
+    /// Scans or LiDAR poses sent.
     pub scans: u64,
     /// Messages that were left out because the machine was too slow for real time.
     pub late: u64,

@@ -25,7 +25,7 @@ pub const RECORD_DURATION_MAX_S: f64 = 86_400.0;
 #[derive(Debug, Error)]
 pub enum RecordError {
     /// Longer or shorter than a recording can be.
-    #[error("duration is {0} s, accepted are more than 0 and at most {RECORD_DURATION_MAX_S} s")]
+    #[error("duration is {0} s, expected more than 0 and at most {RECORD_DURATION_MAX_S} s")]
     Duration(f64),
     /// The robot's configuration cannot be simulated.
     #[error(transparent)]
@@ -93,7 +93,7 @@ pub fn truth_path(recording: &Path) -> PathBuf {
 }
 
 /// Records `duration_s` of a simulated robot: drive, scan and the true pose of `base` at each
-/// sweep's middle into `path`, the true values into the file that [`truth_path`] names. The same
+/// scan's middle into `path`, the true values into the file that [`truth_path`] names. The same
 /// robot gives the same bytes.
 ///
 /// # Errors
@@ -165,7 +165,7 @@ pub fn record(
 
 fn write(writer: &mut RecordingWriter, emitted: Emitted) -> Result<(), RecordError> {
     match emitted.message {
-        SimulatedMessage::Drive(drive) => writer.drive(&drive_message(&drive)?)?,
+        SimulatedMessage::Drive(drive) => writer.wheel_odometry(&drive_message(&drive)?)?,
         SimulatedMessage::Sweep(sweep) => {
             writer.scan(&scan_message(sweep)?)?;
             writer.truth(&truth_message(&emitted.truth)?)?;
@@ -248,7 +248,11 @@ mod tests {
         let truth = record(&robot, 5.0, &path).unwrap();
 
         let recording = Recording::open(&path).unwrap();
-        let topics = ["/tugger_01/drive", "/tugger_01/scan", "/tugger_01/truth"];
+        let topics = [
+            "/tugger_01/wheel_odometry",
+            "/tugger_01/scan",
+            "/tugger_01/truth",
+        ];
         let counts = topics.map(|topic| recording.count(&[topic]));
         assert_eq!(counts, [500, 49, 49]);
         let payloads = |topic: &str| -> Vec<Vec<u8>> {

@@ -14,7 +14,7 @@ use crate::session_error::SessionError;
 #[derive(Debug)]
 pub(super) struct RobotSession {
     session: zenoh::Session,
-    drive: Publisher<'static>,
+    wheel_odometry: Publisher<'static>,
     scan: Publisher<'static>,
     lidar_odometry: Publisher<'static>,
     cross_track_error: Publisher<'static>,
@@ -40,7 +40,7 @@ impl RobotSession {
         let alive = keys.alive(robot);
         let token = session.liveliness().declare_token(alive.clone()).await;
         let robot_session = Self {
-            drive: publisher(StreamKind::Drive, Encoding::Cdr).await?,
+            wheel_odometry: publisher(StreamKind::WheelOdometry, Encoding::Cdr).await?,
             scan: publisher(StreamKind::Scan, Encoding::Cdr).await?,
             lidar_odometry: publisher(StreamKind::LidarOdometry, Encoding::Cdr).await?,
             cross_track_error: publisher(StreamKind::CrossTrackError, Encoding::Json).await?,
@@ -57,7 +57,7 @@ impl RobotSession {
             StreamKind::Scan => &self.scan,
             StreamKind::LidarOdometry => &self.lidar_odometry,
             StreamKind::CrossTrackError => &self.cross_track_error,
-            _ => &self.drive,
+            _ => &self.wheel_odometry,
         };
         let sent = publisher.put(payload).await;
         sent.map_err(at_key(publisher.key_expr().as_str()))

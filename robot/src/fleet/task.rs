@@ -20,7 +20,7 @@ use crate::agent::{Activation, Agent, Effect, Event, HookAnswer, Outcome, PULL_P
 use crate::session::ClientConfig;
 use crate::simulator::{Emitted, SimulatedMessage, Simulation};
 
-/// How often a robot looks for what is due: the drive stream's interval.
+/// How often a robot looks for what is due: the wheel odometry's interval.
 const TICK: Duration = Duration::from_millis(10);
 /// How often its agent looks at its deadlines.
 const AGENT_TICK: Duration = Duration::from_millis(200);
@@ -155,7 +155,7 @@ impl Driver {
             SimulatedMessage::Drive(drive) => {
                 self.summary.drive_samples += 1;
                 (
-                    StreamKind::Drive,
+                    StreamKind::WheelOdometry,
                     drive_message(&drive).map_err(at(id))?.to_cdr(),
                 )
             }

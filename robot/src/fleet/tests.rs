@@ -124,7 +124,7 @@ fn envelope_of(
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn robots_stream_drive_scan_and_cross_track_error() {
     let (session, endpoint) = router().await;
-    let drives = collect(&session, "fleet/*/drive", Encoding::Cdr).await;
+    let drives = collect(&session, "fleet/*/wheel_odometry", Encoding::Cdr).await;
     let scans = collect(&session, "fleet/*/scan", Encoding::Cdr).await;
     let errors = collect(&session, "fleet/*/cross_track_error", Encoding::Json).await;
     let stop = CancellationToken::new();
@@ -154,7 +154,7 @@ async fn robots_stream_drive_scan_and_cross_track_error() {
     for summary in summaries {
         assert_eq!(summary.late, 0);
         let id = summary.id.as_str();
-        let drives = drives.lock().unwrap()[&format!("fleet/{id}/drive")].clone();
+        let drives = drives.lock().unwrap()[&format!("fleet/{id}/wheel_odometry")].clone();
         assert_eq!(drives.len() as u64, summary.drive_samples, "none lost");
         let stamps: Vec<_> = drives
             .iter()
@@ -217,7 +217,7 @@ async fn a_robot_pulls_applies_and_acknowledges_what_is_approved() {
     assert_eq!(
         (first.generation, first.sha256.as_str()),
         (0, ""),
-        "what it brought along"
+        "its factory calibration"
     );
 
     // Without a confirmation the robot goes back to where it was, which nobody confirmed either.
@@ -235,7 +235,7 @@ async fn a_robot_pulls_applies_and_acknowledges_what_is_approved() {
     let values = reverted().unwrap().values.unwrap();
     assert!(
         values.steering_offset_rad.abs() < 1e-12,
-        "what it brought along"
+        "its factory calibration"
     );
 
     let confirmed = envelope("tugger_01", 5, 2);
@@ -254,7 +254,7 @@ async fn a_robot_pulls_applies_and_acknowledges_what_is_approved() {
 
     for (payload, generation, reason) in [
         (envelope("tugger_02", 7, 600), 7, "robot is tugger_02"),
-        (pushed, 4, "accepted are higher ones than 5"),
+        (pushed, 4, "expected higher ones than 5"),
         (
             envelope("tugger_01", 9, 600),
             9,
@@ -306,7 +306,7 @@ async fn a_robot_stops_weaving_once_its_true_calibration_is_approved() {
         let squares: f64 = errors.iter().map(|error| error * error).sum();
         (squares / errors.len() as f64).sqrt()
     };
-    until("it drove with what it brought along", || {
+    until("it drove with its factory calibration", || {
         errors_m().len() >= SETTLING + READINGS
     })
     .await;

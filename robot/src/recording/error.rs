@@ -19,14 +19,14 @@ pub enum RecordingError {
         source: io::Error,
     },
     /// The file has no byte in it.
-    #[error("{}: the file is empty, accepted is a recording in MCAP or .db3", path.display())]
+    #[error("{}: the file is empty, expected a recording in MCAP or .db3", path.display())]
     Empty {
         /// The file.
         path: PathBuf,
     },
     /// The file is of another kind.
     #[error(
-        "{}: this is no MCAP file and no .db3 of rosbag2, accepted is a recording of ROS 2 messages \
+        "{}: this is no MCAP file and no .db3 of rosbag2, expected a recording of ROS 2 messages \
          in either",
         path.display()
     )]
@@ -36,8 +36,8 @@ pub enum RecordingError {
     },
     /// The folder holds no file of messages, or several whose order nothing says.
     #[error(
-        "{}: the folder holds {count} files of messages (.mcap, .db3, or either with .zstd), accepted \
-         is one, or up to 10000 with the metadata.yaml of rosbag2; or give a file itself",
+        "{}: the folder holds {count} files of messages (.mcap, .db3, or either with .zstd), expected \
+         one, or up to 10000 with the metadata.yaml of rosbag2; or give a file itself",
         path.display()
     )]
     Folder {

@@ -11,8 +11,8 @@ mod error;
 mod mcap_file;
 mod messages;
 mod recorded_message;
+mod robot_writer;
 mod scan;
-mod session_writer;
 mod storage;
 mod topics;
 mod writer;
@@ -20,10 +20,10 @@ mod writer;
 pub use error::RecordingError;
 pub use messages::Messages;
 pub use recorded_message::RecordedMessage;
-pub use session_writer::{SESSION_METADATA, SessionWriter};
+pub use robot_writer::{RECORDING_METADATA, RobotWriter};
 pub use topics::{
-    AskedTopic, AskedTopics, ChosenDrive, ChosenPose, TopicError, Topics, choose_scan_topic,
-    choose_topics,
+    AskedTopic, AskedTopics, ChosenPose, ChosenWheelOdometry, TopicError, Topics,
+    choose_scan_topic, choose_topics,
 };
 pub use writer::{RecordingWriter, TRUTH_METADATA};
 
@@ -51,7 +51,7 @@ pub const HELD_BYTES_MAX: usize = 512 << 20;
 /// One topic of a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Channel {
-    /// The topic, `/tugger_01/drive`.
+    /// The topic, `/tugger_01/wheel_odometry`.
     pub topic: String,
     /// The ROS 2 type of its messages, `sensor_msgs/msg/LaserScan`; empty when the file has none.
     pub message_type: String,

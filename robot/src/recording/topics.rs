@@ -7,7 +7,7 @@ use super::Channel;
 
 /// Where speed and steering are.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum ChosenDrive {
+pub enum ChosenWheelOdometry {
     /// In the same messages.
     Whole(Channel),
     /// On topics of their own, to be paired by stamp.
@@ -19,7 +19,7 @@ pub enum ChosenDrive {
     },
 }
 
-impl ChosenDrive {
+impl ChosenWheelOdometry {
     /// The channels.
     pub fn channels(&self) -> Vec<&Channel> {
         match self {
@@ -32,7 +32,7 @@ impl ChosenDrive {
 /// What the LiDAR's motion is taken from.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ChosenPose {
-    /// Raw sweeps, or the clouds of a 3D scanner: the channel's type tells.
+    /// Raw scans, or the clouds of a 3D scanner: the channel's type tells.
     Scan(Channel),
     /// Poses of a LiDAR odometry that ran on the robot.
     LidarOdometry(Channel),
@@ -51,15 +51,15 @@ impl ChosenPose {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Topics {
     /// Measured speed and steering.
-    pub drive: ChosenDrive,
-    /// The LiDAR's sweeps or poses.
+    pub wheel_odometry: ChosenWheelOdometry,
+    /// The LiDAR's scans or poses.
     pub pose: ChosenPose,
 }
 
 impl Topics {
-    /// The channels, those of the drive first.
+    /// The channels, those of the wheel odometry first.
     pub fn channels(&self) -> Vec<&Channel> {
-        let mut channels = self.drive.channels();
+        let mut channels = self.wheel_odometry.channels();
         channels.push(self.pose.channel());
         channels
     }
@@ -70,20 +70,20 @@ impl Topics {
         channels.map(|channel| channel.topic.as_str()).collect()
     }
 
-    /// The topic that says whose recording it is: of the drive, or of the steering.
-    pub fn drive_topic(&self) -> &str {
-        match &self.drive {
-            ChosenDrive::Whole(channel)
-            | ChosenDrive::Halves {
+    /// The topic that says whose recording it is: of the wheel odometry, or of the steering.
+    pub fn wheel_odometry_topic(&self) -> &str {
+        match &self.wheel_odometry {
+            ChosenWheelOdometry::Whole(channel)
+            | ChosenWheelOdometry::Halves {
                 steering: channel, ..
             } => &channel.topic,
         }
     }
 
-    /// The first chunk of the drive topic, as which the robot is known unless told otherwise:
-    /// `tugger_01` of `/tugger_01/drive`. `None` when the topic has only one chunk.
+    /// The first chunk of the wheel odometry topic, as which the robot is known unless told otherwise:
+    /// `tugger_01` of `/tugger_01/wheel_odometry`. `None` when the topic has only one chunk.
     pub fn robot(&self) -> Option<&str> {
-        let chunks = self.drive_topic().trim_start_matches('/');
+        let chunks = self.wheel_odometry_topic().trim_start_matches('/');
         chunks.split_once('/').map(|(robot, _)| robot)
     }
 }
@@ -101,12 +101,12 @@ pub struct AskedTopic {
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct AskedTopics {
     /// Speed and steering in one.
-    pub drive: Option<AskedTopic>,
+    pub wheel_odometry: Option<AskedTopic>,
     /// Steering alone.
     pub steering: Option<AskedTopic>,
     /// Speed alone.
     pub speed: Option<AskedTopic>,
-    /// Sweeps or clouds.
+    /// Scans or clouds.
     pub scan: Option<AskedTopic>,
     /// Poses of the LiDAR.
     pub pose: Option<AskedTopic>,
@@ -138,7 +138,7 @@ pub enum TopicError {
         flag: &'static str,
     },
     /// The topic that was asked for is not in the recording.
-    #[error("{flag} is {topic:?}, accepted are the recording's topics: {present}")]
+    #[error("{flag} is {topic:?}, expected the recording's topics: {present}")]
     NotInRecording {
         /// The flag.
         flag: &'static str,
@@ -148,7 +148,7 @@ pub enum TopicError {
         present: String,
     },
     /// The topic that was asked for is of another type.
-    #[error("{flag} is {topic:?}, which is of type {found}, accepted is {needed}")]
+    #[error("{flag} is {topic:?}, which is of type {found}, expected {needed}")]
     WrongType {
         /// The flag.
         flag: &'static str,
@@ -160,21 +160,23 @@ pub enum TopicError {
         needed: String,
     },
     /// Two that exclude each other.
-    #[error("{scan} and {pose} are both given, accepted is one of them")]
+    #[error("{scan} and {pose} are both given, expected one of them")]
     ScanAndPose {
-        /// What asks for sweeps.
+        /// What asks for scans.
         scan: &'static str,
         /// What asks for poses.
         pose: &'static str,
     },
-    /// Neither a drive nor both of its halves.
-    #[error("{given} given, accepted is a topic of both steering and speed, or one of each")]
+    /// Neither wheel odometry nor both of its halves.
+    #[error("{given} given, expected a topic of both steering and speed, or one of each")]
     Halves {
         /// What is given.
         given: String,
     },
     /// One topic as both halves.
-    #[error("{steering} and {speed} are both {topic:?}, accepted is {drive} for a topic of both")]
+    #[error(
+        "{steering} and {speed} are both {topic:?}, expected {wheel_odometry} for a topic of both"
+    )]
     OneTopic {
         /// What asks for the steering.
         steering: &'static str,
@@ -183,7 +185,7 @@ pub enum TopicError {
         /// The topic.
         topic: String,
         /// The flag of a topic that has both.
-        drive: &'static str,
+        wheel_odometry: &'static str,
     },
 }
 
@@ -216,10 +218,10 @@ impl Wanted {
     }
 }
 
-const DRIVE: Wanted = Wanted {
-    what: "drive",
-    flag: "--drive-topic",
-    accepted: MessageType::OF_DRIVE,
+const WHEEL_ODOMETRY: Wanted = Wanted {
+    what: "wheel odometry",
+    flag: "--wheel-odometry-topic",
+    accepted: MessageType::OF_WHEEL_ODOMETRY,
     found: &[MessageType::AckermannDriveStamped],
 };
 const STEERING: Wanted = Wanted {
@@ -248,12 +250,12 @@ const POSE: Wanted = Wanted {
 };
 
 /// Chooses the topics of a calibration: those asked for, else by message type when only one would
-/// do. Sweeps are preferred to poses, unless a pose topic is asked for.
+/// do. Scans are preferred to poses, unless a pose topic is asked for.
 ///
 /// # Errors
 /// Says what is missing, lists the candidates, or names the flag that can't be.
 pub fn choose_topics(channels: &[Channel], asked: &AskedTopics) -> Result<Topics, TopicError> {
-    let drive = choose_drive(channels, asked)?;
+    let drive = choose_wheel_odometry(channels, asked)?;
     let pose = match (&asked.scan, &asked.pose) {
         (Some(scan), Some(pose)) => {
             return Err(TopicError::ScanAndPose {
@@ -274,27 +276,35 @@ pub fn choose_topics(channels: &[Channel], asked: &AskedTopics) -> Result<Topics
         format!("{scan}; or {pose} of the LiDAR, which {flag} names")
     };
     let pose = pose.ok_or_else(|| missing(channels, "scan or LiDAR pose", needed()))?;
-    Ok(Topics { drive, pose })
+    Ok(Topics {
+        wheel_odometry: drive,
+        pose,
+    })
 }
 
-fn others(channels: &[Channel], drive: &ChosenDrive) -> Vec<Channel> {
+fn others(channels: &[Channel], drive: &ChosenWheelOdometry) -> Vec<Channel> {
     let taken = drive.channels();
     let is_other = |channel: &&Channel| !taken.contains(channel);
     channels.iter().filter(is_other).cloned().collect()
 }
 
-fn choose_drive(channels: &[Channel], asked: &AskedTopics) -> Result<ChosenDrive, TopicError> {
-    match (&asked.drive, &asked.steering, &asked.speed) {
-        (Some(drive), None, None) => asked_for(channels, &DRIVE, drive).map(ChosenDrive::Whole),
+fn choose_wheel_odometry(
+    channels: &[Channel],
+    asked: &AskedTopics,
+) -> Result<ChosenWheelOdometry, TopicError> {
+    match (&asked.wheel_odometry, &asked.steering, &asked.speed) {
+        (Some(drive), None, None) => {
+            asked_for(channels, &WHEEL_ODOMETRY, drive).map(ChosenWheelOdometry::Whole)
+        }
         (None, Some(steering), Some(speed)) if steering.topic == speed.topic => {
             Err(TopicError::OneTopic {
                 steering: steering.by,
                 speed: speed.by,
                 topic: speed.topic.clone(),
-                drive: DRIVE.flag,
+                wheel_odometry: WHEEL_ODOMETRY.flag,
             })
         }
-        (None, Some(steering), Some(speed)) => Ok(ChosenDrive::Halves {
+        (None, Some(steering), Some(speed)) => Ok(ChosenWheelOdometry::Halves {
             steering: asked_for(channels, &STEERING, steering)?,
             speed: asked_for(channels, &SPEED, speed)?,
         }),
@@ -303,14 +313,14 @@ fn choose_drive(channels: &[Channel], asked: &AskedTopics) -> Result<ChosenDrive
                 "{}; or {} with the wheels too, which {} names; or {} and {} for a topic of each",
                 MessageType::AckermannDriveStamped.ros_type(),
                 MessageType::JointState.ros_type(),
-                DRIVE.flag,
+                WHEEL_ODOMETRY.flag,
                 STEERING.flag,
                 SPEED.flag
             );
-            let drive = only_one(channels, &DRIVE)?;
+            let drive = only_one(channels, &WHEEL_ODOMETRY)?;
             drive
-                .map(ChosenDrive::Whole)
-                .ok_or_else(|| missing(channels, DRIVE.what, needed))
+                .map(ChosenWheelOdometry::Whole)
+                .ok_or_else(|| missing(channels, WHEEL_ODOMETRY.what, needed))
         }
         (drive, steering, speed) => {
             let given = [drive, steering, speed].into_iter().flatten();
@@ -323,8 +333,8 @@ fn choose_drive(channels: &[Channel], asked: &AskedTopics) -> Result<ChosenDrive
     }
 }
 
-/// Chooses the topic with sweeps: the one asked for, else the only one; clouds when there are no
-/// sweeps.
+/// Chooses the topic with scans: the one asked for, else the only one; clouds when there are no
+/// scans.
 ///
 /// # Errors
 /// Says that there is none, lists the candidates, or names the flag that can't be.

@@ -16,12 +16,12 @@ use super::mcap_file::McapFile;
 /// Name of the metadata record that holds a simulated robot's true values.
 pub const TRUTH_METADATA: &str = "fleetcal.truth";
 
-/// Writes `/{robot}/drive`, `/{robot}/scan` and `/{robot}/truth` into an MCAP file of profile
+/// Writes `/{robot}/wheel_odometry`, `/{robot}/scan` and `/{robot}/truth` into an MCAP file of profile
 /// `ros2`. The same messages give the same bytes.
 #[derive(Debug)]
 pub struct RecordingWriter {
     file: McapFile<BufWriter<File>>,
-    drive: u16,
+    wheel_odometry: u16,
     scan: u16,
     truth: u16,
 }
@@ -38,7 +38,7 @@ impl RecordingWriter {
             file.ros_channel(&topic, of, Encoding::Cdr)
         };
         Ok(Self {
-            drive: channel("drive", MessageType::AckermannDriveStamped)?,
+            wheel_odometry: channel("wheel_odometry", MessageType::AckermannDriveStamped)?,
             scan: channel("scan", MessageType::LaserScan)?,
             truth: channel("truth", MessageType::PoseStamped)?,
             file,
@@ -49,13 +49,16 @@ impl RecordingWriter {
     ///
     /// # Errors
     /// When it can't be written.
-    pub fn drive(&mut self, message: &AckermannDriveStamped) -> Result<(), RecordingError> {
+    pub fn wheel_odometry(
+        &mut self,
+        message: &AckermannDriveStamped,
+    ) -> Result<(), RecordingError> {
         let stamp_ns = message.header.stamp.as_ns();
         self.file
-            .write(self.drive, [stamp_ns; 2], &message.to_cdr())
+            .write(self.wheel_odometry, [stamp_ns; 2], &message.to_cdr())
     }
 
-    /// Writes a sweep, which is stamped at its first beam and logged when its last was taken.
+    /// Writes a scan, which is stamped at its first beam and logged when its last was taken.
     ///
     /// # Errors
     /// When it can't be written.

@@ -17,15 +17,17 @@ pub enum ReplayError {
     #[error(transparent)]
     Topics(#[from] TopicError),
     /// The topics do not say whose they are.
-    #[error("drive topic {topic:?} names no robot in front of the stream; say which with --robot")]
+    #[error(
+        "wheel odometry topic {topic:?} names no robot in front of the stream; say which with --robot"
+    )]
     NoRobot {
-        /// The drive topic.
+        /// The wheel odometry topic.
         topic: String,
     },
     /// The topics name a robot that can't be.
-    #[error("drive topic {topic:?}: {reason}; say which robot with --robot")]
+    #[error("wheel odometry topic {topic:?}: {reason}; say which robot with --robot")]
     RobotRefused {
-        /// The drive topic.
+        /// The wheel odometry topic.
         topic: String,
         /// What is wrong with its first chunk.
         #[source]

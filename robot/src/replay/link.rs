@@ -27,7 +27,7 @@ pub(super) struct Lane {
     /// The encoding in Zenoh.
     pub(super) encoding: String,
     /// Whether it tells how the vehicle drives.
-    pub(super) is_drive: bool,
+    pub(super) is_wheel_odometry: bool,
 }
 
 /// A robot's session: its streams, its token, and the question for the service's progress.
@@ -88,11 +88,11 @@ impl Link {
         &self.robot
     }
 
-    /// The lane of a topic, and whether it is one of the drive.
+    /// The lane of a topic, and whether it is one of the wheel odometry.
     pub(super) fn lane(&self, topic: &str) -> Option<(usize, bool)> {
         let lanes = self.streams.iter().map(|(lane, _)| lane);
         let found = lanes.enumerate().find(|(_, lane)| lane.topic == topic);
-        found.map(|(place, lane)| (place, lane.is_drive))
+        found.map(|(place, lane)| (place, lane.is_wheel_odometry))
     }
 
     /// Waits until somebody listens to all streams: what is sent before that is lost.

@@ -2,7 +2,7 @@
 //!
 //! The messages go out in the order in which they were logged, at a multiple of real time or as
 //! fast as the service works. [`Window`] keeps the sender from running further ahead of
-//! `{root}/{robot}/progress` than the robot's mailbox holds, so nothing is shed. The robot's
+//! `{root}/{robot}/progress` than the robot's mailbox holds, so nothing is dropped. The robot's
 //! liveliness token stands from before the first message until the last was worked through.
 
 mod error;
@@ -23,7 +23,7 @@ use tokio::sync::mpsc;
 use tokio::time::Instant;
 
 use crate::recording::{
-    Channel, ChosenDrive, ChosenPose, RecordedMessage, Recording, RecordingError, Topics,
+    Channel, ChosenPose, ChosenWheelOdometry, RecordedMessage, Recording, RecordingError, Topics,
     choose_topics,
 };
 use link::{Lane, Link};
@@ -58,11 +58,11 @@ pub struct ReplaySummary {
     pub robot: RobotId,
     /// Drive samples sent.
     pub drive_samples: u64,
-    /// Sweeps or LiDAR poses sent.
+    /// Scans or LiDAR poses sent.
     pub scans: u64,
     /// Messages that the service gave up because its mailbox was full, as it says itself.
-    pub shed: u64,
-    /// Messages that were on the way when the service was started anew: lost with it, or counted
+    pub dropped: u64,
+    /// Messages that were on the way when the service was restarted: lost with it, or counted
     /// by nobody.
     pub unconfirmed: u64,
     /// How long it took, from the first message until the service had worked through the last.
@@ -119,7 +119,7 @@ pub async fn replay(
         robot,
         drive_samples: window.sent_drive_samples(),
         scans: window.sent_scans(),
-        shed: window.shed(),
+        dropped: window.dropped(),
         unconfirmed: window.unconfirmed(),
         duration,
     })
@@ -130,7 +130,7 @@ fn robot_of(options: &ReplayOptions, topics: &Topics) -> Result<RobotId, ReplayE
     if let Some(robot) = &options.robot {
         return Ok(robot.clone());
     }
-    let topic = topics.drive_topic();
+    let topic = topics.wheel_odometry_topic();
     let named = topics.robot().ok_or_else(|| ReplayError::NoRobot {
         topic: topic.to_owned(),
     })?;
@@ -151,7 +151,7 @@ fn lanes(options: &ReplayOptions, robot: &RobotId, topics: &Topics) -> Vec<Lane>
             topic: channel.topic.clone(),
             key: options.keys.stream(robot, kind),
             encoding: form.to_text(),
-            is_drive: kind == StreamKind::Drive,
+            is_wheel_odometry: kind == StreamKind::WheelOdometry,
         }
     };
     let of_ros = |channel: &Channel| {
@@ -168,16 +168,16 @@ fn lanes(options: &ReplayOptions, robot: &RobotId, topics: &Topics) -> Vec<Lane>
                 .message_type
                 .map_or(path.clone(), |of| typed_key(&path, of)),
             encoding: form.encoding.as_str().to_owned(),
-            is_drive: true,
+            is_wheel_odometry: true,
         }
     };
-    let mut lanes = match &topics.drive {
-        ChosenDrive::Whole(channel) => vec![own(
+    let mut lanes = match &topics.wheel_odometry {
+        ChosenWheelOdometry::Whole(channel) => vec![own(
             channel,
-            StreamKind::Drive,
+            StreamKind::WheelOdometry,
             MessageType::AckermannDriveStamped,
         )],
-        ChosenDrive::Halves { steering, speed } => vec![of_ros(steering), of_ros(speed)],
+        ChosenWheelOdometry::Halves { steering, speed } => vec![of_ros(steering), of_ros(speed)],
     };
     lanes.push(match &topics.pose {
         ChosenPose::Scan(channel) => own(channel, StreamKind::Scan, MessageType::LaserScan),
@@ -231,14 +231,15 @@ impl Sender {
         if let Some(after) = self.options.rate.after(Duration::from_nanos(elapsed_ns)) {
             tokio::time::sleep_until(self.started + after).await;
         }
-        let Some((lane, is_drive)) = self.link.lane(&message.topic) else {
+        let Some((lane, is_wheel_odometry)) = self.link.lane(&message.topic) else {
             return Ok(self.progress(elapsed_ns));
         };
         if self.options.pacing == Pacing::ByProgress {
-            self.wait(|window| window.has_room(is_drive)).await?;
+            self.wait(|window| window.has_room(is_wheel_odometry))
+                .await?;
         }
         self.link.send(lane, message.payload).await?;
-        self.window.count_sent(is_drive);
+        self.window.count_sent(is_wheel_odometry);
         Ok(self.progress(elapsed_ns))
     }
 

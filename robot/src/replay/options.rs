@@ -21,7 +21,7 @@ pub enum Rate {
 
 /// Why a text is no rate.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("rate is {text:?}, accepted is a number from 0.001 to 1000000, or max")]
+#[error("rate is {text:?}, expected a number from 0.001 to 1000000, or max")]
 pub struct RateRefused {
     /// The text.
     pub text: String,
@@ -62,7 +62,7 @@ pub enum Pacing {
     /// It never runs further ahead than the robot's mailbox holds.
     #[default]
     ByProgress,
-    /// It sends on, and the service sheds what it can't hold.
+    /// It sends on, and the service drops what it can't hold.
     Unpaced,
 }
 
@@ -73,7 +73,7 @@ pub struct ReplayOptions {
     pub recording: PathBuf,
     /// Where the service is.
     pub connect: Connection,
-    /// As which robot; the first chunk of the drive topic when `None`.
+    /// As which robot; the first chunk of the wheel odometry topic when `None`.
     pub robot: Option<RobotId>,
     /// How fast.
     pub rate: Rate,

@@ -3,15 +3,15 @@
 use fleetcal_proto::progress::Progress;
 
 /// Most drive samples on the way: half of what a robot's mailbox holds, because a service that
-/// starts anew may hold as many again that it has not reported.
+/// restarts may hold as many again that it has not reported.
 pub const AHEAD_DRIVE_SAMPLES_MAX: u64 = 512;
-/// Most sweeps or LiDAR poses on the way, likewise.
+/// Most scans or LiDAR poses on the way, likewise.
 pub const AHEAD_SCANS_MAX: u64 = 4;
 
 /// What was sent, against what the service says it has worked through.
 ///
 /// The service counts from its own start, so its first report is the zero. When its counts fall,
-/// it was started anew: what was on the way then is lost or counted already, and the window is
+/// it was restarted: what was on the way then is lost or counted already, and the window is
 /// empty again.
 #[derive(Debug, Clone)]
 pub struct Window {
@@ -20,7 +20,7 @@ pub struct Window {
     sent_before: Sent,
     zero: Progress,
     latest: Progress,
-    shed_before: u64,
+    dropped_before: u64,
     unconfirmed: u64,
 }
 
@@ -31,7 +31,7 @@ pub enum Report {
     MovedOn,
     /// The counts are the same.
     Unmoved,
-    /// The counts fell: the service was started anew.
+    /// The counts fell: the service was restarted.
     StartedAnew,
 }
 
@@ -58,14 +58,14 @@ impl Window {
             sent_before: none,
             zero,
             latest: zero,
-            shed_before: 0,
+            dropped_before: 0,
             unconfirmed: 0,
         }
     }
 
     /// Whether one more message may be sent.
-    pub fn has_room(&self, is_drive: bool) -> bool {
-        if is_drive {
+    pub fn has_room(&self, is_wheel_odometry: bool) -> bool {
+        if is_wheel_odometry {
             self.drive_samples_ahead() < AHEAD_DRIVE_SAMPLES_MAX
         } else {
             self.scans_ahead() < AHEAD_SCANS_MAX
@@ -73,8 +73,8 @@ impl Window {
     }
 
     /// Counts a message that was sent.
-    pub fn count_sent(&mut self, is_drive: bool) {
-        if is_drive {
+    pub fn count_sent(&mut self, is_wheel_odometry: bool) {
+        if is_wheel_odometry {
             self.sent.drive_samples += 1;
         } else {
             self.sent.scans += 1;
@@ -83,7 +83,7 @@ impl Window {
 
     /// Takes the service's report.
     pub fn report(&mut self, progress: Progress) -> Report {
-        let counts = |report: &Progress| [report.drive_samples, report.scans, report.shed];
+        let counts = |report: &Progress| [report.drive_samples, report.scans, report.dropped];
         let (before, now) = (counts(&self.latest), counts(&progress));
         if before.iter().zip(now).any(|(&before, now)| now < before) {
             self.restart(progress);
@@ -97,10 +97,10 @@ impl Window {
         }
     }
 
-    /// Gives up what is on the way: the service counts anew from `progress`.
+    /// Gives up what is on the way: the service counts again from `progress`.
     pub fn restart(&mut self, progress: Progress) {
         self.unconfirmed += self.outstanding();
-        self.shed_before = self.shed();
+        self.dropped_before = self.dropped();
         self.sent_before = self.sent;
         (self.zero, self.latest) = (progress, progress);
     }
@@ -112,7 +112,7 @@ impl Window {
 
     /// How many messages are on the way or wait.
     pub fn outstanding(&self) -> u64 {
-        let done = self.drive_samples_done() + self.scans_done() + self.shed_now();
+        let done = self.drive_samples_done() + self.scans_done() + self.dropped_now();
         (self.sent.sum() - self.sent_before.sum()).saturating_sub(done)
     }
 
@@ -126,32 +126,32 @@ impl Window {
         self.sent.drive_samples
     }
 
-    /// How many sweeps or LiDAR poses were sent.
+    /// How many scans or LiDAR poses were sent.
     pub fn sent_scans(&self) -> u64 {
         self.sent.scans
     }
 
-    /// How many messages the service shed since the window was made.
-    pub fn shed(&self) -> u64 {
-        self.shed_before + self.shed_now()
+    /// How many messages the service dropped since the window was made.
+    pub fn dropped(&self) -> u64 {
+        self.dropped_before + self.dropped_now()
     }
 
-    /// How many messages were on the way when the service was started anew: lost with it, or
+    /// How many messages were on the way when the service was restarted: lost with it, or
     /// counted by nobody.
     pub fn unconfirmed(&self) -> u64 {
         self.unconfirmed
     }
 
-    // The report does not say of which stream the shed messages were; either stream may count on
-    // their room, because what was shed waits nowhere.
+    // The report does not say of which stream the dropped messages were; either stream may count on
+    // their room, because what was dropped waits nowhere.
     fn drive_samples_ahead(&self) -> u64 {
         let sent = self.sent.drive_samples - self.sent_before.drive_samples;
-        sent.saturating_sub(self.drive_samples_done() + self.shed_now())
+        sent.saturating_sub(self.drive_samples_done() + self.dropped_now())
     }
 
     fn scans_ahead(&self) -> u64 {
         let sent = self.sent.scans - self.sent_before.scans;
-        sent.saturating_sub(self.scans_done() + self.shed_now())
+        sent.saturating_sub(self.scans_done() + self.dropped_now())
     }
 
     fn drive_samples_done(&self) -> u64 {
@@ -164,8 +164,8 @@ impl Window {
         self.latest.scans.saturating_sub(self.zero.scans)
     }
 
-    fn shed_now(&self) -> u64 {
-        self.latest.shed.saturating_sub(self.zero.shed)
+    fn dropped_now(&self) -> u64 {
+        self.latest.dropped.saturating_sub(self.zero.dropped)
     }
 }
 
@@ -173,11 +173,11 @@ impl Window {
 mod tests {
     use super::*;
 
-    fn progress(drive_samples: u64, scans: u64, shed: u64) -> Progress {
+    fn progress(drive_samples: u64, scans: u64, dropped: u64) -> Progress {
         Progress {
             drive_samples,
             scans,
-            shed,
+            dropped,
             stamp_ns: 1,
         }
     }
@@ -207,7 +207,7 @@ mod tests {
         assert_eq!(window.outstanding(), 512 + 4 - 11);
         assert_eq!(window.report(progress(1512, 104, 7)), Report::MovedOn);
         assert!(window.is_done());
-        assert_eq!(window.shed(), 0);
+        assert_eq!(window.dropped(), 0);
     }
 
     #[test]
@@ -215,7 +215,7 @@ mod tests {
         let mut window = filled();
         window.report(progress(1510, 103, 10));
         assert!(window.is_done());
-        assert_eq!(window.shed(), 3);
+        assert_eq!(window.dropped(), 3);
     }
 
     #[test]
@@ -224,7 +224,7 @@ mod tests {
         window.report(progress(1200, 102, 9));
         assert_eq!(window.report(progress(3, 0, 0)), Report::StartedAnew);
         assert!(window.is_done(), "{} outstanding", window.outstanding());
-        assert_eq!((window.shed(), window.unconfirmed()), (2, 516 - 204));
+        assert_eq!((window.dropped(), window.unconfirmed()), (2, 516 - 204));
         window.count_sent(true);
         window.count_sent(false);
         assert_eq!(window.outstanding(), 2);

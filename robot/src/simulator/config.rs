@@ -54,7 +54,7 @@ impl Default for SpeedProfile {
 /// straight, and all that a coarse steering encoder shows there would be one wrong number.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct LocalisationNoise {
-    /// Standard deviation of each coordinate, anew ten times a second, m.
+    /// Standard deviation of each coordinate, again ten times a second, m.
     pub position_sigma_m: f64,
     /// The same of the heading, rad.
     pub yaw_sigma_rad: f64,
@@ -96,7 +96,7 @@ pub struct ScheduledChange {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LidarOutput {
-    /// Raw sweeps.
+    /// Raw scans.
     Sweeps(LidarSettings),
     /// Poses of its own odometry: no ray is cast.
     Poses(PoseSettings),
@@ -123,7 +123,7 @@ pub struct SimulationConfig {
     pub speed: SpeedProfile,
     /// How well it knows where it is.
     pub localisation: LocalisationNoise,
-    /// Its drive stream.
+    /// Its wheel odometry.
     pub drive: DriveSettings,
     /// Its LiDAR stream.
     pub lidar: LidarOutput,

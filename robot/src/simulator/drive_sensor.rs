@@ -15,7 +15,7 @@ use super::vehicle::{Motion, VehicleTruth};
 /// Slower than this the wheels stand and an encoder shows no noise, m/s.
 const STANDSTILL_MPS: f64 = 1e-3;
 
-/// The drive stream's settings.
+/// The wheel odometry's settings.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct DriveSettings {
     /// Samples in a second; the interval must be a whole number of milliseconds.

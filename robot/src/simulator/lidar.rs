@@ -17,17 +17,17 @@ use super::ray::{Direction, Met, circle_range_m};
 use super::track::Track;
 use super::world::World;
 
-/// Fewest beams of a sweep.
+/// Fewest beams of a scan.
 pub(super) const BEAMS_MIN: u32 = 8;
-/// Most beams of a sweep.
+/// Most beams of a scan.
 pub(super) const BEAMS_MAX: u32 = 16_384;
 
 /// The scanner's settings. The default is the scanner of the project's figures.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct LidarSettings {
-    /// Beams of a sweep.
+    /// Beams of a scan.
     pub beams: u32,
-    /// Sweeps in a second.
+    /// Scans in a second.
     pub rate_hz: f64,
     /// Angle the beams cover, rad; a full turn at most. A narrower view is centred on x and takes
     /// its part of the turn's time.
@@ -66,7 +66,7 @@ impl Default for LidarSettings {
 }
 
 impl LidarSettings {
-    /// Time from one sweep's first beam to the next one's, ns.
+    /// Time from one scan's first beam to the next one's, ns.
     pub(super) fn period_ns(&self) -> i64 {
         (1e9 / self.rate_hz).round() as i64
     }
@@ -79,12 +79,12 @@ impl LidarSettings {
         self.field_of_view_rad / TAU / self.rate_hz / f64::from(self.beams)
     }
 
-    /// Time from a sweep's first beam to the moment its last one is in, ns.
+    /// Time from a scan's first beam to the moment its last one is in, ns.
     pub(super) fn duration_ns(&self) -> i64 {
         (self.time_increment_s() * f64::from(self.beams) * 1e9).round() as i64
     }
 
-    /// Time from a sweep's first beam to its middle, which its pose is given for, ns.
+    /// Time from a scan's first beam to its middle, which its pose is given for, ns.
     pub(super) fn reference_ns(&self) -> i64 {
         (0.5e9 * self.time_increment_s() * f64::from(self.beams - 1)).round() as i64
     }
@@ -139,7 +139,7 @@ impl Lidar {
         }
     }
 
-    /// The sweep whose first beam is at `time_ns` of simulated time; the track must reach to its
+    /// The scan whose first beam is at `time_ns` of simulated time; the track must reach to its
     /// end.
     pub fn sweep(
         &mut self,
@@ -185,7 +185,7 @@ impl Lidar {
         self.shown(time_ns)
     }
 
-    /// The sweep as it is sent: what its beams met, with all that the scanner adds.
+    /// The scan as it is sent: what its beams met, with all that the scanner adds.
     fn shown(&mut self, time_ns: i64) -> Sweep {
         let settings = self.settings;
         let (angle_min_rad, angle_increment_rad) = settings.angles_rad();

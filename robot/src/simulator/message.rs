@@ -7,7 +7,7 @@ use super::plane::Pose2;
 /// Measured speed and steering of the interval that ends at the stamp.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Drive {
-    /// End of the interval on the drive stream's clock, ns.
+    /// End of the interval on the wheel odometry's clock, ns.
     pub stamp_ns: i64,
     /// Measured speed, m/s, at the place where the vehicle measures it.
     pub speed_mps: f64,
@@ -15,7 +15,7 @@ pub struct Drive {
     pub steering_rad: f64,
 }
 
-/// One sweep of the LiDAR, stamped at its first beam.
+/// One scan of the LiDAR, stamped at its first beam.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Sweep {
     /// Time of the first beam, ns.
@@ -26,7 +26,7 @@ pub struct Sweep {
     pub angle_increment_rad: f64,
     /// Time from one beam to the next, s; 0 when all are taken at once.
     pub time_increment_s: f64,
-    /// Time from one sweep to the next, s.
+    /// Time from one scan to the next, s.
     pub scan_time_s: f64,
     /// Shortest range, m.
     pub range_min_m: f64,
@@ -36,7 +36,7 @@ pub struct Sweep {
     pub ranges_m: Vec<f32>,
 }
 
-/// The LiDAR's pose in its own odometry frame, in place of a sweep.
+/// The LiDAR's pose in its own odometry frame, in place of a scan.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct LidarPose {
     /// Time of the pose, ns.
@@ -61,9 +61,9 @@ pub struct CrossTrackError {
 pub enum SimulatedMessage {
     /// Speed and steering.
     Drive(Drive),
-    /// A sweep.
+    /// A scan.
     Sweep(Sweep),
-    /// A pose instead of a sweep.
+    /// A pose instead of a scan.
     LidarPose(LidarPose),
     /// Cross-track error, once a second.
     CrossTrackError(CrossTrackError),
@@ -101,13 +101,13 @@ pub struct Truth {
 /// A message with the truth behind it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Emitted {
-    /// When the robot sends it on the simulated clock, ns: a sweep only once its last beam is in.
+    /// When the robot sends it on the simulated clock, ns: a scan only once its last beam is in.
     pub sent_ns: i64,
     /// The message.
     pub message: SimulatedMessage,
-    /// The truth at the message's reference time: a sweep's middle, a drive interval's end.
+    /// The truth at the message's reference time: a scan's middle, a drive interval's end.
     pub truth: Truth,
-    /// The truth when it was sent: a sweep's end.
+    /// The truth when it was sent: a scan's end.
     pub truth_when_sent: Truth,
 }
 
@@ -122,7 +122,7 @@ pub struct TrueParameters {
     pub speed_scale: f64,
     /// Distance between the axles, m.
     pub wheelbase_m: f64,
-    /// How much later a motion shows in the drive stream than in the LiDAR's, s.
+    /// How much later a motion shows in the wheel odometry than in the LiDAR's, s.
     pub time_offset_s: f64,
     /// True steering angle over the measured one less its offset.
     pub steering_gain: f64,

@@ -3,7 +3,7 @@
 //! Everything random comes from the seed and all time is simulated, so a [`SimulationConfig`] gives
 //! the same messages bit for bit on every run. Frames and signs: `base` is the rear-axle centre, x
 //! forward, y left; `steering_true = steering_gain * (steering_measured - steering_offset)`;
-//! `speed_true = speed_scale * speed_measured`; a motion shows in the drive stream `time_offset`
+//! `speed_true = speed_scale * speed_measured`; a motion shows in the wheel odometry `time_offset`
 //! later than in the LiDAR's.
 
 mod beams;

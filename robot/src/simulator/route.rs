@@ -40,7 +40,7 @@ pub(super) struct Place {
 }
 
 impl Route {
-    /// A route through points, evenly spaced anew. Consecutive equal points are left out.
+    /// A route through points, evenly spaced again. Consecutive equal points are left out.
     pub fn from_points(points: &[Point], closed: bool) -> Self {
         let mut corners = points.to_vec();
         if closed {

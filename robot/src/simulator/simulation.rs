@@ -93,7 +93,7 @@ impl Simulation {
         })
     }
 
-    /// The next message, in the order in which the robot sends them. A sweep carries the stamp of
+    /// The next message, in the order in which the robot sends them. A scan carries the stamp of
     /// its first beam but is sent after its last one.
     pub fn advance(&mut self) -> Emitted {
         loop {

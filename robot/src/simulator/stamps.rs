@@ -54,7 +54,7 @@ impl Stamps {
         (!lost).then_some(message)
     }
 
-    /// 1. The drive stream's clock runs at its own rate: `t·(1 + drift)`.
+    /// 1. The wheel odometry's clock runs at its own rate: `t·(1 + drift)`.
     /// 2. Every stamp trembles; a stream is first in, first out, so its stamps rise.
     fn stamp_ns(&mut self, line: Line, time_ns: i64) -> i64 {
         let mut stamp_ns = time_ns;

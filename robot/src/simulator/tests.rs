@@ -266,7 +266,7 @@ fn integrating_the_samples_over_the_interval_before_each_stamp_gives_the_true_pa
             let lag_ns = drive.stamp_ns - emitted.truth.stamp_ns;
             assert_eq!(
                 lag_ns, 80_000_000,
-                "motion shows 80 ms later in the drive stream"
+                "motion shows 80 ms later in the wheel odometry"
             );
             assert!(emitted.truth.stamp_ns > start_ns);
         }
@@ -477,11 +477,11 @@ fn a_setting_that_cannot_be_is_refused_by_name() {
     };
     assert_eq!(
         refused(&|config| config.vehicle.wheelbase_m = f64::NAN),
-        "vehicle.wheelbase_m is NaN, accepted is 0.1 to 20 m"
+        "vehicle.wheelbase_m is NaN, expected 0.1 to 20 m"
     );
     assert_eq!(
         refused(&|config| config.people.count = 61),
-        "people.count is 61, accepted is at most 60"
+        "people.count is 61, expected at most 60"
     );
     let beams = |beams| {
         LidarOutput::Sweeps(LidarSettings {
@@ -491,7 +491,7 @@ fn a_setting_that_cannot_be_is_refused_by_name() {
     };
     assert_eq!(
         refused(&|config| config.lidar = beams(4)),
-        "lidar.beams is 4, accepted is 8 to 16384"
+        "lidar.beams is 4, expected 8 to 16384"
     );
     let nowhere = Route::from_points(&[Point::default()], false);
     assert!(refused(&|config| config.route = nowhere.clone()).starts_with("route.length_m is 0"));

@@ -1,4 +1,4 @@
-//! Where the robot was during the last moments: a sweep looks back at each beam's own time.
+//! Where the robot was during the last moments: a scan looks back at each beam's own time.
 
 use std::collections::VecDeque;
 

@@ -45,7 +45,7 @@ pub struct VehicleTruth {
     pub steering_gain: f64,
     /// True speed over measured speed.
     pub speed_scale: f64,
-    /// How much later a motion shows in the drive stream than in the LiDAR's, s.
+    /// How much later a motion shows in the wheel odometry than in the LiDAR's, s.
     pub time_offset_s: f64,
     /// Time constant of the steering actuator, s.
     pub steering_lag_s: f64,

@@ -128,7 +128,7 @@ fn of_access(method: &Method, access: Option<Access>) -> Vec<Shared> {
         Some(access) => {
             let missing = "There is no valid credential; `code` says why";
             let accepted = access.accepted();
-            let accepted = format!("The caller is not permitted; accepted is {accepted}");
+            let accepted = format!("The caller is not permitted; expected {accepted}");
             vec![
                 Shared::new(StatusCode::UNAUTHORIZED, "CredentialRefused", missing),
                 Shared::new(StatusCode::FORBIDDEN, forbidden(access), accepted),

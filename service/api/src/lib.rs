@@ -34,9 +34,9 @@ use axum::response::Response;
 use fleetcal_clock::SharedClock;
 use fleetcal_fleet::FleetHandle;
 use fleetcal_http::{Connections, host};
-use fleetcal_operations::clerk::Clerk;
-use fleetcal_operations::courier::Courier;
-use fleetcal_operations::sentry::Sentry;
+use fleetcal_operations::alert_evaluator::AlertEvaluator;
+use fleetcal_operations::lifecycle::Lifecycle;
+use fleetcal_operations::webhook_dispatcher::WebhookDispatcher;
 use fleetcal_requests::{etag, extract, page, problem, time};
 use fleetcal_store::Store;
 use tokio::sync::watch;
@@ -75,11 +75,11 @@ pub struct ApiSetup {
     /// The robots.
     pub fleet: FleetHandle,
     /// The life cycle of their calibrations.
-    pub clerk: Clerk,
+    pub lifecycle: Lifecycle,
     /// What is wrong with them.
-    pub sentry: Sentry,
+    pub evaluator: AlertEvaluator,
     /// Who is told of that.
-    pub courier: Courier,
+    pub dispatcher: WebhookDispatcher,
     /// What is kept of them.
     pub store: Store,
     /// Where time comes from.
@@ -102,14 +102,14 @@ struct ApiState {
     started_ns: i64,
     durations: RequestDurations,
     fleet: FleetHandle,
-    clerk: Clerk,
-    sentry: Sentry,
-    courier: Courier,
+    lifecycle: Lifecycle,
+    evaluator: AlertEvaluator,
+    dispatcher: WebhookDispatcher,
     store: Store,
     clock: SharedClock,
     link_open: watch::Receiver<bool>,
     stream: StreamHub,
-    sessions: robots::Sessions,
+    recordings: robots::Recordings,
     connections: Connections,
     ready: ReadyProbe,
     access: AccessState,
@@ -122,12 +122,12 @@ impl ApiState {
             build: setup.build,
             started_ns: setup.clock.now_ns().saturating_sub(running_ns),
             durations: RequestDurations::new(setup.clock.clone()),
-            sessions: robots::Sessions::new(setup.stop.clone()),
+            recordings: robots::Recordings::new(setup.stop.clone()),
             stream: StreamHub::start(&setup),
             fleet: setup.fleet,
-            clerk: setup.clerk,
-            sentry: setup.sentry,
-            courier: setup.courier,
+            lifecycle: setup.lifecycle,
+            evaluator: setup.evaluator,
+            dispatcher: setup.dispatcher,
             store: setup.store,
             clock: setup.clock,
             link_open: setup.link_open,
@@ -143,7 +143,7 @@ impl ApiState {
     info(
         title = "fleetcal",
         description = "Calibration of fleets of wheeled robots: what each robot's steering offset \
-            and LiDAR mount are, how they went, and what happened to it.\n\nAngles are in \
+            and LiDAR extrinsics are, how they went, and what happened to it.\n\nAngles are in \
             radians, lengths in metres, times RFC 3339 in UTC. Errors are `Problem` documents \
             (RFC 9457). Unknown query parameters are refused by name.",
         license(name = "Apache-2.0", identifier = "Apache-2.0"),

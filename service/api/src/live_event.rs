@@ -33,7 +33,7 @@ pub(super) enum LiveEvent<'a> {
     /// An alert has changed. The state `normal` ends it.
     Alert(AlertDocument),
     /// The deployment freeze began or ended.
-    Hold(NoData),
+    Freeze(NoData),
     /// The approval policy changed.
     Policy(NoData),
     /// The first event of a new client.
@@ -70,7 +70,7 @@ impl<'a> LiveEvent<'a> {
             LiveUpdate::Estimate { document, .. } => Self::Estimate(document),
             LiveUpdate::Approval { robot } => Self::Approval(ApprovalUpdate { robot }),
             LiveUpdate::Alert { alert, .. } => Self::Alert(AlertDocument::of(alert)),
-            LiveUpdate::Hold => Self::Hold(NoData {}),
+            LiveUpdate::Freeze => Self::Freeze(NoData {}),
             LiveUpdate::Policy => Self::Policy(NoData {}),
             LiveUpdate::Event { robot, event } => {
                 Self::Event(EventDocument::of(NewEvent::of(robot, event, now_ns)))
@@ -87,7 +87,7 @@ impl<'a> LiveEvent<'a> {
             Self::Event(event) => serde_json::to_string(event),
             Self::Approval(update) => serde_json::to_string(update),
             Self::Alert(alert) => serde_json::to_string(alert),
-            Self::Hold(none) | Self::Policy(none) | Self::Ready(none) | Self::Resync(none) => {
+            Self::Freeze(none) | Self::Policy(none) | Self::Ready(none) | Self::Resync(none) => {
                 serde_json::to_string(none)
             }
         };
@@ -105,6 +105,6 @@ pub(super) fn robot_of(update: &LiveUpdate) -> Option<&RobotId> {
         | LiveUpdate::Approval { robot }
         | LiveUpdate::Event { robot, .. } => Some(robot),
         LiveUpdate::Alert { robot, .. } => robot.as_ref(),
-        LiveUpdate::Hold | LiveUpdate::Policy => None,
+        LiveUpdate::Freeze | LiveUpdate::Policy => None,
     }
 }

@@ -14,7 +14,7 @@ use fleetcal_domain::robot::{ConnectionState, Counters, RobotView};
 use fleetcal_domain::standing::Standing;
 use fleetcal_fleet::FleetCounters;
 use fleetcal_http::Turned;
-use fleetcal_operations::courier::CourierCounters;
+use fleetcal_operations::webhook_dispatcher::WebhookDispatcherCounters;
 use fleetcal_store::StoreCounters;
 use prometheus_client::collector::Collector;
 use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric, text};
@@ -77,7 +77,7 @@ struct Snapshot {
     /// How long requests took.
     requests: RequestDurations,
     alerts: BTreeMap<(AlertKind, ConditionName), u64>,
-    courier: CourierCounters,
+    dispatcher: WebhookDispatcherCounters,
     /// `None` while the database does not say.
     waiting_deliveries: Option<u64>,
     link_open: bool,
@@ -88,12 +88,12 @@ struct Snapshot {
 impl Snapshot {
     fn of(api: &ApiState, waiting_deliveries: Option<u64>) -> Self {
         let robots = api.fleet.robots();
-        let standings = api.sentry.standings();
+        let standings = api.evaluator.standings();
         let now_ns = api.clock.now_ns();
         let mut heard: BTreeMap<_, _> = ConnectionState::ALL.iter().map(|one| (*one, 0)).collect();
         let mut stand: BTreeMap<_, _> = Standing::ALL.iter().map(|one| (*one, 0)).collect();
         for robot in &robots {
-            let ledger = api.clerk.ledger(&robot.id);
+            let ledger = api.lifecycle.ledger(&robot.id);
             *heard
                 .entry(connection_state(robot, &ledger, now_ns))
                 .or_default() += 1;
@@ -104,15 +104,15 @@ impl Snapshot {
             started_s: api.started_ns as f64 / 1e9,
             fleet: api.fleet.counters(),
             robots: Arc::new(robots),
-            lost_answers: api.clerk.answer_counters(),
+            lost_answers: api.lifecycle.answer_counters(),
             heard,
             standings: stand,
             store: api.store.counters(),
             transactions: api.store.transaction_durations(),
             scans: api.fleet.scan_durations(),
             requests: api.durations.clone(),
-            alerts: api.sentry.counts(),
-            courier: api.courier.counters(),
+            alerts: api.evaluator.counts(),
+            dispatcher: api.dispatcher.counters(),
             waiting_deliveries,
             link_open: *api.link_open.borrow(),
             connections: api.connections.open(),
@@ -209,7 +209,8 @@ impl Snapshot {
     fn encode_dropped(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
         let fleet = &self.fleet;
         let of_robots = self.robots.iter().map(|robot| &robot.counters);
-        let mailbox_full = of_robots.map(|of| of.shed_drive + of.shed_scans + of.shed_notes);
+        let mailbox_full =
+            of_robots.map(|of| of.dropped_wheel_odometry + of.dropped_scans + of.dropped_notes);
         let by_reason = [
             ("unknown_key", fleet.foreign_keys),
             ("oversized", fleet.oversized),
@@ -305,22 +306,22 @@ impl Snapshot {
     }
 
     fn encode_webhooks(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
-        let courier = &self.courier;
+        let dispatcher = &self.dispatcher;
         for (name, help, value) in [
             (
                 "fleetcal_webhook_delivered",
                 "Messages that a receiver has taken",
-                courier.delivered,
+                dispatcher.delivered,
             ),
             (
                 "fleetcal_webhook_failed_attempts",
                 "Attempts to send a message that failed",
-                courier.failed_attempts,
+                dispatcher.failed_attempts,
             ),
             (
                 "fleetcal_webhook_given_up",
                 "Messages that were given up",
-                courier.given_up,
+                dispatcher.given_up,
             ),
         ] {
             counter(out, name, help, value)?;
@@ -381,9 +382,9 @@ const fn outcomes(counters: &Counters) -> [(&'static str, u64); 6] {
         ("processed", counters.processed),
         ("refused", counters.refused),
         ("ignored", counters.ignored),
-        ("dropped_wheel_odometry", counters.shed_drive),
-        ("dropped_scan", counters.shed_scans),
-        ("dropped_note", counters.shed_notes),
+        ("dropped_wheel_odometry", counters.dropped_wheel_odometry),
+        ("dropped_scan", counters.dropped_scans),
+        ("dropped_note", counters.dropped_notes),
     ]
 }
 

@@ -9,8 +9,8 @@ use std::collections::BTreeMap;
 use fleetcal_domain::robot::RobotView;
 use fleetcal_domain::standing::Standing;
 use fleetcal_fleet::FleetHandle;
-use fleetcal_operations::clerk::Clerk;
-use fleetcal_operations::sentry::{Sentry, Standings};
+use fleetcal_operations::alert_evaluator::{AlertEvaluator, Standings};
+use fleetcal_operations::lifecycle::Lifecycle;
 use fleetcal_proto::RobotId;
 
 use super::robots::RobotStateDocument;
@@ -19,18 +19,22 @@ use super::robots::RobotStateDocument;
 #[derive(Debug)]
 pub(super) struct ToldStandings {
     fleet: FleetHandle,
-    clerk: Clerk,
-    sentry: Sentry,
+    lifecycle: Lifecycle,
+    evaluator: AlertEvaluator,
     told: BTreeMap<RobotId, Standing>,
 }
 
 impl ToldStandings {
     /// Nothing was told yet.
-    pub(super) const fn new(fleet: FleetHandle, clerk: Clerk, sentry: Sentry) -> Self {
+    pub(super) const fn new(
+        fleet: FleetHandle,
+        lifecycle: Lifecycle,
+        evaluator: AlertEvaluator,
+    ) -> Self {
         Self {
             fleet,
-            clerk,
-            sentry,
+            lifecycle,
+            evaluator,
             told: BTreeMap::new(),
         }
     }
@@ -47,7 +51,7 @@ impl ToldStandings {
     /// A robot's state as it is now, which counts as told; `None` of a robot that is gone.
     pub(super) fn now(&mut self, robot: &RobotId) -> Option<RobotStateDocument> {
         let view = self.fleet.robot(robot)?;
-        let standing = self.of(&self.sentry.standings(), &view);
+        let standing = self.of(&self.evaluator.standings(), &view);
         self.told.insert(view.id.clone(), standing);
         Some(RobotStateDocument::of(&view, standing))
     }
@@ -61,7 +65,7 @@ impl ToldStandings {
 
     /// Every robot that stands otherwise than was told; now it counts as told.
     pub(super) fn all_changed(&mut self) -> Vec<RobotStateDocument> {
-        let standings = self.sentry.standings();
+        let standings = self.evaluator.standings();
         let robots = self.fleet.robots();
         let mut changed = Vec::new();
         let mut told = BTreeMap::new();
@@ -78,6 +82,6 @@ impl ToldStandings {
     }
 
     fn of(&self, standings: &Standings, view: &RobotView) -> Standing {
-        standings.of(view, &self.clerk.ledger(&view.id))
+        standings.of(view, &self.lifecycle.ledger(&view.id))
     }
 }

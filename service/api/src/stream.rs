@@ -72,10 +72,10 @@ impl StreamHub {
             of_address: Shares::new(limits::HTTP_STREAMS_PER_ADDRESS_MAX),
             stop: setup.stop.clone(),
         };
-        let (fleet, clerk) = (setup.fleet.clone(), setup.clerk.clone());
+        let (fleet, lifecycle) = (setup.fleet.clone(), setup.lifecycle.clone());
         let writer = Writer {
             live: fleet.live(),
-            standings: ToldStandings::new(fleet, clerk, setup.sentry.clone()),
+            standings: ToldStandings::new(fleet, lifecycle, setup.evaluator.clone()),
             rows: Rows::default(),
             clock: setup.clock.clone(),
             hub: hub.clone(),
@@ -189,7 +189,7 @@ impl Writer {
             // The next tick tells what these have changed.
             LiveUpdate::Estimate { .. }
             | LiveUpdate::Event { .. }
-            | LiveUpdate::Hold
+            | LiveUpdate::Freeze
             | LiveUpdate::Policy => None,
         };
         if let Some(state) = state {
@@ -235,7 +235,7 @@ pub(super) struct StreamParameters {
     #[param(value_type = Option<RobotId>)]
     robot: Option<String>,
     /// Only these topics, separated by commas: `fleet` (lean rows and states of all robots),
-    /// `robot:ID` (everything about this robot), `alerts`, `approvals`, `site` (policy and
+    /// `robot:ID` (everything about this robot), `alerts`, `approvals`, `deployments` (policy and
     /// deployment freeze). At most 8.
     topics: Option<String>,
 }

@@ -21,7 +21,7 @@ enum Topic {
     /// That a robot's proposals, deployments or shadow have changed.
     Approvals,
     /// That the policy or the deployment freeze has changed.
-    Site,
+    Deployments,
 }
 
 /// What a listener wants to hear.
@@ -42,7 +42,8 @@ pub(super) struct Topics(BTreeSet<Topic>);
 impl Topics {
     /// Reads `fleet,robot:tugger_01,alerts`.
     pub(super) fn parse(text: &str) -> Result<Self, Problem> {
-        const ACCEPTED: &str = "fleet, robot:ID, alerts, approvals and site, separated by commas";
+        const ACCEPTED: &str =
+            "fleet, robot:ID, alerts, approvals and deployments, separated by commas";
         let refused = || Problem::refused("topics", text, ACCEPTED);
         let mut topics = BTreeSet::new();
         for name in text.split(',') {
@@ -50,7 +51,7 @@ impl Topics {
                 "fleet" => Topic::Fleet,
                 "alerts" => Topic::Alerts,
                 "approvals" => Topic::Approvals,
-                "site" => Topic::Site,
+                "deployments" => Topic::Deployments,
                 _ => {
                     let id = name.strip_prefix("robot:").ok_or_else(refused)?;
                     Topic::Robot(RobotId::parse(id).map_err(|_| refused())?)
@@ -97,7 +98,7 @@ impl Topics {
             EventName::Estimate | EventName::Event => of_robot(),
             EventName::Approval => self.has(&Topic::Approvals) || of_robot(),
             EventName::Alert => self.has(&Topic::Alerts) || of_robot(),
-            EventName::Hold | EventName::Policy => self.has(&Topic::Site),
+            EventName::Freeze | EventName::Policy => self.has(&Topic::Deployments),
         }
     }
 }
@@ -139,8 +140,8 @@ mod tests {
         let whole = ["estimate", "robot_state", "event", "approval", "alert"];
         assert_eq!(sorted(heard("robot:a", Some("a"))), of(&whole));
         assert_eq!(sorted(heard("robot:a", Some("b"))), of(&[]));
-        let base = "alerts,approvals,site";
-        let told = ["approval", "alert", "hold", "policy"];
+        let base = "alerts,approvals,deployments";
+        let told = ["approval", "alert", "freeze", "policy"];
         assert_eq!(sorted(heard(base, Some("b"))), of(&told));
     }
 

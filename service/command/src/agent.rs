@@ -20,7 +20,7 @@ use crate::{Boxed, CommandError};
 
 /// What a hook has to know, and what else is not said by one flag.
 const LONG_HELP: &str = "\
-The agent asks the service for what is approved for its robot: at its start, whenever a service comes \
+The agent asks the service for the approved calibration for its robot: at its start, whenever a service comes \
 up, and once a minute; what the service pushes arrives at once. A document is taken when it is signed \
 with a trusted key, for this robot, of a higher generation than any before, and inside the robot's \
 limits; else it is refused, and the service is told why. The file is replaced as a whole or not at \
@@ -180,7 +180,7 @@ fn planar_pose(text: &str) -> Result<Pose2, String> {
         .collect();
     match numbers.as_deref() {
         Some(&[x_m, y_m, yaw_rad]) => Ok(Pose2 { x_m, y_m, yaw_rad }),
-        _ => Err("accepted are three numbers, metres and radians: -0.4,0,0".to_owned()),
+        _ => Err("expected three numbers, metres and radians: -0.4,0,0".to_owned()),
     }
 }
 
@@ -190,7 +190,7 @@ fn frame_name(text: &str) -> Result<String, String> {
     if !text.is_empty() && !text.starts_with('-') && text.chars().all(good) {
         return Ok(text.to_owned());
     }
-    Err("accepted are letters, digits, _, -, . and /".to_owned())
+    Err("expected letters, digits, _, -, . and /".to_owned())
 }
 
 /// Runs until SIGTERM or SIGINT.

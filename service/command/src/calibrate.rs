@@ -12,7 +12,7 @@ use fleetcal_domain::streams::{Joints, StreamsFields};
 use fleetcal_estimator::lidar_odometry::BeamTimes;
 use fleetcal_estimator::{Calibrator, Effect, EstimatorSettings, Event, VehicleModel};
 use fleetcal_fleet::{Intake, LatestPose, ReadingSettings, document};
-use fleetcal_operations::session_export::SessionExport;
+use fleetcal_operations::recording_export::RecordingExport;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::CalibrationReport;
 use fleetcal_robot::recording::{Channel, RecordedMessage, Recording, Topics, choose_topics};
@@ -43,7 +43,7 @@ pub struct Arguments {
     /// How the vehicle steers [default: bicycle, or what --config says]
     #[arg(long)]
     pub model: Option<ModelName>,
-    /// The robot's name [default: the first chunk of the drive topic]
+    /// The robot's name [default: the first chunk of the wheel odometry topic]
     #[arg(long, value_name = "NAME")]
     pub robot: Option<String>,
     /// Which topics are taken.
@@ -201,7 +201,7 @@ struct Run<'a> {
     streams: Vec<RecordedStream>,
     robot: &'a RobotId,
     trajectory: Option<Trajectory>,
-    export: Option<SessionExport<BufWriter<File>>>,
+    export: Option<RecordingExport<BufWriter<File>>>,
     /// What a report shows, where one is asked for.
     session: Option<SessionRecord>,
     pose: LatestPose,
@@ -229,7 +229,7 @@ impl<'a> Run<'a> {
             .map(Trajectory::create)
             .transpose()?;
         let export = arguments.export.as_deref();
-        let export = export.map(|path| SessionExport::create(path, robot));
+        let export = export.map(|path| RecordingExport::create(path, robot));
         Ok(Self {
             recording,
             topics,
@@ -297,12 +297,12 @@ impl<'a> Run<'a> {
             effects.extend(self.calibrator.step(decoded.event));
         }
         let spent = thread_cpu().saturating_sub(before);
-        if stream.is_drive() {
+        if stream.is_wheel_odometry() {
             self.times.add(spent);
         } else {
             self.times.add_scan(spent);
         }
-        if let (Some(export), Some(topic)) = (&mut self.export, stream.session_topic())
+        if let (Some(export), Some(topic)) = (&mut self.export, stream.recording_topic())
             && let Some(stamp) = stamp
         {
             export.message(stamp, &topic, &message.payload)?;

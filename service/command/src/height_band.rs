@@ -26,7 +26,7 @@ impl FromStr for HeightBand {
             Some((height(min)?, height(max)?))
         });
         let Some((height_min_m, height_max_m)) = heights else {
-            return Err("accepted are two heights in metres, the lower first".to_owned());
+            return Err("expected two heights in metres, the lower first".to_owned());
         };
         let fields = BandFields {
             height_min_m,
@@ -60,10 +60,7 @@ mod tests {
             ("1", "two heights"),
             ("1,2,3", "two heights"),
             ("low,high", "two heights"),
-            (
-                "1,0",
-                "height_max_m is 0, accepted is more than height_min_m",
-            ),
+            ("1,0", "height_max_m is 0, expected more than height_min_m"),
             ("nan,0", "height_min_m is NaN"),
         ] {
             let reason = text.parse::<HeightBand>().expect_err(text);

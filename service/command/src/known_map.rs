@@ -15,7 +15,7 @@ pub struct KnownMapArguments {
     /// Localise in a known map: the YAML file of ROS's `map_server`, its image beside it
     #[arg(long, value_name = "MAP.yaml", requires = "start")]
     pub map: Option<PathBuf>,
-    /// The LiDAR's pose in the map at the first sweep, within half a metre and 15 degrees
+    /// The LiDAR's pose in the map at the first scan, within half a metre and 15 degrees
     #[arg(
         long,
         value_name = "X,Y,YAW_DEG",
@@ -42,7 +42,7 @@ impl FromStr for Start {
             [x_m, y_m, yaw_deg] if text.matches(',').count() == 2 => {
                 Ok(Self(Pose2::new(*x_m, *y_m, yaw_deg.to_radians())))
             }
-            _ => Err("accepted are three numbers: metres, metres, degrees".to_owned()),
+            _ => Err("expected three numbers: metres, metres, degrees".to_owned()),
         }
     }
 }

@@ -131,7 +131,7 @@ pub enum CommandError {
         source: std::io::Error,
     },
     /// A result would take the recording's place.
-    #[error("{} is of the recording itself, accepted is another file", .0.display())]
+    #[error("{} is of the recording itself, expected another file", .0.display())]
     OverRecording(PathBuf),
     /// A figure could not be drawn.
     #[error("cannot draw a figure: {0}")]

@@ -29,7 +29,7 @@ pub struct Arguments {
     /// The topic with `LaserScan` or `PointCloud2` messages, if there are several
     #[arg(long, value_name = "TOPIC")]
     pub scan_topic: Option<String>,
-    /// Write the LiDAR's trajectory as a TUM file: each sweep's reference time and pose
+    /// Write the LiDAR's trajectory as a TUM file: each scan's reference time and pose
     #[arg(long, value_name = "OUT.tum")]
     pub trajectory: PathBuf,
     /// Of clouds, the heights to take in the LiDAR's frame [default: -0.5,0.5]
@@ -46,21 +46,21 @@ pub struct Arguments {
 /// What the command says beside the trajectory.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 struct Summary {
-    /// Sweeps that have a pose.
+    /// Scans that have a pose.
     scans: u64,
-    /// Sweeps that could not be read, or have too few returns for a pose.
+    /// Scans that could not be read, or have too few returns for a pose.
     scans_rejected: u64,
-    /// Sweeps in each state of tracking.
+    /// Scans in each state of tracking.
     tracking: TrackingCounts,
-    /// Times the local map was begun anew: poses before and after do not compare.
+    /// Times the local map was restarted: poses before and after do not compare.
     map_restarts: u64,
     /// Length of the way, m.
     distance_m: f64,
     /// From the first pose to the last, s.
     duration_s: f64,
-    /// Median CPU time of one sweep, ms.
+    /// Median CPU time of one scan, ms.
     scan_median_ms: f64,
-    /// The CPU time that 99 of 100 sweeps stay under, ms.
+    /// The CPU time that 99 of 100 scans stay under, ms.
     scan_p99_ms: f64,
     /// CPU time of it all, s.
     cpu_s: f64,
@@ -68,7 +68,7 @@ struct Summary {
     realtime_factor: f64,
 }
 
-/// Sweeps in each state.
+/// Scans in each state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 struct TrackingCounts {
     tracking: u64,
@@ -174,7 +174,7 @@ fn in_words(summary: &Summary) -> String {
     } = summary;
     format!(
         "{scans} scans, {scans_rejected} rejected; {distance_m:.2} m in {:.1} s\n\
-         tracking {}, degraded {}, lost {}, recovered {}; map begun anew {map_restarts} times\n\
+         tracking {}, degraded {}, lost {}, recovered {}; map restarted {map_restarts} times\n\
          {:.3} ms a scan (99 % under {:.3} ms), {:.2} s of CPU time, {:.0} times real time\n",
         summary.duration_s,
         tracking.tracking,

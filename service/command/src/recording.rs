@@ -4,9 +4,11 @@ use std::path::{Path, PathBuf};
 
 use fleetcal_fleet::{Intake, Taken};
 use fleetcal_model::Stream;
-use fleetcal_proto::SessionTopic;
+use fleetcal_proto::RecordingTopic;
 use fleetcal_proto::message_type::{Form, MessageType};
-use fleetcal_robot::recording::{Channel, ChosenDrive, ChosenPose, RecordedMessage, Topics};
+use fleetcal_robot::recording::{
+    Channel, ChosenPose, ChosenWheelOdometry, RecordedMessage, Topics,
+};
 
 use crate::CommandError;
 
@@ -21,11 +23,13 @@ pub struct RecordedStream {
     first_refusal: Option<String>,
 }
 
-/// The streams of a recording's topics, those of the drive first.
+/// The streams of a recording's topics, those of the wheel odometry first.
 pub fn streams(topics: &Topics) -> Vec<RecordedStream> {
-    let mut streams = match &topics.drive {
-        ChosenDrive::Whole(channel) => vec![RecordedStream::of(channel, Stream::Drive)],
-        ChosenDrive::Halves { steering, speed } => vec![
+    let mut streams = match &topics.wheel_odometry {
+        ChosenWheelOdometry::Whole(channel) => {
+            vec![RecordedStream::of(channel, Stream::WheelOdometry)]
+        }
+        ChosenWheelOdometry::Halves { steering, speed } => vec![
             RecordedStream::of(steering, Stream::Steering),
             RecordedStream::of(speed, Stream::Speed),
         ],
@@ -57,14 +61,14 @@ impl RecordedStream {
     }
 
     /// Whether it tells how the vehicle drives.
-    pub fn is_drive(&self) -> bool {
-        self.stream.is_drive()
+    pub fn is_wheel_odometry(&self) -> bool {
+        self.stream.is_wheel_odometry()
     }
 
     /// What a session calls it.
-    pub fn session_topic(&self) -> Option<SessionTopic> {
+    pub fn recording_topic(&self) -> Option<RecordingTopic> {
         let message_type: MessageType = self.form.message_type?;
-        Some(SessionTopic {
+        Some(RecordingTopic {
             topic: self.topic.clone(),
             message_type,
             encoding: self.form.encoding,

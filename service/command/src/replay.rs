@@ -20,7 +20,7 @@ pub struct Arguments {
     /// Where the service is.
     #[command(flatten)]
     pub connection: ConnectionArguments,
-    /// As which robot [default: the first chunk of the drive topic]
+    /// As which robot [default: the first chunk of the wheel odometry topic]
     #[arg(long, value_name = "ID", value_parser = RobotId::parse)]
     pub robot: Option<RobotId>,
     /// How many times as fast as it was recorded, or `max`: as fast as the service works
@@ -68,12 +68,12 @@ fn in_words(summary: &ReplaySummary) -> String {
         robot,
         drive_samples,
         scans,
-        shed,
+        dropped,
         unconfirmed,
         duration,
     } = summary;
     format!(
-        "{robot}: {drive_samples} drive samples and {scans} scans sent in {:.1} s; {shed} shed or \
+        "{robot}: {drive_samples} drive samples and {scans} scans sent in {:.1} s; {dropped} dropped or \
          refused by the service, {unconfirmed} lost while it restarted\n",
         duration.as_secs_f64()
     )

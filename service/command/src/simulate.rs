@@ -48,7 +48,7 @@ pub struct Arguments {
     )]
     pub duration: f64,
     /// The service's public key, as `GET /api/v1/signing-key` shows it: the robots apply, at once
-    /// and in motion, what is approved for them; without it they take no calibration; may be
+    /// and in motion, the approved calibration for them; without it they take no calibration; may be
     /// repeated
     #[arg(long, value_name = "PUBLICKEY", conflicts_with = "record")]
     pub service_key: Vec<PublicKey>,

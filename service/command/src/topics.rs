@@ -10,8 +10,12 @@ use fleetcal_robot::recording::{AskedTopic, AskedTopics, Channel};
 #[derive(Debug, Args)]
 pub struct TopicArguments {
     /// The topic with measured speed and steering in one message, if there are several
-    #[arg(long = "drive-topic", value_name = "TOPIC")]
-    pub drive: Option<String>,
+    #[arg(
+        long = "wheel-odometry-topic",
+        alias = "drive-topic",
+        value_name = "TOPIC"
+    )]
+    pub wheel_odometry: Option<String>,
     /// The topic with the steering angle, where it comes apart from the speed
     #[arg(long = "steering-topic", value_name = "TOPIC")]
     pub steering: Option<String>,
@@ -34,7 +38,7 @@ impl TopicArguments {
             Some(AskedTopic { topic, by })
         };
         AskedTopics {
-            drive: asked(&self.drive, "--drive-topic"),
+            wheel_odometry: asked(&self.wheel_odometry, "--wheel-odometry-topic"),
             steering: asked(&self.steering, "--steering-topic"),
             speed: asked(&self.speed, "--speed-topic"),
             scan: asked(&self.scan, "--scan-topic"),
@@ -55,8 +59,8 @@ impl TopicArguments {
             let topic = recorded_as(channels, robot, source.topic.as_str());
             Some(AskedTopic { topic, by })
         };
-        if asked.drive.is_none() && asked.steering.is_none() && asked.speed.is_none() {
-            asked.drive = configured(Stream::Drive, "streams.drive");
+        if asked.wheel_odometry.is_none() && asked.steering.is_none() && asked.speed.is_none() {
+            asked.wheel_odometry = configured(Stream::WheelOdometry, "streams.wheel_odometry");
             asked.steering = configured(Stream::Steering, "streams.steering");
             asked.speed = configured(Stream::Speed, "streams.speed");
         }
@@ -93,13 +97,13 @@ fn recorded_as(channels: &[Channel], robot: &str, name: &str) -> String {
 pub fn joints(text: &str) -> Result<Joints, String> {
     let fields: StreamsFields = toml::from_str(&format!("joints = {text}")).map_err(|error| {
         format!(
-            "{}, accepted is a table as in the configuration: {{ steering = \"steer_joint\" }}",
+            "{}, expected a table as in the configuration: {{ steering = \"steer_joint\" }}",
             error.message()
         )
     })?;
     let joints = fields.joints.clone();
     RobotStreams::try_from(fields)?;
-    joints.ok_or_else(|| "accepted is a table: { steering = \"steer_joint\" }".to_owned())
+    joints.ok_or_else(|| "expected a table: { steering = \"steer_joint\" }".to_owned())
 }
 
 #[cfg(test)]
@@ -143,7 +147,7 @@ mod tests {
         let read = joints("{ steering = 'steer', steering_gear = 0.5 }");
         assert_eq!(read.map(|of| of.steering), Ok(Some("steer".to_owned())));
         for (text, wanted) in [
-            ("steer", "accepted is a table"),
+            ("steer", "expected a table"),
             ("{ steer = 'a' }", "steer"),
             (
                 "{ steering = 'a', steering_gear = 0 }",

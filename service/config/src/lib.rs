@@ -219,7 +219,7 @@ mod tests {
         model = "bicycle"
         wheelbase_m = 1.2
         nominal = { x_m = 0.434, y_m = 0.0, yaw_rad = 0.0 }
-        drive = "raw"
+        wheel_odometry = "raw"
     "#;
 
     fn refusal(text: &str) -> String {
@@ -272,7 +272,7 @@ mod tests {
             "wheelbase_m",
             "speed_",
             "nominal",
-            "drive",
+            "wheel_odometry",
             "rear_axle_in",
         ];
         let whole = keys.iter().fold(whole, |text, key| {
@@ -280,6 +280,16 @@ mod tests {
         });
         let config = Config::parse(&whole).expect("documented");
         assert_eq!(config.robots.len(), 1);
+    }
+
+    #[test]
+    fn former_names_of_wheel_odometry_are_read() {
+        let former = "[ros2]\ndrive = \"feedback\"\n\n[[robot]]\nid = \"a\"\nmodel = \"bicycle\"\n\
+                      wheelbase_m = 1.2\ndrive = \"compensated\"\n\
+                      streams = { drive = { topic = \"drive\" } }\n";
+        let read = Config::parse(former).expect("read");
+        let today = former.replace("drive =", "wheel_odometry =");
+        assert_eq!(Config::parse(&today), Ok(read));
     }
 
     #[test]
@@ -315,7 +325,7 @@ mod tests {
     fn an_unknown_key_is_refused_by_name_at_every_level() {
         assert!(refusal("htttp = \"127.0.0.1:1\"").contains("htttp"));
         assert!(refusal("[estimator]\nnoize = 1").contains("noize"));
-        assert!(refusal(&WHOLE.replace("drive =", "driv =")).contains("driv"));
+        assert!(refusal(&WHOLE.replace("wheel_odometry =", "wheel_odom =")).contains("wheel_odom"));
         assert!(refusal(&WHOLE.replace("yaw_rad = 0.0", "yaw = 0.0")).contains("yaw"));
     }
 
@@ -350,7 +360,7 @@ mod tests {
         assert_ne!(cloud.band, laser.band);
         let reason = scans(&text.replace("1.5", "-1.5")).expect_err("upside down");
         assert!(
-            reason.contains("height_max_m is -1.5, accepted is"),
+            reason.contains("height_max_m is -1.5, expected"),
             "{reason}"
         );
         let reason = scans(&text.replace("beams", "beens")).expect_err("unknown");

@@ -59,12 +59,12 @@ pub enum Action {
     /// A webhook was deleted.
     #[strum(serialize = "webhook.delete")]
     DeleteWebhook,
-    /// The site-wide stop was set.
-    #[strum(serialize = "site.hold")]
-    Hold,
-    /// The site-wide stop was lifted.
-    #[strum(serialize = "site.release")]
-    Release,
+    /// Deployments were frozen.
+    #[strum(serialize = "freeze.begin")]
+    BeginFreeze,
+    /// Deployments were resumed.
+    #[strum(serialize = "freeze.end")]
+    EndFreeze,
     /// The approval policy was set.
     #[strum(serialize = "policy.change")]
     ChangePolicy,
@@ -99,7 +99,7 @@ impl Action {
             Self::NoteEvent => "event",
             Self::AcknowledgeAlert => "alert",
             Self::CreateWebhook | Self::DeleteWebhook => "webhook",
-            Self::Hold | Self::Release => "site",
+            Self::BeginFreeze | Self::EndFreeze => "freeze",
             Self::ChangePolicy => "policy",
         }
     }
@@ -134,7 +134,7 @@ mod tests {
                 "shadow",
             ),
             (Action::SignIn, "session.sign_in", "user"),
-            (Action::Release, "site.release", "site"),
+            (Action::EndFreeze, "freeze.end", "freeze"),
         ] {
             assert_eq!((action.as_str(), action.subject()), (name, subject));
         }

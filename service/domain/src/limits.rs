@@ -12,7 +12,7 @@ pub const PAYLOAD_BYTES_MAX: usize = 4 * 1024 * 1024;
 pub const fn payload_bytes_max(stream: Stream) -> usize {
     match stream {
         // Joints and odometry are longer than a drive sample.
-        Stream::Drive | Stream::Steering | Stream::Speed => 4 * 1024,
+        Stream::WheelOdometry | Stream::Steering | Stream::Speed => 4 * 1024,
         Stream::Scan => 2 * 1024 * 1024,
         Stream::LidarOdometry => 64 * 1024,
         Stream::Event => 16 * 1024,
@@ -20,7 +20,7 @@ pub const fn payload_bytes_max(stream: Stream) -> usize {
 }
 
 /// Drive samples that wait in a robot's mailbox.
-pub const MAILBOX_DRIVE_SAMPLES_MAX: usize = 1_024;
+pub const MAILBOX_WHEEL_ODOMETRY_MAX: usize = 1_024;
 /// Scans (or LiDAR poses) that wait in a robot's mailbox.
 pub const MAILBOX_SCANS_MAX: usize = 8;
 /// Notes and other rare messages that wait in a robot's mailbox.
@@ -47,6 +47,9 @@ pub const ROS2_TOKENS_OF_ROBOT_MAX: usize = 1_024;
 pub const ROS2_TOKEN_BYTES_MAX: usize = 1_024;
 /// Places, of a prefix and a key layout, that one robot's ROS 2 topics can have at once.
 pub const ROS2_HOMES_MAX: usize = 4;
+
+/// A robot is warned of for so long after its last message on a former key of a stream.
+pub const FORMER_KEY_WARNED_FOR: Duration = Duration::from_secs(30);
 
 /// Answers of one robot that wait to be stored; a further one pushes the oldest out.
 pub const ANSWERS_OF_ROBOT_MAX: usize = 4;
@@ -125,36 +128,36 @@ pub const IN_FLIGHT_S: f64 = 1.0;
 
 /// How often a robot's next manoeuvres are ranked, s of message time.
 pub const ADVICE_EVERY_S: f64 = 5.0;
-/// Askers for a robot's plan that wait; whoever comes then is told to come again.
-pub const PLAN_ASKERS_MAX: usize = 64;
-/// Whoever asks again within this much message time gets the same plan, s.
-pub const PLAN_EVERY_S: f64 = 0.4;
-/// A plan shows surfaces this far from the LiDAR, m.
-pub const PLAN_REACH_M: f64 = 30.0;
-/// Points of surfaces in a plan, the nearest.
-pub const PLAN_SURFACES_MAX: usize = 4_096;
-/// Length of a plan's trajectories, m by the wheels.
-pub const PLAN_TRAJECTORY_M: f64 = 20.0;
+/// Askers for a robot's top view that wait; later ones are told to ask again.
+pub const TOP_VIEW_ASKERS_MAX: usize = 64;
+/// Those who ask again within this much message time get the same view, s.
+pub const TOP_VIEW_EVERY_S: f64 = 0.4;
+/// A top view shows surfaces this far from the LiDAR, m.
+pub const TOP_VIEW_REACH_M: f64 = 30.0;
+/// Points of surfaces in a top view, the nearest.
+pub const TOP_VIEW_SURFACES_MAX: usize = 4_096;
+/// Length of a top view's trajectories, m by the wheels.
+pub const TOP_VIEW_TRAJECTORY_M: f64 = 20.0;
 /// Points of each trajectory.
-pub const PLAN_TRAJECTORY_POINTS_MAX: usize = 200;
-/// Robots' sessions that are recorded at once.
-pub const SESSIONS_MAX: usize = 8;
-/// What waits for the writer of a session, in number.
-pub const SESSION_WAITING_MAX: usize = 4_096;
-/// What waits for the writer of a session, bytes of the robot's messages.
-pub const SESSION_WAITING_BYTES_MAX: usize = 16 * 1024 * 1024;
-/// Longest recording of a session, s.
-pub const SESSION_DURATION_MAX_S: u32 = 3_600;
-/// A session is recorded for so long unless asked for otherwise, s.
-pub const SESSION_DURATION_DEFAULT_S: u32 = 60;
-/// A recording of a session ends when it is longer, bytes.
-pub const SESSION_BYTES_MAX: u64 = 1024 * 1024 * 1024;
-/// Pieces of a recording that wait for whoever fetches it.
-pub const SESSION_PIECES_WAITING_MAX: usize = 4;
-/// Whoever takes no piece of a recording for so long gets no more.
-pub const SESSION_STALLED_AFTER: Duration = Duration::from_secs(30);
+pub const TOP_VIEW_TRAJECTORY_POINTS_MAX: usize = 200;
+/// Recordings of robots that are made at once.
+pub const RECORDINGS_MAX: usize = 8;
+/// What waits for the writer of a recording, in number.
+pub const RECORDING_WAITING_MAX: usize = 4_096;
+/// What waits for the writer of a recording, bytes of the robot's messages.
+pub const RECORDING_WAITING_BYTES_MAX: usize = 16 * 1024 * 1024;
+/// Longest recording of a robot, s.
+pub const RECORDING_DURATION_MAX_S: u32 = 3_600;
+/// A robot is recorded for so long unless asked for otherwise, s.
+pub const RECORDING_DURATION_DEFAULT_S: u32 = 60;
+/// A recording ends when it is longer, bytes.
+pub const RECORDING_BYTES_MAX: u64 = 1024 * 1024 * 1024;
+/// Pieces of a recording that wait for the client that fetches it.
+pub const RECORDING_PIECES_WAITING_MAX: usize = 4;
+/// A download that stalls for this long is aborted.
+pub const RECORDING_STALLED_AFTER: Duration = Duration::from_secs(30);
 /// All that is left of a recording at its end has to be taken within this.
-pub const SESSION_REST_TAKEN_WITHIN: Duration = Duration::from_secs(30);
+pub const RECORDING_REST_TAKEN_WITHIN: Duration = Duration::from_secs(30);
 /// Times an estimator is restarted after a panic before its robot is left alone.
 pub const ESTIMATOR_RESTARTS_MAX: u32 = 10;
 
@@ -201,6 +204,10 @@ pub const HISTORY_HOURS_KEPT: Duration = Duration::from_hours(5 * 365 * 24);
 pub const IDEMPOTENCY_KEPT: Duration = Duration::from_hours(24);
 /// Old rows of one kind that are deleted at a time, once a second.
 pub const RETENTION_ROWS_MAX: u32 = 2_000;
+/// A clock that is ahead of running time by so many seconds was set, and has not drifted.
+pub const CLOCK_STEP_S: i64 = 3_600;
+/// A clock that was set forward and stays there for so long is believed by retention.
+pub const CLOCK_STEP_BELIEVED_AFTER: Duration = Duration::from_hours(24);
 /// Rows of one tier of the history that one request reads.
 pub const HISTORY_ROWS_MAX: i64 = 4 * 3_600;
 
@@ -228,8 +235,8 @@ pub const HTTP_HEADER_TIMEOUT: Duration = Duration::from_secs(10);
 /// A request's body must have come within this time; a little longer than
 /// [`HTTP_REQUEST_TIMEOUT`], by which its route has answered.
 pub const HTTP_BODY_TIMEOUT: Duration = Duration::from_secs(12);
-/// A client must take something of an answer within this time; a robot's session has
-/// [`SESSION_STALLED_AFTER`].
+/// A client must take something of an answer within this time; the recording of a robot has
+/// [`RECORDING_STALLED_AFTER`].
 pub const HTTP_WRITE_STALL_TIMEOUT: Duration = Duration::from_secs(10);
 /// A request is answered within this time (event streams excepted).
 pub const HTTP_REQUEST_TIMEOUT: Duration = Duration::from_secs(10);

@@ -39,6 +39,8 @@ pub enum Standing {
     VerificationFailed,
     /// Two senders use the robot's id.
     TwoSenders,
+    /// The robot sends its wheel odometry on a key that is no longer used.
+    FormerKey,
     /// An answer in the robot's name contradicts another.
     FalseReport,
     /// The estimator failed too often and was stopped.
@@ -213,6 +215,7 @@ impl StandingBasis {
             AlertKind::Drift => self.drift,
             AlertKind::VerificationFailed => Standing::VerificationFailed,
             AlertKind::TwoSenders => Standing::TwoSenders,
+            AlertKind::FormerKey => Standing::FormerKey,
             AlertKind::FalseReport => Standing::FalseReport,
             AlertKind::EstimatorFailed => Standing::EstimatorFailed,
             AlertKind::NotApplied => Standing::NotApplied,

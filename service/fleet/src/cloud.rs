@@ -1,4 +1,4 @@
-//! From the clouds of a 3D scanner to the sweeps of a planar one.
+//! From the clouds of a 3D scanner to the scans of a planar one.
 
 use fleetcal_estimator::point_cloud::{CloudPoint, PlanarBand, PointCloud};
 use fleetcal_estimator::stream::FieldRefused;
@@ -19,12 +19,12 @@ pub enum CloudUnusable {
     /// It contradicts itself, or lacks a coordinate.
     #[error(transparent)]
     Layout(#[from] CloudRefused),
-    /// No sweep can be made of it.
+    /// No scan can be made of it.
     #[error(transparent)]
     Field(#[from] FieldRefused),
 }
 
-/// The planar sweep of a cloud.
+/// The planar scan of a cloud.
 ///
 /// # Errors
 /// Names the field that contradicts the others, is missing, or holds what cannot be.

@@ -21,7 +21,7 @@ const STEP_MIN_RAD: f64 = 2e-6;
 /// How near to whole steps an encoder's changes are, in steps, and what share of them.
 const STEP_TOLERANCE: f64 = 0.05;
 const STEPS_SHARE_MIN: f64 = 0.95;
-/// A lag surely above this says that the angle was measured and smoothed, s.
+/// A lag significantly above this says that the angle was measured and smoothed, s.
 const LAG_MIN_S: f64 = 0.02;
 
 /// How a block of angles looks.
@@ -182,7 +182,10 @@ mod tests {
         let watch = watched(|_, angle| angle);
         assert!(!watch.looks_commanded(Some((0.08, 0.005))));
         assert!(watch.looks_commanded(Some((-0.08, 0.005))));
-        assert!(watch.looks_commanded(Some((0.08, 0.05))), "not surely");
+        assert!(
+            watch.looks_commanded(Some((0.08, 0.05))),
+            "not significantly"
+        );
     }
 
     #[test]

@@ -18,7 +18,7 @@ pub struct UsedValues {
     /// Since when, ns since 1970 by the clock of the robot's agent, which need not be the one that
     /// stamps its messages.
     pub since_ns: i64,
-    /// Generation of their document; 0 for what the robot brought along.
+    /// Generation of their document; 0 for its factory calibration.
     pub generation: u64,
     /// The values.
     pub values: CalibrationValues,
@@ -91,7 +91,7 @@ pub fn read(encoding: Encoding, payload: &[u8]) -> Result<(Option<i64>, f64), St
     };
     if !(-ERROR_MAX_M..=ERROR_MAX_M).contains(&error_m) {
         return Err(format!(
-            "cross_track_error: value_m is {error_m}, accepted are -{ERROR_MAX_M} to {ERROR_MAX_M}"
+            "cross_track_error: value_m is {error_m}, expected -{ERROR_MAX_M} to {ERROR_MAX_M}"
         ));
     }
     Ok((stamp_ns, error_m))
@@ -140,6 +140,6 @@ mod tests {
                 .contains("stamp_ns")
         );
         let far = br#"{"stamp_ns": 7, "value_m": 1e9}"#;
-        assert!(read(Encoding::Json, far).unwrap_err().contains("accepted"));
+        assert!(read(Encoding::Json, far).unwrap_err().contains("expected"));
     }
 }

@@ -37,7 +37,7 @@ pub enum MessageRefused {
     /// The scan contradicts itself.
     #[error("scan: {0}")]
     Scan(#[from] ScanRefused),
-    /// The cloud contradicts itself, or no sweep can be made of it.
+    /// The cloud contradicts itself, or no scan can be made of it.
     #[error("scan: {0}")]
     Cloud(#[from] CloudUnusable),
     /// A field holds what cannot be.
@@ -50,7 +50,7 @@ pub enum MessageRefused {
     },
     /// The orientation says nothing.
     #[error(
-        "lidar_odometry: pose.pose.orientation is of length {length}, accepted is a quaternion of \
+        "lidar_odometry: pose.pose.orientation is of length {length}, expected a quaternion of \
          length 1"
     )]
     Orientation {
@@ -58,7 +58,7 @@ pub enum MessageRefused {
         length: f64,
     },
     /// It is of a type that is not taken there.
-    #[error("{stream}: type is {found}, accepted are {accepted}", stream = stream.name())]
+    #[error("{stream}: type is {found}, expected {accepted}", stream = stream.name())]
     Type {
         /// Where it came.
         stream: Stream,
@@ -68,13 +68,13 @@ pub enum MessageRefused {
         accepted: String,
     },
     /// It is half of a drive sample.
-    #[error("{stream}: comes alone, accepted are steering and speed of a robot", stream = stream.name())]
+    #[error("{stream}: comes alone, expected steering and speed of a robot", stream = stream.name())]
     Alone {
         /// Where it came.
         stream: Stream,
     },
     /// It lacks a joint that the robot's configuration names.
-    #[error("{stream}: name lacks the joint {joint:?} or its {what}, accepted are the joints of streams.joints", stream = stream.name())]
+    #[error("{stream}: name lacks the joint {joint:?} or its {what}, expected the joints of streams.joints", stream = stream.name())]
     Joint {
         /// Where it came.
         stream: Stream,
@@ -90,13 +90,13 @@ pub enum MessageRefused {
         stream: Stream,
     },
     /// An event that cannot be read.
-    #[error("event: {0}, accepted is {{\"kind\", \"stamp_ns\", \"note\"}}")]
+    #[error("event: {0}, expected {{\"kind\", \"stamp_ns\", \"note\"}}")]
     Event(#[source] serde_json::Error),
     /// An event's note is too long.
-    #[error("event: note has {0} characters, accepted are {NOTE_CHARS_MAX} at most")]
+    #[error("event: note has {0} characters, expected {NOTE_CHARS_MAX} at most")]
     NoteTooLong(usize),
     /// An event without a time.
-    #[error("event: stamp_ns is {0}, accepted is a time after 1970")]
+    #[error("event: stamp_ns is {0}, expected a time after 1970")]
     NoteStamp(i64),
 }
 
@@ -136,7 +136,7 @@ pub fn decode(
     let encoding = form.encoding;
     let refused = |source| MessageRefused::Payload { stream, source };
     let event = match stream {
-        Stream::Drive => {
+        Stream::WheelOdometry => {
             let message = AckermannDriveStamped::decode(encoding, payload).map_err(refused)?;
             Event::Drive(drive_sample(&message)?)
         }
@@ -185,7 +185,7 @@ pub fn drive_sample(message: &AckermannDriveStamped) -> Result<DriveSample, Mess
     let speed_mps = f64::from(message.drive.speed);
     let steering_rad = f64::from(message.drive.steering_angle);
     DriveSample::new(stamp, speed_mps, steering_rad).map_err(|source| MessageRefused::Field {
-        stream: Stream::Drive,
+        stream: Stream::WheelOdometry,
         source,
     })
 }
@@ -206,13 +206,13 @@ pub fn added_back(
     let speed_mps = sample.speed_mps() / scale;
     DriveSample::new(sample.stamp(), speed_mps, steering_rad).map_err(|source| {
         MessageRefused::Field {
-            stream: Stream::Drive,
+            stream: Stream::WheelOdometry,
             source,
         }
     })
 }
 
-/// A sweep out of its message.
+/// A scan out of its message.
 ///
 /// # Errors
 /// Names the field that holds what cannot be, or the number of beams that contradicts the angles.
@@ -450,9 +450,9 @@ mod tests {
             };
             message.drive.speed = speed;
             message.drive.steering_angle = steering_angle;
-            let reason = refusal(Stream::Drive, &message.to_cdr());
+            let reason = refusal(Stream::WheelOdometry, &message.to_cdr());
             assert!(
-                reason.contains(field) && reason.contains("accepted"),
+                reason.contains(field) && reason.contains("expected"),
                 "{reason}"
             );
         }

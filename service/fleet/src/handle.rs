@@ -11,7 +11,7 @@ use fleetcal_domain::robot::{
 };
 use fleetcal_domain::streams::RobotStreams;
 use fleetcal_estimator::advice::ranking::Ranked;
-use fleetcal_estimator::calibrator::Plan;
+use fleetcal_estimator::calibrator::Plan as TopView;
 use fleetcal_estimator::{Calibrator, EstimatorSettings, Pose2};
 use fleetcal_model::Stream;
 use fleetcal_proto::RobotId;
@@ -42,20 +42,20 @@ pub enum FleetRefused {
     #[error("no robot {0} is known")]
     UnknownRobot(RobotId),
     /// Nobody has registered it.
-    #[error("robot {0} is not registered, accepted is a robot with a vehicle")]
+    #[error("robot {0} is not registered, expected a robot with a vehicle")]
     Unregistered(RobotId),
     /// The fleet is full.
     #[error("{} robots are configured, which is the limit", limits::ROBOTS_MAX)]
     RobotsMax,
     /// The note's text is too long.
-    #[error("note has {0} characters, accepted are {max}", max = limits::NOTE_CHARS_MAX)]
+    #[error("note has {0} characters, expected {max}", max = limits::NOTE_CHARS_MAX)]
     NoteTooLong(usize),
     /// The robot has too many notes that wait.
     #[error("robot {0} has {max} notes that wait", max = limits::MAILBOX_NOTES_MAX)]
     NotesMax(RobotId),
-    /// Too many want to see the robot's plan at once.
-    #[error("{max} others wait for the plan of robot {0}", max = limits::PLAN_ASKERS_MAX)]
-    PlanAskersMax(RobotId),
+    /// Too many want to see the robot's top view at once.
+    #[error("{max} others wait for the top view of robot {0}", max = limits::TOP_VIEW_ASKERS_MAX)]
+    TopViewAskersMax(RobotId),
 }
 
 /// What a fleet begins with.
@@ -217,12 +217,17 @@ impl FleetHandle {
         Ok(())
     }
 
-    /// Takes what a robot compensates with, oldest first, and the generation that a fresh estimate
+    /// Takes what a robot compensates with, oldest first, and the generation that a verification estimate
     /// has to verify, with since when it is in use by its agent's clock. What waits in the robot's
     /// mailbox came before that.
-    pub fn use_values(&self, id: &RobotId, values: &[UsedValues], on_trial: Option<(u64, i64)>) {
+    pub fn use_values(
+        &self,
+        id: &RobotId,
+        values: &[UsedValues],
+        in_verification: Option<(u64, i64)>,
+    ) {
         if let Some(robot) = self.fleet.find(id.as_str()) {
-            robot.set_used(values, on_trial);
+            robot.set_used(values, in_verification);
         }
     }
 
@@ -257,19 +262,19 @@ impl FleetHandle {
         robot.map_or_else(|| Arc::from([]), |robot| robot.manoeuvres())
     }
 
-    /// The robot seen from above, asked of its task, which draws it up for nobody else; `None` while
+    /// The robot from above, asked of its task, which draws it up for nobody else; `None` while
     /// nothing is known.
     ///
     /// # Errors
     /// When the robot is unknown, or too many ask at once.
-    pub async fn plan(&self, id: &RobotId) -> Result<Option<Arc<Plan>>, FleetRefused> {
+    pub async fn top_view(&self, id: &RobotId) -> Result<Option<Arc<TopView>>, FleetRefused> {
         let unknown = || FleetRefused::UnknownRobot(id.clone());
         let robot = self.fleet.find(id.as_str()).ok_or_else(unknown)?;
         if !robot.is_configured() {
             return Ok(None);
         }
-        let busy = || FleetRefused::PlanAskersMax(id.clone());
-        let answer = robot.plan_askers.ask().ok_or_else(busy)?;
+        let busy = || FleetRefused::TopViewAskersMax(id.clone());
+        let answer = robot.top_view_askers.ask().ok_or_else(busy)?;
         robot.mailbox.wake();
         tokio::select! {
             answer = answer => Ok(answer.ok().flatten()),
@@ -346,7 +351,7 @@ impl FleetHandle {
         if bytes > limit {
             self.fleet.counts.oversized.fetch_add(1, Ordering::Relaxed);
             let name = stream.name();
-            let reason = format!("{name}: payload is {bytes} bytes, accepted are {limit} at most");
+            let reason = format!("{name}: payload is {bytes} bytes, expected {limit} at most");
             robot.mailbox.refuse(stream, &reason);
         } else if !robot.is_configured() {
             robot.mailbox.ignore(stream);
@@ -363,6 +368,16 @@ impl FleetHandle {
     pub fn refuse(&self, id: &RobotId, stream: Stream, reason: &str) {
         if let Some(robot) = self.admit(id, stream) {
             robot.mailbox.refuse(stream, reason);
+        }
+    }
+
+    /// Counts a message on a former key of a stream, of which nothing is used: the robot is warned of
+    /// and told, by its refusal, the key to send to.
+    pub fn refuse_former_key(&self, id: &RobotId, stream: Stream, key: &str) {
+        if let Some(robot) = self.admit(id, stream) {
+            robot.used_former_key(key, &*self.fleet.clock);
+            let reason = format!("it was sent on a former key, expected is {key}");
+            robot.mailbox.refuse(stream, &reason);
         }
     }
 

@@ -11,7 +11,6 @@ mod intake;
 pub mod live;
 mod mailbox;
 mod pairing;
-mod plan;
 mod pose;
 mod reading;
 mod registry;
@@ -21,7 +20,8 @@ mod tap;
 mod task;
 #[cfg(test)]
 mod tests;
-mod trial;
+mod top_view;
+mod verification_run;
 mod watch;
 pub mod words;
 

@@ -42,7 +42,7 @@ pub enum LiveUpdate {
         alert: Arc<Alert>,
     },
     /// The deployment freeze began or ended.
-    Hold,
+    Freeze,
     /// The approval policy changed.
     Policy,
     /// Something happened to a robot.

@@ -1,4 +1,4 @@
-//! A robot's bounded mailbox: one queue in the order of arrival, shed in a fixed order.
+//! A robot's bounded mailbox: one queue in the order of arrival, dropped in a fixed order.
 //!
 //! At most [`fleetcal_domain::limits::MAILBOX_SCANS_MAX`] scans wait; a further one pushes the
 //! oldest out. A drive sample that finds the mailbox full pushes out the oldest scan, and only when
@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use fleetcal_domain::limits::{
-    MAILBOX_DRIVE_SAMPLES_MAX, MAILBOX_NOTES_MAX, MAILBOX_SCANS_MAX, REFUSAL_CHARS_MAX,
+    MAILBOX_NOTES_MAX, MAILBOX_SCANS_MAX, MAILBOX_WHEEL_ODOMETRY_MAX, REFUSAL_CHARS_MAX,
 };
 use fleetcal_domain::robot::Counters;
 use fleetcal_estimator::Note;
@@ -18,7 +18,7 @@ use fleetcal_proto::progress::Progress;
 use tokio::sync::Notify;
 
 /// Slots that drive samples and scans share.
-const SLOTS_MAX: usize = MAILBOX_DRIVE_SAMPLES_MAX + MAILBOX_SCANS_MAX;
+const SLOTS_MAX: usize = MAILBOX_WHEEL_ODOMETRY_MAX + MAILBOX_SCANS_MAX;
 
 /// A message as it came in, not decoded yet.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -59,7 +59,7 @@ pub enum Outcome {
 #[derive(Debug, Default)]
 struct Queue {
     items: VecDeque<Item>,
-    drive: usize,
+    wheel_odometry: usize,
     scans: usize,
     notes: usize,
     in_hand: Option<Stream>,
@@ -74,7 +74,7 @@ pub struct Mailbox {
     arrived: Notify,
 }
 
-/// The class of a stream: what is shed together.
+/// The class of a stream: what is dropped together.
 fn is_scan(item: &Item) -> bool {
     matches!(
         item,
@@ -85,56 +85,58 @@ fn is_scan(item: &Item) -> bool {
     )
 }
 
-fn is_drive(item: &Item) -> bool {
+fn is_wheel_odometry(item: &Item) -> bool {
     matches!(
         item,
-        Item::Message(Message { stream, .. }) if stream.is_drive()
+        Item::Message(Message { stream, .. }) if stream.is_wheel_odometry()
     )
 }
 
 impl Queue {
-    fn shed_oldest_scan(&mut self) {
+    fn drop_oldest_scan(&mut self) {
         if let Some(at) = self.items.iter().position(is_scan) {
             self.items.remove(at);
             self.scans -= 1;
-            self.count_shed_scan();
+            self.count_dropped_scan();
         }
     }
 
-    fn shed_oldest_drive(&mut self) {
-        if let Some(at) = self.items.iter().position(is_drive) {
+    fn drop_oldest_wheel_odometry(&mut self) {
+        if let Some(at) = self.items.iter().position(is_wheel_odometry) {
             self.items.remove(at);
-            self.drive -= 1;
-            self.counters.shed_drive += 1;
-            self.progress.shed += 1;
+            self.wheel_odometry -= 1;
+            self.counters.dropped_wheel_odometry += 1;
+            self.progress.dropped += 1;
         }
     }
 
-    fn count_shed_scan(&mut self) {
-        self.counters.shed_scans += 1;
-        self.progress.shed += 1;
+    fn count_dropped_scan(&mut self) {
+        self.counters.dropped_scans += 1;
+        self.progress.dropped += 1;
     }
 
-    fn push_drive(&mut self, message: Message) {
-        if self.drive + self.scans >= SLOTS_MAX || self.drive >= MAILBOX_DRIVE_SAMPLES_MAX {
+    fn push_wheel_odometry(&mut self, message: Message) {
+        if self.wheel_odometry + self.scans >= SLOTS_MAX
+            || self.wheel_odometry >= MAILBOX_WHEEL_ODOMETRY_MAX
+        {
             if self.scans > 0 {
-                self.shed_oldest_scan();
+                self.drop_oldest_scan();
             }
-            if self.drive + self.scans >= SLOTS_MAX {
-                self.shed_oldest_drive();
+            if self.wheel_odometry + self.scans >= SLOTS_MAX {
+                self.drop_oldest_wheel_odometry();
             }
         }
-        self.drive += 1;
+        self.wheel_odometry += 1;
         self.items.push_back(Item::Message(message));
     }
 
     fn push_scan(&mut self, message: Message) {
         if self.scans >= MAILBOX_SCANS_MAX {
-            self.shed_oldest_scan();
+            self.drop_oldest_scan();
         }
-        if self.drive + self.scans >= SLOTS_MAX {
+        if self.wheel_odometry + self.scans >= SLOTS_MAX {
             // Only drive samples wait: the scan that comes is the oldest there is.
-            self.count_shed_scan();
+            self.count_dropped_scan();
             return;
         }
         self.scans += 1;
@@ -143,7 +145,7 @@ impl Queue {
 
     fn push_note(&mut self, message: Message) -> bool {
         if self.notes >= MAILBOX_NOTES_MAX {
-            self.counters.shed_notes += 1;
+            self.counters.dropped_notes += 1;
             return false;
         }
         self.notes += 1;
@@ -159,21 +161,21 @@ impl Mailbox {
         self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes a message in and sheds what no longer fits. `false` when it is the message itself
-    /// that was shed.
+    /// Takes a message in and drops what no longer fits. `false` when it is the message itself
+    /// that was dropped.
     pub fn push(&self, message: Message) -> bool {
         let kept = {
             let mut queue = self.lock();
             queue.counters.received += 1;
             match message.stream {
-                Stream::Drive | Stream::Steering | Stream::Speed => {
-                    queue.push_drive(message);
+                Stream::WheelOdometry | Stream::Steering | Stream::Speed => {
+                    queue.push_wheel_odometry(message);
                     true
                 }
                 Stream::Scan | Stream::LidarOdometry => {
-                    let shed_before = queue.counters.shed_scans;
+                    let dropped_before = queue.counters.dropped_scans;
                     queue.push_scan(message);
-                    queue.counters.shed_scans == shed_before
+                    queue.counters.dropped_scans == dropped_before
                 }
                 Stream::Event => queue.push_note(message),
             }
@@ -194,7 +196,7 @@ impl Mailbox {
         let mut queue = self.lock();
         queue.counters.received += 1;
         queue.counters.ignored += 1;
-        queue.progress.shed += u64::from(stream != Stream::Event);
+        queue.progress.dropped += u64::from(stream != Stream::Event);
     }
 
     /// Puts a note behind what waits; `false` when too many wait.
@@ -253,7 +255,9 @@ impl Mailbox {
         if let Item::Message(message) = &item {
             queue.in_hand = Some(message.stream);
             match message.stream {
-                Stream::Drive | Stream::Steering | Stream::Speed => queue.drive -= 1,
+                Stream::WheelOdometry | Stream::Steering | Stream::Speed => {
+                    queue.wheel_odometry -= 1;
+                }
                 Stream::Scan | Stream::LidarOdometry => queue.scans -= 1,
                 Stream::Event => queue.notes -= 1,
             }
@@ -305,7 +309,7 @@ impl Queue {
                 self.counters.processed += 1;
                 self.progress.stamp_ns = self.progress.stamp_ns.max(stamp_ns);
                 match stream {
-                    Stream::Drive | Stream::Steering | Stream::Speed => {
+                    Stream::WheelOdometry | Stream::Steering | Stream::Speed => {
                         self.progress.drive_samples += 1;
                     }
                     Stream::Scan | Stream::LidarOdometry => self.progress.scans += 1,
@@ -313,7 +317,7 @@ impl Queue {
                 }
             }
             Outcome::Refused(mut reason) => {
-                self.progress.shed += u64::from(stream != Stream::Event);
+                self.progress.dropped += u64::from(stream != Stream::Event);
                 if let Some((cut, _)) = reason.char_indices().nth(REFUSAL_CHARS_MAX) {
                     reason.truncate(cut);
                 }
@@ -362,7 +366,7 @@ mod tests {
             .map(|(_, number)| number)
             .collect();
         assert_eq!(numbers, (2..10).collect::<Vec<_>>());
-        assert_eq!(mailbox.counters().shed_scans, 2);
+        assert_eq!(mailbox.counters().dropped_scans, 2);
     }
 
     #[test]
@@ -370,22 +374,31 @@ mod tests {
         let mailbox = Mailbox::default();
         mailbox.push(message(Stream::Scan, 0));
         for number in 0..1_024 {
-            mailbox.push(message(Stream::Drive, number));
+            mailbox.push(message(Stream::WheelOdometry, number));
         }
         assert_eq!(
-            (mailbox.counters().shed_scans, mailbox.counters().shed_drive),
+            (
+                mailbox.counters().dropped_scans,
+                mailbox.counters().dropped_wheel_odometry
+            ),
             (0, 0)
         );
-        mailbox.push(message(Stream::Drive, 1_024));
+        mailbox.push(message(Stream::WheelOdometry, 1_024));
         assert_eq!(
-            (mailbox.counters().shed_scans, mailbox.counters().shed_drive),
+            (
+                mailbox.counters().dropped_scans,
+                mailbox.counters().dropped_wheel_odometry
+            ),
             (1, 0)
         );
         for number in 1_025..1_040 {
-            mailbox.push(message(Stream::Drive, number));
+            mailbox.push(message(Stream::WheelOdometry, number));
         }
         assert_eq!(
-            (mailbox.counters().shed_scans, mailbox.counters().shed_drive),
+            (
+                mailbox.counters().dropped_scans,
+                mailbox.counters().dropped_wheel_odometry
+            ),
             (1, 8)
         );
     }
@@ -393,14 +406,14 @@ mod tests {
     #[test]
     fn a_long_reason_is_cut_between_characters() {
         let mailbox = Mailbox::default();
-        mailbox.refuse(Stream::Drive, &"ä".repeat(REFUSAL_CHARS_MAX + 7));
+        mailbox.refuse(Stream::WheelOdometry, &"ä".repeat(REFUSAL_CHARS_MAX + 7));
         let kept = mailbox.counters().last_refusal.expect("a reason");
         assert_eq!(kept.chars().count(), REFUSAL_CHARS_MAX);
     }
 
     proptest! {
         /// Whatever comes and goes: the order of arrival stays, the limits hold, no message
-        /// vanishes uncounted, and no drive sample is shed while a scan waits.
+        /// vanishes uncounted, and no drive sample is dropped while a scan waits.
         #[test]
         fn nothing_is_lost_uncounted(
             steps in prop::collection::vec((0_u8..12, 1_usize..300), 1..60)
@@ -411,7 +424,7 @@ mod tests {
             for (what, times) in steps {
                 for _ in 0..times {
                     let stream = match what {
-                        0..=4 => Stream::Drive,
+                        0..=4 => Stream::WheelOdometry,
                         5..=7 => Stream::Scan,
                         8 => Stream::LidarOdometry,
                         9 => Stream::Event,
@@ -430,19 +443,19 @@ mod tests {
                     number += 1;
                     let after = mailbox.counters();
                     let queue = mailbox.lock();
-                    prop_assert!(queue.drive + queue.scans <= SLOTS_MAX);
+                    prop_assert!(queue.wheel_odometry + queue.scans <= SLOTS_MAX);
                     prop_assert!(queue.scans <= MAILBOX_SCANS_MAX);
                     prop_assert!(queue.notes <= MAILBOX_NOTES_MAX);
-                    prop_assert!(after.shed_drive == before.shed_drive || scans_waited == 0);
+                    prop_assert!(after.dropped_wheel_odometry == before.dropped_wheel_odometry || scans_waited == 0);
                 }
             }
             seen.extend(taken(&mailbox).into_iter().map(|(_, number)| number));
             prop_assert!(seen.is_sorted());
             let counters = mailbox.counters();
-            let shed = counters.shed_drive + counters.shed_scans + counters.shed_notes;
+            let dropped = counters.dropped_wheel_odometry + counters.dropped_scans + counters.dropped_notes;
             prop_assert_eq!(counters.received, u64::from(number));
             prop_assert_eq!(counters.processed, seen.len() as u64);
-            prop_assert_eq!(counters.received, counters.processed + shed);
+            prop_assert_eq!(counters.received, counters.processed + dropped);
             prop_assert_eq!(counters.waiting, 0);
         }
     }

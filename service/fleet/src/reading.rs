@@ -78,11 +78,13 @@ pub fn read(
     match (stream, of) {
         (Stream::Steering, Some(of)) => message.steering(of).map(Reading::Steering),
         (Stream::Speed, Some(of)) => message.speed(of).map(Reading::Speed),
-        (Stream::Drive, Some(MessageType::JointState)) => message.drive().map(Reading::Whole),
+        (Stream::WheelOdometry, Some(MessageType::JointState)) => {
+            message.drive().map(Reading::Whole)
+        }
         (Stream::LidarOdometry, Some(MessageType::PoseStamped)) => {
             message.pose().map(Reading::Whole)
         }
-        (Stream::Drive | Stream::LidarOdometry, Some(of))
+        (Stream::WheelOdometry | Stream::LidarOdometry, Some(of))
             if !message_types(stream).contains(&of) =>
         {
             Err(MessageRefused::of_type(stream, of))
@@ -277,7 +279,8 @@ mod tests {
     #[test]
     fn joints_are_a_drive_sample_or_its_halves() {
         let settings = settings(JOINTS);
-        let Ok(Reading::Whole(decoded)) = read_as(Stream::Drive, &settings, &joint_state()) else {
+        let Ok(Reading::Whole(decoded)) = read_as(Stream::WheelOdometry, &settings, &joint_state())
+        else {
             panic!("a drive sample");
         };
         let Event::Drive(sample) = decoded.event else {
@@ -357,12 +360,12 @@ mod tests {
         let reason = |read: Result<Reading, String>| read.expect_err("refused");
         for (refusal, wanted) in [
             (
-                reason(read_as(Stream::Drive, &plain, &joint_state())),
+                reason(read_as(Stream::WheelOdometry, &plain, &joint_state())),
                 "streams.joints says which joints",
             ),
             (
                 reason(read_as(
-                    Stream::Drive,
+                    Stream::WheelOdometry,
                     &settings(&JOINTS.replace("'left'", "'front'")),
                     &joint_state(),
                 )),
@@ -374,7 +377,7 @@ mod tests {
             ),
             (
                 reason(read_as(Stream::LidarOdometry, &plain, &joint_state())),
-                "accepted are nav_msgs/msg/Odometry and geometry_msgs/msg/PoseStamped",
+                "expected nav_msgs/msg/Odometry and geometry_msgs/msg/PoseStamped",
             ),
             (
                 reason(read_as(Stream::Speed, &plain, &PoseStamped::default())),

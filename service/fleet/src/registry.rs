@@ -51,7 +51,7 @@ pub struct FleetCounters {
     /// Events of estimators beyond their robot's budget of an hour.
     pub events_beyond_budget: u64,
     /// Messages that by the stamps of those before and after were sent and never reached the
-    /// estimator: lost on the way, or shed.
+    /// estimator: lost on the way, or dropped.
     pub missing: u64,
     /// Messages that were not used since two senders use their robot's id.
     pub of_two_senders: u64,
@@ -136,10 +136,13 @@ impl Fleet {
         }
     }
 
-    /// Takes that an estimator was done now with a scan that it began at `began`, running time.
-    pub(crate) fn took_scan(&self, began: Duration) {
-        let took = self.clock.elapsed().saturating_sub(began);
-        self.scan_durations.observe(took.as_secs_f64());
+    /// Notes that an estimator has finished a message now that it began at `began`, running time;
+    /// only scans take long enough to be measured.
+    pub(crate) fn took(&self, stream: Stream, began: Duration) {
+        if stream == Stream::Scan {
+            let took = self.clock.elapsed().saturating_sub(began);
+            self.scan_durations.observe(took.as_secs_f64());
+        }
     }
 
     /// Counts an estimator's panic.

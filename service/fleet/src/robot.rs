@@ -5,7 +5,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use fleetcal_clock::Clock;
-use fleetcal_domain::limits::{SESSION_ENDS_AFTER, SESSION_ENDS_AFTER_TOKEN, STALE_AFTER};
+use fleetcal_domain::limits::{
+    FORMER_KEY_WARNED_FOR, SESSION_ENDS_AFTER, SESSION_ENDS_AFTER_TOKEN, STALE_AFTER,
+};
 use fleetcal_domain::robot::{
     AnnouncedTopic, Connection, CrossTrack, PairingReport, RobotConfig, RobotState, RobotView,
     StreamView, Warning,
@@ -19,8 +21,8 @@ use fleetcal_proto::estimate::EstimateDocument;
 
 use crate::cross_track::{CrossTracks, UsedValues};
 use crate::mailbox::Mailbox;
-use crate::plan::PlanAskers;
 use crate::tap::Taps;
+use crate::top_view::TopViewAskers;
 
 /// Seconds over which a stream's rate is taken.
 const RATE_WINDOW_S: usize = 5;
@@ -68,6 +70,8 @@ struct Link {
     /// When the last token went, on the running clock.
     token_gone: Option<Duration>,
     session: Session,
+    /// When it last sent on a former key, on the running clock, and the key to send to.
+    former_key: Option<(Duration, String)>,
     /// State, staleness and presence as listeners last heard of them.
     announced: Option<(RobotState, bool, bool)>,
 }
@@ -119,7 +123,7 @@ struct Used {
     /// Values, oldest first.
     values: Vec<InForce>,
     /// The generation to be verified, and since when it is in use by the agent's clock.
-    on_trial: Option<(u64, i64)>,
+    in_verification: Option<(u64, i64)>,
     /// Answers that have not come up among the messages yet.
     unheard: u32,
 }
@@ -127,7 +131,7 @@ struct Used {
 impl Used {
     /// What the robot says now; of what it said before, the stamps are known. `true` when that is
     /// something new.
-    fn follow(&mut self, values: &[UsedValues], on_trial: Option<(u64, i64)>) -> bool {
+    fn follow(&mut self, values: &[UsedValues], in_verification: Option<(u64, i64)>) -> bool {
         let known = |used: &UsedValues| {
             let mut known = self.values.iter();
             let known = known.find(|known| known.used == *used).copied();
@@ -135,9 +139,10 @@ impl Used {
         };
         let values: Vec<InForce> = values.iter().map(known).collect();
         let latest = |values: &[InForce]| values.last().map(|latest| latest.used);
-        let is_new = latest(&values) != latest(&self.values) || on_trial != self.on_trial;
+        let is_new =
+            latest(&values) != latest(&self.values) || in_verification != self.in_verification;
         self.values = values;
-        self.on_trial = on_trial;
+        self.in_verification = in_verification;
         is_new
     }
 }
@@ -150,7 +155,7 @@ pub struct Robot {
     /// What waits for its task.
     pub mailbox: Mailbox,
     /// Those who want to see it from above.
-    pub plan_askers: PlanAskers,
+    pub top_view_askers: TopViewAskers,
     /// Those who record it.
     pub taps: Taps,
     link: Mutex<Link>,
@@ -175,7 +180,7 @@ impl Robot {
         Self {
             id,
             mailbox: Mailbox::default(),
-            plan_askers: PlanAskers::default(),
+            top_view_askers: TopViewAskers::default(),
             taps: Taps::default(),
             link: Mutex::new(Link {
                 streams: Default::default(),
@@ -186,6 +191,7 @@ impl Robot {
                 topics: Arc::from([]),
                 token_gone: None,
                 session: Session::Ended,
+                former_key: None,
                 announced: None,
             }),
             status: Mutex::new(Status {
@@ -219,6 +225,16 @@ impl Robot {
         if let Some(receipts) = link.streams.get_mut(stream.index()) {
             receipts.messages += 1;
             receipts.last_received_ns = Some(now_ns);
+        }
+    }
+
+    /// Notes that the robot sent on a former key of a stream whose key is `key`.
+    pub fn used_former_key(&self, key: &str, clock: &dyn Clock) {
+        let now = clock.elapsed();
+        let mut link = lock(&self.link);
+        match &mut link.former_key {
+            Some((at, _)) => *at = now,
+            None => link.former_key = Some((now, key.to_owned())),
         }
     }
 
@@ -373,13 +389,13 @@ impl Robot {
     /// Takes what the robot compensates with, oldest first, and the generation to be verified with
     /// since when it is in use by the agent's clock. Both count from the messages on that come
     /// after this.
-    pub fn set_used(&self, values: &[UsedValues], on_trial: Option<(u64, i64)>) {
+    pub fn set_used(&self, values: &[UsedValues], in_verification: Option<(u64, i64)>) {
         {
             let mut status = lock(&self.status);
             let fresh = status.fresh.take();
-            let generation = on_trial.map(|(generation, _)| generation);
+            let generation = in_verification.map(|(generation, _)| generation);
             status.fresh = fresh.filter(|(of, _)| Some(*of) == generation);
-            if !status.used.follow(values, on_trial) {
+            if !status.used.follow(values, in_verification) {
                 return;
             }
             status.used.unheard = status.used.unheard.saturating_add(1);
@@ -450,18 +466,21 @@ impl Robot {
 
     /// The generation to be verified, and since when it is in use by the agent's clock; `None`
     /// while messages wait that came before the robot said so.
-    pub fn on_trial(&self) -> Option<(u64, i64)> {
+    pub fn in_verification(&self) -> Option<(u64, i64)> {
         let status = lock(&self.status);
-        status.used.on_trial.filter(|_| status.used.unheard == 0)
+        status
+            .used
+            .in_verification
+            .filter(|_| status.used.unheard == 0)
     }
 
-    /// Takes an estimate of the generation on trial.
+    /// Takes an estimate of the generation in verification.
     pub fn set_fresh(&self, generation: u64, estimate: Arc<EstimateDocument>) {
         let mut status = lock(&self.status);
         if status
             .used
-            .on_trial
-            .is_some_and(|(on_trial, _)| on_trial == generation)
+            .in_verification
+            .is_some_and(|(in_verification, _)| in_verification == generation)
         {
             status.fresh = Some((generation, estimate));
         }
@@ -472,6 +491,13 @@ impl Robot {
         let mut status = lock(&self.status);
         status.estimator_restarts = status.estimator_restarts.saturating_add(1);
         status.estimator_restarts
+    }
+
+    fn warning_of_former_key(&self, clock: &dyn Clock) -> Option<Warning> {
+        let link = lock(&self.link);
+        let (at, key) = link.former_key.as_ref()?;
+        let since = clock.elapsed().saturating_sub(*at);
+        (since < FORMER_KEY_WARNED_FOR).then(|| Warning::former_key(key))
     }
 
     /// The robot as the rest of the service sees it.
@@ -498,6 +524,7 @@ impl Robot {
             }
         };
         let counters = self.mailbox.counters();
+        let former_key = self.warning_of_former_key(clock);
         let status = lock(&self.status);
         RobotView {
             id: self.id.clone(),
@@ -509,7 +536,7 @@ impl Robot {
             counters,
             estimator_restarts: status.estimator_restarts,
             pairing: status.pairing,
-            warnings: status.warnings.clone(),
+            warnings: status.warnings.iter().cloned().chain(former_key).collect(),
             topics,
         }
     }

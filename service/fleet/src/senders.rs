@@ -173,7 +173,7 @@ mod tests {
         let mut senders = Senders::default();
         messages
             .iter()
-            .position(|(at, stamp)| senders.take(Stream::Drive, Stamp(*stamp), *at as u64))
+            .position(|(at, stamp)| senders.take(Stream::WheelOdometry, Stamp(*stamp), *at as u64))
     }
 
     #[test]
@@ -199,7 +199,7 @@ mod tests {
         }
         for stamp in stamps {
             for _ in 0..2 {
-                assert!(!senders.take(Stream::Drive, Stamp(stamp), stamp as u64));
+                assert!(!senders.take(Stream::WheelOdometry, Stamp(stamp), stamp as u64));
             }
         }
     }
@@ -240,17 +240,17 @@ mod tests {
         let mut missing = 0;
         for number in (0..1_000_i64).filter(|number| number % 100 < 90 || *number < 100) {
             senders.take(
-                Stream::Drive,
+                Stream::WheelOdometry,
                 Stamp(START_NS + number * 10 * MS),
                 number as u64,
             );
-            missing += senders.missing(Stream::Drive);
+            missing += senders.missing(Stream::WheelOdometry);
         }
         // Nine times ten; the last gap has no message behind it.
         assert_eq!(missing, 80);
         // A robot that stopped for a minute.
-        senders.take(Stream::Drive, Stamp(START_NS + 70_000 * MS), 1);
-        assert_eq!(senders.missing(Stream::Drive), 0);
+        senders.take(Stream::WheelOdometry, Stamp(START_NS + 70_000 * MS), 1);
+        assert_eq!(senders.missing(Stream::WheelOdometry), 0);
     }
 
     #[test]
@@ -259,7 +259,7 @@ mod tests {
         for number in 0..40 {
             for clock in [0, 500] {
                 senders.take(
-                    Stream::Drive,
+                    Stream::WheelOdometry,
                     Stamp(START_NS + (number * 10 + clock) * MS),
                     number as u64,
                 );
@@ -268,7 +268,7 @@ mod tests {
         assert!(senders.are_two());
         for number in 100..600 {
             senders.take(
-                Stream::Drive,
+                Stream::WheelOdometry,
                 Stamp(START_NS + number * 10 * MS),
                 number as u64,
             );

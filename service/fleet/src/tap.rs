@@ -1,4 +1,4 @@
-//! A robot's session as it happens, for whoever records it.
+//! What a robot sends, for those who record it.
 //!
 //! The robot's task hands on what it takes and what came of it, and never waits: a reader that is
 //! too slow misses messages, which are counted.
@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use fleetcal_domain::limits;
 use fleetcal_domain::robot::ServiceEvent;
 use fleetcal_estimator::{Pose2, Stamp};
-use fleetcal_proto::SessionTopic;
+use fleetcal_proto::RecordingTopic;
 use fleetcal_proto::estimate::{ChangeDocument, EstimateDocument};
 use fleetcal_proto::event::RobotEvent;
 use tokio::sync::mpsc;
@@ -24,7 +24,7 @@ pub enum Tapped {
         /// Its header stamp.
         stamp: Stamp,
         /// What it is.
-        topic: SessionTopic,
+        topic: RecordingTopic,
         /// Its bytes.
         payload: Arc<[u8]>,
     },
@@ -91,7 +91,7 @@ impl Tap {
         let bytes = item.bytes();
         let counts = &self.counts;
         let waiting = counts.waiting_bytes.load(Ordering::Relaxed);
-        let fits = waiting.saturating_add(bytes) <= limits::SESSION_WAITING_BYTES_MAX;
+        let fits = waiting.saturating_add(bytes) <= limits::RECORDING_WAITING_BYTES_MAX;
         // Added first: the reader may be faster than the next line.
         counts.waiting_bytes.fetch_add(bytes, Ordering::Relaxed);
         if !fits || self.items.try_send(item).is_err() {
@@ -112,7 +112,7 @@ pub struct Taps {
 impl Taps {
     /// A new reader of all that comes from now on.
     pub fn open(&self) -> TapReader {
-        let (sender, items) = mpsc::channel(limits::SESSION_WAITING_MAX);
+        let (sender, items) = mpsc::channel(limits::RECORDING_WAITING_MAX);
         let counts = Arc::new(Counts::default());
         let mut open = self.lock();
         // A robot that sends nothing clears no places of those who have gone.
@@ -191,7 +191,7 @@ mod tests {
     fn message(bytes: usize) -> Tapped {
         Tapped::Message {
             stamp: Stamp(1),
-            topic: SessionTopic {
+            topic: RecordingTopic {
                 topic: "/a/scan".to_owned(),
                 message_type: MessageType::LaserScan,
                 encoding: Encoding::Cdr,
@@ -205,7 +205,7 @@ mod tests {
         let taps = Taps::default();
         taps.offer(|| panic!("nobody reads"));
         let (mut reader, mut other) = (taps.open(), taps.open());
-        let half = limits::SESSION_WAITING_BYTES_MAX / 2;
+        let half = limits::RECORDING_WAITING_BYTES_MAX / 2;
         for _ in 0..5 {
             taps.offer(|| Some(message(half)));
         }
@@ -215,7 +215,7 @@ mod tests {
         assert_eq!(reader.left_out(), 3, "there is room again");
         assert_eq!(other.left_out(), 4, "there is none");
         // Small things are bounded by their number.
-        for _ in 0..limits::SESSION_WAITING_MAX + 10 {
+        for _ in 0..limits::RECORDING_WAITING_MAX + 10 {
             taps.offer(|| Some(message(0)));
         }
         assert_eq!(reader.left_out(), 3 + 12);
@@ -224,7 +224,7 @@ mod tests {
         while reader.next().await.is_some() {
             read += 1;
         }
-        assert_eq!(read, limits::SESSION_WAITING_MAX);
+        assert_eq!(read, limits::RECORDING_WAITING_MAX);
         other.close();
         taps.offer(|| Some(message(0)));
         assert!(!taps.is_open());

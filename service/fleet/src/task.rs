@@ -7,17 +7,17 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use fleetcal_domain::limits::{
-    ADVICE_EVERY_S, CHECKPOINT_EVERY_S, ESTIMATOR_RESTARTS_MAX, NOTES_PER_HOUR_MAX, PLAN_EVERY_S,
+    ADVICE_EVERY_S, CHECKPOINT_EVERY_S, ESTIMATOR_RESTARTS_MAX, NOTES_PER_HOUR_MAX,
 };
 use fleetcal_domain::robot::{
-    DriveSignal, HistoryEvent, Mount, RobotConfig, RobotState, ServiceEvent, ServiceEventKind,
-    Warning,
+    HistoryEvent, Mount, RobotConfig, RobotState, ServiceEvent, ServiceEventKind, Warning,
+    WheelOdometrySignal,
 };
-use fleetcal_estimator::calibrator::{CalibratorConfig, Plan};
+use fleetcal_estimator::calibrator::{CalibratorConfig, Plan as TopView};
 use fleetcal_estimator::lidar_odometry::BeamTimes;
 use fleetcal_estimator::{Calibrator, Checkpoint, Effect, Event, Stamp};
 use fleetcal_model::{ChangeKind, Parameter, ParameterStatus, Stream};
-use fleetcal_proto::SessionTopic;
+use fleetcal_proto::RecordingTopic;
 use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_proto::message_type::Form;
 use serde::{Deserialize, Serialize};
@@ -28,14 +28,14 @@ use crate::document;
 use crate::intake::Intake;
 use crate::live::LiveUpdate;
 use crate::mailbox::{Item, Message, Outcome};
-use crate::plan;
 use crate::pose::LatestPose;
 use crate::reading::ReadingSettings;
 use crate::registry::Fleet;
 use crate::robot::Robot;
 use crate::senders::Senders;
 use crate::tap::Tapped;
-use crate::trial::Trial;
+use crate::top_view;
+use crate::verification_run::VerificationRun;
 
 /// The parameters that have to be known for a robot to be called calibrated.
 const CALIBRATED: [Parameter; 4] = [
@@ -62,7 +62,7 @@ pub async fn run(fleet: Arc<Fleet>, robot: Arc<Robot>, stored: Option<String>) {
     loop {
         while let Some(item) = task.robot.mailbox.take() {
             task.take(item);
-            task.answer_plan_askers();
+            task.answer_top_view_askers();
             // A scan takes a millisecond: let the API and the other robots have theirs.
             tokio::task::yield_now().await;
         }
@@ -74,10 +74,10 @@ pub async fn run(fleet: Arc<Fleet>, robot: Arc<Robot>, stored: Option<String>) {
             () = task.fleet.stop.cancelled() => {}
         }
         task.follow_config();
-        task.answer_plan_askers();
+        task.answer_top_view_askers();
     }
     task.save_checkpoint();
-    drop(task.robot.plan_askers.take());
+    drop(task.robot.top_view_askers.take());
 }
 
 /// What the estimator is doing.
@@ -94,7 +94,7 @@ struct RobotTask {
     fleet: Arc<Fleet>,
     robot: Arc<Robot>,
     version: u64,
-    drive: DriveSignal,
+    signal: WheelOdometrySignal,
     intake: Intake,
     rear_axle_in_base_link: Option<Mount>,
     config: CalibratorConfig,
@@ -112,12 +112,12 @@ struct RobotTask {
     newest: Stamp,
     /// The last pose of the rear axle that was handed to those who record.
     tapped_pose: LatestPose,
-    /// The plan that was asked for last, and the newest message then.
-    plan: Option<(Stamp, Arc<Plan>)>,
+    /// The top view that was asked for last, and the newest message then.
+    top_view: Option<(Stamp, Arc<TopView>)>,
     /// Whether a change was seen and the new values are not known yet.
     changed: bool,
     /// What proves the values that the robot has begun to use.
-    trial: Option<Trial>,
+    verification_run: Option<VerificationRun>,
 }
 
 impl RobotTask {
@@ -128,7 +128,7 @@ impl RobotTask {
         config: &RobotConfig,
         stored: Option<&str>,
     ) -> Self {
-        let drive = config.drive;
+        let signal = config.wheel_odometry;
         let rear_axle_in_base_link = config.rear_axle_in_base_link;
         let intake = Intake::new(ReadingSettings {
             scans: config.scans(),
@@ -142,7 +142,7 @@ impl RobotTask {
             fleet,
             robot,
             version,
-            drive,
+            signal,
             intake,
             rear_axle_in_base_link,
             config,
@@ -155,9 +155,9 @@ impl RobotTask {
             advised: None,
             newest: Stamp(0),
             tapped_pose: LatestPose::default(),
-            plan: None,
+            top_view: None,
             changed: false,
-            trial: None,
+            verification_run: None,
         };
         if task.last_good.is_some() {
             task.show_restored();
@@ -181,7 +181,7 @@ impl RobotTask {
         }
     }
 
-    /// Begins anew when the robot was configured otherwise.
+    /// Begins again when the robot was configured otherwise.
     fn follow_config(&mut self) {
         if self.robot.config_version() == self.version {
             return;
@@ -200,9 +200,7 @@ impl RobotTask {
             Item::Message(message) => {
                 let began = self.fleet.clock.elapsed();
                 let outcome = self.take_message(&message);
-                if message.stream == Stream::Scan {
-                    self.fleet.took_scan(began);
-                }
+                self.fleet.took(message.stream, began);
                 if let Outcome::Refused(reason) = &outcome {
                     tracing::debug!(robot.id = %self.robot.id, reason, "message refused");
                 }
@@ -233,7 +231,7 @@ impl RobotTask {
             return Outcome::Refused("two senders use the robot's id".to_owned());
         }
         self.robot.taps.offer(|| {
-            let topic = self.session_topic(*stream, *form)?;
+            let topic = self.recording_topic(*stream, *form)?;
             Some(Tapped::Message {
                 stamp: taken.stamp,
                 topic,
@@ -268,7 +266,7 @@ impl RobotTask {
         if are_two && !were_two {
             let earlier = self.earlier_good.take();
             self.begin_from(earlier);
-            self.trial = None;
+            self.verification_run = None;
         }
         if are_two != were_two {
             self.warn();
@@ -277,9 +275,9 @@ impl RobotTask {
     }
 
     /// What a session calls a stream; `None` of what is no ROS 2 message.
-    fn session_topic(&self, stream: Stream, form: Form) -> Option<SessionTopic> {
+    fn recording_topic(&self, stream: Stream, form: Form) -> Option<RecordingTopic> {
         let name = self.intake.topic(stream).unwrap_or(stream.name());
-        Some(SessionTopic {
+        Some(RecordingTopic {
             topic: format!("/{}/{name}", self.robot.id),
             message_type: self.intake.message_type(stream, form)?,
             encoding: form.encoding,
@@ -295,7 +293,7 @@ impl RobotTask {
         if let Some(note) = note {
             if !self.budgets.take_note(&self.fleet, &note) {
                 return Outcome::Refused(format!(
-                    "event: the robot's notes of this hour are used up, accepted are {NOTES_PER_HOUR_MAX}"
+                    "event: the robot's notes of this hour are used up, the limit is {NOTES_PER_HOUR_MAX}"
                 ));
             }
             self.robot.taps.offer(|| Some(Tapped::of_note(&note)));
@@ -330,38 +328,37 @@ impl RobotTask {
         }
     }
 
-    /// Draws up the robot's plan for those who have asked.
-    fn answer_plan_askers(&mut self) {
-        let askers = self.robot.plan_askers.take();
+    /// Draws up the robot's top view for those who have asked.
+    fn answer_top_view_askers(&mut self) {
+        let askers = self.robot.top_view_askers.take();
         if askers.is_empty() {
             return;
         }
-        let plan = self.plan_now();
+        let view = self.top_view_now();
         for asker in askers {
-            // Whoever has gone meanwhile is no matter.
-            drop(asker.send(plan.clone()));
+            drop(asker.send(view.clone()));
         }
     }
 
-    fn plan_now(&mut self) -> plan::Answer {
+    fn top_view_now(&mut self) -> top_view::Answer {
         let newest = self.newest;
-        let is_recent = |at: Stamp| newest.seconds_since(at).abs() < PLAN_EVERY_S;
-        if let Some((at, plan)) = &self.plan
+        let is_recent = |at: Stamp| newest.seconds_since(at).abs() < top_view::EVERY_S;
+        if let Some((at, view)) = &self.top_view
             && is_recent(*at)
         {
-            return Some(Arc::clone(plan));
+            return Some(Arc::clone(view));
         }
         let Engine::Running(calibrator) = &self.engine else {
             return None;
         };
-        let drawn = catch_unwind(AssertUnwindSafe(|| calibrator.plan(&plan::LIMITS)));
-        let plan = drawn.unwrap_or_else(|_| {
+        let drawn = catch_unwind(AssertUnwindSafe(|| calibrator.plan(&top_view::LIMITS)));
+        let view = drawn.unwrap_or_else(|_| {
             self.fleet.count_panic();
-            tracing::error!(robot.id = %self.robot.id, "the plan could not be drawn up");
+            tracing::error!(robot.id = %self.robot.id, "the top view could not be drawn up");
             None
         });
-        self.plan = plan.map(|plan| (newest, Arc::new(plan)));
-        self.plan.as_ref().map(|(_, plan)| Arc::clone(plan))
+        self.top_view = view.map(|view| (newest, Arc::new(view)));
+        self.top_view.as_ref().map(|(_, view)| Arc::clone(view))
     }
 
     fn warn(&self) {
@@ -389,13 +386,13 @@ impl RobotTask {
         let Event::Drive(sample) = &event else {
             return Ok(event);
         };
-        if self.drive == DriveSignal::Raw {
+        if self.signal == WheelOdometrySignal::Raw {
             return Ok(event);
         }
         let Some(values) = self.robot.values_at(sample.stamp().0) else {
             return Err(
                 "drive: the robot is declared compensated and has not reported what it applies; \
-                 accepted is drive = \"raw\" until then"
+                 expected is wheel_odometry = \"raw\" until then"
                     .to_owned(),
             );
         };
@@ -404,14 +401,19 @@ impl RobotTask {
             .map_err(|refused| refused.to_string())
     }
 
-    /// Feeds the estimator, and the one of the values on trial. `false` when it is stopped, or failed on this event.
+    /// Feeds the estimator, and the one of the values in verification. `false` when it is stopped, or failed on this event.
     fn step(&mut self, event: Event) -> bool {
         let scanner = || match &self.engine {
             Engine::Running(calibrator) => Some(calibrator.learnt_scanner()),
             Engine::Stopped => None,
         };
-        self.trial = Trial::follow(self.trial.take(), &self.robot, &self.config, scanner)
-            .and_then(|trial| trial.take(&self.robot, &event));
+        self.verification_run = VerificationRun::follow(
+            self.verification_run.take(),
+            &self.robot,
+            &self.config,
+            scanner,
+        )
+        .and_then(|verification_run| verification_run.take(&self.robot, &event));
         let Engine::Running(calibrator) = &mut self.engine else {
             return false;
         };
@@ -496,7 +498,7 @@ impl RobotTask {
             .announce(LiveUpdate::Estimate { robot, document });
     }
 
-    /// Starts the estimator anew after a fault: from the last stored state, and from nothing when
+    /// Restarts the estimator after a fault: from the last stored state, and from nothing when
     /// that fails before it could be stored again.
     fn restart(&mut self, why: &str) {
         self.fleet.count_panic();
@@ -509,7 +511,7 @@ impl RobotTask {
             self.record_service_event(ServiceEventKind::EstimatorStopped, self.newest, note);
             return;
         }
-        tracing::error!(robot.id = %self.robot.id, restarts, "estimator started anew: {why}");
+        tracing::error!(robot.id = %self.robot.id, restarts, "estimator restarted: {why}");
         let last_good = self.last_good.take();
         self.begin_from(last_good);
         let note = why.to_owned();
@@ -522,7 +524,7 @@ impl RobotTask {
             .and_then(|checkpoint| Calibrator::restore(self.config.clone(), &checkpoint).ok());
         let calibrator = restored.unwrap_or_else(|| Calibrator::new(self.config.clone()));
         self.engine = Engine::Running(Box::new(calibrator));
-        self.plan = None;
+        self.top_view = None;
     }
 
     fn record_service_event(&mut self, kind: ServiceEventKind, stamp: Stamp, note: String) {
@@ -586,15 +588,13 @@ fn restore(robot: &Robot, config: &CalibratorConfig, json: &str) -> Option<Calib
 /// Where a robot stands by its estimate.
 fn state_of(document: &EstimateDocument, changed: bool) -> RobotState {
     let known = CALIBRATED.iter().all(|&name| {
+        use ParameterStatus as S;
         let status = document.parameters.get(name).status;
-        matches!(
-            status,
-            ParameterStatus::Converged | ParameterStatus::Fixed | ParameterStatus::Off
-        )
+        matches!(status, S::Converged | S::Fixed | S::Off)
     });
-    match (known, changed) {
-        (true, _) => RobotState::Calibrated,
-        (false, true) => RobotState::Changed,
-        (false, false) => RobotState::Learning,
+    match changed {
+        _ if known => RobotState::Calibrated,
+        true => RobotState::Changed,
+        false => RobotState::Learning,
     }
 }

@@ -3,8 +3,8 @@
 use fleetcal_clock::MockClock;
 use fleetcal_domain::limits;
 use fleetcal_domain::robot::{
-    Counters, CrossTrack, DriveSignal, HistoryEvent, Journal, RobotConfig, RobotState, RobotView,
-    ServiceEventKind, Wheelbase,
+    Counters, CrossTrack, HistoryEvent, Journal, RobotConfig, RobotState, RobotView,
+    ServiceEventKind, WarningKind, WheelOdometrySignal, Wheelbase,
 };
 use fleetcal_estimator::{Calibrator, Effect, EstimatorSettings, Event, VehicleModel};
 use fleetcal_model::{NoteKind, Stream};
@@ -131,16 +131,16 @@ impl Bench {
         let Counters {
             received,
             processed,
-            shed_drive,
-            shed_scans,
-            shed_notes,
+            dropped_wheel_odometry,
+            dropped_scans,
+            dropped_notes,
             refused,
             ignored,
             waiting,
             ..
         } = self.view(robot).counters;
-        let shed = shed_drive + shed_scans + shed_notes;
-        assert_eq!(received, processed + shed + refused + ignored + waiting);
+        let dropped = dropped_wheel_odometry + dropped_scans + dropped_notes;
+        assert_eq!(received, processed + dropped + refused + ignored + waiting);
     }
 
     async fn restored(&self, robot: &str) {
@@ -174,8 +174,8 @@ impl Bench {
 async fn a_bad_payload_is_refused_and_no_other_robot_notices() {
     let bench = bench(&["good", "bad"]);
     for number in 0..500 {
-        bench.send("good", Stream::Drive, &drive(number));
-        bench.send("bad", Stream::Drive, b"\0\x01\0\0nonsense");
+        bench.send("good", Stream::WheelOdometry, &drive(number));
+        bench.send("bad", Stream::WheelOdometry, b"\0\x01\0\0nonsense");
         bench.send("bad", Stream::Scan, &[0xff; 300]);
         if number % 100 == 0 {
             bench.worked_off("good").await;
@@ -199,13 +199,32 @@ async fn a_bad_payload_is_refused_and_no_other_robot_notices() {
     assert_eq!(progress.stamp_ns, BEGIN_NS + 499 * 10_000_000);
 }
 
+#[tokio::test]
+async fn a_robot_is_warned_of_while_it_sends_on_a_former_key() {
+    let bench = bench(&["a"]);
+    let key = "fleet/a/wheel_odometry";
+    let kinds = || {
+        let warnings = bench.fleet.robot(&id("a")).unwrap().warnings;
+        warnings.into_iter().map(|one| one.kind).collect::<Vec<_>>()
+    };
+    assert_eq!(kinds(), []);
+    let stream = Stream::WheelOdometry;
+    bench.fleet.refuse_former_key(&id("a"), stream, key);
+    assert_eq!(kinds(), [WarningKind::FormerKey]);
+    let counters = bench.fleet.robot(&id("a")).unwrap().counters;
+    assert_eq!((counters.received, counters.refused), (1, 1));
+    assert!(counters.last_refusal.unwrap().contains(key));
+    bench.clock.advance(limits::FORMER_KEY_WARNED_FOR);
+    assert_eq!(kinds(), []);
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_payload_that_is_too_large_is_refused_unread() {
     let bench = bench(&["robot"]);
-    let limit = limits::payload_bytes_max(Stream::Drive);
+    let limit = limits::payload_bytes_max(Stream::WheelOdometry);
     bench.fleet.receive(
         &id("robot"),
-        Stream::Drive,
+        Stream::WheelOdometry,
         Encoding::Cdr,
         limit + 1,
         || panic!("a payload that is too large is copied"),
@@ -216,7 +235,7 @@ async fn a_payload_that_is_too_large_is_refused_unread() {
         counters
             .last_refusal
             .unwrap()
-            .contains("4097 bytes, accepted are 4096")
+            .contains("4097 bytes, expected 4096")
     );
     assert_eq!(bench.fleet.counters().oversized, 1);
 }
@@ -224,16 +243,16 @@ async fn a_payload_that_is_too_large_is_refused_unread() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn an_unknown_robot_is_unregistered_until_its_vehicle_is_given() {
     let bench = bench(&[]);
-    bench.send("stranger", Stream::Drive, &drive(0));
+    bench.send("stranger", Stream::WheelOdometry, &drive(0));
     let view = bench.view("stranger");
     assert_eq!((view.state, view.config), (RobotState::Unregistered, None));
     assert_eq!(view.counters.ignored, 1);
     assert_eq!(
         view.connection.streams.first().map(|stream| stream.stream),
-        Some(Stream::Drive)
+        Some(Stream::WheelOdometry)
     );
     bench.fleet.configure(&id("stranger"), vehicle()).unwrap();
-    bench.send("stranger", Stream::Drive, &drive(1));
+    bench.send("stranger", Stream::WheelOdometry, &drive(1));
     bench.worked_off("stranger").await;
     let view = bench.view("stranger");
     assert_eq!(
@@ -247,12 +266,16 @@ async fn an_unknown_robot_is_unregistered_until_its_vehicle_is_given() {
 async fn strangers_are_bounded_and_make_room_when_they_are_gone() {
     let bench = bench(&["known"]);
     for number in 0..1_000 {
-        bench.send(&format!("stranger_{number}"), Stream::Drive, &drive(0));
+        bench.send(
+            &format!("stranger_{number}"),
+            Stream::WheelOdometry,
+            &drive(0),
+        );
     }
     assert_eq!(bench.fleet.ids().len(), limits::UNREGISTERED_ROBOTS_MAX + 1);
     assert_eq!(bench.fleet.counters().beyond_robots_max, 1_000 - 256);
     bench.clock.advance(Duration::from_secs(61));
-    bench.send("late_stranger", Stream::Drive, &drive(0));
+    bench.send("late_stranger", Stream::WheelOdometry, &drive(0));
     assert!(bench.fleet.robot(&id("late_stranger")).is_some());
     assert_eq!(bench.fleet.ids().len(), limits::UNREGISTERED_ROBOTS_MAX + 1);
 }
@@ -273,8 +296,8 @@ fn panicking(calibrator: &mut Calibrator, event: Event) -> Vec<Effect> {
 async fn a_panicking_estimator_is_started_anew_and_then_left_alone() {
     let bench = bench_with(&["healthy", "sick"], BTreeMap::new(), panicking);
     for number in 0..12 {
-        bench.send("healthy", Stream::Drive, &drive(number));
-        bench.send("sick", Stream::Drive, &drive(13));
+        bench.send("healthy", Stream::WheelOdometry, &drive(number));
+        bench.send("sick", Stream::WheelOdometry, &drive(13));
     }
     bench.worked_off("healthy").await;
     bench.worked_off("sick").await;
@@ -301,7 +324,7 @@ async fn a_panicking_estimator_is_started_anew_and_then_left_alone() {
 async fn one_panic_costs_one_message() {
     let bench = bench_with(&["robot"], BTreeMap::new(), panicking);
     for number in 0..30 {
-        bench.send("robot", Stream::Drive, &drive(number));
+        bench.send("robot", Stream::WheelOdometry, &drive(number));
     }
     bench.worked_off("robot").await;
     let counters = bench.view("robot").counters;
@@ -313,7 +336,7 @@ async fn one_panic_costs_one_message() {
 async fn a_stopped_fleet_leaves_a_state_that_another_one_goes_on_from() {
     let first = bench(&["robot"]);
     for number in 0..300 {
-        first.send("robot", Stream::Drive, &drive(number));
+        first.send("robot", Stream::WheelOdometry, &drive(number));
     }
     first.fleet.stop().await;
     assert_eq!(
@@ -331,7 +354,7 @@ async fn a_stopped_fleet_leaves_a_state_that_another_one_goes_on_from() {
         "what was known is shown before anything comes"
     );
     for number in 300..600 {
-        second.send("robot", Stream::Drive, &drive(number));
+        second.send("robot", Stream::WheelOdometry, &drive(number));
     }
     second.worked_off("robot").await;
     assert_eq!(second.view("robot").counters.refused, 0);
@@ -342,7 +365,7 @@ async fn a_stopped_fleet_leaves_a_state_that_another_one_goes_on_from() {
     };
     let robots = BTreeMap::from([(id("robot"), other)]);
     let third = bench_of(robots, checkpoints, Calibrator::step);
-    third.send("robot", Stream::Drive, &drive(600));
+    third.send("robot", Stream::WheelOdometry, &drive(600));
     third.worked_off("robot").await;
     let begun_anew = |estimate: Arc<EstimateDocument>| estimate.counts.drive_samples <= 1;
     assert!(third.view("robot").estimate.is_none_or(begun_anew));
@@ -353,7 +376,7 @@ async fn a_session_ends_when_the_token_is_gone_and_all_is_worked_off() {
     let bench = bench(&["robot"]);
     bench.fleet.set_alive(&id("robot"), true);
     for number in 0..100 {
-        bench.send("robot", Stream::Drive, &drive(number));
+        bench.send("robot", Stream::WheelOdometry, &drive(number));
     }
     bench.worked_off("robot").await;
     let before = bench
@@ -419,11 +442,11 @@ async fn a_note_goes_to_the_history_once_wherever_it_comes_from() {
 async fn a_compensated_robot_is_not_estimated_from_half_the_truth() {
     let bench = bench(&[]);
     let config = RobotConfig {
-        drive: DriveSignal::Compensated,
+        wheel_odometry: WheelOdometrySignal::Compensated,
         ..vehicle()
     };
     bench.fleet.configure(&id("robot"), config).unwrap();
-    bench.send("robot", Stream::Drive, &drive(0));
+    bench.send("robot", Stream::WheelOdometry, &drive(0));
     bench.worked_off("robot").await;
     let counters = bench.view("robot").counters;
     assert_eq!((counters.processed, counters.refused), (0, 1));
@@ -450,7 +473,7 @@ fn telling(calibrator: &mut Calibrator, event: Event) -> Vec<Effect> {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn what_a_compensated_robot_takes_off_is_added_back_from_that_moment_on() {
     let config = RobotConfig {
-        drive: DriveSignal::Compensated,
+        wheel_odometry: WheelOdometrySignal::Compensated,
         ..vehicle()
     };
     let bench = bench_of(
@@ -476,7 +499,7 @@ async fn what_a_compensated_robot_takes_off_is_added_back_from_that_moment_on() 
         if number == 2 {
             bench.fleet.use_values(&id("robot"), &[before, then], None);
         }
-        bench.send("robot", Stream::Drive, &drive(number));
+        bench.send("robot", Stream::WheelOdometry, &drive(number));
         bench.worked_off("robot").await;
         let estimate = bench.view("robot").estimate.unwrap();
         told.push(estimate.parameters.steering_offset.value);
@@ -491,7 +514,7 @@ async fn what_a_compensated_robot_takes_off_is_added_back_from_that_moment_on() 
 async fn values_on_trial_are_judged_by_an_estimator_of_their_own() {
     let bench = bench(&["robot"]);
     for number in 0..100 {
-        bench.send("robot", Stream::Drive, &drive(number));
+        bench.send("robot", Stream::WheelOdometry, &drive(number));
     }
     // It is heard of behind what waits, and its clock is not that of the messages.
     let since_ns = 7;
@@ -501,7 +524,7 @@ async fn values_on_trial_are_judged_by_an_estimator_of_their_own() {
     bench.worked_off("robot").await;
     assert_eq!(bench.view("robot").fresh, None, "nothing came since");
     for number in 100..800 {
-        bench.send("robot", Stream::Drive, &drive(number));
+        bench.send("robot", Stream::WheelOdometry, &drive(number));
         bench.worked_off("robot").await;
     }
     let (generation, fresh) = bench.view("robot").fresh.expect("an estimate of its own");
@@ -514,5 +537,9 @@ async fn values_on_trial_are_judged_by_an_estimator_of_their_own() {
     );
     assert!(fresh.distance_m < all.distance_m);
     bench.fleet.use_values(&id("robot"), &[], None);
-    assert_eq!(bench.view("robot").fresh, None, "the trial is over");
+    assert_eq!(
+        bench.view("robot").fresh,
+        None,
+        "the verification_run is over"
+    );
 }

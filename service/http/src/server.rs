@@ -118,7 +118,7 @@ async fn serve_connection(socket: TcpStream, place: Arc<Place>, served: Served, 
     let serving = watcher.watch(builder.serve_connection(TokioIo::new(socket), service));
     tokio::select! {
         served = serving => if let Err(error) = served {
-            // Hyper's own clock may be a moment ahead of the sweep.
+            // Hyper's own clock may be a moment ahead of the scan.
             if error.is_timeout() {
                 place.connections().count(place.progress().header_overdue().into());
             }

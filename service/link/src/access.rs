@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 /// What robots send.
 pub(super) const FROM_ROBOTS: [StreamKind; 6] = [
-    StreamKind::Drive,
+    StreamKind::WheelOdometry,
     StreamKind::Scan,
     StreamKind::LidarOdometry,
     StreamKind::Event,
@@ -35,10 +35,13 @@ pub fn list(keys: &Keys, more: &[Value]) -> Value {
     };
     let alive = vec![keys.alive_of_all()];
     let service = vec![keys.service_of_all()];
-    let mut subscribed = of(&FROM_ROBOTS);
+    let mut streams = of(&FROM_ROBOTS);
+    // Nothing on it is used; that a robot still puts to it raises an alert.
+    streams.push(keys.former_wheel_odometry_of_all());
+    let mut subscribed = streams.clone();
     subscribed.push(keys.stream_of_all_kinds());
     let mut rules = vec![
-        rule("streams", "ingress", &["put"], &of(&FROM_ROBOTS)),
+        rule("streams", "ingress", &["put"], &streams),
         rule(
             "streams_wanted",
             "egress",

@@ -1,7 +1,7 @@
 //! Calibrations on the wire: what robots ask for, what they are sent, what they answer.
 
 use fleetcal_domain::limits;
-use fleetcal_operations::clerk::{Clerk, Letter};
+use fleetcal_operations::lifecycle::{Lifecycle, OutboxMessage};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Applied;
 use fleetcal_proto::key::{Key, Keys, StreamKind};
@@ -18,32 +18,36 @@ use crate::questions::Questions;
 use crate::ros2::{self, Ros2};
 
 /// Hears what robots answer. The callback runs on Zenoh's receiving threads and never blocks.
-pub async fn hear_answers(session: &Session, keys: &Keys, clerk: Clerk) -> Result<Subscriber<()>> {
+pub async fn hear_answers(
+    session: &Session,
+    keys: &Keys,
+    lifecycle: Lifecycle,
+) -> Result<Subscriber<()>> {
     let own_keys = keys.clone();
     session
         .declare_subscriber(keys.stream_of_all(StreamKind::CalibrationApplied))
         .allowed_origin(Locality::Remote)
         .callback(move |sample| {
             if let Ok(Key::Stream { robot, .. }) = own_keys.parse(sample.key_expr().as_str()) {
-                take_answer(&clerk, &robot, &sample);
+                take_answer(&lifecycle, &robot, &sample);
             }
         })
         .await
 }
 
-fn take_answer(clerk: &Clerk, robot: &RobotId, sample: &Sample) {
+fn take_answer(lifecycle: &Lifecycle, robot: &RobotId, sample: &Sample) {
     let payload = sample.payload();
     if sample.kind() != SampleKind::Put || payload.len() > limits::ANSWER_BYTES_MAX {
         let bytes = payload.len();
-        clerk.refuse_answer(
+        lifecycle.refuse_answer(
             robot,
             &format!("no message of an accepted size: {bytes} bytes"),
         );
         return;
     }
     match serde_json::from_slice::<Applied>(&payload.to_bytes()) {
-        Ok(applied) => clerk.take_answer(robot, applied),
-        Err(error) => clerk.refuse_answer(robot, &error.to_string()),
+        Ok(applied) => lifecycle.take_answer(robot, applied),
+        Err(error) => lifecycle.refuse_answer(robot, &error.to_string()),
     }
 }
 
@@ -51,7 +55,7 @@ fn take_answer(clerk: &Clerk, robot: &RobotId, sample: &Sample) {
 pub async fn answer_approved(
     session: &Session,
     keys: &Keys,
-    clerk: Clerk,
+    lifecycle: Lifecycle,
     questions: &Questions,
 ) -> Result<Queryable<()>> {
     let own_keys = keys.clone();
@@ -60,18 +64,18 @@ pub async fn answer_approved(
         .declare_queryable(keys.stream_of_all(StreamKind::CalibrationApproved))
         .complete(true)
         .callback(move |query| {
-            let (clerk, keys) = (clerk.clone(), own_keys.clone());
-            questions.answer(async move { reply_approved(&clerk, &keys, &query).await });
+            let (lifecycle, keys) = (lifecycle.clone(), own_keys.clone());
+            questions.answer(async move { reply_approved(&lifecycle, &keys, &query).await });
         })
         .await
 }
 
-async fn reply_approved(clerk: &Clerk, keys: &Keys, query: &Query) {
+async fn reply_approved(lifecycle: &Lifecycle, keys: &Keys, query: &Query) {
     let Ok(Key::Stream { robot, .. }) = keys.parse(query.key_expr().as_str()) else {
         // A question about all robots at once is nobody's own.
         return;
     };
-    match clerk.approved(&robot).await {
+    match lifecycle.approved(&robot).await {
         Ok(Some(envelope)) => {
             reply(
                 query,
@@ -90,7 +94,7 @@ async fn reply_approved(clerk: &Clerk, keys: &Keys, query: &Query) {
 pub async fn answer_confirmed(
     session: &Session,
     keys: &Keys,
-    clerk: Clerk,
+    lifecycle: Lifecycle,
 ) -> Result<Queryable<()>> {
     let own_keys = keys.clone();
     session
@@ -98,7 +102,7 @@ pub async fn answer_confirmed(
         .complete(true)
         .callback(move |query| {
             if let Ok(Key::Stream { robot, .. }) = own_keys.parse(query.key_expr().as_str())
-                && let Some(confirmed) = clerk.confirmed(&robot)
+                && let Some(confirmed) = lifecycle.confirmed(&robot)
             {
                 let kind = StreamKind::CalibrationConfirmed;
                 reply(&query, &own_keys, &robot, kind, &confirmed);
@@ -118,56 +122,62 @@ fn reply<T: Serialize>(query: &Query, keys: &Keys, robot: &RobotId, kind: Stream
 }
 
 /// Sends what was decided, until `stop`. What is not sent stays in the outbox.
-pub async fn post(session: Session, keys: Keys, clerk: Clerk, ros2: Ros2, stop: CancellationToken) {
+pub async fn send_outbox(
+    session: Session,
+    keys: Keys,
+    lifecycle: Lifecycle,
+    ros2: Ros2,
+    stop: CancellationToken,
+) {
     loop {
-        let pause = if post_all(&session, &keys, &clerk, &ros2).await {
+        let pause = if send_all(&session, &keys, &lifecycle, &ros2).await {
             limits::POST_EVERY
         } else {
             limits::POST_RETRY
         };
         tokio::select! {
             () = stop.cancelled() => return,
-            () = clerk.post_comes() => {}
+            () = lifecycle.post_comes() => {}
             () = tokio::time::sleep(pause) => {}
         }
     }
 }
 
 /// Sends what waits; whether all of it went.
-async fn post_all(session: &Session, keys: &Keys, clerk: &Clerk, ros2: &Ros2) -> bool {
-    let parcels = match clerk.parcels().await {
-        Ok(parcels) => parcels,
+async fn send_all(session: &Session, keys: &Keys, lifecycle: &Lifecycle, ros2: &Ros2) -> bool {
+    let entries = match lifecycle.outbox().await {
+        Ok(entries) => entries,
         Err(error) => {
             tracing::error!(%error, "the outbox cannot be read");
             return false;
         }
     };
     let mut all = true;
-    for (robot, parcel) in parcels {
-        let put = match clerk.letter(&robot, parcel).await {
+    for (robot, entry) in entries {
+        let put = match lifecycle.message(&robot, entry).await {
             Ok(None) => continue,
-            Ok(Some(letter)) => {
-                let put = put(session, keys, &robot, &letter).await;
-                also_to_ros2(session, ros2, &robot, &letter).await;
+            Ok(Some(message)) => {
+                let put = put(session, keys, &robot, &message).await;
+                also_to_ros2(session, ros2, &robot, &message).await;
                 put
             }
             Err(error) => Err(error.into()),
         };
         let sent = match put {
-            Ok(()) => clerk.sent(&robot, parcel).await.map_err(Into::into),
+            Ok(()) => lifecycle.sent(&robot, entry).await.map_err(Into::into),
             Err(error) => Err(error),
         };
         if let Err(error) = sent {
             all = false;
-            tracing::warn!(robot.id = %robot, ?parcel, error, "not sent, and tried again");
+            tracing::warn!(robot.id = %robot, ?entry, error, "not sent, and tried again");
         }
     }
     all
 }
 
 /// On the robot's ROS 2 topic too. Who does not get it there asks for it.
-async fn also_to_ros2(session: &Session, ros2: &Ros2, robot: &RobotId, letter: &Letter) {
-    let Letter::Approved(envelope) = letter else {
+async fn also_to_ros2(session: &Session, ros2: &Ros2, robot: &RobotId, message: &OutboxMessage) {
+    let OutboxMessage::Approved(envelope) = message else {
         return;
     };
     if let Err(error) = ros2::calibration::publish(session, ros2, robot, envelope).await {
@@ -176,13 +186,18 @@ async fn also_to_ros2(session: &Session, ros2: &Ros2, robot: &RobotId, letter: &
 }
 
 /// Waits for room instead of dropping: a calibration is no estimate that comes again in a second.
-async fn put(session: &Session, keys: &Keys, robot: &RobotId, letter: &Letter) -> Result<()> {
-    let (kind, json) = match letter {
-        Letter::Approved(envelope) => (
+async fn put(
+    session: &Session,
+    keys: &Keys,
+    robot: &RobotId,
+    message: &OutboxMessage,
+) -> Result<()> {
+    let (kind, json) = match message {
+        OutboxMessage::Approved(envelope) => (
             StreamKind::CalibrationApproved,
             serde_json::to_vec(envelope)?,
         ),
-        Letter::Confirmed(confirmed) => (
+        OutboxMessage::Confirmed(confirmed) => (
             StreamKind::CalibrationConfirmed,
             serde_json::to_vec(confirmed)?,
         ),

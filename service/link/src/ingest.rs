@@ -28,12 +28,20 @@ pub async fn subscribe(
 }
 
 fn take(fleet: &FleetHandle, keys: &Keys, sample: &Sample) {
-    let Ok(Key::Stream { robot, kind }) = keys.parse(sample.key_expr().as_str()) else {
-        fleet.count_foreign_key();
-        return;
+    let (robot, kind) = match keys.parse(sample.key_expr().as_str()) {
+        Ok(Key::Stream { robot, kind }) => (robot, kind),
+        Ok(Key::FormerWheelOdometry(robot)) => {
+            let key = keys.stream(&robot, StreamKind::WheelOdometry);
+            fleet.refuse_former_key(&robot, Stream::WheelOdometry, &key);
+            return;
+        }
+        _ => {
+            fleet.count_foreign_key();
+            return;
+        }
     };
     let stream = match kind {
-        StreamKind::Drive => Stream::Drive,
+        StreamKind::WheelOdometry => Stream::WheelOdometry,
         StreamKind::Scan => Stream::Scan,
         StreamKind::LidarOdometry => Stream::LidarOdometry,
         StreamKind::Event => Stream::Event,
@@ -58,11 +66,7 @@ pub fn offer(
     sample: &Sample,
 ) {
     if sample.kind() != SampleKind::Put {
-        fleet.refuse(
-            robot,
-            stream,
-            "the message is a deletion, accepted is a put",
-        );
+        fleet.refuse(robot, stream, "the message is a deletion, expected a put");
         return;
     }
     let payload = sample.payload();

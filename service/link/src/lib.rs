@@ -26,7 +26,7 @@ use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Subscriber;
 use zenoh::query::Queryable;
 
-use fleetcal_operations::clerk::Clerk;
+use fleetcal_operations::lifecycle::Lifecycle;
 use questions::Questions;
 use ros2::{Ros2Link, RouteTable};
 
@@ -132,16 +132,16 @@ impl Link {
     pub fn open(
         setup: LinkSetup,
         fleet: FleetHandle,
-        clerk: Clerk,
+        lifecycle: Lifecycle,
         clock: SharedClock,
     ) -> Boxed<Result<Self, LinkError>> {
-        Box::pin(Self::opened(setup, fleet, clerk, clock))
+        Box::pin(Self::opened(setup, fleet, lifecycle, clock))
     }
 
     async fn opened(
         setup: LinkSetup,
         fleet: FleetHandle,
-        clerk: Clerk,
+        lifecycle: Lifecycle,
         clock: SharedClock,
     ) -> Result<Self, LinkError> {
         let table = RouteTable::new(&setup.ros2, setup.keys.root(), fleet.streams());
@@ -161,13 +161,13 @@ impl Link {
             .await
             .map_err(declared("the queryable of progress"))?;
         let questions = Questions::new(fleet.clone());
-        let approved = calibration::answer_approved(&session, &keys, clerk.clone(), &questions)
+        let approved = calibration::answer_approved(&session, &keys, lifecycle.clone(), &questions)
             .await
             .map_err(declared("the queryable of approved calibrations"))?;
-        let confirmed = calibration::answer_confirmed(&session, &keys, clerk.clone())
+        let confirmed = calibration::answer_confirmed(&session, &keys, lifecycle.clone())
             .await
             .map_err(declared("the queryable of confirmations"))?;
-        let answers = calibration::hear_answers(&session, &keys, clerk.clone())
+        let answers = calibration::hear_answers(&session, &keys, lifecycle.clone())
             .await
             .map_err(declared("the subscriber of robots' answers"))?;
         let streams = ingest::subscribe(&session, &keys, fleet.clone())
@@ -175,7 +175,7 @@ impl Link {
             .map_err(declared("the subscriber of robots' streams"))?;
         let surroundings = ros2::Surroundings {
             fleet: fleet.clone(),
-            clerk: clerk.clone(),
+            lifecycle: lifecycle.clone(),
             clock,
             questions,
         };
@@ -189,9 +189,8 @@ impl Link {
             .declare_token(keys.service(&instance))
             .await
             .map_err(declared("the service's liveliness token"))?;
-        let to_ros2 = ros2.shared();
-        let posting =
-            calibration::post(session.clone(), keys.clone(), clerk, to_ros2, stop.clone());
+        let (own, own_keys, to_ros2) = (session.clone(), keys.clone(), ros2.shared());
+        let posting = calibration::send_outbox(own, own_keys, lifecycle, to_ros2, stop.clone());
         let poster = tokio::spawn(posting);
         let publishing = outgoing::publish_estimates(session.clone(), keys, fleet, stop.clone());
         let publisher = tokio::spawn(publishing);

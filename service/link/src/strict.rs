@@ -142,6 +142,8 @@ impl StrictRouter {
         };
         let named = |what: &str| format!("{robot}: {what}");
         let mut streams = of(&FROM_ROBOTS);
+        // Nothing on it is used; that a robot still puts to it raises an alert.
+        streams.push(self.keys.former_wheel_odometry(robot));
         let further = self.streams.iter();
         streams.extend(further.map(|stream| stream.replace("{robot}", robot.as_str())));
         let alive = [self.keys.alive(robot)];
@@ -257,6 +259,7 @@ impl StrictRouter {
 
     fn streams_of_all(&self) -> Vec<String> {
         let mut streams = self.of_all(&FROM_ROBOTS);
+        streams.push(self.keys.former_wheel_odometry_of_all());
         streams.push(self.keys.stream_of_all_kinds());
         let further = self.streams.iter();
         streams.extend(further.map(|stream| stream.replace("{robot}", "*")));
@@ -318,6 +321,7 @@ mod tests {
     fn a_robot_may_put_to_its_own_keys_and_the_service_to_no_stream() {
         let list = router(&["tugger_01", "tugger_02"]).list();
         let keys = may_put(&list, "tugger_01");
+        assert!(keys.contains(&"fleet/tugger_01/wheel_odometry".to_owned()));
         assert!(keys.contains(&"fleet/tugger_01/drive".to_owned()));
         assert!(keys.contains(&"*/tugger_01/scan/**".to_owned()));
         assert!(
@@ -326,7 +330,10 @@ mod tests {
         );
         let keys = may_put(&list, "fleetcal");
         assert!(keys.contains(&"fleet/*/estimate".to_owned()));
-        assert!(!keys.contains(&"fleet/*/drive".to_owned()), "{keys:?}");
+        assert!(
+            !keys.contains(&"fleet/*/wheel_odometry".to_owned()),
+            "{keys:?}"
+        );
     }
 
     #[test]

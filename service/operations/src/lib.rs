@@ -2,21 +2,22 @@
 //!
 //! Every write of a record is a [`fleetcal_store::Job`] here: it loads records, takes a pure step of
 //! `fleetcal-domain`, and saves, in one transaction. [`accounts`] and [`robots`] have those that
-//! people ask for alone. [`clerk`] takes decisions to the store, one at a time for each robot, and does each second what
-//! is due; [`sentry`] holds every robot against the rules for alerts; [`courier`] sends webhooks;
-//! [`session_export`] writes a robot's session as MCAP. What they decide by is pure and stands in
-//! `fleetcal-domain`. [`entropy`] is where randomness enters.
+//! people ask for alone. [`lifecycle`] takes decisions to the store, one at a time for each robot,
+//! and does each second what is due; [`alert_evaluator`] compares every robot with the rules for
+//! alerts; [`webhook_dispatcher`] sends webhooks; [`recording_export`] writes a recording of a robot
+//! as MCAP. What they decide by is pure and is in `fleetcal-domain`. [`entropy`] is where randomness
+//! enters.
 
 pub mod accounts;
+pub mod alert_evaluator;
 mod answers;
-pub mod clerk;
-pub mod courier;
 pub mod entropy;
+pub mod lifecycle;
+pub mod recording_export;
 pub mod robots;
-pub mod sentry;
-pub mod session_export;
 #[cfg(test)]
 mod testing;
+pub mod webhook_dispatcher;
 
 use std::pin::Pin;
 

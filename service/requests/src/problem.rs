@@ -59,7 +59,7 @@ impl Problem {
     /// A value that is not accepted.
     pub fn refused(field: &str, value: &str, accepted: &str) -> Self {
         let shown: String = value.chars().take(100).collect();
-        let detail = format!("{field} is {shown:?}, accepted is {accepted}");
+        let detail = format!("{field} is {shown:?}, expected {accepted}");
         Self::new(StatusCode::BAD_REQUEST, "value_refused", detail).of_field(field)
     }
 
@@ -212,7 +212,7 @@ impl From<Refused> for Problem {
             Refused::NothingToReturnTo | Refused::NothingEarlier => {
                 conflict("nothing_to_return_to")
             }
-            Refused::Held(_) => conflict("held"),
+            Refused::Held(_) => conflict("frozen"),
             Refused::NeverOffered { .. } => value("generation"),
             Refused::OtherDocument { .. } => value("sha256"),
             Refused::ChosenByPerson { .. } => conflict("chosen_by_person"),
@@ -265,7 +265,7 @@ impl From<FleetRefused> for Problem {
             FleetRefused::NoteTooLong(_) => {
                 Self::new(StatusCode::BAD_REQUEST, "value_refused", detail).of_field("note")
             }
-            FleetRefused::NotesMax(_) | FleetRefused::PlanAskersMax(_) => {
+            FleetRefused::NotesMax(_) | FleetRefused::TopViewAskersMax(_) => {
                 Self::new(StatusCode::SERVICE_UNAVAILABLE, "robot_busy", detail)
             }
         }

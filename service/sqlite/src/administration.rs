@@ -120,14 +120,14 @@ pub async fn backup(folder: &Path, to: &Path) -> Result<(), StoreError> {
 }
 
 /// Where a backup is until it is complete.
-fn unfinished(to: &Path) -> Option<PathBuf> {
+pub(super) fn unfinished(to: &Path) -> Option<PathBuf> {
     let mut name = to.file_name()?.to_owned();
     name.push(".tmp");
     Some(to.with_file_name(name))
 }
 
 /// Makes an empty file that its owner alone can read; one that an earlier backup left is removed.
-fn make_private(path: &Path) -> Result<(), Error> {
+pub(super) fn make_private(path: &Path) -> Result<(), Error> {
     match std::fs::remove_file(path) {
         Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
         _ => {}
@@ -140,7 +140,7 @@ fn make_private(path: &Path) -> Result<(), Error> {
 }
 
 /// Gives a complete backup its name, for good.
-fn finish(unfinished: &Path, to: &Path) -> Result<(), Error> {
+pub(super) fn finish(unfinished: &Path, to: &Path) -> Result<(), Error> {
     File::open(unfinished)?.sync_all()?;
     std::fs::rename(unfinished, to)?;
     let folder = to.parent().filter(|folder| !folder.as_os_str().is_empty());

@@ -1,10 +1,12 @@
 //! The life cycle's records: read and written in the transaction of a decision.
 
 use async_trait::async_trait;
-use fleetcal_domain::approval::{GenerationRef, NextIds, Outcome, Parcel, Proposal, RobotLedger};
+use fleetcal_domain::approval::{
+    GenerationRef, NextIds, OutboxEntry, Outcome, Proposal, RobotLedger,
+};
 use fleetcal_proto::RobotId;
 use fleetcal_store::transaction::ApprovalRecords;
-use fleetcal_store::{SiteHold, StoreError, StoredPolicy};
+use fleetcal_store::{DeploymentFreeze, StoreError, StoredPolicy};
 use serde::Serialize;
 use sqlx::sqlite::{SqliteConnection, SqliteRow};
 use sqlx::{QueryBuilder, Sqlite};
@@ -41,20 +43,23 @@ impl ApprovalRecords for SqliteRecords<'_> {
         save(self.connection, outcome).await
     }
 
-    async fn site_hold(&mut self) -> Result<SiteHold, StoreError> {
-        records::site_hold(&mut *self.connection).await
+    async fn deployment_freeze(&mut self) -> Result<DeploymentFreeze, StoreError> {
+        records::deployment_freeze(&mut *self.connection).await
     }
 
-    async fn save_site_hold(&mut self, hold: &SiteHold) -> Result<(), StoreError> {
+    async fn save_deployment_freeze(
+        &mut self,
+        freeze: &DeploymentFreeze,
+    ) -> Result<(), StoreError> {
         sqlx::query("UPDATE site SET version = ?1, held = ?2, by = ?3, at_ns = ?4, reason = ?5")
-            .bind(hold.version as i64)
-            .bind(hold.held)
-            .bind(&hold.by)
-            .bind(hold.at_ns)
-            .bind(&hold.reason)
+            .bind(freeze.version as i64)
+            .bind(freeze.frozen)
+            .bind(&freeze.by)
+            .bind(freeze.at_ns)
+            .bind(&freeze.reason)
             .execute(&mut *self.connection)
             .await
-            .map_err(StoreError::database("write the site-wide stop"))?;
+            .map_err(StoreError::database("write the deployment freeze"))?;
         Ok(())
     }
 
@@ -143,8 +148,8 @@ async fn write_outbox(
             .await
             .map_err(failed())?;
     }
-    for parcel in &outcome.parcels {
-        let (kind, generation) = columns_of(*parcel);
+    for entry in &outcome.outbox {
+        let (kind, generation) = columns_of(*entry);
         sqlx::query(
             "INSERT INTO outbox (robot, kind, generation) VALUES (?1, ?2, ?3)
              ON CONFLICT (robot, kind) DO UPDATE SET generation = excluded.generation",
@@ -159,10 +164,10 @@ async fn write_outbox(
     Ok(())
 }
 
-const fn columns_of(parcel: Parcel) -> (&'static str, i64) {
-    match parcel {
-        Parcel::Approved(generation) => ("approved", generation as i64),
-        Parcel::Confirmed(generation) => ("confirmed", generation as i64),
+const fn columns_of(entry: OutboxEntry) -> (&'static str, i64) {
+    match entry {
+        OutboxEntry::Approved(generation) => ("approved", generation as i64),
+        OutboxEntry::Confirmed(generation) => ("confirmed", generation as i64),
     }
 }
 

@@ -25,10 +25,10 @@ pub(super) static MERGE_MINUTE: LazyLock<String> = LazyLock::new(|| merge_second
 /// Merges one second into its hour.
 pub(super) static MERGE_HOUR: LazyLock<String> = LazyLock::new(|| merge_second(Tier::Hour));
 
-/// Makes a minute anew from its seconds: `robot, start, end`.
+/// Makes a minute again from its seconds: `robot, start, end`.
 pub(super) static REMAKE_MINUTE: LazyLock<String> = LazyLock::new(|| remake(Tier::Minute));
 
-/// Makes an hour anew from its minutes: `robot, start, end`.
+/// Makes an hour again from its minutes: `robot, start, end`.
 pub(super) static REMAKE_HOUR: LazyLock<String> = LazyLock::new(|| remake(Tier::Hour));
 
 /// The table of a tier.

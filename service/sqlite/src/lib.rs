@@ -15,6 +15,7 @@ mod folder;
 mod policy;
 mod read;
 mod records;
+mod restore;
 mod robots;
 mod row;
 pub mod signing_key;
@@ -44,6 +45,7 @@ use read::SqliteReader;
 use writer::{JobRuns, SharedWriter, SqliteWriter};
 
 pub use administration::{Administration, backup};
+pub use restore::{Restored, restore};
 
 static MIGRATIONS: Migrator = sqlx::migrate!("../../migrations/sqlite");
 
@@ -207,18 +209,22 @@ async fn administer(
 /// # Errors
 /// [`StoreError::Database`].
 async fn copy(path: &Path, to: &Path) -> Result<(), StoreError> {
-    let failed = || StoreError::database("be copied");
     let mut connection = options(path)
         .read_only(true)
         .connect()
         .await
         .map_err(StoreError::database("be opened for reading"))?;
+    copy_into(&mut connection, to).await?;
+    close(connection).await
+}
+
+async fn copy_into(connection: &mut SqliteConnection, to: &Path) -> Result<(), StoreError> {
     sqlx::query("VACUUM INTO ?1")
         .bind(to.to_string_lossy().into_owned())
-        .execute(&mut connection)
+        .execute(connection)
         .await
-        .map_err(failed())?;
-    close(connection).await
+        .map_err(StoreError::database("be copied"))?;
+    Ok(())
 }
 
 /// Writes over a connection of its own, to find out whether the database takes writes at all.

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use async_trait::async_trait;
 use fleetcal_domain::alert::Alert;
 use fleetcal_domain::approval::{
-    Deployment, DeploymentState, Parcel, Proposal, Revision, RobotLedger,
+    Deployment, DeploymentState, OutboxEntry, Proposal, Revision, RobotLedger,
 };
 use fleetcal_domain::webhook::{Delivery, Webhook};
 use fleetcal_model::Parameter;
@@ -14,8 +14,8 @@ use fleetcal_proto::calibration::Envelope;
 use fleetcal_store::backend::{Cell, Reader, Stretch, Tier};
 use fleetcal_store::{
     AlertFilter, AlertMoment, AuditFilter, AuditRow, CheckpointRecord, CrossTrackRecord,
-    CurrentRecord, DueDelivery, EventRecord, ProposalFilter, RobotRecord, SiteHold, StoreError,
-    StoredPolicy,
+    CurrentRecord, DeploymentFreeze, DueDelivery, EventRecord, ProposalFilter, RobotRecord,
+    StoreError, StoredPolicy,
 };
 use sqlx::AssertSqlSafe;
 use sqlx::sqlite::{SqlitePool, SqliteRow};
@@ -211,7 +211,7 @@ impl Reader for SqliteReader {
         records::envelope(&self.pool, robot, generation).await
     }
 
-    async fn outbox(&self) -> Result<Vec<(RobotId, Parcel)>, StoreError> {
+    async fn outbox(&self) -> Result<Vec<(RobotId, OutboxEntry)>, StoreError> {
         records::outbox(&self.pool).await
     }
 
@@ -242,8 +242,8 @@ impl Reader for SqliteReader {
         records::followed(&self.pool, proposals).await
     }
 
-    async fn site_hold(&self) -> Result<SiteHold, StoreError> {
-        records::site_hold(&self.pool).await
+    async fn deployment_freeze(&self) -> Result<DeploymentFreeze, StoreError> {
+        records::deployment_freeze(&self.pool).await
     }
 
     async fn policy(&self) -> Result<StoredPolicy, StoreError> {

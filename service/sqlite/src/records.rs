@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 
 use fleetcal_domain::approval::{
-    Deployment, DeploymentState, Parcel, Proposal, Revision, RobotLedger, Shadow,
+    Deployment, DeploymentState, OutboxEntry, Proposal, Revision, RobotLedger, Shadow,
 };
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
-use fleetcal_store::{AuditFilter, AuditRow, ProposalFilter, SiteHold, StoreError};
+use fleetcal_store::{AuditFilter, AuditRow, DeploymentFreeze, ProposalFilter, StoreError};
 use serde::de::DeserializeOwned;
 use sqlx::sqlite::{SqlitePool, SqliteRow};
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteExecutor};
@@ -76,7 +76,7 @@ pub(super) async fn envelope(
 }
 
 /// What waits to be sent.
-pub(super) async fn outbox(pool: &SqlitePool) -> Result<Vec<(RobotId, Parcel)>, StoreError> {
+pub(super) async fn outbox(pool: &SqlitePool) -> Result<Vec<(RobotId, OutboxEntry)>, StoreError> {
     let rows = sqlx::query("SELECT robot, kind, generation FROM outbox ORDER BY robot, kind")
         .fetch_all(pool)
         .await
@@ -85,12 +85,12 @@ pub(super) async fn outbox(pool: &SqlitePool) -> Result<Vec<(RobotId, Parcel)>, 
         .map(|row| {
             let kind: String = column(row, "outbox", 1)?;
             let generation = number(row, 2)?;
-            let parcel = if kind == "approved" {
-                Parcel::Approved(generation)
+            let entry = if kind == "approved" {
+                OutboxEntry::Approved(generation)
             } else {
-                Parcel::Confirmed(generation)
+                OutboxEntry::Confirmed(generation)
             };
-            Ok((robot_id(row, "outbox", 0)?, parcel))
+            Ok((robot_id(row, "outbox", 0)?, entry))
         })
         .collect()
 }
@@ -194,19 +194,21 @@ pub(super) async fn followed(
         .collect()
 }
 
-/// The site-wide stop.
-pub(super) async fn site_hold(executor: impl SqliteExecutor<'_>) -> Result<SiteHold, StoreError> {
+/// The deployment freeze.
+pub(super) async fn deployment_freeze(
+    executor: impl SqliteExecutor<'_>,
+) -> Result<DeploymentFreeze, StoreError> {
     let row = sqlx::query("SELECT version, held, by, at_ns, reason FROM site")
         .fetch_one(executor)
         .await
-        .map_err(StoreError::database("read the site-wide stop"))?;
+        .map_err(StoreError::database("read the deployment freeze"))?;
     site_of(&row)
 }
 
-fn site_of(row: &SqliteRow) -> Result<SiteHold, StoreError> {
-    Ok(SiteHold {
+fn site_of(row: &SqliteRow) -> Result<DeploymentFreeze, StoreError> {
+    Ok(DeploymentFreeze {
         version: number(row, 0)?,
-        held: column(row, "site", 1)?,
+        frozen: column(row, "site", 1)?,
         by: column(row, "site", 2)?,
         at_ns: column(row, "site", 3)?,
         reason: column(row, "site", 4)?,

@@ -22,7 +22,7 @@ pub enum KeyError {
         source: Error,
     },
     /// Its file holds something else.
-    #[error("the signing key {path} is {length} bytes long, accepted are 32")]
+    #[error("the signing key {path} is {length} bytes long, expected 32")]
     Length {
         /// The file.
         path: PathBuf,

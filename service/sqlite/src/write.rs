@@ -42,7 +42,7 @@ pub(super) async fn write(
 
 /// Writes seconds and merges them into their minutes and hours.
 ///
-/// A second that was there already is overwritten, and its minute and hour are made anew: the
+/// A second that was there already is overwritten, and its minute and hour are made again: the
 /// same recording replayed with another wheelbase is not averaged with the first run.
 async fn history(
     connection: &mut SqliteConnection,

@@ -3,6 +3,7 @@
 use std::net::{SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
 
 use clap::Args;
 use fleetcal_clock::SharedClock;
@@ -10,7 +11,8 @@ use fleetcal_command::output::print_text;
 use fleetcal_command::signals::Signals;
 use fleetcal_config::{Config, RobotEntry};
 use fleetcal_domain::access::{AccountName, Actor, Grant, Password, PasswordHash, Role};
-use fleetcal_domain::robot::{Mount, RobotConfig, ValueRefused, Wheelbase};
+use fleetcal_domain::robot::{Mount, RobotConfig, RobotState, ValueRefused, Wheelbase};
+use fleetcal_fleet::FleetHandle;
 use fleetcal_operations::accounts::{UserChange, change_user};
 use fleetcal_operations::entropy;
 use fleetcal_proto::Keys;
@@ -22,6 +24,9 @@ use tokio_util::sync::CancellationToken;
 use crate::command::CommandError;
 use crate::command::stopping::stop_in_time;
 use crate::service::{Service, ServiceError};
+
+/// How often the demo looks how far its robots are.
+const LOOK_EVERY: Duration = Duration::from_secs(1);
 
 /// What `fleetcal demo` takes.
 #[derive(Debug, Args)]
@@ -64,27 +69,56 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
     let service = Service::start(config, Arc::clone(&clock)).await?;
     let accounts = seed_accounts(service.store()).await?;
     print_text(&format!(
-        "{} simulated robots are on their way: http://{}\n{accounts}Ctrl-C ends the demo.\n",
+        "{} simulated robots drive: http://{}\n{accounts}Each is calibrated after 20 to 90 s of \
+         driving; then approve its calibration as approver.\nCtrl-C ends the demo.\n",
         robots.len(),
         service.http_address(),
     ))?;
+    let progress = tokio::spawn(say_progress(service.fleet().clone(), Arc::clone(&clock)));
     let stop = CancellationToken::new();
     let fleet = tokio::spawn(run_fleet(
         FleetOptions {
             robots,
             connect: vec![arguments.listen.clone()].into(),
             keys: Keys::default(),
-            trusted: Some(TrustedKeys::from(service.clerk().public_key())),
+            trusted: Some(TrustedKeys::from(service.lifecycle().public_key())),
             start_stamp_ns: clock.now_ns(),
         },
         stop.clone(),
     ));
     signals.stop().await;
     stop.cancel();
+    progress.abort();
     let ended = fleet.await;
     stop_in_time(service, signals).await?;
     ended??;
     Ok(())
+}
+
+/// Says how many robots are calibrated, each time that more are, until all are.
+async fn say_progress(fleet: FleetHandle, clock: SharedClock) -> Result<(), CommandError> {
+    let began = clock.elapsed();
+    let mut look = tokio::time::interval(LOOK_EVERY);
+    let mut said = 0;
+    loop {
+        look.tick().await;
+        let robots = fleet.robots();
+        let states = robots.iter().map(|robot| robot.state);
+        let calibrated = states
+            .filter(|&state| state == RobotState::Calibrated)
+            .count();
+        if calibrated > said {
+            said = calibrated;
+            let after_s = (clock.elapsed() - began).as_secs();
+            print_text(&format!(
+                "{calibrated} of {} robots are calibrated after {after_s} s.\n",
+                robots.len()
+            ))?;
+        }
+        if said == robots.len() {
+            return Ok(());
+        }
+    }
 }
 
 /// One account of each role, and a second approver, since nobody approves what he has proposed.

@@ -6,6 +6,7 @@ pub mod check_config;
 pub mod completions;
 pub mod demo;
 pub mod man;
+pub mod restore;
 pub mod serve;
 mod stopping;
 pub mod token;
@@ -62,6 +63,8 @@ pub enum Command {
     User(user::Arguments),
     /// Copies the database into a file, also while the service runs
     Backup(backup::Arguments),
+    /// Puts a backup into an empty data folder, and the signing key with it
+    Restore(restore::Arguments),
     /// Generates access lists of Zenoh routers
     Acl(acl::Arguments),
     /// Checks a `fleetcal.toml` without starting the service
@@ -112,7 +115,7 @@ pub enum CommandError {
     #[error("no robot is named: give --robot ID, or a --config file with a [[robot]]")]
     NoRobots,
     /// A robot would have the service's rights.
-    #[error("--service is {0}, accepted is the name of no robot")]
+    #[error("--service is {0}, expected the name of no robot")]
     ServiceIsRobot(RobotId),
     /// What a router would know robots by is not there.
     #[error("--identity is {identity}, which needs {needs}")]
@@ -124,7 +127,7 @@ pub enum CommandError {
     },
     /// A key expression that is the same for all robots.
     #[error(
-        "--stream is {0:?}, accepted is a key expression in which one whole chunk is {{robot}}, for the robot's id"
+        "--stream is {0:?}, expected a key expression in which one whole chunk is {{robot}}, for the robot's id"
     )]
     StreamOfAll(String),
 }
@@ -158,7 +161,9 @@ impl CommandError {
                 ServiceError::Link(LinkError::Config(_) | LinkError::Anonymous { .. })
                 | ServiceError::TooManyRobots { .. },
             )
-            | Self::Store(StoreError::Account(_) | StoreError::Missing { .. })
+            | Self::Store(
+                StoreError::Account(_) | StoreError::Missing { .. } | StoreError::Restore { .. },
+            )
             | Self::Account(_)
             | Self::UserUnknown(_)
             | Self::Name(_)

@@ -4,14 +4,14 @@ use fleetcal_domain::approval::ProposalState;
 use fleetcal_proto::RobotId;
 use serde::Serialize;
 
-/// Whether the site-wide stop is held.
+/// Whether deployments are frozen.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
-pub struct SiteHold {
+pub struct DeploymentFreeze {
     /// Goes up with every change of it.
     pub version: u64,
-    /// Whether it is held.
-    pub held: bool,
+    /// Whether they are.
+    pub frozen: bool,
     /// Who changed it last.
     pub by: Option<String>,
     /// When, ns since 1970, wall time.

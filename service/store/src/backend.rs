@@ -7,7 +7,7 @@ use async_trait::async_trait;
 use fleetcal_domain::access::SecretHash;
 use fleetcal_domain::alert::Alert;
 use fleetcal_domain::approval::{
-    Deployment, DeploymentState, Parcel, Proposal, Revision, RobotLedger,
+    Deployment, DeploymentState, OutboxEntry, Proposal, Revision, RobotLedger,
 };
 use fleetcal_domain::webhook::{Delivery, Webhook};
 use fleetcal_model::Parameter;
@@ -16,7 +16,7 @@ use fleetcal_proto::calibration::Envelope;
 
 use super::accounts::{SessionRecord, TokenRecord, UserRecord};
 use super::alerts::{AlertFilter, AlertMoment};
-use super::approvals::{AuditFilter, AuditRow, ProposalFilter, SiteHold};
+use super::approvals::{AuditFilter, AuditRow, DeploymentFreeze, ProposalFilter};
 use super::error::StoreError;
 use super::policy::StoredPolicy;
 use super::record::{CheckpointRecord, CrossTrackRecord, CurrentRecord, EventRecord, RobotRecord};
@@ -174,7 +174,7 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
     ) -> Result<Option<Envelope>, StoreError>;
 
     /// What is to be sent, and was not.
-    async fn outbox(&self) -> Result<Vec<(RobotId, Parcel)>, StoreError>;
+    async fn outbox(&self) -> Result<Vec<(RobotId, OutboxEntry)>, StoreError>;
 
     /// Proposals with what they propose, newest first.
     async fn proposals(
@@ -199,8 +199,8 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
         proposals: &[u64],
     ) -> Result<BTreeMap<u64, DeploymentState>, StoreError>;
 
-    /// The site-wide stop.
-    async fn site_hold(&self) -> Result<SiteHold, StoreError>;
+    /// The deployment freeze.
+    async fn deployment_freeze(&self) -> Result<DeploymentFreeze, StoreError>;
 
     /// The policy that was set.
     async fn policy(&self) -> Result<StoredPolicy, StoreError>;

@@ -84,6 +84,14 @@ pub enum StoreError {
         #[source]
         source: Arc<std::io::Error>,
     },
+    /// A backup was not restored; nothing was changed.
+    #[error("{} {reason}", path.display())]
+    Restore {
+        /// The file that stands against it.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
     /// The database could not be brought to this program's schema.
     #[error("the database could not be brought to the schema of this fleetcal")]
     Migration(#[source] DriverError),

@@ -33,7 +33,7 @@ use tokio::task::JoinSet;
 
 pub use accounts::{Credential, CredentialUse, SessionRecord, TokenRecord, UserRecord, Written};
 pub use alerts::{AlertFilter, AlertMoment, AlertSelection};
-pub use approvals::{AuditFilter, AuditRow, ProposalFilter, SiteHold};
+pub use approvals::{AuditFilter, AuditRow, DeploymentFreeze, ProposalFilter};
 pub use audit::AuditEntry;
 pub use backend::{Cell, Stretch};
 pub use error::{DriverError, StoreError};

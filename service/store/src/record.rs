@@ -187,7 +187,7 @@ pub enum EventKind {
     SessionStarted,
     /// The robot's configuration was given or changed: its estimator began from nothing.
     Configured,
-    /// The robot's estimator failed and was started anew.
+    /// The robot's estimator failed and was restarted.
     EstimatorRestarted,
     /// The robot's estimator failed too often and was stopped.
     EstimatorStopped,
@@ -207,9 +207,9 @@ pub enum EventKind {
     Applied,
     /// The robot did not take the approved calibration, or not keep it.
     NotApplied,
-    /// A fresh estimate agrees with what the robot uses.
+    /// A verification estimate agrees with what the robot uses.
     Verified,
-    /// A fresh estimate disagrees with what the robot uses.
+    /// A verification estimate disagrees with what the robot uses.
     VerificationFailed,
     /// The robot did not move enough to tell.
     Inconclusive,

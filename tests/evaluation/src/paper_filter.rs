@@ -37,7 +37,7 @@ pub struct Tuning {
     pub yaw_rad: f64,
 }
 
-/// What is believed at the start: the mount, its doubt (m and rad) and that of the steering offset.
+/// What is believed at the start: the mount, its uncertainty (m and rad) and that of the steering offset.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Start {
     /// The mount.

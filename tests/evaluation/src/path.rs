@@ -42,7 +42,7 @@ impl Path {
 pub struct DeadReckoning {
     vehicle: Vehicle,
     parameters: DriveParameters,
-    /// How late the drive stream is taken to be, ns.
+    /// How late the wheel odometry is taken to be, ns.
     late_ns: i64,
     at: Option<(i64, Pose2)>,
     /// Where it says that the robot was.

@@ -15,11 +15,11 @@ pub const TUGGER_CAD: Pose2 = Pose2::new(0.434, 0.0, 0.0);
 /// The nano's mount by CAD, from the paper: m, m, rad.
 pub const NANO_CAD: Pose2 = Pose2::new(0.26, 0.0, 0.0);
 /// What no robot's data sheet says, in all studies but where it is told otherwise: a wheel 0.5 %
-/// larger than it should be, and a drive stream that is 20 ms late.
+/// larger than it should be, and wheel odometry that is 20 ms late.
 const SPEED_SCALE: f64 = 1.005;
 const TIME_OFFSET_S: f64 = 0.02;
 
-/// How well a robot in a warehouse knows where its LiDAR is: 1 cm and 0.3°, anew ten times a second.
+/// How well a robot in a warehouse knows where its LiDAR is: 1 cm and 0.3°, again ten times a second.
 pub const WAREHOUSE_LOCALISATION: LocalisationNoise = LocalisationNoise {
     position_sigma_m: 0.01,
     yaw_sigma_rad: 0.3 / 180.0 * std::f64::consts::PI,

@@ -32,7 +32,7 @@ const POSE_SIGMA: [f64; 3] = [0.003, 0.003, 0.000_5];
 pub struct Truth {
     /// Steering offset, speed scale, wheelbase, gain.
     pub parameters: DriveParameters,
-    /// How late the drive stream is, s.
+    /// How late the wheel odometry is, s.
     pub time_offset_s: f64,
     /// The mount.
     pub lidar_in_base: Pose2,

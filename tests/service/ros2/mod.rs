@@ -22,7 +22,7 @@ use robot::{HASH, Layout, RosRobot, Topics};
 
 const JAZZY: Topics = Topics {
     prefix: "0/jazzy_01",
-    drive: "drive",
+    wheel_odometry: "wheel_odometry",
     scan: "front/scan",
     layout: Layout::Rmw(HASH),
     apart: false,
@@ -30,7 +30,7 @@ const JAZZY: Topics = Topics {
 };
 const HUMBLE: Topics = Topics {
     prefix: "7/humble_01",
-    drive: "drive",
+    wheel_odometry: "drive",
     scan: "scan",
     layout: Layout::Rmw(NO_HASH),
     apart: false,
@@ -38,7 +38,7 @@ const HUMBLE: Topics = Topics {
 };
 const BRIDGE: Topics = Topics {
     prefix: "bridge_01",
-    drive: "ackermann",
+    wheel_odometry: "ackermann",
     scan: "scan",
     layout: Layout::Bridge,
     apart: false,
@@ -46,7 +46,7 @@ const BRIDGE: Topics = Topics {
 };
 const JOINTS: Topics = Topics {
     prefix: "0/joints_01",
-    drive: "joint_states",
+    wheel_odometry: "joint_states",
     scan: "scan",
     layout: Layout::Rmw(HASH),
     apart: true,
@@ -65,10 +65,11 @@ fn config() -> String {
             "jazzy_01",
             "streams = { scan = { topic = \"front/scan\" } }",
         ),
-        entry("humble_01", ""),
+        // Registered while that was the usual topic: the migration writes this.
+        entry("humble_01", "streams = { former_topic = true }"),
         entry(
             "bridge_01",
-            "streams = { drive = { topic = \"ackermann\" } }",
+            "streams = { wheel_odometry = { topic = \"ackermann\" } }",
         ),
     ]
     .concat()
@@ -148,7 +149,7 @@ async fn a_robot_of_every_layout_gets_the_numbers_of_a_plain_one() {
     assert_eq!(service.robot("jazzy_01")["warnings"], serde_json::json!([]));
 }
 
-/// Where a robot of `rmw_zenoh` hears what is approved.
+/// Where a robot of `rmw_zenoh` hears the approved calibration.
 const APPROVED: &str = "0/jazzy_01/calibration/approved/std_msgs::msg::dds_::String_/\
                         RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18";
 
@@ -247,7 +248,7 @@ async fn what_it_costs_to_take_a_message_in() {
     let service = Service::start(&["other_01"]);
     let robot = client(&service).await;
     // Of a robot that nobody has registered: its key is read, and the message counted and left.
-    let key = JAZZY.key("drive", MessageType::AckermannDriveStamped);
+    let key = JAZZY.key("wheel_odometry", MessageType::AckermannDriveStamped);
     let publisher = robot.declare_publisher(key);
     let publisher = publisher.congestion_control(CongestionControl::Block);
     let publisher = publisher.await.unwrap();

@@ -11,15 +11,15 @@ use crate::hostile::client;
 /// Samples sent on each key.
 const SAMPLES: u64 = 500;
 
-/// `*/left/front/drive` of the one robot and `7/left/front/drive` of the other, which is known by
+/// `*/left/front/wheel_odometry` of the one robot and `7/left/front/wheel_odometry` of the other, which is known by
 /// its domain; the third has its prefix below that domain.
 const CONFIG: &str = "\
     [ros2]\n\
     rmw_zenoh = [\"{domain}/{robot}/{topic}\", \"{robot}/{topic}\"]\n\
     [[robot]]\nid = \"left\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n\
-    streams = { drive = { topic = \"front/drive\" } }\n\
+    streams = { wheel_odometry = { topic = \"front/wheel_odometry\" } }\n\
     [[robot]]\nid = \"7\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n\
-    streams = { drive = { topic = \"left/front/drive\" } }\n\
+    streams = { wheel_odometry = { topic = \"left/front/wheel_odometry\" } }\n\
     [[robot]]\nid = \"cart\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n\
     streams = { prefix = \"7/right\" }\n";
 
@@ -50,11 +50,15 @@ async fn a_message_whose_key_many_expressions_match_is_counted_once() {
         let counters = &service.robot(robot)["counters"];
         counters["received"].as_u64().unwrap()
     };
-    send(&session, &format!("7/left/front/drive/{drive}/{HASH}")).await;
-    send(&session, &format!("7/right/drive/{drive}/{HASH}")).await;
+    send(
+        &session,
+        &format!("7/left/front/wheel_odometry/{drive}/{HASH}"),
+    )
+    .await;
+    send(&session, &format!("7/right/wheel_odometry/{drive}/{HASH}")).await;
     // Behind the others on the same connection: when it is in, all calls for those are over.
     session
-        .put(format!("7/last/drive/{drive}/{HASH}"), [0; 4])
+        .put(format!("7/last/wheel_odometry/{drive}/{HASH}"), [0; 4])
         .congestion_control(CongestionControl::Block)
         .await
         .unwrap();

@@ -33,7 +33,7 @@ pub enum Layout {
 pub struct Topics {
     /// Before the topic in keys.
     pub prefix: &'static str,
-    pub drive: &'static str,
+    pub wheel_odometry: &'static str,
     pub scan: &'static str,
     pub layout: Layout,
     /// Steering as joints on `drive`, and the speed as odometry on `odom`.
@@ -71,7 +71,7 @@ impl Topics {
         }
     }
 
-    pub fn drive_type(&self) -> MessageType {
+    pub fn wheel_odometry_type(&self) -> MessageType {
         if self.apart {
             MessageType::JointState
         } else {
@@ -126,7 +126,9 @@ impl RosRobot {
             sequence: 0,
             window: Window::new(None),
         };
-        robot.announce(topics.drive, topics.drive_type()).await;
+        robot
+            .announce(topics.wheel_odometry, topics.wheel_odometry_type())
+            .await;
         if topics.apart {
             robot.announce("odom", MessageType::Odometry).await;
         }
@@ -143,7 +145,7 @@ impl RosRobot {
     /// Publishes all of a recording as fast as the service works.
     pub async fn publish(&mut self, path: &Path) -> u64 {
         let recording = Recording::open(path).unwrap();
-        let names = ["/tugger_01/drive", "/tugger_01/scan"];
+        let names = ["/tugger_01/wheel_odometry", "/tugger_01/scan"];
         for message in recording.messages(&names).unwrap() {
             let message = message.unwrap();
             if *message.topic == *names[1] {
@@ -152,13 +154,16 @@ impl RosRobot {
             } else if self.topics.apart {
                 let drive = AckermannDriveStamped::from_cdr(&message.payload).unwrap();
                 let (joints, odometry) = apart(&drive);
-                let drive = self.topics.drive;
+                let drive = self.topics.wheel_odometry;
                 self.put(drive, MessageType::JointState, joints.to_cdr())
                     .await;
                 self.put("odom", MessageType::Odometry, odometry.to_cdr())
                     .await;
             } else {
-                let (topic, of) = (self.topics.drive, MessageType::AckermannDriveStamped);
+                let (topic, of) = (
+                    self.topics.wheel_odometry,
+                    MessageType::AckermannDriveStamped,
+                );
                 self.put(topic, of, message.payload).await;
             }
         }
@@ -169,8 +174,8 @@ impl RosRobot {
     }
 
     pub async fn put(&mut self, topic: &str, of: MessageType, payload: Vec<u8>) {
-        let is_drive = of != MessageType::LaserScan;
-        while !self.window.has_room(is_drive) {
+        let is_wheel_odometry = of != MessageType::LaserScan;
+        while !self.window.has_room(is_wheel_odometry) {
             self.look().await;
         }
         let put = self
@@ -186,7 +191,7 @@ impl RosRobot {
         }
         .unwrap();
         self.sequence += 1;
-        self.window.count_sent(is_drive);
+        self.window.count_sent(is_wheel_odometry);
     }
 
     pub async fn look(&mut self) {

@@ -10,6 +10,7 @@ export const KINDS: Record<AlertKind, Face> = {
   drift: STANDINGS.drift,
   verification_failed: STANDINGS.verification_failed,
   two_senders: STANDINGS.two_senders,
+  former_key: STANDINGS.former_key,
   false_report: STANDINGS.false_report,
   estimator_failed: STANDINGS.estimator_failed,
   not_applied: STANDINGS.not_applied,

@@ -44,7 +44,7 @@ export type ProposalState = Schemas['ProposalState'];
 export type ProposalPage = Schemas['ProposalPage'];
 export type SeveralApprovals = Schemas['SeveralApprovals'];
 export type SeveralAnswer = Schemas['SeveralAnswer'];
-export type SiteHold = Schemas['SiteHold'];
+export type DeploymentFreeze = Schemas['DeploymentFreeze'];
 export type Shadow = Schemas['Shadow'];
 export type InUse = Schemas['InUse'];
 export type Deployment = Schemas['Deployment'];
@@ -52,7 +52,7 @@ export type DeploymentPage = Schemas['DeploymentPage'];
 export type DeploymentState = Schemas['DeploymentState'];
 export type CrossTrackErrors = Schemas['CrossTrackErrors'];
 export type Manoeuvres = Schemas['Manoeuvres'];
-export type Plan = Schemas['Plan'];
+export type TopView = Schemas['TopView'];
 export type CrossTrackItem = Schemas['CrossTrackItem'];
 
 export type LiveEvent = Schemas['LiveEvent'];

@@ -31,7 +31,7 @@ export function hasAgreed({ approvals }: Proposal, name: string): boolean {
   return approvals.some(({ by }) => by === name);
 }
 
-/** Why `name` cannot agree to it, in a sentence; empty when nothing speaks against it. */
+/** Why `name` cannot approve it, in a sentence; empty when nothing speaks against it. */
 export function whyNotMine(proposal: Proposal, name: string): string {
   if (proposal.proposed_by === name) return 'You proposed this: somebody else has to approve it.';
   if (hasAgreed(proposal, name)) return 'You approved. One more approval is needed.';

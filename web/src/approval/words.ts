@@ -73,7 +73,7 @@ export const DEPLOYMENTS: Record<DeploymentState, Face> = {
     shape: 'check',
     tone: 'good',
     meaning:
-      'A fresh estimate, learned from scratch by driving, agrees with the calibration in use.',
+      'A verification estimate, learned from scratch by driving, agrees with the calibration in use.',
   },
   inconclusive: {
     word: 'Inconclusive: not enough driving',

@@ -16,6 +16,8 @@ export const ACTIONS = [
   'deployment.time_out',
   'deployment.verify',
   'event.note',
+  'freeze.begin',
+  'freeze.end',
   'maintenance.begin',
   'maintenance.end',
   'policy.change',
@@ -36,8 +38,6 @@ export const ACTIONS = [
   'shadow.forget',
   'shadow.remember',
   'shadow.report',
-  'site.hold',
-  'site.release',
   'token.create',
   'token.revoke',
   'user.create',
@@ -48,3 +48,6 @@ export const ACTIONS = [
   'webhook.create',
   'webhook.delete',
 ] as const;
+
+/** Actions of earlier versions: rows of the audit are never changed, so these keep their names. */
+export const FORMER_ACTIONS = ['site.hold', 'site.release'] as const;

@@ -13,6 +13,8 @@ import type { FleetListener } from './listener';
 const SHOW_EVERY_MS = 500;
 /** The fleet's page reads the whole fleet again this often, for what the stream does not carry. */
 const REREAD_EVERY_MS = 60_000;
+/** No event carries what an unregistered robot sends, so those shown are read again this often. */
+const UNREGISTERED_EVERY_MS = 2_000;
 const ROBOTS_MAX = 100_000;
 /** Above so many robots whose approval changed at once, the whole fleet is read instead. */
 const SINGLE_READS_MAX = 8;
@@ -43,11 +45,11 @@ const NAMES: readonly LiveEvent['event'][] = [
   'event',
   'approval',
   'alert',
-  'hold',
+  'freeze',
   'policy',
 ];
-/** What every page shows: its bar counts alerts and approvals, and says when deployments pause. */
-const EVERYWHERE = ['alerts', 'approvals', 'site'];
+/** What every page shows: its bar counts alerts and approvals, and says when deployments are frozen. */
+const EVERYWHERE = ['alerts', 'approvals', 'deployments'];
 
 /** The topics of what a page shows; `robot` is the one that it is about, where it is about one. */
 export function topicsOf(page: Route['page'], robot: string | undefined): string[] {
@@ -81,6 +83,7 @@ class Fleet {
   #states = new Map<string, RobotStateUpdate>();
   #approvals = new Set<string>();
   #underWay = new Set<string>();
+  #unregisteredRead = 0;
   #listeners = new Set<FleetListener>();
 
   constructor() {
@@ -103,8 +106,10 @@ class Fleet {
     const reread = setInterval(() => {
       if (this.#showsAll()) void this.load();
     }, REREAD_EVERY_MS);
+    const unregistered = setInterval(() => this.#readUnregistered(), UNREGISTERED_EVERY_MS);
     return () => {
       stop();
+      clearInterval(unregistered);
       clearTimeout(open);
       this.opened = false;
       clearInterval(show);
@@ -195,7 +200,7 @@ class Fleet {
         this.#approvals.add(data.robot);
         for (const listener of this.#listeners) listener.approval?.(data.robot);
         break;
-      case 'hold':
+      case 'freeze':
       case 'policy':
         for (const listener of this.#listeners) listener[event]?.();
         break;
@@ -213,6 +218,16 @@ class Fleet {
     if (changed.length <= SINGLE_READS_MAX) for (const id of changed) this.#read(id);
     else if (this.#showsAll()) void this.load();
     else if (this.about !== undefined && changed.includes(this.about)) this.#read(this.about);
+  }
+
+  /** Reads the next unregistered robots again: what they send, and how often. */
+  #readUnregistered(): void {
+    const shown = [...this.entries.values()].filter(
+      ({ id, robot }) => robot.state === 'unregistered' && (this.#showsAll() || this.about === id),
+    );
+    const from = this.#unregisteredRead < shown.length ? this.#unregisteredRead : 0;
+    for (const { id } of shown.slice(from, from + SINGLE_READS_MAX)) this.#read(id);
+    this.#unregisteredRead = from + SINGLE_READS_MAX;
   }
 
   /** Shows what has come since the last time. */

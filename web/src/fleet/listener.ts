@@ -10,7 +10,7 @@ export interface FleetListener {
   approval?(robot: string): void;
   alert?(alert: Alert): void;
   /** The deployment freeze began or ended. */
-  hold?(): void;
+  freeze?(): void;
   /** The approval policy changed. */
   policy?(): void;
   /** Something may have been missed. */

@@ -21,13 +21,19 @@ export const STANDINGS: Record<Standing, Face> = {
     word: 'Verification failed',
     shape: 'triangle',
     tone: 'bad',
-    meaning: 'A fresh estimate disagrees with the calibration that was applied.',
+    meaning: 'A verification estimate disagrees with the calibration that was applied.',
   },
   two_senders: {
     word: 'Two senders',
     shape: 'twins',
     tone: 'bad',
     meaning: 'Two senders use this robot’s id. Nothing that they send is used.',
+  },
+  former_key: {
+    word: 'Former key',
+    shape: 'signpost',
+    tone: 'bad',
+    meaning: 'The robot sends its wheel odometry on the former key. It is not used.',
   },
   false_report: {
     word: 'False report',

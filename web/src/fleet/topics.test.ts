@@ -2,7 +2,7 @@ import { describe, expect, it } from 'vitest';
 import type { Robot, RobotRow } from '../api/types';
 import { topicsOf, withRow } from './fleet.svelte';
 
-const BASE = ['alerts', 'approvals', 'site'];
+const BASE = ['alerts', 'approvals', 'deployments'];
 
 describe('the topics of a page', () => {
   it('are what it shows and what every page shows', () => {

@@ -7,8 +7,19 @@ const topic = (name: string, type: string, ...suited_for: Topic['suited_for']): 
   suited_for,
 });
 const SCAN = topic('front/scan', 'sensor_msgs/msg/LaserScan', 'scan');
-const DRIVE = topic('ackermann', 'ackermann_msgs/msg/AckermannDriveStamped', 'drive', 'steering');
-const JOINTS = topic('joint_states', 'sensor_msgs/msg/JointState', 'drive', 'steering', 'speed');
+const DRIVE = topic(
+  'ackermann',
+  'ackermann_msgs/msg/AckermannDriveStamped',
+  'wheel_odometry',
+  'steering',
+);
+const JOINTS = topic(
+  'joint_states',
+  'sensor_msgs/msg/JointState',
+  'wheel_odometry',
+  'steering',
+  'speed',
+);
 const ODOM = topic('odom', 'nav_msgs/msg/Odometry', 'speed', 'lidar_odometry');
 const CAMERA = topic('camera', 'sensor_msgs/msg/Image');
 
@@ -17,11 +28,11 @@ describe('topics', () => {
     const topics = [CAMERA, DRIVE, ODOM, SCAN];
     expect(suited(topics, 'scan', 'lidar_odometry')).toEqual([ODOM, SCAN]);
     const chosen = firstChoice(topics);
-    expect(chosen).toMatchObject({ drive: 'ackermann', lidar: 'front/scan' });
+    expect(chosen).toMatchObject({ wheel_odometry: 'ackermann', lidar: 'front/scan' });
     expect(streamsOf(topics, chosen)).toEqual({
       ok: true,
       streams: {
-        drive: { topic: 'ackermann', type: DRIVE.type },
+        wheel_odometry: { topic: 'ackermann', type: DRIVE.type },
         scan: { topic: 'front/scan', type: SCAN.type },
       },
     });
@@ -51,7 +62,7 @@ describe('topics', () => {
     const steering = topic('steer', 'ackermann_msgs/msg/AckermannDriveStamped', 'steering');
     const topics = [steering, ODOM, SCAN];
     const chosen = firstChoice(topics);
-    expect(chosen).toMatchObject({ drive: '', steering: 'steer', speed: 'odom' });
+    expect(chosen).toMatchObject({ wheel_odometry: '', steering: 'steer', speed: 'odom' });
     expect(streamsOf(topics, chosen)).toMatchObject({
       streams: { steering: { topic: 'steer' }, speed: { topic: 'odom' } },
     });

@@ -20,7 +20,7 @@ export interface Joints {
 
 /** The key `streams` of a robot's configuration. */
 export interface Streams {
-  drive?: TopicChoice;
+  wheel_odometry?: TopicChoice;
   steering?: TopicChoice;
   speed?: TopicChoice;
   scan?: TopicChoice;
@@ -31,7 +31,7 @@ export interface Streams {
 /** What a person has chosen and typed, topics by name. */
 export interface Chosen {
   /** Speed and steering in one; empty when they come on two topics. */
-  drive: string;
+  wheel_odometry: string;
   steering: string;
   speed: string;
   /** Scans, or poses made on the robot. */
@@ -56,11 +56,11 @@ export function suited(topics: readonly Topic[], ...streams: StreamName[]): Topi
 /** The choice to begin with: what there is only one of, else the first. */
 export function firstChoice(topics: readonly Topic[]): Chosen {
   const first = (...streams: StreamName[]) => suited(topics, ...streams)[0]?.topic ?? '';
-  const drive = first('drive');
+  const both = first('wheel_odometry');
   return {
-    drive,
-    steering: drive === '' ? first('steering') : '',
-    speed: drive === '' ? first('speed') : '',
+    wheel_odometry: both,
+    steering: both === '' ? first('steering') : '',
+    speed: both === '' ? first('speed') : '',
     lidar: first('scan') || first('lidar_odometry'),
     steering_joint: '',
     wheel_joints: '',
@@ -71,11 +71,14 @@ export function firstChoice(topics: readonly Topic[]): Chosen {
 /** Which joints have to be named: those of steering, and those of the wheels. */
 export function jointsAsked(
   topics: readonly Topic[],
-  { drive, steering, speed }: Chosen,
+  { wheel_odometry, steering, speed }: Chosen,
 ): { steering: boolean; wheels: boolean } {
   const isJoints = (name: string) =>
     name !== '' && topics.find(({ topic }) => topic === name)?.type === JOINT_STATE;
-  return { steering: isJoints(drive || steering), wheels: isJoints(drive || speed) };
+  return {
+    steering: isJoints(wheel_odometry || steering),
+    wheels: isJoints(wheel_odometry || speed),
+  };
 }
 
 /** The streams as they were chosen, or what is missing. */
@@ -86,10 +89,10 @@ export function streamsOf(topics: readonly Topic[], chosen: Chosen): Picked {
     return found && { topic: found.topic, type: found.type };
   };
   const streams: Streams = {};
-  const drive = named(chosen.drive);
+  const both = named(chosen.wheel_odometry);
   const [steering, speed] = [named(chosen.steering), named(chosen.speed)];
-  if (drive) {
-    streams.drive = drive;
+  if (both) {
+    streams.wheel_odometry = both;
   } else {
     if (!steering) return missing('steering', 'Choose the topic that carries the steering angle.');
     if (!speed) return missing('speed', 'Choose the topic that carries the speed.');

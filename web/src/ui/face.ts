@@ -19,6 +19,7 @@ export type Shape =
   | 'ring'
   | 'ring-dot'
   | 'twins'
+  | 'signpost'
   | 'square-cross'
   | 'dash'
   | 'signal';

@@ -181,7 +181,7 @@ fn a_hostile_cloud_is_refused_before_anything_is_allocated() {
     kind[48] = 9;
     let reason = PointCloud2::from_cdr(&kind).unwrap_err().to_string();
     assert!(
-        reason.contains("fields.datatype is 9, accepted is 1 to 8"),
+        reason.contains("fields.datatype is 9, expected 1 to 8"),
         "{reason}"
     );
     let many = PointCloud2 {
@@ -191,7 +191,7 @@ fn a_hostile_cloud_is_refused_before_anything_is_allocated() {
     let reason = PointCloud2::from_cdr(&many.to_cdr())
         .unwrap_err()
         .to_string();
-    assert!(reason.contains("fields claims 65 elements, accepted are at most 64"));
+    assert!(reason.contains("fields claims 65 elements, expected at most 64"));
     let reason = PointCloud2::from_json(&many.to_json().unwrap())
         .unwrap_err()
         .to_string();
@@ -208,11 +208,11 @@ fn a_layout_that_contradicts_itself_is_refused_by_field() {
     for (change, wanted) in [
         (
             (&|cloud: &mut PointCloud2| cloud.width = 3) as &dyn Fn(&mut PointCloud2),
-            "row_step is 40, accepted is width times point_step, 60 bytes",
+            "row_step is 40, expected width times point_step, 60 bytes",
         ),
         (
             &|cloud| cloud.height = 3,
-            "data is 80 bytes, accepted is row_step times height, 120",
+            "data is 80 bytes, expected row_step times height, 120",
         ),
         (
             &|cloud| cloud.point_step = 12,
@@ -235,7 +235,7 @@ fn a_layout_that_contradicts_itself_is_refused_by_field() {
         ),
         (
             &|cloud| (cloud.width, cloud.height) = (u32::MAX, u32::MAX),
-            "4294967295 by 4294967295 points, accepted is at most 1048576",
+            "4294967295 by 4294967295 points, expected at most 1048576",
         ),
         (&|cloud| cloud.row_step = u32::MAX, "data is 80 bytes"),
     ] {
@@ -246,5 +246,5 @@ fn a_layout_that_contradicts_itself_is_refused_by_field() {
         );
     }
     let reason = cloud().needed_column("height").unwrap_err().to_string();
-    assert!(reason.contains("[x, y, z, intensity, ring, t], accepted is a list with \"height\""));
+    assert!(reason.contains("[x, y, z, intensity, ring, t], expected a list with \"height\""));
 }

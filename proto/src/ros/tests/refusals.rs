@@ -98,7 +98,7 @@ fn another_type_is_refused() {
 fn cdr_values_that_cannot_be_are_named() {
     let mut payload = drive().to_cdr();
     payload[8..12].copy_from_slice(&1_000_000_000_u32.to_le_bytes());
-    let wanted = "header.stamp.nanosec is 1000000000, accepted is less than 1000000000";
+    let wanted = "header.stamp.nanosec is 1000000000, expected less than 1000000000";
     refused::<AckermannDriveStamped>(Encoding::Cdr, &payload, wanted);
 
     let mut names = joints();

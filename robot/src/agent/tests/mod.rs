@@ -77,5 +77,5 @@ pub(super) fn identity() -> Identity {
 
 /// What an agent remembers that starts for the first time.
 pub(super) fn first_memory() -> Memory {
-    Memory::new(robot(), Held::brought_along(None, START_NS))
+    Memory::new(robot(), Held::factory(None, START_NS))
 }

@@ -110,7 +110,7 @@ impl Service {
         }
     }
 
-    /// Stores what is approved; the next question brings it.
+    /// Stores the approved calibration; the next question brings it.
     pub fn store(&self, envelope: &Envelope) {
         self.stored.lock().unwrap().approved = Some(envelope.clone());
     }

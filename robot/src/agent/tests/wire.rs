@@ -351,7 +351,7 @@ async fn what_must_not_be_applied_is_refused_with_its_reason() {
         (
             sealed(&document(2)),
             2,
-            "generation is 2, accepted are higher ones than 3",
+            "generation is 2, expected higher ones than 3",
         ),
         (
             sealed(&beyond),
@@ -361,7 +361,7 @@ async fn what_must_not_be_applied_is_refused_with_its_reason() {
         (
             sealed(&stale_base),
             9,
-            "base_generation is none, accepted are 3",
+            "base_generation is none, expected 3",
         ),
     ];
     service.push(b"{\"document\": 1}".to_vec()).await;
@@ -417,7 +417,7 @@ async fn what_the_robots_software_cannot_work_with_is_taken_back() {
     robot.start();
     service.wait_for_robot().await;
     service.approve(&sealed(&document(1))).await;
-    // Asked again a while later, it is told of all three anew.
+    // Asked again a while later, it is told of all three again.
     until("the hook was told twice", || robot.calls().len() >= 3).await;
     assert_eq!(robot.calls()[..3], ["check 1", "applied 1", "reverted 1"]);
     robot.settles().await;
@@ -494,7 +494,7 @@ async fn a_deadline_survives_a_restart_without_any_service() {
         put_off: true,
         document: offer(1).document,
         fallback: Fallback {
-            held: Held::brought_along(None, START_NS),
+            held: Held::factory(None, START_NS),
             file: None,
         },
     };
@@ -524,7 +524,7 @@ async fn a_deadline_survives_a_restart_without_any_service() {
     };
     let restoring = Phase::Restoring {
         fallback: Fallback {
-            held: Held::brought_along(None, START_NS),
+            held: Held::factory(None, START_NS),
             file: Some(BY_HAND.to_owned()),
         },
         rest: Rest::Settled,

@@ -50,14 +50,14 @@ fn scan(stamp_ns: i64) -> LaserScan {
 const START_NS: i64 = 1_700_000_000_000_000_000;
 const SECOND_NS: i64 = 1_000_000_000;
 
-/// A recording of `seconds` s: drive at 100 Hz, sweeps at 10 Hz, the truth at 10 Hz.
+/// A recording of `seconds` s: drive at 100 Hz, scans at 10 Hz, the truth at 10 Hz.
 fn recorded(folder: &TempDir, name: &str, seconds: i64) -> PathBuf {
     let path = folder.path().join(name);
     let robot = RobotId::parse("tugger_01").unwrap();
     let mut writer = RecordingWriter::create(&path, &robot).unwrap();
     for step in 0..seconds * 100 {
         let stamp_ns = START_NS + step * SECOND_NS / 100;
-        writer.drive(&drive(stamp_ns)).unwrap();
+        writer.wheel_odometry(&drive(stamp_ns)).unwrap();
         if step % 10 == 0 {
             writer.scan(&scan(stamp_ns)).unwrap();
             let pose = PoseStamped {

@@ -13,7 +13,7 @@ fn folder(parts: &[(&str, std::ops::Range<i64>)], listed: &[&str]) -> TempDir {
         let mut writer = RecordingWriter::create(&folder.path().join(name), &robot).unwrap();
         for step in seconds.start * 10..seconds.end * 10 {
             let stamp_ns = START_NS + step * SECOND_NS / 10;
-            writer.drive(&drive(stamp_ns)).unwrap();
+            writer.wheel_odometry(&drive(stamp_ns)).unwrap();
             writer.scan(&scan(stamp_ns)).unwrap();
         }
         writer.finish().unwrap();
@@ -51,12 +51,12 @@ fn files_are_read_in_the_order_of_the_metadata() {
     let listed = ["bag_2.mcap", "old_folder/bag_10.mcap", "bag_11.mcap"];
     let folder = folder(&parts, &listed);
     let recording = Recording::open(folder.path()).unwrap();
-    assert_eq!(recording.count(&["/tugger_01/drive"]), 70);
+    assert_eq!(recording.count(&["/tugger_01/wheel_odometry"]), 70);
     assert_eq!(recording.channels().len(), 2);
     assert_eq!(recording.files().count(), 3);
     assert_eq!(recording.start_ns(), START_NS.unsigned_abs());
     let times: Vec<u64> = recording
-        .messages(&["/tugger_01/drive", "/tugger_01/scan"])
+        .messages(&["/tugger_01/wheel_odometry", "/tugger_01/scan"])
         .unwrap()
         .map(|message| message.unwrap().log_time_ns)
         .collect();

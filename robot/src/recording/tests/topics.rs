@@ -33,7 +33,7 @@ fn asked([drive, scan, pose]: [Option<&str>; 3]) -> AskedTopics {
         Some(AskedTopic { topic, by })
     };
     AskedTopics {
-        drive: asked(drive, "--drive-topic"),
+        wheel_odometry: asked(drive, "--wheel-odometry-topic"),
         scan: asked(scan, "--scan-topic"),
         pose: asked(pose, "--pose-topic"),
         ..AskedTopics::default()
@@ -86,7 +86,11 @@ fn what_is_missing_is_named() {
     refused(
         &scan_only,
         NONE,
-        &["no drive topic", AckermannDriveStamped::TYPE, "/a/scan"],
+        &[
+            "no wheel odometry topic",
+            AckermannDriveStamped::TYPE,
+            "/a/scan",
+        ],
         65,
     );
     let drive_only = [drive_on("/a/drive"), channel("/a/image", "")];
@@ -99,7 +103,11 @@ fn what_is_missing_is_named() {
     refused(&drive_only, NONE, &wanted, 65);
     // Of what is there and would do, the flag is named that takes it.
     let joints = [channel("/a/joint_states", JointState::TYPE)];
-    let wanted = ["no drive topic", JointState::TYPE, "--drive-topic names"];
+    let wanted = [
+        "no wheel odometry topic",
+        JointState::TYPE,
+        "--wheel-odometry-topic names",
+    ];
     refused(&joints, NONE, &wanted, 65);
     let poses = [drive_on("/a/drive"), channel("/a/pose", PoseStamped::TYPE)];
     refused(&poses, NONE, &[PoseStamped::TYPE, "--pose-topic names"], 65);
@@ -120,7 +128,11 @@ fn two_candidates_must_be_chosen_from() {
     refused(
         &channels,
         NONE,
-        &["2 drive topics", "/a/drive, /b/drive", "--drive-topic"],
+        &[
+            "2 wheel odometry topics",
+            "/a/drive, /b/drive",
+            "--wheel-odometry-topic",
+        ],
         2,
     );
     let drive = Some("/a/drive");
@@ -248,7 +260,7 @@ fn halves_that_cannot_be_are_named() {
         error.to_string()
     };
     let said = sentence(&halves("/a/joint_states", "/a/joint_states"));
-    assert!(said.contains("--drive-topic"), "{said}");
+    assert!(said.contains("--wheel-odometry-topic"), "{said}");
     let said = sentence(&halves("/a/scan", "/a/odom"));
     assert!(said.contains("streams.steering is \"/a/scan\""), "{said}");
     let mut alone = halves("/a/joint_states", "/a/odom");
@@ -256,6 +268,9 @@ fn halves_that_cannot_be_are_named() {
     let said = sentence(&alone);
     assert!(said.contains("streams.steering alone is given"), "{said}");
     let mut three = halves("/a/joint_states", "/a/odom");
-    three.drive = asked([Some("/a/drive"), None, None]).drive;
-    assert!(sentence(&three).contains("--drive-topic and streams.steering and streams.speed are"));
+    three.wheel_odometry = asked([Some("/a/drive"), None, None]).wheel_odometry;
+    assert!(
+        sentence(&three)
+            .contains("--wheel-odometry-topic and streams.steering and streams.speed are")
+    );
 }

@@ -15,7 +15,7 @@ fn what_is_written_reads_back() {
         shown,
         [
             (
-                "/tugger_01/drive",
+                "/tugger_01/wheel_odometry",
                 "ackermann_msgs/msg/AckermannDriveStamped",
                 2000
             ),
@@ -27,7 +27,10 @@ fn what_is_written_reads_back() {
     assert!((recording.duration_s() - 19.9909).abs() < 1e-6);
 
     let topics = choose_topics(recording.channels(), &AskedTopics::default()).unwrap();
-    assert_eq!(topics.names(), ["/tugger_01/drive", "/tugger_01/scan"]);
+    assert_eq!(
+        topics.names(),
+        ["/tugger_01/wheel_odometry", "/tugger_01/scan"]
+    );
     assert_eq!(topics.robot(), Some("tugger_01"));
     assert_eq!(recording.count(&topics.names()), 2200);
     let (mut drives, mut scans, mut newest_ns) = (0, 0, 0);
@@ -35,7 +38,7 @@ fn what_is_written_reads_back() {
         let message = message.unwrap();
         assert!(message.log_time_ns >= newest_ns);
         newest_ns = message.log_time_ns;
-        if message.topic.ends_with("drive") {
+        if message.topic.ends_with("wheel_odometry") {
             let read = AckermannDriveStamped::from_cdr(&message.payload).unwrap();
             assert_eq!(read, drive(START_NS + drives * SECOND_NS / 100));
             drives += 1;

@@ -14,7 +14,7 @@ use crate::recording::RecordingWriter;
 
 const START_NS: i64 = 1_700_000_000_000_000_000;
 
-/// A recording of drive samples at 100 Hz and sweeps at 10 Hz.
+/// A recording of drive samples at 100 Hz and scans at 10 Hz.
 fn recorded(folder: &TempDir, seconds: i64) -> PathBuf {
     let path = folder.path().join("a.mcap");
     let mut writer = RecordingWriter::create(&path, &RobotId::parse("tugger_01").unwrap()).unwrap();
@@ -28,7 +28,7 @@ fn recorded(folder: &TempDir, seconds: i64) -> PathBuf {
             header: header.clone(),
             ..Default::default()
         };
-        writer.drive(&drive).unwrap();
+        writer.wheel_odometry(&drive).unwrap();
         if step % 10 == 5 {
             writer
                 .scan(&LaserScan {
@@ -68,7 +68,7 @@ async fn a_paced_sender_loses_nothing_at_any_speed() {
         .unwrap();
     assert_eq!(summary.robot.as_str(), "tugger_01");
     assert_eq!(
-        (summary.drive_samples, summary.scans, summary.shed),
+        (summary.drive_samples, summary.scans, summary.dropped),
         (6000, 600, 0)
     );
     assert_eq!(seen.len(), 6600);
@@ -123,8 +123,12 @@ async fn a_sender_that_does_not_pace_itself_is_shed_and_told() {
     let summary = replay(options, |_| ()).await.unwrap();
     assert_eq!((summary.drive_samples, summary.scans), (2000, 200));
     let seen = service.seen();
-    assert!(summary.shed > 100, "only {} were shed", summary.shed);
-    assert_eq!(summary.shed + seen.stamps_ns.len() as u64, 2200);
+    assert!(
+        summary.dropped > 100,
+        "only {} were dropped",
+        summary.dropped
+    );
+    assert_eq!(summary.dropped + seen.stamps_ns.len() as u64, 2200);
     assert!(
         seen.keys.iter().all(|key| key.starts_with("fleet/other/")),
         "{:?}",
@@ -145,7 +149,7 @@ async fn a_service_that_forgets_its_counts_does_not_stop_a_replay() {
     });
     let summary = summary.await.unwrap();
     assert_eq!(
-        (summary.drive_samples, summary.scans, summary.shed),
+        (summary.drive_samples, summary.scans, summary.dropped),
         (2000, 200, 0)
     );
     assert!(
@@ -175,7 +179,7 @@ async fn a_service_that_dies_and_comes_back_is_waited_for() {
     let second = Service::start_at(endpoint, Duration::from_millis(1)).await;
     let summary = running.await.unwrap().unwrap();
     assert_eq!(
-        (summary.drive_samples, summary.scans, summary.shed),
+        (summary.drive_samples, summary.scans, summary.dropped),
         (3000, 300, 0)
     );
     let after = second.seen().stamps_ns;
@@ -244,7 +248,7 @@ async fn nobody_there_and_nobody_listening_are_said() {
         .unwrap_err()
         .to_string();
     assert!(
-        sentence.contains("nobody listens to fleet/tugger_01/drive after 0.3 s"),
+        sentence.contains("nobody listens to fleet/tugger_01/wheel_odometry after 0.3 s"),
         "{sentence}"
     );
 

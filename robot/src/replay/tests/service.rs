@@ -26,7 +26,7 @@ pub struct Seen {
     pub keys: BTreeSet<String>,
     /// Encodings they came in.
     pub encodings: Vec<String>,
-    /// Most drive samples and sweeps that waited at once.
+    /// Most drive samples and scans that waited at once.
     pub waiting_max: [usize; 2],
     /// What happened to the liveliness token.
     pub token: Vec<String>,
@@ -43,10 +43,10 @@ struct Inbox {
 }
 
 impl Inbox {
-    fn waiting(&self, is_drive: bool) -> usize {
+    fn waiting(&self, is_wheel_odometry: bool) -> usize {
         self.queue
             .iter()
-            .filter(|(kind, _)| (*kind == StreamKind::Drive) == is_drive)
+            .filter(|(kind, _)| (*kind == StreamKind::WheelOdometry) == is_wheel_odometry)
             .count()
     }
 
@@ -60,31 +60,31 @@ impl Inbox {
         if !self.seen.encodings.contains(&encoding) {
             self.seen.encodings.push(encoding);
         }
-        let is_drive = kind == StreamKind::Drive;
-        let class = usize::from(!is_drive);
-        if self.waiting(is_drive) == MAILBOX[class] {
+        let is_wheel_odometry = kind == StreamKind::WheelOdometry;
+        let class = usize::from(!is_wheel_odometry);
+        if self.waiting(is_wheel_odometry) == MAILBOX[class] {
             let oldest = self
                 .queue
                 .iter()
-                .position(|(k, _)| (*k == StreamKind::Drive) == is_drive);
+                .position(|(k, _)| (*k == StreamKind::WheelOdometry) == is_wheel_odometry);
             self.queue.remove(oldest.unwrap());
-            self.progress.shed += 1;
+            self.progress.dropped += 1;
         }
         self.queue
             .push_back((kind, sample.payload().to_bytes().into_owned()));
-        let waiting = self.waiting(is_drive);
+        let waiting = self.waiting(is_wheel_odometry);
         self.seen.waiting_max[class] = self.seen.waiting_max[class].max(waiting);
     }
 
     fn finish(&mut self, kind: StreamKind, payload: &[u8]) {
         let header = match kind {
-            StreamKind::Drive => AckermannDriveStamped::from_cdr(payload).unwrap().header,
+            StreamKind::WheelOdometry => AckermannDriveStamped::from_cdr(payload).unwrap().header,
             StreamKind::Scan => LaserScan::from_cdr(payload).unwrap().header,
             _ => Odometry::from_cdr(payload).unwrap().header,
         };
         self.seen.stamps_ns.push(header.stamp.as_ns());
         match kind {
-            StreamKind::Drive => self.progress.drive_samples += 1,
+            StreamKind::WheelOdometry => self.progress.drive_samples += 1,
             _ => self.progress.scans += 1,
         }
     }
@@ -128,7 +128,7 @@ impl Service {
         let progress = Progress {
             drive_samples: 5000,
             scans: 400,
-            shed: 3,
+            dropped: 3,
             stamp_ns: 1,
         };
         let inbox = Inbox {
@@ -140,7 +140,7 @@ impl Service {
         let keys = Keys::default();
         let mut subscribers = Vec::new();
         for kind in [
-            StreamKind::Drive,
+            StreamKind::WheelOdometry,
             StreamKind::Scan,
             StreamKind::LidarOdometry,
         ] {

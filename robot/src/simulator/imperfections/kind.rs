@@ -80,15 +80,15 @@ pub enum ImperfectionKind {
     /// Rotating scanner at 40 Hz that sends `time_increment` 0.
     #[serde(rename = "untimed_40hz")]
     Untimed40Hz,
-    /// Sweeps stamped at their end.
+    /// Scans stamped at their end.
     StampedAtEnd,
-    /// Five sweeps in a second.
+    /// Five scans in a second.
     #[serde(rename = "scan_rate_5hz")]
     ScanRate5Hz,
-    /// Forty sweeps in a second.
+    /// Forty scans in a second.
     #[serde(rename = "scan_rate_40hz")]
     ScanRate40Hz,
-    /// Clock of the drive stream against the LiDAR's, 100 ppm.
+    /// Clock of the wheel odometry against the LiDAR's, 100 ppm.
     ClockDrift,
     /// Jitter of all stamps, 5 ms.
     StampJitter,
@@ -170,7 +170,7 @@ impl ImperfectionKind {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
     }
 
-    /// Whether it acts on beams, so that a robot has to send sweeps to show it.
+    /// Whether it acts on beams, so that a robot has to send scans to show it.
     pub const fn needs_sweeps(self) -> bool {
         matches!(
             self,
@@ -230,7 +230,7 @@ impl Imperfections {
 
     /// Every imperfection at once: each of half to one and a half times its typical size, its sign
     /// drawn. The scan rate is between 5 and 40 Hz; every other robot leaves out the beams' times,
-    /// every other one stamps at the sweep's end, and the steering either lags or is late. Without
+    /// every other one stamps at the scan's end, and the steering either lags or is late. Without
     /// `sweeps` those of beams are left out.
     pub fn all_typical(seed: u64, sweeps: bool) -> Self {
         let mut random = imperfection_stream(seed);

@@ -23,9 +23,9 @@ pub const INCIDENCE_REFERENCE_RAD: f64 = std::f64::consts::FRAC_PI_3;
 pub struct Imperfections {
     /// Steering, wheels and tyres.
     pub vehicle: VehicleImperfections,
-    /// The LiDAR, whether it sends sweeps or poses.
+    /// The LiDAR, whether it sends scans or poses.
     pub lidar: LidarImperfections,
-    /// Single beams. They act on raw sweeps and are refused for a robot that sends poses: a pose
+    /// Single beams. They act on raw scans and are refused for a robot that sends poses: a pose
     /// has no beams.
     pub scanner: ScannerImperfections,
     /// Stamps and lost messages of both streams.
@@ -51,10 +51,10 @@ pub struct VehicleImperfections {
     /// Play between steering sensor and wheel, from one end to the other, rad. The wheel stays
     /// until the sensor's side pushes it: `wheel = clamp(wheel, side - play/2, side + play/2)`.
     pub backlash_rad: f64,
-    /// Time constant with which the wheel follows the angle that the drive stream shows, s: a
+    /// Time constant with which the wheel follows the angle that the wheel odometry shows, s: a
     /// servo whose command is sent as its angle. The speed does not lag.
     pub steering_lag_s: f64,
-    /// How much later the drive stream shows an angle than the speed of the same moment, s.
+    /// How much later the wheel odometry shows an angle than the speed of the same moment, s.
     pub steering_delay_s: f64,
     /// Step of the steering encoder on a robot whose wheel does not tremble, rad: in place of the
     /// configured step, and localisation and steering are without noise. 0 leaves all three.
@@ -76,13 +76,13 @@ pub struct VehicleImperfections {
     pub understeer_rad_per_mps2: f64,
 }
 
-/// Imperfections of a LiDAR that its sweeps and the poses of its odometry share.
+/// Imperfections of a LiDAR that its scans and the poses of its odometry share.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LidarImperfections {
-    /// Sweeps or poses in a second, in place of the configured number.
+    /// Scans or poses in a second, in place of the configured number.
     pub scan_rate_hz: Option<f64>,
-    /// Measured lengths over true ones, less 1: of a sweep its ranges, of poses their positions.
+    /// Measured lengths over true ones, less 1: of a scan its ranges, of poses their positions.
     pub range_scale: f64,
 }
 
@@ -97,7 +97,7 @@ pub struct ScannerImperfections {
     pub incidence_bias_m: f64,
     /// Whether `time_increment` is sent as 0 although the beams are taken one after another.
     pub untimed_beams: bool,
-    /// Whether a sweep is stamped when its last beam is in instead of at its first beam.
+    /// Whether a scan is stamped when its last beam is in instead of at its first beam.
     pub stamped_at_end: bool,
     /// Probability that a beam between two surfaces whose ranges differ by more than 0.15 m shows
     /// a range between them.
@@ -113,7 +113,7 @@ pub struct ScannerImperfections {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ClockImperfections {
-    /// Rate of the drive stream's clock over the LiDAR's, less 1: 1e-4 is 100 ppm.
+    /// Rate of the wheel odometry's clock over the LiDAR's, less 1: 1e-4 is 100 ppm.
     pub drive_drift: f64,
     /// Standard deviation of every stamp of both streams, s; a stream's stamps still rise.
     pub stamp_jitter_s: f64,

@@ -130,7 +130,7 @@ pub(super) async fn acknowledge_alert(
         note.as_deref().unwrap_or(""),
         limits::NOTE_CHARS_MAX,
     )?;
-    let done = api.sentry.acknowledge(id, version, caller.actor, note);
+    let done = api.evaluator.acknowledge(id, version, caller.actor, note);
     let alert = done.await?;
     let document = AlertDocument::of(&alert);
     Ok(versioned_json(StatusCode::OK, alert.version, document))

@@ -114,7 +114,7 @@ enum Format {
 }
 
 /// Lists who did what, newest first: every change of a proposal, deployment, shadow, user, token
-/// and of the site-wide stop, with the record before and after.
+/// and of the deployment freeze, with the record before and after.
 #[utoipa::path(
     get,
     path = "/audit",

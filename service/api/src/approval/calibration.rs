@@ -43,9 +43,9 @@ pub(super) async fn get_calibration(
 ) -> Result<Response, Problem> {
     known(&api, &id)?;
     let envelope = if caller.actor.role == Some(Role::Robot) {
-        api.clerk.approved(&id).await?
+        api.lifecycle.approved(&id).await?
     } else {
-        api.clerk.desired(&id).await?
+        api.lifecycle.desired(&id).await?
     };
     let envelope = envelope.ok_or_else(|| {
         let detail = format!("no calibration of {id} is approved");
@@ -83,8 +83,10 @@ pub(super) async fn put_applied(
 ) -> Result<Response, Problem> {
     known(&api, &id)?;
     let generation = applied.generation;
-    api.clerk.acknowledge(&id, applied, caller.actor).await?;
-    let confirmed = api.clerk.confirmed(&id);
+    api.lifecycle
+        .acknowledge(&id, applied, caller.actor)
+        .await?;
+    let confirmed = api.lifecycle.confirmed(&id);
     Ok(match confirmed.filter(|one| one.generation == generation) {
         Some(confirmed) => Json(confirmed).into_response(),
         None => StatusCode::ACCEPTED.into_response(),
@@ -111,7 +113,7 @@ pub(super) async fn get_signing_key(
     State(api): State<ApiState>,
     Parameters(NoParameters {}): Parameters<NoParameters>,
 ) -> Result<Json<SigningKeyDocument>, Problem> {
-    let key = api.clerk.public_key();
+    let key = api.lifecycle.public_key();
     Ok(Json(SigningKeyDocument {
         key_id: key.id(),
         algorithm: "Ed25519",

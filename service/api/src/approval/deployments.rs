@@ -116,12 +116,14 @@ pub(super) async fn roll_back(
     check_length("reason", &value.reason, limits::NOTE_CHARS_MAX)?;
     let reason = value.reason;
     let command = Command::RollBack { version, reason };
-    api.clerk.decide(&id, command, caller.actor, None).await?;
+    api.lifecycle
+        .decide(&id, command, caller.actor, None)
+        .await?;
     Ok(answer(&api, &id))
 }
 
 fn answer(api: &ApiState, id: &RobotId) -> Response {
-    let ledger = api.clerk.ledger(id);
+    let ledger = api.lifecycle.ledger(id);
     let document = ShadowDocument::of(&ledger);
     versioned_json(StatusCode::OK, ledger.shadow.version, document)
 }

@@ -26,7 +26,7 @@ pub(super) struct RevisionDocument {
     /// Their standard deviations; 0 where nobody measured.
     sigmas: CalibrationValues,
     /// Where the rear axle was in the robot's `base_link` when this was made; absent where that was
-    /// not configured. What is approved is signed with this one.
+    /// not configured. The approved calibration is signed with this one.
     #[serde(skip_serializing_if = "Option::is_none")]
     rear_axle_in_base_link: Option<Pose2>,
     /// Version of the program that made it.
@@ -232,9 +232,9 @@ impl ProposalDocument {
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = InUse)]
 pub(super) struct InUseDocument {
-    /// Generation of the document; 0 for what the robot brought along.
+    /// Generation of the document; 0 for its factory calibration.
     generation: u64,
-    /// The revision; absent for what the robot brought along.
+    /// The revision; absent for its factory calibration.
     revision: Option<u64>,
     values: CalibrationValues,
     /// Since when, by the robot's clock.
@@ -253,7 +253,7 @@ impl InUseDocument {
     }
 }
 
-/// What a fresh estimate said of the values in use.
+/// What a verification estimate said of the values in use.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Verification)]
 struct VerificationDocument {
@@ -261,9 +261,9 @@ struct VerificationDocument {
     at: Timestamp,
     /// Distance driven since the values are in use, m.
     distance_m: f64,
-    /// Fresh estimate less values in use: steering offset (rad), LiDAR x (m), y (m), yaw (rad).
+    /// Verification estimate less values in use: steering offset (rad), LiDAR x (m), y (m), yaw (rad).
     residual: [f64; 4],
-    /// Sigmas of the fresh estimate, in the same order.
+    /// Sigmas of the verification estimate, in the same order.
     sigma: [f64; 4],
     /// Whether the residual with twice its sigma is inside the tolerance.
     within: bool,
@@ -453,7 +453,7 @@ impl ShadowDocument {
 pub(crate) struct CalibrationSummary {
     /// The generation that the robot should hold; absent before the first approval.
     desired_generation: Option<u64>,
-    /// The generation that it uses; 0 for what it brought along, absent when it never said.
+    /// The generation that it uses; 0 for its factory calibration, absent when it never said.
     reported_generation: Option<u64>,
     /// Whether the robot holds what it should.
     in_sync: bool,
@@ -463,7 +463,7 @@ pub(crate) struct CalibrationSummary {
     proposal: Option<u64>,
     /// Where the deployment under way stands.
     deployment: Option<DeploymentState>,
-    /// Whether a fresh estimate disagrees with what the robot uses.
+    /// Whether a verification estimate disagrees with what the robot uses.
     verification_failed: bool,
 }
 

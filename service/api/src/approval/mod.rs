@@ -1,13 +1,13 @@
-//! Proposals, deployments, what robots hold, the site-wide stop, and the audit.
+//! Proposals, deployments, what robots hold, the deployment freeze, and the audit.
 
 mod audit;
 mod calibration;
 mod deployments;
 mod document;
+mod freeze;
 mod policy;
 mod proposals;
 mod several;
-mod site;
 
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
@@ -32,6 +32,6 @@ pub(super) fn routes() -> OpenApiRouter<ApiState> {
         .routes(routes!(calibration::put_applied))
         .routes(routes!(calibration::get_signing_key))
         .routes(routes!(policy::get_policy, policy::put_policy))
-        .routes(routes!(site::get_hold, site::put_hold))
+        .routes(routes!(freeze::get_freeze, freeze::put_freeze))
         .routes(routes!(audit::list_audit))
 }

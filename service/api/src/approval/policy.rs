@@ -46,7 +46,7 @@ pub(super) async fn get_policy(
     State(api): State<ApiState>,
     Parameters(NoParameters {}): Parameters<NoParameters>,
 ) -> Response {
-    answer(&api, api.clerk.stored_policy())
+    answer(&api, api.lifecycle.stored_policy())
 }
 
 /// A policy and why it is set.
@@ -89,7 +89,7 @@ pub(super) async fn put_policy(
         policy.check().map_err(|sentence| refused(&sentence))?;
     }
     let stored = api
-        .clerk
+        .lifecycle
         .change_policy(value.policy, version, caller.actor, value.reason)
         .await?;
     Ok(answer(&api, stored))
@@ -106,7 +106,7 @@ fn refused(sentence: &str) -> Problem {
 fn answer(api: &ApiState, stored: StoredPolicy) -> Response {
     let is_set = stored.policy.is_some();
     let document = PolicyDocument {
-        policy: stored.policy.unwrap_or_else(|| *api.clerk.policy()),
+        policy: stored.policy.unwrap_or_else(|| *api.lifecycle.policy()),
         set_by: stored.by.filter(|_| is_set),
         set_at: stored.at_ns.filter(|_| is_set).map(time::of_ns),
         set_reason: stored.reason.filter(|_| is_set),

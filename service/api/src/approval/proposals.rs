@@ -9,7 +9,7 @@ use fleetcal_domain::approval::{
     nominal_values, outdated, values_and_sigmas,
 };
 use fleetcal_domain::limits;
-use fleetcal_operations::clerk::Decided;
+use fleetcal_operations::lifecycle::Decided;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_store::ProposalFilter;
@@ -131,7 +131,7 @@ pub(super) async fn post_proposal(
     check_length("reason", &value.reason, limits::NOTE_CHARS_MAX)?;
     let command = proposed(&api, &value)?;
     let decided = api
-        .clerk
+        .lifecycle
         .decide(&value.robot, command, caller.actor, Some(key))
         .await?;
     let id = match decided {
@@ -213,8 +213,8 @@ pub(super) struct ReasonBody {
     pub(super) reason: String,
 }
 
-/// Agrees to a proposal: the last one needed sends it to the robot. Who proposed it cannot agree
-/// to it.
+/// Approves a proposal. The last required approval starts the deployment. Nobody can approve their
+/// own proposal.
 #[utoipa::path(
     post,
     path = "/proposals/{id}/approve",
@@ -337,7 +337,7 @@ async fn decide(
     let id = proposal_number(id)?;
     let robot = robot_of(api, id).await?;
     let command = command(id, version);
-    api.clerk
+    api.lifecycle
         .decide(&robot, command, caller.actor, None)
         .await?;
     answer(api, id, StatusCode::OK).await
@@ -368,13 +368,18 @@ fn document(
 ) -> ProposalDocument {
     let robot = &proposal.robot;
     let outdated = match proposal.state {
-        ProposalState::Proposed => outdated(&revision, &api.clerk.present(robot)),
+        ProposalState::Proposed => outdated(&revision, &api.lifecycle.present(robot)),
         _ => None,
     };
     let gain = proposal.base.as_ref().and_then(|base| {
         let errors = api.fleet.cross_tracks(robot);
         let errors = errors.get(&proposal.base_generation.unwrap_or(0))?;
-        expected_gain(base, &revision, errors, &api.clerk.policy().verify_within)
+        expected_gain(
+            base,
+            &revision,
+            errors,
+            &api.lifecycle.policy().verify_within,
+        )
     });
     ProposalDocument::of(
         proposal,

@@ -5,7 +5,7 @@ use axum::extract::State;
 use axum::http::StatusCode;
 use fleetcal_domain::approval::{Command, ProposalState};
 use fleetcal_domain::limits;
-use fleetcal_operations::clerk::Decided;
+use fleetcal_operations::lifecycle::Decided;
 use serde::{Deserialize, Serialize};
 use tokio::time::Instant;
 
@@ -82,7 +82,7 @@ pub(super) async fn approve_several(
     let count = value.proposals.len();
     if count == 0 || count > limits::APPROVED_AT_ONCE_MAX {
         let detail = format!(
-            "{count} proposals are named, accepted are 1 to {}",
+            "{count} proposals are named, expected 1 to {}",
             limits::APPROVED_AT_ONCE_MAX
         );
         let status = StatusCode::BAD_REQUEST;
@@ -132,7 +132,7 @@ async fn approve(
         reason,
     };
     let actor = caller.actor.clone();
-    let decided = api.clerk.decide(&robot, command, actor, None).await?;
+    let decided = api.lifecycle.decide(&robot, command, actor, None).await?;
     Ok(match decided {
         Decided::Taken(outcome) => outcome
             .proposals

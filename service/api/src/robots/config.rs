@@ -22,9 +22,9 @@ pub(super) struct RobotConfigSchema {
     /// The LiDAR's pose in `base` (rear-axle centre, x forward, y left) from CAD or tape.
     #[schema(nullable, required = false)]
     nominal: Option<MountSchema>,
-    /// Whether the drive stream carries the raw steering angle; `raw` unless given.
+    /// Whether the wheel odometry carries the raw steering angle; `raw` unless given.
     #[schema(required = false)]
-    drive: DriveSignalSchema,
+    wheel_odometry: WheelOdometrySignalSchema,
     /// The rear axle in the vehicle's `base_link`.
     #[schema(nullable, required = false)]
     rear_axle_in_base_link: Option<MountSchema>,
@@ -58,11 +58,11 @@ pub(super) struct MountSchema {
     yaw_rad: f64,
 }
 
-/// Whether a drive stream carries the sensor's raw steering angle.
+/// Whether wheel odometry carries the sensor's raw steering angle.
 #[derive(utoipa::ToSchema)]
-#[schema(as = DriveSignal, rename_all = "snake_case")]
+#[schema(as = WheelOdometrySignal, rename_all = "snake_case")]
 #[expect(dead_code, reason = "a schema")]
-pub(super) enum DriveSignalSchema {
+pub(super) enum WheelOdometrySignalSchema {
     /// As the sensor measures it.
     Raw,
     /// Less the offset that the robot applies, which the service adds back.
@@ -82,7 +82,7 @@ pub(super) enum ScanTypeSchema {
     PointCloud2,
 }
 
-/// The band of heights in the LiDAR's frame that makes a planar sweep of a cloud.
+/// The band of heights in the LiDAR's frame that makes a planar scan of a cloud.
 #[derive(utoipa::ToSchema)]
 #[schema(as = PlanarBand)]
 #[expect(dead_code, reason = "a schema")]
@@ -118,10 +118,15 @@ pub(super) struct StreamsSchema {
     /// What stands before its topics in Zenoh keys, instead of what the templates say.
     #[schema(nullable, required = false, value_type = Option<String>, examples("7"))]
     prefix: Option<String>,
-    /// Steering and speed in one message: `AckermannDriveStamped` or `JointState`.
+    /// Wheel odometry, measured steering and speed in one message: `AckermannDriveStamped` or
+    /// `JointState`.
     #[schema(nullable, required = false)]
-    drive: Option<SourceSchema>,
-    /// Steering alone, with `speed` instead of `drive`; paired by stamp.
+    wheel_odometry: Option<SourceSchema>,
+    /// Whether wheel odometry is on the former usual topic, `drive`, where neither this nor `[ros2]`
+    /// names one: so for robots that were registered while that was usual.
+    #[schema(required = false)]
+    former_topic: bool,
+    /// Steering alone, with `speed` instead of `wheel_odometry`; paired by stamp.
     #[schema(nullable, required = false)]
     steering: Option<SourceSchema>,
     /// Speed alone: `Odometry`, `TwistStamped`, `JointState` or `AckermannDriveStamped`.
@@ -232,7 +237,7 @@ mod tests {
         for text in [
             r#"{"model": "bicycle", "wheelbase_m": 1.2}"#,
             r#"{"model": "tricycle", "wheelbase_m": 1.2, "speed_measured_at": "rear_axle",
-                "nominal": {"x_m": 0.4, "y_m": 0, "yaw_rad": 3.1}, "drive": "compensated",
+                "nominal": {"x_m": 0.4, "y_m": 0, "yaw_rad": 3.1}, "wheel_odometry": "compensated",
                 "rear_axle_in_base_link": {"x_m": -0.4, "y_m": 0, "yaw_rad": 0},
                 "scan_type": "point_cloud2",
                 "point_cloud": {"height_min_m": -0.2, "height_max_m": 1, "range_min_m": 0.5,

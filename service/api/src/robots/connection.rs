@@ -123,9 +123,11 @@ pub(super) async fn put_maintenance(
         until_ns,
         reason: value.reason,
     };
-    api.clerk.decide(&id, command, caller.actor, None).await?;
+    api.lifecycle
+        .decide(&id, command, caller.actor, None)
+        .await?;
     let view = api.fleet.robot(&id).ok_or_else(unknown)?;
-    let ledger = api.clerk.ledger(&id);
+    let ledger = api.lifecycle.ledger(&id);
     Ok(Json(ConnectionDocument::of(
         &view,
         &ledger,

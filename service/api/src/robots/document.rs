@@ -48,7 +48,7 @@ pub(super) struct RobotSummary {
     streams: Vec<StreamDocument>,
     /// Where its calibration stands.
     calibration: CalibrationSummary,
-    /// Distance that the estimator of the values on trial has followed, m; absent while none are.
+    /// Distance that the estimator of the values in verification has followed, m; absent while none are.
     verification_distance_m: Option<f64>,
 }
 
@@ -99,9 +99,9 @@ pub(super) struct RobotDocument {
     #[schema(value_type = Option<String>, format = DateTime)]
     configured: Option<Timestamp>,
     /// What became of its messages:
-    /// `received = processed + shed_… + refused + ignored + waiting`.
+    /// `received = processed + dropped_… + refused + ignored + waiting`.
     counters: Counters,
-    /// Times that its estimator was started anew after a failure.
+    /// Times that its estimator was restarted after a failure.
     estimator_restarts: u32,
     /// How well steering and speed fit together, of a robot that sends them on different topics.
     pairing: Option<PairingReport>,

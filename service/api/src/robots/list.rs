@@ -150,10 +150,10 @@ struct Listed {
 }
 
 fn listed(api: &ApiState, now_ns: i64) -> Vec<Listed> {
-    let standings = api.sentry.standings();
+    let standings = api.evaluator.standings();
     let robots = api.fleet.robots().into_iter();
     let listed = robots.map(|view| {
-        let ledger = api.clerk.ledger(&view.id);
+        let ledger = api.lifecycle.ledger(&view.id);
         Listed {
             standing: standings.of(&view, &ledger),
             heard: connection_state(&view, &ledger, now_ns),

@@ -120,7 +120,7 @@ impl ManoeuvreDocument {
     }
 }
 
-/// Says what a robot should drive next: the manoeuvres that fit on the floor, by the doubt that each
+/// Says what a robot should drive next: the manoeuvres that fit on the floor, by the uncertainty that each
 /// would take for every metre of its way.
 #[utoipa::path(
     get,

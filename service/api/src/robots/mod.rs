@@ -9,9 +9,9 @@ mod events;
 mod history;
 mod list;
 mod manoeuvres;
-mod plan;
+mod recording;
 mod registration;
-mod session;
+mod top_view;
 
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
@@ -22,7 +22,7 @@ pub(super) use connection::connection_state;
 pub(super) use document::RobotStateDocument;
 pub(super) use events::EventDocument;
 pub(super) use list::SortSchema;
-pub(super) use session::Sessions;
+pub(super) use recording::Recordings;
 
 /// The routes under `/robots`.
 pub(super) fn routes() -> OpenApiRouter<ApiState> {
@@ -33,8 +33,8 @@ pub(super) fn routes() -> OpenApiRouter<ApiState> {
         .routes(routes!(history::get_history))
         .routes(routes!(cross_track::get_cross_track_error))
         .routes(routes!(manoeuvres::get_manoeuvres))
-        .routes(routes!(plan::get_plan))
-        .routes(routes!(session::record_session))
+        .routes(routes!(top_view::get_top_view))
+        .routes(routes!(recording::get_recording))
         .routes(routes!(connection::put_maintenance))
         .routes(routes!(events::list_events, events::post_event))
 }

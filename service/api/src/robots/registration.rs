@@ -43,7 +43,7 @@ pub(super) async fn get_robot(
 
 /// Registers a robot or changes its configuration. The first configuration is sent with
 /// `If-None-Match: *`, a change with `If-Match` and the `ETag` of `GET`. A robot whose
-/// configuration changes begins its estimate anew.
+/// configuration changes begins its estimate again.
 #[utoipa::path(
     put,
     path = "/robots/{id}",
@@ -94,14 +94,18 @@ pub(super) async fn put_robot(
     answer(&api, &id, status).await
 }
 
-/// Stores the configuration and gives it to the fleet; gives its version.
+/// Stores the configuration and gives it to the fleet; gives its version. What replaces a stored
+/// configuration without naming a topic for wheel odometry keeps the stored one's.
 async fn register(
     api: ApiState,
     id: RobotId,
-    config: RobotConfig,
+    mut config: RobotConfig,
     expected: Expected,
     actor: Actor,
 ) -> Result<u64, Problem> {
+    if let Some(stored) = api.fleet.robot(&id).and_then(|robot| robot.config) {
+        config.streams.keep_former_topic(&stored.streams);
+    }
     let version = configure(&api.store, &id, &config, expected, actor).await?;
     api.fleet.configure(&id, config)?;
     Ok(version)
@@ -146,8 +150,8 @@ async fn answer(api: &ApiState, id: &RobotId, status: StatusCode) -> Result<Resp
         .fleet
         .robot(id)
         .ok_or_else(|| Problem::robot_unknown(id.as_str()))?;
-    let ledger = api.clerk.ledger(id);
-    let standing = api.sentry.standings().of(&view, &ledger);
+    let ledger = api.lifecycle.ledger(id);
+    let standing = api.evaluator.standings().of(&view, &ledger);
     let now_ns = api.clock.now_ns();
     let document = RobotDocument::of(view, record.as_ref(), &ledger, standing, now_ns);
     Ok(versioned_json(

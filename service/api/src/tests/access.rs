@@ -68,8 +68,8 @@ async fn the_first_administrator_is_made_by_the_link_once() {
     };
     let code = bench.setup_code.as_str();
     assert_snapshot!(set_up("guess", "ann", PASSWORD).await.told(), @"403 setup_code_refused [code]: the setup code is wrong or older than a day; a service without users prints a new one at each start");
-    assert_snapshot!(set_up(code, "", PASSWORD).await.told(), @r#"422 body_refused [name]: name is "", accepted are 1 to 64 letters, digits, spaces, and . _ - @ + in between, and not "fleetcal""#);
-    assert_snapshot!(set_up(code, "ann", "secret").await.told(), @"422 password_refused [password]: the password has 6 characters, accepted are 12 to 128");
+    assert_snapshot!(set_up(code, "", PASSWORD).await.told(), @r#"422 body_refused [name]: name is "", expected 1 to 64 letters, digits, spaces, and . _ - @ + in between, and not "fleetcal""#);
+    assert_snapshot!(set_up(code, "ann", "secret").await.told(), @"422 password_refused [password]: the password has 6 characters, expected 12 to 128");
     let (one, other) = tokio::join!(set_up(code, "ann", PASSWORD), set_up(code, "bob", PASSWORD));
     let mut statuses = [one.status.as_u16(), other.status.as_u16()];
     statuses.sort_unstable();
@@ -228,7 +228,7 @@ async fn a_person_changes_the_own_password() {
             .told()
     };
     assert_snapshot!(change("wrong", "another horse battery").await, @"409 password_wrong [current]: the current password is wrong");
-    assert_snapshot!(change(PASSWORD, "short").await, @"422 password_refused [password]: the password has 5 characters, accepted are 12 to 128");
+    assert_snapshot!(change(PASSWORD, "short").await, @"422 password_refused [password]: the password has 5 characters, expected 12 to 128");
     assert_eq!(change(PASSWORD, "another horse battery").await, "204");
     let status = async |cookie: &str| {
         let answer = with(&bench, "GET", "/api/v1/session", cookie, "").await;
@@ -376,7 +376,7 @@ async fn a_token_is_shown_once_and_counts_until_it_is_revoked() {
     );
     assert_snapshot!(robots().await, @"401 token_revoked: the token was revoked");
     assert_snapshot!(revoke("77").await, @"404 token_unknown: no token 77 is known");
-    assert_snapshot!(revoke("x").await, @r#"400 value_refused [id]: id is "x", accepted is a number"#);
+    assert_snapshot!(revoke("x").await, @r#"400 value_refused [id]: id is "x", expected a number"#);
 }
 
 #[tokio::test]
@@ -390,7 +390,7 @@ async fn a_token_is_refused_by_field() {
     };
     assert_snapshot!(told(json!({"name": "r", "role": "robot"})).await, @"422 body_refused [robot]: a token of role robot is bound to one robot: name it");
     assert_snapshot!(told(json!({"name": "r", "role": "viewer", "robot": "a"})).await, @"422 body_refused [robot]: only a token of role robot is bound to a robot, not one of role viewer");
-    assert_snapshot!(told(json!({"name": "r", "role": "viewer", "expires": "2025-01-01T00:00:00Z"})).await, @r#"400 value_refused [expires]: expires is "2025-01-01T00:00:00Z", accepted is a time to come, within ten years"#);
+    assert_snapshot!(told(json!({"name": "r", "role": "viewer", "expires": "2025-01-01T00:00:00Z"})).await, @r#"400 value_refused [expires]: expires is "2025-01-01T00:00:00Z", expected a time to come, within ten years"#);
     assert!(
         told(json!({"name": "a\nb", "role": "viewer"}))
             .await

@@ -7,7 +7,7 @@ use fleetcal_domain::access::Actor;
 use fleetcal_domain::alert::{AlertKind, Observation, Sighting};
 use fleetcal_domain::approval::{Command, Evidence, Origin};
 use fleetcal_model::Stream;
-use fleetcal_operations::sentry::Observe;
+use fleetcal_operations::alert_evaluator::Observe;
 use fleetcal_proto::calibration::CalibrationValues;
 use insta::assert_snapshot;
 
@@ -54,7 +54,9 @@ async fn a_robot_that_fell_silent_is_alerted_acknowledged_and_comes_back() {
     let bench = bench(&["a", "never_seen"]).await;
     let mut live = bench.begin("/api/v1/stream?robot=a", &[]).await;
     assert_eq!(next_event(&mut live).await.0, "ready");
-    bench.fleet.refuse(&robot("a"), Stream::Drive, "no CDR");
+    bench
+        .fleet
+        .refuse(&robot("a"), Stream::WheelOdometry, "no CDR");
     bench.clock.advance(Duration::from_secs(4));
     let one =
         |state: &'static str| move |page: &Value| page["items"][0]["state"].as_str() == Some(state);
@@ -87,12 +89,16 @@ async fn a_robot_that_fell_silent_is_alerted_acknowledged_and_comes_back() {
     assert_eq!(taken.told(), "200");
     assert_eq!(taken.json()["acknowledgement"]["note"], "battery");
     assert_eq!(taken.json()["state"], "alerting");
-    bench.fleet.refuse(&robot("a"), Stream::Drive, "no CDR");
+    bench
+        .fleet
+        .refuse(&robot("a"), Stream::WheelOdometry, "no CDR");
     bench.once(all, one("recovering")).await;
     // Two steps, because a robot that sends nothing for a minute would be silent again.
     for _ in 0..30 {
         bench.clock.advance(Duration::from_secs(2));
-        bench.fleet.refuse(&robot("a"), Stream::Drive, "no CDR");
+        bench
+            .fleet
+            .refuse(&robot("a"), Stream::WheelOdometry, "no CDR");
     }
     let over = bench.once(all, one("normal")).await;
     assert_ne!(over["items"][0]["ended"], Value::Null);
@@ -142,9 +148,9 @@ async fn a_list_is_filtered_paged_and_refuses_by_name() {
     let next = first["next"].as_str().unwrap();
     assert_eq!(robots(&format!("?limit=2&cursor={next}")).await, ["a"]);
     let told = async |query: &str| bench.get(&format!("/api/v1/alerts{query}")).await.told();
-    assert_snapshot!(told("?state=angry").await, @r#"400 value_refused [state]: state is "angry", accepted is active or one of normal, pending, alerting, recovering, no_data"#);
-    assert_snapshot!(told("?cursor=x").await, @r#"400 value_refused [cursor]: cursor is "x", accepted is `next` of the page before"#);
-    assert_snapshot!(told("?limit=0").await, @r#"400 value_refused [limit]: limit is "0", accepted is a whole number from 1 to 1000"#);
+    assert_snapshot!(told("?state=angry").await, @r#"400 value_refused [state]: state is "angry", expected active or one of normal, pending, alerting, recovering, no_data"#);
+    assert_snapshot!(told("?cursor=x").await, @r#"400 value_refused [cursor]: cursor is "x", expected `next` of the page before"#);
+    assert_snapshot!(told("?limit=0").await, @r#"400 value_refused [limit]: limit is "0", expected a whole number from 1 to 1000"#);
 }
 
 #[tokio::test]
@@ -166,12 +172,12 @@ async fn an_acknowledgement_needs_the_version_and_comes_once() {
     assert_snapshot!(ack(&uri, &stale, "{}").await, @"412 version_conflict: it is at version 1 now: it changed since you opened it");
     let first = [("if-match", "\"1\"")];
     let long = serde_json::json!({ "note": "x".repeat(1_001) }).to_string();
-    assert_snapshot!(ack(&uri, &first, &long).await, @"400 value_refused [note]: note has 1001 characters, accepted are 1000 at most");
+    assert_snapshot!(ack(&uri, &first, &long).await, @"400 value_refused [note]: note has 1001 characters, expected 1000 at most");
     assert_eq!(ack(&uri, &first, "{}").await, "200");
     let second = [("if-match", "\"2\"")];
     assert_snapshot!(ack(&uri, &second, "{}").await, @"409 acknowledged_already: tester has acknowledged this already");
     assert_snapshot!(ack("/api/v1/alerts/99/ack", &first, "{}").await, @"404 alert_unknown: no alert 99 is known");
-    assert_snapshot!(ack("/api/v1/alerts/x/ack", &first, "{}").await, @r#"400 value_refused [id]: id is "x", accepted is the number of an alert"#);
+    assert_snapshot!(ack("/api/v1/alerts/x/ack", &first, "{}").await, @r#"400 value_refused [id]: id is "x", expected the number of an alert"#);
     assert_snapshot!(bench.get("/api/v1/alerts/99").await.told(), @"404 alert_unknown: no alert 99 is known");
     let audit = bench.get("/api/v1/audit?action=alert.").await.json();
     assert_eq!(audit["items"].as_array().unwrap().len(), 1);
@@ -201,8 +207,8 @@ async fn a_webhook_shows_its_secret_once_and_refuses_by_name() {
     // An address is often a secret itself, and every viewer reads the audit.
     assert!(audit.body.contains("http://127.0.0.1:9") && !audit.body.contains("/hook"));
     assert_snapshot!(post(r#"{"url": "http://127.0.0.1:9/hook"}"#).await.told(), @"409 webhook_exists [url]: url is that of webhook 1 already");
-    assert_snapshot!(post(r#"{"url": "ftp://a/"}"#).await.told(), @r#"400 value_refused [url]: url is "ftp://a/", accepted is an address such as https://example.org/hook"#);
-    assert_snapshot!(post(r#"{"url": "http://a/", "events": []}"#).await.told(), @r#"400 value_refused [events]: events is "[]", accepted is one or more of alert.alerting, alert.resolved, proposal.waiting"#);
+    assert_snapshot!(post(r#"{"url": "ftp://a/"}"#).await.told(), @r#"400 value_refused [url]: url is "ftp://a/", expected an address such as https://example.org/hook"#);
+    assert_snapshot!(post(r#"{"url": "http://a/", "events": []}"#).await.told(), @r#"400 value_refused [events]: events is "[]", expected one or more of alert.alerting, alert.resolved, proposal.waiting"#);
     let unknown = post(r#"{"url": "http://a/", "events": ["alert.angry"]}"#).await;
     assert!(unknown.told().contains("alert.angry"), "{}", unknown.body);
     assert_eq!(
@@ -240,7 +246,7 @@ async fn alerts_and_proposals_are_told_and_the_log_says_what_came_of_it() {
         ..Actor::service()
     };
     bench
-        .clerk
+        .lifecycle
         .decide(&robot("a"), propose, ada, None)
         .await
         .unwrap();
@@ -278,7 +284,9 @@ async fn robots_that_stay_away_after_a_restart_raise_one_alert() {
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let bench = bench_after_restart(&names).await;
     for name in &names[..6] {
-        bench.fleet.refuse(&robot(name), Stream::Drive, "no CDR");
+        bench
+            .fleet
+            .refuse(&robot(name), Stream::WheelOdometry, "no CDR");
     }
     let silent = "/api/v1/robots?connection=silent";
     let page = bench.get(silent).await.json();
@@ -288,7 +296,9 @@ async fn robots_that_stay_away_after_a_restart_raise_one_alert() {
     for _ in 0..8 {
         bench.clock.advance(Duration::from_secs(2));
         for name in &names[..6] {
-            bench.fleet.refuse(&robot(name), Stream::Drive, "no CDR");
+            bench
+                .fleet
+                .refuse(&robot(name), Stream::WheelOdometry, "no CDR");
         }
         tokio::time::sleep(Duration::from_millis(1_100)).await;
     }
@@ -328,7 +338,7 @@ async fn a_robot_in_maintenance_is_neither_silent_nor_alerted() {
     let long = bench.send_body("PUT", uri, &[], hours(2_161)).await;
     assert_eq!(
         long.told(),
-        "400 value_refused [until]: until is 2161, accepted is more than 0 and at most 2160 hours \
+        "400 value_refused [until]: until is 2161, expected more than 0 and at most 2160 hours \
          from now"
     );
     let end = r#"{"until": null, "reason": "back at work"}"#;

@@ -1,4 +1,4 @@
-//! Proposals, deployments, what robots hold, the site-wide stop, and the audit.
+//! Proposals, deployments, what robots hold, the deployment freeze, and the audit.
 
 use fleetcal_proto::calibration::Envelope;
 use fleetcal_proto::signing::{SigningKey, TrustedKeys};
@@ -186,19 +186,25 @@ async fn a_decision_is_bound_to_what_was_looked_at() {
 }
 
 #[tokio::test]
-async fn the_site_wide_stop_keeps_robots_from_what_they_have_not_seen() {
+async fn the_deployment_freeze_keeps_robots_from_what_they_have_not_seen() {
     let bench = bench(&["a"]).await;
     let ana = bench.person("ana", Role::Approver).await;
     let bo = bench.person("bo", Role::Operator).await;
     let robot = bench.person("robot", Role::Robot).await;
-    let hold = async |held: bool, tag: &str| {
-        let body = json!({ "held": held, "reason": "crane works" }).to_string();
+    let freeze = async |frozen: bool, tag: &str| {
+        let body = json!({ "frozen": frozen, "reason": "crane works" }).to_string();
         bench
-            .write(&ana, "PUT", "/api/v1/site/hold", &[("if-match", tag)], body)
+            .write(
+                &ana,
+                "PUT",
+                "/api/v1/deployments/freeze",
+                &[("if-match", tag)],
+                body,
+            )
             .await
     };
-    assert_eq!(hold(true, "\"1\"").await.told(), "200");
-    assert!(hold(true, "\"1\"").await.told().starts_with("412"));
+    assert_eq!(freeze(true, "\"1\"").await.told(), "200");
+    assert!(freeze(true, "\"1\"").await.told().starts_with("412"));
     let proposal = bench.propose(&bo, "k").await.json();
     assert_eq!(bench.approve(&ana, &proposal, 1).await.told(), "200");
     let uri = "/api/v1/robots/a/calibration";
@@ -209,7 +215,7 @@ async fn the_site_wide_stop_keeps_robots_from_what_they_have_not_seen() {
             .status
     };
     assert_eq!(pull().await, 404);
-    assert_eq!(hold(false, "\"2\"").await.told(), "200");
+    assert_eq!(freeze(false, "\"2\"").await.told(), "200");
     assert_eq!(pull().await, 200);
 }
 

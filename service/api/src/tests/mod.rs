@@ -8,10 +8,10 @@ mod metrics;
 mod metrics_text;
 mod permission;
 mod policy;
+mod recording;
 mod robots;
 mod server;
 mod service;
-mod session;
 mod standing;
 mod stream;
 mod trace;
@@ -31,10 +31,10 @@ use fleetcal_estimator::EstimatorSettings;
 use fleetcal_fleet::{FleetHandle, FleetSetup};
 use fleetcal_http::TrustedProxies;
 use fleetcal_operations::accounts::{TokenChange, change_token};
-use fleetcal_operations::clerk::{Clerk, ClerkSetup};
-use fleetcal_operations::courier::{Courier, CourierSetup};
+use fleetcal_operations::alert_evaluator::{AlertEvaluator, AlertEvaluatorSetup};
+use fleetcal_operations::lifecycle::{Lifecycle, LifecycleSetup};
 use fleetcal_operations::robots::configure;
-use fleetcal_operations::sentry::{Sentry, SentrySetup};
+use fleetcal_operations::webhook_dispatcher::{WebhookDispatcher, WebhookDispatcherSetup};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::signing::SigningKey;
 use fleetcal_store::{Expected, Store};
@@ -56,7 +56,7 @@ struct Bench {
     setup: ApiSetup,
     routes: Router,
     fleet: FleetHandle,
-    clerk: Clerk,
+    lifecycle: Lifecycle,
     store: Store,
     link_open: watch::Sender<bool>,
     stop: CancellationToken,
@@ -113,7 +113,7 @@ async fn bench_of(robots: &[&str], last_heard_ns: BTreeMap<RobotId, i64>) -> Ben
         checkpoints: BTreeMap::new(),
         last_heard_ns,
     });
-    let clerk = Clerk::start(ClerkSetup {
+    let lifecycle = Lifecycle::start(LifecycleSetup {
         store: store.clone(),
         fleet: fleet.clone(),
         clock: clock.clone(),
@@ -122,7 +122,7 @@ async fn bench_of(robots: &[&str], last_heard_ns: BTreeMap<RobotId, i64>) -> Ben
     })
     .await
     .unwrap();
-    let (sentry, courier) = watchers(&store, &fleet, &clerk, &clock).await;
+    let (evaluator, dispatcher) = watchers(&store, &fleet, &lifecycle, &clock).await;
     let (link_open, is_open) = watch::channel(true);
     let stop = CancellationToken::new();
     let (setup_code, setup_text) = SetupCode::new(&[0xab; 32], NOW_NS);
@@ -132,9 +132,9 @@ async fn bench_of(robots: &[&str], last_heard_ns: BTreeMap<RobotId, i64>) -> Ben
             commit: "abcdef0",
         },
         fleet: fleet.clone(),
-        clerk: clerk.clone(),
-        sentry,
-        courier,
+        lifecycle: lifecycle.clone(),
+        evaluator,
+        dispatcher,
         store: store.clone(),
         clock: clock.clone(),
         link_open: is_open,
@@ -151,7 +151,7 @@ async fn bench_of(robots: &[&str], last_heard_ns: BTreeMap<RobotId, i64>) -> Ben
         setup,
         routes,
         fleet,
-        clerk,
+        lifecycle,
         store,
         link_open,
         stop,
@@ -166,22 +166,22 @@ async fn bench_of(robots: &[&str], last_heard_ns: BTreeMap<RobotId, i64>) -> Ben
 async fn watchers(
     store: &Store,
     fleet: &FleetHandle,
-    clerk: &Clerk,
+    lifecycle: &Lifecycle,
     clock: &Arc<MockClock>,
-) -> (Sentry, Courier) {
-    let sentry = Sentry::start(SentrySetup {
+) -> (AlertEvaluator, WebhookDispatcher) {
+    let evaluator = AlertEvaluator::start(AlertEvaluatorSetup {
         store: store.clone(),
         fleet: fleet.clone(),
-        clerk: clerk.clone(),
+        lifecycle: lifecycle.clone(),
         clock: clock.clone(),
         policy: AlertPolicy::default(),
     });
-    let courier = Courier::start(CourierSetup {
+    let dispatcher = WebhookDispatcher::start(WebhookDispatcherSetup {
         store: store.clone(),
         clock: clock.clone(),
         jitter: fleetcal_operations::entropy::jitter,
     });
-    (sentry.await.unwrap(), courier)
+    (evaluator.await.unwrap(), dispatcher)
 }
 
 /// A role; of a robot, that of robot `a`.

@@ -11,7 +11,7 @@ use serde_json::json;
 
 use super::*;
 
-const CONFIG: &str = r#"{"model": "tricycle", "wheelbase_m": 1.55, "drive": "raw"}"#;
+const CONFIG: &str = r#"{"model": "tricycle", "wheelbase_m": 1.55, "wheel_odometry": "raw"}"#;
 
 /// An estimate of second `second` after [`NOW_NS`].
 fn estimate(name: &str, second: i64, offset_rad: f64) -> EstimateDocument {
@@ -97,7 +97,7 @@ async fn a_robot_that_has_sent_something_is_told_what_to_drive_next() {
     let (a, form) = (robot("a"), Encoding::Json);
     bench
         .fleet
-        .receive(&a, Stream::Drive, form, length, || payload);
+        .receive(&a, Stream::WheelOdometry, form, length, || payload);
     while bench.fleet.robot(&a).unwrap().counters.processed == 0 {
         tokio::time::sleep(Duration::from_millis(1)).await;
     }
@@ -108,8 +108,8 @@ async fn a_robot_that_has_sent_something_is_told_what_to_drive_next() {
     assert!(!corridor.is_empty() && corridor.len() < all.len());
     assert!(corridor.iter().all(|name| all.contains(name)));
     let told = async |query: &str| bench.get(&format!("{path}{query}")).await.told();
-    assert_snapshot!(told("?length_m=0&width_m=3").await, @r#"400 value_refused [length_m]: length_m is "0", accepted is both sides of the floor, each more than 0 and at most 10000 m"#);
-    assert_snapshot!(told("?length_m=3").await, @r#"400 value_refused [width_m]: width_m is "nothing", accepted is both sides of the floor, each more than 0 and at most 10000 m"#);
+    assert_snapshot!(told("?length_m=0&width_m=3").await, @r#"400 value_refused [length_m]: length_m is "0", expected both sides of the floor, each more than 0 and at most 10000 m"#);
+    assert_snapshot!(told("?length_m=3").await, @r#"400 value_refused [width_m]: width_m is "nothing", expected both sides of the floor, each more than 0 and at most 10000 m"#);
     assert_snapshot!(told("?floor=3").await, @"400 query_refused [floor]: the query: unknown field `floor`, expected `length_m` or `width_m`");
 }
 
@@ -133,7 +133,10 @@ fn straight_on(bench: &Bench, step: u32) {
         "pose": {"pose": {"position": position, "orientation": orientation}, "covariance": vec![0.0; 36]},
         "twist": {"twist": {"linear": zero, "angular": zero}, "covariance": vec![0.0; 36]},
     });
-    let sent = [(Stream::Drive, drive), (Stream::LidarOdometry, pose)];
+    let sent = [
+        (Stream::WheelOdometry, drive),
+        (Stream::LidarOdometry, pose),
+    ];
     for (stream, message) in sent {
         let payload = message.to_string().into_bytes();
         let length = payload.len();
@@ -144,9 +147,9 @@ fn straight_on(bench: &Bench, step: u32) {
 }
 
 #[tokio::test]
-async fn a_plan_is_drawn_up_for_whoever_asks() {
+async fn a_top_view_is_drawn_up_for_all_who_ask() {
     let bench = bench(&["a"]).await;
-    let path = "/api/v1/robots/a/plan";
+    let path = "/api/v1/robots/a/top-view";
     assert_eq!(bench.get(path).await.body, "null");
     for step in 0..100 {
         straight_on(&bench, step);
@@ -157,23 +160,23 @@ async fn a_plan_is_drawn_up_for_whoever_asks() {
         }
     }
     // Half a second waits in the merger; nothing can be guessed from a straight way.
-    let plan = bench.get(path).await.json();
-    assert!(plan["lidar"]["x_m"].as_f64().unwrap() > 1.2, "{plan}");
+    let view = bench.get(path).await.json();
+    assert!(view["lidar"]["x_m"].as_f64().unwrap() > 1.2, "{view}");
     assert_eq!(
-        plan["stamp_ns"].as_i64().unwrap() / 1_000_000_000,
+        view["stamp_ns"].as_i64().unwrap() / 1_000_000_000,
         1_760_000_001
     );
-    assert_eq!(plan["lidar_in_base"], Value::Null);
+    assert_eq!(view["lidar_in_base"], Value::Null);
     for empty in ["returns_m", "surfaces_m", "trajectory"] {
-        assert_eq!(plan[empty], json!([]), "{empty}");
+        assert_eq!(view[empty], json!([]), "{empty}");
     }
     // Everybody at once gets the same, and nobody is left waiting.
     let all = futures::future::join_all((0..20).map(|_| bench.get(path))).await;
-    assert!(all.iter().all(|answer| answer.json() == plan));
-    assert_snapshot!(bench.get("/api/v1/robots/b/plan").await.told(), @"404 robot_unknown: no robot b is known");
+    assert!(all.iter().all(|answer| answer.json() == view));
+    assert_snapshot!(bench.get("/api/v1/robots/b/top-view").await.told(), @"404 robot_unknown: no robot b is known");
     assert_snapshot!(bench.get(&format!("{path}?x=1")).await.told(), @"400 query_refused [x]: the query: unknown field `x`, there are no fields");
     bench.fleet.stop().await;
-    assert_eq!(bench.fleet.plan(&robot("a")).await, Ok(None));
+    assert_eq!(bench.fleet.top_view(&robot("a")).await, Ok(None));
 }
 
 #[tokio::test]
@@ -181,11 +184,11 @@ async fn the_list_refuses_by_name() {
     let bench = bench(&[]).await;
     let told = async |query: &str| bench.get(&format!("/api/v1/robots?{query}")).await.told();
     assert_snapshot!(told("stat=failed").await, @"400 query_refused [stat]: the query: unknown field `stat`, expected one of `state`, `standing`, `connection`, `sort`, `limit`, `cursor`");
-    assert_snapshot!(told("state=broken").await, @r#"400 value_refused [state]: state is "broken", accepted is one of failed, changed, no_data, unregistered, learning, calibrated"#);
-    assert_snapshot!(told("sort=name").await, @r#"400 value_refused [sort]: sort is "name", accepted is severity or id"#);
-    assert_snapshot!(told("limit=0").await, @r#"400 value_refused [limit]: limit is "0", accepted is a whole number from 1 to 1000"#);
-    assert_snapshot!(told("limit=ten").await, @r#"400 value_refused [limit]: limit is "ten", accepted is a whole number from 1 to 1000"#);
-    assert_snapshot!(told("cursor=x").await, @r#"400 value_refused [cursor]: cursor is "x", accepted is `next` of the page before"#);
+    assert_snapshot!(told("state=broken").await, @r#"400 value_refused [state]: state is "broken", expected one of failed, changed, no_data, unregistered, learning, calibrated"#);
+    assert_snapshot!(told("sort=name").await, @r#"400 value_refused [sort]: sort is "name", expected severity or id"#);
+    assert_snapshot!(told("limit=0").await, @r#"400 value_refused [limit]: limit is "0", expected a whole number from 1 to 1000"#);
+    assert_snapshot!(told("limit=ten").await, @r#"400 value_refused [limit]: limit is "ten", expected a whole number from 1 to 1000"#);
+    assert_snapshot!(told("cursor=x").await, @r#"400 value_refused [cursor]: cursor is "x", expected `next` of the page before"#);
 }
 
 #[tokio::test]
@@ -217,9 +220,42 @@ async fn a_robot_is_registered_and_changed_with_conditions() {
         (200, "\"2\"")
     );
     assert_snapshot!(put(&[("if-match", "\"1\"")]).await.told(), @"412 version_conflict: robot agv_1 is at version 2");
-    assert_snapshot!(put(&[("if-match", "*")]).await.told(), @r#"400 value_refused [If-Match]: If-Match is "*", accepted is the ETag of GET, such as "3""#);
+    assert_snapshot!(put(&[("if-match", "*")]).await.told(), @r#"400 value_refused [If-Match]: If-Match is "*", expected the ETag of GET, such as "3""#);
     let config = bench.fleet.robot(&robot("agv_1")).unwrap().config;
     assert_eq!(config, Some(serde_json::from_str(CONFIG).unwrap()));
+}
+
+#[tokio::test]
+async fn former_names_of_wheel_odometry_are_accepted_and_answered_by_todays() {
+    let bench = bench(&[]).await;
+    let put = async |version: &str, body: &str| {
+        let condition = if version == "*" {
+            "if-none-match"
+        } else {
+            "if-match"
+        };
+        let path = "/api/v1/robots/a";
+        let answer = bench
+            .send_body("PUT", path, &[(condition, version)], body.to_owned())
+            .await;
+        answer.json()["config"].clone()
+    };
+    let config = |more: &str| format!(r#"{{"model": "bicycle", "wheelbase_m": 1.2{more}}}"#);
+    let former = r#", "drive": "compensated", "streams": {"drive": {"topic": "feedback"}}"#;
+    let config_a = put("*", &config(former)).await;
+    assert_eq!(config_a["wheel_odometry"], "compensated", "{config_a}");
+    let streams = json!({"wheel_odometry": {"topic": "feedback"}});
+    assert_eq!(config_a["streams"], streams, "{config_a}");
+
+    // The topic that a migrated robot is on stays its own until somebody names one.
+    let migrated = json!({"former_topic": true});
+    let with_streams = |streams: &Value| config(&format!(r#", "streams": {streams}"#));
+    let config_a = put("\"1\"", &with_streams(&migrated)).await;
+    assert_eq!(config_a["streams"], migrated, "{config_a}");
+    let config_a = put("\"2\"", &config("")).await;
+    assert_eq!(config_a["streams"], migrated, "{config_a}");
+    let config_a = put("\"3\"", &with_streams(&streams)).await;
+    assert_eq!(config_a["streams"], streams, "{config_a}");
 }
 
 #[tokio::test]
@@ -245,7 +281,7 @@ async fn a_configuration_is_refused_by_field() {
     assert_snapshot!(told("{").await, @"400 body_refused: the body: EOF while parsing an object at line 1 column 1");
     assert_snapshot!(told("[]").await, @"422 body_refused: the body: invalid length 0, expected struct RobotConfig with 10 elements at line 1 column 2");
     assert_snapshot!(told(r#"{"model": "bicycle"}"#).await, @"422 body_refused: the body: missing field `wheelbase_m` at line 1 column 20");
-    assert_snapshot!(told(r#"{"model": "bicycle", "wheelbase_m": -1}"#).await, @"422 body_refused [wheelbase_m]: the body: wheelbase_m is -1, accepted is more than 0 and at most 30 m at line 1 column 39");
+    assert_snapshot!(told(r#"{"model": "bicycle", "wheelbase_m": -1}"#).await, @"422 body_refused [wheelbase_m]: the body: wheelbase_m is -1, expected more than 0 and at most 30 m at line 1 column 39");
     assert_snapshot!(told(r#"{"model": "hovercraft", "wheelbase_m": 1}"#).await, @"422 body_refused [model]: the body: unknown variant `hovercraft`, expected `bicycle` or `tricycle` at line 1 column 22");
     assert_snapshot!(told(r#"{"model": "bicycle", "wheelbase_m": 1, "colour": "red"}"#).await, @"422 body_refused [colour]: the body: unknown field `colour`, expected one of `model`, `wheelbase_m`, `speed_measured_at`, `nominal`, `drive`, `rear_axle_in_base_link`, `scan_type`, `point_cloud`, `streams`, `estimator` at line 1 column 47");
     assert_eq!(bench.store.load_robot(&robot("a")).await.unwrap(), None);
@@ -274,10 +310,10 @@ async fn bodies_are_json_and_limited() {
 async fn ids_that_cannot_be_are_refused() {
     let bench = bench(&[]).await;
     let told = async |id: &str| bench.get(&format!("/api/v1/robots/{id}")).await.told();
-    assert_snapshot!(told("a*").await, @"400 value_refused [id]: robot id \"a*\" contains '*', accepted are A-Z, a-z, 0-9, _ and -");
-    assert_snapshot!(told("a%2Fb").await, @r#"400 value_refused [id]: robot id "a/b" contains '/', accepted are A-Z, a-z, 0-9, _ and -"#);
+    assert_snapshot!(told("a*").await, @"400 value_refused [id]: robot id \"a*\" contains '*', expected A-Z, a-z, 0-9, _ and -");
+    assert_snapshot!(told("a%2Fb").await, @r#"400 value_refused [id]: robot id "a/b" contains '/', expected A-Z, a-z, 0-9, _ and -"#);
     assert_snapshot!(told("%ff").await, @"400 value_refused [id]: Invalid URL: Invalid UTF-8 in `id`");
-    assert_snapshot!(told("..").await, @r#"400 value_refused [id]: robot id ".." contains '.', accepted are A-Z, a-z, 0-9, _ and -"#);
+    assert_snapshot!(told("..").await, @r#"400 value_refused [id]: robot id ".." contains '.', expected A-Z, a-z, 0-9, _ and -"#);
 }
 
 #[tokio::test]
@@ -337,11 +373,11 @@ async fn history_refuses_by_name() {
     let bench = bench(&["a"]).await;
     let told = async |rest: &str| bench.get(&format!("/api/v1/robots/{rest}")).await.told();
     assert_snapshot!(told("b/history").await, @"404 robot_unknown: no robot b is known");
-    assert_snapshot!(told("a/history?parameter=colour").await, @r#"400 value_refused [parameter]: parameter is "colour", accepted is some of steering_offset, lidar_x, lidar_y, lidar_yaw, speed_scale, wheelbase, time_offset, steering_gain"#);
-    assert_snapshot!(told("a/history?parameter=").await, @r#"400 value_refused [parameter]: parameter is "", accepted is some of steering_offset, lidar_x, lidar_y, lidar_yaw, speed_scale, wheelbase, time_offset, steering_gain"#);
-    assert_snapshot!(told("a/history?from=yesterday").await, @r#"400 value_refused [from]: from is "yesterday", accepted is RFC 3339, such as 2026-01-31T12:00:00Z"#);
-    assert_snapshot!(told("a/history?from=2026-01-02T00:00:00Z&to=2026-01-01T00:00:00Z").await, @r#"400 value_refused [from]: from is "2026-01-02T00:00:00Z", accepted is a time before `to`, 2026-01-01T00:00:00Z"#);
-    assert_snapshot!(told("a/history?max_points=1").await, @r#"400 value_refused [max_points]: max_points is "1", accepted is a whole number from 2 to 5000"#);
+    assert_snapshot!(told("a/history?parameter=colour").await, @r#"400 value_refused [parameter]: parameter is "colour", expected some of steering_offset, lidar_x, lidar_y, lidar_yaw, speed_scale, wheelbase, time_offset, steering_gain"#);
+    assert_snapshot!(told("a/history?parameter=").await, @r#"400 value_refused [parameter]: parameter is "", expected some of steering_offset, lidar_x, lidar_y, lidar_yaw, speed_scale, wheelbase, time_offset, steering_gain"#);
+    assert_snapshot!(told("a/history?from=yesterday").await, @r#"400 value_refused [from]: from is "yesterday", expected RFC 3339, such as 2026-01-31T12:00:00Z"#);
+    assert_snapshot!(told("a/history?from=2026-01-02T00:00:00Z&to=2026-01-01T00:00:00Z").await, @r#"400 value_refused [from]: from is "2026-01-02T00:00:00Z", expected a time before `to`, 2026-01-01T00:00:00Z"#);
+    assert_snapshot!(told("a/history?max_points=1").await, @r#"400 value_refused [max_points]: max_points is "1", expected a whole number from 2 to 5000"#);
     assert_snapshot!(told("a/history?points=1").await, @"400 query_refused [points]: the query: unknown field `points`, expected one of `parameter`, `from`, `to`, `max_points`, `format`");
     // A span of thousands of years is read, not run through.
     assert_eq!(
@@ -463,8 +499,8 @@ async fn a_note_is_refused_by_field() {
     assert_snapshot!(told("a", r#"{"kind": "exploded"}"#.to_owned()).await, @"422 body_refused [kind]: the body: unknown variant `exploded`, expected one of `reassembled`, `maintenance`, `power_on` at line 1 column 19");
     assert_snapshot!(told("a", r#"{"kind": "maintenance", "when": 1}"#.to_owned()).await, @"422 body_refused [when]: the body: unknown field `when`, expected one of `kind`, `time`, `note` at line 1 column 30");
     assert_snapshot!(told("a", r#"{"kind": "maintenance", "time": "now"}"#.to_owned()).await, @"422 body_refused [time]: the body: expected four digit year (or leading sign for six digit year), but found end of input at line 1 column 37");
-    assert_snapshot!(told("a", r#"{"kind": "maintenance", "time": "1960-01-01T00:00:00Z"}"#.to_owned()).await, @r#"400 value_refused [time]: time is "1960-01-01T00:00:00Z", accepted is a time between 1970 and 2262"#);
-    assert_snapshot!(told("a", long("note", 1_001)).await, @"400 value_refused [note]: note has 1001 characters, accepted are 1000 at most");
+    assert_snapshot!(told("a", r#"{"kind": "maintenance", "time": "1960-01-01T00:00:00Z"}"#.to_owned()).await, @r#"400 value_refused [time]: time is "1960-01-01T00:00:00Z", expected a time between 1970 and 2262"#);
+    assert_snapshot!(told("a", long("note", 1_001)).await, @"400 value_refused [note]: note has 1001 characters, expected 1000 at most");
     assert_snapshot!(told("a", long("author", 3)).await, @"422 body_refused [author]: the body: unknown field `author`, expected one of `kind`, `time`, `note` at line 1 column 9");
     let headers = [("idempotency-key", "")];
     let empty = bench
@@ -475,7 +511,7 @@ async fn a_note_is_refused_by_field() {
             r#"{"kind": "power_on"}"#,
         )
         .await;
-    assert_snapshot!(empty.told(), @r#"400 value_refused [Idempotency-Key]: Idempotency-Key is "", accepted is 1 to 128 characters"#);
-    assert_snapshot!(bench.get("/api/v1/robots/a/events?limit=1001").await.told(), @r#"400 value_refused [limit]: limit is "1001", accepted is a whole number from 1 to 1000"#);
-    assert_snapshot!(bench.get("/api/v1/robots/a/events?cursor=x").await.told(), @r#"400 value_refused [cursor]: cursor is "x", accepted is `next` of the page before"#);
+    assert_snapshot!(empty.told(), @r#"400 value_refused [Idempotency-Key]: Idempotency-Key is "", expected 1 to 128 characters"#);
+    assert_snapshot!(bench.get("/api/v1/robots/a/events?limit=1001").await.told(), @r#"400 value_refused [limit]: limit is "1001", expected a whole number from 1 to 1000"#);
+    assert_snapshot!(bench.get("/api/v1/robots/a/events?cursor=x").await.told(), @r#"400 value_refused [cursor]: cursor is "x", expected `next` of the page before"#);
 }

@@ -124,7 +124,7 @@ async fn every_route_refuses_unknown_parameters_and_has_security_headers() {
             .await;
         let told = answer.told();
         // What only a robot may call is refused to everybody else before its query is read.
-        let robots_own = told.ends_with("accepted is the robot itself");
+        let robots_own = told.ends_with("expected the robot itself");
         assert!(
             robots_own
                 || told.starts_with(

@@ -53,7 +53,10 @@ impl Bench {
             reason: Some("measured by hand".to_owned()),
         };
         let actor = Actor::service();
-        let done = self.clerk.decide(&robot(name), command, actor, None).await;
+        let done = self
+            .lifecycle
+            .decide(&robot(name), command, actor, None)
+            .await;
         done.unwrap();
     }
 

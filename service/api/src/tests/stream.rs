@@ -181,7 +181,7 @@ async fn with_500_robots_at_1_hz_a_page_receives_what_it_shows() {
             .collect(),
         random: rand::SeedableRng::seed_from_u64(17),
     };
-    let base = "alerts,approvals,site";
+    let base = "alerts,approvals,deployments";
     let pages = [
         ("fleet", format!("{URI}?topics=fleet,{base}"), FLEET_MAX),
         (
@@ -259,13 +259,13 @@ async fn a_fleets_rows_are_lean_and_told_when_they_change() {
 #[tokio::test]
 async fn the_freeze_and_the_policy_have_events_of_their_own() {
     let bench = bench(&[]).await;
-    let mut stream = bench.begin("/api/v1/stream?topics=site", &[]).await;
+    let mut stream = bench.begin("/api/v1/stream?topics=deployments", &[]).await;
     assert_eq!(next_event(&mut stream).await.0, "ready");
     for (uri, body, event) in [
         (
-            "/api/v1/site/hold",
-            r#"{"held": true, "reason": "audit"}"#,
-            "hold",
+            "/api/v1/deployments/freeze",
+            r#"{"frozen": true, "reason": "audit"}"#,
+            "freeze",
         ),
         (
             "/api/v1/policy",

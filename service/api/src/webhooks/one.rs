@@ -5,8 +5,8 @@ use axum::extract::{Path, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use fleetcal_domain::webhook::{Secret, Webhook, WebhookEvent, WebhookUrl};
-use fleetcal_operations::courier::{CreateWebhook, DeleteWebhook};
 use fleetcal_operations::entropy;
+use fleetcal_operations::webhook_dispatcher::{CreateWebhook, DeleteWebhook};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 

@@ -30,7 +30,7 @@ pub enum MapRefused {
         source: std::io::Error,
     },
     /// One of its files is longer than any map.
-    #[error("the map {path} is refused: it has {bytes} bytes, accepted are {bytes_max} at most", path = path.display())]
+    #[error("the map {path} is refused: it has {bytes} bytes, expected {bytes_max} at most", path = path.display())]
     TooLong {
         /// The file.
         path: PathBuf,
@@ -48,7 +48,7 @@ pub enum MapRefused {
         reason: String,
     },
     /// A field holds what cannot be.
-    #[error("the map {path} is refused: {field} is {value}, accepted is {accepted}", path = path.display())]
+    #[error("the map {path} is refused: {field} is {value}, expected {accepted}", path = path.display())]
     Field {
         /// The file that holds it.
         path: PathBuf,

@@ -91,7 +91,7 @@ fn each_field_that_cannot_be_is_named_with_value_and_what_is_accepted() {
     for (yaml, wanted) in [
         (
             swap("image: map.pgm\n", ""),
-            "image is missing, accepted is the name",
+            "image is missing, expected the name",
         ),
         (swap("image: map.pgm", "image: [1]"), "image is [1]"),
         (
@@ -100,7 +100,7 @@ fn each_field_that_cannot_be_is_named_with_value_and_what_is_accepted() {
         ),
         (
             swap("resolution: 0.050000", "resolution: -0.05"),
-            "resolution is -0.05, accepted is 0.01 to 0.25",
+            "resolution is -0.05, expected 0.01 to 0.25",
         ),
         (
             swap("resolution: 0.050000", "resolution: .inf"),
@@ -108,7 +108,7 @@ fn each_field_that_cannot_be_is_named_with_value_and_what_is_accepted() {
         ),
         (
             swap("[-1.0, 2.5, 0.1]", "[-1.0, 2.5]"),
-            "origin is [-1.0,2.5], accepted is [x, y, yaw]",
+            "origin is [-1.0,2.5], expected [x, y, yaw]",
         ),
         (
             swap("[-1.0, 2.5, 0.1]", "[-1.0, two, 0.1]"),
@@ -120,20 +120,20 @@ fn each_field_that_cannot_be_is_named_with_value_and_what_is_accepted() {
         ),
         (
             swap("negate: 0", "negate: 2"),
-            "negate is 2, accepted is 0 or 1",
+            "negate is 2, expected 0 or 1",
         ),
         (
             swap("occupied_thresh: 0.65", "occupied_thresh: 65"),
-            "occupied_thresh is 65, accepted is a number from 0 to 1",
+            "occupied_thresh is 65, expected a number from 0 to 1",
         ),
         (
             swap("free_thresh: 0.196", "free_thresh: 0.7"),
-            "free_thresh is 0.7, accepted is a number from 0 to 1, below",
+            "free_thresh is 0.7, expected a number from 0 to 1, below",
         ),
         (swap("free_thresh: 0.196\n", ""), "free_thresh is missing"),
         (
             format!("{YAML}mode: quaternary\n"),
-            "mode is \"quaternary\", accepted is trinary, scale or raw",
+            "mode is \"quaternary\", expected trinary, scale or raw",
         ),
         ("just words".to_owned(), "map.yaml is refused"),
         ("image: [".to_owned(), "map.yaml is refused"),
@@ -154,13 +154,13 @@ fn an_image_that_cannot_be_is_refused_by_field() {
     for (damaged, wanted) in [
         (&whole[..whole.len() - 1], "image is 5 bytes of pixels"),
         (b"P5 3", "image height is missing"),
-        (b"", "image is \"\", accepted is a PGM image"),
+        (b"", "image is \"\", expected a PGM image"),
         (b"GIF89a", "image is \"GI\""),
-        (b"P5 0 2 255\n", "image width is 0, accepted is 1 or more"),
+        (b"P5 0 2 255\n", "image width is 0, expected 1 or more"),
         (b"P5 -3 2 255\n", "image width is -3"),
         (
             b"P5 3 2 0\n123456",
-            "image maxval is 0, accepted is a largest shade",
+            "image maxval is 0, expected a largest shade",
         ),
         (b"P5 3 2 65536\n123456", "image maxval is 65536"),
         (b"P5 3 2 100\n\x65aaaaa", "image pixel is 101"),
@@ -168,7 +168,7 @@ fn an_image_that_cannot_be_is_refused_by_field() {
         (b"P2 3 2 255\n0 205 254 254 0 x\n", "image pixel is x"),
         (
             b"P2 3 2 255\n0 205 254 254 0 256\n",
-            "image pixel is 256, accepted is a shade",
+            "image pixel is 256, expected a shade",
         ),
         (
             b"P5 100000 100000 255\n",
@@ -204,7 +204,7 @@ fn a_missing_or_endless_file_is_refused() {
     assert!(
         read_map(&long, &binary())
             .expect_err("long")
-            .contains("accepted are 65536 at most")
+            .contains("expected 65536 at most")
     );
 }
 

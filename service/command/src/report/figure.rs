@@ -25,7 +25,7 @@ const POINTS_MAX: usize = 2_000;
 
 type Points = Vec<(f64, f64)>;
 
-/// One pair of axes with a curve, its doubt and marks at certain times.
+/// One pair of axes with a curve, its uncertainty and marks at certain times.
 struct Chart<'a> {
     x: Range<f64>,
     y: Range<f64>,
@@ -65,7 +65,7 @@ pub fn figures(
 }
 
 /// A parameter's value with two sigmas either way. What it did before it was known to a tenth of its
-/// first doubt is cut off at the edges of the figure.
+/// first uncertainty is cut off at the edges of the figure.
 fn parameter<'a>(
     name: Parameter,
     estimates: &[EstimateDocument],

@@ -11,7 +11,7 @@ const OWN_NAME: &str = "fleetcal";
 /// Why a name was refused.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error(
-    "name is {shown:?}, accepted are 1 to {} letters, digits, spaces, and . _ - @ + in between, \
+    "name is {shown:?}, expected 1 to {} letters, digits, spaces, and . _ - @ + in between, \
      and not \"{OWN_NAME}\"",
     limits::ACCOUNT_NAME_CHARS_MAX
 )]
@@ -96,7 +96,7 @@ mod tests {
             &long,
         ] {
             let refused = AccountName::parse(name).unwrap_err().to_string();
-            assert!(refused.contains("accepted are 1 to 64"), "{refused}");
+            assert!(refused.contains("expected 1 to 64"), "{refused}");
         }
     }
 }

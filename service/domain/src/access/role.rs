@@ -30,7 +30,7 @@ pub enum Role {
     Viewer,
     /// Registers robots, attaches notes, proposes.
     Operator,
-    /// Approves what somebody else has proposed, rolls back, stops the site.
+    /// Approves what somebody else has proposed, rolls back, freezes deployments.
     Approver,
     /// Users, tokens and settings too.
     Admin,

@@ -24,12 +24,14 @@ use strum::{EnumString, IntoStaticStr};
 pub enum AlertKind {
     /// The former calibration should have come back and did not.
     RollbackFailed,
-    /// The vehicle is surely not as its calibration says.
+    /// The vehicle is significantly not as its calibration says.
     Drift,
-    /// A fresh estimate disagreed with the calibration that was applied.
+    /// A verification estimate disagreed with the calibration that was applied.
     VerificationFailed,
     /// Two senders use the robot's name.
     TwoSenders,
+    /// The robot sends on a key that is no longer used.
+    FormerKey,
     /// Somebody answered in the robot's name, and the robot itself said otherwise.
     FalseReport,
     /// The robot's estimator failed too often and was stopped.
@@ -46,11 +48,12 @@ pub enum AlertKind {
 
 impl AlertKind {
     /// All of them.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::RollbackFailed,
         Self::Drift,
         Self::VerificationFailed,
         Self::TwoSenders,
+        Self::FormerKey,
         Self::FalseReport,
         Self::EstimatorFailed,
         Self::NotApplied,
@@ -76,6 +79,7 @@ impl AlertKind {
             Self::Drift
             | Self::VerificationFailed
             | Self::TwoSenders
+            | Self::FormerKey
             | Self::FalseReport
             | Self::EstimatorFailed => Severity::Error,
             Self::NotApplied | Self::OutOfSync | Self::NoData | Self::Fault => Severity::Warning,
@@ -95,11 +99,16 @@ impl AlertKind {
             }
             Self::VerificationFailed => {
                 "Compare the estimate with what the robot uses, look for a loose mount, and \
-                 approve anew or leave the former values in place."
+                 approve again or leave the former values in place."
             }
             Self::TwoSenders => {
                 "Find the second robot, recording or program that sends under this id and stop it; \
                  an access list per robot (docs/zenoh.md) keeps others out."
+            }
+            Self::FormerKey => {
+                "Have the robot send its wheel odometry, measured speed and steering, on \
+                 fleet/{robot}/wheel_odometry instead of fleet/{robot}/drive. Message and encoding \
+                 stay as they are (docs/upgrading.md)."
             }
             Self::FalseReport => {
                 "Look on the robot at which calibration it uses, and decide what it should use. An \
@@ -107,7 +116,7 @@ impl AlertKind {
             }
             Self::EstimatorFailed => {
                 "Read the service's log, and give the robot's configuration again: its estimator \
-                 then begins anew."
+                 then begins again."
             }
             Self::NotApplied => {
                 "Read the robot's reason, mend it on the robot, and propose the calibration again."

@@ -39,7 +39,7 @@ impl AlertPolicy {
         ];
         for (key, value) in numbers {
             if !(0.0..=86_400.0).contains(&value) {
-                return Err(format!("alerts.{key} is {value}, accepted is 0 to 86400"));
+                return Err(format!("alerts.{key} is {value}, expected 0 to 86400"));
             }
         }
         Ok(())
@@ -55,7 +55,7 @@ impl AlertPolicy {
         match kind {
             AlertKind::Drift | AlertKind::OutOfSync | AlertKind::NoData => of_data,
             // It is told once, when it has happened.
-            AlertKind::Fault | AlertKind::TwoSenders => Periods {
+            AlertKind::Fault | AlertKind::TwoSenders | AlertKind::FormerKey => Periods {
                 pending_ns: 0,
                 ..of_data
             },

@@ -148,7 +148,7 @@ pub fn step(
 }
 
 /// The words follow what is seen, so that they say what is so now; its version stays, because
-/// nobody has to decide anew.
+/// nobody has to decide again.
 fn retold(before: &Alert, sighting: &Sighting, now_ns: i64) -> Step {
     let says_more = before.what != sighting.what || before.robots != sighting.robots;
     let is_due = now_ns.saturating_sub(before.told_ns) >= RETOLD_EVERY_NS;

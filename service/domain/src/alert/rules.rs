@@ -104,6 +104,7 @@ fn look(kind: AlertKind, situation: &Situation<'_>) -> Seen {
         AlertKind::Drift => drift(situation),
         AlertKind::VerificationFailed => verification_failed(situation),
         AlertKind::TwoSenders => two_senders(situation),
+        AlertKind::FormerKey => former_key(situation),
         AlertKind::FalseReport => false_report(situation),
         AlertKind::EstimatorFailed => {
             let view = situation.view;
@@ -182,13 +183,20 @@ fn verification_failed(situation: &Situation<'_>) -> Seen {
 }
 
 fn two_senders(situation: &Situation<'_>) -> Seen {
-    let mut warnings = situation.view.warnings.iter();
-    match warnings.find(|warning| warning.kind == WarningKind::TwoSenders) {
-        Some(_) => Seen::Firing(
-            "two senders use the robot's id at once; nothing that they send is used".to_owned(),
-        ),
-        None => Seen::Clear,
-    }
+    Seen::firing_if(is_warned(situation, WarningKind::TwoSenders), || {
+        "two senders use the robot's id at once; nothing that they send is used".to_owned()
+    })
+}
+
+fn former_key(situation: &Situation<'_>) -> Seen {
+    Seen::firing_if(is_warned(situation, WarningKind::FormerKey), || {
+        "the robot sends its wheel odometry on the former key, and it is not used".to_owned()
+    })
+}
+
+fn is_warned(situation: &Situation<'_>, kind: WarningKind) -> bool {
+    let warnings = &situation.view.warnings;
+    warnings.iter().any(|warning| warning.kind == kind)
 }
 
 fn false_report(situation: &Situation<'_>) -> Seen {
@@ -309,7 +317,7 @@ fn is_silent(situation: &Situation<'_>) -> bool {
 }
 
 enum Compared {
-    /// At least one parameter is surely too far away; which and how far, in words.
+    /// At least one parameter is significantly too far away; which and how far, in words.
     Far(String),
     /// All four are known, and none is.
     Near,
@@ -391,10 +399,10 @@ fn far_parts(change: &approval::Change, sigma: Option<&[f64; 4]>, limits: &[f64;
     let words: Vec<String> = far
         .map(|((((name, scale, unit, digits), part), _), sigma)| {
             let part = part * scale;
-            let doubt = sigma.map_or_else(String::new, |sigma| {
+            let uncertainty = sigma.map_or_else(String::new, |sigma| {
                 format!(" (sigma {:.digits$}{unit})", sigma * scale)
             });
-            format!("{name} {part:+.digits$}{unit}{doubt}")
+            format!("{name} {part:+.digits$}{unit}{uncertainty}")
         })
         .collect();
     words.join(", ")

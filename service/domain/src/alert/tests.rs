@@ -11,7 +11,7 @@ use crate::approval::{
     Deployment, DeploymentState, GenerationRef, InUse, Maintenance, Policy, RobotLedger,
     Verification,
 };
-use crate::robot::{Connection, Counters, RobotConfig, RobotState, RobotView};
+use crate::robot::{Connection, Counters, RobotConfig, RobotState, RobotView, Warning};
 
 const S: i64 = 1_000_000_000;
 const PERIODS: Periods = Periods {
@@ -306,6 +306,17 @@ fn nothing_is_wrong_with_a_robot_that_is_as_it_should_be() {
 }
 
 #[test]
+fn a_robot_on_a_former_key_is_told_of_until_it_stops() {
+    let mut case = case();
+    let warning = Warning::former_key("fleet/tugger_01/wheel_odometry");
+    case.view.warnings.push(warning);
+    assert_eq!(case.firing(), [AlertKind::FormerKey]);
+    assert!(AlertKind::FormerKey.advice().contains("wheel_odometry"));
+    case.view.warnings.clear();
+    assert!(case.firing().is_empty());
+}
+
+#[test]
 fn drift_is_sure_and_far_or_a_vehicle_that_changed() {
     let drift = |change: fn(&mut Case)| {
         let mut case = case();
@@ -554,7 +565,7 @@ fn a_policy_is_refused_by_key_and_value() {
         ..AlertPolicy::default()
     };
     let refused = policy.check().unwrap_err();
-    assert_eq!(refused, "alerts.pending_s is -1, accepted is 0 to 86400");
+    assert_eq!(refused, "alerts.pending_s is -1, expected 0 to 86400");
     assert!(AlertPolicy::default().check().is_ok());
 }
 

@@ -6,7 +6,7 @@ use super::ask::believable;
 use super::deployment::{Deployment, DeploymentEvent, DeploymentState};
 use super::draft::Draft;
 use super::generation::{GenerationRef, InUse};
-use super::ledger::Parcel;
+use super::ledger::OutboxEntry;
 use super::refused::Refused;
 use super::shadow::{Contradicted, Reported, Shadow};
 use super::transition::{DeploymentAction, ShadowAction};
@@ -48,7 +48,7 @@ impl Draft<'_> {
     }
 
     /// The robot names a generation that these records know nothing of: they are older than it is,
-    /// as after a backup was restored. What is approved next must come after it, or the robot
+    /// as after a backup was restored. The next approval must come after it, or the robot
     /// would take it for an old document.
     fn heard_of_later(&mut self, applied: &Applied) -> Result<(), Refused> {
         let last = self.outcome.ledger.shadow.generation_last;
@@ -133,7 +133,7 @@ impl Draft<'_> {
             live.state == DeploymentState::Applied && live.offer.generation != generation
         });
         if confirm && generation > 0 && !another_waits {
-            self.outcome.parcels.push(Parcel::Confirmed(generation));
+            self.outcome.outbox.push(OutboxEntry::Confirmed(generation));
         }
         // The same answer again, because its confirmation was lost, is no news.
         if is_news {
@@ -164,7 +164,7 @@ impl Draft<'_> {
 
 /// Whether a robot's answer and the one before it cannot both be its own: it refused, or could not
 /// use, what it was said to have applied, it applied that at another time, or it goes on using since
-/// before what it was said to have replaced by values that it brought along.
+/// before what it was said to have replaced by its factory calibration.
 fn contradicts(shadow: &Shadow, now: &Applied, now_ns: i64) -> Option<Contradicted> {
     use AppliedStatus as S;
     let before = shadow.reported.as_ref()?;

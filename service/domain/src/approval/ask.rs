@@ -174,7 +174,7 @@ impl Draft<'_> {
         Ok(())
     }
 
-    /// Adds a step that no person approved to those before it; a person's approval begins anew. What
+    /// Adds a step that no person approved to those before it; a person's approval begins again. What
     /// the robot should use is written down with the deployment.
     fn count_step(&mut self, proposal: &Proposal, by_service: bool) {
         let ledger = &self.outcome.ledger;
@@ -184,7 +184,7 @@ impl Draft<'_> {
         });
     }
 
-    /// How many people have to agree to a change.
+    /// How many people have to approve a change.
     fn approvers_needed(&self, base: Option<&CalibrationValues>, to: &Revision) -> u32 {
         let limits = self.standing.policy.two_approvers_beyond.limits();
         let large = base.is_some_and(|base| exceeds(&difference(base, &to.values), &limits));
@@ -198,7 +198,7 @@ impl Draft<'_> {
         }
     }
 
-    /// How many have to agree to a proposal now: the rules may have changed since it was made, and
+    /// How many have to approve a proposal now: the rules may have changed since it was made, and
     /// what the robot uses, so that the change is a larger one.
     fn approvers_needed_now(&self, proposal: &Proposal) -> u32 {
         let ledger = &self.outcome.ledger;

@@ -28,7 +28,7 @@ pub enum Command {
         /// Why.
         reason: Option<String>,
     },
-    /// Agree to a proposal.
+    /// Approve a proposal.
     Approve {
         /// Which.
         proposal: u64,
@@ -101,7 +101,7 @@ pub enum Command {
         /// The generation.
         generation: u64,
     },
-    /// What a fresh estimate says of the values in use.
+    /// What a verification estimate says of the values in use.
     Judge {
         /// The deployment that brought them.
         deployment: u64,
@@ -162,8 +162,8 @@ pub struct Standing<'a> {
     pub actor: &'a Actor,
     /// Wall time.
     pub now_ns: i64,
-    /// Whether the site-wide stop is on.
-    pub held: bool,
+    /// Whether the deployment freeze is on.
+    pub frozen: bool,
     /// Where the robot's rear axle is in its `base_link`, where that is configured.
     pub rear_axle_in_base_link: Option<Pose2>,
     /// What the estimator says at this moment: nobody approves what it speaks against.

@@ -18,9 +18,9 @@ pub enum DeploymentState {
     Offered,
     /// The robot uses it, and that is stored.
     Applied,
-    /// The robot was told so, and drives on trial.
+    /// The robot was told so, and drives in verification.
     Verifying,
-    /// A fresh estimate agrees with what the robot uses.
+    /// A verification estimate agrees with what the robot uses.
     Verified,
     /// The robot did not drive enough to tell.
     Inconclusive,
@@ -58,11 +58,11 @@ pub enum DeploymentEvent {
     Reverted,
     /// The robot was told that its answer is stored.
     Confirmed,
-    /// A fresh estimate agrees.
+    /// A verification estimate agrees.
     Verified,
-    /// A fresh estimate disagrees, and a person decides what follows.
+    /// A verification estimate disagrees, and a person decides what follows.
     VerificationFailed,
-    /// A fresh estimate disagrees with values that a person rolled the robot back to.
+    /// A verification estimate disagrees with values that a person rolled the robot back to.
     Contradicted,
     /// There was too little motion to tell.
     TooLittleMotion,
@@ -159,7 +159,7 @@ pub struct RollBack {
     pub values: CalibrationValues,
 }
 
-/// What a fresh estimate said of the values in use.
+/// What a verification estimate said of the values in use.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Verification {
@@ -167,10 +167,10 @@ pub struct Verification {
     pub at_ns: i64,
     /// Distance driven since the values are in use, m.
     pub distance_m: f64,
-    /// What is left: fresh estimate less values in use; rad, m, m, rad.
+    /// What is left: verification estimate less values in use; rad, m, m, rad.
     #[cfg_attr(feature = "openapi", schema(value_type = [f64; 4]))]
     pub residual: Change,
-    /// Sigmas of the fresh estimate, in the same order.
+    /// Sigmas of the verification estimate, in the same order.
     #[cfg_attr(feature = "openapi", schema(value_type = [f64; 4]))]
     pub sigma: [f64; 4],
     /// Whether the residual with twice its sigma is inside the tolerance.

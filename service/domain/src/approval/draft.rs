@@ -38,7 +38,7 @@ impl<'a> Draft<'a> {
                 deployments: Vec::new(),
                 shadow_changed: false,
                 envelopes: Vec::new(),
-                parcels: Vec::new(),
+                outbox: Vec::new(),
                 sent: None,
                 transitions: Vec::new(),
             },

@@ -11,7 +11,7 @@ use super::policy::Policy;
 use super::present::{Outdated, Present, REFRESH_EVERY_NS, outdated};
 use super::proposal::Proposal;
 use super::revision::{Evidence, Origin};
-use super::values::{added, difference, exceeds, exceeds_surely, four, values_and_sigmas};
+use super::values::{added, difference, exceeds, exceeds_significantly, four, values_and_sigmas};
 
 /// How the robot stands beside its records.
 #[derive(Debug, Clone, Copy)]
@@ -20,7 +20,7 @@ pub struct Situation<'a> {
     pub now_ns: i64,
     /// The latest estimate, if its vehicle is the one that was calibrated.
     pub estimate: Option<&'a EstimateDocument>,
-    /// Whether the vehicle is no longer the one that was calibrated, and not known anew yet.
+    /// Whether the vehicle is no longer the one that was calibrated, and not known again yet.
     pub vehicle_changed: bool,
     /// Whether that estimate has stood still long enough, see [`Candidate`].
     pub stable: bool,
@@ -30,7 +30,7 @@ pub struct Situation<'a> {
     pub nominal: Option<CalibrationValues>,
 }
 
-/// What a fresh estimate says of the values in use.
+/// What a verification estimate says of the values in use.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Verdict {
     /// It cannot tell yet.
@@ -43,11 +43,11 @@ pub enum Verdict {
 ///
 /// At two, values that are outside of the tolerance in truth pass with a probability of 2.3 % at
 /// most, values that are inside fail with the same, and both verdicts are drawn by one rule. One
-/// sigma would pass 16 %; three would leave robots verifying whose doubt is a third of the
+/// sigma would pass 16 %; three would leave robots verifying whose uncertainty is a third of the
 /// tolerance, which is as sharp as the LiDAR's position gets within the first 100 m.
 const VERIFY_SIGMAS: f64 = 2.0;
 
-/// Judges the values in use by a fresh estimate, part by part of the difference `d` with the
+/// Judges the values in use by a verification estimate, part by part of the difference `d` with the
 /// estimate's `sigma` against the tolerance `T`:
 ///
 /// 1. verified when `|d| + k sigma <= T` for all of them,
@@ -155,7 +155,7 @@ fn brought_up_to_date(
     })
 }
 
-/// Whether an estimate differs from some values by so much, and so surely, that it is proposed.
+/// Whether an estimate differs from some values by so much, and so significantly, that it is proposed.
 fn differs(
     from: &CalibrationValues,
     values: &CalibrationValues,
@@ -164,7 +164,7 @@ fn differs(
 ) -> bool {
     let change = difference(from, values);
     let limits = policy.propose_beyond.limits();
-    exceeds_surely(&change, &limits, &four(sigmas), policy.propose_sigmas)
+    exceeds_significantly(&change, &limits, &four(sigmas), policy.propose_sigmas)
 }
 
 /// The approval of an open proposal that needs no person, where the policy has one.
@@ -248,7 +248,7 @@ fn verification_due(
     let since_ns = live.applied_ns.unwrap_or(live.created_ns);
     let given_ns = i64::from(policy.verify_within_s).saturating_mul(1_000_000_000);
     let reason = if failed_before {
-        "a fresh estimate disagreed with it, and nobody decided in time"
+        "a verification estimate disagreed with it, and nobody decided in time"
     } else {
         "the robot has not moved enough to tell"
     };

@@ -102,12 +102,12 @@ mod tests {
         let found = gain(&revision(0.05, 0.0), &errors).unwrap();
         assert!((found.measured_rms_m - 0.020_396).abs() < 1e-6, "{found:?}");
         assert!((found.expected_rms_m - 0.004).abs() < 1e-9, "{found:?}");
-        // A quarter of what it is off by stays in doubt: 5 mm of the 20.
-        let doubted = gain(&revision(0.04, 0.01), &errors).unwrap();
+        // A quarter of what it is off by stays uncertain: 5 mm of the 20.
+        let uncertain = gain(&revision(0.04, 0.01), &errors).unwrap();
         let expected_m = 0.004_f64.hypot(0.005);
         assert!(
-            (doubted.expected_rms_m - expected_m).abs() < 1e-9,
-            "{doubted:?}"
+            (uncertain.expected_rms_m - expected_m).abs() < 1e-9,
+            "{uncertain:?}"
         );
     }
 

@@ -23,9 +23,9 @@ pub struct GenerationRef {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct InUse {
-    /// Generation of the document; 0 for what the robot brought along.
+    /// Generation of the document; 0 for its factory calibration.
     pub generation: u64,
-    /// The revision; `None` for what the robot brought along.
+    /// The revision; `None` for its factory calibration.
     pub revision: Option<u64>,
     /// The values.
     pub values: CalibrationValues,

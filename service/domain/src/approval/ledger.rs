@@ -103,7 +103,7 @@ pub struct NextIds {
 
 /// Something to be sent to the robot, kept until it was.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Parcel {
+pub enum OutboxEntry {
     /// The approved document of this generation.
     Approved(u64),
     /// That the answer about this generation is stored.
@@ -126,9 +126,9 @@ pub struct Outcome {
     /// Documents that were signed, with their generations.
     pub envelopes: Vec<(u64, Envelope)>,
     /// What to send.
-    pub parcels: Vec<Parcel>,
+    pub outbox: Vec<OutboxEntry>,
     /// What was sent and need not be kept any more.
-    pub sent: Option<Parcel>,
+    pub sent: Option<OutboxEntry>,
     /// One for each change of a record.
     pub transitions: Vec<Transition>,
 }

@@ -4,7 +4,7 @@
 //! what was found, a [`Proposal`] asks people for it, a [`Deployment`] brings it to one robot, and
 //! the [`Shadow`] says what the robot should use and what it reported. A [`RobotLedger`] holds
 //! those of one robot that can still change; [`step`] takes a [`Command`] and gives the records
-//! anew, with one [`Transition`] for each change, or refuses and changes nothing. [`due`] says
+//! again, with one [`Transition`] for each change, or refuses and changes nothing. [`due`] says
 //! which command time and the estimates ask for.
 
 mod answer;
@@ -38,7 +38,7 @@ pub use deployment::{Deployment, DeploymentEvent, DeploymentState, RollBack, Ver
 pub use due::{Candidate, Situation, Verdict, automatic, due, judge};
 pub use gain::{ExpectedGain, expected_gain};
 pub use generation::{GenerationRef, InUse};
-pub use ledger::{NextIds, Outcome, Parcel, RobotLedger};
+pub use ledger::{NextIds, OutboxEntry, Outcome, RobotLedger};
 pub use policy::{Policy, Tolerance};
 pub use present::{Outdated, Present, outdated};
 pub use proposal::{Approval, Closing, Proposal, ProposalEvent, ProposalState, Refreshed};

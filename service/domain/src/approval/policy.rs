@@ -44,7 +44,7 @@ impl Tolerance {
         for (name, value, most) in named {
             if !(value > 0.0 && value <= most) {
                 return Err(format!(
-                    "approval.{key}.{name} is {value}, accepted is more than 0 and at most {most}"
+                    "approval.{key}.{name} is {value}, expected more than 0 and at most {most}"
                 ));
             }
         }
@@ -78,7 +78,7 @@ pub struct Policy {
     pub expires_after_s: u32,
     /// A robot that hears no confirmation for so long after applying goes back by itself, s.
     pub confirm_within_s: u32,
-    /// Verified when what the robot now drives with differs from a fresh estimate by less than
+    /// Verified when what the robot now drives with differs from a verification estimate by less than
     /// this, twice the estimate's sigma included.
     pub verify_within: Tolerance,
     /// Which is judged after so much driving, m.
@@ -126,7 +126,7 @@ impl Policy {
             if !pairs.zip(self.two_approvers_beyond.limits()).all(fits) {
                 return Err(
                     "approval.approve_within is wider than approval.two_approvers_beyond, \
-                            accepted are changes that one person could approve"
+                            expected changes that one person could approve"
                         .to_owned(),
                 );
             }
@@ -169,7 +169,7 @@ impl Policy {
         for (key, value, least, most) in numbers {
             if !(least..=most).contains(&value) {
                 return Err(format!(
-                    "approval.{key} is {value}, accepted is {least} to {most}"
+                    "approval.{key} is {value}, expected {least} to {most}"
                 ));
             }
         }

@@ -113,7 +113,7 @@ pub struct Refreshed {
     pub voided: Vec<String>,
 }
 
-/// A revision that waits for approval.
+/// A revision that awaits approval.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Proposal {

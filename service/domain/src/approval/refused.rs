@@ -10,7 +10,7 @@ use super::proposal::{Proposal, ProposalState};
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Refused {
     /// The proposal is decided.
-    #[error("the proposal is {}, accepted are open ones", state.as_str())]
+    #[error("the proposal is {}, expected open ones", state.as_str())]
     ProposalClosed {
         /// Where it stands.
         state: ProposalState,
@@ -33,7 +33,7 @@ pub enum Refused {
         found: u64,
     },
     /// The approval is about another revision.
-    #[error("sha256 is {given}, accepted is the proposed revision's, {found}")]
+    #[error("sha256 is {given}, expected the proposed revision's, {found}")]
     OtherRevision {
         /// What was given.
         given: String,
@@ -50,7 +50,7 @@ pub enum Refused {
     #[error("{0}; it cannot be approved, and is refreshed or closed")]
     Outdated(Outdated),
     /// Another deployment is under way.
-    #[error("deployment {deployment} of this robot is {}, accepted is one at a time", state.as_str())]
+    #[error("deployment {deployment} of this robot is {}, expected one at a time", state.as_str())]
     Underway {
         /// Which.
         deployment: u64,
@@ -58,7 +58,7 @@ pub enum Refused {
         state: DeploymentState,
     },
     /// A value that no robot of this site can have.
-    #[error("{field} is {value}, accepted is {accepted}")]
+    #[error("{field} is {value}, expected {accepted}")]
     OutOfLimits {
         /// Which.
         field: &'static str,
@@ -68,7 +68,7 @@ pub enum Refused {
         accepted: String,
     },
     /// A decision without its reason.
-    #[error("reason is empty, accepted is why, in words")]
+    #[error("reason is empty, expected why, in words")]
     ReasonMissing,
     /// Nobody knows what the robot used before.
     #[error("nothing is known that the robot could go back to; propose values instead")]
@@ -76,8 +76,8 @@ pub enum Refused {
     /// The robot uses already what it would go back to.
     #[error("the robot has no earlier verified calibration than the one it uses")]
     NothingEarlier,
-    /// No robot is shown what it has not seen yet while the site-wide stop is on.
-    #[error("the site-wide stop is on, and deployment {0} waits for its end")]
+    /// No robot is shown what it has not seen yet while the deployment freeze is on.
+    #[error("the deployment freeze is on, and deployment {0} waits for its end")]
     Held(u64),
     /// The service never replaces values that a person rolled the robot back to.
     #[error("generation {generation} was chosen by {by}: only a person can replace it")]
@@ -94,7 +94,7 @@ pub enum Refused {
     #[error("deployment {0} is not under way")]
     NotUnderway(u64),
     /// An answer about a document that was never given out.
-    #[error("generation is {generation}, accepted is {most} at most")]
+    #[error("generation is {generation}, expected {most} at most")]
     NeverOffered {
         /// What the answer is about.
         generation: u64,
@@ -102,7 +102,7 @@ pub enum Refused {
         most: u64,
     },
     /// An answer about another document of this generation.
-    #[error("sha256 of generation {generation} is {given:?}, accepted is {found}")]
+    #[error("sha256 of generation {generation} is {given:?}, expected {found}")]
     OtherDocument {
         /// The generation.
         generation: u64,

@@ -33,7 +33,7 @@ pub struct Evidence {
     pub distance_m: f64,
     /// Drive samples used.
     pub drive_samples: u64,
-    /// Sweeps or LiDAR poses used.
+    /// Scans or LiDAR poses used.
     pub scans: u64,
     /// Mean normalised innovation squared of the latest updates.
     pub nis_mean: f64,
@@ -73,7 +73,7 @@ pub struct Revision {
     /// What they rest on.
     pub evidence: Evidence,
     /// Where the rear axle was in the robot's `base_link` when this was made, where that was
-    /// configured: what is approved and signed has this one, whatever is configured later.
+    /// configured: a calibration that is approved and signed has this one, whatever is configured later.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rear_axle_in_base_link: Option<Pose2>,
     /// Version of the program that made it.

@@ -10,7 +10,7 @@ use jiff::Timestamp;
 use super::deployment::{Deployment, DeploymentEvent, DeploymentState, RollBack};
 use super::draft::{Draft, after};
 use super::generation::{GenerationRef, InUse};
-use super::ledger::Parcel;
+use super::ledger::OutboxEntry;
 use super::proposal::Proposal;
 use super::refused::Refused;
 use super::revision::{Evidence, Origin};
@@ -40,13 +40,13 @@ impl Draft<'_> {
         reason: Option<String>,
     ) -> Result<(), Refused> {
         let shadow = &self.outcome.ledger.shadow;
-        let brought_along = |values| InUse {
+        let factory = |values| InUse {
             generation: 0,
             revision: None,
             values,
             since_ns: 0,
         };
-        let base = shadow.in_use.clone().or(nominal.map(brought_along));
+        let base = shadow.in_use.clone().or(nominal.map(factory));
         let base_generation = base.as_ref().map(|base| base.generation);
         let desired_before = shadow.desired.clone();
         let approved_by = self.approvers(proposal);
@@ -155,7 +155,7 @@ impl Draft<'_> {
         shadow.desired = Some(offer.clone());
         self.save_shadow(ShadowAction::Desire, shadow, None);
         self.outcome.envelopes.push((generation, envelope));
-        self.outcome.parcels.push(Parcel::Approved(generation));
+        self.outcome.outbox.push(OutboxEntry::Approved(generation));
         Ok(offer)
     }
 
@@ -225,7 +225,7 @@ impl Draft<'_> {
         self.advance(before, live, event, action, Some(reason))
     }
 
-    /// A revision of what the robot used, which it may have brought along: its frames are then
+    /// A revision of what the robot used, which may be its factory calibration: its frames are then
     /// those of what it goes back from.
     fn revision_of(&mut self, base: &InUse, from: Option<u64>) -> u64 {
         let known = base

@@ -1,9 +1,9 @@
-//! Takes a command: the records anew, or a refusal.
+//! Takes a command: the records again, or a refusal.
 
 use super::command::{Command, Standing};
 use super::deployment::{DeploymentEvent, DeploymentState, Verification};
 use super::draft::{Draft, fresh};
-use super::ledger::{NextIds, Outcome, Parcel, RobotLedger};
+use super::ledger::{NextIds, OutboxEntry, Outcome, RobotLedger};
 use super::proposal::ProposalEvent;
 use super::refused::Refused;
 use super::rollback::Rollback;
@@ -95,7 +95,7 @@ impl Draft<'_> {
         };
         if before.state == DeploymentState::Queued {
             // The way back is never kept.
-            if self.standing.held && before.proposal.is_some() {
+            if self.standing.frozen && before.proposal.is_some() {
                 return Err(Refused::Held(before.id));
             }
             let mut live = before.clone();
@@ -115,13 +115,13 @@ impl Draft<'_> {
     fn offered(&mut self, generation: u64) {
         let live = self.live_offer(generation);
         if live.is_none_or(|live| live.state != DeploymentState::Queued) {
-            self.outcome.sent = Some(Parcel::Approved(generation));
+            self.outcome.sent = Some(OutboxEntry::Approved(generation));
         }
     }
 
     /// The robot was told that its answer is stored.
     fn confirmed(&mut self, generation: u64) -> Result<(), Refused> {
-        self.outcome.sent = Some(Parcel::Confirmed(generation));
+        self.outcome.sent = Some(OutboxEntry::Confirmed(generation));
         let Some(before) = self.live_offer(generation) else {
             return Ok(());
         };
@@ -155,11 +155,12 @@ impl Draft<'_> {
         }
         if before.is_return() {
             let by = &before.approved_by;
-            let reason = format!("a fresh estimate disagrees with the values that {by} chose");
+            let reason =
+                format!("a verification estimate disagrees with the values that {by} chose");
             let event = DeploymentEvent::Contradicted;
             return self.advance(&before, live, event, DeploymentAction::Keep, Some(reason));
         }
-        let reason = "a fresh estimate disagrees with what the robot uses".to_owned();
+        let reason = "a verification estimate disagrees with what the robot uses".to_owned();
         // The verdict is written down before what follows from it.
         let event = DeploymentEvent::VerificationFailed;
         let action = DeploymentAction::FailVerification;

@@ -99,13 +99,13 @@ pub enum DeploymentAction {
     /// The robot knows that its answer is stored.
     #[strum(serialize = "deployment.confirm")]
     Confirm,
-    /// A fresh estimate agrees.
+    /// A verification estimate agrees.
     #[strum(serialize = "deployment.verify")]
     Verify,
-    /// A fresh estimate disagrees.
+    /// A verification estimate disagrees.
     #[strum(serialize = "deployment.fail_verification")]
     FailVerification,
-    /// A fresh estimate disagrees with values that a person chose; the robot keeps them.
+    /// A verification estimate disagrees with values that a person chose; the robot keeps them.
     #[strum(serialize = "deployment.keep")]
     Keep,
     /// The robot moved too little to tell.

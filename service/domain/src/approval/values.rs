@@ -72,7 +72,7 @@ pub(super) fn exceeds(change: &Change, limits: &[f64; 4]) -> bool {
 }
 
 /// Whether any part of a change is larger than its limit and than `sigmas` times its sigma.
-pub(super) fn exceeds_surely(
+pub(super) fn exceeds_significantly(
     change: &Change,
     limits: &[f64; 4],
     sigma: &[f64; 4],

@@ -20,7 +20,7 @@ pub const MOUNT_MAX_M: f64 = 30.0;
 
 /// Why a value in a configuration was refused.
 #[derive(Debug, Clone, PartialEq, Error)]
-#[error("{key} is {value}, accepted is {accepted}")]
+#[error("{key} is {value}, expected {accepted}")]
 pub struct ValueRefused {
     /// Name of the key.
     pub key: &'static str,
@@ -108,10 +108,10 @@ impl From<Mount> for Pose2 {
     }
 }
 
-/// Whether a robot's drive stream carries the sensor's raw steering angle.
+/// Whether a robot's wheel odometry carries the sensor's raw steering angle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum DriveSignal {
+pub enum WheelOdometrySignal {
     /// As the sensor measures it.
     #[default]
     Raw,
@@ -143,9 +143,9 @@ pub struct RobotConfig {
     /// The LiDAR's pose in `base` from CAD or tape.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub nominal: Option<Mount>,
-    /// Whether the drive stream is raw.
-    #[serde(default)]
-    pub drive: DriveSignal,
+    /// Whether the wheel odometry is raw.
+    #[serde(default, alias = "drive")]
+    pub wheel_odometry: WheelOdometrySignal,
     /// The rear axle in the vehicle's `base_link`; documents then also give `lidar_in_base_link`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rear_axle_in_base_link: Option<Mount>,
@@ -175,7 +175,7 @@ impl RobotConfig {
             wheelbase_m,
             speed_measured_at: None,
             nominal: None,
-            drive: DriveSignal::Raw,
+            wheel_odometry: WheelOdometrySignal::Raw,
             rear_axle_in_base_link: None,
             scan_type: ScanType::default(),
             point_cloud: None,

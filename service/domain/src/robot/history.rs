@@ -16,9 +16,9 @@ use super::cross_track::CrossTrack;
 pub enum ServiceEventKind {
     /// The robot's clock jumped back by more than 5 s: a new session began.
     SessionStarted,
-    /// The robot was configured, or configured anew: its estimator begins from nothing.
+    /// The robot was configured, or configured again: its estimator begins from nothing.
     Configured,
-    /// The estimator panicked and was started anew.
+    /// The estimator panicked and was restarted.
     EstimatorRestarted,
     /// The estimator panicked too often and was stopped.
     EstimatorStopped,

@@ -7,8 +7,8 @@ mod history;
 mod view;
 
 pub use config::{
-    DriveSignal, MOUNT_MAX_M, Mount, RobotConfig, ScanSettings, ValueRefused, WHEELBASE_MAX_M,
-    Wheelbase,
+    MOUNT_MAX_M, Mount, RobotConfig, ScanSettings, ValueRefused, WHEELBASE_MAX_M,
+    WheelOdometrySignal, Wheelbase,
 };
 pub use cross_track::{BIN_WIDTH_M, BINS_PER_SIDE, CrossTrack, GENERATIONS_MAX};
 pub use history::{HistoryEvent, Journal, ServiceEvent, ServiceEventKind};

@@ -75,7 +75,7 @@ impl Connection {
 }
 
 /// What became of a robot's messages:
-/// `received = processed + shed_… + refused + ignored + waiting`, always.
+/// `received = processed + dropped_… + refused + ignored + waiting`, always.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Counters {
@@ -83,12 +83,12 @@ pub struct Counters {
     pub received: u64,
     /// Messages that the estimator has taken.
     pub processed: u64,
-    /// Drive samples shed because the mailbox was full.
-    pub shed_drive: u64,
-    /// Scans and poses shed because the mailbox was full.
-    pub shed_scans: u64,
-    /// Notes shed because the mailbox was full.
-    pub shed_notes: u64,
+    /// Drive samples dropped because the mailbox was full.
+    pub dropped_wheel_odometry: u64,
+    /// Scans and poses dropped because the mailbox was full.
+    pub dropped_scans: u64,
+    /// Notes dropped because the mailbox was full.
+    pub dropped_notes: u64,
     /// Messages that could not be decoded or hold values that cannot be.
     pub refused: u64,
     /// Why the last one was refused.
@@ -178,7 +178,7 @@ pub struct RobotView {
     pub fresh: Option<(u64, Arc<EstimateDocument>)>,
     /// What became of its messages.
     pub counters: Counters,
-    /// Times that its estimator was started anew after a panic.
+    /// Times that its estimator was restarted after a panic.
     pub estimator_restarts: u32,
     /// How well steering and speed of different topics fit together; `None` of a robot that sends
     /// both in one.
@@ -215,6 +215,8 @@ pub enum WarningKind {
     ScanBeamTimesMissing,
     /// Two senders use the robot's id.
     TwoSenders,
+    /// It sends on a key that is no longer used.
+    FormerKey,
 }
 
 /// A warning, with words for people.
@@ -248,6 +250,17 @@ impl Warning {
             text: "Two senders use this robot's id at once. Nothing that they send is used until \
                    there is one again. Stop the second one."
                 .to_owned(),
+        }
+    }
+
+    /// The warning of [`WarningKind::FormerKey`]; `key` is the one to send to.
+    pub fn former_key(key: &str) -> Self {
+        Self {
+            kind: WarningKind::FormerKey,
+            text: format!(
+                "The robot sends its wheel odometry on the former key, which is no longer used. \
+                 Send it on {key}."
+            ),
         }
     }
 

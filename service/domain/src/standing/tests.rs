@@ -172,6 +172,7 @@ fn every_alert_is_a_way_to_stand() {
         S::Drift,
         S::VerificationFailed,
         S::TwoSenders,
+        S::FormerKey,
         S::FalseReport,
         S::EstimatorFailed,
         S::NotApplied,

@@ -68,16 +68,20 @@ pub struct StreamsFields {
     /// What stands before its topics in keys, instead of what the templates say: `7`, `site/7`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub prefix: Option<TopicName>,
-    /// Steering and speed in one message.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub drive: Option<Source>,
+    /// Wheel odometry: measured steering and speed in one message.
+    #[serde(alias = "drive", skip_serializing_if = "Option::is_none")]
+    pub wheel_odometry: Option<Source>,
+    /// Whether its wheel odometry is on the former usual topic, `drive`, unless `[ros2]` or
+    /// `wheel_odometry` names one: so for robots that were registered while that was usual.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub former_topic: bool,
     /// Steering alone, paired by stamp with `speed`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub steering: Option<Source>,
     /// Speed alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub speed: Option<Source>,
-    /// Sweeps or clouds.
+    /// Scans or clouds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scan: Option<Source>,
     /// Poses of the LiDAR.
@@ -92,7 +96,7 @@ pub struct StreamsFields {
 /// topic.
 pub const fn message_types(stream: Stream) -> &'static [MessageType] {
     match stream {
-        Stream::Drive => MessageType::OF_DRIVE,
+        Stream::WheelOdometry => MessageType::OF_WHEEL_ODOMETRY,
         Stream::Steering => MessageType::OF_STEERING,
         Stream::Speed => MessageType::OF_SPEED,
         Stream::Scan => MessageType::OF_SCAN,
@@ -103,7 +107,7 @@ pub const fn message_types(stream: Stream) -> &'static [MessageType] {
 
 /// The streams that ROS 2 topics carry.
 pub const STREAMS_OF_TOPICS: [Stream; 5] = [
-    Stream::Drive,
+    Stream::WheelOdometry,
     Stream::Steering,
     Stream::Speed,
     Stream::Scan,
@@ -140,6 +144,24 @@ impl RobotStreams {
         self.0.joints.as_ref()
     }
 
+    /// Keeps a stored robot's former usual topic for wheel odometry, where neither it nor this
+    /// configuration in its place names one.
+    pub fn keep_former_topic(&mut self, stored: &Self) {
+        self.0.former_topic |= stored.0.former_topic;
+        if self.0.names_wheel_odometry() {
+            self.0.former_topic = false;
+        }
+    }
+
+    /// The topic of wheel odometry, where the robot names none.
+    fn usual_topic(&self, settings: &Ros2Settings) -> TopicName {
+        match &settings.wheel_odometry {
+            Some(topic) => topic.clone(),
+            None if self.0.former_topic => TopicName::former_wheel_odometry(),
+            None => TopicName::wheel_odometry(),
+        }
+    }
+
     /// The robot's topics: its own, and those of `settings` for what it does not say.
     pub fn roles(&self, settings: &Ros2Settings) -> Vec<TopicRole> {
         let mut roles: Vec<TopicRole> = STREAMS_OF_TOPICS
@@ -151,15 +173,14 @@ impl RobotStreams {
             .collect();
         let has = |of: &[Stream]| of.iter().any(|&stream| self.0.source(stream).is_some());
         let mut usual = Vec::new();
-        if !has(&[Stream::Drive, Stream::Steering, Stream::Speed]) {
-            usual.push((Stream::Drive, &settings.drive));
+        if !self.0.names_wheel_odometry() {
+            usual.push((Stream::WheelOdometry, self.usual_topic(settings)));
         }
         if !has(&[Stream::Scan, Stream::LidarOdometry]) {
-            usual.push((Stream::Scan, &settings.scan));
-            usual.push((Stream::LidarOdometry, &settings.lidar_odometry));
+            usual.push((Stream::Scan, settings.scan.clone()));
+            usual.push((Stream::LidarOdometry, settings.lidar_odometry.clone()));
         }
         for (stream, topic) in usual {
-            let topic = topic.clone();
             if roles.iter().all(|role| role.topic != topic) {
                 roles.push(TopicRole { topic, stream });
             }
@@ -172,7 +193,7 @@ impl StreamsFields {
     /// The topic of a stream, where it is configured.
     pub fn source(&self, stream: Stream) -> Option<&Source> {
         match stream {
-            Stream::Drive => self.drive.as_ref(),
+            Stream::WheelOdometry => self.wheel_odometry.as_ref(),
             Stream::Steering => self.steering.as_ref(),
             Stream::Speed => self.speed.as_ref(),
             Stream::Scan => self.scan.as_ref(),
@@ -181,22 +202,27 @@ impl StreamsFields {
         }
     }
 
+    /// Whether it says where steering and speed are.
+    fn names_wheel_odometry(&self) -> bool {
+        self.wheel_odometry.is_some() || self.steering.is_some() || self.speed.is_some()
+    }
+
     fn check(&self) -> Result<(), String> {
-        match (&self.drive, &self.steering, &self.speed) {
+        match (&self.wheel_odometry, &self.steering, &self.speed) {
             (Some(_) | None, None, None) | (None, Some(_), Some(_)) => {}
             (Some(_), ..) => {
                 return Err(
-                    "streams has drive beside steering or speed, accepted is drive, or \
-                            steering and speed"
+                    "streams has wheel_odometry beside steering or speed, expected is \
+                     wheel_odometry, or steering and speed"
                         .to_owned(),
                 );
             }
             (None, ..) => {
-                return Err("streams has one of steering and speed, accepted are both".to_owned());
+                return Err("streams has one of steering and speed, expected both".to_owned());
             }
         }
         if self.scan.is_some() && self.lidar_odometry.is_some() {
-            return Err("streams has scan and lidar_odometry, accepted is one of them".to_owned());
+            return Err("streams has scan and lidar_odometry, expected one of them".to_owned());
         }
         let mut topics = BTreeSet::new();
         for stream in STREAMS_OF_TOPICS {
@@ -206,8 +232,8 @@ impl StreamsFields {
             let topic = source.topic.as_str();
             if !topics.insert(topic) {
                 return Err(format!(
-                    "streams has the topic {topic} twice, accepted is one stream for each; steering \
-                     and speed in one message are drive"
+                    "streams has the topic {topic} twice, expected one stream for each; steering \
+                     and speed in one message are wheel_odometry"
                 ));
             }
             self.check_type(stream, source.message_type)?;
@@ -224,7 +250,7 @@ impl StreamsFields {
         if !accepted.contains(&message_type) {
             let accepted: Vec<&str> = accepted.iter().map(|of| of.ros_type()).collect();
             return Err(format!(
-                "streams.{name}.type is {}, accepted are {}",
+                "streams.{name}.type is {}, expected {}",
                 message_type.ros_type(),
                 accepted.join(" and ")
             ));
@@ -237,7 +263,7 @@ impl StreamsFields {
         if (stream != Stream::Speed && !steers) || (stream != Stream::Steering && !drives) {
             return Err(format!(
                 "streams.{name} comes as JointState and streams.joints does not say by which \
-                 joints, accepted are steering, and wheels with wheel_radius_m"
+                 joints, expected steering, and wheels with wheel_radius_m"
             ));
         }
         Ok(())
@@ -252,13 +278,13 @@ impl Joints {
             .find(|name| name.is_empty() || name.len() > NAME_BYTES_MAX)
         {
             return Err(format!(
-                "streams.joints has a joint {name:?}, accepted are names of 1 to 200 bytes"
+                "streams.joints has a joint {name:?}, expected names of 1 to 200 bytes"
             ));
         }
         if self.wheels.len() > WHEELS_MAX {
             let wheels = self.wheels.len();
             return Err(format!(
-                "streams.joints.wheels has {wheels} wheels, accepted are 8 at most"
+                "streams.joints.wheels has {wheels} wheels, expected 8 at most"
             ));
         }
         for (key, gear) in [
@@ -267,7 +293,7 @@ impl Joints {
         ] {
             if !gear.is_finite() || gear == 0.0 || gear.abs() > GEAR_MAX {
                 return Err(format!(
-                    "streams.joints.{key} is {gear}, accepted is a ratio other than 0, up to 1000 \
+                    "streams.joints.{key} is {gear}, expected a ratio other than 0, up to 1000 \
                      either way"
                 ));
             }
@@ -279,7 +305,7 @@ impl Joints {
         }
         let given = radius.map_or_else(|| "not given".to_owned(), |metres| metres.to_string());
         Err(format!(
-            "streams.joints.wheel_radius_m is {given}, accepted is more than 0 and at most 5 m"
+            "streams.joints.wheel_radius_m is {given}, expected more than 0 and at most 5 m"
         ))
     }
 }
@@ -319,7 +345,7 @@ mod tests {
         assert_eq!(
             roles(""),
             [
-                usual("drive", Stream::Drive),
+                usual("wheel_odometry", Stream::WheelOdometry),
                 usual("scan", Stream::Scan),
                 usual("lidar_odometry", Stream::LidarOdometry)
             ]
@@ -337,16 +363,40 @@ mod tests {
     }
 
     #[test]
+    fn former_names_are_read_and_the_former_topic_is_kept_until_one_is_named() {
+        let read = streams("drive = { topic = 'drive' }").unwrap();
+        let written = serde_json::to_string(&read).unwrap();
+        assert_eq!(written, r#"{"wheel_odometry":{"topic":"drive"}}"#);
+        let topic = |streams: &RobotStreams, settings: &str| {
+            let settings: Ros2Settings = toml::from_str(settings).unwrap();
+            let role = streams.roles(&settings).into_iter();
+            let mut role = role.filter(|role| role.stream == Stream::WheelOdometry);
+            String::from(role.next().unwrap().topic)
+        };
+        let stored = streams("former_topic = true").unwrap();
+        assert_eq!(topic(&stored, ""), "drive");
+        assert_eq!(topic(&stored, "drive = 'feedback'"), "feedback");
+        assert_eq!(topic(&RobotStreams::default(), ""), "wheel_odometry");
+
+        let mut given = RobotStreams::default();
+        given.keep_former_topic(&stored);
+        assert_eq!(given, stored);
+        let mut named = read.clone();
+        named.keep_former_topic(&stored);
+        assert_eq!(named, read);
+    }
+
+    #[test]
     fn each_refusal_names_its_key() {
         let joints = "steering = { topic = 'j', type = 'sensor_msgs/msg/JointState' }\n\
                       speed = { topic = 'o' }\n";
         for (text, wanted) in [
-            ("drive = { topic = '/drive' }", "topic is \"/drive\""),
-            ("drive = { topic = 'a/*/b' }", "topic is \"a/*/b\""),
+            ("wheel_odometry = { topic = '/odom' }", "topic is \"/odom\""),
+            ("wheel_odometry = { topic = 'a/*/b' }", "topic is \"a/*/b\""),
             ("speed = { topic = 'o' }", "one of steering and speed"),
             (
-                "drive = { topic = 'd' }\nspeed = { topic = 'o' }",
-                "drive beside",
+                "wheel_odometry = { topic = 'd' }\nspeed = { topic = 'o' }",
+                "wheel_odometry beside",
             ),
             (
                 "scan = { topic = 's' }\nlidar_odometry = { topic = 'o' }",

@@ -13,8 +13,10 @@ pub struct Ros2Settings {
     pub rmw_zenoh: Vec<KeyTemplate>,
     /// Templates of the keys of `zenoh-bridge-ros2dds`; none switches them off.
     pub bridge: Vec<KeyTemplate>,
-    /// Topic of steering and speed, unless a robot's own `streams` say otherwise.
-    pub drive: TopicName,
+    /// Topic of wheel odometry, measured steering and speed, unless a robot's own `streams` say
+    /// otherwise; `wheel_odometry` unless given.
+    #[serde(alias = "drive", skip_serializing_if = "Option::is_none")]
+    pub wheel_odometry: Option<TopicName>,
     /// Topic of the scans.
     pub scan: TopicName,
     /// Topic of the LiDAR's poses.
@@ -32,7 +34,7 @@ impl Default for Ros2Settings {
         Self {
             rmw_zenoh: template("{domain}/{robot}/{topic}"),
             bridge: template("{robot}/{topic}"),
-            drive: TopicName("drive".to_owned()),
+            wheel_odometry: None,
             scan: TopicName("scan".to_owned()),
             lidar_odometry: TopicName("lidar_odometry".to_owned()),
             bridge_topics: Vec::new(),
@@ -47,6 +49,16 @@ impl Default for Ros2Settings {
 pub struct TopicName(String);
 
 impl TopicName {
+    /// Where wheel odometry is unless somebody says otherwise.
+    pub(super) fn wheel_odometry() -> Self {
+        Self("wheel_odometry".to_owned())
+    }
+
+    /// Where it was before: by convention the topic of the command on Ackermann robots.
+    pub(super) fn former_wheel_odometry() -> Self {
+        Self("drive".to_owned())
+    }
+
     /// The name.
     pub fn as_str(&self) -> &str {
         &self.0
@@ -63,7 +75,7 @@ impl TryFrom<String> for TopicName {
             return Ok(Self(text));
         }
         Err(format!(
-            "topic is {text:?}, accepted is its name below the robot, without a slash at the ends: \
+            "topic is {text:?}, expected its name below the robot, without a slash at the ends: \
              front/scan"
         ))
     }

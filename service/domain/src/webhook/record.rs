@@ -64,7 +64,7 @@ pub enum WebhookRefused {
     #[error("no webhook {0} is known")]
     Unknown(u64),
     /// Its address cannot be told anything.
-    #[error("url is {url:?}, accepted is {accepted}")]
+    #[error("url is {url:?}, expected {accepted}")]
     Url {
         /// What was given.
         url: String,

@@ -1,11 +1,11 @@
-//! What is approved, as a ROS 2 topic: `calibration/approved` of each robot, a `std_msgs/msg/String`
+//! The approved calibration, as a ROS 2 topic: `calibration/approved` of each robot, a `std_msgs/msg/String`
 //! whose text is the signed envelope in JSON.
 //!
 //! The topic is transient-local: whoever subscribes later asks for what was said before, with the
-//! query that Zenoh's advanced subscriber sends, and is answered from the database. One is said anew
+//! query that Zenoh's advanced subscriber sends, and is answered from the database. One is said again
 //! whenever a robot comes back, so a subscriber that was there before the service hears it too.
 
-use fleetcal_operations::clerk::Clerk;
+use fleetcal_operations::lifecycle::Lifecycle;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
 use fleetcal_proto::ros::{RosMessage, StringMessage};
@@ -93,7 +93,7 @@ pub fn history_expressions(table: &RouteTable) -> Vec<String> {
     expressions(table).into_iter().map(behind).collect()
 }
 
-/// Says what is approved for a robot on its topic.
+/// Says the approved calibration for a robot on its topic.
 pub async fn publish(
     session: &Session,
     ros2: &Ros2,
@@ -124,19 +124,19 @@ fn payload(envelope: &Envelope) -> Result<Vec<u8>> {
 pub async fn answer_history(
     session: &Session,
     ros2: Ros2,
-    clerk: Clerk,
+    lifecycle: Lifecycle,
     questions: &Questions,
 ) -> Result<Vec<Queryable<()>>> {
     let mut queryables = Vec::new();
     let expressions = history_expressions(&ros2.table());
     for expression in expressions {
-        let (ros2, clerk, own) = (ros2.clone(), clerk.clone(), session.clone());
+        let (ros2, lifecycle, own) = (ros2.clone(), lifecycle.clone(), session.clone());
         let questions = questions.clone();
         let queryable = session
             .declare_queryable(expression)
             .callback(move |query| {
-                let (ros2, clerk, own) = (ros2.clone(), clerk.clone(), own.clone());
-                questions.answer(async move { reply(&own, &ros2, &clerk, &query).await });
+                let (ros2, lifecycle, own) = (ros2.clone(), lifecycle.clone(), own.clone());
+                questions.answer(async move { reply(&own, &ros2, &lifecycle, &query).await });
             })
             .await?;
         queryables.push(queryable);
@@ -144,7 +144,7 @@ pub async fn answer_history(
     Ok(queryables)
 }
 
-async fn reply(session: &Session, ros2: &Ros2, clerk: &Clerk, query: &Query) {
+async fn reply(session: &Session, ros2: &Ros2, lifecycle: &Lifecycle, query: &Query) {
     let asked = query.key_expr().as_str().to_owned();
     let Some((key, _)) = asked.split_once(&format!("/{HISTORY}")) else {
         return;
@@ -152,7 +152,7 @@ async fn reply(session: &Session, ros2: &Ros2, clerk: &Clerk, query: &Query) {
     let Some(robot) = robot_of(ros2, key) else {
         return;
     };
-    let envelope = match clerk.approved(&robot).await {
+    let envelope = match lifecycle.approved(&robot).await {
         Ok(Some(envelope)) => envelope,
         Ok(None) => return,
         Err(error) => {

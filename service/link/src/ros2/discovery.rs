@@ -60,7 +60,7 @@ fn take(ros2: &Ros2, sample: &Sample) {
     discovery.note(token, stands.then_some(announced.clone()), robot.as_ref());
     drop(table);
     if announced.layout == KeyLayout::BridgeRos2dds {
-        // A bridge that was restarted announces itself anew before its former token is gone.
+        // A bridge that was restarted announces itself again before its former token is gone.
         let of = discovery.type_of(&announced.path, robot.as_ref());
         ros2.change_table(|table| table.announce(&announced.path, of));
     }

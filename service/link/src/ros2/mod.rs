@@ -20,7 +20,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
 use fleetcal_clock::SharedClock;
 use fleetcal_domain::limits;
 use fleetcal_fleet::FleetHandle;
-use fleetcal_operations::clerk::Clerk;
+use fleetcal_operations::lifecycle::Lifecycle;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::ros2_key::KeyLayout;
 use tokio::sync::{Notify, mpsc};
@@ -48,7 +48,7 @@ struct Shared {
     table: RwLock<RouteTable>,
     discovery: Mutex<Discovery>,
     homes: Mutex<BTreeMap<RobotId, BTreeSet<Home>>>,
-    /// Robots that came (back), which should hear what is approved.
+    /// Robots that came (back), which should hear the approved calibration.
     came: mpsc::Sender<RobotId>,
     /// `homes` changed.
     homes_changed: Notify,
@@ -95,7 +95,7 @@ impl Ros2 {
         self.shared.homes_changed.notify_one();
     }
 
-    /// Notes where a robot's topics are; one that was not there before hears what is approved.
+    /// Notes where a robot's topics are; one that was not there before hears the approved calibration.
     fn seen_at(&self, robot: &RobotId, prefix: &str, layout: KeyLayout) {
         if self.moved(robot, prefix, layout) {
             self.came(robot);
@@ -119,11 +119,11 @@ impl Ros2 {
         of_robot.insert(Home { prefix, layout })
     }
 
-    /// Lets a robot that came hear what is approved. It never blocks; what finds the queue full is
+    /// Lets a robot that came hear the approved calibration. It never blocks; what finds the queue full is
     /// asked for by the robot itself.
     fn came(&self, robot: &RobotId) {
         if let Err(error) = self.shared.came.try_send(robot.clone()) {
-            tracing::debug!(robot.id = %robot, %error, "not told what is approved");
+            tracing::debug!(robot.id = %robot, %error, "not told the approved calibration");
         }
     }
 
@@ -140,8 +140,8 @@ impl Ros2 {
 pub struct Surroundings {
     /// Whose robots they are.
     pub fleet: FleetHandle,
-    /// Who knows what is approved.
-    pub clerk: Clerk,
+    /// Who knows the approved calibration.
+    pub lifecycle: Lifecycle,
     /// Where time comes from.
     pub clock: SharedClock,
     /// Where questions wait.
@@ -158,7 +158,7 @@ pub struct Ros2Link {
 }
 
 impl Ros2Link {
-    /// Subscribes to tokens and streams, and answers those who ask for what is approved.
+    /// Subscribes to tokens and streams, and answers those who ask for the approved calibration.
     ///
     /// # Errors
     /// When Zenoh refuses to declare something.
@@ -170,7 +170,7 @@ impl Ros2Link {
     ) -> Result<Self> {
         let Surroundings {
             fleet,
-            clerk,
+            lifecycle,
             clock,
             questions,
         } = surroundings;
@@ -195,9 +195,15 @@ impl Ros2Link {
         let mut history = Vec::new();
         let mut tasks = Vec::new();
         if publishes {
-            let (own, asked) = (ros2.clone(), clerk.clone());
+            let (own, asked) = (ros2.clone(), lifecycle.clone());
             history = calibration::answer_history(session, own, asked, &questions).await?;
-            let telling = tell(session.clone(), ros2.clone(), clerk, comers, stop.clone());
+            let telling = tell(
+                session.clone(),
+                ros2.clone(),
+                lifecycle,
+                comers,
+                stop.clone(),
+            );
             tasks.push(tokio::spawn(telling));
             let announcing = graph::announce(session.clone(), ros2.clone(), stop.clone());
             tasks.push(tokio::spawn(announcing));
@@ -252,7 +258,7 @@ fn warn_if_refused(undeclared: Result<()>) {
 }
 
 impl Ros2 {
-    /// Takes the robots' topics anew, and looks again whose the announced ones are.
+    /// Takes the robots' topics again, and looks again whose the announced ones are.
     fn robots_changed(&self) {
         let robots = self.shared.fleet.streams();
         self.change_table(|table| table.set_robots(robots));
@@ -260,11 +266,11 @@ impl Ros2 {
     }
 }
 
-/// Tells robots that came what is approved for them.
+/// Tells robots that came the approved calibration for them.
 async fn tell(
     session: Session,
     ros2: Ros2,
-    clerk: Clerk,
+    lifecycle: Lifecycle,
     mut comers: mpsc::Receiver<RobotId>,
     stop: CancellationToken,
 ) {
@@ -276,16 +282,16 @@ async fn tell(
         let Some(robot) = robot else {
             return;
         };
-        match clerk.approved(&robot).await {
+        match lifecycle.approved(&robot).await {
             Ok(Some(envelope)) => {
                 let put = calibration::publish(&session, &ros2, &robot, &envelope).await;
                 if let Err(error) = put {
-                    tracing::warn!(robot.id = %robot, error, "not told what is approved");
+                    tracing::warn!(robot.id = %robot, error, "not told the approved calibration");
                 }
             }
             Ok(None) => {}
             Err(error) => {
-                tracing::error!(robot.id = %robot, %error, "not told what is approved");
+                tracing::error!(robot.id = %robot, %error, "not told the approved calibration");
             }
         }
     }

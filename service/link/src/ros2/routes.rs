@@ -328,11 +328,11 @@ mod tests {
         let expressions = table.robot_expressions();
         assert!(expressions.contains(&format!("*/tugger_01/front/scan/{SCAN}/*")));
         assert!(expressions.contains("tugger_01/front/scan"));
-        assert!(expressions.contains("7/drive"));
+        assert!(expressions.contains("7/wheel_odometry"));
         assert!(
             !expressions
                 .iter()
-                .any(|text| text.ends_with("tugger_01/drive"))
+                .any(|text| text.ends_with("tugger_01/wheel_odometry"))
         );
     }
 
@@ -370,7 +370,8 @@ mod tests {
             ("cart", "prefix = '7/left'\nscan = { topic = 'rear/scan' }"),
             (
                 "9",
-                "scan = { topic = 'scan' }\ndrive = { topic = '3/drive' }",
+                "scan = { topic = 'scan' }
+wheel_odometry = { topic = '3/wheel_odometry' }",
             ),
         ];
         let robots = robots.map(|(id, streams)| {
@@ -386,10 +387,10 @@ mod tests {
             ("7/left/front/scan", SCAN, "left"),
             ("8/left/front/scan", SCAN, "left"),
             ("7/left/rear/scan", SCAN, "cart"),
-            ("7/left/drive", drive, "cart"),
+            ("7/left/wheel_odometry", drive, "cart"),
             ("7/9/scan", SCAN, "9"),
             ("9/7/scan", SCAN, "9"),
-            ("9/3/drive", drive, "3"),
+            ("9/3/wheel_odometry", drive, "3"),
             ("9/scan", SCAN, "9"),
             ("stranger/4/scan", SCAN, "stranger"),
         ] {
@@ -430,8 +431,8 @@ mod tests {
         let table = table(&[]);
         let usual = table.usual_expressions();
         assert!(usual.contains(&format!("*/*/scan/{SCAN}/*")), "{usual:?}");
-        assert!(usual.contains("*/drive"));
+        assert!(usual.contains("*/wheel_odometry"));
         let bridge: Vec<String> = table.bridge_expressions().into_iter().collect();
-        assert_eq!(bridge, ["*/drive", "*/lidar_odometry", "*/scan"]);
+        assert_eq!(bridge, ["*/wheel_odometry", "*/lidar_odometry", "*/scan"]);
     }
 }

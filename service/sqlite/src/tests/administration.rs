@@ -6,7 +6,7 @@ use fleetcal_store::{Job, Records, StoreError, UserRecord};
 use sqlx::ConnectOptions;
 
 use super::*;
-use crate::{Administration, backup};
+use crate::{Administration, Restored, backup, restore};
 
 /// Adds an administrator of this name.
 #[derive(Debug)]
@@ -106,4 +106,58 @@ async fn a_backup_is_whole_private_and_replaces_an_earlier_one() {
     let nowhere = folder.path().join("no/such/backup.db");
     let refused = backup(folder.path(), &nowhere).await.unwrap_err();
     assert!(matches!(refused, StoreError::Backup { .. }), "{refused}");
+}
+
+#[tokio::test]
+async fn a_backup_is_restored_with_its_key_into_an_empty_folder_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let [old, new, to] = ["old", "new", "backup.db"].map(|name| folder.path().join(name));
+    let store = open(&old, &clock()).await;
+    store.transact(AddUser("ann")).await.unwrap();
+    backup(&old, &to).await.unwrap();
+    let key = folder.path().join("signing.key");
+    std::fs::write(&key, [7; 32]).unwrap();
+    let restored = restore(&to, Some(&key), &new).await.unwrap();
+    let whole = Restored {
+        robots: 0,
+        has_key: true,
+    };
+    assert_eq!(restored, whole);
+    let again = open(&new, &clock()).await;
+    assert_eq!(again.users(0, 10).await.unwrap().len(), 1);
+    // The folder of a running service, and one that has a database.
+    let refused = restore(&to, None, &new).await.unwrap_err();
+    assert!(matches!(refused, StoreError::InUse { .. }), "{refused}");
+    again.close().await.unwrap();
+    drop(again);
+    let refused = restore(&to, None, &new).await.unwrap_err();
+    assert!(
+        refused.to_string().contains("is a database already"),
+        "{refused}"
+    );
+}
+
+#[tokio::test]
+async fn what_is_no_usable_backup_is_refused_and_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let [old, new, to] = ["old", "new", "backup.db"].map(|name| folder.path().join(name));
+    open(&old, &clock()).await.close().await.unwrap();
+    backup(&old, &to).await.unwrap();
+    let short = folder.path().join("short.key");
+    std::fs::write(&short, [7; 31]).unwrap();
+    let mut bytes = std::fs::read(&to).unwrap();
+    let (text, cut) = (folder.path().join("text"), folder.path().join("cut.db"));
+    std::fs::write(&text, "not a database, though long enough to be looked at").unwrap();
+    bytes.truncate(bytes.len() / 2);
+    std::fs::write(&cut, bytes).unwrap();
+    for (from, key, said) in [
+        (&text, None, "is not a usable backup"),
+        (&cut, None, "cut.db is "),
+        (&old, None, "is not a file"),
+        (&to, Some(short.as_path()), "31 bytes long, expected"),
+    ] {
+        let refused = restore(from, key, &new).await.unwrap_err().to_string();
+        assert!(refused.contains(said), "{refused}");
+        assert!(!new.exists(), "{refused}");
+    }
 }

@@ -1,5 +1,7 @@
 //! Robots, checkpoints, current estimates and events.
 
+use std::time::Duration;
+
 use async_trait::async_trait;
 use fleetcal_domain::robot::{HistoryEvent, Journal, RobotConfig};
 use fleetcal_store::{EventKind, EventSource, Job, NewEvent, Records, StoreError};
@@ -119,4 +121,23 @@ async fn a_change_that_is_told_again_says_how_far_it_went() {
             serde_json::json!({"steering_offset": 0.02})
         ]
     );
+}
+
+#[tokio::test]
+async fn the_latest_estimate_is_kept_also_after_the_clock_was_set_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = open(folder.path(), &clock()).await;
+    store.record_history(&estimate("a", NOW_S, 0.1, 0.0), NOW_S * NS);
+    store.flush().await.unwrap();
+    // By the robot's clock a second later, received 30 days before.
+    let later = estimate("a", NOW_S + 1, 0.2, 0.0);
+    store.record_history(&later, (NOW_S - 30 * 86_400) * NS);
+    let written = async {
+        while store.load_current().await.unwrap()[0].estimate != later {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    };
+    tokio::time::timeout(Duration::from_secs(30), written)
+        .await
+        .unwrap();
 }

@@ -7,7 +7,11 @@ use super::*;
 use fleetcal_domain::approval::{
     Deployment, DeploymentState, Evidence, GenerationRef, Origin, Revision, Shadow,
 };
+use fleetcal_domain::robot::WheelOdometrySignal;
+use fleetcal_domain::streams::Ros2Settings;
 
+/// The migration that calls wheel odometry by its name.
+const WHEEL_ODOMETRY: i64 = 20_261_122_230_000;
 /// The migration that names who had chosen values before records did.
 const CHOSEN_BY: i64 = 20_261_122_140_000;
 
@@ -133,4 +137,70 @@ async fn what_people_rolled_back_to_before_records_said_so_is_theirs() {
     assert_eq!(by_person.as_deref(), Some("ana"));
     let by_service = chosen_by(&rolled_back, Some(("fleetcal", "service"))).await;
     assert_eq!(by_service, None);
+}
+
+/// Writes robots as a database of earlier versions has them, by id and what more their
+/// configurations say, and one that is not registered.
+async fn write_former_robots(folder: &Path, robots: &[(&str, &str)]) {
+    let mut raw = raw(folder).await;
+    for (id, more) in robots {
+        sqlx::query(
+            "INSERT INTO robot (id, config, version, created_ns, updated_ns)
+             VALUES (?1, ?2, 3, 0, 0)",
+        )
+        .bind(id)
+        .bind(format!(
+            r#"{{"model": "bicycle", "wheelbase_m": 1.2, {more}}}"#
+        ))
+        .execute(&mut raw)
+        .await
+        .unwrap();
+    }
+    sqlx::query("INSERT INTO robot (id, created_ns, updated_ns) VALUES ('unregistered', 0, 0)")
+        .execute(&mut raw)
+        .await
+        .unwrap();
+    sqlx::query("DELETE FROM _sqlx_migrations WHERE version >= ?1")
+        .bind(WHEEL_ODOMETRY)
+        .execute(&mut raw)
+        .await
+        .unwrap();
+}
+
+#[tokio::test]
+async fn stored_robots_keep_the_topics_that_they_had() {
+    let folder = tempfile::tempdir().unwrap();
+    let clock = clock();
+    open(folder.path(), &clock).await.close().await.unwrap();
+    let compensated = r#""drive": "compensated", "streams": {"drive": {"topic": "ackermann"}}"#;
+    let apart =
+        r#""drive": "raw", "streams": {"steering": {"topic": "s"}, "speed": {"topic": "v"}}"#;
+    let lidar_named = r#""drive": "raw", "streams": {"scan": {"topic": "front/scan"}}"#;
+    let robots = [
+        ("usual", r#""drive": "raw""#),
+        ("lidar_named", lidar_named),
+        ("named", compensated),
+        ("apart", apart),
+    ];
+    write_former_robots(folder.path(), &robots).await;
+    let store = open(folder.path(), &clock).await;
+    let expect = async |id: &str, signal: WheelOdometrySignal, expected: &[&str]| {
+        let record = store.load_robot(&robot(id)).await.unwrap().unwrap();
+        let config = record.config.unwrap();
+        assert_eq!(config.wheel_odometry, signal, "{id}");
+        let roles = config.streams.roles(&Ros2Settings::default());
+        let topics = roles.into_iter().map(|role| String::from(role.topic));
+        assert_eq!(topics.collect::<Vec<_>>(), expected, "{id}");
+    };
+    let raw_signal = WheelOdometrySignal::Raw;
+    let usual = ["drive", "scan", "lidar_odometry"];
+    expect("usual", raw_signal, &usual).await;
+    expect("lidar_named", raw_signal, &["front/scan", "drive"]).await;
+    let named = ["ackermann", "scan", "lidar_odometry"];
+    expect("named", WheelOdometrySignal::Compensated, &named).await;
+    let apart = ["s", "v", "scan", "lidar_odometry"];
+    expect("apart", raw_signal, &apart).await;
+    let unregistered = store.load_robot(&robot("unregistered")).await.unwrap();
+    assert_eq!(unregistered.unwrap().config, None);
+    store.close().await.unwrap();
 }

@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 
 use fleetcal_domain::approval::{
-    Deployment, DeploymentState, Parcel, Proposal, Revision, RobotLedger,
+    Deployment, DeploymentState, OutboxEntry, Proposal, Revision, RobotLedger,
 };
 use fleetcal_model::RobotId;
 use fleetcal_proto::calibration::Envelope;
 
 use crate::Store;
-use crate::approvals::{AuditFilter, AuditRow, ProposalFilter, SiteHold};
+use crate::approvals::{AuditFilter, AuditRow, DeploymentFreeze, ProposalFilter};
 use crate::error::StoreError;
 
 impl Store {
@@ -37,7 +37,7 @@ impl Store {
     ///
     /// # Errors
     /// The database's failure.
-    pub async fn outbox(&self) -> Result<Vec<(RobotId, Parcel)>, StoreError> {
+    pub async fn outbox(&self) -> Result<Vec<(RobotId, OutboxEntry)>, StoreError> {
         self.shared.reader.outbox().await
     }
 
@@ -84,12 +84,12 @@ impl Store {
         self.shared.reader.followed(proposals).await
     }
 
-    /// The site-wide stop.
+    /// The deployment freeze.
     ///
     /// # Errors
     /// The database's failure.
-    pub async fn site_hold(&self) -> Result<SiteHold, StoreError> {
-        self.shared.reader.site_hold().await
+    pub async fn deployment_freeze(&self) -> Result<DeploymentFreeze, StoreError> {
+        self.shared.reader.deployment_freeze().await
     }
 
     /// Rows of the audit, newest first.

@@ -2,6 +2,7 @@
 //! batches. Nobody waits for it, and what finds no room or cannot be written is lost and counted.
 
 mod pending;
+mod retention;
 mod task;
 
 use async_trait::async_trait;

@@ -65,7 +65,11 @@ impl Pending {
         let every_ns = i64::try_from(limits::STORE_CURRENT_EVERY.as_nanos()).unwrap_or(i64::MAX);
         let written = &mut self.current_written_ns;
         let due = |robot: &RobotId, received_ns: i64| match written.get(robot) {
-            Some(last_ns) => everything || received_ns.saturating_sub(*last_ns) >= every_ns,
+            // A clock that was set back must not keep it waiting until it is as late again.
+            Some(last_ns) => {
+                let passed_ns = received_ns.saturating_sub(*last_ns);
+                everything || !(0..every_ns).contains(&passed_ns)
+            }
             None => true,
         };
         let chosen: Vec<_> = self
@@ -94,9 +98,9 @@ impl Pending {
                 .entry(estimate.robot.clone())
                 .or_insert((estimate, received_ns));
         }
-        let history = shed_oldest(&mut self.batch.history);
-        let events = shed_oldest(&mut self.batch.events);
-        let uses = shed_oldest(&mut self.batch.uses);
+        let history = drop_oldest(&mut self.batch.history);
+        let events = drop_oldest(&mut self.batch.events);
+        let uses = drop_oldest(&mut self.batch.uses);
         Lost {
             rows: history + events + uses,
             history,
@@ -118,7 +122,7 @@ impl Pending {
 }
 
 /// Drops the oldest entries of a list that has outgrown its limit; gives their number.
-fn shed_oldest<T>(list: &mut Vec<T>) -> u64 {
+fn drop_oldest<T>(list: &mut Vec<T>) -> u64 {
     let lost = list.len().saturating_sub(limits::STORE_QUEUE_MAX);
     list.drain(..lost);
     lost as u64

@@ -11,6 +11,7 @@ use tokio::sync::{mpsc, oneshot};
 use tokio::time::{Instant, MissedTickBehavior};
 
 use super::pending::Pending;
+use super::retention::Retention;
 use super::{Aged, Telemetry, TelemetryWriter};
 use crate::counters::{PathCounters, TelemetryCounters};
 use crate::error::StoreError;
@@ -42,6 +43,7 @@ pub(crate) struct TelemetryTask<W> {
     counters: Arc<TelemetryCounters>,
     pending: Pending,
     retry: Retry,
+    retention: Retention,
     /// Rows taken since a commit was last tried.
     taken: usize,
     flushes: Vec<Reply>,
@@ -62,6 +64,7 @@ impl<W: TelemetryWriter> TelemetryTask<W> {
             counters,
             pending: Pending::default(),
             retry: Retry::default(),
+            retention: Retention::default(),
             taken: 0,
             flushes: Vec::new(),
             closers: Vec::new(),
@@ -164,6 +167,9 @@ impl<W: TelemetryWriter> TelemetryTask<W> {
     /// Deletes what is too old, one kind of row after another.
     async fn prune(&mut self) {
         let now_ns = self.clock.now_ns();
+        if !self.retention.may_delete(now_ns, self.clock.elapsed()) {
+            return;
+        }
         for aged in Aged::ALL {
             let before_s = now_ns.div_euclid(NS_PER_S).saturating_sub(kept_s(aged));
             match self.writer.prune(aged, before_s).await {
@@ -182,7 +188,7 @@ impl<W: TelemetryWriter> TelemetryTask<W> {
         while let Some(offered) = offers.recv().await {
             self.take(std::iter::once(offered));
         }
-        // The process has little time to end: the pauses begin anew.
+        // The process has little time to end: the pauses begin again.
         self.retry.reset();
         let mut failure = None;
         for _ in 0..limits::STORE_CLOSE_TRIES {

@@ -1,10 +1,10 @@
-//! The life cycle's records, the site-wide stop, and the policy.
+//! The life cycle's records, the deployment freeze, and the policy.
 
 use async_trait::async_trait;
 use fleetcal_domain::approval::{NextIds, Outcome, Proposal, RobotLedger};
 use fleetcal_model::RobotId;
 
-use crate::approvals::SiteHold;
+use crate::approvals::DeploymentFreeze;
 use crate::error::StoreError;
 use crate::policy::StoredPolicy;
 
@@ -27,11 +27,12 @@ pub trait ApprovalRecords {
     /// Keeps the records that a step leaves, its documents, and what is to be sent.
     async fn save_outcome(&mut self, outcome: &Outcome) -> Result<(), StoreError>;
 
-    /// The site-wide stop.
-    async fn site_hold(&mut self) -> Result<SiteHold, StoreError>;
+    /// The deployment freeze.
+    async fn deployment_freeze(&mut self) -> Result<DeploymentFreeze, StoreError>;
 
-    /// Keeps the site-wide stop.
-    async fn save_site_hold(&mut self, hold: &SiteHold) -> Result<(), StoreError>;
+    /// Keeps the deployment freeze.
+    async fn save_deployment_freeze(&mut self, freeze: &DeploymentFreeze)
+    -> Result<(), StoreError>;
 
     /// The policy that was set.
     async fn stored_policy(&mut self) -> Result<StoredPolicy, StoreError>;

@@ -1,4 +1,4 @@
-//! The robot of a cell and a seed: mount, offsets and imperfections drawn anew for every seed.
+//! The robot of a cell and a seed: mount, offsets and imperfections drawn again for every seed.
 
 use std::f64::consts::TAU;
 

@@ -36,7 +36,7 @@ pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
          beams, three people walking about and a steering encoder of 0.25°. Its truth is the paper's \
          estimate. Under load its mount is 1 cm further ahead, its tyres give way in bends (0.002 rad \
          for each m/s²) and its wheels slip by 0.3 % instead of 0.2 %. On top, in all studies: wheels \
-         0.5 % larger than configured and a drive stream that is 20 ms late, which the paper's model \
+         0.5 % larger than configured and wheel odometry that is 20 ms late, which the paper's model \
          leaves out.",
         extent.convergence_s
     ));

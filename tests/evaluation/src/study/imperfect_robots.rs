@@ -66,7 +66,7 @@ fn introduce(section: &mut Section, extent: &ImperfectExtent) {
          imperfection of [what we assume of a robot](assumptions.md), at its typical or three times \
          its typical size, its sign drawn by seed; `all` has every one at once, each of half to one \
          and a half times its typical size. Mount, steering offset, speed scale and time offset are \
-         drawn anew for every seed, and the estimator knows the configured wheelbase alone. Routes \
+         drawn again for every seed, and the estimator knows the configured wheelbase alone. Routes \
          are the figure-eight, warehouse aisles with two reversals a lap, and a loop of left turns; \
          {} seeds each. A *false claim* is a parameter that is `converged` and more than four of \
          its own sigmas from the truth. `from` says what the LiDAR sends: sweeps where beams \

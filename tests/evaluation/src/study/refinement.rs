@@ -90,7 +90,7 @@ const ROWS: [Row; 6] = [
 pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
     let mut section = Section::new("6c. Wheelbase, wheel radius, delay and gain refined together");
     section.words(format!(
-        "A tugger whose wheels are 2 % larger than configured, whose drive stream is 60 ms late, and \
+        "A tugger whose wheels are 2 % larger than configured, whose wheel odometry is 60 ms late, and \
          whose wheelbase is 1 % longer or whose steering turns by 2 % more than it says. RMSE over the \
          seeds after {:.0} s from zero, raw sweeps; brackets: taken as configured, not estimated. \
          Wheelbase and gain are told apart by hardly any motion, so at most one of them is free: with \

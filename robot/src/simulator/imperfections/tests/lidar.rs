@@ -1,4 +1,4 @@
-//! Beams and sweeps.
+//! Beams and scans.
 
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -16,7 +16,7 @@ fn scanner(imperfections: ScannerImperfections) -> Imperfections {
     }
 }
 
-/// The last sweep of a drive of some seconds.
+/// The last scan of a drive of some seconds.
 fn last_sweep(config: SimulationConfig) -> Sweep {
     let messages = run(config, 12.0);
     sweeps(&messages).last().unwrap().0.clone()

@@ -30,7 +30,7 @@ fn quiet() -> SimulationConfig {
     config
 }
 
-/// The same with sweeps whose ranges have no noise.
+/// The same with scans whose ranges have no noise.
 fn quiet_sweeps() -> SimulationConfig {
     SimulationConfig {
         lidar: LidarOutput::Sweeps(LidarSettings {

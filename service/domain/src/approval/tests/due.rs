@@ -52,7 +52,7 @@ fn estimate(offset_rad: f64, second: i64) -> EstimateDocument {
     }
 }
 
-/// One robot whose commands are taken as the clerk takes them.
+/// One robot whose commands are taken as the lifecycle takes them.
 struct Bench {
     ledger: RobotLedger,
     ids: NextIds,
@@ -95,7 +95,7 @@ impl Bench {
             key: &key,
             actor,
             now_ns: self.now_ns,
-            held: false,
+            frozen: false,
             rear_axle_in_base_link: self.rear_axle,
             present: self.present,
         };
@@ -308,7 +308,7 @@ fn a_newer_estimate_that_disagrees_voids_what_no_robot_uses_yet() {
     assert_eq!(bench.do_due(&estimate(0.06, 2), false), Some("void"));
     assert_eq!(bench.state(), None);
     assert_eq!(bench.ledger.shadow.desired, None);
-    // Once it is in use, the fresh estimate judges it and nothing else.
+    // Once it is in use, the verification estimate judges it and nothing else.
     assert_eq!(bench.do_due(&estimate(0.07, 3), false), Some("propose"));
     bench.approve();
     bench.try_out();
@@ -475,10 +475,7 @@ fn what_a_robot_says_of_itself_makes_no_step_smaller() {
     bench.try_out();
     assert_eq!(bench.do_due(&estimate(0.05, 20), true), Some("verify"));
     // Somebody says that it uses what is about to be proposed.
-    bench.take(
-        Command::Acknowledge(brought_along(0.199, 1)),
-        &Actor::service(),
-    );
+    bench.take(Command::Acknowledge(factory(0.199, 1)), &Actor::service());
     assert_eq!(
         bench.do_due(&estimate(0.2, 30), false),
         None,
@@ -493,7 +490,7 @@ fn what_a_robot_says_of_itself_makes_no_step_smaller() {
 }
 
 /// An answer that the robot uses values of its own.
-fn brought_along(offset_rad: f64, at_ns: i64) -> Applied {
+fn factory(offset_rad: f64, at_ns: i64) -> Applied {
     Applied {
         generation: 0,
         sha256: String::new(),
@@ -547,10 +544,7 @@ fn an_answer_that_the_next_one_contradicts_is_kept_until_a_person_decides() {
     let mut forged = offered();
     assert_eq!(forged.do_due(&estimate(0.05, 20), true), Some("verify"));
     let own_answer = own(&forged, AppliedStatus::Applied, NOW_NS);
-    forged.take(
-        Command::Acknowledge(brought_along(0.1, 7)),
-        &Actor::service(),
-    );
+    forged.take(Command::Acknowledge(factory(0.1, 7)), &Actor::service());
     assert!(!is_told(&forged));
     forged.take(own_answer, &Actor::service());
     assert!(is_told(&forged));

@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use crate::access::{Actor, Authentication};
 use crate::approval::{
-    Command, Deployment, DeploymentState, GenerationRef, NextIds, Outcome, Parcel, Policy,
+    Command, Deployment, DeploymentState, GenerationRef, NextIds, OutboxEntry, Outcome, Policy,
     Proposal, ProposalState, Revision, RobotLedger, Shadow, Transition, audited, difference,
 };
 
@@ -34,7 +34,7 @@ pub struct Model {
     /// The last `after` of every record in the audit.
     audited: BTreeMap<(&'static str, String), Value>,
     /// What waits to be sent, one of each kind.
-    outbox: BTreeMap<&'static str, Parcel>,
+    outbox: BTreeMap<&'static str, OutboxEntry>,
     used: Used,
     used_before: Used,
     /// The highest generation that the robot has named.
@@ -100,7 +100,7 @@ impl Model {
         self.take_proposals(outcome, now_ns);
         self.take_deployments(outcome);
         self.take_envelopes(outcome);
-        self.take_parcels(outcome);
+        self.take_outbox(outcome);
         if let Command::Acknowledge(applied) = command {
             self.take_answer(applied, outcome);
         }
@@ -232,7 +232,7 @@ impl Model {
                     let parts = change.iter().zip(self.policy.two_approvers_beyond.limits());
                     parts.into_iter().any(|(part, limit)| part.abs() > limit)
                 });
-                assert!(!two || by.len() >= 2, "two have to agree to a large change");
+                assert!(!two || by.len() >= 2, "two have to approve a large change");
             }
         }
     }
@@ -283,20 +283,20 @@ impl Model {
         assert_eq!(outcome.ledger.shadow.generation_last, highest);
     }
 
-    fn take_parcels(&mut self, outcome: &Outcome) {
+    fn take_outbox(&mut self, outcome: &Outcome) {
         if let Some(sent) = outcome.sent {
-            self.outbox.retain(|_, parcel| *parcel != sent);
+            self.outbox.retain(|_, entry| *entry != sent);
         }
-        for parcel in &outcome.parcels {
-            let kind = match parcel {
-                Parcel::Approved(_) => "approved",
-                Parcel::Confirmed(_) => "confirmed",
+        for entry in &outcome.outbox {
+            let kind = match entry {
+                OutboxEntry::Approved(_) => "approved",
+                OutboxEntry::Confirmed(_) => "confirmed",
             };
-            self.outbox.insert(kind, *parcel);
+            self.outbox.insert(kind, *entry);
         }
         let signed = outcome.envelopes.iter().map(|(generation, _)| *generation);
         for generation in signed {
-            assert!(outcome.parcels.contains(&Parcel::Approved(generation)));
+            assert!(outcome.outbox.contains(&OutboxEntry::Approved(generation)));
         }
     }
 
@@ -337,7 +337,7 @@ impl Model {
             .desired
             .as_ref()
             .map(|one| one.generation);
-        let kept = outcome.parcels.contains(&Parcel::Confirmed(generation));
+        let kept = outcome.outbox.contains(&OutboxEntry::Confirmed(generation));
         if kept && applied.status == AppliedStatus::Applied {
             assert_eq!(
                 Some(generation),
@@ -378,11 +378,11 @@ impl Model {
         match live.state {
             DeploymentState::Queued => {
                 let waiting = self.outbox.get("approved");
-                assert_eq!(waiting, Some(&Parcel::Approved(generation)));
+                assert_eq!(waiting, Some(&OutboxEntry::Approved(generation)));
             }
             DeploymentState::Applied => {
                 let waiting = self.outbox.get("confirmed");
-                assert_eq!(waiting, Some(&Parcel::Confirmed(generation)));
+                assert_eq!(waiting, Some(&OutboxEntry::Confirmed(generation)));
             }
             _ => {}
         }

@@ -308,7 +308,7 @@ proptest! {
         let trusted = TrustedKeys::new(vec![key.public_key()]).unwrap();
         let mut model = Model::new(RobotId::parse("tugger_01").unwrap(), trusted, policy);
         let mut now_ns = BEGIN_NS;
-        for (attempt, actor, minutes, held) in attempts {
+        for (attempt, actor, minutes, frozen) in attempts {
             now_ns += minutes * minutes * 60_000_000_000;
             let command = command(attempt, &model, now_ns);
             let standing = Standing {
@@ -316,7 +316,7 @@ proptest! {
                 key: &key,
                 actor: &actor,
                 now_ns,
-                held,
+                frozen,
                 rear_axle_in_base_link: None,
                 present: Present::Unknown,
             };

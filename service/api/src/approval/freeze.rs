@@ -1,0 +1,96 @@
+//! `/deployments/freeze`: the deployment freeze.
+
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::Response;
+use fleetcal_domain::limits;
+use fleetcal_store::DeploymentFreeze;
+use jiff::Timestamp;
+use serde::{Deserialize, Serialize};
+
+use crate::ApiState;
+use crate::access::Caller;
+use crate::etag::{expected_version, versioned_json};
+use crate::extract::{Body, NoParameters, Parameters, check_length};
+use crate::problem::Problem;
+use crate::time;
+
+/// The deployment freeze. Its `ETag` is `version`.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[schema(as = DeploymentFreeze)]
+pub(super) struct FreezeDocument {
+    /// Goes up with every change of it.
+    version: u64,
+    /// While it is `true`, no robot is sent a calibration that it does not use yet.
+    frozen: bool,
+    /// Who changed it last.
+    by: Option<String>,
+    #[schema(value_type = Option<String>, format = DateTime)]
+    at: Option<Timestamp>,
+    /// Why.
+    reason: Option<String>,
+}
+
+/// Gives the deployment freeze. The `ETag` is its version.
+#[utoipa::path(get, path = "/deployments/freeze", tag = "approval",
+    responses(
+        (status = OK, description = "The deployment freeze", body = FreezeDocument,
+            headers(("ETag" = String, description = "Version of the freeze."))),
+    ))]
+pub(super) async fn get_freeze(
+    State(api): State<ApiState>,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+) -> Response {
+    answer(api.lifecycle.deployment_freeze())
+}
+
+/// Whether to freeze deployments.
+#[derive(Debug, Deserialize, utoipa::ToSchema)]
+#[schema(as = DeploymentFreezeRequest)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FreezeBody {
+    /// `true` to send no robot a calibration that it does not use yet, `false` to resume.
+    frozen: bool,
+    /// Why, 1 to 1000 characters.
+    #[schema(min_length = 1, max_length = 1000)]
+    reason: String,
+}
+
+/// Freezes the deployments that are not applied yet, or resumes them. Roll-backs go on.
+#[utoipa::path(
+    put,
+    path = "/deployments/freeze",
+    tag = "approval",
+    params(("If-Match" = String, Header, description = "The ETag of GET.")),
+    request_body = FreezeBody,
+    responses(
+        (status = OK, description = "The changed deployment freeze", body = FreezeDocument,
+            headers(("ETag" = String, description = "Version of the freeze."))),
+    )
+)]
+pub(super) async fn put_freeze(
+    State(api): State<ApiState>,
+    caller: Caller,
+    Parameters(NoParameters {}): Parameters<NoParameters>,
+    headers: HeaderMap,
+    Body { value, .. }: Body<FreezeBody>,
+) -> Result<Response, Problem> {
+    let version = expected_version(&headers)?;
+    check_length("reason", &value.reason, limits::NOTE_CHARS_MAX)?;
+    let freeze = api
+        .lifecycle
+        .freeze(value.frozen, version, caller.actor, value.reason)
+        .await?;
+    Ok(answer(freeze))
+}
+
+fn answer(freeze: DeploymentFreeze) -> Response {
+    let document = FreezeDocument {
+        version: freeze.version,
+        frozen: freeze.frozen,
+        by: freeze.by,
+        at: freeze.at_ns.map(time::of_ns),
+        reason: freeze.reason,
+    };
+    versioned_json(StatusCode::OK, freeze.version, document)
+}

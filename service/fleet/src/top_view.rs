@@ -1,0 +1,52 @@
+//! A robot's top view: asked for by those who look, drawn up by its task between two messages.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use fleetcal_domain::limits;
+use fleetcal_estimator::calibrator::{Plan as TopView, PlanLimits as TopViewLimits};
+use tokio::sync::oneshot;
+
+/// Those who ask again within this much message time get the same view, s.
+pub const EVERY_S: f64 = limits::TOP_VIEW_EVERY_S;
+
+/// What of a robot's surroundings is shown.
+pub const LIMITS: TopViewLimits = TopViewLimits {
+    reach_m: limits::TOP_VIEW_REACH_M,
+    surfaces_max: limits::TOP_VIEW_SURFACES_MAX,
+    trajectory_m: limits::TOP_VIEW_TRAJECTORY_M,
+    trajectory_points_max: limits::TOP_VIEW_TRAJECTORY_POINTS_MAX,
+};
+
+/// What an asker is told: nothing while nothing is known.
+pub type Answer = Option<Arc<TopView>>;
+
+/// Those who have asked for a robot's top view and wait.
+#[derive(Debug, Default)]
+pub struct TopViewAskers {
+    waiting: Mutex<Vec<oneshot::Sender<Answer>>>,
+}
+
+impl TopViewAskers {
+    /// Waits for the view; `None` when [`limits::TOP_VIEW_ASKERS_MAX`] others wait. An answer that
+    /// never comes is closed.
+    pub fn ask(&self) -> Option<oneshot::Receiver<Answer>> {
+        let mut waiting = self.lock();
+        waiting.retain(|asker| !asker.is_closed());
+        if waiting.len() >= limits::TOP_VIEW_ASKERS_MAX {
+            return None;
+        }
+        let (asker, answer) = oneshot::channel();
+        waiting.push(asker);
+        Some(answer)
+    }
+
+    /// Those who wait; to drop them is to tell them that nothing will come.
+    pub fn take(&self) -> Vec<oneshot::Sender<Answer>> {
+        std::mem::take(&mut *self.lock())
+    }
+
+    /// The list is whole after every statement, so the panic of another thread is no reason to stop.
+    fn lock(&self) -> std::sync::MutexGuard<'_, Vec<oneshot::Sender<Answer>>> {
+        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

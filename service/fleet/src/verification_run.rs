@@ -1,0 +1,149 @@
+//! Values in verification: an estimator that begins from nothing when a robot begins to use them.
+//!
+//! What the robot's own estimator says rests on what led to the proposal. A second one that has
+//! seen nothing of that proves the values, or does not. It is told what is known of the scanner:
+//! that belongs to the sensor, and no calibration changes it.
+//!
+//! It begins by the robot's messages alone: the acknowledgement is a place among them, and the
+//! agent's clock may be years away from their stamps (simulated time, no NTP).
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+use fleetcal_estimator::calibrator::CalibratorConfig;
+use fleetcal_estimator::lidar_odometry::LearntScanner;
+use fleetcal_estimator::{Calibrator, Effect, Event, Stamp};
+
+use super::document;
+use super::robot::Robot;
+use fleetcal_domain::limits::IN_FLIGHT_S;
+
+/// From where on messages count.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Start {
+    /// No message has come since the acknowledgement.
+    Open,
+    /// Messages before this stamp may have been sent before the acknowledgement.
+    At(Stamp),
+    /// Every message counts.
+    Begun,
+}
+
+impl Start {
+    /// The start after a message: it counts when that is [`Start::Begun`].
+    fn after(self, stamp: Stamp) -> Self {
+        let later = || Self::At(Stamp(stamp.0.saturating_add((IN_FLIGHT_S * 1e9) as i64)));
+        match self {
+            Self::Open => later(),
+            Self::At(from) if stamp >= from => Self::Begun,
+            // Farther back than messages overtake each other: the clock was set.
+            Self::At(from) if from.seconds_since(stamp) > 3.0 * IN_FLIGHT_S => later(),
+            Self::At(_) | Self::Begun => self,
+        }
+    }
+}
+
+/// The estimator of the values in verification.
+#[derive(Debug)]
+pub struct VerificationRun {
+    generation: u64,
+    since_ns: i64,
+    start: Start,
+    calibrator: Box<Calibrator>,
+}
+
+impl VerificationRun {
+    /// Follows what is in verification: begins, with the `scanner` that the robot's own estimator has
+    /// learnt, goes on, or ends.
+    pub fn follow(
+        current: Option<Self>,
+        robot: &Robot,
+        config: &CalibratorConfig,
+        scanner: impl FnOnce() -> Option<LearntScanner>,
+    ) -> Option<Self> {
+        let (generation, since_ns) = robot.in_verification()?;
+        current
+            .filter(|verification_run| {
+                verification_run.generation == generation && verification_run.since_ns == since_ns
+            })
+            .or_else(|| {
+                let fresh = Calibrator::new(config.clone());
+                let fresh = match scanner() {
+                    Some(scanner) => fresh.with_scanner(scanner),
+                    None => fresh,
+                };
+                Some(Self {
+                    generation,
+                    since_ns,
+                    start: Start::Open,
+                    calibrator: Box::new(fresh),
+                })
+            })
+    }
+
+    /// Takes what the robot sent since the values are in use. `None` when the estimator failed.
+    pub fn take(mut self, robot: &Robot, event: &Event) -> Option<Self> {
+        if let Some(stamp) = stamp_of(event) {
+            self.start = self.start.after(stamp);
+        }
+        if self.start != Start::Begun {
+            return Some(self);
+        }
+        let calibrator = &mut self.calibrator;
+        let stepped = catch_unwind(AssertUnwindSafe(|| calibrator.step(event.clone())));
+        let Ok(effects) = stepped else {
+            tracing::error!(robot.id = %robot.id, "the estimator of the values in verification panicked");
+            return None;
+        };
+        for effect in effects {
+            if let Effect::Estimate(estimate) = effect {
+                let document = document::estimate_document(&robot.id, &estimate);
+                if document::is_finite(&document) {
+                    robot.set_fresh(self.generation, Arc::new(document));
+                }
+            }
+        }
+        Some(self)
+    }
+}
+
+fn stamp_of(event: &Event) -> Option<Stamp> {
+    match event {
+        Event::Drive(sample) => Some(sample.stamp()),
+        Event::Sweep(sweep) => Some(sweep.stamp()),
+        Event::LidarPose(pose) => Some(pose.stamp()),
+        Event::Note(_) | Event::EndOfSession => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(seconds: f64) -> Stamp {
+        Stamp((seconds * 1e9) as i64)
+    }
+
+    /// The stamp of the first message that counts.
+    fn first_that_counts(stamps_s: &[f64]) -> Option<f64> {
+        let mut start = Start::Open;
+        stamps_s.iter().copied().find(|stamp_s| {
+            start = start.after(at(*stamp_s));
+            start == Start::Begun
+        })
+    }
+
+    #[test]
+    fn a_run_begins_behind_what_was_in_flight() {
+        assert_eq!(first_that_counts(&[10.0, 10.5, 10.9, 11.0]), Some(11.0));
+        // One that was overtaken does not move the start.
+        assert_eq!(first_that_counts(&[10.0, 9.2, 10.9, 11.1]), Some(11.1));
+        assert_eq!(first_that_counts(&[10.0, 10.9]), None);
+    }
+
+    #[test]
+    fn a_clock_that_is_set_back_begins_the_run_by_its_new_time() {
+        assert_eq!(first_that_counts(&[500.0, 0.0, 0.9, 1.0]), Some(1.0));
+        assert_eq!(first_that_counts(&[0.0, 1.8e9]), Some(1.8e9));
+    }
+}

@@ -1,0 +1,174 @@
+//! The look around, each second.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Duration;
+
+use fleetcal_domain::alert::{
+    AlertKind, Sighting, Situation, Step, Subject, group_silent, sightings, step,
+};
+use fleetcal_domain::approval::{Deployment, RobotLedger};
+use fleetcal_domain::limits;
+use fleetcal_domain::robot::HistoryEvent;
+use fleetcal_fleet::live::LiveUpdate;
+use fleetcal_model::{Cause, ChangeKind};
+use fleetcal_proto::RobotId;
+use fleetcal_store::StoreError;
+use tokio::sync::broadcast;
+use tokio::sync::broadcast::error::TryRecvError;
+use tokio::time::MissedTickBehavior;
+
+use super::{AlertEvaluator, Observe};
+
+/// How often the robots are looked at.
+const LOOK_EVERY: Duration = Duration::from_secs(1);
+
+/// What the alert evaluator remembers between two looks.
+#[derive(Debug, Default)]
+struct Memory {
+    /// Each robot's records as they were last seen, and its newest deployment then.
+    deployments: BTreeMap<RobotId, (Arc<RobotLedger>, Option<Deployment>)>,
+    /// When each robot's estimator last told a fault, wall time, and what it came from.
+    faults: BTreeMap<RobotId, (i64, &'static str)>,
+}
+
+/// Looks at every robot until the alert evaluator stops.
+pub(super) async fn watch(evaluator: AlertEvaluator, mut live: broadcast::Receiver<LiveUpdate>) {
+    let mut ticks = tokio::time::interval(LOOK_EVERY);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut memory = Memory::default();
+    loop {
+        tokio::select! {
+            () = evaluator.inner.stop.cancelled() => return,
+            _ = ticks.tick() => {}
+        }
+        memory.hear(&mut live, evaluator.inner.clock.now_ns());
+        if let Err(error) = evaluator.look(&mut memory).await {
+            tracing::error!(%error, "the alerts could not be brought up to date");
+        }
+    }
+}
+
+impl Memory {
+    /// Takes what the fleet told since the last look.
+    fn hear(&mut self, live: &mut broadcast::Receiver<LiveUpdate>, now_ns: i64) {
+        loop {
+            match live.try_recv() {
+                Ok(LiveUpdate::Event { robot, event }) => {
+                    if let HistoryEvent::Change(change) = event.as_ref()
+                        && change.kind == ChangeKind::Fault
+                    {
+                        self.faults.insert(robot, (now_ns, words(change.cause)));
+                    }
+                }
+                Ok(_) => {}
+                Err(TryRecvError::Lagged(lost)) => {
+                    tracing::warn!(lost, "live updates passed the alert evaluator by");
+                }
+                Err(TryRecvError::Empty | TryRecvError::Closed) => return,
+            }
+        }
+    }
+}
+
+const fn words(cause: Cause) -> &'static str {
+    match cause {
+        Cause::Steering => "steering",
+        Cause::LidarMount => "LiDAR's mount",
+        Cause::Vehicle => "vehicle",
+        Cause::Odometry => "LiDAR odometry",
+        Cause::Unknown => "data, which do not tell what it came from",
+    }
+}
+
+impl AlertEvaluator {
+    /// Looks once at every robot and takes to the store what has changed.
+    async fn look(&self, memory: &mut Memory) -> Result<(), StoreError> {
+        let now_ns = self.inner.clock.now_ns();
+        let approval = self.inner.lifecycle.policy();
+        let standings = self.standings();
+        let mut standing = BTreeMap::new();
+        let mut seen = Vec::new();
+        let mut set_up = 0;
+        for view in self.inner.fleet.robots() {
+            set_up += usize::from(view.config.is_some());
+            let ledger = self.inner.lifecycle.ledger(&view.id);
+            let latest = self.latest(memory, &view.id, &ledger).await?;
+            let situation = Situation {
+                now_ns,
+                watched_since_ns: self.inner.since_ns,
+                view: &view,
+                ledger: &ledger,
+                latest: latest.as_ref(),
+                fault: memory.faults.get(&view.id).copied(),
+                approval: &approval,
+                policy: &self.inner.policy,
+            };
+            let subject = || Subject::Robot(view.id.clone());
+            seen.extend(sightings(&situation).map(|one| (subject(), one)));
+            standing.insert(view.id.clone(), standings.basis(&view, &ledger));
+        }
+        self.group(&mut seen, set_up);
+        seen.retain(|(subject, one)| self.is_news(subject, one, now_ns));
+        seen.truncate(limits::ALERTS_AT_ONCE_MAX);
+        if seen.is_empty() {
+            return Ok(());
+        }
+        let of_seen = seen.iter().filter_map(|(subject, _)| {
+            let robot = subject.robot()?;
+            let stands = (*standing.get(robot)?, standings.alerts(robot));
+            Some((robot.clone(), stands))
+        });
+        let standing = of_seen.collect();
+        let write = Observe {
+            sightings: seen,
+            policy: Arc::clone(&self.inner.policy),
+            standing,
+            now_ns,
+        };
+        let changes = self.inner.store.transact(write).await?;
+        self.take(&changes);
+        Ok(())
+    }
+
+    /// Makes one sighting of robots that fell silent together.
+    fn group(&self, seen: &mut Vec<(Subject, Sighting)>, set_up: usize) {
+        let active = self.active();
+        let kind = AlertKind::NoData;
+        let is_grouped = active.contains_key(&(Subject::Fleet, kind));
+        group_silent(seen, set_up, is_grouped, |robot| {
+            let own = active.get(&(Subject::Robot(robot.clone()), kind));
+            own.is_some_and(|own| own.alerted_ns.is_some())
+        });
+    }
+
+    /// Whether a sighting changes anything. The store asks the same again of what it holds.
+    fn is_news(&self, subject: &Subject, sighting: &Sighting, now_ns: i64) -> bool {
+        let periods = self.inner.policy.periods(sighting.kind);
+        let active = self.active();
+        let before = active.get(&(subject.clone(), sighting.kind));
+        step(before, subject, sighting, now_ns, periods) != Step::Same
+    }
+
+    /// A robot's newest deployment; it is read again when the robot's records have changed.
+    async fn latest(
+        &self,
+        memory: &mut Memory,
+        robot: &RobotId,
+        ledger: &Arc<RobotLedger>,
+    ) -> Result<Option<Deployment>, StoreError> {
+        if ledger.live.is_some() || ledger.shadow.generation_last == 0 {
+            return Ok(ledger.live.clone());
+        }
+        if let Some((seen, latest)) = memory.deployments.get(robot)
+            && Arc::ptr_eq(seen, ledger)
+        {
+            return Ok(latest.clone());
+        }
+        let newest = self.inner.store.deployments(robot, None, 1).await?;
+        let latest = newest.into_iter().next();
+        let entry = (Arc::clone(ledger), latest.clone());
+        memory.deployments.insert(robot.clone(), entry);
+        Ok(latest)
+    }
+}

@@ -1,0 +1,83 @@
+//! What is due, each second.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use fleetcal_domain::access::Actor;
+use fleetcal_domain::approval::{Candidate, Command, Situation, automatic, due, nominal_values};
+use fleetcal_domain::robot::{RobotState, RobotView};
+use fleetcal_proto::RobotId;
+use fleetcal_store::StoreError;
+use tokio::time::MissedTickBehavior;
+
+use super::Lifecycle;
+
+/// How often the records are looked at.
+const LOOK_EVERY: Duration = Duration::from_secs(1);
+
+/// Looks at every robot's records until the lifecycle stops.
+pub(super) async fn attend(lifecycle: Lifecycle) {
+    let mut ticks = tokio::time::interval(LOOK_EVERY);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut candidates = BTreeMap::new();
+    loop {
+        tokio::select! {
+            () = lifecycle.inner.stop.cancelled() => return,
+            _ = ticks.tick() => {}
+        }
+        lifecycle.look(&mut candidates).await;
+    }
+}
+
+impl Lifecycle {
+    /// Looks once at every robot's records and does what is due.
+    pub(super) async fn look(&self, candidates: &mut BTreeMap<RobotId, Candidate>) {
+        let now_ns = self.inner.clock.now_ns();
+        for view in self.inner.fleet.robots() {
+            if view.config.is_none() {
+                candidates.remove(&view.id);
+                continue;
+            }
+            let candidate = candidates.entry(view.id.clone()).or_default();
+            let Some(command) = self.due(&view, candidate, now_ns) else {
+                continue;
+            };
+            let done = self.decide(&view.id, command, Actor::service(), None).await;
+            match done {
+                Ok(_) => {}
+                // Somebody was faster; the next look sees what is due then.
+                Err(StoreError::Refused(refused)) => {
+                    tracing::debug!(robot.id = %view.id, %refused, "what was due does not fit");
+                }
+                Err(error) => {
+                    tracing::error!(robot.id = %view.id, %error, "what was due was not done");
+                }
+            }
+        }
+    }
+
+    fn due(&self, view: &RobotView, candidate: &mut Candidate, now_ns: i64) -> Option<Command> {
+        let ledger = self.ledger(&view.id);
+        let policy = self.policy();
+        let calibrated = view.state == RobotState::Calibrated;
+        let estimate = view.estimate.as_deref().filter(|_| calibrated);
+        let stable = candidate.observe(estimate, &policy);
+        let config = view.config.as_ref()?;
+        let fresh = view.fresh.as_ref();
+        let in_use = ledger
+            .shadow
+            .in_use
+            .as_ref()
+            .map(|in_use| in_use.generation);
+        let fresh = fresh.filter(|(generation, _)| Some(*generation) == in_use);
+        let situation = Situation {
+            now_ns,
+            estimate,
+            vehicle_changed: view.state == RobotState::Changed,
+            stable,
+            fresh: fresh.map(|(_, estimate)| estimate.as_ref()),
+            nominal: config.nominal.map(|mount| nominal_values(&mount.pose())),
+        };
+        due(&ledger, &situation, &policy).or_else(|| automatic(&ledger, &policy))
+    }
+}

@@ -1,0 +1,378 @@
+//! Keeps the life cycle going: takes decisions to the store one at a time for each robot, hears
+//! robots' answers, and does each second what is due.
+//!
+//! What is decided is pure and stands in [`fleetcal_domain::approval`]; what is decided upon stands in the
+//! store. This is the part between them that waits.
+
+mod answers;
+mod decide;
+mod duty;
+mod freeze;
+mod history;
+mod inbox;
+mod offer;
+mod policy;
+#[cfg(test)]
+mod tests;
+
+pub use decide::{Decide, Decided};
+pub use freeze::SetFreeze;
+pub use offer::OutboxMessage;
+pub use policy::SetPolicy;
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, PoisonError, RwLock};
+
+use fleetcal_clock::SharedClock;
+use fleetcal_domain::access::Actor;
+use fleetcal_domain::approval::{
+    Command, DeploymentState, Policy, Present, RobotLedger, values_and_sigmas,
+};
+use fleetcal_domain::budget::LossLog;
+use fleetcal_domain::robot::RobotState;
+use fleetcal_proto::RobotId;
+use fleetcal_proto::signing::{PublicKey, SigningKey};
+use fleetcal_store::{DeploymentFreeze, IdempotencyKey, Store, StoreError};
+use tokio::sync::{Mutex, Notify};
+use tokio_util::sync::CancellationToken;
+use tokio_util::task::TaskTracker;
+
+use crate::Boxed;
+use fleetcal_fleet::live::LiveUpdate;
+use fleetcal_fleet::{FleetHandle, UsedValues};
+use inbox::Inbox;
+use policy::Rules;
+
+/// What the lifecycle works with.
+#[derive(Debug)]
+pub struct LifecycleSetup {
+    /// Where the records are.
+    pub store: Store,
+    /// Whose robots they are about.
+    pub fleet: FleetHandle,
+    /// Where time comes from.
+    pub clock: SharedClock,
+    /// The rules of the configuration file.
+    pub policy: Policy,
+    /// What documents are signed with.
+    pub key: SigningKey,
+}
+
+/// One robot's records, and whose turn it is to change them.
+#[derive(Debug)]
+struct RobotLock {
+    ledger: RwLock<Arc<RobotLedger>>,
+    turn: Mutex<()>,
+}
+
+#[derive(Debug)]
+struct Inner {
+    store: Store,
+    fleet: FleetHandle,
+    clock: SharedClock,
+    rules: Rules,
+    key: Arc<SigningKey>,
+    locks: RwLock<BTreeMap<RobotId, Arc<RobotLock>>>,
+    freeze: RwLock<DeploymentFreeze>,
+    answers: Inbox,
+    losses: std::sync::Mutex<LossLog>,
+    /// Something is to be sent.
+    outbox: Notify,
+    lost_answers: AtomicU64,
+    unreadable_answers: AtomicU64,
+    refused_answers: AtomicU64,
+    stop: CancellationToken,
+    tasks: TaskTracker,
+}
+
+/// The life cycle of calibrations at work, cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Lifecycle {
+    inner: Arc<Inner>,
+}
+
+impl Lifecycle {
+    /// Reads every robot's records and goes to work.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub fn start(setup: LifecycleSetup) -> Boxed<Result<Self, StoreError>> {
+        Box::pin(Self::started(setup))
+    }
+
+    async fn started(setup: LifecycleSetup) -> Result<Self, StoreError> {
+        let ledgers = setup.store.load_ledgers().await?;
+        let freeze = setup.store.deployment_freeze().await?;
+        let policy = setup.store.stored_policy().await?;
+        let lifecycle = Self {
+            inner: Arc::new(Inner {
+                store: setup.store,
+                fleet: setup.fleet,
+                clock: setup.clock,
+                rules: Rules::new(setup.policy, policy),
+                key: Arc::new(setup.key),
+                locks: RwLock::default(),
+                freeze: RwLock::new(freeze),
+                answers: Inbox::default(),
+                losses: std::sync::Mutex::default(),
+                unreadable_answers: AtomicU64::new(0),
+                outbox: Notify::new(),
+                lost_answers: AtomicU64::new(0),
+                refused_answers: AtomicU64::new(0),
+                stop: CancellationToken::new(),
+                tasks: TaskTracker::new(),
+            }),
+        };
+        for ledger in ledgers {
+            lifecycle.tell_fleet(&ledger);
+            let lock = lifecycle.lock(&ledger.shadow.robot.clone());
+            *lock.ledger.write().unwrap_or_else(PoisonError::into_inner) = Arc::new(ledger);
+        }
+        let tasks = &lifecycle.inner.tasks;
+        tasks.spawn(answers::hear(lifecycle.clone()));
+        tasks.spawn(duty::attend(lifecycle.clone()));
+        // What was decided before the service stopped may not have been sent.
+        lifecycle.inner.outbox.notify_one();
+        Ok(lifecycle)
+    }
+
+    /// Ends what the lifecycle does by itself. Decisions that are under way are finished.
+    pub async fn stop(&self) {
+        self.inner.stop.cancel();
+        self.inner.tasks.close();
+        self.inner.tasks.wait().await;
+    }
+
+    /// The public half of what documents are signed with.
+    pub fn public_key(&self) -> PublicKey {
+        self.inner.key.public_key()
+    }
+
+    /// A robot's records; those of a robot for which nothing was proposed when there are none.
+    pub fn ledger(&self, robot: &RobotId) -> Arc<RobotLedger> {
+        let locks = self
+            .inner
+            .locks
+            .read()
+            .unwrap_or_else(PoisonError::into_inner);
+        let lock = locks.get(robot).map(Arc::clone);
+        drop(locks);
+        lock.map_or_else(
+            || Arc::new(RobotLedger::new(robot.clone())),
+            |lock| Arc::clone(&lock.ledger.read().unwrap_or_else(PoisonError::into_inner)),
+        )
+    }
+
+    /// Whether any robot was ever given a signed document.
+    pub fn has_given_out(&self) -> bool {
+        let locks = self
+            .inner
+            .locks
+            .read()
+            .unwrap_or_else(PoisonError::into_inner);
+        let signed = |lock: &Arc<RobotLock>| {
+            let ledger = lock.ledger.read().unwrap_or_else(PoisonError::into_inner);
+            ledger.shadow.generation_last > 0
+        };
+        locks.values().any(signed)
+    }
+
+    /// The deployment freeze.
+    pub fn deployment_freeze(&self) -> DeploymentFreeze {
+        let freeze = self
+            .inner
+            .freeze
+            .read()
+            .unwrap_or_else(PoisonError::into_inner);
+        freeze.clone()
+    }
+
+    /// Robots' answers that were not stored, by reason.
+    pub fn answer_counters(&self) -> [(&'static str, u64); 3] {
+        let read = |count: &AtomicU64| count.load(Ordering::Relaxed);
+        [
+            ("answer_limit", read(&self.inner.lost_answers)),
+            ("answer_refused", read(&self.inner.refused_answers)),
+            ("answer_unreadable", read(&self.inner.unreadable_answers)),
+        ]
+    }
+
+    /// Takes a command on a robot's records; it is committed when this returns.
+    ///
+    /// # Errors
+    /// [`StoreError::Refused`] when it does not fit them, or the database's failure; nothing has
+    /// changed then.
+    pub async fn decide(
+        &self,
+        robot: &RobotId,
+        command: Command,
+        actor: Actor,
+        idempotency: Option<IdempotencyKey>,
+    ) -> Result<Decided, StoreError> {
+        let (lifecycle, robot) = (self.clone(), robot.clone());
+        self.see_through(async move { lifecycle.take(&robot, command, actor, idempotency).await })
+            .await
+    }
+
+    /// Does something to its end, even if whoever asked for it goes away meanwhile: what is
+    /// committed has to be known here and sent.
+    async fn see_through<T: Send + 'static>(
+        &self,
+        work: impl Future<Output = Result<T, StoreError>> + Send + 'static,
+    ) -> Result<T, StoreError> {
+        let ended = self.inner.tasks.spawn(work).await;
+        ended.unwrap_or_else(|ended| match ended.try_into_panic() {
+            Ok(panic) => std::panic::resume_unwind(panic),
+            Err(_) => Err(StoreError::Closed),
+        })
+    }
+
+    async fn take(
+        &self,
+        robot: &RobotId,
+        command: Command,
+        actor: Actor,
+        idempotency: Option<IdempotencyKey>,
+    ) -> Result<Decided, StoreError> {
+        let lock = self.lock(robot);
+        let _turn = lock.turn.lock().await;
+        let decision = Decide {
+            robot: robot.clone(),
+            command,
+            actor,
+            given_policy: self.given_policy(),
+            key: Arc::clone(&self.inner.key),
+            now_ns: self.inner.clock.now_ns(),
+            idempotency,
+            rear_axle_in_base_link: self.inner.fleet.rear_axle_in_base_link(robot),
+            present: self.present(robot),
+            view: self.inner.fleet.robot(robot).map(Box::new),
+        };
+        let decided = self.inner.store.transact(decision).await?;
+        if let Decided::Taken(outcome) = &decided {
+            let ledger = Arc::new(outcome.ledger.clone());
+            self.tell_fleet(&ledger);
+            *lock.ledger.write().unwrap_or_else(PoisonError::into_inner) = ledger;
+            if !outcome.outbox.is_empty() {
+                self.inner.outbox.notify_one();
+            }
+            let told = |transition| LiveUpdate::of_transition(robot, transition);
+            let mut updates: Vec<_> = outcome.transitions.iter().map(told).collect();
+            updates.dedup();
+            for update in updates {
+                self.inner.fleet.announce(update);
+            }
+        }
+        Ok(decided)
+    }
+
+    /// What a robot's estimator says at this moment.
+    pub fn present(&self, robot: &RobotId) -> Present {
+        let Some(view) = self.inner.fleet.robot(robot) else {
+            return Present::Unknown;
+        };
+        match view.state {
+            RobotState::Changed => Present::VehicleChanged,
+            RobotState::Calibrated => {
+                let known = view.estimate.as_deref().and_then(values_and_sigmas);
+                known.map_or(Present::Unknown, |(values, sigmas)| Present::Known {
+                    values,
+                    sigmas,
+                })
+            }
+            _ => Present::Unknown,
+        }
+    }
+
+    /// Begins or ends the deployment freeze.
+    ///
+    /// # Errors
+    /// [`StoreError::Refused`] when it changed since it was looked at, or the database's failure.
+    pub async fn freeze(
+        &self,
+        frozen: bool,
+        version: u64,
+        actor: Actor,
+        reason: String,
+    ) -> Result<DeploymentFreeze, StoreError> {
+        let write = SetFreeze {
+            frozen,
+            version,
+            actor,
+            now_ns: self.inner.clock.now_ns(),
+            reason,
+        };
+        let lifecycle = self.clone();
+        self.see_through(async move { lifecycle.take_freeze(write).await })
+            .await
+    }
+
+    async fn take_freeze(&self, write: SetFreeze) -> Result<DeploymentFreeze, StoreError> {
+        let freeze = self.inner.store.transact(write).await?;
+        let mut known = self
+            .inner
+            .freeze
+            .write()
+            .unwrap_or_else(PoisonError::into_inner);
+        if known.version < freeze.version {
+            *known = freeze.clone();
+        }
+        drop(known);
+        self.inner.outbox.notify_one();
+        self.inner.fleet.announce(LiveUpdate::Freeze);
+        Ok(freeze)
+    }
+
+    fn lock(&self, robot: &RobotId) -> Arc<RobotLock> {
+        let locks = self
+            .inner
+            .locks
+            .read()
+            .unwrap_or_else(PoisonError::into_inner);
+        if let Some(lock) = locks.get(robot) {
+            return Arc::clone(lock);
+        }
+        drop(locks);
+        let mut locks = self
+            .inner
+            .locks
+            .write()
+            .unwrap_or_else(PoisonError::into_inner);
+        let new = || {
+            Arc::new(RobotLock {
+                ledger: RwLock::new(Arc::new(RobotLedger::new(robot.clone()))),
+                turn: Mutex::default(),
+            })
+        };
+        Arc::clone(locks.entry(robot.clone()).or_insert_with(new))
+    }
+
+    /// Tells the robot's task what the robot compensates with, and what is to be verified.
+    fn tell_fleet(&self, ledger: &RobotLedger) {
+        let shadow = &ledger.shadow;
+        let used = [&shadow.before, &shadow.in_use];
+        // The agent's clock may have gone back between the two: their order is that of the answers.
+        let used: Vec<_> = used
+            .into_iter()
+            .flatten()
+            .map(|in_use| UsedValues {
+                since_ns: in_use.since_ns,
+                generation: in_use.generation,
+                values: in_use.values,
+            })
+            .collect();
+        let in_verification = ledger.live.as_ref().and_then(|live| {
+            let state = matches!(
+                live.state,
+                DeploymentState::Applied | DeploymentState::Verifying
+            );
+            let in_use = shadow.in_use.as_ref()?;
+            (state && in_use.generation == live.offer.generation)
+                .then_some((in_use.generation, in_use.since_ns))
+        });
+        self.inner
+            .fleet
+            .use_values(&shadow.robot, &used, in_verification);
+    }
+}

@@ -1,0 +1,173 @@
+//! What robots get to see, and when.
+
+use fleetcal_domain::access::Actor;
+use fleetcal_domain::approval::{
+    Command, Deployment, DeploymentState, OutboxEntry, Refused, RobotLedger,
+};
+use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::{Confirmed, Envelope};
+use fleetcal_store::StoreError;
+
+use super::Lifecycle;
+
+/// Something for a robot, ready to be put on the wire.
+#[derive(Debug, Clone, PartialEq)]
+pub enum OutboxMessage {
+    /// The approved document.
+    Approved(Box<Envelope>),
+    /// That its answer is stored.
+    Confirmed(Confirmed),
+}
+
+impl Lifecycle {
+    /// The document that a robot should hold. One that nobody has seen yet counts as offered
+    /// before it is given out.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn approved(&self, robot: &RobotId) -> Result<Option<Envelope>, StoreError> {
+        let ledger = self.ledger(robot);
+        let Some(mut generation) = self.shown(&ledger) else {
+            return Ok(None);
+        };
+        if !self.offer(robot, &ledger, generation).await? {
+            // The deployment freeze came first: the robot keeps what it was shown before.
+            let live = ledger.live.as_ref();
+            match live.and_then(|live| live.desired_before.as_ref()) {
+                Some(before) => generation = before.generation,
+                None => return Ok(None),
+            }
+        }
+        self.inner.store.envelope(robot, generation).await
+    }
+
+    /// The same for somebody else, to whom nothing is offered by looking.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn desired(&self, robot: &RobotId) -> Result<Option<Envelope>, StoreError> {
+        let ledger = self.ledger(robot);
+        let Some(desired) = &ledger.shadow.desired else {
+            return Ok(None);
+        };
+        self.inner.store.envelope(robot, desired.generation).await
+    }
+
+    /// What a robot is told of its latest stored answer.
+    pub fn confirmed(&self, robot: &RobotId) -> Option<Confirmed> {
+        let ledger = self.ledger(robot);
+        let reported = ledger.shadow.reported.as_ref()?;
+        (reported.confirmed && reported.generation > 0).then(|| Confirmed {
+            generation: reported.generation,
+            sha256: reported.sha256.clone(),
+        })
+    }
+
+    /// Returns when something is to be sent.
+    pub async fn post_comes(&self) {
+        self.inner.outbox.notified().await;
+    }
+
+    /// What waits to be sent; what the deployment freeze holds stays where it is.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn outbox(&self) -> Result<Vec<(RobotId, OutboxEntry)>, StoreError> {
+        self.inner.store.outbox().await
+    }
+
+    /// Makes a entry ready. `None` when it is held, or when something newer has taken its place.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn message(
+        &self,
+        robot: &RobotId,
+        entry: OutboxEntry,
+    ) -> Result<Option<OutboxMessage>, StoreError> {
+        // The entry is read from the store, which knows of a decision before the lock does.
+        drop(self.lock(robot).turn.lock().await);
+        let ledger = self.ledger(robot);
+        match entry {
+            OutboxEntry::Approved(generation) => {
+                if self.shown(&ledger) != Some(generation) {
+                    if !self.is_held(&ledger) {
+                        self.sent(robot, entry).await?;
+                    }
+                    return Ok(None);
+                }
+                if !self.offer(robot, &ledger, generation).await? {
+                    return Ok(None);
+                }
+                let envelope = self.inner.store.envelope(robot, generation).await?;
+                Ok(envelope.map(|envelope| OutboxMessage::Approved(Box::new(envelope))))
+            }
+            OutboxEntry::Confirmed(generation) => {
+                let confirmed = self.confirmed(robot);
+                let confirmed = confirmed.filter(|one| one.generation == generation);
+                if confirmed.is_none() {
+                    self.sent(robot, entry).await?;
+                }
+                Ok(confirmed.map(OutboxMessage::Confirmed))
+            }
+        }
+    }
+
+    /// Notes that a entry was put on the wire.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn sent(&self, robot: &RobotId, entry: OutboxEntry) -> Result<(), StoreError> {
+        let command = match entry {
+            OutboxEntry::Approved(generation) => Command::Offered { generation },
+            OutboxEntry::Confirmed(generation) => Command::Confirmed { generation },
+        };
+        let decided = self.decide(robot, command, Actor::service(), None).await;
+        decided.map(|_| ())
+    }
+
+    /// Counts a document as offered; says whether the robot may see it. The deployment freeze is read
+    /// again in the transaction, since it may have come after the look that led here.
+    async fn offer(
+        &self,
+        robot: &RobotId,
+        ledger: &RobotLedger,
+        generation: u64,
+    ) -> Result<bool, StoreError> {
+        let is_new = ledger.live.as_ref().is_some_and(|live| {
+            live.state == DeploymentState::Queued && live.offer.generation == generation
+        });
+        if !is_new {
+            return Ok(true);
+        }
+        let command = Command::Offer { generation };
+        match self.decide(robot, command, Actor::service(), None).await {
+            Ok(_) => Ok(true),
+            Err(StoreError::Refused(Refused::Held(_))) => Ok(false),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// The generation that a robot gets to see.
+    fn shown(&self, ledger: &RobotLedger) -> Option<u64> {
+        let desired = if self.is_held(ledger) {
+            let live = ledger.live.as_ref();
+            live.and_then(|live| live.desired_before.as_ref())
+        } else {
+            ledger.shadow.desired.as_ref()
+        };
+        desired.map(|desired| desired.generation)
+    }
+
+    /// Whether the deployment freeze keeps a robot's deployment back. The way back is never kept.
+    fn is_held(&self, ledger: &RobotLedger) -> bool {
+        let keeps = |live: &Deployment| {
+            live.proposal.is_some()
+                && matches!(
+                    live.state,
+                    DeploymentState::Queued | DeploymentState::Offered
+                )
+        };
+        self.deployment_freeze().frozen && ledger.live.as_ref().is_some_and(keeps)
+    }
+}

@@ -1,0 +1,175 @@
+//! A simulated robot drives through the whole service: mailbox, estimators, lifecycle and store.
+
+use fleetcal_model::Stream;
+use fleetcal_proto::encoding::Encoding;
+use fleetcal_proto::ros::RosMessage;
+use fleetcal_robot::fleet::{drive_message, lidar_pose_message};
+use fleetcal_robot::simulator::{
+    LidarOutput, PoseSettings, SimulatedMessage, Simulation, SimulationConfig,
+};
+
+use super::*;
+
+/// What the steering sensor of the robot shows when its wheel points straight ahead, rad.
+const OFFSET_RAD: f64 = 0.05;
+/// Messages that are sent before the robot's task has to have taken them.
+const BURST: usize = 32;
+
+/// A robot on the figure-eight whose stamps follow the bench's clock.
+struct Driver {
+    simulation: Simulation,
+    distance_m: f64,
+}
+
+impl Driver {
+    fn new(bench: &Bench) -> Self {
+        Self::with_clock(bench.clock.now_ns())
+    }
+
+    /// One whose message clock shows this time when it begins.
+    fn with_clock(start_stamp_ns: i64) -> Self {
+        let mut config = SimulationConfig::figure_eight(5);
+        config.start_stamp_ns = start_stamp_ns;
+        config.vehicle.steering_offset_rad = OFFSET_RAD;
+        config.lidar = LidarOutput::Poses(PoseSettings::default());
+        Self {
+            simulation: Simulation::new(config).unwrap(),
+            distance_m: 0.0,
+        }
+    }
+
+    /// The values that are right for this robot.
+    fn right_values(&self) -> CalibrationValues {
+        let truth = self.simulation.parameters();
+        CalibrationValues {
+            steering_offset_rad: truth.steering_offset_rad,
+            lidar_x_m: truth.lidar_in_base.x_m,
+            lidar_y_m: truth.lidar_in_base.y_m,
+            lidar_yaw_rad: truth.lidar_in_base.yaw_rad,
+            ..CalibrationValues::default()
+        }
+    }
+
+    /// Drives a second; the lifecycle then does what is due.
+    async fn second(&mut self, bench: &Bench) {
+        let mut sent = 0;
+        for emitted in self.simulation.run(1.0) {
+            let (stream, payload) = match &emitted.message {
+                SimulatedMessage::Drive(drive) => {
+                    self.distance_m += emitted.truth.speed_mps.abs() * 0.01;
+                    (
+                        Stream::WheelOdometry,
+                        drive_message(drive).unwrap().to_cdr(),
+                    )
+                }
+                SimulatedMessage::LidarPose(pose) => {
+                    let message = lidar_pose_message(pose).unwrap();
+                    (Stream::LidarOdometry, message.to_cdr())
+                }
+                _ => continue,
+            };
+            let bytes = payload.len();
+            let fleet = &bench.fleet;
+            fleet.receive(&robot(), stream, Encoding::Cdr, bytes, || payload);
+            sent += 1;
+            if sent % BURST == 0 {
+                taken(bench).await;
+            }
+        }
+        taken(bench).await;
+        bench.clock.advance(Duration::from_secs(1));
+        bench.look().await;
+    }
+
+    async fn metres(&mut self, bench: &Bench, metres: f64) {
+        let end_m = self.distance_m + metres;
+        while self.distance_m < end_m {
+            self.second(bench).await;
+        }
+    }
+}
+
+/// Waits until the robot's task has taken all that was sent.
+async fn taken(bench: &Bench) {
+    while bench.fleet.robot(&robot()).unwrap().counters.waiting > 0 {
+        tokio::time::sleep(Duration::from_millis(1)).await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_robot_keeps_what_a_person_rolled_it_back_to_over_200_m() {
+    let bench = Bench::open(Policy::default()).await;
+    let mut driver = Driver::new(&bench);
+    let (right, factory) = (driver.right_values(), values(0.0));
+    let reported = Applied {
+        generation: 0,
+        sha256: String::new(),
+        status: AppliedStatus::Applied,
+        reason: None,
+        applied_at_ns: bench.clock.now_ns(),
+        values: Some(factory),
+    };
+    let robot = robot();
+    let actor = Actor::robot(&robot);
+    let heard = bench.lifecycle.acknowledge(&robot, reported, actor);
+    heard.await.unwrap();
+    driver.second(&bench).await;
+    bench.propose_values(right, None).await;
+    bench.take(bench.approval(), person("ana")).await.unwrap();
+    bench.drive_in_verification().await;
+    driver.metres(&bench, 90.0).await;
+    assert_eq!(bench.latest().await.state, DeploymentState::Verified);
+
+    // No earlier calibration was verified: it goes back to its factory values.
+    bench.roll_back().await.unwrap();
+    assert_eq!(bench.drive_in_verification().await, 2);
+    driver.metres(&bench, 210.0).await;
+
+    let latest = bench.latest().await;
+    assert_eq!(latest.state, DeploymentState::Kept);
+    assert!(
+        !latest.verification.unwrap().within,
+        "the estimate disagrees"
+    );
+    let asked = latest.roll_back.unwrap();
+    assert_eq!(
+        (asked.by.as_str(), asked.reason.as_str()),
+        ("ana", "it weaves")
+    );
+    assert_eq!(asked.values, factory);
+    let ledger = bench.lifecycle.ledger(&robot);
+    assert_eq!(ledger.shadow.generation_last, 2, "nothing else was sent");
+    assert!(ledger.shadow.in_sync());
+    assert_eq!(ledger.shadow.in_use.as_ref().unwrap().values, factory);
+}
+
+/// A year of nanoseconds.
+const YEAR_NS: i64 = 365 * 86_400 * 1_000_000_000;
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_robot_is_verified_whatever_its_message_clock_shows() {
+    // Simulated time that begins at the epoch, no NTP since years, and a clock that is ahead.
+    for start_ns in [
+        |_| 1_000_000_000,
+        |now_ns| now_ns - 5 * YEAR_NS,
+        |now_ns| now_ns + YEAR_NS,
+    ] as [fn(i64) -> i64; 3]
+    {
+        let bench = Bench::open(Policy::default()).await;
+        let start_ns = start_ns(bench.clock.now_ns());
+        let mut driver = Driver::with_clock(start_ns);
+        driver.second(&bench).await;
+        bench.propose_values(driver.right_values(), None).await;
+        bench.take(bench.approval(), person("ana")).await.unwrap();
+        bench.drive_in_verification().await;
+        let before_m = driver.distance_m;
+        driver.metres(&bench, 90.0).await;
+        let latest = bench.latest().await;
+        assert_eq!(latest.state, DeploymentState::Verified, "{start_ns}");
+        let driven_m = latest.verification.unwrap().distance_m;
+        assert!(
+            driven_m <= driver.distance_m - before_m,
+            "what was driven before counts: {driven_m} m"
+        );
+    }
+}

@@ -1,0 +1,274 @@
+//! The lifecycle on the real store and the real fleet, with a clock that the tests hold.
+
+mod driven;
+mod requests;
+mod return_journeys;
+mod robots;
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Duration;
+
+use fleetcal_clock::{Clock, MockClock};
+use fleetcal_domain::access::{Actor, Authentication, Role};
+use fleetcal_domain::approval::{
+    Command, Deployment, DeploymentState, Evidence, Origin, Outcome, Policy, ProposalState,
+    Refused, Tolerance, Verification,
+};
+use fleetcal_domain::robot::{RobotConfig, Wheelbase};
+use fleetcal_estimator::{EstimatorSettings, VehicleModel};
+use fleetcal_fleet::{FleetHandle, FleetSetup};
+use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationDocument, CalibrationValues};
+use fleetcal_proto::signing::{SigningKey, TrustedKeys};
+use fleetcal_store::{EventKind, EventRecord, Store, StoreError};
+
+use super::{Decided, Lifecycle, LifecycleSetup, OutboxMessage, SetFreeze, SetPolicy};
+
+const HOUR: Duration = Duration::from_hours(1);
+
+/// A service without its link and its API.
+struct Bench {
+    folder: tempfile::TempDir,
+    clock: Arc<MockClock>,
+    policy: Policy,
+    store: Store,
+    fleet: FleetHandle,
+    lifecycle: Lifecycle,
+}
+
+fn robot() -> RobotId {
+    RobotId::parse("tugger_01").unwrap()
+}
+
+fn person(name: &str) -> Actor {
+    Actor {
+        name: name.to_owned(),
+        authentication: Authentication::Session,
+        role: Some(Role::Approver),
+        request: None,
+    }
+}
+
+fn values(steering_offset_rad: f64) -> CalibrationValues {
+    CalibrationValues {
+        steering_offset_rad,
+        lidar_x_m: 0.434,
+        ..CalibrationValues::default()
+    }
+}
+
+impl Bench {
+    async fn open(policy: Policy) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let clock = MockClock::at(1_763_700_000_000_000_000);
+        Self::open_in(folder, clock, policy).await
+    }
+
+    async fn open_in(folder: tempfile::TempDir, clock: Arc<MockClock>, policy: Policy) -> Self {
+        let store = fleetcal_sqlite::open(folder.path(), clock.clone())
+            .await
+            .unwrap();
+        let wheelbase = Wheelbase::try_from(1.2).unwrap();
+        let vehicle = RobotConfig::of_vehicle(VehicleModel::Bicycle, wheelbase);
+        let fleet = FleetHandle::start(FleetSetup {
+            clock: clock.clone(),
+            journal: Arc::new(store.clone()),
+            estimator: EstimatorSettings::default(),
+            robots: BTreeMap::from([(robot(), vehicle)]),
+            cross_tracks: BTreeMap::new(),
+            checkpoints: BTreeMap::new(),
+            last_heard_ns: BTreeMap::new(),
+        });
+        let lifecycle = Lifecycle::start(LifecycleSetup {
+            store: store.clone(),
+            fleet: fleet.clone(),
+            clock: clock.clone(),
+            policy,
+            key: SigningKey::from_bytes(&[7; 32]),
+        });
+        let lifecycle = lifecycle.await.unwrap();
+        Self {
+            folder,
+            clock,
+            policy,
+            store,
+            fleet,
+            lifecycle,
+        }
+    }
+
+    /// Ends the service and starts it again on what it has stored.
+    async fn restart(self) -> Self {
+        self.lifecycle.stop().await;
+        self.fleet.stop().await;
+        self.store.close().await.unwrap();
+        drop((self.lifecycle, self.fleet, self.store));
+        Self::open_in(self.folder, self.clock, self.policy).await
+    }
+
+    async fn take(&self, command: Command, actor: Actor) -> Result<Outcome, Refused> {
+        match self.lifecycle.decide(&robot(), command, actor, None).await {
+            Ok(Decided::Taken(outcome)) => Ok(*outcome),
+            Err(StoreError::Refused(refused)) => Err(refused),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    async fn propose(&self, offset_rad: f64, nominal: Option<CalibrationValues>) {
+        self.propose_values(values(offset_rad), nominal).await;
+    }
+
+    async fn propose_values(&self, values: CalibrationValues, nominal: Option<CalibrationValues>) {
+        let command = Command::Propose {
+            origin: Origin::Estimator,
+            values,
+            sigmas: CalibrationValues::default(),
+            evidence: Evidence::default(),
+            nominal,
+            reason: None,
+        };
+        self.take(command, Actor::service()).await.unwrap();
+    }
+
+    fn approval(&self) -> Command {
+        let open = self.lifecycle.ledger(&robot()).open.clone().unwrap();
+        Command::Approve {
+            proposal: open.id,
+            version: Some(open.version),
+            sha256: open.revision_sha256,
+            reason: None,
+        }
+    }
+
+    /// Proposes and approves.
+    async fn approve(&self, offset_rad: f64, nominal: Option<CalibrationValues>) {
+        self.propose(offset_rad, nominal).await;
+        self.take(self.approval(), person("ana")).await.unwrap();
+    }
+
+    /// Sends everything that may be sent, as the link does; gives it.
+    async fn send_outbox(&self) -> Vec<OutboxMessage> {
+        let mut sent = Vec::new();
+        for (robot, entry) in self.lifecycle.outbox().await.unwrap() {
+            if let Some(message) = self.lifecycle.message(&robot, entry).await.unwrap() {
+                self.lifecycle.sent(&robot, entry).await.unwrap();
+                sent.push(message);
+            }
+        }
+        sent
+    }
+
+    /// The document that the robot gets when it asks.
+    async fn asked(&self) -> Option<CalibrationDocument> {
+        let trusted = TrustedKeys::new(vec![self.lifecycle.public_key()]).unwrap();
+        let envelope = self.lifecycle.approved(&robot()).await.unwrap();
+        envelope.map(|envelope| envelope.open(&trusted).unwrap())
+    }
+
+    /// The robot's answer about a generation that was given out.
+    async fn answer(&self, generation: u64, status: AppliedStatus) -> Result<(), Refused> {
+        let envelope = self.store.envelope(&robot(), generation).await.unwrap();
+        let applied = Applied {
+            generation,
+            sha256: envelope.map(|one| one.sha256).unwrap_or_default(),
+            status,
+            reason: None,
+            applied_at_ns: self.clock.now_ns(),
+            values: None,
+        };
+        let actor = Actor::robot(&robot());
+        match self.lifecycle.acknowledge(&robot(), applied, actor).await {
+            Ok(()) => Ok(()),
+            Err(StoreError::Refused(refused)) => Err(refused),
+            Err(other) => panic!("{other}"),
+        }
+    }
+
+    /// Brings an approved proposal to the point where the robot drives in verification.
+    async fn drive_in_verification(&self) -> u64 {
+        let generation = self.asked().await.unwrap().generation;
+        self.send_outbox().await;
+        self.answer(generation, AppliedStatus::Applied)
+            .await
+            .unwrap();
+        self.send_outbox().await;
+        assert_eq!(self.state(), Some(DeploymentState::Verifying));
+        generation
+    }
+
+    async fn verify(&self, within: bool) -> Outcome {
+        let deployment = self.lifecycle.ledger(&robot()).live.clone().unwrap().id;
+        let verification = Verification {
+            at_ns: self.clock.now_ns(),
+            distance_m: 80.0,
+            residual: [0.0; 4],
+            sigma: [0.0; 4],
+            within,
+        };
+        let command = Command::Judge {
+            deployment,
+            verification,
+        };
+        self.take(command, Actor::service()).await.unwrap()
+    }
+
+    async fn roll_back(&self) -> Result<Outcome, Refused> {
+        let command = Command::RollBack {
+            version: None,
+            reason: "it weaves".to_owned(),
+        };
+        self.take(command, person("ana")).await
+    }
+
+    /// Lets the lifecycle do what is due.
+    async fn look(&self) {
+        self.lifecycle.look(&mut BTreeMap::new()).await;
+    }
+
+    /// Where the deployment under way stands.
+    fn state(&self) -> Option<DeploymentState> {
+        self.lifecycle
+            .ledger(&robot())
+            .live
+            .as_ref()
+            .map(|live| live.state)
+    }
+
+    /// The latest deployment, ended or not.
+    async fn latest(&self) -> Deployment {
+        let deployments = self.store.deployments(&robot(), None, 1).await.unwrap();
+        deployments.into_iter().next().unwrap()
+    }
+
+    /// The generation that the robot is believed to use.
+    fn used(&self) -> Option<u64> {
+        let ledger = self.lifecycle.ledger(&robot());
+        ledger
+            .shadow
+            .in_use
+            .as_ref()
+            .map(|in_use| in_use.generation)
+    }
+
+    /// The robot's history, newest first.
+    async fn events(&self) -> Vec<EventRecord> {
+        self.store.events(&robot(), None, 100).await.unwrap()
+    }
+
+    async fn rows(&self) -> usize {
+        let filter = fleetcal_store::AuditFilter {
+            limit: 10_000,
+            ..Default::default()
+        };
+        self.store.audit(&filter).await.unwrap().len()
+    }
+}
+
+fn is_confirmation_of(messages: &[OutboxMessage], generation: u64) -> bool {
+    let mut confirmations = messages.iter().filter_map(|message| match message {
+        OutboxMessage::Confirmed(confirmed) => Some(confirmed.generation),
+        OutboxMessage::Approved(_) => None,
+    });
+    confirmations.next() == Some(generation)
+}

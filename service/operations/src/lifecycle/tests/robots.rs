@@ -1,0 +1,211 @@
+//! Robots that are late, forgetful, or do not drive.
+
+use super::*;
+
+#[tokio::test]
+async fn a_robot_that_starts_an_hour_later_gets_the_newest_once() {
+    let bench = Bench::open(Policy::default()).await;
+    bench.approve(0.02, None).await;
+    // A first one is on the wire, and nobody is there to take it.
+    assert_eq!(bench.send_outbox().await.len(), 1);
+    assert_eq!(bench.state(), Some(DeploymentState::Offered));
+    bench.roll_back().await.unwrap();
+    assert_eq!(bench.latest().await.state, DeploymentState::TimedOut);
+    bench.approve(0.03, None).await;
+    let bench = bench.restart().await;
+    bench.clock.advance(HOUR);
+    // What was decided and not sent before the restart is sent after it, and once.
+    let messages = bench.send_outbox().await;
+    assert!(
+        matches!(messages.as_slice(), [OutboxMessage::Approved(_)]),
+        "{messages:?}"
+    );
+    assert_eq!(bench.send_outbox().await, []);
+    let document = bench.asked().await.unwrap();
+    assert_eq!((document.generation, document.values), (2, values(0.03)));
+    bench.answer(2, AppliedStatus::Applied).await.unwrap();
+    let bench = bench.restart().await;
+    assert!(is_confirmation_of(&bench.send_outbox().await, 2));
+    assert_eq!(bench.state(), Some(DeploymentState::Verifying));
+    assert_eq!(bench.used(), Some(2));
+    let applied = bench.latest().await;
+    assert_eq!((applied.offer.generation, applied.earlier.len()), (2, 0));
+}
+
+#[tokio::test]
+async fn the_same_answer_again_changes_nothing_and_is_confirmed_again() {
+    let bench = Bench::open(Policy::default()).await;
+    bench.approve(0.02, None).await;
+    let generation = bench.drive_in_verification().await;
+    let (rows, before) = (bench.rows().await, bench.lifecycle.ledger(&robot()));
+    for _ in 0..3 {
+        bench
+            .answer(generation, AppliedStatus::Applied)
+            .await
+            .unwrap();
+        assert!(is_confirmation_of(&bench.send_outbox().await, generation));
+    }
+    assert_eq!(bench.rows().await, rows);
+    assert_eq!(bench.lifecycle.ledger(&robot()), before);
+}
+
+#[tokio::test]
+async fn an_answer_after_the_time_is_over_is_not_confirmed() {
+    let bench = Bench::open(Policy::default()).await;
+    bench.approve(0.02, None).await;
+    bench.send_outbox().await;
+    bench.clock.advance(24 * HOUR);
+    bench.look().await;
+    assert_eq!(bench.latest().await.state, DeploymentState::TimedOut);
+    assert_eq!(bench.asked().await, None);
+    bench.answer(1, AppliedStatus::Applied).await.unwrap();
+    assert_eq!(bench.lifecycle.confirmed(&robot()), None);
+    assert_eq!(bench.send_outbox().await, []);
+    let in_use = bench
+        .lifecycle
+        .ledger(&robot())
+        .shadow
+        .in_use
+        .clone()
+        .unwrap();
+    assert_eq!((in_use.generation, in_use.values), (1, values(0.02)));
+    // It was not told to keep it, and goes back to what nobody knows.
+    bench.answer(1, AppliedStatus::Reverted).await.unwrap();
+    assert_eq!(bench.used(), None);
+}
+
+#[tokio::test]
+async fn a_robot_that_reverts_unheard_is_believed_to_use_what_it_used() {
+    let bench = Bench::open(Policy::default()).await;
+    bench.approve(0.02, None).await;
+    bench.drive_in_verification().await;
+    bench.verify(true).await;
+    bench.approve(0.05, None).await;
+    assert_eq!(bench.asked().await.unwrap().generation, 2);
+    // The link was cut: it applied the second one, heard nothing, and went back to the first.
+    bench.answer(2, AppliedStatus::Reverted).await.unwrap();
+    assert_eq!(bench.latest().await.state, DeploymentState::Failed);
+    let shadow = bench.lifecycle.ledger(&robot()).shadow.clone();
+    assert_eq!(bench.used(), Some(1));
+    assert_eq!(shadow.in_use.unwrap().values, values(0.02));
+    assert_eq!(shadow.desired.unwrap().generation, 1);
+}
+
+#[tokio::test]
+async fn a_late_word_about_the_values_on_their_way_out_does_not_hide_what_is_used() {
+    let bench = Bench::open(Policy::default()).await;
+    bench.approve(0.02, Some(values(0.0))).await;
+    bench.drive_in_verification().await;
+    bench.roll_back().await.unwrap();
+    bench.clock.advance(HOUR);
+    bench.answer(1, AppliedStatus::Applied).await.unwrap();
+    assert_eq!(bench.lifecycle.confirmed(&robot()), None);
+    let in_use = bench
+        .lifecycle
+        .ledger(&robot())
+        .shadow
+        .in_use
+        .clone()
+        .unwrap();
+    assert_eq!((in_use.generation, in_use.values), (1, values(0.02)));
+}
+
+#[tokio::test]
+async fn an_old_answer_does_not_take_the_place_of_a_new_one() {
+    let bench = Bench::open(Policy::default()).await;
+    bench.approve(0.02, None).await;
+    bench.drive_in_verification().await;
+    bench.verify(true).await;
+    bench.approve(0.05, None).await;
+    assert_eq!(bench.asked().await.unwrap().generation, 2);
+    bench.send_outbox().await;
+    bench.answer(2, AppliedStatus::Applied).await.unwrap();
+    // It was on its way for long.
+    bench.answer(1, AppliedStatus::Failed).await.unwrap();
+    assert!(is_confirmation_of(&bench.send_outbox().await, 2));
+    assert_eq!(bench.state(), Some(DeploymentState::Verifying));
+}
+
+#[tokio::test]
+async fn a_robot_that_does_not_drive_is_inconclusive_after_a_day() {
+    let bench = Bench::open(Policy::default()).await;
+    bench.approve(0.02, None).await;
+    bench.drive_in_verification().await;
+    bench.clock.advance(Duration::from_secs(24 * 3600 - 1));
+    bench.look().await;
+    assert_eq!(bench.state(), Some(DeploymentState::Verifying));
+    bench.clock.advance(Duration::from_secs(1));
+    bench.look().await;
+    let ended = bench.latest().await;
+    assert_eq!(ended.state, DeploymentState::Inconclusive);
+    assert!(ended.reason.unwrap().contains("not moved enough"));
+    // It keeps what it has.
+    let ledger = bench.lifecycle.ledger(&robot());
+    assert!(ledger.shadow.in_sync());
+    assert_eq!(ledger.shadow.verified, []);
+}
+
+#[tokio::test]
+async fn an_answer_about_what_was_never_given_out_is_refused() {
+    let bench = Bench::open(Policy::default()).await;
+    bench.approve(0.02, None).await;
+    let refused = bench.answer(1_002, AppliedStatus::Applied).await;
+    assert_eq!(
+        refused.unwrap_err(),
+        Refused::NeverOffered {
+            generation: 1_002,
+            most: 1_001
+        }
+    );
+    bench.send_outbox().await;
+    let applied = Applied {
+        generation: 1,
+        sha256: "ab".repeat(32),
+        status: AppliedStatus::Applied,
+        reason: None,
+        applied_at_ns: 0,
+        values: None,
+    };
+    let actor = Actor::robot(&robot());
+    let other = bench.lifecycle.acknowledge(&robot(), applied, actor).await;
+    assert!(matches!(
+        other,
+        Err(StoreError::Refused(Refused::OtherDocument { .. }))
+    ));
+    assert_eq!(bench.lifecycle.answer_counters()[1], ("answer_refused", 2));
+}
+
+#[tokio::test]
+async fn what_is_approved_after_an_older_database_came_back_is_newer_than_what_the_robot_has() {
+    let bench = Bench::open(Policy::default()).await;
+    bench.answer(7, AppliedStatus::Applied).await.unwrap();
+    assert!(
+        bench.send_outbox().await.is_empty(),
+        "nobody here has approved it"
+    );
+    bench.approve(0.02, None).await;
+    assert_eq!(bench.asked().await.unwrap().generation, 8);
+}
+
+#[tokio::test]
+async fn what_no_robot_can_drive_with_is_not_believed() {
+    let bench = Bench::open(Policy::default()).await;
+    bench.approve(0.02, None).await;
+    let sha256 = match bench.send_outbox().await.as_slice() {
+        [OutboxMessage::Approved(envelope)] => envelope.sha256.clone(),
+        other => panic!("{other:?}"),
+    };
+    let applied = Applied {
+        generation: 1,
+        sha256,
+        status: AppliedStatus::Applied,
+        reason: None,
+        applied_at_ns: 0,
+        values: Some(values(1e300)),
+    };
+    let actor = Actor::robot(&robot());
+    let refused = bench.lifecycle.acknowledge(&robot(), applied, actor).await;
+    let refused = refused.unwrap_err().to_string();
+    assert!(refused.contains("steering_offset_rad"), "{refused}");
+    assert_eq!(bench.used(), None);
+}

@@ -1,0 +1,223 @@
+//! Takes what is told to webhooks out of the outbox and sends it, one message of each receiver at
+//! a time, so that a slow one keeps nobody else waiting.
+//!
+//! What was sent is written down afterwards: a kill between the two sends the message again, with
+//! the same `webhook-id`.
+
+pub(crate) mod outbox;
+mod post;
+mod write;
+
+#[cfg(test)]
+mod tests;
+
+use std::collections::HashSet;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use fleetcal_clock::SharedClock;
+use fleetcal_domain::limits;
+use fleetcal_domain::webhook::{Attempt, DeliveryState};
+use fleetcal_store::{DueDelivery, Store, StoreError};
+use tokio::task::JoinSet;
+use tokio::time::MissedTickBehavior;
+use tokio_util::sync::CancellationToken;
+use tokio_util::task::TaskTracker;
+
+pub use write::{CreateWebhook, DeleteWebhook, NoteAttempt};
+
+use crate::entropy::NoEntropy;
+use post::Post;
+
+/// What a webhook dispatcher works with.
+#[derive(Debug)]
+pub struct WebhookDispatcherSetup {
+    /// Where the outbox is.
+    pub store: Store,
+    /// Where time comes from.
+    pub clock: SharedClock,
+    /// Where chance comes from: a number from 0 to 1.
+    pub jitter: fn() -> Result<f64, NoEntropy>,
+}
+
+/// What a webhook dispatcher has done since it was started.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct WebhookDispatcherCounters {
+    /// Messages that a receiver has taken.
+    pub delivered: u64,
+    /// Attempts that failed.
+    pub failed_attempts: u64,
+    /// Messages that were given up.
+    pub given_up: u64,
+}
+
+#[derive(Debug, Default)]
+struct Counts {
+    delivered: AtomicU64,
+    failed_attempts: AtomicU64,
+    given_up: AtomicU64,
+}
+
+#[derive(Debug)]
+struct Inner {
+    store: Store,
+    clock: SharedClock,
+    jitter: fn() -> Result<f64, NoEntropy>,
+    post: Post,
+    counts: Counts,
+    stop: CancellationToken,
+    tasks: TaskTracker,
+}
+
+/// The webhook dispatcher, cheap to clone.
+#[derive(Debug, Clone)]
+pub struct WebhookDispatcher {
+    inner: Arc<Inner>,
+}
+
+impl WebhookDispatcher {
+    /// Begins to send what waits.
+    pub fn start(setup: WebhookDispatcherSetup) -> Self {
+        let dispatcher = Self {
+            inner: Arc::new(Inner {
+                store: setup.store,
+                clock: setup.clock,
+                jitter: setup.jitter,
+                post: Post::new(),
+                counts: Counts::default(),
+                stop: CancellationToken::new(),
+                tasks: TaskTracker::new(),
+            }),
+        };
+        dispatcher.inner.tasks.spawn(dispatcher.clone().run());
+        dispatcher
+    }
+
+    /// Ends the sending. An attempt that is under way is broken off, and made again after the next
+    /// start.
+    pub async fn stop(&self) {
+        self.inner.stop.cancel();
+        self.inner.tasks.close();
+        self.inner.tasks.wait().await;
+    }
+
+    /// What was done since the start.
+    pub fn counters(&self) -> WebhookDispatcherCounters {
+        let read = |count: &AtomicU64| count.load(Ordering::Relaxed);
+        let counts = &self.inner.counts;
+        WebhookDispatcherCounters {
+            delivered: read(&counts.delivered),
+            failed_attempts: read(&counts.failed_attempts),
+            given_up: read(&counts.given_up),
+        }
+    }
+
+    async fn run(self) {
+        let mut ticks = tokio::time::interval(limits::WEBHOOK_LOOK_EVERY);
+        ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut busy = HashSet::new();
+        let mut under_way = JoinSet::new();
+        loop {
+            tokio::select! {
+                () = self.inner.stop.cancelled() => break,
+                Some(done) = under_way.join_next() => match done {
+                    Ok(webhook) => {
+                        busy.remove(&webhook);
+                    }
+                    Err(error) => {
+                        tracing::error!(%error, "an attempt to tell a webhook failed");
+                        // Which one it was is not said; none is sent to twice meanwhile.
+                        if under_way.is_empty() {
+                            busy.clear();
+                        }
+                    }
+                },
+                _ = ticks.tick() => {}
+            }
+            let now_ns = self.inner.clock.now_ns();
+            let due = match self.inner.store.due_deliveries(now_ns).await {
+                Ok(due) => due,
+                Err(error) => {
+                    tracing::error!(%error, "what is to be told could not be read");
+                    continue;
+                }
+            };
+            for one in due {
+                if busy.insert(one.delivery.webhook) {
+                    under_way.spawn(self.clone().deliver(one));
+                }
+            }
+        }
+        under_way.shutdown().await;
+    }
+
+    /// Tries a delivery once; gives its webhook, whose turn is over.
+    async fn deliver(self, due: DueDelivery) -> u64 {
+        let webhook = due.delivery.webhook;
+        let attempt = self.attempt(&due).await;
+        if let Err(error) = self.write_down(&due, attempt).await {
+            tracing::error!(%error, "an attempt to tell a webhook was not written down");
+            // Not at once again: the database is in trouble.
+            tokio::time::sleep(limits::WEBHOOK_LOOK_EVERY).await;
+        }
+        webhook
+    }
+
+    async fn attempt(&self, due: &DueDelivery) -> Attempt {
+        let (at_ns, began) = (self.inner.clock.now_ns(), self.inner.clock.elapsed());
+        let answer = self
+            .inner
+            .post
+            .send(due, at_ns.div_euclid(1_000_000_000))
+            .await;
+        let took = self.inner.clock.elapsed().saturating_sub(began);
+        let (status, error) = match answer {
+            Ok(status) => (Some(status), None),
+            Err(error) => {
+                let error: String = error.to_string();
+                let kept = error.chars().take(limits::WEBHOOK_ERROR_CHARS_MAX);
+                (None, Some(kept.collect()))
+            }
+        };
+        Attempt {
+            at_ns,
+            took_ms: u64::try_from(took.as_millis()).unwrap_or(u64::MAX),
+            status,
+            error,
+        }
+    }
+
+    async fn write_down(&self, due: &DueDelivery, attempt: Attempt) -> Result<(), StoreError> {
+        let counts = &self.inner.counts;
+        let taken = attempt.is_taken();
+        let noted = NoteAttempt {
+            delivery: due.delivery.id,
+            attempt,
+            now_ns: self.inner.clock.now_ns(),
+            jitter: self.jitter(),
+        };
+        let noted = self.inner.store.transact(noted).await?;
+        let count = if taken {
+            &counts.delivered
+        } else {
+            &counts.failed_attempts
+        };
+        count.fetch_add(1, Ordering::Relaxed);
+        if let Some(delivery) = noted
+            && delivery.state == DeliveryState::GivenUp
+        {
+            counts.given_up.fetch_add(1, Ordering::Relaxed);
+            let webhook = due.delivery.webhook;
+            tracing::error!(webhook, message = %due.delivery.message, "a message was given up");
+        }
+        Ok(())
+    }
+
+    /// A random number from 0 to 1; without chance, the middle.
+    fn jitter(&self) -> f64 {
+        (self.inner.jitter)().unwrap_or_else(|error| {
+            tracing::warn!(%error, "no random number could be drawn");
+            0.5
+        })
+    }
+}

@@ -1,0 +1,146 @@
+//! A backup becomes the database of a folder that has none.
+
+use std::fs::{File, OpenOptions};
+use std::io::{ErrorKind, Write as _};
+use std::path::Path;
+use std::sync::Arc;
+
+use fleetcal_proto::signing::KEY_BYTES;
+use fleetcal_store::StoreError;
+use sqlx::sqlite::SqliteConnectOptions;
+use sqlx::{ConnectOptions as _, SqliteConnection};
+
+use super::administration::{finish, make_private, unfinished};
+use super::folder::Folder;
+use super::signing_key::KEY_FILE;
+use super::{close, copy_into, schema_known};
+
+/// What a restored folder has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Restored {
+    /// Robots in the database.
+    pub robots: u64,
+    /// Whether the signing key is there, without which agents refuse the service's documents.
+    pub has_key: bool,
+}
+
+/// Puts a backup, and the signing key of the folder that it was made of, into `folder`, which must
+/// have neither. The backup is checked first; nothing is changed unless all of it can be done.
+///
+/// # Errors
+/// [`StoreError::Restore`] for a backup or key that cannot be used or a folder that has a database,
+/// [`StoreError::NewerSchema`] for a backup of a newer program, [`StoreError::InUse`] while a
+/// service runs on the folder, [`StoreError::Folder`] when it cannot be written.
+pub async fn restore(
+    backup: &Path,
+    key: Option<&Path>,
+    folder: &Path,
+) -> Result<Restored, StoreError> {
+    let robots = check(backup).await?;
+    let secret = key.map(read_key).transpose()?;
+    let held = Folder::hold(folder)?;
+    let database = held.database();
+    if std::fs::metadata(&database).is_ok_and(|file| file.len() > 0) {
+        return Err(refused(
+            &database,
+            "is a database already; give an empty folder by --data",
+        ));
+    }
+    let key_file = folder.join(KEY_FILE);
+    if secret.is_some() && key_file.exists() {
+        return Err(refused(
+            &key_file,
+            "is there already; leave --signing-key out to keep it",
+        ));
+    }
+    let failed = |source| StoreError::Folder {
+        path: folder.to_owned(),
+        source: Arc::new(source),
+    };
+    if let Some(secret) = secret {
+        write_key(&key_file, &secret).map_err(failed)?;
+    }
+    let new = unfinished(&database).ok_or_else(|| failed(ErrorKind::InvalidFilename.into()))?;
+    make_private(&new).map_err(failed)?;
+    let connection = reading(backup).connect().await;
+    let mut connection = connection.map_err(StoreError::database("be opened for reading"))?;
+    copy_into(&mut connection, &new).await?;
+    close(connection).await?;
+    finish(&new, &database).map_err(failed)?;
+    Ok(Restored {
+        robots,
+        has_key: key_file.exists(),
+    })
+}
+
+/// A backup is a file that nobody writes, and beside which nothing may be written.
+fn reading(backup: &Path) -> SqliteConnectOptions {
+    SqliteConnectOptions::new()
+        .filename(backup)
+        .read_only(true)
+        .immutable(true)
+}
+
+fn refused(path: &Path, reason: &str) -> StoreError {
+    StoreError::Restore {
+        path: path.to_owned(),
+        reason: reason.to_owned(),
+    }
+}
+
+/// Whether a file is a sound database of a schema that this program knows; gives its robots.
+async fn check(backup: &Path) -> Result<u64, StoreError> {
+    if !backup.is_file() {
+        return Err(refused(backup, "is not a file"));
+    }
+    let unusable =
+        |error: sqlx::Error| refused(backup, &format!("is not a usable backup: {error}"));
+    let mut connection = reading(backup).connect().await.map_err(unusable)?;
+    let checked = sound(&mut connection).await.map_err(unusable);
+    close(connection).await?;
+    match checked? {
+        (found, ..) if found != "ok" => Err(refused(backup, &format!("is damaged: {found}"))),
+        (_, found, _) if found > schema_known() => Err(StoreError::NewerSchema {
+            path: backup.to_owned(),
+            found,
+            known: schema_known(),
+        }),
+        (.., robots) => Ok(robots.unsigned_abs()),
+    }
+}
+
+/// What SQLite's check says, the newest migration, and the number of robots.
+async fn sound(connection: &mut SqliteConnection) -> Result<(String, i64, i64), sqlx::Error> {
+    let said = sqlx::query_scalar("PRAGMA integrity_check(1)")
+        .fetch_one(&mut *connection)
+        .await?;
+    let schema = sqlx::query_scalar("SELECT max(version) FROM _sqlx_migrations")
+        .fetch_one(&mut *connection)
+        .await?;
+    let robots = sqlx::query_scalar("SELECT count(*) FROM robot")
+        .fetch_one(connection)
+        .await?;
+    Ok((said, schema, robots))
+}
+
+fn read_key(path: &Path) -> Result<[u8; KEY_BYTES], StoreError> {
+    let bytes =
+        std::fs::read(path).map_err(|error| refused(path, &format!("cannot be read: {error}")))?;
+    let length = bytes.len();
+    bytes.try_into().map_err(|_| {
+        refused(
+            path,
+            &format!("is {length} bytes long, expected a signing key of {KEY_BYTES}"),
+        )
+    })
+}
+
+fn write_key(path: &Path, secret: &[u8]) -> Result<(), std::io::Error> {
+    let mut new = OpenOptions::new();
+    new.write(true).create_new(true);
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::mode(&mut new, 0o600);
+    let mut file: File = new.open(path)?;
+    file.write_all(secret)?;
+    file.sync_all()
+}

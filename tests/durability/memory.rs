@@ -1,0 +1,98 @@
+//! A service that has 256 MiB of memory, by a control group of the kernel: `make hardening-process`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use fleetcal_tests::service::{Service, wait_for};
+
+use crate::lifecycle::{Fleet, received};
+
+const MEMORY_BYTES: u64 = 256 << 20;
+/// Nominal load, and for how long, s.
+const ROBOTS: usize = 50;
+const DRIVE_S: u64 = 60;
+
+/// A control group with a limit of memory, removed with the test.
+struct Limited {
+    group: PathBuf,
+    /// Where this process was before.
+    home: PathBuf,
+}
+
+impl Limited {
+    /// A group of version 1 or 2, whichever the machine has.
+    fn new() -> Self {
+        let of_first = Path::new("/sys/fs/cgroup/memory");
+        let (root, limit, controller) = if of_first.is_dir() {
+            (of_first, "memory.limit_in_bytes", "memory")
+        } else {
+            (Path::new("/sys/fs/cgroup"), "memory.max", "")
+        };
+        let mine = fs::read_to_string("/proc/self/cgroup").unwrap();
+        let path = mine
+            .lines()
+            .filter_map(|line| line.split_once(':')?.1.split_once(':'))
+            .find(|(controllers, _)| *controllers == controller)
+            .map(|(_, path)| path.trim_start_matches('/'))
+            .unwrap();
+        let group = root.join(format!("fleetcal_{}", std::process::id()));
+        fs::create_dir(&group).expect("a control group can be made: run this as root");
+        let limited = Self {
+            group,
+            home: root.join(path),
+        };
+        fs::write(limited.group.join(limit), MEMORY_BYTES.to_string()).unwrap();
+        limited
+    }
+
+    fn enter(group: &Path) {
+        fs::write(group.join("cgroup.procs"), std::process::id().to_string()).unwrap();
+    }
+
+    /// What `make` starts belongs to the group, and this process does not.
+    fn inside<T>(&self, make: impl FnOnce() -> T) -> T {
+        Self::enter(&self.group);
+        let made = make();
+        Self::enter(&self.home);
+        made
+    }
+}
+
+impl Drop for Limited {
+    fn drop(&mut self) {
+        // Processes that were just killed leave the group a moment later.
+        for _ in 0..100 {
+            if fs::remove_dir(&self.group).is_ok() {
+                return;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(50));
+        }
+        eprintln!("{} was not removed", self.group.display());
+    }
+}
+
+#[test]
+#[ignore = "makes a control group, which takes root; make hardening-process"]
+fn fifty_robots_are_served_within_256_mib() {
+    let limited = Limited::new();
+    let names: Vec<String> = (1..=ROBOTS)
+        .map(|number| format!("robot_{number:02}"))
+        .collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let service = limited.inside(|| Service::start(&names));
+    let pid = service.pid();
+    let fleet = Fleet::drives(&service, ROBOTS, DRIVE_S);
+    let mut most = 0;
+    wait_for("a minute of driving", || {
+        most = most.max(service.memory_bytes());
+        (received(&service) >= DRIVE_S * 105).then_some(())
+    });
+    drop(fleet);
+    assert_eq!(service.status("/readyz", None), 200);
+    assert_eq!(service.pid(), pid);
+    println!(
+        "{ROBOTS} robots for {DRIVE_S} s within {} MiB: at most {} MiB resident",
+        MEMORY_BYTES >> 20,
+        most >> 20
+    );
+}

@@ -1,0 +1,70 @@
+/** Open proposals, the deployment freeze and the policy, as all pages see them. */
+
+import { list, problemOf } from '../api/client';
+import { Reading } from '../api/reading.svelte';
+import type { PolicyInForce, Proposal, DeploymentFreeze } from '../api/types';
+import type { FleetListener } from '../fleet/listener';
+
+/** What waits is read again this often: whether it still holds is told by no event. */
+const REREAD_EVERY_MS = 60_000;
+/** Changes that come together are read together. */
+const GATHER_MS = 250;
+const WAITING_MAX = 5000;
+
+class Approvals {
+  /** Proposals that wait, newest first. */
+  waiting = $state.raw<readonly Proposal[]>([]);
+  loaded = $state<'loading' | 'ready' | 'failed'>('loading');
+  problem = $state('');
+  freeze = new Reading<DeploymentFreeze>(() => '/deployments/freeze');
+  policy = new Reading<PolicyInForce>(() => '/policy');
+  /** Moves with every change of the life cycle that the service has told. */
+  changes = $state(0);
+  #gathering: ReturnType<typeof setTimeout> | undefined;
+
+  /** Hears of changes. */
+  readonly listener: FleetListener = {
+    approval: () => this.#later(),
+    freeze: () => void this.freeze.load(),
+    policy: () => void this.policy.load(),
+    resync: () => {
+      this.#later();
+      void this.freeze.load();
+      void this.policy.load();
+    },
+  };
+
+  /** Starts reading; returns how to stop. */
+  run(): () => void {
+    void this.load();
+    void this.freeze.load();
+    void this.policy.load();
+    const timer = setInterval(() => void this.load(), REREAD_EVERY_MS);
+    return () => {
+      clearInterval(timer);
+      clearTimeout(this.#gathering);
+    };
+  }
+
+  /** Reads what waits. */
+  async load(): Promise<void> {
+    try {
+      this.waiting = await list<Proposal>('/proposals', { state: 'proposed' }, WAITING_MAX);
+      this.loaded = 'ready';
+      this.problem = '';
+    } catch (error) {
+      this.problem = problemOf(error);
+      if (this.loaded === 'loading') this.loaded = 'failed';
+    }
+  }
+
+  #later(): void {
+    clearTimeout(this.#gathering);
+    this.#gathering = setTimeout(() => {
+      this.changes++;
+      void this.load();
+    }, GATHER_MS);
+  }
+}
+
+export const approvals = new Approvals();
