@@ -62,8 +62,8 @@ describe('a top view', () => {
 
   it('has a scale bar of a round length that fits', () => {
     expect(scaleBar(VIEW, 120)).toBe(5);
-    expect(scaleBar({ ...SEEN, px_per_m: 150 }, 120)).toBe(0.5);
-    expect(scaleBar({ ...SEEN, px_per_m: 8 }, 120)).toBe(10);
+    expect(scaleBar({ ...VIEW, px_per_m: 150 }, 120)).toBe(0.5);
+    expect(scaleBar({ ...VIEW, px_per_m: 8 }, 120)).toBe(10);
   });
 
   it('says how far each steering ends from the LiDAR', () => {
