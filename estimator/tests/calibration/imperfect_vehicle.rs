@@ -39,7 +39,8 @@ fn drive_on(
     config.people.count = 0;
     config.vehicle.steering_offset_rad = 0.03;
     config.vehicle.time_offset_s = 0.02;
-    config.imperfections = Imperfections::single(kind, if seed % 2 == 0 { 1.0 } else { -1.0 });
+    config.imperfections =
+        Imperfections::single(kind, if seed.is_multiple_of(2) { 1.0 } else { -1.0 });
     config.changes.extend(change.map(|change| ScheduledChange {
         at_s: CHANGE_S,
         change,
