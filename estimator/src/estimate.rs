@@ -1,7 +1,8 @@
 //! What an estimator says about a robot: values, their sigmas, and what it does not know.
 
 pub use fleetcal_model::{
-    Cause, ChangeKind, Consistency, Counts, Parameter, ParameterStatus as Status,
+    Cause, ChangeKind, Consistency, Counts, Detection, DetectionState, Parameter,
+    ParameterStatus as Status,
 };
 use serde::{Deserialize, Serialize};
 
@@ -35,6 +36,8 @@ pub struct Estimate {
     pub distance_m: f64,
     /// The parameters, in the order of [`Parameter::ALL`].
     pub parameters: ParameterEstimates,
+    /// Which changes would be seen now, and what the detection of the others waits for.
+    pub detection: Detection,
     /// Consistency of the filter.
     pub consistency: Consistency,
     /// What was taken in.

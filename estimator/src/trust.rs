@@ -50,6 +50,8 @@ pub struct Grounds<'a> {
     pub prior_sigma: &'a Values,
     /// What is known of the robot now.
     pub knowledge: Knowledge<'a>,
+    /// Parameters of which a change would go unseen.
+    pub blind: [bool; REPORTED],
 }
 
 impl Trust {
@@ -65,14 +67,23 @@ impl Trust {
             let i = parameter.index();
             self.limit(parameter, values[i], settings);
             let sigma = reported_sigma(parameter, covariance, settings);
-            self.status(parameter, sigma, grounds.prior_sigma[i], settings)
+            let status = self.status(parameter, sigma, grounds.prior_sigma[i], settings);
+            match status {
+                Status::Converged if grounds.blind[i] => Status::Learning,
+                status => status,
+            }
         });
         let needs = self.needs(grounds, statuses);
         Parameter::ALL.map(|parameter| {
             let i = parameter.index();
+            let (value, sigma) = match statuses[i] {
+                // What is not estimated is told as the neutral value, even if the filter knows better.
+                Status::Off => (neutral(parameter, values[i]), 0.0),
+                _ => (values[i], reported_sigma(parameter, covariance, settings)),
+            };
             ParameterEstimate {
-                value: values[i],
-                sigma: reported_sigma(parameter, covariance, settings),
+                value,
+                sigma,
                 status: statuses[i],
                 needs: needs[i].clone(),
             }
@@ -177,6 +188,14 @@ impl Trust {
     }
 }
 
+/// What a parameter that is off is taken for.
+fn neutral(parameter: Parameter, value: f64) -> f64 {
+    match parameter {
+        Parameter::SteeringGain => 1.0,
+        _ => value,
+    }
+}
+
 /// The sigma that leaves the estimator: with what averaging cannot take away.
 fn reported_sigma(
     parameter: Parameter,
@@ -210,6 +229,7 @@ mod tests {
             let [offset, ..] = trust.judge(&Grounds {
                 now: Stamp(1),
                 prior_sigma: &prior_sigma,
+                blind: [false; REPORTED],
                 knowledge: Knowledge {
                     vehicle: &vehicle,
                     values: &values,

@@ -154,6 +154,8 @@ pub struct Timing {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct CalibrationReport {
+    /// [`CalibrationReport::SCHEMA_VERSION`] of the program that printed it.
+    pub schema_version: u32,
     /// Whose it is.
     pub robot: RobotId,
     /// The vehicle.
@@ -178,6 +180,12 @@ pub struct CalibrationReport {
     pub segments: Vec<Segment>,
     /// What it cost.
     pub timing: Timing,
+}
+
+impl CalibrationReport {
+    /// Goes up by one whenever a field is renamed or removed, or means something else. A field that
+    /// is added leaves it.
+    pub const SCHEMA_VERSION: u32 = 1;
 }
 
 #[cfg(test)]
@@ -216,6 +224,7 @@ mod tests {
     #[test]
     fn a_report_has_the_documented_names() {
         let report = CalibrationReport {
+            schema_version: CalibrationReport::SCHEMA_VERSION,
             robot: RobotId::parse("tugger_01").unwrap(),
             vehicle: VehicleDocument {
                 model: VehicleModel::Bicycle,
@@ -258,11 +267,14 @@ mod tests {
                 "robot",
                 "scans",
                 "scans_rejected",
+                "schema_version",
                 "segments",
                 "timing",
                 "vehicle"
             ]
         );
+        // Whoever changes the names above raises it.
+        assert_eq!(json["schema_version"], 1);
         assert_eq!(json["vehicle"]["model"], "bicycle");
         assert_eq!(json["events"][0]["cause"], "lidar_mount");
         assert_eq!(json["events"][0]["change"]["lidar_x"], 0.02);

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::sync::Arc;
 
-use fleetcal_api::{AccessSetup, ApiSetup, router, serve};
+use fleetcal_api::{AccessSetup, ApiSetup, BuildInfo, router, serve};
 use fleetcal_clock::SharedClock;
 use fleetcal_config::Config;
 use fleetcal_domain::access::{Actor, SetupCode};
@@ -26,6 +26,15 @@ use thiserror::Error;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
+
+/// What this program was built from. A build says its commit in the variable `FLEETCAL_COMMIT`.
+const BUILD: BuildInfo = BuildInfo {
+    version: env!("CARGO_PKG_VERSION"),
+    commit: match option_env!("FLEETCAL_COMMIT") {
+        Some(commit) => commit,
+        None => "unknown",
+    },
+};
 
 /// Why the service could not be started.
 #[derive(Debug, Error)]
@@ -109,6 +118,7 @@ impl Service {
         let (setup_code, setup_text) = setup_code(&store, clock.now_ns()).await?.unzip();
         let connections = Connections::new(Arc::clone(&clock), config.trusted_proxies.clone());
         let routes = router(ApiSetup {
+            build: BUILD,
             fleet: fleet.clone(),
             lifecycle: lifecycle.clone(),
             evaluator: evaluator.clone(),

@@ -44,6 +44,7 @@ async fn decide(
         idempotency: None,
         rear_axle_in_base_link: None,
         present: fleetcal_domain::approval::Present::Unknown,
+        view: None,
     };
     store.transact(decision).await
 }

@@ -148,7 +148,7 @@ fn a_service_that_was_stopped_for_a_while_goes_on_and_tells_what_it_missed() {
     println!(
         "stopped for {stopped:?}, went on after {:?}; {} messages are missing by their stamps",
         went_on.elapsed(),
-        service.metric("fleetcal_missing_total"),
+        service.metric("fleetcal_messages_dropped_total{reason=\"missing\"}"),
     );
     assert_eq!(service.status("/readyz", None), 200);
 }

@@ -56,5 +56,6 @@ fn two_senders_of_one_id_are_told_and_nothing_of_theirs_is_used() {
     wait_for("its messages", || {
         (processed(&service) > before + 2).then_some(())
     });
-    assert!(service.metric("fleetcal_of_two_senders_total") > 0);
+    let dropped = "fleetcal_messages_dropped_total{reason=\"two_senders\"}";
+    assert!(service.metric(dropped) > 0);
 }

@@ -62,7 +62,7 @@ test('a filter stands in the address and works from it', async ({ page }) => {
   expect(new URL(page.url()).searchParams.get('q')).toBe(name);
   await page.reload();
   await expect(rows).toHaveCount(1);
-  await page.goto('/?state=failed');
+  await page.goto('/?state=estimator_failed');
   await expect(page.getByText('No robots match.')).toBeVisible();
   await page.getByRole('link', { name: /^Show all/ }).click();
   await expect(rows).toHaveCount(ROBOTS);

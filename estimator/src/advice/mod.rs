@@ -11,7 +11,7 @@ use crate::filter::constraint::LidarMotion;
 use crate::filter::noise::MotionNoise;
 use crate::filter::prediction::PredictedMotion;
 use crate::filter::{PARAMETERS, ParameterCovariance, Values, drive_parameters, lidar_in_base};
-use crate::settings::{EstimatorSettings, Freedom};
+use crate::settings::EstimatorSettings;
 use crate::vehicle::Vehicle;
 use manoeuvre::{Manoeuvre, library};
 
@@ -107,11 +107,9 @@ fn covariance_after(manoeuvre: &Manoeuvre, knowledge: &Knowledge) -> Option<Para
 /// Information of what is known now. What is not estimated stays as it is.
 fn inverse(knowledge: &Knowledge) -> Option<ParameterCovariance> {
     let mut covariance = *knowledge.covariance;
-    for parameter in Parameter::ALL {
-        let i = parameter.index();
-        if knowledge.settings.freedom(parameter) == Freedom::Off {
-            covariance[(i, i)] += 1e-16;
-        }
+    for i in 0..PARAMETERS {
+        // What is off has no variance.
+        covariance[(i, i)] += 1e-16;
     }
     debug_assert_eq!(covariance.nrows(), PARAMETERS);
     Some(covariance.cholesky()?.inverse())

@@ -16,9 +16,10 @@ use crate::merge::Merger;
 use crate::trust::Trust;
 
 /// Version of the checkpoint's layout.
-const VERSION: u32 = 7;
-/// The one before knew nothing of the scanner; all else is the same.
-const VERSION_WITHOUT_SCANNER: u32 = 6;
+const VERSION: u32 = 8;
+/// Those before, which can be read as well: 7 knew nothing of the steering's curve, 6 nothing of the
+/// scanner either.
+const VERSIONS_BEFORE: [u32; 2] = [6, 7];
 
 /// A calibrator's state, to be stored and restored. The local map is not in it: it is rebuilt.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -57,7 +58,8 @@ impl Calibrator {
         config: CalibratorConfig,
         checkpoint: &Checkpoint,
     ) -> Result<Self, CheckpointRefused> {
-        if ![VERSION, VERSION_WITHOUT_SCANNER].contains(&checkpoint.version) {
+        let is_older = VERSIONS_BEFORE.contains(&checkpoint.version);
+        if checkpoint.version != VERSION && !is_older {
             return Err(CheckpointRefused::Version {
                 found: checkpoint.version,
                 wanted: VERSION,
@@ -70,7 +72,12 @@ impl Calibrator {
         if checkpoint.session.began.is_some() {
             restored.merger = Merger::resuming(checkpoint.session.now);
         }
-        restored.follower = checkpoint.filter.clone().map(Follower::new);
+        restored.follower = checkpoint.filter.clone().map(|mut filter| {
+            if is_older {
+                filter.open_curve(&restored.prior);
+            }
+            Follower::new(filter)
+        });
         restored.session = checkpoint.session.clone();
         restored.trust = checkpoint.trust.clone();
         restored.watch = ChangeWatch::with_long_run(checkpoint.long_run.clone());

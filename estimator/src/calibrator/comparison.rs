@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use crate::estimate::{Cause, Parameter};
-use crate::filter::{ParameterCovariance, Values};
+use crate::filter::{ParameterCovariance, Values, padded};
 use crate::geometry::wrap_angle_rad;
 use crate::settings::EstimatorSettings;
 
@@ -59,8 +59,10 @@ pub(super) enum Occasion {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Comparison {
     pub occasion: Occasion,
+    #[serde(deserialize_with = "padded::vector")]
     pub values: Values,
     /// Its covariance, with what averaging cannot take away.
+    #[serde(deserialize_with = "padded::square")]
     pub covariance: ParameterCovariance,
 }
 

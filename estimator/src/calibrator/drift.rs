@@ -57,11 +57,12 @@ impl Calibrator {
             return;
         };
         let settings = &self.config.settings;
-        let covariance = self.watch.long_run().claim(&filter.parameter_covariance());
+        let known = self.watch.long_run().known(filter);
+        let covariance = self.watch.long_run().claim(&known.covariance);
         if !knows_enough(&covariance, settings) {
             return;
         }
-        let values = *filter.values();
+        let values = known.values;
         let newest = Baseline {
             calibration: Comparison::new(Occasion::NewSession, values, &covariance, settings),
             since: now,

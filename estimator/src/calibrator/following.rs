@@ -176,11 +176,12 @@ impl Calibrator {
     pub(super) fn begin_comparison(&mut self, occasion: Occasion) {
         if let Some(follower) = self.follower.take() {
             let filter = &follower.filter;
-            let covariance = self.watch.long_run().claim(&filter.parameter_covariance());
+            let known = self.watch.long_run().known(filter);
+            let covariance = self.watch.long_run().claim(&known.covariance);
             let settings = &self.config.settings;
             // An unfinished session has learnt nothing that a comparison could be held to.
             if self.comparison.is_none() && knows_enough(&covariance, settings) {
-                let values = *filter.values();
+                let values = known.values;
                 self.comparison = Some(Comparison::new(occasion, values, &covariance, settings));
             }
         }
@@ -204,11 +205,12 @@ impl Calibrator {
             return;
         };
         let settings = &self.config.settings;
-        let covariance = self.watch.long_run().claim(&filter.parameter_covariance());
+        let known = self.watch.long_run().known(filter);
+        let covariance = self.watch.long_run().claim(&known.covariance);
         if !knows_enough(&covariance, settings) {
             return;
         }
-        let verdict = comparison.verdict(filter.values(), &covariance, settings, &SESSIONS);
+        let verdict = comparison.verdict(&known.values, &covariance, settings, &SESSIONS);
         let Some(stored) = self.comparison.take() else {
             return;
         };
@@ -258,7 +260,9 @@ impl Calibrator {
             onset_s,
             change: parameters.iter().map(|&p| (p, 0.0)).collect(),
         });
-        let values = self.filter().map_or(Values::zeros(), |f| *f.values());
+        let values = self
+            .filter()
+            .map_or(Values::zeros(), |f| self.watch.long_run().known(f).values);
         self.session.update_last_change(&values);
         let parameters = self.judged().1.parameters;
         if let Some(change) = self.session.changes.last() {

@@ -23,8 +23,11 @@ use session::Session;
 use crate::advice::ranking::{Floor, Ranked, rank};
 use crate::advice::{Advice, Knowledge, advise};
 use crate::change::ChangeWatch;
+use crate::change::detection::is_blind;
 use crate::drive_history::DriveHistory;
-use crate::estimate::{Change, Estimate, ParameterEstimates, Segment};
+use crate::estimate::{
+    Change, Detection, DetectionState, Estimate, Parameter, ParameterEstimates, Segment,
+};
 use crate::excitation::Excitation;
 use crate::filter::follow::Follower;
 use crate::filter::prior::Prior;
@@ -329,7 +332,8 @@ impl Calibrator {
         if self.comparison.is_none()
             && let Some(follower) = &self.follower
         {
-            self.session.update_last_change(follower.filter.values());
+            let known = self.watch.long_run().known(&follower.filter);
+            self.session.update_last_change(&known.values);
             self.size_change(&estimate.parameters, effects);
         }
         effects.push(Effect::Estimate(Box::new(estimate)));
@@ -349,11 +353,8 @@ impl Calibrator {
             (Some(held), _) => self.judge(&mut trust, &held.values, &held.covariance),
             (None, Some(filter)) => {
                 // Errors that last for metres: the filter takes them as independent.
-                let covariance = self
-                    .watch
-                    .long_run()
-                    .publish(&filter.parameter_covariance());
-                self.judge(&mut trust, filter.values(), &covariance)
+                let (values, covariance) = self.told_of(filter);
+                self.judge(&mut trust, &values, &covariance)
             }
             (None, None) => self.judge(&mut trust, &self.prior.values, &self.prior.covariance),
         };
@@ -364,6 +365,7 @@ impl Calibrator {
             time_s: self.session.duration_s(),
             distance_m: self.session.distance_m,
             parameters,
+            detection: self.detection(),
             consistency: self.session.consistency(),
             counts: self.session.counts,
             base_in_odom: base_in_odom.unwrap_or(Pose2::IDENTITY).wrapped(),
@@ -382,6 +384,7 @@ impl Calibrator {
         trust.judge(&Grounds {
             now: self.session.now,
             prior_sigma: &prior_sigma,
+            blind: self.blind(),
             knowledge: Knowledge {
                 vehicle: &self.config.vehicle,
                 values,
@@ -391,13 +394,37 @@ impl Calibrator {
         })
     }
 
+    /// Which changes would be seen now.
+    fn detection(&self) -> Detection {
+        if self.held().is_some() || self.follower.is_none() {
+            return Detection::of_all(DetectionState::FirstEstimate);
+        }
+        let [steering, lidar_mount, vehicle] = self.watch.detection();
+        Detection {
+            steering,
+            lidar_mount,
+            vehicle,
+        }
+    }
+
+    /// Parameters of which a change would go unseen. A stored calibration is held against the session.
+    fn blind(&self) -> [bool; Parameter::ALL.len()] {
+        let states = self.watch.detection();
+        Parameter::ALL.map(|p| self.held().is_none() && is_blind(p, &states))
+    }
+
     /// The parameters as a filter of this session saw them.
     fn judge_filter(&self, filter: &Filter) -> ParameterEstimates {
-        let covariance = self
-            .watch
-            .long_run()
-            .publish(&filter.parameter_covariance());
-        self.judge(&mut self.trust.clone(), filter.values(), &covariance)
+        let (values, covariance) = self.told_of(filter);
+        self.judge(&mut self.trust.clone(), &values, &covariance)
+    }
+
+    /// What may be told of a filter's parameters.
+    fn told_of(&self, filter: &Filter) -> (Values, ParameterCovariance) {
+        let mut known = self.watch.long_run().known(filter);
+        known.covariance = self.watch.long_run().publish(&known.covariance);
+        let told = known.with_encoder(&self.config.vehicle);
+        (told.values, told.covariance)
     }
 
     /// Stored values, with the doubt of now.

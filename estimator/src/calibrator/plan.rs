@@ -8,8 +8,9 @@ use crate::estimate::Parameter;
 use crate::filter::{OdometryReading, Values, drive_parameters, lidar_in_base};
 use crate::geometry::Pose2;
 use crate::lidar_odometry::Surroundings;
+use crate::settings::Freedom;
 use crate::stream::Stamp;
-use crate::vehicle::{DriveParameters, Vehicle};
+use crate::vehicle::{DriveParameters, SteeringCurve, Vehicle};
 
 /// How much of it is asked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -96,7 +97,15 @@ impl Calibrator {
         let Some(mut point) = intervals.last().map(|interval| at(interval.before)) else {
             return (0.0, Vec::new());
         };
-        let corrected = drive_parameters(values);
+        // What a robot can correct: the steering's curve is no part of a calibration.
+        let mut corrected = DriveParameters {
+            curve: SteeringCurve::default(),
+            ..drive_parameters(values)
+        };
+        let settings = &self.config.settings;
+        if settings.freedom(Parameter::SteeringGain) == Freedom::Off {
+            corrected.steering_gain = 1.0;
+        }
         let raw = DriveParameters {
             steering_offset_rad: 0.0,
             steering_gain: 1.0,

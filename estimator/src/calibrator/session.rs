@@ -8,7 +8,7 @@ use crate::drive_history::GAP_MIN_S;
 use crate::estimate::{Change, ChangeKind, Consistency, Counts, ParameterEstimates, Segment};
 use crate::excitation::Excitation;
 use crate::filter::follow::Moved;
-use crate::filter::{Values, apart};
+use crate::filter::{Values, apart, padded};
 use crate::stream::{DriveSample, Dropped, Stamp};
 
 /// Readings over which the mean NIS is taken.
@@ -28,6 +28,7 @@ pub(super) struct Session {
     pub changes: Vec<Change>,
     pub segments: Vec<Segment>,
     /// The parameters before the last change, to say how far they moved.
+    #[serde(default, deserialize_with = "padded::optional_vector")]
     values_before: Option<Values>,
     /// Whether it was not said yet how far the last change went.
     #[serde(default)]

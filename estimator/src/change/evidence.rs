@@ -14,6 +14,7 @@
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
+use super::detection::least_change;
 use super::window::{Innovation, Window};
 use crate::estimate::{Cause, Parameter};
 use crate::filter::{PARAMETERS, ParameterCovariance, Values, apart};
@@ -375,6 +376,47 @@ pub fn candidates<'a>(
         }
     }
     candidates
+}
+
+/// Evidence that the smallest change which has to be seen would give for each cause if it had happened
+/// in the middle of the windows: the least over the cause's parameters. Infinite where none is
+/// promised, none while windows are too few.
+pub fn expected_evidence<'a>(
+    windows: impl ExactSizeIterator<Item = &'a Window>,
+    reference: &Reference,
+    scale: f64,
+) -> [f64; CAUSES] {
+    let middle = windows.len() / 2;
+    let (mut before, mut after) = (reference.information * scale, Information::zeros());
+    for (i, window) in windows.enumerate() {
+        let sum = if i < middle { &mut before } else { &mut after };
+        *sum += window.evidence.information;
+    }
+    let information = gained(&(before + after), &after);
+    HYPOTHESES.each_ref().map(|hypothesis| {
+        let Some(information) = information else {
+            return 0.0;
+        };
+        let expected = hypothesis.parameters.iter().filter_map(|&parameter| {
+            let mut score = Score::zeros();
+            let column = information.column(parameter.index()) * least_change(parameter)?;
+            score.fixed_rows_mut::<MOVABLE>(0).copy_from(&column);
+            let support = support_of(&score, &information, hypothesis.parameters, scale)?;
+            Some(support.ratio / scale)
+        });
+        expected.fold(f64::INFINITY, f64::min)
+    })
+}
+
+/// `I_a - I_a (I_a + I_b)^-1 I_a`, where a cause can move things.
+fn gained(both: &Information, after: &Information) -> Option<SMatrix<f64, MOVABLE, MOVABLE>> {
+    let columns = after.fixed_columns::<MOVABLE>(0);
+    let mut half = columns.into_owned();
+    both.cholesky()?
+        .l_dirty()
+        .solve_lower_triangular_mut(&mut half)
+        .then_some(())?;
+    Some(columns.fixed_rows::<MOVABLE>(0) - half.tr_mul(&half))
 }
 
 /// What speaks for a cause at one onset.

@@ -24,7 +24,7 @@ const DISPLACED_SHARE: f64 = 0.7;
 /// A robot that was lifted away in any direction is this far from where its wheels took it, m,
 const LIFTED_MIN_M: f64 = 0.3;
 /// and this far from the way there, m: wheels that slip do not leave it.
-const LIFTED_OFF_WAY_M: f64 = 0.09;
+const LIFTED_OFF_WAY_M: f64 = 0.05;
 /// Shortest way that is compared, m.
 const COMPARED_MIN_M: f64 = 0.3;
 /// A reading that changes less than this stands still, rad.

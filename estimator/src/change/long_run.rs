@@ -13,7 +13,8 @@ use serde::{Deserialize, Serialize};
 use super::window::Window;
 use crate::estimate::Parameter;
 use crate::filter::constraint::ByParameters;
-use crate::filter::{PARAMETERS, ParameterCovariance, Values, apart};
+use crate::filter::relevance::Known;
+use crate::filter::{Filter, PARAMETERS, ParameterCovariance, Values, apart, padded};
 use crate::stream::Stamp;
 
 /// Windows in a block: errors that last longer than some 5 m are for the change test to judge.
@@ -22,6 +23,8 @@ const BLOCK: usize = 10;
 const MEMORY_BLOCKS: f64 = 60.0;
 /// Fewest blocks, some 20 m, before the scatter is believed to be small.
 const BLOCKS_MIN: f64 = 5.0;
+/// Blocks before a change is told from scatter.
+const JUDGE_BLOCKS: f64 = 8.0;
 /// The ratio until then: five times the standard deviation.
 const UNPROVEN_RATIO: f64 = 25.0;
 /// Share of the worst ratio that every parameter has at least: what lasts is seldom one's alone.
@@ -43,6 +46,7 @@ const SQUARE_MAX: f64 = 400.0;
 struct Block {
     end: Stamp,
     residual: Vector3<f64>,
+    #[serde(deserialize_with = "padded::columns")]
     jacobian: ByParameters,
     /// Of the motion, and of the pose at its beginning.
     covariance: Matrix3<f64>,
@@ -86,8 +90,10 @@ pub struct LongRunVariance {
 struct Clusters {
     block: Option<Block>,
     /// Sum of `J' S^-1 r r' S^-1 J` over the blocks.
+    #[serde(deserialize_with = "padded::square")]
     scatter: SMatrix<f64, PARAMETERS, PARAMETERS>,
     /// Sum of `J' S^-1 J`: what the scatter should be.
+    #[serde(deserialize_with = "padded::square")]
     expected: SMatrix<f64, PARAMETERS, PARAMETERS>,
     blocks: f64,
 }
@@ -200,6 +206,11 @@ impl LongRunVariance {
         ratios
     }
 
+    /// What is known of a filter's parameters, given how far its data scatter.
+    pub fn known(&self, filter: &Filter) -> Known {
+        filter.known(&self.ratios(&filter.parameter_covariance()))
+    }
+
     /// The covariance that may be claimed when the filter has this one.
     pub fn claim(&self, covariance: &ParameterCovariance) -> ParameterCovariance {
         let least = if self.is_known() { 1.0 } else { UNPROVEN_RATIO };
@@ -221,6 +232,11 @@ impl LongRunVariance {
         variances[Parameter::SpeedScale.index()] *= self.lasting_slip(covariance);
         let widths = ParameterCovariance::from_diagonal(&variances.map(f64::sqrt));
         widths * self.claim(covariance) * widths
+    }
+
+    /// Whether enough blocks were seen to tell their scatter from a change.
+    pub fn is_well_known(&self) -> bool {
+        self.whole.blocks > JUDGE_BLOCKS
     }
 
     /// Whether enough blocks were seen.

@@ -3,6 +3,7 @@
 //! Windows of 0.4 m are compared with what the filter knew *before* them; the filter itself cannot
 //! be asked, because it absorbs a change within seconds.
 
+pub mod detection;
 pub mod evidence;
 pub mod fault;
 pub mod long_run;
@@ -13,11 +14,15 @@ use std::collections::VecDeque;
 use crate::drive_history::DriveHistory;
 use crate::estimate::{Cause, ChangeKind, Parameter};
 use crate::filter::follow::Follower;
-use crate::filter::{Filter, OdometryReading, ParameterCovariance};
+use crate::filter::{Filter, OdometryReading, Values};
 use crate::settings::EstimatorSettings;
 use crate::stream::Stamp;
 use crate::vehicle::Vehicle;
-use evidence::{Accusation, HYPOTHESES, ONSET_WINDOWS, Reference, Search, Thresholds, strongest};
+use detection::{DetectionState, Visibility, known_causes};
+use evidence::{
+    Accusation, CAUSES, HYPOTHESES, ONSET_WINDOWS, Reference, Search, Thresholds,
+    expected_evidence, strongest,
+};
 use fault::{Fault, FaultWatch};
 use long_run::LongRunVariance;
 use window::{Window, WindowCutter};
@@ -26,10 +31,10 @@ use window::{Window, WindowCutter};
 pub const WINDOWS_MAX: usize = 60;
 /// Fewest windows before anything is judged.
 const WINDOWS_MIN: usize = 8;
+/// It is asked again after so many windows whether changes would be seen.
+const SEE_EVERY: usize = 5;
 /// Windows that the long-run variance is behind: a change is flagged before it counts as noise.
 const SETTLED_WINDOWS: usize = 25;
-/// A filter that knows the four parameters to this many times their limits can judge.
-const JUDGE_SIGMA_FACTOR: f64 = 2.0;
 /// A cause explains what is seen when the misfit stays below this.
 const MISFIT_MAX: f64 = 3.0;
 /// After this many windows without a cause that explains it, the change is called unknown.
@@ -68,6 +73,11 @@ pub struct ChangeWatch {
     faults: FaultWatch,
     /// The newest windows that have not told yet how far they err together.
     unlearnt: usize,
+    visibility: Visibility,
+    /// The first window before which the parameters of every cause were known.
+    known_from: Option<usize>,
+    /// Windows since it was asked whether changes would be seen.
+    since_seen: usize,
 }
 
 impl ChangeWatch {
@@ -128,10 +138,23 @@ impl ChangeWatch {
         self.remembered.push_back(Remembered { window, filter });
         if self.remembered.len() > WINDOWS_MAX {
             self.remembered.pop_front();
+            self.known_from = self.known_from.map(|from| from.saturating_sub(1));
         }
         self.unlearnt += 1;
-        self.learn(follower, settings);
+        let known = self.long_run.known(&follower.filter);
+        self.learn(follower.filter.values());
+        let claimed = self.long_run.claim(&known.covariance);
+        self.visibility.know(&claimed, settings);
         self.judge(settings)
+    }
+
+    /// Where detection stands with each cause.
+    pub fn detection(&self) -> [DetectionState; CAUSES] {
+        if self.has_fault() {
+            [DetectionState::Fault; CAUSES]
+        } else {
+            self.visibility.states()
+        }
     }
 
     /// Whether a fault lasts: nothing may be learnt.
@@ -149,6 +172,7 @@ impl ChangeWatch {
             None => (last.begin, now.clone()),
         };
         self.remembered.truncate(kept);
+        self.known_from = self.known_from.filter(|from| *from < kept);
         self.unlearnt = self.unlearnt.min(kept);
         self.long_run.break_block();
         self.filter_at_begin = None;
@@ -163,9 +187,8 @@ impl ChangeWatch {
 
     /// Windows that have settled tell how far they err together. While the filter still learns,
     /// nothing can be taken for a change and all are settled.
-    fn learn(&mut self, follower: &Follower, settings: &EstimatorSettings) {
-        let covariance = follower.filter.parameter_covariance();
-        let unsettled = if self.long_run.is_known() && can_judge(&covariance, settings) {
+    fn learn(&mut self, now: &Values) {
+        let unsettled = if self.long_run.is_known() && self.visibility.knows_any() {
             SETTLED_WINDOWS
         } else {
             0
@@ -174,28 +197,55 @@ impl ChangeWatch {
             let next = self.remembered.len().checked_sub(self.unlearnt);
             self.unlearnt -= 1;
             if let Some(Remembered { window, filter }) = next.and_then(|i| self.remembered.get(i)) {
-                let values = follower.filter.values();
-                self.long_run.push(window, values, filter.noise_scale());
+                self.long_run.push(window, now, filter.noise_scale());
             }
         }
     }
 
-    fn judge(&self, settings: &EstimatorSettings) -> Option<Detected> {
-        if self.remembered.len() < WINDOWS_MIN {
+    /// The first window whose filter knew enough before it to be a reference: for every cause where
+    /// that leaves windows enough, else for one at least.
+    fn reference_window(&mut self, settings: &EstimatorSettings) -> usize {
+        if let Some(from) = self.known_from {
+            return from;
+        }
+        let knows = |remembered: &Remembered| {
+            let covariance = self.long_run.known(&remembered.filter).covariance;
+            known_causes(&self.long_run.claim(&covariance), settings)
+        };
+        let windows = &self.remembered;
+        let all = windows.partition_point(|window| knows(window).contains(&false));
+        if all + WINDOWS_MIN <= windows.len() {
+            self.known_from = Some(all);
+            return all;
+        }
+        windows.partition_point(|window| !knows(window).contains(&true))
+    }
+
+    fn judge(&mut self, settings: &EstimatorSettings) -> Option<Detected> {
+        if !self.long_run.is_well_known() {
             return None;
         }
-        let oldest = &self.remembered.front()?.filter;
-        let covariance = self.long_run.claim(&oldest.parameter_covariance());
-        if !can_judge(&covariance, settings) {
+        let begin = self.reference_window(settings);
+        if self.remembered.len() < begin + WINDOWS_MIN {
             return None;
         }
-        let reference = Reference::new(*oldest.values(), &covariance)?;
+        let oldest = &self.remembered.get(begin)?.filter;
+        let known_before = self.long_run.known(oldest);
+        let covariance = self.long_run.claim(&known_before.covariance);
+        let known = known_causes(&covariance, settings);
+        let reference = Reference::new(known_before.values, &covariance)?;
         let thresholds = Thresholds::for_false_alarm_hours(settings.false_alarm_hours);
         let ratios = self
             .long_run
-            .alarm_ratios(&oldest.parameter_covariance(), thresholds.least());
+            .alarm_ratios(&known_before.covariance, thresholds.least());
         let thresholds = thresholds.raised(&ratios);
-        let windows = || self.remembered.iter().map(|r| &r.window);
+        let windows = || self.remembered.range(begin..).map(|r| &r.window);
+        self.since_seen += 1;
+        if self.since_seen >= SEE_EVERY {
+            self.since_seen = 0;
+            let expected = expected_evidence(windows(), &reference, oldest.noise_scale());
+            self.visibility.see(windows().len(), &expected, &thresholds);
+        }
         let mut search = Search {
             noise_scale: oldest.noise_scale(),
             window_chi2_max: thresholds.window_chi2_max(),
@@ -203,10 +253,10 @@ impl ChangeWatch {
         };
         // 1. Has anything happened? No single wild window may say so.
         let alarm = strongest(windows(), &reference, &search, &thresholds)?;
-        if alarm.margin < 0.0 {
+        if alarm.margin < 0.0 || !known[alarm.hypothesis] {
             return None;
         }
-        let waited = self.remembered.len() - 1 - alarm.onset;
+        let waited = self.remembered.len() - 1 - begin - alarm.onset;
         if self
             .faults
             .may_be_stuck(waited.saturating_sub(ONSET_WINDOWS))
@@ -218,23 +268,24 @@ impl ChangeWatch {
         search.every_onset = true;
         let accusation = strongest(windows(), &reference, &search, &thresholds)?;
         let explained = accusation.margin > 0.0 && accusation.misfit < MISFIT_MAX;
-        if explained {
-            return self.detected(&accusation, false);
+        if explained && known[accusation.hypothesis] {
+            return self.detected(begin, &accusation, false);
         }
         // Without a cause it takes twice the evidence: a model that does not quite fit is no change.
         let beyond_doubt = alarm.margin > thresholds.values()[alarm.hypothesis];
         if waited >= UNEXPLAINED_WINDOWS && beyond_doubt {
-            self.detected(&alarm, true)
+            self.detected(begin, &alarm, true)
         } else {
             None
         }
     }
 
-    fn detected(&self, accusation: &Accusation, unknown: bool) -> Option<Detected> {
-        let at = self.remembered.get(accusation.onset)?;
-        let before = self.remembered.get(accusation.onset.saturating_sub(1))?;
+    fn detected(&self, begin: usize, accusation: &Accusation, unknown: bool) -> Option<Detected> {
+        let onset = begin + accusation.onset;
+        let at = self.remembered.get(onset)?;
+        let before = self.remembered.get(onset.saturating_sub(1))?;
         // The onset is known to a window or so: the one behind it is left out as well.
-        let last = self.remembered.get(accusation.onset + ONSET_WINDOWS)?;
+        let last = self.remembered.get(onset + ONSET_WINDOWS)?;
         let hypothesis = HYPOTHESES.get(accusation.hypothesis)?;
         let (cause, parameters) = if unknown {
             let all = HYPOTHESES
@@ -253,19 +304,4 @@ impl ChangeWatch {
             filter_before: before.filter.clone(),
         })
     }
-}
-
-/// Whether a filter knows enough to say that something changed.
-fn can_judge(covariance: &ParameterCovariance, settings: &EstimatorSettings) -> bool {
-    [
-        Parameter::SteeringOffset,
-        Parameter::LidarX,
-        Parameter::LidarY,
-        Parameter::LidarYaw,
-    ]
-    .iter()
-    .all(|&p| {
-        let sigma = covariance[(p.index(), p.index())].sqrt();
-        sigma <= JUDGE_SIGMA_FACTOR * settings.converged_sigma.get(p)
-    })
 }

@@ -1,7 +1,7 @@
 //! The extended Kalman filter over body motion and calibration, with a cloned anchor.
 //!
 //! The state is the body's motion since an anchor (3), the LiDAR odometry's own error at that
-//! anchor (3), and the eight calibration parameters. Motion *since the anchor* instead of two poses
+//! anchor (3), and the parameters: those of the calibration, and what the vehicle does beyond. Motion *since the anchor* instead of two poses
 //! in a world frame removes the three directions nothing can observe. Every few metres the newest
 //! pose becomes the anchor, so that an old odometry error cannot live on and a LiDAR that was moved
 //! is seen from then on.
@@ -11,8 +11,10 @@
 pub mod constraint;
 pub mod follow;
 pub mod noise;
+pub mod padded;
 pub mod prediction;
 pub mod prior;
+pub mod relevance;
 
 use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, Vector3, Vector4};
 use serde::{Deserialize, Serialize};
@@ -22,17 +24,24 @@ use crate::estimate::Parameter;
 use crate::geometry::{Pose2, wrap_angle_rad};
 use crate::settings::{EstimatorSettings, Measurement};
 use crate::stream::Stamp;
-use crate::vehicle::{DRIVE_PARAMETERS, Drive, DriveParameters, Vehicle};
+use crate::vehicle::{DRIVE_PARAMETERS, Drive, DriveParameters, SteeringCurve, Vehicle};
 use constraint::LidarMotion;
 use noise::MotionNoise;
 use prediction::PredictedMotion;
 use prior::Prior;
 
-/// Number of parameters in the filter: those of [`Parameter::ALL`] and the side slip.
-pub const PARAMETERS: usize = Parameter::ALL.len() + 1;
+/// Number of parameters in the filter: those of [`Parameter::ALL`], the side slip, and the steering's
+/// asymmetry, quadratic and cubic term.
+pub const PARAMETERS: usize = Parameter::ALL.len() + 4;
 /// Where the side slip stands among them. It is no calibration and is not published, but what is not
 /// known of it goes into `x_off`: at a speed `v` it shifts the LiDAR by `c v^2`.
 pub const SIDE_SLIP: usize = Parameter::ALL.len();
+/// Where the steering's asymmetry stands among them.
+pub const ASYMMETRY: usize = SIDE_SLIP + 1;
+/// Where the quadratic term of the steering stands among them.
+pub const QUADRATIC: usize = SIDE_SLIP + 2;
+/// Where the cubic term of the steering stands among them.
+pub const CUBIC: usize = SIDE_SLIP + 3;
 /// Dimension of the filter's state.
 const DIM: usize = 6 + PARAMETERS;
 /// First index of the motion since the anchor.
@@ -42,17 +51,20 @@ const ANCHOR: usize = 3;
 /// First index of the parameters.
 const CALIBRATION: usize = 6;
 /// Where the drive parameters stand among the parameters.
-const DRIVE_PARAMETER: [usize; DRIVE_PARAMETERS] = [
+pub const DRIVE_PARAMETER: [usize; DRIVE_PARAMETERS] = [
     Parameter::SteeringOffset.index(),
     Parameter::SpeedScale.index(),
     Parameter::Wheelbase.index(),
     Parameter::SteeringGain.index(),
     SIDE_SLIP,
+    ASYMMETRY,
+    QUADRATIC,
+    CUBIC,
 ];
 
 type Covariance = SMatrix<f64, DIM, DIM>;
 type Jacobian = SMatrix<f64, 3, DIM>;
-/// Values of the parameters, in the order of [`Parameter::ALL`], the side slip last.
+/// Values of the parameters, in the order of [`Parameter::ALL`], then what the vehicle does beyond.
 pub type Values = SVector<f64, PARAMETERS>;
 /// Their covariance.
 pub type ParameterCovariance = SMatrix<f64, PARAMETERS, PARAMETERS>;
@@ -143,10 +155,14 @@ pub struct Filter {
     vehicle: Vehicle,
     form: Form,
     noise: MotionNoise,
+    #[serde(deserialize_with = "padded::vector")]
     values: Values,
+    #[serde(deserialize_with = "padded::square")]
     covariance: Covariance,
     /// Parameters whose values the filter may not change (their doubt still counts).
+    #[serde(deserialize_with = "padded::flags")]
     held: [bool; PARAMETERS],
+    #[serde(deserialize_with = "padded::vector")]
     random_walk: Values,
     anchor: Option<Anchor>,
     body_in_anchor: Pose2,
@@ -346,6 +362,18 @@ impl Filter {
             self.covariance.row_mut(i).fill(0.0);
             self.covariance.column_mut(i).fill(0.0);
             self.covariance[(i, i)] = variance;
+        }
+    }
+
+    /// Takes up the steering's curve, of which a filter of an earlier estimator knows nothing.
+    pub fn open_curve(&mut self, prior: &Prior) {
+        let gain = Parameter::SteeringGain.index();
+        for parameter in std::iter::once(gain).chain(SIDE_SLIP + 1..PARAMETERS) {
+            let i = CALIBRATION + parameter;
+            if self.covariance[(i, i)] <= 0.0 {
+                self.covariance[(i, i)] = prior.covariance[(parameter, parameter)];
+                self.held[parameter] = prior.held[parameter];
+            }
         }
     }
 
@@ -558,5 +586,10 @@ pub fn drive_parameters(values: &Values) -> DriveParameters {
         wheelbase_m: values[Parameter::Wheelbase.index()],
         steering_gain: values[Parameter::SteeringGain.index()],
         side_slip_rad_per_mps2: values[SIDE_SLIP],
+        curve: SteeringCurve {
+            asymmetry: values[ASYMMETRY],
+            quadratic_per_rad: values[QUADRATIC],
+            cubic_per_rad2: values[CUBIC],
+        },
     }
 }

@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::noise::MotionNoise;
+use super::padded;
 use crate::drive_history::DriveSegment;
 use crate::geometry::Pose2;
 use crate::vehicle::{DRIVE_PARAMETERS, DriveParameters, Motion, Vehicle};
@@ -23,6 +24,7 @@ pub struct PredictedMotion {
     /// By the right perturbation at the beginning.
     pub by_begin: Matrix3<f64>,
     /// By the drive parameters.
+    #[serde(deserialize_with = "padded::columns")]
     pub by_parameters: ByDriveParameters,
     /// Process noise.
     pub noise: Matrix3<f64>,
@@ -135,7 +137,7 @@ impl PredictedMotion {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vehicle::{Drive, VehicleModel};
+    use crate::vehicle::{Drive, SteeringCurve, VehicleModel};
 
     fn parameters(offset: f64, scale: f64) -> DriveParameters {
         DriveParameters {
@@ -144,6 +146,7 @@ mod tests {
             wheelbase_m: 1.2,
             steering_gain: 1.0,
             side_slip_rad_per_mps2: 0.004,
+            curve: SteeringCurve::default(),
         }
     }
 

@@ -2,16 +2,23 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{PARAMETERS, ParameterCovariance, SIDE_SLIP, Values};
+use super::{ASYMMETRY, CUBIC, PARAMETERS, ParameterCovariance, QUADRATIC, SIDE_SLIP, Values};
 use crate::estimate::Parameter;
 use crate::geometry::Pose2;
 use crate::settings::{EstimatorSettings, Freedom, Measurement};
-use crate::vehicle::Vehicle;
+use crate::vehicle::{Vehicle, VehicleModel};
+
+/// What docs/assumptions.md takes for typical: the gain differs by 1 % between left and right,
+pub(super) const ASYMMETRY_SIGMA: f64 = 0.01;
+/// the curve departs by 0.3 degrees at 20 degrees, 1/rad
+pub(super) const QUADRATIC_SIGMA_PER_RAD: f64 = 0.043;
+/// or 1/rad^2.
+const CUBIC_SIGMA_PER_RAD2: f64 = 0.12;
 
 /// Values, doubts and freedoms of the parameters at a filter's start.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Prior {
-    /// Values, in the order of [`Parameter::ALL`], the side slip last.
+    /// Values, in the order of [`Parameter::ALL`], then what the vehicle does beyond.
     pub values: Values,
     /// Their covariance.
     pub covariance: ParameterCovariance,
@@ -56,6 +63,7 @@ impl Prior {
         }
         if settings.measurement == Measurement::Clone {
             sigma[SIDE_SLIP] = settings.side_slip_sigma_rad_per_mps2;
+            open_curve(&mut sigma, vehicle, settings);
         }
         Self {
             values,
@@ -63,10 +71,42 @@ impl Prior {
             held: std::array::from_fn(|i| {
                 Parameter::ALL
                     .get(i)
-                    .is_some_and(|&p| settings.freedom(p) != Freedom::Estimated)
+                    .is_some_and(|&p| is_held(p, vehicle, settings))
             }),
             random_walk_per_sqrt_s: random_walk(settings),
         }
+    }
+}
+
+/// Whether the steering may have a curve. A linkage bends it; a tricycle's sensor sits on the axis of the
+/// very wheel that steers.
+fn has_curve(vehicle: &Vehicle) -> bool {
+    vehicle.model == VehicleModel::Bicycle
+}
+
+/// A gain that is not told is a state all the same, as long as no free wheelbase takes its part: no
+/// linkage is without one.
+fn has_hidden_gain(vehicle: &Vehicle, settings: &EstimatorSettings) -> bool {
+    has_curve(vehicle)
+        && settings.measurement == Measurement::Clone
+        && settings.freedom(Parameter::SteeringGain) == Freedom::Off
+        && settings.freedom(Parameter::Wheelbase) != Freedom::Estimated
+}
+
+fn is_held(parameter: Parameter, vehicle: &Vehicle, settings: &EstimatorSettings) -> bool {
+    let is_hidden = parameter == Parameter::SteeringGain && has_hidden_gain(vehicle, settings);
+    settings.freedom(parameter) != Freedom::Estimated && !is_hidden
+}
+
+/// The doubts of the steering's curve.
+fn open_curve(sigma: &mut Values, vehicle: &Vehicle, settings: &EstimatorSettings) {
+    if has_hidden_gain(vehicle, settings) {
+        sigma[Parameter::SteeringGain.index()] = settings.prior_sigma.steering_gain;
+    }
+    if has_curve(vehicle) {
+        sigma[ASYMMETRY] = ASYMMETRY_SIGMA;
+        sigma[QUADRATIC] = QUADRATIC_SIGMA_PER_RAD;
+        sigma[CUBIC] = CUBIC_SIGMA_PER_RAD2;
     }
 }
 

@@ -359,11 +359,13 @@ impl Alignment<'_> {
                 .residual(motion, &point)
                 .map_or(f32::INFINITY, |r| r.distance * r.distance / r.variance);
             let is_on_map = normalised2 < ON_MAP_SIGMAS * ON_MAP_SIGMAS;
-            fit.score += 1.0 / (1.0 + normalised2 * (1.0 / (ROBUST_SIGMAS * ROBUST_SIGMAS)));
+            let score = 1.0 / (1.0 + normalised2 * (1.0 / (ROBUST_SIGMAS * ROBUST_SIGMAS)));
+            fit.score += score;
             if is_on_map {
                 fit.on_map += 1.0;
             } else if free_space.was_free(cell()) {
                 fit.moving += 1.0;
+                fit.score_of_moving += score;
             }
             if let Some(known) = self.submap.known() {
                 let cell = cell();

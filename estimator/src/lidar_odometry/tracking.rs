@@ -67,6 +67,8 @@ pub struct Fit {
     pub moving: f32,
     /// Sum over the points of their closeness to the map, 1 for a point on its line.
     pub score: f32,
+    /// What of it is the moving points'.
+    pub score_of_moving: f32,
     /// Points on the surfaces of a map known before.
     pub agrees: f32,
     /// Points where that map has nothing, or a surface elsewhere.
@@ -91,9 +93,9 @@ impl Fit {
         self.on_map / (self.points - self.moving).max(1.0)
     }
 
-    /// Mean closeness of the points to the map, 0 to 1.
+    /// Mean closeness of the points that do not move to the map, 0 to 1.
     fn closeness(&self) -> f32 {
-        self.score / self.points.max(1.0)
+        (self.score - self.score_of_moving) / (self.points - self.moving).max(1.0)
     }
 
     /// Share of the points that lie where a map known before says; `None` where it says nothing.
@@ -238,5 +240,35 @@ impl Track {
     pub fn lost(&mut self) -> Tracking {
         self.lost_sweeps += 1;
         Tracking::Lost
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sweep of a real robot in an office, half of whose points were on people.
+    #[test]
+    fn a_sweep_that_people_cover_by_half_is_not_lost() {
+        let crowded = Fit {
+            points: 103.0,
+            on_map: 29.0,
+            moving: 47.0,
+            score: 26.6,
+            score_of_moving: 1.0,
+            ..Fit::default()
+        };
+        let track = Track {
+            closeness: 0.666,
+            ..Track::default()
+        };
+        assert!(track.accepts(&crowded));
+        // Still points that lie nowhere near the map are no people.
+        let elsewhere = Fit {
+            moving: 0.0,
+            score_of_moving: 0.0,
+            ..crowded
+        };
+        assert!(!track.accepts(&elsewhere));
     }
 }

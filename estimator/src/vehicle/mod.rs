@@ -43,13 +43,28 @@ pub struct DriveParameters {
     pub steering_gain: f64,
     /// Slip angle of the rear axle, outwards, for each m/s^2 of lateral acceleration, rad.
     pub side_slip_rad_per_mps2: f64,
+    /// What the steering does beyond offset and gain.
+    pub curve: SteeringCurve,
+}
+
+/// How a true steering angle departs from a straight line over the measured one. With `u` the
+/// measured angle less its offset, the true angle is
+/// `(gain + asymmetry sign(u)) u + quadratic u^2 + cubic u^3`.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct SteeringCurve {
+    /// By how much the gain is larger to the left and smaller to the right.
+    pub asymmetry: f64,
+    /// Quadratic term, 1/rad.
+    pub quadratic_per_rad: f64,
+    /// Cubic term, 1/rad^2.
+    pub cubic_per_rad2: f64,
 }
 
 /// How many parameters [`Motion`]'s derivatives are by.
-pub const DRIVE_PARAMETERS: usize = 5;
+pub const DRIVE_PARAMETERS: usize = 8;
 
 /// The rear axle's motion, with derivatives by (steering offset, speed scale, wheelbase, gain, side
-/// slip).
+/// slip, asymmetry, quadratic term, cubic term).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Motion {
     /// Speed of the rear axle along x of `base`, m/s.
@@ -84,12 +99,7 @@ impl Vehicle {
 
     /// The rear axle's motion under a drive reading.
     pub fn motion(&self, drive: Drive, parameters: &DriveParameters) -> Motion {
-        let raw = drive.steering_rad - parameters.steering_offset_rad;
-        let steering = Steering {
-            true_rad: parameters.steering_gain * raw,
-            by_offset: -parameters.steering_gain,
-            by_gain: raw,
-        };
+        let steering = Steering::of(drive, parameters);
         let rolling = match self.speed_measured_at {
             SpeedMeasuredAt::RearAxle => {
                 bicycle::motion(drive.speed_mps, 0.0, steering, parameters)
@@ -118,17 +128,42 @@ fn with_side_slip(rolling: Motion, slip: f64) -> Motion {
     {
         *by = -slip * v * (2.0 * yaw_rate * speed_by + v * yaw_by);
     }
-    let [.., by_slip] = &mut motion.side_speed_by;
+    let [_, _, _, _, by_slip, ..] = &mut motion.side_speed_by;
     *by_slip = -v * v * yaw_rate;
     motion
 }
 
-/// The true steering angle and its derivatives by steering offset and gain.
+/// The true steering angle and its derivatives by steering offset, gain and curve.
 #[derive(Debug, Clone, Copy)]
 struct Steering {
     true_rad: f64,
     by_offset: f64,
     by_gain: f64,
+    by_asymmetry: f64,
+    by_quadratic: f64,
+    by_cubic: f64,
+}
+
+impl Steering {
+    fn of(drive: Drive, parameters: &DriveParameters) -> Self {
+        let curve = &parameters.curve;
+        let raw = drive.steering_rad - parameters.steering_offset_rad;
+        let slope = parameters.steering_gain
+            + curve.asymmetry * raw.signum()
+            + 2.0 * curve.quadratic_per_rad * raw
+            + 3.0 * curve.cubic_per_rad2 * raw * raw;
+        Self {
+            true_rad: parameters.steering_gain * raw
+                + curve.asymmetry * raw.abs()
+                + curve.quadratic_per_rad * raw.powi(2)
+                + curve.cubic_per_rad2 * raw.powi(3),
+            by_offset: -slope,
+            by_gain: raw,
+            by_asymmetry: raw.abs(),
+            by_quadratic: raw.powi(2),
+            by_cubic: raw.powi(3),
+        }
+    }
 }
 
 /// Chain rule: from derivatives by (steering, speed scale, wheelbase) to those by the parameters.
@@ -144,6 +179,9 @@ fn by_parameters(
         by_wheelbase,
         by_steering * s.by_gain,
         0.0,
+        by_steering * s.by_asymmetry,
+        by_steering * s.by_quadratic,
+        by_steering * s.by_cubic,
     ]
 }
 
@@ -159,7 +197,10 @@ mod tests {
             1 => q.speed_scale += by,
             2 => q.wheelbase_m += by,
             3 => q.steering_gain += by,
-            _ => q.side_slip_rad_per_mps2 += by,
+            4 => q.side_slip_rad_per_mps2 += by,
+            5 => q.curve.asymmetry += by,
+            6 => q.curve.quadratic_per_rad += by,
+            _ => q.curve.cubic_per_rad2 += by,
         }
         q
     }
@@ -191,6 +232,7 @@ mod tests {
                 wheelbase_m: vehicle.wheelbase_m,
                 steering_gain: 0.98,
                 side_slip_rad_per_mps2: 0.01,
+                curve: SteeringCurve { asymmetry: 0.01, quadratic_per_rad: 0.04, cubic_per_rad2: 0.1 },
             };
             let motion = vehicle.motion(drive, &p);
             for i in 0..DRIVE_PARAMETERS {
@@ -216,6 +258,7 @@ mod tests {
             wheelbase_m: 1.2,
             steering_gain: 1.0,
             side_slip_rad_per_mps2: 0.0,
+            curve: SteeringCurve::default(),
         };
         let motion = vehicle.motion(
             Drive {

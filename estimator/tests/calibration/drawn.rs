@@ -2,7 +2,9 @@
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::filter::noise::MotionNoise;
-use fleetcal_robot::simulator::{Pose2, SimulationConfig, Slip, VehicleTruth};
+use fleetcal_robot::simulator::{
+    Pose2, SimulationConfig, Slip, VehicleImperfections, VehicleTruth,
+};
 use rand::{Rng, SeedableRng, rngs::StdRng};
 use rand_distr::StandardNormal;
 
@@ -27,6 +29,15 @@ pub fn drawn(seed: u64) -> (SimulationConfig, CalibratorConfig) {
             lateral_rad_per_mps2: normal(0.003).abs(),
         },
         ..VehicleTruth::default()
+    };
+    // As the steering offset and the time offset, within the priors.
+    let curve_rad = 0.2f64.to_radians();
+    config.imperfections.vehicle = VehicleImperfections {
+        steering_gain: normal(0.014),
+        steering_asymmetry: normal(0.007),
+        steering_quadratic_rad: normal(curve_rad),
+        steering_cubic_rad: normal(curve_rad),
+        ..VehicleImperfections::default()
     };
     config.applied.lidar_in_base = config.vehicle.lidar_in_base;
     let calibrator = CalibratorConfig::of(vehicle_of(&config.vehicle, wheelbase_m));

@@ -5,7 +5,7 @@ use fleetcal_estimator::drive_history::DriveHistory;
 use fleetcal_estimator::filter::prediction::PredictedMotion;
 use fleetcal_estimator::filter::prior::Prior;
 use fleetcal_estimator::filter::{
-    OdometryReading, PARAMETERS, ParameterCovariance, SIDE_SLIP, Values, drive_parameters,
+    DRIVE_PARAMETER, OdometryReading, PARAMETERS, ParameterCovariance, Values, drive_parameters,
     lidar_in_base,
 };
 use fleetcal_estimator::{DriveSample, Freedom, Parameter, Pose2, Stamp};
@@ -80,14 +80,7 @@ fn stretch(
     let (to_lidar, back) = (x.inverse().adjoint(), h.inverse().adjoint());
 
     let mut by_parameters = ByParameters::zeros();
-    let drive_parameters = [
-        Parameter::SteeringOffset.index(),
-        Parameter::SpeedScale.index(),
-        Parameter::Wheelbase.index(),
-        Parameter::SteeringGain.index(),
-        SIDE_SLIP,
-    ];
-    for (column, parameter) in drive_parameters.iter().enumerate() {
+    for (column, parameter) in DRIVE_PARAMETER.iter().enumerate() {
         let by = to_lidar * motion.by_parameters.column(column);
         by_parameters.set_column(*parameter, &by);
     }
@@ -146,10 +139,15 @@ fn batch(
     values
 }
 
+/// What is told may err by so much more than the batch solution: it takes asymmetry and quadratic term
+/// for a fifth of their priors where the data do not ask for more, and here they are drawn from 0.7 of
+/// these priors, as on few robots. The batch solution, like the filter, knows how they are drawn.
+const TOLD_MAX: f64 = 1.2;
+
 #[test]
 fn the_filter_is_as_good_as_a_batch_solution_of_the_same_data() {
     let duration_s = 60.0;
-    let (seeds, mut squares) = (1..=60, [[0.0; 2]; 4]);
+    let (seeds, mut squares) = (1..=60, [[0.0; 3]; 4]);
     for seed in seeds {
         let (mut config, mut calibrator) = drawn_with_white_noise(seed);
         // Nothing is drawn that the filter is told to hold: then both have the same unknowns.
@@ -163,15 +161,18 @@ fn the_filter_is_as_good_as_a_batch_solution_of_the_same_data() {
         let solved = batch(&calibrator, filter.values(), &drive_samples, &readings);
         for (square, parameter) in squares.iter_mut().zip(FOUR) {
             square[0] += error_of(parameter, estimate, truth).powi(2);
-            square[1] += (solved[parameter.index()] - truth_of(parameter, truth)).powi(2);
+            for (sum, values) in square[1..].iter_mut().zip([filter.values(), &solved]) {
+                *sum += (values[parameter.index()] - truth_of(parameter, truth)).powi(2);
+            }
         }
     }
-    for ([filter, batch], parameter) in squares.iter().zip(FOUR) {
-        let ratio = (filter / batch).sqrt();
+    for ([told, filter, batch], parameter) in squares.iter().zip(FOUR) {
+        let [told, filter] = [told, filter].map(|sum| (sum / batch).sqrt());
         println!(
-            "{}: RMSE over the batch solution's {ratio:.3}",
+            "{}: RMSE over the batch solution's: filter {filter:.3}, told {told:.3}",
             parameter.name()
         );
-        assert!(ratio <= 1.15, "{}: {ratio}", parameter.name());
+        assert!(filter <= 1.15, "{}: {filter}", parameter.name());
+        assert!(told <= TOLD_MAX, "{}: {told}", parameter.name());
     }
 }

@@ -17,6 +17,7 @@ mod drive;
 mod efficiency;
 mod false_alarms;
 mod imperfect_scanner;
+mod imperfect_vehicle;
 mod lost_odometry;
 mod observability;
 mod plan;

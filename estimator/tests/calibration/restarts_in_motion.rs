@@ -3,6 +3,7 @@
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::estimate::Change;
+use fleetcal_estimator::filter::{ASYMMETRY, PARAMETERS};
 use fleetcal_estimator::lidar_odometry::{BeamTimes, ScannerReport};
 use fleetcal_estimator::{Calibrator, Checkpoint, Effect, Event, Parameter, Status};
 use fleetcal_robot::simulator::{
@@ -129,6 +130,74 @@ fn a_restart_in_mid_drive_keeps_what_was_learnt_of_the_scanner() {
     );
 }
 
+/// Takes the last rows and columns away that an estimator of before did not know.
+fn shrink(value: &mut serde_json::Value) {
+    const CURVE: usize = 3;
+    match value {
+        serde_json::Value::Object(fields) => fields.values_mut().for_each(shrink),
+        serde_json::Value::Array(numbers) => match numbers.len() {
+            PARAMETERS => numbers.truncate(PARAMETERS - CURVE),
+            // Drive parameters and all parameters, of a pose.
+            24 | 36 => numbers.truncate(numbers.len() - 3 * CURVE),
+            144 | 324 => {
+                let size = numbers.len().isqrt();
+                let mut index = 0;
+                numbers.retain(|_| {
+                    let (row, column) = (index % size, index / size);
+                    index += 1;
+                    row.max(column) < size - CURVE
+                });
+            }
+            _ => {}
+        },
+        _ => {}
+    }
+}
+
+#[test]
+fn a_checkpoint_that_knows_no_steering_curve_is_read_and_the_curve_learnt() {
+    let config = SimulationConfig::figure_eight(3);
+    let settings = CalibratorConfig::of(vehicle_of(&config.vehicle, config.vehicle.wheelbase_m));
+    let mut calibrator = Calibrator::new(settings.clone());
+    let mut changes = Vec::new();
+    let messages = messages(config, 60.0);
+    let (before, after) = messages.split_at(messages.len() * 2 / 3);
+    for (_, event) in before {
+        feed(&mut calibrator, event, &mut changes);
+    }
+    let mut stored = serde_json::to_value(calibrator.checkpoint()).unwrap();
+    stored["version"] = 7.into();
+    for part in ["filter", "long_run", "comparison", "baseline"] {
+        shrink(&mut stored[part]);
+    }
+    assert_eq!(
+        stored["filter"]["covariance"].as_array().unwrap().len(),
+        225
+    );
+    let read: Checkpoint = serde_json::from_value(stored).unwrap();
+    let mut restored = Calibrator::restore(settings, &read).unwrap();
+    let asymmetry_variance = |calibrator: &Calibrator| {
+        let covariance = calibrator.filter().unwrap().parameter_covariance();
+        covariance[(ASYMMETRY, ASYMMETRY)]
+    };
+    let prior_variance = asymmetry_variance(&restored);
+    assert!((prior_variance - 1e-4).abs() < 1e-9, "{prior_variance}");
+    for parameter in FOUR {
+        let [then, now] = [&calibrator, &restored].map(|c| c.estimate().parameter(parameter).value);
+        // What was known of the curve is not known any more.
+        assert!((then - now).abs() < 2e-3, "{parameter:?}: {then} {now}");
+    }
+    for (_, event) in after {
+        feed(&mut restored, event, &mut changes);
+    }
+    assert!(changes.is_empty(), "{changes:?}");
+    assert!(asymmetry_variance(&restored) < 0.5 * prior_variance);
+    for parameter in FOUR {
+        let status = restored.estimate().parameter(parameter).status;
+        assert_eq!(status, Status::Converged, "{parameter:?}");
+    }
+}
+
 /// A checkpoint of the release before has no scanner in it.
 #[test]
 fn a_checkpoint_without_a_scanner_is_read_and_its_scanner_learnt_anew() {
@@ -140,7 +209,7 @@ fn a_checkpoint_without_a_scanner_is_read_and_its_scanner_learnt_anew() {
         feed(&mut calibrator, &event, &mut changes);
     }
     let mut stored = serde_json::to_value(calibrator.checkpoint()).unwrap();
-    assert_eq!(stored["version"], 7);
+    assert_eq!(stored["version"], 8);
     stored["version"] = 6.into();
     stored.as_object_mut().unwrap().remove("scanner").unwrap();
     let read: Checkpoint = serde_json::from_value(stored).unwrap();

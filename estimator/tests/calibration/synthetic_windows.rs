@@ -21,7 +21,9 @@ use crate::drive::poses;
 /// Share of its information that the reference keeps from window to window: it remembers 250 m.
 const KEPT: f64 = 0.998;
 /// Doubt of the parameters before the first window: twice the limits of convergence.
-const PRIOR_SIGMA: [f64; PARAMETERS] = [1.7e-3, 0.01, 0.01, 3.5e-3, 4e-3, 6e-3, 0.02, 1e-6, 3e-3];
+const PRIOR_SIGMA: [f64; PARAMETERS] = [
+    1.7e-3, 0.01, 0.01, 3.5e-3, 4e-3, 6e-3, 0.02, 0.02, 3e-3, 0.01, 0.043, 0.12,
+];
 
 /// The search for an alarm.
 const SEARCH: Search = Search {

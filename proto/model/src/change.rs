@@ -32,6 +32,49 @@ pub enum Cause {
     Unknown,
 }
 
+/// Whether a change of one cause would be seen now, and what its detection waits for if not.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum DetectionState {
+    /// A change would be seen within some metres.
+    Watching,
+    /// The estimator has not begun, or a new session has not been held against the stored
+    /// calibration yet.
+    FirstEstimate,
+    /// The parameters are not known well enough to be held against.
+    Accuracy,
+    /// Errors of this robot that come and go are as large as the changes that matter.
+    Scatter,
+    /// The robot has not driven far enough since the detection began.
+    Motion,
+    /// A fault lasts, in which nothing can be told.
+    Fault,
+}
+
+/// Which changes would be seen now, by what they come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Detection {
+    /// A jump of the steering zero.
+    pub steering: DetectionState,
+    /// A LiDAR that was moved or turned.
+    pub lidar_mount: DetectionState,
+    /// Another speed scale: other wheels.
+    pub vehicle: DetectionState,
+}
+
+impl Detection {
+    /// The same for all.
+    pub const fn of_all(state: DetectionState) -> Self {
+        Self {
+            steering: state,
+            lidar_mount: state,
+            vehicle: state,
+        }
+    }
+}
+
 /// What happened to a robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

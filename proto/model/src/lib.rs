@@ -13,7 +13,7 @@ pub mod stream;
 pub mod time;
 pub mod vehicle;
 
-pub use change::{Cause, ChangeKind, NoteKind};
+pub use change::{Cause, ChangeKind, Detection, DetectionState, NoteKind};
 pub use parameter::{Consistency, Counts, Parameter, ParameterStatus, Unit};
 pub use plane::{Point, Pose2, wrap_angle_rad};
 pub use robot_id::{RobotId, RobotIdRefused};

@@ -1,6 +1,7 @@
 //! What happens to every request: limits, timeouts, security headers, compression.
 
 use std::any::Any;
+use std::time::Duration;
 
 use axum::Router;
 use axum::extract::{DefaultBodyLimit, Request};
@@ -11,10 +12,12 @@ use fleetcal_domain::limits;
 use tower::ServiceBuilder;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::compression::CompressionLayer;
+use tower_http::request_id::RequestId;
 use tower_http::request_id::{MakeRequestUuid, PropagateRequestIdLayer, SetRequestIdLayer};
 use tower_http::trace::{DefaultOnFailure, TraceLayer};
-use tracing::Level;
+use tracing::{Level, Span, field};
 
+use super::durations::{self, RequestDurations};
 use super::problem::Problem;
 use super::request_head::{self, HeadCheck};
 
@@ -40,12 +43,23 @@ const SECURITY_HEADERS: [(HeaderName, &str); 6] = [
 ];
 
 /// Puts the layers of all routes around them.
-pub(super) fn around(routes: Router, head: HeadCheck) -> Router {
+pub(super) fn around(routes: Router, head: HeadCheck, durations: RequestDurations) -> Router {
     let request_id = HeaderName::from_static("x-request-id");
     let layers = ServiceBuilder::new()
         .layer(SetRequestIdLayer::new(request_id.clone(), MakeRequestUuid))
-        // A 503 of a service that is starting is no error; what fails says so where it fails.
-        .layer(TraceLayer::new_for_http().on_failure(DefaultOnFailure::new().level(Level::DEBUG)))
+        .layer(
+            TraceLayer::new_for_http()
+                .make_span_with(span)
+                .on_request(())
+                .on_response(answered)
+                // A 503 of a service that is starting is no error; what fails says so where it
+                // fails.
+                .on_failure(DefaultOnFailure::new().level(Level::DEBUG)),
+        )
+        .layer(middleware::from_fn_with_state(
+            durations,
+            durations::measured,
+        ))
         .layer(PropagateRequestIdLayer::new(request_id))
         .layer(middleware::from_fn(with_headers))
         .layer(middleware::from_fn_with_state(head, request_head::checked))
@@ -55,6 +69,34 @@ pub(super) fn around(routes: Router, head: HeadCheck) -> Router {
     routes
         .method_not_allowed_fallback(method_refused)
         .layer(layers)
+}
+
+/// Characters of a request's id that the log shows.
+const REQUEST_ID_CHARS_MAX: usize = 64;
+
+/// What every line of the log says of the request that it belongs to. The route stands there as the
+/// table of routes has it: a path, a query or a header may hold a secret. The guard adds the actor.
+fn span(request: &Request) -> Span {
+    let id = request.extensions().get::<RequestId>();
+    let id = id.and_then(|id| id.header_value().to_str().ok());
+    let id: String = id
+        .unwrap_or("")
+        .chars()
+        .take(REQUEST_ID_CHARS_MAX)
+        .collect();
+    tracing::info_span!(
+        "request",
+        method = %request.method(),
+        route = durations::route(request),
+        request_id = id,
+        actor = field::Empty,
+        status = field::Empty,
+    )
+}
+
+fn answered(response: &Response, latency: Duration, span: &Span) {
+    span.record("status", response.status().as_u16());
+    tracing::debug!(latency_s = latency.as_secs_f64(), "answered");
 }
 
 /// Gives up on a request that takes too long. What a write has begun is seen through all the same,

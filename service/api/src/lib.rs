@@ -10,6 +10,7 @@ mod answers;
 mod approval;
 mod dashboard;
 mod documentation;
+mod durations;
 mod health;
 mod layers;
 mod live_event;
@@ -18,6 +19,7 @@ mod request_head;
 mod robots;
 mod rows;
 mod serving;
+mod standings;
 mod stream;
 mod topics;
 mod webhooks;
@@ -48,6 +50,7 @@ pub use access::AccessSetup;
 pub use serving::serve;
 
 use access::AccessState;
+use durations::RequestDurations;
 use etag::tagged_json;
 use extract::{NoParameters, Parameters};
 use health::ReadyProbe;
@@ -55,9 +58,20 @@ use problem::Problem;
 use request_head::HeadCheck;
 use stream::StreamHub;
 
+/// What the program was built from, for `/metrics`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BuildInfo {
+    /// Its version.
+    pub version: &'static str,
+    /// The commit of its sources; `unknown` where the build did not say.
+    pub commit: &'static str,
+}
+
 /// What the API answers from.
 #[derive(Debug, Clone)]
 pub struct ApiSetup {
+    /// What answers.
+    pub build: BuildInfo,
     /// The robots.
     pub fleet: FleetHandle,
     /// The life cycle of their calibrations.
@@ -83,6 +97,10 @@ pub struct ApiSetup {
 /// What every handler sees.
 #[derive(Debug, Clone)]
 struct ApiState {
+    build: BuildInfo,
+    /// When the process started, wall time.
+    started_ns: i64,
+    durations: RequestDurations,
     fleet: FleetHandle,
     lifecycle: Lifecycle,
     evaluator: AlertEvaluator,
@@ -99,9 +117,13 @@ struct ApiState {
 
 impl ApiState {
     fn start(setup: ApiSetup) -> Self {
+        let running_ns = i64::try_from(setup.clock.elapsed().as_nanos()).unwrap_or(0);
         Self {
+            build: setup.build,
+            started_ns: setup.clock.now_ns().saturating_sub(running_ns),
+            durations: RequestDurations::new(setup.clock.clone()),
             recordings: robots::Recordings::new(setup.stop.clone()),
-            stream: StreamHub::start(&setup.fleet, setup.clock.clone(), setup.stop),
+            stream: StreamHub::start(&setup),
             fleet: setup.fleet,
             lifecycle: setup.lifecycle,
             evaluator: setup.evaluator,
@@ -175,6 +197,7 @@ pub fn router(setup: ApiSetup) -> Router {
         connections: setup.connections.clone(),
     };
     let state = ApiState::start(setup);
+    let durations = state.durations.clone();
     let (routes, _) = documented().split_for_parts();
     let authorise = middleware::from_fn_with_state(state.clone(), access::authorise);
     let routes = routes
@@ -183,7 +206,7 @@ pub fn router(setup: ApiSetup) -> Router {
         .merge(documentation::routes())
         .fallback(dashboard::pages)
         .with_state(state);
-    layers::around(routes, head)
+    layers::around(routes, head, durations)
 }
 
 /// The OpenAPI document of [`router`].

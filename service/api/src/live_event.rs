@@ -8,7 +8,7 @@ use fleetcal_store::NewEvent;
 use serde::Serialize;
 use strum::{EnumDiscriminants, IntoStaticStr};
 
-use super::robots::{EventDocument, RobotStateDocument, state_document};
+use super::robots::{EventDocument, RobotStateDocument};
 use super::rows::Row;
 
 /// An event of the stream: its name is `event` of the server-sent event, and the JSON of its
@@ -24,7 +24,7 @@ pub(super) enum LiveEvent<'a> {
     /// Lean rows of the robots whose shown values have changed, once a second; only with the topic
     /// `fleet`.
     Rows(&'a [Row]),
-    /// A robot's state has changed.
+    /// A robot's state, standing or presence has changed.
     RobotState(RobotStateDocument),
     /// What happened to a robot.
     Event(EventDocument),
@@ -62,16 +62,12 @@ impl EventName {
 }
 
 impl<'a> LiveEvent<'a> {
-    /// The event of an update of the fleet.
-    pub(super) fn of(update: &'a LiveUpdate, now_ns: i64) -> Self {
-        match update {
+    /// The event of an update of the fleet; `None` of a robot's state, which is told as it is by
+    /// then.
+    pub(super) fn of(update: &'a LiveUpdate, now_ns: i64) -> Option<Self> {
+        Some(match update {
+            LiveUpdate::RobotState { .. } => return None,
             LiveUpdate::Estimate { document, .. } => Self::Estimate(document),
-            LiveUpdate::RobotState {
-                robot,
-                state,
-                stale,
-                alive,
-            } => Self::RobotState(state_document(robot, *state, *stale, *alive)),
             LiveUpdate::Approval { robot } => Self::Approval(ApprovalUpdate { robot }),
             LiveUpdate::Alert { alert, .. } => Self::Alert(AlertDocument::of(alert)),
             LiveUpdate::Freeze => Self::Freeze(NoData {}),
@@ -79,7 +75,7 @@ impl<'a> LiveEvent<'a> {
             LiveUpdate::Event { robot, event } => {
                 Self::Event(EventDocument::of(NewEvent::of(robot, event, now_ns)))
             }
-        }
+        })
     }
 
     /// The JSON of its content; `None`, which is logged, when it cannot be written.

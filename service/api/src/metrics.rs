@@ -1,4 +1,5 @@
-//! `/metrics`: counters for Prometheus.
+//! `/metrics`: what Prometheus reads, by its conventions: names end in their unit, counters in
+//! `_total`, and what is one thing is one family with labels.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -9,7 +10,8 @@ use axum::http::{StatusCode, header};
 use axum::response::IntoResponse;
 use fleetcal_domain::alert::{AlertKind, ConditionName};
 use fleetcal_domain::limits;
-use fleetcal_domain::robot::{ConnectionState, RobotView};
+use fleetcal_domain::robot::{ConnectionState, Counters, RobotView};
+use fleetcal_domain::standing::Standing;
 use fleetcal_fleet::FleetCounters;
 use fleetcal_http::Turned;
 use fleetcal_operations::webhook_dispatcher::WebhookDispatcherCounters;
@@ -19,12 +21,15 @@ use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric, text};
 use prometheus_client::metrics::MetricType;
 use prometheus_client::metrics::counter::ConstCounter;
 use prometheus_client::metrics::gauge::ConstGauge;
+use prometheus_client::metrics::histogram::Histogram;
+use prometheus_client::metrics::info::Info;
 use prometheus_client::registry::Registry;
 
-use super::ApiState;
+use super::durations::RequestDurations;
 use super::extract::{NoParameters, Parameters};
 use super::problem::Problem;
 use super::robots::connection_state;
+use super::{ApiState, BuildInfo};
 
 /// Counters of the service and of each robot, in the text format that Prometheus reads.
 #[utoipa::path(get, path = "/metrics", tag = "service",
@@ -37,21 +42,8 @@ pub(super) async fn metrics(
     Parameters(NoParameters {}): Parameters<NoParameters>,
 ) -> Result<impl IntoResponse, Problem> {
     let mut registry = Registry::default();
-    let robots = api.fleet.robots();
-    registry.register_collector(Box::new(Snapshot {
-        fleet: api.fleet.counters(),
-        heard: heard(&api, &robots),
-        robots: Arc::new(robots),
-        lost_answers: api.lifecycle.answer_counters(),
-        store: api.store.counters(),
-        alerts: api.evaluator.counts(),
-        dispatcher: api.dispatcher.counters(),
-        waiting_deliveries: api.store.waiting_deliveries().await.ok(),
-        link_open: *api.link_open.borrow(),
-        connections: api.connections.open(),
-        turned_away: api.connections.turned(),
-        uptime_s: api.clock.elapsed().as_secs_f64(),
-    }));
+    let waiting_deliveries = api.store.waiting_deliveries().await.ok();
+    registry.register_collector(Box::new(Snapshot::of(&api, waiting_deliveries)));
     let mut written = String::new();
     text::encode(&mut written, &registry).map_err(|error| {
         Problem::new(
@@ -64,28 +56,26 @@ pub(super) async fn metrics(
     Ok(([(header::CONTENT_TYPE, kind)], written))
 }
 
-fn heard(api: &ApiState, robots: &[RobotView]) -> BTreeMap<ConnectionState, u64> {
-    let now_ns = api.clock.now_ns();
-    let all = ConnectionState::ALL.iter();
-    let mut heard: BTreeMap<_, _> = all.map(|one| (*one, 0)).collect();
-    for robot in robots {
-        let ledger = api.lifecycle.ledger(&robot.id);
-        *heard
-            .entry(connection_state(robot, &ledger, now_ns))
-            .or_default() += 1;
-    }
-    heard
-}
-
 /// The counters at one time.
 #[derive(Debug)]
 struct Snapshot {
+    build: BuildInfo,
+    /// When the process started, s since 1970.
+    started_s: f64,
     fleet: FleetCounters,
     robots: Arc<Vec<RobotView>>,
     lost_answers: [(&'static str, u64); 3],
     /// How many robots are heard how.
     heard: BTreeMap<ConnectionState, u64>,
+    /// How many robots stand how.
+    standings: BTreeMap<Standing, u64>,
     store: StoreCounters,
+    /// How long transactions took, by path.
+    transactions: [(&'static str, Histogram); 2],
+    /// How long estimators took for a scan.
+    scans: Histogram,
+    /// How long requests took.
+    requests: RequestDurations,
     alerts: BTreeMap<(AlertKind, ConditionName), u64>,
     dispatcher: WebhookDispatcherCounters,
     /// `None` while the database does not say.
@@ -93,34 +83,84 @@ struct Snapshot {
     link_open: bool,
     connections: usize,
     turned_away: [(&'static str, u64); Turned::ALL.len()],
-    uptime_s: f64,
+}
+
+impl Snapshot {
+    fn of(api: &ApiState, waiting_deliveries: Option<u64>) -> Self {
+        let robots = api.fleet.robots();
+        let standings = api.evaluator.standings();
+        let now_ns = api.clock.now_ns();
+        let mut heard: BTreeMap<_, _> = ConnectionState::ALL.iter().map(|one| (*one, 0)).collect();
+        let mut stand: BTreeMap<_, _> = Standing::ALL.iter().map(|one| (*one, 0)).collect();
+        for robot in &robots {
+            let ledger = api.lifecycle.ledger(&robot.id);
+            *heard
+                .entry(connection_state(robot, &ledger, now_ns))
+                .or_default() += 1;
+            *stand.entry(standings.of(robot, &ledger)).or_default() += 1;
+        }
+        Self {
+            build: api.build,
+            started_s: api.started_ns as f64 / 1e9,
+            fleet: api.fleet.counters(),
+            robots: Arc::new(robots),
+            lost_answers: api.lifecycle.answer_counters(),
+            heard,
+            standings: stand,
+            store: api.store.counters(),
+            transactions: api.store.transaction_durations(),
+            scans: api.fleet.scan_durations(),
+            requests: api.durations.clone(),
+            alerts: api.evaluator.counts(),
+            dispatcher: api.dispatcher.counters(),
+            waiting_deliveries,
+            link_open: *api.link_open.borrow(),
+            connections: api.connections.open(),
+            turned_away: api.connections.turned(),
+        }
+    }
 }
 
 impl Collector for Snapshot {
     fn encode(&self, mut encoder: DescriptorEncoder<'_>) -> fmt::Result {
         let out = &mut encoder;
-        gauge(
-            out,
-            "fleetcal_up_seconds",
-            "Time since the start",
-            self.uptime_s,
-        )?;
-        gauge(
-            out,
-            "fleetcal_zenoh_open",
-            "Whether the Zenoh session is open",
-            f64::from(self.link_open),
-        )?;
-        encode_process(out)?;
+        self.encode_process(out)?;
         self.encode_http(out)?;
-        self.encode_fleet(out)?;
+        self.encode_messages(out)?;
+        self.encode_dropped(out)?;
         self.encode_store(out)?;
         self.encode_alerts(out)?;
-        self.encode_robots(out)
+        self.encode_webhooks(out)?;
+        self.encode_robots(out)?;
+        self.encode_each_robot(out)
     }
 }
 
 impl Snapshot {
+    fn encode_process(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
+        let BuildInfo { version, commit } = self.build;
+        let info = Info::new([("version", version), ("commit", commit)]);
+        // The encoder ends its name in `_info`.
+        let help = "What this program was built from";
+        info.encode(out.encode_descriptor("fleetcal_build", help, None, MetricType::Info)?)?;
+        gauge(
+            out,
+            "process_start_time_seconds",
+            "When the process started, since 1970",
+            self.started_s,
+        )?;
+        if let Some(bytes) = resident_bytes() {
+            let help = "Memory of the process";
+            gauge(out, "process_resident_memory_bytes", help, bytes)?;
+        }
+        gauge(
+            out,
+            "fleetcal_zenoh_session_up",
+            "Whether the Zenoh session is open",
+            f64::from(self.link_open),
+        )
+    }
+
     fn encode_http(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
         gauge(
             out,
@@ -137,77 +177,56 @@ impl Snapshot {
             "fleetcal_http_turned_away",
             "HTTP connections and requests turned away, by reason",
             by_reason,
-        )
+        )?;
+        self.requests.encode(out)
     }
 
-    fn encode_fleet(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
+    fn encode_messages(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
         let fleet = &self.fleet;
-        for (name, help, value) in [
-            ("fleetcal_messages", "Messages received", fleet.received),
-            (
-                "fleetcal_foreign_keys",
-                "Messages whose key names no robot",
-                fleet.foreign_keys,
-            ),
-            (
-                "fleetcal_oversized",
-                "Messages refused for their size",
-                fleet.oversized,
-            ),
-            (
-                "fleetcal_beyond_robots",
-                "Messages of robots beyond the limit",
-                { fleet.beyond_robots_max },
-            ),
-            (
-                "fleetcal_unanswered_questions",
-                "Questions over Zenoh beyond the limit",
-                fleet.unanswered_questions,
-            ),
-            (
-                "fleetcal_notes_beyond_budget",
-                "Notes of robots beyond their budget",
-                fleet.notes_beyond_budget,
-            ),
-            (
-                "fleetcal_events_beyond_budget",
-                "Events beyond their robot's budget",
-                fleet.events_beyond_budget,
-            ),
-            (
-                "fleetcal_missing",
-                "Messages that by their neighbours' stamps were sent and not used, dropped ones included",
-                fleet.missing,
-            ),
-            (
-                "fleetcal_of_two_senders",
-                "Messages not used since two senders use one id",
-                fleet.of_two_senders,
-            ),
-            (
-                "fleetcal_estimator_panics",
-                "Estimators that failed",
-                fleet.estimator_panics,
-            ),
-        ] {
-            counter(out, name, help, value)?;
-        }
-        let lost = self
-            .lost_answers
-            .iter()
-            .map(|(reason, count)| ([("reason", *reason)], *count));
-        let help = "Answers of robots that were not stored, by reason";
-        counters(out, "fleetcal_lost_answers", help, lost)?;
+        let help = "Messages received, also on unknown keys";
+        counter(out, "fleetcal_messages_received", help, fleet.received)?;
         let by_stream = fleet
             .by_stream
             .iter()
             .map(|(stream, value)| ([("stream", *stream)], *value));
-        counters(
+        let help = "Messages received from robots, by stream";
+        counters(out, "fleetcal_stream_messages", help, by_stream)?;
+        let help = "Estimators that failed";
+        counter(
             out,
-            "fleetcal_stream_messages",
-            "Messages received by stream",
-            by_stream,
-        )
+            "fleetcal_estimator_panics",
+            help,
+            fleet.estimator_panics,
+        )?;
+        let help = "Time that an estimator takes for one scan";
+        let kind = MetricType::Histogram;
+        let name = "fleetcal_estimator_scan_duration_seconds";
+        self.scans
+            .encode(out.encode_descriptor(name, help, None, kind)?)
+    }
+
+    /// Everything that was lost or not used: one family, every reason from the start on.
+    fn encode_dropped(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
+        let fleet = &self.fleet;
+        let of_robots = self.robots.iter().map(|robot| &robot.counters);
+        let mailbox_full =
+            of_robots.map(|of| of.dropped_wheel_odometry + of.dropped_scans + of.dropped_notes);
+        let by_reason = [
+            ("unknown_key", fleet.foreign_keys),
+            ("oversized", fleet.oversized),
+            ("robot_limit", fleet.beyond_robots_max),
+            ("mailbox_full", mailbox_full.sum()),
+            ("missing", fleet.missing),
+            ("two_senders", fleet.of_two_senders),
+            ("note_budget", fleet.notes_beyond_budget),
+            ("event_budget", fleet.events_beyond_budget),
+            ("query_limit", fleet.unanswered_questions),
+        ];
+        let answers = self.lost_answers.iter().copied();
+        let all = by_reason.into_iter().chain(answers);
+        let help = "Messages, queries, events and answers that were lost or not used, by reason";
+        let all = all.map(|(reason, count)| ([("reason", reason)], count));
+        counters(out, "fleetcal_messages_dropped", help, all)
     }
 
     fn encode_store(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
@@ -251,12 +270,18 @@ impl Snapshot {
         ] {
             counter(out, name, help, value)?;
         }
-        gauge(
-            out,
-            "fleetcal_store_waiting",
-            "Writes that wait in memory",
-            store.waiting as f64,
-        )
+        let help = "Writes that wait in memory";
+        gauge(out, "fleetcal_store_waiting", help, store.waiting as f64)?;
+        let mut family = out.encode_descriptor(
+            "fleetcal_store_transaction_duration_seconds",
+            "Time from asking for the connection that writes until the commit or its failure",
+            None,
+            MetricType::Histogram,
+        )?;
+        for (path, durations) in &self.transactions {
+            durations.encode(family.encode_family(&[("path", *path)])?)?;
+        }
+        Ok(())
     }
 
     /// Every kind in every active state, so that none appears only with its first alert.
@@ -277,6 +302,10 @@ impl Snapshot {
                 ConstGauge::new(count as f64).encode(family.encode_family(&labels)?)?;
             }
         }
+        Ok(())
+    }
+
+    fn encode_webhooks(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
         let dispatcher = &self.dispatcher;
         for (name, help, value) in [
             (
@@ -309,66 +338,60 @@ impl Snapshot {
     }
 
     fn encode_robots(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
-        let all = self.robots.len();
-        gauge(out, "fleetcal_robots", "Robots known", all as f64)?;
-        let mut family = out.encode_descriptor(
-            "fleetcal_robots_by_connection",
-            "Robots that are online, silent, or switched off on purpose",
-            None,
-            MetricType::Gauge,
-        )?;
-        for (connection, count) in &self.heard {
-            let labels = [("connection", connection.name())];
-            ConstGauge::new(*count as f64).encode(family.encode_family(&labels)?)?;
-        }
-        let beyond = all.saturating_sub(limits::METRICS_ROBOTS_MAX);
-        gauge(
+        let help = "Robots, by how they stand";
+        let standings = self.standings.iter();
+        let standings = standings.map(|(standing, count)| (standing.as_str(), *count));
+        gauges(out, "fleetcal_robots", help, "standing", standings)?;
+        let help = "Robots that are online, silent, or switched off on purpose";
+        let heard = self.heard.iter();
+        let heard = heard.map(|(connection, count)| (connection.name(), *count));
+        gauges(
             out,
-            "fleetcal_robots_beyond_metrics",
-            "Robots without own counters",
-            beyond as f64,
+            "fleetcal_robots_by_connection",
+            help,
+            "connection",
+            heard,
         )?;
+        let beyond = self.robots.len().saturating_sub(limits::METRICS_ROBOTS_MAX);
+        let help = "Robots without own counters";
+        gauge(out, "fleetcal_robots_beyond_metrics", help, beyond as f64)
+    }
+
+    fn encode_each_robot(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
+        let shown = || self.robots.iter().take(limits::METRICS_ROBOTS_MAX);
+        let help = "Messages of each robot, by what became of them";
+        let name = "fleetcal_robot_messages";
+        let mut family = out.encode_descriptor(name, help, None, MetricType::Counter)?;
+        for robot in shown() {
+            for (outcome, count) in outcomes(&robot.counters) {
+                let labels = [("robot", robot.id.as_str()), ("outcome", outcome)];
+                ConstCounter::new(count).encode(family.encode_family(&labels)?)?;
+            }
+        }
         for (name, help, value) in ROBOT_COUNTERS {
-            let shown = self.robots.iter().take(limits::METRICS_ROBOTS_MAX);
-            let values = shown.map(|robot| ([("robot", robot.id.as_str())], value(robot)));
+            let values = shown().map(|robot| ([("robot", robot.id.as_str())], value(robot)));
             counters(out, name, help, values)?;
         }
         Ok(())
     }
 }
 
+/// What became of a robot's messages; those that wait are the difference to those received.
+const fn outcomes(counters: &Counters) -> [(&'static str, u64); 6] {
+    [
+        ("processed", counters.processed),
+        ("refused", counters.refused),
+        ("ignored", counters.ignored),
+        ("dropped_wheel_odometry", counters.dropped_wheel_odometry),
+        ("dropped_scan", counters.dropped_scans),
+        ("dropped_note", counters.dropped_notes),
+    ]
+}
+
 /// Name, meaning and value of a robot's counter.
 type RobotCounter = (&'static str, &'static str, fn(&RobotView) -> u64);
 
-const ROBOT_COUNTERS: [RobotCounter; 8] = [
-    (
-        "fleetcal_robot_received",
-        "Messages of the robot",
-        |robot| robot.counters.received,
-    ),
-    (
-        "fleetcal_robot_processed",
-        "Messages that its estimator took",
-        |robot| robot.counters.processed,
-    ),
-    (
-        "fleetcal_robot_dropped_wheel_odometry",
-        "Drive samples dropped",
-        |robot| robot.counters.dropped_wheel_odometry,
-    ),
-    (
-        "fleetcal_robot_dropped_scans",
-        "Scans and poses dropped",
-        |robot| robot.counters.dropped_scans,
-    ),
-    ("fleetcal_robot_refused", "Messages refused", |robot| {
-        robot.counters.refused
-    }),
-    (
-        "fleetcal_robot_ignored",
-        "Messages before it was configured",
-        |robot| robot.counters.ignored,
-    ),
+const ROBOT_COUNTERS: [RobotCounter; 2] = [
     (
         "fleetcal_robot_unpaired",
         "Speeds without a steering angle near enough",
@@ -380,6 +403,20 @@ const ROBOT_COUNTERS: [RobotCounter; 8] = [
         |robot| u64::from(robot.estimator_restarts),
     ),
 ];
+
+fn gauges<'a>(
+    out: &mut DescriptorEncoder<'_>,
+    name: &str,
+    help: &str,
+    label: &str,
+    values: impl Iterator<Item = (&'a str, u64)>,
+) -> fmt::Result {
+    let mut family = out.encode_descriptor(name, help, None, MetricType::Gauge)?;
+    for (value, count) in values {
+        ConstGauge::new(count as f64).encode(family.encode_family(&[(label, value)])?)?;
+    }
+    Ok(())
+}
 
 fn counter(out: &mut DescriptorEncoder<'_>, name: &str, help: &str, value: u64) -> fmt::Result {
     let counter = ConstCounter::new(value);
@@ -402,18 +439,6 @@ fn counters<'a>(
         ConstCounter::new(value).encode(family.encode_family(&labels)?)?;
     }
     Ok(())
-}
-
-fn encode_process(out: &mut DescriptorEncoder<'_>) -> fmt::Result {
-    let Some(bytes) = resident_bytes() else {
-        return Ok(());
-    };
-    gauge(
-        out,
-        "process_resident_memory_bytes",
-        "Memory of the process",
-        bytes,
-    )
 }
 
 /// Resident memory of this process; `None` where the system does not say.

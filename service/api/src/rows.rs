@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use fleetcal_domain::standing::Standing;
 use fleetcal_model::{Parameter, ParameterStatus};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::{EstimateDocument, ParameterDocument};
@@ -26,6 +27,8 @@ const DISTANCE_STEP_M: f64 = 1.0;
 #[schema(as = RobotRow)]
 pub(super) struct Row {
     robot: RobotId,
+    /// How it stands, in one word.
+    standing: Standing,
     /// Distance driven in this session, m.
     distance_m: f64,
     /// Values, to half of what a list shows: 0.0006° and 0.05 mm.
@@ -42,8 +45,8 @@ pub(super) struct Row {
 }
 
 impl Row {
-    /// The row of an estimate.
-    pub(super) fn of(robot: &RobotId, estimate: &EstimateDocument) -> Self {
+    /// The row of an estimate of a robot that stands like this.
+    pub(super) fn of(robot: &RobotId, standing: Standing, estimate: &EstimateDocument) -> Self {
         let shown = SHOWN.map(|name| estimate.parameters.get(name));
         let needs = shown.map(|parameter| parameter.needs.clone());
         let rounded_each = |part: fn(&ParameterDocument) -> f64| {
@@ -52,6 +55,7 @@ impl Row {
         };
         Self {
             robot: robot.clone(),
+            standing,
             distance_m: rounded(estimate.distance_m, DISTANCE_STEP_M),
             values: rounded_each(|parameter| parameter.value),
             sigmas: rounded_each(|parameter| parameter.sigma),
@@ -76,13 +80,25 @@ pub(super) struct Rows {
 }
 
 impl Rows {
-    /// Takes a robot's estimate.
-    pub(super) fn take(&mut self, robot: &RobotId, estimate: &EstimateDocument) {
-        let row = Row::of(robot, estimate);
+    /// Takes an estimate of a robot that stands like this.
+    pub(super) fn take(
+        &mut self,
+        robot: &RobotId,
+        standing: Standing,
+        estimate: &EstimateDocument,
+    ) {
+        let row = Row::of(robot, standing, estimate);
         if self.told.get(robot) == Some(&row) {
             self.new.remove(robot);
         } else {
             self.new.insert(robot.clone(), row);
+        }
+    }
+
+    /// Takes how a robot stands now, which the row that is to be told says too.
+    pub(super) fn take_standing(&mut self, robot: &RobotId, standing: Standing) {
+        if let Some(row) = self.new.get_mut(robot) {
+            row.standing = standing;
         }
     }
 

@@ -11,7 +11,6 @@ use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use fleetcal_clock::SharedClock;
 use fleetcal_domain::limits;
-use fleetcal_fleet::FleetHandle;
 use fleetcal_fleet::live::LiveUpdate;
 use fleetcal_http::{PeerAddress, Share, Shares, Turned, compressed};
 use fleetcal_proto::RobotId;
@@ -24,13 +23,15 @@ use tokio_util::sync::CancellationToken;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::ApiState;
 use super::access::{Caller, permission_ended};
 use super::extract::Parameters;
 use super::live_event::{EventName, LiveEvent, NoData, robot_of};
 use super::problem::Problem;
+use super::robots::RobotStateDocument;
 use super::rows::Rows;
+use super::standings::ToldStandings;
 use super::topics::{Topics, Wanted};
+use super::{ApiSetup, ApiState};
 
 /// One update, written out.
 #[derive(Debug)]
@@ -62,16 +63,25 @@ struct ListenerPlace {
 
 impl StreamHub {
     /// Starts to write out what the fleet tells, until `stop`.
-    pub(super) fn start(fleet: &FleetHandle, clock: SharedClock, stop: CancellationToken) -> Self {
+    pub(super) fn start(setup: &ApiSetup) -> Self {
         let (frames, _) = broadcast::channel(limits::LIVE_UPDATES_MAX);
         let hub = Self {
             frames,
             places: Arc::new(Semaphore::new(limits::HTTP_STREAMS_MAX)),
             of_caller: Shares::new(limits::HTTP_STREAMS_PER_CALLER_MAX),
             of_address: Shares::new(limits::HTTP_STREAMS_PER_ADDRESS_MAX),
-            stop,
+            stop: setup.stop.clone(),
         };
-        tokio::spawn(hub.clone().write_out(fleet.live(), clock));
+        let (fleet, lifecycle) = (setup.fleet.clone(), setup.lifecycle.clone());
+        let writer = Writer {
+            live: fleet.live(),
+            standings: ToldStandings::new(fleet, lifecycle, setup.evaluator.clone()),
+            rows: Rows::default(),
+            clock: setup.clock.clone(),
+            hub: hub.clone(),
+            id: 0,
+        };
+        tokio::spawn(writer.run());
         hub
     }
 
@@ -106,62 +116,103 @@ impl StreamHub {
             _of_address: of_address,
         })
     }
+}
 
-    async fn write_out(self, mut live: broadcast::Receiver<LiveUpdate>, clock: SharedClock) {
-        let mut id = 0;
-        let mut rows = Rows::default();
+/// Writes each update out once, however many listen.
+#[derive(Debug)]
+struct Writer {
+    live: broadcast::Receiver<LiveUpdate>,
+    standings: ToldStandings,
+    rows: Rows,
+    clock: SharedClock,
+    hub: StreamHub,
+    /// Of the last event.
+    id: u64,
+}
+
+impl Writer {
+    async fn run(mut self) {
         let mut ticks = tokio::time::interval(limits::HTTP_STREAM_ROWS_EVERY);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
-            let update = tokio::select! {
-                () = self.stop.cancelled() => return,
-                _ = ticks.tick() => None,
-                update = live.recv() => Some(update),
-            };
-            if self.frames.receiver_count() == 0 {
-                // Whoever comes reads the robots first, and hears of what is new since.
-                rows = Rows::default();
-                if !matches!(update, Some(Err(broadcast::error::RecvError::Closed))) {
-                    continue;
-                }
+            tokio::select! {
+                () = self.hub.stop.cancelled() => return,
+                _ = ticks.tick() => self.tick(),
+                update = self.live.recv() => match update {
+                    Ok(update) => self.take(&update),
+                    Err(broadcast::error::RecvError::Lagged(_)) => {
+                        self.tell(None, &LiveEvent::Resync(NoData {}));
+                    }
+                    Err(broadcast::error::RecvError::Closed) => return,
+                },
             }
-            id += 1;
-            let Some(update) = update else {
-                self.tell(rows_frame(id, &mut rows));
-                continue;
-            };
-            if let Ok(LiveUpdate::Estimate { robot, document }) = &update {
-                rows.take(robot, document);
-            }
-            let frame = match update {
-                Ok(update) => {
-                    let event = LiveEvent::of(&update, clock.now_ns());
-                    Frame::of(id, robot_of(&update), &event)
-                }
-                Err(broadcast::error::RecvError::Lagged(_)) => {
-                    Frame::of(id, None, &LiveEvent::Resync(NoData {}))
-                }
-                Err(broadcast::error::RecvError::Closed) => return,
-            };
-            self.tell(frame);
         }
     }
 
-    fn tell(&self, frame: Option<Frame>) {
-        if let Some(frame) = frame {
+    /// Whoever comes reads the robots first, and hears of what is new since.
+    fn is_heard(&self) -> bool {
+        self.hub.frames.receiver_count() > 0
+    }
+
+    /// Tells how robots stand that no event was about, and the rows that have changed.
+    fn tick(&mut self) {
+        // Also while nobody listens: what changes after somebody has read the robots is told.
+        for state in self.standings.all_changed() {
+            self.tell_state(state);
+        }
+        let rows = self.rows.take_new();
+        if !self.is_heard() {
+            self.rows = Rows::default();
+        } else if !rows.is_empty() {
+            self.tell(None, &LiveEvent::Rows(&rows));
+        }
+    }
+
+    fn take(&mut self, update: &LiveUpdate) {
+        if !self.is_heard() {
+            return;
+        }
+        if let LiveUpdate::Estimate { robot, document } = update {
+            let standing = self.standings.known(robot);
+            self.rows.take(robot, standing, document);
+        }
+        let now_ns = self.clock.now_ns();
+        if let Some(event) = LiveEvent::of(update, now_ns) {
+            self.tell(robot_of(update), &event);
+        }
+        let state = match update {
+            LiveUpdate::RobotState { robot, .. } => self.standings.now(robot),
+            LiveUpdate::Approval { robot } => self.standings.changed(robot),
+            LiveUpdate::Alert { robot, .. } => robot
+                .as_ref()
+                .and_then(|robot| self.standings.changed(robot)),
+            // The next tick tells what these have changed.
+            LiveUpdate::Estimate { .. }
+            | LiveUpdate::Event { .. }
+            | LiveUpdate::Freeze
+            | LiveUpdate::Policy => None,
+        };
+        if let Some(state) = state {
+            self.tell_state(state);
+        }
+    }
+
+    fn tell_state(&mut self, state: RobotStateDocument) {
+        let robot = state.robot().clone();
+        self.rows.take_standing(&robot, state.standing());
+        self.tell(Some(&robot), &LiveEvent::RobotState(state));
+    }
+
+    fn tell(&mut self, robot: Option<&RobotId>, event: &LiveEvent<'_>) {
+        if !self.is_heard() {
+            return;
+        }
+        self.id += 1;
+        if let Some(frame) = Frame::of(self.id, robot, event) {
             // Nobody listens any more: nothing is lost.
-            drop(self.frames.send(Arc::new(frame)));
+            drop(self.hub.frames.send(Arc::new(frame)));
         }
     }
-}
-
-/// The rows that have changed; `None` when none has.
-fn rows_frame(id: u64, rows: &mut Rows) -> Option<Frame> {
-    let new = rows.take_new();
-    let of_all = None;
-    (!new.is_empty())
-        .then(|| Frame::of(id, of_all, &LiveEvent::Rows(&new)))
-        .flatten()
 }
 
 impl Frame {

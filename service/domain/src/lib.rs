@@ -1,6 +1,6 @@
 //! What the service decides, without knowing any outside world: who may do what ([`access`]), how
 //! a calibration gets from a proposal to its robot ([`approval`]), what is wrong with a robot
-//! ([`alert`]) and who is told of it ([`webhook`]).
+//! ([`alert`]), how it stands ([`standing`]) and who is told of it ([`webhook`]).
 //!
 //! Pure: the clock and randomness are arguments; no database, no wire, no async. [`robot`] and
 //! [`streams`] describe a robot's configuration and state; [`limits`] holds every bound of the
@@ -13,5 +13,6 @@ pub mod audit;
 pub mod budget;
 pub mod limits;
 pub mod robot;
+pub mod standing;
 pub mod streams;
 pub mod webhook;

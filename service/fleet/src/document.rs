@@ -52,6 +52,7 @@ pub fn report(robot: &RobotId, calibrator: &Calibrator, timing: Timing) -> Calib
     let estimate = calibrator.estimate();
     let segments = calibrator.segments();
     CalibrationReport {
+        schema_version: CalibrationReport::SCHEMA_VERSION,
         robot: robot.clone(),
         vehicle: vehicle_document(&calibrator.config().vehicle),
         duration_s: calibrator.duration_s(),

@@ -20,6 +20,7 @@ use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_proto::event::RobotEvent;
 use fleetcal_proto::message_type::Form;
 use fleetcal_proto::progress::Progress;
+use prometheus_client::metrics::histogram::Histogram;
 use thiserror::Error;
 use tokio::sync::{broadcast, watch as watch_channel};
 use tokio_util::sync::CancellationToken;
@@ -29,7 +30,7 @@ use crate::cross_track::{self, UsedValues};
 use crate::decode;
 use crate::live::LiveUpdate;
 use crate::mailbox::Message;
-use crate::registry::{Counts, Fleet, FleetCounters, Step};
+use crate::registry::{Counts, Fleet, FleetCounters, Step, scan_durations};
 use crate::robot::Robot;
 use crate::tap::{TapReader, Tapped};
 use crate::{task, watch};
@@ -107,6 +108,7 @@ impl FleetHandle {
             robots: RwLock::new(robots),
             live,
             counts: Counts::default(),
+            scan_durations: scan_durations(),
             tasks: TaskTracker::new(),
             configured: watch_channel::Sender::new(0),
         });
@@ -302,6 +304,11 @@ impl FleetHandle {
     /// Counters of the whole service.
     pub fn counters(&self) -> FleetCounters {
         self.fleet.counters()
+    }
+
+    /// How long estimators took for a scan, all robots together.
+    pub fn scan_durations(&self) -> Histogram {
+        self.fleet.scan_durations.clone()
     }
 
     /// The ids of all robots.

@@ -10,6 +10,7 @@ use fleetcal_domain::limits;
 use fleetcal_domain::robot::{HistoryEvent, Journal};
 use fleetcal_estimator::{Calibrator, Effect, EstimatorSettings, Event};
 use fleetcal_model::{RobotId, Stream};
+use prometheus_client::metrics::histogram::Histogram;
 use serde::Serialize;
 use tokio::sync::{broadcast, watch as watch_channel};
 use tokio_util::sync::CancellationToken;
@@ -17,6 +18,17 @@ use tokio_util::task::TaskTracker;
 
 use crate::live::LiveUpdate;
 use crate::robot::Robot;
+
+/// Upper bounds of the buckets of scans, s: a scan takes about a millisecond, and the next one comes
+/// after 0.1 s.
+const SCAN_BUCKETS_S: [f64; 10] = [
+    0.0005, 0.001, 0.002, 0.004, 0.008, 0.016, 0.032, 0.064, 0.1, 0.5,
+];
+
+/// How long estimators take for a scan; nothing yet.
+pub(super) fn scan_durations() -> Histogram {
+    Histogram::new(SCAN_BUCKETS_S)
+}
 
 /// An unregistered robot makes room for another after this long without data.
 const UNREGISTERED_KEPT: Duration = Duration::from_mins(1);
@@ -79,6 +91,8 @@ pub(crate) struct Fleet {
     pub(super) robots: RwLock<BTreeMap<RobotId, Arc<Robot>>>,
     pub(super) live: broadcast::Sender<LiveUpdate>,
     pub(crate) counts: Counts,
+    /// How long estimators took for a scan.
+    pub(super) scan_durations: Histogram,
     pub(super) tasks: TaskTracker,
     /// Moves with every change of a robot's configuration.
     pub(super) configured: watch_channel::Sender<u64>,
@@ -119,6 +133,15 @@ impl Fleet {
             by_stream: streams
                 .map(|(stream, count)| (stream.name(), read(count)))
                 .collect(),
+        }
+    }
+
+    /// Notes that an estimator has finished a message now that it began at `began`, running time;
+    /// only scans take long enough to be measured.
+    pub(crate) fn took(&self, stream: Stream, began: Duration) {
+        if stream == Stream::Scan {
+            let took = self.clock.elapsed().saturating_sub(began);
+            self.scan_durations.observe(took.as_secs_f64());
         }
     }
 

@@ -198,7 +198,9 @@ impl RobotTask {
         self.follow_config();
         match item {
             Item::Message(message) => {
+                let began = self.fleet.clock.elapsed();
                 let outcome = self.take_message(&message);
+                self.fleet.took(message.stream, began);
                 if let Outcome::Refused(reason) = &outcome {
                     tracing::debug!(robot.id = %self.robot.id, reason, "message refused");
                 }
@@ -586,15 +588,13 @@ fn restore(robot: &Robot, config: &CalibratorConfig, json: &str) -> Option<Calib
 /// Where a robot stands by its estimate.
 fn state_of(document: &EstimateDocument, changed: bool) -> RobotState {
     let known = CALIBRATED.iter().all(|&name| {
+        use ParameterStatus as S;
         let status = document.parameters.get(name).status;
-        matches!(
-            status,
-            ParameterStatus::Converged | ParameterStatus::Fixed | ParameterStatus::Off
-        )
+        matches!(status, S::Converged | S::Fixed | S::Off)
     });
-    match (known, changed) {
-        (true, _) => RobotState::Calibrated,
-        (false, true) => RobotState::Changed,
-        (false, false) => RobotState::Learning,
+    match changed {
+        _ if known => RobotState::Calibrated,
+        true => RobotState::Changed,
+        false => RobotState::Learning,
     }
 }

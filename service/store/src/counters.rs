@@ -2,19 +2,44 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Duration;
+
+use prometheus_client::metrics::histogram::Histogram;
 
 use crate::error::StoreError;
 
+/// Upper bounds of the buckets of transactions, s: from a commit without a sync to the busy timeout
+/// of a database that another process holds.
+const BUCKETS_S: [f64; 10] = [0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.5, 2.5, 10.0];
+
 /// What one path has done since it was started.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct PathCounters {
+    /// How long its transactions took, whether they were committed or failed.
+    pub(crate) durations: Histogram,
     pub(crate) commits: AtomicU64,
     pub(crate) failed_commits: AtomicU64,
     /// Writes that its task has taken and not yet committed.
     pub(crate) pending: AtomicU64,
 }
 
+impl Default for PathCounters {
+    fn default() -> Self {
+        Self {
+            durations: Histogram::new(BUCKETS_S),
+            commits: AtomicU64::new(0),
+            failed_commits: AtomicU64::new(0),
+            pending: AtomicU64::new(0),
+        }
+    }
+}
+
 impl PathCounters {
+    /// Takes how long a transaction took.
+    pub(crate) fn took(&self, duration: Duration) {
+        self.durations.observe(duration.as_secs_f64());
+    }
+
     /// Counts a commit.
     pub(crate) fn committed(&self) {
         self.commits.fetch_add(1, Ordering::Relaxed);

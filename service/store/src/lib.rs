@@ -53,6 +53,7 @@ use backend::{Database, EventWrite, Reader, RecordWriter, Repetition, TelemetryW
 use counters::{Counters, PathCounters};
 use fleetcal_domain::limits;
 use liveness::{Liveness, Watched};
+use prometheus_client::metrics::histogram::Histogram;
 use telemetry::{Offered, Telemetry, TelemetryTask};
 use transaction::{Asked, JobsTask, Waiting};
 
@@ -343,6 +344,15 @@ impl Store {
                 + self.queued_telemetry() as u64
                 + both(|path| &path.pending),
         }
+    }
+
+    /// How long transactions took since it was opened, by the path that they came on.
+    pub fn transaction_durations(&self) -> [(&'static str, Histogram); 2] {
+        let counters = &self.shared.counters;
+        [
+            ("records", counters.records.durations.clone()),
+            ("telemetry", counters.telemetry.durations.clone()),
+        ]
     }
 
     /// Whether one of the tasks has not written for [`limits::STORE_STUCK_AFTER`] although the

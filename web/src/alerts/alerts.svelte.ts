@@ -1,7 +1,7 @@
 /** Active alerts as all pages see them: read once, then kept up by the event stream. */
 
 import { list, problemOf } from '../api/client';
-import type { Alert, AlertKind, AlertState } from '../api/types';
+import type { Alert } from '../api/types';
 import type { FleetListener } from '../fleet/listener';
 
 const REREAD_EVERY_MS = 60_000;
@@ -16,10 +16,6 @@ class Alerts {
   problem = $state('');
   /** Moves with every change that was told. */
   changes = $state(0);
-  /** What fires now, by robot. */
-  readonly firing = $derived(byRobot(this.active.values(), 'alerting'));
-  /** What fired until its robot fell silent, by robot. */
-  readonly stale = $derived(byRobot(this.active.values(), 'no_data'));
   /** How many fire and nobody has taken on. */
   readonly open = $derived(
     [...this.active.values()].filter((alert) => fires(alert) && !alert.acknowledgement).length,
@@ -78,26 +74,6 @@ class Alerts {
 /** Whether what it is about is still so; a pending or recovering alert has not or no longer proven it. */
 export function fires({ state }: Pick<Alert, 'state'>): boolean {
   return state === 'alerting' || state === 'no_data';
-}
-
-/** The robots that an alert is about. */
-export function robotsOf({ robot, robots }: Pick<Alert, 'robot' | 'robots'>): readonly string[] {
-  return robot == null ? robots : [robot];
-}
-
-function byRobot(
-  alerts: Iterable<Alert>,
-  state: AlertState,
-): ReadonlyMap<string, ReadonlySet<AlertKind>> {
-  const found = new Map<string, Set<AlertKind>>();
-  for (const alert of alerts) {
-    if (alert.state !== state) continue;
-    for (const robot of robotsOf(alert)) {
-      const kinds = found.get(robot) ?? new Set();
-      found.set(robot, kinds.add(alert.kind));
-    }
-  }
-  return found;
 }
 
 export const alerts = new Alerts();

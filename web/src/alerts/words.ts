@@ -1,7 +1,7 @@
 /** What an alert is about and where it stands, in words and shapes. */
 
 import type { Alert, AlertKind, AlertState, Robot } from '../api/types';
-import { driftOf, STANDINGS } from '../fleet/standing';
+import { STANDINGS } from '../fleet/standing';
 import { type Face, faceOf } from '../ui/face';
 
 /** A kind is a way for a robot to stand, and looks like that. No kind has the word of a state. */
@@ -10,14 +10,9 @@ export const KINDS: Record<AlertKind, Face> = {
   drift: STANDINGS.drift,
   verification_failed: STANDINGS.verification_failed,
   two_senders: STANDINGS.two_senders,
-  former_key: {
-    word: 'Former key',
-    shape: 'signpost',
-    tone: 'bad',
-    meaning: 'The robot sends its wheel odometry on the former key. It is not used.',
-  },
+  former_key: STANDINGS.former_key,
   false_report: STANDINGS.false_report,
-  estimator_failed: STANDINGS.failed,
+  estimator_failed: STANDINGS.estimator_failed,
   not_applied: STANDINGS.not_applied,
   out_of_sync: STANDINGS.out_of_sync,
   no_data: STANDINGS.no_data,
@@ -60,6 +55,9 @@ export const STATES: Record<AlertState, Face> = {
 
 /** What an alert is about, by the name that the fleet's list has for it. */
 export function kindFace({ kind }: Pick<Alert, 'kind'>, robot: Robot | undefined): Face {
-  if (kind === 'drift' && robot) return STANDINGS[driftOf(robot)];
+  // What was never calibrated cannot have drifted.
+  if (kind === 'drift' && robot && !robot.calibration.reported_generation) {
+    return STANDINGS.uncalibrated;
+  }
   return faceOf(KINDS, kind);
 }

@@ -13,6 +13,7 @@ export type Robot = Schemas['RobotSummary'];
 export type RobotDocument = Schemas['RobotDocument'];
 export type RobotPage = Schemas['RobotPage'];
 export type RobotState = Schemas['RobotState'];
+export type Standing = Schemas['Standing'];
 export type RobotRow = Schemas['RobotRow'];
 export type RobotStateUpdate = Schemas['RobotStateUpdate'];
 export type RobotConfig = Schemas['RobotConfig'];

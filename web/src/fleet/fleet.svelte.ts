@@ -1,7 +1,5 @@
 /** The fleet as the pages see it: read once, then kept up by the event stream. */
 
-import { alerts } from '../alerts/alerts.svelte';
-import { approvals } from '../approval/approvals.svelte';
 import { get, list, problemOf } from '../api/client';
 import { LiveStream } from '../api/stream.svelte';
 import type { Estimate, LiveEvent, Robot, RobotRow, RobotStateUpdate } from '../api/types';
@@ -10,7 +8,6 @@ import { now } from '../ui/time.svelte';
 import { CALIBRATED } from '../units/parameters';
 import { connectionOf } from './connection';
 import type { FleetListener } from './listener';
-import { standing, standingIn } from './standing';
 
 /** Updates are shown together this often, however many robots send. */
 const SHOW_EVERY_MS = 500;
@@ -23,7 +20,6 @@ const ROBOTS_MAX = 100_000;
 const SINGLE_READS_MAX = 8;
 /** Pages are read without the event stream when it has not opened after this time. */
 const OPEN_WITHIN_MS = 1_500;
-const NOTHING: ReadonlySet<never> = new Set();
 
 /** One robot. What changes is a single value, so only its own row is worked over. */
 export class RobotEntry {
@@ -32,14 +28,7 @@ export class RobotEntry {
   /** Whether it is heard, of its own so that lists are only sorted again when it changes. */
   readonly connection = $derived(connectionOf(this.robot, now.ms));
   /** Of its own, so that lists are only sorted again when it changes. */
-  readonly standing = $derived(
-    standing(
-      standingIn(this.robot, this.connection),
-      alerts.firing.get(this.robot.id) ?? NOTHING,
-      alerts.stale.get(this.robot.id) ?? NOTHING,
-      approvals.policy.value?.propose_beyond,
-    ),
-  );
+  readonly standing = $derived(this.robot.standing);
 
   constructor(robot: Robot) {
     this.id = robot.id;
@@ -260,10 +249,10 @@ class Fleet {
       if (robot) entry.robot = { ...robot, last_seen, stale: false };
       else this.#read(id);
     }
-    for (const [id, { state, stale, alive }] of this.#states) {
+    for (const [id, { state, standing, stale, alive }] of this.#states) {
       const entry = this.#entry(id);
       if (!entry) continue;
-      entry.robot = { ...entry.robot, state, stale, alive };
+      entry.robot = { ...entry.robot, state, standing, stale, alive };
     }
     this.#estimates.clear();
     this.#rows.clear();
@@ -320,7 +309,11 @@ export function withRow(robot: Robot, row: RobotRow): Robot | undefined {
       needs: row.needs?.[i] ?? null,
     };
   });
-  return withEstimate(robot, { ...estimate, distance_m: row.distance_m, parameters });
+  const standing = row.standing;
+  return withEstimate(
+    { ...robot, standing },
+    { ...estimate, distance_m: row.distance_m, parameters },
+  );
 }
 
 /** The address of a robot in the API. */

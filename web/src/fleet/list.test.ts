@@ -1,9 +1,10 @@
 import { describe, expect, it } from 'vitest';
-import type { AlertKind, CalibrationSummary, Parameter, Robot, RobotState } from '../api/types';
+import openapi from '../../openapi.json';
+import type { Parameter, Robot, RobotState, Standing } from '../api/types';
 import { faceOf } from '../ui/face';
 import type { Connection } from './connection';
 import { compare, counts, type Filter, filterOf, type Listed, matches, needs } from './list';
-import { BY_URGENCY, needsPerson, type Standing, standing, STANDINGS } from './standing';
+import { BY_URGENCY, needsPerson, STANDINGS } from './standing';
 import { STATUSES } from './states';
 
 const parameter = (need: string | null): Parameter => ({
@@ -51,7 +52,7 @@ describe('the list of robots', () => {
       entry('c', 'no_data'),
       entry('d', 'unregistered'),
       entry('e', 'drift'),
-      entry('f', 'failed'),
+      entry('f', 'estimator_failed'),
     ];
     expect(listed(robots, every).map(({ id }) => id)).toEqual('e f c d b a9 a10'.split(' '));
   });
@@ -79,11 +80,11 @@ describe('the list of robots', () => {
 
   it('keeps robots in a state that a newer service has, in view and first', () => {
     const strange = entry('z', 'exploded' as Standing);
-    const robots = [entry('a', 'failed'), strange];
+    const robots = [entry('a', 'estimator_failed'), strange];
     expect(listed(robots, every)[0]).toBe(strange);
     expect(counts(robots)).toEqual([
       ['exploded', 1],
-      ['failed', 1],
+      ['estimator_failed', 1],
     ]);
     expect(faceOf(STANDINGS, 'exploded').word).toBe('exploded');
   });
@@ -106,60 +107,15 @@ describe('the list of robots', () => {
 });
 
 describe('how a robot stands', () => {
-  const of = (
-    state: RobotState,
-    calibration: Partial<CalibrationSummary> = {},
-    firing: AlertKind[] = [],
-  ) => {
-    const plain = robot(state);
-    const given = { ...plain, calibration: { ...plain.calibration, ...calibration } };
-    return standing(given, new Set(firing));
-  };
-
-  it('is the worst of what is so', () => {
-    expect(of('calibrated')).toBe('calibrated');
-    expect(of('changed')).toBe('drift');
-    expect(of('calibrated', { proposal: 3 })).toBe('waiting');
-    expect(of('calibrated', { proposal: 3, reported_generation: 1 }, ['drift'])).toBe('drift');
-    expect(of('no_data', { proposal: 3 })).toBe('no_data');
-    expect(of('learning', { deployment: 'verifying' })).toBe('under_way');
-    expect(of('learning', { deployment: 'verified' })).toBe('learning');
-    expect(of('calibrated', { verification_failed: true })).toBe('verification_failed');
-    expect(of('calibrated', { deployment: 'rollback_failed' }, ['drift'])).toBe('rollback_failed');
+  it('has the order of the service, the most urgent first', () => {
+    expect(BY_URGENCY).toEqual(openapi.components.schemas.Standing.enum);
   });
 
-  it('is not drift as long as nothing was ever applied', () => {
-    expect(of('calibrated', {}, ['drift'])).toBe('uncalibrated');
-    expect(of('calibrated', { reported_generation: 0 }, ['drift'])).toBe('uncalibrated');
-    expect(of('calibrated', { proposal: 3 }, ['drift'])).toBe('waiting');
-    expect(of('calibrated', { reported_generation: 1 }, ['drift'])).toBe('drift');
-    // The estimator has seen it move: that it did.
-    expect(of('changed', {}, ['drift'])).toBe('drift');
-  });
-
-  it('is not drift when its robot fell silent with values inside their tolerance', () => {
-    const tolerance = { steering_offset_deg: 0.15, lidar_yaw_deg: 0.15, lidar_position_mm: 10 };
-    const plain = robot('calibrated');
-    const of = (steering_offset_rad: number) => ({
-      ...plain,
-      calibration: {
-        ...plain.calibration,
-        reported_generation: 1,
-        in_use: { steering_offset_rad, lidar_x_m: 0, lidar_y_m: 0, lidar_yaw_rad: 0 },
-      },
-    });
-    const stale = new Set<AlertKind>(['drift']);
-    expect(standing(of(0.001), new Set(), stale, tolerance)).toBe('calibrated');
-    expect(standing(of(0.02), new Set(), stale, tolerance)).toBe('drift');
-    expect(standing(of(0.001), stale, new Set(), tolerance)).toBe('drift');
-  });
-
-  it('puts a failed roll-back first, then drift, verification, silence, approval, learning', () => {
-    const order: Standing[] = ['rollback_failed', 'drift', 'verification_failed', 'no_data'];
-    order.push('waiting', 'uncalibrated', 'learning', 'calibrated');
-    const places = order.map((one) => BY_URGENCY.indexOf(one));
-    expect(places).toEqual(places.toSorted((a, b) => a - b));
-    expect(order.filter(needsPerson)).toHaveLength(6);
+  it('asks for a person where somebody has to act', () => {
+    const asking: Standing[] = ['rollback_failed', 'drift', 'verification_failed', 'no_data'];
+    asking.push('awaiting_approval', 'uncalibrated');
+    expect(asking.filter(needsPerson)).toEqual(asking);
+    expect((['deploying', 'learning', 'calibrated'] as const).filter(needsPerson)).toEqual([]);
   });
 });
 

@@ -1,9 +1,9 @@
 /** Which robots a list shows, and in which order. */
 
-import type { ParameterName, Robot } from '../api/types';
+import type { ParameterName, Robot, Standing } from '../api/types';
 import { CALIBRATED } from '../units/parameters';
 import type { Connection } from './connection';
-import { type Standing, urgency } from './standing';
+import { urgency } from './standing';
 
 /** What lists go by. */
 export interface Listed {

@@ -1,7 +1,7 @@
 import { describe, expect, it } from 'vitest';
-import type { Parameter, Robot } from '../api/types';
+import type { Parameter, Robot, Standing } from '../api/types';
 import { nextStep, type Reader } from './next';
-import { BY_URGENCY, needsPerson, type Standing } from './standing';
+import { BY_URGENCY, needsPerson } from './standing';
 
 const approver: Reader = { operator: true, approver: true, approved: false };
 const viewer: Reader = { operator: false, approver: false, approved: false };
@@ -38,18 +38,18 @@ describe('the next step', () => {
   });
 
   it('asks nobody to decide who cannot', () => {
-    expect(nextStep(robot(7), 'waiting', approver, '')).toMatchObject({
+    expect(nextStep(robot(7), 'awaiting_approval', approver, '')).toMatchObject({
       text: 'Review proposal',
       href: '/approvals/7',
     });
     const operator = { ...viewer, operator: true };
-    expect(text('waiting', operator, robot(7))).toBe('Awaiting approval');
-    expect(text('waiting', viewer, robot(7))).toBe('Awaiting approval');
-    expect(text('waiting', { ...approver, approved: true }, robot(7))).toMatch(/second/);
+    expect(text('awaiting_approval', operator, robot(7))).toBe('Awaiting approval');
+    expect(text('awaiting_approval', viewer, robot(7))).toBe('Awaiting approval');
+    expect(text('awaiting_approval', { ...approver, approved: true }, robot(7))).toMatch(/second/);
   });
 
   it('is the progress of what is under way, then the motion that is needed', () => {
-    expect(text('under_way', approver, robot(), 'Verifying, 37 of 60 m')).toBe(
+    expect(text('deploying', approver, robot(), 'Verifying, 37 of 60 m')).toBe(
       'Verifying, 37 of 60 m',
     );
     expect(text('learning', viewer, robot(null, 'drive a left turn'))).toBe('drive a left turn');

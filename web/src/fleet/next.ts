@@ -1,10 +1,10 @@
 /** What has to be done next about a robot, and by whom. */
 
-import type { Robot } from '../api/types';
+import type { Robot, Standing } from '../api/types';
 import { proposalPath, robotPath } from '../routes.svelte';
 import { SHOWN } from '../units/parameters';
 import { needs } from './list';
-import { needsPerson, type Standing } from './standing';
+import { needsPerson } from './standing';
 
 /** Who reads it. */
 export interface Reader {
@@ -26,7 +26,7 @@ export interface Next {
 const ASKED: Partial<Record<Standing, string>> = {
   rollback_failed: 'Stop the robot and check it',
   verification_failed: 'Check the mount, then roll back or propose again',
-  failed: 'Check why the estimator stopped',
+  estimator_failed: 'Check why the estimator stopped',
   not_applied: 'Check why the robot did not apply it',
   out_of_sync: "Check the robot's agent",
   no_data: 'Check that the robot is on and connected',

@@ -1,27 +1,7 @@
-/** How a robot stands, in one word: its estimate, its calibration's life cycle and its alerts. */
+/** The words and shapes of how a robot stands, which the service works out (`Standing`). */
 
-import type { AlertKind, DeploymentState, Robot, RobotState, Tolerance } from '../api/types';
+import type { Standing } from '../api/types';
 import { type Face, faceOf } from '../ui/face';
-import { againstApplied } from './comparison';
-import type { Connection } from './connection';
-
-export type Standing =
-  | 'rollback_failed'
-  | 'drift'
-  | 'verification_failed'
-  | 'two_senders'
-  | 'false_report'
-  | 'failed'
-  | 'not_applied'
-  | 'out_of_sync'
-  | 'no_data'
-  | 'fault'
-  | 'unregistered'
-  | 'waiting'
-  | 'under_way'
-  | 'uncalibrated'
-  | 'learning'
-  | 'calibrated';
 
 /** All of them, the one that needs a person most first. */
 export const STANDINGS: Record<Standing, Face> = {
@@ -49,13 +29,19 @@ export const STANDINGS: Record<Standing, Face> = {
     tone: 'bad',
     meaning: 'Two senders use this robot’s id. Nothing that they send is used.',
   },
+  former_key: {
+    word: 'Former key',
+    shape: 'signpost',
+    tone: 'bad',
+    meaning: 'The robot sends its wheel odometry on the former key. It is not used.',
+  },
   false_report: {
     word: 'False report',
     shape: 'square-cross',
     tone: 'bad',
     meaning: 'An answer in the robot’s name contradicts another: one was not the robot’s.',
   },
-  failed: {
+  estimator_failed: {
     word: 'Estimator failed',
     shape: 'octagon',
     tone: 'bad',
@@ -91,13 +77,13 @@ export const STANDINGS: Record<Standing, Face> = {
     tone: 'warn',
     meaning: 'The robot sends data, but its vehicle is not configured yet.',
   },
-  waiting: {
+  awaiting_approval: {
     word: 'Awaiting approval',
     shape: 'clock',
     tone: 'warn',
     meaning: 'New values are proposed and need approval.',
   },
-  under_way: {
+  deploying: {
     word: 'Deploying',
     shape: 'arrow',
     tone: 'active',
@@ -134,62 +120,4 @@ export function needsPerson(standing: Standing): boolean {
 /** How urgent a standing is: 0 first. One that this page does not know yet comes before. */
 export function urgency(standing: Standing): number {
   return BY_URGENCY.indexOf(standing);
-}
-
-const UNDER_WAY: readonly DeploymentState[] = [
-  'queued',
-  'offered',
-  'applied',
-  'verifying',
-  'rolling_back',
-];
-
-const OF_STATE: Partial<Record<RobotState, Standing>> = {
-  unregistered: 'unregistered',
-  no_data: 'no_data',
-  failed: 'failed',
-  changed: 'drift',
-  learning: 'learning',
-  calibrated: 'calibrated',
-};
-
-/** The kind of a drift alert as its robot stands: what was never calibrated cannot have drifted. */
-export function driftOf({ calibration }: Pick<Robot, 'calibration'>): Standing {
-  return calibration.reported_generation ? 'drift' : 'uncalibrated';
-}
-
-/** A robot as it stands apart from its connection: one in maintenance is not missed. */
-export function standingIn(robot: Robot, connection: Connection): Robot {
-  const missed = connection !== 'maintenance' || robot.state !== 'no_data';
-  return missed ? robot : { ...robot, state: 'learning' };
-}
-
-/**
- * The most urgent of what is so. `firing` are the kinds of its alerts that fire; `stale` those that
- * fired until the robot fell silent. The values of a silent robot can be compared without it: of
- * those inside `tolerance` nobody says any more that they drifted.
- */
-export function standing(
-  robot: Robot,
-  firing: ReadonlySet<AlertKind>,
-  stale: ReadonlySet<AlertKind> = new Set(),
-  tolerance?: Tolerance,
-): Standing {
-  const { calibration, state } = robot;
-  const { deployment } = calibration;
-  const so: Standing[] = [OF_STATE[state] ?? (state as Standing)];
-  const fires = (kind: AlertKind) => firing.has(kind) || stale.has(kind);
-  const beyond = () => againstApplied(robot, tolerance)?.some((one) => one.beyond) ?? true;
-  if (deployment === 'rollback_failed' || fires('rollback_failed')) so.push('rollback_failed');
-  if (firing.has('drift') || (stale.has('drift') && beyond())) so.push(driftOf(robot));
-  if (calibration.verification_failed || fires('verification_failed')) {
-    so.push('verification_failed');
-  }
-  if (fires('not_applied')) so.push('not_applied');
-  if (fires('out_of_sync')) so.push('out_of_sync');
-  if (fires('no_data')) so.push('no_data');
-  if (fires('fault')) so.push('fault');
-  if (calibration.proposal != null) so.push('waiting');
-  if (deployment != null && UNDER_WAY.includes(deployment)) so.push('under_way');
-  return so.reduce((worst, one) => (urgency(one) < urgency(worst) ? one : worst));
 }

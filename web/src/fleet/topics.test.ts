@@ -1,6 +1,5 @@
 import { describe, expect, it } from 'vitest';
 import type { Robot, RobotRow } from '../api/types';
-import { robotsOf } from '../alerts/alerts.svelte';
 import { topicsOf, withRow } from './fleet.svelte';
 
 const BASE = ['alerts', 'approvals', 'deployments'];
@@ -32,6 +31,7 @@ describe('a lean row', () => {
   } as unknown as Robot;
   const row: RobotRow = {
     robot: 'a',
+    standing: 'awaiting_approval',
     distance_m: 103,
     values: [0.01, 0.4, 0.02, 0.03],
     sigmas: [0.1, 0.2, 0.3, 0.4],
@@ -40,7 +40,8 @@ describe('a lean row', () => {
   };
 
   it('replaces what the list shows and nothing else', () => {
-    const { estimate, verification_distance_m } = withRow(robot, row) ?? {};
+    const { estimate, standing, verification_distance_m } = withRow(robot, row) ?? {};
+    expect(standing).toBe('awaiting_approval');
     expect(estimate?.parameters.lidar_x).toMatchObject({ value: 0.4, sigma: 0.2, needs: null });
     expect(estimate?.parameters.lidar_y.needs).toBe('a left turn');
     expect(estimate?.parameters.speed_scale.value).toBe(1);
@@ -49,12 +50,5 @@ describe('a lean row', () => {
 
   it('is not enough of a robot without an estimate', () => {
     expect(withRow({ ...robot, estimate: null }, row)).toBeUndefined();
-  });
-});
-
-describe('an alert', () => {
-  it('is about one robot, or about several that it names', () => {
-    expect(robotsOf({ robot: 'a', robots: [] })).toEqual(['a']);
-    expect(robotsOf({ robot: null, robots: ['a', 'b'] })).toEqual(['a', 'b']);
   });
 });

@@ -1,11 +1,12 @@
 import { describe, expect, it } from 'vitest';
 import { parseMetrics, total } from './metrics';
 
-const TEXT = `# HELP fleetcal_up_seconds Time since the start
-# TYPE fleetcal_up_seconds gauge
-fleetcal_up_seconds 58.4
-fleetcal_robot_received_total{robot="tugger_01"} 6340
-fleetcal_robot_received_total{robot="a\\"b",stream="wheel_odometry"} 2
+const TEXT = `# HELP process_start_time_seconds When the process started
+# TYPE process_start_time_seconds gauge
+process_start_time_seconds 58.4
+fleetcal_robot_messages_total{robot="tugger_01",outcome="processed"} 6340
+fleetcal_robot_messages_total{robot="a\\"b",outcome="dropped_scan"} 2
+fleetcal_http_request_duration_seconds_bucket{le="+Inf",route="/api/v1/robots/{id}"} 3
 nonsense
 # EOF
 `;
@@ -13,13 +14,17 @@ nonsense
 describe('metrics', () => {
   it('are read with their labels', () => {
     const samples = parseMetrics(TEXT);
-    expect(samples).toHaveLength(3);
-    expect(samples[2]?.labels).toEqual({ robot: 'a"b', stream: 'wheel_odometry' });
+    expect(samples).toHaveLength(4);
+    expect(samples[2]?.labels).toEqual({ robot: 'a"b', outcome: 'dropped_scan' });
+    expect(samples[3]?.labels.route).toBe('/api/v1/robots/{id}');
   });
 
   it('are summed over their labels', () => {
     const samples = parseMetrics(TEXT);
-    expect(total(samples, 'fleetcal_robot_received_total')).toBe(6342);
+    const name = 'fleetcal_robot_messages_total';
+    expect(total(samples, name)).toBe(6342);
+    expect(total(samples, name, { outcome: 'dropped_scan' })).toBe(2);
+    expect(total(samples, name, { outcome: 'refused' })).toBeNull();
     expect(total(samples, 'no_such_thing')).toBeNull();
   });
 });

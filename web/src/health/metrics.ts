@@ -23,8 +23,15 @@ export function parseMetrics(text: string): Sample[] {
   });
 }
 
-/** The sum of all samples of a name; null without samples. */
-export function total(samples: readonly Sample[], name: string): number | null {
-  const found = samples.filter((sample) => sample.name === name);
+/** The sum of all samples of a name that have these labels; null without samples. */
+export function total(
+  samples: readonly Sample[],
+  name: string,
+  labels: Record<string, string> = {},
+): number | null {
+  const wanted = Object.entries(labels);
+  const found = samples.filter(
+    (sample) => sample.name === name && wanted.every(([key, text]) => sample.labels[key] === text),
+  );
   return found.length === 0 ? null : found.reduce((sum, { value }) => sum + value, 0);
 }

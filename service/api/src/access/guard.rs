@@ -38,6 +38,7 @@ async fn admitted(api: &ApiState, request: Request) -> Result<Request, Problem> 
     if access != Access::Public {
         let robot = robot_of(&template, parts.uri.path()).map(str::to_owned);
         let caller = authenticate(api, &parts, Asked { access, robot }).await?;
+        tracing::Span::current().record("actor", &*caller.actor.name);
         if !caller.route.permits(&caller.grant) {
             let role = caller.grant.role().as_str();
             let detail = format!("your role is {role}, expected {}", access.accepted());

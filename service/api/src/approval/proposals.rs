@@ -244,20 +244,15 @@ pub(super) async fn approve_proposal(
     headers: HeaderMap,
     Body { value, .. }: Body<ApprovalBody>,
 ) -> Result<Response, Problem> {
-    let version = Some(expected_version(&headers)?);
-    let proposal = proposal_number(&id)?;
-    check_length(
-        "reason",
-        value.reason.as_deref().unwrap_or(""),
-        limits::NOTE_CHARS_MAX,
-    )?;
-    let command = Command::Approve {
+    let ApprovalBody { sha256, reason } = value;
+    let given = reason.clone().unwrap_or_default();
+    let command = |proposal, version| Command::Approve {
         proposal,
         version,
-        sha256: value.sha256,
-        reason: value.reason,
+        sha256,
+        reason,
     };
-    decide(&api, caller, proposal, command).await
+    decide(&api, caller, (&id, &headers), &given, command).await
 }
 
 /// Says no to a proposal.
@@ -285,13 +280,13 @@ pub(super) async fn reject_proposal(
     headers: HeaderMap,
     Body { value, .. }: Body<ReasonBody>,
 ) -> Result<Response, Problem> {
-    let (proposal, version, reason) = looked_at(&id, &headers, value)?;
-    let command = Command::Reject {
+    let reason = value.reason.clone();
+    let command = |proposal, version| Command::Reject {
         proposal,
         version,
         reason,
     };
-    decide(&api, caller, proposal, command).await
+    decide(&api, caller, (&id, &headers), &value.reason, command).await
 }
 
 /// Takes a proposal back.
@@ -319,33 +314,29 @@ pub(super) async fn withdraw_proposal(
     headers: HeaderMap,
     Body { value, .. }: Body<ReasonBody>,
 ) -> Result<Response, Problem> {
-    let (proposal, version, reason) = looked_at(&id, &headers, value)?;
-    let command = Command::Withdraw {
+    let reason = Some(value.reason.clone()).filter(|reason| !reason.trim().is_empty());
+    let command = |proposal, version| Command::Withdraw {
         proposal,
         version,
-        reason: Some(reason).filter(|reason| !reason.trim().is_empty()),
+        reason,
     };
-    decide(&api, caller, proposal, command).await
+    decide(&api, caller, (&id, &headers), &value.reason, command).await
 }
 
-/// Which proposal in which version somebody says no to, and why.
-fn looked_at(
-    id: &str,
-    headers: &HeaderMap,
-    body: ReasonBody,
-) -> Result<(u64, Option<u64>, String), Problem> {
-    let version = Some(expected_version(headers)?);
-    check_length("reason", &body.reason, limits::NOTE_CHARS_MAX)?;
-    Ok((proposal_number(id)?, version, body.reason))
-}
-
+/// Takes a decision on the proposal that `id` names, in the version that `headers` name, and
+/// answers with the proposal as it is then. `command` is made of the two; `reason` is as given.
 async fn decide(
     api: &ApiState,
     caller: Caller,
-    id: u64,
-    command: Command,
+    (id, headers): (&str, &HeaderMap),
+    reason: &str,
+    command: impl FnOnce(u64, Option<u64>) -> Command,
 ) -> Result<Response, Problem> {
+    let version = Some(expected_version(headers)?);
+    check_length("reason", reason, limits::NOTE_CHARS_MAX)?;
+    let id = proposal_number(id)?;
     let robot = robot_of(api, id).await?;
+    let command = command(id, version);
     api.lifecycle
         .decide(&robot, command, caller.actor, None)
         .await?;

@@ -7,6 +7,7 @@ use fleetcal_domain::robot::{
     AnnouncedTopic, Counters, PairingReport, RobotConfig, RobotState, RobotView, StreamView,
     Warning,
 };
+use fleetcal_domain::standing::Standing;
 use fleetcal_fleet::document::vehicle_document;
 use fleetcal_model::Stream;
 use fleetcal_proto::RobotId;
@@ -25,8 +26,11 @@ use crate::time;
 pub(super) struct RobotSummary {
     /// Its id.
     pub(super) id: RobotId,
-    /// Where it stands, in one word.
+    /// Where its estimate stands, in one word.
     pub(super) state: RobotState,
+    /// How it stands by its estimate, its calibration's life cycle and its alerts: the most urgent
+    /// of what is so.
+    pub(super) standing: Standing,
     /// Whether nothing has come for some seconds.
     pub(super) stale: bool,
     /// Whether its liveliness token stands.
@@ -50,8 +54,14 @@ pub(super) struct RobotSummary {
 
 impl RobotSummary {
     /// The summary of a robot.
-    pub(super) fn of(view: RobotView, ledger: &RobotLedger, now_ns: i64) -> Self {
+    pub(super) fn of(
+        view: RobotView,
+        ledger: &RobotLedger,
+        standing: Standing,
+        now_ns: i64,
+    ) -> Self {
         Self {
+            standing,
             connection: ConnectionDocument::of(&view, ledger, now_ns),
             vehicle: view
                 .config
@@ -107,6 +117,7 @@ impl RobotDocument {
         view: RobotView,
         record: Option<&RobotRecord>,
         ledger: &RobotLedger,
+        standing: Standing,
         now_ns: i64,
     ) -> Self {
         let configured = record
@@ -121,7 +132,7 @@ impl RobotDocument {
             pairing: view.pairing,
             warnings: view.warnings.clone(),
             topics: view.topics.to_vec(),
-            summary: RobotSummary::of(view, ledger, now_ns),
+            summary: RobotSummary::of(view, ledger, standing, now_ns),
         }
     }
 }
@@ -152,30 +163,40 @@ impl StreamDocument {
     }
 }
 
-/// A robot's state on the event stream.
+/// A robot's state, standing and presence on the event stream.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = RobotStateUpdate)]
 pub(crate) struct RobotStateDocument {
     robot: RobotId,
-    /// Where it stands, in one word.
+    /// Where its estimate stands, in one word.
     state: RobotState,
+    /// How it stands, in one word.
+    standing: Standing,
     /// Whether nothing has come for some seconds.
     stale: bool,
     /// Whether its liveliness token stands.
     alive: bool,
 }
 
-/// A robot's state as the event stream tells it.
-pub(crate) fn state_document(
-    robot: &RobotId,
-    state: RobotState,
-    stale: bool,
-    alive: bool,
-) -> RobotStateDocument {
-    RobotStateDocument {
-        robot: robot.clone(),
-        state,
-        stale,
-        alive,
+impl RobotStateDocument {
+    /// The document of a robot that stands like this.
+    pub(crate) fn of(view: &RobotView, standing: Standing) -> Self {
+        Self {
+            robot: view.id.clone(),
+            state: view.state,
+            standing,
+            stale: view.connection.stale,
+            alive: view.connection.alive,
+        }
+    }
+
+    /// Whose.
+    pub(crate) const fn robot(&self) -> &RobotId {
+        &self.robot
+    }
+
+    /// How it stands.
+    pub(crate) const fn standing(&self) -> Standing {
+        self.standing
     }
 }

@@ -1,10 +1,13 @@
 //! `GET /robots`: every robot, the worst first.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use axum::Json;
 use axum::extract::State;
+use fleetcal_domain::approval::RobotLedger;
 use fleetcal_domain::robot::{ConnectionState, RobotState, RobotView};
+use fleetcal_domain::standing::Standing;
 use serde::{Deserialize, Serialize};
 
 use super::connection::connection_state;
@@ -13,18 +16,6 @@ use crate::ApiState;
 use crate::extract::Parameters;
 use crate::page::{cut, page_limit};
 use crate::problem::Problem;
-
-/// Where a robot stands in a list that shows the worst first.
-const fn severity(state: RobotState) -> u8 {
-    match state {
-        RobotState::Failed => 0,
-        RobotState::Changed => 1,
-        RobotState::NoData => 2,
-        RobotState::Unregistered => 3,
-        RobotState::Learning => 4,
-        RobotState::Calibrated => 5,
-    }
-}
 
 const STATES: [RobotState; 6] = [
     RobotState::Failed,
@@ -42,10 +33,13 @@ pub(super) struct ListParameters {
     /// Only robots in this state.
     #[param(value_type = Option<RobotState>)]
     state: Option<String>,
+    /// Only robots that stand like this.
+    #[param(value_type = Option<Standing>)]
+    standing: Option<String>,
     /// Only robots that are heard like this.
     #[param(value_type = Option<ConnectionState>)]
     connection: Option<String>,
-    /// `severity` (the worst first, then by id) or `id`; by id unless given.
+    /// `severity` (by standing, the most urgent first, then by id) or `id`; by id unless given.
     #[param(value_type = Option<SortSchema>)]
     sort: Option<String>,
     /// Robots of a page, 1 to 1000.
@@ -60,7 +54,7 @@ pub(super) struct ListParameters {
 #[schema(as = RobotSort, rename_all = "snake_case")]
 #[expect(dead_code, reason = "a schema")]
 pub(crate) enum SortSchema {
-    /// The worst first, then by id.
+    /// By standing, the most urgent first, then by id.
     Severity,
     /// By id.
     Id,
@@ -77,6 +71,9 @@ pub(super) struct RobotPage {
     /// How many robots are in each state, whatever was asked for.
     #[schema(value_type = BTreeMap<String, usize>)]
     counts: BTreeMap<&'static str, usize>,
+    /// How many robots stand how, whatever was asked for.
+    #[schema(value_type = BTreeMap<String, usize>)]
+    standings: BTreeMap<&'static str, usize>,
     /// How many robots are heard how, whatever was asked for.
     #[schema(value_type = BTreeMap<String, usize>)]
     connections: BTreeMap<&'static str, usize>,
@@ -97,6 +94,7 @@ pub(super) async fn list_robots(
     Parameters(query): Parameters<ListParameters>,
 ) -> Result<Json<RobotPage>, Problem> {
     let state = query.state.as_deref().map(state_named).transpose()?;
+    let standing = query.standing.as_deref().map(standing_named).transpose()?;
     let connection = query.connection.as_deref();
     let connection = connection.map(connection_named).transpose()?;
     let by_severity = match query.sort.as_deref() {
@@ -108,23 +106,20 @@ pub(super) async fn list_robots(
     let after = query.cursor.as_deref().map(position_of).transpose()?;
 
     let now_ns = api.clock.now_ns();
-    let robots = api.fleet.robots();
-    let counts = counts(&robots);
-    let heard =
-        |robot: &RobotView| connection_state(robot, &api.lifecycle.ledger(&robot.id), now_ns);
-    let connections = connections(robots.iter().map(heard));
-    let place = |robot: &RobotView| {
-        let rank = if by_severity {
-            severity(robot.state)
-        } else {
-            0
-        };
-        (rank, robot.id.as_str().to_owned())
+    let robots = listed(&api, now_ns);
+    let counts = count_names(&STATES, &robots, RobotState::name, |one| one.view.state);
+    let standings = count_names(Standing::ALL, &robots, Standing::as_str, |one| one.standing);
+    let all = ConnectionState::ALL;
+    let connections = count_names(all, &robots, ConnectionState::name, |one| one.heard);
+    let place = |robot: &Listed| {
+        let rank = if by_severity { robot.standing as u8 } else { 0 };
+        (rank, robot.view.id.as_str().to_owned())
     };
     let mut chosen: Vec<_> = robots
         .into_iter()
-        .filter(|robot| state.is_none_or(|state| robot.state == state))
-        .filter(|robot| connection.is_none_or(|connection| heard(robot) == connection))
+        .filter(|robot| state.is_none_or(|state| robot.view.state == state))
+        .filter(|robot| standing.is_none_or(|standing| robot.standing == standing))
+        .filter(|robot| connection.is_none_or(|connection| robot.heard == connection))
         .map(|robot| (place(&robot), robot))
         .filter(|(place, _)| after.as_ref().is_none_or(|after| place > after))
         .collect();
@@ -133,39 +128,68 @@ pub(super) async fn list_robots(
     let items = chosen
         .into_iter()
         .map(|(_, robot)| {
-            let ledger = api.lifecycle.ledger(&robot.id);
-            RobotSummary::of(robot, &ledger, now_ns)
+            let (view, standing) = (robot.view, robot.standing);
+            RobotSummary::of(view, &robot.ledger, standing, now_ns)
         })
         .collect();
     Ok(Json(RobotPage {
         items,
         next,
         counts,
+        standings,
         connections,
     }))
 }
 
-fn connections(heard: impl Iterator<Item = ConnectionState>) -> BTreeMap<&'static str, usize> {
-    let all = ConnectionState::ALL.iter();
-    let mut counts: BTreeMap<_, _> = all.map(|one| (one.name(), 0)).collect();
-    for connection in heard {
-        *counts.entry(connection.name()).or_default() += 1;
+/// A robot, and what lists go by.
+struct Listed {
+    view: RobotView,
+    ledger: Arc<RobotLedger>,
+    standing: Standing,
+    heard: ConnectionState,
+}
+
+fn listed(api: &ApiState, now_ns: i64) -> Vec<Listed> {
+    let standings = api.evaluator.standings();
+    let robots = api.fleet.robots().into_iter();
+    let listed = robots.map(|view| {
+        let ledger = api.lifecycle.ledger(&view.id);
+        Listed {
+            standing: standings.of(&view, &ledger),
+            heard: connection_state(&view, &ledger, now_ns),
+            view,
+            ledger,
+        }
+    });
+    listed.collect()
+}
+
+/// How many robots there are of each value, also of those without any.
+fn count_names<T: Copy>(
+    all: &[T],
+    robots: &[Listed],
+    name: fn(T) -> &'static str,
+    of: fn(&Listed) -> T,
+) -> BTreeMap<&'static str, usize> {
+    let mut counts: BTreeMap<_, _> = all.iter().map(|one| (name(*one), 0)).collect();
+    for robot in robots {
+        *counts.entry(name(of(robot))).or_default() += 1;
     }
     counts
+}
+
+fn standing_named(name: &str) -> Result<Standing, Problem> {
+    Standing::parse(name).ok_or_else(|| {
+        let accepted: Vec<_> = Standing::ALL.iter().map(|one| one.as_str()).collect();
+        let accepted = accepted.join(", ");
+        Problem::refused("standing", name, &format!("one of {accepted}"))
+    })
 }
 
 fn connection_named(name: &str) -> Result<ConnectionState, Problem> {
     let mut all = ConnectionState::ALL.iter().copied();
     all.find(|one| one.name() == name)
         .ok_or_else(|| Problem::refused("connection", name, "one of online, silent, maintenance"))
-}
-
-fn counts(robots: &[RobotView]) -> BTreeMap<&'static str, usize> {
-    let mut counts: BTreeMap<_, _> = STATES.iter().map(|state| (state.name(), 0)).collect();
-    for robot in robots {
-        *counts.entry(robot.state.name()).or_default() += 1;
-    }
-    counts
 }
 
 fn state_named(name: &str) -> Result<RobotState, Problem> {

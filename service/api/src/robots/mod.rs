@@ -19,7 +19,7 @@ use utoipa_axum::routes;
 use super::ApiState;
 
 pub(super) use connection::connection_state;
-pub(super) use document::{RobotStateDocument, state_document};
+pub(super) use document::RobotStateDocument;
 pub(super) use events::EventDocument;
 pub(super) use list::SortSchema;
 pub(super) use recording::Recordings;

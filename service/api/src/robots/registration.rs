@@ -145,17 +145,15 @@ fn check_prefix(api: &ApiState, id: &RobotId, config: &RobotConfig) -> Result<()
 }
 
 async fn answer(api: &ApiState, id: &RobotId, status: StatusCode) -> Result<Response, Problem> {
+    let record = api.store.load_robot(id).await?;
     let view = api
         .fleet
         .robot(id)
         .ok_or_else(|| Problem::robot_unknown(id.as_str()))?;
-    let record = api.store.load_robot(id).await?;
-    let document = RobotDocument::of(
-        view,
-        record.as_ref(),
-        &api.lifecycle.ledger(id),
-        api.clock.now_ns(),
-    );
+    let ledger = api.lifecycle.ledger(id);
+    let standing = api.evaluator.standings().of(&view, &ledger);
+    let now_ns = api.clock.now_ns();
+    let document = RobotDocument::of(view, record.as_ref(), &ledger, standing, now_ns);
     Ok(versioned_json(
         status,
         record.map_or(0, |record| record.version),

@@ -28,13 +28,14 @@ impl Bench {
         let write = Observe {
             sightings: vec![(robot(name).into(), sighting)],
             policy: Arc::new(AlertPolicy::default()),
+            standing: BTreeMap::new(),
             now_ns: NOW_NS,
         };
         self.store.transact(write).await.unwrap();
     }
 
     /// An answer, once it is as it should be.
-    async fn once(&self, uri: &str, is_ready: impl Fn(&Value) -> bool) -> Value {
+    pub(super) async fn once(&self, uri: &str, is_ready: impl Fn(&Value) -> bool) -> Value {
         let wait = async {
             loop {
                 let found = self.get(uri).await.json();

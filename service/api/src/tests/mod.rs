@@ -4,13 +4,17 @@ mod access;
 mod alerts;
 mod approval;
 mod description;
+mod metrics;
+mod metrics_text;
 mod permission;
 mod policy;
 mod recording;
 mod robots;
 mod server;
 mod service;
+mod standing;
 mod stream;
+mod trace;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -41,7 +45,7 @@ use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 use tower::ServiceExt;
 
-use super::{AccessSetup, ApiSetup, Connections, router};
+use super::{AccessSetup, ApiSetup, BuildInfo, Connections, router};
 
 /// 2026-01-01T00:00:00Z.
 const NOW_NS: i64 = 1_767_225_600_000_000_000;
@@ -123,6 +127,10 @@ async fn bench_of(robots: &[&str], last_heard_ns: BTreeMap<RobotId, i64>) -> Ben
     let stop = CancellationToken::new();
     let (setup_code, setup_text) = SetupCode::new(&[0xab; 32], NOW_NS);
     let setup = ApiSetup {
+        build: BuildInfo {
+            version: "1.2.3",
+            commit: "abcdef0",
+        },
         fleet: fleet.clone(),
         lifecycle: lifecycle.clone(),
         evaluator,

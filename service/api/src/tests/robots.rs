@@ -183,7 +183,7 @@ async fn a_top_view_is_drawn_up_for_all_who_ask() {
 async fn the_list_refuses_by_name() {
     let bench = bench(&[]).await;
     let told = async |query: &str| bench.get(&format!("/api/v1/robots?{query}")).await.told();
-    assert_snapshot!(told("stat=failed").await, @"400 query_refused [stat]: the query: unknown field `stat`, expected one of `state`, `connection`, `sort`, `limit`, `cursor`");
+    assert_snapshot!(told("stat=failed").await, @"400 query_refused [stat]: the query: unknown field `stat`, expected one of `state`, `standing`, `connection`, `sort`, `limit`, `cursor`");
     assert_snapshot!(told("state=broken").await, @r#"400 value_refused [state]: state is "broken", expected one of failed, changed, no_data, unregistered, learning, calibrated"#);
     assert_snapshot!(told("sort=name").await, @r#"400 value_refused [sort]: sort is "name", expected severity or id"#);
     assert_snapshot!(told("limit=0").await, @r#"400 value_refused [limit]: limit is "0", expected a whole number from 1 to 1000"#);

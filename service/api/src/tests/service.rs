@@ -38,32 +38,6 @@ async fn a_closed_store_is_unavailable() {
     assert_snapshot!(bench.get("/api/v1/robots/a/history").await.told(), @"503 database_unavailable: the database could not read a token");
 }
 
-#[tokio::test]
-async fn metrics_are_prometheus_text() {
-    let bench = bench(&["agv_1"]).await;
-    let answer = bench.get("/metrics").await;
-    assert!(
-        answer
-            .header("content-type")
-            .starts_with("application/openmetrics-text")
-    );
-    for line in [
-        "# TYPE fleetcal_messages counter",
-        "fleetcal_messages_total 0",
-        "fleetcal_zenoh_open 1.0",
-        "fleetcal_robots 1.0",
-        "fleetcal_robot_received_total{robot=\"agv_1\"} 0",
-        "# EOF",
-    ] {
-        assert!(
-            answer.body.lines().any(|found| found == line),
-            "{line} in\n{}",
-            answer.body
-        );
-    }
-    assert!(answer.body.contains("process_resident_memory_bytes "));
-}
-
 #[test]
 fn the_description_in_the_repository_is_current() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../web/openapi.json");

@@ -15,7 +15,7 @@ mod rules;
 mod subject;
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 pub use condition::{Condition, ConditionName, Observation, Periods};
 pub use document::{AcknowledgementDocument, AlertDocument};

@@ -78,7 +78,7 @@ fn a_period_ends_to_the_nanosecond_and_none_is_none() {
     assert_eq!(back, pending);
 }
 
-fn robot() -> RobotId {
+pub(crate) fn robot() -> RobotId {
     RobotId::parse("tugger_01").unwrap()
 }
 
@@ -164,7 +164,7 @@ fn an_acknowledgement_changes_no_condition_and_a_condition_no_acknowledgement() 
 }
 
 /// A robot that sends, is calibrated, and uses what its drawing says.
-fn view() -> RobotView {
+pub(crate) fn view() -> RobotView {
     let config: RobotConfig = serde_json::from_value(json!({
         "model": "bicycle", "wheelbase_m": 1.2,
         "nominal": {"x_m": 0.434, "y_m": 0.0, "yaw_rad": 0.0},
@@ -191,7 +191,7 @@ fn view() -> RobotView {
     }
 }
 
-fn estimate(
+pub(crate) fn estimate(
     offset_rad: f64,
     sigma_rad: f64,
     status: &str,
@@ -215,7 +215,7 @@ fn estimate(
     .unwrap()
 }
 
-fn deployment(state: DeploymentState) -> Deployment {
+pub(crate) fn deployment(state: DeploymentState) -> Deployment {
     let offer = GenerationRef {
         generation: 2,
         sha256: "00".to_owned(),
@@ -244,7 +244,7 @@ fn deployment(state: DeploymentState) -> Deployment {
     }
 }
 
-fn in_use(generation: u64, steering_offset_rad: f64) -> InUse {
+pub(crate) fn in_use(generation: u64, steering_offset_rad: f64) -> InUse {
     InUse {
         generation,
         revision: None,

@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::record::WebhookEvent;
 use crate::alert::{Alert, AlertDocument, Notice};
 use crate::approval::{Outcome, Proposal, ProposalAction, Revision, Transition};
+use crate::standing::Standing;
 
 /// A message before it is signed.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -28,12 +29,23 @@ struct Body<T> {
     data: T,
 }
 
+/// An alert, and how its robot stands with it.
+#[derive(Serialize)]
+struct Told {
+    #[serde(flatten)]
+    alert: AlertDocument,
+    /// `null` of an alert that is about several robots.
+    standing: Option<Standing>,
+}
+
 /// A proposal that waits for people.
 #[derive(Serialize)]
 struct Waiting<'a> {
     id: u64,
     robot: &'a RobotId,
     version: u64,
+    /// How the robot stands; `null` of one that sends nothing and is not configured.
+    standing: Option<Standing>,
     proposed_by: &'a str,
     reason: Option<&'a str>,
     expires: Timestamp,
@@ -45,32 +57,40 @@ struct Waiting<'a> {
 }
 
 impl Message {
-    /// What is told of an alert.
+    /// What is told of an alert, with how its robot stands.
     ///
     /// # Errors
     /// When it cannot be written as JSON.
-    pub fn of_alert(alert: &Alert, notice: Notice, now_ns: i64) -> Result<Self, serde_json::Error> {
+    pub fn of_alert(
+        alert: &Alert,
+        notice: Notice,
+        standing: Option<Standing>,
+        now_ns: i64,
+    ) -> Result<Self, serde_json::Error> {
         let event = match notice {
             Notice::Alerting => WebhookEvent::AlertAlerting,
             Notice::Resolved => WebhookEvent::AlertResolved,
         };
         let subject = format!("alert-{}-{}", alert.id, alert.version);
-        Self::new(event, subject, AlertDocument::of(alert), now_ns)
+        let alert = AlertDocument::of(alert);
+        Self::new(event, subject, Told { alert, standing }, now_ns)
     }
 
-    /// What is told of a proposal that waits.
+    /// What is told of a proposal that waits, with how its robot stands.
     ///
     /// # Errors
     /// When it cannot be written as JSON.
     pub fn of_proposal(
         proposal: &Proposal,
         revision: Option<&Revision>,
+        standing: Option<Standing>,
         now_ns: i64,
     ) -> Result<Self, serde_json::Error> {
         let data = Waiting {
             id: proposal.id,
             robot: &proposal.robot,
             version: proposal.version,
+            standing,
             proposed_by: &proposal.proposed_by,
             reason: proposal.reason.as_deref(),
             expires: time(proposal.expires_ns),
@@ -90,13 +110,14 @@ impl Message {
     pub fn of_transition(
         transition: &Transition,
         outcome: &Outcome,
+        standing: Option<Standing>,
         now_ns: i64,
     ) -> Result<Option<Self>, serde_json::Error> {
         match transition {
             Transition::Proposal(change) => match change.action {
                 ProposalAction::Create | ProposalAction::Refresh => {
                     let revision = outcome.ledger.revisions.get(&change.after.revision);
-                    Self::of_proposal(&change.after, revision, now_ns).map(Some)
+                    Self::of_proposal(&change.after, revision, standing, now_ns).map(Some)
                 }
                 ProposalAction::Approve
                 | ProposalAction::ApproveInPart

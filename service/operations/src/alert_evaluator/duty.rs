@@ -86,6 +86,8 @@ impl AlertEvaluator {
     async fn look(&self, memory: &mut Memory) -> Result<(), StoreError> {
         let now_ns = self.inner.clock.now_ns();
         let approval = self.inner.lifecycle.policy();
+        let standings = self.standings();
+        let mut standing = BTreeMap::new();
         let mut seen = Vec::new();
         let mut set_up = 0;
         for view in self.inner.fleet.robots() {
@@ -104,6 +106,7 @@ impl AlertEvaluator {
             };
             let subject = || Subject::Robot(view.id.clone());
             seen.extend(sightings(&situation).map(|one| (subject(), one)));
+            standing.insert(view.id.clone(), standings.basis(&view, &ledger));
         }
         self.group(&mut seen, set_up);
         seen.retain(|(subject, one)| self.is_news(subject, one, now_ns));
@@ -111,9 +114,16 @@ impl AlertEvaluator {
         if seen.is_empty() {
             return Ok(());
         }
+        let of_seen = seen.iter().filter_map(|(subject, _)| {
+            let robot = subject.robot()?;
+            let stands = (*standing.get(robot)?, standings.alerts(robot));
+            Some((robot.clone(), stands))
+        });
+        let standing = of_seen.collect();
         let write = Observe {
             sightings: seen,
             policy: Arc::clone(&self.inner.policy),
+            standing,
             now_ns,
         };
         let changes = self.inner.store.transact(write).await?;

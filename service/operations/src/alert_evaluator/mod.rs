@@ -2,10 +2,12 @@
 //! what has changed to the store.
 
 mod duty;
+mod standings;
 #[cfg(test)]
 mod tests;
 mod write;
 
+pub use standings::Standings;
 pub use write::{Acknowledge, AlertChange, Observe};
 
 use std::collections::BTreeMap;

@@ -49,6 +49,7 @@ async fn observe(
     let write = Observe {
         sightings: vec![(robot(name).into(), sighting)],
         policy: Arc::new(AlertPolicy::default()),
+        standing: BTreeMap::new(),
         now_ns: (NOW_S + at_s) * NS,
     };
     store.transact(write).await.unwrap()
@@ -317,6 +318,7 @@ async fn too_many_that_wait_or_are_done_shed_their_oldest() {
             .map(|number| (robot("a").into(), sighting(number)))
             .collect(),
         policy: Arc::new(AlertPolicy::default()),
+        standing: BTreeMap::new(),
         now_ns: NOW_S * NS,
     };
     store.transact(write).await.unwrap();

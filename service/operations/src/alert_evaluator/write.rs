@@ -1,5 +1,6 @@
 //! Changes of alerts: each is read, made and written in one transaction, with what is told of it.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use async_trait::async_trait;
@@ -9,7 +10,9 @@ use fleetcal_domain::alert::{
 };
 use fleetcal_domain::audit::Action;
 use fleetcal_domain::limits;
+use fleetcal_domain::standing::{RobotAlerts, Standing, StandingBasis};
 use fleetcal_domain::webhook::Message;
+use fleetcal_proto::RobotId;
 use fleetcal_store::{AlertMoment, AuditEntry, Job, Records, StoreError};
 
 use crate::webhook_dispatcher::outbox;
@@ -21,6 +24,8 @@ pub struct Observe {
     pub sightings: Vec<(Subject, Sighting)>,
     /// How long something has to last.
     pub policy: Arc<AlertPolicy>,
+    /// How these robots stand apart from their alerts, and what alerts they had before.
+    pub standing: BTreeMap<RobotId, (StandingBasis, RobotAlerts)>,
     /// Wall time.
     pub now_ns: i64,
 }
@@ -55,8 +60,10 @@ impl Job for Observe {
 
     async fn run(&self, records: &mut dyn Records) -> Result<Vec<AlertChange>, StoreError> {
         let mut changes = Vec::new();
+        let mut standing = self.standing.clone();
         for (subject, sighting) in &self.sightings {
-            changes.extend(self.observe(records, subject, sighting).await?);
+            let change = self.observe(records, &mut standing, subject, sighting);
+            changes.extend(change.await?);
         }
         Ok(changes)
     }
@@ -66,6 +73,7 @@ impl Observe {
     async fn observe(
         &self,
         records: &mut dyn Records,
+        standing: &mut BTreeMap<RobotId, (StandingBasis, RobotAlerts)>,
         subject: &Subject,
         sighting: &Sighting,
     ) -> Result<Option<AlertChange>, StoreError> {
@@ -92,8 +100,9 @@ impl Observe {
                     records.save_alert(&alert).await?;
                 }
                 note_change(records, &alert, None, self.now_ns).await?;
+                let stands = standing_with(standing, &alert);
                 if let Some(notice) = notice {
-                    self.tell(records, &alert, notice).await?;
+                    self.tell(records, &alert, notice, stands).await?;
                 }
                 Ok(Some(AlertChange::Kept(alert)))
             }
@@ -105,11 +114,22 @@ impl Observe {
         records: &mut dyn Records,
         alert: &Alert,
         notice: Notice,
+        standing: Option<Standing>,
     ) -> Result<(), StoreError> {
-        let message = Message::of_alert(alert, notice, self.now_ns);
+        let message = Message::of_alert(alert, notice, standing, self.now_ns);
         let message = message.map_err(|error| outbox::unwritable(&error))?;
         outbox::tell(records, &message, self.now_ns).await
     }
+}
+
+/// How the robot of an alert stands once the alert is as it is now; `None` of one about several.
+fn standing_with(
+    standing: &mut BTreeMap<RobotId, (StandingBasis, RobotAlerts)>,
+    alert: &Alert,
+) -> Option<Standing> {
+    let (basis, alerts) = standing.get_mut(alert.robot.robot()?)?;
+    alerts.set(alert.kind, alert.condition.name());
+    Some(basis.with(alerts))
 }
 
 #[async_trait]

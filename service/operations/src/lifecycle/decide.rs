@@ -5,10 +5,13 @@ use std::sync::Arc;
 
 use async_trait::async_trait;
 use fleetcal_domain::access::{Actor, Authentication, Role};
+use fleetcal_domain::alert::{AlertKind, Subject};
 use fleetcal_domain::approval::{
     Command, Outcome, Policy, Present, Proposal, Refused, Standing, Transition, audited, automatic,
     step,
 };
+use fleetcal_domain::robot::RobotView;
+use fleetcal_domain::standing::{self, RobotAlerts, StandingBasis};
 use fleetcal_domain::webhook::Message;
 use fleetcal_model::Pose2;
 use fleetcal_proto::RobotId;
@@ -43,6 +46,8 @@ pub struct Decide {
     pub rear_axle_in_base_link: Option<Pose2>,
     /// What its estimator says at this moment.
     pub present: Present,
+    /// The robot as it is seen at this moment; `None` of one that the fleet does not know.
+    pub view: Option<Box<RobotView>>,
 }
 
 /// What became of a decision.
@@ -146,8 +151,13 @@ impl Decide {
         if automatic(&outcome.ledger, policy).is_some() {
             return Ok(());
         }
+        let of_proposal = |transition: &Transition| matches!(transition, Transition::Proposal(_));
+        if !outcome.transitions.iter().any(of_proposal) {
+            return Ok(());
+        }
+        let stands = self.stands(records, outcome, policy).await?;
         for transition in &outcome.transitions {
-            let message = Message::of_transition(transition, outcome, self.now_ns);
+            let message = Message::of_transition(transition, outcome, stands, self.now_ns);
             if let Some(message) = message.map_err(|error| outbox::unwritable(&error))? {
                 outbox::tell(records, &message, self.now_ns).await?;
             }
@@ -157,6 +167,29 @@ impl Decide {
 }
 
 impl Decide {
+    /// How the robot stands with an outcome.
+    async fn stands(
+        &self,
+        records: &mut dyn Records,
+        outcome: &Outcome,
+        policy: &Policy,
+    ) -> Result<Option<standing::Standing>, StoreError> {
+        let Some(view) = self.view.as_deref() else {
+            return Ok(None);
+        };
+        let mut active = Vec::new();
+        for kind in AlertKind::ALL {
+            for subject in [Subject::Robot(self.robot.clone()), Subject::Fleet] {
+                active.extend(records.active_alert(&subject, kind).await?);
+            }
+        }
+        let mut alerts = RobotAlerts::by_robot(&active);
+        let alerts = alerts.remove(&self.robot).unwrap_or_default();
+        let tolerance = &policy.propose_beyond;
+        let basis = StandingBasis::of(view, &outcome.ledger, tolerance, self.now_ns);
+        Ok(Some(basis.with(&alerts)))
+    }
+
     /// The rows of the audit that an outcome asks for.
     fn audit(&self, outcome: &Outcome) -> Vec<AuditEntry> {
         let entry = |transition: &Transition| {

@@ -192,9 +192,9 @@ impl Lifecycle {
     pub fn answer_counters(&self) -> [(&'static str, u64); 3] {
         let read = |count: &AtomicU64| count.load(Ordering::Relaxed);
         [
-            ("beyond_limit", read(&self.inner.lost_answers)),
-            ("refused", read(&self.inner.refused_answers)),
-            ("unreadable", read(&self.inner.unreadable_answers)),
+            ("answer_limit", read(&self.inner.lost_answers)),
+            ("answer_refused", read(&self.inner.refused_answers)),
+            ("answer_unreadable", read(&self.inner.unreadable_answers)),
         ]
     }
 
@@ -247,6 +247,7 @@ impl Lifecycle {
             idempotency,
             rear_axle_in_base_link: self.inner.fleet.rear_axle_in_base_link(robot),
             present: self.present(robot),
+            view: self.inner.fleet.robot(robot).map(Box::new),
         };
         let decided = self.inner.store.transact(decision).await?;
         if let Decided::Taken(outcome) = &decided {

@@ -1,5 +1,6 @@
 //! Receivers on the loopback, as good and bad as receivers are.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -66,6 +67,7 @@ impl Bench {
         let write = Observe {
             sightings: vec![(RobotId::parse(robot).unwrap().into(), sighting)],
             policy: Arc::new(AlertPolicy::default()),
+            standing: BTreeMap::new(),
             now_ns: self.clock.now_ns(),
         };
         self.store.transact(write).await.unwrap();

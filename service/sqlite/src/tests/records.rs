@@ -1,5 +1,7 @@
 //! Robots, checkpoints, current estimates and events.
 
+use std::time::Duration;
+
 use async_trait::async_trait;
 use fleetcal_domain::robot::{HistoryEvent, Journal, RobotConfig};
 use fleetcal_store::{EventKind, EventSource, Job, NewEvent, Records, StoreError};

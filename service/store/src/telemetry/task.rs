@@ -131,7 +131,10 @@ impl<W: TelemetryWriter> TelemetryTask<W> {
         let mut failure = None;
         while let Some(batch) = self.pending.next() {
             let history = batch.history.len() as u64;
-            match self.writer.write(&batch).await {
+            let began = Instant::now();
+            let written = self.writer.write(&batch).await;
+            self.path.took(began.elapsed());
+            match written {
                 Ok(()) => {
                     self.path.committed();
                     let written = &self.counters.history_rows;

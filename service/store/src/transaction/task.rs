@@ -87,7 +87,9 @@ impl<W: RecordWriter> JobsTask<W> {
         }
         let pending = self.jobs.len() as u64;
         self.counters.pending.store(pending, Ordering::Relaxed);
+        let began = Instant::now();
         let ended = self.writer.run(&mut self.jobs).await;
+        self.counters.took(began.elapsed());
         match &ended {
             Ok(()) => {
                 self.retry.reset();

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 
 use fleetcal_estimator::geometry::Pose2;
-use fleetcal_estimator::vehicle::{Drive, DriveParameters};
+use fleetcal_estimator::vehicle::{Drive, DriveParameters, SteeringCurve};
 use fleetcal_estimator::{Estimate, Parameter};
 use fleetcal_robot::simulator::{LocalisationNoise, Point, Route, SimulatedMessage};
 use rayon::prelude::*;
@@ -140,6 +140,7 @@ fn one_drive(extent: &Extent, kind: &Kind, seed: u64) -> Result<Apart, Evaluatio
         wheelbase_m: vehicle.wheelbase_m,
         steering_gain: 1.0,
         side_slip_rad_per_mps2: 0.0,
+        curve: SteeringCurve::default(),
     };
     let offset = DriveParameters {
         steering_offset_rad: known.parameter(Parameter::SteeringOffset).value,

@@ -172,7 +172,7 @@ async fn an_answer_about_what_was_never_given_out_is_refused() {
         other,
         Err(StoreError::Refused(Refused::OtherDocument { .. }))
     ));
-    assert_eq!(bench.lifecycle.answer_counters()[1], ("refused", 2));
+    assert_eq!(bench.lifecycle.answer_counters()[1], ("answer_refused", 2));
 }
 
 #[tokio::test]

@@ -1,0 +1,136 @@
+//! Could a change be seen now? Whether each cause is watched, and what detection waits for if not.
+//!
+//! A cause is watched while its parameters are known well enough to be held against, and while the
+//! smallest change that matters would speak louder than the scatter of this very robot: with the
+//! information `M` of the motion so far, a change by `d` is expected to give the evidence of the score
+//! `M d`.
+
+pub use fleetcal_model::DetectionState;
+
+use super::evidence::{CAUSES, HYPOTHESES, Hypothesis, Thresholds};
+use crate::estimate::Parameter;
+use crate::filter::ParameterCovariance;
+use crate::settings::EstimatorSettings;
+
+/// A filter that knows the parameters to this many times their limits can judge.
+const JUDGE_SIGMA_FACTOR: f64 = 2.0;
+/// A cause that is watched stays so until it is this much (as a standard deviation) less visible.
+const WATCHED_HYSTERESIS: f64 = 1.5;
+
+/// Windows, some 20 m, in which a change has to be seen.
+const BLIND_WINDOWS: usize = 50;
+
+/// The smallest change of a parameter that has to be seen; `None` where none is promised.
+pub fn least_change(parameter: Parameter) -> Option<f64> {
+    match parameter {
+        Parameter::SteeringOffset | Parameter::LidarYaw => Some(0.5f64.to_radians()),
+        Parameter::LidarX | Parameter::LidarY => Some(0.02),
+        _ => None,
+    }
+}
+
+/// What a cause is held against: its own parameters, and the yaw that a steering zero is told from.
+fn has_to_be_known(hypothesis: &Hypothesis) -> impl Iterator<Item = Parameter> {
+    let angles = [Parameter::SteeringOffset, Parameter::LidarYaw];
+    hypothesis.parameters.iter().copied().chain(angles)
+}
+
+fn is_known(
+    hypothesis: &Hypothesis,
+    covariance: &ParameterCovariance,
+    settings: &EstimatorSettings,
+    factor: f64,
+) -> bool {
+    has_to_be_known(hypothesis).all(|p| {
+        let sigma = covariance[(p.index(), p.index())].sqrt();
+        sigma <= factor * settings.converged_sigma.get(p)
+    })
+}
+
+/// For each cause, whether its parameters are known well enough to be held against.
+pub fn known_causes(
+    covariance: &ParameterCovariance,
+    settings: &EstimatorSettings,
+) -> [bool; CAUSES] {
+    HYPOTHESES
+        .each_ref()
+        .map(|hypothesis| is_known(hypothesis, covariance, settings, JUDGE_SIGMA_FACTOR))
+}
+
+/// Which causes are watched.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Visibility {
+    /// Whether the parameters of each cause are known; none while that was not asked yet.
+    known: Option<[bool; CAUSES]>,
+    /// The most evidence that the smallest change would have given so far, for each cause.
+    evidence: [Option<f64>; CAUSES],
+    visible: [bool; CAUSES],
+}
+
+impl Visibility {
+    /// Notes how well the parameters are known that changes are held against from now on.
+    pub fn know(&mut self, covariance: &ParameterCovariance, settings: &EstimatorSettings) {
+        let before = self.known.unwrap_or_default();
+        self.known = Some(std::array::from_fn(|i| {
+            let factor = if before[i] {
+                JUDGE_SIGMA_FACTOR * WATCHED_HYSTERESIS
+            } else {
+                JUDGE_SIGMA_FACTOR
+            };
+            is_known(&HYPOTHESES[i], covariance, settings, factor)
+        }));
+    }
+
+    /// Notes how much evidence the smallest change of each cause would give by the motion of now, and
+    /// how much it takes.
+    ///
+    /// Few windows cannot tell that it would not be seen: more will show more.
+    pub fn see(&mut self, windows: usize, expected: &[f64; CAUSES], thresholds: &Thresholds) {
+        for (i, hypothesis) in HYPOTHESES.iter().enumerate() {
+            let is_promised = hypothesis
+                .parameters
+                .iter()
+                .any(|&p| least_change(p).is_some());
+            let is_seen = expected[i] >= thresholds.values()[i];
+            if is_promised && !is_seen && windows < BLIND_WINDOWS && self.evidence[i].is_none() {
+                continue;
+            }
+            let most = self.evidence[i].map_or(expected[i], |most| most.max(expected[i]));
+            self.evidence[i] = Some(most);
+            let margin = if self.visible[i] {
+                WATCHED_HYSTERESIS * WATCHED_HYSTERESIS
+            } else {
+                1.0
+            };
+            self.visible[i] = !is_promised || most * margin >= thresholds.values()[i];
+        }
+    }
+
+    /// Whether any cause is known well enough to be watched.
+    pub fn knows_any(&self) -> bool {
+        self.known.is_some_and(|known| known.contains(&true))
+    }
+
+    /// Where detection stands with each cause.
+    pub fn states(&self) -> [DetectionState; CAUSES] {
+        std::array::from_fn(|i| {
+            if self.known.is_some_and(|known| !known[i]) {
+                DetectionState::Accuracy
+            } else if self.known.is_none() || self.evidence[i].is_none() {
+                DetectionState::Motion
+            } else if !self.visible[i] {
+                DetectionState::Scatter
+            } else {
+                DetectionState::Watching
+            }
+        })
+    }
+}
+
+/// Whether a change of this parameter would go unseen for more than a few metres.
+pub fn is_blind(parameter: Parameter, states: &[DetectionState; CAUSES]) -> bool {
+    HYPOTHESES.iter().zip(states).any(|(hypothesis, state)| {
+        hypothesis.parameters.contains(&parameter)
+            && matches!(state, DetectionState::Accuracy | DetectionState::Scatter)
+    })
+}

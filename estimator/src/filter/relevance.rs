@@ -1,0 +1,188 @@
+//! What a filter says once it is asked how much of the steering's curve its data need.
+//!
+//! Most steerings are straight. Asymmetry and quadratic term have wide priors all the same, and where
+//! the motion does not tell them from the steering's zero (a figure-eight knows two angles only), the
+//! zero is as open as they are. So each is taken as small, a share of its prior, as long as the
+//! evidence of the data does not speak against it (automatic relevance determination, with two
+//! choices).
+//!
+//! With the posterior `N(m, V)` of some under the prior `W`, the one under `S` adds the information
+//! `A = S^-1 - W^-1`, and the data are more probable under `S` by
+//! `ln |W|/|S| - ln |I + A V| - m' (A^-1 + V)^-1 m`, halved. Data that scatter more than the filter
+//! says speak the less against `S`: the last term is divided by how much more.
+
+use nalgebra::{SMatrix, SVector};
+
+use super::prior::{ASYMMETRY_SIGMA, QUADRATIC_SIGMA_PER_RAD};
+use super::{ASYMMETRY, Filter, PARAMETERS, ParameterCovariance, QUADRATIC, Values};
+use crate::estimate::Parameter;
+use crate::vehicle::{SpeedMeasuredAt, Vehicle};
+
+/// Share of a quadratic term that a speed measured beside the axle's middle may explain.
+const ENCODER_SHARE: f64 = 0.3;
+/// An explanation is as good as the best one when the data are less probable by no more than this:
+/// twice the logarithm.
+const AS_GOOD: f64 = 6.0;
+/// Share of its prior that a part has while it is small.
+const SHARE: f64 = 0.2;
+/// The default prior of the gain.
+const GAIN_SIGMA: f64 = 0.02;
+/// Number of parts that may be small.
+const PARTS: usize = 3;
+
+/// A parameter that may be small.
+struct Part {
+    parameter: usize,
+    /// Its prior's standard deviation.
+    sigma: f64,
+}
+
+/// The parts; the gain is small only to ask whether a quadratic term explains as much.
+const ALL: [Part; PARTS] = [
+    part(ASYMMETRY, ASYMMETRY_SIGMA),
+    part(QUADRATIC, QUADRATIC_SIGMA_PER_RAD),
+    part(Parameter::SteeringGain.index(), GAIN_SIGMA),
+];
+/// Choices of small parts as the bits of a number; those below this leave the gain wide.
+const CHOICES: usize = 1 << PARTS;
+const CHOICES_OF_WIDE_GAIN: usize = CHOICES / 2;
+
+type Parts = SMatrix<f64, PARTS, PARTS>;
+
+const fn part(parameter: usize, sigma: f64) -> Part {
+    Part { parameter, sigma }
+}
+
+impl Part {
+    /// `A^-1`.
+    fn inverse_information(&self) -> f64 {
+        (SHARE * self.sigma).powi(2) / (1.0 - SHARE * SHARE)
+    }
+
+    /// `ln W/S - ln A`.
+    fn prior_evidence(&self) -> f64 {
+        (self.sigma * self.sigma / (1.0 - SHARE * SHARE)).ln()
+    }
+}
+
+/// What is known of the parameters.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Known {
+    /// Values.
+    pub values: Values,
+    /// Their covariance.
+    pub covariance: ParameterCovariance,
+    /// The quadratic term, or the largest one in an explanation that is as good.
+    quadratic_per_rad: f64,
+}
+
+/// The parts of one choice: their `A^-1 + V` and means, the places of the others holding a one and a
+/// zero.
+struct Choice {
+    innovation: Parts,
+    mean: SVector<f64, PARTS>,
+    evidence: f64,
+}
+
+impl Filter {
+    /// Values and covariance of the parameters, with as much of the steering's imperfections as the
+    /// data ask for, which scatter so many times more (as variances) than the filter says.
+    pub fn known(&self, scatter: &Values) -> Known {
+        let all = Known {
+            values: *self.values(),
+            covariance: self.parameter_covariance(),
+            quadratic_per_rad: self.values()[QUADRATIC],
+        };
+        let mut evidences = [f64::NEG_INFINITY; CHOICES];
+        for (choice, evidence) in evidences.iter_mut().enumerate() {
+            *evidence = all
+                .choose(choice, scatter)
+                .map_or(*evidence, |c| c.evidence);
+        }
+        // Where the data do not tell, as few as can be.
+        let wide_gain = evidences.iter().take(CHOICES_OF_WIDE_GAIN).enumerate();
+        let best = wide_gain.max_by(|a, b| a.1.total_cmp(b.1));
+        let (choice, most) = best.map_or((0, 0.0), |(choice, evidence)| (choice, *evidence));
+        let Some(mut known) = all.with_small(choice, scatter) else {
+            return all;
+        };
+        for (choice, _) in evidences
+            .iter()
+            .enumerate()
+            .filter(|(_, e)| **e > most - AS_GOOD)
+        {
+            let other = all.with_small(choice, scatter);
+            let quadratic = other.map_or(0.0, |other| other.values[QUADRATIC]);
+            if quadratic.abs() > known.quadratic_per_rad.abs() {
+                known.quadratic_per_rad = quadratic;
+            }
+        }
+        known
+    }
+}
+
+impl Known {
+    /// What may be told of them. A speed that is measured `y_e` beside the axle's middle shifts `y_off`
+    /// by `y_e`, and all that shows of it is a quadratic term of `-y_e / wheelbase`: a share of such a
+    /// term may be that. One that is measured at the steered wheel, or beside the axle by a distance
+    /// that is known, does no such thing.
+    #[must_use]
+    pub fn with_encoder(self, vehicle: &Vehicle) -> Self {
+        let mut told = self;
+        if vehicle.speed_measured_at != SpeedMeasuredAt::RearAxle {
+            return told;
+        }
+        let square = self.quadratic_per_rad.powi(2) + self.covariance[(QUADRATIC, QUADRATIC)];
+        let y = Parameter::LidarY.index();
+        told.covariance[(y, y)] += (ENCODER_SHARE * vehicle.wheelbase_m).powi(2) * square;
+        told
+    }
+
+    /// `None` where a part that would be small is none of the filter's.
+    fn choose(&self, choice: usize, scatter: &Values) -> Option<Choice> {
+        let mut innovation = Parts::identity();
+        let mut mean = SVector::<f64, PARTS>::zeros();
+        let (mut evidence, mut most_scatter) = (0.0, 1.0_f64);
+        let is_small = |i: usize| choice >> i & 1 == 1;
+        for (i, part) in ALL.iter().enumerate().filter(|(i, _)| is_small(*i)) {
+            if self.covariance[(part.parameter, part.parameter)] <= 0.0 {
+                return None;
+            }
+            for (j, other) in ALL.iter().enumerate().filter(|(j, _)| is_small(*j)) {
+                innovation[(i, j)] = self.covariance[(part.parameter, other.parameter)];
+            }
+            innovation[(i, i)] += part.inverse_information();
+            mean[i] = self.values[part.parameter];
+            if part.parameter == Parameter::SteeringGain.index() {
+                mean[i] -= 1.0;
+            }
+            evidence += part.prior_evidence();
+            most_scatter = most_scatter.max(scatter[part.parameter]);
+        }
+        let factor = innovation.cholesky()?;
+        evidence -= factor.determinant().ln() + mean.dot(&factor.solve(&mean)) / most_scatter;
+        Some(Choice {
+            innovation,
+            mean,
+            evidence,
+        })
+    }
+
+    fn with_small(&self, choice: usize, scatter: &Values) -> Option<Self> {
+        let Choice {
+            innovation, mean, ..
+        } = self.choose(choice, scatter)?;
+        let mut cross = SMatrix::<f64, PARAMETERS, PARTS>::zeros();
+        for (i, part) in ALL.iter().enumerate().filter(|(i, _)| choice >> i & 1 == 1) {
+            cross.set_column(i, &self.covariance.column(part.parameter));
+        }
+        let gain = cross * innovation.cholesky()?.inverse();
+        let covariance = self.covariance - gain * cross.transpose();
+        let values = self.values - gain * mean;
+        Some(Self {
+            values,
+            covariance: (covariance + covariance.transpose()) * 0.5,
+            quadratic_per_rad: values[QUADRATIC],
+        })
+    }
+}

@@ -1,0 +1,87 @@
+//! How robots stand, and which of them a listener has to be told of.
+//!
+//! A standing follows from a robot's estimate, records and alerts, from the policy and from the
+//! clock: no one event carries all of its changes. So it is worked out for every robot once a
+//! second, and at once for the robot that an event is about.
+
+use std::collections::BTreeMap;
+
+use fleetcal_domain::robot::RobotView;
+use fleetcal_domain::standing::Standing;
+use fleetcal_fleet::FleetHandle;
+use fleetcal_operations::alert_evaluator::{AlertEvaluator, Standings};
+use fleetcal_operations::lifecycle::Lifecycle;
+use fleetcal_proto::RobotId;
+
+use super::robots::RobotStateDocument;
+
+/// Where standings come from, and as what listeners heard of them last.
+#[derive(Debug)]
+pub(super) struct ToldStandings {
+    fleet: FleetHandle,
+    lifecycle: Lifecycle,
+    evaluator: AlertEvaluator,
+    told: BTreeMap<RobotId, Standing>,
+}
+
+impl ToldStandings {
+    /// Nothing was told yet.
+    pub(super) const fn new(
+        fleet: FleetHandle,
+        lifecycle: Lifecycle,
+        evaluator: AlertEvaluator,
+    ) -> Self {
+        Self {
+            fleet,
+            lifecycle,
+            evaluator,
+            told: BTreeMap::new(),
+        }
+    }
+
+    /// How a robot stood last; of one that was never looked at, as it stands now.
+    pub(super) fn known(&mut self, robot: &RobotId) -> Standing {
+        if let Some(standing) = self.told.get(robot) {
+            return *standing;
+        }
+        self.now(robot)
+            .map_or(Standing::Unregistered, |state| state.standing())
+    }
+
+    /// A robot's state as it is now, which counts as told; `None` of a robot that is gone.
+    pub(super) fn now(&mut self, robot: &RobotId) -> Option<RobotStateDocument> {
+        let view = self.fleet.robot(robot)?;
+        let standing = self.of(&self.evaluator.standings(), &view);
+        self.told.insert(view.id.clone(), standing);
+        Some(RobotStateDocument::of(&view, standing))
+    }
+
+    /// The same, if the robot stands otherwise than was told.
+    pub(super) fn changed(&mut self, robot: &RobotId) -> Option<RobotStateDocument> {
+        let before = self.told.get(robot).copied();
+        let now = self.now(robot)?;
+        (before != Some(now.standing())).then_some(now)
+    }
+
+    /// Every robot that stands otherwise than was told; now it counts as told.
+    pub(super) fn all_changed(&mut self) -> Vec<RobotStateDocument> {
+        let standings = self.evaluator.standings();
+        let robots = self.fleet.robots();
+        let mut changed = Vec::new();
+        let mut told = BTreeMap::new();
+        for view in &robots {
+            let standing = self.of(&standings, view);
+            if self.told.get(&view.id) != Some(&standing) {
+                changed.push(RobotStateDocument::of(view, standing));
+            }
+            told.insert(view.id.clone(), standing);
+        }
+        // Robots that are gone are forgotten.
+        self.told = told;
+        changed
+    }
+
+    fn of(&self, standings: &Standings, view: &RobotView) -> Standing {
+        standings.of(view, &self.lifecycle.ledger(&view.id))
+    }
+}

@@ -1,0 +1,252 @@
+//! How a robot stands, in one word: its estimate, the life cycle of its calibration and its alerts.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::CalibrationValues;
+use serde::{Deserialize, Serialize};
+use strum::{EnumString, IntoStaticStr, VariantArray};
+
+use crate::alert::{Alert, AlertKind, ConditionName};
+use crate::approval::{DeploymentState, RobotLedger, Tolerance, difference};
+use crate::robot::{RobotState, RobotView};
+
+/// How a robot stands, the most urgent first: of all that is so at once, the least one counts.
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Hash,
+    Serialize,
+    Deserialize,
+    EnumString,
+    IntoStaticStr,
+    VariantArray,
+)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
+pub enum Standing {
+    /// The previous calibration was not restored.
+    RollbackFailed,
+    /// The estimate differs significantly from the calibration in use.
+    Drift,
+    /// A verification estimate disagrees with the calibration that was applied.
+    VerificationFailed,
+    /// Two senders use the robot's id.
+    TwoSenders,
+    /// The robot sends its wheel odometry on a key that is no longer used.
+    FormerKey,
+    /// An answer in the robot's name contradicts another.
+    FalseReport,
+    /// The estimator failed too often and was stopped.
+    EstimatorFailed,
+    /// The robot did not apply what was approved for it.
+    NotApplied,
+    /// The robot uses another calibration than the expected one.
+    OutOfSync,
+    /// The robot is configured and sends no data.
+    NoData,
+    /// A sensor or the LiDAR odometry fails.
+    Fault,
+    /// The robot sends data, and its vehicle is not configured.
+    Unregistered,
+    /// New values are proposed and need approval.
+    AwaitingApproval,
+    /// New values are approved and are being sent, applied or verified.
+    Deploying,
+    /// It uses its factory values, which differ significantly from the estimate.
+    Uncalibrated,
+    /// Some parameters have not converged.
+    Learning,
+    /// All observable parameters have converged.
+    Calibrated,
+}
+
+impl Standing {
+    /// All of them, the most urgent first.
+    pub const ALL: &'static [Self] = <Self as VariantArray>::VARIANTS;
+
+    /// The name in documents and in `/metrics`.
+    pub fn as_str(self) -> &'static str {
+        self.into()
+    }
+
+    /// The standing of this name.
+    pub fn parse(name: &str) -> Option<Self> {
+        name.parse().ok()
+    }
+
+    const fn of_state(state: RobotState, in_maintenance: bool) -> Self {
+        match state {
+            RobotState::Unregistered => Self::Unregistered,
+            // One that is switched off on purpose is not missed.
+            RobotState::NoData if in_maintenance => Self::Learning,
+            RobotState::NoData => Self::NoData,
+            RobotState::Failed => Self::EstimatorFailed,
+            RobotState::Changed => Self::Drift,
+            RobotState::Learning => Self::Learning,
+            RobotState::Calibrated => Self::Calibrated,
+        }
+    }
+
+    const fn of_deployment(state: DeploymentState) -> Option<Self> {
+        use DeploymentState as S;
+        match state {
+            S::Queued | S::Offered | S::Applied | S::Verifying | S::RollingBack => {
+                Some(Self::Deploying)
+            }
+            S::RollbackFailed => Some(Self::RollbackFailed),
+            S::Verified
+            | S::Inconclusive
+            | S::Refused
+            | S::Failed
+            | S::TimedOut
+            | S::Withdrawn
+            | S::RolledBack
+            | S::Kept => None,
+        }
+    }
+}
+
+/// The kinds of a robot's alerts that say how it stands.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct RobotAlerts {
+    /// They fire.
+    alerting: BTreeSet<AlertKind>,
+    /// They fired until the robot fell silent.
+    stale: BTreeSet<AlertKind>,
+}
+
+impl RobotAlerts {
+    /// Takes where the alert of a kind stands now.
+    pub fn set(&mut self, kind: AlertKind, condition: ConditionName) {
+        self.alerting.remove(&kind);
+        self.stale.remove(&kind);
+        self.add(kind, condition);
+    }
+
+    /// Takes an alert of the kind beside another one of it, as of the whole fleet.
+    fn add(&mut self, kind: AlertKind, condition: ConditionName) {
+        match condition {
+            ConditionName::Alerting => self.alerting.insert(kind),
+            ConditionName::NoData => self.stale.insert(kind),
+            // It has not or no longer proven what it is about.
+            ConditionName::Normal | ConditionName::Pending | ConditionName::Recovering => false,
+        };
+    }
+
+    /// Those of each robot that has any, of all active alerts.
+    pub fn by_robot<'a>(active: impl IntoIterator<Item = &'a Alert>) -> BTreeMap<RobotId, Self> {
+        let mut found: BTreeMap<RobotId, Self> = BTreeMap::new();
+        for alert in active {
+            for robot in alert.robot.robot().into_iter().chain(&alert.robots) {
+                let of_robot = found.entry(robot.clone()).or_default();
+                of_robot.add(alert.kind, alert.condition.name());
+            }
+        }
+        found
+    }
+}
+
+/// How a robot stands apart from its alerts, and what they would make of that.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct StandingBasis {
+    without_alerts: Standing,
+    /// What a drift alert says of it: what was never calibrated cannot have drifted.
+    drift: Standing,
+    /// Whether its last estimate is outside the tolerance around what it uses.
+    is_beyond: bool,
+}
+
+impl StandingBasis {
+    /// How a robot stands by what is seen of it and by its records. `propose_beyond` is the
+    /// tolerance of the policy, `now_ns` wall time.
+    pub fn of(
+        view: &RobotView,
+        ledger: &RobotLedger,
+        propose_beyond: &Tolerance,
+        now_ns: i64,
+    ) -> Self {
+        let shadow = &ledger.shadow;
+        let maintenance = shadow.maintenance.as_ref();
+        let in_maintenance = maintenance.is_some_and(|one| one.holds_at(now_ns));
+        let deployment = ledger.live.as_ref();
+        let verdict = deployment.and_then(|live| live.verification);
+        let so = [
+            Some(Standing::of_state(view.state, in_maintenance)),
+            deployment.and_then(|live| Standing::of_deployment(live.state)),
+            verdict
+                .filter(|verdict| !verdict.within)
+                .map(|_| Standing::VerificationFailed),
+            ledger.open.as_ref().map(|_| Standing::AwaitingApproval),
+        ];
+        let least = so.into_iter().flatten().min();
+        let in_use = shadow.in_use.as_ref();
+        Self {
+            without_alerts: least.unwrap_or(Standing::Learning),
+            drift: match in_use {
+                Some(in_use) if in_use.generation > 0 => Standing::Drift,
+                _ => Standing::Uncalibrated,
+            },
+            is_beyond: is_beyond(view, ledger, propose_beyond),
+        }
+    }
+
+    /// How the robot stands with these alerts: the most urgent of what is so.
+    pub fn with(self, alerts: &RobotAlerts) -> Standing {
+        let alerting = alerts.alerting.iter().map(|kind| self.of_alert(*kind));
+        // The values of a silent robot can be compared without it: of those inside the tolerance
+        // nobody says any more that they drifted.
+        let stale = alerts.stale.iter();
+        let stale = stale.filter(|kind| **kind != AlertKind::Drift || self.is_beyond);
+        let stale = stale.map(|kind| self.of_alert(*kind));
+        let least = alerting.chain(stale).min();
+        least.map_or(self.without_alerts, |least| least.min(self.without_alerts))
+    }
+
+    const fn of_alert(self, kind: AlertKind) -> Standing {
+        match kind {
+            AlertKind::RollbackFailed => Standing::RollbackFailed,
+            AlertKind::Drift => self.drift,
+            AlertKind::VerificationFailed => Standing::VerificationFailed,
+            AlertKind::TwoSenders => Standing::TwoSenders,
+            AlertKind::FormerKey => Standing::FormerKey,
+            AlertKind::FalseReport => Standing::FalseReport,
+            AlertKind::EstimatorFailed => Standing::EstimatorFailed,
+            AlertKind::NotApplied => Standing::NotApplied,
+            AlertKind::OutOfSync => Standing::OutOfSync,
+            AlertKind::NoData => Standing::NoData,
+            AlertKind::Fault => Standing::Fault,
+        }
+    }
+}
+
+/// Whether a part of the last estimate is outside the tolerance around what the robot uses; also
+/// where there is none to compare.
+fn is_beyond(view: &RobotView, ledger: &RobotLedger, tolerance: &Tolerance) -> bool {
+    let Some(estimate) = view.estimate.as_deref() else {
+        return true;
+    };
+    let Some(in_use) = &ledger.shadow.in_use else {
+        return false;
+    };
+    let parameters = &estimate.parameters;
+    let estimated = CalibrationValues {
+        steering_offset_rad: parameters.steering_offset.value,
+        lidar_x_m: parameters.lidar_x.value,
+        lidar_y_m: parameters.lidar_y.value,
+        lidar_yaw_rad: parameters.lidar_yaw.value,
+        ..CalibrationValues::default()
+    };
+    let change = difference(&in_use.values, &estimated);
+    let mut parts = change.iter().zip(tolerance.limits());
+    parts.any(|(part, limit)| part.abs() > limit)
+}
+
+#[cfg(test)]
+mod tests;

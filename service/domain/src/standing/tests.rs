@@ -1,0 +1,245 @@
+//! Every state, deployment and alert by itself, and the most urgent of several.
+
+use std::sync::Arc;
+
+use super::*;
+use crate::alert::tests::{deployment, estimate, in_use, robot, view};
+use crate::alert::{Condition, Subject};
+use crate::approval::{Maintenance, Policy, Proposal, ProposalState, Verification};
+
+/// A robot and what is so of it.
+struct Case {
+    view: RobotView,
+    ledger: RobotLedger,
+    alerts: RobotAlerts,
+}
+
+fn case(state: RobotState) -> Case {
+    Case {
+        view: RobotView { state, ..view() },
+        ledger: RobotLedger::new(robot()),
+        alerts: RobotAlerts::default(),
+    }
+}
+
+fn proposal() -> Proposal {
+    Proposal {
+        id: 3,
+        robot: robot(),
+        version: 1,
+        state: ProposalState::Proposed,
+        revision: 1,
+        revision_sha256: "00".to_owned(),
+        proposed_by: "fleetcal".to_owned(),
+        reason: None,
+        created_ns: 0,
+        expires_ns: 0,
+        base: None,
+        base_generation: None,
+        approvals_needed: 1,
+        approvals: Vec::new(),
+        closing: None,
+        refreshed: None,
+    }
+}
+
+impl Case {
+    fn alerting(mut self, kind: AlertKind) -> Self {
+        self.alerts.set(kind, ConditionName::Alerting);
+        self
+    }
+
+    fn stale(mut self, kind: AlertKind) -> Self {
+        self.alerts.set(kind, ConditionName::NoData);
+        self
+    }
+
+    fn proposed(mut self) -> Self {
+        self.ledger.open = Some(proposal());
+        self
+    }
+
+    fn deployed(mut self, state: DeploymentState) -> Self {
+        self.ledger.live = Some(deployment(state));
+        self
+    }
+
+    /// It uses this generation, whose steering offset is given; the estimate says 0.
+    fn using(mut self, generation: u64, steering_offset_rad: f64) -> Self {
+        self.ledger.shadow.in_use = Some(in_use(generation, steering_offset_rad));
+        self
+    }
+
+    fn at(&self, now_ns: i64) -> Standing {
+        let tolerance = Policy::default().propose_beyond;
+        StandingBasis::of(&self.view, &self.ledger, &tolerance, now_ns).with(&self.alerts)
+    }
+
+    fn stands(&self) -> Standing {
+        self.at(0)
+    }
+}
+
+#[test]
+fn it_is_the_worst_of_what_is_so() {
+    use RobotState as R;
+    use Standing as S;
+    let of = |case: Case| case.stands();
+    assert_eq!(of(case(R::Calibrated)), S::Calibrated);
+    assert_eq!(of(case(R::Unregistered)), S::Unregistered);
+    assert_eq!(of(case(R::Failed)), S::EstimatorFailed);
+    assert_eq!(of(case(R::Changed)), S::Drift);
+    assert_eq!(of(case(R::Calibrated).proposed()), S::AwaitingApproval);
+    let drifted = case(R::Calibrated).proposed().using(1, 0.0);
+    assert_eq!(of(drifted.alerting(AlertKind::Drift)), S::Drift);
+    assert_eq!(of(case(R::NoData).proposed()), S::NoData);
+    let verifying = case(R::Learning).deployed(DeploymentState::Verifying);
+    assert_eq!(of(verifying), S::Deploying);
+    let verified = case(R::Learning).deployed(DeploymentState::Verified);
+    assert_eq!(of(verified), S::Learning);
+    let failed = case(R::Calibrated).deployed(DeploymentState::RollbackFailed);
+    assert_eq!(of(failed.alerting(AlertKind::Drift)), S::RollbackFailed);
+}
+
+#[test]
+fn a_verdict_against_the_values_in_use_is_a_failed_verification() {
+    let mut case = case(RobotState::Calibrated).deployed(DeploymentState::Verifying);
+    for (within, stands) in [
+        (true, Standing::Deploying),
+        (false, Standing::VerificationFailed),
+    ] {
+        let verdict = Verification {
+            at_ns: 1,
+            distance_m: 61.0,
+            residual: [0.02, 0.0, 0.0, 0.0],
+            sigma: [0.001; 4],
+            within,
+        };
+        case.ledger.live.as_mut().unwrap().verification = Some(verdict);
+        assert_eq!(case.stands(), stands);
+    }
+}
+
+#[test]
+fn nothing_has_drifted_as_long_as_nothing_was_applied() {
+    use RobotState as R;
+    let drift = |case: Case| case.alerting(AlertKind::Drift).stands();
+    assert_eq!(drift(case(R::Calibrated)), Standing::Uncalibrated);
+    let factory = case(R::Calibrated).using(0, 0.0);
+    assert_eq!(drift(factory), Standing::Uncalibrated);
+    let proposed = case(R::Calibrated).proposed();
+    assert_eq!(drift(proposed), Standing::AwaitingApproval);
+    assert_eq!(drift(case(R::Calibrated).using(1, 0.0)), Standing::Drift);
+    // The estimator has seen it move: that it did.
+    assert_eq!(drift(case(R::Changed)), Standing::Drift);
+}
+
+#[test]
+fn a_silent_robot_with_values_inside_the_tolerance_has_not_drifted() {
+    let of = |offset_rad| case(RobotState::Calibrated).using(1, offset_rad);
+    let drift = AlertKind::Drift;
+    assert_eq!(of(0.001).stale(drift).stands(), Standing::Calibrated);
+    assert_eq!(of(0.02).stale(drift).stands(), Standing::Drift);
+    assert_eq!(of(0.001).alerting(drift).stands(), Standing::Drift);
+    // Without an estimate nothing speaks against it.
+    let mut unknown = of(0.001).stale(drift);
+    unknown.view.estimate = None;
+    assert_eq!(unknown.stands(), Standing::Drift);
+    unknown.view.estimate = Some(Arc::new(estimate(0.001, 0.0001, "converged")));
+    assert_eq!(unknown.stands(), Standing::Calibrated);
+}
+
+#[test]
+fn a_robot_in_maintenance_is_not_missed_until_that_ends() {
+    let mut case = case(RobotState::NoData);
+    case.ledger.shadow.maintenance = Some(Maintenance {
+        until_ns: 100,
+        by: "ada".to_owned(),
+        at_ns: 0,
+        reason: "parked".to_owned(),
+    });
+    assert_eq!(case.at(99), Standing::Learning);
+    assert_eq!(case.at(100), Standing::NoData);
+}
+
+#[test]
+fn every_alert_is_a_way_to_stand() {
+    use Standing as S;
+    let of = |kind| case(RobotState::Calibrated).using(1, 0.0).alerting(kind);
+    let found = AlertKind::ALL.map(|kind| of(kind).stands());
+    let expected = [
+        S::RollbackFailed,
+        S::Drift,
+        S::VerificationFailed,
+        S::TwoSenders,
+        S::FormerKey,
+        S::FalseReport,
+        S::EstimatorFailed,
+        S::NotApplied,
+        S::OutOfSync,
+        S::NoData,
+        S::Fault,
+    ];
+    assert_eq!(found, expected);
+    for condition in [
+        ConditionName::Pending,
+        ConditionName::Recovering,
+        ConditionName::Normal,
+    ] {
+        let mut case = of(AlertKind::Fault);
+        case.alerts.set(AlertKind::Fault, condition);
+        assert_eq!(case.stands(), S::Calibrated, "{condition:?}");
+    }
+}
+
+#[test]
+fn an_alert_about_several_robots_is_one_of_each() {
+    let alert = Alert {
+        id: 7,
+        robot: Subject::Fleet,
+        robots: vec![robot()],
+        kind: AlertKind::NoData,
+        version: 3,
+        condition: Condition::Alerting { since_ns: 0 },
+        began_ns: 0,
+        alerted_ns: Some(0),
+        ended_ns: None,
+        what: String::new(),
+        told_ns: 0,
+        acknowledgement: None,
+    };
+    // Its own of that kind is over, and takes nothing away.
+    let own = Alert {
+        robot: Subject::Robot(robot()),
+        robots: Vec::new(),
+        condition: Condition::Recovering { since_ns: 0 },
+        ..alert.clone()
+    };
+    let found = RobotAlerts::by_robot([&alert, &own]);
+    let silent = Case {
+        alerts: found[&robot()].clone(),
+        ..case(RobotState::Calibrated)
+    };
+    assert_eq!(silent.stands(), Standing::NoData);
+}
+
+#[test]
+fn urgency_is_the_order_and_names_are_those_of_documents() {
+    use Standing as S;
+    let order = [
+        S::RollbackFailed,
+        S::Drift,
+        S::VerificationFailed,
+        S::NoData,
+        S::AwaitingApproval,
+        S::Uncalibrated,
+        S::Learning,
+        S::Calibrated,
+    ];
+    assert!(order.is_sorted());
+    assert_eq!(S::ALL.len(), 16);
+    for &standing in S::ALL {
+        assert_eq!(serde_json::json!(standing), standing.as_str());
+        assert_eq!(S::parse(standing.as_str()), Some(standing));
+    }
+}
