@@ -153,7 +153,7 @@ async fn the_list_counts_filters_and_sorts_by_it() {
     assert_eq!(names(&waiting), ["c"]);
     let refused = bench.get("/api/v1/robots?standing=fine").await.told();
     let expected =
-        r#"400 value_refused [standing]: standing is "fine", accepted is one of rollback_failed, "#;
+        r#"400 value_refused [standing]: standing is "fine", expected one of rollback_failed, "#;
     assert!(refused.starts_with(expected), "{refused}");
 }
 

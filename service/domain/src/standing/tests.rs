@@ -237,7 +237,7 @@ fn urgency_is_the_order_and_names_are_those_of_documents() {
         S::Calibrated,
     ];
     assert!(order.is_sorted());
-    assert_eq!(S::ALL.len(), 16);
+    assert_eq!(S::ALL.len(), 17);
     for &standing in S::ALL {
         assert_eq!(serde_json::json!(standing), standing.as_str());
         assert_eq!(S::parse(standing.as_str()), Some(standing));
