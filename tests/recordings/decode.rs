@@ -61,7 +61,10 @@ fn real_scanners_are_checked_and_missing_drives_named() {
             topic
         );
         let error = choose_topics(recording.channels(), &AskedTopics::default()).unwrap_err();
-        assert!(error.to_string().contains("no wheel odometry topic"), "{error}");
+        assert!(
+            error.to_string().contains("no wheel odometry topic"),
+            "{error}"
+        );
         let mut scans = 0;
         for message in recording.messages(&[topic]).unwrap() {
             let scan = LaserScan::from_cdr(&message.unwrap().payload).unwrap();
