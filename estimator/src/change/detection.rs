@@ -7,7 +7,7 @@
 
 pub use fleetcal_model::DetectionState;
 
-use super::evidence::{CAUSES, HYPOTHESES, Hypothesis, Thresholds};
+use super::evidence::{CAUSES, HYPOTHESES, Hypothesis, Thresholds, least_change};
 use crate::estimate::Parameter;
 use crate::filter::ParameterCovariance;
 use crate::settings::EstimatorSettings;
@@ -19,15 +19,6 @@ const WATCHED_HYSTERESIS: f64 = 1.5;
 
 /// Windows, some 20 m, in which a change has to be seen.
 const BLIND_WINDOWS: usize = 50;
-
-/// The smallest change of a parameter that has to be seen; `None` where none is promised.
-pub fn least_change(parameter: Parameter) -> Option<f64> {
-    match parameter {
-        Parameter::SteeringOffset | Parameter::LidarYaw => Some(0.5f64.to_radians()),
-        Parameter::LidarX | Parameter::LidarY => Some(0.02),
-        _ => None,
-    }
-}
 
 /// What a cause is held against: its own parameters, and the yaw that a steering zero is told from.
 fn has_to_be_known(hypothesis: &Hypothesis) -> impl Iterator<Item = Parameter> {

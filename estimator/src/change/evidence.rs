@@ -14,7 +14,6 @@
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
-use super::detection::least_change;
 use super::window::{Innovation, Window};
 use crate::estimate::{Cause, Parameter};
 use crate::filter::{PARAMETERS, ParameterCovariance, Values, apart};
@@ -124,6 +123,15 @@ impl Thresholds {
     /// never reach a threshold.
     pub fn window_chi2_max(&self) -> f64 {
         self.window_chi2_max
+    }
+}
+
+/// The smallest change of a parameter that has to be seen; `None` where none is promised.
+pub fn least_change(parameter: Parameter) -> Option<f64> {
+    match parameter {
+        Parameter::SteeringOffset | Parameter::LidarYaw => Some(0.5f64.to_radians()),
+        Parameter::LidarX | Parameter::LidarY => Some(0.02),
+        _ => None,
     }
 }
 
