@@ -11,7 +11,7 @@ use fleetcal::command::{
     Cli, Command, CommandError, acl, backup, check_config, completions, demo, man, restore, serve,
     token, user,
 };
-use fleetcal::environment;
+use fleetcal::zenoh_threads;
 use fleetcal_clock::{Clock as _, SharedClock, SystemClock};
 use fleetcal_command::{agent, calibrate, odometry, replay, simulate};
 use fleetcal_domain::budget::Budget;
@@ -27,7 +27,7 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     log();
     if matches!(cli.command, Command::Serve(_) | Command::Demo(_))
-        && let Err(error) = environment::ensure()
+        && let Err(error) = zenoh_threads::ensure()
     {
         tracing::warn!(%error, "Zenoh receives on two threads: a few sessions can stop all data");
     }

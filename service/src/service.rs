@@ -135,8 +135,7 @@ impl Service {
         });
         let serving = serve(listener, routes, connections, stop.clone()).map_err(refused)?;
         let http = tokio::spawn(serving);
-        let opening = Link::open(link_setup, fleet.clone(), lifecycle.clone(), clock);
-        let link = match opening.await {
+        let link = match Link::open(link_setup, fleet.clone(), lifecycle.clone(), clock).await {
             Ok(link) => link,
             Err(error) => {
                 stop.cancel();

@@ -109,7 +109,7 @@ async fn say_progress(fleet: FleetHandle, clock: SharedClock) -> Result<(), Comm
             .count();
         if calibrated > said {
             said = calibrated;
-            let after_s = (clock.elapsed() - began).as_secs();
+            let after_s = clock.elapsed().saturating_sub(began).as_secs();
             print_text(&format!(
                 "{calibrated} of {} robots are calibrated after {after_s} s.\n",
                 robots.len()
