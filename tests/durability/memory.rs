@@ -36,7 +36,8 @@ impl Limited {
             .map(|(_, path)| path.trim_start_matches('/'))
             .unwrap();
         let group = root.join(format!("fleetcal_{}", std::process::id()));
-        fs::create_dir(&group).expect("a control group can be made: run this as root");
+        fs::create_dir(&group)
+            .unwrap_or_else(|error| panic!("{}, to be made as root: {error}", group.display()));
         let limited = Self {
             group,
             home: root.join(path),
