@@ -22,7 +22,7 @@ const LASTS_MAX: Duration = Duration::from_secs(30);
 const GROWTH_MIN: u64 = 15 << 20;
 /// What may stay of the first flood, which is code that was not in memory before and what the
 /// allocator keeps for each thread; and of the second, which finds both there.
-const STAYS_MAX: [u64; 2] = [19 << 20, 4 << 20];
+const STAYS_MAX: [u64; 2] = [26 << 20, 8 << 20];
 /// Whoever is turned away comes back after this.
 const COME_BACK_AFTER: Duration = Duration::from_millis(20);
 /// Right passwords amid the flood, and how long each may take.
