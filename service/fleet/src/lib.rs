@@ -16,6 +16,7 @@ mod reading;
 mod registry;
 mod robot;
 mod senders;
+mod stored;
 mod tap;
 mod task;
 #[cfg(test)]

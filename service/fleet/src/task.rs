@@ -20,7 +20,6 @@ use fleetcal_model::{ChangeKind, Parameter, ParameterStatus, Stream};
 use fleetcal_proto::RecordingTopic;
 use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_proto::message_type::Form;
-use serde::{Deserialize, Serialize};
 
 use crate::budgets::HistoryBudgets;
 use crate::decode::{self, Decoded};
@@ -33,6 +32,7 @@ use crate::reading::ReadingSettings;
 use crate::registry::Fleet;
 use crate::robot::Robot;
 use crate::senders::Senders;
+use crate::stored::{self, Stored};
 use crate::tap::Tapped;
 use crate::top_view;
 use crate::verification_run::VerificationRun;
@@ -44,14 +44,6 @@ const CALIBRATED: [Parameter; 4] = [
     Parameter::LidarY,
     Parameter::LidarYaw,
 ];
-
-/// A stored estimator: its state, and what it was made with. A robot that is configured otherwise
-/// by now begins from nothing.
-#[derive(Debug, Serialize, Deserialize)]
-struct Stored {
-    config: CalibratorConfig,
-    calibrator: Checkpoint,
-}
 
 /// Runs until the fleet stops and the mailbox is empty.
 pub async fn run(fleet: Arc<Fleet>, robot: Arc<Robot>, stored: Option<String>) {
@@ -135,7 +127,7 @@ impl RobotTask {
             streams: config.streams.clone(),
         });
         let config = config.calibrator_config(&fleet.estimator);
-        let restored = stored.and_then(|json| restore(&robot, &config, json));
+        let restored = stored.and_then(|json| stored::restore(&robot.id, &config, json));
         let last_good = restored.as_ref().map(Calibrator::checkpoint);
         let calibrator = restored.unwrap_or_else(|| Calibrator::new(config.clone()));
         let mut task = Self {
@@ -548,10 +540,7 @@ impl RobotTask {
         }
         let checkpoint = calibrator.checkpoint();
         self.earlier_good = self.last_good.replace(checkpoint.clone());
-        let stored = Stored {
-            config: self.config.clone(),
-            calibrator: checkpoint,
-        };
+        let stored = Stored::new(self.config.clone(), checkpoint);
         match serde_json::to_string(&stored) {
             Ok(json) => self
                 .fleet
@@ -564,27 +553,6 @@ impl RobotTask {
     }
 }
 
-fn restore(robot: &Robot, config: &CalibratorConfig, json: &str) -> Option<Calibrator> {
-    let stored: Stored = match serde_json::from_str(json) {
-        Ok(stored) => stored,
-        Err(error) => {
-            tracing::warn!(robot.id = %robot.id, %error, "stored estimator cannot be read");
-            return None;
-        }
-    };
-    if stored.config != *config {
-        tracing::info!(robot.id = %robot.id, "configured otherwise: estimator begins from nothing");
-        return None;
-    }
-    match Calibrator::restore(config.clone(), &stored.calibrator) {
-        Ok(calibrator) => Some(calibrator),
-        Err(error) => {
-            tracing::warn!(robot.id = %robot.id, %error, "estimator begins from nothing");
-            None
-        }
-    }
-}
-
 /// Where a robot stands by its estimate.
 fn state_of(document: &EstimateDocument, changed: bool) -> RobotState {
     let known = CALIBRATED.iter().all(|&name| {
@@ -592,9 +560,9 @@ fn state_of(document: &EstimateDocument, changed: bool) -> RobotState {
         let status = document.parameters.get(name).status;
         matches!(status, S::Converged | S::Fixed | S::Off)
     });
-    match changed {
-        _ if known => RobotState::Calibrated,
-        true => RobotState::Changed,
-        false => RobotState::Learning,
+    match (known, changed) {
+        (true, _) => RobotState::Calibrated,
+        (false, true) => RobotState::Changed,
+        (false, false) => RobotState::Learning,
     }
 }

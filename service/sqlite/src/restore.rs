@@ -25,7 +25,8 @@ pub struct Restored {
 }
 
 /// Puts a backup, and the signing key of the folder that it was made of, into `folder`, which must
-/// have neither. The backup is checked first; nothing is changed unless all of it can be done.
+/// have no database and no other key. The backup is checked first. When it fails, neither is there;
+/// killed in its middle, it may leave the key, with which it can be run again.
 ///
 /// # Errors
 /// [`StoreError::Restore`] for a backup or key that cannot be used or a folder that has a database,
@@ -47,30 +48,59 @@ pub async fn restore(
         ));
     }
     let key_file = folder.join(KEY_FILE);
+    let secret = secret.filter(|secret| std::fs::read(&key_file).ok().as_deref() != Some(secret));
     if secret.is_some() && key_file.exists() {
         return Err(refused(
             &key_file,
-            "is there already; leave --signing-key out to keep it",
+            "is another key; leave --signing-key out to keep it",
         ));
     }
-    let failed = |source| StoreError::Folder {
-        path: folder.to_owned(),
-        source: Arc::new(source),
-    };
-    if let Some(secret) = secret {
-        write_key(&key_file, &secret).map_err(failed)?;
+    let new = unfinished(&database).ok_or_else(|| refused(&database, "cannot be named"))?;
+    let placed = place(backup, &new, secret.as_ref(), &key_file, &database).await;
+    if placed.is_err() && !database.exists() {
+        remove(&new);
+        if secret.is_some() {
+            remove(&key_file);
+        }
     }
-    let new = unfinished(&database).ok_or_else(|| failed(ErrorKind::InvalidFilename.into()))?;
-    make_private(&new).map_err(failed)?;
-    let connection = reading(backup).connect().await;
-    let mut connection = connection.map_err(StoreError::database("be opened for reading"))?;
-    copy_into(&mut connection, &new).await?;
-    close(connection).await?;
-    finish(&new, &database).map_err(failed)?;
+    placed?;
     Ok(Restored {
         robots,
         has_key: key_file.exists(),
     })
+}
+
+/// Copies the backup beside its place, writes the key, and gives the database its name.
+async fn place(
+    backup: &Path,
+    new: &Path,
+    secret: Option<&[u8; KEY_BYTES]>,
+    key_file: &Path,
+    database: &Path,
+) -> Result<(), StoreError> {
+    let failed = |source| StoreError::Folder {
+        path: database.parent().unwrap_or(database).to_owned(),
+        source: Arc::new(source),
+    };
+    make_private(new).map_err(failed)?;
+    let connection = reading(backup).connect().await;
+    let mut connection = connection.map_err(StoreError::database("be opened for reading"))?;
+    let copied = copy_into(&mut connection, new).await;
+    close(connection).await?;
+    copied?;
+    if let Some(secret) = secret {
+        write_key(key_file, secret).map_err(failed)?;
+    }
+    finish(new, database).map_err(failed)
+}
+
+fn remove(path: &Path) {
+    match std::fs::remove_file(path) {
+        Err(error) if error.kind() != ErrorKind::NotFound => {
+            tracing::warn!(path = %path.display(), %error, "an unfinished restoration is left behind");
+        }
+        _ => {}
+    }
 }
 
 /// A backup is a file that nobody writes, and beside which nothing may be written.

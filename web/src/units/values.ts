@@ -18,7 +18,7 @@ const KEYS = {
 
 const RAD_PER_DEG = Math.PI / 180;
 
-/** One value, in its wire unit; null where there is none. */
+/** One value, in its wire unit; null if it is unknown. */
 export function valueOf(values: Values | null | undefined, name: ParameterName): number | null {
   return values?.[KEYS[name]] ?? null;
 }

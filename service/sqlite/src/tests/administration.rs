@@ -161,3 +161,28 @@ async fn what_is_no_usable_backup_is_refused_and_leaves_nothing() {
         assert!(!new.exists(), "{refused}");
     }
 }
+
+#[tokio::test]
+async fn a_restoration_that_fails_leaves_no_key_and_can_be_run_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let [old, new, to] = ["old", "new", "backup.db"].map(|name| folder.path().join(name));
+    open(&old, &clock()).await.close().await.unwrap();
+    backup(&old, &to).await.unwrap();
+    let key = folder.path().join("signing.key");
+    std::fs::write(&key, [7; 32]).unwrap();
+    // A folder stands where the database would be made.
+    std::fs::create_dir_all(new.join("fleetcal.db.tmp")).unwrap();
+    assert!(restore(&to, Some(&key), &new).await.is_err());
+    assert!(!new.join("signing.key").exists() && !new.join("fleetcal.db").exists());
+    std::fs::remove_dir(new.join("fleetcal.db.tmp")).unwrap();
+    // As a run leaves it that was killed in its middle.
+    std::fs::write(new.join("signing.key"), [7; 32]).unwrap();
+    assert!(restore(&to, Some(&key), &new).await.unwrap().has_key);
+    // Another key is not replaced.
+    let other = folder.path().join("other");
+    std::fs::create_dir(&other).unwrap();
+    std::fs::write(other.join("signing.key"), [8; 32]).unwrap();
+    let refused = restore(&to, Some(&key), &other).await.unwrap_err();
+    assert!(refused.to_string().contains("is another key"), "{refused}");
+    assert_eq!(std::fs::read(other.join("signing.key")).unwrap(), [8; 32]);
+}
