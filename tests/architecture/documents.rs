@@ -58,6 +58,8 @@ pub const MAY_USE: &[(&str, &str, &str)] = &[
 pub struct Document {
     pub links: Vec<String>,
     pub anchors: BTreeSet<String>,
+    /// Rust sources that it names as code.
+    pub sources: Vec<String>,
 }
 
 impl Document {
@@ -73,9 +75,14 @@ impl Document {
                         document.anchors.insert(anchor(&title));
                     }
                 }
-                Event::Text(part) | Event::Code(part) => {
+                Event::Text(ref part) | Event::Code(ref part) => {
+                    if let Event::Code(code) = &event
+                        && code.ends_with(".rs")
+                    {
+                        document.sources.push(code.to_string());
+                    }
                     if let Some((_, title)) = &mut heading {
-                        title.push_str(&part);
+                        title.push_str(part);
                     }
                 }
                 Event::Start(Tag::Link { dest_url, .. } | Tag::Image { dest_url, .. }) => {

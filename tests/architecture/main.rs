@@ -320,6 +320,20 @@ fn every_link_of_a_document_leads_somewhere() {
 }
 
 #[test]
+fn the_sources_that_architecture_names_are_there() {
+    let named = &documents()[Path::new("ARCHITECTURE.md")].sources;
+    assert!(named.len() > 20, "{named:?}");
+    let folders = ["proto", "estimator", "robot", "service", "tests"];
+    let sources: Vec<PathBuf> = folders
+        .iter()
+        .flat_map(|folder| sources(&root().join(folder)))
+        .collect();
+    let is_there = |name: &str| sources.iter().any(|source| source.ends_with(name));
+    let gone: Vec<_> = named.iter().filter(|name| !is_there(name)).collect();
+    assert!(gone.is_empty(), "{gone:?}");
+}
+
+#[test]
 fn nobody_has_to_decode_a_word() {
     let mut files: Vec<PathBuf> = documents().into_keys().collect();
     files.push("fleetcal.example.toml".into());
