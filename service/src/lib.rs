@@ -7,5 +7,5 @@
 //! `fleetcal-api`, the estimate to `fleetcal-link`.
 
 pub mod command;
+pub mod environment;
 pub mod service;
-pub mod zenoh_threads;
