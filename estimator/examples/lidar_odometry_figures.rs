@@ -12,7 +12,7 @@ use std::time::Instant;
 use fleetcal_estimator::geometry::wrap_angle_rad;
 use fleetcal_estimator::lidar_odometry::{LidarOdometry, OdometryPose, Tracking};
 use fleetcal_estimator::stream::SweepShape;
-use fleetcal_estimator::{Pose2, Stamp, Sweep};
+use fleetcal_estimator::{Pose2, RobotTime, Sweep};
 use fleetcal_robot::simulator::{
     LidarOutput, LidarSettings, PeopleSettings, PersonShape, Route, SimulatedMessage, Simulation,
     SimulationConfig,
@@ -92,7 +92,7 @@ fn record(config: SimulationConfig, sweeps: usize) -> Result<Vec<Taken>, Box<dyn
                 range_min_m: raw.range_min_m,
                 range_max_m: raw.range_max_m,
             };
-            let sweep = Sweep::new(Stamp(raw.stamp_ns), shape, raw.ranges_m.into())?;
+            let sweep = Sweep::new(RobotTime(raw.stamp_ns), shape, raw.ranges_m.into())?;
             let pose = emitted.truth.lidar;
             taken.push((sweep, Pose2::new(pose.x_m, pose.y_m, pose.yaw_rad)));
         }

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use crate::stream::{DriveSample, Stamp};
+use crate::stream::{DriveSample, RobotTime};
 use crate::vehicle::Drive;
 
 /// A drive sample further from its predecessor than this does not describe the time between, s.
@@ -90,8 +90,8 @@ impl DriveHistory {
         self.samples.clear();
     }
 
-    /// Stamp of the newest sample.
-    pub fn newest(&self) -> Option<Stamp> {
+    /// RobotTime of the newest sample.
+    pub fn newest(&self) -> Option<RobotTime> {
         self.samples.back().map(|kept| kept.sample.stamp())
     }
 
@@ -101,7 +101,7 @@ impl DriveHistory {
     }
 
     /// The reading that describes a time; rest when there is none.
-    pub fn at(&self, stamp: Stamp) -> Drive {
+    pub fn at(&self, stamp: RobotTime) -> Drive {
         let index = self
             .samples
             .partition_point(|kept| kept.sample.stamp() < stamp);
@@ -109,7 +109,7 @@ impl DriveHistory {
     }
 
     /// Whether the interval lies inside the history, without a gap.
-    pub fn covers(&self, from: Stamp, to: Stamp) -> bool {
+    pub fn covers(&self, from: RobotTime, to: RobotTime) -> bool {
         let first = self
             .samples
             .partition_point(|kept| kept.sample.stamp() <= from);
@@ -130,7 +130,11 @@ impl DriveHistory {
     }
 
     /// The readings over `(from, to]`, cut at both ends. Covers what the history covers.
-    pub fn segments(&self, from: Stamp, to: Stamp) -> impl Iterator<Item = DriveSegment> + '_ {
+    pub fn segments(
+        &self,
+        from: RobotTime,
+        to: RobotTime,
+    ) -> impl Iterator<Item = DriveSegment> + '_ {
         let first = self
             .samples
             .partition_point(|kept| kept.sample.stamp() <= from);
@@ -167,8 +171,8 @@ fn reading(kept: &Kept) -> Drive {
 mod tests {
     use super::*;
 
-    fn stamp(ms: i64) -> Stamp {
-        Stamp(1_000_000_000 + ms * 1_000_000)
+    fn stamp(ms: i64) -> RobotTime {
+        RobotTime(1_000_000_000 + ms * 1_000_000)
     }
 
     fn history(stamps_ms: &[i64]) -> DriveHistory {

@@ -7,7 +7,7 @@ pub use fleetcal_model::{
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::Pose2;
-use crate::stream::Stamp;
+use crate::stream::RobotTime;
 
 /// One parameter's estimate.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -29,7 +29,7 @@ pub type ParameterEstimates = [ParameterEstimate; Parameter::ALL.len()];
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// The time it is about.
-    pub stamp: Stamp,
+    pub stamp: RobotTime,
     /// Seconds since the session's first message.
     pub time_s: f64,
     /// Distance driven in the session, m.
@@ -73,7 +73,7 @@ pub struct Change {
     /// Why.
     pub cause: Cause,
     /// When it was flagged.
-    pub stamp: Stamp,
+    pub stamp: RobotTime,
     /// When it was flagged, in seconds since the session's first message.
     pub time_s: f64,
     /// When it began, in seconds since the session's first message.

@@ -34,5 +34,5 @@ pub use fleetcal_model::plane as geometry;
 pub use lidar_odometry::LidarOdometry;
 pub use occupancy_grid::OccupancyGrid;
 pub use settings::{EstimatorSettings, Freedom, Measurement};
-pub use stream::{DriveSample, Effect, Event, LidarPose, Note, NoteKind, Stamp, Sweep};
+pub use stream::{DriveSample, Effect, Event, LidarPose, Note, NoteKind, RobotTime, Sweep};
 pub use vehicle::{Vehicle, VehicleModel};

@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
-use crate::stream::{Dropped, Event, Stamp};
+use crate::stream::{Dropped, Event, RobotTime};
 
 /// How long a message is held, in message time, s.
 pub const WINDOW_S: f64 = 0.5;
@@ -31,27 +31,27 @@ enum Stream {
 #[derive(Debug, Clone, PartialEq)]
 pub enum Merged {
     /// Next in order.
-    Event(Stamp, Event),
+    Event(RobotTime, Event),
     /// Left out.
     Dropped(Dropped),
     /// A new session begins with this stamp; what was held of the old one has left before.
-    SessionStarted(Stamp),
+    SessionStarted(RobotTime),
 }
 
 /// Orders the messages of one robot.
 #[derive(Debug, Clone, Default)]
 pub struct Merger {
-    held: BTreeMap<(Stamp, Stream), Event>,
-    newest: Option<Stamp>,
-    /// Stamp of the last message that left.
-    left: Option<(Stamp, Stream)>,
+    held: BTreeMap<(RobotTime, Stream), Event>,
+    newest: Option<RobotTime>,
+    /// RobotTime of the last message that left.
+    left: Option<(RobotTime, Stream)>,
     /// A message whose stamp jumped, waiting for a second one to agree.
-    suspect: Option<(Stamp, Stream, Event)>,
+    suspect: Option<(RobotTime, Stream, Event)>,
 }
 
 impl Merger {
     /// A merger that goes on where another one was at this stamp.
-    pub fn resuming(now: Stamp) -> Self {
+    pub fn resuming(now: RobotTime) -> Self {
         Self {
             newest: Some(now),
             ..Self::default()
@@ -91,7 +91,7 @@ impl Merger {
         }
     }
 
-    fn jump(&mut self, stamp: Stamp, stream: Stream, event: Event, out: &mut Vec<Merged>) {
+    fn jump(&mut self, stamp: RobotTime, stream: Stream, event: Event, out: &mut Vec<Merged>) {
         let confirmed = self
             .suspect
             .as_ref()
@@ -116,7 +116,7 @@ impl Merger {
         self.release(out);
     }
 
-    fn hold(&mut self, stamp: Stamp, stream: Stream, event: Event, out: &mut Vec<Merged>) {
+    fn hold(&mut self, stamp: RobotTime, stream: Stream, event: Event, out: &mut Vec<Merged>) {
         self.newest = self.newest.max(Some(stamp));
         if self.left.is_some_and(|left| (stamp, stream) <= left) {
             let again = self.left == Some((stamp, stream));
@@ -149,7 +149,7 @@ impl Merger {
 }
 
 /// Where a message stands in time; `None` for the end of a session.
-fn place(event: &Event) -> Option<(Stamp, Stream)> {
+fn place(event: &Event) -> Option<(RobotTime, Stream)> {
     match event {
         Event::Drive(sample) => Some((sample.stamp(), Stream::Drive)),
         Event::Sweep(sweep) => Some((sweep.reference_stamp(), Stream::Sweep)),
@@ -166,7 +166,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn drive(ms: i64) -> Event {
-        let stamp = Stamp(1_000_000_000_000 + ms * 1_000_000);
+        let stamp = RobotTime(1_000_000_000_000 + ms * 1_000_000);
         Event::Drive(DriveSample::new(stamp, 1.0, 0.0).unwrap())
     }
 

@@ -4,7 +4,7 @@
 
 use std::sync::Arc;
 
-pub use fleetcal_model::{NoteKind, Stamp};
+pub use fleetcal_model::{NoteKind, RobotTime};
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -45,7 +45,7 @@ impl FieldRefused {
     }
 }
 
-fn check_stamp(stamp: Stamp) -> Result<(), FieldRefused> {
+fn check_stamp(stamp: RobotTime) -> Result<(), FieldRefused> {
     if stamp.0 > 0 {
         Ok(())
     } else {
@@ -72,7 +72,7 @@ fn check_finite(field: &'static str, value: f64, limit: f64) -> Result<(), Field
 /// One drive sample. It describes the interval that ends at its stamp.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct DriveSample {
-    stamp: Stamp,
+    stamp: RobotTime,
     speed_mps: f64,
     steering_rad: f64,
 }
@@ -83,7 +83,7 @@ impl DriveSample {
     ///
     /// # Errors
     /// Names the field that is not finite, not of physical size, or not after 1970.
-    pub fn new(stamp: Stamp, speed_mps: f64, steering_rad: f64) -> Result<Self, FieldRefused> {
+    pub fn new(stamp: RobotTime, speed_mps: f64, steering_rad: f64) -> Result<Self, FieldRefused> {
         check_stamp(stamp)?;
         check_finite("drive.speed", speed_mps, SPEED_MAX_MPS)?;
         check_finite("drive.steering_angle", steering_rad, STEERING_MAX_RAD)?;
@@ -95,7 +95,7 @@ impl DriveSample {
     }
 
     /// End of the interval that the sample describes.
-    pub fn stamp(&self) -> Stamp {
+    pub fn stamp(&self) -> RobotTime {
         self.stamp
     }
 
@@ -129,7 +129,7 @@ pub struct SweepShape {
 /// One sweep of a planar LiDAR, stamped at its first beam.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sweep {
-    stamp: Stamp,
+    stamp: RobotTime,
     shape: SweepShape,
     ranges_m: Arc<[f32]>,
 }
@@ -141,7 +141,7 @@ impl Sweep {
     /// # Errors
     /// Names the field of the shape that cannot be, or the number of beams.
     pub fn new(
-        stamp: Stamp,
+        stamp: RobotTime,
         shape: SweepShape,
         ranges_m: Arc<[f32]>,
     ) -> Result<Self, FieldRefused> {
@@ -207,7 +207,7 @@ impl Sweep {
     }
 
     /// Time of the first beam.
-    pub fn stamp(&self) -> Stamp {
+    pub fn stamp(&self) -> RobotTime {
         self.stamp
     }
 
@@ -222,12 +222,12 @@ impl Sweep {
     }
 
     /// The sweep's reference time: its middle. Poses of a sweep are poses at this time.
-    pub fn reference_stamp(&self) -> Stamp {
+    pub fn reference_stamp(&self) -> RobotTime {
         self.middle_stamp(self.shape.time_increment_s)
     }
 
     /// Its middle when its beams follow each other after `time_increment_s`.
-    pub(crate) fn middle_stamp(&self, time_increment_s: f64) -> Stamp {
+    pub(crate) fn middle_stamp(&self, time_increment_s: f64) -> RobotTime {
         let half_s = 0.5 * (self.ranges_m.len() - 1) as f64 * time_increment_s;
         self.stamp.plus_seconds(half_s)
     }
@@ -236,7 +236,7 @@ impl Sweep {
 /// A pose of the LiDAR (or any other pose sensor) in its own odometry frame, made elsewhere.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LidarPose {
-    stamp: Stamp,
+    stamp: RobotTime,
     pose: Pose2,
     covariance: Option<Matrix3<f64>>,
 }
@@ -247,7 +247,7 @@ impl LidarPose {
     /// # Errors
     /// Names the field that is not finite or the covariance that is not positive.
     pub fn new(
-        stamp: Stamp,
+        stamp: RobotTime,
         pose: Pose2,
         covariance: Option<Matrix3<f64>>,
     ) -> Result<Self, FieldRefused> {
@@ -272,7 +272,7 @@ impl LidarPose {
     }
 
     /// Time of the pose.
-    pub fn stamp(&self) -> Stamp {
+    pub fn stamp(&self) -> RobotTime {
         self.stamp
     }
 
@@ -291,7 +291,7 @@ impl LidarPose {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Note {
     /// When it happened, in message time.
-    pub stamp: Stamp,
+    pub stamp: RobotTime,
     /// What happened.
     pub kind: NoteKind,
 }
@@ -324,7 +324,7 @@ pub enum Effect {
     /// A message came too late, twice, or could not be used; it was counted.
     Dropped(Dropped),
     /// The clock jumped back by more than 5 s: a new session begins with this stamp.
-    SessionStarted(Stamp),
+    SessionStarted(RobotTime),
 }
 
 /// Why the estimator left a message out.

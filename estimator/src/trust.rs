@@ -6,7 +6,7 @@ use crate::advice::{Knowledge, advise, best_for};
 use crate::estimate::{Parameter, ParameterEstimate, ParameterEstimates, Status};
 use crate::filter::{ParameterCovariance, Values};
 use crate::settings::{EstimatorSettings, Freedom};
-use crate::stream::Stamp;
+use crate::stream::RobotTime;
 
 /// Parameters that are reported.
 const REPORTED: usize = Parameter::ALL.len();
@@ -36,7 +36,7 @@ pub struct Trust {
 /// for a while.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Advised {
-    at: Stamp,
+    at: RobotTime,
     statuses: [Status; REPORTED],
     needs: [Option<String>; REPORTED],
 }
@@ -45,7 +45,7 @@ struct Advised {
 #[derive(Debug, Clone, Copy)]
 pub struct Grounds<'a> {
     /// The time it is made at.
-    pub now: Stamp,
+    pub now: RobotTime,
     /// Doubts before the first metre.
     pub prior_sigma: &'a Values,
     /// What is known of the robot now.
@@ -227,7 +227,7 @@ mod tests {
             values[Parameter::SteeringOffset.index()] = offset_deg.to_radians();
             let prior_sigma = Values::repeat(1.0);
             let [offset, ..] = trust.judge(&Grounds {
-                now: Stamp(1),
+                now: RobotTime(1),
                 prior_sigma: &prior_sigma,
                 blind: [false; REPORTED],
                 knowledge: Knowledge {

@@ -8,7 +8,7 @@ use fleetcal_estimator::geometry::wrap_angle_rad;
 use fleetcal_estimator::lidar_odometry::{OdometryPose, Tracking};
 use fleetcal_estimator::occupancy_grid::Occupancy;
 use fleetcal_estimator::stream::SweepShape;
-use fleetcal_estimator::{LidarOdometry, OccupancyGrid, Pose2, Stamp, Sweep};
+use fleetcal_estimator::{LidarOdometry, OccupancyGrid, Pose2, RobotTime, Sweep};
 use fleetcal_robot::simulator::{SimulatedMessage, Simulation, SimulationConfig, World};
 use nalgebra::{Vector2, Vector3};
 
@@ -82,7 +82,8 @@ fn simulated(people: usize, seed: u64, sweeps: usize) -> Drive {
             };
             let truth = emitted.truth.lidar;
             let truth = Pose2::new(truth.x_m, truth.y_m, truth.yaw_rad);
-            let sweep = Sweep::new(Stamp(sweep.stamp_ns), shape, sweep.ranges_m.into()).unwrap();
+            let sweep =
+                Sweep::new(RobotTime(sweep.stamp_ns), shape, sweep.ranges_m.into()).unwrap();
             taken.push((sweep, truth));
         }
     }
@@ -238,7 +239,7 @@ fn a_kidnap_within_the_map_is_said_and_found() {
     // Nine seconds later by the world, a tenth of a second by the stamps.
     let jump_ns = drive.sweeps[60].0.stamp().0 - drive.sweeps[59].0.stamp().0 - 100_000_000;
     for (sweep, _) in &mut drive.sweeps[60..] {
-        let stamp = Stamp(sweep.stamp().0 - jump_ns);
+        let stamp = RobotTime(sweep.stamp().0 - jump_ns);
         *sweep = Sweep::new(stamp, *sweep.shape(), sweep.ranges_m().into()).unwrap();
     }
     let grid = drawn(&drive.world, 0.05, ALONG_AXES, start);

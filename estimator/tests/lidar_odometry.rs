@@ -5,7 +5,7 @@ mod scene;
 use fleetcal_estimator::geometry::wrap_angle_rad;
 use fleetcal_estimator::lidar_odometry::{LidarOdometry, OdometryPose, Tracking};
 use fleetcal_estimator::stream::SweepShape;
-use fleetcal_estimator::{Pose2, Stamp, Sweep};
+use fleetcal_estimator::{Pose2, RobotTime, Sweep};
 use nalgebra::Vector3;
 use scene::{START, Scanner, Scene, figure_eight, seeded, straight};
 
@@ -394,7 +394,7 @@ fn repeated_sweeps_are_left_out_and_order_is_kept() {
     }
     let (sweep, _) = last.unwrap();
     let late = Sweep::new(
-        Stamp(sweep.stamp().0 + 50_000_000),
+        RobotTime(sweep.stamp().0 + 50_000_000),
         *sweep.shape(),
         sweep.ranges_m().to_vec().into(),
     )

@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use fleetcal_model::{Pose2, RobotId};
+use fleetcal_model::{Pose2, RobotId, RobotTime};
 
 /// A signed calibration document.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -152,7 +152,7 @@ pub struct Applied {
     #[serde(default)]
     pub reason: Option<String>,
     /// When, ns since 1970, by the robot's clock.
-    pub applied_at_ns: i64,
+    pub applied_at_ns: RobotTime,
     /// What the robot now compensates with, when it says so itself.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub values: Option<CalibrationValues>,

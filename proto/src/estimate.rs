@@ -6,8 +6,8 @@
 use std::collections::BTreeMap;
 
 use fleetcal_model::{
-    Cause, ChangeKind, Consistency, Counts, Parameter, ParameterStatus, Pose2, RobotId, Unit,
-    VehicleModel,
+    Cause, ChangeKind, Consistency, Counts, Parameter, ParameterStatus, Pose2, RobotId, RobotTime,
+    Unit, VehicleModel,
 };
 use serde::{Deserialize, Serialize};
 
@@ -80,7 +80,7 @@ pub struct EstimateDocument {
     /// Whose it is.
     pub robot: RobotId,
     /// The time it is about, ns since 1970, by the robot's clock.
-    pub stamp_ns: i64,
+    pub stamp_ns: RobotTime,
     /// Seconds since the session's first message.
     pub time_s: f64,
     /// Distance driven in the session, m.
@@ -109,7 +109,7 @@ pub struct ChangeDocument {
     /// When it began, in seconds since the session's first message.
     pub onset_s: f64,
     /// When it was flagged, ns since 1970, by the robot's clock.
-    pub stamp_ns: i64,
+    pub stamp_ns: RobotTime,
     /// New value less old value of each parameter that moved, in the parameter's unit.
     pub change: BTreeMap<Parameter, f64>,
 }
@@ -242,7 +242,7 @@ mod tests {
                 cause: Cause::LidarMount,
                 time_s: 90.5,
                 onset_s: 90.0,
-                stamp_ns: 7,
+                stamp_ns: RobotTime(7),
                 change: BTreeMap::from([(Parameter::LidarX, 0.02)]),
             }],
             segments: vec![Segment {

@@ -1,6 +1,6 @@
 //! What a robot or a tool says besides its streams: events, and how well it follows its path.
 
-use fleetcal_model::NoteKind;
+use fleetcal_model::{NoteKind, RobotTime};
 use serde::{Deserialize, Serialize};
 
 /// A note in a robot's history, on `{root}/{robot}/event`.
@@ -11,7 +11,7 @@ pub struct RobotEvent {
     /// What happened.
     pub kind: NoteKind,
     /// When it happened, ns since 1970, by the robot's clock.
-    pub stamp_ns: i64,
+    pub stamp_ns: RobotTime,
     /// More about it, for people.
     #[serde(default)]
     pub note: String,
@@ -23,7 +23,7 @@ pub struct RobotEvent {
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct CrossTrackError {
     /// When it was measured, ns since 1970, by the robot's clock.
-    pub stamp_ns: i64,
+    pub stamp_ns: RobotTime,
     /// Distance of the rear axle's centre from the path, m, positive when left of it.
     pub value_m: f64,
 }

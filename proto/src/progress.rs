@@ -1,5 +1,6 @@
 //! How far the service got with a robot's streams, by which a sender paces itself.
 
+use fleetcal_model::RobotTime;
 use serde::{Deserialize, Serialize};
 
 /// What the service has taken in of one robot since it began to listen to it.
@@ -17,5 +18,5 @@ pub struct Progress {
     #[serde(rename = "shed")]
     pub dropped: u64,
     /// Header stamp of the newest message worked through, ns since 1970; 0 before the first.
-    pub stamp_ns: i64,
+    pub stamp_ns: RobotTime,
 }

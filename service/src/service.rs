@@ -14,6 +14,7 @@ use fleetcal_fleet::{FleetHandle, FleetSetup};
 use fleetcal_http::Connections;
 use fleetcal_http::PublicUrl;
 use fleetcal_link::{Link, LinkError, LinkSetup};
+use fleetcal_model::WallTime;
 use fleetcal_operations::alert_evaluator::{AlertEvaluator, AlertEvaluatorSetup};
 use fleetcal_operations::entropy::{self, NoEntropy};
 use fleetcal_operations::lifecycle::{Lifecycle, LifecycleSetup};
@@ -115,7 +116,7 @@ impl Service {
             start_workers(&config, &store, &fleet, &clock).await?;
         let stop = CancellationToken::new();
         let (link_open, link_is_open) = watch::channel(false);
-        let (setup_code, setup_text) = setup_code(&store, clock.now_ns()).await?.unzip();
+        let (setup_code, setup_text) = setup_code(&store, clock.now()).await?.unzip();
         let connections = Connections::new(Arc::clone(&clock), config.trusted_proxies.clone());
         let routes = router(ApiSetup {
             build: BUILD,
@@ -222,12 +223,12 @@ impl Service {
 /// A new code for the first administrator, when there is no user.
 async fn setup_code(
     store: &Store,
-    now_ns: i64,
+    now: WallTime,
 ) -> Result<Option<(SetupCode, String)>, ServiceError> {
     if store.has_users().await? {
         return Ok(None);
     }
-    Ok(Some(SetupCode::new(&entropy::secret()?, now_ns)))
+    Ok(Some(SetupCode::new(&entropy::secret()?, now)))
 }
 
 /// Those who look after the fleet: the lifecycle for its calibrations, the alert evaluator for what is wrong
@@ -317,8 +318,8 @@ async fn start_fleet(
         .into_iter()
         .map(|record| (record.robot, record.state))
         .collect();
-    let last_heard_ns = store.load_current().await?;
-    let last_heard_ns = last_heard_ns
+    let last_heard = store.load_current().await?;
+    let last_heard = last_heard
         .into_iter()
         .map(|record| (record.estimate.robot, record.received_ns))
         .collect();
@@ -329,6 +330,6 @@ async fn start_fleet(
         robots,
         cross_tracks,
         checkpoints,
-        last_heard_ns,
+        last_heard,
     }))
 }

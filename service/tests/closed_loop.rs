@@ -153,7 +153,7 @@ async fn an_offset_is_found_approved_pulled_and_proven() {
             connect: vec![endpoint].into(),
             keys: Keys::default(),
             trusted: Some(TrustedKeys::from(service.lifecycle().public_key())),
-            start_stamp_ns: clock.now_ns(),
+            start_stamp_ns: clock.now().0,
         },
         stop.clone(),
     ));

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use fleetcal_clock::SystemClock;
 use fleetcal_domain::access::{Actor, Authentication, Role};
 use fleetcal_domain::approval::{Command, Evidence, Origin, Policy, ProposalState, Refused};
+use fleetcal_model::WallTime;
 use fleetcal_operations::lifecycle::{Decide, Decided};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
@@ -40,7 +41,7 @@ async fn decide(
         actor: person(by),
         given_policy: Arc::new(Policy::default()),
         key: Arc::new(SigningKey::from_bytes(&[7; 32])),
-        now_ns: 1_763_700_000_000_000_000,
+        now: WallTime(1_763_700_000_000_000_000),
         idempotency: None,
         rear_axle_in_base_link: None,
         present: fleetcal_domain::approval::Present::Unknown,

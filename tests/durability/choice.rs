@@ -3,14 +3,15 @@
 use fleetcal_domain::approval::{
     Command, Deployment, DeploymentState, Evidence, Origin, Proposal, RobotLedger, Verification,
 };
+use fleetcal_model::{RobotTime, WallTime};
 use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};
 use rand::Rng;
 use rand::rngs::StdRng;
 
 /// Something that mostly fits the records, so that every state is reached.
-pub fn choose(random: &mut StdRng, ledger: &RobotLedger, now_ns: i64) -> Command {
+pub fn choose(random: &mut StdRng, ledger: &RobotLedger, now: WallTime) -> Command {
     if let Some(live) = &ledger.live {
-        return for_deployment(random, live, now_ns);
+        return for_deployment(random, live, now);
     }
     if let Some(open) = &ledger.open {
         return for_proposal(random, open);
@@ -23,7 +24,7 @@ pub fn choose(random: &mut StdRng, ledger: &RobotLedger, now_ns: i64) -> Command
                 sha256: desired.sha256.clone(),
                 status: AppliedStatus::Applied,
                 reason: None,
-                applied_at_ns: now_ns,
+                applied_at_ns: RobotTime(now.0),
                 values: None,
             }),
             None => propose(random),
@@ -86,7 +87,7 @@ fn for_proposal(random: &mut StdRng, open: &Proposal) -> Command {
     }
 }
 
-fn for_deployment(random: &mut StdRng, live: &Deployment, now_ns: i64) -> Command {
+fn for_deployment(random: &mut StdRng, live: &Deployment, now: WallTime) -> Command {
     use DeploymentState as S;
     let generation = live.offer.generation;
     let deployment = live.id;
@@ -97,14 +98,14 @@ fn for_deployment(random: &mut StdRng, live: &Deployment, now_ns: i64) -> Comman
             sha256: live.offer.sha256.clone(),
             status,
             reason: None,
-            applied_at_ns: now_ns,
+            applied_at_ns: RobotTime(now.0),
             values: None,
         })
     };
     let judge = |within| Command::Judge {
         deployment,
         verification: Verification {
-            at_ns: now_ns,
+            at_ns: now,
             distance_m: 80.0,
             residual: [0.0; 4],
             sigma: [0.0; 4],

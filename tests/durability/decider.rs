@@ -94,7 +94,7 @@ async fn run(order: &Order, session: u64) {
         robots: ids.iter().map(|id| (id.clone(), vehicle())).collect(),
         cross_tracks: BTreeMap::new(),
         checkpoints: BTreeMap::new(),
-        last_heard_ns: BTreeMap::new(),
+        last_heard: BTreeMap::new(),
     });
     let policy = Policy::default();
     let lifecycle = Lifecycle::start(LifecycleSetup {
@@ -146,12 +146,12 @@ impl Worker {
         for _ in 0..decisions {
             let actor = self.actor();
             let ledger = self.lifecycle.ledger(&self.robot);
-            let command = choice::choose(&mut self.random, &ledger, self.clock.now_ns());
+            let command = choice::choose(&mut self.random, &ledger, self.clock.now());
             let standing = Standing {
                 policy: &self.lifecycle.policy(),
                 key: &key(),
                 actor: &actor,
-                now_ns: self.clock.now_ns(),
+                now: self.clock.now(),
                 frozen: false,
                 rear_axle_in_base_link: None,
                 present: Present::Unknown,

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use fleetcal_clock::{SharedClock, SystemClock};
 use fleetcal_domain::robot::{HistoryEvent, Journal, ServiceEvent, ServiceEventKind};
+use fleetcal_model::{RobotTime, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_store::{Store, StoreError};
@@ -38,12 +39,12 @@ impl Offers {
             for robot in 0..ROBOTS {
                 let t_s = self.first_s + second;
                 self.store
-                    .record_history(&estimate(robot, t_s), t_s * 1_000_000_000);
+                    .record_history(&estimate(robot, t_s), WallTime(t_s * 1_000_000_000));
             }
             // An event that is an event of its own each time: written twice, it would count twice.
             let event = HistoryEvent::Service(ServiceEvent {
                 kind: ServiceEventKind::Configured,
-                stamp_ns: 1,
+                stamp_ns: RobotTime(1),
                 note: String::new(),
             });
             let robot = RobotId::parse("tugger_0").unwrap();
@@ -99,7 +100,7 @@ async fn open(data: &Path) -> Offers {
         store: fleetcal_sqlite::open(data, Arc::clone(&clock))
             .await
             .unwrap(),
-        first_s: clock.now_ns() / 1_000_000_000,
+        first_s: clock.now().whole_s(),
         seconds: 0,
     }
 }

@@ -2,7 +2,7 @@
 
 use fleetcal_estimator::geometry::wrap_angle_rad;
 use fleetcal_estimator::lidar_odometry::OdometryPose;
-use fleetcal_estimator::{Pose2, Stamp};
+use fleetcal_estimator::{Pose2, RobotTime};
 use fleetcal_proto::ros::LaserScan;
 
 /// Stamps that differ by no more are of one moment, s.
@@ -11,7 +11,7 @@ const SAME_S: f64 = 1e-3;
 /// Each odometry pose with the reference of its moment, where there is one. Both are in order.
 pub fn matched(
     poses: &[(&LaserScan, OdometryPose)],
-    reference: &[(Stamp, Pose2)],
+    reference: &[(RobotTime, Pose2)],
 ) -> Vec<(Pose2, Pose2)> {
     let mut rest = reference;
     let mut pairs = Vec::new();

@@ -2,7 +2,7 @@
 //! same figures.
 
 use fleetcal_estimator::lidar_odometry::{OdometryPose, Tracking};
-use fleetcal_estimator::{Pose2, Stamp};
+use fleetcal_estimator::{Pose2, RobotTime};
 use fleetcal_proto::ros::{LaserScan, Odometry};
 use fleetcal_tests::odometry::{messages, odometry};
 use fleetcal_tests::recording;
@@ -65,13 +65,13 @@ fn an_office_building_is_driven_through_on_one_map() {
         return;
     };
     let scans = messages::<LaserScan>(&path, "/pioneer/scan");
-    let reference: Vec<(Stamp, Pose2)> = messages::<Odometry>(&path, "/reference/pose")
+    let reference: Vec<(RobotTime, Pose2)> = messages::<Odometry>(&path, "/reference/pose")
         .iter()
         .map(|message| {
             let pose = message.pose.pose;
             let yaw_rad = pose.orientation.yaw_rad();
             let pose = Pose2::new(pose.position.x, pose.position.y, yaw_rad);
-            (Stamp(message.header.stamp.as_ns()), pose)
+            (RobotTime(message.header.stamp.as_ns()), pose)
         })
         .collect();
     let poses = odometry(&scans);

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use fleetcal_estimator::Stamp;
+use fleetcal_estimator::RobotTime;
 use fleetcal_estimator::lidar_odometry::OdometryPose;
 use fleetcal_proto::ros::LaserScan;
 use nalgebra::Vector2;
@@ -19,7 +19,7 @@ const CELL_M: f64 = 0.15;
 const END_S: f64 = 15.0;
 
 /// A return from a reflector: when, and where in the odometry frame.
-pub type Reflection = (Stamp, Vector2<f64>);
+pub type Reflection = (RobotTime, Vector2<f64>);
 
 /// A pole as the whole drive saw it.
 #[derive(Debug)]

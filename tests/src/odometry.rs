@@ -4,7 +4,7 @@ use std::path::Path;
 
 use fleetcal_estimator::lidar_odometry::OdometryPose;
 use fleetcal_estimator::stream::SweepShape;
-use fleetcal_estimator::{LidarOdometry, Stamp, Sweep};
+use fleetcal_estimator::{LidarOdometry, RobotTime, Sweep};
 use fleetcal_proto::ros::{LaserScan, RosMessage};
 use fleetcal_robot::recording::Recording;
 
@@ -28,7 +28,7 @@ fn sweep(scan: &LaserScan) -> Sweep {
         range_min_m: f64::from(scan.range_min),
         range_max_m: f64::from(scan.range_max),
     };
-    let stamp = Stamp(scan.header.stamp.as_ns());
+    let stamp = RobotTime(scan.header.stamp.as_ns());
     Sweep::new(stamp, shape, scan.ranges.clone()).expect("a sweep")
 }
 

@@ -10,7 +10,7 @@ use super::Calibrator;
 use super::comparison::{COMPARED, Comparison, DRIFT, Occasion, Verdict, knows_enough};
 use crate::estimate::ChangeKind;
 use crate::settings::EstimatorSettings;
-use crate::stream::{Effect, Stamp};
+use crate::stream::{Effect, RobotTime};
 
 /// Time between two comparisons, s of message time.
 const EVERY_S: f64 = 60.0;
@@ -22,9 +22,9 @@ const CLOSER_SHARE: f64 = 0.6;
 pub(super) struct Baseline {
     calibration: Comparison,
     /// When it was taken.
-    since: Stamp,
+    since: RobotTime,
     /// When it was last held against a newer one.
-    compared: Stamp,
+    compared: RobotTime,
 }
 
 impl Baseline {

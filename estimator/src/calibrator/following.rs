@@ -10,7 +10,7 @@ use crate::filter::follow::{Followed, Follower};
 use crate::filter::prior::Prior;
 use crate::filter::{Filter, OdometryReading, Values};
 use crate::initial_guess::{agrees_with, initial_guess};
-use crate::stream::{Effect, Stamp};
+use crate::stream::{Effect, RobotTime};
 
 /// Most LiDAR poses kept: an hour of them is not needed for a first guess.
 const READINGS_MAX: usize = 1200;
@@ -128,7 +128,7 @@ impl Calibrator {
     }
 
     /// Starts a follower and takes it through the readings from a time on.
-    fn follow_again(&mut self, follower: Follower, from: Option<Stamp>) {
+    fn follow_again(&mut self, follower: Follower, from: Option<RobotTime>) {
         self.follower = Some(follower);
         let readings: Vec<_> = self
             .readings

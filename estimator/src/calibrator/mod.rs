@@ -35,7 +35,7 @@ use crate::filter::{Filter, OdometryReading, ParameterCovariance, Values};
 use crate::geometry::Pose2;
 use crate::lidar_odometry::{LearntScanner, LidarOdometry, ScannerReport};
 use crate::merge::{Merged, Merger};
-use crate::stream::{DriveSample, Dropped, Effect, Event, LidarPose, Note, NoteKind, Stamp};
+use crate::stream::{DriveSample, Dropped, Effect, Event, LidarPose, Note, NoteKind, RobotTime};
 use crate::trust::{Grounds, Trust};
 
 /// How far back drive samples and LiDAR poses are kept, s.
@@ -80,7 +80,7 @@ pub struct Calibrator {
     baseline: Option<Baseline>,
     session: Session,
     trust: Trust,
-    told: Option<Stamp>,
+    told: Option<RobotTime>,
 }
 
 impl Calibrator {
@@ -160,7 +160,7 @@ impl Calibrator {
     }
 
     /// The body's pose in the LiDAR's odometry frame at the last sweep or pose that was used.
-    pub fn base_pose(&self) -> Option<(Stamp, Pose2)> {
+    pub fn base_pose(&self) -> Option<(RobotTime, Pose2)> {
         self.follower.as_ref()?.base_pose()
     }
 
@@ -217,7 +217,7 @@ impl Calibrator {
         self.session.duration_s()
     }
 
-    fn start_session(&mut self, stamp: Stamp, effects: &mut Vec<Effect>) {
+    fn start_session(&mut self, stamp: RobotTime, effects: &mut Vec<Effect>) {
         self.drive.clear();
         self.waiting.clear();
         self.told = None;
@@ -231,7 +231,7 @@ impl Calibrator {
         effects.push(Effect::Dropped(dropped));
     }
 
-    fn take(&mut self, stamp: Stamp, event: Event, effects: &mut Vec<Effect>) {
+    fn take(&mut self, stamp: RobotTime, event: Event, effects: &mut Vec<Effect>) {
         self.session.now = self.session.now.max(stamp);
         match event {
             Event::Drive(sample) => self.take_drive(sample),

@@ -9,7 +9,7 @@ use crate::filter::{OdometryReading, Values, drive_parameters, lidar_in_base};
 use crate::geometry::Pose2;
 use crate::lidar_odometry::Surroundings;
 use crate::settings::Freedom;
-use crate::stream::Stamp;
+use crate::stream::RobotTime;
 use crate::vehicle::{DriveParameters, SteeringCurve, Vehicle};
 
 /// How much of it is asked for.
@@ -29,7 +29,7 @@ pub struct PlanLimits {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// Time of the latest sweep or pose.
-    pub stamp: Stamp,
+    pub stamp: RobotTime,
     /// The LiDAR's pose then.
     pub lidar_in_odom: Pose2,
     /// The latest sweep on the local map; `None` for a robot that sends poses.
@@ -47,7 +47,7 @@ pub struct Plan {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrajectoryPoint {
     /// The time, of the LiDAR.
-    pub stamp: Stamp,
+    pub stamp: RobotTime,
     /// By LiDAR odometry and the estimated mount.
     pub by_lidar: Pose2,
     /// By the steering as it was measured.
@@ -169,8 +169,8 @@ impl Calibrator {
 struct Interval<'a> {
     before: &'a OdometryReading,
     reading: &'a OdometryReading,
-    from: Stamp,
-    to: Stamp,
+    from: RobotTime,
+    to: RobotTime,
 }
 
 impl TrajectoryPoint {

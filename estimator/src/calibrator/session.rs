@@ -9,7 +9,7 @@ use crate::estimate::{Change, ChangeKind, Consistency, Counts, ParameterEstimate
 use crate::excitation::Excitation;
 use crate::filter::follow::Moved;
 use crate::filter::{Values, apart, padded};
-use crate::stream::{DriveSample, Dropped, Stamp};
+use crate::stream::{DriveSample, Dropped, RobotTime};
 
 /// Readings over which the mean NIS is taken.
 const NIS_WINDOW: usize = 200;
@@ -19,8 +19,8 @@ const CHANGES_MAX: usize = 64;
 /// A stretch of one robot's life over which its clock went on.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub(super) struct Session {
-    pub began: Option<Stamp>,
-    pub now: Stamp,
+    pub began: Option<RobotTime>,
+    pub now: RobotTime,
     pub distance_m: f64,
     pub counts: Counts,
     pub excitation: Excitation,
@@ -36,7 +36,7 @@ pub(super) struct Session {
 }
 
 impl Session {
-    pub fn starting(stamp: Stamp) -> Self {
+    pub fn starting(stamp: RobotTime) -> Self {
         Self {
             began: Some(stamp),
             now: stamp,
@@ -45,7 +45,7 @@ impl Session {
     }
 
     /// Seconds from the session's first message to a stamp.
-    pub fn seconds_to(&self, stamp: Stamp) -> f64 {
+    pub fn seconds_to(&self, stamp: RobotTime) -> f64 {
         self.began.map_or(0.0, |began| stamp.seconds_since(began))
     }
 
@@ -53,7 +53,7 @@ impl Session {
         self.seconds_to(self.now)
     }
 
-    pub fn count_drive(&mut self, sample: &DriveSample, last: Option<Stamp>) {
+    pub fn count_drive(&mut self, sample: &DriveSample, last: Option<RobotTime>) {
         self.counts.drive_samples += 1;
         let Some(last) = last else { return };
         let interval_s = sample.stamp().seconds_since(last);

@@ -15,7 +15,7 @@ use crate::estimate::Parameter;
 use crate::filter::constraint::ByParameters;
 use crate::filter::relevance::Known;
 use crate::filter::{Filter, PARAMETERS, ParameterCovariance, Values, apart, padded};
-use crate::stream::Stamp;
+use crate::stream::RobotTime;
 
 /// Windows in a block: errors that last longer than some 5 m are for the change test to judge.
 const BLOCK: usize = 10;
@@ -44,7 +44,7 @@ const SQUARE_MAX: f64 = 400.0;
 /// Windows without a gap between them, as one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Block {
-    end: Stamp,
+    end: RobotTime,
     residual: Vector3<f64>,
     #[serde(deserialize_with = "padded::columns")]
     jacobian: ByParameters,
@@ -279,8 +279,8 @@ mod tests {
                 covariance,
             };
             let window = Window {
-                begin: Stamp(i as i64),
-                end: Stamp(i as i64 + 1),
+                begin: RobotTime(i as i64),
+                end: RobotTime(i as i64 + 1),
                 residual,
                 jacobian,
                 covariance,

@@ -16,7 +16,7 @@ use crate::estimate::{Cause, ChangeKind, Parameter};
 use crate::filter::follow::Follower;
 use crate::filter::{Filter, OdometryReading, Values};
 use crate::settings::EstimatorSettings;
-use crate::stream::Stamp;
+use crate::stream::RobotTime;
 use crate::vehicle::Vehicle;
 use detection::{DetectionState, Visibility, known_causes};
 use evidence::{
@@ -57,7 +57,7 @@ pub struct Detected {
     /// The parameters to open again.
     pub parameters: Vec<Parameter>,
     /// Somewhere in this stretch of LiDAR time it happened.
-    pub onset: (Stamp, Stamp),
+    pub onset: (RobotTime, RobotTime),
     /// The filter as it was before.
     pub filter_before: Filter,
 }

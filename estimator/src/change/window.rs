@@ -9,7 +9,7 @@ use crate::filter::constraint::{ByParameters, LidarMotion};
 use crate::filter::noise::MotionNoise;
 use crate::filter::prediction::PredictedMotion;
 use crate::filter::{OdometryReading, Values, apart, drive_parameters, lidar_in_base};
-use crate::stream::Stamp;
+use crate::stream::RobotTime;
 use crate::vehicle::Vehicle;
 
 /// A window ends after this distance, m.
@@ -49,9 +49,9 @@ pub struct Track {
 #[derive(Debug, Clone)]
 pub struct Window {
     /// LiDAR time at its beginning.
-    pub begin: Stamp,
+    pub begin: RobotTime,
     /// LiDAR time at its end.
-    pub end: Stamp,
+    pub end: RobotTime,
     /// Measured less predicted LiDAR motion, in the LiDAR's frame.
     pub residual: Vector3<f64>,
     /// How the prediction moves with the parameters.

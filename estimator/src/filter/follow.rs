@@ -7,7 +7,7 @@ use crate::drive_history::DriveHistory;
 use crate::estimate::Parameter;
 use crate::geometry::Pose2;
 use crate::settings::EstimatorSettings;
-use crate::stream::Stamp;
+use crate::stream::RobotTime;
 
 /// A reading is used once the robot has moved this far since the last one used: readings of a robot
 /// at rest repeat one error and would be averaged as if they were many.
@@ -47,9 +47,9 @@ pub struct Follower {
     /// The filter.
     pub filter: Filter,
     /// Drive time up to which the filter has predicted.
-    reached: Option<Stamp>,
+    reached: Option<RobotTime>,
     /// The last reading that was used.
-    last_used: Option<(Stamp, Pose2)>,
+    last_used: Option<(RobotTime, Pose2)>,
 }
 
 impl Follower {
@@ -63,7 +63,7 @@ impl Follower {
     }
 
     /// The drive time a reading belongs to.
-    pub fn drive_time(&self, reading: &OdometryReading, settings: &EstimatorSettings) -> Stamp {
+    pub fn drive_time(&self, reading: &OdometryReading, settings: &EstimatorSettings) -> RobotTime {
         let limit_s = settings.time_offset_max_s;
         let offset_s = self
             .filter
@@ -73,7 +73,7 @@ impl Follower {
     }
 
     /// The body's pose in the LiDAR's odometry frame at the last reading that was used.
-    pub fn base_pose(&self) -> Option<(Stamp, Pose2)> {
+    pub fn base_pose(&self) -> Option<(RobotTime, Pose2)> {
         let (stamp, _) = self.last_used?;
         Some((stamp, self.filter.base_in_odom()?))
     }
@@ -142,7 +142,7 @@ impl Follower {
     fn anchor_at(
         &mut self,
         reading: &OdometryReading,
-        at: Stamp,
+        at: RobotTime,
         drive: &DriveHistory,
     ) -> Followed {
         self.filter.start_anchor(reading, drive.at(at));

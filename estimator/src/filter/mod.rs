@@ -23,7 +23,7 @@ use crate::drive_history::DriveSegment;
 use crate::estimate::Parameter;
 use crate::geometry::{Pose2, wrap_angle_rad};
 use crate::settings::{EstimatorSettings, Measurement};
-use crate::stream::Stamp;
+use crate::stream::RobotTime;
 use crate::vehicle::{DRIVE_PARAMETERS, Drive, DriveParameters, SteeringCurve, Vehicle};
 use constraint::LidarMotion;
 use noise::MotionNoise;
@@ -73,7 +73,7 @@ pub type ParameterCovariance = SMatrix<f64, PARAMETERS, PARAMETERS>;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct OdometryReading {
     /// Time of the pose, in LiDAR time.
-    pub stamp: Stamp,
+    pub stamp: RobotTime,
     /// The pose.
     pub lidar_in_odom: Pose2,
     /// Covariance of its right perturbation.

@@ -302,7 +302,7 @@ fn hash(value: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stream::Stamp;
+    use crate::stream::RobotTime;
 
     fn points_of(ranges: &[f32], increment: f64, time_increment_s: f64) -> SweepPoints {
         let shape = SweepShape {
@@ -312,7 +312,7 @@ mod tests {
             range_min_m: 0.1,
             range_max_m: 30.0,
         };
-        let sweep = Sweep::new(Stamp(1), shape, ranges.to_vec().into()).unwrap();
+        let sweep = Sweep::new(RobotTime(1), shape, ranges.to_vec().into()).unwrap();
         let mut points = SweepPoints::default();
         BeamFilter::default().filter(&sweep, time_increment_s, &mut points);
         points

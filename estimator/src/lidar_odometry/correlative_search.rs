@@ -288,7 +288,7 @@ mod tests {
     use crate::lidar_odometry::beam_filter::BeamFilter;
     use crate::lidar_odometry::local_map::LocalMap;
     use crate::lidar_odometry::motion::Motion;
-    use crate::stream::{Stamp, Sweep, SweepShape};
+    use crate::stream::{RobotTime, Sweep, SweepShape};
 
     /// A sweep from the middle of a room of 9 m by 6 m with a pillar in a corner.
     fn room() -> SweepPoints {
@@ -312,7 +312,7 @@ mod tests {
             range_min_m: 0.1,
             range_max_m: 30.0,
         };
-        let sweep = Sweep::new(Stamp(1), shape, ranges.into()).unwrap();
+        let sweep = Sweep::new(RobotTime(1), shape, ranges.into()).unwrap();
         let mut points = SweepPoints::default();
         BeamFilter::default().filter(&sweep, sweep.shape().time_increment_s, &mut points);
         points
@@ -325,7 +325,7 @@ mod tests {
         map.update(
             &points,
             &Motion::starting_at(Pose2::IDENTITY),
-            Stamp(1),
+            RobotTime(1),
             0.01,
         );
         let deskew = LocalMotion::new(

@@ -7,7 +7,7 @@ use super::motion::Motion;
 use super::point_to_line::LocalMotion;
 use super::submap::{Cell, FreeSpace, KnownMap, LocalOrigin, RAY_STRIDE, Submap};
 use crate::geometry::Pose2;
-use crate::stream::Stamp;
+use crate::stream::RobotTime;
 
 /// The map is updated when the LiDAR has moved this far, m.
 const UPDATE_DISTANCE_M: f64 = 0.2;
@@ -33,7 +33,7 @@ pub struct LocalMap {
     /// Where space was seen free.
     pub free_space: FreeSpace,
     pose: Pose2,
-    stamp: Stamp,
+    stamp: RobotTime,
 }
 
 impl LocalMap {
@@ -57,7 +57,7 @@ impl LocalMap {
     }
 
     /// Whether a sweep at `pose` should go into the map.
-    pub fn is_due(&self, pose: &Pose2, stamp: Stamp) -> bool {
+    pub fn is_due(&self, pose: &Pose2, stamp: RobotTime) -> bool {
         let moved = self.pose.between(pose);
         self.submap.updates() < UPDATES_AT_START
             || moved.translation().norm() > UPDATE_DISTANCE_M
@@ -71,7 +71,7 @@ impl LocalMap {
         &mut self,
         points: &SweepPoints,
         motion: &Motion,
-        stamp: Stamp,
+        stamp: RobotTime,
         range_noise_m: f32,
     ) {
         self.pose = motion.pose;

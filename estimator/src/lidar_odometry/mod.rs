@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::geometry::Pose2;
 use crate::occupancy_grid::{ORIGIN_MAX_M, OccupancyGrid};
-use crate::stream::{FieldRefused, Stamp, Sweep};
+use crate::stream::{FieldRefused, RobotTime, Sweep};
 use beam_filter::{BeamFilter, SweepPoints};
 use covariance::OpenDirection;
 use local_map::LocalMap;
@@ -41,7 +41,7 @@ pub use tracking::Tracking;
 #[derive(Debug, Clone, PartialEq)]
 pub struct OdometryPose {
     /// The sweep's reference time.
-    pub stamp: Stamp,
+    pub stamp: RobotTime,
     /// The LiDAR's pose in the odometry frame at that time.
     pub lidar_in_odom: Pose2,
     /// Covariance of (x, y, yaw) in the LiDAR's own frame (a right perturbation), m and rad.
@@ -91,10 +91,10 @@ pub struct LidarOdometry {
     map: LocalMap,
     motion: Option<Motion>,
     /// Of the last sweep, once there was one.
-    last_stamp: Option<Stamp>,
+    last_stamp: Option<RobotTime>,
     last_ranges: Vec<f32>,
     /// The sweep that began the map, until its distortion is known.
-    first_sweep: Option<(SweepPoints, Stamp, Pose2)>,
+    first_sweep: Option<(SweepPoints, RobotTime, Pose2)>,
     range_noise_m: f32,
     scanner: Scanner,
     track: Track,
@@ -223,7 +223,7 @@ impl LidarOdometry {
     }
 
     /// Turns a sweep into points; gives the time of its middle, which its pose is for.
-    fn read(&mut self, sweep: &Sweep) -> Stamp {
+    fn read(&mut self, sweep: &Sweep) -> RobotTime {
         let time_increment_s = self.scanner.time_increment_s(sweep);
         self.beam_filter
             .filter(sweep, time_increment_s, &mut self.points);
@@ -269,7 +269,7 @@ impl LidarOdometry {
     }
 
     /// Begins the map with the present sweep, at this motion.
-    fn begin_map(&mut self, motion: Motion, stamp: Stamp, tracking: Tracking) -> OdometryPose {
+    fn begin_map(&mut self, motion: Motion, stamp: RobotTime, tracking: Tracking) -> OdometryPose {
         let pose = motion.pose;
         self.scanner.note_map();
         self.map.clear();
@@ -393,7 +393,7 @@ impl LidarOdometry {
         &mut self,
         predicted: &Motion,
         solution: &Solution,
-        stamp: Stamp,
+        stamp: RobotTime,
     ) -> OdometryPose {
         let tracking = self.track.lost();
         if self.track.gives_up() && self.map.submap.known().is_some() {
@@ -426,7 +426,7 @@ impl LidarOdometry {
     fn redo_first(
         &mut self,
         first: &SweepPoints,
-        (first_stamp, stamp): (Stamp, Stamp),
+        (first_stamp, stamp): (RobotTime, RobotTime),
         pose: Pose2,
         solution: &mut Solution,
     ) {

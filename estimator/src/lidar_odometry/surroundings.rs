@@ -4,13 +4,13 @@ use super::LidarOdometry;
 use super::point_to_line::LocalMotion;
 use super::submap::{CELL_M, Cell, LocalOrigin, Submap};
 use crate::geometry::Pose2;
-use crate::stream::Stamp;
+use crate::stream::RobotTime;
 
 /// The latest sweep and the map around it, in the odometry frame, m.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Surroundings {
     /// The sweep's reference time.
-    pub stamp: Stamp,
+    pub stamp: RobotTime,
     /// The LiDAR's pose then.
     pub lidar_in_odom: Pose2,
     /// Whether the sweep fits nowhere: its pose is a guess.

@@ -9,7 +9,7 @@ mod turn;
 
 pub use band::{BandFields, PlanarBand};
 
-use crate::stream::{BEAMS_MAX, FieldRefused, Stamp, Sweep, SweepShape};
+use crate::stream::{BEAMS_MAX, FieldRefused, RobotTime, Sweep, SweepShape};
 use horizontal::HorizontalSurface;
 use turn::Turn;
 
@@ -46,7 +46,7 @@ impl CloudPoint {
 #[derive(Debug, Clone)]
 pub struct PointCloud {
     /// The cloud's stamp.
-    pub stamp: Stamp,
+    pub stamp: RobotTime,
     /// Its points, in any order.
     pub points: Vec<CloudPoint>,
     /// How many directions an organised cloud has.

@@ -2,7 +2,7 @@ use std::f64::consts::{PI, TAU};
 
 use super::*;
 
-const STAMP: Stamp = Stamp(1_700_000_000_000_000_000);
+const STAMP: RobotTime = RobotTime(1_700_000_000_000_000_000);
 const FLOOR_M: f64 = -0.4;
 const CEILING_M: f64 = 3.0;
 

@@ -4,8 +4,8 @@ use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::estimate::Change;
 use fleetcal_estimator::stream::SweepShape;
 use fleetcal_estimator::{
-    Calibrator, DriveSample, Effect, Estimate, Event, LidarPose, Parameter, Pose2, Stamp, Sweep,
-    Vehicle,
+    Calibrator, DriveSample, Effect, Estimate, Event, LidarPose, Parameter, Pose2, RobotTime,
+    Sweep, Vehicle,
 };
 use fleetcal_robot::simulator::{
     LidarOutput, PoseSettings, SimulatedMessage, Simulation, SimulationConfig, TrueParameters,
@@ -153,7 +153,7 @@ pub fn drive_disturbed(
 pub fn event_of(message: SimulatedMessage) -> Option<Event> {
     match message {
         SimulatedMessage::Drive(d) => Some(Event::Drive(
-            DriveSample::new(Stamp(d.stamp_ns), d.speed_mps, d.steering_rad).unwrap(),
+            DriveSample::new(RobotTime(d.stamp_ns), d.speed_mps, d.steering_rad).unwrap(),
         )),
         SimulatedMessage::Sweep(s) => {
             let shape = SweepShape {
@@ -164,14 +164,14 @@ pub fn event_of(message: SimulatedMessage) -> Option<Event> {
                 range_max_m: s.range_max_m,
             };
             Some(Event::Sweep(
-                Sweep::new(Stamp(s.stamp_ns), shape, s.ranges_m.into()).unwrap(),
+                Sweep::new(RobotTime(s.stamp_ns), shape, s.ranges_m.into()).unwrap(),
             ))
         }
         SimulatedMessage::LidarPose(p) => {
             let covariance = p.covariance.map(|c| Matrix3::from_fn(|i, j| c[i][j]));
             let pose = Pose2::new(p.pose.x_m, p.pose.y_m, p.pose.yaw_rad);
             Some(Event::LidarPose(
-                LidarPose::new(Stamp(p.stamp_ns), pose, covariance).unwrap(),
+                LidarPose::new(RobotTime(p.stamp_ns), pose, covariance).unwrap(),
             ))
         }
         SimulatedMessage::CrossTrackError(_) => None,

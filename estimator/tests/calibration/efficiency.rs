@@ -8,7 +8,7 @@ use fleetcal_estimator::filter::{
     DRIVE_PARAMETER, OdometryReading, PARAMETERS, ParameterCovariance, Values, drive_parameters,
     lidar_in_base,
 };
-use fleetcal_estimator::{DriveSample, Freedom, Parameter, Pose2, Stamp};
+use fleetcal_estimator::{DriveSample, Freedom, Parameter, Pose2, RobotTime};
 use fleetcal_robot::simulator::{SimulatedMessage, Simulation, SimulationConfig};
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
@@ -33,11 +33,11 @@ fn recorded(config: SimulationConfig, duration_s: f64) -> (DriveHistory, Vec<Odo
         match emitted.message {
             SimulatedMessage::Drive(d) => {
                 drive.push(
-                    DriveSample::new(Stamp(d.stamp_ns), d.speed_mps, d.steering_rad).unwrap(),
+                    DriveSample::new(RobotTime(d.stamp_ns), d.speed_mps, d.steering_rad).unwrap(),
                 );
             }
             SimulatedMessage::LidarPose(p) => readings.push(OdometryReading {
-                stamp: Stamp(p.stamp_ns),
+                stamp: RobotTime(p.stamp_ns),
                 lidar_in_odom: Pose2::new(p.pose.x_m, p.pose.y_m, p.pose.yaw_rad),
                 covariance: Matrix3::from_fn(|i, j| p.covariance.unwrap()[i][j]),
             }),

@@ -2,7 +2,9 @@
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::estimate::{Cause, Change, ChangeKind};
-use fleetcal_estimator::{Calibrator, Checkpoint, Effect, Event, Note, NoteKind, Parameter, Stamp};
+use fleetcal_estimator::{
+    Calibrator, Checkpoint, Effect, Event, Note, NoteKind, Parameter, RobotTime,
+};
 use fleetcal_robot::simulator::{Pose2, Simulation, SimulationConfig, VehicleTruth};
 
 use crate::drive::{drive, event_of, poses, vehicle_of};
@@ -61,7 +63,7 @@ fn two_days(
     config.start_stamp_ns += 20 * 3600 * 1_000_000_000;
     change(&mut config.vehicle);
     if let Some(kind) = note {
-        let stamp = Stamp(config.start_stamp_ns);
+        let stamp = RobotTime(config.start_stamp_ns);
         calibrator.step(Event::Note(Note { stamp, kind }));
     }
     let changes = feed(&mut calibrator, config, 60.0);

@@ -10,7 +10,7 @@ use fleetcal_estimator::change::window::{Window, WindowCutter};
 use fleetcal_estimator::drive_history::DriveHistory;
 use fleetcal_estimator::filter::noise::MotionNoise;
 use fleetcal_estimator::filter::{OdometryReading, PARAMETERS, ParameterCovariance, Values};
-use fleetcal_estimator::{DriveSample, Pose2, Stamp, Vehicle, VehicleModel};
+use fleetcal_estimator::{DriveSample, Pose2, RobotTime, Vehicle, VehicleModel};
 use fleetcal_robot::simulator::{Point, Route, SimulatedMessage, Simulation, SimulationConfig};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use rand::{Rng, SeedableRng, rngs::StdRng};
@@ -73,12 +73,12 @@ pub fn windows_of(route: Route, duration_s: f64) -> Vec<Window> {
         match emitted.message {
             SimulatedMessage::Drive(d) => {
                 drive.push(
-                    DriveSample::new(Stamp(d.stamp_ns), d.speed_mps, d.steering_rad).unwrap(),
+                    DriveSample::new(RobotTime(d.stamp_ns), d.speed_mps, d.steering_rad).unwrap(),
                 );
             }
             SimulatedMessage::LidarPose(p) => {
                 let reading = OdometryReading {
-                    stamp: Stamp(p.stamp_ns),
+                    stamp: RobotTime(p.stamp_ns),
                     lidar_in_odom: Pose2::new(p.pose.x_m, p.pose.y_m, p.pose.yaw_rad),
                     covariance: p
                         .covariance

@@ -5,13 +5,13 @@ use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
 use fleetcal_estimator::stream::SweepShape;
-use fleetcal_estimator::{Pose2, Stamp, Sweep};
+use fleetcal_estimator::{Pose2, RobotTime, Sweep};
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 use rand_distr::{Distribution, Normal};
 
 /// First stamp of every run.
-pub const START: Stamp = Stamp(1_790_000_000_000_000_000);
+pub const START: RobotTime = RobotTime(1_790_000_000_000_000_000);
 
 /// A person: a disc that walks to and fro.
 #[derive(Debug, Clone, Copy)]

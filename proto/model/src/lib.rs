@@ -18,5 +18,5 @@ pub use parameter::{Consistency, Counts, Parameter, ParameterStatus, Unit};
 pub use plane::{Point, Pose2, wrap_angle_rad};
 pub use robot_id::{RobotId, RobotIdRefused};
 pub use stream::Stream;
-pub use time::Stamp;
+pub use time::{RobotTime, WallTime};
 pub use vehicle::{SpeedMeasuredAt, VehicleModel};

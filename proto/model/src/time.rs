@@ -1,24 +1,95 @@
-//! Time.
+//! Time: of robots, and of the service.
+//!
+//! They are two types because they are two clocks. Estimation runs on a robot's time alone; the
+//! service's wall time says when something was received, decided or due. What compares the two does
+//! so by name, through nanoseconds.
+
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-/// A point in message time: nanoseconds since the Unix epoch, as the robot's own clock stamps it.
+const NS_PER_S: i64 = 1_000_000_000;
+
+/// A point in a robot's time: nanoseconds since the Unix epoch, as its own clock stamps it.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize,
 )]
-pub struct Stamp(pub i64);
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(transparent)]
+pub struct RobotTime(pub i64);
 
-impl Stamp {
+impl RobotTime {
+    /// Whole seconds since the Unix epoch.
+    pub const fn whole_s(self) -> i64 {
+        self.0.div_euclid(NS_PER_S)
+    }
+
     /// Seconds from `earlier` to `self`; negative when `self` is the earlier one.
     #[inline]
     pub fn seconds_since(self, earlier: Self) -> f64 {
         self.0.saturating_sub(earlier.0) as f64 * 1e-9
     }
 
-    /// The stamp `seconds` later.
+    /// The time `by` later.
+    #[must_use]
+    pub fn plus(self, by: Duration) -> Self {
+        Self(self.0.saturating_add(nanoseconds(by)))
+    }
+
+    /// Nanoseconds from `earlier` to `self`; negative when `self` is the earlier one.
+    pub const fn ns_since(self, earlier: Self) -> i64 {
+        self.0.saturating_sub(earlier.0)
+    }
+
+    /// The time `seconds` later.
     #[must_use]
     #[inline]
     pub fn plus_seconds(self, seconds: f64) -> Self {
         Self(self.0.saturating_add((seconds * 1e9).round() as i64))
     }
+}
+
+/// A point in wall time: nanoseconds since the Unix epoch, as the service's clock shows it. That
+/// clock may be set, so a later reading may be an earlier time.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize,
+)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(transparent)]
+pub struct WallTime(pub i64);
+
+impl WallTime {
+    /// The end of time, 2262.
+    pub const MAX: Self = Self(i64::MAX);
+
+    /// The time `by` later, at most [`WallTime::MAX`].
+    #[must_use]
+    pub fn plus(self, by: Duration) -> Self {
+        Self(self.0.saturating_add(nanoseconds(by)))
+    }
+
+    /// The time `by` earlier.
+    #[must_use]
+    pub fn minus(self, by: Duration) -> Self {
+        Self(self.0.saturating_sub(nanoseconds(by)))
+    }
+
+    /// Whole seconds since the Unix epoch.
+    pub const fn whole_s(self) -> i64 {
+        self.0.div_euclid(NS_PER_S)
+    }
+
+    /// Nanoseconds from `earlier` to `self`; negative when `self` is the earlier one.
+    pub const fn ns_since(self, earlier: Self) -> i64 {
+        self.0.saturating_sub(earlier.0)
+    }
+
+    /// From `earlier` to `self`; zero when `self` is the earlier one.
+    pub fn since(self, earlier: Self) -> Duration {
+        Duration::from_nanos(u64::try_from(self.ns_since(earlier)).unwrap_or(0))
+    }
+}
+
+fn nanoseconds(duration: Duration) -> i64 {
+    i64::try_from(duration.as_nanos()).unwrap_or(i64::MAX)
 }

@@ -368,6 +368,8 @@ fn sync_folder(path: &Path) -> Result<(), FileError> {
 
 #[cfg(test)]
 mod tests {
+    use fleetcal_model::RobotTime;
+
     use super::*;
 
     fn values() -> CalibrationValues {
@@ -451,7 +453,7 @@ mod tests {
         ));
         let [robot, other] = ["tugger_01", "tugger_02"].map(|id| RobotId::parse(id).unwrap());
         assert_eq!(file.memory(&robot).unwrap(), None);
-        let held = crate::agent::state::Held::factory(Some(values()), 7);
+        let held = crate::agent::state::Held::factory(Some(values()), RobotTime(7));
         let memory = Memory::new(robot.clone(), held);
         file.remember(&memory).unwrap();
         assert_eq!(file.memory(&robot).unwrap(), Some(memory));

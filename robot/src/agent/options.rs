@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use fleetcal_model::RobotTime;
 use fleetcal_proto::signing::TrustedKeys;
 use fleetcal_proto::{Keys, RobotId};
 use thiserror::Error;
@@ -37,8 +38,8 @@ pub struct AgentOptions {
     pub hook: Option<Hook>,
     /// Whether to hold the robot's liveliness token, which its streams hold otherwise.
     pub holds_alive_token: bool,
-    /// Wall time now, ns since 1970.
-    pub start_ns: i64,
+    /// The robot's time now, ns since 1970.
+    pub start_ns: RobotTime,
 }
 
 /// Why an agent ended before it was told to.

@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use fleetcal_model::RobotTime;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};
 use tokio::sync::mpsc;
@@ -130,9 +131,8 @@ impl Runner {
     }
 
     /// Wall time at the start and what has passed since: a clock that is set moves no deadline.
-    fn now_ns(&self) -> i64 {
-        let passed_ns = i64::try_from(self.started.elapsed().as_nanos()).unwrap_or(i64::MAX);
-        self.options.start_ns.saturating_add(passed_ns)
+    fn now(&self) -> RobotTime {
+        self.options.start_ns.plus(self.started.elapsed())
     }
 
     async fn run(
@@ -192,7 +192,7 @@ impl Runner {
     async fn take(&mut self, event: Event) -> Result<(), AgentError> {
         let mut events = VecDeque::from([event]);
         while let Some(event) = events.pop_front() {
-            let effects = self.agent.step(event, self.now_ns())?;
+            let effects = self.agent.step(event, self.now())?;
             let is_remembered = self.remember();
             for effect in effects {
                 events.extend(self.perform(effect, is_remembered).await);
@@ -355,14 +355,14 @@ impl Runner {
 }
 
 /// What an agent remembers that starts for the first time: what its robot was tuned to by hand.
-fn first_memory(robot: &RobotId, file: &AppliedFile, now_ns: i64) -> Result<Memory, AgentError> {
+fn first_memory(robot: &RobotId, file: &AppliedFile, now: RobotTime) -> Result<Memory, AgentError> {
     let text = file.read()?;
     let values = text.as_deref().and_then(|text| file.values_in(text));
     if text.is_some() && values.is_none() {
         let file = file.path().display();
         warn!(robot.id = %robot, %file, "says something else than calibration values: approved ones will replace it as a whole");
     }
-    let held = Held::factory(values, now_ns);
+    let held = Held::factory(values, now);
     Ok(Memory::new(robot.clone(), held))
 }
 

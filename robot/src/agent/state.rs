@@ -1,6 +1,6 @@
 //! What an agent remembers, through restarts too.
 
-use fleetcal_model::Pose2;
+use fleetcal_model::{Pose2, RobotTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};
 use serde::{Deserialize, Serialize};
@@ -13,7 +13,7 @@ pub struct Held {
     /// SHA-256 of the document; empty for its factory calibration.
     pub sha256: String,
     /// Since when, ns since 1970 by the robot's clock.
-    pub applied_at_ns: i64,
+    pub applied_at_ns: RobotTime,
     /// The values; `None` when the robot brought none along that could be read.
     pub values: Option<CalibrationValues>,
     /// Where the document has the rear axle in `base_link`, if it says so.
@@ -23,11 +23,11 @@ pub struct Held {
 
 impl Held {
     /// What a robot has that never heard of a service.
-    pub fn factory(values: Option<CalibrationValues>, now_ns: i64) -> Self {
+    pub fn factory(values: Option<CalibrationValues>, now: RobotTime) -> Self {
         Self {
             generation: 0,
             sha256: String::new(),
-            applied_at_ns: now_ns,
+            applied_at_ns: now,
             values,
             rear_axle_in_base_link: None,
         }
@@ -85,7 +85,7 @@ pub struct Offer {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Trial {
     /// When the robot goes back by itself, ns since 1970.
-    pub until_ns: i64,
+    pub until_ns: RobotTime,
     /// What the deadline was made from, s.
     pub confirm_within_s: u32,
     /// Whether a restart has put the deadline off already.

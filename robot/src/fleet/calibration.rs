@@ -1,5 +1,6 @@
 //! What a calibration means to a simulated robot.
 
+use fleetcal_model::RobotTime;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::signing::TrustedKeys;
@@ -12,11 +13,16 @@ const MOUNT_POSITION_MAX_M: f64 = 0.5;
 const MOUNT_YAW_MAX_RAD: f64 = 0.5;
 
 /// The agent of a robot that drives with what its drawing says.
-pub(super) fn agent(robot: RobotId, trusted: TrustedKeys, nominal: Applied, now_ns: i64) -> Agent {
+pub(super) fn agent(
+    robot: RobotId,
+    trusted: TrustedKeys,
+    nominal: Applied,
+    now: RobotTime,
+) -> Agent {
     let Pose2 { x_m, y_m, yaw_rad } = nominal.lidar_in_base;
     let (most_m, most_rad) = (MOUNT_POSITION_MAX_M, MOUNT_YAW_MAX_RAD);
     let limits = Limits::around_mount(x_m, y_m, yaw_rad, most_m, most_rad);
-    let held = Held::factory(Some(values_of(nominal)), now_ns);
+    let held = Held::factory(Some(values_of(nominal)), now);
     let memory = Memory::new(robot.clone(), held);
     let identity = Identity {
         robot,

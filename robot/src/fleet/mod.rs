@@ -82,7 +82,7 @@ pub enum FleetError {
     Session(#[from] SessionError),
     /// The simulated time left what a ROS stamp can say.
     #[error("robot {robot}: {reason}")]
-    Stamp {
+    RobotTime {
         /// The robot.
         robot: RobotId,
         /// The stamp.

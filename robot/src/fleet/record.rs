@@ -32,7 +32,7 @@ pub enum RecordError {
     Setting(#[from] SettingRefused),
     /// The simulated time left what a ROS stamp can say.
     #[error(transparent)]
-    Stamp(#[from] StampRefused),
+    RobotTime(#[from] StampRefused),
     /// The recording could not be written.
     #[error(transparent)]
     Recording(#[from] RecordingError),

@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use fleetcal_model::RobotTime;
 use fleetcal_proto::event::CrossTrackError;
 use fleetcal_proto::signing::TrustedKeys;
 use fleetcal_proto::{Keys, RobotId, RosMessage, StreamKind};
@@ -35,8 +36,8 @@ pub(super) struct Epoch {
 }
 
 impl Epoch {
-    fn now_ns(&self) -> i64 {
-        self.stamp_ns + self.instant.elapsed().as_nanos() as i64
+    fn now(&self) -> RobotTime {
+        RobotTime(self.stamp_ns).plus(self.instant.elapsed())
     }
 }
 
@@ -51,10 +52,10 @@ pub(super) async fn run(
 ) -> Result<RobotSummary, FleetError> {
     let id = robot.id.clone();
     let opened = RobotSession::open(client, keys, &id, &stop).await?;
-    robot.config.start_stamp_ns = epoch.now_ns();
+    robot.config.start_stamp_ns = epoch.now().0;
     let agent = trusted.map(|trusted| {
         let nominal = robot.config.applied;
-        agent(id.clone(), trusted.clone(), nominal, epoch.now_ns())
+        agent(id.clone(), trusted.clone(), nominal, epoch.now())
     });
     let mut simulation = Simulation::new(robot.config).map_err(|reason| FleetError::Setting {
         robot: id.clone(),
@@ -128,7 +129,7 @@ impl Driver {
 
     /// Sends everything that is due by now.
     async fn send_due(&mut self) -> Result<(), FleetError> {
-        let now_ns = self.epoch.now_ns();
+        let now_ns = self.epoch.now().0;
         while self.next.sent_ns <= now_ns {
             let late_ns = now_ns - self.next.sent_ns;
             let next = self.simulation.advance();
@@ -174,7 +175,7 @@ impl Driver {
                 )
             }
             SimulatedMessage::CrossTrackError(error) => {
-                let (stamp_ns, value_m) = (error.stamp_ns, error.value_m);
+                let (stamp_ns, value_m) = (RobotTime(error.stamp_ns), error.value_m);
                 let json = json(&CrossTrackError { stamp_ns, value_m });
                 (StreamKind::CrossTrackError, json)
             }
@@ -189,7 +190,7 @@ impl Driver {
         };
         let mut events = VecDeque::from([event]);
         while let Some(event) = events.pop_front() {
-            for effect in agent.step(event, self.epoch.now_ns())? {
+            for effect in agent.step(event, self.epoch.now())? {
                 events.extend(self.perform(effect).await?);
             }
         }
@@ -256,5 +257,5 @@ fn json(value: &impl serde::Serialize) -> Vec<u8> {
 
 fn at(robot: &RobotId) -> impl FnOnce(StampRefused) -> FleetError {
     let robot = robot.clone();
-    move |reason| FleetError::Stamp { robot, reason }
+    move |reason| FleetError::RobotTime { robot, reason }
 }

@@ -171,6 +171,8 @@ impl Window {
 
 #[cfg(test)]
 mod tests {
+    use fleetcal_model::RobotTime;
+
     use super::*;
 
     fn progress(drive_samples: u64, scans: u64, dropped: u64) -> Progress {
@@ -178,7 +180,7 @@ mod tests {
             drive_samples,
             scans,
             dropped,
-            stamp_ns: 1,
+            stamp_ns: RobotTime(1),
         }
     }
 

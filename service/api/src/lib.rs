@@ -34,6 +34,7 @@ use axum::response::Response;
 use fleetcal_clock::SharedClock;
 use fleetcal_fleet::FleetHandle;
 use fleetcal_http::{Connections, host};
+use fleetcal_model::WallTime;
 use fleetcal_operations::alert_evaluator::AlertEvaluator;
 use fleetcal_operations::lifecycle::Lifecycle;
 use fleetcal_operations::webhook_dispatcher::WebhookDispatcher;
@@ -99,7 +100,7 @@ pub struct ApiSetup {
 struct ApiState {
     build: BuildInfo,
     /// When the process started, wall time.
-    started_ns: i64,
+    started_ns: WallTime,
     durations: RequestDurations,
     fleet: FleetHandle,
     lifecycle: Lifecycle,
@@ -117,10 +118,9 @@ struct ApiState {
 
 impl ApiState {
     fn start(setup: ApiSetup) -> Self {
-        let running_ns = i64::try_from(setup.clock.elapsed().as_nanos()).unwrap_or(0);
         Self {
             build: setup.build,
-            started_ns: setup.clock.now_ns().saturating_sub(running_ns),
+            started_ns: setup.clock.now().minus(setup.clock.elapsed()),
             durations: RequestDurations::new(setup.clock.clone()),
             recordings: robots::Recordings::new(setup.stop.clone()),
             stream: StreamHub::start(&setup),

@@ -2,6 +2,7 @@
 
 use fleetcal_domain::alert::AlertDocument;
 use fleetcal_fleet::live::LiveUpdate;
+use fleetcal_model::WallTime;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_store::NewEvent;
@@ -64,7 +65,7 @@ impl EventName {
 impl<'a> LiveEvent<'a> {
     /// The event of an update of the fleet; `None` of a robot's state, which is told as it is by
     /// then.
-    pub(super) fn of(update: &'a LiveUpdate, now_ns: i64) -> Option<Self> {
+    pub(super) fn of(update: &'a LiveUpdate, now: WallTime) -> Option<Self> {
         Some(match update {
             LiveUpdate::RobotState { .. } => return None,
             LiveUpdate::Estimate { document, .. } => Self::Estimate(document),
@@ -73,7 +74,7 @@ impl<'a> LiveEvent<'a> {
             LiveUpdate::Freeze => Self::Freeze(NoData {}),
             LiveUpdate::Policy => Self::Policy(NoData {}),
             LiveUpdate::Event { robot, event } => {
-                Self::Event(EventDocument::of(NewEvent::of(robot, event, now_ns)))
+                Self::Event(EventDocument::of(NewEvent::of(robot, event, now)))
             }
         })
     }

@@ -89,19 +89,19 @@ impl Snapshot {
     fn of(api: &ApiState, waiting_deliveries: Option<u64>) -> Self {
         let robots = api.fleet.robots();
         let standings = api.evaluator.standings();
-        let now_ns = api.clock.now_ns();
+        let now = api.clock.now();
         let mut heard: BTreeMap<_, _> = ConnectionState::ALL.iter().map(|one| (*one, 0)).collect();
         let mut stand: BTreeMap<_, _> = Standing::ALL.iter().map(|one| (*one, 0)).collect();
         for robot in &robots {
             let ledger = api.lifecycle.ledger(&robot.id);
             *heard
-                .entry(connection_state(robot, &ledger, now_ns))
+                .entry(connection_state(robot, &ledger, now))
                 .or_default() += 1;
             *stand.entry(standings.of(robot, &ledger)).or_default() += 1;
         }
         Self {
             build: api.build,
-            started_s: api.started_ns as f64 / 1e9,
+            started_s: api.started_ns.0 as f64 / 1e9,
             fleet: api.fleet.counters(),
             robots: Arc::new(robots),
             lost_answers: api.lifecycle.answer_counters(),

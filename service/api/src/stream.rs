@@ -176,8 +176,8 @@ impl Writer {
             let standing = self.standings.known(robot);
             self.rows.take(robot, standing, document);
         }
-        let now_ns = self.clock.now_ns();
-        if let Some(event) = LiveEvent::of(update, now_ns) {
+        let now = self.clock.now();
+        if let Some(event) = LiveEvent::of(update, now) {
             self.tell(robot_of(update), &event);
         }
         let state = match update {

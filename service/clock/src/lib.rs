@@ -7,10 +7,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
+use fleetcal_model::WallTime;
+
 /// A source of time.
 pub trait Clock: std::fmt::Debug + Send + Sync + 'static {
-    /// Wall time: nanoseconds since the Unix epoch. It may jump.
-    fn now_ns(&self) -> i64;
+    /// Wall time. It may jump.
+    fn now(&self) -> WallTime;
 
     /// Time since the clock was made. It never goes back.
     fn elapsed(&self) -> Duration;
@@ -37,12 +39,10 @@ impl SystemClock {
 
 impl Clock for SystemClock {
     #[expect(clippy::disallowed_methods, reason = "this is where time enters")]
-    fn now_ns(&self) -> i64 {
-        match SystemTime::now().duration_since(UNIX_EPOCH) {
-            Ok(since) => i64::try_from(since.as_nanos()).unwrap_or(i64::MAX),
-            // A machine set before 1970 has no clock worth the name.
-            Err(_) => 0,
-        }
+    fn now(&self) -> WallTime {
+        // A machine set before 1970 has no clock worth the name.
+        let since = SystemTime::now().duration_since(UNIX_EPOCH);
+        WallTime::default().plus(since.unwrap_or_default())
     }
 
     fn elapsed(&self) -> Duration {
@@ -81,8 +81,8 @@ impl MockClock {
 }
 
 impl Clock for MockClock {
-    fn now_ns(&self) -> i64 {
-        self.wall_ns.load(Ordering::SeqCst)
+    fn now(&self) -> WallTime {
+        WallTime(self.wall_ns.load(Ordering::SeqCst))
     }
 
     fn elapsed(&self) -> Duration {
@@ -107,13 +107,13 @@ mod tests {
         clock.advance(Duration::from_nanos(5));
         clock.set_wall_ns(10);
         assert_eq!(
-            (clock.now_ns(), clock.elapsed()),
-            (10, Duration::from_nanos(5))
+            (clock.now(), clock.elapsed()),
+            (WallTime(10), Duration::from_nanos(5))
         );
     }
 
     #[test]
     fn the_system_clock_is_after_2020() {
-        assert!(SystemClock::start().now_ns() > 1_577_836_800_000_000_000);
+        assert!(SystemClock::start().now() > WallTime(1_577_836_800_000_000_000));
     }
 }

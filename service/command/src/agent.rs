@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use clap::Args;
 use fleetcal_clock::SharedClock;
-use fleetcal_model::Pose2;
+use fleetcal_model::{Pose2, RobotTime};
 use fleetcal_proto::signing::{PublicKey, TrustedKeys};
 use fleetcal_proto::{KeyRoot, Keys, RobotId};
 use fleetcal_robot::agent::{
@@ -217,7 +217,7 @@ async fn perform(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
         limits,
         hook: hook(arguments),
         holds_alive_token: arguments.alive,
-        start_ns: clock.now_ns(),
+        start_ns: RobotTime(clock.now().0),
     };
     let stop = CancellationToken::new();
     let agent = run_agent(options, stop.clone());

@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 
-use fleetcal_estimator::{Pose2, Stamp};
+use fleetcal_estimator::{Pose2, RobotTime};
 use serde::Serialize;
 
 use crate::CommandError;
@@ -60,7 +60,7 @@ impl Trajectory {
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn add(&mut self, stamp: Stamp, pose: &Pose2) -> Result<(), CommandError> {
+    pub fn add(&mut self, stamp: RobotTime, pose: &Pose2) -> Result<(), CommandError> {
         let line = tum_line(stamp, pose);
         self.file
             .write_all(line.as_bytes())
@@ -84,7 +84,7 @@ impl Trajectory {
 }
 
 /// Seconds are written from the integer: a double has no nanoseconds left after 1970.
-fn tum_line(stamp: Stamp, pose: &Pose2) -> String {
+fn tum_line(stamp: RobotTime, pose: &Pose2) -> String {
     let (seconds, ns) = (
         stamp.0.div_euclid(1_000_000_000),
         stamp.0.rem_euclid(1_000_000_000),
@@ -108,7 +108,7 @@ mod tests {
     #[test]
     fn a_line_keeps_nanoseconds_and_the_heading() {
         let line = tum_line(
-            Stamp(1_700_000_000_250_000_001),
+            RobotTime(1_700_000_000_250_000_001),
             &Pose2::new(1.0, -2.0, 0.6),
         );
         assert_eq!(

@@ -1,6 +1,6 @@
 //! What a calibration showed on its way, for the report and the exported session.
 
-use fleetcal_estimator::{Effect, Pose2, Stamp};
+use fleetcal_estimator::{Effect, Pose2, RobotTime};
 use fleetcal_fleet::document::estimate_document;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::EstimateDocument;
@@ -11,7 +11,7 @@ pub struct SessionRecord {
     /// The estimates, oldest first.
     pub estimates: Vec<EstimateDocument>,
     /// Poses of `base` in the filter's odometry frame.
-    pub path: Vec<(Stamp, Pose2)>,
+    pub path: Vec<(RobotTime, Pose2)>,
 }
 
 impl SessionRecord {

@@ -147,7 +147,7 @@ async fn drive(
         },
         keys: Keys::new(arguments.root.clone()),
         trusted,
-        start_stamp_ns: clock.now_ns(),
+        start_stamp_ns: clock.now().0,
     };
     let stop = CancellationToken::new();
     let fleet = run_fleet(options, stop.clone());

@@ -15,4 +15,5 @@ pub mod limits;
 pub mod robot;
 pub mod standing;
 pub mod streams;
+pub mod timestamp;
 pub mod webhook;

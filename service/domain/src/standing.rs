@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use fleetcal_model::WallTime;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use serde::{Deserialize, Serialize};
@@ -165,16 +166,16 @@ pub struct StandingBasis {
 
 impl StandingBasis {
     /// How a robot stands by what is seen of it and by its records. `propose_beyond` is the
-    /// tolerance of the policy, `now_ns` wall time.
+    /// tolerance of the policy, `now` wall time.
     pub fn of(
         view: &RobotView,
         ledger: &RobotLedger,
         propose_beyond: &Tolerance,
-        now_ns: i64,
+        now: WallTime,
     ) -> Self {
         let shadow = &ledger.shadow;
         let maintenance = shadow.maintenance.as_ref();
-        let in_maintenance = maintenance.is_some_and(|one| one.holds_at(now_ns));
+        let in_maintenance = maintenance.is_some_and(|one| one.holds_at(now));
         let deployment = ledger.live.as_ref();
         let verdict = deployment.and_then(|live| live.verification);
         let so = [

@@ -2,7 +2,7 @@
 
 use fleetcal_estimator::point_cloud::{CloudPoint, PlanarBand, PointCloud};
 use fleetcal_estimator::stream::FieldRefused;
-use fleetcal_estimator::{Stamp, Sweep};
+use fleetcal_estimator::{RobotTime, Sweep};
 use fleetcal_proto::ros::{CloudRefused, Column, PointCloud2, PointDatatype};
 use thiserror::Error;
 
@@ -35,7 +35,7 @@ pub fn sweep(message: &PointCloud2, band: &PlanarBand) -> Result<Sweep, CloudUnu
         message.needed_column("y")?,
         message.needed_column("z")?,
     ];
-    let stamp = Stamp(message.header.stamp.as_ns());
+    let stamp = RobotTime(message.header.stamp.as_ns());
     let time = TIME_FIELDS.iter().find_map(|name| message.column(name));
     let points = message.points().map(|point| CloudPoint {
         position_m: position.map(|column| column.read(point) as f32),
@@ -53,7 +53,7 @@ pub fn sweep(message: &PointCloud2, band: &PlanarBand) -> Result<Sweep, CloudUnu
 
 /// A point's time: whole numbers are nanoseconds after the cloud's stamp, others seconds; both may
 /// also count from 1970.
-fn seconds_after(stamp: Stamp, column: Column, point: &[u8]) -> f64 {
+fn seconds_after(stamp: RobotTime, column: Column, point: &[u8]) -> f64 {
     let time = column.read(point);
     if time > SINCE_1970_NS {
         return (time - stamp.0 as f64) * 1e-9;
@@ -150,7 +150,7 @@ mod tests {
                     .all(|range| (range - 4.0).abs() < 1e-3)
             );
             assert!((sweep.shape().time_increment_s * 360.0 - 0.1).abs() < 1e-4);
-            let off_s = sweep.stamp().seconds_since(Stamp(STAMP.as_ns()));
+            let off_s = sweep.stamp().seconds_since(RobotTime(STAMP.as_ns()));
             assert!(off_s.abs() < 1e-3, "{off_s}");
         }
         let untimed = cloud("intensity", PointDatatype::Float32, |t| t);
@@ -176,7 +176,7 @@ mod tests {
         };
         let again = decode(Stream::Scan, plain, &configured, &payload).expect("a cloud");
         assert_eq!(decoded.event, again.event);
-        assert_eq!(decoded.stamp, Stamp(STAMP.as_ns()));
+        assert_eq!(decoded.stamp, RobotTime(STAMP.as_ns()));
     }
 
     #[test]

@@ -132,7 +132,7 @@ fn has_steps(angles: &[f64]) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use fleetcal_estimator::Stamp;
+    use fleetcal_estimator::RobotTime;
 
     use super::*;
 
@@ -142,7 +142,7 @@ mod tests {
         for number in 0..6_000_i64 {
             let time_s = number as f64 * 0.01;
             let angle = 0.3 * (0.5 * time_s).sin() + 0.05 * (1.7 * time_s).cos();
-            let stamp = Stamp(1_700_000_000_000_000_000 + number * 10_000_000);
+            let stamp = RobotTime(1_700_000_000_000_000_000 + number * 10_000_000);
             // What travels is a number of 32 bits.
             let sent = f64::from(sensor(time_s, angle) as f32);
             watch.take(&DriveSample::new(stamp, 1.0, sent).unwrap());
@@ -194,7 +194,7 @@ mod tests {
         assert!(!straight.looks_commanded(None));
         let mut parked = SteeringWatch::default();
         for number in 0..6_000_i64 {
-            let stamp = Stamp(1_700_000_000_000_000_000 + number * 10_000_000);
+            let stamp = RobotTime(1_700_000_000_000_000_000 + number * 10_000_000);
             let angle = number as f64 * 1e-4;
             parked.take(&DriveSample::new(stamp, 0.0, angle).unwrap());
         }

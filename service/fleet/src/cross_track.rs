@@ -4,6 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use fleetcal_domain::robot::{CrossTrack, GENERATIONS_MAX};
+use fleetcal_model::RobotTime;
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::event::CrossTrackError;
@@ -17,7 +18,7 @@ const ERROR_MAX_M: f64 = 100.0;
 pub struct UsedValues {
     /// Since when, ns since 1970 by the clock of the robot's agent, which need not be the one that
     /// stamps its messages.
-    pub since_ns: i64,
+    pub since: RobotTime,
     /// Generation of their document; 0 for its factory calibration.
     pub generation: u64,
     /// The values.
@@ -76,7 +77,7 @@ impl CrossTracks {
 ///
 /// # Errors
 /// Says what is wrong with it.
-pub fn read(encoding: Encoding, payload: &[u8]) -> Result<(Option<i64>, f64), String> {
+pub fn read(encoding: Encoding, payload: &[u8]) -> Result<(Option<RobotTime>, f64), String> {
     let (stamp_ns, error_m) = match encoding {
         Encoding::Json => {
             let error: CrossTrackError = serde_json::from_slice(payload)
@@ -130,7 +131,7 @@ mod tests {
     #[test]
     fn both_forms_are_read_and_nonsense_is_named() {
         let json = br#"{"stamp_ns": 7, "value_m": -0.25}"#;
-        assert_eq!(read(Encoding::Json, json), Ok((Some(7), -0.25)));
+        assert_eq!(read(Encoding::Json, json), Ok((Some(RobotTime(7)), -0.25)));
         let mut cdr = vec![0, 1, 0, 0];
         cdr.extend(0.5_f64.to_le_bytes());
         assert_eq!(read(Encoding::Cdr, &cdr), Ok((None, 0.5)));

@@ -5,7 +5,7 @@ use fleetcal_domain::limits::NOTE_CHARS_MAX;
 use fleetcal_domain::robot::ScanSettings;
 use fleetcal_domain::streams::message_types;
 use fleetcal_estimator::stream::{FieldRefused, SweepShape};
-use fleetcal_estimator::{DriveSample, Event, LidarPose, Note, Pose2, Stamp, Sweep};
+use fleetcal_estimator::{DriveSample, Event, LidarPose, Note, Pose2, RobotTime, Sweep};
 use fleetcal_model::Stream;
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::encoding::DecodeError;
@@ -116,7 +116,7 @@ impl MessageRefused {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Decoded {
     /// Its header stamp.
-    pub stamp: Stamp,
+    pub stamp: RobotTime,
     /// What the estimator takes.
     pub event: Event,
     /// The note that goes into the robot's history, when it is one.
@@ -167,7 +167,7 @@ pub fn decode(
         Event::Sweep(sweep) => sweep.stamp(),
         Event::LidarPose(pose) => pose.stamp(),
         Event::Note(note) => note.stamp,
-        Event::EndOfSession => Stamp(0),
+        Event::EndOfSession => RobotTime(0),
     };
     Ok(Decoded {
         stamp,
@@ -181,7 +181,7 @@ pub fn decode(
 /// # Errors
 /// Names the field that holds what cannot be.
 pub fn drive_sample(message: &AckermannDriveStamped) -> Result<DriveSample, MessageRefused> {
-    let stamp = Stamp(message.header.stamp.as_ns());
+    let stamp = RobotTime(message.header.stamp.as_ns());
     let speed_mps = f64::from(message.drive.speed);
     let steering_rad = f64::from(message.drive.steering_angle);
     DriveSample::new(stamp, speed_mps, steering_rad).map_err(|source| MessageRefused::Field {
@@ -225,11 +225,14 @@ pub fn sweep(message: LaserScan) -> Result<Sweep, MessageRefused> {
         range_min_m: f64::from(message.range_min),
         range_max_m: f64::from(message.range_max),
     };
-    Sweep::new(Stamp(message.header.stamp.as_ns()), shape, message.ranges).map_err(|source| {
-        MessageRefused::Field {
-            stream: Stream::Scan,
-            source,
-        }
+    Sweep::new(
+        RobotTime(message.header.stamp.as_ns()),
+        shape,
+        message.ranges,
+    )
+    .map_err(|source| MessageRefused::Field {
+        stream: Stream::Scan,
+        source,
     })
 }
 
@@ -257,7 +260,7 @@ pub fn pose_in_odom(
         return Err(MessageRefused::Orientation { length });
     }
     let lidar_in_odom = Pose2::new(pose.position.x, pose.position.y, pose.orientation.yaw_rad());
-    LidarPose::new(Stamp(header.stamp.as_ns()), lidar_in_odom, covariance).map_err(|source| {
+    LidarPose::new(RobotTime(header.stamp.as_ns()), lidar_in_odom, covariance).map_err(|source| {
         MessageRefused::Field {
             stream: Stream::LidarOdometry,
             source,
@@ -297,8 +300,8 @@ fn noted(message: RobotEvent) -> Result<Decoded, MessageRefused> {
     if chars > NOTE_CHARS_MAX {
         return Err(MessageRefused::NoteTooLong(chars));
     }
-    if message.stamp_ns <= 0 {
-        return Err(MessageRefused::NoteStamp(message.stamp_ns));
+    if message.stamp_ns.0 <= 0 {
+        return Err(MessageRefused::NoteStamp(message.stamp_ns.0));
     }
     let note = note(&message);
     Ok(Decoded {
@@ -311,7 +314,7 @@ fn noted(message: RobotEvent) -> Result<Decoded, MessageRefused> {
 /// What the estimator takes of a note.
 pub fn note(message: &RobotEvent) -> Note {
     Note {
-        stamp: Stamp(message.stamp_ns),
+        stamp: message.stamp_ns,
         kind: message.kind,
     }
 }
@@ -369,7 +372,7 @@ mod tests {
     #[test]
     fn a_scan_with_every_kind_of_range_is_accepted() {
         let decoded = decode_cdr(Stream::Scan, &scan().to_cdr()).expect("normal input");
-        assert_eq!(decoded.stamp, Stamp(1_700_000_000_000_000_005));
+        assert_eq!(decoded.stamp, RobotTime(1_700_000_000_000_000_005));
         let json = scan().to_json().expect("json");
         let form = Encoding::Json.into();
         assert!(decode(Stream::Scan, form, &ScanSettings::default(), &json).is_ok());
@@ -503,7 +506,7 @@ mod tests {
         assert_eq!(
             decoded.event,
             Event::Note(Note {
-                stamp: Stamp(7),
+                stamp: RobotTime(7),
                 kind: NoteKind::Reassembled
             })
         );

@@ -14,7 +14,7 @@ use fleetcal_proto::estimate::{
 pub fn estimate_document(robot: &RobotId, estimate: &Estimate) -> EstimateDocument {
     EstimateDocument {
         robot: robot.clone(),
-        stamp_ns: estimate.stamp.0,
+        stamp_ns: estimate.stamp,
         time_s: estimate.time_s,
         distance_m: estimate.distance_m,
         parameters: parameters(&estimate.parameters),
@@ -42,7 +42,7 @@ pub fn change_document(change: &Change) -> ChangeDocument {
         cause: change.cause,
         time_s: change.time_s,
         onset_s: change.onset_s,
-        stamp_ns: change.stamp.0,
+        stamp_ns: change.stamp,
         change: change.change.iter().copied().collect(),
     }
 }

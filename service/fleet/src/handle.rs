@@ -13,7 +13,7 @@ use fleetcal_domain::streams::RobotStreams;
 use fleetcal_estimator::advice::ranking::Ranked;
 use fleetcal_estimator::calibrator::Plan as TopView;
 use fleetcal_estimator::{Calibrator, EstimatorSettings, Pose2};
-use fleetcal_model::Stream;
+use fleetcal_model::{RobotTime, Stream, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::estimate::EstimateDocument;
@@ -74,7 +74,7 @@ pub struct FleetSetup {
     /// The estimators' states when the service last stopped, as JSON.
     pub checkpoints: BTreeMap<RobotId, String>,
     /// When robots were last heard before this start, wall time, ns.
-    pub last_heard_ns: BTreeMap<RobotId, i64>,
+    pub last_heard: BTreeMap<RobotId, WallTime>,
 }
 
 /// The fleet, cheap to clone.
@@ -121,8 +121,8 @@ impl FleetHandle {
             if let Some(stored) = cross_tracks.remove(&robot.id) {
                 robot.restore_cross_tracks(stored);
             }
-            if let Some(heard_ns) = setup.last_heard_ns.get(&robot.id) {
-                robot.restore_last_heard(*heard_ns);
+            if let Some(heard) = setup.last_heard.get(&robot.id) {
+                robot.restore_last_heard(*heard);
             }
             let stored = checkpoints.remove(&robot.id);
             handle.spawn(robot, stored);
@@ -224,7 +224,7 @@ impl FleetHandle {
         &self,
         id: &RobotId,
         values: &[UsedValues],
-        in_verification: Option<(u64, i64)>,
+        in_verification: Option<(u64, RobotTime)>,
     ) {
         if let Some(robot) = self.fleet.find(id.as_str()) {
             robot.set_used(values, in_verification);

@@ -2,7 +2,7 @@
 //! path and `fleetcal calibrate` both go through it.
 
 use fleetcal_domain::robot::PairingReport;
-use fleetcal_estimator::{DriveSample, Event, Stamp};
+use fleetcal_estimator::{DriveSample, Event, RobotTime};
 use fleetcal_model::{Parameter, ParameterStatus, Stream};
 use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_proto::message_type::{Form, MessageType};
@@ -16,7 +16,7 @@ use crate::reading::{self, Reading, ReadingSettings};
 #[derive(Debug, Clone, PartialEq)]
 pub struct Taken {
     /// Its header stamp.
-    pub stamp: Stamp,
+    pub stamp: RobotTime,
     /// What the estimator takes, which of half a drive sample may be nothing or several.
     pub events: Vec<Decoded>,
 }
@@ -105,7 +105,7 @@ impl Intake {
 }
 
 /// The samples that a half with this stamp has completed.
-fn paired(stamp: Stamp, samples: Vec<DriveSample>) -> Taken {
+fn paired(stamp: RobotTime, samples: Vec<DriveSample>) -> Taken {
     let event = |sample: DriveSample| Decoded {
         stamp: sample.stamp(),
         event: Event::Drive(sample),

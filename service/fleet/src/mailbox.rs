@@ -12,7 +12,7 @@ use fleetcal_domain::limits::{
 };
 use fleetcal_domain::robot::Counters;
 use fleetcal_estimator::Note;
-use fleetcal_model::Stream;
+use fleetcal_model::{RobotTime, Stream};
 use fleetcal_proto::message_type::Form;
 use fleetcal_proto::progress::Progress;
 use tokio::sync::Notify;
@@ -50,7 +50,7 @@ pub enum Outcome {
     /// The estimator has it.
     Processed {
         /// Its header stamp, ns since 1970.
-        stamp_ns: i64,
+        stamp_ns: RobotTime,
     },
     /// It was refused, for this reason.
     Refused(String),
@@ -349,7 +349,9 @@ mod tests {
             if let Item::Message(message) = item {
                 let bytes: [u8; 4] = message.payload.try_into().expect("four bytes");
                 all.push((message.stream, u32::from_le_bytes(bytes)));
-                mailbox.finish(Outcome::Processed { stamp_ns: 1 });
+                mailbox.finish(Outcome::Processed {
+                    stamp_ns: RobotTime(1),
+                });
             }
         }
         all
@@ -432,7 +434,7 @@ mod tests {
                             if let Some(Item::Message(message)) = mailbox.take() {
                                 let bytes = message.payload.try_into().expect("four bytes");
                                 seen.push(u32::from_le_bytes(bytes));
-                                mailbox.finish(Outcome::Processed { stamp_ns: 1 });
+                                mailbox.finish(Outcome::Processed { stamp_ns: RobotTime(1) });
                             }
                             continue;
                         }

@@ -6,7 +6,7 @@
 use std::collections::VecDeque;
 
 use fleetcal_domain::robot::PairingReport;
-use fleetcal_estimator::{DriveSample, Stamp};
+use fleetcal_estimator::{DriveSample, RobotTime};
 
 use crate::reading::Half;
 
@@ -105,7 +105,7 @@ impl Pairing {
     }
 }
 
-fn is_new_session(held: &VecDeque<Half>, stamp: Stamp) -> bool {
+fn is_new_session(held: &VecDeque<Half>, stamp: RobotTime) -> bool {
     let last = held.back();
     last.is_some_and(|last| stamp.seconds_since(last.stamp) < -NEW_SESSION_S)
 }
@@ -128,7 +128,7 @@ mod tests {
 
     fn half(milliseconds: i64, value: f64) -> Half {
         Half {
-            stamp: Stamp(BEGIN_NS + milliseconds * 1_000_000),
+            stamp: RobotTime(BEGIN_NS + milliseconds * 1_000_000),
             value,
         }
     }

@@ -1,16 +1,16 @@
 //! Where a robot's rear axle is, told once for each time at which that is known.
 
-use fleetcal_estimator::{Calibrator, Pose2, Stamp};
+use fleetcal_estimator::{Calibrator, Pose2, RobotTime};
 
 /// The pose that was told last.
 #[derive(Debug, Default)]
 pub struct LatestPose {
-    told: Option<Stamp>,
+    told: Option<RobotTime>,
 }
 
 impl LatestPose {
     /// Where the rear axle is in the filter's odometry frame, and when; `None` when that was told.
-    pub fn advance(&mut self, calibrator: &Calibrator) -> Option<(Stamp, Pose2)> {
+    pub fn advance(&mut self, calibrator: &Calibrator) -> Option<(RobotTime, Pose2)> {
         let (stamp, pose) = calibrator.base_pose()?;
         if self.told == Some(stamp) {
             return None;

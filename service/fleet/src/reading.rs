@@ -2,7 +2,7 @@
 
 use fleetcal_domain::robot::ScanSettings;
 use fleetcal_domain::streams::{Joints, RobotStreams, message_types};
-use fleetcal_estimator::{DriveSample, Event, Stamp};
+use fleetcal_estimator::{DriveSample, Event, RobotTime};
 use fleetcal_model::Stream;
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::message_type::{Form, MessageType};
@@ -37,7 +37,7 @@ impl ReadingSettings {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Half {
     /// When it was measured.
-    pub stamp: Stamp,
+    pub stamp: RobotTime,
     /// Angle or speed.
     pub value: f64,
 }
@@ -223,7 +223,7 @@ impl Message<'_> {
         angle_rad: f64,
     ) -> Result<DriveSample, MessageRefused> {
         let stream = self.stream;
-        DriveSample::new(Stamp(header.stamp.as_ns()), speed_mps, angle_rad)
+        DriveSample::new(RobotTime(header.stamp.as_ns()), speed_mps, angle_rad)
             .map_err(|source| MessageRefused::Field { stream, source })
     }
 }
@@ -289,7 +289,7 @@ mod tests {
         assert!((sample.steering_rad() - 0.2).abs() < 1e-12);
         assert!((sample.speed_mps() - 1.0).abs() < 1e-12);
         let half = |value| Half {
-            stamp: Stamp(1_700_000_000_000_000_005),
+            stamp: RobotTime(1_700_000_000_000_000_005),
             value,
         };
         assert_eq!(

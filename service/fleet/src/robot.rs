@@ -12,9 +12,9 @@ use fleetcal_domain::robot::{
     AnnouncedTopic, Connection, CrossTrack, PairingReport, RobotConfig, RobotState, RobotView,
     StreamView, Warning,
 };
-use fleetcal_estimator::Stamp;
+use fleetcal_estimator::RobotTime;
 use fleetcal_estimator::advice::ranking::Ranked;
-use fleetcal_model::Stream;
+use fleetcal_model::{Stream, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::estimate::EstimateDocument;
@@ -31,7 +31,7 @@ const RATE_WINDOW_S: usize = 5;
 #[derive(Debug, Default)]
 struct Receipts {
     messages: u64,
-    last_received_ns: Option<i64>,
+    last_received_ns: Option<WallTime>,
     /// `messages` at the last ticks, one a second, oldest first.
     at_ticks: VecDeque<u64>,
 }
@@ -60,8 +60,8 @@ enum Session {
 struct Link {
     streams: [Receipts; Stream::COUNT],
     /// When it was last heard before the service started.
-    heard_before_ns: Option<i64>,
-    last_seen_ns: Option<i64>,
+    heard_before_ns: Option<WallTime>,
+    last_seen_ns: Option<WallTime>,
     last_seen: Option<Duration>,
     /// Whether its own token stands.
     alive: bool,
@@ -104,7 +104,7 @@ struct Status {
 struct InForce {
     used: UsedValues,
     /// From this stamp on, ns since 1970 by the clock of its messages.
-    from_stamp_ns: i64,
+    from_stamp: RobotTime,
 }
 
 impl InForce {
@@ -112,7 +112,7 @@ impl InForce {
     const fn as_told(used: UsedValues) -> Self {
         Self {
             used,
-            from_stamp_ns: used.since_ns,
+            from_stamp: used.since,
         }
     }
 }
@@ -123,7 +123,7 @@ struct Used {
     /// Values, oldest first.
     values: Vec<InForce>,
     /// The generation to be verified, and since when it is in use by the agent's clock.
-    in_verification: Option<(u64, i64)>,
+    in_verification: Option<(u64, RobotTime)>,
     /// Answers that have not come up among the messages yet.
     unheard: u32,
 }
@@ -131,7 +131,7 @@ struct Used {
 impl Used {
     /// What the robot says now; of what it said before, the stamps are known. `true` when that is
     /// something new.
-    fn follow(&mut self, values: &[UsedValues], in_verification: Option<(u64, i64)>) -> bool {
+    fn follow(&mut self, values: &[UsedValues], in_verification: Option<(u64, RobotTime)>) -> bool {
         let known = |used: &UsedValues| {
             let mut known = self.values.iter();
             let known = known.find(|known| known.used == *used).copied();
@@ -211,20 +211,20 @@ impl Robot {
     }
 
     /// Takes when it was last heard before the service started, wall time.
-    pub fn restore_last_heard(&self, heard_ns: i64) {
+    pub fn restore_last_heard(&self, heard_ns: WallTime) {
         lock(&self.link).heard_before_ns = Some(heard_ns);
     }
 
     /// Notes that a message came on `stream`.
     pub fn received(&self, stream: Stream, clock: &dyn Clock) {
-        let (now_ns, now) = (clock.now_ns(), clock.elapsed());
+        let now = clock.now();
         let mut link = lock(&self.link);
-        link.last_seen_ns = Some(now_ns);
-        link.last_seen = Some(now);
+        link.last_seen_ns = Some(now);
+        link.last_seen = Some(clock.elapsed());
         link.session = Session::Open;
         if let Some(receipts) = link.streams.get_mut(stream.index()) {
             receipts.messages += 1;
-            receipts.last_received_ns = Some(now_ns);
+            receipts.last_received_ns = Some(now);
         }
     }
 
@@ -389,7 +389,7 @@ impl Robot {
     /// Takes what the robot compensates with, oldest first, and the generation to be verified with
     /// since when it is in use by the agent's clock. Both count from the messages on that come
     /// after this.
-    pub fn set_used(&self, values: &[UsedValues], in_verification: Option<(u64, i64)>) {
+    pub fn set_used(&self, values: &[UsedValues], in_verification: Option<(u64, RobotTime)>) {
         {
             let mut status = lock(&self.status);
             let fresh = status.fresh.take();
@@ -412,11 +412,11 @@ impl Robot {
 
     /// The robot's answer has come up among its messages, of which `newest` is the newest: what it
     /// said counts from there on, whatever time the agent's clock shows.
-    pub fn values_heard(&self, newest: Stamp) {
+    pub fn values_heard(&self, newest: RobotTime) {
         self.count_heard();
         let mut status = lock(&self.status);
         if let Some(latest) = status.used.values.last_mut() {
-            latest.from_stamp_ns = latest.from_stamp_ns.min(newest.0);
+            latest.from_stamp = latest.from_stamp.min(newest);
         }
     }
 
@@ -424,27 +424,27 @@ impl Robot {
     pub fn clock_went_back(&self) {
         let mut status = lock(&self.status);
         if let Some(latest) = status.used.values.last_mut() {
-            latest.from_stamp_ns = i64::MIN;
+            latest.from_stamp = RobotTime(i64::MIN);
         }
     }
 
     /// What the robot compensated with at `stamp_ns`; of a time before it has said so, the first
     /// that it said.
-    pub fn values_at(&self, stamp_ns: i64) -> Option<CalibrationValues> {
-        self.used_at(stamp_ns).map(|used| used.values)
+    pub fn values_at(&self, stamp: RobotTime) -> Option<CalibrationValues> {
+        self.used_at(stamp).map(|used| used.values)
     }
 
-    fn used_at(&self, stamp_ns: i64) -> Option<UsedValues> {
+    fn used_at(&self, stamp: RobotTime) -> Option<UsedValues> {
         let status = lock(&self.status);
         let values = &status.used.values;
         let mut latest_first = values.iter().rev();
-        let then = latest_first.find(|one| one.from_stamp_ns <= stamp_ns);
+        let then = latest_first.find(|one| one.from_stamp <= stamp);
         then.or(values.first()).map(|one| one.used)
     }
 
     /// Takes how far the robot was off its path, m; without a stamp it is of now.
-    pub fn take_cross_track_error(&self, stamp_ns: Option<i64>, error_m: f64) {
-        let used = self.used_at(stamp_ns.unwrap_or(i64::MAX));
+    pub fn take_cross_track_error(&self, stamp: Option<RobotTime>, error_m: f64) {
+        let used = self.used_at(stamp.unwrap_or(RobotTime(i64::MAX)));
         let generation = used.map_or(0, |used| used.generation);
         lock(&self.cross_tracks).add(generation, error_m);
     }
@@ -466,7 +466,7 @@ impl Robot {
 
     /// The generation to be verified, and since when it is in use by the agent's clock; `None`
     /// while messages wait that came before the robot said so.
-    pub fn in_verification(&self) -> Option<(u64, i64)> {
+    pub fn in_verification(&self) -> Option<(u64, RobotTime)> {
         let status = lock(&self.status);
         status
             .used

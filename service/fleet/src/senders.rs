@@ -7,7 +7,7 @@
 
 use std::collections::VecDeque;
 
-use fleetcal_estimator::Stamp;
+use fleetcal_estimator::RobotTime;
 use fleetcal_model::Stream;
 
 /// Messages of one stream that are looked at: of two scanners of 10 Hz, a second.
@@ -35,7 +35,7 @@ struct Latest {
 
 impl Latest {
     /// Takes a message; whether the window now looks like two senders.
-    fn take(&mut self, stamp: Stamp, content: u64) -> bool {
+    fn take(&mut self, stamp: RobotTime, content: u64) -> bool {
         self.messages.push_back((stamp.0, content));
         if self.messages.len() <= WINDOW {
             return false;
@@ -109,7 +109,7 @@ pub struct Senders {
 
 impl Senders {
     /// Takes a message's stamp and a hash of what it says; whether two senders use the id.
-    pub fn take(&mut self, stream: Stream, stamp: Stamp, content: u64) -> bool {
+    pub fn take(&mut self, stream: Stream, stamp: RobotTime, content: u64) -> bool {
         if stream == Stream::Event {
             return self.are_two();
         }
@@ -171,9 +171,9 @@ mod tests {
     fn seen_after(mut messages: Vec<(i64, i64)>) -> Option<usize> {
         messages.sort_unstable();
         let mut senders = Senders::default();
-        messages
-            .iter()
-            .position(|(at, stamp)| senders.take(Stream::WheelOdometry, Stamp(*stamp), *at as u64))
+        messages.iter().position(|(at, stamp)| {
+            senders.take(Stream::WheelOdometry, RobotTime(*stamp), *at as u64)
+        })
     }
 
     #[test]
@@ -199,7 +199,7 @@ mod tests {
         }
         for stamp in stamps {
             for _ in 0..2 {
-                assert!(!senders.take(Stream::WheelOdometry, Stamp(stamp), stamp as u64));
+                assert!(!senders.take(Stream::WheelOdometry, RobotTime(stamp), stamp as u64));
             }
         }
     }
@@ -241,7 +241,7 @@ mod tests {
         for number in (0..1_000_i64).filter(|number| number % 100 < 90 || *number < 100) {
             senders.take(
                 Stream::WheelOdometry,
-                Stamp(START_NS + number * 10 * MS),
+                RobotTime(START_NS + number * 10 * MS),
                 number as u64,
             );
             missing += senders.missing(Stream::WheelOdometry);
@@ -249,7 +249,7 @@ mod tests {
         // Nine times ten; the last gap has no message behind it.
         assert_eq!(missing, 80);
         // A robot that stopped for a minute.
-        senders.take(Stream::WheelOdometry, Stamp(START_NS + 70_000 * MS), 1);
+        senders.take(Stream::WheelOdometry, RobotTime(START_NS + 70_000 * MS), 1);
         assert_eq!(senders.missing(Stream::WheelOdometry), 0);
     }
 
@@ -260,7 +260,7 @@ mod tests {
             for clock in [0, 500] {
                 senders.take(
                     Stream::WheelOdometry,
-                    Stamp(START_NS + (number * 10 + clock) * MS),
+                    RobotTime(START_NS + (number * 10 + clock) * MS),
                     number as u64,
                 );
             }
@@ -269,7 +269,7 @@ mod tests {
         for number in 100..600 {
             senders.take(
                 Stream::WheelOdometry,
-                Stamp(START_NS + number * 10 * MS),
+                RobotTime(START_NS + number * 10 * MS),
                 number as u64,
             );
         }

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use fleetcal_domain::limits;
 use fleetcal_domain::robot::ServiceEvent;
-use fleetcal_estimator::{Pose2, Stamp};
+use fleetcal_estimator::{Pose2, RobotTime};
 use fleetcal_proto::RecordingTopic;
 use fleetcal_proto::estimate::{ChangeDocument, EstimateDocument};
 use fleetcal_proto::event::RobotEvent;
@@ -22,14 +22,14 @@ pub enum Tapped {
     /// A message of the robot that was taken.
     Message {
         /// Its header stamp.
-        stamp: Stamp,
+        stamp: RobotTime,
         /// What it is.
         topic: RecordingTopic,
         /// Its bytes.
         payload: Arc<[u8]>,
     },
     /// Where the rear axle was, in the filter's odometry frame.
-    Pose(Stamp, Pose2),
+    Pose(RobotTime, Pose2),
     /// What is known now.
     Estimate(Arc<EstimateDocument>),
     /// A change or fault.
@@ -37,7 +37,7 @@ pub enum Tapped {
     /// What else happened, in words.
     Event {
         /// When, ns since 1970 by the robot's clock.
-        stamp_ns: i64,
+        stamp_ns: RobotTime,
         /// The words.
         words: String,
     },
@@ -54,7 +54,7 @@ impl Tapped {
         Self::in_words(event.stamp_ns, &word(&event.kind), &event.note)
     }
 
-    fn in_words(stamp_ns: i64, kind: &str, note: &str) -> Self {
+    fn in_words(stamp_ns: RobotTime, kind: &str, note: &str) -> Self {
         let words = match note {
             "" => kind.to_owned(),
             note => format!("{kind}: {note}"),
@@ -190,7 +190,7 @@ mod tests {
 
     fn message(bytes: usize) -> Tapped {
         Tapped::Message {
-            stamp: Stamp(1),
+            stamp: RobotTime(1),
             topic: RecordingTopic {
                 topic: "/a/scan".to_owned(),
                 message_type: MessageType::LaserScan,

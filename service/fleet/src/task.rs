@@ -15,7 +15,7 @@ use fleetcal_domain::robot::{
 };
 use fleetcal_estimator::calibrator::{CalibratorConfig, Plan as TopView};
 use fleetcal_estimator::lidar_odometry::BeamTimes;
-use fleetcal_estimator::{Calibrator, Checkpoint, Effect, Event, Stamp};
+use fleetcal_estimator::{Calibrator, Checkpoint, Effect, Event, RobotTime};
 use fleetcal_model::{ChangeKind, Parameter, ParameterStatus, Stream};
 use fleetcal_proto::RecordingTopic;
 use fleetcal_proto::estimate::EstimateDocument;
@@ -98,14 +98,14 @@ struct RobotTask {
     /// Whether one sender uses the robot's id.
     senders: Senders,
     budgets: HistoryBudgets,
-    checkpointed: Option<Stamp>,
+    checkpointed: Option<RobotTime>,
     /// When the manoeuvres were ranked last.
-    advised: Option<Stamp>,
-    newest: Stamp,
+    advised: Option<RobotTime>,
+    newest: RobotTime,
     /// The last pose of the rear axle that was handed to those who record.
     tapped_pose: LatestPose,
     /// The top view that was asked for last, and the newest message then.
-    top_view: Option<(Stamp, Arc<TopView>)>,
+    top_view: Option<(RobotTime, Arc<TopView>)>,
     /// Whether a change was seen and the new values are not known yet.
     changed: bool,
     /// What proves the values that the robot has begun to use.
@@ -145,7 +145,7 @@ impl RobotTask {
             budgets: HistoryBudgets::default(),
             checkpointed: None,
             advised: None,
-            newest: Stamp(0),
+            newest: RobotTime(0),
             tapped_pose: LatestPose::default(),
             top_view: None,
             changed: false,
@@ -240,13 +240,13 @@ impl RobotTask {
             }
         }
         Outcome::Processed {
-            stamp_ns: taken.stamp.0,
+            stamp_ns: taken.stamp,
         }
     }
 
     /// Whether two senders use the robot's id at once: then nothing of either is used, and what was
     /// learnt while they were not told apart yet is given up.
-    fn is_of_two_senders(&mut self, stream: Stream, stamp: Stamp, payload: &[u8]) -> bool {
+    fn is_of_two_senders(&mut self, stream: Stream, stamp: RobotTime, payload: &[u8]) -> bool {
         let were_two = self.senders.are_two();
         let mut hasher = DefaultHasher::new();
         payload.hash(&mut hasher);
@@ -295,7 +295,7 @@ impl RobotTask {
             return Outcome::Refused("the robot's estimator is stopped after a fault".to_owned());
         }
         self.newest = self.newest.max(stamp);
-        let due = |last: Option<Stamp>, every_s: f64| {
+        let due = |last: Option<RobotTime>, every_s: f64| {
             last.is_none_or(|last| stamp.seconds_since(last) >= every_s || stamp < last)
         };
         if due(self.checkpointed, CHECKPOINT_EVERY_S) {
@@ -309,7 +309,7 @@ impl RobotTask {
         if self.robot.state() == RobotState::NoData {
             self.robot.set_state(RobotState::Learning);
         }
-        Outcome::Processed { stamp_ns: stamp.0 }
+        Outcome::Processed { stamp_ns: stamp }
     }
 
     /// Ranks what the robot should drive next, and says what looks wrong.
@@ -334,7 +334,7 @@ impl RobotTask {
 
     fn top_view_now(&mut self) -> top_view::Answer {
         let newest = self.newest;
-        let is_recent = |at: Stamp| newest.seconds_since(at).abs() < top_view::EVERY_S;
+        let is_recent = |at: RobotTime| newest.seconds_since(at).abs() < top_view::EVERY_S;
         if let Some((at, view)) = &self.top_view
             && is_recent(*at)
         {
@@ -381,7 +381,7 @@ impl RobotTask {
         if self.signal == WheelOdometrySignal::Raw {
             return Ok(event);
         }
-        let Some(values) = self.robot.values_at(sample.stamp().0) else {
+        let Some(values) = self.robot.values_at(sample.stamp()) else {
             return Err(
                 "drive: the robot is declared compensated and has not reported what it applies; \
                  expected is wheel_odometry = \"raw\" until then"
@@ -519,10 +519,10 @@ impl RobotTask {
         self.top_view = None;
     }
 
-    fn record_service_event(&mut self, kind: ServiceEventKind, stamp: Stamp, note: String) {
+    fn record_service_event(&mut self, kind: ServiceEventKind, stamp: RobotTime, note: String) {
         let event = ServiceEvent {
             kind,
-            stamp_ns: stamp.0,
+            stamp_ns: stamp,
             note,
         };
         let taps = &self.robot.taps;
@@ -545,7 +545,7 @@ impl RobotTask {
             Ok(json) => self
                 .fleet
                 .journal
-                .save_checkpoint(&self.robot.id, self.newest.0, json),
+                .save_checkpoint(&self.robot.id, self.newest, json),
             Err(error) => {
                 tracing::error!(robot.id = %self.robot.id, %error, "checkpoint not written");
             }

@@ -7,7 +7,6 @@ use fleetcal_domain::robot::{
     ServiceEventKind, WarningKind, WheelOdometrySignal, Wheelbase,
 };
 use fleetcal_estimator::{Calibrator, Effect, EstimatorSettings, Event, VehicleModel};
-use fleetcal_model::{NoteKind, Stream};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::encoding::Encoding;
@@ -18,6 +17,8 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::sync::broadcast;
+
+use fleetcal_model::{NoteKind, RobotTime, Stream};
 
 use super::registry::Step;
 use super::*;
@@ -48,7 +49,7 @@ impl Journal for Kept {
 
     fn save_cross_track(&self, _: &RobotId, _: u64, _: &CrossTrack) {}
 
-    fn save_checkpoint(&self, robot: &RobotId, _: i64, json: String) {
+    fn save_checkpoint(&self, robot: &RobotId, _: RobotTime, json: String) {
         self.checkpoints.lock().unwrap().insert(robot.clone(), json);
     }
 }
@@ -86,7 +87,7 @@ fn bench_of(
         cross_tracks: BTreeMap::new(),
         robots,
         checkpoints,
-        last_heard_ns: BTreeMap::new(),
+        last_heard: BTreeMap::new(),
     };
     Bench {
         fleet: FleetHandle::start_with(setup, step),
@@ -196,7 +197,7 @@ async fn a_bad_payload_is_refused_and_no_other_robot_notices() {
     bench.check_accounts("bad");
     let progress = bench.fleet.progress(&id("good")).unwrap();
     assert_eq!(progress.drive_samples, 500);
-    assert_eq!(progress.stamp_ns, BEGIN_NS + 499 * 10_000_000);
+    assert_eq!(progress.stamp_ns, RobotTime(BEGIN_NS + 499 * 10_000_000));
 }
 
 #[tokio::test]
@@ -418,7 +419,7 @@ async fn a_note_goes_to_the_history_once_wherever_it_comes_from() {
     let mut live = bench.fleet.live();
     let note = RobotEvent {
         kind: NoteKind::Reassembled,
-        stamp_ns: BEGIN_NS,
+        stamp_ns: RobotTime(BEGIN_NS),
         note: "new bracket".to_owned(),
     };
     bench.send("robot", Stream::Event, &serde_json::to_vec(&note).unwrap());
@@ -481,8 +482,8 @@ async fn what_a_compensated_robot_takes_off_is_added_back_from_that_moment_on() 
         BTreeMap::new(),
         telling,
     );
-    let used = |since_ns, generation, steering_offset_rad| UsedValues {
-        since_ns,
+    let used = |since, generation, steering_offset_rad| UsedValues {
+        since,
         generation,
         values: CalibrationValues {
             steering_offset_rad,
@@ -490,9 +491,9 @@ async fn what_a_compensated_robot_takes_off_is_added_back_from_that_moment_on() 
         },
     };
     // The agent's clock is years ahead of that of the messages.
-    let since_ns = |second: i64| 2 * BEGIN_NS + second;
-    let before = used(since_ns(0), 0, 0.01);
-    let then = used(since_ns(2), 4, 0.05);
+    let since = |second: i64| RobotTime(2 * BEGIN_NS + second);
+    let before = used(since(0), 0, 0.01);
+    let then = used(since(2), 4, 0.05);
     bench.fleet.use_values(&id("robot"), &[before], None);
     let mut told = Vec::new();
     for number in 0..4 {
@@ -520,7 +521,7 @@ async fn values_on_trial_are_judged_by_an_estimator_of_their_own() {
     let since_ns = 7;
     bench
         .fleet
-        .use_values(&id("robot"), &[], Some((3, since_ns)));
+        .use_values(&id("robot"), &[], Some((3, RobotTime(since_ns))));
     bench.worked_off("robot").await;
     assert_eq!(bench.view("robot").fresh, None, "nothing came since");
     for number in 100..800 {

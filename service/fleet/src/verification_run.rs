@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::lidar_odometry::LearntScanner;
-use fleetcal_estimator::{Calibrator, Effect, Event, Stamp};
+use fleetcal_estimator::{Calibrator, Effect, Event, RobotTime};
 
 use super::document;
 use super::robot::Robot;
@@ -24,15 +24,19 @@ enum Start {
     /// No message has come since the acknowledgement.
     Open,
     /// Messages before this stamp may have been sent before the acknowledgement.
-    At(Stamp),
+    At(RobotTime),
     /// Every message counts.
     Begun,
 }
 
 impl Start {
     /// The start after a message: it counts when that is [`Start::Begun`].
-    fn after(self, stamp: Stamp) -> Self {
-        let later = || Self::At(Stamp(stamp.0.saturating_add((IN_FLIGHT_S * 1e9) as i64)));
+    fn after(self, stamp: RobotTime) -> Self {
+        let later = || {
+            Self::At(RobotTime(
+                stamp.0.saturating_add((IN_FLIGHT_S * 1e9) as i64),
+            ))
+        };
         match self {
             Self::Open => later(),
             Self::At(from) if stamp >= from => Self::Begun,
@@ -47,7 +51,7 @@ impl Start {
 #[derive(Debug)]
 pub struct VerificationRun {
     generation: u64,
-    since_ns: i64,
+    since: RobotTime,
     start: Start,
     calibrator: Box<Calibrator>,
 }
@@ -61,10 +65,10 @@ impl VerificationRun {
         config: &CalibratorConfig,
         scanner: impl FnOnce() -> Option<LearntScanner>,
     ) -> Option<Self> {
-        let (generation, since_ns) = robot.in_verification()?;
+        let (generation, since) = robot.in_verification()?;
         current
             .filter(|verification_run| {
-                verification_run.generation == generation && verification_run.since_ns == since_ns
+                verification_run.generation == generation && verification_run.since == since
             })
             .or_else(|| {
                 let fresh = Calibrator::new(config.clone());
@@ -74,7 +78,7 @@ impl VerificationRun {
                 };
                 Some(Self {
                     generation,
-                    since_ns,
+                    since,
                     start: Start::Open,
                     calibrator: Box::new(fresh),
                 })
@@ -107,7 +111,7 @@ impl VerificationRun {
     }
 }
 
-fn stamp_of(event: &Event) -> Option<Stamp> {
+fn stamp_of(event: &Event) -> Option<RobotTime> {
     match event {
         Event::Drive(sample) => Some(sample.stamp()),
         Event::Sweep(sweep) => Some(sweep.stamp()),
@@ -120,8 +124,8 @@ fn stamp_of(event: &Event) -> Option<Stamp> {
 mod tests {
     use super::*;
 
-    fn at(seconds: f64) -> Stamp {
-        Stamp((seconds * 1e9) as i64)
+    fn at(seconds: f64) -> RobotTime {
+        RobotTime((seconds * 1e9) as i64)
     }
 
     /// The stamp of the first message that counts.

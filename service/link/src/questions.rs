@@ -66,7 +66,7 @@ mod tests {
             robots: BTreeMap::new(),
             cross_tracks: BTreeMap::new(),
             checkpoints: BTreeMap::new(),
-            last_heard_ns: BTreeMap::new(),
+            last_heard: BTreeMap::new(),
         })
     }
 

@@ -1,5 +1,6 @@
 //! Requests that come again with their `Idempotency-Key`.
 
+use fleetcal_model::WallTime;
 use fleetcal_store::transaction::AnswerScope;
 use fleetcal_store::{IdempotencyKey, Records, StoreError};
 
@@ -28,10 +29,10 @@ pub(crate) async fn note_made(
     scope: AnswerScope<'_>,
     request: Option<&IdempotencyKey>,
     made: i64,
-    now_ns: i64,
+    now: WallTime,
 ) -> Result<(), StoreError> {
     match request {
-        Some(request) => records.add_answer(scope, request, made, now_ns).await,
+        Some(request) => records.add_answer(scope, request, made, now).await,
         None => Ok(()),
     }
 }

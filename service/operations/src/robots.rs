@@ -7,7 +7,7 @@ use async_trait::async_trait;
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::audit::Action;
 use fleetcal_domain::robot::RobotConfig;
-use fleetcal_model::RobotId;
+use fleetcal_model::{RobotId, WallTime};
 use fleetcal_store::transaction::AnswerScope;
 use fleetcal_store::{
     AuditEntry, EventRecord, Expected, IdempotencyKey, Job, NewEvent, Records, Store, StoreError,
@@ -35,7 +35,7 @@ pub fn configure(
         config: config.clone(),
         expected,
         actor,
-        now_ns: store.now_ns(),
+        now: store.now(),
     };
     Box::pin(async move { store.transact(job).await })
 }
@@ -69,7 +69,7 @@ pub struct ConfigureRobot {
     /// Who.
     pub actor: Actor,
     /// Wall time.
-    pub now_ns: i64,
+    pub now: WallTime,
 }
 
 #[async_trait]
@@ -87,7 +87,7 @@ impl Job for ConfigureRobot {
         }
         let version = found + 1;
         records
-            .save_config(&self.robot, &self.config, version, self.now_ns)
+            .save_config(&self.robot, &self.config, version, self.now)
             .await?;
         let before = robot.and_then(|robot| robot.config);
         records.append_audit(&self.audit(before.as_ref())).await?;
@@ -98,7 +98,7 @@ impl Job for ConfigureRobot {
 impl ConfigureRobot {
     fn audit(&self, before: Option<&RobotConfig>) -> AuditEntry {
         AuditEntry {
-            at_ns: self.now_ns,
+            at_ns: self.now,
             actor: self.actor.clone(),
             action: match before {
                 Some(_) => Action::ConfigureRobot,

@@ -1,12 +1,7 @@
 //! Times as documents give them: RFC 3339 in UTC.
 
+pub use fleetcal_domain::timestamp::{of, of_ns, of_robot, wall};
 use jiff::Timestamp;
-
-/// Nanoseconds since the Unix epoch as a time.
-pub fn of_ns(ns: i64) -> Timestamp {
-    // Every such number is a year between 1677 and 2262, all of which a time can hold.
-    Timestamp::from_nanosecond(i128::from(ns)).unwrap_or(Timestamp::UNIX_EPOCH)
-}
 
 /// Seconds since the Unix epoch as a time.
 pub fn of_seconds(seconds: i64) -> Timestamp {

@@ -7,7 +7,7 @@ use fleetcal_store::{AlertFilter, AlertMoment, AlertSelection, StoreError};
 use sqlx::sqlite::{SqlitePool, SqliteRow};
 use sqlx::{QueryBuilder, Sqlite};
 
-use super::row::{column, json, parsed};
+use super::row::{column, json, parsed, wall_time};
 use super::transaction::SqliteRecords;
 
 const TABLE: &str = "alert";
@@ -82,7 +82,7 @@ impl AlertRecords for SqliteRecords<'_> {
              VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
         )
         .bind(id as i64)
-        .bind(moment.at_ns)
+        .bind(moment.at_ns.0)
         .bind(moment.version as i64)
         .bind(moment.state.as_str())
         .bind(&moment.what)
@@ -190,7 +190,7 @@ fn moment_of(row: &SqliteRow) -> Result<AlertMoment, StoreError> {
     const TABLE: &str = "alert_change";
     let state: String = column(row, TABLE, 2)?;
     Ok(AlertMoment {
-        at_ns: column(row, TABLE, 0)?,
+        at_ns: wall_time(row, TABLE, 0)?,
         version: number(column(row, TABLE, 1)?)?,
         state: ConditionName::parse(&state).ok_or_else(|| StoreError::Corrupt {
             table: TABLE,

@@ -2,6 +2,7 @@
 //! was made in another one.
 
 use async_trait::async_trait;
+use fleetcal_model::WallTime;
 use fleetcal_store::transaction::{Answer, AnswerRecords, AnswerScope};
 use fleetcal_store::{IdempotencyKey, StoreError};
 use sqlx::sqlite::SqliteRow;
@@ -80,7 +81,7 @@ impl AnswerRecords for SqliteRecords<'_> {
         scope: AnswerScope<'_>,
         key: &IdempotencyKey,
         made: i64,
-        now_ns: i64,
+        now: WallTime,
     ) -> Result<(), StoreError> {
         let table = Table::of(scope);
         sqlx::query(table.insert)
@@ -88,7 +89,7 @@ impl AnswerRecords for SqliteRecords<'_> {
             .bind(key.key.as_str())
             .bind(key.request_sha256.as_slice())
             .bind(made)
-            .bind(now_ns.div_euclid(table.unit_ns))
+            .bind(now.0.div_euclid(table.unit_ns))
             .execute(&mut *self.connection)
             .await
             .map_err(StoreError::database("write an Idempotency-Key"))?;

@@ -55,7 +55,7 @@ impl ApprovalRecords for SqliteRecords<'_> {
             .bind(freeze.version as i64)
             .bind(freeze.frozen)
             .bind(&freeze.by)
-            .bind(freeze.at_ns)
+            .bind(freeze.at_ns.map(|at| at.0))
             .bind(&freeze.reason)
             .execute(&mut *self.connection)
             .await

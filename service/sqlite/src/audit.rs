@@ -15,7 +15,7 @@ pub(super) async fn append(
              subject_id, robot, before, after, reason, address)
          VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13) RETURNING id",
     )
-    .bind(entry.at_ns)
+    .bind(entry.at_ns.0)
     .bind(&actor.name)
     .bind(actor.authentication.as_str())
     .bind(actor.role.map(fleetcal_domain::access::Role::as_str))
@@ -38,6 +38,7 @@ mod tests {
     use fleetcal_domain::access::Actor;
     use fleetcal_domain::approval::DeploymentAction;
     use fleetcal_domain::audit::Action;
+    use fleetcal_model::WallTime;
     use sqlx::Connection;
 
     use super::*;
@@ -50,7 +51,7 @@ mod tests {
             .await
             .unwrap();
         let entry = AuditEntry {
-            at_ns: 7,
+            at_ns: WallTime(7),
             actor: Actor::service(),
             action: Action::Deployment(DeploymentAction::Offer),
             subject_id: "1".to_owned(),

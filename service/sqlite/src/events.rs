@@ -5,7 +5,7 @@ use fleetcal_store::{EventKind, EventRecord, EventSource, NewEvent, StoreError};
 use sqlx::AssertSqlSafe;
 use sqlx::sqlite::{SqliteConnection, SqliteRow};
 
-use super::row::{Keys, column, json, key_of, parsed, robot_id};
+use super::row::{Keys, column, json, key_of, parsed, robot_id, robot_time, wall_time};
 
 /// The columns of [`event_of`].
 const EVENT: &str = "e.id, r.id, e.kind, e.stamp_ns, e.received_ns, e.source, e.author, e.note, \
@@ -43,8 +43,8 @@ pub(super) async fn add(
     )
     .bind(key)
     .bind(event.kind.as_str())
-    .bind(event.stamp_ns)
-    .bind(event.received_ns)
+    .bind(event.stamp_ns.0)
+    .bind(event.received_ns.0)
     .bind(event.source.as_str())
     .bind(event.author.as_deref())
     .bind(event.note.as_deref())
@@ -103,7 +103,7 @@ async fn same_content(
          WHERE robot = ?1 AND stamp_ns = ?2 AND kind = ?3 AND note IS ?4 LIMIT 1",
     )
     .bind(key)
-    .bind(event.stamp_ns)
+    .bind(event.stamp_ns.0)
     .bind(event.kind.as_str())
     .bind(event.note.as_deref())
     .fetch_optional(connection)
@@ -127,8 +127,8 @@ pub(super) fn event_of(row: &SqliteRow, repeated: bool) -> Result<EventRecord, S
         event: NewEvent {
             robot: robot_id(row, TABLE, 1)?,
             kind: EventKind::parse(&kind).ok_or_else(|| unknown("kind", &kind))?,
-            stamp_ns: column(row, TABLE, 3)?,
-            received_ns: column(row, TABLE, 4)?,
+            stamp_ns: robot_time(row, TABLE, 3)?,
+            received_ns: wall_time(row, TABLE, 4)?,
             source: EventSource::parse(&source).ok_or_else(|| unknown("source", &source))?,
             author: column(row, TABLE, 6)?,
             note: column(row, TABLE, 7)?,

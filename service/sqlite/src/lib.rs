@@ -32,6 +32,7 @@ use std::sync::Arc;
 
 use fleetcal_clock::SharedClock;
 use fleetcal_domain::limits;
+use fleetcal_model::WallTime;
 use fleetcal_store::backend::{Database, Reader as _};
 use fleetcal_store::{EventKind, EventSource, Store, StoreError};
 use sqlx::migrate::{MigrateError, Migrator};
@@ -120,7 +121,7 @@ async fn start(
     jobs: JobRuns,
 ) -> Result<Store, StoreError> {
     let folder = Folder::hold(folder)?;
-    let (writer, reader) = connect(&folder, clock.now_ns(), outlives, jobs).await?;
+    let (writer, reader) = connect(&folder, clock.now(), outlives, jobs).await?;
     let records = SharedWriter::new(writer);
     let telemetry = records.clone();
     let held = Arc::new(Held { folder });
@@ -144,7 +145,7 @@ fn schema_known() -> i64 {
 /// [`StoreError::Folder`].
 async fn connect(
     folder: &Folder,
-    now_ns: i64,
+    now: WallTime,
     outlives: Outlives,
     jobs: JobRuns,
 ) -> Result<(SqliteWriter, SqliteReader), StoreError> {
@@ -165,7 +166,7 @@ async fn connect(
     migrate(&mut connection, path.clone()).await?;
     // Before anything is acknowledged, the new file must also be in its folder for good.
     folder.sync()?;
-    note_start(&mut connection, now_ns).await?;
+    note_start(&mut connection, now).await?;
     let reader = readers(&path).await?;
     Ok((SqliteWriter::new(connection, options, jobs).await?, reader))
 }
@@ -276,13 +277,13 @@ async fn migrate(connection: &mut SqliteConnection, path: PathBuf) -> Result<(),
 }
 
 /// Puts the service's start into the history of every robot whose estimator goes on from here.
-async fn note_start(connection: &mut SqliteConnection, now_ns: i64) -> Result<(), StoreError> {
+async fn note_start(connection: &mut SqliteConnection, now: WallTime) -> Result<(), StoreError> {
     sqlx::query(
         "INSERT INTO robot_event (robot, kind, stamp_ns, received_ns, source)
          SELECT robot, ?1, stamp_ns, ?2, ?3 FROM checkpoint",
     )
     .bind(EventKind::ServiceStarted.as_str())
-    .bind(now_ns)
+    .bind(now.0)
     .bind(EventSource::Service.as_str())
     .execute(connection)
     .await

@@ -5,7 +5,7 @@ use sqlx::SqliteExecutor;
 use sqlx::sqlite::{SqliteConnection, SqliteRow};
 
 use super::records::number;
-use super::row::{column, json, parsed};
+use super::row::{column, json, parsed, wall_time_or_null};
 
 /// The policy that was set.
 pub(super) async fn read(executor: impl SqliteExecutor<'_>) -> Result<StoredPolicy, StoreError> {
@@ -21,7 +21,7 @@ fn policy_of(row: &SqliteRow) -> Result<StoredPolicy, StoreError> {
         version: number(row, 0)?,
         policy: policy.map(|json| parsed("policy", &json)).transpose()?,
         by: column(row, "policy", 2)?,
-        at_ns: column(row, "policy", 3)?,
+        at_ns: wall_time_or_null(row, "policy", 3)?,
         reason: column(row, "policy", 4)?,
     })
 }
@@ -37,7 +37,7 @@ pub(super) async fn save(
         .bind(stored.version as i64)
         .bind(policy)
         .bind(&stored.by)
-        .bind(stored.at_ns)
+        .bind(stored.at_ns.map(|at| at.0))
         .bind(&stored.reason)
         .execute(connection)
         .await

@@ -8,7 +8,7 @@ use fleetcal_domain::approval::{
     Deployment, DeploymentState, OutboxEntry, Proposal, Revision, RobotLedger,
 };
 use fleetcal_domain::webhook::{Delivery, Webhook};
-use fleetcal_model::Parameter;
+use fleetcal_model::{Parameter, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
 use fleetcal_store::backend::{Cell, Reader, Stretch, Tier};
@@ -20,7 +20,7 @@ use fleetcal_store::{
 use sqlx::AssertSqlSafe;
 use sqlx::sqlite::{SqlitePool, SqliteRow};
 
-use super::row::{column, corrupt, parsed, robot_id};
+use super::row::{column, corrupt, parsed, robot_id, robot_time, wall_time};
 use super::{alerts, columns, events, policy, records, robots, webhooks};
 
 /// The pool of connections that only read.
@@ -67,7 +67,7 @@ impl Reader for SqliteReader {
             .map(|row| {
                 let estimate: String = column(row, "robot_current", 1)?;
                 Ok(CurrentRecord {
-                    received_ns: column(row, "robot_current", 0)?,
+                    received_ns: wall_time(row, "robot_current", 0)?,
                     estimate: parsed("robot_current", &estimate)?,
                 })
             })
@@ -86,8 +86,8 @@ impl Reader for SqliteReader {
             .map(|row| {
                 Ok(CheckpointRecord {
                     robot: robot_id(row, "checkpoint", 0)?,
-                    stamp_ns: column(row, "checkpoint", 1)?,
-                    received_ns: column(row, "checkpoint", 2)?,
+                    stamp_ns: robot_time(row, "checkpoint", 1)?,
+                    received_ns: wall_time(row, "checkpoint", 2)?,
                     state: column(row, "checkpoint", 3)?,
                 })
             })
@@ -279,8 +279,8 @@ impl Reader for SqliteReader {
         webhooks::deliveries(&self.pool, webhook, before, limit).await
     }
 
-    async fn due_deliveries(&self, now_ns: i64) -> Result<Vec<DueDelivery>, StoreError> {
-        webhooks::due(&self.pool, now_ns).await
+    async fn due_deliveries(&self, now: WallTime) -> Result<Vec<DueDelivery>, StoreError> {
+        webhooks::due(&self.pool, now).await
     }
 
     async fn waiting_deliveries(&self) -> Result<u64, StoreError> {

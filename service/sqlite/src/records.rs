@@ -12,7 +12,7 @@ use serde::de::DeserializeOwned;
 use sqlx::sqlite::{SqlitePool, SqliteRow};
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteExecutor};
 
-use super::row::{column, parsed, robot_id};
+use super::row::{column, parsed, robot_id, wall_time, wall_time_or_null};
 
 /// Deployments that are under way.
 pub(super) const LIVE: &str =
@@ -210,7 +210,7 @@ fn site_of(row: &SqliteRow) -> Result<DeploymentFreeze, StoreError> {
         version: number(row, 0)?,
         frozen: column(row, "site", 1)?,
         by: column(row, "site", 2)?,
-        at_ns: column(row, "site", 3)?,
+        at_ns: wall_time_or_null(row, "site", 3)?,
         reason: column(row, "site", 4)?,
     })
 }
@@ -239,10 +239,10 @@ pub(super) async fn audit_rows(
         query.push(")) = ").push_bind(action.clone());
     }
     if let Some(from_ns) = filter.from_ns {
-        query.push(" AND at_ns >= ").push_bind(from_ns);
+        query.push(" AND at_ns >= ").push_bind(from_ns.0);
     }
     if let Some(to_ns) = filter.to_ns {
-        query.push(" AND at_ns < ").push_bind(to_ns);
+        query.push(" AND at_ns < ").push_bind(to_ns.0);
     }
     if let Some(before) = filter.before {
         query.push(" AND id < ").push_bind(before);
@@ -265,7 +265,7 @@ fn audit_row(row: &SqliteRow) -> Result<AuditRow, StoreError> {
     };
     Ok(AuditRow {
         id: column(row, table, 0)?,
-        at_ns: column(row, table, 1)?,
+        at_ns: wall_time(row, table, 1)?,
         actor: column(row, table, 2)?,
         authentication: column(row, table, 3)?,
         role: column(row, table, 4)?,

@@ -2,13 +2,13 @@
 
 use async_trait::async_trait;
 use fleetcal_domain::robot::RobotConfig;
-use fleetcal_model::RobotId;
+use fleetcal_model::{RobotId, WallTime};
 use fleetcal_store::transaction::RobotRecords;
 use fleetcal_store::{EventRecord, NewEvent, RobotRecord, StoreError};
 use sqlx::sqlite::SqliteRow;
 
 use super::events;
-use super::row::{column, corrupt, json, parsed, robot_id};
+use super::row::{column, corrupt, json, parsed, robot_id, wall_time};
 use super::transaction::SqliteRecords;
 
 /// Reads every robot for [`robot_of`].
@@ -35,14 +35,14 @@ impl RobotRecords for SqliteRecords<'_> {
         id: &RobotId,
         config: &RobotConfig,
         version: u64,
-        now_ns: i64,
+        now: WallTime,
     ) -> Result<(), StoreError> {
-        let key = self.key_of(id, now_ns).await?;
+        let key = self.key_of(id, now).await?;
         sqlx::query("UPDATE robot SET config = ?2, version = ?3, updated_ns = ?4 WHERE key = ?1")
             .bind(key)
             .bind(json("robot", config)?)
             .bind(version as i64)
-            .bind(now_ns)
+            .bind(now.0)
             .execute(&mut *self.connection)
             .await
             .map_err(StoreError::database("write a robot's configuration"))?;
@@ -67,7 +67,7 @@ pub(super) fn robot_of(row: &SqliteRow) -> Result<RobotRecord, StoreError> {
         id: robot_id(row, "robot", 0)?,
         config: config.map(|config| parsed("robot", &config)).transpose()?,
         version: u64::try_from(version).map_err(corrupt("robot"))?,
-        created_ns: column(row, "robot", 3)?,
-        updated_ns: column(row, "robot", 4)?,
+        created_ns: wall_time(row, "robot", 3)?,
+        updated_ns: wall_time(row, "robot", 4)?,
     })
 }

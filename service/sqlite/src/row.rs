@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use fleetcal_model::RobotId;
+use fleetcal_model::{RobotId, RobotTime, WallTime};
 use fleetcal_store::StoreError;
 use sqlx::Row;
 use sqlx::sqlite::{SqliteConnection, SqliteRow};
@@ -18,7 +18,7 @@ pub(super) async fn key_of(
     connection: &mut SqliteConnection,
     keys: &mut Keys,
     robot: &RobotId,
-    now_ns: i64,
+    now: WallTime,
 ) -> Result<i64, StoreError> {
     if let Some(key) = keys.get(robot) {
         return Ok(*key);
@@ -28,7 +28,7 @@ pub(super) async fn key_of(
          ON CONFLICT (id) DO UPDATE SET id = excluded.id RETURNING key",
     )
     .bind(robot.as_str())
-    .bind(now_ns)
+    .bind(now.0)
     .fetch_one(connection)
     .await
     .map_err(StoreError::database("write a robot"))?;
@@ -54,6 +54,31 @@ where
     T: sqlx::Decode<'r, sqlx::Sqlite> + sqlx::Type<sqlx::Sqlite>,
 {
     row.try_get(index).map_err(corrupt(table))
+}
+
+pub(super) fn wall_time(
+    row: &SqliteRow,
+    table: &'static str,
+    index: usize,
+) -> Result<WallTime, StoreError> {
+    column(row, table, index).map(WallTime)
+}
+
+pub(super) fn wall_time_or_null(
+    row: &SqliteRow,
+    table: &'static str,
+    index: usize,
+) -> Result<Option<WallTime>, StoreError> {
+    let ns: Option<i64> = column(row, table, index)?;
+    Ok(ns.map(WallTime))
+}
+
+pub(super) fn robot_time(
+    row: &SqliteRow,
+    table: &'static str,
+    index: usize,
+) -> Result<RobotTime, StoreError> {
+    column(row, table, index).map(RobotTime)
 }
 
 pub(super) fn parsed<T: serde::de::DeserializeOwned>(

@@ -1,6 +1,6 @@
 //! The records of one transaction, as a job gets them.
 
-use fleetcal_model::RobotId;
+use fleetcal_model::{RobotId, WallTime};
 use fleetcal_store::StoreError;
 use sqlx::sqlite::SqliteConnection;
 
@@ -17,10 +17,14 @@ pub(super) struct SqliteRecords<'t> {
 
 impl SqliteRecords<'_> {
     /// The robot's key; makes a row without configuration for one that is new.
-    pub(super) async fn key_of(&mut self, robot: &RobotId, now_ns: i64) -> Result<i64, StoreError> {
+    pub(super) async fn key_of(
+        &mut self,
+        robot: &RobotId,
+        now: WallTime,
+    ) -> Result<i64, StoreError> {
         if !self.keys.contains_key(robot) {
             self.learnt.push(robot.clone());
         }
-        key_of(self.connection, self.keys, robot, now_ns).await
+        key_of(self.connection, self.keys, robot, now).await
     }
 }

@@ -3,11 +3,12 @@
 use async_trait::async_trait;
 use fleetcal_domain::limits;
 use fleetcal_domain::webhook::{Delivery, DeliveryState, Secret, Webhook, WebhookEvent};
+use fleetcal_model::WallTime;
 use fleetcal_store::transaction::WebhookRecords;
 use fleetcal_store::{DueDelivery, StoreError};
 use sqlx::sqlite::{SqlitePool, SqliteRow};
 
-use super::row::{column, json, parsed};
+use super::row::{column, json, parsed, wall_time, wall_time_or_null};
 use super::transaction::SqliteRecords;
 
 const TABLE: &str = "webhook_delivery";
@@ -77,12 +78,12 @@ impl WebhookRecords for SqliteRecords<'_> {
         .bind(&delivery.message)
         .bind(delivery.event.as_str())
         .bind(&delivery.body)
-        .bind(delivery.created_ns)
+        .bind(delivery.created_ns.0)
         .bind(delivery.state.as_str())
-        .bind(delivery.due_ns)
+        .bind(delivery.due_ns.0)
         .bind(i64::from(delivery.attempts_made))
         .bind(json(TABLE, &delivery.attempts)?)
-        .bind(delivery.finished_ns)
+        .bind(delivery.finished_ns.map(|at| at.0))
         .execute(&mut *self.connection)
         .await
         .map_err(StoreError::database("write what is told"))?;
@@ -96,10 +97,10 @@ impl WebhookRecords for SqliteRecords<'_> {
         )
         .bind(delivery.id as i64)
         .bind(delivery.state.as_str())
-        .bind(delivery.due_ns)
+        .bind(delivery.due_ns.0)
         .bind(i64::from(delivery.attempts_made))
         .bind(json(TABLE, &delivery.attempts)?)
-        .bind(delivery.finished_ns)
+        .bind(delivery.finished_ns.map(|at| at.0))
         .execute(&mut *self.connection)
         .await
         .map_err(StoreError::database("write an attempt"))?;
@@ -110,7 +111,7 @@ impl WebhookRecords for SqliteRecords<'_> {
         &mut self,
         webhook: u64,
         kept: u32,
-        now_ns: i64,
+        now: WallTime,
     ) -> Result<u64, StoreError> {
         let done = sqlx::query(
             "UPDATE webhook_delivery SET state = 'given_up', finished_ns = ?3
@@ -119,7 +120,7 @@ impl WebhookRecords for SqliteRecords<'_> {
         )
         .bind(webhook as i64)
         .bind(i64::from(kept))
-        .bind(now_ns)
+        .bind(now.0)
         .execute(&mut *self.connection)
         .await
         .map_err(StoreError::database("give up what is told"))?;
@@ -174,7 +175,7 @@ pub(super) async fn deliveries(
 }
 
 /// The oldest delivery of each webhook that is due.
-pub(super) async fn due(pool: &SqlitePool, now_ns: i64) -> Result<Vec<DueDelivery>, StoreError> {
+pub(super) async fn due(pool: &SqlitePool, now: WallTime) -> Result<Vec<DueDelivery>, StoreError> {
     let sql = concat!(
         "SELECT ",
         delivery_columns!(),
@@ -184,10 +185,9 @@ pub(super) async fn due(pool: &SqlitePool, now_ns: i64) -> Result<Vec<DueDeliver
              WHERE state = 'waiting' AND (due_ns <= ?1 OR due_ns > ?2) GROUP BY webhook)
          ORDER BY d.id"
     );
-    let longest_ns = i64::try_from(limits::WEBHOOK_BACKOFF_MAX.as_nanos()).unwrap_or(i64::MAX);
     let rows = sqlx::query(sql)
-        .bind(now_ns)
-        .bind(now_ns.saturating_add(longest_ns))
+        .bind(now.0)
+        .bind(now.plus(limits::WEBHOOK_BACKOFF_MAX).0)
         .fetch_all(pool)
         .await
         .map_err(StoreError::database("read what is to be told"))?;
@@ -236,12 +236,12 @@ fn delivery_of(row: &SqliteRow) -> Result<Delivery, StoreError> {
         message: column(row, TABLE, 2)?,
         event: WebhookEvent::parse(&event).ok_or_else(|| unknown("event", &event))?,
         body: column(row, TABLE, 4)?,
-        created_ns: column(row, TABLE, 5)?,
+        created_ns: wall_time(row, TABLE, 5)?,
         state: DeliveryState::parse(&state).ok_or_else(|| unknown("state", &state))?,
-        due_ns: column(row, TABLE, 7)?,
+        due_ns: wall_time(row, TABLE, 7)?,
         attempts_made: u32::try_from(attempts_made).unwrap_or(u32::MAX),
         attempts: parsed(TABLE, &attempts)?,
-        finished_ns: column(row, TABLE, 10)?,
+        finished_ns: wall_time_or_null(row, TABLE, 10)?,
     })
 }
 

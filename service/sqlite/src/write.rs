@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use fleetcal_domain::limits;
 use fleetcal_domain::robot::GENERATIONS_MAX;
+use fleetcal_model::WallTime;
 use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_store::backend::{Aged, Batch, Tier};
 use fleetcal_store::{CheckpointRecord, CrossTrackRecord, HistoryRow, StoreError};
@@ -51,7 +52,8 @@ async fn history(
 ) -> Result<(), StoreError> {
     let mut overwritten = BTreeSet::new();
     for row in rows {
-        let key = key_of(connection, keys, &row.robot, row.received_s * NS_PER_S).await?;
+        let received = WallTime(row.received_s * NS_PER_S);
+        let key = key_of(connection, keys, &row.robot, received).await?;
         let insert = columns::INSERT_SECOND.as_str();
         if put_second(connection, insert, key, row, row.t_s).await? == 0 {
             put_second(
@@ -162,7 +164,7 @@ async fn current(
     connection: &mut SqliteConnection,
     keys: &mut Keys,
     estimate: &EstimateDocument,
-    received_ns: i64,
+    received_ns: WallTime,
 ) -> Result<(), StoreError> {
     let key = key_of(connection, keys, &estimate.robot, received_ns).await?;
     sqlx::query(
@@ -172,8 +174,8 @@ async fn current(
              received_ns = excluded.received_ns, estimate = excluded.estimate",
     )
     .bind(key)
-    .bind(estimate.stamp_ns)
-    .bind(received_ns)
+    .bind(estimate.stamp_ns.0)
+    .bind(received_ns.0)
     .bind(json("robot_current", estimate)?)
     .execute(connection)
     .await
@@ -193,8 +195,8 @@ async fn checkpoint(
              received_ns = excluded.received_ns, state = excluded.state",
     )
     .bind(key)
-    .bind(record.stamp_ns)
-    .bind(record.received_ns)
+    .bind(record.stamp_ns.0)
+    .bind(record.received_ns.0)
     .bind(record.state.as_str())
     .execute(connection)
     .await
@@ -233,10 +235,10 @@ async fn cross_track(
 /// Writes a row that nothing reads.
 pub(super) async fn probe(
     connection: &mut SqliteConnection,
-    now_ns: i64,
+    now: WallTime,
 ) -> Result<(), StoreError> {
     sqlx::query("UPDATE probe SET written_ns = ?1")
-        .bind(now_ns)
+        .bind(now.0)
         .execute(connection)
         .await
         .map_err(StoreError::database("write at all"))?;

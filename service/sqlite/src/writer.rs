@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use async_trait::async_trait;
+use fleetcal_model::WallTime;
 use fleetcal_store::backend::{Aged, Batch, RecordWriter, TelemetryWriter};
 use fleetcal_store::transaction::{Job, Records, Waiting};
 use fleetcal_store::{AuditEntry, StoreError};
@@ -300,7 +301,7 @@ impl Records for SqliteRecords<'_> {
         audit::append(self.connection, entry).await.map(drop)
     }
 
-    async fn prove_writable(&mut self, now_ns: i64) -> Result<(), StoreError> {
-        write::probe(self.connection, now_ns).await
+    async fn prove_writable(&mut self, now: WallTime) -> Result<(), StoreError> {
+        write::probe(self.connection, now).await
     }
 }

@@ -82,7 +82,7 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
             connect: vec![arguments.listen.clone()].into(),
             keys: Keys::default(),
             trusted: Some(TrustedKeys::from(service.lifecycle().public_key())),
-            start_stamp_ns: clock.now_ns(),
+            start_stamp_ns: clock.now().0,
         },
         stop.clone(),
     ));

@@ -8,6 +8,7 @@ use fleetcal_clock::SharedClock;
 use fleetcal_command::output::print_text;
 use fleetcal_domain::access::{AccountName, Actor, Grant, Role, TokenState, TokenValue};
 use fleetcal_domain::limits;
+use fleetcal_model::WallTime;
 use fleetcal_operations::accounts::{ChangeToken, TokenChange};
 use fleetcal_operations::entropy;
 use fleetcal_proto::RobotId;
@@ -105,62 +106,59 @@ fn span(text: &str) -> Result<Duration, String> {
 /// # Errors
 /// When the data folder cannot be used, or the token is refused.
 pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), CommandError> {
-    let now_ns = clock.now_ns();
+    let now = clock.now();
     match &arguments.action {
-        Action::Create(create) => self::create(create, now_ns).await,
-        Action::List(folder) => list(folder, now_ns).await,
-        Action::Revoke(revoke) => self::revoke(revoke, now_ns).await,
+        Action::Create(create) => self::create(create, now).await,
+        Action::List(folder) => list(folder, now).await,
+        Action::Revoke(revoke) => self::revoke(revoke, now).await,
     }
 }
 
-async fn create(arguments: &Create, now_ns: i64) -> Result<(), CommandError> {
+async fn create(arguments: &Create, now: WallTime) -> Result<(), CommandError> {
     let value = TokenValue::new(&entropy::secret()?);
-    let lasts_ns = |span: Duration| i64::try_from(span.as_nanos()).unwrap_or(i64::MAX);
     let change = TokenChange::Create {
         name: AccountName::parse(&arguments.name)?,
         grant: Grant::of_token(arguments.role, arguments.robot.clone())?,
         hash: value.hash(),
-        expires_ns: arguments
-            .expires
-            .map(|span| now_ns.saturating_add(lasts_ns(span))),
+        expires_ns: arguments.expires.map(|span| now.plus(span)),
         key: None,
     };
     let mut database = Administration::open(&arguments.data).await?;
-    database.transact(asked(now_ns, change)).await?;
+    database.transact(asked(now, change)).await?;
     database.close().await?;
     Ok(print_text(&format!("{}\n", value.reveal()))?)
 }
 
-async fn revoke(arguments: &Revoke, now_ns: i64) -> Result<(), CommandError> {
+async fn revoke(arguments: &Revoke, now: WallTime) -> Result<(), CommandError> {
     let change = TokenChange::Revoke { id: arguments.id };
     let mut database = Administration::open(&arguments.data).await?;
-    database.transact(asked(now_ns, change)).await?;
+    database.transact(asked(now, change)).await?;
     database.close().await?;
     Ok(())
 }
 
 /// A change that is asked for on the command line.
-fn asked(now_ns: i64, change: TokenChange) -> ChangeToken {
+fn asked(now: WallTime, change: TokenChange) -> ChangeToken {
     ChangeToken {
         actor: Actor::command_line(),
-        now_ns,
+        now,
         change,
     }
 }
 
-async fn list(arguments: &Folder, now_ns: i64) -> Result<(), CommandError> {
+async fn list(arguments: &Folder, now: WallTime) -> Result<(), CommandError> {
     let database = Administration::open(&arguments.data).await?;
     let tokens = database.tokens().await?;
     database.close().await?;
-    let rows: String = tokens.iter().map(|token| row(token, now_ns)).collect();
+    let rows: String = tokens.iter().map(|token| row(token, now)).collect();
     Ok(print_text(&format!(
         "{:>6}  {:<9}  {:<9}  {:<20}  {:<20}  NAME\n{rows}",
         "NUMBER", "ROLE", "STATE", "EXPIRES", "LAST USED"
     ))?)
 }
 
-fn row(token: &TokenRecord, now_ns: i64) -> String {
-    let state = match token.state(now_ns) {
+fn row(token: &TokenRecord, now: WallTime) -> String {
+    let state = match token.state(now) {
         TokenState::Valid => "valid",
         TokenState::Expired => "expired",
         TokenState::Revoked => "revoked",
@@ -179,10 +177,8 @@ fn row(token: &TokenRecord, now_ns: i64) -> String {
 }
 
 /// A time in a list, to the second.
-pub(super) fn time(ns: Option<i64>) -> String {
-    let seconds = ns.map(|ns| ns.div_euclid(1_000_000_000));
-    seconds
-        .and_then(|seconds| Timestamp::from_second(seconds).ok())
+pub(super) fn time(wall: Option<WallTime>) -> String {
+    wall.and_then(|wall| Timestamp::from_second(wall.whole_s()).ok())
         .map_or_else(|| "never".to_owned(), |time| time.to_string())
 }
 
@@ -203,7 +199,7 @@ mod tests {
     fn a_time_that_never_was_is_never() {
         assert_eq!(time(None), "never");
         assert_eq!(
-            time(Some(1_767_225_600_500_000_000)),
+            time(Some(WallTime(1_767_225_600_500_000_000))),
             "2026-01-01T00:00:00Z"
         );
     }

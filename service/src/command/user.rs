@@ -7,6 +7,7 @@ use clap::{Args, Subcommand};
 use fleetcal_clock::SharedClock;
 use fleetcal_command::output::print_text;
 use fleetcal_domain::access::{AccountName, Actor, Grant, Password, PasswordHash, Role};
+use fleetcal_model::WallTime;
 use fleetcal_operations::accounts::{ChangeUser, UserChange, UserEdit};
 use fleetcal_operations::entropy;
 use fleetcal_sqlite::Administration;
@@ -67,7 +68,7 @@ pub struct Named {
 /// # Errors
 /// When the data folder cannot be used, or name or password are refused.
 pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), CommandError> {
-    let now_ns = clock.now_ns();
+    let now = clock.now();
     match &arguments.action {
         Action::Create(create) => {
             let change = UserChange::Create {
@@ -77,7 +78,7 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
                 key: None,
             };
             let mut database = Administration::open(&create.data).await?;
-            database.transact(asked(now_ns, change)).await?;
+            database.transact(asked(now, change)).await?;
             database.close().await?;
             Ok(())
         }
@@ -87,19 +88,19 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
                 password: Some(asked_for()?),
                 ..UserEdit::default()
             };
-            self::edit(named, edit, now_ns).await
+            self::edit(named, edit, now).await
         }
         Action::Disable(named) => {
             let edit = UserEdit {
                 disabled: Some(true),
                 ..UserEdit::default()
             };
-            self::edit(named, edit, now_ns).await
+            self::edit(named, edit, now).await
         }
     }
 }
 
-async fn edit(named: &Named, edit: UserEdit, now_ns: i64) -> Result<(), CommandError> {
+async fn edit(named: &Named, edit: UserEdit, now: WallTime) -> Result<(), CommandError> {
     let mut database = Administration::open(&named.data).await?;
     let user = database.user_named(&named.name).await?;
     let user = user.ok_or_else(|| CommandError::UserUnknown(named.name.clone()))?;
@@ -109,16 +110,16 @@ async fn edit(named: &Named, edit: UserEdit, now_ns: i64) -> Result<(), CommandE
         edit,
         keep: None,
     };
-    database.transact(asked(now_ns, change)).await?;
+    database.transact(asked(now, change)).await?;
     database.close().await?;
     Ok(())
 }
 
 /// A change that is asked for on the command line.
-fn asked(now_ns: i64, change: UserChange) -> ChangeUser {
+fn asked(now: WallTime, change: UserChange) -> ChangeUser {
     ChangeUser {
         actor: Actor::command_line(),
-        now_ns,
+        now,
         change,
     }
 }

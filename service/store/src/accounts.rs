@@ -3,6 +3,7 @@
 use fleetcal_domain::access::{
     AccountName, Grant, PasswordHash, SecretHash, SessionSpan, TokenSpan, TokenState,
 };
+use fleetcal_model::WallTime;
 
 /// Somebody who signs in.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -20,11 +21,11 @@ pub struct UserRecord {
     /// Goes up by one with every change of the above.
     pub version: u64,
     /// When the user was made, wall time.
-    pub created_ns: i64,
+    pub created_ns: WallTime,
     /// When the user last changed, wall time.
-    pub updated_ns: i64,
+    pub updated_ns: WallTime,
     /// When the user last signed in, wall time.
-    pub signed_in_ns: Option<i64>,
+    pub signed_in_ns: Option<WallTime>,
 }
 
 /// A browser that is signed in.
@@ -52,13 +53,13 @@ pub struct TokenRecord {
     /// From when to when it counts.
     pub span: TokenSpan,
     /// When it was last used, wall time.
-    pub used_ns: Option<i64>,
+    pub used_ns: Option<WallTime>,
 }
 
 impl TokenRecord {
-    /// Whether it counts at `now_ns`.
-    pub fn state(&self, now_ns: i64) -> TokenState {
-        self.span.state(now_ns)
+    /// Whether it counts at `now`.
+    pub fn state(&self, now: WallTime) -> TokenState {
+        self.span.state(now)
     }
 }
 
@@ -77,7 +78,7 @@ pub struct CredentialUse {
     /// Which.
     pub credential: Credential,
     /// When, wall time.
-    pub now_ns: i64,
+    pub now: WallTime,
 }
 
 /// What somebody proves with who it is.

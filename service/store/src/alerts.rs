@@ -1,13 +1,14 @@
 //! Alerts as the store keeps them.
 
 use fleetcal_domain::alert::ConditionName;
+use fleetcal_model::WallTime;
 use fleetcal_proto::RobotId;
 
 /// One change of an alert.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AlertMoment {
     /// When, ns since 1970, wall time.
-    pub at_ns: i64,
+    pub at_ns: WallTime,
     /// The alert's version afterwards.
     pub version: u64,
     /// Where it stood afterwards.

@@ -1,6 +1,7 @@
 //! The life cycle's records as the store keeps them.
 
 use fleetcal_domain::approval::ProposalState;
+use fleetcal_model::WallTime;
 use fleetcal_proto::RobotId;
 use serde::Serialize;
 
@@ -15,7 +16,7 @@ pub struct DeploymentFreeze {
     /// Who changed it last.
     pub by: Option<String>,
     /// When, ns since 1970, wall time.
-    pub at_ns: Option<i64>,
+    pub at_ns: Option<WallTime>,
     /// Why.
     pub reason: Option<String>,
 }
@@ -43,9 +44,9 @@ pub struct AuditFilter {
     /// Actions that begin so.
     pub action: Option<String>,
     /// From this wall time on, ns.
-    pub from_ns: Option<i64>,
+    pub from_ns: Option<WallTime>,
     /// Before this wall time, ns.
-    pub to_ns: Option<i64>,
+    pub to_ns: Option<WallTime>,
     /// Below this number.
     pub before: Option<i64>,
     /// At most so many.
@@ -59,7 +60,7 @@ pub struct AuditRow {
     /// Its number.
     pub id: i64,
     /// When, ns since 1970, wall time.
-    pub at_ns: i64,
+    pub at_ns: WallTime,
     /// Who.
     pub actor: String,
     /// How that is known.

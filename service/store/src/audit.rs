@@ -2,6 +2,7 @@
 
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::audit::Action;
+use fleetcal_model::WallTime;
 use fleetcal_proto::RobotId;
 use serde_json::Value;
 
@@ -9,7 +10,7 @@ use serde_json::Value;
 #[derive(Debug, Clone, PartialEq)]
 pub struct AuditEntry {
     /// When, wall time.
-    pub at_ns: i64,
+    pub at_ns: WallTime,
     /// Who.
     pub actor: Actor,
     /// What was done, which says to what kind of record.

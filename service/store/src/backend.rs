@@ -10,7 +10,7 @@ use fleetcal_domain::approval::{
     Deployment, DeploymentState, OutboxEntry, Proposal, Revision, RobotLedger,
 };
 use fleetcal_domain::webhook::{Delivery, Webhook};
-use fleetcal_model::Parameter;
+use fleetcal_model::{Parameter, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
 
@@ -229,7 +229,7 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
     ) -> Result<Vec<Delivery>, StoreError>;
 
     /// The oldest delivery of each webhook that is due.
-    async fn due_deliveries(&self, now_ns: i64) -> Result<Vec<DueDelivery>, StoreError>;
+    async fn due_deliveries(&self, now: WallTime) -> Result<Vec<DueDelivery>, StoreError>;
 
     /// How many deliveries wait.
     async fn waiting_deliveries(&self) -> Result<u64, StoreError>;

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use fleetcal_domain::robot::{CrossTrack, HistoryEvent, Journal, ServiceEvent, ServiceEventKind};
-use fleetcal_model::{ChangeKind, NoteKind};
+use fleetcal_model::{ChangeKind, NoteKind, RobotTime, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::{ChangeDocument, EstimateDocument};
 use fleetcal_proto::event::RobotEvent;
@@ -15,11 +15,11 @@ use super::telemetry::Telemetry;
 
 impl Journal for Store {
     fn record_history(&self, _robot: &RobotId, document: &Arc<EstimateDocument>) {
-        Self::record_history(self, document, self.shared.clock.now_ns());
+        Self::record_history(self, document, self.shared.clock.now());
     }
 
     fn record_event(&self, robot: &RobotId, event: &Arc<HistoryEvent>) {
-        let received_ns = self.shared.clock.now_ns();
+        let received_ns = self.shared.clock.now();
         let repetition = match **event {
             HistoryEvent::Note(_) => Repetition::Content,
             HistoryEvent::Change(_) => Repetition::Completes,
@@ -37,14 +37,14 @@ impl Journal for Store {
         self.offer(Telemetry::CrossTrack(Box::new(record)));
     }
 
-    fn save_checkpoint(&self, robot: &RobotId, stamp_ns: i64, json: String) {
+    fn save_checkpoint(&self, robot: &RobotId, stamp_ns: RobotTime, json: String) {
         Self::save_checkpoint(self, robot, stamp_ns, json);
     }
 }
 
 impl NewEvent {
     /// What the fleet says happened, learnt at `received_ns` (wall time).
-    pub fn of(robot: &RobotId, event: &HistoryEvent, received_ns: i64) -> Self {
+    pub fn of(robot: &RobotId, event: &HistoryEvent, received_ns: WallTime) -> Self {
         let empty = Self {
             robot: robot.clone(),
             kind: EventKind::Fault,

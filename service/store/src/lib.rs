@@ -26,6 +26,7 @@ mod webhooks;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use fleetcal_model::{RobotTime, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::EstimateDocument;
 use tokio::sync::{mpsc, oneshot};
@@ -168,21 +169,21 @@ impl Store {
         })
     }
 
-    /// The service's wall time, ns since 1970.
-    pub fn now_ns(&self) -> i64 {
-        self.shared.clock.now_ns()
+    /// The service's wall time.
+    pub fn now(&self) -> WallTime {
+        self.shared.clock.now()
     }
 
     /// Keeps an estimate that was received at `received_ns` (wall time): one second of history,
     /// and the robot's latest estimate. Never waits; what cannot be queued is counted.
-    pub fn record_history(&self, estimate: &EstimateDocument, received_ns: i64) {
+    pub fn record_history(&self, estimate: &EstimateDocument, received_ns: WallTime) {
         self.offer(Telemetry::History(Box::new(estimate.clone()), received_ns));
     }
 
     /// Keeps an estimator's state, of message time `stamp_ns`, as JSON. It replaces the robot's
     /// earlier one. Never waits; what cannot be queued is counted.
-    pub fn save_checkpoint(&self, robot: &RobotId, stamp_ns: i64, state: String) {
-        let received_ns = self.shared.clock.now_ns();
+    pub fn save_checkpoint(&self, robot: &RobotId, stamp_ns: RobotTime, state: String) {
+        let received_ns = self.shared.clock.now();
         let robot = robot.clone();
         self.offer(Telemetry::Checkpoint(CheckpointRecord {
             robot,
@@ -217,8 +218,8 @@ impl Store {
     /// # Errors
     /// The database's failure.
     pub async fn probe(&self) -> Result<(), StoreError> {
-        let now_ns = self.now_ns();
-        self.transact(Prove { now_ns }).await
+        let now = self.now();
+        self.transact(Prove { now }).await
     }
 
     /// Commits what was handed over before and closes the database. Later calls fail with
@@ -400,7 +401,7 @@ impl Store {
 /// Writes, to find out whether that works.
 #[derive(Debug)]
 struct Prove {
-    now_ns: i64,
+    now: WallTime,
 }
 
 #[async_trait::async_trait]
@@ -408,6 +409,6 @@ impl Job for Prove {
     type Done = ();
 
     async fn run(&self, records: &mut dyn Records) -> Result<(), StoreError> {
-        records.prove_writable(self.now_ns).await
+        records.prove_writable(self.now).await
     }
 }

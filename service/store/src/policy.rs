@@ -1,6 +1,7 @@
 //! The approval policy as it was set over the API.
 
 use fleetcal_domain::approval::Policy;
+use fleetcal_model::WallTime;
 use serde::Serialize;
 
 /// The policy that was set, and by whom.
@@ -13,7 +14,7 @@ pub struct StoredPolicy {
     /// Who changed it last.
     pub by: Option<String>,
     /// When, ns since 1970, wall time.
-    pub at_ns: Option<i64>,
+    pub at_ns: Option<WallTime>,
     /// Why.
     pub reason: Option<String>,
 }

@@ -1,14 +1,12 @@
 //! What the store keeps, free of any database.
 
 use fleetcal_domain::robot::{CrossTrack, RobotConfig};
-use fleetcal_model::{Parameter, ParameterStatus};
+use fleetcal_model::{Parameter, ParameterStatus, RobotTime, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::EstimateDocument;
 use serde::{Deserialize, Serialize};
 use strum::{EnumString, IntoStaticStr, VariantArray};
 
-/// Nanoseconds in a second.
-const NS_PER_S: i64 = 1_000_000_000;
 /// Parameters of a row.
 pub const PARAMETERS: usize = Parameter::ALL.len();
 
@@ -22,9 +20,9 @@ pub struct RobotRecord {
     /// Goes up by one with every change of `config`; 0 while there is none.
     pub version: u64,
     /// When the store first heard of it, wall time.
-    pub created_ns: i64,
+    pub created_ns: WallTime,
     /// When `config` last changed, wall time.
-    pub updated_ns: i64,
+    pub updated_ns: WallTime,
 }
 
 /// Which version of a robot's configuration a writer has seen.
@@ -55,9 +53,9 @@ pub struct CheckpointRecord {
     /// Whose.
     pub robot: RobotId,
     /// Message time of the state.
-    pub stamp_ns: i64,
+    pub stamp_ns: RobotTime,
     /// When it was handed to the store, wall time.
-    pub received_ns: i64,
+    pub received_ns: WallTime,
     /// The state as JSON.
     pub state: String,
 }
@@ -79,7 +77,7 @@ pub struct CurrentRecord {
     /// The estimate.
     pub estimate: EstimateDocument,
     /// When it was handed to the store, wall time.
-    pub received_ns: i64,
+    pub received_ns: WallTime,
 }
 
 /// One second of a robot's history.
@@ -102,7 +100,7 @@ pub struct HistoryRow {
 
 impl HistoryRow {
     /// The row of an estimate that was received at `received_ns`.
-    pub fn of(robot: &RobotId, document: &EstimateDocument, received_ns: i64) -> Self {
+    pub fn of(robot: &RobotId, document: &EstimateDocument, received_ns: WallTime) -> Self {
         let estimated = |name: Parameter| {
             let parameter = document.parameters.get(name);
             let fixed = matches!(
@@ -114,8 +112,8 @@ impl HistoryRow {
         let consistency = &document.consistency;
         Self {
             robot: robot.clone(),
-            t_s: document.stamp_ns.div_euclid(NS_PER_S),
-            received_s: received_ns.div_euclid(NS_PER_S),
+            t_s: document.stamp_ns.whole_s(),
+            received_s: received_ns.whole_s(),
             cells: Parameter::ALL.map(estimated),
             status: pack_status(Parameter::ALL.map(|n| document.parameters.get(n).status)),
             nis: (consistency.samples > 0).then_some(consistency.nis_mean),
@@ -276,9 +274,9 @@ pub struct NewEvent {
     /// What.
     pub kind: EventKind,
     /// When, message time.
-    pub stamp_ns: i64,
+    pub stamp_ns: RobotTime,
     /// When the service learnt of it, wall time.
-    pub received_ns: i64,
+    pub received_ns: WallTime,
     /// Who says so.
     pub source: EventSource,
     /// The person's or tool's name.

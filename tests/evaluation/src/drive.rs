@@ -8,7 +8,7 @@ use fleetcal_estimator::estimate::Change;
 use fleetcal_estimator::geometry::{Pose2, wrap_angle_rad};
 use fleetcal_estimator::stream::{FieldRefused, SweepShape};
 use fleetcal_estimator::{
-    Calibrator, DriveSample, Effect, Estimate, Event, LidarPose, Parameter, Stamp, Sweep,
+    Calibrator, DriveSample, Effect, Estimate, Event, LidarPose, Parameter, RobotTime, Sweep,
 };
 use fleetcal_robot::simulator::{
     Emitted, Pose2 as TruePose, SimulatedMessage, Simulation, SimulationConfig, TrueParameters,
@@ -164,7 +164,7 @@ impl CrossTrack {
 pub fn event_of(message: &SimulatedMessage) -> Result<Option<Event>, FieldRefused> {
     Ok(match message {
         SimulatedMessage::Drive(drive) => Some(Event::Drive(DriveSample::new(
-            Stamp(drive.stamp_ns),
+            RobotTime(drive.stamp_ns),
             drive.speed_mps,
             drive.steering_rad,
         )?)),
@@ -177,7 +177,7 @@ pub fn event_of(message: &SimulatedMessage) -> Result<Option<Event>, FieldRefuse
                 range_max_m: sweep.range_max_m,
             };
             let ranges_m: Arc<[f32]> = sweep.ranges_m.as_slice().into();
-            let sweep = Sweep::new(Stamp(sweep.stamp_ns), shape, ranges_m)?;
+            let sweep = Sweep::new(RobotTime(sweep.stamp_ns), shape, ranges_m)?;
             Some(Event::Sweep(sweep))
         }
         SimulatedMessage::LidarPose(pose) => {
@@ -185,7 +185,7 @@ pub fn event_of(message: &SimulatedMessage) -> Result<Option<Event>, FieldRefuse
                 let [[xx, xy, xt], [yx, yy, yt], [tx, ty, tt]] = rows;
                 Matrix3::new(xx, xy, xt, yx, yy, yt, tx, ty, tt)
             });
-            let stamp = Stamp(pose.stamp_ns);
+            let stamp = RobotTime(pose.stamp_ns);
             let pose = LidarPose::new(stamp, estimators_pose(&pose.pose), covariance)?;
             Some(Event::LidarPose(pose))
         }

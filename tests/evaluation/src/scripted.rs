@@ -10,7 +10,7 @@ use fleetcal_estimator::filter::{Filter, OdometryReading};
 use fleetcal_estimator::geometry::Pose2;
 use fleetcal_estimator::stream::FieldRefused;
 use fleetcal_estimator::vehicle::{Drive, DriveParameters};
-use fleetcal_estimator::{DriveSample, EstimatorSettings, Stamp, Vehicle};
+use fleetcal_estimator::{DriveSample, EstimatorSettings, RobotTime, Vehicle};
 use nalgebra::{Matrix3, Vector3};
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
@@ -108,14 +108,14 @@ impl Scripted {
         let twist = Vector3::new(self.speed_mps, 0.0, yaw_rate);
         self.base = self.base.compose(&Pose2::exp(&(twist * step_s)));
         self.steps += 1;
-        let now = Stamp(1_760_000_000_000_000_000 + self.steps as i64 * STEP_NS);
+        let now = RobotTime(1_760_000_000_000_000_000 + self.steps as i64 * STEP_NS);
         if self.steps.is_multiple_of(STEPS_PER_POSE) {
             self.see_lidar(now);
         }
         self.sense_drive(now)
     }
 
-    fn see_lidar(&mut self, now: Stamp) {
+    fn see_lidar(&mut self, now: RobotTime) {
         let noise = POSE_SIGMA.map(|sigma| sigma * self.random.sample::<f64, _>(StandardNormal));
         let lidar = self.base.compose(&self.truth.lidar_in_base);
         let sigma = Vector3::from(POSE_SIGMA);
@@ -126,7 +126,7 @@ impl Scripted {
         });
     }
 
-    fn sense_drive(&mut self, now: Stamp) -> Result<(), FieldRefused> {
+    fn sense_drive(&mut self, now: RobotTime) -> Result<(), FieldRefused> {
         let DriveParameters {
             steering_offset_rad,
             speed_scale,

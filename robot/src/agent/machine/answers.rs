@@ -1,5 +1,8 @@
 //! What the agent answers, and how often.
 
+use std::time::Duration;
+
+use fleetcal_model::RobotTime;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, Envelope};
 
 use super::Agent;
@@ -8,23 +11,23 @@ use crate::agent::offer::Refusal;
 use crate::agent::state::{Phase, Rest};
 
 /// How often an answer is repeated that nobody has confirmed: while the deadline runs, and else.
-const REPEAT_URGENT_NS: i64 = 5_000_000_000;
-const REPEAT_NS: i64 = 60_000_000_000;
+const REPEAT_URGENT: Duration = Duration::from_secs(5);
+const REPEAT: Duration = Duration::from_secs(60);
 /// The same refusal of a document that leaves no trace is not given more often.
-const SAME_REFUSAL_NS: i64 = 30_000_000_000;
+const SAME_REFUSAL: Duration = Duration::from_secs(30);
 /// Most answers that wait for confirmation; the oldest goes first.
 const UNSTORED_MAX: usize = 4;
 
 impl Agent {
     /// The service offers what was decided upon: as long as that is not what the robot holds, it
     /// has not heard of the decision.
-    pub(super) fn remind(&mut self, envelope: &Envelope, now_ns: i64) -> Vec<Effect> {
+    pub(super) fn remind(&mut self, envelope: &Envelope, now: RobotTime) -> Vec<Effect> {
         let latest = self.memory.latest.as_ref();
         let about_it = latest.filter(|latest| latest.sha256 == envelope.sha256);
         match about_it {
             Some(latest) if !self.memory.held.is(latest.generation, &latest.sha256) => {
                 let effect = Effect::Acknowledge(latest.clone());
-                self.repeat_at_ns = now_ns.saturating_add(self.repeat_pause_ns());
+                self.repeat_at_ns = now.plus(self.repeat_pause());
                 vec![effect]
             }
             _ => Vec::new(),
@@ -32,20 +35,21 @@ impl Agent {
     }
 
     /// Answers a document that leaves no trace.
-    pub(super) fn refuse(&mut self, refusal: Refusal, now_ns: i64) -> Vec<Effect> {
-        let said = self.last_refusal.as_ref().is_some_and(|(last, at_ns)| {
-            *last == refusal && now_ns.saturating_sub(*at_ns) < SAME_REFUSAL_NS
-        });
+    pub(super) fn refuse(&mut self, refusal: Refusal, now: RobotTime) -> Vec<Effect> {
+        let said = self
+            .last_refusal
+            .as_ref()
+            .is_some_and(|(last, at_ns)| *last == refusal && now < at_ns.plus(SAME_REFUSAL));
         if said {
             return Vec::new();
         }
-        self.last_refusal = Some((refusal.clone(), now_ns));
+        self.last_refusal = Some((refusal.clone(), now));
         vec![Effect::Acknowledge(Applied {
             generation: refusal.generation,
             sha256: refusal.sha256,
             status: AppliedStatus::Refused,
             reason: Some(refusal.reason),
-            applied_at_ns: now_ns,
+            applied_at_ns: now,
             values: self.memory.held.values,
         })]
     }
@@ -57,14 +61,14 @@ impl Agent {
         sha256: String,
         status: AppliedStatus,
         reason: Option<String>,
-        now_ns: i64,
+        now: RobotTime,
     ) -> Vec<Effect> {
         let answer = Applied {
             generation,
             sha256,
             status,
             reason,
-            applied_at_ns: now_ns,
+            applied_at_ns: now,
             values: self.memory.held.values,
         };
         let memory = &mut self.memory;
@@ -76,12 +80,12 @@ impl Agent {
         memory.unstored.push(answer.clone());
         let surplus = memory.unstored.len().saturating_sub(UNSTORED_MAX);
         memory.unstored.drain(..surplus);
-        self.repeat_at_ns = now_ns.saturating_add(self.repeat_pause_ns());
+        self.repeat_at_ns = now.plus(self.repeat_pause());
         vec![Effect::Acknowledge(answer)]
     }
 
     /// Says all there is to say: the service may be new, or may have been restored from a backup.
-    pub(super) fn report(&mut self, now_ns: i64) -> Vec<Effect> {
+    pub(super) fn report(&mut self, now: RobotTime) -> Vec<Effect> {
         let memory = &self.memory;
         let about_held = |answer: &Applied| memory.held.is(answer.generation, &answer.sha256);
         let mut answers: Vec<Applied> = Vec::new();
@@ -94,14 +98,14 @@ impl Agent {
         {
             answers.push(latest.clone());
         }
-        self.repeat_at_ns = now_ns.saturating_add(self.repeat_pause_ns());
+        self.repeat_at_ns = now.plus(self.repeat_pause());
         answers.into_iter().map(Effect::Acknowledge).collect()
     }
 
-    pub(super) fn repeat_pause_ns(&self) -> i64 {
+    pub(super) fn repeat_pause(&self) -> Duration {
         match self.memory.phase {
-            Phase::Resting(Rest::Unconfirmed(_)) => REPEAT_URGENT_NS,
-            _ => REPEAT_NS,
+            Phase::Resting(Rest::Unconfirmed(_)) => REPEAT_URGENT,
+            _ => REPEAT,
         }
     }
 }

@@ -1,5 +1,8 @@
 //! From a document that passed every check to values in use, and the way back.
 
+use std::time::Duration;
+
+use fleetcal_model::RobotTime;
 use fleetcal_proto::calibration::AppliedStatus;
 
 use super::{Agent, seconds};
@@ -7,9 +10,9 @@ use crate::agent::event::{Activation, Effect, HookAnswer};
 use crate::agent::state::{Ending, Fallback, Held, Offer, Outcome, Phase, Rest, Trial};
 
 /// How soon a busy robot is asked again.
-const BUSY_RETRY_NS: i64 = 15_000_000_000;
+const BUSY_RETRY: Duration = Duration::from_secs(15);
 /// How soon a way back that failed is tried again.
-const RESTORE_RETRY_NS: i64 = 5_000_000_000;
+const RESTORE_RETRY: Duration = Duration::from_secs(5);
 
 impl Agent {
     pub(super) fn hook_answered(
@@ -17,7 +20,7 @@ impl Agent {
         answer: HookAnswer,
         offer: Offer,
         rest: Rest,
-        now_ns: i64,
+        now: RobotTime,
     ) -> Vec<Effect> {
         match answer {
             HookAnswer::Go { before } => {
@@ -30,13 +33,13 @@ impl Agent {
                 vec![write]
             }
             HookAnswer::Busy => {
-                self.busy_until_ns = Some(now_ns.saturating_add(BUSY_RETRY_NS));
+                self.busy_until_ns = Some(now.plus(BUSY_RETRY));
                 self.rest(rest)
             }
             HookAnswer::Failed(reason) => {
                 let (generation, sha256) = (offer.generation, offer.sha256);
                 let failed = AppliedStatus::Failed;
-                let mut effects = self.decide(generation, sha256, failed, Some(reason), now_ns);
+                let mut effects = self.decide(generation, sha256, failed, Some(reason), now);
                 effects.extend(self.rest(rest));
                 effects
             }
@@ -77,10 +80,10 @@ impl Agent {
         offer: Offer,
         rest: Rest,
         before: Option<String>,
-        now_ns: i64,
+        now: RobotTime,
     ) -> Vec<Effect> {
         match activation {
-            Activation::Done => self.in_use(offer, rest, before, now_ns),
+            Activation::Done => self.in_use(offer, rest, before, now),
             Activation::Busy => self.take_back(offer, rest, before, Outcome::Later),
             Activation::Failed(reason) => self.take_back(offer, rest, before, failed(reason)),
         }
@@ -91,18 +94,18 @@ impl Agent {
         offer: Offer,
         rest: Rest,
         before: Option<String>,
-        now_ns: i64,
+        now: RobotTime,
     ) -> Vec<Effect> {
         let fallback = self.fallback(rest, before);
         self.memory.held = Held {
             generation: offer.generation,
             sha256: offer.sha256.clone(),
-            applied_at_ns: now_ns,
+            applied_at_ns: now,
             values: Some(offer.values),
             rear_axle_in_base_link: offer.rear_axle_in_base_link,
         };
         let trial = Trial {
-            until_ns: now_ns.saturating_add(seconds(offer.confirm_within_s)),
+            until_ns: now.plus(seconds(offer.confirm_within_s)),
             confirm_within_s: offer.confirm_within_s,
             put_off: false,
             document: offer.document,
@@ -110,7 +113,7 @@ impl Agent {
         };
         let mut effects = self.rest(Rest::Unconfirmed(trial));
         let (generation, sha256) = (offer.generation, offer.sha256);
-        effects.extend(self.decide(generation, sha256, AppliedStatus::Applied, None, now_ns));
+        effects.extend(self.decide(generation, sha256, AppliedStatus::Applied, None, now));
         effects
     }
 
@@ -180,10 +183,10 @@ impl Agent {
         &mut self,
         result: Result<(), String>,
         ending: Ending,
-        now_ns: i64,
+        now: RobotTime,
     ) -> Vec<Effect> {
         if let Err(reason) = result {
-            self.restore_again_ns = Some(now_ns.saturating_add(RESTORE_RETRY_NS));
+            self.restore_again_ns = Some(now.plus(RESTORE_RETRY));
             return vec![Effect::Note(format!(
                 "the former values cannot be written back, it will be tried again: {reason}"
             ))];
@@ -198,7 +201,7 @@ impl Agent {
         held: Held,
         rest: Rest,
         ending: Ending,
-        now_ns: i64,
+        now: RobotTime,
     ) -> Vec<Effect> {
         self.memory.held = held;
         let mut effects = self.rest(rest);
@@ -209,10 +212,10 @@ impl Agent {
                     Err(fault) => format!("{reason}; the file says the former values, but {fault}"),
                 };
                 let (generation, sha256) = (ending.generation, ending.sha256);
-                effects.extend(self.decide(generation, sha256, status, Some(reason), now_ns));
+                effects.extend(self.decide(generation, sha256, status, Some(reason), now));
             }
             Outcome::Later => {
-                self.busy_until_ns = Some(now_ns.saturating_add(BUSY_RETRY_NS));
+                self.busy_until_ns = Some(now.plus(BUSY_RETRY));
                 effects.extend(told.err().map(Effect::Note));
             }
         }

@@ -6,6 +6,9 @@
 mod answers;
 mod applying;
 
+use std::time::Duration;
+
+use fleetcal_model::RobotTime;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, Confirmed, Envelope};
 
 use super::event::{Effect, Event, TransitionRefused};
@@ -13,7 +16,7 @@ use super::offer::{Identity, Refusal, Verdict, judge};
 use super::state::{Memory, Phase, Rest, Trial};
 
 /// What a robot that was off while its deadline passed waits for the service, once.
-const RESTART_GRACE_NS: i64 = 30_000_000_000;
+const RESTART_GRACE: Duration = Duration::from_secs(30);
 
 /// A robot's side of the life cycle.
 #[derive(Debug, Clone)]
@@ -22,10 +25,10 @@ pub struct Agent {
     memory: Memory,
     /// A document came while another one was in hand.
     pull_after: bool,
-    busy_until_ns: Option<i64>,
-    restore_again_ns: Option<i64>,
-    repeat_at_ns: i64,
-    last_refusal: Option<(Refusal, i64)>,
+    busy_until_ns: Option<RobotTime>,
+    restore_again_ns: Option<RobotTime>,
+    repeat_at_ns: RobotTime,
+    last_refusal: Option<(Refusal, RobotTime)>,
 }
 
 impl Agent {
@@ -37,7 +40,7 @@ impl Agent {
             pull_after: false,
             busy_until_ns: None,
             restore_again_ns: None,
-            repeat_at_ns: 0,
+            repeat_at_ns: RobotTime::default(),
             last_refusal: None,
         }
     }
@@ -51,22 +54,22 @@ impl Agent {
     ///
     /// # Errors
     /// When the event cannot happen in this phase; nothing has changed then.
-    pub fn step(&mut self, event: Event, now_ns: i64) -> Result<Vec<Effect>, TransitionRefused> {
+    pub fn step(&mut self, event: Event, now: RobotTime) -> Result<Vec<Effect>, TransitionRefused> {
         let refused = TransitionRefused::new(&event, &self.memory.phase);
         match (event, self.memory.phase.clone()) {
-            (Event::Restarted { written }, phase) => Ok(self.resume(phase, written, now_ns)),
+            (Event::Restarted { written }, phase) => Ok(self.resume(phase, written, now)),
             (Event::Offered(envelope), Phase::Resting(rest)) => {
-                Ok(self.consider(&envelope, rest, now_ns))
+                Ok(self.consider(&envelope, rest, now))
             }
             (Event::Offered(_), _) => {
                 self.pull_after = true;
                 Ok(Vec::new())
             }
             (Event::Confirmed(confirmed), _) => Ok(self.confirmed(&confirmed)),
-            (Event::ServiceUp, _) => Ok(self.report(now_ns)),
-            (Event::Tick, phase) => Ok(self.tick(phase, now_ns)),
+            (Event::ServiceUp, _) => Ok(self.report(now)),
+            (Event::Tick, phase) => Ok(self.tick(phase, now)),
             (Event::HookAnswered(answer), Phase::Asking { offer, rest }) => {
-                Ok(self.hook_answered(answer, offer, rest, now_ns))
+                Ok(self.hook_answered(answer, offer, rest, now))
             }
             (
                 Event::Written(result),
@@ -83,9 +86,9 @@ impl Agent {
                     rest,
                     before,
                 },
-            ) => Ok(self.activated(activation, offer, rest, before, now_ns)),
+            ) => Ok(self.activated(activation, offer, rest, before, now)),
             (Event::Restored(result), Phase::Restoring { ending, .. }) => {
-                Ok(self.restored(result, ending, now_ns))
+                Ok(self.restored(result, ending, now))
             }
             (
                 Event::RevertTold(result),
@@ -94,7 +97,7 @@ impl Agent {
                     rest,
                     ending,
                 },
-            ) => Ok(self.reverted(result, fallback.held, rest, ending, now_ns)),
+            ) => Ok(self.reverted(result, fallback.held, rest, ending, now)),
             (
                 Event::HookAnswered(_)
                 | Event::Written(_)
@@ -106,7 +109,7 @@ impl Agent {
         }
     }
 
-    fn resume(&mut self, phase: Phase, written: bool, now_ns: i64) -> Vec<Effect> {
+    fn resume(&mut self, phase: Phase, written: bool, now: RobotTime) -> Vec<Effect> {
         let mut effects = match phase {
             // The file is right: only the hook has to be told, once more perhaps.
             Phase::Writing {
@@ -127,9 +130,9 @@ impl Agent {
             | Phase::Activating { rest, .. } => self.rest(rest),
         };
         if let Rest::Unconfirmed(trial) = self.memory.phase.rest_mut() {
-            put_off(trial, now_ns);
+            put_off(trial, now);
         }
-        effects.extend(self.report(now_ns));
+        effects.extend(self.report(now));
         effects
     }
 
@@ -141,7 +144,7 @@ impl Agent {
         Vec::new()
     }
 
-    fn consider(&mut self, envelope: &Envelope, rest: Rest, now_ns: i64) -> Vec<Effect> {
+    fn consider(&mut self, envelope: &Envelope, rest: Rest, now: RobotTime) -> Vec<Effect> {
         match judge(&self.identity, &self.memory, envelope) {
             Verdict::Fit(offer) => {
                 self.busy_until_ns = None;
@@ -149,7 +152,7 @@ impl Agent {
                 self.memory.phase = Phase::Asking { offer, rest };
                 vec![ask]
             }
-            Verdict::Known => self.remind(envelope, now_ns),
+            Verdict::Known => self.remind(envelope, now),
             Verdict::Unfit(refusal) => {
                 let Refusal {
                     generation,
@@ -161,10 +164,10 @@ impl Agent {
                     sha256,
                     AppliedStatus::Refused,
                     Some(reason),
-                    now_ns,
+                    now,
                 )
             }
-            Verdict::Stale(refusal) | Verdict::Forged(refusal) => self.refuse(refusal, now_ns),
+            Verdict::Stale(refusal) | Verdict::Forged(refusal) => self.refuse(refusal, now),
             Verdict::Mistaken(reason) => vec![Effect::Note(format!(
                 "an altered copy of a document that was decided upon is ignored: {reason}"
             ))],
@@ -181,24 +184,24 @@ impl Agent {
         Vec::new()
     }
 
-    fn tick(&mut self, phase: Phase, now_ns: i64) -> Vec<Effect> {
+    fn tick(&mut self, phase: Phase, now: RobotTime) -> Vec<Effect> {
         let mut effects = Vec::new();
         match phase {
-            Phase::Resting(Rest::Unconfirmed(trial)) if now_ns >= trial.until_ns => {
+            Phase::Resting(Rest::Unconfirmed(trial)) if now >= trial.until_ns => {
                 return self.give_up(trial);
             }
-            Phase::Restoring { fallback, .. } if passed(self.restore_again_ns, now_ns) => {
+            Phase::Restoring { fallback, .. } if passed(self.restore_again_ns, now) => {
                 self.restore_again_ns = None;
                 effects.push(Effect::Restore(fallback));
             }
             _ => {}
         }
-        if passed(self.busy_until_ns, now_ns) {
+        if passed(self.busy_until_ns, now) {
             self.busy_until_ns = None;
             effects.push(Effect::Pull);
         }
-        if !self.memory.unstored.is_empty() && now_ns >= self.repeat_at_ns {
-            self.repeat_at_ns = now_ns.saturating_add(self.repeat_pause_ns());
+        if !self.memory.unstored.is_empty() && now >= self.repeat_at_ns {
+            self.repeat_at_ns = now.plus(self.repeat_pause());
             let answers = self.memory.unstored.iter().cloned();
             effects.extend(answers.map(Effect::Acknowledge));
             effects.push(Effect::AskConfirmed);
@@ -209,20 +212,20 @@ impl Agent {
 
 /// Through a restart the deadline stands. But a clock that was set back does not make it longer,
 /// and a robot that was off when it passed first hears what the service says, once.
-fn put_off(trial: &mut Trial, now_ns: i64) {
-    let latest_ns = now_ns.saturating_add(seconds(trial.confirm_within_s));
-    trial.until_ns = trial.until_ns.min(latest_ns);
-    let grace_ns = now_ns.saturating_add(RESTART_GRACE_NS);
-    if trial.until_ns < grace_ns && !trial.put_off {
-        trial.until_ns = grace_ns;
+fn put_off(trial: &mut Trial, now: RobotTime) {
+    let latest = now.plus(seconds(trial.confirm_within_s));
+    trial.until_ns = trial.until_ns.min(latest);
+    let grace = now.plus(RESTART_GRACE);
+    if trial.until_ns < grace && !trial.put_off {
+        trial.until_ns = grace;
         trial.put_off = true;
     }
 }
 
-fn passed(at_ns: Option<i64>, now_ns: i64) -> bool {
-    at_ns.is_some_and(|at_ns| now_ns >= at_ns)
+fn passed(at_ns: Option<RobotTime>, now: RobotTime) -> bool {
+    at_ns.is_some_and(|at_ns| now >= at_ns)
 }
 
-fn seconds(count: u32) -> i64 {
-    i64::from(count).saturating_mul(1_000_000_000)
+fn seconds(count: u32) -> Duration {
+    Duration::from_secs(count.into())
 }

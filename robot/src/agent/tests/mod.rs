@@ -5,6 +5,7 @@ mod service;
 mod transitions;
 mod wire;
 
+use fleetcal_model::RobotTime;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{
     CalibrationDocument, CalibrationFrame, CalibrationSchema, CalibrationValues, Envelope,
@@ -77,5 +78,5 @@ pub(super) fn identity() -> Identity {
 
 /// What an agent remembers that starts for the first time.
 pub(super) fn first_memory() -> Memory {
-    Memory::new(robot(), Held::factory(None, START_NS))
+    Memory::new(robot(), Held::factory(None, RobotTime(START_NS)))
 }

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
+use fleetcal_model::RobotTime;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, Confirmed};
 use proptest::prelude::*;
 
@@ -53,7 +54,7 @@ fn step() -> impl Strategy<Value = Step> {
 /// A robot with a disk: what the file and the memory say survives a kill.
 struct Robot {
     agent: Agent,
-    now_ns: i64,
+    now: RobotTime,
     /// Generation whose values the file holds; 0 for what it said before.
     file: u64,
     remembered: Memory,
@@ -73,7 +74,7 @@ impl Robot {
     fn new() -> Self {
         let mut robot = Self {
             agent: Agent::new(identity(), first_memory()),
-            now_ns: START_NS,
+            now: RobotTime(START_NS),
             file: 0,
             remembered: first_memory(),
             open: VecDeque::new(),
@@ -98,7 +99,7 @@ impl Robot {
             }
             let before = self.agent.memory().held.generation;
             let falls_back = matches!(event, Event::RevertTold(_));
-            let effects = self.agent.step(event, self.now_ns).unwrap();
+            let effects = self.agent.step(event, self.now).unwrap();
             let memory = self.agent.memory();
             assert!(
                 memory.held.generation >= before || falls_back,
@@ -219,7 +220,7 @@ impl Robot {
             }
             Step::ServiceUp => self.take(Event::ServiceUp),
             Step::Pass { seconds } => {
-                self.now_ns += seconds * SECOND_NS;
+                self.now.0 += seconds * SECOND_NS;
                 self.take(Event::Tick);
             }
             Step::Answers {

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use fleetcal_model::RobotTime;
 use fleetcal_proto::calibration::{Applied, Confirmed, Envelope};
 use fleetcal_proto::signing::seal;
 
@@ -26,15 +27,15 @@ fn offered(generation: u64) -> Event {
 /// The agent after these events, a second apart.
 fn after(events: &[Event]) -> (Agent, i64) {
     let mut agent = Agent::new(identity(), first_memory());
-    let mut now_ns = START_NS;
+    let mut now = START_NS;
     agent
-        .step(Event::Restarted { written: false }, now_ns)
+        .step(Event::Restarted { written: false }, RobotTime(now))
         .unwrap();
     for event in events {
-        now_ns += SECOND_NS;
-        agent.step(event.clone(), now_ns).unwrap();
+        now += SECOND_NS;
+        agent.step(event.clone(), RobotTime(now)).unwrap();
     }
-    (agent, now_ns)
+    (agent, now)
 }
 
 /// An agent of each kind, with the name of what it went through. All hold or handle generation 3
@@ -206,7 +207,7 @@ fn in_words(effect: &Effect) -> String {
 fn table() -> String {
     let mut table = String::new();
     for (went_through, history) in agents() {
-        let (agent, now_ns) = after(&history);
+        let (agent, now) = after(&history);
         writeln!(table, "{went_through}").unwrap();
         for (name, event) in events() {
             let later_s = match name {
@@ -216,7 +217,7 @@ fn table() -> String {
             };
             let mut agent = agent.clone();
             let before = agent.memory().clone();
-            let result = agent.step(event, now_ns + later_s * SECOND_NS);
+            let result = agent.step(event, RobotTime(now + later_s * SECOND_NS));
             let memory = agent.memory();
             let outcome = match result {
                 Ok(effects) => effects.iter().map(in_words).collect::<Vec<_>>().join(", "),

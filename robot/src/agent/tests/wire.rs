@@ -4,7 +4,7 @@ use std::fs;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use fleetcal_model::Pose2;
+use fleetcal_model::{Pose2, RobotTime};
 use fleetcal_proto::Keys;
 use fleetcal_proto::calibration::{AppliedStatus, Envelope};
 use fleetcal_proto::signing::seal;
@@ -50,7 +50,7 @@ impl Robot {
             limits: identity().limits,
             hook: None,
             holds_alive_token: false,
-            start_ns: START_NS,
+            start_ns: RobotTime(START_NS),
         };
         Self {
             folder,
@@ -150,12 +150,12 @@ async fn a_robot_that_was_off_takes_the_newest_when_it_starts() {
     service.approve(&sealed(&document(4))).await;
     let mut robot = Robot::new(&service.endpoint).with_hook();
     fs::write(&robot.options.apply, BY_HAND).unwrap();
-    robot.options.start_ns = START_NS + 3600 * SECOND_NS;
+    robot.options.start_ns = RobotTime(START_NS + 3600 * SECOND_NS);
     robot.start();
     let applied = service.wait_for(4, AppliedStatus::Applied).await;
     assert_eq!(applied.sha256, sealed(&document(4)).sha256);
     assert_eq!(applied.values, Some(values(4)));
-    assert!((3600..3640).contains(&((applied.applied_at_ns - START_NS) / SECOND_NS)));
+    assert!((3600..3640).contains(&(applied.applied_at_ns.whole_s() - START_NS / SECOND_NS)));
     assert_eq!(robot.file(), text_of(4));
     let by_hand = service.answer_on(0, AppliedStatus::Applied).unwrap();
     assert!((by_hand.values.unwrap().steering_offset_rad - 0.01).abs() < 1e-12);
@@ -484,17 +484,17 @@ async fn a_deadline_survives_a_restart_without_any_service() {
     let held = Held {
         generation: 1,
         sha256: offer(1).sha256,
-        applied_at_ns: START_NS,
+        applied_at_ns: RobotTime(START_NS),
         values: Some(values(1)),
         rear_axle_in_base_link: None,
     };
     let trial = Trial {
-        until_ns: START_NS + SECOND_NS,
+        until_ns: RobotTime(START_NS + SECOND_NS),
         confirm_within_s: 600,
         put_off: true,
         document: offer(1).document,
         fallback: Fallback {
-            held: Held::factory(None, START_NS),
+            held: Held::factory(None, RobotTime(START_NS)),
             file: None,
         },
     };
@@ -524,7 +524,7 @@ async fn a_deadline_survives_a_restart_without_any_service() {
     };
     let restoring = Phase::Restoring {
         fallback: Fallback {
-            held: Held::factory(None, START_NS),
+            held: Held::factory(None, RobotTime(START_NS)),
             file: Some(BY_HAND.to_owned()),
         },
         rest: Rest::Settled,

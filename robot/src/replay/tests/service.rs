@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::time::Duration;
 
+use fleetcal_model::RobotTime;
 use fleetcal_proto::progress::Progress;
 use fleetcal_proto::ros::{AckermannDriveStamped, LaserScan, Odometry, RosMessage};
 use fleetcal_proto::{Encoding, Key, Keys, StreamKind};
@@ -129,7 +130,7 @@ impl Service {
             drive_samples: 5000,
             scans: 400,
             dropped: 3,
-            stamp_ns: 1,
+            stamp_ns: RobotTime(1),
         };
         let inbox = Inbox {
             progress,

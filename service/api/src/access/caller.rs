@@ -79,14 +79,14 @@ pub(super) async fn authenticate(
 
 /// Who showed a credential.
 async fn known(api: &ApiState, credential: Credential, route: Asked) -> Result<Caller, Problem> {
-    let now_ns = api.clock.now_ns();
+    let now = api.clock.now();
     match credential {
         Credential::Session(hash) => {
             let found = api.store.session_of(hash).await?;
             let session = found
-                .filter(|session| session.span.is_valid(now_ns))
+                .filter(|session| session.span.is_valid(now))
                 .ok_or_else(|| unauthorised("session_ended", "the session has ended; sign in"))?;
-            if session.span.is_to_be_noted(now_ns) {
+            if session.span.is_to_be_noted(now) {
                 api.store.note_use(credential);
             }
             Ok(Caller {
@@ -101,16 +101,14 @@ async fn known(api: &ApiState, credential: Credential, route: Asked) -> Result<C
             let refused = |code, what: &str| unauthorised(code, &format!("the token {what}"));
             let found = api.store.token_of(hash).await?;
             let token = found.ok_or_else(|| refused("token_unknown", "is unknown"))?;
-            match token.state(now_ns) {
+            match token.state(now) {
                 TokenState::Valid => {}
                 TokenState::Expired => return Err(refused("token_expired", "has expired")),
                 TokenState::Revoked => return Err(refused("token_revoked", "was revoked")),
             }
-            let every_ns =
-                i64::try_from(limits::SESSION_USE_NOTED_EVERY.as_nanos()).unwrap_or(i64::MAX);
             if token
                 .used_ns
-                .is_none_or(|used_ns| now_ns - used_ns >= every_ns)
+                .is_none_or(|used| now >= used.plus(limits::SESSION_USE_NOTED_EVERY))
             {
                 api.store.note_use(credential);
             }
@@ -200,18 +198,18 @@ pub(crate) async fn permission_ended(api: ApiState, caller: Caller) {
 }
 
 async fn still_permitted(api: &ApiState, caller: &Caller) -> Result<bool, StoreError> {
-    let now_ns = api.clock.now_ns();
+    let now = api.clock.now();
     Ok(match caller.credential {
         Credential::Session(hash) => {
             let session = api.store.session_of(hash).await?;
             session.is_some_and(|session| {
-                session.span.is_valid(now_ns) && caller.route.permits(&session.user.grant)
+                session.span.is_valid(now) && caller.route.permits(&session.user.grant)
             })
         }
         Credential::Token(hash) => {
             let token = api.store.token_of(hash).await?;
             token.is_some_and(|token| {
-                token.state(now_ns) == TokenState::Valid && caller.route.permits(&token.grant)
+                token.state(now) == TokenState::Valid && caller.route.permits(&token.grant)
             })
         }
     })

@@ -1,6 +1,7 @@
 //! What the API says about users, sessions and tokens.
 
 use fleetcal_domain::access::{Authentication, Role, TokenState};
+use fleetcal_model::WallTime;
 use fleetcal_proto::RobotId;
 use fleetcal_store::{TokenRecord, UserRecord};
 use jiff::Timestamp;
@@ -45,7 +46,7 @@ impl SessionDocument {
                 Authentication::Token => CredentialKind::Token,
                 _ => CredentialKind::Session,
             },
-            ends: caller.session.map(|span| time::of_ns(span.ends_ns())),
+            ends: caller.session.map(|span| time::of(span.ends())),
             name: caller.actor.name,
         }
     }
@@ -80,9 +81,9 @@ impl UserDocument {
             role: record.grant.role(),
             disabled: record.disabled,
             version: record.version,
-            created: time::of_ns(record.created_ns),
-            updated: time::of_ns(record.updated_ns),
-            signed_in: record.signed_in_ns.map(time::of_ns),
+            created: time::of(record.created_ns),
+            updated: time::of(record.updated_ns),
+            signed_in: record.signed_in_ns.map(time::of),
         }
     }
 }
@@ -135,23 +136,23 @@ enum TokenStateSchema {
 }
 
 impl TokenDocument {
-    /// The document of a token at `now_ns`.
-    pub(super) fn of(record: &TokenRecord, now_ns: i64) -> Self {
+    /// The document of a token at `now`.
+    pub(super) fn of(record: &TokenRecord, now: WallTime) -> Self {
         Self {
             id: record.id,
             name: record.name.to_string(),
             role: record.grant.role(),
             robot: record.grant.robot().cloned(),
-            state: match record.state(now_ns) {
+            state: match record.state(now) {
                 TokenState::Valid => TokenStateSchema::Valid,
                 TokenState::Expired => TokenStateSchema::Expired,
                 TokenState::Revoked => TokenStateSchema::Revoked,
             },
             created_by: record.created_by.clone(),
-            created: time::of_ns(record.span.created_ns),
-            expires: record.span.expires_ns.map(time::of_ns),
-            revoked: record.span.revoked_ns.map(time::of_ns),
-            last_used: record.used_ns.map(time::of_ns),
+            created: time::of(record.span.created_ns),
+            expires: record.span.expires_ns.map(time::of),
+            revoked: record.span.revoked_ns.map(time::of),
+            last_used: record.used_ns.map(time::of),
             value: None,
         }
     }

@@ -81,16 +81,16 @@ pub(super) fn new_session() -> Result<SessionValue, Problem> {
 
 /// The answer that gives a browser its session.
 pub(super) fn begun(api: &ApiState, user: &UserRecord, session: &SessionValue) -> Response {
-    let now_ns = api.clock.now_ns();
+    let now = api.clock.now();
     let span = SessionSpan {
-        created_ns: now_ns,
-        used_ns: now_ns,
+        created_ns: now,
+        used_ns: now,
     };
     let document = SessionDocument {
         name: user.name.to_string(),
         role: user.grant.role(),
         credential: CredentialKind::Session,
-        ends: Some(time::of_ns(span.ends_ns())),
+        ends: Some(time::of(span.ends())),
     };
     let headers = [
         (header::SET_COOKIE, api.access.cookies.set(session)),

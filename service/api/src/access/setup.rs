@@ -58,10 +58,10 @@ pub(super) async fn set_up(
     if access.has_users(&api.store).await? {
         return Err(fleetcal_store::StoreError::from(AccountRefused::AlreadySetUp).into());
     }
-    let now_ns = api.clock.now_ns();
+    let now = api.clock.now();
     let code = access
         .setup_code
-        .filter(|code| code.accepts(&body.code, now_ns));
+        .filter(|code| code.accepts(&body.code, now));
     if code.is_none() {
         let detail = "the setup code is wrong or older than a day; a service without users prints \
                       a new one at each start";

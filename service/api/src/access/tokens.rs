@@ -6,6 +6,7 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use fleetcal_domain::access::{Grant, Role, TokenValue};
 use fleetcal_domain::limits;
+use fleetcal_model::WallTime;
 use fleetcal_operations::accounts::{TokenChange, change_token};
 use fleetcal_operations::entropy;
 use fleetcal_proto::RobotId;
@@ -20,6 +21,7 @@ use crate::ApiState;
 use crate::extract::{Body, NoParameters, Parameters, idempotency_key};
 use crate::page::{cut, with_next};
 use crate::problem::Problem;
+use crate::time;
 
 /// Lists the tokens, oldest first, revoked ones too.
 #[utoipa::path(
@@ -38,8 +40,8 @@ pub(super) async fn list_tokens(
     let (after, limit) = page.checked()?;
     let mut records = api.store.tokens(after, with_next(limit)).await?;
     let next = cut(&mut records, limit, |last| last.id.to_string());
-    let now_ns = api.clock.now_ns();
-    let document = |token| TokenDocument::of(token, now_ns);
+    let now = api.clock.now();
+    let document = |token| TokenDocument::of(token, now);
     let items = records.iter().map(document).collect();
     Ok(Json(TokenPage { items, next }))
 }
@@ -87,21 +89,18 @@ pub(super) async fn create_token(
     }: Body<NewTokenDocument>,
 ) -> Result<Response, Problem> {
     let key = idempotency_key(&headers, sha256)?;
-    let now_ns = api.clock.now_ns();
+    let now = api.clock.now();
     let random = entropy::secret().map_err(|error| failed(&error))?;
     let value = TokenValue::new(&random);
     let change = TokenChange::Create {
         name: checked_name(&body.name)?,
         grant: Grant::of_token(body.role, body.robot).map_err(|error| grant_refused(&error))?,
         hash: value.hash(),
-        expires_ns: body
-            .expires
-            .map(|expires| end_ns(expires, now_ns))
-            .transpose()?,
+        expires_ns: body.expires.map(|expires| end(expires, now)).transpose()?,
         key,
     };
     let written = change_token(&api.store, caller.actor, change).await?;
-    let mut document = TokenDocument::of(&written.record, now_ns);
+    let mut document = TokenDocument::of(&written.record, now);
     if !written.repeated {
         document.value = Some(value.reveal().to_owned());
     }
@@ -110,11 +109,9 @@ pub(super) async fn create_token(
 }
 
 /// The end of a token that is made now.
-fn end_ns(expires: Timestamp, now_ns: i64) -> Result<i64, Problem> {
-    let max_ns = i64::try_from(limits::TOKEN_EXPIRES_MAX.as_nanos()).unwrap_or(i64::MAX);
-    i64::try_from(expires.as_nanosecond())
-        .ok()
-        .filter(|end_ns| *end_ns > now_ns && *end_ns <= now_ns.saturating_add(max_ns))
+fn end(expires: Timestamp, now: WallTime) -> Result<WallTime, Problem> {
+    time::wall(expires)
+        .filter(|end| *end > now && *end <= now.plus(limits::TOKEN_EXPIRES_MAX))
         .ok_or_else(|| {
             let accepted = "a time to come, within ten years";
             Problem::refused("expires", &expires.to_string(), accepted)

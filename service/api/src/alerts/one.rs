@@ -47,7 +47,7 @@ struct MomentDocument {
 impl MomentDocument {
     fn of(moment: AlertMoment) -> Self {
         Self {
-            time: time::of_ns(moment.at_ns),
+            time: time::of(moment.at_ns),
             version: moment.version,
             state: moment.state,
             what: moment.what,

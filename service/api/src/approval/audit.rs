@@ -5,6 +5,7 @@ use axum::extract::State;
 use axum::response::{IntoResponse, Response};
 use fleetcal_domain::limits;
 use fleetcal_http::csv::{CSV, file, line};
+use fleetcal_model::WallTime;
 use fleetcal_proto::RobotId;
 use fleetcal_store::{AuditFilter, AuditRow};
 use jiff::Timestamp;
@@ -80,7 +81,7 @@ impl AuditDocument {
     fn of(row: AuditRow) -> Self {
         Self {
             id: row.id,
-            time: time::of_ns(row.at_ns),
+            time: time::of(row.at_ns),
             actor: row.actor,
             authentication: row.authentication,
             role: row.role,
@@ -157,16 +158,16 @@ pub(super) async fn list_audit(
 }
 
 fn filter_of(query: &AuditParameters, limit: u32) -> Result<AuditFilter, Problem> {
-    let ns = |field, given: Option<&str>| -> Result<Option<i64>, Problem> {
+    let wall = |field, given: Option<&str>| -> Result<Option<WallTime>, Problem> {
         let time = time_of(field, given)?;
-        Ok(time.map(|time| i64::try_from(time.as_nanosecond()).unwrap_or(i64::MAX)))
+        Ok(time.map(|time| time::wall(time).unwrap_or(WallTime::MAX)))
     };
     Ok(AuditFilter {
         robot: query.robot.as_deref().map(robot_named).transpose()?,
         actor: query.actor.clone(),
         action: query.action.clone(),
-        from_ns: ns("from", query.from.as_deref())?,
-        to_ns: ns("to", query.to.as_deref())?,
+        from_ns: wall("from", query.from.as_deref())?,
+        to_ns: wall("to", query.to.as_deref())?,
         before: query.cursor.as_deref().map(number_of).transpose()?,
         limit,
     })

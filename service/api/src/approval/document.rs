@@ -70,10 +70,10 @@ impl RevisionDocument {
             rear_axle_in_base_link: revision.rear_axle_in_base_link,
             estimator: revision.estimator,
             sha256: revision.sha256,
-            created: time::of_ns(revision.created_ns),
+            created: time::of(revision.created_ns),
             evidence: evidence.map(|evidence| EvidenceDocument {
-                from: time::of_ns(evidence.from_ns),
-                to: time::of_ns(evidence.to_ns),
+                from: time::of_robot(evidence.from_ns),
+                to: time::of_robot(evidence.to_ns),
                 distance_m: evidence.distance_m,
                 drive_samples: evidence.drive_samples,
                 scans: evidence.scans,
@@ -98,7 +98,7 @@ impl DecisionDocument {
     fn of_approval(approval: Approval) -> Self {
         Self {
             by: approval.by,
-            at: time::of_ns(approval.at_ns),
+            at: time::of(approval.at_ns),
             reason: approval.reason,
         }
     }
@@ -106,7 +106,7 @@ impl DecisionDocument {
     fn of_closing(closing: Closing) -> Self {
         Self {
             by: closing.by,
-            at: time::of_ns(closing.at_ns),
+            at: time::of(closing.at_ns),
             reason: closing.reason,
         }
     }
@@ -204,8 +204,8 @@ impl ProposalDocument {
             state: proposal.state,
             proposed_by: proposal.proposed_by,
             reason: proposal.reason,
-            created: time::of_ns(proposal.created_ns),
-            expires: time::of_ns(proposal.expires_ns),
+            created: time::of(proposal.created_ns),
+            expires: time::of(proposal.expires_ns),
             revision: RevisionDocument::of(revision),
             base: proposal.base,
             base_generation: proposal.base_generation,
@@ -214,7 +214,7 @@ impl ProposalDocument {
             closing: proposal.closing.map(DecisionDocument::of_closing),
             deployment: beside.deployment,
             refreshed: proposal.refreshed.map(|refreshed| RefreshedDocument {
-                at: time::of_ns(refreshed.at_ns),
+                at: time::of(refreshed.at_ns),
                 times: refreshed.times,
                 reason: refreshed.reason,
                 voided: refreshed.voided,
@@ -248,7 +248,7 @@ impl InUseDocument {
             generation: in_use.generation,
             revision: in_use.revision,
             values: in_use.values,
-            since: time::of_ns(in_use.since_ns),
+            since: time::of_robot(in_use.since_ns),
         }
     }
 }
@@ -272,7 +272,7 @@ struct VerificationDocument {
 impl VerificationDocument {
     fn of(verification: Verification) -> Self {
         Self {
-            at: time::of_ns(verification.at_ns),
+            at: time::of(verification.at_ns),
             distance_m: verification.distance_m,
             residual: verification.residual,
             sigma: verification.sigma,
@@ -344,7 +344,7 @@ impl RollBackDocument {
         Self {
             by: roll_back.by,
             automatic: roll_back.automatic,
-            at: time::of_ns(roll_back.at_ns),
+            at: time::of(roll_back.at_ns),
             reason: roll_back.reason,
             values: roll_back.values,
         }
@@ -363,11 +363,11 @@ impl DeploymentDocument {
             offer: deployment.offer,
             earlier: deployment.earlier,
             base: deployment.base.as_ref().map(InUseDocument::of),
-            created: time::of_ns(deployment.created_ns),
-            expires: time::of_ns(deployment.expires_ns),
-            offered: deployment.offered_ns.map(time::of_ns),
-            applied: deployment.applied_ns.map(time::of_ns),
-            closed: deployment.closed_ns.map(time::of_ns),
+            created: time::of(deployment.created_ns),
+            expires: time::of(deployment.expires_ns),
+            offered: deployment.offered_ns.map(time::of),
+            applied: deployment.applied_ns.map(time::of),
+            closed: deployment.closed_ns.map(time::of),
             verification: deployment.verification.map(VerificationDocument::of),
             reason: deployment.reason,
             roll_back: deployment.roll_back.map(RollBackDocument::of),
@@ -399,8 +399,8 @@ impl ReportedDocument {
             sha256: reported.sha256,
             status: reported.status,
             reason: reported.reason,
-            at: time::of_ns(reported.at_ns),
-            received: time::of_ns(reported.received_ns),
+            at: time::of_robot(reported.at_ns),
+            received: time::of(reported.received_ns),
         }
     }
 }

@@ -89,7 +89,7 @@ fn answer(freeze: DeploymentFreeze) -> Response {
         version: freeze.version,
         frozen: freeze.frozen,
         by: freeze.by,
-        at: freeze.at_ns.map(time::of_ns),
+        at: freeze.at_ns.map(time::of),
         reason: freeze.reason,
     };
     versioned_json(StatusCode::OK, freeze.version, document)

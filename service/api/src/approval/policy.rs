@@ -108,7 +108,7 @@ fn answer(api: &ApiState, stored: StoredPolicy) -> Response {
     let document = PolicyDocument {
         policy: stored.policy.unwrap_or_else(|| *api.lifecycle.policy()),
         set_by: stored.by.filter(|_| is_set),
-        set_at: stored.at_ns.filter(|_| is_set).map(time::of_ns),
+        set_at: stored.at_ns.filter(|_| is_set).map(time::of),
         set_reason: stored.reason.filter(|_| is_set),
     };
     versioned_json(StatusCode::OK, stored.version, document)

@@ -2,6 +2,7 @@
 
 use axum::Json;
 use axum::extract::State;
+use fleetcal_model::WallTime;
 use fleetcal_proto::RobotId;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
@@ -45,32 +46,32 @@ struct MaintenanceDocument {
 }
 
 /// The maintenance that a robot is in.
-fn maintenance(ledger: &RobotLedger, now_ns: i64) -> Option<&Maintenance> {
+fn maintenance(ledger: &RobotLedger, now: WallTime) -> Option<&Maintenance> {
     let maintenance = ledger.shadow.maintenance.as_ref();
-    maintenance.filter(|one| one.holds_at(now_ns))
+    maintenance.filter(|one| one.holds_at(now))
 }
 
 /// How a robot is heard.
 pub(crate) fn connection_state(
     view: &RobotView,
     ledger: &RobotLedger,
-    now_ns: i64,
+    now: WallTime,
 ) -> ConnectionState {
-    ConnectionState::of(view.connection.stale, maintenance(ledger, now_ns).is_some())
+    ConnectionState::of(view.connection.stale, maintenance(ledger, now).is_some())
 }
 
 impl ConnectionDocument {
     /// How a robot is heard at this moment.
-    pub(super) fn of(view: &RobotView, ledger: &RobotLedger, now_ns: i64) -> Self {
-        let heard_ns = view.connection.last_heard_ns();
-        let silent_ns = heard_ns.filter(|_| view.connection.stale);
+    pub(super) fn of(view: &RobotView, ledger: &RobotLedger, now: WallTime) -> Self {
+        let heard = view.connection.last_heard();
+        let silent_since = heard.filter(|_| view.connection.stale);
         Self {
-            state: connection_state(view, ledger, now_ns),
-            silent_since: silent_ns.map(time::of_ns),
-            maintenance: maintenance(ledger, now_ns).map(|one| MaintenanceDocument {
-                until: time::of_ns(one.until_ns),
+            state: connection_state(view, ledger, now),
+            silent_since: silent_since.map(time::of),
+            maintenance: maintenance(ledger, now).map(|one| MaintenanceDocument {
+                until: time::of(one.until_ns),
                 by: one.by.clone(),
-                at: time::of_ns(one.at_ns),
+                at: time::of(one.at_ns),
                 reason: one.reason.clone(),
             }),
         }
@@ -115,10 +116,9 @@ pub(super) async fn put_maintenance(
     let unknown = || Problem::robot_unknown(id.as_str());
     api.fleet.robot(&id).ok_or_else(unknown)?;
     check_length("reason", &value.reason, limits::NOTE_CHARS_MAX)?;
-    let until_ns = value.until.map(|until| {
-        let ns = until.as_nanosecond();
-        i64::try_from(ns).unwrap_or(i64::MAX)
-    });
+    let until_ns = value
+        .until
+        .map(|until| time::wall(until).unwrap_or(WallTime::MAX));
     let command = Command::Maintain {
         until_ns,
         reason: value.reason,
@@ -131,6 +131,6 @@ pub(super) async fn put_maintenance(
     Ok(Json(ConnectionDocument::of(
         &view,
         &ledger,
-        api.clock.now_ns(),
+        api.clock.now(),
     )))
 }

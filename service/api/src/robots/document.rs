@@ -9,7 +9,7 @@ use fleetcal_domain::robot::{
 };
 use fleetcal_domain::standing::Standing;
 use fleetcal_fleet::document::vehicle_document;
-use fleetcal_model::Stream;
+use fleetcal_model::{Stream, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::{EstimateDocument, VehicleDocument};
 use fleetcal_store::RobotRecord;
@@ -58,11 +58,11 @@ impl RobotSummary {
         view: RobotView,
         ledger: &RobotLedger,
         standing: Standing,
-        now_ns: i64,
+        now: WallTime,
     ) -> Self {
         Self {
             standing,
-            connection: ConnectionDocument::of(&view, ledger, now_ns),
+            connection: ConnectionDocument::of(&view, ledger, now),
             vehicle: view
                 .config
                 .as_ref()
@@ -79,7 +79,7 @@ impl RobotSummary {
             state: view.state,
             stale: view.connection.stale,
             alive: view.connection.alive,
-            last_seen: view.connection.last_heard_ns().map(time::of_ns),
+            last_seen: view.connection.last_heard().map(time::of),
             estimate: view.estimate.map(Arc::unwrap_or_clone),
         }
     }
@@ -118,7 +118,7 @@ impl RobotDocument {
         record: Option<&RobotRecord>,
         ledger: &RobotLedger,
         standing: Standing,
-        now_ns: i64,
+        now: WallTime,
     ) -> Self {
         let configured = record
             .filter(|record| record.version > 0)
@@ -126,13 +126,13 @@ impl RobotDocument {
         Self {
             config: view.config.clone(),
             version: record.map_or(0, |record| record.version),
-            configured: configured.map(time::of_ns),
+            configured: configured.map(time::of),
             counters: view.counters.clone(),
             estimator_restarts: view.estimator_restarts,
             pairing: view.pairing,
             warnings: view.warnings.clone(),
             topics: view.topics.to_vec(),
-            summary: RobotSummary::of(view, ledger, standing, now_ns),
+            summary: RobotSummary::of(view, ledger, standing, now),
         }
     }
 }
@@ -158,7 +158,7 @@ impl StreamDocument {
             stream: view.stream,
             messages: view.messages,
             rate_hz: view.rate_hz,
-            last_received: view.last_received_ns.map(time::of_ns),
+            last_received: view.last_received_ns.map(time::of),
         }
     }
 }

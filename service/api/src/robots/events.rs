@@ -6,7 +6,7 @@ use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use fleetcal_domain::limits;
 use fleetcal_domain::robot::RobotView;
-use fleetcal_model::NoteKind;
+use fleetcal_model::{NoteKind, RobotTime, WallTime};
 use fleetcal_operations::robots;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::event::RobotEvent;
@@ -56,8 +56,8 @@ impl EventDocument {
             id: None,
             robot: event.robot,
             kind: event.kind,
-            time: time::of_ns(event.stamp_ns),
-            received: time::of_ns(event.received_ns),
+            time: time::of_robot(event.stamp_ns),
+            received: time::of(event.received_ns),
             source: event.source,
             author: event.author,
             note: event.note,
@@ -168,7 +168,7 @@ pub(super) async fn post_event(
     let view = known(&api, &id)?;
     let key = idempotency_key(&headers, sha256)?;
     check_length("note", &body.note, limits::NOTE_CHARS_MAX)?;
-    let stamp_ns = stamp_of(&body, &view, api.clock.now_ns())?;
+    let stamp_ns = stamp_of(&body, &view, api.clock.now())?;
     let note = RobotEvent {
         kind: body.kind,
         stamp_ns,
@@ -178,7 +178,7 @@ pub(super) async fn post_event(
         robot: id.clone(),
         kind: kind_of_note(note.kind),
         stamp_ns,
-        received_ns: api.clock.now_ns(),
+        received_ns: api.clock.now(),
         source: EventSource::Person,
         author: Some(caller.actor.name.clone()),
         note: Some(note.note.clone()).filter(|note| !note.is_empty()),
@@ -201,15 +201,20 @@ fn known(api: &ApiState, id: &RobotId) -> Result<RobotView, Problem> {
 }
 
 /// When a note's event happened.
-fn stamp_of(body: &NewEventDocument, view: &RobotView, now_ns: i64) -> Result<i64, Problem> {
+fn stamp_of(
+    body: &NewEventDocument,
+    view: &RobotView,
+    now: WallTime,
+) -> Result<RobotTime, Problem> {
     let Some(time) = body.time else {
         return Ok(view
             .estimate
             .as_ref()
-            .map_or(now_ns, |estimate| estimate.stamp_ns));
+            .map_or(RobotTime(now.0), |estimate| estimate.stamp_ns));
     };
     i64::try_from(time.as_nanosecond())
         .ok()
         .filter(|stamp_ns| *stamp_ns > 0)
+        .map(RobotTime)
         .ok_or_else(|| Problem::refused("time", &time.to_string(), "a time between 1970 and 2262"))
 }

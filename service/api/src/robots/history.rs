@@ -121,11 +121,11 @@ pub(super) async fn get_history(
         .ok_or_else(|| Problem::robot_unknown(id.as_str()))?;
     let to_s = match (to, view.estimate) {
         (Some(to), _) => to.as_second() + i64::from(to.subsec_nanosecond() > 0),
-        (None, Some(estimate)) => estimate.stamp_ns.div_euclid(1_000_000_000) + 1,
+        (None, Some(estimate)) => estimate.stamp_ns.whole_s() + 1,
         // Of a robot without data there is nothing, whatever the span.
         (None, None) => match api.store.last_second(&id).await? {
             Some(last_s) => last_s + 1,
-            None => api.clock.now_ns().div_euclid(1_000_000_000) + 1,
+            None => api.clock.now().whole_s() + 1,
         },
     };
     let from_s = match from {

@@ -8,6 +8,7 @@ use axum::extract::State;
 use fleetcal_domain::approval::RobotLedger;
 use fleetcal_domain::robot::{ConnectionState, RobotState, RobotView};
 use fleetcal_domain::standing::Standing;
+use fleetcal_model::WallTime;
 use serde::{Deserialize, Serialize};
 
 use super::connection::connection_state;
@@ -105,8 +106,8 @@ pub(super) async fn list_robots(
     let limit = page_limit(query.limit.as_deref())?;
     let after = query.cursor.as_deref().map(position_of).transpose()?;
 
-    let now_ns = api.clock.now_ns();
-    let robots = listed(&api, now_ns);
+    let now = api.clock.now();
+    let robots = listed(&api, now);
     let counts = count_names(&STATES, &robots, RobotState::name, |one| one.view.state);
     let standings = count_names(Standing::ALL, &robots, Standing::as_str, |one| one.standing);
     let all = ConnectionState::ALL;
@@ -129,7 +130,7 @@ pub(super) async fn list_robots(
         .into_iter()
         .map(|(_, robot)| {
             let (view, standing) = (robot.view, robot.standing);
-            RobotSummary::of(view, &robot.ledger, standing, now_ns)
+            RobotSummary::of(view, &robot.ledger, standing, now)
         })
         .collect();
     Ok(Json(RobotPage {
@@ -149,14 +150,14 @@ struct Listed {
     heard: ConnectionState,
 }
 
-fn listed(api: &ApiState, now_ns: i64) -> Vec<Listed> {
+fn listed(api: &ApiState, now: WallTime) -> Vec<Listed> {
     let standings = api.evaluator.standings();
     let robots = api.fleet.robots().into_iter();
     let listed = robots.map(|view| {
         let ledger = api.lifecycle.ledger(&view.id);
         Listed {
             standing: standings.of(&view, &ledger),
-            heard: connection_state(&view, &ledger, now_ns),
+            heard: connection_state(&view, &ledger, now),
             view,
             ledger,
         }

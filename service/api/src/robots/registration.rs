@@ -152,8 +152,8 @@ async fn answer(api: &ApiState, id: &RobotId, status: StatusCode) -> Result<Resp
         .ok_or_else(|| Problem::robot_unknown(id.as_str()))?;
     let ledger = api.lifecycle.ledger(id);
     let standing = api.evaluator.standings().of(&view, &ledger);
-    let now_ns = api.clock.now_ns();
-    let document = RobotDocument::of(view, record.as_ref(), &ledger, standing, now_ns);
+    let now = api.clock.now();
+    let document = RobotDocument::of(view, record.as_ref(), &ledger, standing, now);
     Ok(versioned_json(
         status,
         record.map_or(0, |record| record.version),

@@ -6,7 +6,7 @@ use fleetcal_clock::Clock;
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::alert::{AlertKind, Observation, Sighting};
 use fleetcal_domain::approval::{Command, Evidence, Origin};
-use fleetcal_model::Stream;
+use fleetcal_model::{Stream, WallTime};
 use fleetcal_operations::alert_evaluator::Observe;
 use fleetcal_proto::calibration::CalibrationValues;
 use insta::assert_snapshot;
@@ -29,7 +29,7 @@ impl Bench {
             sightings: vec![(robot(name).into(), sighting)],
             policy: Arc::new(AlertPolicy::default()),
             standing: BTreeMap::new(),
-            now_ns: NOW_NS,
+            now: WallTime(NOW_NS),
         };
         self.store.transact(write).await.unwrap();
     }
@@ -331,8 +331,8 @@ async fn a_robot_in_maintenance_is_neither_silent_nor_alerted() {
     let bench = bench_after_restart(&["a"]).await;
     let uri = "/api/v1/robots/a/maintenance";
     let hours = |hours: i64| {
-        let until_ns = bench.clock.now_ns() + hours * 3_600_000_000_000;
-        let until = jiff::Timestamp::from_nanosecond(i128::from(until_ns)).unwrap();
+        let until = WallTime(bench.clock.now().0 + hours * 3_600_000_000_000);
+        let until = crate::time::of(until);
         format!(r#"{{"until": "{until}", "reason": "parked for the night"}}"#)
     };
     let long = bench.send_body("PUT", uri, &[], hours(2_161)).await;

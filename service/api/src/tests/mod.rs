@@ -30,6 +30,7 @@ use fleetcal_domain::robot::RobotConfig;
 use fleetcal_estimator::EstimatorSettings;
 use fleetcal_fleet::{FleetHandle, FleetSetup};
 use fleetcal_http::TrustedProxies;
+use fleetcal_model::WallTime;
 use fleetcal_operations::accounts::{TokenChange, change_token};
 use fleetcal_operations::alert_evaluator::{AlertEvaluator, AlertEvaluatorSetup};
 use fleetcal_operations::lifecycle::{Lifecycle, LifecycleSetup};
@@ -88,12 +89,12 @@ async fn bench(robots: &[&str]) -> Bench {
 
 /// A service that was started again; it heard these robots before.
 async fn bench_after_restart(robots: &[&str]) -> Bench {
-    let heard_ns = NOW_NS - 60 * 1_000_000_000;
-    let heard = robots.iter().map(|name| (robot(name), heard_ns));
+    let at = WallTime(NOW_NS - 60 * 1_000_000_000);
+    let heard = robots.iter().map(|name| (robot(name), at));
     bench_of(robots, heard.collect()).await
 }
 
-async fn bench_of(robots: &[&str], last_heard_ns: BTreeMap<RobotId, i64>) -> Bench {
+async fn bench_of(robots: &[&str], last_heard: BTreeMap<RobotId, WallTime>) -> Bench {
     let folder = tempfile::tempdir().unwrap();
     let clock = MockClock::at(NOW_NS);
     let store = fleetcal_sqlite::open(folder.path(), clock.clone())
@@ -111,7 +112,7 @@ async fn bench_of(robots: &[&str], last_heard_ns: BTreeMap<RobotId, i64>) -> Ben
         robots: robots.iter().map(|name| (robot(name), config())).collect(),
         cross_tracks: BTreeMap::new(),
         checkpoints: BTreeMap::new(),
-        last_heard_ns,
+        last_heard,
     });
     let lifecycle = Lifecycle::start(LifecycleSetup {
         store: store.clone(),
@@ -125,7 +126,7 @@ async fn bench_of(robots: &[&str], last_heard_ns: BTreeMap<RobotId, i64>) -> Ben
     let (evaluator, dispatcher) = watchers(&store, &fleet, &lifecycle, &clock).await;
     let (link_open, is_open) = watch::channel(true);
     let stop = CancellationToken::new();
-    let (setup_code, setup_text) = SetupCode::new(&[0xab; 32], NOW_NS);
+    let (setup_code, setup_text) = SetupCode::new(&[0xab; 32], WallTime(NOW_NS));
     let setup = ApiSetup {
         build: BuildInfo {
             version: "1.2.3",
@@ -190,7 +191,7 @@ fn grant(role: Role) -> Grant {
 }
 
 /// Makes a token as the command line does.
-async fn token(store: &Store, name: &str, grant: Grant, expires_ns: Option<i64>) -> String {
+async fn token(store: &Store, name: &str, grant: Grant, expires_ns: Option<WallTime>) -> String {
     let mut random = [0; 32];
     random[..name.len()].copy_from_slice(name.as_bytes());
     let value = TokenValue::new(&random);

@@ -4,6 +4,7 @@
 use std::collections::BTreeSet;
 
 use fleetcal_domain::access::Access;
+use fleetcal_model::WallTime;
 
 use super::*;
 use crate::access::TABLE;
@@ -89,7 +90,13 @@ async fn attempts(bench: &Bench) -> Vec<Attempt> {
         Attempt::bearer("an unknown token", unknown.reveal(), None),
     ];
     let admin = grant(Role::Admin);
-    let expired = token(&bench.store, "expired", admin.clone(), Some(NOW_NS)).await;
+    let expired = token(
+        &bench.store,
+        "expired",
+        admin.clone(),
+        Some(WallTime(NOW_NS)),
+    )
+    .await;
     attempts.push(Attempt::bearer("an expired token", &expired, None));
     let revoked = token(&bench.store, "revoked", admin, None).await;
     let tokens = bench.store.tokens(0, 100).await.unwrap();

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use fleetcal_domain::limits;
-use fleetcal_model::{NoteKind, Stream};
+use fleetcal_model::{NoteKind, RobotTime, Stream};
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::event::RobotEvent;
 use fleetcal_robot::recording::Recording;
@@ -55,7 +55,7 @@ async fn what_came_is_in_the_file_which_ends_with_the_service() {
     }
     let note = RobotEvent {
         kind: NoteKind::Maintenance,
-        stamp_ns: 1_005_000_000_000,
+        stamp_ns: RobotTime(1_005_000_000_000),
         note: "greased".to_owned(),
     };
     bench.fleet.note(&robot("a"), &note).unwrap();

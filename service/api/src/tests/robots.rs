@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use axum::body::Body;
-use fleetcal_model::Stream;
+use fleetcal_model::{Stream, WallTime};
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::estimate::EstimateDocument;
 use insta::assert_snapshot;
@@ -329,9 +329,10 @@ async fn an_estimate_that_is_not_there_yet_is_a_problem() {
 async fn history_comes_in_columns() {
     let bench = bench(&["a"]).await;
     for second in 0..10 {
-        bench
-            .store
-            .record_history(&estimate("a", second, second as f64 / 100.0), NOW_NS);
+        bench.store.record_history(
+            &estimate("a", second, second as f64 / 100.0),
+            WallTime(NOW_NS),
+        );
     }
     bench.store.flush().await.unwrap();
     let uri = "/api/v1/robots/a/history?parameter=steering_offset,wheelbase\

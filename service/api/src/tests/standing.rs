@@ -60,9 +60,8 @@ impl Bench {
         done.unwrap();
     }
 
-    async fn maintain(&self, name: &str, hours: i64) {
-        let until_ns = self.clock.now_ns() + hours * 3_600_000_000_000;
-        let until = jiff::Timestamp::from_nanosecond(i128::from(until_ns)).unwrap();
+    async fn maintain(&self, name: &str, hours: u64) {
+        let until = crate::time::of(self.clock.now().plus(Duration::from_hours(hours)));
         let body = format!(r#"{{"until": "{until}", "reason": "parked"}}"#);
         let uri = format!("/api/v1/robots/{name}/maintenance");
         let done = self.send_body("PUT", &uri, &[], body).await;

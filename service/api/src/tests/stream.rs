@@ -4,7 +4,7 @@ use std::net::IpAddr;
 
 use fleetcal_domain::limits;
 use fleetcal_http::PeerAddress;
-use fleetcal_model::NoteKind;
+use fleetcal_model::{NoteKind, RobotTime};
 
 use super::*;
 
@@ -58,7 +58,7 @@ async fn who_lags_behind_is_told_to_read_again() {
     assert_eq!(next_event(&mut stream).await.0, "ready");
     let note = fleetcal_proto::event::RobotEvent {
         kind: NoteKind::PowerOn,
-        stamp_ns: 1,
+        stamp_ns: RobotTime(1),
         note: String::new(),
     };
     let mut told = 0;

@@ -71,7 +71,7 @@ impl DeliveryDocument {
     fn of(delivery: Delivery) -> Self {
         let waits = delivery.state == DeliveryState::Waiting;
         let attempt = |attempt: Attempt| AttemptDocument {
-            time: time::of_ns(attempt.at_ns),
+            time: time::of(attempt.at_ns),
             took_ms: attempt.took_ms,
             status: attempt.status,
             error: attempt.error,
@@ -81,9 +81,9 @@ impl DeliveryDocument {
             message: delivery.message,
             event: delivery.event,
             state: delivery.state,
-            created: time::of_ns(delivery.created_ns),
-            due: waits.then(|| time::of_ns(delivery.due_ns)),
-            finished: delivery.finished_ns.map(time::of_ns),
+            created: time::of(delivery.created_ns),
+            due: waits.then(|| time::of(delivery.due_ns)),
+            finished: delivery.finished_ns.map(time::of),
             attempts_made: delivery.attempts_made,
             attempts: delivery.attempts.into_iter().map(attempt).collect(),
             body: serde_json::from_str(&delivery.body).unwrap_or_default(),

@@ -39,7 +39,7 @@ impl WebhookDocument {
             url: webhook.url.into(),
             events: webhook.events,
             created_by: webhook.created_by,
-            created: time::of_ns(webhook.created_ns),
+            created: time::of(webhook.created_ns),
         }
     }
 }
@@ -122,7 +122,7 @@ pub(super) async fn post_webhook(
         events: events_of(value.events)?,
         secret: secret.clone(),
         actor: caller.actor,
-        now_ns: api.clock.now_ns(),
+        now: api.clock.now(),
     };
     let webhook = api.store.transact(create).await?;
     let document = SecretDocument {
@@ -172,7 +172,7 @@ pub(super) async fn delete_webhook(
     let delete = DeleteWebhook {
         id: webhook_number(&id)?,
         actor: caller.actor,
-        now_ns: api.clock.now_ns(),
+        now: api.clock.now(),
     };
     api.store.transact(delete).await?;
     Ok(StatusCode::NO_CONTENT)

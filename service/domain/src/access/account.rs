@@ -2,7 +2,7 @@
 //!
 //! Whoever keeps the records says what is there; the rules say what follows.
 
-use std::time::Duration;
+use fleetcal_model::WallTime;
 
 use thiserror::Error;
 
@@ -124,15 +124,12 @@ pub const fn allow_change(
     Ok(())
 }
 
-/// Wall times, ns: a session that began at the first or before has ended, and one that was last
-/// used at the second or before.
-pub fn ended_before(now_ns: i64) -> (i64, i64) {
-    let before = |length: Duration| {
-        now_ns.saturating_sub(i64::try_from(length.as_nanos()).unwrap_or(i64::MAX))
-    };
+/// A session that began at the first time or before has ended, and one that was last used at the
+/// second or before.
+pub fn ended_before(now: WallTime) -> (WallTime, WallTime) {
     (
-        before(limits::SESSION_MAX),
-        before(limits::SESSION_IDLE_MAX),
+        now.minus(limits::SESSION_MAX),
+        now.minus(limits::SESSION_IDLE_MAX),
     )
 }
 

@@ -1,6 +1,6 @@
 //! Sessions of browsers: the cookie's value, and how long one counts.
 
-use std::time::Duration;
+use fleetcal_model::WallTime;
 
 use super::secret::{hex, is_hex};
 use super::{Random, SecretHash};
@@ -42,33 +42,28 @@ impl std::fmt::Debug for SessionValue {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SessionSpan {
     /// When its user signed in.
-    pub created_ns: i64,
+    pub created_ns: WallTime,
     /// When it was last used, up to [`limits::SESSION_USE_NOTED_EVERY`] late.
-    pub used_ns: i64,
+    pub used_ns: WallTime,
 }
 
 impl SessionSpan {
     /// When it ends unless it is used again: after its idle time, or its whole time if that is
     /// earlier.
-    pub fn ends_ns(&self) -> i64 {
-        let idle = after(self.used_ns, limits::SESSION_IDLE_MAX);
-        idle.min(after(self.created_ns, limits::SESSION_MAX))
+    pub fn ends(&self) -> WallTime {
+        let idle = self.used_ns.plus(limits::SESSION_IDLE_MAX);
+        idle.min(self.created_ns.plus(limits::SESSION_MAX))
     }
 
-    /// Whether it counts at `now_ns`.
-    pub fn is_valid(&self, now_ns: i64) -> bool {
-        now_ns < self.ends_ns()
+    /// Whether it counts at `now`.
+    pub fn is_valid(&self, now: WallTime) -> bool {
+        now < self.ends()
     }
 
-    /// Whether its use at `now_ns` should be noted.
-    pub fn is_to_be_noted(&self, now_ns: i64) -> bool {
-        now_ns >= after(self.used_ns, limits::SESSION_USE_NOTED_EVERY)
+    /// Whether its use at `now` should be noted.
+    pub fn is_to_be_noted(&self, now: WallTime) -> bool {
+        now >= self.used_ns.plus(limits::SESSION_USE_NOTED_EVERY)
     }
-}
-
-/// The time this long after another.
-fn after(from_ns: i64, by: Duration) -> i64 {
-    from_ns.saturating_add(i64::try_from(by.as_nanos()).unwrap_or(i64::MAX))
 }
 
 #[cfg(test)]
@@ -80,12 +75,18 @@ mod tests {
     #[test]
     fn a_session_ends_idle_or_old() {
         let span = |used_h: i64| SessionSpan {
-            created_ns: 0,
-            used_ns: used_h * HOUR_NS,
+            created_ns: WallTime(0),
+            used_ns: WallTime(used_h * HOUR_NS),
         };
-        assert!(span(0).is_valid(12 * HOUR_NS - 1) && !span(0).is_valid(12 * HOUR_NS));
+        assert!(
+            span(0).is_valid(WallTime(12 * HOUR_NS - 1))
+                && !span(0).is_valid(WallTime(12 * HOUR_NS))
+        );
         let old = span(7 * 24 - 1);
-        assert!(old.is_valid(7 * 24 * HOUR_NS - 1) && !old.is_valid(7 * 24 * HOUR_NS));
+        assert!(
+            old.is_valid(WallTime(7 * 24 * HOUR_NS - 1))
+                && !old.is_valid(WallTime(7 * 24 * HOUR_NS))
+        );
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! API tokens: their text, and how long one counts.
 
+use fleetcal_model::WallTime;
+
 use super::secret::{hex, is_hex};
 use super::{Random, SecretHash};
 
@@ -53,22 +55,19 @@ pub enum TokenState {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TokenSpan {
     /// When it was made.
-    pub created_ns: i64,
+    pub created_ns: WallTime,
     /// When it ends; `None` when it does not by itself.
-    pub expires_ns: Option<i64>,
+    pub expires_ns: Option<WallTime>,
     /// When it was revoked.
-    pub revoked_ns: Option<i64>,
+    pub revoked_ns: Option<WallTime>,
 }
 
 impl TokenSpan {
-    /// Whether a token counts at `now_ns`.
-    pub fn state(&self, now_ns: i64) -> TokenState {
+    /// Whether a token counts at `now`.
+    pub fn state(&self, now: WallTime) -> TokenState {
         if self.revoked_ns.is_some() {
             TokenState::Revoked
-        } else if self
-            .expires_ns
-            .is_some_and(|expires_ns| now_ns >= expires_ns)
-        {
+        } else if self.expires_ns.is_some_and(|expires_ns| now >= expires_ns) {
             TokenState::Expired
         } else {
             TokenState::Valid
@@ -100,13 +99,25 @@ mod tests {
     #[test]
     fn a_token_ends_at_its_time_or_by_will() {
         let span = |expires_ns, revoked_ns| TokenSpan {
-            created_ns: 0,
+            created_ns: WallTime(0),
             expires_ns,
             revoked_ns,
         };
-        assert_eq!(span(None, None).state(i64::MAX), TokenState::Valid);
-        assert_eq!(span(Some(10), None).state(9), TokenState::Valid);
-        assert_eq!(span(Some(10), None).state(10), TokenState::Expired);
-        assert_eq!(span(None, Some(5)).state(0), TokenState::Revoked);
+        assert_eq!(
+            span(None, None).state(WallTime(i64::MAX)),
+            TokenState::Valid
+        );
+        assert_eq!(
+            span(Some(WallTime(10)), None).state(WallTime(9)),
+            TokenState::Valid
+        );
+        assert_eq!(
+            span(Some(WallTime(10)), None).state(WallTime(10)),
+            TokenState::Expired
+        );
+        assert_eq!(
+            span(None, Some(WallTime(5))).state(WallTime(0)),
+            TokenState::Revoked
+        );
     }
 }

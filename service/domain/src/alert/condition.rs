@@ -1,5 +1,6 @@
 //! Whether something is wrong, and for how long.
 
+use fleetcal_model::WallTime;
 use serde::{Deserialize, Serialize};
 use strum::{EnumString, IntoStaticStr, VariantArray};
 
@@ -10,27 +11,27 @@ pub enum Condition {
     /// Nothing is wrong, or no more.
     Normal {
         /// Since when.
-        since_ns: i64,
+        since_ns: WallTime,
     },
     /// Something is wrong, but not yet for long enough to call anybody.
     Pending {
         /// Since when.
-        since_ns: i64,
+        since_ns: WallTime,
     },
     /// Something is wrong.
     Alerting {
         /// Since when.
-        since_ns: i64,
+        since_ns: WallTime,
     },
     /// It is no longer wrong, but not yet for long enough to believe it.
     Recovering {
         /// Since when.
-        since_ns: i64,
+        since_ns: WallTime,
     },
     /// It was wrong when it was last seen; nothing tells whether it still is.
     NoData {
         /// Since when.
-        since_ns: i64,
+        since_ns: WallTime,
     },
 }
 
@@ -127,8 +128,8 @@ impl Condition {
         }
     }
 
-    /// When it began, ns since 1970.
-    pub const fn since_ns(self) -> i64 {
+    /// When it began.
+    pub const fn since(self) -> WallTime {
         match self {
             Self::Normal { since_ns }
             | Self::Pending { since_ns }
@@ -138,19 +139,19 @@ impl Condition {
         }
     }
 
-    /// The condition after a rule has looked at `now_ns`.
+    /// The condition after a rule has looked at `now`.
     ///
     /// A wall clock that was set back makes a period longer, never negative.
     #[must_use]
-    pub fn after(self, observation: Observation, now_ns: i64, periods: Periods) -> Self {
+    pub fn after(self, observation: Observation, now: WallTime, periods: Periods) -> Self {
         use Observation as O;
-        let alerting = Self::Alerting { since_ns: now_ns };
-        let normal = Self::Normal { since_ns: now_ns };
+        let alerting = Self::Alerting { since_ns: now };
+        let normal = Self::Normal { since_ns: now };
         match (self, observation) {
             (Self::Normal { .. }, O::Firing) if periods.pending_ns <= 0 => alerting,
-            (Self::Normal { .. }, O::Firing) => Self::Pending { since_ns: now_ns },
+            (Self::Normal { .. }, O::Firing) => Self::Pending { since_ns: now },
             (Self::Pending { since_ns }, O::Firing)
-                if now_ns.saturating_sub(since_ns) >= periods.pending_ns =>
+                if now.ns_since(since_ns) >= periods.pending_ns =>
             {
                 alerting
             }
@@ -163,15 +164,15 @@ impl Condition {
                 normal
             }
             (Self::Alerting { .. } | Self::NoData { .. }, O::Clear) => {
-                Self::Recovering { since_ns: now_ns }
+                Self::Recovering { since_ns: now }
             }
             (Self::Recovering { since_ns }, O::Clear)
-                if now_ns.saturating_sub(since_ns) >= periods.recovering_ns =>
+                if now.ns_since(since_ns) >= periods.recovering_ns =>
             {
                 normal
             }
             (Self::Alerting { .. } | Self::Recovering { .. }, O::Unknown) => {
-                Self::NoData { since_ns: now_ns }
+                Self::NoData { since_ns: now }
             }
             (Self::Normal { .. }, O::Clear | O::Unknown)
             | (Self::Pending { .. } | Self::Alerting { .. }, O::Firing)

@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::condition::ConditionName;
 use super::kind::{AlertKind, Severity};
 use super::record::Alert;
+use crate::timestamp;
 
 /// Something that is or was wrong with one robot. Its `ETag` is `version`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -73,16 +74,16 @@ impl AlertDocument {
             kind: alert.kind,
             severity: alert.kind.severity(),
             state: alert.condition.name(),
-            since: time(alert.condition.since_ns()),
+            since: timestamp::of(alert.condition.since()),
             version: alert.version,
             what: words(alert),
             advice: alert.kind.advice(),
-            began: time(alert.began_ns),
-            alerted: alert.alerted_ns.map(time),
-            ended: alert.ended_ns.map(time),
+            began: timestamp::of(alert.began_ns),
+            alerted: alert.alerted_ns.map(timestamp::of),
+            ended: alert.ended_ns.map(timestamp::of),
             acknowledgement: acknowledgement.map(|one| AcknowledgementDocument {
                 by: one.by.clone(),
-                at: time(one.at_ns),
+                at: timestamp::of(one.at_ns),
                 note: one.note.clone(),
             }),
         }
@@ -98,9 +99,4 @@ fn words(alert: &Alert) -> String {
         ConditionName::NoData => format!("when the robot was last heard: {what}"),
         ConditionName::Normal => format!("over; it was: {what}"),
     }
-}
-
-fn time(ns: i64) -> Timestamp {
-    // Every such number is a year between 1677 and 2262, all of which a time can hold.
-    Timestamp::from_nanosecond(i128::from(ns)).unwrap_or(Timestamp::UNIX_EPOCH)
 }

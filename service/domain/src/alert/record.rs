@@ -1,5 +1,6 @@
 //! One thing that is or was wrong with one robot.
 
+use fleetcal_model::WallTime;
 use fleetcal_proto::RobotId;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -19,7 +20,7 @@ pub struct Acknowledgement {
     /// Who.
     pub by: String,
     /// When, ns since 1970, wall time.
-    pub at_ns: i64,
+    pub at_ns: WallTime,
     /// What the person has to say.
     pub note: Option<String>,
 }
@@ -44,16 +45,16 @@ pub struct Alert {
     /// Where it stands.
     pub condition: Condition,
     /// When it was first seen, ns since 1970, wall time.
-    pub began_ns: i64,
+    pub began_ns: WallTime,
     /// When it first alerted; `None` while it is pending.
-    pub alerted_ns: Option<i64>,
+    pub alerted_ns: Option<WallTime>,
     /// When it was over; `None` while it is active.
-    pub ended_ns: Option<i64>,
+    pub ended_ns: Option<WallTime>,
     /// What is seen, in words; of an alert that no longer fires, what was seen last.
     pub what: String,
     /// When that was written down, ns since 1970, wall time.
     #[serde(default)]
-    pub told_ns: i64,
+    pub told_ns: WallTime,
     /// Who has taken it on.
     pub acknowledgement: Option<Acknowledgement>,
 }
@@ -102,14 +103,14 @@ pub fn step(
     before: Option<&Alert>,
     robot: &Subject,
     sighting: &Sighting,
-    now_ns: i64,
+    now: WallTime,
     periods: Periods,
 ) -> Step {
-    let began = Condition::Normal { since_ns: now_ns };
+    let began = Condition::Normal { since_ns: now };
     let was = before.map_or(began, |alert| alert.condition);
-    let condition = was.after(sighting.observation, now_ns, periods);
+    let condition = was.after(sighting.observation, now, periods);
     if condition.name() == was.name() {
-        return before.map_or(Step::Same, |alert| retold(alert, sighting, now_ns));
+        return before.map_or(Step::Same, |alert| retold(alert, sighting, now));
     }
     let is_over = condition.name() == ConditionName::Normal;
     let mut alert = match before {
@@ -122,26 +123,26 @@ pub fn step(
             kind: sighting.kind,
             version: 0,
             condition,
-            began_ns: now_ns,
+            began_ns: now,
             alerted_ns: None,
             ended_ns: None,
             what: String::new(),
-            told_ns: now_ns,
+            told_ns: now,
             acknowledgement: None,
         },
     };
     alert.version += 1;
     alert.condition = condition;
     if sighting.observation == Observation::Firing {
-        alert.say(sighting, now_ns);
+        alert.say(sighting, now);
     }
     let mut notice = None;
     if condition.name() == ConditionName::Alerting && alert.alerted_ns.is_none() {
-        alert.alerted_ns = Some(now_ns);
+        alert.alerted_ns = Some(now);
         notice = Some(Notice::Alerting);
     }
     if is_over {
-        alert.ended_ns = Some(now_ns);
+        alert.ended_ns = Some(now);
         notice = Some(Notice::Resolved);
     }
     Step::Changed(Box::new(alert), notice)
@@ -149,22 +150,22 @@ pub fn step(
 
 /// The words follow what is seen, so that they say what is so now; its version stays, because
 /// nobody has to decide again.
-fn retold(before: &Alert, sighting: &Sighting, now_ns: i64) -> Step {
+fn retold(before: &Alert, sighting: &Sighting, now: WallTime) -> Step {
     let says_more = before.what != sighting.what || before.robots != sighting.robots;
-    let is_due = now_ns.saturating_sub(before.told_ns) >= RETOLD_EVERY_NS;
+    let is_due = now.ns_since(before.told_ns) >= RETOLD_EVERY_NS;
     if sighting.observation != Observation::Firing || !says_more || !is_due {
         return Step::Same;
     }
     let mut alert = before.clone();
-    alert.say(sighting, now_ns);
+    alert.say(sighting, now);
     Step::Retold(Box::new(alert))
 }
 
 impl Alert {
-    fn say(&mut self, sighting: &Sighting, now_ns: i64) {
+    fn say(&mut self, sighting: &Sighting, now: WallTime) {
         self.what.clone_from(&sighting.what);
         self.robots.clone_from(&sighting.robots);
-        self.told_ns = now_ns;
+        self.told_ns = now;
     }
 
     /// Whether it is not over.

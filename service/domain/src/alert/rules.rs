@@ -1,16 +1,16 @@
 //! The rules: each says of one robot whether one kind of thing is wrong.
 
-use fleetcal_model::{Parameter, ParameterStatus};
+use fleetcal_model::{Parameter, ParameterStatus, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::estimate::EstimateDocument;
-use jiff::Timestamp;
 
 use super::condition::Observation;
 use super::kind::AlertKind;
 use super::policy::AlertPolicy;
 use crate::approval::{self, Deployment, DeploymentState, RobotLedger, difference, nominal_values};
 use crate::robot::{RobotState, RobotView, WarningKind};
+use crate::timestamp;
 
 /// Nanoseconds in a second.
 const NS_PER_S: i64 = 1_000_000_000;
@@ -23,9 +23,9 @@ const FAULT_LASTS_NS: i64 = 5 * NS_PER_S;
 #[derive(Debug, Clone, Copy)]
 pub struct Situation<'a> {
     /// Wall time.
-    pub now_ns: i64,
+    pub now: WallTime,
     /// When the watch began, wall time.
-    pub watched_since_ns: i64,
+    pub watched_since_ns: WallTime,
     /// The robot.
     pub view: &'a RobotView,
     /// Its records.
@@ -33,7 +33,7 @@ pub struct Situation<'a> {
     /// Its newest deployment, under way or not.
     pub latest: Option<&'a Deployment>,
     /// When its estimator last told a fault, wall time, and what it came from.
-    pub fault: Option<(i64, &'a str)>,
+    pub fault: Option<(WallTime, &'a str)>,
     /// How far is too far.
     pub approval: &'a approval::Policy,
     /// What is alerted.
@@ -118,7 +118,7 @@ fn look(kind: AlertKind, situation: &Situation<'_>) -> Seen {
         AlertKind::NoData => no_data(situation),
         AlertKind::Fault => match situation.fault {
             Some((at_ns, cause)) => {
-                let since_ns = situation.now_ns.saturating_sub(at_ns);
+                let since_ns = situation.now.ns_since(at_ns);
                 let lasts = (0..FAULT_LASTS_NS).contains(&since_ns);
                 Seen::firing_if(lasts, || {
                     format!("the estimator told a fault of the {cause}")
@@ -258,17 +258,16 @@ fn out_of_sync(situation: &Situation<'_>) -> Seen {
 fn no_data(situation: &Situation<'_>) -> Seen {
     let connection = &situation.view.connection;
     let maintenance = situation.ledger.shadow.maintenance.as_ref();
-    if maintenance.is_some_and(|one| one.holds_at(situation.now_ns)) {
+    if maintenance.is_some_and(|one| one.holds_at(situation.now)) {
         return Seen::Clear;
     }
-    let Some(last_heard_ns) = connection.last_heard_ns() else {
+    let Some(last_heard) = connection.last_heard() else {
         return Seen::Unknown;
     };
-    let watched_ns = situation.now_ns.saturating_sub(situation.watched_since_ns);
+    let watched_ns = situation.now.ns_since(situation.watched_since_ns);
     let is_expected = connection.last_seen_ns.is_some() || watched_ns >= NS_PER_S * STALE_S;
     Seen::firing_if(connection.stale && is_expected, || {
-        let seen = Timestamp::from_nanosecond(i128::from(last_heard_ns));
-        let seen = seen.unwrap_or(Timestamp::UNIX_EPOCH);
+        let seen = timestamp::of(last_heard);
         format!("nothing has come from the robot since {seen:.0}")
     })
 }
@@ -312,7 +311,7 @@ fn is_silent(situation: &Situation<'_>) -> bool {
     let pending_ns = situation.policy.periods(AlertKind::Drift).pending_ns;
     let quiet_ns = connection
         .last_seen_ns
-        .map(|seen_ns| situation.now_ns.saturating_sub(seen_ns));
+        .map(|seen_ns| situation.now.ns_since(seen_ns));
     connection.stale && quiet_ns.is_none_or(|quiet_ns| quiet_ns >= pending_ns)
 }
 

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use fleetcal_model::{RobotTime, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use serde_json::json;
@@ -19,7 +20,7 @@ const PERIODS: Periods = Periods {
     recovering_ns: 60 * S,
 };
 
-fn condition(name: ConditionName, since_ns: i64) -> Condition {
+fn condition(name: ConditionName, since_ns: WallTime) -> Condition {
     match name {
         ConditionName::Normal => Condition::Normal { since_ns },
         ConditionName::Pending => Condition::Pending { since_ns },
@@ -49,13 +50,13 @@ fn every_pair_of_condition_and_observation() {
     for &was in ConditionName::ALL {
         for seen in Observation::ALL {
             let (early, late) = expected(was, seen);
-            for (now_ns, follows) in [(105 * S, early), (200 * S, late)] {
-                let before = condition(was, 100 * S);
-                let after = before.after(seen, now_ns, PERIODS);
-                assert_eq!(after.name(), follows, "{was:?} {seen:?} at {now_ns}");
+            for (now, follows) in [(105 * S, early), (200 * S, late)] {
+                let before = condition(was, WallTime(100 * S));
+                let after = before.after(seen, WallTime(now), PERIODS);
+                assert_eq!(after.name(), follows, "{was:?} {seen:?} at {now}");
                 // What stays keeps its time, what changes has a new one.
-                let since_ns = if was == follows { 100 * S } else { now_ns };
-                assert_eq!(after.since_ns(), since_ns, "{was:?} {seen:?}");
+                let since = WallTime(if was == follows { 100 * S } else { now });
+                assert_eq!(after.since(), since, "{was:?} {seen:?}");
             }
         }
     }
@@ -63,18 +64,18 @@ fn every_pair_of_condition_and_observation() {
 
 #[test]
 fn a_period_ends_to_the_nanosecond_and_none_is_none() {
-    let pending = condition(ConditionName::Pending, 0);
-    let just_before = pending.after(Observation::Firing, 10 * S - 1, PERIODS);
-    let just_then = pending.after(Observation::Firing, 10 * S, PERIODS);
+    let pending = condition(ConditionName::Pending, WallTime(0));
+    let just_before = pending.after(Observation::Firing, WallTime(10 * S - 1), PERIODS);
+    let just_then = pending.after(Observation::Firing, WallTime(10 * S), PERIODS);
     assert_eq!(just_before, pending);
     assert_eq!(just_then.name(), ConditionName::Alerting);
-    let normal = condition(ConditionName::Normal, 0);
-    let at_once = normal.after(Observation::Firing, 1, Periods::NONE);
+    let normal = condition(ConditionName::Normal, WallTime(0));
+    let at_once = normal.after(Observation::Firing, WallTime(1), Periods::NONE);
     assert_eq!(at_once.name(), ConditionName::Alerting);
-    let over = at_once.after(Observation::Clear, 2, Periods::NONE);
+    let over = at_once.after(Observation::Clear, WallTime(2), Periods::NONE);
     assert_eq!(over.name(), ConditionName::Normal);
     // A clock that was set back by an hour: longer, never shorter.
-    let back = pending.after(Observation::Firing, -3_600 * S, PERIODS);
+    let back = pending.after(Observation::Firing, WallTime(-3_600 * S), PERIODS);
     assert_eq!(back, pending);
 }
 
@@ -102,7 +103,13 @@ fn kept(step: Step) -> (Alert, Option<Notice>) {
 fn an_alert_is_told_once_when_it_alerts_and_once_when_it_is_over() {
     let robot = Subject::Robot(robot());
     let step = |before: Option<&Alert>, observation, at_s: i64| {
-        step(before, &robot, &seen(observation), at_s * S, PERIODS)
+        step(
+            before,
+            &robot,
+            &seen(observation),
+            WallTime(at_s * S),
+            PERIODS,
+        )
     };
     assert_eq!(step(None, Observation::Clear, 0), Step::Same);
     let (pending, notice) = kept(step(None, Observation::Firing, 0));
@@ -111,15 +118,18 @@ fn an_alert_is_told_once_when_it_alerts_and_once_when_it_is_over() {
     assert_eq!(step(Some(&pending), Observation::Clear, 9), Step::Dropped);
     let (alerting, notice) = kept(step(Some(&pending), Observation::Firing, 10));
     assert_eq!(notice, Some(Notice::Alerting));
-    assert_eq!(alerting.alerted_ns, Some(10 * S));
+    assert_eq!(alerting.alerted_ns, Some(WallTime(10 * S)));
     let (recovering, notice) = kept(step(Some(&alerting), Observation::Clear, 20));
     assert_eq!(notice, None);
     // It comes back while nobody believed that it was over: the same alert, told once.
     let (again, notice) = kept(step(Some(&recovering), Observation::Firing, 30));
-    assert_eq!((notice, again.alerted_ns), (None, Some(10 * S)));
+    assert_eq!((notice, again.alerted_ns), (None, Some(WallTime(10 * S))));
     let (over, notice) = kept(step(Some(&recovering), Observation::Clear, 80));
     assert_eq!(notice, Some(Notice::Resolved));
-    assert_eq!((over.ended_ns, over.is_active()), (Some(80 * S), false));
+    assert_eq!(
+        (over.ended_ns, over.is_active()),
+        (Some(WallTime(80 * S)), false)
+    );
     assert_eq!((over.version, over.what.as_str()), (4, "far away"));
     assert!(again.rank() < pending.rank() && pending.rank() < over.rank());
 }
@@ -134,17 +144,17 @@ fn an_acknowledgement_changes_no_condition_and_a_condition_no_acknowledgement() 
             robots: Vec::new(),
             kind: AlertKind::Drift,
             version: 3,
-            condition: condition(name, 0),
-            began_ns: 0,
-            alerted_ns: Some(0),
+            condition: condition(name, WallTime(0)),
+            began_ns: WallTime(0),
+            alerted_ns: Some(WallTime(0)),
             ended_ns: None,
             what: String::new(),
-            told_ns: 0,
+            told_ns: WallTime(0),
             acknowledgement: None,
         };
         let ada = Acknowledgement {
             by: "ada".to_owned(),
-            at_ns: 5,
+            at_ns: WallTime(5),
             note: Some("on my way".to_owned()),
         };
         let taken = alert.acknowledge(3, ada.clone()).unwrap();
@@ -154,9 +164,13 @@ fn an_acknowledgement_changes_no_condition_and_a_condition_no_acknowledgement() 
         let twice = taken.acknowledge(4, ada.clone()).unwrap_err();
         assert_eq!(twice, AlertRefused::AcknowledgedAlready("ada".to_owned()));
         for observation in Observation::ALL {
-            if let Step::Changed(after, _) =
-                step(Some(&taken), &robot, &seen(observation), 900 * S, PERIODS)
-            {
+            if let Step::Changed(after, _) = step(
+                Some(&taken),
+                &robot,
+                &seen(observation),
+                WallTime(900 * S),
+                PERIODS,
+            ) {
                 assert_eq!(after.acknowledgement, Some(ada.clone()));
             }
         }
@@ -175,7 +189,7 @@ pub(crate) fn view() -> RobotView {
         config: Some(config),
         state: RobotState::Calibrated,
         connection: Connection {
-            last_seen_ns: Some(100 * S),
+            last_seen_ns: Some(WallTime(100 * S)),
             heard_before_ns: None,
             stale: false,
             alive: true,
@@ -233,8 +247,8 @@ pub(crate) fn deployment(state: DeploymentState) -> Deployment {
         earlier: Vec::new(),
         base: None,
         desired_before: None,
-        created_ns: 0,
-        expires_ns: 0,
+        created_ns: WallTime(0),
+        expires_ns: WallTime(0),
         offered_ns: None,
         applied_ns: None,
         closed_ns: None,
@@ -253,7 +267,7 @@ pub(crate) fn in_use(generation: u64, steering_offset_rad: f64) -> InUse {
             lidar_x_m: 0.434,
             ..CalibrationValues::default()
         },
-        since_ns: 0,
+        since_ns: RobotTime(0),
     }
 }
 
@@ -262,7 +276,7 @@ struct Case {
     view: RobotView,
     ledger: RobotLedger,
     latest: Option<Deployment>,
-    fault: Option<(i64, &'static str)>,
+    fault: Option<(WallTime, &'static str)>,
     policy: AlertPolicy,
     watched_since_s: i64,
 }
@@ -281,8 +295,8 @@ fn case() -> Case {
 impl Case {
     fn sight(&self, kind: AlertKind) -> (Observation, String) {
         let all = sightings(&Situation {
-            now_ns: 110 * S,
-            watched_since_ns: self.watched_since_s * S,
+            now: WallTime(110 * S),
+            watched_since_ns: WallTime(self.watched_since_s * S),
             view: &self.view,
             ledger: &self.ledger,
             latest: self.latest.as_ref(),
@@ -356,7 +370,7 @@ fn drift_is_sure_and_far_or_a_vehicle_that_changed() {
     let unknown: [fn(&mut Case); 3] = [
         |case| {
             case.view.connection.stale = true;
-            case.view.connection.last_seen_ns = Some(100 * S);
+            case.view.connection.last_seen_ns = Some(WallTime(100 * S));
         },
         |case| case.view.state = RobotState::NoData,
         |case| case.view.estimate = None,
@@ -366,7 +380,7 @@ fn drift_is_sure_and_far_or_a_vehicle_that_changed() {
     }
     let gap = drift(|case| {
         case.view.connection.stale = true;
-        case.view.connection.last_seen_ns = Some(105 * S);
+        case.view.connection.last_seen_ns = Some(WallTime(105 * S));
     });
     assert_eq!(gap.0, Observation::Clear);
     // Nobody knows what it uses: there is nothing to have drifted from.
@@ -393,7 +407,7 @@ fn only_a_robot_that_was_sending_has_stopped_sending() {
     silent.view.connection.last_seen_ns = None;
     assert_eq!(silent.sight(AlertKind::NoData).0, Observation::Unknown);
     // It was heard before the service was started, and stays away.
-    silent.view.connection.heard_before_ns = Some(50 * S);
+    silent.view.connection.heard_before_ns = Some(WallTime(50 * S));
     let (observation, what) = silent.sight(AlertKind::NoData);
     assert_eq!(observation, Observation::Firing);
     assert_eq!(
@@ -402,8 +416,10 @@ fn only_a_robot_that_was_sending_has_stopped_sending() {
     );
     silent.watched_since_s = 108;
     assert_eq!(silent.sight(AlertKind::NoData).0, Observation::Clear);
-    let never = Condition::Normal { since_ns: 0 };
-    let never = never.after(Observation::Unknown, 900 * S, PERIODS);
+    let never = Condition::Normal {
+        since_ns: WallTime(0),
+    };
+    let never = never.after(Observation::Unknown, WallTime(900 * S), PERIODS);
     assert_eq!(never.name(), ConditionName::Normal);
 }
 
@@ -414,12 +430,12 @@ fn a_robot_in_maintenance_raises_no_alert_until_that_ends() {
     let until = |until_ns| Maintenance {
         until_ns,
         by: "ada".to_owned(),
-        at_ns: 90 * S,
+        at_ns: WallTime(90 * S),
         reason: "parked for the night".to_owned(),
     };
-    parked.ledger.shadow.maintenance = Some(until(111 * S));
+    parked.ledger.shadow.maintenance = Some(until(WallTime(111 * S)));
     assert_eq!(parked.sight(AlertKind::NoData).0, Observation::Clear);
-    parked.ledger.shadow.maintenance = Some(until(110 * S));
+    parked.ledger.shadow.maintenance = Some(until(WallTime(110 * S)));
     assert_eq!(parked.sight(AlertKind::NoData).0, Observation::Firing);
 }
 
@@ -433,9 +449,17 @@ fn the_words_of_an_alert_follow_what_is_seen() {
         robots: Vec::new(),
     };
     let first = seen("LiDAR yaw +1.73°");
-    let (alert, _) = kept(step(None, &robot, &first, 0, Periods::NONE));
+    let (alert, _) = kept(step(None, &robot, &first, WallTime(0), Periods::NONE));
     let now = seen("steering offset +1.33°, LiDAR y +38.0 mm");
-    let step = |at_s: i64| step(Some(&alert), &robot, &now, at_s * S, Periods::NONE);
+    let step = |at_s: i64| {
+        step(
+            Some(&alert),
+            &robot,
+            &now,
+            WallTime(at_s * S),
+            Periods::NONE,
+        )
+    };
     assert_eq!(step(9), Step::Same, "not with every look");
     let Step::Retold(retold) = step(10) else {
         panic!("{:?}", step(10));
@@ -448,7 +472,9 @@ fn the_words_of_an_alert_follow_what_is_seen() {
     let told = AlertDocument::of(&retold).what;
     assert_eq!(told, "steering offset +1.33°, LiDAR y +38.0 mm");
     let over = Alert {
-        condition: Condition::Normal { since_ns: 20 * S },
+        condition: Condition::Normal {
+            since_ns: WallTime(20 * S),
+        },
         ..*retold
     };
     let told = AlertDocument::of(&over).what;
@@ -481,7 +507,7 @@ fn each_state_of_the_newest_deployment_fires_its_own_alert() {
         }
         case.latest = case.latest.map(|latest| Deployment {
             verification: Some(Verification {
-                at_ns: 0,
+                at_ns: WallTime(0),
                 distance_m: 60.0,
                 residual: [0.02, 0.0, 0.0, 0.0],
                 sigma: [0.001; 4],
@@ -508,7 +534,7 @@ fn a_failed_verification_clears_once_the_estimate_agrees_with_what_the_robot_use
             let mut case = case();
             let mut latest = deployment(state);
             latest.verification = Some(Verification {
-                at_ns: 0,
+                at_ns: WallTime(0),
                 distance_m: 60.0,
                 residual: [0.02, 0.0, 0.0, 0.0],
                 sigma: [0.001; 4],
@@ -539,9 +565,9 @@ fn a_robot_that_uses_another_generation_is_out_of_sync_unless_one_is_on_its_way(
 #[test]
 fn faults_pass_and_failures_stay() {
     let mut faulty = case();
-    faulty.fault = Some((108 * S, "LiDAR odometry"));
+    faulty.fault = Some((WallTime(108 * S), "LiDAR odometry"));
     assert_eq!(faulty.firing(), [AlertKind::Fault]);
-    faulty.fault = Some((90 * S, "LiDAR odometry"));
+    faulty.fault = Some((WallTime(90 * S), "LiDAR odometry"));
     assert!(faulty.firing().is_empty());
     faulty.view.state = RobotState::Failed;
     assert_eq!(faulty.firing(), [AlertKind::EstimatorFailed]);
@@ -580,6 +606,6 @@ fn names_are_those_of_documents() {
     for &name in ConditionName::ALL {
         assert_eq!(json!(name), name.as_str());
         assert_eq!(ConditionName::parse(name.as_str()), Some(name));
-        assert_eq!(json!(condition(name, 0))["state"], name.as_str());
+        assert_eq!(json!(condition(name, WallTime(0)))["state"], name.as_str());
     }
 }

@@ -1,5 +1,6 @@
 //! What a robot says it does with a document.
 
+use fleetcal_model::WallTime;
 use fleetcal_proto::calibration::{Applied, AppliedStatus};
 
 use super::ask::believable;
@@ -76,7 +77,7 @@ impl Draft<'_> {
             event == DeploymentEvent::Applied && matches!(before.state, S::Applied | S::Verifying);
         if !again {
             let mut live = before.clone();
-            live.applied_ns = Some(self.standing.now_ns);
+            live.applied_ns = Some(self.standing.now);
             let reason = applied.reason.clone();
             self.advance(before, live, event, action, reason)?;
         }
@@ -87,10 +88,10 @@ impl Draft<'_> {
     /// Writes down what a robot said, and what it therefore uses.
     fn report(&mut self, applied: &Applied, revision: Option<u64>, confirm: bool) {
         let generation = applied.generation;
-        let now_ns = self.standing.now_ns;
+        let now = self.standing.now;
         let mut shadow = self.outcome.ledger.shadow.clone();
         shadow.generation_last = shadow.generation_last.max(generation);
-        if let Some(contradicted) = contradicts(&shadow, applied, now_ns) {
+        if let Some(contradicted) = contradicts(&shadow, applied, now) {
             shadow.contradicted = Some(contradicted);
         }
         match applied.status {
@@ -116,7 +117,7 @@ impl Draft<'_> {
             status: applied.status,
             reason: applied.reason.clone(),
             at_ns: applied.applied_at_ns,
-            received_ns: now_ns,
+            received_ns: now,
             confirmed: confirm,
         };
         let is_news = shadow.reported.as_ref().is_none_or(|last| {
@@ -165,22 +166,22 @@ impl Draft<'_> {
 /// Whether a robot's answer and the one before it cannot both be its own: it refused, or could not
 /// use, what it was said to have applied, it applied that at another time, or it goes on using since
 /// before what it was said to have replaced by its factory calibration.
-fn contradicts(shadow: &Shadow, now: &Applied, now_ns: i64) -> Option<Contradicted> {
+fn contradicts(shadow: &Shadow, answer: &Applied, now: WallTime) -> Option<Contradicted> {
     use AppliedStatus as S;
     let before = shadow.reported.as_ref()?;
     if before.status != S::Applied {
         return None;
     }
-    let same = now.generation == before.generation && before.generation > 0;
+    let same = answer.generation == before.generation && before.generation > 0;
     let goes_on = |earlier: &InUse| {
-        earlier.generation == now.generation && earlier.since_ns == now.applied_at_ns
+        earlier.generation == answer.generation && earlier.since_ns == answer.applied_at_ns
     };
-    let cannot_be = match now.status {
+    let cannot_be = match answer.status {
         S::Refused | S::Failed => same,
-        S::Applied if same => now.applied_at_ns != before.at_ns,
+        S::Applied if same => answer.applied_at_ns != before.at_ns,
         S::Applied => {
             before.generation == 0
-                && now.generation > 0
+                && answer.generation > 0
                 && shadow.before.as_ref().is_some_and(goes_on)
         }
         S::Reverted => false,
@@ -188,9 +189,9 @@ fn contradicts(shadow: &Shadow, now: &Applied, now_ns: i64) -> Option<Contradict
     cannot_be.then_some(Contradicted {
         generation: before.generation,
         received_ns: before.received_ns,
-        by_generation: now.generation,
-        by_status: now.status,
-        at_ns: now_ns,
+        by_generation: answer.generation,
+        by_status: answer.status,
+        at_ns: now,
     })
 }
 

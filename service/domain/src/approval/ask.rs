@@ -40,7 +40,7 @@ impl Draft<'_> {
             .map(|in_use| in_use.values)
             .or(nominal);
         let approvals_needed = self.approvers_needed(base.as_ref(), &revision);
-        let now_ns = self.standing.now_ns;
+        let now = self.standing.now;
         let proposal = Proposal {
             id: self.ids.proposal,
             robot: shadow.robot.clone(),
@@ -50,8 +50,8 @@ impl Draft<'_> {
             revision_sha256: revision.sha256,
             proposed_by: self.standing.actor.name.clone(),
             reason: reason.clone(),
-            created_ns: now_ns,
-            expires_ns: after(now_ns, self.standing.policy.expires_after_s),
+            created_ns: now,
+            expires_ns: after(now, self.standing.policy.expires_after_s),
             base,
             base_generation: shadow.in_use.as_ref().map(|in_use| in_use.generation),
             approvals_needed,
@@ -80,7 +80,7 @@ impl Draft<'_> {
         let in_use = self.outcome.ledger.shadow.in_use.as_ref();
         let base = in_use.map(|in_use| in_use.values).or(nominal);
         let base_generation = in_use.map(|in_use| in_use.generation);
-        let now_ns = self.standing.now_ns;
+        let now = self.standing.now;
         let voided: Vec<String> = before.approvals.iter().map(|one| one.by.clone()).collect();
         let void = match voided.as_slice() {
             [] => String::new(),
@@ -96,9 +96,9 @@ impl Draft<'_> {
             base,
             base_generation,
             approvals: Vec::new(),
-            expires_ns: after(now_ns, self.standing.policy.expires_after_s),
+            expires_ns: after(now, self.standing.policy.expires_after_s),
             refreshed: Some(Refreshed {
-                at_ns: now_ns,
+                at_ns: now,
                 times: times.saturating_add(1),
                 reason: reason.to_owned(),
                 voided,
@@ -128,7 +128,7 @@ impl Draft<'_> {
     ) -> Result<(), Refused> {
         let before = self.open_proposal(id, version)?;
         let actor = self.standing.actor;
-        if self.standing.now_ns >= before.expires_ns {
+        if self.standing.now >= before.expires_ns {
             let state = ProposalState::Expired;
             return Err(Refused::ProposalClosed { state });
         }
@@ -154,7 +154,7 @@ impl Draft<'_> {
         proposal.approvals_needed = self.approvers_needed_now(&before);
         proposal.approvals.push(Approval {
             by: actor.name.clone(),
-            at_ns: self.standing.now_ns,
+            at_ns: self.standing.now,
             sha256,
             reason: reason.clone(),
         });
@@ -223,7 +223,7 @@ impl Draft<'_> {
         proposal.version += 1;
         proposal.closing = Some(Closing {
             by: self.standing.actor.name.clone(),
-            at_ns: self.standing.now_ns,
+            at_ns: self.standing.now,
             reason: reason.clone(),
         });
         if matches!(event, ProposalEvent::Reject | ProposalEvent::Withdraw) {

@@ -1,6 +1,6 @@
 //! What can be asked of a robot's records, and why it may be refused.
 
-use fleetcal_model::Pose2;
+use fleetcal_model::{Pose2, WallTime};
 use fleetcal_proto::calibration::{Applied, CalibrationValues};
 use fleetcal_proto::signing::SigningKey;
 
@@ -125,7 +125,7 @@ pub enum Command {
     /// Say that the robot is switched off on purpose until then, or with `None` that it is not.
     Maintain {
         /// Until when, ns since 1970, wall time.
-        until_ns: Option<i64>,
+        until_ns: Option<WallTime>,
         /// Why; never empty.
         reason: String,
     },
@@ -161,7 +161,7 @@ pub struct Standing<'a> {
     /// Who asks.
     pub actor: &'a Actor,
     /// Wall time.
-    pub now_ns: i64,
+    pub now: WallTime,
     /// Whether the deployment freeze is on.
     pub frozen: bool,
     /// Where the robot's rear axle is in its `base_link`, where that is configured.

@@ -1,5 +1,6 @@
 //! Bringing a revision to one robot.
 
+use fleetcal_model::WallTime;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use serde::{Deserialize, Serialize};
@@ -152,7 +153,7 @@ pub struct RollBack {
     /// Whether the service did it by itself.
     pub automatic: bool,
     /// When, ns since 1970, wall time.
-    pub at_ns: i64,
+    pub at_ns: WallTime,
     /// Why.
     pub reason: String,
     /// The values that come back, absolute.
@@ -164,7 +165,7 @@ pub struct RollBack {
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Verification {
     /// When it was judged, ns since 1970, wall time.
-    pub at_ns: i64,
+    pub at_ns: WallTime,
     /// Distance driven since the values are in use, m.
     pub distance_m: f64,
     /// What is left: verification estimate less values in use; rad, m, m, rad.
@@ -203,15 +204,15 @@ pub struct Deployment {
     /// What the robot should hold if this comes to nothing.
     pub desired_before: Option<GenerationRef>,
     /// When it was approved, ns since 1970, wall time.
-    pub created_ns: i64,
+    pub created_ns: WallTime,
     /// When it ends by itself if no robot takes it.
-    pub expires_ns: i64,
+    pub expires_ns: WallTime,
     /// When it was first shown to the robot.
-    pub offered_ns: Option<i64>,
+    pub offered_ns: Option<WallTime>,
     /// When the robot's answer was stored.
-    pub applied_ns: Option<i64>,
+    pub applied_ns: Option<WallTime>,
     /// When it ended.
-    pub closed_ns: Option<i64>,
+    pub closed_ns: Option<WallTime>,
     /// The latest verdict on it.
     pub verification: Option<Verification>,
     /// Why it stands where it stands, in words.

@@ -1,6 +1,8 @@
 //! A step in the making: the records as they will be, and each change of one.
 
-use fleetcal_model::Pose2;
+use std::time::Duration;
+
+use fleetcal_model::{Pose2, WallTime};
 use fleetcal_proto::calibration::CalibrationValues;
 
 use super::command::Standing;
@@ -14,7 +16,6 @@ use super::transition::{Changed, DeploymentAction, ProposalAction, ShadowAction,
 use super::values::Change;
 
 /// Nanoseconds in a second.
-const NS_PER_S: i64 = 1_000_000_000;
 
 /// What a step has made so far.
 pub(super) struct Draft<'a> {
@@ -74,7 +75,7 @@ impl<'a> Draft<'a> {
             after.reason.clone_from(&reason);
         }
         if !after.state.is_live() {
-            after.closed_ns = Some(self.standing.now_ns);
+            after.closed_ns = Some(self.standing.now);
         }
         self.settle(&after);
         self.save_deployment(action, Some(before), after, reason);
@@ -119,8 +120,8 @@ impl<'a> Draft<'a> {
         let robot = self.outcome.ledger.shadow.robot.clone();
         let id = self.ids.revision;
         self.ids.revision += 1;
-        let now_ns = self.standing.now_ns;
-        let revision = Revision::new(id, robot, origin, values, evidence, rear_axle, now_ns);
+        let now = self.standing.now;
+        let revision = Revision::new(id, robot, origin, values, evidence, rear_axle, now);
         self.outcome.ledger.revisions.insert(id, revision.clone());
         self.outcome.revisions.push(revision.clone());
         revision
@@ -189,8 +190,8 @@ impl<'a> Draft<'a> {
     }
 }
 
-pub(super) fn after(now_ns: i64, seconds: u32) -> i64 {
-    now_ns.saturating_add(i64::from(seconds).saturating_mul(NS_PER_S))
+pub(super) fn after(now: WallTime, seconds: u32) -> WallTime {
+    now.plus(Duration::from_secs(seconds.into()))
 }
 
 pub(super) fn fresh(expected: Option<u64>, found: u64) -> Result<(), Refused> {

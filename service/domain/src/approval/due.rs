@@ -1,5 +1,6 @@
 //! What time and the estimates ask for.
 
+use fleetcal_model::{RobotTime, WallTime};
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::estimate::EstimateDocument;
 
@@ -17,7 +18,7 @@ use super::values::{added, difference, exceeds, exceeds_significantly, four, val
 #[derive(Debug, Clone, Copy)]
 pub struct Situation<'a> {
     /// Wall time.
-    pub now_ns: i64,
+    pub now: WallTime,
     /// The latest estimate, if its vehicle is the one that was calibrated.
     pub estimate: Option<&'a EstimateDocument>,
     /// Whether the vehicle is no longer the one that was calibrated, and not known again yet.
@@ -57,7 +58,7 @@ pub fn judge(
     in_use: &CalibrationValues,
     fresh: &EstimateDocument,
     policy: &Policy,
-    now_ns: i64,
+    now: WallTime,
 ) -> Verdict {
     let Some((values, sigmas)) = values_and_sigmas(fresh) else {
         return Verdict::NotYet;
@@ -80,7 +81,7 @@ pub fn judge(
         return Verdict::NotYet;
     }
     Verdict::Known(Verification {
-        at_ns: now_ns,
+        at_ns: now,
         distance_m: fresh.distance_m,
         residual,
         sigma,
@@ -96,7 +97,7 @@ pub fn due(ledger: &RobotLedger, situation: &Situation<'_>, policy: &Policy) -> 
     let Some(open) = &ledger.open else {
         return proposal_due(ledger, situation, policy);
     };
-    if situation.now_ns >= open.expires_ns {
+    if situation.now >= open.expires_ns {
         return Some(Command::Expire { proposal: open.id });
     }
     brought_up_to_date(ledger, open, situation, policy)
@@ -134,7 +135,7 @@ fn brought_up_to_date(
     let (values, sigmas) = values_and_sigmas(estimate)?;
     let refreshed_ns = open.refreshed.as_ref().map(|last| last.at_ns);
     let since_ns = refreshed_ns.unwrap_or(open.created_ns);
-    if situation.now_ns.saturating_sub(since_ns) < REFRESH_EVERY_NS || !situation.stable {
+    if situation.now.ns_since(since_ns) < REFRESH_EVERY_NS || !situation.stable {
         return None;
     }
     let in_use = ledger.shadow.in_use.as_ref().map(|in_use| in_use.values);
@@ -209,7 +210,7 @@ fn deployment_due(
     };
     match live.state {
         DeploymentState::Queued | DeploymentState::Offered => {
-            if situation.now_ns >= live.expires_ns {
+            if situation.now >= live.expires_ns {
                 return give_up("the robot did not take it in time");
             }
             // What goes back to an earlier calibration was not estimated now.
@@ -217,7 +218,7 @@ fn deployment_due(
             let reason = disagreement(ledger, live.offer.revision, situation, policy)?;
             Some(Command::Void { deployment, reason })
         }
-        DeploymentState::RollingBack if situation.now_ns >= live.expires_ns => {
+        DeploymentState::RollingBack if situation.now >= live.expires_ns => {
             give_up("the robot did not take its former values in time")
         }
         DeploymentState::Verifying => verification_due(ledger, live, situation, policy),
@@ -235,7 +236,7 @@ fn verification_due(
     let in_use = ledger.shadow.in_use.as_ref()?;
     let judged = situation
         .fresh
-        .map(|fresh| judge(&in_use.values, fresh, policy, situation.now_ns));
+        .map(|fresh| judge(&in_use.values, fresh, policy, situation.now));
     let failed_before = live.verification.is_some_and(|verdict| !verdict.within);
     if let Some(Verdict::Known(verification)) = judged
         && (verification.within || !failed_before)
@@ -252,7 +253,7 @@ fn verification_due(
     } else {
         "the robot has not moved enough to tell"
     };
-    (situation.now_ns.saturating_sub(since_ns) >= given_ns).then(|| Command::GiveUp {
+    (situation.now.ns_since(since_ns) >= given_ns).then(|| Command::GiveUp {
         deployment,
         reason: reason.to_owned(),
     })
@@ -310,7 +311,7 @@ fn proposal_due(
 /// How long an estimate has stood still.
 #[derive(Debug, Clone, Default)]
 pub struct Candidate {
-    since: Option<(i64, CalibrationValues)>,
+    since: Option<(RobotTime, CalibrationValues)>,
 }
 
 impl Candidate {
@@ -327,6 +328,6 @@ impl Candidate {
             stamp_ns >= *since_ns && !exceeds(&difference(first, &values), &limits)
         });
         let (since_ns, _) = *self.since.insert(still.unwrap_or((stamp_ns, values)));
-        (stamp_ns - since_ns) as f64 >= policy.stable_for_s * 1e9
+        stamp_ns.seconds_since(since_ns) >= policy.stable_for_s
     }
 }

@@ -63,6 +63,7 @@ pub fn expected_gain(
 
 #[cfg(test)]
 mod tests {
+    use fleetcal_model::WallTime;
     use fleetcal_proto::RobotId;
 
     use super::*;
@@ -82,7 +83,7 @@ mod tests {
             found,
             Evidence::default(),
             None,
-            0,
+            WallTime(0),
         )
     }
 

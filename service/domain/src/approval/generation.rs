@@ -1,5 +1,6 @@
 //! Signed documents by their generation, and the values that a robot uses.
 
+use fleetcal_model::RobotTime;
 use fleetcal_proto::calibration::CalibrationValues;
 use serde::{Deserialize, Serialize};
 
@@ -30,5 +31,5 @@ pub struct InUse {
     /// The values.
     pub values: CalibrationValues,
     /// Since when, ns since 1970, by the robot's clock.
-    pub since_ns: i64,
+    pub since_ns: RobotTime,
 }

@@ -1,5 +1,6 @@
 //! What is asked of people.
 
+use fleetcal_model::WallTime;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use serde::{Deserialize, Serialize};
@@ -80,7 +81,7 @@ pub struct Approval {
     /// Who.
     pub by: String,
     /// When, ns since 1970, wall time.
-    pub at_ns: i64,
+    pub at_ns: WallTime,
     /// SHA-256 of the revision that was looked at.
     pub sha256: String,
     /// Why.
@@ -94,7 +95,7 @@ pub struct Closing {
     /// Who ended it.
     pub by: String,
     /// When, ns since 1970, wall time.
-    pub at_ns: i64,
+    pub at_ns: WallTime,
     /// Why.
     pub reason: Option<String>,
 }
@@ -104,7 +105,7 @@ pub struct Closing {
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Refreshed {
     /// When it last was, ns since 1970, wall time.
-    pub at_ns: i64,
+    pub at_ns: WallTime,
     /// How often it was.
     pub times: u32,
     /// Why it last was.
@@ -134,9 +135,9 @@ pub struct Proposal {
     /// Why.
     pub reason: Option<String>,
     /// When, ns since 1970, wall time.
-    pub created_ns: i64,
+    pub created_ns: WallTime,
     /// When it ends by itself.
-    pub expires_ns: i64,
+    pub expires_ns: WallTime,
     /// What the robot used when this was proposed; `None` when nobody knew.
     pub base: Option<CalibrationValues>,
     /// The generation of that.

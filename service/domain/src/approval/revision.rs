@@ -1,6 +1,6 @@
 //! What was found, for ever.
 
-use fleetcal_model::Pose2;
+use fleetcal_model::{Pose2, RobotTime, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::estimate::EstimateDocument;
@@ -26,9 +26,9 @@ pub enum Origin {
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Evidence {
     /// Message time of the first datum, ns since 1970.
-    pub from_ns: i64,
+    pub from_ns: RobotTime,
     /// Message time of the last one.
-    pub to_ns: i64,
+    pub to_ns: RobotTime,
     /// Distance driven, m.
     pub distance_m: f64,
     /// Drive samples used.
@@ -44,9 +44,10 @@ pub struct Evidence {
 impl Evidence {
     /// What an estimate rests on.
     pub fn of(estimate: &EstimateDocument) -> Self {
+        let last = estimate.stamp_ns;
         Self {
-            from_ns: estimate.stamp_ns - (estimate.time_s * 1e9) as i64,
-            to_ns: estimate.stamp_ns,
+            from_ns: last.plus_seconds(-estimate.time_s),
+            to_ns: last,
             distance_m: estimate.distance_m,
             drive_samples: estimate.counts.drive_samples,
             scans: estimate.counts.scans,
@@ -79,7 +80,7 @@ pub struct Revision {
     /// Version of the program that made it.
     pub estimator: String,
     /// When, ns since 1970, wall time.
-    pub created_ns: i64,
+    pub created_ns: WallTime,
     /// SHA-256 over all of the above but the number, lower-case hexadecimal.
     pub sha256: String,
 }
@@ -93,7 +94,7 @@ impl Revision {
         (values, sigmas): (CalibrationValues, CalibrationValues),
         evidence: Evidence,
         rear_axle_in_base_link: Option<Pose2>,
-        created_ns: i64,
+        created_ns: WallTime,
     ) -> Self {
         let mut revision = Self {
             id,

@@ -1,11 +1,10 @@
 //! Sends values on their way to the robot: approved ones, and former ones on the way back.
 
-use fleetcal_model::Pose2;
+use fleetcal_model::{Pose2, RobotTime};
 use fleetcal_proto::calibration::{
     CalibrationDocument, CalibrationFrame, CalibrationSchema, CalibrationValues,
 };
 use fleetcal_proto::signing::seal;
-use jiff::Timestamp;
 
 use super::deployment::{Deployment, DeploymentEvent, DeploymentState, RollBack};
 use super::draft::{Draft, after};
@@ -15,6 +14,7 @@ use super::proposal::Proposal;
 use super::refused::Refused;
 use super::revision::{Evidence, Origin};
 use super::transition::{DeploymentAction, ShadowAction};
+use crate::timestamp;
 
 /// Who brings former values back.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,7 +44,7 @@ impl Draft<'_> {
             generation: 0,
             revision: None,
             values,
-            since_ns: 0,
+            since_ns: RobotTime::default(),
         };
         let base = shadow.in_use.clone().or(nominal.map(factory));
         let base_generation = base.as_ref().map(|base| base.generation);
@@ -58,7 +58,7 @@ impl Draft<'_> {
             _ => None,
         };
         let offer = self.sign(revision, base_generation, &approved_by, chosen_by)?;
-        let now_ns = self.standing.now_ns;
+        let now = self.standing.now;
         let deployment = Deployment {
             id: self.ids.deployment,
             robot: self.outcome.ledger.shadow.robot.clone(),
@@ -70,8 +70,8 @@ impl Draft<'_> {
             earlier: Vec::new(),
             base,
             desired_before,
-            created_ns: now_ns,
-            expires_ns: after(now_ns, self.standing.policy.expires_after_s),
+            created_ns: now,
+            expires_ns: after(now, self.standing.policy.expires_after_s),
             offered_ns: None,
             applied_ns: None,
             closed_ns: None,
@@ -90,7 +90,7 @@ impl Draft<'_> {
         Some(RollBack {
             by: self.standing.actor.name.clone(),
             automatic: rollback == Rollback::Automatic,
-            at_ns: self.standing.now_ns,
+            at_ns: self.standing.now,
             reason: reason.to_owned(),
             values: revision.values,
         })
@@ -135,7 +135,7 @@ impl Draft<'_> {
             generation,
             base_generation,
             revision,
-            approved_at: time_of(self.standing.now_ns),
+            approved_at: timestamp::of(self.standing.now).to_string(),
             approved_by: approved_by.to_owned(),
             values: named.values,
             sigmas: named.sigmas,
@@ -195,7 +195,7 @@ impl Draft<'_> {
         let mut live = before.clone();
         live.roll_back = self.note_roll_back(rollback, revision, &reason);
         live.earlier.push(std::mem::replace(&mut live.offer, offer));
-        live.expires_ns = after(self.standing.now_ns, self.standing.policy.expires_after_s);
+        live.expires_ns = after(self.standing.now, self.standing.policy.expires_after_s);
         live.state = state;
         self.advance(
             &before,
@@ -217,7 +217,7 @@ impl Draft<'_> {
         live.roll_back = before.base.as_ref().map(|base| RollBack {
             by: self.standing.actor.name.clone(),
             automatic: rollback == Rollback::Automatic,
-            at_ns: self.standing.now_ns,
+            at_ns: self.standing.now,
             reason: reason.clone(),
             values: base.values,
         });
@@ -270,11 +270,4 @@ impl Draft<'_> {
         }
         self.deploy(None, revision, None, Some(reason))
     }
-}
-
-/// RFC 3339 in UTC.
-fn time_of(ns: i64) -> String {
-    Timestamp::from_nanosecond(i128::from(ns))
-        .unwrap_or(Timestamp::UNIX_EPOCH)
-        .to_string()
 }

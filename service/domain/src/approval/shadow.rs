@@ -1,5 +1,6 @@
 //! What a robot should use, and what it reported.
 
+use fleetcal_model::{RobotTime, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::AppliedStatus;
 use serde::{Deserialize, Serialize};
@@ -20,9 +21,9 @@ pub struct Reported {
     /// Why, in the robot's words.
     pub reason: Option<String>,
     /// When, ns since 1970, by the robot's clock.
-    pub at_ns: i64,
+    pub at_ns: RobotTime,
     /// When the service learnt of it, ns since 1970, wall time.
-    pub received_ns: i64,
+    pub received_ns: WallTime,
     /// Whether the robot is told that its answer is stored.
     pub confirmed: bool,
 }
@@ -32,11 +33,11 @@ pub struct Reported {
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Maintenance {
     /// Until when, ns since 1970, wall time.
-    pub until_ns: i64,
+    pub until_ns: WallTime,
     /// Who says so.
     pub by: String,
     /// Since when, ns since 1970, wall time.
-    pub at_ns: i64,
+    pub at_ns: WallTime,
     /// Why.
     pub reason: String,
 }
@@ -46,8 +47,8 @@ impl Maintenance {
     pub const LONGEST_NS: i64 = 90 * 86_400 * 1_000_000_000;
 
     /// Whether it has not ended by then.
-    pub const fn holds_at(&self, now_ns: i64) -> bool {
-        now_ns < self.until_ns
+    pub fn holds_at(&self, now: WallTime) -> bool {
+        now < self.until_ns
     }
 }
 
@@ -92,13 +93,13 @@ pub struct Contradicted {
     /// The generation that it was said to have applied.
     pub generation: u64,
     /// When the service learnt of that, ns since 1970, wall time.
-    pub received_ns: i64,
+    pub received_ns: WallTime,
     /// The generation of the answer that contradicts it.
     pub by_generation: u64,
     /// What that answer says.
     pub by_status: AppliedStatus,
     /// When the service learnt of that, ns since 1970, wall time.
-    pub at_ns: i64,
+    pub at_ns: WallTime,
 }
 
 fn is_zero(sum: &Change) -> bool {

@@ -1,5 +1,7 @@
 //! Takes a command: the records again, or a refusal.
 
+use fleetcal_model::WallTime;
+
 use super::command::{Command, Standing};
 use super::deployment::{DeploymentEvent, DeploymentState, Verification};
 use super::draft::{Draft, fresh};
@@ -99,7 +101,7 @@ impl Draft<'_> {
                 return Err(Refused::Held(before.id));
             }
             let mut live = before.clone();
-            live.offered_ns = Some(self.standing.now_ns);
+            live.offered_ns = Some(self.standing.now);
             self.advance(
                 &before,
                 live,
@@ -209,17 +211,17 @@ impl Draft<'_> {
 
 impl Draft<'_> {
     /// The robot is switched off on purpose, or not any more.
-    fn maintain(&mut self, until_ns: Option<i64>, reason: String) -> Result<(), Refused> {
-        let now_ns = self.standing.now_ns;
+    fn maintain(&mut self, until_ns: Option<WallTime>, reason: String) -> Result<(), Refused> {
+        let now = self.standing.now;
         let mut shadow = self.outcome.ledger.shadow.clone();
         let Some(until_ns) = until_ns else {
             let held = shadow.maintenance.take();
-            held.filter(|held| held.holds_at(now_ns))
+            held.filter(|held| held.holds_at(now))
                 .ok_or(Refused::NoMaintenance)?;
             self.save_shadow(ShadowAction::EndMaintenance, shadow, Some(reason));
             return Ok(());
         };
-        let lasts_ns = until_ns.saturating_sub(now_ns);
+        let lasts_ns = until_ns.ns_since(now);
         if !(1..=Maintenance::LONGEST_NS).contains(&lasts_ns) {
             return Err(Refused::OutOfLimits {
                 field: "until",
@@ -230,7 +232,7 @@ impl Draft<'_> {
         shadow.maintenance = Some(Maintenance {
             until_ns,
             by: self.standing.actor.name.clone(),
-            at_ns: now_ns,
+            at_ns: now,
             reason: reason.clone(),
         });
         self.save_shadow(ShadowAction::BeginMaintenance, shadow, Some(reason));

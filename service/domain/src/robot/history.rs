@@ -3,7 +3,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use fleetcal_model::RobotId;
+use fleetcal_model::{RobotId, RobotTime};
 use fleetcal_proto::estimate::{ChangeDocument, EstimateDocument};
 use fleetcal_proto::event::RobotEvent;
 use serde::{Deserialize, Serialize};
@@ -31,7 +31,7 @@ pub struct ServiceEvent {
     /// What happened.
     pub kind: ServiceEventKind,
     /// When, ns since 1970: by the robot's clock where it has sent, else by the service's.
-    pub stamp_ns: i64,
+    pub stamp_ns: RobotTime,
     /// More about it, for people.
     #[serde(default)]
     pub note: String,
@@ -51,7 +51,7 @@ pub enum HistoryEvent {
 
 impl HistoryEvent {
     /// When it happened, ns since 1970, by the robot's clock.
-    pub fn stamp_ns(&self) -> i64 {
+    pub fn stamp_ns(&self) -> RobotTime {
         match self {
             Self::Change(change) => change.stamp_ns,
             Self::Note(note) => note.stamp_ns,
@@ -70,5 +70,5 @@ pub trait Journal: fmt::Debug + Send + Sync + 'static {
     /// How well a robot follows its path with one calibration. It replaces the earlier one.
     fn save_cross_track(&self, robot: &RobotId, generation: u64, errors: &CrossTrack);
     /// An estimator's state, as JSON. It replaces the robot's earlier one.
-    fn save_checkpoint(&self, robot: &RobotId, stamp_ns: i64, json: String);
+    fn save_checkpoint(&self, robot: &RobotId, stamp_ns: RobotTime, json: String);
 }

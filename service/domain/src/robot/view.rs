@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use fleetcal_model::{RobotId, Stream};
+use fleetcal_model::{RobotId, Stream, WallTime};
 use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_proto::ros2_key::KeyLayout;
 use serde::{Deserialize, Serialize};
@@ -49,16 +49,16 @@ pub struct StreamView {
     /// Messages per second of receipt time, over the last seconds.
     pub rate_hz: f64,
     /// When the last one was received, wall time; `None` before the first.
-    pub last_received_ns: Option<i64>,
+    pub last_received_ns: Option<WallTime>,
 }
 
 /// Whether the robot is there.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Connection {
     /// When anything was last received since the service started, wall time.
-    pub last_seen_ns: Option<i64>,
+    pub last_seen_ns: Option<WallTime>,
     /// When it was last heard before that, to the few seconds after which estimates are stored.
-    pub heard_before_ns: Option<i64>,
+    pub heard_before_ns: Option<WallTime>,
     /// Whether nothing has come for [`crate::limits::STALE_AFTER`].
     pub stale: bool,
     /// Whether its liveliness token stands.
@@ -69,7 +69,7 @@ pub struct Connection {
 
 impl Connection {
     /// When anything was last received, before or after the service started.
-    pub fn last_heard_ns(&self) -> Option<i64> {
+    pub fn last_heard(&self) -> Option<WallTime> {
         self.last_seen_ns.or(self.heard_before_ns)
     }
 }

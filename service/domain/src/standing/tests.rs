@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use fleetcal_model::WallTime;
+
 use super::*;
 use crate::alert::tests::{deployment, estimate, in_use, robot, view};
 use crate::alert::{Condition, Subject};
@@ -32,8 +34,8 @@ fn proposal() -> Proposal {
         revision_sha256: "00".to_owned(),
         proposed_by: "fleetcal".to_owned(),
         reason: None,
-        created_ns: 0,
-        expires_ns: 0,
+        created_ns: WallTime(0),
+        expires_ns: WallTime(0),
         base: None,
         base_generation: None,
         approvals_needed: 1,
@@ -70,13 +72,13 @@ impl Case {
         self
     }
 
-    fn at(&self, now_ns: i64) -> Standing {
+    fn at(&self, now: WallTime) -> Standing {
         let tolerance = Policy::default().propose_beyond;
-        StandingBasis::of(&self.view, &self.ledger, &tolerance, now_ns).with(&self.alerts)
+        StandingBasis::of(&self.view, &self.ledger, &tolerance, now).with(&self.alerts)
     }
 
     fn stands(&self) -> Standing {
-        self.at(0)
+        self.at(WallTime(0))
     }
 }
 
@@ -109,7 +111,7 @@ fn a_verdict_against_the_values_in_use_is_a_failed_verification() {
         (false, Standing::VerificationFailed),
     ] {
         let verdict = Verification {
-            at_ns: 1,
+            at_ns: WallTime(1),
             distance_m: 61.0,
             residual: [0.02, 0.0, 0.0, 0.0],
             sigma: [0.001; 4],
@@ -153,13 +155,13 @@ fn a_silent_robot_with_values_inside_the_tolerance_has_not_drifted() {
 fn a_robot_in_maintenance_is_not_missed_until_that_ends() {
     let mut case = case(RobotState::NoData);
     case.ledger.shadow.maintenance = Some(Maintenance {
-        until_ns: 100,
+        until_ns: WallTime(100),
         by: "ada".to_owned(),
-        at_ns: 0,
+        at_ns: WallTime(0),
         reason: "parked".to_owned(),
     });
-    assert_eq!(case.at(99), Standing::Learning);
-    assert_eq!(case.at(100), Standing::NoData);
+    assert_eq!(case.at(WallTime(99)), Standing::Learning);
+    assert_eq!(case.at(WallTime(100)), Standing::NoData);
 }
 
 #[test]
@@ -200,19 +202,23 @@ fn an_alert_about_several_robots_is_one_of_each() {
         robots: vec![robot()],
         kind: AlertKind::NoData,
         version: 3,
-        condition: Condition::Alerting { since_ns: 0 },
-        began_ns: 0,
-        alerted_ns: Some(0),
+        condition: Condition::Alerting {
+            since_ns: WallTime(0),
+        },
+        began_ns: WallTime(0),
+        alerted_ns: Some(WallTime(0)),
         ended_ns: None,
         what: String::new(),
-        told_ns: 0,
+        told_ns: WallTime(0),
         acknowledgement: None,
     };
     // Its own of that kind is over, and takes nothing away.
     let own = Alert {
         robot: Subject::Robot(robot()),
         robots: Vec::new(),
-        condition: Condition::Recovering { since_ns: 0 },
+        condition: Condition::Recovering {
+            since_ns: WallTime(0),
+        },
         ..alert.clone()
     };
     let found = RobotAlerts::by_robot([&alert, &own]);

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use fleetcal_model::WallTime;
 use serde::{Deserialize, Serialize};
 use strum::{EnumString, IntoStaticStr, VariantArray};
 
@@ -58,7 +59,7 @@ impl DeliveryState {
 #[serde(deny_unknown_fields)]
 pub struct Attempt {
     /// When it began, ns since 1970, wall time.
-    pub at_ns: i64,
+    pub at_ns: WallTime,
     /// How long it took, ms.
     pub took_ms: u64,
     /// The HTTP status of the answer; `None` when there was none.
@@ -89,41 +90,41 @@ pub struct Delivery {
     /// The body, byte for byte.
     pub body: String,
     /// When it happened, ns since 1970, wall time.
-    pub created_ns: i64,
+    pub created_ns: WallTime,
     /// Where it stands.
     pub state: DeliveryState,
     /// When it is tried next.
-    pub due_ns: i64,
+    pub due_ns: WallTime,
     /// How many attempts there were.
     pub attempts_made: u32,
     /// The latest [`limits::WEBHOOK_ATTEMPTS_KEPT`] of them, oldest first.
     pub attempts: Vec<Attempt>,
     /// When it was taken or given up.
-    pub finished_ns: Option<i64>,
+    pub finished_ns: Option<WallTime>,
 }
 
 impl Delivery {
-    /// A message of `now_ns` that waits for a webhook with this secret. The store gives the number.
-    pub fn new(webhook: u64, secret: &Secret, message: &Message, now_ns: i64) -> Self {
+    /// A message of `now` that waits for a webhook with this secret. The store gives the number.
+    pub fn new(webhook: u64, secret: &Secret, message: &Message, now: WallTime) -> Self {
         Self {
             id: 0,
             webhook,
             message: secret.message_id(&message.subject),
             event: message.event,
             body: message.body.clone(),
-            created_ns: now_ns,
+            created_ns: now,
             state: DeliveryState::Waiting,
-            due_ns: now_ns,
+            due_ns: now,
             attempts_made: 0,
             attempts: Vec::new(),
             finished_ns: None,
         }
     }
 
-    /// The delivery after an attempt that ended at `now_ns`; `jitter` is a random number from 0 to 1.
+    /// The delivery after an attempt that ended at `now`; `jitter` is a random number from 0 to 1.
     /// One that was given up meanwhile stays so, unless the receiver has taken it.
     #[must_use]
-    pub fn after(&self, attempt: Attempt, now_ns: i64, jitter: f64) -> Self {
+    pub fn after(&self, attempt: Attempt, now: WallTime, jitter: f64) -> Self {
         let mut after = self.clone();
         let taken = attempt.is_taken();
         after.attempts_made = self.attempts_made.saturating_add(1);
@@ -131,19 +132,16 @@ impl Delivery {
         let surplus = after.attempts.len();
         let surplus = surplus.saturating_sub(limits::WEBHOOK_ATTEMPTS_KEPT);
         after.attempts.drain(..surplus);
-        let wait_ns = nanoseconds(backoff(after.attempts_made, jitter));
-        after.due_ns = now_ns.saturating_add(wait_ns);
-        let last_ns = self
-            .created_ns
-            .saturating_add(nanoseconds(limits::WEBHOOK_RETRY_FOR));
+        after.due_ns = now.plus(backoff(after.attempts_made, jitter));
+        let last = self.created_ns.plus(limits::WEBHOOK_RETRY_FOR);
         after.state = if taken {
             DeliveryState::Delivered
-        } else if after.due_ns > last_ns {
+        } else if after.due_ns > last {
             DeliveryState::GivenUp
         } else {
             DeliveryState::Waiting
         };
-        after.finished_ns = (after.state != DeliveryState::Waiting).then_some(now_ns);
+        after.finished_ns = (after.state != DeliveryState::Waiting).then_some(now);
         if self.state != DeliveryState::Waiting && !taken {
             after.state = self.state;
             after.finished_ns = self.finished_ns;
@@ -162,10 +160,6 @@ pub fn backoff(attempts_made: u32, jitter: f64) -> Duration {
     whole.mul_f64(1.0 - jitter.clamp(0.0, 1.0) / 2.0)
 }
 
-fn nanoseconds(duration: Duration) -> i64 {
-    i64::try_from(duration.as_nanos()).unwrap_or(i64::MAX)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -179,16 +173,16 @@ mod tests {
             message: "msg_1".to_owned(),
             event: WebhookEvent::AlertAlerting,
             body: "{}".to_owned(),
-            created_ns: 0,
+            created_ns: WallTime(0),
             state: DeliveryState::Waiting,
-            due_ns: 0,
+            due_ns: WallTime(0),
             attempts_made: 0,
             attempts: Vec::new(),
             finished_ns: None,
         }
     }
 
-    fn attempt(at_ns: i64, status: Option<u16>) -> Attempt {
+    fn attempt(at_ns: WallTime, status: Option<u16>) -> Attempt {
         Attempt {
             at_ns,
             took_ms: 1,
@@ -216,7 +210,7 @@ mod tests {
                 now = now.after(attempt(now.due_ns, Some(500)), now.due_ns, jitter);
             }
             assert_eq!(now.state, DeliveryState::GivenUp);
-            let last_ns = now.finished_ns.unwrap();
+            let last_ns = now.finished_ns.unwrap().0;
             assert!((22 * 3_600 * S..=24 * 3_600 * S).contains(&last_ns));
             assert!(now.attempts.len() <= limits::WEBHOOK_ATTEMPTS_KEPT);
             assert!(now.attempts_made > 25, "{}", now.attempts_made);
@@ -232,7 +226,7 @@ mod tests {
             (Some(404), DeliveryState::Waiting),
             (None, DeliveryState::Waiting),
         ] {
-            let after = delivery().after(attempt(0, status), 7, 0.0);
+            let after = delivery().after(attempt(WallTime(0), status), WallTime(7), 0.0);
             assert_eq!((after.state, after.attempts_made), (state, 1), "{status:?}");
             assert_eq!(after.finished_ns.is_some(), state != DeliveryState::Waiting);
         }

@@ -1,5 +1,6 @@
 //! What is told.
 
+use fleetcal_model::WallTime;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use jiff::Timestamp;
@@ -9,6 +10,7 @@ use super::record::WebhookEvent;
 use crate::alert::{Alert, AlertDocument, Notice};
 use crate::approval::{Outcome, Proposal, ProposalAction, Revision, Transition};
 use crate::standing::Standing;
+use crate::timestamp;
 
 /// A message before it is signed.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -65,7 +67,7 @@ impl Message {
         alert: &Alert,
         notice: Notice,
         standing: Option<Standing>,
-        now_ns: i64,
+        now: WallTime,
     ) -> Result<Self, serde_json::Error> {
         let event = match notice {
             Notice::Alerting => WebhookEvent::AlertAlerting,
@@ -73,7 +75,7 @@ impl Message {
         };
         let subject = format!("alert-{}-{}", alert.id, alert.version);
         let alert = AlertDocument::of(alert);
-        Self::new(event, subject, Told { alert, standing }, now_ns)
+        Self::new(event, subject, Told { alert, standing }, now)
     }
 
     /// What is told of a proposal that waits, with how its robot stands.
@@ -84,7 +86,7 @@ impl Message {
         proposal: &Proposal,
         revision: Option<&Revision>,
         standing: Option<Standing>,
-        now_ns: i64,
+        now: WallTime,
     ) -> Result<Self, serde_json::Error> {
         let data = Waiting {
             id: proposal.id,
@@ -93,14 +95,14 @@ impl Message {
             standing,
             proposed_by: &proposal.proposed_by,
             reason: proposal.reason.as_deref(),
-            expires: time(proposal.expires_ns),
+            expires: timestamp::of(proposal.expires_ns),
             approvals_needed: proposal.approvals_needed,
             base: proposal.base,
             values: revision.map(|revision| revision.values),
             sigmas: revision.map(|revision| revision.sigmas),
         };
         let subject = format!("proposal-{}-{}", proposal.id, proposal.version);
-        Self::new(WebhookEvent::ProposalWaiting, subject, data, now_ns)
+        Self::new(WebhookEvent::ProposalWaiting, subject, data, now)
     }
 
     /// What is told of a transition of `outcome`; `None` of one that nobody is told of.
@@ -111,13 +113,13 @@ impl Message {
         transition: &Transition,
         outcome: &Outcome,
         standing: Option<Standing>,
-        now_ns: i64,
+        now: WallTime,
     ) -> Result<Option<Self>, serde_json::Error> {
         match transition {
             Transition::Proposal(change) => match change.action {
                 ProposalAction::Create | ProposalAction::Refresh => {
                     let revision = outcome.ledger.revisions.get(&change.after.revision);
-                    Self::of_proposal(&change.after, revision, standing, now_ns).map(Some)
+                    Self::of_proposal(&change.after, revision, standing, now).map(Some)
                 }
                 ProposalAction::Approve
                 | ProposalAction::ApproveInPart
@@ -134,11 +136,11 @@ impl Message {
         event: WebhookEvent,
         subject: String,
         data: T,
-        now_ns: i64,
+        now: WallTime,
     ) -> Result<Self, serde_json::Error> {
         let body = Body {
             event,
-            timestamp: time(now_ns),
+            timestamp: timestamp::of(now),
             data,
         };
         Ok(Self {
@@ -147,8 +149,4 @@ impl Message {
             body: serde_json::to_string(&body)?,
         })
     }
-}
-
-fn time(ns: i64) -> Timestamp {
-    Timestamp::from_nanosecond(i128::from(ns)).unwrap_or(Timestamp::UNIX_EPOCH)
 }

@@ -1,5 +1,6 @@
 //! Who is told.
 
+use fleetcal_model::WallTime;
 use serde::{Deserialize, Serialize};
 use strum::{EnumString, IntoStaticStr};
 use thiserror::Error;
@@ -155,7 +156,7 @@ pub struct Webhook {
     /// Who made it.
     pub created_by: String,
     /// When, ns since 1970, wall time.
-    pub created_ns: i64,
+    pub created_ns: WallTime,
 }
 
 impl Webhook {

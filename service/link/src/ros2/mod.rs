@@ -130,8 +130,8 @@ impl Ros2 {
     /// What is attached to the next message.
     fn attachment(&self, session: &Session) -> Vec<u8> {
         let sequence = self.shared.sent.fetch_add(1, Ordering::Relaxed);
-        let now_ns = self.shared.clock.now_ns();
-        calibration::attachment(sequence, now_ns, &session.zid().to_le_bytes())
+        let now = self.shared.clock.now();
+        calibration::attachment(sequence, now.0, &session.zid().to_le_bytes())
     }
 }
 

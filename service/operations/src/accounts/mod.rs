@@ -25,12 +25,8 @@ pub fn change_user(
     change: UserChange,
 ) -> Boxed<Result<Written<UserRecord>, StoreError>> {
     let store = store.clone();
-    let now_ns = store.now_ns();
-    let job = ChangeUser {
-        actor,
-        now_ns,
-        change,
-    };
+    let now = store.now();
+    let job = ChangeUser { actor, now, change };
     Box::pin(async move { store.transact(job).await })
 }
 
@@ -45,11 +41,7 @@ pub fn change_token(
     change: TokenChange,
 ) -> Boxed<Result<Written<TokenRecord>, StoreError>> {
     let store = store.clone();
-    let now_ns = store.now_ns();
-    let job = ChangeToken {
-        actor,
-        now_ns,
-        change,
-    };
+    let now = store.now();
+    let job = ChangeToken { actor, now, change };
     Box::pin(async move { store.transact(job).await })
 }

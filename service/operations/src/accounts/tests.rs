@@ -6,6 +6,7 @@ use fleetcal_domain::access::{
     AccountName, AccountRefused, Actor, Authentication, Grant, HttpRequest, PasswordHash, Role,
     SecretHash,
 };
+use fleetcal_model::WallTime;
 use fleetcal_store::{Credential, Expected, IdempotencyKey, StoreError};
 use sqlx::ConnectOptions;
 
@@ -100,7 +101,7 @@ async fn every_change_leaves_its_audit_row_without_secrets() {
     user(new_user("ann", Role::Admin)).await;
     user(sign_in(1)).await;
     let found = store.session_of(session).await.unwrap().unwrap();
-    assert_eq!((found.user.id, found.span.used_ns), (1, NOW_NS));
+    assert_eq!((found.user.id, found.span.used_ns), (1, WallTime(NOW_NS)));
     user(UserChange::SignOut { session }).await;
     assert_eq!(store.session_of(session).await.unwrap(), None);
     user(edit(1, password())).await;
@@ -241,6 +242,6 @@ async fn uses_are_noted_and_outlive_a_restart() {
     drop(store);
     let store = open(folder.path(), &clock).await;
     let token = store.token_of(hash).await.unwrap().unwrap();
-    assert_eq!(token.used_ns, Some(NOW_NS + 5_000_000_000));
+    assert_eq!(token.used_ns, Some(WallTime(NOW_NS + 5_000_000_000)));
     assert_eq!(store.token_of(SecretHash::of("x")).await.unwrap(), None);
 }

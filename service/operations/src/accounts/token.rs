@@ -5,6 +5,7 @@ use fleetcal_domain::access::{
     AccountName, AccountRefused, Actor, Grant, SecretHash, TokenSpan, allow_new_token,
 };
 use fleetcal_domain::audit::Action;
+use fleetcal_model::WallTime;
 use fleetcal_store::transaction::AnswerScope;
 use fleetcal_store::{AuditEntry, IdempotencyKey, Job, Records, StoreError, TokenRecord, Written};
 use serde_json::{Value, json};
@@ -17,7 +18,7 @@ pub struct ChangeToken {
     /// Who changes.
     pub actor: Actor,
     /// When, wall time.
-    pub now_ns: i64,
+    pub now: WallTime,
     /// What.
     pub change: TokenChange,
 }
@@ -34,7 +35,7 @@ pub enum TokenChange {
         /// Hash of its value.
         hash: SecretHash,
         /// When it ends by itself, wall time.
-        expires_ns: Option<i64>,
+        expires_ns: Option<WallTime>,
         /// The request's key.
         key: Option<IdempotencyKey>,
     },
@@ -59,7 +60,7 @@ impl Job for ChangeToken {
                 key,
             } => {
                 let span = TokenSpan {
-                    created_ns: self.now_ns,
+                    created_ns: self.now,
                     expires_ns: *expires_ns,
                     revoked_ns: None,
                 };
@@ -93,10 +94,10 @@ impl ChangeToken {
             });
         }
         let tokens = records.count_tokens().await?;
-        let taken = records.token_named(&token.name, self.now_ns).await?;
+        let taken = records.token_named(&token.name, self.now).await?;
         allow_new_token(tokens, &token.name, taken.is_some())?;
         token.id = records.add_token(&token).await?;
-        note_made(records, AnswerScope::Token, key, token.id, self.now_ns).await?;
+        note_made(records, AnswerScope::Token, key, token.id, self.now).await?;
         self.audit(records, Action::CreateToken, None, &token)
             .await?;
         Ok(Written {
@@ -117,9 +118,9 @@ impl ChangeToken {
                 repeated: true,
             });
         }
-        records.save_token_revoked(id, self.now_ns).await?;
+        records.save_token_revoked(id, self.now).await?;
         let mut after = before.clone();
-        after.span.revoked_ns = Some(self.now_ns);
+        after.span.revoked_ns = Some(self.now);
         self.audit(records, Action::RevokeToken, Some(&before), &after)
             .await?;
         Ok(Written {
@@ -136,7 +137,7 @@ impl ChangeToken {
         after: &TokenRecord,
     ) -> Result<(), StoreError> {
         let entry = AuditEntry {
-            at_ns: self.now_ns,
+            at_ns: self.now,
             actor: self.actor.clone(),
             action,
             subject_id: after.id.to_string(),

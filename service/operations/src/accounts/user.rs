@@ -7,6 +7,7 @@ use fleetcal_domain::access::{
 };
 use fleetcal_domain::audit::Action;
 use fleetcal_domain::limits;
+use fleetcal_model::WallTime;
 use fleetcal_store::transaction::AnswerScope;
 use fleetcal_store::{
     AuditEntry, Expected, IdempotencyKey, Job, Records, StoreError, UserRecord, Written,
@@ -21,7 +22,7 @@ pub struct ChangeUser {
     /// Who changes.
     pub actor: Actor,
     /// When, wall time.
-    pub now_ns: i64,
+    pub now: WallTime,
     /// What.
     pub change: UserChange,
 }
@@ -156,7 +157,7 @@ impl ChangeUser {
             });
         }
         let record = self.add(records, new).await?;
-        note_made(records, AnswerScope::User, key, record.id, self.now_ns).await?;
+        note_made(records, AnswerScope::User, key, record.id, self.now).await?;
         self.audit(records, Action::CreateUser, None, Some(&record))
             .await?;
         Ok(Written {
@@ -180,8 +181,8 @@ impl ChangeUser {
             password: password.clone(),
             disabled: false,
             version: 1,
-            created_ns: self.now_ns,
-            updated_ns: self.now_ns,
+            created_ns: self.now,
+            updated_ns: self.now,
             signed_in_ns: None,
         };
         user.id = records.add_user(&user).await?;
@@ -218,7 +219,7 @@ impl ChangeUser {
         after.password = edit.password.clone().unwrap_or(after.password);
         after.disabled = edit.disabled.unwrap_or(after.disabled);
         after.version += 1;
-        after.updated_ns = self.now_ns;
+        after.updated_ns = self.now;
         let stays_admin = counts_as_admin(&after.grant, after.disabled);
         check_admin_stays(records, &before, stays_admin).await?;
         records.save_user(&after).await?;
@@ -270,13 +271,13 @@ impl ChangeUser {
         user: UserRecord,
         session: &SecretHash,
     ) -> Result<UserRecord, StoreError> {
-        let (created_ns, used_ns) = ended_before(self.now_ns);
+        let (created_ns, used_ns) = ended_before(self.now);
         records.delete_old_sessions(created_ns, used_ns).await?;
         let others = limits::SESSIONS_PER_USER_MAX - 1;
         records.keep_sessions(user.id, others).await?;
-        records.add_session(user.id, session, self.now_ns).await?;
+        records.add_session(user.id, session, self.now).await?;
         let user = UserRecord {
-            signed_in_ns: Some(self.now_ns),
+            signed_in_ns: Some(self.now),
             ..user
         };
         records.save_user(&user).await?;
@@ -305,7 +306,7 @@ impl ChangeUser {
     ) -> Result<(), StoreError> {
         let subject = after.or(before);
         let entry = AuditEntry {
-            at_ns: self.now_ns,
+            at_ns: self.now,
             actor: self.actor.clone(),
             action,
             subject_id: subject.map_or_else(String::new, |user| user.id.to_string()),

@@ -11,7 +11,7 @@ use fleetcal_domain::approval::{Deployment, RobotLedger};
 use fleetcal_domain::limits;
 use fleetcal_domain::robot::HistoryEvent;
 use fleetcal_fleet::live::LiveUpdate;
-use fleetcal_model::{Cause, ChangeKind};
+use fleetcal_model::{Cause, ChangeKind, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_store::StoreError;
 use tokio::sync::broadcast;
@@ -29,7 +29,7 @@ struct Memory {
     /// Each robot's records as they were last seen, and its newest deployment then.
     deployments: BTreeMap<RobotId, (Arc<RobotLedger>, Option<Deployment>)>,
     /// When each robot's estimator last told a fault, wall time, and what it came from.
-    faults: BTreeMap<RobotId, (i64, &'static str)>,
+    faults: BTreeMap<RobotId, (WallTime, &'static str)>,
 }
 
 /// Looks at every robot until the alert evaluator stops.
@@ -42,7 +42,7 @@ pub(super) async fn watch(evaluator: AlertEvaluator, mut live: broadcast::Receiv
             () = evaluator.inner.stop.cancelled() => return,
             _ = ticks.tick() => {}
         }
-        memory.hear(&mut live, evaluator.inner.clock.now_ns());
+        memory.hear(&mut live, evaluator.inner.clock.now());
         if let Err(error) = evaluator.look(&mut memory).await {
             tracing::error!(%error, "the alerts could not be brought up to date");
         }
@@ -51,14 +51,14 @@ pub(super) async fn watch(evaluator: AlertEvaluator, mut live: broadcast::Receiv
 
 impl Memory {
     /// Takes what the fleet told since the last look.
-    fn hear(&mut self, live: &mut broadcast::Receiver<LiveUpdate>, now_ns: i64) {
+    fn hear(&mut self, live: &mut broadcast::Receiver<LiveUpdate>, now: WallTime) {
         loop {
             match live.try_recv() {
                 Ok(LiveUpdate::Event { robot, event }) => {
                     if let HistoryEvent::Change(change) = event.as_ref()
                         && change.kind == ChangeKind::Fault
                     {
-                        self.faults.insert(robot, (now_ns, words(change.cause)));
+                        self.faults.insert(robot, (now, words(change.cause)));
                     }
                 }
                 Ok(_) => {}
@@ -84,7 +84,7 @@ const fn words(cause: Cause) -> &'static str {
 impl AlertEvaluator {
     /// Looks once at every robot and takes to the store what has changed.
     async fn look(&self, memory: &mut Memory) -> Result<(), StoreError> {
-        let now_ns = self.inner.clock.now_ns();
+        let now = self.inner.clock.now();
         let approval = self.inner.lifecycle.policy();
         let standings = self.standings();
         let mut standing = BTreeMap::new();
@@ -95,7 +95,7 @@ impl AlertEvaluator {
             let ledger = self.inner.lifecycle.ledger(&view.id);
             let latest = self.latest(memory, &view.id, &ledger).await?;
             let situation = Situation {
-                now_ns,
+                now,
                 watched_since_ns: self.inner.since_ns,
                 view: &view,
                 ledger: &ledger,
@@ -109,7 +109,7 @@ impl AlertEvaluator {
             standing.insert(view.id.clone(), standings.basis(&view, &ledger));
         }
         self.group(&mut seen, set_up);
-        seen.retain(|(subject, one)| self.is_news(subject, one, now_ns));
+        seen.retain(|(subject, one)| self.is_news(subject, one, now));
         seen.truncate(limits::ALERTS_AT_ONCE_MAX);
         if seen.is_empty() {
             return Ok(());
@@ -124,7 +124,7 @@ impl AlertEvaluator {
             sightings: seen,
             policy: Arc::clone(&self.inner.policy),
             standing,
-            now_ns,
+            now,
         };
         let changes = self.inner.store.transact(write).await?;
         self.take(&changes);
@@ -143,11 +143,11 @@ impl AlertEvaluator {
     }
 
     /// Whether a sighting changes anything. The store asks the same again of what it holds.
-    fn is_news(&self, subject: &Subject, sighting: &Sighting, now_ns: i64) -> bool {
+    fn is_news(&self, subject: &Subject, sighting: &Sighting, now: WallTime) -> bool {
         let periods = self.inner.policy.periods(sighting.kind);
         let active = self.active();
         let before = active.get(&(subject.clone(), sighting.kind));
-        step(before, subject, sighting, now_ns, periods) != Step::Same
+        step(before, subject, sighting, now, periods) != Step::Same
     }
 
     /// A robot's newest deployment; it is read again when the robot's records have changed.

@@ -7,6 +7,7 @@ mod standings;
 mod tests;
 mod write;
 
+use fleetcal_model::WallTime;
 pub use standings::Standings;
 pub use write::{Acknowledge, AlertChange, Observe};
 
@@ -48,7 +49,7 @@ struct Inner {
     clock: SharedClock,
     policy: Arc<AlertPolicy>,
     active: Mutex<BTreeMap<(Subject, AlertKind), Alert>>,
-    since_ns: i64,
+    since_ns: WallTime,
     stop: CancellationToken,
     tasks: TaskTracker,
 }
@@ -70,7 +71,7 @@ impl AlertEvaluator {
 
     async fn started(setup: AlertEvaluatorSetup) -> Result<Self, StoreError> {
         let active = setup.store.active_alerts().await?;
-        let since_ns = setup.clock.now_ns();
+        let since_ns = setup.clock.now();
         let active = active
             .into_iter()
             .map(|alert| ((alert.robot.clone(), alert.kind), alert));
@@ -132,7 +133,7 @@ impl AlertEvaluator {
             version,
             actor,
             note,
-            now_ns: self.inner.clock.now_ns(),
+            now: self.inner.clock.now(),
         };
         let alert = self.inner.store.transact(write).await?;
         self.take(&[AlertChange::Kept(Box::new(alert.clone()))]);
@@ -149,7 +150,7 @@ impl AlertEvaluator {
                 }
                 AlertChange::Dropped(alert) => {
                     self.forget(alert);
-                    let since_ns = self.inner.clock.now_ns();
+                    let since_ns = self.inner.clock.now();
                     Alert {
                         version: alert.version + 1,
                         condition: Condition::Normal { since_ns },
@@ -201,6 +202,6 @@ impl AlertEvaluator {
 }
 
 /// Which of two writes of an alert is the later one: its version, and within one its words.
-const fn place(alert: &Alert) -> (u64, u64, i64) {
+const fn place(alert: &Alert) -> (u64, u64, WallTime) {
     (alert.id, alert.version, alert.told_ns)
 }

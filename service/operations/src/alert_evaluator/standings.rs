@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use fleetcal_domain::approval::{RobotLedger, Tolerance};
 use fleetcal_domain::robot::RobotView;
 use fleetcal_domain::standing::{RobotAlerts, Standing, StandingBasis};
+use fleetcal_model::WallTime;
 use fleetcal_proto::RobotId;
 
 use super::AlertEvaluator;
@@ -14,7 +15,7 @@ use super::AlertEvaluator;
 pub struct Standings {
     alerts: BTreeMap<RobotId, RobotAlerts>,
     propose_beyond: Tolerance,
-    now_ns: i64,
+    now: WallTime,
 }
 
 impl Standings {
@@ -29,7 +30,7 @@ impl Standings {
 
     /// How a robot stands apart from its alerts.
     pub(super) fn basis(&self, view: &RobotView, ledger: &RobotLedger) -> StandingBasis {
-        StandingBasis::of(view, ledger, &self.propose_beyond, self.now_ns)
+        StandingBasis::of(view, ledger, &self.propose_beyond, self.now)
     }
 
     /// The alerts of a robot.
@@ -44,7 +45,7 @@ impl AlertEvaluator {
         Standings {
             alerts: RobotAlerts::by_robot(self.active().values()),
             propose_beyond: self.inner.lifecycle.policy().propose_beyond,
-            now_ns: self.inner.clock.now_ns(),
+            now: self.inner.clock.now(),
         }
     }
 }

@@ -10,6 +10,7 @@ use fleetcal_domain::limits;
 use fleetcal_domain::webhook::{
     Attempt, DeliveryState, Secret, Webhook, WebhookEvent, WebhookRefused, WebhookUrl,
 };
+use fleetcal_model::WallTime;
 use fleetcal_store::{AlertFilter, AlertSelection, AuditFilter};
 
 use super::*;
@@ -50,7 +51,7 @@ async fn observe(
         sightings: vec![(robot(name).into(), sighting)],
         policy: Arc::new(AlertPolicy::default()),
         standing: BTreeMap::new(),
-        now_ns: (NOW_S + at_s) * NS,
+        now: WallTime((NOW_S + at_s) * NS),
     };
     store.transact(write).await.unwrap()
 }
@@ -61,7 +62,7 @@ async fn acknowledge(store: &Store, id: u64, version: u64) -> Result<Alert, Stor
         version,
         actor: ada(),
         note: Some("on my way".to_owned()),
-        now_ns: NOW_S * NS,
+        now: WallTime(NOW_S * NS),
     };
     store.transact(write).await
 }
@@ -81,7 +82,7 @@ async fn create(store: &Store, url: &str, events: &[WebhookEvent]) -> Result<Web
         events: events.to_vec(),
         secret: Secret::from_bytes(vec![7; 32]),
         actor: ada(),
-        now_ns: NOW_S * NS,
+        now: WallTime(NOW_S * NS),
     };
     store.transact(write).await
 }
@@ -114,10 +115,10 @@ async fn an_alert_is_one_until_it_is_over_and_survives_a_restart() {
     observe(&store, "a", AlertKind::Drift, Clear, 73).await;
     assert!(store.active_alerts().await.unwrap().is_empty());
     let (alert, history) = store.alert(active[0].id).await.unwrap().unwrap();
-    assert_eq!(alert.ended_ns, Some((NOW_S + 73) * NS));
+    assert_eq!(alert.ended_ns, Some(WallTime((NOW_S + 73) * NS)));
     let went: Vec<_> = history
         .iter()
-        .map(|moment| (moment.state.as_str(), moment.at_ns / NS - NOW_S))
+        .map(|moment| (moment.state.as_str(), moment.at_ns.whole_s() - NOW_S))
         .collect();
     assert_eq!(
         went,
@@ -249,14 +250,17 @@ async fn each_webhook_is_told_of_its_events_alone_and_goes_with_its_messages() {
     assert_eq!(told(every.id).await, ["alert.resolved", "alert.alerting"]);
     assert_eq!(told(ends.id).await, ["alert.resolved"]);
     // The oldest of each, once it is due.
-    let due = store.due_deliveries((NOW_S + 1) * NS).await.unwrap();
+    let due = store
+        .due_deliveries(WallTime((NOW_S + 1) * NS))
+        .await
+        .unwrap();
     let events: Vec<_> = due.iter().map(|one| one.delivery.event.as_str()).collect();
     assert_eq!(events, ["alert.alerting", "alert.resolved"]);
     assert_eq!(store.waiting_deliveries().await.unwrap(), 3);
     let gone = DeleteWebhook {
         id: every.id,
         actor: ada(),
-        now_ns: 0,
+        now: WallTime(0),
     };
     store.transact(gone.clone()).await.unwrap();
     let unknown = store.transact(gone).await.unwrap_err();
@@ -319,7 +323,7 @@ async fn too_many_that_wait_or_are_done_shed_their_oldest() {
             .collect(),
         policy: Arc::new(AlertPolicy::default()),
         standing: BTreeMap::new(),
-        now_ns: NOW_S * NS,
+        now: WallTime(NOW_S * NS),
     };
     store.transact(write).await.unwrap();
     assert_eq!(
@@ -341,20 +345,25 @@ async fn an_attempt_is_written_down_and_the_next_one_waits() {
         .await
         .unwrap();
     observe(&store, "r", AlertKind::NotApplied, Observation::Firing, 0).await;
-    let due = store.due_deliveries(NOW_S * NS).await.unwrap();
+    let due = store.due_deliveries(WallTime(NOW_S * NS)).await.unwrap();
     let attempt = |status| NoteAttempt {
         delivery: due[0].delivery.id,
         attempt: Attempt {
-            at_ns: NOW_S * NS,
+            at_ns: WallTime(NOW_S * NS),
             took_ms: 3,
             status,
             error: None,
         },
-        now_ns: NOW_S * NS,
+        now: WallTime(NOW_S * NS),
         jitter: 0.0,
     };
     store.transact(attempt(Some(503))).await.unwrap();
-    let at = async |seconds: i64| store.due_deliveries((NOW_S + seconds) * NS).await.unwrap();
+    let at = async |seconds: i64| {
+        store
+            .due_deliveries(WallTime((NOW_S + seconds) * NS))
+            .await
+            .unwrap()
+    };
     assert!(at(4).await.is_empty());
     assert_eq!(at(5).await.len(), 1);
     // A clock that was set back by a day does not make it wait for a day.

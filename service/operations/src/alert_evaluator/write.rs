@@ -12,6 +12,7 @@ use fleetcal_domain::audit::Action;
 use fleetcal_domain::limits;
 use fleetcal_domain::standing::{RobotAlerts, Standing, StandingBasis};
 use fleetcal_domain::webhook::Message;
+use fleetcal_model::WallTime;
 use fleetcal_proto::RobotId;
 use fleetcal_store::{AlertMoment, AuditEntry, Job, Records, StoreError};
 
@@ -27,7 +28,7 @@ pub struct Observe {
     /// How these robots stand apart from their alerts, and what alerts they had before.
     pub standing: BTreeMap<RobotId, (StandingBasis, RobotAlerts)>,
     /// Wall time.
-    pub now_ns: i64,
+    pub now: WallTime,
 }
 
 /// Somebody takes an alert on.
@@ -42,7 +43,7 @@ pub struct Acknowledge {
     /// What the person has to say.
     pub note: Option<String>,
     /// Wall time.
-    pub now_ns: i64,
+    pub now: WallTime,
 }
 
 /// What became of one alert.
@@ -79,7 +80,7 @@ impl Observe {
     ) -> Result<Option<AlertChange>, StoreError> {
         let before = records.active_alert(subject, sighting.kind).await?;
         let periods = self.policy.periods(sighting.kind);
-        match step(before.as_ref(), subject, sighting, self.now_ns, periods) {
+        match step(before.as_ref(), subject, sighting, self.now, periods) {
             Step::Same => Ok(None),
             Step::Dropped => {
                 let Some(before) = before else {
@@ -99,7 +100,7 @@ impl Observe {
                 } else {
                     records.save_alert(&alert).await?;
                 }
-                note_change(records, &alert, None, self.now_ns).await?;
+                note_change(records, &alert, None, self.now).await?;
                 let stands = standing_with(standing, &alert);
                 if let Some(notice) = notice {
                     self.tell(records, &alert, notice, stands).await?;
@@ -116,9 +117,9 @@ impl Observe {
         notice: Notice,
         standing: Option<Standing>,
     ) -> Result<(), StoreError> {
-        let message = Message::of_alert(alert, notice, standing, self.now_ns);
+        let message = Message::of_alert(alert, notice, standing, self.now);
         let message = message.map_err(|error| outbox::unwritable(&error))?;
-        outbox::tell(records, &message, self.now_ns).await
+        outbox::tell(records, &message, self.now).await
     }
 }
 
@@ -141,14 +142,14 @@ impl Job for Acknowledge {
         let before = before.ok_or(AlertRefused::Unknown(self.id))?;
         let acknowledgement = Acknowledgement {
             by: self.actor.name.clone(),
-            at_ns: self.now_ns,
+            at_ns: self.now,
             note: self.note.clone(),
         };
         let after = before.acknowledge(self.version, acknowledgement.clone())?;
         records.save_alert(&after).await?;
-        note_change(records, &after, Some(acknowledgement), self.now_ns).await?;
+        note_change(records, &after, Some(acknowledgement), self.now).await?;
         let entry = AuditEntry {
-            at_ns: self.now_ns,
+            at_ns: self.now,
             actor: self.actor.clone(),
             action: Action::AcknowledgeAlert,
             subject_id: self.id.to_string(),
@@ -167,11 +168,11 @@ async fn note_change(
     records: &mut dyn Records,
     alert: &Alert,
     acknowledged: Option<Acknowledgement>,
-    now_ns: i64,
+    now: WallTime,
 ) -> Result<(), StoreError> {
     let (by, note) = acknowledged.map_or((None, None), |one| (Some(one.by), one.note));
     let moment = AlertMoment {
-        at_ns: now_ns,
+        at_ns: now,
         version: alert.version,
         state: alert.condition.name(),
         what: alert.what.clone(),

@@ -13,7 +13,7 @@ use fleetcal_domain::approval::{
 use fleetcal_domain::robot::RobotView;
 use fleetcal_domain::standing::{self, RobotAlerts, StandingBasis};
 use fleetcal_domain::webhook::Message;
-use fleetcal_model::Pose2;
+use fleetcal_model::{Pose2, RobotTime, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::signing::SigningKey;
 use fleetcal_store::transaction::AnswerScope;
@@ -39,7 +39,7 @@ pub struct Decide {
     /// What documents are signed with.
     pub key: Arc<SigningKey>,
     /// Wall time.
-    pub now_ns: i64,
+    pub now: WallTime,
     /// What makes a repeated request recognisable.
     pub idempotency: Option<IdempotencyKey>,
     /// Where the robot's rear axle is in its `base_link`, where that is configured.
@@ -103,7 +103,7 @@ impl Decide {
             policy,
             key: &self.key,
             actor: &self.actor,
-            now_ns: self.now_ns,
+            now: self.now,
             frozen,
             rear_axle_in_base_link: self.rear_axle_in_base_link,
             present: self.present,
@@ -137,7 +137,7 @@ impl Decide {
         };
         let scope = AnswerScope::Proposal(&self.robot);
         let (key, id) = (self.idempotency.as_ref(), proposal.id as i64);
-        note_made(records, scope, key, id, self.now_ns).await
+        note_made(records, scope, key, id, self.now).await
     }
 
     /// Tells webhooks what waits for people now.
@@ -157,9 +157,9 @@ impl Decide {
         }
         let stands = self.stands(records, outcome, policy).await?;
         for transition in &outcome.transitions {
-            let message = Message::of_transition(transition, outcome, stands, self.now_ns);
+            let message = Message::of_transition(transition, outcome, stands, self.now);
             if let Some(message) = message.map_err(|error| outbox::unwritable(&error))? {
-                outbox::tell(records, &message, self.now_ns).await?;
+                outbox::tell(records, &message, self.now).await?;
             }
         }
         Ok(())
@@ -186,7 +186,7 @@ impl Decide {
         let mut alerts = RobotAlerts::by_robot(&active);
         let alerts = alerts.remove(&self.robot).unwrap_or_default();
         let tolerance = &policy.propose_beyond;
-        let basis = StandingBasis::of(view, &outcome.ledger, tolerance, self.now_ns);
+        let basis = StandingBasis::of(view, &outcome.ledger, tolerance, self.now);
         Ok(Some(basis.with(&alerts)))
     }
 
@@ -195,7 +195,7 @@ impl Decide {
         let entry = |transition: &Transition| {
             let (before, after) = audited(transition);
             AuditEntry {
-                at_ns: self.now_ns,
+                at_ns: self.now,
                 actor: self.actor.clone(),
                 action: transition.action(),
                 subject_id: transition.subject_id(),
@@ -236,8 +236,9 @@ impl Decide {
             Some(NewEvent {
                 robot: self.robot.clone(),
                 kind,
-                stamp_ns: self.now_ns,
-                received_ns: self.now_ns,
+                // What the service did has no robot's time.
+                stamp_ns: RobotTime(self.now.0),
+                received_ns: self.now,
                 source,
                 author: (source == EventSource::Person).then(|| self.actor.name.clone()),
                 note: transition.reason().map(str::to_owned),

@@ -6,6 +6,7 @@ use std::time::Duration;
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::approval::{Candidate, Command, Situation, automatic, due, nominal_values};
 use fleetcal_domain::robot::{RobotState, RobotView};
+use fleetcal_model::WallTime;
 use fleetcal_proto::RobotId;
 use fleetcal_store::StoreError;
 use tokio::time::MissedTickBehavior;
@@ -32,14 +33,14 @@ pub(super) async fn attend(lifecycle: Lifecycle) {
 impl Lifecycle {
     /// Looks once at every robot's records and does what is due.
     pub(super) async fn look(&self, candidates: &mut BTreeMap<RobotId, Candidate>) {
-        let now_ns = self.inner.clock.now_ns();
+        let now = self.inner.clock.now();
         for view in self.inner.fleet.robots() {
             if view.config.is_none() {
                 candidates.remove(&view.id);
                 continue;
             }
             let candidate = candidates.entry(view.id.clone()).or_default();
-            let Some(command) = self.due(&view, candidate, now_ns) else {
+            let Some(command) = self.due(&view, candidate, now) else {
                 continue;
             };
             let done = self.decide(&view.id, command, Actor::service(), None).await;
@@ -56,7 +57,7 @@ impl Lifecycle {
         }
     }
 
-    fn due(&self, view: &RobotView, candidate: &mut Candidate, now_ns: i64) -> Option<Command> {
+    fn due(&self, view: &RobotView, candidate: &mut Candidate, now: WallTime) -> Option<Command> {
         let ledger = self.ledger(&view.id);
         let policy = self.policy();
         let calibrated = view.state == RobotState::Calibrated;
@@ -71,7 +72,7 @@ impl Lifecycle {
             .map(|in_use| in_use.generation);
         let fresh = fresh.filter(|(generation, _)| Some(*generation) == in_use);
         let situation = Situation {
-            now_ns,
+            now,
             estimate,
             vehicle_changed: view.state == RobotState::Changed,
             stable,

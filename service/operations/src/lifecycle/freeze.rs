@@ -4,6 +4,7 @@ use async_trait::async_trait;
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::approval::may_change;
 use fleetcal_domain::audit::Action;
+use fleetcal_model::WallTime;
 use fleetcal_store::{AuditEntry, DeploymentFreeze, Job, Records, StoreError};
 
 /// A change of the deployment freeze.
@@ -16,7 +17,7 @@ pub struct SetFreeze {
     /// Who.
     pub actor: Actor,
     /// When, wall time.
-    pub now_ns: i64,
+    pub now: WallTime,
     /// Why.
     pub reason: String,
 }
@@ -32,12 +33,12 @@ impl Job for SetFreeze {
             version: before.version + 1,
             frozen: self.frozen,
             by: Some(self.actor.name.clone()),
-            at_ns: Some(self.now_ns),
+            at_ns: Some(self.now),
             reason: Some(self.reason.clone()),
         };
         records.save_deployment_freeze(&after).await?;
         let entry = AuditEntry {
-            at_ns: self.now_ns,
+            at_ns: self.now,
             actor: self.actor.clone(),
             action: if self.frozen {
                 Action::BeginFreeze

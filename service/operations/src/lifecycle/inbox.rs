@@ -112,6 +112,7 @@ impl Inbox {
 
 #[cfg(test)]
 mod tests {
+    use fleetcal_model::RobotTime;
     use fleetcal_proto::calibration::AppliedStatus;
 
     use super::*;
@@ -126,7 +127,7 @@ mod tests {
             sha256: String::new(),
             status: AppliedStatus::Applied,
             reason: None,
-            applied_at_ns: 0,
+            applied_at_ns: RobotTime(0),
             values: None,
         }
     }

@@ -243,7 +243,7 @@ impl Lifecycle {
             actor,
             given_policy: self.given_policy(),
             key: Arc::clone(&self.inner.key),
-            now_ns: self.inner.clock.now_ns(),
+            now: self.inner.clock.now(),
             idempotency,
             rear_axle_in_base_link: self.inner.fleet.rear_axle_in_base_link(robot),
             present: self.present(robot),
@@ -300,7 +300,7 @@ impl Lifecycle {
             frozen,
             version,
             actor,
-            now_ns: self.inner.clock.now_ns(),
+            now: self.inner.clock.now(),
             reason,
         };
         let lifecycle = self.clone();
@@ -357,7 +357,7 @@ impl Lifecycle {
             .into_iter()
             .flatten()
             .map(|in_use| UsedValues {
-                since_ns: in_use.since_ns,
+                since: in_use.since_ns,
                 generation: in_use.generation,
                 values: in_use.values,
             })

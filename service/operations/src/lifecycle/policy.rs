@@ -7,6 +7,7 @@ use fleetcal_domain::access::Actor;
 use fleetcal_domain::approval::{Policy, may_change};
 use fleetcal_domain::audit::Action;
 use fleetcal_fleet::live::LiveUpdate;
+use fleetcal_model::WallTime;
 use fleetcal_store::{AuditEntry, Job, Records, StoreError, StoredPolicy};
 
 use super::Lifecycle;
@@ -21,7 +22,7 @@ pub struct SetPolicy {
     /// Who.
     pub actor: Actor,
     /// When, wall time.
-    pub now_ns: i64,
+    pub now: WallTime,
     /// Why.
     pub reason: String,
 }
@@ -37,12 +38,12 @@ impl Job for SetPolicy {
             version: before.version + 1,
             policy: self.policy,
             by: Some(self.actor.name.clone()),
-            at_ns: Some(self.now_ns),
+            at_ns: Some(self.now),
             reason: Some(self.reason.clone()),
         };
         records.save_policy(&after).await?;
         let entry = AuditEntry {
-            at_ns: self.now_ns,
+            at_ns: self.now,
             actor: self.actor.clone(),
             action: Action::ChangePolicy,
             subject_id: "1".to_owned(),
@@ -115,7 +116,7 @@ impl Lifecycle {
             policy,
             version,
             actor,
-            now_ns: self.inner.clock.now_ns(),
+            now: self.inner.clock.now(),
             reason,
         };
         let lifecycle = self.clone();

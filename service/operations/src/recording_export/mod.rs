@@ -4,9 +4,8 @@
 
 pub mod live;
 
-use fleetcal_estimator::{Pose2, Stamp};
+use fleetcal_estimator::{Pose2, RobotTime};
 use fleetcal_fleet::words;
-use fleetcal_model::Parameter;
 use fleetcal_proto::RecordingTopic;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::encoding::Encoding;
@@ -17,6 +16,8 @@ use fleetcal_robot::recording::{RecordingError, RobotWriter};
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
+
+use fleetcal_model::Parameter;
 
 /// Frame of the path, where the robot began.
 const ODOM: &str = "odom";
@@ -73,7 +74,7 @@ impl<W: Write> RecordingExport<W> {
     /// When it cannot be written.
     pub fn message(
         &mut self,
-        stamp: Stamp,
+        stamp: RobotTime,
         topic: &RecordingTopic,
         payload: &[u8],
     ) -> Result<(), RecordingError> {
@@ -87,7 +88,7 @@ impl<W: Write> RecordingExport<W> {
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn pose(&mut self, stamp: Stamp, base_in_odom: &Pose2) -> Result<(), RecordingError> {
+    pub fn pose(&mut self, stamp: RobotTime, base_in_odom: &Pose2) -> Result<(), RecordingError> {
         self.writer.transform(stamp.0, ODOM, BASE, *base_in_odom)
     }
 
@@ -105,11 +106,11 @@ impl<W: Write> RecordingExport<W> {
         };
         let frame = self.lidar_frame.as_deref().unwrap_or(LIDAR);
         self.writer
-            .transform(stamp_ns, BASE, frame, lidar_in_base)?;
+            .transform(stamp_ns.0, BASE, frame, lidar_in_base)?;
         match serde_json::to_value(document) {
-            Ok(document) => self.writer.estimate(stamp_ns, &document),
+            Ok(document) => self.writer.estimate(stamp_ns.0, &document),
             Err(error) => self.writer.event(
-                stamp_ns,
+                stamp_ns.0,
                 &format!("the estimate cannot be written: {error}"),
             ),
         }
@@ -127,8 +128,8 @@ impl<W: Write> RecordingExport<W> {
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn event(&mut self, stamp_ns: i64, words: &str) -> Result<(), RecordingError> {
-        self.writer.event(stamp_ns, words)
+    pub fn event(&mut self, stamp_ns: RobotTime, words: &str) -> Result<(), RecordingError> {
+        self.writer.event(stamp_ns.0, words)
     }
 
     /// Says how much is missing.

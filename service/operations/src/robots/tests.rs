@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use fleetcal_domain::robot::{HistoryEvent, Journal};
-use fleetcal_model::NoteKind;
+use fleetcal_model::{NoteKind, RobotTime, WallTime};
 use fleetcal_proto::event::RobotEvent;
 use fleetcal_store::{EventKind, EventSource};
 
@@ -19,8 +19,8 @@ fn event(note: &str) -> NewEvent {
     NewEvent {
         robot: robot("a"),
         kind: EventKind::Reassembled,
-        stamp_ns: 5,
-        received_ns: NOW_NS,
+        stamp_ns: RobotTime(5),
+        received_ns: WallTime(NOW_NS),
         source: EventSource::Person,
         author: Some("Ann".to_owned()),
         note: Some(note.to_owned()),
@@ -125,7 +125,7 @@ async fn a_note_that_comes_again_through_the_fleet_is_one_event() {
         let note = text.to_owned();
         Arc::new(HistoryEvent::Note(RobotEvent {
             kind: NoteKind::Reassembled,
-            stamp_ns: 5,
+            stamp_ns: RobotTime(5),
             note,
         }))
     };

@@ -134,8 +134,8 @@ impl WebhookDispatcher {
                 },
                 _ = ticks.tick() => {}
             }
-            let now_ns = self.inner.clock.now_ns();
-            let due = match self.inner.store.due_deliveries(now_ns).await {
+            let now = self.inner.clock.now();
+            let due = match self.inner.store.due_deliveries(now).await {
                 Ok(due) => due,
                 Err(error) => {
                     tracing::error!(%error, "what is to be told could not be read");
@@ -164,12 +164,8 @@ impl WebhookDispatcher {
     }
 
     async fn attempt(&self, due: &DueDelivery) -> Attempt {
-        let (at_ns, began) = (self.inner.clock.now_ns(), self.inner.clock.elapsed());
-        let answer = self
-            .inner
-            .post
-            .send(due, at_ns.div_euclid(1_000_000_000))
-            .await;
+        let (at_ns, began) = (self.inner.clock.now(), self.inner.clock.elapsed());
+        let answer = self.inner.post.send(due, at_ns.whole_s()).await;
         let took = self.inner.clock.elapsed().saturating_sub(began);
         let (status, error) = match answer {
             Ok(status) => (Some(status), None),
@@ -193,7 +189,7 @@ impl WebhookDispatcher {
         let noted = NoteAttempt {
             delivery: due.delivery.id,
             attempt,
-            now_ns: self.inner.clock.now_ns(),
+            now: self.inner.clock.now(),
             jitter: self.jitter(),
         };
         let noted = self.inner.store.transact(noted).await?;

@@ -2,6 +2,7 @@
 
 use fleetcal_domain::limits;
 use fleetcal_domain::webhook::{Delivery, Message};
+use fleetcal_model::WallTime;
 use fleetcal_store::{Records, StoreError};
 
 /// Puts a message into the outbox of every webhook that is told of its event; the transaction is
@@ -9,15 +10,15 @@ use fleetcal_store::{Records, StoreError};
 pub(crate) async fn tell(
     records: &mut dyn Records,
     message: &Message,
-    now_ns: i64,
+    now: WallTime,
 ) -> Result<(), StoreError> {
     for (webhook, secret) in records.webhooks().await? {
         if !webhook.events.contains(&message.event) {
             continue;
         }
-        let delivery = Delivery::new(webhook.id, &secret, message, now_ns);
+        let delivery = Delivery::new(webhook.id, &secret, message, now);
         records.add_delivery(&delivery).await?;
-        keep_within_limits(records, webhook.id, now_ns).await?;
+        keep_within_limits(records, webhook.id, now).await?;
     }
     Ok(())
 }
@@ -26,10 +27,10 @@ pub(crate) async fn tell(
 pub(super) async fn keep_within_limits(
     records: &mut dyn Records,
     webhook: u64,
-    now_ns: i64,
+    now: WallTime,
 ) -> Result<(), StoreError> {
     let waiting = limits::WEBHOOK_WAITING_MAX;
-    let lost = records.give_up_deliveries(webhook, waiting, now_ns).await?;
+    let lost = records.give_up_deliveries(webhook, waiting, now).await?;
     if lost > 0 {
         tracing::error!(webhook, lost, "too many messages wait, the oldest are lost");
     }

@@ -6,6 +6,7 @@ use fleetcal_domain::audit::Action;
 use fleetcal_domain::webhook::{
     Attempt, Delivery, Secret, Webhook, WebhookEvent, WebhookRefused, WebhookUrl, allow_new_webhook,
 };
+use fleetcal_model::WallTime;
 use fleetcal_store::{AuditEntry, Job, Records, StoreError};
 use serde_json::Value;
 
@@ -23,7 +24,7 @@ pub struct CreateWebhook {
     /// Who makes it.
     pub actor: Actor,
     /// Wall time.
-    pub now_ns: i64,
+    pub now: WallTime,
 }
 
 /// A webhook that goes.
@@ -34,7 +35,7 @@ pub struct DeleteWebhook {
     /// Who takes it away.
     pub actor: Actor,
     /// Wall time.
-    pub now_ns: i64,
+    pub now: WallTime,
 }
 
 /// An attempt at a delivery.
@@ -45,7 +46,7 @@ pub struct NoteAttempt {
     /// What came of it.
     pub attempt: Attempt,
     /// Wall time of its end.
-    pub now_ns: i64,
+    pub now: WallTime,
     /// A random number from 0 to 1.
     pub jitter: f64,
 }
@@ -62,13 +63,13 @@ impl Job for CreateWebhook {
             url: self.url.clone(),
             events: self.events.clone(),
             created_by: self.actor.name.clone(),
-            created_ns: self.now_ns,
+            created_ns: self.now,
         };
         webhook.id = records.add_webhook(&webhook, &self.secret).await?;
         let after = Some(webhook.audited());
         let entry = AuditEntry {
             after,
-            ..entry(Action::CreateWebhook, &webhook, &self.actor, self.now_ns)
+            ..entry(Action::CreateWebhook, &webhook, &self.actor, self.now)
         };
         records.append_audit(&entry).await?;
         Ok(webhook)
@@ -87,16 +88,16 @@ impl Job for DeleteWebhook {
         let before: Option<Value> = Some(webhook.audited());
         let entry = AuditEntry {
             before,
-            ..entry(Action::DeleteWebhook, &webhook, &self.actor, self.now_ns)
+            ..entry(Action::DeleteWebhook, &webhook, &self.actor, self.now)
         };
         records.append_audit(&entry).await?;
         Ok(webhook)
     }
 }
 
-fn entry(action: Action, webhook: &Webhook, actor: &Actor, now_ns: i64) -> AuditEntry {
+fn entry(action: Action, webhook: &Webhook, actor: &Actor, now: WallTime) -> AuditEntry {
     AuditEntry {
-        at_ns: now_ns,
+        at_ns: now,
         actor: actor.clone(),
         action,
         subject_id: webhook.id.to_string(),
@@ -116,9 +117,9 @@ impl Job for NoteAttempt {
         let Some(before) = records.delivery(self.delivery).await? else {
             return Ok(None);
         };
-        let after = before.after(self.attempt.clone(), self.now_ns, self.jitter);
+        let after = before.after(self.attempt.clone(), self.now, self.jitter);
         records.save_delivery(&after).await?;
-        keep_within_limits(records, after.webhook, self.now_ns).await?;
+        keep_within_limits(records, after.webhook, self.now).await?;
         Ok(Some(after))
     }
 }

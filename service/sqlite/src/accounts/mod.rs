@@ -22,7 +22,7 @@ pub(super) async fn note_use(
         ),
     };
     sqlx::query(sql)
-        .bind(used.now_ns)
+        .bind(used.now.0)
         .bind(hash.as_bytes())
         .execute(connection)
         .await

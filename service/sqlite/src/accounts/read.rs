@@ -11,7 +11,7 @@ use sqlx::AssertSqlSafe;
 use sqlx::sqlite::SqliteRow;
 
 use crate::SqliteReader;
-use crate::row::{column, corrupt};
+use crate::row::{column, corrupt, wall_time, wall_time_or_null};
 
 /// The columns of [`user_of`].
 pub(super) const USER: &str = "u.id, u.name, u.role, u.password, u.disabled, u.version, \
@@ -93,8 +93,8 @@ impl AccountReader for SqliteReader {
         Ok(Some(SessionRecord {
             user: user_of(&row)?,
             span: SessionSpan {
-                created_ns: column(&row, "session", 9)?,
-                used_ns: column(&row, "session", 10)?,
+                created_ns: wall_time(&row, "session", 9)?,
+                used_ns: wall_time(&row, "session", 10)?,
             },
         }))
     }
@@ -111,9 +111,9 @@ pub(super) fn user_of(row: &SqliteRow) -> Result<UserRecord, StoreError> {
         password: PasswordHash::stored(column(row, TABLE, 3)?),
         disabled: column(row, TABLE, 4)?,
         version: u64::try_from(version).map_err(corrupt(TABLE))?,
-        created_ns: column(row, TABLE, 6)?,
-        updated_ns: column(row, TABLE, 7)?,
-        signed_in_ns: column(row, TABLE, 8)?,
+        created_ns: wall_time(row, TABLE, 6)?,
+        updated_ns: wall_time(row, TABLE, 7)?,
+        signed_in_ns: wall_time_or_null(row, TABLE, 8)?,
     })
 }
 
@@ -131,11 +131,11 @@ pub(super) fn token_of(row: &SqliteRow) -> Result<TokenRecord, StoreError> {
         hash: hash_of(row, TABLE, 4)?,
         created_by: column(row, TABLE, 5)?,
         span: TokenSpan {
-            created_ns: column(row, TABLE, 6)?,
-            expires_ns: column(row, TABLE, 7)?,
-            revoked_ns: column(row, TABLE, 8)?,
+            created_ns: wall_time(row, TABLE, 6)?,
+            expires_ns: wall_time_or_null(row, TABLE, 7)?,
+            revoked_ns: wall_time_or_null(row, TABLE, 8)?,
         },
-        used_ns: column(row, TABLE, 9)?,
+        used_ns: wall_time_or_null(row, TABLE, 9)?,
     })
 }
 

@@ -2,7 +2,7 @@
 
 use async_trait::async_trait;
 use fleetcal_domain::access::{AccountName, Role, SecretHash};
-use fleetcal_model::RobotId;
+use fleetcal_model::{RobotId, WallTime};
 use fleetcal_store::transaction::{AccountRecords, SessionRecords, TokenRecords};
 use fleetcal_store::{StoreError, TokenRecord, UserRecord};
 use sqlx::AssertSqlSafe;
@@ -58,9 +58,9 @@ impl AccountRecords for SqliteRecords<'_> {
         .bind(user.password.as_str())
         .bind(user.disabled)
         .bind(user.version as i64)
-        .bind(user.created_ns)
-        .bind(user.updated_ns)
-        .bind(user.signed_in_ns)
+        .bind(user.created_ns.0)
+        .bind(user.updated_ns.0)
+        .bind(user.signed_in_ns.map(|at| at.0))
         .fetch_one(&mut *self.connection)
         .await
         .map_err(StoreError::database("write a user"))
@@ -77,8 +77,8 @@ impl AccountRecords for SqliteRecords<'_> {
         .bind(user.password.as_str())
         .bind(user.disabled)
         .bind(user.version as i64)
-        .bind(user.updated_ns)
-        .bind(user.signed_in_ns)
+        .bind(user.updated_ns.0)
+        .bind(user.signed_in_ns.map(|at| at.0))
         .execute(&mut *self.connection)
         .await
         .map_err(StoreError::database("write a user"))?;
@@ -101,14 +101,14 @@ impl SessionRecords for SqliteRecords<'_> {
         &mut self,
         user: i64,
         session: &SecretHash,
-        now_ns: i64,
+        now: WallTime,
     ) -> Result<(), StoreError> {
         sqlx::query(
             "INSERT INTO session (sha256, user, created_ns, used_ns) VALUES (?1, ?2, ?3, ?3)",
         )
         .bind(session.as_bytes())
         .bind(user)
-        .bind(now_ns)
+        .bind(now.0)
         .execute(&mut *self.connection)
         .await
         .map_err(StoreError::database("begin a session"))?;
@@ -139,12 +139,12 @@ impl SessionRecords for SqliteRecords<'_> {
 
     async fn delete_old_sessions(
         &mut self,
-        created_ns: i64,
-        used_ns: i64,
+        created_ns: WallTime,
+        used_ns: WallTime,
     ) -> Result<(), StoreError> {
         sqlx::query("DELETE FROM session WHERE created_ns <= ?1 OR used_ns <= ?2")
-            .bind(created_ns)
-            .bind(used_ns)
+            .bind(created_ns.0)
+            .bind(used_ns.0)
             .execute(&mut *self.connection)
             .await
             .map_err(StoreError::database("delete sessions that have ended"))?;
@@ -187,7 +187,7 @@ impl TokenRecords for SqliteRecords<'_> {
     async fn token_named(
         &mut self,
         name: &AccountName,
-        now_ns: i64,
+        now: WallTime,
     ) -> Result<Option<TokenRecord>, StoreError> {
         let sql = format!(
             "SELECT {TOKEN} FROM token AS t WHERE t.name = ?1 COLLATE NOCASE
@@ -195,7 +195,7 @@ impl TokenRecords for SqliteRecords<'_> {
         );
         let row = sqlx::query(AssertSqlSafe(sql))
             .bind(name.as_str())
-            .bind(now_ns)
+            .bind(now.0)
             .fetch_optional(&mut *self.connection)
             .await
             .map_err(StoreError::database("look up a token's name"))?;
@@ -212,16 +212,20 @@ impl TokenRecords for SqliteRecords<'_> {
         .bind(token.grant.role().as_str())
         .bind(token.grant.robot().map(RobotId::as_str))
         .bind(token.created_by.as_str())
-        .bind(token.span.created_ns)
-        .bind(token.span.expires_ns)
+        .bind(token.span.created_ns.0)
+        .bind(token.span.expires_ns.map(|at| at.0))
         .fetch_one(&mut *self.connection)
         .await
         .map_err(StoreError::database("write a token"))
     }
 
-    async fn save_token_revoked(&mut self, id: i64, revoked_ns: i64) -> Result<(), StoreError> {
+    async fn save_token_revoked(
+        &mut self,
+        id: i64,
+        revoked_ns: WallTime,
+    ) -> Result<(), StoreError> {
         sqlx::query("UPDATE token SET revoked_ns = ?1 WHERE id = ?2")
-            .bind(revoked_ns)
+            .bind(revoked_ns.0)
             .bind(id)
             .execute(&mut *self.connection)
             .await

@@ -2,6 +2,7 @@
 
 use async_trait::async_trait;
 use fleetcal_domain::access::{AccountName, Grant, PasswordHash, Role};
+use fleetcal_model::WallTime;
 use fleetcal_store::{Job, Records, StoreError, UserRecord};
 use sqlx::ConnectOptions;
 
@@ -24,8 +25,8 @@ impl Job for AddUser {
             password: PasswordHash::stored("hash".to_owned()),
             disabled: false,
             version: 1,
-            created_ns: 1,
-            updated_ns: 1,
+            created_ns: WallTime(1),
+            updated_ns: WallTime(1),
             signed_in_ns: None,
         };
         records.add_user(&user).await

@@ -3,6 +3,7 @@
 use std::f64::consts::PI;
 use std::time::Duration;
 
+use fleetcal_model::WallTime;
 use fleetcal_store::{Cell, History};
 
 use super::*;
@@ -188,10 +189,10 @@ async fn retention_goes_by_receipt_time() {
     let store = open(folder.path(), &clock()).await;
     // A robot whose clock is in 1980 sends now; one whose clock is in 2060 sent a week ago.
     let (past_s, future_s) = (315_532_800, 2_840_140_800);
-    store.record_history(&estimate("past", past_s, 1.0, 0.0), NOW_S * NS);
+    store.record_history(&estimate("past", past_s, 1.0, 0.0), WallTime(NOW_S * NS));
     store.record_history(
         &estimate("future", future_s, 1.0, 0.0),
-        (NOW_S - 7 * 86_400) * NS,
+        WallTime((NOW_S - 7 * 86_400) * NS),
     );
     store.flush().await.unwrap();
     pruned(&store, 1).await;
@@ -218,7 +219,7 @@ async fn coarser_rows_go_before_the_finer_ones_without_overlap() {
     // The robot goes on in the same minute, received today.
     for second in 200..400 {
         let estimate = estimate("a", START_S + second, 1.0, 0.0);
-        store.record_history(&estimate, (NOW_S + 4 * 86_400) * NS);
+        store.record_history(&estimate, WallTime((NOW_S + 4 * 86_400) * NS));
     }
     store.flush().await.unwrap();
     let history = store
@@ -294,7 +295,7 @@ async fn a_lidar_that_looks_backwards_is_one_line() {
             -PI + 0.01
         };
         let estimate = estimate("a", START_S + second, 0.0, yaw_rad);
-        store.record_history(&estimate, NOW_S * NS);
+        store.record_history(&estimate, WallTime(NOW_S * NS));
     }
     store.flush().await.unwrap();
     let yaws = |history: &History| -> Vec<Cell> {

@@ -12,7 +12,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use fleetcal_clock::MockClock;
-use fleetcal_model::{Consistency, Counts, Parameter, ParameterStatus};
+use fleetcal_model::{Consistency, Counts, Parameter, ParameterStatus, RobotTime, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::{EstimateDocument, ParameterDocument, Parameters};
 use fleetcal_store::{HistoryQuery, Store};
@@ -53,7 +53,7 @@ fn estimate(name: &str, t_s: i64, offset_rad: f64, yaw_rad: f64) -> EstimateDocu
     };
     EstimateDocument {
         robot: robot(name),
-        stamp_ns: t_s * NS + 7,
+        stamp_ns: RobotTime(t_s * NS + 7),
         time_s: 1.0,
         distance_m: 2.0,
         parameters: Parameters {
@@ -78,7 +78,7 @@ fn estimate(name: &str, t_s: i64, offset_rad: f64, yaw_rad: f64) -> EstimateDocu
 
 /// Records an estimate that is received at its own time.
 fn record(store: &Store, name: &str, t_s: i64, offset_rad: f64) {
-    store.record_history(&estimate(name, t_s, offset_rad, 0.0), t_s * NS);
+    store.record_history(&estimate(name, t_s, offset_rad, 0.0), WallTime(t_s * NS));
 }
 
 fn query(name: &str, from_s: i64, to_s: i64, points_max: u32) -> HistoryQuery {

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use async_trait::async_trait;
 use fleetcal_domain::robot::{HistoryEvent, Journal, RobotConfig};
+use fleetcal_model::{RobotTime, WallTime};
 use fleetcal_store::{EventKind, EventSource, Job, NewEvent, Records, StoreError};
 
 use super::*;
@@ -17,8 +18,8 @@ pub(super) fn event(note: &str) -> NewEvent {
     NewEvent {
         robot: robot("a"),
         kind: EventKind::Reassembled,
-        stamp_ns: 5,
-        received_ns: NOW_S * NS,
+        stamp_ns: RobotTime(5),
+        received_ns: WallTime(NOW_S * NS),
         source: EventSource::Person,
         author: Some("Ann".to_owned()),
         note: Some(note.to_owned()),
@@ -37,9 +38,9 @@ impl Job for KeepRobot {
     async fn run(&self, records: &mut dyn Records) -> Result<i64, StoreError> {
         let Self(config, event) = self;
         let version = records.robot(&robot("a")).await?.map_or(0, |a| a.version) + 1;
-        let now_ns = NOW_S * NS;
+        let now = NOW_S * NS;
         records
-            .save_config(&robot("a"), config, version, now_ns)
+            .save_config(&robot("a"), config, version, WallTime(now))
             .await?;
         records.add_event(event).await
     }
@@ -52,8 +53,8 @@ async fn everything_is_there_after_a_restart() {
     let store = open(folder.path(), &clock).await;
     let keep = KeepRobot(config(1.2), event("new bracket"));
     let told = store.transact(keep).await.unwrap();
-    store.save_checkpoint(&robot("a"), 7, r#"{"state": [0.1]}"#.to_owned());
-    store.save_checkpoint(&robot("a"), 8, r#"{"state": [0.2]}"#.to_owned());
+    store.save_checkpoint(&robot("a"), RobotTime(7), r#"{"state": [0.1]}"#.to_owned());
+    store.save_checkpoint(&robot("a"), RobotTime(8), r#"{"state": [0.2]}"#.to_owned());
     record(&store, "a", NOW_S, 0.1);
     record(&store, "a", NOW_S + 1, 0.2);
     store.close().await.unwrap();
@@ -71,7 +72,7 @@ async fn everything_is_there_after_a_restart() {
     assert_eq!(checkpoints.len(), 1);
     assert_eq!(
         (checkpoints[0].stamp_ns, checkpoints[0].state.as_str()),
-        (8, r#"{"state": [0.2]}"#)
+        (RobotTime(8), r#"{"state": [0.2]}"#)
     );
     let current = store.load_current().await.unwrap();
     assert_eq!(current[0].estimate, estimate("a", NOW_S + 1, 0.2, 0.0));
@@ -97,7 +98,7 @@ async fn everything_is_there_after_a_restart() {
 async fn a_change_that_is_told_again_says_how_far_it_went() {
     let folder = tempfile::tempdir().unwrap();
     let store = open(folder.path(), &clock()).await;
-    let told = |stamp_ns: i64, moved: serde_json::Value| {
+    let told = |stamp_ns: RobotTime, moved: serde_json::Value| {
         let change = serde_json::json!({
             "kind": "calibration_changed", "cause": "steering", "time_s": 9.0, "onset_s": 8.0,
             "stamp_ns": stamp_ns, "change": moved,
@@ -105,9 +106,9 @@ async fn a_change_that_is_told_again_says_how_far_it_went() {
         let change = HistoryEvent::Change(serde_json::from_value(change).unwrap());
         Journal::record_event(&store, &robot("a"), &Arc::new(change));
     };
-    told(5, serde_json::json!({}));
-    told(6, serde_json::json!({}));
-    told(5, serde_json::json!({"steering_offset": 0.02}));
+    told(RobotTime(5), serde_json::json!({}));
+    told(RobotTime(6), serde_json::json!({}));
+    told(RobotTime(5), serde_json::json!({"steering_offset": 0.02}));
     store.flush().await.unwrap();
     let events = store.events(&robot("a"), None, 10).await.unwrap();
     let moved: Vec<_> = events
@@ -127,11 +128,11 @@ async fn a_change_that_is_told_again_says_how_far_it_went() {
 async fn the_latest_estimate_is_kept_also_after_the_clock_was_set_back() {
     let folder = tempfile::tempdir().unwrap();
     let store = open(folder.path(), &clock()).await;
-    store.record_history(&estimate("a", NOW_S, 0.1, 0.0), NOW_S * NS);
+    store.record_history(&estimate("a", NOW_S, 0.1, 0.0), WallTime(NOW_S * NS));
     store.flush().await.unwrap();
     // By the robot's clock a second later, received 30 days before.
     let later = estimate("a", NOW_S + 1, 0.2, 0.0);
-    store.record_history(&later, (NOW_S - 30 * 86_400) * NS);
+    store.record_history(&later, WallTime((NOW_S - 30 * 86_400) * NS));
     let written = async {
         while store.load_current().await.unwrap()[0].estimate != later {
             tokio::time::sleep(Duration::from_millis(20)).await;

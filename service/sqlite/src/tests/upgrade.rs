@@ -1,5 +1,6 @@
 //! Databases of earlier versions.
 
+use fleetcal_model::WallTime;
 use fleetcal_proto::calibration::CalibrationValues;
 
 use super::durability::raw;
@@ -41,11 +42,11 @@ fn deployment(id: u64, name: &str, approved_by: &str, proposal: Option<u64>) -> 
         earlier: proposal.map(|_| offer(1)).into_iter().collect(),
         base: None,
         desired_before: None,
-        created_ns: NOW_S * NS,
-        expires_ns: NOW_S * NS,
+        created_ns: WallTime(NOW_S * NS),
+        expires_ns: WallTime(NOW_S * NS),
         offered_ns: None,
         applied_ns: None,
-        closed_ns: Some(NOW_S * NS),
+        closed_ns: Some(WallTime(NOW_S * NS)),
         verification: None,
         reason: Some("it weaves".to_owned()),
         roll_back: None,
@@ -64,7 +65,15 @@ async fn chosen_by(
     let robot = deployment.robot.clone();
     let values = (CalibrationValues::default(), CalibrationValues::default());
     let found = Evidence::default();
-    let revision = Revision::new(1, robot.clone(), Origin::Robot, values, found, None, 0);
+    let revision = Revision::new(
+        1,
+        robot.clone(),
+        Origin::Robot,
+        values,
+        found,
+        None,
+        WallTime(0),
+    );
     let shadow = Shadow {
         generation_last: 2,
         desired: Some(offer(2)),

@@ -10,8 +10,8 @@ use crate::telemetry::Telemetry;
 impl Store {
     /// Notes that a session or token was used. Never waits.
     pub fn note_use(&self, credential: Credential) {
-        let now_ns = self.shared.clock.now_ns();
-        self.offer(Telemetry::Use(CredentialUse { credential, now_ns }));
+        let now = self.shared.clock.now();
+        self.offer(Telemetry::Use(CredentialUse { credential, now }));
     }
 
     /// Users after number `after`, at most `limit`.

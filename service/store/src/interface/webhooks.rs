@@ -1,6 +1,7 @@
 //! Webhooks and their deliveries: what the store is asked.
 
 use fleetcal_domain::webhook::{Delivery, Webhook};
+use fleetcal_model::WallTime;
 
 use crate::Store;
 use crate::error::StoreError;
@@ -28,13 +29,13 @@ impl Store {
         self.shared.reader.deliveries(webhook, before, limit).await
     }
 
-    /// The oldest delivery of each webhook that is due at `now_ns`, or that a clock which was set
+    /// The oldest delivery of each webhook that is due at `now`, or that a clock which was set
     /// back would make wait for longer than there is to wait.
     ///
     /// # Errors
     /// The database's failure.
-    pub async fn due_deliveries(&self, now_ns: i64) -> Result<Vec<DueDelivery>, StoreError> {
-        self.shared.reader.due_deliveries(now_ns).await
+    pub async fn due_deliveries(&self, now: WallTime) -> Result<Vec<DueDelivery>, StoreError> {
+        self.shared.reader.due_deliveries(now).await
     }
 
     /// How many deliveries wait.

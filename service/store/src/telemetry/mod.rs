@@ -6,6 +6,7 @@ mod retention;
 mod task;
 
 use async_trait::async_trait;
+use fleetcal_model::WallTime;
 use fleetcal_proto::estimate::EstimateDocument;
 
 use crate::accounts::CredentialUse;
@@ -41,7 +42,7 @@ pub trait TelemetryWriter: std::fmt::Debug + Send + 'static {
 #[derive(Debug)]
 pub(crate) enum Telemetry {
     /// An estimate, and when it was received.
-    History(Box<EstimateDocument>, i64),
+    History(Box<EstimateDocument>, WallTime),
     /// An estimator's state.
     Checkpoint(CheckpointRecord),
     /// How well a robot follows its path.
@@ -80,7 +81,7 @@ pub struct Batch {
     /// Seconds of history, with their roll-ups.
     pub history: Vec<HistoryRow>,
     /// Latest estimates, with when they were received, wall time ns.
-    pub current: Vec<(EstimateDocument, i64)>,
+    pub current: Vec<(EstimateDocument, WallTime)>,
     /// States of estimators.
     pub checkpoints: Vec<CheckpointRecord>,
     /// How well robots follow their paths.

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use fleetcal_domain::limits;
+use fleetcal_model::WallTime;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::EstimateDocument;
 
@@ -16,9 +17,9 @@ use crate::record::HistoryRow;
 pub(super) struct Pending {
     batch: Batch,
     /// Latest estimates whose turn has not come.
-    current: HashMap<RobotId, (EstimateDocument, i64)>,
+    current: HashMap<RobotId, (EstimateDocument, WallTime)>,
     /// When the stored estimate of each robot was last written, receipt time.
-    current_written_ns: HashMap<RobotId, i64>,
+    current_written_ns: HashMap<RobotId, WallTime>,
 }
 
 impl Pending {
@@ -47,7 +48,7 @@ impl Pending {
     }
 
     /// Takes a second of history, which is the robot's latest estimate too.
-    fn take_second(&mut self, estimate: EstimateDocument, received_ns: i64) {
+    fn take_second(&mut self, estimate: EstimateDocument, received_ns: WallTime) {
         let robot = estimate.robot.clone();
         let row = HistoryRow::of(&robot, &estimate, received_ns);
         self.batch.history.push(row);
@@ -64,10 +65,10 @@ impl Pending {
     pub(super) fn choose_current(&mut self, everything: bool) {
         let every_ns = i64::try_from(limits::STORE_CURRENT_EVERY.as_nanos()).unwrap_or(i64::MAX);
         let written = &mut self.current_written_ns;
-        let due = |robot: &RobotId, received_ns: i64| match written.get(robot) {
+        let due = |robot: &RobotId, received_ns: WallTime| match written.get(robot) {
             // A clock that was set back must not keep it waiting until it is as late again.
             Some(last_ns) => {
-                let passed_ns = received_ns.saturating_sub(*last_ns);
+                let passed_ns = received_ns.ns_since(*last_ns);
                 everything || !(0..every_ns).contains(&passed_ns)
             }
             None => true,

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use fleetcal_domain::limits;
+use fleetcal_model::WallTime;
 
 const NS_PER_S: i64 = 1_000_000_000;
 
@@ -11,22 +12,21 @@ const NS_PER_S: i64 = 1_000_000_000;
 /// or was set back.
 #[derive(Debug, Default)]
 pub(super) struct Retention {
-    /// Wall time at which running time was zero, ns, by the clock that is believed.
-    believed_ns: Option<i64>,
+    /// Wall time at which running time was zero, by the clock that is believed.
+    believed_origin: Option<WallTime>,
     /// Running time when the wall clock was found ahead of it.
     stepped_at: Option<Duration>,
 }
 
 impl Retention {
-    /// Whether rows may be deleted by their age, at wall time `now_ns` and running time `elapsed`.
-    pub(super) fn may_delete(&mut self, now_ns: i64, elapsed: Duration) -> bool {
-        let running_ns = i64::try_from(elapsed.as_nanos()).unwrap_or(i64::MAX);
-        let origin_ns = now_ns.saturating_sub(running_ns);
-        let believed_ns = *self.believed_ns.get_or_insert(origin_ns);
-        let ahead_s = origin_ns.saturating_sub(believed_ns) / NS_PER_S;
+    /// Whether rows may be deleted by their age, at wall time `now` and running time `elapsed`.
+    pub(super) fn may_delete(&mut self, now: WallTime, elapsed: Duration) -> bool {
+        let origin = now.minus(elapsed);
+        let believed_origin = *self.believed_origin.get_or_insert(origin);
+        let ahead_s = origin.ns_since(believed_origin) / NS_PER_S;
         if ahead_s < limits::CLOCK_STEP_S {
             // A clock that was set back, or is corrected by little, makes no row look too old.
-            self.believed_ns = Some(origin_ns);
+            self.believed_origin = Some(origin);
             self.stepped_at = None;
             return true;
         }
@@ -39,7 +39,7 @@ impl Retention {
         });
         let believed = elapsed.saturating_sub(stepped_at) >= limits::CLOCK_STEP_BELIEVED_AFTER;
         if believed {
-            self.believed_ns = Some(origin_ns);
+            self.believed_origin = Some(origin);
             self.stepped_at = None;
         }
         believed
@@ -51,10 +51,10 @@ mod tests {
     use super::*;
 
     const DAY: Duration = Duration::from_hours(24);
-    const NOON_NS: i64 = 1_800_000_000 * NS_PER_S;
+    const NOON: WallTime = WallTime(1_800_000_000 * NS_PER_S);
 
-    fn after(elapsed: Duration, step: Duration) -> i64 {
-        NOON_NS + i64::try_from((elapsed + step).as_nanos()).unwrap()
+    fn after(elapsed: Duration, step: Duration) -> WallTime {
+        NOON.plus(elapsed + step)
     }
 
     #[test]
@@ -82,11 +82,10 @@ mod tests {
     fn a_clock_that_is_set_back_is_believed_at_once() {
         let mut retention = Retention::default();
         let second = Duration::from_secs(1);
-        assert!(retention.may_delete(NOON_NS, Duration::ZERO));
+        assert!(retention.may_delete(NOON, Duration::ZERO));
         assert!(!retention.may_delete(after(second, DAY * 30), second));
         assert!(retention.may_delete(after(second * 2, Duration::ZERO), second * 2));
-        let earlier_ns = NOON_NS - i64::try_from((DAY * 30).as_nanos()).unwrap();
-        assert!(retention.may_delete(earlier_ns, second * 3));
+        assert!(retention.may_delete(NOON.minus(DAY * 30), second * 3));
         // It comes right again by a step forward, which is not believed for a day.
         assert!(!retention.may_delete(after(second * 4, Duration::ZERO), second * 4));
     }

@@ -17,8 +17,6 @@ use crate::counters::{PathCounters, TelemetryCounters};
 use crate::error::StoreError;
 use crate::retry::{Retry, pause_until};
 
-/// Nanoseconds in a second.
-const NS_PER_S: i64 = 1_000_000_000;
 
 /// Where somebody waits.
 type Reply = oneshot::Sender<Result<(), StoreError>>;
@@ -166,12 +164,12 @@ impl<W: TelemetryWriter> TelemetryTask<W> {
 
     /// Deletes what is too old, one kind of row after another.
     async fn prune(&mut self) {
-        let now_ns = self.clock.now_ns();
-        if !self.retention.may_delete(now_ns, self.clock.elapsed()) {
+        let now = self.clock.now();
+        if !self.retention.may_delete(now, self.clock.elapsed()) {
             return;
         }
         for aged in Aged::ALL {
-            let before_s = now_ns.div_euclid(NS_PER_S).saturating_sub(kept_s(aged));
+            let before_s = now.whole_s().saturating_sub(kept_s(aged));
             match self.writer.prune(aged, before_s).await {
                 Ok(rows) => {
                     let pruned = &self.counters.pruned_rows;

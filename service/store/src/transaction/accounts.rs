@@ -2,6 +2,7 @@
 
 use async_trait::async_trait;
 use fleetcal_domain::access::{AccountName, SecretHash};
+use fleetcal_model::WallTime;
 
 use crate::accounts::{TokenRecord, UserRecord};
 use crate::error::StoreError;
@@ -34,12 +35,12 @@ pub trait AccountRecords {
 /// Sessions of users; errors as in [`super::Records`].
 #[async_trait]
 pub trait SessionRecords {
-    /// Adds a user's session, which begins at `now_ns`.
+    /// Adds a user's session, which begins at `now`.
     async fn add_session(
         &mut self,
         user: i64,
         session: &SecretHash,
-        now_ns: i64,
+        now: WallTime,
     ) -> Result<(), StoreError>;
 
     /// Deletes a session; gives its user.
@@ -56,8 +57,8 @@ pub trait SessionRecords {
     /// before.
     async fn delete_old_sessions(
         &mut self,
-        created_ns: i64,
-        used_ns: i64,
+        created_ns: WallTime,
+        used_ns: WallTime,
     ) -> Result<(), StoreError>;
 
     /// Deletes all but the latest `kept` sessions of a user.
@@ -73,16 +74,17 @@ pub trait TokenRecords {
     /// One token.
     async fn token(&mut self, id: i64) -> Result<Option<TokenRecord>, StoreError>;
 
-    /// The token of a name, upper or lower case, that counts at `now_ns`.
+    /// The token of a name, upper or lower case, that counts at `now`.
     async fn token_named(
         &mut self,
         name: &AccountName,
-        now_ns: i64,
+        now: WallTime,
     ) -> Result<Option<TokenRecord>, StoreError>;
 
     /// Adds a token, whose number in the record does not count; gives the number.
     async fn add_token(&mut self, token: &TokenRecord) -> Result<i64, StoreError>;
 
     /// Keeps when a token was revoked.
-    async fn save_token_revoked(&mut self, id: i64, revoked_ns: i64) -> Result<(), StoreError>;
+    async fn save_token_revoked(&mut self, id: i64, revoked_ns: WallTime)
+    -> Result<(), StoreError>;
 }

@@ -1,7 +1,7 @@
 //! Answers already given to requests with an `Idempotency-Key`.
 
 use async_trait::async_trait;
-use fleetcal_model::RobotId;
+use fleetcal_model::{RobotId, WallTime};
 
 use crate::error::StoreError;
 use crate::record::IdempotencyKey;
@@ -44,6 +44,6 @@ pub trait AnswerRecords {
         scope: AnswerScope<'_>,
         key: &IdempotencyKey,
         made: i64,
-        now_ns: i64,
+        now: WallTime,
     ) -> Result<(), StoreError>;
 }

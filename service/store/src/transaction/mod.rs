@@ -13,6 +13,7 @@ mod task;
 mod webhooks;
 
 use async_trait::async_trait;
+use fleetcal_model::WallTime;
 
 pub use accounts::{AccountRecords, SessionRecords, TokenRecords};
 pub use alerts::AlertRecords;
@@ -49,7 +50,7 @@ pub trait Records:
     async fn append_audit(&mut self, entry: &AuditEntry) -> Result<(), StoreError>;
 
     /// Writes a row that nothing reads, to prove that the database can be written.
-    async fn prove_writable(&mut self, now_ns: i64) -> Result<(), StoreError>;
+    async fn prove_writable(&mut self, now: WallTime) -> Result<(), StoreError>;
 }
 
 /// Where jobs are run.

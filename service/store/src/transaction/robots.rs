@@ -2,7 +2,7 @@
 
 use async_trait::async_trait;
 use fleetcal_domain::robot::RobotConfig;
-use fleetcal_model::RobotId;
+use fleetcal_model::{RobotId, WallTime};
 
 use crate::error::StoreError;
 use crate::record::{EventRecord, NewEvent, RobotRecord};
@@ -13,13 +13,13 @@ pub trait RobotRecords {
     /// One robot; `None` when the store has never heard of it.
     async fn robot(&mut self, id: &RobotId) -> Result<Option<RobotRecord>, StoreError>;
 
-    /// Keeps a robot's configuration as `version`, changed at `now_ns`.
+    /// Keeps a robot's configuration as `version`, changed at `now`.
     async fn save_config(
         &mut self,
         id: &RobotId,
         config: &RobotConfig,
         version: u64,
-        now_ns: i64,
+        now: WallTime,
     ) -> Result<(), StoreError>;
 
     /// An event by its number.

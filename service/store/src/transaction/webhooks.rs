@@ -2,6 +2,7 @@
 
 use async_trait::async_trait;
 use fleetcal_domain::webhook::{Delivery, Secret, Webhook};
+use fleetcal_model::WallTime;
 
 use crate::error::StoreError;
 
@@ -31,7 +32,7 @@ pub trait WebhookRecords {
         &mut self,
         webhook: u64,
         kept: u32,
-        now_ns: i64,
+        now: WallTime,
     ) -> Result<u64, StoreError>;
 
     /// Deletes all but the latest `kept` deliveries of a webhook that do not wait.

@@ -1,6 +1,6 @@
 //! What time and the estimates ask for.
 
-use fleetcal_model::{Consistency, Counts, Parameter, ParameterStatus, Pose2};
+use fleetcal_model::{Consistency, Counts, Parameter, ParameterStatus, Pose2, RobotTime, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationDocument, CalibrationValues};
 use fleetcal_proto::estimate::{EstimateDocument, ParameterDocument, Parameters};
@@ -33,7 +33,7 @@ fn estimate(offset_rad: f64, second: i64) -> EstimateDocument {
     };
     EstimateDocument {
         robot: RobotId::parse("tugger_01").unwrap(),
-        stamp_ns: NOW_NS + second * 1_000_000_000,
+        stamp_ns: RobotTime(NOW_NS + second * 1_000_000_000),
         time_s: 100.0,
         distance_m: 80.0,
         parameters: Parameters {
@@ -62,7 +62,7 @@ struct Bench {
     /// What was signed last.
     signed: Option<CalibrationDocument>,
     /// Wall time.
-    now_ns: i64,
+    now: WallTime,
     /// What the estimator says when somebody decides.
     present: Present,
 }
@@ -79,7 +79,7 @@ impl Bench {
             policy: Policy::default(),
             rear_axle: None,
             signed: None,
-            now_ns: NOW_NS,
+            now: WallTime(NOW_NS),
             present: Present::Unknown,
         }
     }
@@ -94,7 +94,7 @@ impl Bench {
             policy: &self.policy,
             key: &key,
             actor,
-            now_ns: self.now_ns,
+            now: self.now,
             frozen: false,
             rear_axle_in_base_link: self.rear_axle,
             present: self.present,
@@ -112,7 +112,7 @@ impl Bench {
 
     fn due(&self, estimate: Option<&EstimateDocument>, fresh: bool) -> Option<Command> {
         let situation = Situation {
-            now_ns: self.now_ns,
+            now: self.now,
             estimate: estimate.filter(|_| !fresh),
             vehicle_changed: false,
             stable: true,
@@ -164,7 +164,7 @@ impl Bench {
 
     /// Time goes on until a proposal may be refreshed.
     fn wait(&mut self) {
-        self.now_ns += 60 * 1_000_000_000;
+        self.now.0 += 60 * 1_000_000_000;
     }
 
     /// Brings the deployment under way to the trial.
@@ -176,7 +176,7 @@ impl Bench {
             sha256: offer.sha256,
             status: AppliedStatus::Applied,
             reason: None,
-            applied_at_ns: NOW_NS,
+            applied_at_ns: RobotTime(NOW_NS),
             values: None,
         };
         self.take(Command::Offer { generation }, &Actor::service());
@@ -248,7 +248,7 @@ fn a_proposal_that_brings_nothing_any_more_is_closed() {
     let mut bench = Bench::new();
     bench.do_due(&estimate(0.05, 0), false);
     let changed = Situation {
-        now_ns: bench.now_ns,
+        now: bench.now,
         estimate: None,
         vehicle_changed: true,
         stable: false,
@@ -475,7 +475,10 @@ fn what_a_robot_says_of_itself_makes_no_step_smaller() {
     bench.try_out();
     assert_eq!(bench.do_due(&estimate(0.05, 20), true), Some("verify"));
     // Somebody says that it uses what is about to be proposed.
-    bench.take(Command::Acknowledge(factory(0.199, 1)), &Actor::service());
+    bench.take(
+        Command::Acknowledge(factory(0.199, WallTime(1))),
+        &Actor::service(),
+    );
     assert_eq!(
         bench.do_due(&estimate(0.2, 30), false),
         None,
@@ -490,13 +493,13 @@ fn what_a_robot_says_of_itself_makes_no_step_smaller() {
 }
 
 /// An answer that the robot uses values of its own.
-fn factory(offset_rad: f64, at_ns: i64) -> Applied {
+fn factory(offset_rad: f64, at_ns: WallTime) -> Applied {
     Applied {
         generation: 0,
         sha256: String::new(),
         status: AppliedStatus::Applied,
         reason: None,
-        applied_at_ns: at_ns,
+        applied_at_ns: RobotTime(at_ns.0),
         values: Some(CalibrationValues {
             steering_offset_rad: offset_rad,
             lidar_x_m: 0.434,
@@ -514,14 +517,14 @@ fn an_answer_that_the_next_one_contradicts_is_kept_until_a_person_decides() {
         bench.try_out();
         bench
     };
-    let own = |bench: &Bench, status: AppliedStatus, at_ns: i64| {
+    let own = |bench: &Bench, status: AppliedStatus, at_ns: WallTime| {
         let reported = bench.ledger.shadow.reported.clone().unwrap();
         Command::Acknowledge(Applied {
             generation: reported.generation,
             sha256: reported.sha256,
             status,
             reason: None,
-            applied_at_ns: at_ns,
+            applied_at_ns: RobotTime(at_ns.0),
             values: None,
         })
     };
@@ -529,7 +532,7 @@ fn an_answer_that_the_next_one_contradicts_is_kept_until_a_person_decides() {
     // The same answer again is the robot's own, and going back is what a robot may do.
     let mut honest = offered();
     for status in [AppliedStatus::Applied, AppliedStatus::Reverted] {
-        honest.take(own(&honest, status, NOW_NS), &Actor::service());
+        honest.take(own(&honest, status, WallTime(NOW_NS)), &Actor::service());
         assert!(!is_told(&honest), "{status:?}");
     }
     // It cannot have refused what it has applied, nor applied it at another time.
@@ -537,14 +540,17 @@ fn an_answer_that_the_next_one_contradicts_is_kept_until_a_person_decides() {
     for (status, at_ns) in [(AppliedStatus::Refused, NOW_NS + 5), later] {
         let mut forged = offered();
         assert_eq!(forged.do_due(&estimate(0.05, 20), true), Some("verify"));
-        forged.take(own(&forged, status, at_ns), &Actor::service());
+        forged.take(own(&forged, status, WallTime(at_ns)), &Actor::service());
         assert!(is_told(&forged), "{status:?}");
     }
     // Nor go on using since then what it was said to have replaced.
     let mut forged = offered();
     assert_eq!(forged.do_due(&estimate(0.05, 20), true), Some("verify"));
-    let own_answer = own(&forged, AppliedStatus::Applied, NOW_NS);
-    forged.take(Command::Acknowledge(factory(0.1, 7)), &Actor::service());
+    let own_answer = own(&forged, AppliedStatus::Applied, WallTime(NOW_NS));
+    forged.take(
+        Command::Acknowledge(factory(0.1, WallTime(7))),
+        &Actor::service(),
+    );
     assert!(!is_told(&forged));
     forged.take(own_answer, &Actor::service());
     assert!(is_told(&forged));

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use fleetcal_model::WallTime;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues, Envelope};
 use fleetcal_proto::signing::TrustedKeys;
@@ -89,15 +90,15 @@ impl Model {
         }
     }
 
-    /// Takes what a step gave for `command` at `now_ns`, and checks all of it.
-    pub fn take(&mut self, command: &Command, actor: &Actor, outcome: &Outcome, now_ns: i64) {
+    /// Takes what a step gave for `command` at `now`, and checks all of it.
+    pub fn take(&mut self, command: &Command, actor: &Actor, outcome: &Outcome, now: WallTime) {
         self.check_choice(command, actor, outcome);
         if let Command::Acknowledge(applied) = command {
             self.heard = self.heard.max(applied.generation);
         }
         self.take_audit(outcome);
         self.take_revisions(outcome);
-        self.take_proposals(outcome, now_ns);
+        self.take_proposals(outcome, now);
         self.take_deployments(outcome);
         self.take_envelopes(outcome);
         self.take_outbox(outcome);
@@ -207,7 +208,7 @@ impl Model {
         }
     }
 
-    fn take_proposals(&mut self, outcome: &Outcome, now_ns: i64) {
+    fn take_proposals(&mut self, outcome: &Outcome, now: WallTime) {
         for proposal in &outcome.proposals {
             let before = self.proposals.insert(proposal.id, proposal.clone());
             let open = |one: Proposal| one.state == ProposalState::Proposed;
@@ -225,7 +226,7 @@ impl Model {
             let enough = by.len() >= proposal.approvals_needed as usize;
             assert_eq!(proposal.state == ProposalState::Approved, enough);
             if proposal.state == ProposalState::Approved {
-                assert_eq!(proposal.approvals.last().unwrap().at_ns, now_ns);
+                assert_eq!(proposal.approvals.last().unwrap().at_ns, now);
                 let used = self.used.map(|(_, values)| values).or(proposal.base);
                 let change = used.map(|used| difference(&used, &revision.values));
                 let two = change.is_some_and(|change| {

@@ -1,5 +1,6 @@
 //! Long random histories of one robot: whatever happens in whatever order, the records agree.
 
+use fleetcal_model::{RobotTime, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};
 use fleetcal_proto::signing::{SigningKey, TrustedKeys};
@@ -159,7 +160,7 @@ fn policy() -> impl Strategy<Value = Policy> {
 /// The command that an attempt is for these records.
 #[expect(clippy::too_many_lines, reason = "one arm for each command")]
 #[expect(clippy::needless_pass_by_value, reason = "an attempt is used up")]
-fn command(attempt: Attempt, model: &Model, now_ns: i64) -> Command {
+fn command(attempt: Attempt, model: &Model, now: WallTime) -> Command {
     let open = model.ledger.open.as_ref();
     let live = model.ledger.live.as_ref();
     let proposal = open.map_or(1, |open| open.id);
@@ -220,7 +221,7 @@ fn command(attempt: Attempt, model: &Model, now_ns: i64) -> Command {
         },
         Attempt::Answer(status, back, right, values) => {
             let generation = below(back);
-            Command::Acknowledge(answer(model, status, generation, right, values, now_ns))
+            Command::Acknowledge(answer(model, status, generation, right, values, now))
         }
         Attempt::Confirmed(back) => Command::Confirmed {
             generation: below(back),
@@ -228,7 +229,7 @@ fn command(attempt: Attempt, model: &Model, now_ns: i64) -> Command {
         Attempt::Judge { right, within } => Command::Judge {
             deployment: deployment(right),
             verification: Verification {
-                at_ns: now_ns,
+                at_ns: now,
                 distance_m: 80.0,
                 residual: [0.0; 4],
                 sigma: [0.0; 4],
@@ -244,7 +245,7 @@ fn command(attempt: Attempt, model: &Model, now_ns: i64) -> Command {
             reason: words(),
         },
         Attempt::Maintain { hours, reason } => Command::Maintain {
-            until_ns: hours.map(|hours| now_ns + hours * 3_600_000_000_000),
+            until_ns: hours.map(|hours| WallTime(now.0 + hours * 3_600_000_000_000)),
             reason: reason.to_owned(),
         },
         Attempt::RollBack { right, reason } => Command::RollBack {
@@ -260,7 +261,7 @@ fn answer(
     generation: u64,
     right: bool,
     values: Option<CalibrationValues>,
-    now_ns: i64,
+    now: WallTime,
 ) -> Applied {
     let known = model.envelopes.get(&generation);
     let sha256 = known.map(|envelope| envelope.sha256.clone());
@@ -273,7 +274,7 @@ fn answer(
         },
         status,
         reason: None,
-        applied_at_ns: now_ns,
+        applied_at_ns: RobotTime(now.0),
         values,
     }
 }
@@ -307,22 +308,22 @@ proptest! {
         let key = SigningKey::from_bytes(&[7; 32]);
         let trusted = TrustedKeys::new(vec![key.public_key()]).unwrap();
         let mut model = Model::new(RobotId::parse("tugger_01").unwrap(), trusted, policy);
-        let mut now_ns = BEGIN_NS;
+        let mut now = BEGIN_NS;
         for (attempt, actor, minutes, frozen) in attempts {
-            now_ns += minutes * minutes * 60_000_000_000;
-            let command = command(attempt, &model, now_ns);
+            now += minutes * minutes * 60_000_000_000;
+            let command = command(attempt, &model, WallTime(now));
             let standing = Standing {
                 policy: &policy,
                 key: &key,
                 actor: &actor,
-                now_ns,
+                now: WallTime(now),
                 frozen,
                 rear_axle_in_base_link: None,
                 present: Present::Unknown,
             };
             let ledger = model.read_for(&command);
             match step(&ledger, command.clone(), model.next_ids(), &standing) {
-                Ok(outcome) => model.take(&command, &actor, &outcome, now_ns),
+                Ok(outcome) => model.take(&command, &actor, &outcome, WallTime(now)),
                 Err(refused) => checked(&refused, &command, &model),
             }
         }

@@ -1,6 +1,6 @@
 //! A simulated robot drives through the whole service: mailbox, estimators, lifecycle and store.
 
-use fleetcal_model::Stream;
+use fleetcal_model::{RobotTime, Stream};
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::ros::RosMessage;
 use fleetcal_robot::fleet::{drive_message, lidar_pose_message};
@@ -23,7 +23,7 @@ struct Driver {
 
 impl Driver {
     fn new(bench: &Bench) -> Self {
-        Self::with_clock(bench.clock.now_ns())
+        Self::with_clock(bench.clock.now().0)
     }
 
     /// One whose message clock shows this time when it begins.
@@ -106,7 +106,7 @@ async fn a_robot_keeps_what_a_person_rolled_it_back_to_over_200_m() {
         sha256: String::new(),
         status: AppliedStatus::Applied,
         reason: None,
-        applied_at_ns: bench.clock.now_ns(),
+        applied_at_ns: RobotTime(bench.clock.now().0),
         values: Some(factory),
     };
     let robot = robot();
@@ -151,12 +151,12 @@ async fn a_robot_is_verified_whatever_its_message_clock_shows() {
     // Simulated time that begins at the epoch, no NTP since years, and a clock that is ahead.
     for start_ns in [
         |_| 1_000_000_000,
-        |now_ns| now_ns - 5 * YEAR_NS,
-        |now_ns| now_ns + YEAR_NS,
+        |now| now - 5 * YEAR_NS,
+        |now| now + YEAR_NS,
     ] as [fn(i64) -> i64; 3]
     {
         let bench = Bench::open(Policy::default()).await;
-        let start_ns = start_ns(bench.clock.now_ns());
+        let start_ns = start_ns(bench.clock.now().0);
         let mut driver = Driver::with_clock(start_ns);
         driver.second(&bench).await;
         bench.propose_values(driver.right_values(), None).await;

@@ -18,6 +18,7 @@ use fleetcal_domain::approval::{
 use fleetcal_domain::robot::{RobotConfig, Wheelbase};
 use fleetcal_estimator::{EstimatorSettings, VehicleModel};
 use fleetcal_fleet::{FleetHandle, FleetSetup};
+use fleetcal_model::RobotTime;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationDocument, CalibrationValues};
 use fleetcal_proto::signing::{SigningKey, TrustedKeys};
@@ -78,7 +79,7 @@ impl Bench {
             robots: BTreeMap::from([(robot(), vehicle)]),
             cross_tracks: BTreeMap::new(),
             checkpoints: BTreeMap::new(),
-            last_heard_ns: BTreeMap::new(),
+            last_heard: BTreeMap::new(),
         });
         let lifecycle = Lifecycle::start(LifecycleSetup {
             store: store.clone(),
@@ -174,7 +175,7 @@ impl Bench {
             sha256: envelope.map(|one| one.sha256).unwrap_or_default(),
             status,
             reason: None,
-            applied_at_ns: self.clock.now_ns(),
+            applied_at_ns: RobotTime(self.clock.now().0),
             values: None,
         };
         let actor = Actor::robot(&robot());
@@ -200,7 +201,7 @@ impl Bench {
     async fn verify(&self, within: bool) -> Outcome {
         let deployment = self.lifecycle.ledger(&robot()).live.clone().unwrap().id;
         let verification = Verification {
-            at_ns: self.clock.now_ns(),
+            at_ns: self.clock.now(),
             distance_m: 80.0,
             residual: [0.0; 4],
             sigma: [0.0; 4],

@@ -91,7 +91,7 @@ async fn the_stop_counts_from_its_commit_on() {
         frozen: true,
         version: 1,
         actor: person("ana"),
-        now_ns: bench.clock.now_ns(),
+        now: bench.clock.now(),
         reason: "maintenance in hall 3".to_owned(),
     };
     bench.store.transact(stop).await.unwrap();
@@ -118,7 +118,7 @@ async fn a_policy_counts_from_its_commit_on() {
         policy: Some(careful),
         version: 1,
         actor: person("ana"),
-        now_ns: bench.clock.now_ns(),
+        now: bench.clock.now(),
         reason: "narrow aisles".to_owned(),
     };
     bench.store.transact(set).await.unwrap();

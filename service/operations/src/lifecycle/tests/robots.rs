@@ -1,5 +1,7 @@
 //! Robots that are late, forgetful, or do not drive.
 
+use fleetcal_model::RobotTime;
+
 use super::*;
 
 #[tokio::test]
@@ -163,7 +165,7 @@ async fn an_answer_about_what_was_never_given_out_is_refused() {
         sha256: "ab".repeat(32),
         status: AppliedStatus::Applied,
         reason: None,
-        applied_at_ns: 0,
+        applied_at_ns: RobotTime(0),
         values: None,
     };
     let actor = Actor::robot(&robot());
@@ -200,7 +202,7 @@ async fn what_no_robot_can_drive_with_is_not_believed() {
         sha256,
         status: AppliedStatus::Applied,
         reason: None,
-        applied_at_ns: 0,
+        applied_at_ns: RobotTime(0),
         values: Some(values(1e300)),
     };
     let actor = Actor::robot(&robot());

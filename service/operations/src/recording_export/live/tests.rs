@@ -2,7 +2,7 @@
 
 use std::future::pending;
 
-use fleetcal_estimator::Stamp;
+use fleetcal_estimator::RobotTime;
 use fleetcal_fleet::Taps;
 use fleetcal_proto::RecordingTopic;
 use fleetcal_proto::encoding::Encoding;
@@ -22,7 +22,7 @@ const SHORT: Duration = Duration::from_millis(500);
 
 fn message() -> Tapped {
     Tapped::Message {
-        stamp: Stamp(1),
+        stamp: RobotTime(1),
         topic: RecordingTopic {
             topic: "/a/scan".to_owned(),
             message_type: MessageType::LaserScan,

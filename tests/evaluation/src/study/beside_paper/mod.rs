@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 
 use fleetcal_estimator::geometry::Pose2;
 use fleetcal_estimator::vehicle::Drive;
-use fleetcal_estimator::{DriveSample, Event, LidarOdometry, Stamp};
+use fleetcal_estimator::{DriveSample, Event, LidarOdometry, RobotTime};
 use fleetcal_robot::simulator::TrueParameters;
 use nalgebra::{Matrix4, Vector4};
 use rayon::prelude::*;
@@ -169,11 +169,11 @@ fn tunings() -> Vec<Tuning> {
 #[derive(Debug, Clone, Copy)]
 enum Given {
     Drive(DriveSample),
-    Lidar(Stamp, Pose2),
+    Lidar(RobotTime, Pose2),
 }
 
 impl Given {
-    fn stamp(&self) -> Stamp {
+    fn stamp(&self) -> RobotTime {
         match self {
             Self::Drive(sample) => sample.stamp(),
             Self::Lidar(stamp, _) => *stamp,
@@ -229,8 +229,8 @@ fn start(nominal: Option<Pose2>) -> Start {
 /// A drive sample describes the interval that ends at its stamp: a LiDAR pose inside that interval
 /// is predicted to with the part of it that lies before.
 fn follow(mut filter: PaperFilter, given: &[Given]) -> PaperFilter {
-    let mut reached: Option<Stamp> = None;
-    let mut waiting: Vec<(Stamp, Pose2)> = Vec::new();
+    let mut reached: Option<RobotTime> = None;
+    let mut waiting: Vec<(RobotTime, Pose2)> = Vec::new();
     for given in given {
         let sample = match given {
             Given::Lidar(stamp, pose) => {
@@ -243,7 +243,7 @@ fn follow(mut filter: PaperFilter, given: &[Given]) -> PaperFilter {
             speed_mps: sample.speed_mps(),
             steering_rad: sample.steering_rad(),
         };
-        let mut advance = |filter: &mut PaperFilter, to: Stamp| {
+        let mut advance = |filter: &mut PaperFilter, to: RobotTime| {
             if let Some(from) = reached {
                 filter.predict(drive, to.seconds_since(from).max(0.0));
             }
