@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use fleetcal_model::{Pose2, RobotId, RobotTime};
+use fleetcal_model::{Generation, Pose2, RevisionId, RobotId, RobotTime};
 
 /// A signed calibration document.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -96,11 +96,11 @@ pub struct CalibrationDocument {
     /// Whom it is for.
     pub robot: RobotId,
     /// Counts up with every approval; a robot applies only what is higher than what it holds.
-    pub generation: u64,
+    pub generation: Generation,
     /// The generation it was compared with; `None` when the robot had none.
-    pub base_generation: Option<u64>,
+    pub base_generation: Option<Generation>,
     /// The revision of the calibration that was approved.
-    pub revision: u64,
+    pub revision: RevisionId,
     /// When, RFC 3339 in UTC.
     pub approved_at: String,
     /// By whom.
@@ -143,7 +143,7 @@ pub enum AppliedStatus {
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Applied {
     /// Generation of the document it is about; 0 for its factory calibration.
-    pub generation: u64,
+    pub generation: Generation,
     /// SHA-256 of the document, lower-case hexadecimal; empty for its factory calibration.
     pub sha256: String,
     /// What became of it.
@@ -163,7 +163,7 @@ pub struct Applied {
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Confirmed {
     /// Generation of the document.
-    pub generation: u64,
+    pub generation: Generation,
     /// SHA-256 of the document, lower-case hexadecimal.
     pub sha256: String,
 }

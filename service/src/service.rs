@@ -14,7 +14,7 @@ use fleetcal_fleet::{FleetHandle, FleetSetup};
 use fleetcal_http::Connections;
 use fleetcal_http::PublicUrl;
 use fleetcal_link::{Link, LinkError, LinkSetup};
-use fleetcal_model::WallTime;
+use fleetcal_model::{Generation, WallTime};
 use fleetcal_operations::alert_evaluator::{AlertEvaluator, AlertEvaluatorSetup};
 use fleetcal_operations::entropy::{self, NoEntropy};
 use fleetcal_operations::lifecycle::{Lifecycle, LifecycleSetup};
@@ -308,7 +308,7 @@ async fn start_fleet(
             configured: robots.len(),
         });
     }
-    let mut cross_tracks: BTreeMap<RobotId, BTreeMap<u64, CrossTrack>> = BTreeMap::new();
+    let mut cross_tracks: BTreeMap<RobotId, BTreeMap<Generation, CrossTrack>> = BTreeMap::new();
     for record in store.load_cross_tracks().await? {
         let of_robot = cross_tracks.entry(record.robot).or_default();
         of_robot.insert(record.generation, record.errors);

@@ -20,6 +20,7 @@ use fleetcal_domain::approval::{
 };
 use fleetcal_domain::robot::{Mount, RobotConfig, Wheelbase};
 use fleetcal_estimator::{Pose2, VehicleModel};
+use fleetcal_model::Generation;
 use fleetcal_proto::signing::TrustedKeys;
 use fleetcal_proto::{Keys, RobotId};
 use fleetcal_robot::fleet::{FleetOptions, SimulatedRobot, run_fleet, simulated_robots};
@@ -96,7 +97,12 @@ fn promised(service: &Service, robot: &RobotId) -> Option<ExpectedGain> {
     let revision = ledger.revisions.get(&open.revision)?;
     let errors = service.fleet().cross_tracks(robot);
     let tolerance = Policy::default().verify_within;
-    expected_gain(&open.base?, revision, errors.get(&0)?, &tolerance)
+    expected_gain(
+        &open.base?,
+        revision,
+        errors.get(&Generation::FACTORY)?,
+        &tolerance,
+    )
 }
 
 /// Waits until a robot has proven what it was given; any other end of it is told at once.
@@ -189,7 +195,7 @@ async fn is_proven(service: &Service, robot: &RobotId, offset_deg: f64, promise:
             .get(&generation)
             .map_or(f64::NAN, |e| 1e3 * e.rms_m())
     };
-    let (before_mm, after_mm) = (rms_mm(0), rms_mm(deployment.offer.generation));
+    let (before_mm, after_mm) = (rms_mm(Generation(0)), rms_mm(deployment.offer.generation));
     println!(
         "{robot}: offset {offset_deg:+.2} deg, used {:+.3} deg, residual {residual_deg:.3} deg; \
              cross-track error {before_mm:.0} mm RMS before, {after_mm:.0} mm after",

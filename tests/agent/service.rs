@@ -4,6 +4,7 @@ use std::net::TcpListener;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use fleetcal_model::{Generation, RevisionId};
 use fleetcal_proto::calibration::{
     Applied, AppliedStatus, CalibrationDocument, CalibrationFrame, CalibrationSchema,
     CalibrationValues, Confirmed, Envelope,
@@ -40,9 +41,9 @@ pub fn approved(generation: u64) -> Envelope {
     let document = CalibrationDocument {
         schema: CalibrationSchema::V1,
         robot: robot(),
-        generation,
-        base_generation: generation.checked_sub(1),
-        revision: generation,
+        generation: Generation(generation),
+        base_generation: generation.checked_sub(1).map(Generation),
+        revision: RevisionId(generation),
         approved_at: "2026-11-21T12:00:00Z".to_owned(),
         approved_by: "ana".to_owned(),
         values,
@@ -123,7 +124,7 @@ impl Service {
         let answers = self.answers();
         let mut about_it = answers
             .iter()
-            .filter(|answer| answer.generation == generation);
+            .filter(|answer| answer.generation == Generation(generation));
         about_it.any(|answer| answer.status == applied)
     }
 
@@ -131,11 +132,11 @@ impl Service {
     pub fn assert_every_answer_is_true(&self) {
         for answer in self.answers() {
             assert_eq!(answer.status, AppliedStatus::Applied, "{answer:?}");
-            assert_eq!(answer.sha256, approved(answer.generation).sha256);
+            assert_eq!(answer.sha256, approved(answer.generation.0).sha256);
             let values = answer.values.unwrap();
             assert_eq!(
                 values.steering_offset_rad.to_bits(),
-                offset_rad(answer.generation).to_bits()
+                offset_rad(answer.generation.0).to_bits()
             );
         }
     }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use fleetcal_clock::SystemClock;
 use fleetcal_domain::access::{Actor, Authentication, Role};
 use fleetcal_domain::approval::{Command, Evidence, Origin, Policy, ProposalState, Refused};
-use fleetcal_model::WallTime;
+use fleetcal_model::{ProposalId, Version, WallTime};
 use fleetcal_operations::lifecycle::{Decide, Decided};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
@@ -74,7 +74,7 @@ async fn propose(store: &Store, robot: &RobotId) -> (u64, Command) {
         sha256: proposal.revision_sha256.clone(),
         reason: None,
     };
-    (proposal.id, approve)
+    (proposal.id.0, approve)
 }
 
 /// Both try at once; who won.
@@ -94,8 +94,8 @@ async fn race(store: &Store, robot: &RobotId) -> &'static str {
     let StoreError::Refused(refused) = loser else {
         panic!("{loser}")
     };
-    assert_eq!(refused, Refused::Stale { found: 2 });
-    let (proposal, _) = store.proposal(id).await.unwrap().unwrap();
+    assert_eq!(refused, Refused::Stale { found: Version(2) });
+    let (proposal, _) = store.proposal(ProposalId(id)).await.unwrap().unwrap();
     assert_eq!(proposal.state, ProposalState::Approved);
     let by: Vec<_> = proposal
         .approvals
@@ -160,23 +160,23 @@ async fn what_is_refused_leaves_nothing_behind() {
         panic!("no approval")
     };
     let with = |version, sha256: &str| Command::Approve {
-        proposal: id,
+        proposal: ProposalId(id),
         version: Some(version),
         sha256: sha256.to_owned(),
         reason: None,
     };
     let before = snapshot(folder.path()).await;
-    let stale = decide(&store, &robot, with(7, sha256), "ana").await;
+    let stale = decide(&store, &robot, with(Version(7), sha256), "ana").await;
     assert!(matches!(
         stale,
-        Err(StoreError::Refused(Refused::Stale { found: 1 }))
+        Err(StoreError::Refused(Refused::Stale { found: Version(1) }))
     ));
-    let other = decide(&store, &robot, with(1, "ab"), "ana").await;
+    let other = decide(&store, &robot, with(Version(1), "ab"), "ana").await;
     assert!(matches!(
         other,
         Err(StoreError::Refused(Refused::OtherRevision { .. }))
     ));
-    let own = decide(&store, &robot, with(1, sha256), "carla").await;
+    let own = decide(&store, &robot, with(Version(1), sha256), "carla").await;
     assert!(matches!(
         own,
         Err(StoreError::Refused(Refused::OwnProposal(_)))

@@ -3,7 +3,7 @@
 use fleetcal_domain::approval::{
     Command, Deployment, DeploymentState, Evidence, Origin, Proposal, RobotLedger, Verification,
 };
-use fleetcal_model::{RobotTime, WallTime};
+use fleetcal_model::{RobotTime, Version, WallTime};
 use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};
 use rand::Rng;
 use rand::rngs::StdRng;
@@ -17,7 +17,7 @@ pub fn choose(random: &mut StdRng, ledger: &RobotLedger, now: WallTime) -> Comma
         return for_proposal(random, open);
     }
     match random.random_range(0..10) {
-        0 | 1 => roll_back(ledger.shadow.version),
+        0 | 1 => roll_back(ledger.shadow.version.0),
         2 => match &ledger.shadow.desired {
             Some(desired) => Command::Acknowledge(Applied {
                 generation: desired.generation,
@@ -57,7 +57,7 @@ fn propose(random: &mut StdRng) -> Command {
 
 fn roll_back(version: u64) -> Command {
     Command::RollBack {
-        version: Some(version),
+        version: Some(Version(version)),
         reason: "it weaves".to_owned(),
     }
 }

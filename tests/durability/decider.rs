@@ -25,6 +25,7 @@ use fleetcal_domain::approval::{
 use fleetcal_domain::robot::{RobotConfig, Wheelbase};
 use fleetcal_estimator::{EstimatorSettings, VehicleModel};
 use fleetcal_fleet::{FleetHandle, FleetSetup};
+use fleetcal_model::{DeploymentId, ProposalId, RevisionId};
 use fleetcal_operations::lifecycle::{Decided, Lifecycle, LifecycleSetup};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::signing::SigningKey;
@@ -158,9 +159,9 @@ impl Worker {
             };
             // Numbers that the store gives to nothing.
             let ids = NextIds {
-                revision: u64::MAX / 4,
-                proposal: u64::MAX / 4,
-                deployment: u64::MAX / 4,
+                revision: RevisionId(u64::MAX / 4),
+                proposal: ProposalId(u64::MAX / 4),
+                deployment: DeploymentId(u64::MAX / 4),
             };
             let expected = approval::step(&ledger, command.clone(), ids, &standing);
             let robot = self.robot.to_string();
@@ -201,8 +202,8 @@ impl Worker {
 
 fn effect(robot: &str, outcome: &Outcome) -> Effect {
     let entry = |entry: &OutboxEntry| match entry {
-        OutboxEntry::Approved(generation) => ("approved".to_owned(), *generation),
-        OutboxEntry::Confirmed(generation) => ("confirmed".to_owned(), *generation),
+        OutboxEntry::Approved(generation) => ("approved".to_owned(), generation.0),
+        OutboxEntry::Confirmed(generation) => ("confirmed".to_owned(), generation.0),
     };
     let rows = outcome.transitions.iter().map(|transition| Row {
         action: transition.action().as_str().to_owned(),

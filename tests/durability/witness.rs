@@ -273,7 +273,7 @@ fn deployments_agree(records: &Records) -> Result<(), Fault> {
                 )));
             };
             let same = envelope.is_some_and(|one| offer["sha256"] == one.sha256);
-            if !same || offer["revision"] != document.revision {
+            if !same || offer["revision"] != document.revision.0 {
                 return Err(Fault::Disagrees(format!("{offer} is another document")));
             }
         }

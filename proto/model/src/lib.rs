@@ -6,6 +6,7 @@
 //! SI units and radians; units stand last in names. Transforms are named `a_from_b`.
 
 pub mod change;
+pub mod number;
 pub mod parameter;
 pub mod plane;
 pub mod robot_id;
@@ -14,6 +15,10 @@ pub mod time;
 pub mod vehicle;
 
 pub use change::{Cause, ChangeKind, Detection, DetectionState, NoteKind};
+pub use number::{
+    AlertId, AuditId, DeliveryId, DeploymentId, EventId, Generation, ProposalId, RevisionId,
+    TokenId, UserId, Version, WebhookId,
+};
 pub use parameter::{Consistency, Counts, Parameter, ParameterStatus, Unit};
 pub use plane::{Point, Pose2, wrap_angle_rad};
 pub use robot_id::{RobotId, RobotIdRefused};

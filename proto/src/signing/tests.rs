@@ -1,3 +1,4 @@
+use fleetcal_model::{Generation, RevisionId};
 use proptest::prelude::*;
 
 use super::*;
@@ -8,9 +9,9 @@ fn document() -> CalibrationDocument {
     CalibrationDocument {
         schema: CalibrationSchema::V1,
         robot: RobotId::parse("tugger_01").unwrap(),
-        generation: 4,
-        base_generation: Some(3),
-        revision: 17,
+        generation: Generation(4),
+        base_generation: Some(Generation(3)),
+        revision: RevisionId(17),
         approved_at: "2026-11-21T12:00:00Z".to_owned(),
         approved_by: "ana".to_owned(),
         values: CalibrationValues {
@@ -249,7 +250,9 @@ proptest! {
         sent.sigmas.lidar_yaw_rad = numbers[3];
         sent.sigmas.wheelbase_m = Some(numbers[4]);
         let sent = CalibrationDocument {
-            generation, base_generation, approved_by, confirm_within_s, ..sent
+            generation: Generation(generation),
+            base_generation: base_generation.map(Generation),
+            approved_by, confirm_within_s, ..sent
         };
         let opened = seal(&sent, &key()).unwrap().open(&trusted()).unwrap();
         prop_assert_eq!(format!("{opened:?}"), format!("{sent:?}"));

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::process::{ExitStatus, Stdio};
 use std::time::Duration;
 
+use fleetcal_model::Generation;
 use fleetcal_proto::RobotId;
 use rustix::process::{Pid, Signal, kill_process_group};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
@@ -63,7 +64,7 @@ pub(super) enum Said {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Subject {
     pub robot: RobotId,
-    pub generation: u64,
+    pub generation: Generation,
     /// The document's exact text, which the hook finds on its standard input.
     pub document: String,
     /// The file that the values are written to.
@@ -205,7 +206,7 @@ mod tests {
     async fn call(hook: &Hook) -> Said {
         let subject = Subject {
             robot: RobotId::parse("tugger_01").unwrap(),
-            generation: 4,
+            generation: Generation(4),
             document: "x".repeat(100_000),
             file: "/etc/calibration.yaml".into(),
         };

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use fleetcal_model::Pose2;
+use fleetcal_model::{Generation, Pose2};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{CalibrationDocument, Envelope};
 use fleetcal_proto::signing::TrustedKeys;
@@ -48,7 +48,7 @@ pub(super) enum Verdict {
 /// A refusal with what it is about.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Refusal {
-    pub generation: u64,
+    pub generation: Generation,
     pub sha256: String,
     pub reason: String,
 }
@@ -111,7 +111,7 @@ fn objection(
 ) -> Option<String> {
     let confirmed = confirmed_generation(memory);
     let base = document.base_generation;
-    if base.unwrap_or(0) < confirmed {
+    if base.unwrap_or_default() < confirmed {
         let base = base.map_or_else(|| "none".to_owned(), |base| base.to_string());
         return Some(format!(
             "base_generation is {base}, expected {confirmed} and higher ones: it was compared \
@@ -143,19 +143,19 @@ fn is_on_a_vehicle(pose: &Pose2) -> bool {
 }
 
 /// The generation that both sides know to be in use: an unconfirmed one may be news to the service.
-fn confirmed_generation(memory: &Memory) -> u64 {
+fn confirmed_generation(memory: &Memory) -> Generation {
     match &memory.phase {
         Phase::Resting(Rest::Unconfirmed(trial)) => trial.fallback.held.generation,
         _ => memory.held.generation,
     }
 }
 
-fn is_known(memory: &Memory, generation: Option<u64>, sha256: &str) -> bool {
+fn is_known(memory: &Memory, generation: Option<Generation>, sha256: &str) -> bool {
     let same = |its_generation, its_sha256: &str| {
         generation.is_none_or(|generation| generation == its_generation) && its_sha256 == sha256
     };
     let held = &memory.held;
-    (held.generation > 0 && same(held.generation, &held.sha256))
+    (held.generation > Generation(0) && same(held.generation, &held.sha256))
         || memory
             .latest
             .as_ref()
@@ -163,9 +163,11 @@ fn is_known(memory: &Memory, generation: Option<u64>, sha256: &str) -> bool {
 }
 
 /// The generation an unopened document says it has, to name it in the refusal; 0 when it says none.
-fn claimed_generation(document: &str) -> u64 {
-    serde_json::from_str::<serde_json::Value>(document)
-        .ok()
-        .and_then(|document| document.get("generation")?.as_u64())
-        .unwrap_or(0)
+fn claimed_generation(document: &str) -> Generation {
+    Generation(
+        serde_json::from_str::<serde_json::Value>(document)
+            .ok()
+            .and_then(|document| document.get("generation")?.as_u64())
+            .unwrap_or(0),
+    )
 }

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use fleetcal_model::RobotTime;
+use fleetcal_model::{Generation, RobotTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};
 use tokio::sync::mpsc;
@@ -40,7 +40,7 @@ pub(crate) const PULL_PERIOD: Duration = Duration::from_mins(1);
 pub async fn run_agent(
     options: AgentOptions,
     shutdown: CancellationToken,
-) -> Result<u64, AgentError> {
+) -> Result<Generation, AgentError> {
     let client = ClientConfig::new(&options.connect)?;
     let mut runner = Runner::start(options)?;
     let stop = shutdown.child_token();
@@ -274,7 +274,7 @@ impl Runner {
     }
 
     /// Calls the hook, whose answer comes as an event. A robot without one says yes to everything.
-    fn call_hook(&mut self, call: Call, generation: u64, document: String) -> Option<Event> {
+    fn call_hook(&mut self, call: Call, generation: Generation, document: String) -> Option<Event> {
         let Some(hook) = self.options.hook.clone() else {
             return Some(self.answered(call, Said::Yes));
         };
@@ -386,7 +386,7 @@ fn log(robot: &RobotId, answer: &Applied) {
     } = answer;
     let reason = reason.as_deref().unwrap_or_default();
     match answer.status {
-        AppliedStatus::Applied => info!(robot.id = %robot, generation, "calibration in use"),
-        status => warn!(robot.id = %robot, generation, ?status, reason, "calibration not in use"),
+        AppliedStatus::Applied => info!(robot.id = %robot, %generation, "calibration in use"),
+        status => warn!(robot.id = %robot, %generation, ?status, reason, "calibration not in use"),
     }
 }

@@ -1,6 +1,6 @@
 //! What an agent remembers, through restarts too.
 
-use fleetcal_model::{Pose2, RobotTime};
+use fleetcal_model::{Generation, Pose2, RobotTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};
 use serde::{Deserialize, Serialize};
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Held {
     /// Generation of the document; 0 for its factory calibration.
-    pub generation: u64,
+    pub generation: Generation,
     /// SHA-256 of the document; empty for its factory calibration.
     pub sha256: String,
     /// Since when, ns since 1970 by the robot's clock.
@@ -25,7 +25,7 @@ impl Held {
     /// What a robot has that never heard of a service.
     pub fn factory(values: Option<CalibrationValues>, now: RobotTime) -> Self {
         Self {
-            generation: 0,
+            generation: Generation(0),
             sha256: String::new(),
             applied_at_ns: now,
             values,
@@ -34,13 +34,13 @@ impl Held {
     }
 
     /// Whether it is this document.
-    pub fn is(&self, generation: u64, sha256: &str) -> bool {
+    pub fn is(&self, generation: Generation, sha256: &str) -> bool {
         self.generation == generation && self.sha256 == sha256
     }
 
     /// Its acknowledgement; `None` when there is nothing to say.
     pub fn acknowledgement(&self) -> Option<Applied> {
-        if self.generation == 0 && self.values.is_none() {
+        if self.generation == Generation(0) && self.values.is_none() {
             return None;
         }
         Some(Applied {
@@ -67,7 +67,7 @@ pub struct Fallback {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Offer {
     /// Its generation.
-    pub generation: u64,
+    pub generation: Generation,
     /// Its SHA-256.
     pub sha256: String,
     /// How long the robot waits for its confirmation, s.
@@ -114,7 +114,7 @@ pub enum Rest {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Ending {
     /// Generation of the document that goes.
-    pub generation: u64,
+    pub generation: Generation,
     /// Its SHA-256.
     pub sha256: String,
     /// What the service is told.
@@ -228,7 +228,7 @@ pub struct Memory {
     pub phase: Phase,
     /// Highest generation that was decided upon, whatever became of it: what comes later must be
     /// higher, or a withdrawn document could be played again.
-    pub highest: u64,
+    pub highest: Generation,
     /// What was answered last on a signed document.
     pub latest: Option<Applied>,
     /// Answers that nobody has confirmed yet, oldest first.
@@ -255,7 +255,7 @@ impl Memory {
             robot,
             held,
             phase: Phase::Resting(Rest::Settled),
-            highest: 0,
+            highest: Generation(0),
             latest: None,
             unstored: Vec::new(),
         }

@@ -15,6 +15,7 @@ mod tests;
 
 use std::sync::Arc;
 
+use fleetcal_model::Generation;
 use fleetcal_proto::signing::TrustedKeys;
 use fleetcal_proto::{Keys, RobotId};
 use thiserror::Error;
@@ -62,7 +63,7 @@ pub struct RobotSummary {
     /// Messages that were left out because the machine was too slow for real time.
     pub late: u64,
     /// Generation of the calibration it holds; 0 for none.
-    pub generation: u64,
+    pub generation: Generation,
 }
 
 /// Why a fleet ended before it was told to.

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use fleetcal_model::RobotTime;
+use fleetcal_model::{Generation, RobotTime};
 use fleetcal_proto::event::CrossTrackError;
 use fleetcal_proto::signing::TrustedKeys;
 use fleetcal_proto::{Keys, RobotId, RosMessage, StreamKind};
@@ -66,7 +66,7 @@ pub(super) async fn run(
         drive_samples: 0,
         scans: 0,
         late: 0,
-        generation: 0,
+        generation: Generation(0),
     };
     let Some((session, incoming)) = opened else {
         return Ok(summary);
@@ -221,14 +221,14 @@ impl Driver {
             Effect::TellReverted(ending) => {
                 if let Outcome::Answered { reason, .. } = ending.outcome {
                     let generation = ending.generation;
-                    warn!(robot.id = %robot, generation, reason, "back to the former calibration");
+                    warn!(robot.id = %robot, %generation, reason, "back to the former calibration");
                 }
                 return Ok(Some(Event::RevertTold(Ok(()))));
             }
             Effect::Acknowledge(answer) => {
                 let (generation, status) = (answer.generation, answer.status);
                 let reason = answer.reason.as_deref().unwrap_or_default();
-                debug!(robot.id = %robot, generation, ?status, reason, "answers a calibration");
+                debug!(robot.id = %robot, %generation, ?status, reason, "answers a calibration");
                 self.session.calibration.acknowledge(&answer).await?;
             }
             Effect::AskConfirmed => self.session.calibration.ask_confirmed().await?,

@@ -5,6 +5,7 @@ use std::net::TcpListener;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use fleetcal_model::{Generation, RevisionId};
 use fleetcal_proto::calibration::{
     Applied as Acknowledgement, AppliedStatus, CalibrationDocument, CalibrationFrame,
     CalibrationSchema, CalibrationValues, Confirmed, Envelope,
@@ -86,9 +87,13 @@ fn key() -> SigningKey {
 }
 
 /// A signed calibration; generation 9 lies outside the robots' limits.
-fn envelope(robot: &str, generation: u64, confirm_within_s: u32) -> Vec<u8> {
+fn envelope(robot: &str, generation: Generation, confirm_within_s: u32) -> Vec<u8> {
     let values = CalibrationValues {
-        steering_offset_rad: if generation == 9 { 0.5 } else { 0.02 },
+        steering_offset_rad: if generation == Generation(9) {
+            0.5
+        } else {
+            0.02
+        },
         lidar_x_m: 0.44,
         lidar_y_m: 0.01,
         lidar_yaw_rad: 0.02,
@@ -100,15 +105,15 @@ fn envelope(robot: &str, generation: u64, confirm_within_s: u32) -> Vec<u8> {
 fn envelope_of(
     values: CalibrationValues,
     robot: &str,
-    generation: u64,
+    generation: Generation,
     confirm_within_s: u32,
 ) -> Vec<u8> {
     let document = CalibrationDocument {
         schema: CalibrationSchema::V1,
         robot: RobotId::parse(robot).unwrap(),
         generation,
-        base_generation: Some(generation - 1),
-        revision: 1,
+        base_generation: Some(Generation(generation.0 - 1)),
+        revision: RevisionId(1),
         approved_at: "2026-01-01T00:00:00Z".to_owned(),
         approved_by: "ana".to_owned(),
         values,
@@ -193,7 +198,7 @@ async fn a_robot_pulls_applies_and_acknowledges_what_is_approved() {
     session
         .declare_queryable(key)
         .callback(move |query| {
-            let reply = query.reply(key, envelope("tugger_01", 3, 600));
+            let reply = query.reply(key, envelope("tugger_01", Generation(3), 600));
             zenoh::Wait::wait(reply).unwrap();
         })
         .background()
@@ -212,25 +217,31 @@ async fn a_robot_pulls_applies_and_acknowledges_what_is_approved() {
             answer.generation == generation && answer.status == AppliedStatus::Applied
         })
     };
-    until("the pulled calibration is applied", || applied(3)).await;
+    until("the pulled calibration is applied", || {
+        applied(Generation(3))
+    })
+    .await;
     let first = &answered()[0];
     assert_eq!(
         (first.generation, first.sha256.as_str()),
-        (0, ""),
+        (Generation(0), ""),
         "its factory calibration"
     );
 
     // Without a confirmation the robot goes back to where it was, which nobody confirmed either.
-    let pushed = envelope("tugger_01", 4, 1);
+    let pushed = envelope("tugger_01", Generation(4), 1);
     session.put(key, pushed.clone()).await.unwrap();
-    until("the pushed calibration is applied", || applied(4)).await;
+    until("the pushed calibration is applied", || {
+        applied(Generation(4))
+    })
+    .await;
     let ended = |generation, status| {
         let of = move |answer: &&Acknowledgement| {
             answer.generation == generation && answer.status == status
         };
         answered().iter().find(of).cloned()
     };
-    let reverted = || ended(4, AppliedStatus::Reverted);
+    let reverted = || ended(Generation(4), AppliedStatus::Reverted);
     until("it went back by itself", || reverted().is_some()).await;
     let values = reverted().unwrap().values.unwrap();
     assert!(
@@ -238,14 +249,14 @@ async fn a_robot_pulls_applies_and_acknowledges_what_is_approved() {
         "its factory calibration"
     );
 
-    let confirmed = envelope("tugger_01", 5, 2);
+    let confirmed = envelope("tugger_01", Generation(5), 2);
     session.put(key, confirmed.clone()).await.unwrap();
-    until("the next one is applied", || applied(5)).await;
+    until("the next one is applied", || applied(Generation(5))).await;
     let sha256 = serde_json::from_slice::<Envelope>(&confirmed)
         .unwrap()
         .sha256;
     let confirmation = Confirmed {
-        generation: 5,
+        generation: Generation(5),
         sha256,
     };
     let payload = serde_json::to_vec(&confirmation).unwrap();
@@ -253,10 +264,14 @@ async fn a_robot_pulls_applies_and_acknowledges_what_is_approved() {
     session.put(confirmed_key, payload).await.unwrap();
 
     for (payload, generation, reason) in [
-        (envelope("tugger_02", 7, 600), 7, "robot is tugger_02"),
+        (
+            envelope("tugger_02", Generation(7), 600),
+            7,
+            "robot is tugger_02",
+        ),
         (pushed, 4, "expected higher ones than 5"),
         (
-            envelope("tugger_01", 9, 600),
+            envelope("tugger_01", Generation(9), 600),
             9,
             "steering_offset_rad is 0.5",
         ),
@@ -265,7 +280,7 @@ async fn a_robot_pulls_applies_and_acknowledges_what_is_approved() {
         let refused = || {
             let refused = AppliedStatus::Refused;
             let about = |answer: &&Acknowledgement| {
-                answer.generation == generation && answer.status == refused
+                answer.generation == Generation(generation) && answer.status == refused
             };
             let answers = answered();
             let reason_of = answers.iter().find(about)?.reason.clone();
@@ -276,9 +291,9 @@ async fn a_robot_pulls_applies_and_acknowledges_what_is_approved() {
     }
     // Longer than it would have waited for the confirmation.
     tokio::time::sleep(Duration::from_millis(2500)).await;
-    assert!(ended(5, AppliedStatus::Reverted).is_none());
+    assert!(ended(Generation(5), AppliedStatus::Reverted).is_none());
     stop.cancel();
-    assert_eq!(fleet.await.unwrap().unwrap()[0].generation, 5);
+    assert_eq!(fleet.await.unwrap().unwrap()[0].generation, Generation(5));
 }
 
 /// In real time, with one reading a second: some with the wrong steering zero, and as many with the right one.
@@ -319,7 +334,7 @@ async fn a_robot_stops_weaving_once_its_true_calibration_is_approved() {
         lidar_yaw_rad: mount.yaw_rad,
         ..CalibrationValues::default()
     };
-    let approved = envelope_of(values, "tugger_01", 1, 600);
+    let approved = envelope_of(values, "tugger_01", Generation(1), 600);
     let key = "fleet/tugger_01/calibration/approved";
     session.put(key, approved).await.unwrap();
     let from = errors_m().len() + SETTLING;
@@ -329,7 +344,7 @@ async fn a_robot_stops_weaving_once_its_true_calibration_is_approved() {
     .await;
     let right = errors_m().split_off(from);
     stop.cancel();
-    assert_eq!(fleet.await.unwrap().unwrap()[0].generation, 1);
+    assert_eq!(fleet.await.unwrap().unwrap()[0].generation, Generation(1));
     let (before_m, after_m) = (rms_m(&wrong), rms_m(&right));
     println!("cross-track error {before_m:.4} m before, {after_m:.4} m after");
     assert!(

@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use fleetcal_domain::robot::{CrossTrack, GENERATIONS_MAX};
-use fleetcal_model::RobotTime;
+use fleetcal_model::{Generation, RobotTime};
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::event::CrossTrackError;
@@ -20,7 +20,7 @@ pub struct UsedValues {
     /// stamps its messages.
     pub since: RobotTime,
     /// Generation of their document; 0 for its factory calibration.
-    pub generation: u64,
+    pub generation: Generation,
     /// The values.
     pub values: CalibrationValues,
 }
@@ -28,14 +28,14 @@ pub struct UsedValues {
 /// The histograms of one robot, by generation; 0 is what it drove with before any was applied.
 #[derive(Debug, Clone, Default)]
 pub struct CrossTracks {
-    by_generation: BTreeMap<u64, CrossTrack>,
+    by_generation: BTreeMap<Generation, CrossTrack>,
     /// Generations that have changed since they were last taken for the store.
-    unsaved: BTreeSet<u64>,
+    unsaved: BTreeSet<Generation>,
 }
 
 impl CrossTracks {
     /// Those that were stored.
-    pub fn of(stored: BTreeMap<u64, CrossTrack>) -> Self {
+    pub fn of(stored: BTreeMap<Generation, CrossTrack>) -> Self {
         Self {
             by_generation: stored,
             unsaved: BTreeSet::new(),
@@ -43,7 +43,7 @@ impl CrossTracks {
     }
 
     /// Takes an error of a robot that used `generation` then.
-    pub fn add(&mut self, generation: u64, error_m: f64) {
+    pub fn add(&mut self, generation: Generation, error_m: f64) {
         self.by_generation
             .entry(generation)
             .or_default()
@@ -51,7 +51,12 @@ impl CrossTracks {
         self.unsaved.insert(generation);
         // What it drove with at first stays: it is what all others are held against.
         while self.by_generation.len() > GENERATIONS_MAX {
-            let Some(oldest) = self.by_generation.keys().copied().find(|one| *one > 0) else {
+            let Some(oldest) = self
+                .by_generation
+                .keys()
+                .copied()
+                .find(|one| *one > Generation(0))
+            else {
                 return;
             };
             self.by_generation.remove(&oldest);
@@ -60,12 +65,12 @@ impl CrossTracks {
     }
 
     /// All of them.
-    pub fn all(&self) -> &BTreeMap<u64, CrossTrack> {
+    pub fn all(&self) -> &BTreeMap<Generation, CrossTrack> {
         &self.by_generation
     }
 
     /// Those that have changed since this was last asked.
-    pub fn take_unsaved(&mut self) -> Vec<(u64, CrossTrack)> {
+    pub fn take_unsaved(&mut self) -> Vec<(Generation, CrossTrack)> {
         let unsaved = std::mem::take(&mut self.unsaved).into_iter();
         unsaved
             .filter_map(|one| Some((one, self.by_generation.get(&one)?.clone())))
@@ -120,10 +125,10 @@ mod tests {
     fn the_first_and_the_latest_calibrations_are_kept() {
         let mut tracks = CrossTracks::default();
         for generation in 0..20 {
-            tracks.add(generation, 0.1);
+            tracks.add(Generation(generation), 0.1);
         }
-        let kept: Vec<u64> = tracks.all().keys().copied().collect();
-        assert_eq!(kept, [0, 13, 14, 15, 16, 17, 18, 19]);
+        let kept: Vec<Generation> = tracks.all().keys().copied().collect();
+        assert_eq!(kept, [0, 13, 14, 15, 16, 17, 18, 19].map(Generation));
         assert_eq!(tracks.take_unsaved().len(), 8);
         assert!(tracks.take_unsaved().is_empty());
     }

@@ -13,7 +13,7 @@ use fleetcal_domain::streams::RobotStreams;
 use fleetcal_estimator::advice::ranking::Ranked;
 use fleetcal_estimator::calibrator::Plan as TopView;
 use fleetcal_estimator::{Calibrator, EstimatorSettings, Pose2};
-use fleetcal_model::{RobotTime, Stream, WallTime};
+use fleetcal_model::{Generation, RobotTime, Stream, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::estimate::EstimateDocument;
@@ -70,7 +70,7 @@ pub struct FleetSetup {
     /// The robots that are configured.
     pub robots: BTreeMap<RobotId, RobotConfig>,
     /// How well robots followed their paths, by generation.
-    pub cross_tracks: BTreeMap<RobotId, BTreeMap<u64, CrossTrack>>,
+    pub cross_tracks: BTreeMap<RobotId, BTreeMap<Generation, CrossTrack>>,
     /// The estimators' states when the service last stopped, as JSON.
     pub checkpoints: BTreeMap<RobotId, String>,
     /// When robots were last heard before this start, wall time, ns.
@@ -224,7 +224,7 @@ impl FleetHandle {
         &self,
         id: &RobotId,
         values: &[UsedValues],
-        in_verification: Option<(u64, RobotTime)>,
+        in_verification: Option<(Generation, RobotTime)>,
     ) {
         if let Some(robot) = self.fleet.find(id.as_str()) {
             robot.set_used(values, in_verification);
@@ -251,7 +251,7 @@ impl FleetHandle {
 
     /// How well a robot follows its path, by the generation of the calibration it used; 0 is what
     /// it drove with before any was applied.
-    pub fn cross_tracks(&self, id: &RobotId) -> BTreeMap<u64, CrossTrack> {
+    pub fn cross_tracks(&self, id: &RobotId) -> BTreeMap<Generation, CrossTrack> {
         let robot = self.fleet.find(id.as_str());
         robot.map(|robot| robot.cross_tracks()).unwrap_or_default()
     }

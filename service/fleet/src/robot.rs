@@ -14,7 +14,7 @@ use fleetcal_domain::robot::{
 };
 use fleetcal_estimator::RobotTime;
 use fleetcal_estimator::advice::ranking::Ranked;
-use fleetcal_model::{Stream, WallTime};
+use fleetcal_model::{Generation, Stream, Version, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::estimate::EstimateDocument;
@@ -87,12 +87,12 @@ impl Link {
 struct Status {
     config: Option<RobotConfig>,
     /// Goes up with every change of `config`.
-    config_version: u64,
+    config_version: Version,
     state: RobotState,
     estimate: Option<Arc<EstimateDocument>>,
     estimator_restarts: u32,
     used: Used,
-    fresh: Option<(u64, Arc<EstimateDocument>)>,
+    fresh: Option<(Generation, Arc<EstimateDocument>)>,
     /// What it should drive next, the best first.
     manoeuvres: Arc<[Ranked]>,
     pairing: Option<PairingReport>,
@@ -123,7 +123,7 @@ struct Used {
     /// Values, oldest first.
     values: Vec<InForce>,
     /// The generation to be verified, and since when it is in use by the agent's clock.
-    in_verification: Option<(u64, RobotTime)>,
+    in_verification: Option<(Generation, RobotTime)>,
     /// Answers that have not come up among the messages yet.
     unheard: u32,
 }
@@ -131,7 +131,11 @@ struct Used {
 impl Used {
     /// What the robot says now; of what it said before, the stamps are known. `true` when that is
     /// something new.
-    fn follow(&mut self, values: &[UsedValues], in_verification: Option<(u64, RobotTime)>) -> bool {
+    fn follow(
+        &mut self,
+        values: &[UsedValues],
+        in_verification: Option<(Generation, RobotTime)>,
+    ) -> bool {
         let known = |used: &UsedValues| {
             let mut known = self.values.iter();
             let known = known.find(|known| known.used == *used).copied();
@@ -196,7 +200,7 @@ impl Robot {
             }),
             status: Mutex::new(Status {
                 config,
-                config_version: 0,
+                config_version: Version(0),
                 state,
                 estimate: None,
                 estimator_restarts: 0,
@@ -322,12 +326,12 @@ impl Robot {
     }
 
     /// The number that goes up with every change of the configuration.
-    pub fn config_version(&self) -> u64 {
+    pub fn config_version(&self) -> Version {
         lock(&self.status).config_version
     }
 
     /// Its configuration, and a number that goes up with every change of it.
-    pub fn versioned_config(&self) -> Option<(u64, RobotConfig)> {
+    pub fn versioned_config(&self) -> Option<(Version, RobotConfig)> {
         let status = lock(&self.status);
         Some((status.config_version, status.config.clone()?))
     }
@@ -344,7 +348,7 @@ impl Robot {
         if status.config.as_ref() == Some(&config) {
             return status.config.clone();
         }
-        status.config_version += 1;
+        status.config_version = status.config_version.next();
         status.state = RobotState::NoData;
         status.estimate = None;
         status.manoeuvres = Arc::from([]);
@@ -389,7 +393,11 @@ impl Robot {
     /// Takes what the robot compensates with, oldest first, and the generation to be verified with
     /// since when it is in use by the agent's clock. Both count from the messages on that come
     /// after this.
-    pub fn set_used(&self, values: &[UsedValues], in_verification: Option<(u64, RobotTime)>) {
+    pub fn set_used(
+        &self,
+        values: &[UsedValues],
+        in_verification: Option<(Generation, RobotTime)>,
+    ) {
         {
             let mut status = lock(&self.status);
             let fresh = status.fresh.take();
@@ -445,28 +453,28 @@ impl Robot {
     /// Takes how far the robot was off its path, m; without a stamp it is of now.
     pub fn take_cross_track_error(&self, stamp: Option<RobotTime>, error_m: f64) {
         let used = self.used_at(stamp.unwrap_or(RobotTime(i64::MAX)));
-        let generation = used.map_or(0, |used| used.generation);
+        let generation = used.map_or(Generation::FACTORY, |used| used.generation);
         lock(&self.cross_tracks).add(generation, error_m);
     }
 
     /// How well it follows its path, by generation.
-    pub fn cross_tracks(&self) -> BTreeMap<u64, CrossTrack> {
+    pub fn cross_tracks(&self) -> BTreeMap<Generation, CrossTrack> {
         lock(&self.cross_tracks).all().clone()
     }
 
     /// What of that has changed since this was last asked.
-    pub fn unsaved_cross_tracks(&self) -> Vec<(u64, CrossTrack)> {
+    pub fn unsaved_cross_tracks(&self) -> Vec<(Generation, CrossTrack)> {
         lock(&self.cross_tracks).take_unsaved()
     }
 
     /// Goes on from what was stored.
-    pub fn restore_cross_tracks(&self, stored: BTreeMap<u64, CrossTrack>) {
+    pub fn restore_cross_tracks(&self, stored: BTreeMap<Generation, CrossTrack>) {
         *lock(&self.cross_tracks) = CrossTracks::of(stored);
     }
 
     /// The generation to be verified, and since when it is in use by the agent's clock; `None`
     /// while messages wait that came before the robot said so.
-    pub fn in_verification(&self) -> Option<(u64, RobotTime)> {
+    pub fn in_verification(&self) -> Option<(Generation, RobotTime)> {
         let status = lock(&self.status);
         status
             .used
@@ -475,7 +483,7 @@ impl Robot {
     }
 
     /// Takes an estimate of the generation in verification.
-    pub fn set_fresh(&self, generation: u64, estimate: Arc<EstimateDocument>) {
+    pub fn set_fresh(&self, generation: Generation, estimate: Arc<EstimateDocument>) {
         let mut status = lock(&self.status);
         if status
             .used

@@ -16,7 +16,7 @@ use fleetcal_domain::robot::{
 use fleetcal_estimator::calibrator::{CalibratorConfig, Plan as TopView};
 use fleetcal_estimator::lidar_odometry::BeamTimes;
 use fleetcal_estimator::{Calibrator, Checkpoint, Effect, Event, RobotTime};
-use fleetcal_model::{ChangeKind, Parameter, ParameterStatus, Stream};
+use fleetcal_model::{ChangeKind, Parameter, ParameterStatus, Stream, Version};
 use fleetcal_proto::RecordingTopic;
 use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_proto::message_type::Form;
@@ -85,7 +85,7 @@ enum Engine {
 struct RobotTask {
     fleet: Arc<Fleet>,
     robot: Arc<Robot>,
-    version: u64,
+    version: Version,
     signal: WheelOdometrySignal,
     intake: Intake,
     rear_axle_in_base_link: Option<Mount>,
@@ -116,7 +116,7 @@ impl RobotTask {
     fn start(
         fleet: Arc<Fleet>,
         robot: Arc<Robot>,
-        version: u64,
+        version: Version,
         config: &RobotConfig,
         stored: Option<&str>,
     ) -> Self {

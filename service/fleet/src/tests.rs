@@ -18,7 +18,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::sync::broadcast;
 
-use fleetcal_model::{NoteKind, RobotTime, Stream};
+use fleetcal_model::{Generation, NoteKind, RobotTime, Stream};
 
 use super::registry::Step;
 use super::*;
@@ -47,7 +47,7 @@ impl Journal for Kept {
             .push((robot.clone(), Arc::clone(event)));
     }
 
-    fn save_cross_track(&self, _: &RobotId, _: u64, _: &CrossTrack) {}
+    fn save_cross_track(&self, _: &RobotId, _: Generation, _: &CrossTrack) {}
 
     fn save_checkpoint(&self, robot: &RobotId, _: RobotTime, json: String) {
         self.checkpoints.lock().unwrap().insert(robot.clone(), json);
@@ -492,8 +492,8 @@ async fn what_a_compensated_robot_takes_off_is_added_back_from_that_moment_on() 
     };
     // The agent's clock is years ahead of that of the messages.
     let since = |second: i64| RobotTime(2 * BEGIN_NS + second);
-    let before = used(since(0), 0, 0.01);
-    let then = used(since(2), 4, 0.05);
+    let before = used(since(0), Generation(0), 0.01);
+    let then = used(since(2), Generation(4), 0.05);
     bench.fleet.use_values(&id("robot"), &[before], None);
     let mut told = Vec::new();
     for number in 0..4 {
@@ -519,9 +519,11 @@ async fn values_on_trial_are_judged_by_an_estimator_of_their_own() {
     }
     // It is heard of behind what waits, and its clock is not that of the messages.
     let since_ns = 7;
-    bench
-        .fleet
-        .use_values(&id("robot"), &[], Some((3, RobotTime(since_ns))));
+    bench.fleet.use_values(
+        &id("robot"),
+        &[],
+        Some((Generation(3), RobotTime(since_ns))),
+    );
     bench.worked_off("robot").await;
     assert_eq!(bench.view("robot").fresh, None, "nothing came since");
     for number in 100..800 {
@@ -530,7 +532,7 @@ async fn values_on_trial_are_judged_by_an_estimator_of_their_own() {
     }
     let (generation, fresh) = bench.view("robot").fresh.expect("an estimate of its own");
     let all = bench.view("robot").estimate.unwrap();
-    assert_eq!(generation, 3);
+    assert_eq!(generation, Generation(3));
     let late = all.counts.drive_samples - fresh.counts.drive_samples;
     assert!(
         (200..=300).contains(&late),

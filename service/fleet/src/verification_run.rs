@@ -13,6 +13,7 @@ use std::sync::Arc;
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::lidar_odometry::LearntScanner;
 use fleetcal_estimator::{Calibrator, Effect, Event, RobotTime};
+use fleetcal_model::Generation;
 
 use super::document;
 use super::robot::Robot;
@@ -50,7 +51,7 @@ impl Start {
 /// The estimator of the values in verification.
 #[derive(Debug)]
 pub struct VerificationRun {
-    generation: u64,
+    generation: Generation,
     since: RobotTime,
     start: Start,
     calibrator: Box<Calibrator>,

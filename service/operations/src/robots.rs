@@ -7,7 +7,7 @@ use async_trait::async_trait;
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::audit::Action;
 use fleetcal_domain::robot::RobotConfig;
-use fleetcal_model::{RobotId, WallTime};
+use fleetcal_model::{EventId, RobotId, Version, WallTime};
 use fleetcal_store::transaction::AnswerScope;
 use fleetcal_store::{
     AuditEntry, EventRecord, Expected, IdempotencyKey, Job, NewEvent, Records, Store, StoreError,
@@ -28,7 +28,7 @@ pub fn configure(
     config: &RobotConfig,
     expected: Expected,
     actor: Actor,
-) -> Boxed<Result<u64, StoreError>> {
+) -> Boxed<Result<Version, StoreError>> {
     let store = store.clone();
     let job = ConfigureRobot {
         robot: robot.clone(),
@@ -74,18 +74,18 @@ pub struct ConfigureRobot {
 
 #[async_trait]
 impl Job for ConfigureRobot {
-    type Done = u64;
+    type Done = Version;
 
-    async fn run(&self, records: &mut dyn Records) -> Result<u64, StoreError> {
+    async fn run(&self, records: &mut dyn Records) -> Result<Version, StoreError> {
         let robot = records.robot(&self.robot).await?;
-        let found = robot.as_ref().map_or(0, |robot| robot.version);
+        let found = robot.as_ref().map_or(Version(0), |robot| robot.version);
         if !self.expected.accepts(found) {
             return Err(StoreError::VersionConflict {
                 robot: self.robot.clone(),
                 found,
             });
         }
-        let version = found + 1;
+        let version = found.next();
         records
             .save_config(&self.robot, &self.config, version, self.now)
             .await?;
@@ -138,7 +138,7 @@ impl Job for NoteEvent {
         let scope = AnswerScope::Event(&self.event.robot);
         let key = self.key.as_ref();
         if let Some(id) = made_before(records, scope, key).await?
-            && let Some(record) = records.event(id).await?
+            && let Some(record) = records.event(EventId(id)).await?
         {
             return Ok(EventRecord {
                 repeated: true,
@@ -146,7 +146,7 @@ impl Job for NoteEvent {
             });
         }
         let id = records.add_event(&self.event).await?;
-        note_made(records, scope, key, id, self.event.received_ns).await?;
+        note_made(records, scope, key, id.0, self.event.received_ns).await?;
         records.append_audit(&self.audit(id)).await?;
         Ok(EventRecord {
             id,
@@ -157,7 +157,7 @@ impl Job for NoteEvent {
 }
 
 impl NoteEvent {
-    fn audit(&self, id: i64) -> AuditEntry {
+    fn audit(&self, id: EventId) -> AuditEntry {
         let event = &self.event;
         let after = serde_json::json!({
             "kind": event.kind.as_str(),

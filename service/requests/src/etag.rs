@@ -3,6 +3,7 @@
 use axum::Json;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use fleetcal_model::Version;
 use fleetcal_store::Expected;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
@@ -43,7 +44,7 @@ pub fn tag_of_digest(digest: [u8; 32]) -> HeaderValue {
 }
 
 /// A document with the tag of its version.
-pub fn versioned_json<T: Serialize>(status: StatusCode, version: u64, document: T) -> Response {
+pub fn versioned_json<T: Serialize>(status: StatusCode, version: Version, document: T) -> Response {
     (status, [(header::ETAG, quoted(&version))], Json(document)).into_response()
 }
 
@@ -95,9 +96,9 @@ pub fn expected(headers: &HeaderMap) -> Result<Expected, Problem> {
 ///
 /// # Errors
 /// [`Problem`] that names what is refused.
-pub fn expected_version(headers: &HeaderMap) -> Result<u64, Problem> {
+pub fn expected_version(headers: &HeaderMap) -> Result<Version, Problem> {
     match expected(headers)? {
-        Expected::Version(version) => Ok(version),
+        Expected::Version(version) => Ok(Version(version.0)),
         Expected::Any | Expected::Absent => {
             let detail = "send the ETag of GET as If-Match";
             let status = StatusCode::PRECONDITION_REQUIRED;
@@ -123,7 +124,7 @@ mod tests {
         let expected = |name, value| expected(&headers(name, value));
         assert_eq!(
             expected(header::IF_MATCH, "\"3\"").unwrap(),
-            Expected::Version(3)
+            Expected::Version(Version(3))
         );
         assert_eq!(
             expected(header::IF_NONE_MATCH, "*").unwrap(),

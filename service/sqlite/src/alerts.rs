@@ -2,6 +2,7 @@
 
 use async_trait::async_trait;
 use fleetcal_domain::alert::{Alert, AlertKind, ConditionName, Subject};
+use fleetcal_model::{AlertId, Version};
 use fleetcal_store::transaction::AlertRecords;
 use fleetcal_store::{AlertFilter, AlertMoment, AlertSelection, StoreError};
 use sqlx::sqlite::{SqlitePool, SqliteRow};
@@ -30,16 +31,16 @@ impl AlertRecords for SqliteRecords<'_> {
         row.as_ref().map(alert_of).transpose()
     }
 
-    async fn alert(&mut self, id: u64) -> Result<Option<Alert>, StoreError> {
+    async fn alert(&mut self, id: AlertId) -> Result<Option<Alert>, StoreError> {
         let row = sqlx::query("SELECT id, record FROM alert WHERE id = ?1")
-            .bind(i64::try_from(id).unwrap_or(i64::MAX))
+            .bind(i64::try_from(id.0).unwrap_or(i64::MAX))
             .fetch_optional(&mut *self.connection)
             .await
             .map_err(StoreError::database("read an alert"))?;
         row.as_ref().map(alert_of).transpose()
     }
 
-    async fn add_alert(&mut self, alert: &Alert) -> Result<u64, StoreError> {
+    async fn add_alert(&mut self, alert: &Alert) -> Result<AlertId, StoreError> {
         let id =
             sqlx::query_scalar("INSERT INTO alert (record, rank) VALUES (?1, ?2) RETURNING id")
                 .bind(json(TABLE, alert)?)
@@ -47,23 +48,23 @@ impl AlertRecords for SqliteRecords<'_> {
                 .fetch_one(&mut *self.connection)
                 .await
                 .map_err(StoreError::database("write an alert"))?;
-        number(id)
+        number(id).map(AlertId)
     }
 
     async fn save_alert(&mut self, alert: &Alert) -> Result<(), StoreError> {
         sqlx::query("UPDATE alert SET record = ?1, rank = ?2 WHERE id = ?3")
             .bind(json(TABLE, alert)?)
             .bind(i64::from(alert.rank()))
-            .bind(alert.id as i64)
+            .bind(alert.id.0 as i64)
             .execute(&mut *self.connection)
             .await
             .map_err(StoreError::database("write an alert"))?;
         Ok(())
     }
 
-    async fn delete_alert(&mut self, id: u64) -> Result<(), StoreError> {
+    async fn delete_alert(&mut self, id: AlertId) -> Result<(), StoreError> {
         sqlx::query("DELETE FROM alert WHERE id = ?1")
-            .bind(id as i64)
+            .bind(id.0 as i64)
             .execute(&mut *self.connection)
             .await
             .map_err(StoreError::database("delete an alert"))?;
@@ -72,7 +73,7 @@ impl AlertRecords for SqliteRecords<'_> {
 
     async fn add_alert_moment(
         &mut self,
-        id: u64,
+        id: AlertId,
         moment: &AlertMoment,
         kept: u32,
     ) -> Result<(), StoreError> {
@@ -81,9 +82,9 @@ impl AlertRecords for SqliteRecords<'_> {
             "INSERT INTO alert_change (alert, at_ns, version, state, what, by, note)
              VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
         )
-        .bind(id as i64)
+        .bind(id.0 as i64)
         .bind(moment.at_ns.0)
-        .bind(moment.version as i64)
+        .bind(moment.version.0 as i64)
         .bind(moment.state.as_str())
         .bind(&moment.what)
         .bind(&moment.by)
@@ -95,7 +96,7 @@ impl AlertRecords for SqliteRecords<'_> {
             "DELETE FROM alert_change WHERE alert = ?1 AND id <= (SELECT id FROM alert_change
              WHERE alert = ?1 ORDER BY id DESC LIMIT 1 OFFSET ?2)",
         )
-        .bind(id as i64)
+        .bind(id.0 as i64)
         .bind(i64::from(kept))
         .execute(&mut *self.connection)
         .await
@@ -155,9 +156,9 @@ pub(super) async fn alerts(
 /// One alert with how it went.
 pub(super) async fn alert(
     pool: &SqlitePool,
-    id: u64,
+    id: AlertId,
 ) -> Result<Option<(Alert, Vec<AlertMoment>)>, StoreError> {
-    let id = i64::try_from(id).unwrap_or(i64::MAX);
+    let id = i64::try_from(id.0).unwrap_or(i64::MAX);
     let row = sqlx::query("SELECT id, record FROM alert WHERE id = ?1")
         .bind(id)
         .fetch_optional(pool)
@@ -181,7 +182,7 @@ fn alert_of(row: &SqliteRow) -> Result<Alert, StoreError> {
     let record: String = column(row, TABLE, 1)?;
     let alert: Alert = parsed(TABLE, &record)?;
     Ok(Alert {
-        id: number(id)?,
+        id: number(id).map(AlertId)?,
         ..alert
     })
 }
@@ -191,7 +192,7 @@ fn moment_of(row: &SqliteRow) -> Result<AlertMoment, StoreError> {
     let state: String = column(row, TABLE, 2)?;
     Ok(AlertMoment {
         at_ns: wall_time(row, TABLE, 0)?,
-        version: number(column(row, TABLE, 1)?)?,
+        version: number(column(row, TABLE, 1)?).map(Version)?,
         state: ConditionName::parse(&state).ok_or_else(|| StoreError::Corrupt {
             table: TABLE,
             reason: format!("state {state:?} is unknown"),

@@ -4,6 +4,7 @@ use async_trait::async_trait;
 use fleetcal_domain::approval::{
     GenerationRef, NextIds, OutboxEntry, Outcome, Proposal, RobotLedger,
 };
+use fleetcal_model::{DeploymentId, Generation, ProposalId, RevisionId};
 use fleetcal_proto::RobotId;
 use fleetcal_store::transaction::ApprovalRecords;
 use fleetcal_store::{DeploymentFreeze, StoreError, StoredPolicy};
@@ -21,7 +22,7 @@ impl ApprovalRecords for SqliteRecords<'_> {
     async fn ledger(
         &mut self,
         robot: &RobotId,
-        answered: Option<u64>,
+        answered: Option<Generation>,
     ) -> Result<RobotLedger, StoreError> {
         ledger(self.connection, robot, answered).await
     }
@@ -30,9 +31,9 @@ impl ApprovalRecords for SqliteRecords<'_> {
         next_ids(self.connection).await
     }
 
-    async fn proposal(&mut self, id: u64) -> Result<Option<Proposal>, StoreError> {
+    async fn proposal(&mut self, id: ProposalId) -> Result<Option<Proposal>, StoreError> {
         let row = sqlx::query("SELECT record FROM proposal WHERE id = ?1")
-            .bind(i64::try_from(id).unwrap_or(i64::MAX))
+            .bind(i64::try_from(id.0).unwrap_or(i64::MAX))
             .fetch_optional(&mut *self.connection)
             .await
             .map_err(StoreError::database("read a proposal"))?;
@@ -52,7 +53,7 @@ impl ApprovalRecords for SqliteRecords<'_> {
         freeze: &DeploymentFreeze,
     ) -> Result<(), StoreError> {
         sqlx::query("UPDATE site SET version = ?1, held = ?2, by = ?3, at_ns = ?4, reason = ?5")
-            .bind(freeze.version as i64)
+            .bind(freeze.version.0 as i64)
             .bind(freeze.frozen)
             .bind(&freeze.by)
             .bind(freeze.at_ns.map(|at| at.0))
@@ -78,7 +79,7 @@ async fn save(connection: &mut SqliteConnection, outcome: &Outcome) -> Result<()
         put(
             connection,
             "INSERT INTO revision (id, record) VALUES (?1, ?2)",
-            revision.id,
+            revision.id.0,
             revision,
         )
         .await?;
@@ -86,12 +87,12 @@ async fn save(connection: &mut SqliteConnection, outcome: &Outcome) -> Result<()
     for proposal in &outcome.proposals {
         let sql = "INSERT INTO proposal (id, record) VALUES (?1, ?2)
              ON CONFLICT (id) DO UPDATE SET record = excluded.record";
-        put(connection, sql, proposal.id, proposal).await?;
+        put(connection, sql, proposal.id.0, proposal).await?;
     }
     for deployment in &outcome.deployments {
         let sql = "INSERT INTO deployment (id, record) VALUES (?1, ?2)
              ON CONFLICT (id) DO UPDATE SET record = excluded.record";
-        put(connection, sql, deployment.id, deployment).await?;
+        put(connection, sql, deployment.id.0, deployment).await?;
     }
     if outcome.shadow_changed {
         sqlx::query(
@@ -107,7 +108,7 @@ async fn save(connection: &mut SqliteConnection, outcome: &Outcome) -> Result<()
     for (generation, envelope) in &outcome.envelopes {
         sqlx::query("INSERT INTO envelope (robot, generation, record) VALUES (?1, ?2, ?3)")
             .bind(robot)
-            .bind(*generation as i64)
+            .bind(generation.0 as i64)
             .bind(json("envelope", envelope)?)
             .execute(&mut *connection)
             .await
@@ -166,8 +167,8 @@ async fn write_outbox(
 
 const fn columns_of(entry: OutboxEntry) -> (&'static str, i64) {
     match entry {
-        OutboxEntry::Approved(generation) => ("approved", generation as i64),
-        OutboxEntry::Confirmed(generation) => ("confirmed", generation as i64),
+        OutboxEntry::Approved(generation) => ("approved", generation.0 as i64),
+        OutboxEntry::Confirmed(generation) => ("confirmed", generation.0 as i64),
     }
 }
 
@@ -181,9 +182,9 @@ async fn next_ids(connection: &mut SqliteConnection) -> Result<NextIds, StoreErr
     .await
     .map_err(StoreError::database("read the next numbers"))?;
     Ok(NextIds {
-        revision: number(&row, 0)?,
-        proposal: number(&row, 1)?,
-        deployment: number(&row, 2)?,
+        revision: number(&row, 0).map(RevisionId)?,
+        proposal: number(&row, 1).map(ProposalId)?,
+        deployment: number(&row, 2).map(DeploymentId)?,
     })
 }
 
@@ -191,7 +192,7 @@ async fn next_ids(connection: &mut SqliteConnection) -> Result<NextIds, StoreErr
 async fn ledger(
     connection: &mut SqliteConnection,
     robot: &RobotId,
-    answered: Option<u64>,
+    answered: Option<Generation>,
 ) -> Result<RobotLedger, StoreError> {
     let failed = || StoreError::database("read a robot's records");
     let row = sqlx::query("SELECT record FROM shadow WHERE robot = ?1")
@@ -223,7 +224,7 @@ async fn ledger(
     }
     for id in ledger.named_revisions() {
         let row = sqlx::query("SELECT record FROM revision WHERE id = ?1")
-            .bind(id as i64)
+            .bind(id.0 as i64)
             .fetch_one(&mut *connection)
             .await
             .map_err(failed())?;
@@ -236,21 +237,21 @@ async fn ledger(
 async fn given_out(
     connection: &mut SqliteConnection,
     robot: &RobotId,
-    generation: u64,
+    generation: Generation,
 ) -> Result<Option<GenerationRef>, StoreError> {
     let row = sqlx::query(
         "SELECT (record ->> '$.document') ->> '$.revision', record ->> '$.sha256'
          FROM envelope WHERE robot = ?1 AND generation = ?2",
     )
     .bind(robot.as_str())
-    .bind(i64::try_from(generation).unwrap_or(i64::MAX))
+    .bind(i64::try_from(generation.0).unwrap_or(i64::MAX))
     .fetch_optional(connection)
     .await
     .map_err(StoreError::database("read what was given out"))?;
     let of = |row: SqliteRow| {
         Ok(GenerationRef {
             generation,
-            revision: number(&row, 0)?,
+            revision: number(&row, 0).map(RevisionId)?,
             sha256: column(&row, "envelope", 1)?,
             chosen_by: None,
         })

@@ -1,5 +1,6 @@
 //! Events: written once, however often they are sent.
 
+use fleetcal_model::EventId;
 use fleetcal_store::backend::{EventWrite, Repetition};
 use fleetcal_store::{EventKind, EventRecord, EventSource, NewEvent, StoreError};
 use sqlx::AssertSqlSafe;
@@ -25,7 +26,7 @@ pub(super) async fn write(
     };
     match (before, write.repetition) {
         (None, _) => add(connection, key, event).await.map(drop),
-        (Some(id), Repetition::Completes) => complete(connection, id, event).await,
+        (Some(id), Repetition::Completes) => complete(connection, EventId(id), event).await,
         (Some(_), _) => Ok(()),
     }
 }
@@ -57,13 +58,13 @@ pub(super) async fn add(
 /// An event by its number.
 pub(super) async fn by_number(
     connection: &mut SqliteConnection,
-    id: i64,
+    id: EventId,
 ) -> Result<Option<EventRecord>, StoreError> {
     let sql = format!(
         "SELECT {EVENT} FROM robot_event AS e JOIN robot AS r ON r.key = e.robot WHERE e.id = ?1"
     );
     let found = sqlx::query(AssertSqlSafe(sql))
-        .bind(id)
+        .bind(id.0)
         .fetch_optional(connection)
         .await
         .map_err(StoreError::database("read an event"))?;
@@ -80,11 +81,11 @@ fn details_of(event: &NewEvent) -> Result<Option<String>, StoreError> {
 /// Writes what an event says now.
 async fn complete(
     connection: &mut SqliteConnection,
-    id: i64,
+    id: EventId,
     event: &NewEvent,
 ) -> Result<(), StoreError> {
     sqlx::query("UPDATE robot_event SET details = ?2 WHERE id = ?1")
-        .bind(id)
+        .bind(id.0)
         .bind(details_of(event)?)
         .execute(connection)
         .await
@@ -122,7 +123,7 @@ pub(super) fn event_of(row: &SqliteRow, repeated: bool) -> Result<EventRecord, S
         reason: format!("{what} {name:?} is unknown"),
     };
     Ok(EventRecord {
-        id: column(row, TABLE, 0)?,
+        id: column(row, TABLE, 0).map(EventId)?,
         repeated,
         event: NewEvent {
             robot: robot_id(row, TABLE, 1)?,

@@ -1,5 +1,6 @@
 //! The approval policy that was set over the API: one row.
 
+use fleetcal_model::Version;
 use fleetcal_store::{StoreError, StoredPolicy};
 use sqlx::SqliteExecutor;
 use sqlx::sqlite::{SqliteConnection, SqliteRow};
@@ -18,7 +19,7 @@ pub(super) async fn read(executor: impl SqliteExecutor<'_>) -> Result<StoredPoli
 fn policy_of(row: &SqliteRow) -> Result<StoredPolicy, StoreError> {
     let policy: Option<String> = column(row, "policy", 1)?;
     Ok(StoredPolicy {
-        version: number(row, 0)?,
+        version: number(row, 0).map(Version)?,
         policy: policy.map(|json| parsed("policy", &json)).transpose()?,
         by: column(row, "policy", 2)?,
         at_ns: wall_time_or_null(row, "policy", 3)?,
@@ -34,7 +35,7 @@ pub(super) async fn save(
     let policy = stored.policy.as_ref();
     let policy = policy.map(|policy| json("policy", policy)).transpose()?;
     sqlx::query("UPDATE policy SET version = ?1, policy = ?2, by = ?3, at_ns = ?4, reason = ?5")
-        .bind(stored.version as i64)
+        .bind(stored.version.0 as i64)
         .bind(policy)
         .bind(&stored.by)
         .bind(stored.at_ns.map(|at| at.0))

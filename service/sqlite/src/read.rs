@@ -8,7 +8,7 @@ use fleetcal_domain::approval::{
     Deployment, DeploymentState, OutboxEntry, Proposal, Revision, RobotLedger,
 };
 use fleetcal_domain::webhook::{Delivery, Webhook};
-use fleetcal_model::{Parameter, WallTime};
+use fleetcal_model::{AlertId, Generation, Parameter, ProposalId, WallTime, WebhookId};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
 use fleetcal_store::backend::{Cell, Reader, Stretch, Tier};
@@ -105,7 +105,7 @@ impl Reader for SqliteReader {
                 let errors: String = column(row, "cross_track", 2)?;
                 Ok(CrossTrackRecord {
                     robot: robot_id(row, "cross_track", 0)?,
-                    generation: generation.unsigned_abs(),
+                    generation: Generation(generation.unsigned_abs()),
                     errors: parsed("cross_track", &errors)?,
                 })
             })
@@ -206,7 +206,7 @@ impl Reader for SqliteReader {
     async fn envelope(
         &self,
         robot: &RobotId,
-        generation: u64,
+        generation: Generation,
     ) -> Result<Option<Envelope>, StoreError> {
         records::envelope(&self.pool, robot, generation).await
     }
@@ -222,7 +222,7 @@ impl Reader for SqliteReader {
         records::proposals(&self.pool, filter).await
     }
 
-    async fn proposal(&self, id: u64) -> Result<Option<(Proposal, Revision)>, StoreError> {
+    async fn proposal(&self, id: ProposalId) -> Result<Option<(Proposal, Revision)>, StoreError> {
         records::proposal(&self.pool, id).await
     }
 
@@ -237,8 +237,8 @@ impl Reader for SqliteReader {
 
     async fn followed(
         &self,
-        proposals: &[u64],
-    ) -> Result<BTreeMap<u64, DeploymentState>, StoreError> {
+        proposals: &[ProposalId],
+    ) -> Result<BTreeMap<ProposalId, DeploymentState>, StoreError> {
         records::followed(&self.pool, proposals).await
     }
 
@@ -262,7 +262,7 @@ impl Reader for SqliteReader {
         alerts::alerts(&self.pool, filter).await
     }
 
-    async fn alert(&self, id: u64) -> Result<Option<(Alert, Vec<AlertMoment>)>, StoreError> {
+    async fn alert(&self, id: AlertId) -> Result<Option<(Alert, Vec<AlertMoment>)>, StoreError> {
         alerts::alert(&self.pool, id).await
     }
 
@@ -272,7 +272,7 @@ impl Reader for SqliteReader {
 
     async fn deliveries(
         &self,
-        webhook: u64,
+        webhook: WebhookId,
         before: Option<i64>,
         limit: u32,
     ) -> Result<Vec<Delivery>, StoreError> {

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use fleetcal_domain::approval::{
     Deployment, DeploymentState, OutboxEntry, Proposal, Revision, RobotLedger, Shadow,
 };
+use fleetcal_model::{AuditId, Generation, ProposalId, Version};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
 use fleetcal_store::{AuditFilter, AuditRow, DeploymentFreeze, ProposalFilter, StoreError};
@@ -52,7 +53,7 @@ pub(super) async fn ledgers(pool: &SqlitePool) -> Result<Vec<RobotLedger>, Store
     }
     for ledger in found.values_mut() {
         for id in ledger.named_revisions() {
-            let row = sqlx::query("SELECT record FROM revision WHERE id = ?1").bind(id as i64);
+            let row = sqlx::query("SELECT record FROM revision WHERE id = ?1").bind(id.0 as i64);
             let row = row.fetch_one(pool).await.map_err(failed())?;
             ledger.revisions.insert(id, record(&row, "revision", 0)?);
         }
@@ -64,11 +65,11 @@ pub(super) async fn ledgers(pool: &SqlitePool) -> Result<Vec<RobotLedger>, Store
 pub(super) async fn envelope(
     pool: &SqlitePool,
     robot: &RobotId,
-    generation: u64,
+    generation: Generation,
 ) -> Result<Option<Envelope>, StoreError> {
     let row = sqlx::query("SELECT record FROM envelope WHERE robot = ?1 AND generation = ?2")
         .bind(robot.as_str())
-        .bind(generation as i64)
+        .bind(generation.0 as i64)
         .fetch_optional(pool)
         .await
         .map_err(StoreError::database("read a signed document"))?;
@@ -86,9 +87,9 @@ pub(super) async fn outbox(pool: &SqlitePool) -> Result<Vec<(RobotId, OutboxEntr
             let kind: String = column(row, "outbox", 1)?;
             let generation = number(row, 2)?;
             let entry = if kind == "approved" {
-                OutboxEntry::Approved(generation)
+                OutboxEntry::Approved(Generation(generation))
             } else {
-                OutboxEntry::Confirmed(generation)
+                OutboxEntry::Confirmed(Generation(generation))
             };
             Ok((robot_id(row, "outbox", 0)?, entry))
         })
@@ -128,13 +129,13 @@ pub(super) async fn proposals(
 /// One proposal with what it proposes.
 pub(super) async fn proposal(
     pool: &SqlitePool,
-    id: u64,
+    id: ProposalId,
 ) -> Result<Option<(Proposal, Revision)>, StoreError> {
     let row = sqlx::query(
         "SELECT p.record, r.record FROM proposal AS p JOIN revision AS r ON r.id = p.revision
          WHERE p.id = ?1",
     )
-    .bind(i64::try_from(id).unwrap_or(i64::MAX))
+    .bind(i64::try_from(id.0).unwrap_or(i64::MAX))
     .fetch_optional(pool)
     .await
     .map_err(StoreError::database("read a proposal"))?;
@@ -169,10 +170,10 @@ pub(super) async fn deployments(
 /// Where the deployments of some proposals stand, by the proposal.
 pub(super) async fn followed(
     pool: &SqlitePool,
-    proposals: &[u64],
-) -> Result<BTreeMap<u64, DeploymentState>, StoreError> {
+    proposals: &[ProposalId],
+) -> Result<BTreeMap<ProposalId, DeploymentState>, StoreError> {
     let failed = || StoreError::database("read what followed from proposals");
-    let ids: Vec<String> = proposals.iter().map(u64::to_string).collect();
+    let ids: Vec<String> = proposals.iter().map(ToString::to_string).collect();
     let rows = sqlx::query(
         "SELECT proposal, state FROM deployment
          WHERE proposal IN (SELECT value FROM json_each(?1)) ORDER BY id",
@@ -189,7 +190,8 @@ pub(super) async fn followed(
                 table: "deployment",
                 reason: format!("state {state:?} is unknown"),
             })?;
-            Ok((u64::try_from(proposal).unwrap_or_default(), state))
+            let proposal = u64::try_from(proposal).unwrap_or_default();
+            Ok((ProposalId(proposal), state))
         })
         .collect()
 }
@@ -207,7 +209,7 @@ pub(super) async fn deployment_freeze(
 
 fn site_of(row: &SqliteRow) -> Result<DeploymentFreeze, StoreError> {
     Ok(DeploymentFreeze {
-        version: number(row, 0)?,
+        version: number(row, 0).map(Version)?,
         frozen: column(row, "site", 1)?,
         by: column(row, "site", 2)?,
         at_ns: wall_time_or_null(row, "site", 3)?,
@@ -264,7 +266,7 @@ fn audit_row(row: &SqliteRow) -> Result<AuditRow, StoreError> {
         text.map(|text| parsed(table, &text)).transpose()
     };
     Ok(AuditRow {
-        id: column(row, table, 0)?,
+        id: column(row, table, 0).map(AuditId)?,
         at_ns: wall_time(row, table, 1)?,
         actor: column(row, table, 2)?,
         authentication: column(row, table, 3)?,

@@ -2,7 +2,7 @@
 
 use async_trait::async_trait;
 use fleetcal_domain::robot::RobotConfig;
-use fleetcal_model::{RobotId, WallTime};
+use fleetcal_model::{EventId, RobotId, Version, WallTime};
 use fleetcal_store::transaction::RobotRecords;
 use fleetcal_store::{EventRecord, NewEvent, RobotRecord, StoreError};
 use sqlx::sqlite::SqliteRow;
@@ -34,14 +34,14 @@ impl RobotRecords for SqliteRecords<'_> {
         &mut self,
         id: &RobotId,
         config: &RobotConfig,
-        version: u64,
+        version: Version,
         now: WallTime,
     ) -> Result<(), StoreError> {
         let key = self.key_of(id, now).await?;
         sqlx::query("UPDATE robot SET config = ?2, version = ?3, updated_ns = ?4 WHERE key = ?1")
             .bind(key)
             .bind(json("robot", config)?)
-            .bind(version as i64)
+            .bind(version.0 as i64)
             .bind(now.0)
             .execute(&mut *self.connection)
             .await
@@ -49,13 +49,13 @@ impl RobotRecords for SqliteRecords<'_> {
         Ok(())
     }
 
-    async fn event(&mut self, id: i64) -> Result<Option<EventRecord>, StoreError> {
+    async fn event(&mut self, id: EventId) -> Result<Option<EventRecord>, StoreError> {
         events::by_number(self.connection, id).await
     }
 
-    async fn add_event(&mut self, event: &NewEvent) -> Result<i64, StoreError> {
+    async fn add_event(&mut self, event: &NewEvent) -> Result<EventId, StoreError> {
         let key = self.key_of(&event.robot, event.received_ns).await?;
-        events::add(self.connection, key, event).await
+        events::add(self.connection, key, event).await.map(EventId)
     }
 }
 
@@ -66,7 +66,7 @@ pub(super) fn robot_of(row: &SqliteRow) -> Result<RobotRecord, StoreError> {
     Ok(RobotRecord {
         id: robot_id(row, "robot", 0)?,
         config: config.map(|config| parsed("robot", &config)).transpose()?,
-        version: u64::try_from(version).map_err(corrupt("robot"))?,
+        version: Version(u64::try_from(version).map_err(corrupt("robot"))?),
         created_ns: wall_time(row, "robot", 3)?,
         updated_ns: wall_time(row, "robot", 4)?,
     })

@@ -3,7 +3,7 @@
 use async_trait::async_trait;
 use fleetcal_domain::limits;
 use fleetcal_domain::webhook::{Delivery, DeliveryState, Secret, Webhook, WebhookEvent};
-use fleetcal_model::WallTime;
+use fleetcal_model::{DeliveryId, WallTime, WebhookId};
 use fleetcal_store::transaction::WebhookRecords;
 use fleetcal_store::{DueDelivery, StoreError};
 use sqlx::sqlite::{SqlitePool, SqliteRow};
@@ -34,7 +34,11 @@ impl WebhookRecords for SqliteRecords<'_> {
         rows.iter().map(one).collect()
     }
 
-    async fn add_webhook(&mut self, webhook: &Webhook, secret: &Secret) -> Result<u64, StoreError> {
+    async fn add_webhook(
+        &mut self,
+        webhook: &Webhook,
+        secret: &Secret,
+    ) -> Result<WebhookId, StoreError> {
         let id =
             sqlx::query_scalar("INSERT INTO webhook (record, secret) VALUES (?1, ?2) RETURNING id")
                 .bind(json("webhook", webhook)?)
@@ -42,26 +46,26 @@ impl WebhookRecords for SqliteRecords<'_> {
                 .fetch_one(&mut *self.connection)
                 .await
                 .map_err(StoreError::database("write a webhook"))?;
-        number(id)
+        number(id).map(WebhookId)
     }
 
-    async fn delete_webhook(&mut self, id: u64) -> Result<(), StoreError> {
+    async fn delete_webhook(&mut self, id: WebhookId) -> Result<(), StoreError> {
         sqlx::query("DELETE FROM webhook WHERE id = ?1")
-            .bind(id as i64)
+            .bind(id.0 as i64)
             .execute(&mut *self.connection)
             .await
             .map_err(StoreError::database("delete a webhook"))?;
         Ok(())
     }
 
-    async fn delivery(&mut self, id: u64) -> Result<Option<Delivery>, StoreError> {
+    async fn delivery(&mut self, id: DeliveryId) -> Result<Option<Delivery>, StoreError> {
         let sql = concat!(
             "SELECT ",
             delivery_columns!(),
             " FROM webhook_delivery AS d WHERE d.id = ?1"
         );
         let row = sqlx::query(sql)
-            .bind(id as i64)
+            .bind(id.0 as i64)
             .fetch_optional(&mut *self.connection)
             .await
             .map_err(StoreError::database("read a delivery"))?;
@@ -74,7 +78,7 @@ impl WebhookRecords for SqliteRecords<'_> {
                  due_ns, attempts_made, attempts, finished_ns)
              VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10)",
         )
-        .bind(delivery.webhook as i64)
+        .bind(delivery.webhook.0 as i64)
         .bind(&delivery.message)
         .bind(delivery.event.as_str())
         .bind(&delivery.body)
@@ -95,7 +99,7 @@ impl WebhookRecords for SqliteRecords<'_> {
             "UPDATE webhook_delivery SET state = ?2, due_ns = ?3, attempts_made = ?4,
                  attempts = ?5, finished_ns = ?6 WHERE id = ?1",
         )
-        .bind(delivery.id as i64)
+        .bind(delivery.id.0 as i64)
         .bind(delivery.state.as_str())
         .bind(delivery.due_ns.0)
         .bind(i64::from(delivery.attempts_made))
@@ -109,7 +113,7 @@ impl WebhookRecords for SqliteRecords<'_> {
 
     async fn give_up_deliveries(
         &mut self,
-        webhook: u64,
+        webhook: WebhookId,
         kept: u32,
         now: WallTime,
     ) -> Result<u64, StoreError> {
@@ -118,7 +122,7 @@ impl WebhookRecords for SqliteRecords<'_> {
              WHERE webhook = ?1 AND state = 'waiting' AND id <= (SELECT id FROM webhook_delivery
                  WHERE webhook = ?1 AND state = 'waiting' ORDER BY id DESC LIMIT 1 OFFSET ?2)",
         )
-        .bind(webhook as i64)
+        .bind(webhook.0 as i64)
         .bind(i64::from(kept))
         .bind(now.0)
         .execute(&mut *self.connection)
@@ -127,13 +131,13 @@ impl WebhookRecords for SqliteRecords<'_> {
         Ok(done.rows_affected())
     }
 
-    async fn forget_deliveries(&mut self, webhook: u64, kept: u32) -> Result<(), StoreError> {
+    async fn forget_deliveries(&mut self, webhook: WebhookId, kept: u32) -> Result<(), StoreError> {
         sqlx::query(
             "DELETE FROM webhook_delivery WHERE webhook = ?1 AND state <> 'waiting' AND id <= (
                  SELECT id FROM webhook_delivery WHERE webhook = ?1 AND state <> 'waiting'
                  ORDER BY id DESC LIMIT 1 OFFSET ?2)",
         )
-        .bind(webhook as i64)
+        .bind(webhook.0 as i64)
         .bind(i64::from(kept))
         .execute(&mut *self.connection)
         .await
@@ -154,7 +158,7 @@ pub(super) async fn webhooks(pool: &SqlitePool) -> Result<Vec<Webhook>, StoreErr
 /// A webhook's deliveries, newest first.
 pub(super) async fn deliveries(
     pool: &SqlitePool,
-    webhook: u64,
+    webhook: WebhookId,
     before: Option<i64>,
     limit: u32,
 ) -> Result<Vec<Delivery>, StoreError> {
@@ -165,7 +169,7 @@ pub(super) async fn deliveries(
          ORDER BY d.id DESC LIMIT ?3"
     );
     let rows = sqlx::query(sql)
-        .bind(i64::try_from(webhook).unwrap_or(i64::MAX))
+        .bind(i64::try_from(webhook.0).unwrap_or(i64::MAX))
         .bind(before.unwrap_or(i64::MAX))
         .bind(i64::from(limit))
         .fetch_all(pool)
@@ -216,7 +220,7 @@ fn webhook_of(row: &SqliteRow) -> Result<Webhook, StoreError> {
     let record: String = column(row, "webhook", 1)?;
     let webhook: Webhook = parsed("webhook", &record)?;
     Ok(Webhook {
-        id: number(column(row, "webhook", 0)?)?,
+        id: number(column(row, "webhook", 0)?).map(WebhookId)?,
         ..webhook
     })
 }
@@ -231,8 +235,8 @@ fn delivery_of(row: &SqliteRow) -> Result<Delivery, StoreError> {
     let attempts_made: i64 = column(row, TABLE, 8)?;
     let attempts: String = column(row, TABLE, 9)?;
     Ok(Delivery {
-        id: number(column(row, TABLE, 0)?)?,
-        webhook: number(column(row, TABLE, 1)?)?,
+        id: number(column(row, TABLE, 0)?).map(DeliveryId)?,
+        webhook: number(column(row, TABLE, 1)?).map(WebhookId)?,
         message: column(row, TABLE, 2)?,
         event: WebhookEvent::parse(&event).ok_or_else(|| unknown("event", &event))?,
         body: column(row, TABLE, 4)?,

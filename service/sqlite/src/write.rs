@@ -214,7 +214,7 @@ async fn cross_track(
          ON CONFLICT (robot, generation) DO UPDATE SET errors = excluded.errors",
     )
     .bind(record.robot.as_str())
-    .bind(record.generation as i64)
+    .bind(record.generation.0 as i64)
     .bind(json("cross_track", &record.errors)?)
     .execute(&mut *connection)
     .await

@@ -8,7 +8,7 @@ use fleetcal_clock::SharedClock;
 use fleetcal_command::output::print_text;
 use fleetcal_domain::access::{AccountName, Actor, Grant, Role, TokenState, TokenValue};
 use fleetcal_domain::limits;
-use fleetcal_model::WallTime;
+use fleetcal_model::{TokenId, WallTime};
 use fleetcal_operations::accounts::{ChangeToken, TokenChange};
 use fleetcal_operations::entropy;
 use fleetcal_proto::RobotId;
@@ -73,7 +73,7 @@ pub struct Revoke {
     pub data: PathBuf,
     /// Its number in `fleetcal token list`
     #[arg(value_name = "NUMBER")]
-    pub id: i64,
+    pub id: TokenId,
 }
 
 /// The role of a name on the command line.

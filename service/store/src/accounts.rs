@@ -3,13 +3,13 @@
 use fleetcal_domain::access::{
     AccountName, Grant, PasswordHash, SecretHash, SessionSpan, TokenSpan, TokenState,
 };
-use fleetcal_model::WallTime;
+use fleetcal_model::{TokenId, UserId, Version, WallTime};
 
 /// Somebody who signs in.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct UserRecord {
     /// Number.
-    pub id: i64,
+    pub id: UserId,
     /// Name, which no other user has.
     pub name: AccountName,
     /// Role.
@@ -19,7 +19,7 @@ pub struct UserRecord {
     /// Whether signing in is refused.
     pub disabled: bool,
     /// Goes up by one with every change of the above.
-    pub version: u64,
+    pub version: Version,
     /// When the user was made, wall time.
     pub created_ns: WallTime,
     /// When the user last changed, wall time.
@@ -41,7 +41,7 @@ pub struct SessionRecord {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TokenRecord {
     /// Number.
-    pub id: i64,
+    pub id: TokenId,
     /// Name, which no other token that counts has.
     pub name: AccountName,
     /// Role, and the robot that it is bound to.

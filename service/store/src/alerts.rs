@@ -1,7 +1,7 @@
 //! Alerts as the store keeps them.
 
 use fleetcal_domain::alert::ConditionName;
-use fleetcal_model::WallTime;
+use fleetcal_model::{Version, WallTime};
 use fleetcal_proto::RobotId;
 
 /// One change of an alert.
@@ -10,7 +10,7 @@ pub struct AlertMoment {
     /// When, ns since 1970, wall time.
     pub at_ns: WallTime,
     /// The alert's version afterwards.
-    pub version: u64,
+    pub version: Version,
     /// Where it stood afterwards.
     pub state: ConditionName,
     /// What was seen, in words.

@@ -1,7 +1,7 @@
 //! The life cycle's records as the store keeps them.
 
 use fleetcal_domain::approval::ProposalState;
-use fleetcal_model::WallTime;
+use fleetcal_model::{AuditId, Version, WallTime};
 use fleetcal_proto::RobotId;
 use serde::Serialize;
 
@@ -10,7 +10,7 @@ use serde::Serialize;
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct DeploymentFreeze {
     /// Goes up with every change of it.
-    pub version: u64,
+    pub version: Version,
     /// Whether they are.
     pub frozen: bool,
     /// Who changed it last.
@@ -58,7 +58,7 @@ pub struct AuditFilter {
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct AuditRow {
     /// Its number.
-    pub id: i64,
+    pub id: AuditId,
     /// When, ns since 1970, wall time.
     pub at_ns: WallTime,
     /// Who.

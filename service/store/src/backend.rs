@@ -10,7 +10,7 @@ use fleetcal_domain::approval::{
     Deployment, DeploymentState, OutboxEntry, Proposal, Revision, RobotLedger,
 };
 use fleetcal_domain::webhook::{Delivery, Webhook};
-use fleetcal_model::{Parameter, WallTime};
+use fleetcal_model::{AlertId, Generation, Parameter, ProposalId, UserId, WallTime, WebhookId};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
 
@@ -103,7 +103,7 @@ pub trait AccountReader {
     async fn users(&self, after: i64, limit: u32) -> Result<Vec<UserRecord>, StoreError>;
 
     /// A user.
-    async fn user(&self, id: i64) -> Result<Option<UserRecord>, StoreError>;
+    async fn user(&self, id: UserId) -> Result<Option<UserRecord>, StoreError>;
 
     /// The user of a name, upper or lower case.
     async fn user_named(&self, name: &str) -> Result<Option<UserRecord>, StoreError>;
@@ -170,7 +170,7 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
     async fn envelope(
         &self,
         robot: &RobotId,
-        generation: u64,
+        generation: Generation,
     ) -> Result<Option<Envelope>, StoreError>;
 
     /// What is to be sent, and was not.
@@ -183,7 +183,7 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
     ) -> Result<Vec<(Proposal, Revision)>, StoreError>;
 
     /// One proposal with what it proposes.
-    async fn proposal(&self, id: u64) -> Result<Option<(Proposal, Revision)>, StoreError>;
+    async fn proposal(&self, id: ProposalId) -> Result<Option<(Proposal, Revision)>, StoreError>;
 
     /// A robot's deployments before number `before`, newest first.
     async fn deployments(
@@ -196,8 +196,8 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
     /// Where the deployments of some proposals stand, by the proposal.
     async fn followed(
         &self,
-        proposals: &[u64],
-    ) -> Result<BTreeMap<u64, DeploymentState>, StoreError>;
+        proposals: &[ProposalId],
+    ) -> Result<BTreeMap<ProposalId, DeploymentState>, StoreError>;
 
     /// The deployment freeze.
     async fn deployment_freeze(&self) -> Result<DeploymentFreeze, StoreError>;
@@ -215,7 +215,7 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
     async fn alerts(&self, filter: &AlertFilter) -> Result<Vec<Alert>, StoreError>;
 
     /// One alert with how it went, oldest change first.
-    async fn alert(&self, id: u64) -> Result<Option<(Alert, Vec<AlertMoment>)>, StoreError>;
+    async fn alert(&self, id: AlertId) -> Result<Option<(Alert, Vec<AlertMoment>)>, StoreError>;
 
     /// Every webhook, oldest first.
     async fn webhooks(&self) -> Result<Vec<Webhook>, StoreError>;
@@ -223,7 +223,7 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
     /// A webhook's deliveries before number `before`, newest first.
     async fn deliveries(
         &self,
-        webhook: u64,
+        webhook: WebhookId,
         before: Option<i64>,
         limit: u32,
     ) -> Result<Vec<Delivery>, StoreError>;

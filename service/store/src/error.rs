@@ -8,6 +8,7 @@ use fleetcal_domain::alert::AlertRefused;
 use fleetcal_domain::approval::Refused;
 use fleetcal_domain::limits;
 use fleetcal_domain::webhook::WebhookRefused;
+use fleetcal_model::Version;
 use fleetcal_proto::RobotId;
 use thiserror::Error;
 
@@ -145,7 +146,7 @@ pub enum StoreError {
         /// Whose configuration.
         robot: RobotId,
         /// Its version now; 0 while it has none.
-        found: u64,
+        found: Version,
     },
     /// A user, session or token was not changed.
     #[error(transparent)]

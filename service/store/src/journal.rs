@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use fleetcal_domain::robot::{CrossTrack, HistoryEvent, Journal, ServiceEvent, ServiceEventKind};
-use fleetcal_model::{ChangeKind, NoteKind, RobotTime, WallTime};
+use fleetcal_model::{ChangeKind, Generation, NoteKind, RobotTime, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::{ChangeDocument, EstimateDocument};
 use fleetcal_proto::event::RobotEvent;
@@ -28,7 +28,7 @@ impl Journal for Store {
         self.offer_event(NewEvent::of(robot, event, received_ns), repetition);
     }
 
-    fn save_cross_track(&self, robot: &RobotId, generation: u64, errors: &CrossTrack) {
+    fn save_cross_track(&self, robot: &RobotId, generation: Generation, errors: &CrossTrack) {
         let record = CrossTrackRecord {
             robot: robot.clone(),
             generation,

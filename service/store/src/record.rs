@@ -1,7 +1,9 @@
 //! What the store keeps, free of any database.
 
 use fleetcal_domain::robot::{CrossTrack, RobotConfig};
-use fleetcal_model::{Parameter, ParameterStatus, RobotTime, WallTime};
+use fleetcal_model::{
+    EventId, Generation, Parameter, ParameterStatus, RobotTime, Version, WallTime,
+};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::EstimateDocument;
 use serde::{Deserialize, Serialize};
@@ -18,7 +20,7 @@ pub struct RobotRecord {
     /// Its configuration; `None` while nobody has described it.
     pub config: Option<RobotConfig>,
     /// Goes up by one with every change of `config`; 0 while there is none.
-    pub version: u64,
+    pub version: Version,
     /// When the store first heard of it, wall time.
     pub created_ns: WallTime,
     /// When `config` last changed, wall time.
@@ -33,15 +35,15 @@ pub enum Expected {
     /// There is no configuration yet.
     Absent,
     /// This version.
-    Version(u64),
+    Version(Version),
 }
 
 impl Expected {
     /// Whether a configuration at `version` (0: none) is what was expected.
-    pub fn accepts(self, version: u64) -> bool {
+    pub fn accepts(self, version: Version) -> bool {
         match self {
             Self::Any => true,
-            Self::Absent => version == 0,
+            Self::Absent => version == Version(0),
             Self::Version(expected) => version == expected,
         }
     }
@@ -66,7 +68,7 @@ pub struct CrossTrackRecord {
     /// Whose.
     pub robot: RobotId,
     /// Generation of the calibration; 0 for what it drove with at first.
-    pub generation: u64,
+    pub generation: Generation,
     /// The errors.
     pub errors: CrossTrack,
 }
@@ -291,7 +293,7 @@ pub struct NewEvent {
 #[derive(Debug, Clone, PartialEq)]
 pub struct EventRecord {
     /// Its number; later events have higher ones.
-    pub id: i64,
+    pub id: EventId,
     /// Whether it was there before and is only told again.
     pub repeated: bool,
     /// What happened.

@@ -6,6 +6,7 @@ mod robot;
 
 use std::time::Duration;
 
+use fleetcal_model::Generation;
 use fleetcal_proto::calibration::{CalibrationDocument, Envelope};
 use fleetcal_proto::message_type::MessageType;
 use fleetcal_proto::ros::{AckermannDriveStamped, RosMessage, StringMessage};
@@ -200,7 +201,7 @@ async fn what_is_approved_is_a_transient_local_topic() {
     let heard = tokio::time::timeout(Duration::from_secs(20), subscriber.recv_async()).await;
     let document = read_approved(&heard.unwrap().unwrap());
     assert_eq!(document.robot.as_str(), "jazzy_01");
-    assert_eq!(document.generation, 1);
+    assert_eq!(document.generation, Generation(1));
     let rear_axle = document.rear_axle_in_base_link.unwrap();
     assert!((rear_axle.x_m + 0.5).abs() < 1e-12, "{rear_axle:?}");
     let lidar = document.lidar_in_base_link.unwrap();

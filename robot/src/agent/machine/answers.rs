@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use fleetcal_model::RobotTime;
+use fleetcal_model::{Generation, RobotTime};
 use fleetcal_proto::calibration::{Applied, AppliedStatus, Envelope};
 
 use super::Agent;
@@ -57,7 +57,7 @@ impl Agent {
     /// Answers a signed document once and for all.
     pub(super) fn decide(
         &mut self,
-        generation: u64,
+        generation: Generation,
         sha256: String,
         status: AppliedStatus,
         reason: Option<String>,

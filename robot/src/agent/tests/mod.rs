@@ -5,7 +5,7 @@ mod service;
 mod transitions;
 mod wire;
 
-use fleetcal_model::RobotTime;
+use fleetcal_model::{Generation, RevisionId, RobotTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{
     CalibrationDocument, CalibrationFrame, CalibrationSchema, CalibrationValues, Envelope,
@@ -34,9 +34,9 @@ pub(super) fn strange_key() -> SigningKey {
 }
 
 /// The values of a generation: no two have the same.
-pub(super) fn values(generation: u64) -> CalibrationValues {
+pub(super) fn values(generation: Generation) -> CalibrationValues {
     CalibrationValues {
-        steering_offset_rad: 0.001 * generation as f64,
+        steering_offset_rad: 0.001 * generation.0 as f64,
         lidar_x_m: 0.434,
         lidar_y_m: -0.016,
         lidar_yaw_rad: 0.0133,
@@ -46,13 +46,13 @@ pub(super) fn values(generation: u64) -> CalibrationValues {
 }
 
 /// A document that a robot which holds the generation before it takes.
-pub(super) fn document(generation: u64) -> CalibrationDocument {
+pub(super) fn document(generation: Generation) -> CalibrationDocument {
     CalibrationDocument {
         schema: CalibrationSchema::V1,
         robot: robot(),
         generation,
-        base_generation: generation.checked_sub(1),
-        revision: 10 + generation,
+        base_generation: generation.0.checked_sub(1).map(Generation),
+        revision: RevisionId(10 + generation.0),
         approved_at: "2026-11-21T12:00:00Z".to_owned(),
         approved_by: "ana".to_owned(),
         values: values(generation),

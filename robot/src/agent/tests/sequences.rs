@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use fleetcal_model::RobotTime;
+use fleetcal_model::{Generation, RobotTime};
 use fleetcal_proto::calibration::{Applied, AppliedStatus, Confirmed};
 use proptest::prelude::*;
 
@@ -13,13 +13,13 @@ use crate::agent::{Activation, Agent, Effect, Event, HookAnswer, Phase};
 #[derive(Debug, Clone)]
 enum Step {
     Offer {
-        generation: u64,
+        generation: Generation,
         base: u64,
         confirm_within_s: u32,
         good: bool,
     },
     Confirm {
-        generation: u64,
+        generation: Generation,
     },
     ServiceUp,
     Pass {
@@ -41,8 +41,8 @@ fn step() -> impl Strategy<Value = Step> {
     let generation = 0_u64..12;
     prop_oneof![
         6 => (generation.clone(), 0_u64..12, prop_oneof![Just(5_u32), Just(600), Just(0)], prop::bool::weighted(0.8))
-            .prop_map(|(generation, base, confirm_within_s, good)| Step::Offer { generation, base, confirm_within_s, good }),
-        3 => generation.prop_map(|generation| Step::Confirm { generation }),
+            .prop_map(|(generation, base, confirm_within_s, good)| Step::Offer { generation: Generation(generation), base, confirm_within_s, good }),
+        3 => generation.prop_map(|generation| Step::Confirm { generation: Generation(generation) }),
         1 => Just(Step::ServiceUp),
         4 => prop_oneof![Just(1_i64), Just(20), Just(700)].prop_map(|seconds| Step::Pass { seconds }),
         2 => (0_u8..4, 0_u8..4, any::<bool>(), any::<bool>())
@@ -108,10 +108,10 @@ impl Robot {
             if memory.held.generation > before {
                 *self
                     .came_into_use
-                    .entry(memory.held.generation)
+                    .entry(memory.held.generation.0)
                     .or_default() += 1;
                 assert_eq!(
-                    self.file, memory.held.generation,
+                    self.file, memory.held.generation.0,
                     "held, but not in the file"
                 );
             }
@@ -144,7 +144,7 @@ impl Robot {
         let memory = self.remembered.clone();
         let written = match &memory.phase {
             Phase::Writing { offer, .. } | Phase::Activating { offer, .. } => {
-                offer.generation == self.file
+                offer.generation == Generation(self.file)
             }
             _ => false,
         };
@@ -172,12 +172,12 @@ impl Robot {
                 let restored = self.restores.then_some(()).ok_or("full".to_owned());
                 if self.restores {
                     self.file = fallback.file.unwrap().parse().unwrap();
-                    assert_eq!(self.file, fallback.held.generation);
+                    assert_eq!(self.file, fallback.held.generation.0);
                 }
                 self.open.push_back(Event::Restored(restored));
             }
             Effect::Activate(offer) => {
-                assert_eq!(self.file, offer.generation, "told, but not in the file");
+                assert_eq!(self.file, offer.generation.0, "told, but not in the file");
                 self.open.push_back(Event::Activated(match self.activation {
                     0 | 1 => Activation::Done,
                     2 => Activation::Busy,
@@ -203,7 +203,7 @@ impl Robot {
                 good,
             } => {
                 let mut document = document(generation);
-                document.base_generation = Some(base);
+                document.base_generation = Some(Generation(base));
                 document.confirm_within_s = confirm_within_s;
                 let key = if good { key() } else { strange_key() };
                 self.take(Event::Offered(seal(&document, &key).unwrap()));
@@ -259,11 +259,11 @@ proptest! {
             robot.go(Step::Pass { seconds: 60 });
         }
         let Memory { held, phase, .. } = robot.agent.memory();
-        prop_assert_eq!(robot.file, held.generation);
+        prop_assert_eq!(robot.file, held.generation.0);
         let is_resting = matches!(phase, Phase::Resting(_));
         prop_assert!(is_resting, "it is {}", phase.name());
         for generation in robot.came_into_use.keys() {
-            let about_it = |answer: &&Applied| answer.generation == *generation
+            let about_it = |answer: &&Applied| answer.generation == Generation(*generation)
                 && matches!(answer.status, AppliedStatus::Applied | AppliedStatus::Reverted);
             prop_assert!(robot.answers.iter().any(|answer| about_it(&answer)), "{} was never answered", generation);
         }

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use fleetcal_model::Generation;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, Confirmed, Envelope};
 use fleetcal_proto::key::ServiceInstance;
 use fleetcal_proto::{Keys, StreamKind};
@@ -131,12 +132,12 @@ impl Service {
     }
 
     /// The first answer of this kind on a generation.
-    pub fn answer_on(&self, generation: u64, status: AppliedStatus) -> Option<Applied> {
+    pub fn answer_on(&self, generation: Generation, status: AppliedStatus) -> Option<Applied> {
         let mut answers = self.answers().into_iter();
         answers.find(|answer| answer.generation == generation && answer.status == status)
     }
 
-    pub async fn wait_for(&self, generation: u64, status: AppliedStatus) -> Applied {
+    pub async fn wait_for(&self, generation: Generation, status: AppliedStatus) -> Applied {
         let what = format!("{status:?} {generation}");
         until(&what, || self.answer_on(generation, status).is_some()).await;
         self.answer_on(generation, status).unwrap()

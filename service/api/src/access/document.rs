@@ -1,7 +1,7 @@
 //! What the API says about users, sessions and tokens.
 
 use fleetcal_domain::access::{Authentication, Role, TokenState};
-use fleetcal_model::WallTime;
+use fleetcal_model::{TokenId, UserId, Version, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_store::{TokenRecord, UserRecord};
 use jiff::Timestamp;
@@ -56,13 +56,13 @@ impl SessionDocument {
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = User)]
 pub(super) struct UserDocument {
-    id: i64,
+    id: UserId,
     name: String,
     role: Role,
     /// Whether signing in is refused.
     disabled: bool,
     /// Goes up by one with every change; the `ETag`.
-    version: u64,
+    version: Version,
     #[schema(value_type = String, format = DateTime)]
     created: Timestamp,
     #[schema(value_type = String, format = DateTime)]
@@ -101,7 +101,7 @@ pub(super) struct UserPage {
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Token)]
 pub(super) struct TokenDocument {
-    id: i64,
+    id: TokenId,
     name: String,
     role: Role,
     /// The one robot that a token of role `robot` is for.

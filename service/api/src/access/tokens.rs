@@ -6,7 +6,7 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use fleetcal_domain::access::{Grant, Role, TokenValue};
 use fleetcal_domain::limits;
-use fleetcal_model::WallTime;
+use fleetcal_model::{TokenId, WallTime};
 use fleetcal_operations::accounts::{TokenChange, change_token};
 use fleetcal_operations::entropy;
 use fleetcal_proto::RobotId;
@@ -135,6 +135,11 @@ pub(super) async fn revoke_token(
     Parameters(NoParameters {}): Parameters<NoParameters>,
     caller: Caller,
 ) -> Result<StatusCode, Problem> {
-    change_token(&api.store, caller.actor, TokenChange::Revoke { id }).await?;
+    change_token(
+        &api.store,
+        caller.actor,
+        TokenChange::Revoke { id: TokenId(id) },
+    )
+    .await?;
     Ok(StatusCode::NO_CONTENT)
 }

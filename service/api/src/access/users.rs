@@ -6,6 +6,7 @@ use axum::http::request::Parts;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 use fleetcal_domain::access::{AccountName, AccountRefused, Grant, GrantRefused, Role};
+use fleetcal_model::UserId;
 use fleetcal_operations::accounts::{UserChange, UserEdit, change_user};
 use fleetcal_store::{StoreError, UserRecord};
 use serde::Deserialize;
@@ -74,8 +75,8 @@ pub(super) async fn get_user(
     NumberPath(id): NumberPath,
     Parameters(NoParameters {}): Parameters<NoParameters>,
 ) -> Result<Response, Problem> {
-    let user = api.store.user(id).await?;
-    let user = user.ok_or(StoreError::from(AccountRefused::UserUnknown(id)))?;
+    let user = api.store.user(UserId(id)).await?;
+    let user = user.ok_or(StoreError::from(AccountRefused::UserUnknown(UserId(id))))?;
     Ok(answer(StatusCode::OK, &user))
 }
 
@@ -184,7 +185,7 @@ pub(super) async fn edit_user(
         None => None,
     };
     let change = UserChange::Edit {
-        id,
+        id: UserId(id),
         expected,
         edit: UserEdit {
             grant,
@@ -220,7 +221,10 @@ pub(super) async fn remove_user(
     headers: HeaderMap,
 ) -> Result<StatusCode, Problem> {
     let expected = expected(&headers)?;
-    let change = UserChange::Remove { id, expected };
+    let change = UserChange::Remove {
+        id: UserId(id),
+        expected,
+    };
     change_user(&api.store, caller.actor, change).await?;
     Ok(StatusCode::NO_CONTENT)
 }

@@ -5,6 +5,7 @@ use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 use fleetcal_domain::alert::{AlertDocument, AlertRefused, ConditionName};
 use fleetcal_domain::limits;
+use fleetcal_model::{AlertId, Version};
 use fleetcal_store::{AlertMoment, StoreError};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
@@ -33,7 +34,7 @@ struct MomentDocument {
     #[schema(value_type = String, format = DateTime)]
     time: Timestamp,
     /// The alert's version afterwards.
-    version: u64,
+    version: Version,
     /// Where it stood afterwards.
     state: ConditionName,
     /// What was seen, in words.
@@ -136,7 +137,7 @@ pub(super) async fn acknowledge_alert(
     Ok(versioned_json(StatusCode::OK, alert.version, document))
 }
 
-fn alert_number(id: &str) -> Result<u64, Problem> {
+fn alert_number(id: &str) -> Result<AlertId, Problem> {
     id.parse()
         .map_err(|_| Problem::refused("id", id, "the number of an alert"))
 }

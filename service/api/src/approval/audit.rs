@@ -5,7 +5,7 @@ use axum::extract::State;
 use axum::response::{IntoResponse, Response};
 use fleetcal_domain::limits;
 use fleetcal_http::csv::{CSV, file, line};
-use fleetcal_model::WallTime;
+use fleetcal_model::{AuditId, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_store::{AuditFilter, AuditRow};
 use jiff::Timestamp;
@@ -48,7 +48,7 @@ pub(super) struct AuditParameters {
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = AuditRow)]
 struct AuditDocument {
-    id: i64,
+    id: AuditId,
     #[schema(value_type = String, format = DateTime)]
     time: Timestamp,
     /// Who: a person's or token's name, a robot's id, or `fleetcal` itself.

@@ -5,7 +5,7 @@ use fleetcal_domain::approval::{
     Origin, Outdated, Proposal, ProposalState, Reported, Revision, RobotLedger, RollBack,
     Verification,
 };
-use fleetcal_model::Pose2;
+use fleetcal_model::{DeploymentId, Generation, Pose2, ProposalId, RevisionId, Version};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{AppliedStatus, CalibrationValues};
 use jiff::Timestamp;
@@ -18,7 +18,7 @@ use crate::time;
 #[schema(as = Revision)]
 pub(super) struct RevisionDocument {
     /// Its number.
-    id: u64,
+    id: RevisionId,
     /// Where it comes from.
     origin: Origin,
     /// The values, absolute.
@@ -117,10 +117,10 @@ impl DecisionDocument {
 #[schema(as = Proposal)]
 pub(super) struct ProposalDocument {
     /// Its number.
-    id: u64,
+    id: ProposalId,
     robot: RobotId,
     /// Goes up with every change of it.
-    version: u64,
+    version: Version,
     state: ProposalState,
     proposed_by: String,
     /// Why it was proposed.
@@ -135,7 +135,7 @@ pub(super) struct ProposalDocument {
     /// What the robot used when this was proposed; absent when nobody knew.
     base: Option<CalibrationValues>,
     /// The generation of that.
-    base_generation: Option<u64>,
+    base_generation: Option<Generation>,
     /// How many people have to agree.
     approvals_needed: u32,
     /// Who has agreed.
@@ -233,9 +233,9 @@ impl ProposalDocument {
 #[schema(as = InUse)]
 pub(super) struct InUseDocument {
     /// Generation of the document; 0 for its factory calibration.
-    generation: u64,
+    generation: Generation,
     /// The revision; absent for its factory calibration.
-    revision: Option<u64>,
+    revision: Option<RevisionId>,
     values: CalibrationValues,
     /// Since when, by the robot's clock.
     #[schema(value_type = String, format = DateTime)]
@@ -286,13 +286,13 @@ impl VerificationDocument {
 #[schema(as = Deployment)]
 pub(super) struct DeploymentDocument {
     /// Its number.
-    id: u64,
+    id: DeploymentId,
     robot: RobotId,
     /// Goes up with every change of it.
-    version: u64,
+    version: Version,
     state: DeploymentState,
     /// The proposal that was approved; absent for a return to an earlier calibration.
-    proposal: Option<u64>,
+    proposal: Option<ProposalId>,
     /// Who approved it, or asked for the return.
     approved_by: String,
     /// What the robot is to hold now.
@@ -379,7 +379,7 @@ impl DeploymentDocument {
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Reported)]
 struct ReportedDocument {
-    generation: u64,
+    generation: Generation,
     sha256: String,
     status: AppliedStatus,
     /// In the robot's words.
@@ -411,7 +411,7 @@ impl ReportedDocument {
 pub(super) struct ShadowDocument {
     robot: RobotId,
     /// Goes up with every change of it.
-    version: u64,
+    version: Version,
     /// What the robot should hold; absent before the first approval.
     desired: Option<GenerationRef>,
     /// What the robot last answered.
@@ -425,7 +425,7 @@ pub(super) struct ShadowDocument {
     /// Generations that were verified, oldest first.
     verified: Vec<GenerationRef>,
     /// The proposal that waits.
-    proposal: Option<u64>,
+    proposal: Option<ProposalId>,
     /// The deployment under way.
     deployment: Option<DeploymentDocument>,
 }
@@ -452,15 +452,15 @@ impl ShadowDocument {
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 pub(crate) struct CalibrationSummary {
     /// The generation that the robot should hold; absent before the first approval.
-    desired_generation: Option<u64>,
+    desired_generation: Option<Generation>,
     /// The generation that it uses; 0 for its factory calibration, absent when it never said.
-    reported_generation: Option<u64>,
+    reported_generation: Option<Generation>,
     /// Whether the robot holds what it should.
     in_sync: bool,
     /// What the robot compensates with, as far as it has said.
     in_use: Option<CalibrationValues>,
     /// The proposal that waits.
-    proposal: Option<u64>,
+    proposal: Option<ProposalId>,
     /// Where the deployment under way stands.
     deployment: Option<DeploymentState>,
     /// Whether a verification estimate disagrees with what the robot uses.

@@ -4,6 +4,7 @@ use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 use fleetcal_domain::limits;
+use fleetcal_model::Version;
 use fleetcal_store::DeploymentFreeze;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
@@ -20,7 +21,7 @@ use crate::time;
 #[schema(as = DeploymentFreeze)]
 pub(super) struct FreezeDocument {
     /// Goes up with every change of it.
-    version: u64,
+    version: Version,
     /// While it is `true`, no robot is sent a calibration that it does not use yet.
     frozen: bool,
     /// Who changed it last.

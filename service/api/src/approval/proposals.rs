@@ -9,6 +9,7 @@ use fleetcal_domain::approval::{
     nominal_values, outdated, values_and_sigmas,
 };
 use fleetcal_domain::limits;
+use fleetcal_model::{Generation, ProposalId, Version};
 use fleetcal_operations::lifecycle::Decided;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
@@ -72,7 +73,7 @@ pub(super) async fn list_proposals(
     };
     let mut found = api.store.proposals(&filter).await?;
     let next = cut(&mut found, limit, |(last, _)| last.id.to_string());
-    let ids: Vec<u64> = found.iter().map(|(proposal, _)| proposal.id).collect();
+    let ids: Vec<ProposalId> = found.iter().map(|(proposal, _)| proposal.id).collect();
     let followed = api.store.followed(&ids).await?;
     let items = found
         .into_iter()
@@ -330,7 +331,7 @@ async fn decide(
     caller: Caller,
     (id, headers): (&str, &HeaderMap),
     reason: &str,
-    command: impl FnOnce(u64, Option<u64>) -> Command,
+    command: impl FnOnce(ProposalId, Option<Version>) -> Command,
 ) -> Result<Response, Problem> {
     let version = Some(expected_version(headers)?);
     check_length("reason", reason, limits::NOTE_CHARS_MAX)?;
@@ -344,13 +345,13 @@ async fn decide(
 }
 
 /// The robot that a proposal is for.
-pub(super) async fn robot_of(api: &ApiState, proposal: u64) -> Result<RobotId, Problem> {
+pub(super) async fn robot_of(api: &ApiState, proposal: ProposalId) -> Result<RobotId, Problem> {
     let found = api.store.proposal(proposal).await?;
     let (proposal, _) = found.ok_or_else(|| unknown(proposal))?;
     Ok(proposal.robot)
 }
 
-async fn answer(api: &ApiState, id: u64, status: StatusCode) -> Result<Response, Problem> {
+async fn answer(api: &ApiState, id: ProposalId, status: StatusCode) -> Result<Response, Problem> {
     let found = api.store.proposal(id).await?;
     let (proposal, revision) = found.ok_or_else(|| unknown(id))?;
     let version = proposal.version;
@@ -373,7 +374,7 @@ fn document(
     };
     let gain = proposal.base.as_ref().and_then(|base| {
         let errors = api.fleet.cross_tracks(robot);
-        let errors = errors.get(&proposal.base_generation.unwrap_or(0))?;
+        let errors = errors.get(&proposal.base_generation.unwrap_or(Generation(0)))?;
         expected_gain(
             base,
             &revision,
@@ -392,12 +393,12 @@ fn document(
     )
 }
 
-fn unknown(id: u64) -> Problem {
+fn unknown(id: ProposalId) -> Problem {
     let detail = format!("no proposal {id} is known");
     Problem::new(StatusCode::NOT_FOUND, "proposal_unknown", detail)
 }
 
-fn proposal_number(id: &str) -> Result<u64, Problem> {
+fn proposal_number(id: &str) -> Result<ProposalId, Problem> {
     id.parse()
         .map_err(|_| Problem::refused("id", id, "the number of a proposal"))
 }

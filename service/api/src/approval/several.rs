@@ -5,6 +5,7 @@ use axum::extract::State;
 use axum::http::StatusCode;
 use fleetcal_domain::approval::{Command, ProposalState};
 use fleetcal_domain::limits;
+use fleetcal_model::{ProposalId, Version};
 use fleetcal_operations::lifecycle::Decided;
 use serde::{Deserialize, Serialize};
 use tokio::time::Instant;
@@ -33,9 +34,9 @@ pub(super) struct SeveralBody {
 #[serde(deny_unknown_fields)]
 pub(super) struct OneOfSeveral {
     /// The proposal.
-    id: u64,
+    id: ProposalId,
     /// Its version.
-    version: u64,
+    version: Version,
     /// Its `revision.sha256`.
     sha256: String,
 }
@@ -51,7 +52,7 @@ pub(super) struct SeveralAnswer {
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 struct SeveralOutcome {
     /// The proposal.
-    id: u64,
+    id: ProposalId,
     /// Where it stands now: `approved`, or still `proposed` while a second person is needed. Absent
     /// when it was refused.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -3,6 +3,7 @@
 use axum::Json;
 use axum::extract::State;
 use fleetcal_domain::robot::{BIN_WIDTH_M, BINS_PER_SIDE, CrossTrack};
+use fleetcal_model::Generation;
 use fleetcal_proto::RobotId;
 use serde::Serialize;
 
@@ -27,7 +28,7 @@ pub(super) struct CrossTrackDocument {
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 struct CrossTrackItem {
     /// Its generation; 0 for what the robot drove with at first.
-    generation: u64,
+    generation: Generation,
     /// How many errors there are.
     count: u64,
     /// Their root mean square, m.
@@ -39,7 +40,7 @@ struct CrossTrackItem {
 }
 
 impl CrossTrackItem {
-    fn of((generation, errors): (u64, CrossTrack)) -> Self {
+    fn of((generation, errors): (Generation, CrossTrack)) -> Self {
         Self {
             generation,
             count: errors.count,

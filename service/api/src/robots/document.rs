@@ -9,7 +9,7 @@ use fleetcal_domain::robot::{
 };
 use fleetcal_domain::standing::Standing;
 use fleetcal_fleet::document::vehicle_document;
-use fleetcal_model::{Stream, WallTime};
+use fleetcal_model::{Stream, Version, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::{EstimateDocument, VehicleDocument};
 use fleetcal_store::RobotRecord;
@@ -94,7 +94,7 @@ pub(super) struct RobotDocument {
     #[schema(value_type = Option<RobotConfigSchema>)]
     config: Option<RobotConfig>,
     /// Goes up by one with every change of `config`; 0 while there is none.
-    version: u64,
+    version: Version,
     /// When `config` last changed.
     #[schema(value_type = Option<String>, format = DateTime)]
     configured: Option<Timestamp>,
@@ -121,11 +121,11 @@ impl RobotDocument {
         now: WallTime,
     ) -> Self {
         let configured = record
-            .filter(|record| record.version > 0)
+            .filter(|record| record.version > Version(0))
             .map(|record| record.updated_ns);
         Self {
             config: view.config.clone(),
-            version: record.map_or(0, |record| record.version),
+            version: record.map_or(Version(0), |record| record.version),
             configured: configured.map(time::of),
             counters: view.counters.clone(),
             estimator_restarts: view.estimator_restarts,

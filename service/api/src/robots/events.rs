@@ -67,7 +67,7 @@ impl EventDocument {
 
     fn of_record(record: EventRecord) -> Self {
         Self {
-            id: Some(record.id),
+            id: Some(record.id.0),
             ..Self::of(record.event)
         }
     }

@@ -8,6 +8,7 @@ use fleetcal_domain::limits;
 use fleetcal_domain::robot::RobotConfig;
 use fleetcal_domain::streams::RobotStreams;
 use fleetcal_fleet::FleetRefused;
+use fleetcal_model::Version;
 use fleetcal_operations::robots::configure;
 use fleetcal_proto::RobotId;
 use fleetcal_store::Expected;
@@ -108,7 +109,7 @@ async fn register(
     }
     let version = configure(&api.store, &id, &config, expected, actor).await?;
     api.fleet.configure(&id, config)?;
-    Ok(version)
+    Ok(version.0)
 }
 
 /// Refuses a robot that the fleet would have no room for, before it is stored.
@@ -156,7 +157,7 @@ async fn answer(api: &ApiState, id: &RobotId, status: StatusCode) -> Result<Resp
     let document = RobotDocument::of(view, record.as_ref(), &ledger, standing, now);
     Ok(versioned_json(
         status,
-        record.map_or(0, |record| record.version),
+        record.map_or(Version(0), |record| record.version),
         document,
     ))
 }

@@ -1,5 +1,6 @@
 //! Proposals, deployments, what robots hold, the deployment freeze, and the audit.
 
+use fleetcal_model::{Generation, Version};
 use fleetcal_proto::calibration::Envelope;
 use fleetcal_proto::signing::{SigningKey, TrustedKeys};
 use serde_json::json;
@@ -42,7 +43,7 @@ impl Bench {
             .await
     }
 
-    async fn approve(&self, person: &Person, proposal: &Value, version: u64) -> Answer {
+    async fn approve(&self, person: &Person, proposal: &Value, version: Version) -> Answer {
         let uri = format!("/api/v1/proposals/{}/approve", proposal["id"]);
         let tag = format!("\"{version}\"");
         let body = json!({ "sha256": proposal["revision"]["sha256"], "reason": "fits" });
@@ -91,7 +92,7 @@ async fn a_calibration_goes_from_a_proposal_to_its_robot_and_back() {
         "the same request makes nothing twice"
     );
 
-    let approved = bench.approve(&ana, &proposal, 1).await;
+    let approved = bench.approve(&ana, &proposal, Version(1)).await;
     assert_eq!(approved.told(), "200");
     assert_eq!(approved.json()["state"], "approved");
 
@@ -103,7 +104,7 @@ async fn a_calibration_goes_from_a_proposal_to_its_robot_and_back() {
     let document = envelope.open(&TrustedKeys::from(key)).unwrap();
     assert_eq!(
         (document.generation, document.approved_by.as_str()),
-        (1, "ana")
+        (Generation(1), "ana")
     );
     assert_eq!(bench.answer(&robot, &envelope, "applied").await.status, 200);
 
@@ -146,7 +147,7 @@ async fn a_decision_is_bound_to_what_was_looked_at() {
     let bench = bench(&["a"]).await;
     let ana = bench.person("ana", Role::Approver).await;
     let proposal = bench.propose(&ana, "k").await.json();
-    let own = bench.approve(&ana, &proposal, 1).await;
+    let own = bench.approve(&ana, &proposal, Version(1)).await;
     assert!(
         own.told().starts_with("403 second_person_needed"),
         "{}",
@@ -170,14 +171,17 @@ async fn a_decision_is_bound_to_what_was_looked_at() {
         "{}",
         other.told()
     );
-    assert_eq!(bench.approve(&cem, &proposal, 1).await.told(), "200");
-    let late = bench.approve(&cem, &proposal, 1).await;
+    assert_eq!(
+        bench.approve(&cem, &proposal, Version(1)).await.told(),
+        "200"
+    );
+    let late = bench.approve(&cem, &proposal, Version(1)).await;
     assert!(
         late.told().starts_with("412 version_conflict"),
         "{}",
         late.told()
     );
-    let closed = bench.approve(&cem, &proposal, 2).await;
+    let closed = bench.approve(&cem, &proposal, Version(2)).await;
     assert!(
         closed.told().starts_with("409 proposal_closed"),
         "{}",
@@ -206,7 +210,10 @@ async fn the_deployment_freeze_keeps_robots_from_what_they_have_not_seen() {
     assert_eq!(freeze(true, "\"1\"").await.told(), "200");
     assert!(freeze(true, "\"1\"").await.told().starts_with("412"));
     let proposal = bench.propose(&bo, "k").await.json();
-    assert_eq!(bench.approve(&ana, &proposal, 1).await.told(), "200");
+    assert_eq!(
+        bench.approve(&ana, &proposal, Version(1)).await.told(),
+        "200"
+    );
     let uri = "/api/v1/robots/a/calibration";
     let pull = async || {
         bench

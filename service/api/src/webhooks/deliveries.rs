@@ -3,6 +3,7 @@
 use axum::Json;
 use axum::extract::{Path, State};
 use fleetcal_domain::webhook::{Attempt, Delivery, DeliveryState, WebhookEvent, WebhookRefused};
+use fleetcal_model::DeliveryId;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 
@@ -29,7 +30,7 @@ pub(super) struct DeliveryParameters {
 #[schema(as = WebhookDelivery)]
 struct DeliveryDocument {
     /// Its number.
-    id: u64,
+    id: DeliveryId,
     /// The message's `webhook-id`.
     message: String,
     /// What it tells.

@@ -5,6 +5,7 @@ use axum::extract::{Path, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use fleetcal_domain::webhook::{Secret, Webhook, WebhookEvent, WebhookUrl};
+use fleetcal_model::WebhookId;
 use fleetcal_operations::entropy;
 use fleetcal_operations::webhook_dispatcher::{CreateWebhook, DeleteWebhook};
 use jiff::Timestamp;
@@ -21,7 +22,7 @@ use crate::time;
 #[schema(as = Webhook)]
 pub(super) struct WebhookDocument {
     /// Its number.
-    id: u64,
+    id: WebhookId,
     /// Where messages go.
     url: String,
     /// What it is told of.
@@ -178,7 +179,7 @@ pub(super) async fn delete_webhook(
     Ok(StatusCode::NO_CONTENT)
 }
 
-pub(super) fn webhook_number(id: &str) -> Result<u64, Problem> {
+pub(super) fn webhook_number(id: &str) -> Result<WebhookId, Problem> {
     id.parse()
         .map_err(|_| Problem::refused("id", id, "the number of a webhook"))
 }

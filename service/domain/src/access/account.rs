@@ -2,7 +2,7 @@
 //!
 //! Whoever keeps the records says what is there; the rules say what follows.
 
-use fleetcal_model::WallTime;
+use fleetcal_model::{TokenId, UserId, Version, WallTime};
 
 use thiserror::Error;
 
@@ -16,10 +16,10 @@ use crate::limits;
 pub enum AccountRefused {
     /// No such user.
     #[error("no user {0} is known")]
-    UserUnknown(i64),
+    UserUnknown(UserId),
     /// No such token.
     #[error("no token {0} is known")]
-    TokenUnknown(i64),
+    TokenUnknown(TokenId),
     /// The session has ended.
     #[error("the session has ended")]
     SessionUnknown,
@@ -30,9 +30,9 @@ pub enum AccountRefused {
     #[error("user {id} is at version {found}")]
     VersionConflict {
         /// Who.
-        id: i64,
+        id: UserId,
         /// The version now.
-        found: u64,
+        found: Version,
     },
     /// Nobody could administrate any more.
     #[error("this is the last administrator that can sign in; make another one first")]

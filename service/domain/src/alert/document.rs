@@ -1,5 +1,6 @@
 //! An alert as people and programs are given it: over HTTP, on the event stream and in webhooks.
 
+use fleetcal_model::{AlertId, Version};
 use fleetcal_proto::RobotId;
 use jiff::Timestamp;
 use serde::Serialize;
@@ -15,7 +16,7 @@ use crate::timestamp;
 #[cfg_attr(feature = "openapi", schema(as = Alert))]
 pub struct AlertDocument {
     /// Its number.
-    pub id: u64,
+    pub id: AlertId,
     /// Whose; `null` of an alert that is about several robots.
     pub robot: Option<RobotId>,
     /// The robots of an alert that is about several; empty otherwise.
@@ -30,7 +31,7 @@ pub struct AlertDocument {
     #[cfg_attr(feature = "openapi", schema(value_type = String, format = DateTime))]
     pub since: Timestamp,
     /// Goes up with every change of it.
-    pub version: u64,
+    pub version: Version,
     /// What is seen, in words, not older than some seconds; of an alert that no longer fires, what
     /// was seen last, and that it is not seen any more.
     pub what: String,

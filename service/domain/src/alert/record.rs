@@ -1,6 +1,6 @@
 //! One thing that is or was wrong with one robot.
 
-use fleetcal_model::WallTime;
+use fleetcal_model::{AlertId, Version, WallTime};
 use fleetcal_proto::RobotId;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -32,7 +32,7 @@ pub struct Acknowledgement {
 pub struct Alert {
     /// Its number; the store gives it, and 0 stands for none yet.
     #[serde(skip)]
-    pub id: u64,
+    pub id: AlertId,
     /// Whose.
     pub robot: Subject,
     /// The robots of an alert that is about several.
@@ -41,7 +41,7 @@ pub struct Alert {
     /// What.
     pub kind: AlertKind,
     /// Goes up with every change of it.
-    pub version: u64,
+    pub version: Version,
     /// Where it stands.
     pub condition: Condition,
     /// When it was first seen, ns since 1970, wall time.
@@ -86,12 +86,12 @@ pub enum Step {
 pub enum AlertRefused {
     /// No alert has this number.
     #[error("no alert {0} is known")]
-    Unknown(u64),
+    Unknown(AlertId),
     /// It has changed since it was looked at.
     #[error("it is at version {found} now: it changed since you opened it")]
     Stale {
         /// The version it is at.
-        found: u64,
+        found: Version,
     },
     /// Somebody has taken it on already.
     #[error("{0} has acknowledged this already")]
@@ -117,11 +117,11 @@ pub fn step(
         Some(alert) if is_over && alert.alerted_ns.is_none() => return Step::Dropped,
         Some(alert) => alert.clone(),
         None => Alert {
-            id: 0,
+            id: AlertId(0),
             robot: robot.clone(),
             robots: Vec::new(),
             kind: sighting.kind,
-            version: 0,
+            version: Version(0),
             condition,
             began_ns: now,
             alerted_ns: None,
@@ -131,7 +131,7 @@ pub fn step(
             acknowledgement: None,
         },
     };
-    alert.version += 1;
+    alert.version = alert.version.next();
     alert.condition = condition;
     if sighting.observation == Observation::Firing {
         alert.say(sighting, now);
@@ -193,7 +193,7 @@ impl Alert {
     /// [`AlertRefused::Stale`] when it is not at `version`, [`AlertRefused::AcknowledgedAlready`].
     pub fn acknowledge(
         &self,
-        version: u64,
+        version: Version,
         acknowledgement: Acknowledgement,
     ) -> Result<Self, AlertRefused> {
         if version != self.version {
@@ -204,7 +204,7 @@ impl Alert {
             return Err(AlertRefused::AcknowledgedAlready(first.by.clone()));
         }
         Ok(Self {
-            version: self.version + 1,
+            version: self.version.next(),
             acknowledgement: Some(acknowledgement),
             ..self.clone()
         })

@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use fleetcal_model::{RobotTime, WallTime};
+use fleetcal_model::{
+    AlertId, DeploymentId, Generation, ProposalId, RevisionId, RobotTime, Version, WallTime,
+};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use serde_json::json;
@@ -113,7 +115,7 @@ fn an_alert_is_told_once_when_it_alerts_and_once_when_it_is_over() {
     };
     assert_eq!(step(None, Observation::Clear, 0), Step::Same);
     let (pending, notice) = kept(step(None, Observation::Firing, 0));
-    assert_eq!((pending.version, notice), (1, None));
+    assert_eq!((pending.version, notice), (Version(1), None));
     assert_eq!(step(Some(&pending), Observation::Firing, 9), Step::Same);
     assert_eq!(step(Some(&pending), Observation::Clear, 9), Step::Dropped);
     let (alerting, notice) = kept(step(Some(&pending), Observation::Firing, 10));
@@ -130,7 +132,7 @@ fn an_alert_is_told_once_when_it_alerts_and_once_when_it_is_over() {
         (over.ended_ns, over.is_active()),
         (Some(WallTime(80 * S)), false)
     );
-    assert_eq!((over.version, over.what.as_str()), (4, "far away"));
+    assert_eq!((over.version, over.what.as_str()), (Version(4), "far away"));
     assert!(again.rank() < pending.rank() && pending.rank() < over.rank());
 }
 
@@ -139,11 +141,11 @@ fn an_acknowledgement_changes_no_condition_and_a_condition_no_acknowledgement() 
     let robot = Subject::Robot(robot());
     for &name in ConditionName::ALL {
         let alert = Alert {
-            id: 7,
+            id: AlertId(7),
             robot: robot.clone(),
             robots: Vec::new(),
             kind: AlertKind::Drift,
-            version: 3,
+            version: Version(3),
             condition: condition(name, WallTime(0)),
             began_ns: WallTime(0),
             alerted_ns: Some(WallTime(0)),
@@ -157,11 +159,14 @@ fn an_acknowledgement_changes_no_condition_and_a_condition_no_acknowledgement() 
             at_ns: WallTime(5),
             note: Some("on my way".to_owned()),
         };
-        let taken = alert.acknowledge(3, ada.clone()).unwrap();
-        assert_eq!((taken.version, taken.condition), (4, alert.condition));
-        let stale = taken.acknowledge(3, ada.clone()).unwrap_err();
-        assert_eq!(stale, AlertRefused::Stale { found: 4 });
-        let twice = taken.acknowledge(4, ada.clone()).unwrap_err();
+        let taken = alert.acknowledge(Version(3), ada.clone()).unwrap();
+        assert_eq!(
+            (taken.version, taken.condition),
+            (Version(4), alert.condition)
+        );
+        let stale = taken.acknowledge(Version(3), ada.clone()).unwrap_err();
+        assert_eq!(stale, AlertRefused::Stale { found: Version(4) });
+        let twice = taken.acknowledge(Version(4), ada.clone()).unwrap_err();
         assert_eq!(twice, AlertRefused::AcknowledgedAlready("ada".to_owned()));
         for observation in Observation::ALL {
             if let Step::Changed(after, _) = step(
@@ -231,17 +236,17 @@ pub(crate) fn estimate(
 
 pub(crate) fn deployment(state: DeploymentState) -> Deployment {
     let offer = GenerationRef {
-        generation: 2,
+        generation: Generation(2),
         sha256: "00".to_owned(),
-        revision: 1,
+        revision: RevisionId(1),
         chosen_by: None,
     };
     Deployment {
-        id: 5,
+        id: DeploymentId(5),
         robot: robot(),
-        version: 3,
+        version: Version(3),
         state,
-        proposal: Some(1),
+        proposal: Some(ProposalId(1)),
         approved_by: "ada".to_owned(),
         offer,
         earlier: Vec::new(),
@@ -258,7 +263,7 @@ pub(crate) fn deployment(state: DeploymentState) -> Deployment {
     }
 }
 
-pub(crate) fn in_use(generation: u64, steering_offset_rad: f64) -> InUse {
+pub(crate) fn in_use(generation: Generation, steering_offset_rad: f64) -> InUse {
     InUse {
         generation,
         revision: None,
@@ -361,7 +366,7 @@ fn drift_is_sure_and_far_or_a_vehicle_that_changed() {
     // What the robot says it uses counts more than its drawing.
     let mut applied = case();
     estimated(&mut applied, 0.01, 0.0001, "converged");
-    applied.ledger.shadow.in_use = Some(in_use(2, 0.01));
+    applied.ledger.shadow.in_use = Some(in_use(Generation(2), 0.01));
     assert_eq!(applied.sight(AlertKind::Drift).0, Observation::Clear);
     assert_eq!(
         drift(|case| case.view.state = RobotState::Changed).0,
@@ -498,7 +503,7 @@ fn each_state_of_the_newest_deployment_fires_its_own_alert() {
         case.latest = Some(deployment(state));
         if state == D::RollbackFailed {
             case.ledger.shadow.desired = case.latest.as_ref().map(|one| one.offer.clone());
-            case.ledger.shadow.in_use = Some(in_use(1, 0.0));
+            case.ledger.shadow.in_use = Some(in_use(Generation(1), 0.0));
         }
         assert_eq!(case.firing(), expected, "{state:?}");
         if !expected.is_empty() {
@@ -541,7 +546,7 @@ fn a_failed_verification_clears_once_the_estimate_agrees_with_what_the_robot_use
                 within: false,
             });
             case.latest = Some(latest);
-            case.ledger.shadow.in_use = Some(in_use(2, 0.01));
+            case.ledger.shadow.in_use = Some(in_use(Generation(2), 0.01));
             case.view.estimate = Some(Arc::new(estimate(estimated_rad, 0.0001, "converged")));
             case.sight(AlertKind::VerificationFailed).0
         };
@@ -554,7 +559,7 @@ fn a_failed_verification_clears_once_the_estimate_agrees_with_what_the_robot_use
 fn a_robot_that_uses_another_generation_is_out_of_sync_unless_one_is_on_its_way() {
     let mut apart = case();
     apart.ledger.shadow.desired = Some(deployment(DeploymentState::Verified).offer);
-    apart.ledger.shadow.in_use = Some(in_use(1, 0.0));
+    apart.ledger.shadow.in_use = Some(in_use(Generation(1), 0.0));
     assert_eq!(apart.firing(), [AlertKind::OutOfSync]);
     let (_, what) = apart.sight(AlertKind::OutOfSync);
     assert_eq!(what, "the robot should use generation 2 and uses 1");

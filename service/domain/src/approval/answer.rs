@@ -1,6 +1,6 @@
 //! What a robot says it does with a document.
 
-use fleetcal_model::WallTime;
+use fleetcal_model::{Generation, RevisionId, WallTime};
 use fleetcal_proto::calibration::{Applied, AppliedStatus};
 
 use super::ask::believable;
@@ -42,8 +42,9 @@ impl Draft<'_> {
             return Ok(());
         }
         // A robot that uses what is not wanted any more is not told to keep it: it goes back.
-        let unwanted =
-            applied.status == AppliedStatus::Applied && applied.generation > 0 && !is_desired;
+        let unwanted = applied.status == AppliedStatus::Applied
+            && applied.generation > Generation(0)
+            && !is_desired;
         self.report(applied, named.map(|one| one.revision), !unwanted);
         Ok(())
     }
@@ -53,7 +54,7 @@ impl Draft<'_> {
     /// would take it for an old document.
     fn heard_of_later(&mut self, applied: &Applied) -> Result<(), Refused> {
         let last = self.outcome.ledger.shadow.generation_last;
-        let most = last.saturating_add(GENERATIONS_AHEAD_MAX);
+        let most = Generation(last.0.saturating_add(GENERATIONS_AHEAD_MAX));
         if applied.generation > most {
             return Err(Refused::NeverOffered {
                 generation: applied.generation,
@@ -86,7 +87,7 @@ impl Draft<'_> {
     }
 
     /// Writes down what a robot said, and what it therefore uses.
-    fn report(&mut self, applied: &Applied, revision: Option<u64>, confirm: bool) {
+    fn report(&mut self, applied: &Applied, revision: Option<RevisionId>, confirm: bool) {
         let generation = applied.generation;
         let now = self.standing.now;
         let mut shadow = self.outcome.ledger.shadow.clone();
@@ -103,7 +104,9 @@ impl Draft<'_> {
                     .values
                     .or(before.as_ref().map(|before| before.values));
                 shadow.in_use = values.map(|values| InUse {
-                    generation: before.as_ref().map_or(0, |before| before.generation),
+                    generation: before
+                        .as_ref()
+                        .map_or(Generation(0), |before| before.generation),
                     revision: before.and_then(|before| before.revision),
                     values,
                     since_ns: applied.applied_at_ns,
@@ -133,7 +136,7 @@ impl Draft<'_> {
         let another_waits = live.is_some_and(|live| {
             live.state == DeploymentState::Applied && live.offer.generation != generation
         });
-        if confirm && generation > 0 && !another_waits {
+        if confirm && generation > Generation(0) && !another_waits {
             self.outcome.outbox.push(OutboxEntry::Confirmed(generation));
         }
         // The same answer again, because its confirmation was lost, is no news.
@@ -144,7 +147,7 @@ impl Draft<'_> {
     }
 
     /// What a robot uses that says it has applied something; unknown when nobody can say.
-    fn now_uses(&self, shadow: &mut Shadow, applied: &Applied, revision: Option<u64>) {
+    fn now_uses(&self, shadow: &mut Shadow, applied: &Applied, revision: Option<RevisionId>) {
         let generation = applied.generation;
         let known = revision.and_then(|id| self.outcome.ledger.revisions.get(&id));
         let held = shadow.in_use.clone().filter(|_| shadow.uses(generation));
@@ -156,7 +159,7 @@ impl Draft<'_> {
         let revision = revision.or(held.and_then(|held| held.revision));
         shadow.in_use = values.map(|values| InUse {
             generation,
-            revision: revision.filter(|_| generation > 0),
+            revision: revision.filter(|_| generation > Generation(0)),
             values,
             since_ns: applied.applied_at_ns,
         });
@@ -172,7 +175,7 @@ fn contradicts(shadow: &Shadow, answer: &Applied, now: WallTime) -> Option<Contr
     if before.status != S::Applied {
         return None;
     }
-    let same = answer.generation == before.generation && before.generation > 0;
+    let same = answer.generation == before.generation && before.generation > Generation(0);
     let goes_on = |earlier: &InUse| {
         earlier.generation == answer.generation && earlier.since_ns == answer.applied_at_ns
     };
@@ -180,8 +183,8 @@ fn contradicts(shadow: &Shadow, answer: &Applied, now: WallTime) -> Option<Contr
         S::Refused | S::Failed => same,
         S::Applied if same => answer.applied_at_ns != before.at_ns,
         S::Applied => {
-            before.generation == 0
-                && answer.generation > 0
+            before.generation == Generation(0)
+                && answer.generation > Generation(0)
                 && shadow.before.as_ref().is_some_and(goes_on)
         }
         S::Reverted => false,

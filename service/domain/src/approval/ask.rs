@@ -1,5 +1,6 @@
 //! What people are asked for, and what they answer.
 
+use fleetcal_model::{ProposalId, Version};
 use fleetcal_proto::calibration::CalibrationValues;
 
 use super::draft::{Draft, after, fresh};
@@ -44,7 +45,7 @@ impl Draft<'_> {
         let proposal = Proposal {
             id: self.ids.proposal,
             robot: shadow.robot.clone(),
-            version: 1,
+            version: Version(1),
             state: ProposalState::Proposed,
             revision: revision.id,
             revision_sha256: revision.sha256,
@@ -59,7 +60,7 @@ impl Draft<'_> {
             closing: None,
             refreshed: None,
         };
-        self.ids.proposal += 1;
+        self.ids.proposal = self.ids.proposal.next();
         self.save_proposal(ProposalAction::Create, None, proposal, reason);
         Ok(())
     }
@@ -67,7 +68,7 @@ impl Draft<'_> {
     /// Puts the present estimate in the place of what is proposed.
     pub(super) fn refresh(
         &mut self,
-        id: u64,
+        id: ProposalId,
         found: (CalibrationValues, CalibrationValues),
         evidence: Evidence,
         nominal: Option<CalibrationValues>,
@@ -88,7 +89,7 @@ impl Draft<'_> {
         };
         let times = before.refreshed.as_ref().map_or(0, |last| last.times);
         let proposal = Proposal {
-            version: before.version + 1,
+            version: before.version.next(),
             state: before.state.after(ProposalEvent::Refresh)?,
             approvals_needed: self.approvers_needed(base.as_ref(), &revision),
             revision: revision.id,
@@ -121,8 +122,8 @@ impl Draft<'_> {
 
     pub(super) fn approve(
         &mut self,
-        id: u64,
-        version: Option<u64>,
+        id: ProposalId,
+        version: Option<Version>,
         sha256: String,
         reason: Option<String>,
     ) -> Result<(), Refused> {
@@ -165,7 +166,7 @@ impl Draft<'_> {
             ProposalEvent::ApproveInPart
         };
         proposal.state = before.state.after(event)?;
-        proposal.version += 1;
+        proposal.version = proposal.version.next();
         self.save_proposal(event.into(), Some(&before), proposal.clone(), reason);
         if enough {
             self.count_step(&proposal, by_service);
@@ -212,15 +213,15 @@ impl Draft<'_> {
     /// Ends a proposal otherwise than by approval.
     pub(super) fn close(
         &mut self,
-        id: u64,
-        version: Option<u64>,
+        id: ProposalId,
+        version: Option<Version>,
         event: ProposalEvent,
         reason: Option<String>,
     ) -> Result<(), Refused> {
         let before = self.open_proposal(id, version)?;
         let mut proposal = before.clone();
         proposal.state = before.state.after(event)?;
-        proposal.version += 1;
+        proposal.version = proposal.version.next();
         proposal.closing = Some(Closing {
             by: self.standing.actor.name.clone(),
             at_ns: self.standing.now,
@@ -233,7 +234,7 @@ impl Draft<'_> {
         Ok(())
     }
 
-    fn open_proposal(&self, id: u64, version: Option<u64>) -> Result<Proposal, Refused> {
+    fn open_proposal(&self, id: ProposalId, version: Option<Version>) -> Result<Proposal, Refused> {
         let open = self.outcome.ledger.open.as_ref();
         let open = open
             .filter(|open| open.id == id)

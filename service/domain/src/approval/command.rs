@@ -1,6 +1,6 @@
 //! What can be asked of a robot's records, and why it may be refused.
 
-use fleetcal_model::{Pose2, WallTime};
+use fleetcal_model::{DeploymentId, Generation, Pose2, ProposalId, Version, WallTime};
 use fleetcal_proto::calibration::{Applied, CalibrationValues};
 use fleetcal_proto::signing::SigningKey;
 
@@ -31,9 +31,9 @@ pub enum Command {
     /// Approve a proposal.
     Approve {
         /// Which.
-        proposal: u64,
+        proposal: ProposalId,
         /// The version that was looked at; whatever is there unless given.
-        version: Option<u64>,
+        version: Option<Version>,
         /// SHA-256 of the revision that was looked at.
         sha256: String,
         /// Why.
@@ -42,37 +42,37 @@ pub enum Command {
     /// Say no to a proposal.
     Reject {
         /// Which.
-        proposal: u64,
+        proposal: ProposalId,
         /// The version that was looked at.
-        version: Option<u64>,
+        version: Option<Version>,
         /// Why; never empty.
         reason: String,
     },
     /// Take a proposal back.
     Withdraw {
         /// Which.
-        proposal: u64,
+        proposal: ProposalId,
         /// The version that was looked at.
-        version: Option<u64>,
+        version: Option<Version>,
         /// Why.
         reason: Option<String>,
     },
     /// End a proposal whose time is over.
     Expire {
         /// Which.
-        proposal: u64,
+        proposal: ProposalId,
     },
     /// End a proposal that a newer estimate disagrees with.
     Supersede {
         /// Which.
-        proposal: u64,
+        proposal: ProposalId,
         /// In words.
         reason: String,
     },
     /// Put the present estimate in the place of what is proposed: approvals already given are void.
     Refresh {
         /// Which.
-        proposal: u64,
+        proposal: ProposalId,
         /// The present values.
         values: CalibrationValues,
         /// Their sigmas.
@@ -87,38 +87,38 @@ pub enum Command {
     /// The document of this generation is about to be shown to the robot.
     Offer {
         /// Its generation.
-        generation: u64,
+        generation: Generation,
     },
     /// The document of this generation was shown to the robot.
     Offered {
         /// Its generation.
-        generation: u64,
+        generation: Generation,
     },
     /// The robot's answer.
     Acknowledge(Applied),
     /// The robot was told that its answer about this generation is stored.
     Confirmed {
         /// The generation.
-        generation: u64,
+        generation: Generation,
     },
     /// What a verification estimate says of the values in use.
     Judge {
         /// The deployment that brought them.
-        deployment: u64,
+        deployment: DeploymentId,
         /// What it says.
         verification: Verification,
     },
     /// End a deployment whose time is over, or that could not be judged.
     GiveUp {
         /// Which.
-        deployment: u64,
+        deployment: DeploymentId,
         /// In words.
         reason: String,
     },
     /// End a deployment that a newer estimate disagrees with before the robot uses it.
     Void {
         /// Which.
-        deployment: u64,
+        deployment: DeploymentId,
         /// In words.
         reason: String,
     },
@@ -132,7 +132,7 @@ pub enum Command {
     /// Bring the former values back.
     RollBack {
         /// The version of the shadow that was looked at.
-        version: Option<u64>,
+        version: Option<Version>,
         /// Why; never empty.
         reason: String,
     },
@@ -140,7 +140,7 @@ pub enum Command {
 
 impl Command {
     /// The version of the record that was looked at, where the command names one.
-    pub fn version(&self) -> Option<u64> {
+    pub fn version(&self) -> Option<Version> {
         match self {
             Self::Approve { version, .. }
             | Self::Reject { version, .. }

@@ -1,6 +1,6 @@
 //! Bringing a revision to one robot.
 
-use fleetcal_model::WallTime;
+use fleetcal_model::{DeploymentId, ProposalId, Version, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use serde::{Deserialize, Serialize};
@@ -183,15 +183,15 @@ pub struct Verification {
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Deployment {
     /// Its number.
-    pub id: u64,
+    pub id: DeploymentId,
     /// To which robot.
     pub robot: RobotId,
     /// Goes up with every change of it.
-    pub version: u64,
+    pub version: Version,
     /// Where it stands.
     pub state: DeploymentState,
     /// The proposal that was approved; `None` for a return to an earlier calibration.
-    pub proposal: Option<u64>,
+    pub proposal: Option<ProposalId>,
     /// Who approved it, or asked for the return.
     pub approved_by: String,
     /// What the robot is to hold now: the approved document, or while it rolls back the one with

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use fleetcal_model::{Pose2, WallTime};
+use fleetcal_model::{DeploymentId, Generation, Pose2, RevisionId, Version, WallTime};
 use fleetcal_proto::calibration::CalibrationValues;
 
 use super::command::Standing;
@@ -14,8 +14,6 @@ use super::revision::{Evidence, Origin, Revision};
 use super::shadow::Shadow;
 use super::transition::{Changed, DeploymentAction, ProposalAction, ShadowAction, Transition};
 use super::values::Change;
-
-/// Nanoseconds in a second.
 
 /// What a step has made so far.
 pub(super) struct Draft<'a> {
@@ -47,13 +45,13 @@ impl<'a> Draft<'a> {
         }
     }
 
-    pub(super) fn live_offer(&self, generation: u64) -> Option<Deployment> {
+    pub(super) fn live_offer(&self, generation: Generation) -> Option<Deployment> {
         let live = self.outcome.ledger.live.as_ref();
         live.filter(|live| live.offer.generation == generation)
             .cloned()
     }
 
-    pub(super) fn underway(&self, id: u64) -> Result<Deployment, Refused> {
+    pub(super) fn underway(&self, id: DeploymentId) -> Result<Deployment, Refused> {
         let live = self.outcome.ledger.live.as_ref();
         live.filter(|live| live.id == id)
             .cloned()
@@ -70,7 +68,7 @@ impl<'a> Draft<'a> {
         reason: Option<String>,
     ) -> Result<(), Refused> {
         after.state = before.state.after(event)?;
-        after.version += 1;
+        after.version = after.version.next();
         if reason.is_some() {
             after.reason.clone_from(&reason);
         }
@@ -102,7 +100,7 @@ impl<'a> Draft<'a> {
     }
 
     /// The service does not propose this again by itself.
-    pub(super) fn decline(&mut self, revision: u64) {
+    pub(super) fn decline(&mut self, revision: RevisionId) {
         let mut shadow = self.outcome.ledger.shadow.clone();
         if shadow.declined != Some(revision) {
             shadow.declined = Some(revision);
@@ -119,7 +117,7 @@ impl<'a> Draft<'a> {
     ) -> Revision {
         let robot = self.outcome.ledger.shadow.robot.clone();
         let id = self.ids.revision;
-        self.ids.revision += 1;
+        self.ids.revision = self.ids.revision.next();
         let now = self.standing.now;
         let revision = Revision::new(id, robot, origin, values, evidence, rear_axle, now);
         self.outcome.ledger.revisions.insert(id, revision.clone());
@@ -168,7 +166,7 @@ impl<'a> Draft<'a> {
         mut after: Shadow,
         reason: Option<String>,
     ) {
-        after.version += 1;
+        after.version = after.version.next();
         if let Some(sum) = self.automatic_sum.take() {
             after.automatic_sum = sum;
             if sum.iter().all(|step| *step == 0.0) {
@@ -194,7 +192,7 @@ pub(super) fn after(now: WallTime, seconds: u32) -> WallTime {
     now.plus(Duration::from_secs(seconds.into()))
 }
 
-pub(super) fn fresh(expected: Option<u64>, found: u64) -> Result<(), Refused> {
+pub(super) fn fresh(expected: Option<Version>, found: Version) -> Result<(), Refused> {
     if expected.is_some_and(|expected| expected != found) {
         return Err(Refused::Stale { found });
     }

@@ -1,6 +1,6 @@
 //! What time and the estimates ask for.
 
-use fleetcal_model::{RobotTime, WallTime};
+use fleetcal_model::{RevisionId, RobotTime, WallTime};
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::estimate::EstimateDocument;
 
@@ -262,7 +262,7 @@ fn verification_due(
 /// Why the latest estimate speaks against a revision of the estimator's.
 fn disagreement(
     ledger: &RobotLedger,
-    revision: u64,
+    revision: RevisionId,
     situation: &Situation<'_>,
     policy: &Policy,
 ) -> Option<String> {

@@ -63,7 +63,7 @@ pub fn expected_gain(
 
 #[cfg(test)]
 mod tests {
-    use fleetcal_model::WallTime;
+    use fleetcal_model::{RevisionId, WallTime};
     use fleetcal_proto::RobotId;
 
     use super::*;
@@ -77,7 +77,7 @@ mod tests {
         let robot = RobotId::parse("tugger_01").unwrap();
         let found = (values(steering_offset_rad), values(sigma_rad));
         Revision::new(
-            1,
+            RevisionId(1),
             robot,
             Origin::Estimator,
             found,

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use fleetcal_model::{DeploymentId, Generation, ProposalId, RevisionId};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
 
@@ -25,7 +26,7 @@ pub struct RobotLedger {
     /// The document that a robot's answer is about, which the records above may not name any more.
     pub answered: Option<GenerationRef>,
     /// Every revision that these name.
-    pub revisions: BTreeMap<u64, Revision>,
+    pub revisions: BTreeMap<RevisionId, Revision>,
 }
 
 impl RobotLedger {
@@ -41,7 +42,7 @@ impl RobotLedger {
     }
 
     /// The signed document of a generation, where the records name it.
-    pub(super) fn reference(&self, generation: u64) -> Option<&GenerationRef> {
+    pub(super) fn reference(&self, generation: Generation) -> Option<&GenerationRef> {
         let live = self.live.iter();
         let offers = live.flat_map(|live| {
             let earlier = live.earlier.iter().chain(&live.desired_before);
@@ -69,9 +70,9 @@ impl RobotLedger {
     }
 
     /// The revisions that the records name.
-    pub fn named_revisions(&self) -> Vec<u64> {
+    pub fn named_revisions(&self) -> Vec<RevisionId> {
         let shadow = &self.shadow;
-        let mut ids: Vec<u64> = shadow.verified.iter().map(|one| one.revision).collect();
+        let mut ids: Vec<RevisionId> = shadow.verified.iter().map(|one| one.revision).collect();
         ids.extend(shadow.desired.iter().map(|one| one.revision));
         ids.extend(shadow.in_use.iter().filter_map(|one| one.revision));
         ids.extend(shadow.before.iter().filter_map(|one| one.revision));
@@ -94,20 +95,20 @@ impl RobotLedger {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NextIds {
     /// Of the next revision.
-    pub revision: u64,
+    pub revision: RevisionId,
     /// Of the next proposal.
-    pub proposal: u64,
+    pub proposal: ProposalId,
     /// Of the next deployment.
-    pub deployment: u64,
+    pub deployment: DeploymentId,
 }
 
 /// Something to be sent to the robot, kept until it was.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum OutboxEntry {
     /// The approved document of this generation.
-    Approved(u64),
+    Approved(Generation),
     /// That the answer about this generation is stored.
-    Confirmed(u64),
+    Confirmed(Generation),
 }
 
 /// What a step leaves, to be written in one transaction.
@@ -124,7 +125,7 @@ pub struct Outcome {
     /// Whether the shadow changed.
     pub shadow_changed: bool,
     /// Documents that were signed, with their generations.
-    pub envelopes: Vec<(u64, Envelope)>,
+    pub envelopes: Vec<(Generation, Envelope)>,
     /// What to send.
     pub outbox: Vec<OutboxEntry>,
     /// What was sent and need not be kept any more.

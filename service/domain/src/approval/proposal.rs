@@ -1,6 +1,6 @@
 //! What is asked of people.
 
-use fleetcal_model::WallTime;
+use fleetcal_model::{Generation, ProposalId, RevisionId, Version, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use serde::{Deserialize, Serialize};
@@ -119,15 +119,15 @@ pub struct Refreshed {
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Proposal {
     /// Its number.
-    pub id: u64,
+    pub id: ProposalId,
     /// For which robot.
     pub robot: RobotId,
     /// Goes up with every change of it.
-    pub version: u64,
+    pub version: Version,
     /// Where it stands.
     pub state: ProposalState,
     /// What is proposed.
-    pub revision: u64,
+    pub revision: RevisionId,
     /// SHA-256 of the revision; approvals bind to it.
     pub revision_sha256: String,
     /// Who proposed it.
@@ -141,7 +141,7 @@ pub struct Proposal {
     /// What the robot used when this was proposed; `None` when nobody knew.
     pub base: Option<CalibrationValues>,
     /// The generation of that.
-    pub base_generation: Option<u64>,
+    pub base_generation: Option<Generation>,
     /// How many people have to agree.
     pub approvals_needed: u32,
     /// Who has agreed.

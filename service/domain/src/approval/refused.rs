@@ -1,5 +1,6 @@
 //! Why a command was refused.
 
+use fleetcal_model::{DeploymentId, Generation, ProposalId, Version};
 use thiserror::Error;
 
 use super::deployment::{DeploymentEvent, DeploymentState};
@@ -25,12 +26,12 @@ pub enum Refused {
     },
     /// No open proposal of the robot has this number.
     #[error("proposal {0} is not open any more")]
-    NotOpen(u64),
+    NotOpen(ProposalId),
     /// The record has changed since it was looked at.
     #[error("it is at version {found} now: somebody changed it since you opened it")]
     Stale {
         /// The version it is at.
-        found: u64,
+        found: Version,
     },
     /// The approval is about another revision.
     #[error("sha256 is {given}, expected the proposed revision's, {found}")]
@@ -53,7 +54,7 @@ pub enum Refused {
     #[error("deployment {deployment} of this robot is {}, expected one at a time", state.as_str())]
     Underway {
         /// Which.
-        deployment: u64,
+        deployment: DeploymentId,
         /// Where it stands.
         state: DeploymentState,
     },
@@ -78,12 +79,12 @@ pub enum Refused {
     NothingEarlier,
     /// No robot is shown what it has not seen yet while the deployment freeze is on.
     #[error("the deployment freeze is on, and deployment {0} waits for its end")]
-    Held(u64),
+    Held(DeploymentId),
     /// The service never replaces values that a person rolled the robot back to.
     #[error("generation {generation} was chosen by {by}: only a person can replace it")]
     ChosenByPerson {
         /// The generation.
-        generation: u64,
+        generation: Generation,
         /// Who rolled the robot back to it.
         by: String,
     },
@@ -92,20 +93,20 @@ pub enum Refused {
     NoMaintenance,
     /// No such deployment is under way.
     #[error("deployment {0} is not under way")]
-    NotUnderway(u64),
+    NotUnderway(DeploymentId),
     /// An answer about a document that was never given out.
     #[error("generation is {generation}, expected {most} at most")]
     NeverOffered {
         /// What the answer is about.
-        generation: u64,
+        generation: Generation,
         /// The highest one that is believed.
-        most: u64,
+        most: Generation,
     },
     /// An answer about another document of this generation.
     #[error("sha256 of generation {generation} is {given:?}, expected {found}")]
     OtherDocument {
         /// The generation.
-        generation: u64,
+        generation: Generation,
         /// What the answer is about.
         given: String,
         /// The document's.
@@ -120,7 +121,7 @@ impl Refused {
     /// Why a command on proposal `id` was refused that is `closed` now. This tells "somebody was
     /// faster" from "that was decided long ago": a proposal that is not open any more has another
     /// version than the one that was looked at while it was.
-    pub fn not_open(id: u64, closed: Option<&Proposal>, looked_at: Option<u64>) -> Self {
+    pub fn not_open(id: ProposalId, closed: Option<&Proposal>, looked_at: Option<Version>) -> Self {
         match (closed, looked_at) {
             (Some(closed), Some(looked_at)) if closed.version != looked_at => Self::Stale {
                 found: closed.version,
@@ -137,7 +138,7 @@ impl Refused {
 ///
 /// # Errors
 /// [`Refused::Stale`] or [`Refused::ReasonMissing`].
-pub fn may_change(found: u64, looked_at: u64, reason: &str) -> Result<(), Refused> {
+pub fn may_change(found: Version, looked_at: Version, reason: &str) -> Result<(), Refused> {
     if found != looked_at {
         return Err(Refused::Stale { found });
     }

@@ -1,6 +1,6 @@
 //! What was found, for ever.
 
-use fleetcal_model::{Pose2, RobotTime, WallTime};
+use fleetcal_model::{Pose2, RevisionId, RobotTime, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::estimate::EstimateDocument;
@@ -62,7 +62,7 @@ impl Evidence {
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Revision {
     /// Its number.
-    pub id: u64,
+    pub id: RevisionId,
     /// Whose.
     pub robot: RobotId,
     /// Where it comes from.
@@ -88,7 +88,7 @@ pub struct Revision {
 impl Revision {
     /// A new revision.
     pub fn new(
-        id: u64,
+        id: RevisionId,
         robot: RobotId,
         origin: Origin,
         (values, sigmas): (CalibrationValues, CalibrationValues),

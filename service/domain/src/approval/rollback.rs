@@ -1,6 +1,6 @@
 //! Sends values on their way to the robot: approved ones, and former ones on the way back.
 
-use fleetcal_model::{Pose2, RobotTime};
+use fleetcal_model::{Generation, Pose2, RevisionId, RobotTime, Version};
 use fleetcal_proto::calibration::{
     CalibrationDocument, CalibrationFrame, CalibrationSchema, CalibrationValues,
 };
@@ -35,13 +35,13 @@ impl Draft<'_> {
     pub(super) fn deploy(
         &mut self,
         proposal: Option<&Proposal>,
-        revision: u64,
+        revision: RevisionId,
         nominal: Option<CalibrationValues>,
         reason: Option<String>,
     ) -> Result<(), Refused> {
         let shadow = &self.outcome.ledger.shadow;
         let factory = |values| InUse {
-            generation: 0,
+            generation: Generation(0),
             revision: None,
             values,
             since_ns: RobotTime::default(),
@@ -62,7 +62,7 @@ impl Draft<'_> {
         let deployment = Deployment {
             id: self.ids.deployment,
             robot: self.outcome.ledger.shadow.robot.clone(),
-            version: 1,
+            version: Version(1),
             state: DeploymentState::Queued,
             proposal: proposal.map(|proposal| proposal.id),
             approved_by,
@@ -79,13 +79,18 @@ impl Draft<'_> {
             reason: reason.clone(),
             roll_back,
         };
-        self.ids.deployment += 1;
+        self.ids.deployment = self.ids.deployment.next();
         self.save_deployment(DeploymentAction::Create, None, deployment, reason);
         Ok(())
     }
 
     /// What is kept of a roll-back to a revision.
-    fn note_roll_back(&self, rollback: Rollback, revision: u64, reason: &str) -> Option<RollBack> {
+    fn note_roll_back(
+        &self,
+        rollback: Rollback,
+        revision: RevisionId,
+        reason: &str,
+    ) -> Option<RollBack> {
         let revision = self.outcome.ledger.revisions.get(&revision)?;
         Some(RollBack {
             by: self.standing.actor.name.clone(),
@@ -111,15 +116,15 @@ impl Draft<'_> {
     /// Signs a revision under the next generation and makes it what the robot should hold.
     fn sign(
         &mut self,
-        revision: u64,
-        base_generation: Option<u64>,
+        revision: RevisionId,
+        base_generation: Option<Generation>,
         approved_by: &str,
         chosen_by: Option<String>,
     ) -> Result<GenerationRef, Refused> {
         let named = self.outcome.ledger.revisions.get(&revision);
         let named = named.ok_or(Refused::NothingToReturnTo)?;
         let mut shadow = self.outcome.ledger.shadow.clone();
-        shadow.generation_last += 1;
+        shadow.generation_last = shadow.generation_last.next();
         let generation = shadow.generation_last;
         let rear_axle = named.rear_axle_in_base_link;
         let CalibrationValues {
@@ -227,7 +232,7 @@ impl Draft<'_> {
 
     /// A revision of what the robot used, which may be its factory calibration: its frames are then
     /// those of what it goes back from.
-    fn revision_of(&mut self, base: &InUse, from: Option<u64>) -> u64 {
+    fn revision_of(&mut self, base: &InUse, from: Option<RevisionId>) -> RevisionId {
         let known = base
             .revision
             .filter(|id| self.outcome.ledger.revisions.contains_key(id));
@@ -242,7 +247,7 @@ impl Draft<'_> {
     }
 
     /// What somebody has gone back from is not gone back to, whatever it has proven once.
-    fn forget_proof(&mut self, revision: u64) {
+    fn forget_proof(&mut self, revision: RevisionId) {
         let mut shadow = self.outcome.ledger.shadow.clone();
         shadow.verified.retain(|one| one.revision != revision);
         if shadow.verified.len() < self.outcome.ledger.shadow.verified.len() {

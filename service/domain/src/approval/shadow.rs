@@ -1,6 +1,6 @@
 //! What a robot should use, and what it reported.
 
-use fleetcal_model::{RobotTime, WallTime};
+use fleetcal_model::{Generation, RevisionId, RobotTime, Version, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::AppliedStatus;
 use serde::{Deserialize, Serialize};
@@ -13,7 +13,7 @@ use super::values::Change;
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Reported {
     /// The generation it is about.
-    pub generation: u64,
+    pub generation: Generation,
     /// SHA-256 of the document.
     pub sha256: String,
     /// What became of it.
@@ -59,9 +59,9 @@ pub struct Shadow {
     /// Whose.
     pub robot: RobotId,
     /// Goes up with every change of it.
-    pub version: u64,
+    pub version: Version,
     /// The highest generation ever given out; none is used twice.
-    pub generation_last: u64,
+    pub generation_last: Generation,
     /// What the robot should hold; `None` before the first approval.
     pub desired: Option<GenerationRef>,
     /// What the robot last answered.
@@ -73,7 +73,7 @@ pub struct Shadow {
     /// Generations that were verified, oldest first.
     pub verified: Vec<GenerationRef>,
     /// The revision that was last rejected, withdrawn or rolled back: not proposed again.
-    pub declined: Option<u64>,
+    pub declined: Option<RevisionId>,
     /// That it is switched off on purpose; it may be over.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub maintenance: Option<Maintenance>,
@@ -91,11 +91,11 @@ pub struct Shadow {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
 pub struct Contradicted {
     /// The generation that it was said to have applied.
-    pub generation: u64,
+    pub generation: Generation,
     /// When the service learnt of that, ns since 1970, wall time.
     pub received_ns: WallTime,
     /// The generation of the answer that contradicts it.
-    pub by_generation: u64,
+    pub by_generation: Generation,
     /// What that answer says.
     pub by_status: AppliedStatus,
     /// When the service learnt of that, ns since 1970, wall time.
@@ -114,8 +114,8 @@ impl Shadow {
     pub fn new(robot: RobotId) -> Self {
         Self {
             robot,
-            version: 0,
-            generation_last: 0,
+            version: Version(0),
+            generation_last: Generation(0),
             desired: None,
             reported: None,
             in_use: None,
@@ -129,7 +129,7 @@ impl Shadow {
     }
 
     /// Whether the robot has said that it uses this generation.
-    pub fn uses(&self, generation: u64) -> bool {
+    pub fn uses(&self, generation: Generation) -> bool {
         let in_use = self.in_use.as_ref();
         in_use.is_some_and(|in_use| in_use.generation == generation)
     }

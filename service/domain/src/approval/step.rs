@@ -1,6 +1,6 @@
 //! Takes a command: the records again, or a refusal.
 
-use fleetcal_model::WallTime;
+use fleetcal_model::{DeploymentId, Generation, WallTime};
 
 use super::command::{Command, Standing};
 use super::deployment::{DeploymentEvent, DeploymentState, Verification};
@@ -91,7 +91,7 @@ pub fn step(
 
 impl Draft<'_> {
     /// The robot is about to see the document.
-    fn offer(&mut self, generation: u64) -> Result<(), Refused> {
+    fn offer(&mut self, generation: Generation) -> Result<(), Refused> {
         let Some(before) = self.live_offer(generation) else {
             return Ok(());
         };
@@ -114,7 +114,7 @@ impl Draft<'_> {
     }
 
     /// The robot was shown the document. One that nobody was to see yet still has to be sent.
-    fn offered(&mut self, generation: u64) {
+    fn offered(&mut self, generation: Generation) {
         let live = self.live_offer(generation);
         if live.is_none_or(|live| live.state != DeploymentState::Queued) {
             self.outcome.sent = Some(OutboxEntry::Approved(generation));
@@ -122,7 +122,7 @@ impl Draft<'_> {
     }
 
     /// The robot was told that its answer is stored.
-    fn confirmed(&mut self, generation: u64) -> Result<(), Refused> {
+    fn confirmed(&mut self, generation: Generation) -> Result<(), Refused> {
         self.outcome.sent = Some(OutboxEntry::Confirmed(generation));
         let Some(before) = self.live_offer(generation) else {
             return Ok(());
@@ -140,7 +140,7 @@ impl Draft<'_> {
         Ok(())
     }
 
-    fn judge(&mut self, id: u64, verification: Verification) -> Result<(), Refused> {
+    fn judge(&mut self, id: DeploymentId, verification: Verification) -> Result<(), Refused> {
         let before = self.underway(id)?;
         let mut live = before.clone();
         live.verification = Some(verification);
@@ -177,7 +177,7 @@ impl Draft<'_> {
         }
     }
 
-    fn give_up(&mut self, id: u64, reason: String) -> Result<(), Refused> {
+    fn give_up(&mut self, id: DeploymentId, reason: String) -> Result<(), Refused> {
         let before = self.underway(id)?;
         let (event, action) = match before.state {
             DeploymentState::Verifying => (
@@ -189,7 +189,7 @@ impl Draft<'_> {
         self.advance(&before, before.clone(), event, action, Some(reason))
     }
 
-    fn void(&mut self, id: u64, reason: String) -> Result<(), Refused> {
+    fn void(&mut self, id: DeploymentId, reason: String) -> Result<(), Refused> {
         let before = self.underway(id)?;
         if before.is_return() {
             return Err(Refused::ChosenByPerson {

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use fleetcal_model::{RobotId, RobotTime};
+use fleetcal_model::{Generation, RobotId, RobotTime};
 use fleetcal_proto::estimate::{ChangeDocument, EstimateDocument};
 use fleetcal_proto::event::RobotEvent;
 use serde::{Deserialize, Serialize};
@@ -68,7 +68,7 @@ pub trait Journal: fmt::Debug + Send + Sync + 'static {
     /// Something happened to a robot.
     fn record_event(&self, robot: &RobotId, event: &Arc<HistoryEvent>);
     /// How well a robot follows its path with one calibration. It replaces the earlier one.
-    fn save_cross_track(&self, robot: &RobotId, generation: u64, errors: &CrossTrack);
+    fn save_cross_track(&self, robot: &RobotId, generation: Generation, errors: &CrossTrack);
     /// An estimator's state, as JSON. It replaces the robot's earlier one.
     fn save_checkpoint(&self, robot: &RobotId, stamp_ns: RobotTime, json: String);
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use fleetcal_model::{RobotId, Stream, WallTime};
+use fleetcal_model::{Generation, RobotId, Stream, WallTime};
 use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_proto::ros2_key::KeyLayout;
 use serde::{Deserialize, Serialize};
@@ -175,7 +175,7 @@ pub struct RobotView {
     pub estimate: Option<Arc<EstimateDocument>>,
     /// An estimate from nothing but what came since the values of this generation are in use;
     /// `None` while nothing is to be verified.
-    pub fresh: Option<(u64, Arc<EstimateDocument>)>,
+    pub fresh: Option<(Generation, Arc<EstimateDocument>)>,
     /// What became of its messages.
     pub counters: Counters,
     /// Times that its estimator was restarted after a panic.

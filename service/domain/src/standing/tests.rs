@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use fleetcal_model::WallTime;
+use fleetcal_model::{AlertId, Generation, ProposalId, RevisionId, Version, WallTime};
 
 use super::*;
 use crate::alert::tests::{deployment, estimate, in_use, robot, view};
@@ -26,11 +26,11 @@ fn case(state: RobotState) -> Case {
 
 fn proposal() -> Proposal {
     Proposal {
-        id: 3,
+        id: ProposalId(3),
         robot: robot(),
-        version: 1,
+        version: Version(1),
         state: ProposalState::Proposed,
-        revision: 1,
+        revision: RevisionId(1),
         revision_sha256: "00".to_owned(),
         proposed_by: "fleetcal".to_owned(),
         reason: None,
@@ -67,7 +67,7 @@ impl Case {
     }
 
     /// It uses this generation, whose steering offset is given; the estimate says 0.
-    fn using(mut self, generation: u64, steering_offset_rad: f64) -> Self {
+    fn using(mut self, generation: Generation, steering_offset_rad: f64) -> Self {
         self.ledger.shadow.in_use = Some(in_use(generation, steering_offset_rad));
         self
     }
@@ -92,7 +92,7 @@ fn it_is_the_worst_of_what_is_so() {
     assert_eq!(of(case(R::Failed)), S::EstimatorFailed);
     assert_eq!(of(case(R::Changed)), S::Drift);
     assert_eq!(of(case(R::Calibrated).proposed()), S::AwaitingApproval);
-    let drifted = case(R::Calibrated).proposed().using(1, 0.0);
+    let drifted = case(R::Calibrated).proposed().using(Generation(1), 0.0);
     assert_eq!(of(drifted.alerting(AlertKind::Drift)), S::Drift);
     assert_eq!(of(case(R::NoData).proposed()), S::NoData);
     let verifying = case(R::Learning).deployed(DeploymentState::Verifying);
@@ -127,18 +127,21 @@ fn nothing_has_drifted_as_long_as_nothing_was_applied() {
     use RobotState as R;
     let drift = |case: Case| case.alerting(AlertKind::Drift).stands();
     assert_eq!(drift(case(R::Calibrated)), Standing::Uncalibrated);
-    let factory = case(R::Calibrated).using(0, 0.0);
+    let factory = case(R::Calibrated).using(Generation(0), 0.0);
     assert_eq!(drift(factory), Standing::Uncalibrated);
     let proposed = case(R::Calibrated).proposed();
     assert_eq!(drift(proposed), Standing::AwaitingApproval);
-    assert_eq!(drift(case(R::Calibrated).using(1, 0.0)), Standing::Drift);
+    assert_eq!(
+        drift(case(R::Calibrated).using(Generation(1), 0.0)),
+        Standing::Drift
+    );
     // The estimator has seen it move: that it did.
     assert_eq!(drift(case(R::Changed)), Standing::Drift);
 }
 
 #[test]
 fn a_silent_robot_with_values_inside_the_tolerance_has_not_drifted() {
-    let of = |offset_rad| case(RobotState::Calibrated).using(1, offset_rad);
+    let of = |offset_rad| case(RobotState::Calibrated).using(Generation(1), offset_rad);
     let drift = AlertKind::Drift;
     assert_eq!(of(0.001).stale(drift).stands(), Standing::Calibrated);
     assert_eq!(of(0.02).stale(drift).stands(), Standing::Drift);
@@ -167,7 +170,11 @@ fn a_robot_in_maintenance_is_not_missed_until_that_ends() {
 #[test]
 fn every_alert_is_a_way_to_stand() {
     use Standing as S;
-    let of = |kind| case(RobotState::Calibrated).using(1, 0.0).alerting(kind);
+    let of = |kind| {
+        case(RobotState::Calibrated)
+            .using(Generation(1), 0.0)
+            .alerting(kind)
+    };
     let found = AlertKind::ALL.map(|kind| of(kind).stands());
     let expected = [
         S::RollbackFailed,
@@ -197,11 +204,11 @@ fn every_alert_is_a_way_to_stand() {
 #[test]
 fn an_alert_about_several_robots_is_one_of_each() {
     let alert = Alert {
-        id: 7,
+        id: AlertId(7),
         robot: Subject::Fleet,
         robots: vec![robot()],
         kind: AlertKind::NoData,
-        version: 3,
+        version: Version(3),
         condition: Condition::Alerting {
             since_ns: WallTime(0),
         },

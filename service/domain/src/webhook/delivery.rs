@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use fleetcal_model::WallTime;
+use fleetcal_model::{DeliveryId, WallTime, WebhookId};
 use serde::{Deserialize, Serialize};
 use strum::{EnumString, IntoStaticStr, VariantArray};
 
@@ -80,9 +80,9 @@ impl Attempt {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Delivery {
     /// Its number.
-    pub id: u64,
+    pub id: DeliveryId,
     /// To which webhook.
-    pub webhook: u64,
+    pub webhook: WebhookId,
     /// The message's `webhook-id`.
     pub message: String,
     /// What it tells.
@@ -105,9 +105,9 @@ pub struct Delivery {
 
 impl Delivery {
     /// A message of `now` that waits for a webhook with this secret. The store gives the number.
-    pub fn new(webhook: u64, secret: &Secret, message: &Message, now: WallTime) -> Self {
+    pub fn new(webhook: WebhookId, secret: &Secret, message: &Message, now: WallTime) -> Self {
         Self {
-            id: 0,
+            id: DeliveryId(0),
             webhook,
             message: secret.message_id(&message.subject),
             event: message.event,
@@ -168,8 +168,8 @@ mod tests {
 
     fn delivery() -> Delivery {
         Delivery {
-            id: 1,
-            webhook: 1,
+            id: DeliveryId(1),
+            webhook: WebhookId(1),
             message: "msg_1".to_owned(),
             event: WebhookEvent::AlertAlerting,
             body: "{}".to_owned(),

@@ -1,6 +1,6 @@
 //! What is told.
 
-use fleetcal_model::WallTime;
+use fleetcal_model::{ProposalId, Version, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use jiff::Timestamp;
@@ -43,9 +43,9 @@ struct Told {
 /// A proposal that waits for people.
 #[derive(Serialize)]
 struct Waiting<'a> {
-    id: u64,
+    id: ProposalId,
     robot: &'a RobotId,
-    version: u64,
+    version: Version,
     /// How the robot stands; `null` of one that sends nothing and is not configured.
     standing: Option<Standing>,
     proposed_by: &'a str,

@@ -1,6 +1,6 @@
 //! Who is told.
 
-use fleetcal_model::WallTime;
+use fleetcal_model::{WallTime, WebhookId};
 use serde::{Deserialize, Serialize};
 use strum::{EnumString, IntoStaticStr};
 use thiserror::Error;
@@ -63,7 +63,7 @@ impl WebhookEvent {
 pub enum WebhookRefused {
     /// No webhook has this number.
     #[error("no webhook {0} is known")]
-    Unknown(u64),
+    Unknown(WebhookId),
     /// Its address cannot be told anything.
     #[error("url is {url:?}, expected {accepted}")]
     Url {
@@ -74,7 +74,7 @@ pub enum WebhookRefused {
     },
     /// Another webhook has this address.
     #[error("url is that of webhook {0} already")]
-    UrlTaken(u64),
+    UrlTaken(WebhookId),
     /// There are too many.
     #[error("{} webhooks are there, which is the limit", limits::WEBHOOKS_MAX)]
     TooMany,
@@ -148,7 +148,7 @@ impl From<WebhookUrl> for String {
 pub struct Webhook {
     /// Its number; the store gives it, and 0 stands for none yet.
     #[serde(skip)]
-    pub id: u64,
+    pub id: WebhookId,
     /// Where messages go.
     pub url: WebhookUrl,
     /// What it is told of.

@@ -6,7 +6,7 @@ use fleetcal_domain::access::{
     AccountName, AccountRefused, Actor, Authentication, Grant, HttpRequest, PasswordHash, Role,
     SecretHash,
 };
-use fleetcal_model::WallTime;
+use fleetcal_model::{UserId, Version, WallTime};
 use fleetcal_store::{Credential, Expected, IdempotencyKey, StoreError};
 use sqlx::ConnectOptions;
 
@@ -68,17 +68,17 @@ async fn audit(folder: &Path) -> Vec<String> {
 }
 
 /// A sign-in of user 1, whose password was right at `version`.
-fn sign_in(version: u64) -> UserChange {
+fn sign_in(version: Version) -> UserChange {
     UserChange::SignIn {
-        id: 1,
+        id: UserId(1),
         version,
         session: SecretHash::of("cookie"),
     }
 }
 
-fn edit(version: u64, edit: UserEdit) -> UserChange {
+fn edit(version: Version, edit: UserEdit) -> UserChange {
     UserChange::Edit {
-        id: 1,
+        id: UserId(1),
         expected: Expected::Version(version),
         edit,
         keep: None,
@@ -99,12 +99,15 @@ async fn every_change_leaves_its_audit_row_without_secrets() {
     let user = async |change| change_user(&store, actor(), change).await.unwrap();
     let session = SecretHash::of("cookie");
     user(new_user("ann", Role::Admin)).await;
-    user(sign_in(1)).await;
+    user(sign_in(Version(1))).await;
     let found = store.session_of(session).await.unwrap().unwrap();
-    assert_eq!((found.user.id, found.span.used_ns), (1, WallTime(NOW_NS)));
+    assert_eq!(
+        (found.user.id, found.span.used_ns),
+        (UserId(1), WallTime(NOW_NS))
+    );
     user(UserChange::SignOut { session }).await;
     assert_eq!(store.session_of(session).await.unwrap(), None);
-    user(edit(1, password())).await;
+    user(edit(Version(1), password())).await;
     let token = change_token(&store, actor(), new_token("ci", Role::Viewer));
     let id = token.await.unwrap().record.id;
     for _ in 0..2 {
@@ -138,19 +141,19 @@ async fn a_refused_change_leaves_no_audit_row() {
     let user = async |change| change_user(&store, actor(), change).await;
     let session = SecretHash::of("cookie");
     user(new_user("ann", Role::Admin)).await.unwrap();
-    user(edit(1, password())).await.unwrap();
+    user(edit(Version(1), password())).await.unwrap();
     let viewer = UserEdit {
         grant: Some(Grant::of_person(Role::Viewer).unwrap()),
         ..UserEdit::default()
     };
     let changes = [
         new_user("ANN", Role::Viewer),
-        sign_in(1),
+        sign_in(Version(1)),
         UserChange::SignOut { session },
-        edit(1, viewer.clone()),
-        edit(2, viewer),
+        edit(Version(1), viewer.clone()),
+        edit(Version(2), viewer),
         UserChange::Remove {
-            id: 1,
+            id: UserId(1),
             expected: Expected::Any,
         },
         UserChange::SetUp {
@@ -179,8 +182,15 @@ async fn of_many_who_remove_the_last_administrators_one_is_refused() {
         made.unwrap();
     }
     let removals = (1..=3).map(|id| {
-        let expected = Expected::Version(1);
-        change_user(&store, actor(), UserChange::Remove { id, expected })
+        let expected = Expected::Version(Version(1));
+        change_user(
+            &store,
+            actor(),
+            UserChange::Remove {
+                id: UserId(id),
+                expected,
+            },
+        )
     });
     let done = futures::future::join_all(removals).await;
     let refused: Vec<_> = done.into_iter().filter_map(Result::err).collect();

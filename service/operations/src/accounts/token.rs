@@ -5,7 +5,7 @@ use fleetcal_domain::access::{
     AccountName, AccountRefused, Actor, Grant, SecretHash, TokenSpan, allow_new_token,
 };
 use fleetcal_domain::audit::Action;
-use fleetcal_model::WallTime;
+use fleetcal_model::{TokenId, WallTime};
 use fleetcal_store::transaction::AnswerScope;
 use fleetcal_store::{AuditEntry, IdempotencyKey, Job, Records, StoreError, TokenRecord, Written};
 use serde_json::{Value, json};
@@ -42,7 +42,7 @@ pub enum TokenChange {
     /// It counts no more. A token that was revoked before stays as it is.
     Revoke {
         /// Which.
-        id: i64,
+        id: TokenId,
     },
 }
 
@@ -65,7 +65,7 @@ impl Job for ChangeToken {
                     revoked_ns: None,
                 };
                 let token = TokenRecord {
-                    id: 0,
+                    id: TokenId(0),
                     name: name.clone(),
                     grant: grant.clone(),
                     hash: *hash,
@@ -89,7 +89,7 @@ impl ChangeToken {
     ) -> Result<Written<TokenRecord>, StoreError> {
         if let Some(id) = made_before(records, AnswerScope::Token, key).await? {
             return Ok(Written {
-                record: known(records, id).await?,
+                record: known(records, TokenId(id)).await?,
                 repeated: true,
             });
         }
@@ -97,7 +97,7 @@ impl ChangeToken {
         let taken = records.token_named(&token.name, self.now).await?;
         allow_new_token(tokens, &token.name, taken.is_some())?;
         token.id = records.add_token(&token).await?;
-        note_made(records, AnswerScope::Token, key, token.id, self.now).await?;
+        note_made(records, AnswerScope::Token, key, token.id.0, self.now).await?;
         self.audit(records, Action::CreateToken, None, &token)
             .await?;
         Ok(Written {
@@ -109,7 +109,7 @@ impl ChangeToken {
     async fn revoke(
         &self,
         records: &mut dyn Records,
-        id: i64,
+        id: TokenId,
     ) -> Result<Written<TokenRecord>, StoreError> {
         let before = known(records, id).await?;
         if before.span.revoked_ns.is_some() {
@@ -150,7 +150,7 @@ impl ChangeToken {
     }
 }
 
-async fn known(records: &mut dyn Records, id: i64) -> Result<TokenRecord, StoreError> {
+async fn known(records: &mut dyn Records, id: TokenId) -> Result<TokenRecord, StoreError> {
     let token = records.token(id).await?;
     Ok(token.ok_or(AccountRefused::TokenUnknown(id))?)
 }

@@ -7,7 +7,7 @@ use fleetcal_domain::access::{
 };
 use fleetcal_domain::audit::Action;
 use fleetcal_domain::limits;
-use fleetcal_model::WallTime;
+use fleetcal_model::{UserId, Version, WallTime};
 use fleetcal_store::transaction::AnswerScope;
 use fleetcal_store::{
     AuditEntry, Expected, IdempotencyKey, Job, Records, StoreError, UserRecord, Written,
@@ -53,7 +53,7 @@ pub enum UserChange {
     /// Some of role, password and `disabled`. Sessions end, unless the role alone changes.
     Edit {
         /// Who.
-        id: i64,
+        id: UserId,
         /// The version that the caller saw.
         expected: Expected,
         /// The new values.
@@ -64,16 +64,16 @@ pub enum UserChange {
     /// Away with it.
     Remove {
         /// Who.
-        id: i64,
+        id: UserId,
         /// The version that the caller saw.
         expected: Expected,
     },
     /// A new session of a user whose password was right at `version`.
     SignIn {
         /// Who.
-        id: i64,
+        id: UserId,
         /// The version whose password was right.
-        version: u64,
+        version: Version,
         /// The browser's session.
         session: SecretHash,
     },
@@ -152,12 +152,12 @@ impl ChangeUser {
     ) -> Result<Written<UserRecord>, StoreError> {
         if let Some(id) = made_before(records, AnswerScope::User, key).await? {
             return Ok(Written {
-                record: known(records, id).await?,
+                record: known(records, UserId(id)).await?,
                 repeated: true,
             });
         }
         let record = self.add(records, new).await?;
-        note_made(records, AnswerScope::User, key, record.id, self.now).await?;
+        note_made(records, AnswerScope::User, key, record.id.0, self.now).await?;
         self.audit(records, Action::CreateUser, None, Some(&record))
             .await?;
         Ok(Written {
@@ -175,12 +175,12 @@ impl ChangeUser {
         let taken = records.user_named(name).await?;
         allow_new_user(users, name, taken.is_some())?;
         let mut user = UserRecord {
-            id: 0,
+            id: UserId(0),
             name: name.clone(),
             grant: grant.clone(),
             password: password.clone(),
             disabled: false,
-            version: 1,
+            version: Version(1),
             created_ns: self.now,
             updated_ns: self.now,
             signed_in_ns: None,
@@ -218,7 +218,7 @@ impl ChangeUser {
         after.grant = edit.grant.clone().unwrap_or(after.grant);
         after.password = edit.password.clone().unwrap_or(after.password);
         after.disabled = edit.disabled.unwrap_or(after.disabled);
-        after.version += 1;
+        after.version = after.version.next();
         after.updated_ns = self.now;
         let stays_admin = counts_as_admin(&after.grant, after.disabled);
         check_admin_stays(records, &before, stays_admin).await?;
@@ -250,7 +250,7 @@ impl ChangeUser {
     async fn sign_in(
         &self,
         records: &mut dyn Records,
-        (id, version): (i64, u64),
+        (id, version): (UserId, Version),
         session: &SecretHash,
     ) -> Result<UserRecord, StoreError> {
         // Since the password was compared the user may have been disabled, or have got another one.
@@ -332,7 +332,7 @@ async fn check_admin_stays(
 
 async fn expected_user(
     records: &mut dyn Records,
-    id: i64,
+    id: UserId,
     expected: Expected,
 ) -> Result<UserRecord, StoreError> {
     let user = known(records, id).await?;
@@ -344,7 +344,7 @@ async fn expected_user(
     }
 }
 
-async fn known(records: &mut dyn Records, id: i64) -> Result<UserRecord, StoreError> {
+async fn known(records: &mut dyn Records, id: UserId) -> Result<UserRecord, StoreError> {
     let user = records.user(id).await?;
     Ok(user.ok_or(AccountRefused::UserUnknown(id))?)
 }

@@ -7,7 +7,7 @@ mod standings;
 mod tests;
 mod write;
 
-use fleetcal_model::WallTime;
+use fleetcal_model::{AlertId, Version, WallTime};
 pub use standings::Standings;
 pub use write::{Acknowledge, AlertChange, Observe};
 
@@ -123,8 +123,8 @@ impl AlertEvaluator {
     /// then.
     pub async fn acknowledge(
         &self,
-        id: u64,
-        version: u64,
+        id: AlertId,
+        version: Version,
         actor: Actor,
         note: Option<String>,
     ) -> Result<Alert, StoreError> {
@@ -152,7 +152,7 @@ impl AlertEvaluator {
                     self.forget(alert);
                     let since_ns = self.inner.clock.now();
                     Alert {
-                        version: alert.version + 1,
+                        version: alert.version.next(),
                         condition: Condition::Normal { since_ns },
                         ended_ns: Some(since_ns),
                         ..Alert::clone(alert)
@@ -202,6 +202,6 @@ impl AlertEvaluator {
 }
 
 /// Which of two writes of an alert is the later one: its version, and within one its words.
-const fn place(alert: &Alert) -> (u64, u64, WallTime) {
+const fn place(alert: &Alert) -> (AlertId, Version, WallTime) {
     (alert.id, alert.version, alert.told_ns)
 }

@@ -10,7 +10,7 @@ use fleetcal_domain::limits;
 use fleetcal_domain::webhook::{
     Attempt, DeliveryState, Secret, Webhook, WebhookEvent, WebhookRefused, WebhookUrl,
 };
-use fleetcal_model::WallTime;
+use fleetcal_model::{AlertId, Version, WallTime, WebhookId};
 use fleetcal_store::{AlertFilter, AlertSelection, AuditFilter};
 
 use super::*;
@@ -56,9 +56,9 @@ async fn observe(
     store.transact(write).await.unwrap()
 }
 
-async fn acknowledge(store: &Store, id: u64, version: u64) -> Result<Alert, StoreError> {
+async fn acknowledge(store: &Store, id: u64, version: Version) -> Result<Alert, StoreError> {
     let write = Acknowledge {
-        id,
+        id: AlertId(id),
         version,
         actor: ada(),
         note: Some("on my way".to_owned()),
@@ -134,7 +134,7 @@ async fn an_alert_is_one_until_it_is_over_and_survives_a_restart() {
     // What begins again is another one, whose number was never used.
     observe(&store, "a", AlertKind::Drift, Firing, 80).await;
     let again = store.active_alerts().await.unwrap();
-    assert!(again[0].id > active[0].id + 1, "{}", again[0].id);
+    assert!(again[0].id > active[0].id.next(), "{}", again[0].id);
 }
 
 #[tokio::test]
@@ -172,7 +172,7 @@ async fn the_most_urgent_come_first_and_pages_do_not_overlap() {
         };
         let page = store.alerts(&filter).await.unwrap();
         let Some(last) = page.last() else { break };
-        after = Some((last.rank(), last.id as i64));
+        after = Some((last.rank(), last.id.0 as i64));
         paged.extend(names(&page));
     }
     assert_eq!(paged, order);
@@ -184,19 +184,21 @@ async fn an_acknowledgement_is_audited_and_the_second_one_is_refused() {
     let store = open(folder.path(), &clock()).await;
     observe(&store, "a", AlertKind::NotApplied, Observation::Firing, 0).await;
     let id = store.active_alerts().await.unwrap()[0].id;
-    let unknown = acknowledge(&store, id + 1, 1).await.unwrap_err();
+    let unknown = acknowledge(&store, id.next().0, Version(1))
+        .await
+        .unwrap_err();
     assert!(matches!(
         unknown,
         StoreError::Alert(AlertRefused::Unknown(_))
     ));
-    let taken = acknowledge(&store, id, 1).await.unwrap();
-    assert_eq!((taken.version, taken.id), (2, id));
-    let stale = acknowledge(&store, id, 1).await.unwrap_err();
+    let taken = acknowledge(&store, id.0, Version(1)).await.unwrap();
+    assert_eq!((taken.version, taken.id), (Version(2), id));
+    let stale = acknowledge(&store, id.0, Version(1)).await.unwrap_err();
     assert!(matches!(
         stale,
-        StoreError::Alert(AlertRefused::Stale { found: 2 })
+        StoreError::Alert(AlertRefused::Stale { found: Version(2) })
     ));
-    let twice = acknowledge(&store, id, 2).await.unwrap_err();
+    let twice = acknowledge(&store, id.0, Version(2)).await.unwrap_err();
     assert!(matches!(
         twice,
         StoreError::Alert(AlertRefused::AcknowledgedAlready(_))
@@ -240,7 +242,7 @@ async fn each_webhook_is_told_of_its_events_alone_and_goes_with_its_messages() {
     assert!(matches!(taken, StoreError::Webhook(WebhookRefused::UrlTaken(id)) if id == every.id));
     observe(&store, "r", AlertKind::NotApplied, Firing, 0).await;
     observe(&store, "r", AlertKind::NotApplied, Clear, 1).await;
-    let told = async |webhook: u64| {
+    let told = async |webhook: WebhookId| {
         let deliveries = store.deliveries(webhook, None, 100).await.unwrap();
         deliveries
             .iter()

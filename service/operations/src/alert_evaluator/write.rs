@@ -12,7 +12,7 @@ use fleetcal_domain::audit::Action;
 use fleetcal_domain::limits;
 use fleetcal_domain::standing::{RobotAlerts, Standing, StandingBasis};
 use fleetcal_domain::webhook::Message;
-use fleetcal_model::WallTime;
+use fleetcal_model::{AlertId, Version, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_store::{AlertMoment, AuditEntry, Job, Records, StoreError};
 
@@ -35,9 +35,9 @@ pub struct Observe {
 #[derive(Debug, Clone)]
 pub struct Acknowledge {
     /// Which.
-    pub id: u64,
+    pub id: AlertId,
     /// The version that was looked at.
-    pub version: u64,
+    pub version: Version,
     /// Who.
     pub actor: Actor,
     /// What the person has to say.
@@ -95,7 +95,7 @@ impl Observe {
                 Ok(Some(AlertChange::Kept(alert)))
             }
             Step::Changed(mut alert, notice) => {
-                if alert.id == 0 {
+                if alert.id == AlertId(0) {
                     alert.id = records.add_alert(&alert).await?;
                 } else {
                     records.save_alert(&alert).await?;

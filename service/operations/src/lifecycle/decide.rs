@@ -13,7 +13,7 @@ use fleetcal_domain::approval::{
 use fleetcal_domain::robot::RobotView;
 use fleetcal_domain::standing::{self, RobotAlerts, StandingBasis};
 use fleetcal_domain::webhook::Message;
-use fleetcal_model::{Pose2, RobotTime, WallTime};
+use fleetcal_model::{Pose2, ProposalId, RobotTime, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::signing::SigningKey;
 use fleetcal_store::transaction::AnswerScope;
@@ -122,7 +122,7 @@ impl Decide {
     async fn answered(&self, records: &mut dyn Records) -> Result<Option<Proposal>, StoreError> {
         let scope = AnswerScope::Proposal(&self.robot);
         match made_before(records, scope, self.idempotency.as_ref()).await? {
-            Some(id) => records.proposal(id.unsigned_abs()).await,
+            Some(id) => records.proposal(ProposalId(id.unsigned_abs())).await,
             None => Ok(None),
         }
     }
@@ -136,7 +136,7 @@ impl Decide {
             return Ok(());
         };
         let scope = AnswerScope::Proposal(&self.robot);
-        let (key, id) = (self.idempotency.as_ref(), proposal.id as i64);
+        let (key, id) = (self.idempotency.as_ref(), proposal.id.0 as i64);
         note_made(records, scope, key, id, self.now).await
     }
 

@@ -4,7 +4,7 @@ use async_trait::async_trait;
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::approval::may_change;
 use fleetcal_domain::audit::Action;
-use fleetcal_model::WallTime;
+use fleetcal_model::{Version, WallTime};
 use fleetcal_store::{AuditEntry, DeploymentFreeze, Job, Records, StoreError};
 
 /// A change of the deployment freeze.
@@ -13,7 +13,7 @@ pub struct SetFreeze {
     /// Whether deployments are to be frozen.
     pub frozen: bool,
     /// The version that was looked at.
-    pub version: u64,
+    pub version: Version,
     /// Who.
     pub actor: Actor,
     /// When, wall time.
@@ -30,7 +30,7 @@ impl Job for SetFreeze {
         let before = records.deployment_freeze().await?;
         may_change(before.version, self.version, &self.reason)?;
         let after = DeploymentFreeze {
-            version: before.version + 1,
+            version: before.version.next(),
             frozen: self.frozen,
             by: Some(self.actor.name.clone()),
             at_ns: Some(self.now),

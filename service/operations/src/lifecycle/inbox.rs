@@ -112,7 +112,7 @@ impl Inbox {
 
 #[cfg(test)]
 mod tests {
-    use fleetcal_model::RobotTime;
+    use fleetcal_model::{Generation, RobotTime};
     use fleetcal_proto::calibration::AppliedStatus;
 
     use super::*;
@@ -121,7 +121,7 @@ mod tests {
         RobotId::parse(name).unwrap()
     }
 
-    fn answer(generation: u64) -> Applied {
+    fn answer(generation: Generation) -> Applied {
         Applied {
             generation,
             sha256: String::new(),
@@ -137,11 +137,11 @@ mod tests {
         let inbox = Inbox::default();
         let now = Duration::from_secs(1);
         let lost = (0..70_000)
-            .filter(|generation| !inbox.put(&robot("loud"), answer(*generation), now))
+            .filter(|generation| !inbox.put(&robot("loud"), answer(Generation(*generation)), now))
             .count();
         assert_eq!(lost, 70_000 - ANSWERS_OF_ROBOT_MAX);
         for name in ["a", "b", "z"] {
-            assert!(inbox.put(&robot(name), answer(1), now));
+            assert!(inbox.put(&robot(name), answer(Generation(1)), now));
         }
         let mut first = Vec::new();
         for _ in 0..4 {
@@ -155,14 +155,14 @@ mod tests {
         let inbox = Inbox::default();
         let now = Duration::from_secs(1);
         for generation in 0..10 {
-            inbox.put(&robot("a"), answer(generation), now);
+            inbox.put(&robot("a"), answer(Generation(generation)), now);
         }
         for expected in 6..10 {
-            assert_eq!(inbox.next().await.1.generation, expected);
+            assert_eq!(inbox.next().await.1.generation, Generation(expected));
         }
         // The same again waits once.
-        assert!(inbox.put(&robot("a"), answer(1), now));
-        assert!(inbox.put(&robot("a"), answer(1), now));
+        assert!(inbox.put(&robot("a"), answer(Generation(1)), now));
+        assert!(inbox.put(&robot("a"), answer(Generation(1)), now));
         inbox.next().await;
         let nothing = tokio::time::timeout(Duration::from_millis(20), inbox.next()).await;
         assert!(nothing.is_err());

@@ -16,6 +16,7 @@ mod policy;
 mod tests;
 
 pub use decide::{Decide, Decided};
+use fleetcal_model::{Generation, Version};
 pub use freeze::SetFreeze;
 pub use offer::OutboxMessage;
 pub use policy::SetPolicy;
@@ -173,7 +174,7 @@ impl Lifecycle {
             .unwrap_or_else(PoisonError::into_inner);
         let signed = |lock: &Arc<RobotLock>| {
             let ledger = lock.ledger.read().unwrap_or_else(PoisonError::into_inner);
-            ledger.shadow.generation_last > 0
+            ledger.shadow.generation_last > Generation(0)
         };
         locks.values().any(signed)
     }
@@ -292,7 +293,7 @@ impl Lifecycle {
     pub async fn freeze(
         &self,
         frozen: bool,
-        version: u64,
+        version: Version,
         actor: Actor,
         reason: String,
     ) -> Result<DeploymentFreeze, StoreError> {

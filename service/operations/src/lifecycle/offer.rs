@@ -4,6 +4,7 @@ use fleetcal_domain::access::Actor;
 use fleetcal_domain::approval::{
     Command, Deployment, DeploymentState, OutboxEntry, Refused, RobotLedger,
 };
+use fleetcal_model::Generation;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{Confirmed, Envelope};
 use fleetcal_store::StoreError;
@@ -57,7 +58,7 @@ impl Lifecycle {
     pub fn confirmed(&self, robot: &RobotId) -> Option<Confirmed> {
         let ledger = self.ledger(robot);
         let reported = ledger.shadow.reported.as_ref()?;
-        (reported.confirmed && reported.generation > 0).then(|| Confirmed {
+        (reported.confirmed && reported.generation > Generation(0)).then(|| Confirmed {
             generation: reported.generation,
             sha256: reported.sha256.clone(),
         })
@@ -132,7 +133,7 @@ impl Lifecycle {
         &self,
         robot: &RobotId,
         ledger: &RobotLedger,
-        generation: u64,
+        generation: Generation,
     ) -> Result<bool, StoreError> {
         let is_new = ledger.live.as_ref().is_some_and(|live| {
             live.state == DeploymentState::Queued && live.offer.generation == generation
@@ -149,7 +150,7 @@ impl Lifecycle {
     }
 
     /// The generation that a robot gets to see.
-    fn shown(&self, ledger: &RobotLedger) -> Option<u64> {
+    fn shown(&self, ledger: &RobotLedger) -> Option<Generation> {
         let desired = if self.is_held(ledger) {
             let live = ledger.live.as_ref();
             live.and_then(|live| live.desired_before.as_ref())

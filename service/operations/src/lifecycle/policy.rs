@@ -7,7 +7,7 @@ use fleetcal_domain::access::Actor;
 use fleetcal_domain::approval::{Policy, may_change};
 use fleetcal_domain::audit::Action;
 use fleetcal_fleet::live::LiveUpdate;
-use fleetcal_model::WallTime;
+use fleetcal_model::{Version, WallTime};
 use fleetcal_store::{AuditEntry, Job, Records, StoreError, StoredPolicy};
 
 use super::Lifecycle;
@@ -18,7 +18,7 @@ pub struct SetPolicy {
     /// The new one; `None` to go back to what the configuration file says.
     pub policy: Option<Policy>,
     /// The version that was looked at.
-    pub version: u64,
+    pub version: Version,
     /// Who.
     pub actor: Actor,
     /// When, wall time.
@@ -35,7 +35,7 @@ impl Job for SetPolicy {
         let before = records.stored_policy().await?;
         may_change(before.version, self.version, &self.reason)?;
         let after = StoredPolicy {
-            version: before.version + 1,
+            version: before.version.next(),
             policy: self.policy,
             by: Some(self.actor.name.clone()),
             at_ns: Some(self.now),
@@ -108,7 +108,7 @@ impl Lifecycle {
     pub async fn change_policy(
         &self,
         policy: Option<Policy>,
-        version: u64,
+        version: Version,
         actor: Actor,
         reason: String,
     ) -> Result<StoredPolicy, StoreError> {

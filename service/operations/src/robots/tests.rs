@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use fleetcal_domain::robot::{HistoryEvent, Journal};
-use fleetcal_model::{NoteKind, RobotTime, WallTime};
+use fleetcal_model::{NoteKind, RobotTime, Version, WallTime};
 use fleetcal_proto::event::RobotEvent;
 use fleetcal_store::{EventKind, EventSource};
 
@@ -36,18 +36,37 @@ async fn a_configuration_is_changed_only_by_who_saw_it() {
         let (actor, config) = (Actor::service(), config(wheelbase_m));
         configure(&store, &robot("a"), &config, expected, actor).await
     };
-    assert_eq!(save(1.0, Expected::Version(0)).await.unwrap(), 1);
-    assert_eq!(save(1.1, Expected::Version(1)).await.unwrap(), 2);
-    for stale in [Expected::Absent, Expected::Version(1), Expected::Version(3)] {
+    assert_eq!(
+        save(1.0, Expected::Version(Version(0))).await.unwrap(),
+        Version(1)
+    );
+    assert_eq!(
+        save(1.1, Expected::Version(Version(1))).await.unwrap(),
+        Version(2)
+    );
+    for stale in [
+        Expected::Absent,
+        Expected::Version(Version(1)),
+        Expected::Version(Version(3)),
+    ] {
         let refused = save(9.0, stale).await.unwrap_err();
         assert!(
-            matches!(refused, StoreError::VersionConflict { found: 2, .. }),
+            matches!(
+                refused,
+                StoreError::VersionConflict {
+                    found: Version(2),
+                    ..
+                }
+            ),
             "{refused}"
         );
     }
-    assert_eq!(save(1.2, Expected::Any).await.unwrap(), 3);
+    assert_eq!(save(1.2, Expected::Any).await.unwrap(), Version(3));
     let stored = store.load_robot(&robot("a")).await.unwrap().unwrap();
-    assert_eq!((stored.version, stored.config), (3, Some(config(1.2))));
+    assert_eq!(
+        (stored.version, stored.config),
+        (Version(3), Some(config(1.2)))
+    );
     assert_eq!(store.load_robot(&robot("b")).await.unwrap(), None);
 }
 
@@ -152,7 +171,7 @@ async fn events_come_in_pages() {
     }
     let first = store.events(&robot("a"), None, 3).await.unwrap();
     let rest = store
-        .events(&robot("a"), Some(first[2].id), 3)
+        .events(&robot("a"), Some(first[2].id.0), 3)
         .await
         .unwrap();
     let notes: Vec<_> = first

@@ -18,6 +18,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use fleetcal_clock::SharedClock;
 use fleetcal_domain::limits;
 use fleetcal_domain::webhook::{Attempt, DeliveryState};
+use fleetcal_model::WebhookId;
 use fleetcal_store::{DueDelivery, Store, StoreError};
 use tokio::task::JoinSet;
 use tokio::time::MissedTickBehavior;
@@ -152,7 +153,7 @@ impl WebhookDispatcher {
     }
 
     /// Tries a delivery once; gives its webhook, whose turn is over.
-    async fn deliver(self, due: DueDelivery) -> u64 {
+    async fn deliver(self, due: DueDelivery) -> WebhookId {
         let webhook = due.delivery.webhook;
         let attempt = self.attempt(&due).await;
         if let Err(error) = self.write_down(&due, attempt).await {
@@ -204,7 +205,7 @@ impl WebhookDispatcher {
         {
             counts.given_up.fetch_add(1, Ordering::Relaxed);
             let webhook = due.delivery.webhook;
-            tracing::error!(webhook, message = %due.delivery.message, "a message was given up");
+            tracing::error!(%webhook, message = %due.delivery.message, "a message was given up");
         }
         Ok(())
     }

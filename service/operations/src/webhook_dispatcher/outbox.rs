@@ -2,7 +2,7 @@
 
 use fleetcal_domain::limits;
 use fleetcal_domain::webhook::{Delivery, Message};
-use fleetcal_model::WallTime;
+use fleetcal_model::{WallTime, WebhookId};
 use fleetcal_store::{Records, StoreError};
 
 /// Puts a message into the outbox of every webhook that is told of its event; the transaction is
@@ -26,13 +26,13 @@ pub(crate) async fn tell(
 /// Gives up the oldest of too many that wait, and forgets the oldest of too many that are done.
 pub(super) async fn keep_within_limits(
     records: &mut dyn Records,
-    webhook: u64,
+    webhook: WebhookId,
     now: WallTime,
 ) -> Result<(), StoreError> {
     let waiting = limits::WEBHOOK_WAITING_MAX;
     let lost = records.give_up_deliveries(webhook, waiting, now).await?;
     if lost > 0 {
-        tracing::error!(webhook, lost, "too many messages wait, the oldest are lost");
+        tracing::error!(%webhook, lost, "too many messages wait, the oldest are lost");
     }
     records
         .forget_deliveries(webhook, limits::WEBHOOK_LOG_MAX)

@@ -8,7 +8,7 @@ use fleetcal_clock::{Clock, MockClock};
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::alert::{AlertKind, AlertPolicy, Observation, Sighting};
 use fleetcal_domain::webhook::{Delivery, Secret, WebhookEvent, WebhookUrl};
-use fleetcal_model::WallTime;
+use fleetcal_model::{WallTime, WebhookId};
 use fleetcal_proto::RobotId;
 use tempfile::TempDir;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -83,7 +83,7 @@ impl Bench {
     }
 
     /// The newest message of a webhook, once it is as it should be.
-    async fn delivery(&self, webhook: u64, is_ready: impl Fn(&Delivery) -> bool) -> Delivery {
+    async fn delivery(&self, webhook: WebhookId, is_ready: impl Fn(&Delivery) -> bool) -> Delivery {
         let wait = async {
             loop {
                 let log = self.store.deliveries(webhook, None, 1).await.unwrap();
@@ -182,12 +182,12 @@ async fn a_message_is_signed_and_sent_again_until_it_is_taken() {
         assert_eq!(body["data"]["state"], "alerting");
         ids.push(id.to_owned());
         let made = |one: &Delivery| one.attempts_made as usize == number + 1;
-        bench.delivery(1, made).await;
+        bench.delivery(WebhookId(1), made).await;
         // 5 s after the first attempt, 10 s after the second.
         bench.clock.advance(Duration::from_secs(10));
     }
     assert!(ids.iter().all(|id| *id == ids[0]), "{ids:?}");
-    let log = bench.delivery(1, |_| true).await;
+    let log = bench.delivery(WebhookId(1), |_| true).await;
     assert_eq!(log.state, DeliveryState::Delivered);
     let statuses: Vec<_> = log.attempts.iter().map(|one| one.status).collect();
     assert_eq!(statuses, [Some(500), None, Some(204)]);
@@ -231,7 +231,7 @@ async fn what_was_committed_before_a_stop_is_sent_after_the_next_start() {
     let received = answer(&listener, OK).await;
     assert!(received.body.contains("\"robot\":\"a\""));
     bench
-        .delivery(1, |one| one.state == DeliveryState::Delivered)
+        .delivery(WebhookId(1), |one| one.state == DeliveryState::Delivered)
         .await;
     dispatcher.stop().await;
 }
@@ -245,7 +245,9 @@ async fn a_redirection_is_not_followed() {
     let dispatcher = bench.dispatcher();
     let moved = format!("HTTP/1.1 307 Moved\r\nlocation: {there}\r\ncontent-length: 0\r\n\r\n");
     answer(&listener, &moved).await;
-    let tried = bench.delivery(1, |one| one.attempts_made == 1).await;
+    let tried = bench
+        .delivery(WebhookId(1), |one| one.attempts_made == 1)
+        .await;
     assert_eq!(tried.attempts[0].status, Some(307));
     assert_eq!(tried.state, DeliveryState::Waiting);
     let followed = tokio::time::timeout(Duration::from_millis(200), elsewhere.accept());
@@ -266,9 +268,9 @@ async fn a_receiver_that_never_answers_keeps_nobody_else_waiting() {
         answer(&good, OK).await;
     }
     bench
-        .delivery(2, |one| one.state == DeliveryState::Delivered)
+        .delivery(WebhookId(2), |one| one.state == DeliveryState::Delivered)
         .await;
-    let waits = bench.delivery(1, |_| true).await;
+    let waits = bench.delivery(WebhookId(1), |_| true).await;
     assert_eq!(waits.attempts_made, 0);
     // Nor the service's end.
     let stopped = tokio::time::timeout(Duration::from_secs(5), dispatcher.stop());
@@ -287,7 +289,9 @@ async fn https_is_spoken_and_an_untrusted_receiver_is_told_nothing() {
     // A TLS handshake record, of TLS 1.x.
     assert_eq!(first[..2], [0x16, 0x03]);
     stream.write_all(OK.as_bytes()).await.unwrap();
-    let tried = bench.delivery(1, |one| one.attempts_made == 1).await;
+    let tried = bench
+        .delivery(WebhookId(1), |one| one.attempts_made == 1)
+        .await;
     let attempt = &tried.attempts[0];
     assert_eq!(attempt.status, None);
     assert!(attempt.error.is_some(), "{attempt:?}");

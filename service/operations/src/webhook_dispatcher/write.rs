@@ -6,7 +6,7 @@ use fleetcal_domain::audit::Action;
 use fleetcal_domain::webhook::{
     Attempt, Delivery, Secret, Webhook, WebhookEvent, WebhookRefused, WebhookUrl, allow_new_webhook,
 };
-use fleetcal_model::WallTime;
+use fleetcal_model::{DeliveryId, WallTime, WebhookId};
 use fleetcal_store::{AuditEntry, Job, Records, StoreError};
 use serde_json::Value;
 
@@ -31,7 +31,7 @@ pub struct CreateWebhook {
 #[derive(Debug, Clone)]
 pub struct DeleteWebhook {
     /// Which.
-    pub id: u64,
+    pub id: WebhookId,
     /// Who takes it away.
     pub actor: Actor,
     /// Wall time.
@@ -42,7 +42,7 @@ pub struct DeleteWebhook {
 #[derive(Debug, Clone)]
 pub struct NoteAttempt {
     /// Which delivery.
-    pub delivery: u64,
+    pub delivery: DeliveryId,
     /// What came of it.
     pub attempt: Attempt,
     /// Wall time of its end.
@@ -59,7 +59,7 @@ impl Job for CreateWebhook {
         let present = records.webhooks().await?;
         allow_new_webhook(present.iter().map(|(webhook, _)| webhook), &self.url)?;
         let mut webhook = Webhook {
-            id: 0,
+            id: WebhookId(0),
             url: self.url.clone(),
             events: self.events.clone(),
             created_by: self.actor.name.clone(),

@@ -4,6 +4,7 @@ use async_trait::async_trait;
 use fleetcal_domain::access::{
     AccountName, Grant, PasswordHash, Role, SecretHash, SessionSpan, TokenSpan,
 };
+use fleetcal_model::{TokenId, UserId, Version};
 use fleetcal_proto::RobotId;
 use fleetcal_store::backend::AccountReader;
 use fleetcal_store::{SessionRecord, StoreError, TokenRecord, UserRecord};
@@ -33,10 +34,10 @@ impl AccountReader for SqliteReader {
         rows.iter().map(user_of).collect()
     }
 
-    async fn user(&self, id: i64) -> Result<Option<UserRecord>, StoreError> {
+    async fn user(&self, id: UserId) -> Result<Option<UserRecord>, StoreError> {
         let sql = format!("SELECT {USER} FROM user AS u WHERE u.id = ?1");
         let row = sqlx::query(AssertSqlSafe(sql))
-            .bind(id)
+            .bind(id.0)
             .fetch_optional(self.pool())
             .await
             .map_err(StoreError::database("read a user"))?;
@@ -105,12 +106,12 @@ pub(super) fn user_of(row: &SqliteRow) -> Result<UserRecord, StoreError> {
     const TABLE: &str = "user";
     let version: i64 = column(row, TABLE, 5)?;
     Ok(UserRecord {
-        id: column(row, TABLE, 0)?,
+        id: column(row, TABLE, 0).map(UserId)?,
         name: name_of(row, TABLE)?,
         grant: Grant::of_person(role_of(row, TABLE)?).map_err(corrupt(TABLE))?,
         password: PasswordHash::stored(column(row, TABLE, 3)?),
         disabled: column(row, TABLE, 4)?,
-        version: u64::try_from(version).map_err(corrupt(TABLE))?,
+        version: Version(u64::try_from(version).map_err(corrupt(TABLE))?),
         created_ns: wall_time(row, TABLE, 6)?,
         updated_ns: wall_time(row, TABLE, 7)?,
         signed_in_ns: wall_time_or_null(row, TABLE, 8)?,
@@ -125,7 +126,7 @@ pub(super) fn token_of(row: &SqliteRow) -> Result<TokenRecord, StoreError> {
         .map(|id| RobotId::parse(&id).map_err(corrupt(TABLE)))
         .transpose()?;
     Ok(TokenRecord {
-        id: column(row, TABLE, 0)?,
+        id: column(row, TABLE, 0).map(TokenId)?,
         name: name_of(row, TABLE)?,
         grant: Grant::of_token(role_of(row, TABLE)?, robot).map_err(corrupt(TABLE))?,
         hash: hash_of(row, TABLE, 4)?,

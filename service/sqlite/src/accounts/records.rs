@@ -2,7 +2,7 @@
 
 use async_trait::async_trait;
 use fleetcal_domain::access::{AccountName, Role, SecretHash};
-use fleetcal_model::{RobotId, WallTime};
+use fleetcal_model::{RobotId, TokenId, UserId, WallTime};
 use fleetcal_store::transaction::{AccountRecords, SessionRecords, TokenRecords};
 use fleetcal_store::{StoreError, TokenRecord, UserRecord};
 use sqlx::AssertSqlSafe;
@@ -27,10 +27,10 @@ impl AccountRecords for SqliteRecords<'_> {
             .map_err(StoreError::database("count the administrators"))
     }
 
-    async fn user(&mut self, id: i64) -> Result<Option<UserRecord>, StoreError> {
+    async fn user(&mut self, id: UserId) -> Result<Option<UserRecord>, StoreError> {
         let sql = format!("SELECT {USER} FROM user AS u WHERE u.id = ?1");
         let row = sqlx::query(AssertSqlSafe(sql))
-            .bind(id)
+            .bind(id.0)
             .fetch_optional(&mut *self.connection)
             .await
             .map_err(StoreError::database("read a user"))?;
@@ -47,7 +47,7 @@ impl AccountRecords for SqliteRecords<'_> {
         row.as_ref().map(user_of).transpose()
     }
 
-    async fn add_user(&mut self, user: &UserRecord) -> Result<i64, StoreError> {
+    async fn add_user(&mut self, user: &UserRecord) -> Result<UserId, StoreError> {
         sqlx::query_scalar(
             "INSERT INTO user (name, role, password, disabled, version, created_ns, updated_ns,
                  signed_in_ns)
@@ -57,13 +57,14 @@ impl AccountRecords for SqliteRecords<'_> {
         .bind(user.grant.role().as_str())
         .bind(user.password.as_str())
         .bind(user.disabled)
-        .bind(user.version as i64)
+        .bind(user.version.0 as i64)
         .bind(user.created_ns.0)
         .bind(user.updated_ns.0)
         .bind(user.signed_in_ns.map(|at| at.0))
         .fetch_one(&mut *self.connection)
         .await
         .map_err(StoreError::database("write a user"))
+        .map(UserId)
     }
 
     async fn save_user(&mut self, user: &UserRecord) -> Result<(), StoreError> {
@@ -72,11 +73,11 @@ impl AccountRecords for SqliteRecords<'_> {
                  updated_ns = ?6, signed_in_ns = ?7
              WHERE id = ?1",
         )
-        .bind(user.id)
+        .bind(user.id.0)
         .bind(user.grant.role().as_str())
         .bind(user.password.as_str())
         .bind(user.disabled)
-        .bind(user.version as i64)
+        .bind(user.version.0 as i64)
         .bind(user.updated_ns.0)
         .bind(user.signed_in_ns.map(|at| at.0))
         .execute(&mut *self.connection)
@@ -85,9 +86,9 @@ impl AccountRecords for SqliteRecords<'_> {
         Ok(())
     }
 
-    async fn delete_user(&mut self, id: i64) -> Result<(), StoreError> {
+    async fn delete_user(&mut self, id: UserId) -> Result<(), StoreError> {
         sqlx::query("DELETE FROM user WHERE id = ?1")
-            .bind(id)
+            .bind(id.0)
             .execute(&mut *self.connection)
             .await
             .map_err(StoreError::database("remove a user"))?;
@@ -99,7 +100,7 @@ impl AccountRecords for SqliteRecords<'_> {
 impl SessionRecords for SqliteRecords<'_> {
     async fn add_session(
         &mut self,
-        user: i64,
+        user: UserId,
         session: &SecretHash,
         now: WallTime,
     ) -> Result<(), StoreError> {
@@ -107,7 +108,7 @@ impl SessionRecords for SqliteRecords<'_> {
             "INSERT INTO session (sha256, user, created_ns, used_ns) VALUES (?1, ?2, ?3, ?3)",
         )
         .bind(session.as_bytes())
-        .bind(user)
+        .bind(user.0)
         .bind(now.0)
         .execute(&mut *self.connection)
         .await
@@ -115,21 +116,22 @@ impl SessionRecords for SqliteRecords<'_> {
         Ok(())
     }
 
-    async fn delete_session(&mut self, session: &SecretHash) -> Result<Option<i64>, StoreError> {
+    async fn delete_session(&mut self, session: &SecretHash) -> Result<Option<UserId>, StoreError> {
         sqlx::query_scalar("DELETE FROM session WHERE sha256 = ?1 RETURNING user")
             .bind(session.as_bytes())
             .fetch_optional(&mut *self.connection)
             .await
             .map_err(StoreError::database("end a session"))
+            .map(|user: Option<i64>| user.map(UserId))
     }
 
     async fn delete_sessions(
         &mut self,
-        user: i64,
+        user: UserId,
         keep: Option<&SecretHash>,
     ) -> Result<(), StoreError> {
         sqlx::query("DELETE FROM session WHERE user = ?1 AND (?2 IS NULL OR sha256 <> ?2)")
-            .bind(user)
+            .bind(user.0)
             .bind(keep.map(SecretHash::as_bytes))
             .execute(&mut *self.connection)
             .await
@@ -151,12 +153,12 @@ impl SessionRecords for SqliteRecords<'_> {
         Ok(())
     }
 
-    async fn keep_sessions(&mut self, user: i64, kept: u32) -> Result<(), StoreError> {
+    async fn keep_sessions(&mut self, user: UserId, kept: u32) -> Result<(), StoreError> {
         sqlx::query(
             "DELETE FROM session WHERE id IN
                  (SELECT id FROM session WHERE user = ?1 ORDER BY id DESC LIMIT -1 OFFSET ?2)",
         )
-        .bind(user)
+        .bind(user.0)
         .bind(kept)
         .execute(&mut *self.connection)
         .await
@@ -174,10 +176,10 @@ impl TokenRecords for SqliteRecords<'_> {
             .map_err(StoreError::database("count the tokens"))
     }
 
-    async fn token(&mut self, id: i64) -> Result<Option<TokenRecord>, StoreError> {
+    async fn token(&mut self, id: TokenId) -> Result<Option<TokenRecord>, StoreError> {
         let sql = format!("SELECT {TOKEN} FROM token AS t WHERE t.id = ?1");
         let row = sqlx::query(AssertSqlSafe(sql))
-            .bind(id)
+            .bind(id.0)
             .fetch_optional(&mut *self.connection)
             .await
             .map_err(StoreError::database("read a token"))?;
@@ -202,7 +204,7 @@ impl TokenRecords for SqliteRecords<'_> {
         row.as_ref().map(token_of).transpose()
     }
 
-    async fn add_token(&mut self, token: &TokenRecord) -> Result<i64, StoreError> {
+    async fn add_token(&mut self, token: &TokenRecord) -> Result<TokenId, StoreError> {
         sqlx::query_scalar(
             "INSERT INTO token (sha256, name, role, robot, created_by, created_ns, expires_ns)
              VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7) RETURNING id",
@@ -217,16 +219,17 @@ impl TokenRecords for SqliteRecords<'_> {
         .fetch_one(&mut *self.connection)
         .await
         .map_err(StoreError::database("write a token"))
+        .map(TokenId)
     }
 
     async fn save_token_revoked(
         &mut self,
-        id: i64,
+        id: TokenId,
         revoked_ns: WallTime,
     ) -> Result<(), StoreError> {
         sqlx::query("UPDATE token SET revoked_ns = ?1 WHERE id = ?2")
             .bind(revoked_ns.0)
-            .bind(id)
+            .bind(id.0)
             .execute(&mut *self.connection)
             .await
             .map_err(StoreError::database("revoke a token"))?;

@@ -2,7 +2,7 @@
 
 use async_trait::async_trait;
 use fleetcal_domain::access::{AccountName, Grant, PasswordHash, Role};
-use fleetcal_model::WallTime;
+use fleetcal_model::{UserId, Version, WallTime};
 use fleetcal_store::{Job, Records, StoreError, UserRecord};
 use sqlx::ConnectOptions;
 
@@ -15,16 +15,16 @@ pub(super) struct AddUser(pub(super) &'static str);
 
 #[async_trait]
 impl Job for AddUser {
-    type Done = i64;
+    type Done = UserId;
 
-    async fn run(&self, records: &mut dyn Records) -> Result<i64, StoreError> {
+    async fn run(&self, records: &mut dyn Records) -> Result<UserId, StoreError> {
         let user = UserRecord {
-            id: 0,
+            id: UserId(0),
             name: AccountName::parse(self.0).unwrap(),
             grant: Grant::of_person(Role::Admin).unwrap(),
             password: PasswordHash::stored("hash".to_owned()),
             disabled: false,
-            version: 1,
+            version: Version(1),
             created_ns: WallTime(1),
             updated_ns: WallTime(1),
             signed_in_ns: None,

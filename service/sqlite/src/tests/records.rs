@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use async_trait::async_trait;
 use fleetcal_domain::robot::{HistoryEvent, Journal, RobotConfig};
-use fleetcal_model::{RobotTime, WallTime};
+use fleetcal_model::{EventId, RobotTime, Version, WallTime};
 use fleetcal_store::{EventKind, EventSource, Job, NewEvent, Records, StoreError};
 
 use super::*;
@@ -33,14 +33,14 @@ pub(super) struct KeepRobot(pub(super) RobotConfig, pub(super) NewEvent);
 
 #[async_trait]
 impl Job for KeepRobot {
-    type Done = i64;
+    type Done = EventId;
 
-    async fn run(&self, records: &mut dyn Records) -> Result<i64, StoreError> {
+    async fn run(&self, records: &mut dyn Records) -> Result<EventId, StoreError> {
         let Self(config, event) = self;
-        let version = records.robot(&robot("a")).await?.map_or(0, |a| a.version) + 1;
+        let version = records.robot(&robot("a")).await?.map_or(0, |a| a.version.0) + 1;
         let now = NOW_S * NS;
         records
-            .save_config(&robot("a"), config, version, WallTime(now))
+            .save_config(&robot("a"), config, Version(version), WallTime(now))
             .await?;
         records.add_event(event).await
     }
@@ -66,7 +66,7 @@ async fn everything_is_there_after_a_restart() {
     assert_eq!(robots.len(), 1);
     assert_eq!(
         (robots[0].version, &robots[0].config),
-        (1, &Some(config(1.2)))
+        (Version(1), &Some(config(1.2)))
     );
     let checkpoints = store.load_checkpoints().await.unwrap();
     assert_eq!(checkpoints.len(), 1);

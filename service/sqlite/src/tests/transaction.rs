@@ -6,6 +6,7 @@ use std::time::Duration;
 use async_trait::async_trait;
 use fleetcal_domain::access::{AccountName, AccountRefused};
 use fleetcal_domain::limits;
+use fleetcal_model::UserId;
 use fleetcal_store::{Job, Records, StoreError};
 
 use super::administration::AddUser;
@@ -52,7 +53,7 @@ async fn jobs_are_done_in_the_order_of_their_arrival() {
         store.transact(IsThere("ann")),
     );
     assert_eq!((before.unwrap(), after.unwrap()), (false, true));
-    assert_eq!(added.unwrap(), 1);
+    assert_eq!(added.unwrap(), UserId(1));
     assert_eq!(store.counters().commits, 1, "they share a transaction");
 }
 
@@ -90,7 +91,7 @@ async fn a_job_that_the_database_fails_leaves_the_others_alone() {
         store.transact(AddUser("ANN")),
         store.transact(AddUser("eve")),
     );
-    assert_eq!((first.unwrap(), second.unwrap()), (1, 2));
+    assert_eq!((first.unwrap(), second.unwrap()), (UserId(1), UserId(2)));
     assert!(
         matches!(failed, Err(StoreError::Database { .. })),
         "{failed:?}"
@@ -102,8 +103,8 @@ async fn a_job_may_be_run_again_and_counts_once() {
     let folder = tempfile::tempdir().unwrap();
     let twice = crate::open_running_twice(folder.path(), clock() as _);
     let store = twice.await.unwrap();
-    assert_eq!(store.transact(AddUser("ann")).await.unwrap(), 1);
-    assert_eq!(store.transact(AddUser("eve")).await.unwrap(), 2);
+    assert_eq!(store.transact(AddUser("ann")).await.unwrap(), UserId(1));
+    assert_eq!(store.transact(AddUser("eve")).await.unwrap(), UserId(2));
     let runs = Arc::default();
     let refused = store.transact(AddAndRefuse("bob", Arc::clone(&runs)));
     refused.await.unwrap_err();

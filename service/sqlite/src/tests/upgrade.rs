@@ -1,6 +1,6 @@
 //! Databases of earlier versions.
 
-use fleetcal_model::WallTime;
+use fleetcal_model::{DeploymentId, Generation, ProposalId, RevisionId, Version, WallTime};
 use fleetcal_proto::calibration::CalibrationValues;
 
 use super::durability::raw;
@@ -16,21 +16,21 @@ const WHEEL_ODOMETRY: i64 = 20_261_122_230_000;
 /// The migration that names who had chosen values before records did.
 const CHOSEN_BY: i64 = 20_261_122_140_000;
 
-fn offer(generation: u64) -> GenerationRef {
+fn offer(generation: Generation) -> GenerationRef {
     GenerationRef {
         generation,
         sha256: "ab".repeat(32),
-        revision: 1,
+        revision: RevisionId(1),
         chosen_by: None,
     }
 }
 
 /// An ended deployment of a robot that should hold generation 2.
-fn deployment(id: u64, name: &str, approved_by: &str, proposal: Option<u64>) -> Deployment {
+fn deployment(id: u64, name: &str, approved_by: &str, proposal: Option<ProposalId>) -> Deployment {
     Deployment {
-        id,
+        id: DeploymentId(id),
         robot: robot(name),
-        version: 4,
+        version: Version(4),
         state: if proposal.is_some() {
             DeploymentState::RolledBack
         } else {
@@ -38,8 +38,8 @@ fn deployment(id: u64, name: &str, approved_by: &str, proposal: Option<u64>) -> 
         },
         proposal,
         approved_by: approved_by.to_owned(),
-        offer: offer(2),
-        earlier: proposal.map(|_| offer(1)).into_iter().collect(),
+        offer: offer(Generation(2)),
+        earlier: proposal.map(|_| offer(Generation(1))).into_iter().collect(),
         base: None,
         desired_before: None,
         created_ns: WallTime(NOW_S * NS),
@@ -66,7 +66,7 @@ async fn chosen_by(
     let values = (CalibrationValues::default(), CalibrationValues::default());
     let found = Evidence::default();
     let revision = Revision::new(
-        1,
+        RevisionId(1),
         robot.clone(),
         Origin::Robot,
         values,
@@ -75,8 +75,8 @@ async fn chosen_by(
         WallTime(0),
     );
     let shadow = Shadow {
-        generation_last: 2,
-        desired: Some(offer(2)),
+        generation_last: Generation(2),
+        desired: Some(offer(Generation(2))),
         ..Shadow::new(robot)
     };
     let insert = [
@@ -141,7 +141,7 @@ fn json(record: &impl serde::Serialize) -> String {
 async fn what_people_rolled_back_to_before_records_said_so_is_theirs() {
     let returned = deployment(1, "a", "ana", None);
     assert_eq!(chosen_by(&returned, None).await.as_deref(), Some("ana"));
-    let rolled_back = deployment(1, "a", "ada", Some(1));
+    let rolled_back = deployment(1, "a", "ada", Some(ProposalId(1)));
     let by_person = chosen_by(&rolled_back, Some(("ana", "session"))).await;
     assert_eq!(by_person.as_deref(), Some("ana"));
     let by_service = chosen_by(&rolled_back, Some(("fleetcal", "service"))).await;

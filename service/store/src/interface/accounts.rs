@@ -1,6 +1,7 @@
 //! Users, sessions and API tokens: what the store is asked.
 
 use fleetcal_domain::access::SecretHash;
+use fleetcal_model::UserId;
 
 use crate::Store;
 use crate::accounts::{Credential, CredentialUse, SessionRecord, TokenRecord, UserRecord};
@@ -34,7 +35,7 @@ impl Store {
     ///
     /// # Errors
     /// The database's failure.
-    pub async fn user(&self, id: i64) -> Result<Option<UserRecord>, StoreError> {
+    pub async fn user(&self, id: UserId) -> Result<Option<UserRecord>, StoreError> {
         self.shared.reader.user(id).await
     }
 

@@ -1,6 +1,7 @@
 //! Alerts: what the store is asked.
 
 use fleetcal_domain::alert::Alert;
+use fleetcal_model::AlertId;
 
 use crate::Store;
 use crate::alerts::{AlertFilter, AlertMoment};
@@ -27,7 +28,10 @@ impl Store {
     ///
     /// # Errors
     /// The database's failure.
-    pub async fn alert(&self, id: u64) -> Result<Option<(Alert, Vec<AlertMoment>)>, StoreError> {
+    pub async fn alert(
+        &self,
+        id: AlertId,
+    ) -> Result<Option<(Alert, Vec<AlertMoment>)>, StoreError> {
         self.shared.reader.alert(id).await
     }
 }

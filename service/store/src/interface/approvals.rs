@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use fleetcal_domain::approval::{
     Deployment, DeploymentState, OutboxEntry, Proposal, Revision, RobotLedger,
 };
-use fleetcal_model::RobotId;
+use fleetcal_model::{Generation, ProposalId, RobotId};
 use fleetcal_proto::calibration::Envelope;
 
 use crate::Store;
@@ -28,7 +28,7 @@ impl Store {
     pub async fn envelope(
         &self,
         robot: &RobotId,
-        generation: u64,
+        generation: Generation,
     ) -> Result<Option<Envelope>, StoreError> {
         self.shared.reader.envelope(robot, generation).await
     }
@@ -56,7 +56,10 @@ impl Store {
     ///
     /// # Errors
     /// The database's failure.
-    pub async fn proposal(&self, id: u64) -> Result<Option<(Proposal, Revision)>, StoreError> {
+    pub async fn proposal(
+        &self,
+        id: ProposalId,
+    ) -> Result<Option<(Proposal, Revision)>, StoreError> {
         self.shared.reader.proposal(id).await
     }
 
@@ -79,8 +82,8 @@ impl Store {
     /// The database's failure.
     pub async fn followed(
         &self,
-        proposals: &[u64],
-    ) -> Result<BTreeMap<u64, DeploymentState>, StoreError> {
+        proposals: &[ProposalId],
+    ) -> Result<BTreeMap<ProposalId, DeploymentState>, StoreError> {
         self.shared.reader.followed(proposals).await
     }
 

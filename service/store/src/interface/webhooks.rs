@@ -1,7 +1,7 @@
 //! Webhooks and their deliveries: what the store is asked.
 
 use fleetcal_domain::webhook::{Delivery, Webhook};
-use fleetcal_model::WallTime;
+use fleetcal_model::{WallTime, WebhookId};
 
 use crate::Store;
 use crate::error::StoreError;
@@ -22,7 +22,7 @@ impl Store {
     /// The database's failure.
     pub async fn deliveries(
         &self,
-        webhook: u64,
+        webhook: WebhookId,
         before: Option<i64>,
         limit: u32,
     ) -> Result<Vec<Delivery>, StoreError> {

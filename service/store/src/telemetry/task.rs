@@ -17,7 +17,6 @@ use crate::counters::{PathCounters, TelemetryCounters};
 use crate::error::StoreError;
 use crate::retry::{Retry, pause_until};
 
-
 /// Where somebody waits.
 type Reply = oneshot::Sender<Result<(), StoreError>>;
 

@@ -2,7 +2,7 @@
 
 use async_trait::async_trait;
 use fleetcal_domain::access::{AccountName, SecretHash};
-use fleetcal_model::WallTime;
+use fleetcal_model::{TokenId, UserId, WallTime};
 
 use crate::accounts::{TokenRecord, UserRecord};
 use crate::error::StoreError;
@@ -17,19 +17,19 @@ pub trait AccountRecords {
     async fn count_admins(&mut self) -> Result<u32, StoreError>;
 
     /// One user.
-    async fn user(&mut self, id: i64) -> Result<Option<UserRecord>, StoreError>;
+    async fn user(&mut self, id: UserId) -> Result<Option<UserRecord>, StoreError>;
 
     /// The user of a name, upper or lower case.
     async fn user_named(&mut self, name: &AccountName) -> Result<Option<UserRecord>, StoreError>;
 
     /// Adds a user, whose number in the record does not count; gives the number.
-    async fn add_user(&mut self, user: &UserRecord) -> Result<i64, StoreError>;
+    async fn add_user(&mut self, user: &UserRecord) -> Result<UserId, StoreError>;
 
     /// Keeps a user who is there.
     async fn save_user(&mut self, user: &UserRecord) -> Result<(), StoreError>;
 
     /// Deletes a user with the sessions.
-    async fn delete_user(&mut self, id: i64) -> Result<(), StoreError>;
+    async fn delete_user(&mut self, id: UserId) -> Result<(), StoreError>;
 }
 
 /// Sessions of users; errors as in [`super::Records`].
@@ -38,18 +38,18 @@ pub trait SessionRecords {
     /// Adds a user's session, which begins at `now`.
     async fn add_session(
         &mut self,
-        user: i64,
+        user: UserId,
         session: &SecretHash,
         now: WallTime,
     ) -> Result<(), StoreError>;
 
     /// Deletes a session; gives its user.
-    async fn delete_session(&mut self, session: &SecretHash) -> Result<Option<i64>, StoreError>;
+    async fn delete_session(&mut self, session: &SecretHash) -> Result<Option<UserId>, StoreError>;
 
     /// Deletes a user's sessions but `keep`.
     async fn delete_sessions(
         &mut self,
-        user: i64,
+        user: UserId,
         keep: Option<&SecretHash>,
     ) -> Result<(), StoreError>;
 
@@ -62,7 +62,7 @@ pub trait SessionRecords {
     ) -> Result<(), StoreError>;
 
     /// Deletes all but the latest `kept` sessions of a user.
-    async fn keep_sessions(&mut self, user: i64, kept: u32) -> Result<(), StoreError>;
+    async fn keep_sessions(&mut self, user: UserId, kept: u32) -> Result<(), StoreError>;
 }
 
 /// API tokens; errors as in [`super::Records`].
@@ -72,7 +72,7 @@ pub trait TokenRecords {
     async fn count_tokens(&mut self) -> Result<u32, StoreError>;
 
     /// One token.
-    async fn token(&mut self, id: i64) -> Result<Option<TokenRecord>, StoreError>;
+    async fn token(&mut self, id: TokenId) -> Result<Option<TokenRecord>, StoreError>;
 
     /// The token of a name, upper or lower case, that counts at `now`.
     async fn token_named(
@@ -82,9 +82,12 @@ pub trait TokenRecords {
     ) -> Result<Option<TokenRecord>, StoreError>;
 
     /// Adds a token, whose number in the record does not count; gives the number.
-    async fn add_token(&mut self, token: &TokenRecord) -> Result<i64, StoreError>;
+    async fn add_token(&mut self, token: &TokenRecord) -> Result<TokenId, StoreError>;
 
     /// Keeps when a token was revoked.
-    async fn save_token_revoked(&mut self, id: i64, revoked_ns: WallTime)
-    -> Result<(), StoreError>;
+    async fn save_token_revoked(
+        &mut self,
+        id: TokenId,
+        revoked_ns: WallTime,
+    ) -> Result<(), StoreError>;
 }

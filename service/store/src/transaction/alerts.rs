@@ -2,6 +2,7 @@
 
 use async_trait::async_trait;
 use fleetcal_domain::alert::{Alert, AlertKind, Subject};
+use fleetcal_model::AlertId;
 
 use crate::alerts::AlertMoment;
 use crate::error::StoreError;
@@ -17,21 +18,21 @@ pub trait AlertRecords {
     ) -> Result<Option<Alert>, StoreError>;
 
     /// One alert.
-    async fn alert(&mut self, id: u64) -> Result<Option<Alert>, StoreError>;
+    async fn alert(&mut self, id: AlertId) -> Result<Option<Alert>, StoreError>;
 
     /// Adds an alert; gives its number, which was never used before.
-    async fn add_alert(&mut self, alert: &Alert) -> Result<u64, StoreError>;
+    async fn add_alert(&mut self, alert: &Alert) -> Result<AlertId, StoreError>;
 
     /// Keeps an alert that is there.
     async fn save_alert(&mut self, alert: &Alert) -> Result<(), StoreError>;
 
     /// Deletes an alert with its history.
-    async fn delete_alert(&mut self, id: u64) -> Result<(), StoreError>;
+    async fn delete_alert(&mut self, id: AlertId) -> Result<(), StoreError>;
 
     /// Adds a change to an alert's history, of which the latest `kept` stay.
     async fn add_alert_moment(
         &mut self,
-        id: u64,
+        id: AlertId,
         moment: &AlertMoment,
         kept: u32,
     ) -> Result<(), StoreError>;

@@ -2,7 +2,7 @@
 
 use async_trait::async_trait;
 use fleetcal_domain::approval::{NextIds, Outcome, Proposal, RobotLedger};
-use fleetcal_model::RobotId;
+use fleetcal_model::{Generation, ProposalId, RobotId};
 
 use crate::approvals::DeploymentFreeze;
 use crate::error::StoreError;
@@ -15,14 +15,14 @@ pub trait ApprovalRecords {
     async fn ledger(
         &mut self,
         robot: &RobotId,
-        answered: Option<u64>,
+        answered: Option<Generation>,
     ) -> Result<RobotLedger, StoreError>;
 
     /// The numbers that new records get.
     async fn next_ids(&mut self) -> Result<NextIds, StoreError>;
 
     /// One proposal.
-    async fn proposal(&mut self, id: u64) -> Result<Option<Proposal>, StoreError>;
+    async fn proposal(&mut self, id: ProposalId) -> Result<Option<Proposal>, StoreError>;
 
     /// Keeps the records that a step leaves, its documents, and what is to be sent.
     async fn save_outcome(&mut self, outcome: &Outcome) -> Result<(), StoreError>;

@@ -2,7 +2,7 @@
 
 use async_trait::async_trait;
 use fleetcal_domain::robot::RobotConfig;
-use fleetcal_model::{RobotId, WallTime};
+use fleetcal_model::{EventId, RobotId, Version, WallTime};
 
 use crate::error::StoreError;
 use crate::record::{EventRecord, NewEvent, RobotRecord};
@@ -18,13 +18,13 @@ pub trait RobotRecords {
         &mut self,
         id: &RobotId,
         config: &RobotConfig,
-        version: u64,
+        version: Version,
         now: WallTime,
     ) -> Result<(), StoreError>;
 
     /// An event by its number.
-    async fn event(&mut self, id: i64) -> Result<Option<EventRecord>, StoreError>;
+    async fn event(&mut self, id: EventId) -> Result<Option<EventRecord>, StoreError>;
 
     /// Adds an event to its robot's history; gives its number.
-    async fn add_event(&mut self, event: &NewEvent) -> Result<i64, StoreError>;
+    async fn add_event(&mut self, event: &NewEvent) -> Result<EventId, StoreError>;
 }

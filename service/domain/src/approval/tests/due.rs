@@ -1,6 +1,9 @@
 //! What time and the estimates ask for.
 
-use fleetcal_model::{Consistency, Counts, Parameter, ParameterStatus, Pose2, RobotTime, WallTime};
+use fleetcal_model::{
+    Consistency, Counts, DeploymentId, Generation, Parameter, ParameterStatus, Pose2, ProposalId,
+    RevisionId, RobotTime, WallTime,
+};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationDocument, CalibrationValues};
 use fleetcal_proto::estimate::{EstimateDocument, ParameterDocument, Parameters};
@@ -72,9 +75,9 @@ impl Bench {
         Self {
             ledger: RobotLedger::new(RobotId::parse("tugger_01").unwrap()),
             ids: NextIds {
-                revision: 1,
-                proposal: 1,
-                deployment: 1,
+                revision: RevisionId(1),
+                proposal: ProposalId(1),
+                deployment: DeploymentId(1),
             },
             policy: Policy::default(),
             rear_axle: None,
@@ -100,9 +103,9 @@ impl Bench {
             present: self.present,
         };
         let outcome = step(&self.ledger, command, self.ids, &standing)?;
-        self.ids.revision += 1;
-        self.ids.proposal += 1;
-        self.ids.deployment += 1;
+        self.ids.revision = self.ids.revision.next();
+        self.ids.proposal = self.ids.proposal.next();
+        self.ids.deployment = self.ids.deployment.next();
         if let Some((_, envelope)) = outcome.envelopes.last() {
             self.signed = Some(serde_json::from_str(&envelope.document).unwrap());
         }
@@ -217,7 +220,7 @@ fn an_estimate_three_sigma_from_a_proposal_refreshes_it_and_voids_its_approvals(
     let moved = estimate(0.050_61, 2);
     assert_eq!(bench.do_due(&moved, false), Some("refresh"));
     let open = bench.ledger.open.clone().unwrap();
-    assert_eq!((open.id, open.version), (before.id, before.version + 1));
+    assert_eq!((open.id, open.version), (before.id, before.version.next()));
     assert_ne!(open.revision_sha256, before.revision_sha256);
     assert!(open.approvals.is_empty());
     let refreshed = open.refreshed.unwrap();
@@ -495,7 +498,7 @@ fn what_a_robot_says_of_itself_makes_no_step_smaller() {
 /// An answer that the robot uses values of its own.
 fn factory(offset_rad: f64, at_ns: WallTime) -> Applied {
     Applied {
-        generation: 0,
+        generation: Generation(0),
         sha256: String::new(),
         status: AppliedStatus::Applied,
         reason: None,
@@ -557,7 +560,7 @@ fn an_answer_that_the_next_one_contradicts_is_kept_until_a_person_decides() {
     let contradicted = forged.ledger.shadow.contradicted.clone().unwrap();
     assert_eq!(
         (contradicted.generation, contradicted.by_generation),
-        (0, 1)
+        (Generation(0), Generation(1))
     );
     // A person looks at it and decides.
     forged.do_due(&estimate(0.12, 30), false);

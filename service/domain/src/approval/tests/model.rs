@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use fleetcal_model::WallTime;
+use fleetcal_model::{DeploymentId, Generation, ProposalId, RevisionId, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues, Envelope};
 use fleetcal_proto::signing::TrustedKeys;
@@ -20,7 +20,7 @@ use crate::approval::{
 const SERVICE: &str = "fleetcal";
 
 /// What the robot uses, as it has said: a generation and its values. `None` when nobody knows.
-type Used = Option<(u64, CalibrationValues)>;
+type Used = Option<(Generation, CalibrationValues)>;
 
 /// Every record that there ever was of one robot, and what is known of it from outside.
 #[derive(Debug)]
@@ -28,10 +28,10 @@ pub struct Model {
     /// What the store would read before the next step.
     pub ledger: RobotLedger,
     /// Every signed document by generation.
-    pub envelopes: BTreeMap<u64, Envelope>,
-    revisions: BTreeMap<u64, Revision>,
-    proposals: BTreeMap<u64, Proposal>,
-    deployments: BTreeMap<u64, Deployment>,
+    pub envelopes: BTreeMap<Generation, Envelope>,
+    revisions: BTreeMap<RevisionId, Revision>,
+    proposals: BTreeMap<ProposalId, Proposal>,
+    deployments: BTreeMap<DeploymentId, Deployment>,
     /// The last `after` of every record in the audit.
     audited: BTreeMap<(&'static str, String), Value>,
     /// What waits to be sent, one of each kind.
@@ -39,7 +39,7 @@ pub struct Model {
     used: Used,
     used_before: Used,
     /// The highest generation that the robot has named.
-    heard: u64,
+    heard: Generation,
     trusted: TrustedKeys,
     policy: Policy,
 }
@@ -56,7 +56,7 @@ impl Model {
             outbox: BTreeMap::new(),
             used: None,
             used_before: None,
-            heard: 0,
+            heard: Generation(0),
             trusted,
             policy,
         }
@@ -82,11 +82,13 @@ impl Model {
     }
 
     pub fn next_ids(&self) -> NextIds {
-        let next = |last: Option<u64>| last.unwrap_or(0) + 1;
+        let revision = self.revisions.keys().next_back().copied();
+        let proposal = self.proposals.keys().next_back().copied();
+        let deployment = self.deployments.keys().next_back().copied();
         NextIds {
-            revision: next(self.revisions.keys().next_back().copied()),
-            proposal: next(self.proposals.keys().next_back().copied()),
-            deployment: next(self.deployments.keys().next_back().copied()),
+            revision: revision.unwrap_or_default().next(),
+            proposal: proposal.unwrap_or_default().next(),
+            deployment: deployment.unwrap_or_default().next(),
         }
     }
 
@@ -94,7 +96,7 @@ impl Model {
     pub fn take(&mut self, command: &Command, actor: &Actor, outcome: &Outcome, now: WallTime) {
         self.check_choice(command, actor, outcome);
         if let Command::Acknowledge(applied) = command {
-            self.heard = self.heard.max(applied.generation);
+            self.heard = self.heard.max(Generation(applied.generation.0));
         }
         self.take_audit(outcome);
         self.take_revisions(outcome);
@@ -210,7 +212,9 @@ impl Model {
 
     fn take_proposals(&mut self, outcome: &Outcome, now: WallTime) {
         for proposal in &outcome.proposals {
-            let before = self.proposals.insert(proposal.id, proposal.clone());
+            let before = self
+                .proposals
+                .insert(ProposalId(proposal.id.0), proposal.clone());
             let open = |one: Proposal| one.state == ProposalState::Proposed;
             assert!(before.is_none_or(open), "a decided proposal stays decided");
             let revision = &self.revisions[&proposal.revision];
@@ -240,7 +244,9 @@ impl Model {
 
     fn take_deployments(&mut self, outcome: &Outcome) {
         for deployment in &outcome.deployments {
-            let before = self.deployments.insert(deployment.id, deployment.clone());
+            let before = self
+                .deployments
+                .insert(DeploymentId(deployment.id.0), deployment.clone());
             let was_live = before.is_none_or(|one| one.state.is_live());
             assert!(was_live, "an ended deployment stays ended");
             let closed = deployment.closed_ns.is_some();
@@ -279,7 +285,12 @@ impl Model {
             );
             self.envelopes.insert(*generation, envelope.clone());
         }
-        let last = self.envelopes.keys().next_back().copied().unwrap_or(0);
+        let last = self
+            .envelopes
+            .keys()
+            .next_back()
+            .copied()
+            .unwrap_or(Generation(0));
         let highest = last.max(self.heard);
         assert_eq!(outcome.ledger.shadow.generation_last, highest);
     }
@@ -322,7 +333,12 @@ impl Model {
             AppliedStatus::Reverted if in_use => {
                 let before = self.used_before.take();
                 let values = applied.values.or(before.map(|(_, values)| values));
-                self.used = values.map(|values| (before.map_or(0, |(used, _)| used), values));
+                self.used = values.map(|values| {
+                    (
+                        before.map_or(Generation::FACTORY, |(used, _)| Generation(used.0)),
+                        values,
+                    )
+                });
             }
             _ => {}
         }

@@ -1,6 +1,6 @@
 //! Long random histories of one robot: whatever happens in whatever order, the records agree.
 
-use fleetcal_model::{RobotTime, WallTime};
+use fleetcal_model::{DeploymentId, Generation, ProposalId, RobotTime, Version, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};
 use fleetcal_proto::signing::{SigningKey, TrustedKeys};
@@ -163,15 +163,15 @@ fn policy() -> impl Strategy<Value = Policy> {
 fn command(attempt: Attempt, model: &Model, now: WallTime) -> Command {
     let open = model.ledger.open.as_ref();
     let live = model.ledger.live.as_ref();
-    let proposal = open.map_or(1, |open| open.id);
-    let version = |right: bool, found: Option<u64>| {
-        let found = found.unwrap_or(1);
-        Some(if right { found } else { found + 1 })
+    let proposal = open.map_or(1, |open| open.id.0);
+    let version = |right: bool, found: Option<Version>| {
+        let found = found.unwrap_or(Version(1));
+        Some(if right { found } else { found.next() })
     };
     let of_open = |right| version(right, open.map(|open| open.version));
-    let deployment = |right: bool| live.map_or(1, |live| live.id) + u64::from(!right);
+    let deployment = |right: bool| live.map_or(1, |live| live.id.0) + u64::from(!right);
     let last = model.ledger.shadow.generation_last;
-    let below = |back: u64| (last + 1).saturating_sub(back);
+    let below = |back: u64| Generation(last.next().0.saturating_sub(back));
     let words = || "as it was tried".to_owned();
     match attempt {
         Attempt::Propose(origin, values, nominal) => Command::Propose {
@@ -183,7 +183,7 @@ fn command(attempt: Attempt, model: &Model, now: WallTime) -> Command {
             reason: None,
         },
         Attempt::Approve { right } => Command::Approve {
-            proposal,
+            proposal: ProposalId(proposal),
             version: of_open(right),
             sha256: open
                 .map(|open| open.revision_sha256.clone())
@@ -191,22 +191,24 @@ fn command(attempt: Attempt, model: &Model, now: WallTime) -> Command {
             reason: None,
         },
         Attempt::Reject { right, reason } => Command::Reject {
-            proposal,
+            proposal: ProposalId(proposal),
             version: of_open(right),
             reason: reason.to_owned(),
         },
         Attempt::Withdraw { right } => Command::Withdraw {
-            proposal,
+            proposal: ProposalId(proposal),
             version: of_open(right),
             reason: None,
         },
-        Attempt::Expire => Command::Expire { proposal },
+        Attempt::Expire => Command::Expire {
+            proposal: ProposalId(proposal),
+        },
         Attempt::Supersede => Command::Supersede {
-            proposal,
+            proposal: ProposalId(proposal),
             reason: words(),
         },
         Attempt::Refresh(values) => Command::Refresh {
-            proposal,
+            proposal: ProposalId(proposal),
             values,
             sigmas: CalibrationValues::default(),
             evidence: Evidence::default(),
@@ -227,7 +229,7 @@ fn command(attempt: Attempt, model: &Model, now: WallTime) -> Command {
             generation: below(back),
         },
         Attempt::Judge { right, within } => Command::Judge {
-            deployment: deployment(right),
+            deployment: DeploymentId(deployment(right)),
             verification: Verification {
                 at_ns: now,
                 distance_m: 80.0,
@@ -237,11 +239,11 @@ fn command(attempt: Attempt, model: &Model, now: WallTime) -> Command {
             },
         },
         Attempt::GiveUp { right } => Command::GiveUp {
-            deployment: deployment(right),
+            deployment: DeploymentId(deployment(right)),
             reason: words(),
         },
         Attempt::Void { right } => Command::Void {
-            deployment: deployment(right),
+            deployment: DeploymentId(deployment(right)),
             reason: words(),
         },
         Attempt::Maintain { hours, reason } => Command::Maintain {
@@ -258,7 +260,7 @@ fn command(attempt: Attempt, model: &Model, now: WallTime) -> Command {
 fn answer(
     model: &Model,
     status: AppliedStatus,
-    generation: u64,
+    generation: Generation,
     right: bool,
     values: Option<CalibrationValues>,
     now: WallTime,

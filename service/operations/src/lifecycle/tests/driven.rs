@@ -1,6 +1,6 @@
 //! A simulated robot drives through the whole service: mailbox, estimators, lifecycle and store.
 
-use fleetcal_model::{RobotTime, Stream};
+use fleetcal_model::{Generation, RobotTime, Stream};
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::ros::RosMessage;
 use fleetcal_robot::fleet::{drive_message, lidar_pose_message};
@@ -102,7 +102,7 @@ async fn a_robot_keeps_what_a_person_rolled_it_back_to_over_200_m() {
     let mut driver = Driver::new(&bench);
     let (right, factory) = (driver.right_values(), values(0.0));
     let reported = Applied {
-        generation: 0,
+        generation: Generation(0),
         sha256: String::new(),
         status: AppliedStatus::Applied,
         reason: None,
@@ -138,7 +138,11 @@ async fn a_robot_keeps_what_a_person_rolled_it_back_to_over_200_m() {
     );
     assert_eq!(asked.values, factory);
     let ledger = bench.lifecycle.ledger(&robot);
-    assert_eq!(ledger.shadow.generation_last, 2, "nothing else was sent");
+    assert_eq!(
+        ledger.shadow.generation_last,
+        Generation(2),
+        "nothing else was sent"
+    );
     assert!(ledger.shadow.in_sync());
     assert_eq!(ledger.shadow.in_use.as_ref().unwrap().values, factory);
 }

@@ -18,7 +18,7 @@ use fleetcal_domain::approval::{
 use fleetcal_domain::robot::{RobotConfig, Wheelbase};
 use fleetcal_estimator::{EstimatorSettings, VehicleModel};
 use fleetcal_fleet::{FleetHandle, FleetSetup};
-use fleetcal_model::RobotTime;
+use fleetcal_model::{Generation, RobotTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationDocument, CalibrationValues};
 use fleetcal_proto::signing::{SigningKey, TrustedKeys};
@@ -168,7 +168,7 @@ impl Bench {
     }
 
     /// The robot's answer about a generation that was given out.
-    async fn answer(&self, generation: u64, status: AppliedStatus) -> Result<(), Refused> {
+    async fn answer(&self, generation: Generation, status: AppliedStatus) -> Result<(), Refused> {
         let envelope = self.store.envelope(&robot(), generation).await.unwrap();
         let applied = Applied {
             generation,
@@ -195,7 +195,7 @@ impl Bench {
             .unwrap();
         self.send_outbox().await;
         assert_eq!(self.state(), Some(DeploymentState::Verifying));
-        generation
+        generation.0
     }
 
     async fn verify(&self, within: bool) -> Outcome {
@@ -243,7 +243,7 @@ impl Bench {
     }
 
     /// The generation that the robot is believed to use.
-    fn used(&self) -> Option<u64> {
+    fn used(&self) -> Option<Generation> {
         let ledger = self.lifecycle.ledger(&robot());
         ledger
             .shadow
@@ -266,7 +266,7 @@ impl Bench {
     }
 }
 
-fn is_confirmation_of(messages: &[OutboxMessage], generation: u64) -> bool {
+fn is_confirmation_of(messages: &[OutboxMessage], generation: Generation) -> bool {
     let mut confirmations = messages.iter().filter_map(|message| match message {
         OutboxMessage::Confirmed(confirmed) => Some(confirmed.generation),
         OutboxMessage::Approved(_) => None,

@@ -1,6 +1,7 @@
 //! What people, the policy and the deployment freeze decide.
 
 use fleetcal_domain::approval::Tolerance;
+use fleetcal_model::{Generation, ProposalId, Version};
 
 use super::*;
 
@@ -15,7 +16,7 @@ async fn a_proposal_expires_and_cannot_be_approved_at_its_last_moment() {
     assert_eq!(refused, Refused::ProposalClosed { state });
     bench.look().await;
     assert_eq!(bench.lifecycle.ledger(&robot()).open, None);
-    let (proposal, _) = bench.store.proposal(1).await.unwrap().unwrap();
+    let (proposal, _) = bench.store.proposal(ProposalId(1)).await.unwrap().unwrap();
     assert_eq!(proposal.state, state);
     assert_eq!(bench.asked().await, None);
 }
@@ -42,7 +43,7 @@ async fn a_decision_is_seen_through_when_nobody_waits_for_it_any_more() {
         tokio::time::sleep(Duration::from_millis(1)).await;
     }
     assert_eq!(bench.state(), Some(DeploymentState::Queued));
-    assert_eq!(bench.asked().await.unwrap().generation, 1);
+    assert_eq!(bench.asked().await.unwrap().generation, Generation(1));
 }
 
 #[tokio::test]
@@ -54,28 +55,28 @@ async fn the_deployment_freeze_holds_what_no_robot_has_seen() {
     let reason = || "maintenance in hall 3".to_owned();
     bench
         .lifecycle
-        .freeze(true, 1, person("ana"), reason())
+        .freeze(true, Version(1), person("ana"), reason())
         .await
         .unwrap();
     bench.approve(0.05, None).await;
     assert_eq!(bench.send_outbox().await, []);
-    assert_eq!(bench.asked().await.unwrap().generation, 1);
+    assert_eq!(bench.asked().await.unwrap().generation, Generation(1));
     assert_eq!(bench.state(), Some(DeploymentState::Queued));
     // Held over a restart too.
     let bench = bench.restart().await;
     assert_eq!(bench.send_outbox().await, []);
-    assert_eq!(bench.asked().await.unwrap().generation, 1);
+    assert_eq!(bench.asked().await.unwrap().generation, Generation(1));
     let stale = bench
         .lifecycle
-        .freeze(false, 1, person("bruno"), reason())
+        .freeze(false, Version(1), person("bruno"), reason())
         .await;
     assert!(matches!(
         stale,
-        Err(StoreError::Refused(Refused::Stale { found: 2 }))
+        Err(StoreError::Refused(Refused::Stale { found: Version(2) }))
     ));
     bench
         .lifecycle
-        .freeze(false, 2, person("bruno"), reason())
+        .freeze(false, Version(2), person("bruno"), reason())
         .await
         .unwrap();
     assert_eq!(bench.send_outbox().await.len(), 1);
@@ -89,7 +90,7 @@ async fn the_stop_counts_from_its_commit_on() {
     // Committed, and not yet known to those who push.
     let stop = SetFreeze {
         frozen: true,
-        version: 1,
+        version: Version(1),
         actor: person("ana"),
         now: bench.clock.now(),
         reason: "maintenance in hall 3".to_owned(),
@@ -116,7 +117,7 @@ async fn a_policy_counts_from_its_commit_on() {
     };
     let set = SetPolicy {
         policy: Some(careful),
-        version: 1,
+        version: Version(1),
         actor: person("ana"),
         now: bench.clock.now(),
         reason: "narrow aisles".to_owned(),
@@ -139,7 +140,7 @@ async fn the_way_back_is_not_held() {
     let reason = "maintenance in hall 3".to_owned();
     bench
         .lifecycle
-        .freeze(true, 1, person("ana"), reason)
+        .freeze(true, Version(1), person("ana"), reason)
         .await
         .unwrap();
     bench.roll_back().await.unwrap();
@@ -174,7 +175,7 @@ async fn only_a_small_change_of_the_estimators_is_approved_without_a_person() {
     bench.propose(0.03, Some(values(0.0))).await;
     bench.look().await;
     assert_eq!(bench.state(), Some(DeploymentState::Queued));
-    let (proposal, _) = bench.store.proposal(3).await.unwrap().unwrap();
+    let (proposal, _) = bench.store.proposal(ProposalId(3)).await.unwrap().unwrap();
     assert_eq!(proposal.state, ProposalState::Approved);
     assert_eq!(proposal.approvals.first().unwrap().by, "fleetcal");
     // By default nothing is.

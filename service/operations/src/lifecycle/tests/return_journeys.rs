@@ -2,6 +2,7 @@
 
 use fleetcal_domain::approval::{DeploymentAction, Transition};
 use fleetcal_domain::audit::Action;
+use fleetcal_model::Generation;
 
 use super::*;
 
@@ -14,7 +15,10 @@ async fn office_in(state: DeploymentState) -> Bench {
     }
     bench.send_outbox().await;
     if state == DeploymentState::Applied || state == DeploymentState::Verifying {
-        bench.answer(1, AppliedStatus::Applied).await.unwrap();
+        bench
+            .answer(Generation(1), AppliedStatus::Applied)
+            .await
+            .unwrap();
     }
     if state == DeploymentState::Verifying {
         bench.send_outbox().await;
@@ -38,16 +42,16 @@ async fn from_every_state_under_way_there_is_a_way_back() {
         let document = bench.asked().await.unwrap();
         assert_eq!(
             (document.generation, document.values),
-            (last + 1, values(0.0))
+            (last.next(), values(0.0))
         );
         bench
-            .answer(last + 1, AppliedStatus::Applied)
+            .answer(last.next(), AppliedStatus::Applied)
             .await
             .unwrap();
-        assert!(is_confirmation_of(&bench.send_outbox().await, last + 1));
+        assert!(is_confirmation_of(&bench.send_outbox().await, last.next()));
         let ended = bench.latest().await;
         assert_eq!(ended.state, S::RolledBack, "{state:?}");
-        assert_eq!(bench.used(), Some(last + 1));
+        assert_eq!(bench.used(), Some(last.next()));
         // The same is not proposed again by the service itself.
         let declined = bench.lifecycle.ledger(&robot()).shadow.declined;
         assert_eq!(declined, ended.earlier.first().map(|one| one.revision));
@@ -146,7 +150,10 @@ async fn with_nothing_under_way_it_goes_back_to_what_was_verified() {
     bench.roll_back().await.unwrap();
     assert_eq!(bench.state(), Some(DeploymentState::Queued));
     let document = bench.asked().await.unwrap();
-    assert_eq!((document.generation, document.values), (3, values(0.02)));
+    assert_eq!(
+        (document.generation, document.values),
+        (Generation(3), values(0.02))
+    );
     assert_eq!(document.approved_by, "ana");
     assert_eq!(bench.latest().await.reason.as_deref(), Some("it weaves"));
 }
@@ -171,7 +178,7 @@ async fn what_a_person_rolled_back_to_is_never_rolled_back_by_the_service() {
     let outcome = bench.verify(false).await;
     assert_eq!(outcome.envelopes, [], "nothing is sent to the robot");
     assert_eq!(bench.state(), None);
-    assert_eq!(bench.used(), Some(3));
+    assert_eq!(bench.used(), Some(Generation(3)));
     let bench = bench.restart().await;
     let kept = bench.latest().await;
     assert_eq!(kept.state, DeploymentState::Kept);
@@ -185,7 +192,7 @@ async fn what_a_person_rolled_back_to_is_never_rolled_back_by_the_service() {
     assert!(kept.reason.unwrap().contains("values that ana chose"));
     bench.clock.advance(48 * HOUR);
     bench.look().await;
-    assert_eq!(bench.asked().await.unwrap().generation, 3);
+    assert_eq!(bench.asked().await.unwrap().generation, Generation(3));
 }
 
 #[tokio::test]
@@ -233,7 +240,10 @@ async fn what_a_person_rolled_back_to_is_replaced_by_people_alone() {
     let refused = bench.take(bench.approval(), Actor::service()).await;
     assert!(matches!(
         refused,
-        Err(Refused::ChosenByPerson { generation: 3, .. })
+        Err(Refused::ChosenByPerson {
+            generation: Generation(3),
+            ..
+        })
     ));
     bench.look().await;
     assert_eq!(bench.state(), None, "no automatic approval");
@@ -255,10 +265,16 @@ async fn a_robot_that_was_away_still_goes_back_to_what_a_person_chose() {
     bench.look().await;
     assert_eq!(bench.latest().await.state, DeploymentState::TimedOut);
     let bench = bench.restart().await;
-    assert_eq!(bench.asked().await.unwrap().generation, 3);
-    bench.answer(3, AppliedStatus::Applied).await.unwrap();
-    assert!(is_confirmation_of(&bench.send_outbox().await, 3));
-    assert_eq!(bench.used(), Some(3));
+    assert_eq!(bench.asked().await.unwrap().generation, Generation(3));
+    bench
+        .answer(Generation(3), AppliedStatus::Applied)
+        .await
+        .unwrap();
+    assert!(is_confirmation_of(
+        &bench.send_outbox().await,
+        Generation(3)
+    ));
+    assert_eq!(bench.used(), Some(Generation(3)));
 }
 
 #[tokio::test]
@@ -280,7 +296,7 @@ async fn a_failed_deployment_returns_to_what_a_person_chose_as_that_persons_choi
         .unwrap();
     assert_eq!(
         (desired.generation, desired.chosen_by.as_deref()),
-        (5, Some("ana"))
+        (Generation(5), Some("ana"))
     );
 }
 
@@ -326,8 +342,14 @@ async fn a_robot_that_does_not_take_its_former_values_is_reported() {
     bench.look().await;
     assert_eq!(bench.latest().await.state, DeploymentState::RollbackFailed);
     // It still gets them when it comes back, and is told to keep them.
-    assert_eq!(bench.asked().await.unwrap().generation, 2);
-    bench.answer(2, AppliedStatus::Applied).await.unwrap();
-    assert!(is_confirmation_of(&bench.send_outbox().await, 2));
-    assert_eq!(bench.used(), Some(2));
+    assert_eq!(bench.asked().await.unwrap().generation, Generation(2));
+    bench
+        .answer(Generation(2), AppliedStatus::Applied)
+        .await
+        .unwrap();
+    assert!(is_confirmation_of(
+        &bench.send_outbox().await,
+        Generation(2)
+    ));
+    assert_eq!(bench.used(), Some(Generation(2)));
 }

@@ -1,6 +1,6 @@
 //! Robots that are late, forgetful, or do not drive.
 
-use fleetcal_model::RobotTime;
+use fleetcal_model::{Generation, RobotTime};
 
 use super::*;
 
@@ -24,14 +24,26 @@ async fn a_robot_that_starts_an_hour_later_gets_the_newest_once() {
     );
     assert_eq!(bench.send_outbox().await, []);
     let document = bench.asked().await.unwrap();
-    assert_eq!((document.generation, document.values), (2, values(0.03)));
-    bench.answer(2, AppliedStatus::Applied).await.unwrap();
+    assert_eq!(
+        (document.generation, document.values),
+        (Generation(2), values(0.03))
+    );
+    bench
+        .answer(Generation(2), AppliedStatus::Applied)
+        .await
+        .unwrap();
     let bench = bench.restart().await;
-    assert!(is_confirmation_of(&bench.send_outbox().await, 2));
+    assert!(is_confirmation_of(
+        &bench.send_outbox().await,
+        Generation(2)
+    ));
     assert_eq!(bench.state(), Some(DeploymentState::Verifying));
-    assert_eq!(bench.used(), Some(2));
+    assert_eq!(bench.used(), Some(Generation(2)));
     let applied = bench.latest().await;
-    assert_eq!((applied.offer.generation, applied.earlier.len()), (2, 0));
+    assert_eq!(
+        (applied.offer.generation, applied.earlier.len()),
+        (Generation(2), 0)
+    );
 }
 
 #[tokio::test]
@@ -42,10 +54,13 @@ async fn the_same_answer_again_changes_nothing_and_is_confirmed_again() {
     let (rows, before) = (bench.rows().await, bench.lifecycle.ledger(&robot()));
     for _ in 0..3 {
         bench
-            .answer(generation, AppliedStatus::Applied)
+            .answer(Generation(generation), AppliedStatus::Applied)
             .await
             .unwrap();
-        assert!(is_confirmation_of(&bench.send_outbox().await, generation));
+        assert!(is_confirmation_of(
+            &bench.send_outbox().await,
+            Generation(generation)
+        ));
     }
     assert_eq!(bench.rows().await, rows);
     assert_eq!(bench.lifecycle.ledger(&robot()), before);
@@ -60,7 +75,10 @@ async fn an_answer_after_the_time_is_over_is_not_confirmed() {
     bench.look().await;
     assert_eq!(bench.latest().await.state, DeploymentState::TimedOut);
     assert_eq!(bench.asked().await, None);
-    bench.answer(1, AppliedStatus::Applied).await.unwrap();
+    bench
+        .answer(Generation(1), AppliedStatus::Applied)
+        .await
+        .unwrap();
     assert_eq!(bench.lifecycle.confirmed(&robot()), None);
     assert_eq!(bench.send_outbox().await, []);
     let in_use = bench
@@ -70,9 +88,15 @@ async fn an_answer_after_the_time_is_over_is_not_confirmed() {
         .in_use
         .clone()
         .unwrap();
-    assert_eq!((in_use.generation, in_use.values), (1, values(0.02)));
+    assert_eq!(
+        (in_use.generation, in_use.values),
+        (Generation(1), values(0.02))
+    );
     // It was not told to keep it, and goes back to what nobody knows.
-    bench.answer(1, AppliedStatus::Reverted).await.unwrap();
+    bench
+        .answer(Generation(1), AppliedStatus::Reverted)
+        .await
+        .unwrap();
     assert_eq!(bench.used(), None);
 }
 
@@ -83,14 +107,17 @@ async fn a_robot_that_reverts_unheard_is_believed_to_use_what_it_used() {
     bench.drive_in_verification().await;
     bench.verify(true).await;
     bench.approve(0.05, None).await;
-    assert_eq!(bench.asked().await.unwrap().generation, 2);
+    assert_eq!(bench.asked().await.unwrap().generation, Generation(2));
     // The link was cut: it applied the second one, heard nothing, and went back to the first.
-    bench.answer(2, AppliedStatus::Reverted).await.unwrap();
+    bench
+        .answer(Generation(2), AppliedStatus::Reverted)
+        .await
+        .unwrap();
     assert_eq!(bench.latest().await.state, DeploymentState::Failed);
     let shadow = bench.lifecycle.ledger(&robot()).shadow.clone();
-    assert_eq!(bench.used(), Some(1));
+    assert_eq!(bench.used(), Some(Generation(1)));
     assert_eq!(shadow.in_use.unwrap().values, values(0.02));
-    assert_eq!(shadow.desired.unwrap().generation, 1);
+    assert_eq!(shadow.desired.unwrap().generation, Generation(1));
 }
 
 #[tokio::test]
@@ -100,7 +127,10 @@ async fn a_late_word_about_the_values_on_their_way_out_does_not_hide_what_is_use
     bench.drive_in_verification().await;
     bench.roll_back().await.unwrap();
     bench.clock.advance(HOUR);
-    bench.answer(1, AppliedStatus::Applied).await.unwrap();
+    bench
+        .answer(Generation(1), AppliedStatus::Applied)
+        .await
+        .unwrap();
     assert_eq!(bench.lifecycle.confirmed(&robot()), None);
     let in_use = bench
         .lifecycle
@@ -109,7 +139,10 @@ async fn a_late_word_about_the_values_on_their_way_out_does_not_hide_what_is_use
         .in_use
         .clone()
         .unwrap();
-    assert_eq!((in_use.generation, in_use.values), (1, values(0.02)));
+    assert_eq!(
+        (in_use.generation, in_use.values),
+        (Generation(1), values(0.02))
+    );
 }
 
 #[tokio::test]
@@ -119,12 +152,21 @@ async fn an_old_answer_does_not_take_the_place_of_a_new_one() {
     bench.drive_in_verification().await;
     bench.verify(true).await;
     bench.approve(0.05, None).await;
-    assert_eq!(bench.asked().await.unwrap().generation, 2);
+    assert_eq!(bench.asked().await.unwrap().generation, Generation(2));
     bench.send_outbox().await;
-    bench.answer(2, AppliedStatus::Applied).await.unwrap();
+    bench
+        .answer(Generation(2), AppliedStatus::Applied)
+        .await
+        .unwrap();
     // It was on its way for long.
-    bench.answer(1, AppliedStatus::Failed).await.unwrap();
-    assert!(is_confirmation_of(&bench.send_outbox().await, 2));
+    bench
+        .answer(Generation(1), AppliedStatus::Failed)
+        .await
+        .unwrap();
+    assert!(is_confirmation_of(
+        &bench.send_outbox().await,
+        Generation(2)
+    ));
     assert_eq!(bench.state(), Some(DeploymentState::Verifying));
 }
 
@@ -151,17 +193,19 @@ async fn a_robot_that_does_not_drive_is_inconclusive_after_a_day() {
 async fn an_answer_about_what_was_never_given_out_is_refused() {
     let bench = Bench::open(Policy::default()).await;
     bench.approve(0.02, None).await;
-    let refused = bench.answer(1_002, AppliedStatus::Applied).await;
+    let refused = bench
+        .answer(Generation(1_002), AppliedStatus::Applied)
+        .await;
     assert_eq!(
         refused.unwrap_err(),
         Refused::NeverOffered {
-            generation: 1_002,
-            most: 1_001
+            generation: Generation(1_002),
+            most: Generation(1_001)
         }
     );
     bench.send_outbox().await;
     let applied = Applied {
-        generation: 1,
+        generation: Generation(1),
         sha256: "ab".repeat(32),
         status: AppliedStatus::Applied,
         reason: None,
@@ -180,13 +224,16 @@ async fn an_answer_about_what_was_never_given_out_is_refused() {
 #[tokio::test]
 async fn what_is_approved_after_an_older_database_came_back_is_newer_than_what_the_robot_has() {
     let bench = Bench::open(Policy::default()).await;
-    bench.answer(7, AppliedStatus::Applied).await.unwrap();
+    bench
+        .answer(Generation(7), AppliedStatus::Applied)
+        .await
+        .unwrap();
     assert!(
         bench.send_outbox().await.is_empty(),
         "nobody here has approved it"
     );
     bench.approve(0.02, None).await;
-    assert_eq!(bench.asked().await.unwrap().generation, 8);
+    assert_eq!(bench.asked().await.unwrap().generation, Generation(8));
 }
 
 #[tokio::test]
@@ -198,7 +245,7 @@ async fn what_no_robot_can_drive_with_is_not_believed() {
         other => panic!("{other:?}"),
     };
     let applied = Applied {
-        generation: 1,
+        generation: Generation(1),
         sha256,
         status: AppliedStatus::Applied,
         reason: None,
