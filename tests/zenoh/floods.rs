@@ -13,6 +13,8 @@ use std::time::Duration;
 use fleetcal_tests::recording;
 use fleetcal_tests::service::{Service, free_port, now, wait_for};
 use serde_json::{Value, json};
+use sqlx::sqlite::SqliteConnectOptions;
+use sqlx::{ConnectOptions, Connection};
 use tempfile::TempDir;
 
 use super::lists::{generated, password, passwords};
@@ -114,7 +116,7 @@ impl Drop for Crowd {
 
 /// What a flood did to the others.
 #[derive(Debug, Default)]
-struct Figures {
+pub struct Figures {
     sent: u64,
     lost: u64,
     dropped_wheel_odometry: u64,
@@ -122,19 +124,30 @@ struct Figures {
     /// Longest time in which nothing came of a robot that sends every 10 ms.
     stalled: Duration,
     grown_bytes: u64,
-    database_bytes: u64,
-    log_bytes: u64,
-    done: u64,
+    pub database_bytes: u64,
+    pub log_bytes: u64,
+    pub done: u64,
 }
 
-fn size_of(folder: &Path) -> u64 {
-    let files = std::fs::read_dir(folder).unwrap();
-    let sizes = files.map(|file| file.unwrap().metadata().map_or(0, |data| data.len()));
-    sizes.sum()
+/// Bytes of a service's database, with what is in its write-ahead log alone so far. That file itself
+/// keeps the size it had once.
+pub fn database_bytes(service: &Service) -> u64 {
+    let options = SqliteConnectOptions::new().filename(service.data().join("fleetcal.db"));
+    let runtime = tokio::runtime::Builder::new_current_thread().build();
+    runtime.unwrap().block_on(async {
+        let mut database = options.read_only(true).connect().await.unwrap();
+        let bytes = "SELECT page_count * page_size FROM pragma_page_count(), pragma_page_size()";
+        let bytes: i64 = sqlx::query_scalar(bytes)
+            .fetch_one(&mut database)
+            .await
+            .unwrap();
+        database.close().await.unwrap();
+        bytes.unsigned_abs()
+    })
 }
 
 /// Robots drive while `kind` is done to the service; without a kind, nothing is.
-fn flooded(list: List, kind: Option<&str>, seconds: u64) -> Figures {
+pub fn flooded(list: List, kind: Option<&str>, seconds: u64) -> Figures {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("robot.mcap");
     let drive_s = seconds + 2 * MARGIN_S;
@@ -142,7 +155,7 @@ fn flooded(list: List, kind: Option<&str>, seconds: u64) -> Figures {
     let service = started(list, folder.path());
     let (memory, database, log) = (
         service.memory_bytes(),
-        size_of(&service.data()),
+        database_bytes(&service),
         service.logged().len(),
     );
     let who = if list == List::Default {
@@ -185,7 +198,7 @@ fn flooded(list: List, kind: Option<&str>, seconds: u64) -> Figures {
         figures.dropped_scans += counted("dropped_scans");
     }
     figures.grown_bytes = service.memory_bytes().saturating_sub(memory);
-    figures.database_bytes = size_of(&service.data()).saturating_sub(database);
+    figures.database_bytes = database_bytes(&service).saturating_sub(database);
     figures.log_bytes = (service.logged().len() - log) as u64;
     figures
 }
