@@ -206,7 +206,7 @@ STOPPED_S ?= 60
 hardening: hardening-store hardening-http hardening-zenoh hardening-process kill-rounds hardening-growth ## Every fault of docs/reliability.md: hours; goes on where it stopped
 
 .PHONY: hardening-zenoh
-hardening-zenoh: build-for-tests ## 8 hostile Zenoh sessions for a minute, each kind against either access list: half an hour, prints losses
+hardening-zenoh: build-for-tests ## 8 hostile Zenoh sessions for a minute, each kind (or those of FLEETCAL_ZENOH_FLOODS) against either access list: half an hour, prints losses
 	FLEETCAL_ZENOH_FLOOD_S=60 FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked --workspace --test zenoh -- --include-ignored --nocapture --test-threads 1 floods::
 
 .PHONY: hardening-growth
