@@ -421,8 +421,8 @@ mod tests {
 
     #[test]
     fn a_peer_that_is_late_with_one_part_after_the_other_has_one_time_for_all() {
-        let idle = limits::HTTP_HEADER_TIMEOUT - Duration::from_secs(1);
-        let left = limits::HTTP_PEER_TIMEOUT - idle;
+        let idle = limits::HTTP_HEADER_TIMEOUT.mul_f64(0.9);
+        let left = limits::HTTP_PEER_TIMEOUT.saturating_sub(idle);
         let moment = Duration::from_millis(1);
         let stall = Poll::<io::Result<()>>::Pending;
         let late = |body_awaited| {
@@ -435,7 +435,7 @@ mod tests {
         };
         // A body that does not come.
         let (clock, progress) = late(true);
-        clock.advance(left - moment);
+        clock.advance(left.saturating_sub(moment));
         assert_eq!(progress.overdue(), None);
         clock.advance(moment);
         assert_eq!(progress.overdue(), Some(Overdue::Body));
@@ -444,7 +444,7 @@ mod tests {
         progress.request_ends();
         progress.request_begins(false);
         progress.note(&stall);
-        clock.advance(left - moment);
+        clock.advance(left.saturating_sub(moment));
         assert_eq!(progress.overdue(), None);
         clock.advance(moment);
         assert_eq!(progress.overdue(), Some(Overdue::Write));
