@@ -203,11 +203,15 @@ SEEDS_PASSED = $(abspath $(BUILT))/hardening
 HARDENING_N ?= 200
 STOPPED_S ?= 60
 .PHONY: hardening
-hardening: hardening-store hardening-http hardening-zenoh hardening-process kill-rounds ## Every fault of docs/reliability.md: hours; goes on where it stopped
+hardening: hardening-store hardening-http hardening-zenoh hardening-process kill-rounds hardening-growth ## Every fault of docs/reliability.md: hours; goes on where it stopped
 
 .PHONY: hardening-zenoh
-hardening-zenoh: build-for-tests ## 8 hostile Zenoh sessions for a minute, each kind against either access list: half an hour, prints losses
+hardening-zenoh: build-for-tests ## 8 hostile Zenoh sessions for a minute, each kind (or those of FLEETCAL_ZENOH_FLOODS) against either access list: half an hour, prints losses
 	FLEETCAL_ZENOH_FLOOD_S=60 FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked --workspace --test zenoh -- --include-ignored --nocapture --test-threads 1 floods::
+
+.PHONY: hardening-growth
+hardening-growth: build-for-tests ## GROWTH_MINUTES=60 of each flood and of none: prints what database and log grow by, seven hours
+	FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked --workspace --test zenoh -- --ignored --nocapture growth::
 
 .PHONY: hardening-process
 hardening-process: build-for-tests ## HARDENING_N=200 kills inside migrations and SIGTERMs under load; stopped for a minute; 64 file descriptors; 256 MiB (root)

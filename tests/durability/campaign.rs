@@ -98,7 +98,7 @@ fn every_nth_write_and_sync_fails() {
     let path = Path::new(&path);
     let mut progress = Progress::read(path);
     let began = service::now();
-    let mut runs = 0;
+    let (mut runs, mut acknowledged, mut refused) = (0, 0, 0);
     for fault in FAULTS {
         while progress.next(fault).is_some() {
             let mut service = Service::start(&[]);
@@ -114,10 +114,12 @@ fn every_nth_write_and_sync_fails() {
             service.kill();
             service.restart();
             robots.check(&service);
+            acknowledged += robots.acknowledged();
+            refused += robots.refused();
         }
     }
     println!(
-        "{runs} runs in {:?}, {} in all",
+        "{runs} runs in {:?}, {} in all: {acknowledged} writes acknowledged, 0 lost, {refused} refused",
         began.elapsed(),
         progress.runs.len()
     );

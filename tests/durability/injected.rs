@@ -126,6 +126,11 @@ impl Robots {
         began.elapsed()
     }
 
+    /// How many were acknowledged.
+    pub fn acknowledged(&self) -> usize {
+        self.acknowledged.len()
+    }
+
     /// How many were not.
     pub fn refused(&self) -> usize {
         self.unchanged.len() + self.unknown

@@ -7,11 +7,15 @@ use std::time::{Duration, Instant};
 
 use fleetcal_tests::service::now;
 
-/// Since when each connection of a service has been there, by the peer's address and port.
+/// A connection: the peer's address and port, and the inode of the service's socket. A peer may soon
+/// have a port again that it had before; an inode is another one's then.
+type Connection = (u32, u16, u64);
+
+/// Since when each connection of a service has been there.
 #[derive(Debug)]
 pub struct Held {
     port: u16,
-    since: HashMap<(u32, u16), Instant>,
+    since: HashMap<Connection, Instant>,
     longest: Duration,
     most: usize,
 }
@@ -31,9 +35,10 @@ impl Held {
     pub fn look(&mut self) {
         let found = established(self.port);
         let at = now();
-        self.since.retain(|peer, _| found.contains(peer));
-        for peer in &found {
-            let since = *self.since.entry(*peer).or_insert(at);
+        self.since
+            .retain(|connection, _| found.contains(connection));
+        for connection in &found {
+            let since = *self.since.entry(*connection).or_insert(at);
             self.longest = self.longest.max(at - since);
         }
         self.most = self.most.max(found.len());
@@ -44,7 +49,8 @@ impl Held {
         match peer {
             SocketAddr::V4(peer) => {
                 let address = u32::from_ne_bytes(peer.ip().octets());
-                self.since.contains_key(&(address, peer.port()))
+                let mut held = self.since.keys();
+                held.any(|one| (one.0, one.1) == (address, peer.port()))
             }
             SocketAddr::V6(_) => false,
         }
@@ -61,9 +67,9 @@ impl Held {
     }
 }
 
-/// The peers of established connections on a port that a process has accepted and not closed:
+/// The established connections on a port that a process has accepted and not closed:
 /// proc(5) `net/tcp`. Those that wait to be accepted, or that the process has closed, have no inode.
-fn established(port: u16) -> std::collections::BTreeSet<(u32, u16)> {
+fn established(port: u16) -> std::collections::BTreeSet<Connection> {
     let table = fs::read_to_string("/proc/net/tcp").unwrap();
     let end = |text: &str| {
         let (address, port) = text.split_once(':').unwrap();
@@ -72,9 +78,10 @@ fn established(port: u16) -> std::collections::BTreeSet<(u32, u16)> {
     };
     let rows = table.lines().skip(1).filter_map(|line| {
         let fields: Vec<_> = line.split_whitespace().collect();
-        let (local, peer, inode) = (end(fields[1]), end(fields[2]), fields[9]);
-        let is_held = local.1 == port && fields[3] != "0A" && inode != "0";
-        is_held.then_some(peer)
+        let (local, peer) = (end(fields[1]), end(fields[2]));
+        let inode: u64 = fields[9].parse().unwrap();
+        let is_held = local.1 == port && fields[3] != "0A" && inode != 0;
+        is_held.then_some((peer.0, peer.1, inode))
     });
     rows.collect()
 }

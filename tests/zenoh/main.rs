@@ -11,6 +11,7 @@ mod breaks;
 mod certificates;
 mod floods;
 mod former_key;
+mod growth;
 mod link;
 mod lists;
 mod native;

@@ -7,14 +7,14 @@ use fleetcal_tests::recording;
 use fleetcal_tests::service::{Service, wait_for};
 use tempfile::TempDir;
 
-use super::floods::{Crowd, List, ROBOTS, SESSIONS, started};
+use super::floods::{Crowd, List, ROBOTS, SESSIONS, database_bytes, started};
 
 /// Minutes unless `SOAK_MINUTES` says otherwise.
 const MINUTES: u64 = 120;
-/// Parts of the whole, each with a flood in it.
-const PERIODS: u64 = 12;
+/// Parts of the whole: twice one without a flood, and one with each.
+const PERIODS: u64 = 14;
 /// What is done in turn.
-const KINDS: [&str; 6] = [
+pub const KINDS: [&str; 6] = [
     "tokens",
     "subscribers",
     "queryables",
@@ -22,6 +22,8 @@ const KINDS: [&str; 6] = [
     "notes",
     "answers",
 ];
+/// The period beside which the others' growth of database and log is seen.
+const NOTHING: &str = "nothing";
 /// What is asked of the process.
 const MEMORY_MAX_BYTES: u64 = 256 << 20;
 const GROWTH_MAX_BYTES_PER_H: f64 = (1 << 20) as f64;
@@ -33,6 +35,8 @@ struct Held {
     memory_bytes: u64,
     files: usize,
     threads: usize,
+    database_bytes: u64,
+    log_bytes: usize,
 }
 
 impl Held {
@@ -45,6 +49,8 @@ impl Held {
             memory_bytes: service.memory_bytes(),
             files: count("fd"),
             threads: count("task"),
+            database_bytes: database_bytes(service),
+            log_bytes: service.logged().len(),
         }
     }
 }
@@ -68,6 +74,10 @@ fn period(service: &Service, recording: &Path, kind: &str, seconds: u64) {
     let endpoint = service.endpoint();
     let path = recording.to_str().unwrap();
     let mut fleet = Crowd::start(&["robots", &endpoint, &drive_s, &robots, path, "anonymous"]);
+    if kind == NOTHING {
+        fleet.hear();
+        return;
+    }
     let (flood_s, sessions) = ((seconds / 6).max(2).to_string(), SESSIONS.to_string());
     let mut hostile = Crowd::start(&["hostile", &endpoint, &flood_s, &sessions, kind, "-"]);
     hostile.hear();
@@ -85,19 +95,23 @@ fn what_the_process_holds_does_not_grow() {
     let path = folder.path().join("robot.mcap");
     recording::simulated(&path, seconds as f64);
     let service = started(List::Default, folder.path());
-    let mut held = Vec::new();
-    for kind in KINDS.into_iter().cycle().take(PERIODS as usize) {
+    let (mut held, mut before) = (Vec::new(), Held::by(&service));
+    let kinds = std::iter::once(NOTHING).chain(KINDS);
+    for kind in kinds.cycle().take(PERIODS as usize) {
         period(&service, &path, kind, seconds);
         wait_for("the end of all sessions", || {
             (service.robot("robot_01")["alive"] != true).then_some(())
         });
         let now = Held::by(&service);
         println!(
-            "{kind}: {} MiB, {} files, {} threads",
+            "{kind}: {} MiB, {} files, {} threads, database +{} kB, log +{} kB",
             now.memory_bytes >> 20,
             now.files,
-            now.threads
+            now.threads,
+            now.database_bytes.saturating_sub(before.database_bytes) / 1_000,
+            (now.log_bytes - before.log_bytes) / 1_000
         );
+        before = now;
         held.push(now);
     }
     // The first half warms up: each kind of flood has been there once.

@@ -238,6 +238,9 @@ pub const HTTP_BODY_TIMEOUT: Duration = Duration::from_secs(12);
 /// A client must take something of an answer within this time; the recording of a robot has
 /// [`RECORDING_STALLED_AFTER`].
 pub const HTTP_WRITE_STALL_TIMEOUT: Duration = Duration::from_secs(10);
+/// What the service may wait for a client in all, until that has sent a request and begun to take what
+/// answers it: for header, body and a first stall together, each of which has its own limit besides.
+pub const HTTP_PEER_TIMEOUT: Duration = Duration::from_secs(14);
 /// A request is answered within this time (event streams excepted).
 pub const HTTP_REQUEST_TIMEOUT: Duration = Duration::from_secs(10);
 /// Listeners of the event stream at once.

@@ -32,8 +32,27 @@ use crate::live::LiveUpdate;
 use crate::mailbox::Message;
 use crate::registry::{Counts, Fleet, FleetCounters, Step, scan_durations};
 use crate::robot::Robot;
+use crate::senders::LinkId;
 use crate::tap::{TapReader, Tapped};
 use crate::{task, watch};
+
+/// How a message came.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Arrived {
+    /// How it is written.
+    pub form: Form,
+    /// The connection that it came over, where that is known.
+    pub link: Option<LinkId>,
+}
+
+impl<F: Into<Form>> From<F> for Arrived {
+    fn from(form: F) -> Self {
+        Self {
+            form: form.into(),
+            link: None,
+        }
+    }
+}
 
 /// Why the fleet refused a request.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -340,7 +359,7 @@ impl FleetHandle {
         &self,
         id: &RobotId,
         stream: Stream,
-        form: impl Into<Form>,
+        arrived: impl Into<Arrived>,
         bytes: usize,
         payload: impl FnOnce() -> Vec<u8>,
     ) {
@@ -356,9 +375,11 @@ impl FleetHandle {
         } else if !robot.is_configured() {
             robot.mailbox.ignore(stream);
         } else {
+            let Arrived { form, link } = arrived.into();
             robot.mailbox.push(Message {
                 stream,
-                form: form.into(),
+                form,
+                link,
                 payload: payload(),
             });
         }

@@ -27,9 +27,10 @@ mod watch;
 pub mod words;
 
 pub use cross_track::UsedValues;
-pub use handle::{FleetHandle, FleetRefused, FleetSetup};
+pub use handle::{Arrived, FleetHandle, FleetRefused, FleetSetup};
 pub use intake::{Intake, Taken};
 pub use pose::LatestPose;
 pub use reading::ReadingSettings;
 pub use registry::FleetCounters;
+pub use senders::LinkId;
 pub use tap::{TapReader, Tapped, Taps};

@@ -17,6 +17,8 @@ use fleetcal_proto::message_type::Form;
 use fleetcal_proto::progress::Progress;
 use tokio::sync::Notify;
 
+use crate::senders::LinkId;
+
 /// Slots that drive samples and scans share.
 const SLOTS_MAX: usize = MAILBOX_WHEEL_ODOMETRY_MAX + MAILBOX_SCANS_MAX;
 
@@ -27,6 +29,8 @@ pub struct Message {
     pub stream: Stream,
     /// How it is written.
     pub form: Form,
+    /// The connection that it came over, where that is known.
+    pub link: Option<LinkId>,
     /// Its bytes.
     pub payload: Vec<u8>,
 }
@@ -339,6 +343,7 @@ mod tests {
         Message {
             stream,
             form: Encoding::Cdr.into(),
+            link: None,
             payload: number.to_le_bytes().to_vec(),
         }
     }

@@ -1,11 +1,14 @@
 //! Whether two senders use one robot's id.
 //!
-//! Zenoh does not say who put a sample, so the stamps have to tell. One robot's stamps of one stream
-//! go up, at a steady rate. Of two robots whose clocks differ, each message goes back behind the
-//! other's; of two whose clocks agree, one's stamps fall between the other's, as near to the one
-//! before each time. Several of either within a few messages, and there are two.
+//! Zenoh does not say who put a sample, so stamps and connections have to tell. One robot's stamps of
+//! one stream go up, at a steady rate. Of two robots whose clocks differ, each message goes back
+//! behind the other's; of two whose clocks agree, one's stamps fall between the other's, as near to
+//! the one before each time. Several of either within a few messages, and there are two.
+//!
+//! Two whose stamps are one steady row take turns on two connections. A robot that connects again
+//! does not come back to the connection before, and what two bridges of one robot bring comes twice.
 
-use std::collections::VecDeque;
+use std::collections::{HashMap, VecDeque};
 
 use fleetcal_estimator::RobotTime;
 use fleetcal_model::Stream;
@@ -24,27 +27,81 @@ const SHORT_SHARE_SPREAD_MAX: f64 = 0.1;
 const PAIR_SPREAD_MAX: f64 = 0.1;
 /// A longer pause is one, ns: a robot that stopped sending has lost nothing.
 const PAUSE_NS: i64 = 10_000_000_000;
+/// Messages of one stream whose connections are looked at: of wheel odometry, two seconds.
+const TURNS_WINDOW: usize = 200;
+/// How often connections go on after another one among these, from which on there are two senders.
+const RETURNS_MIN: usize = 5;
 /// Messages without a sign of two senders, after which there is one again.
 const CALM_MESSAGES: u32 = 400;
+
+/// The connection that a message came over, as long as that lasts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct LinkId(pub u64);
+
+/// One stream's latest messages: stamp, and the connection that each came over.
+#[derive(Debug, Default)]
+struct Turns {
+    messages: VecDeque<(i64, LinkId)>,
+}
+
+impl Turns {
+    /// Takes a message; whether it came over another connection than the one before, and the
+    /// connections take turns.
+    fn take(&mut self, stamp: RobotTime, link: LinkId) -> bool {
+        let is_other = self.messages.back().is_some_and(|last| last.1 != link);
+        self.messages.push_back((stamp.0, link));
+        if self.messages.len() > TURNS_WINDOW {
+            self.messages.pop_front();
+        }
+        is_other && self.are_taken()
+    }
+
+    fn are_taken(&self) -> bool {
+        let mut times: HashMap<i64, usize> = HashMap::new();
+        for (stamp, _) in &self.messages {
+            *times.entry(*stamp).or_default() += 1;
+        }
+        let (mut newest, mut last, mut heard) = (i64::MIN, None, Vec::new());
+        let mut returns = 0;
+        for (stamp, link) in &self.messages {
+            // What is still on its way when a robot connects again comes late.
+            if *stamp <= newest || times.get(stamp).is_some_and(|times| *times > 1) {
+                continue;
+            }
+            newest = *stamp;
+            let is_known = heard.contains(link);
+            returns += usize::from(is_known && last != Some(*link));
+            if !is_known {
+                heard.push(*link);
+            }
+            last = Some(*link);
+        }
+        // Of two bridges each loses a message now and then that the other brings.
+        let shared = times.values().filter(|times| **times > 1).count();
+        returns >= RETURNS_MIN && returns > shared
+    }
+}
 
 /// One stream's latest messages: stamp, and a hash of what they say.
 #[derive(Debug, Default)]
 struct Latest {
     messages: VecDeque<(i64, u64)>,
+    turns: Turns,
 }
 
 impl Latest {
     /// Takes a message; whether the window now looks like two senders.
-    fn take(&mut self, stamp: RobotTime, content: u64) -> bool {
+    fn take(&mut self, stamp: RobotTime, content: u64, link: Option<LinkId>) -> bool {
+        let take_turns = link.is_some_and(|link| self.turns.take(stamp, link));
         self.messages.push_back((stamp.0, content));
         if self.messages.len() <= WINDOW {
-            return false;
+            return take_turns;
         }
         self.messages.pop_front();
         let steps: Vec<i64> = self.steps().collect();
         let repeated = self.repeated_with_other_content();
         let back = steps.iter().filter(|step| **step < 0).count();
-        back + repeated >= BACK_MIN || fall_between(&steps)
+        take_turns || back + repeated >= BACK_MIN || fall_between(&steps)
     }
 
     /// How many messages are missing before the newest, by the usual step of those before it.
@@ -108,15 +165,22 @@ pub struct Senders {
 }
 
 impl Senders {
-    /// Takes a message's stamp and a hash of what it says; whether two senders use the id.
-    pub fn take(&mut self, stream: Stream, stamp: RobotTime, content: u64) -> bool {
+    /// Takes a message's stamp, a hash of what it says and the connection that it came over, where
+    /// that is known; whether two senders use the id.
+    pub fn take(
+        &mut self,
+        stream: Stream,
+        stamp: RobotTime,
+        content: u64,
+        link: Option<LinkId>,
+    ) -> bool {
         if stream == Stream::Event {
             return self.are_two();
         }
         let Some(latest) = self.latest.get_mut(stream.index()) else {
             return self.are_two();
         };
-        if latest.take(stamp, content) {
+        if latest.take(stamp, content, link) {
             self.calm = Some(0);
         } else {
             self.calm = self
@@ -172,7 +236,7 @@ mod tests {
         messages.sort_unstable();
         let mut senders = Senders::default();
         messages.iter().position(|(at, stamp)| {
-            senders.take(Stream::WheelOdometry, RobotTime(*stamp), *at as u64)
+            senders.take(Stream::WheelOdometry, RobotTime(*stamp), *at as u64, None)
         })
     }
 
@@ -199,7 +263,7 @@ mod tests {
         }
         for stamp in stamps {
             for _ in 0..2 {
-                assert!(!senders.take(Stream::WheelOdometry, RobotTime(stamp), stamp as u64));
+                assert!(!senders.take(Stream::WheelOdometry, RobotTime(stamp), stamp as u64, None));
             }
         }
     }
@@ -234,6 +298,61 @@ mod tests {
         }
     }
 
+    /// How many messages there were when two senders were seen first, of messages every 5 ms of
+    /// which each came over one of some connections.
+    fn seen_on(links: impl IntoIterator<Item = (i64, u64)>) -> Option<usize> {
+        let mut senders = Senders::default();
+        links.into_iter().position(|(number, link)| {
+            let stamp = RobotTime(START_NS + number * 5 * MS);
+            let link = Some(LinkId(link));
+            senders.take(Stream::WheelOdometry, stamp, number as u64, link)
+        })
+    }
+
+    #[test]
+    fn two_robots_that_take_exact_turns_are_seen_by_their_connections() {
+        let one_after_the_other = (0..400).map(|number| (number, number as u64 % 2));
+        assert_eq!(seen_on(one_after_the_other), Some(6));
+        // One that sends less puts in a message now and then: twice a second.
+        let now_and_then = (0..400).map(|number| (number, u64::from(number % 50 == 40)));
+        let after = seen_on(now_and_then);
+        assert!(after.is_some_and(|messages| messages < 200), "{after:?}");
+        // Nothing is known of what came without a connection.
+        let mut senders = Senders::default();
+        assert!((0..400).all(|number| {
+            let stamp = RobotTime(START_NS + number * 5 * MS);
+            !senders.take(Stream::WheelOdometry, stamp, number as u64, None)
+        }));
+    }
+
+    #[test]
+    fn a_robot_that_connects_again_is_one() {
+        // Each time over a connection of its own, however often.
+        let again = (0..400).map(|number| (number, number as u64 / 3));
+        assert_eq!(seen_on(again), None);
+        // What waited on the connection before is read beside what comes over the next one.
+        let late = (0..100).map(|number| (number, 0));
+        let next = (100..104).flat_map(|number| [(number, 1), (number - 8, 0)]);
+        let both = late.chain(next).chain((104..400).map(|number| (number, 1)));
+        assert_eq!(seen_on(both), None);
+    }
+
+    #[test]
+    fn a_robot_behind_two_bridges_is_one() {
+        for seed in 0..50 {
+            let mut random = StdRng::seed_from_u64(seed);
+            // Either may be first, and each loses one in twenty.
+            let messages: Vec<_> = (0..1_000)
+                .flat_map(|number| {
+                    let first = random.random_range(0..2);
+                    [(number, first), (number, 1 - first)]
+                })
+                .collect();
+            let kept = messages.into_iter().filter(|_| random.random_bool(0.95));
+            assert_eq!(seen_on(kept), None, "seed {seed}");
+        }
+    }
+
     #[test]
     fn messages_that_did_not_come_are_counted_by_the_steps_around_them() {
         let mut senders = Senders::default();
@@ -243,13 +362,19 @@ mod tests {
                 Stream::WheelOdometry,
                 RobotTime(START_NS + number * 10 * MS),
                 number as u64,
+                None,
             );
             missing += senders.missing(Stream::WheelOdometry);
         }
         // Nine times ten; the last gap has no message behind it.
         assert_eq!(missing, 80);
         // A robot that stopped for a minute.
-        senders.take(Stream::WheelOdometry, RobotTime(START_NS + 70_000 * MS), 1);
+        senders.take(
+            Stream::WheelOdometry,
+            RobotTime(START_NS + 70_000 * MS),
+            1,
+            None,
+        );
         assert_eq!(senders.missing(Stream::WheelOdometry), 0);
     }
 
@@ -262,6 +387,7 @@ mod tests {
                     Stream::WheelOdometry,
                     RobotTime(START_NS + (number * 10 + clock) * MS),
                     number as u64,
+                    None,
                 );
             }
         }
@@ -271,6 +397,7 @@ mod tests {
                 Stream::WheelOdometry,
                 RobotTime(START_NS + number * 10 * MS),
                 number as u64,
+                None,
             );
         }
         assert!(!senders.are_two());

@@ -31,7 +31,7 @@ use crate::pose::LatestPose;
 use crate::reading::ReadingSettings;
 use crate::registry::Fleet;
 use crate::robot::Robot;
-use crate::senders::Senders;
+use crate::senders::{LinkId, Senders};
 use crate::stored::{self, Stored};
 use crate::tap::Tapped;
 use crate::top_view;
@@ -213,13 +213,14 @@ impl RobotTask {
         let Message {
             stream,
             form,
+            link,
             payload,
         } = message;
         let taken = match self.intake.take(*stream, *form, payload) {
             Ok(taken) => taken,
             Err(refused) => return Outcome::Refused(refused.to_string()),
         };
-        if self.is_of_two_senders(*stream, taken.stamp, payload) {
+        if self.is_of_two_senders(*stream, taken.stamp, payload, *link) {
             return Outcome::Refused("two senders use the robot's id".to_owned());
         }
         self.robot.taps.offer(|| {
@@ -246,11 +247,17 @@ impl RobotTask {
 
     /// Whether two senders use the robot's id at once: then nothing of either is used, and what was
     /// learnt while they were not told apart yet is given up.
-    fn is_of_two_senders(&mut self, stream: Stream, stamp: RobotTime, payload: &[u8]) -> bool {
+    fn is_of_two_senders(
+        &mut self,
+        stream: Stream,
+        stamp: RobotTime,
+        payload: &[u8],
+        link: Option<LinkId>,
+    ) -> bool {
         let were_two = self.senders.are_two();
         let mut hasher = DefaultHasher::new();
         payload.hash(&mut hasher);
-        let are_two = self.senders.take(stream, stamp, hasher.finish());
+        let are_two = self.senders.take(stream, stamp, hasher.finish(), link);
         let counts = &self.fleet.counts;
         let (missing, of_two) = (self.senders.missing(stream), u64::from(are_two));
         counts.missing.fetch_add(missing, Ordering::Relaxed);

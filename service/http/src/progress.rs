@@ -68,6 +68,8 @@ struct State {
     phase: Phase,
     /// When the phase began; of a header, when it began to be awaited.
     since: Duration,
+    /// How long the service waited for the peer before this phase, since it last did its part.
+    waited: Duration,
     /// When the peer stopped to take what is written; `None` while it takes it.
     stalled: Option<Duration>,
     /// How long it may do so.
@@ -81,6 +83,13 @@ impl State {
     fn waits_since(&self) -> Option<Duration> {
         let for_request = (self.phase != Phase::Answering).then_some(self.since);
         self.stalled.or(for_request)
+    }
+
+    /// What the service has waited for the peer in all. Only what the peer does begins it again, or
+    /// it could be late with one part after the other.
+    fn waited_in_all(&self, now: Duration) -> Duration {
+        let waits = self.waits_since().map(|since| now.saturating_sub(since));
+        self.waited + waits.unwrap_or_default()
     }
 }
 
@@ -103,6 +112,7 @@ impl Progress {
         let state = Mutex::new(State {
             phase: Phase::Idle,
             since: clock.elapsed(),
+            waited: Duration::ZERO,
             stalled: None,
             patience: limits::HTTP_WRITE_STALL_TIMEOUT,
             waiting: Some(waiting),
@@ -126,7 +136,13 @@ impl Progress {
 
     fn enter(&self, phase: Phase) {
         let now = self.clock.elapsed();
-        self.change(|state| (state.phase, state.since) = (phase, now));
+        self.change(|state| {
+            // A stall is counted by itself.
+            if state.phase != Phase::Answering && state.stalled.is_none() {
+                state.waited += now.saturating_sub(state.since);
+            }
+            (state.phase, state.since) = (phase, now);
+        });
     }
 
     /// The connection has lost its place: it counts no longer.
@@ -143,6 +159,10 @@ impl Progress {
         let mut state = self.state();
         if state.phase == Phase::Idle {
             state.phase = Phase::Header;
+            // It asks again, so it has what was answered before.
+            if state.stalled.is_none() {
+                state.waited = Duration::ZERO;
+            }
         }
     }
 
@@ -183,18 +203,27 @@ impl Progress {
     pub(crate) fn overdue(&self) -> Option<Overdue> {
         let now = self.clock.elapsed();
         let state = self.state();
-        if let Some(stalled) = state.stalled {
-            let is_over = now.saturating_sub(stalled) >= state.patience;
-            return is_over.then_some(Overdue::Write);
-        }
-        let (longest, overdue) = match state.phase {
-            Phase::Idle => (limits::HTTP_HEADER_TIMEOUT, Overdue::Idle),
-            Phase::Header => (limits::HTTP_HEADER_TIMEOUT, Overdue::Header),
+        let waits = now.saturating_sub(state.waits_since()?);
+        let too_late = state.waited_in_all(now) >= limits::HTTP_PEER_TIMEOUT;
+        let (is_over, overdue) = match (state.stalled, state.phase) {
+            // Who may pause for longer may do so after any request.
+            (Some(_), _) => {
+                let is_usual = state.patience <= limits::HTTP_WRITE_STALL_TIMEOUT;
+                (
+                    waits >= state.patience || is_usual && too_late,
+                    Overdue::Write,
+                )
+            }
+            (None, Phase::Idle) => (waits >= limits::HTTP_HEADER_TIMEOUT, Overdue::Idle),
+            (None, Phase::Header) => (waits >= limits::HTTP_HEADER_TIMEOUT, Overdue::Header),
             // The route itself answers first, unless it does not read the body.
-            Phase::Body => (limits::HTTP_BODY_TIMEOUT, Overdue::Body),
-            Phase::Answering => return None,
+            (None, Phase::Body) => (
+                waits >= limits::HTTP_BODY_TIMEOUT || too_late,
+                Overdue::Body,
+            ),
+            (None, Phase::Answering) => return None,
         };
-        (now.saturating_sub(state.since) >= longest).then_some(overdue)
+        is_over.then_some(overdue)
     }
 
     /// Notes what became of a write.
@@ -203,6 +232,9 @@ impl Progress {
         self.change(|state| {
             if stalls != state.stalled.is_some() {
                 state.stalled = stalls.then(|| self.clock.elapsed());
+                if !stalls {
+                    state.waited = Duration::ZERO;
+                }
             }
         });
     }
@@ -385,6 +417,48 @@ mod tests {
         assert_eq!((progress.waits_since(), progress.overdue()), (None, None));
         progress.request_ends();
         assert_eq!(progress.waits_since(), Some(clock.elapsed()));
+    }
+
+    #[test]
+    fn a_peer_that_is_late_with_one_part_after_the_other_has_one_time_for_all() {
+        let idle = limits::HTTP_HEADER_TIMEOUT.mul_f64(0.9);
+        let left = limits::HTTP_PEER_TIMEOUT.saturating_sub(idle);
+        let moment = Duration::from_millis(1);
+        let stall = Poll::<io::Result<()>>::Pending;
+        let late = |body_awaited| {
+            let clock = MockClock::at(0);
+            let progress = Progress::new(clock.clone(), Waiting::default());
+            clock.advance(idle);
+            progress.received();
+            progress.request_begins(body_awaited);
+            (clock, progress)
+        };
+        // A body that does not come.
+        let (clock, progress) = late(true);
+        clock.advance(left.saturating_sub(moment));
+        assert_eq!(progress.overdue(), None);
+        clock.advance(moment);
+        assert_eq!(progress.overdue(), Some(Overdue::Body));
+        // Answers to many requests at once, of which the system takes the first and none is read.
+        let (clock, progress) = late(false);
+        progress.request_ends();
+        progress.request_begins(false);
+        progress.note(&stall);
+        clock.advance(left.saturating_sub(moment));
+        assert_eq!(progress.overdue(), None);
+        clock.advance(moment);
+        assert_eq!(progress.overdue(), Some(Overdue::Write));
+        // Who reads in between, or asks again, has done its part.
+        progress.note(&Poll::Ready(Ok(())));
+        progress.note(&stall);
+        clock.advance(left);
+        assert_eq!(progress.overdue(), None);
+        progress.note(&Poll::Ready(Ok(())));
+        progress.request_ends();
+        clock.advance(idle);
+        progress.received();
+        progress.request_begins(true);
+        assert_eq!(progress.overdue(), None);
     }
 
     #[test]

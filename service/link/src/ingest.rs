@@ -1,7 +1,9 @@
 //! What comes in: robots' streams and their liveliness tokens.
 
+use std::hash::{DefaultHasher, Hash, Hasher};
+
 use fleetcal_domain::limits;
-use fleetcal_fleet::FleetHandle;
+use fleetcal_fleet::{Arrived, FleetHandle, LinkId};
 use fleetcal_model::Stream;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::encoding::Encoding;
@@ -76,11 +78,21 @@ pub fn offer(
                 message_type: message_type.or(form.message_type),
                 ..form
             };
+            let arrived = Arrived { form, link: link() };
             let bytes = || payload.to_bytes().into_owned();
-            fleet.receive(robot, stream, form, payload.len(), bytes);
+            fleet.receive(robot, stream, arrived, payload.len(), bytes);
         }
         Err(refused) => fleet.refuse(robot, stream, &format!("{}: {refused}", stream.name())),
     }
+}
+
+/// The connection that brings what a callback is called with. Zenoh does not say; it receives each
+/// connection in a task of its own, which calls the callback.
+fn link() -> Option<LinkId> {
+    let task = tokio::task::try_id()?;
+    let mut hasher = DefaultHasher::new();
+    task.hash(&mut hasher);
+    Some(LinkId(hasher.finish()))
 }
 
 fn take_cross_track_error(fleet: &FleetHandle, robot: &RobotId, sample: &Sample) {

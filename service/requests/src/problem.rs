@@ -216,6 +216,7 @@ impl From<Refused> for Problem {
             Refused::NeverOffered { .. } => value("generation"),
             Refused::OtherDocument { .. } => value("sha256"),
             Refused::ChosenByPerson { .. } => conflict("chosen_by_person"),
+            Refused::AnswersContradict { .. } => conflict("answers_contradict"),
             Refused::Seal(_) => Self::new(StatusCode::INTERNAL_SERVER_ERROR, "not_signed", detail),
         }
     }

@@ -148,6 +148,7 @@ impl Draft<'_> {
         }
         if by_service {
             self.nobody_chose()?;
+            self.nothing_contradicts()?;
         }
         self.nothing_underway()?;
         self.still_holds(&before)?;
@@ -248,6 +249,17 @@ impl Draft<'_> {
         let desired = self.outcome.ledger.shadow.desired.as_ref();
         match desired.and_then(|one| Some((one.generation, one.chosen_by.clone()?))) {
             Some((generation, by)) => Err(Refused::ChosenByPerson { generation, by }),
+            None => Ok(()),
+        }
+    }
+
+    /// The service itself approves nothing for a robot in whose name somebody else may answer.
+    fn nothing_contradicts(&self) -> Result<(), Refused> {
+        match &self.outcome.ledger.shadow.contradicted {
+            Some(one) => Err(Refused::AnswersContradict {
+                said: one.generation,
+                generation: one.by_generation,
+            }),
             None => Ok(()),
         }
     }

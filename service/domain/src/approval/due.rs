@@ -184,14 +184,18 @@ pub fn automatic(ledger: &RobotLedger, policy: &Policy) -> Option<Command> {
     let same_frame = frame == revision.rear_axle_in_base_link;
     let desired = ledger.shadow.desired.as_ref();
     let chosen = desired.is_some_and(|desired| desired.chosen_by.is_some());
-    (small && ours && same_frame && !chosen && ledger.live.is_none()).then(|| Command::Approve {
-        proposal: open.id,
-        version: Some(open.version),
-        sha256: open.revision_sha256.clone(),
-        reason: Some(
-            "the change is inside approval.approve_within, with those since a person approved"
-                .to_owned(),
-        ),
+    // Somebody else may have answered in the robot's name: then nobody knows what it uses.
+    let for_people = chosen || ledger.shadow.contradicted.is_some();
+    (small && ours && same_frame && !for_people && ledger.live.is_none()).then(|| {
+        Command::Approve {
+            proposal: open.id,
+            version: Some(open.version),
+            sha256: open.revision_sha256.clone(),
+            reason: Some(
+                "the change is inside approval.approve_within, with those since a person approved"
+                    .to_owned(),
+            ),
+        }
     })
 }
 

@@ -88,6 +88,17 @@ pub enum Refused {
         /// Who rolled the robot back to it.
         by: String,
     },
+    /// The service approves nothing while a robot's answer contradicts another.
+    #[error(
+        "an answer about generation {generation} contradicts that the robot uses generation {said}: \
+         only a person can approve"
+    )]
+    AnswersContradict {
+        /// The generation that the robot was said to use.
+        said: Generation,
+        /// The generation of the answer that contradicts it.
+        generation: Generation,
+    },
     /// The robot is in no maintenance that could end.
     #[error("the robot is not in maintenance")]
     NoMaintenance,

@@ -122,7 +122,7 @@ async fn a_robot_keeps_what_a_person_rolled_it_back_to_over_200_m() {
 
     // No earlier calibration was verified: it goes back to its factory values.
     bench.roll_back().await.unwrap();
-    assert_eq!(bench.drive_in_verification().await, 2);
+    assert_eq!(bench.drive_in_verification().await, Generation(2));
     driver.metres(&bench, 210.0).await;
 
     let latest = bench.latest().await;

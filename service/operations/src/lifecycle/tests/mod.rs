@@ -187,7 +187,7 @@ impl Bench {
     }
 
     /// Brings an approved proposal to the point where the robot drives in verification.
-    async fn drive_in_verification(&self) -> u64 {
+    async fn drive_in_verification(&self) -> Generation {
         let generation = self.asked().await.unwrap().generation;
         self.send_outbox().await;
         self.answer(generation, AppliedStatus::Applied)
@@ -195,7 +195,7 @@ impl Bench {
             .unwrap();
         self.send_outbox().await;
         assert_eq!(self.state(), Some(DeploymentState::Verifying));
-        generation.0
+        generation
     }
 
     async fn verify(&self, within: bool) -> Outcome {

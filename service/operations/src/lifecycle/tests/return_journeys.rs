@@ -168,7 +168,7 @@ async fn office_rolled_back_by_a_person(policy: Policy) -> Bench {
         bench.verify(true).await;
     }
     bench.roll_back().await.unwrap();
-    assert_eq!(bench.drive_in_verification().await, 3);
+    assert_eq!(bench.drive_in_verification().await, Generation(3));
     bench
 }
 
@@ -248,6 +248,44 @@ async fn what_a_person_rolled_back_to_is_replaced_by_people_alone() {
     bench.look().await;
     assert_eq!(bench.state(), None, "no automatic approval");
     bench.take(bench.approval(), person("bruno")).await.unwrap();
+    assert_eq!(bench.state(), Some(DeploymentState::Queued));
+}
+
+#[tokio::test]
+async fn nothing_is_approved_by_itself_while_a_robots_answers_contradict_each_other() {
+    let within = Tolerance {
+        steering_offset_deg: 5.0,
+        lidar_yaw_deg: 5.0,
+        lidar_position_mm: 100.0,
+    };
+    let policy = Policy {
+        approve_within: Some(within),
+        ..Policy::default()
+    };
+    let bench = Bench::open(policy).await;
+    bench.approve(0.02, Some(values(0.0))).await;
+    let forged = bench.drive_in_verification().await;
+    bench.verify(true).await;
+    // What the robot was said to have applied it says that it refused.
+    bench.answer(forged, AppliedStatus::Refused).await.unwrap();
+    let told = |bench: &Bench| bench.lifecycle.ledger(&robot()).shadow.contradicted.clone();
+    assert!(told(&bench).is_some());
+    let bench = bench.restart().await;
+    bench.propose(0.03, None).await;
+    let refused = bench.take(bench.approval(), Actor::service()).await;
+    assert!(
+        matches!(refused, Err(Refused::AnswersContradict { said, .. }) if said == forged),
+        "{refused:?}"
+    );
+    bench.look().await;
+    assert_eq!(bench.state(), None, "no automatic approval");
+    // Once a person has decided, small steps go on by themselves.
+    bench.take(bench.approval(), person("bruno")).await.unwrap();
+    assert_eq!(told(&bench), None);
+    bench.drive_in_verification().await;
+    bench.verify(true).await;
+    bench.propose(0.04, None).await;
+    bench.look().await;
     assert_eq!(bench.state(), Some(DeploymentState::Queued));
 }
 

@@ -54,13 +54,10 @@ async fn the_same_answer_again_changes_nothing_and_is_confirmed_again() {
     let (rows, before) = (bench.rows().await, bench.lifecycle.ledger(&robot()));
     for _ in 0..3 {
         bench
-            .answer(Generation(generation), AppliedStatus::Applied)
+            .answer(generation, AppliedStatus::Applied)
             .await
             .unwrap();
-        assert!(is_confirmation_of(
-            &bench.send_outbox().await,
-            Generation(generation)
-        ));
+        assert!(is_confirmation_of(&bench.send_outbox().await, generation));
     }
     assert_eq!(bench.rows().await, rows);
     assert_eq!(bench.lifecycle.ledger(&robot()), before);

@@ -1,0 +1,49 @@
+//! What a flood of each kind adds to database and log, beside what the fleet itself writes.
+//! `make hardening-growth`; `GROWTH_MINUTES` and `GROWTH_KINDS` shorten it.
+
+use super::floods::{List, flooded};
+use super::soak::KINDS;
+
+/// Minutes of each flood unless `GROWTH_MINUTES` says otherwise.
+const MINUTES: u64 = 60;
+/// What a flood may add to either in an hour. The budgets that bound it are hourly: what a shorter
+/// flood adds, an hour's adds too.
+const BEYOND_MAX_BYTES: u64 = 1_000_000;
+
+#[test]
+#[ignore = "seven hours; make hardening-growth"]
+fn floods_add_little_to_database_and_log() {
+    let asked = std::env::var("GROWTH_MINUTES").ok();
+    let minutes = asked.map_or(MINUTES, |text| text.parse().unwrap());
+    let kinds = std::env::var("GROWTH_KINDS").unwrap_or_else(|_| KINDS.join(" "));
+    let control = flooded(List::Default, None, minutes * 60);
+    println!(
+        "nothing, {minutes} min: database +{} kB, log +{} kB",
+        control.database_bytes / 1_000,
+        control.log_bytes / 1_000
+    );
+    let mut missed = Vec::new();
+    for kind in kinds.split_whitespace() {
+        let figures = flooded(List::Default, Some(kind), minutes * 60);
+        assert!(figures.done > 100, "that was no flood: {figures:?}");
+        let database = figures
+            .database_bytes
+            .saturating_sub(control.database_bytes);
+        let log = figures.log_bytes.saturating_sub(control.log_bytes);
+        println!(
+            "{kind} ({}), {minutes} min: database +{} kB, log +{} kB, {} and {} kB beyond",
+            figures.done,
+            figures.database_bytes / 1_000,
+            figures.log_bytes / 1_000,
+            database / 1_000,
+            log / 1_000
+        );
+        if database.max(log) > BEYOND_MAX_BYTES {
+            missed.push(kind);
+        }
+    }
+    assert!(
+        missed.is_empty(),
+        "beyond {BEYOND_MAX_BYTES} bytes: {missed:?}"
+    );
+}
