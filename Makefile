@@ -260,6 +260,14 @@ doc: rust ## The crates' documentation
 screenshots: build chromium ## Takes the pictures in docs/ from the running demo
 	cd web && FLEETCAL_BIN=$(abspath $(BIN)) npm run screenshots
 
+.PHONY: release
+release: dashboard rust ## Static binary, Debian package, container image, notices, SBOM and checksums in target/packages
+	packaging/release.sh
+
+.PHONY: test-packages
+test-packages: ## Installs, upgrades and removes what `make release` made, and runs its container (root, Debian)
+	packaging/test_packages.sh
+
 .PHONY: clean
 clean: ## Removes what was built
 	rm -rf target web/dist web/node_modules web/test-results

@@ -12,7 +12,7 @@ export default defineConfig({
     assetsInlineLimit: 0,
     modulePreload: { polyfill: false },
     chunkSizeWarningLimit: 400,
-    // The licences of what the pages contain, beside them: /licenses.md.
+    // Packages carry it (packaging/release.sh), and the service serves it.
     license: { fileName: 'licenses.md' },
   },
   server: {

@@ -4,7 +4,9 @@
 //! a lock that all sessions share, and for longer the more keys there are. On its own two threads, four
 //! sessions that go on declaring leave none to read the other robots' data.
 //!
-//! jemalloc keeps freed pages for 10 s unless told otherwise; at 1 s a flood leaves nothing behind.
+//! jemalloc keeps freed pages for 10 s unless told otherwise; at 1 s a flood leaves nothing behind. Its
+//! background threads, which see to that while the service is idle, do not work with musl: there pages
+//! go back as they are freed.
 
 use std::io;
 use std::os::unix::process::CommandExt as _;
@@ -15,7 +17,14 @@ use fleetcal_domain::limits::ZENOH_RECEIVING_THREADS;
 /// Where Zenoh reads how many threads it has.
 const ZENOH: &str = "ZENOH_RUNTIME";
 /// Where jemalloc reads when it gives pages back, ms.
-const JEMALLOC: (&str, &str) = ("_RJEM_MALLOC_CONF", "dirty_decay_ms:1000,muzzy_decay_ms:0");
+const JEMALLOC: (&str, &str) = (
+    "_RJEM_MALLOC_CONF",
+    if cfg!(target_env = "musl") {
+        "dirty_decay_ms:0,muzzy_decay_ms:0"
+    } else {
+        "dirty_decay_ms:1000,muzzy_decay_ms:0"
+    },
+);
 
 /// Begins the process again, under the same number, with [`ZENOH_RECEIVING_THREADS`] threads and an
 /// allocator that gives memory back soon, unless the environment says otherwise.
