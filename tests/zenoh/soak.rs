@@ -2,6 +2,7 @@
 //! `make soak`; `SOAK_MINUTES` shortens it.
 
 use std::path::Path;
+use std::time::Duration;
 
 use fleetcal_tests::recording;
 use fleetcal_tests::service::{Service, wait_for};
@@ -28,6 +29,11 @@ const NOTHING: &str = "nothing";
 const MEMORY_MAX_BYTES: u64 = 256 << 20;
 const GROWTH_MAX_BYTES_PER_H: f64 = (1 << 20) as f64;
 const OTHERS_MAX: usize = 2;
+/// Threads that have no work end after 10 s (tokio's default): what is counted sooner is work that has
+/// just ended.
+const IDLE_THREADS_GONE_AFTER: Duration = Duration::from_secs(12);
+/// How often that is waited for.
+const SETTLES_WITHIN: usize = 5;
 
 /// What the process holds at the end of a period.
 #[derive(Debug, Clone, Copy)]
@@ -52,6 +58,21 @@ impl Held {
             database_bytes: database_bytes(service),
             log_bytes: service.logged().len(),
         }
+    }
+}
+
+impl Held {
+    /// What it holds once no more threads end.
+    fn when_settled(service: &Service) -> Self {
+        let mut held = Self::by(service);
+        for _ in 0..SETTLES_WITHIN {
+            std::thread::sleep(IDLE_THREADS_GONE_AFTER);
+            let before = std::mem::replace(&mut held, Self::by(service));
+            if before.threads == held.threads {
+                break;
+            }
+        }
+        held
     }
 }
 
@@ -102,7 +123,7 @@ fn what_the_process_holds_does_not_grow() {
         wait_for("the end of all sessions", || {
             (service.robot("robot_01")["alive"] != true).then_some(())
         });
-        let now = Held::by(&service);
+        let now = Held::when_settled(&service);
         println!(
             "{kind}: {} MiB, {} files, {} threads, database +{} kB, log +{} kB",
             now.memory_bytes >> 20,
