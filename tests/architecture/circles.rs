@@ -41,7 +41,7 @@ pub const CRATES: [Member; 18] = [
     member("fleetcal-proto", "proto", "model"),
     member("fleetcal-estimator", "estimator", "model"),
     member("fleetcal-robot", "robot", "model proto"),
-    member("fleetcal-clock", "service/clock", ""),
+    member("fleetcal-clock", "service/clock", "model"),
     member("fleetcal-domain", "service/domain", "estimator model proto"),
     member(
         "fleetcal-store",
@@ -72,7 +72,7 @@ pub const CRATES: [Member; 18] = [
     member(
         "fleetcal-requests",
         "service/requests",
-        "domain fleet proto store",
+        "domain fleet model proto store",
     ),
     member(
         "fleetcal-api",
@@ -92,7 +92,7 @@ pub const CRATES: [Member; 18] = [
     member(
         "fleetcal",
         "service",
-        "api clock command config domain fleet http link operations proto robot sqlite store",
+        "api clock command config domain fleet http link model operations proto robot sqlite store",
     ),
     member(
         "fleetcal-evaluation",

@@ -34,9 +34,9 @@ pub(super) fn strange_key() -> SigningKey {
 }
 
 /// The values of a generation: no two have the same.
-pub(super) fn values(generation: Generation) -> CalibrationValues {
+pub(super) fn values(generation: u64) -> CalibrationValues {
     CalibrationValues {
-        steering_offset_rad: 0.001 * generation.0 as f64,
+        steering_offset_rad: 0.001 * generation as f64,
         lidar_x_m: 0.434,
         lidar_y_m: -0.016,
         lidar_yaw_rad: 0.0133,
@@ -46,13 +46,13 @@ pub(super) fn values(generation: Generation) -> CalibrationValues {
 }
 
 /// A document that a robot which holds the generation before it takes.
-pub(super) fn document(generation: Generation) -> CalibrationDocument {
+pub(super) fn document(generation: u64) -> CalibrationDocument {
     CalibrationDocument {
         schema: CalibrationSchema::V1,
         robot: robot(),
-        generation,
-        base_generation: generation.0.checked_sub(1).map(Generation),
-        revision: RevisionId(10 + generation.0),
+        generation: Generation(generation),
+        base_generation: generation.checked_sub(1).map(Generation),
+        revision: RevisionId(10 + generation),
         approved_at: "2026-11-21T12:00:00Z".to_owned(),
         approved_by: "ana".to_owned(),
         values: values(generation),

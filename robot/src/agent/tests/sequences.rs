@@ -202,7 +202,7 @@ impl Robot {
                 confirm_within_s,
                 good,
             } => {
-                let mut document = document(generation);
+                let mut document = document(generation.0);
                 document.base_generation = Some(Generation(base));
                 document.confirm_within_s = confirm_within_s;
                 let key = if good { key() } else { strange_key() };

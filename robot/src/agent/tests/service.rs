@@ -132,12 +132,13 @@ impl Service {
     }
 
     /// The first answer of this kind on a generation.
-    pub fn answer_on(&self, generation: Generation, status: AppliedStatus) -> Option<Applied> {
+    pub fn answer_on(&self, generation: u64, status: AppliedStatus) -> Option<Applied> {
         let mut answers = self.answers().into_iter();
-        answers.find(|answer| answer.generation == generation && answer.status == status)
+        answers
+            .find(|answer| answer.generation == Generation(generation) && answer.status == status)
     }
 
-    pub async fn wait_for(&self, generation: Generation, status: AppliedStatus) -> Applied {
+    pub async fn wait_for(&self, generation: u64, status: AppliedStatus) -> Applied {
         let what = format!("{status:?} {generation}");
         until(&what, || self.answer_on(generation, status).is_some()).await;
         self.answer_on(generation, status).unwrap()

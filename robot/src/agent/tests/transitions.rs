@@ -15,12 +15,15 @@ fn go() -> Event {
     })
 }
 
-fn confirmation(generation: Generation) -> Event {
+fn confirmation(generation: u64) -> Event {
     let sha256 = sealed(&document(generation)).sha256;
-    Event::Confirmed(Confirmed { generation, sha256 })
+    Event::Confirmed(Confirmed {
+        generation: Generation(generation),
+        sha256,
+    })
 }
 
-fn offered(generation: Generation) -> Event {
+fn offered(generation: u64) -> Event {
     Event::Offered(sealed(&document(generation)))
 }
 
@@ -49,55 +52,46 @@ fn agents() -> Vec<(&'static str, Vec<Event>)> {
             Event::Activated(Activation::Done),
         ]
     };
-    let settled = [&apply(Generation(3))[..], &[confirmation(Generation(3))]].concat();
-    let unconfirmed = [&settled[..], &apply(Generation(4))].concat();
+    let settled = [&apply(3)[..], &[confirmation(3)]].concat();
+    let unconfirmed = [&settled[..], &apply(4)].concat();
     let with = |events: &[Event], more: &[Event]| [events, more].concat();
     let given_up = Event::Written(Err("disk is full".to_owned()));
     vec![
         ("new", Vec::new()),
         ("holding 3", settled.clone()),
-        ("asking for 4", with(&settled, &[offered(Generation(4))])),
-        ("writing 4", with(&settled, &[offered(Generation(4)), go()])),
+        ("asking for 4", with(&settled, &[offered(4)])),
+        ("writing 4", with(&settled, &[offered(4), go()])),
         ("unconfirmed 4", unconfirmed.clone()),
         (
             "activating 4",
-            with(
-                &settled,
-                &[offered(Generation(4)), go(), Event::Written(Ok(()))],
-            ),
+            with(&settled, &[offered(4), go(), Event::Written(Ok(()))]),
         ),
         (
             "unconfirmed 4, asking for 5",
-            with(&unconfirmed, &[offered(Generation(5))]),
+            with(&unconfirmed, &[offered(5)]),
         ),
         (
             "unconfirmed 4, writing 5",
-            with(&unconfirmed, &[offered(Generation(5)), go()]),
+            with(&unconfirmed, &[offered(5), go()]),
         ),
         (
             "unconfirmed 4, activating 5",
-            with(
-                &unconfirmed,
-                &[offered(Generation(5)), go(), Event::Written(Ok(()))],
-            ),
+            with(&unconfirmed, &[offered(5), go(), Event::Written(Ok(()))]),
         ),
         (
             "unconfirmed 4, restoring it after 5 failed",
-            with(
-                &unconfirmed,
-                &[offered(Generation(5)), go(), given_up.clone()],
-            ),
+            with(&unconfirmed, &[offered(5), go(), given_up.clone()]),
         ),
         (
             "restoring 3 after 4 failed",
-            with(&settled, &[offered(Generation(4)), go(), given_up.clone()]),
+            with(&settled, &[offered(4), go(), given_up.clone()]),
         ),
         (
             "holding 3 after 4 failed",
             with(
                 &settled,
                 &[
-                    offered(Generation(4)),
+                    offered(4),
                     go(),
                     given_up,
                     Event::Restored(Ok(())),
@@ -118,37 +112,37 @@ fn events() -> Vec<(&'static str, Event)> {
             ..envelope
         })
     };
-    let mut beyond = document(Generation(6));
+    let mut beyond = document(6);
     beyond.values.steering_offset_rad = 0.3;
-    let mut stale_base = document(Generation(6));
+    let mut stale_base = document(6);
     stale_base.base_generation = Some(Generation(2));
-    let mut hasty = document(Generation(6));
+    let mut hasty = document(6);
     hasty.confirm_within_s = 0;
-    let mut other_robot = document(Generation(6));
+    let mut other_robot = document(6);
     other_robot.robot = RobotId::parse("tugger_02").unwrap();
-    let mut other_four = document(Generation(4));
+    let mut other_four = document(4);
     other_four.approved_by = "bob".to_owned();
     vec![
         ("restarted", Event::Restarted { written: false }),
         ("restarted, written", Event::Restarted { written: true }),
-        ("offered 6", offered(Generation(6))),
-        ("offered 4", offered(Generation(4))),
-        ("offered 3", offered(Generation(3))),
-        ("offered 2", offered(Generation(2))),
+        ("offered 6", offered(6)),
+        ("offered 4", offered(4)),
+        ("offered 3", offered(3)),
+        ("offered 2", offered(2)),
         ("offered another 4", Event::Offered(sealed(&other_four))),
-        ("offered 6 altered", altered(Generation(6))),
-        ("offered 3 altered", altered(Generation(3))),
+        ("offered 6 altered", altered(6)),
+        ("offered 3 altered", altered(3)),
         (
             "offered 6 by a stranger",
-            Event::Offered(seal(&document(Generation(6)), &strange_key()).unwrap()),
+            Event::Offered(seal(&document(6), &strange_key()).unwrap()),
         ),
         ("offered 6 beyond limits", Event::Offered(sealed(&beyond))),
         ("offered 6 on base 2", Event::Offered(sealed(&stale_base))),
         ("offered 6 for 0 s", Event::Offered(sealed(&hasty))),
         ("offered 6 of another", Event::Offered(sealed(&other_robot))),
-        ("confirmed 3", confirmation(Generation(3))),
-        ("confirmed 4", confirmation(Generation(4))),
-        ("confirmed 5", confirmation(Generation(5))),
+        ("confirmed 3", confirmation(3)),
+        ("confirmed 4", confirmation(4)),
+        ("confirmed 5", confirmation(5)),
         ("service up", Event::ServiceUp),
         ("tick", Event::Tick),
         ("tick after 6 s", Event::Tick),

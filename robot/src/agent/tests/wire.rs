@@ -120,7 +120,7 @@ impl Robot {
     }
 }
 
-fn text_of(generation: Generation) -> String {
+fn text_of(generation: u64) -> String {
     let offset_rad = values(generation).steering_offset_rad;
     format!(
         "steering_offset_rad: {offset_rad}\nlidar_x_m: 0.434\nlidar_y_m: -0.016\n\
@@ -128,10 +128,10 @@ fn text_of(generation: Generation) -> String {
     )
 }
 
-fn offer(generation: Generation) -> Offer {
+fn offer(generation: u64) -> Offer {
     let envelope = sealed(&document(generation));
     Offer {
-        generation,
+        generation: Generation(generation),
         sha256: envelope.sha256,
         confirm_within_s: 600,
         values: values(generation),
@@ -140,7 +140,7 @@ fn offer(generation: Generation) -> Offer {
     }
 }
 
-fn with_deadline(generation: Generation, confirm_within_s: u32) -> Envelope {
+fn with_deadline(generation: u64, confirm_within_s: u32) -> Envelope {
     let mut document = document(generation);
     document.confirm_within_s = confirm_within_s;
     sealed(&document)
@@ -149,54 +149,44 @@ fn with_deadline(generation: Generation, confirm_within_s: u32) -> Envelope {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_robot_that_was_off_takes_the_newest_when_it_starts() {
     let service = Service::start().await;
-    service.approve(&sealed(&document(Generation(3)))).await;
-    service.approve(&sealed(&document(Generation(4)))).await;
+    service.approve(&sealed(&document(3))).await;
+    service.approve(&sealed(&document(4))).await;
     let mut robot = Robot::new(&service.endpoint).with_hook();
     fs::write(&robot.options.apply, BY_HAND).unwrap();
     robot.options.start_ns = RobotTime(START_NS + 3600 * SECOND_NS);
     robot.start();
-    let applied = service
-        .wait_for(Generation(4), AppliedStatus::Applied)
-        .await;
-    assert_eq!(applied.sha256, sealed(&document(Generation(4))).sha256);
-    assert_eq!(applied.values, Some(values(Generation(4))));
+    let applied = service.wait_for(4, AppliedStatus::Applied).await;
+    assert_eq!(applied.sha256, sealed(&document(4)).sha256);
+    assert_eq!(applied.values, Some(values(4)));
     assert!((3600..3640).contains(&(applied.applied_at_ns.whole_s() - START_NS / SECOND_NS)));
-    assert_eq!(robot.file(), text_of(Generation(4)));
-    let by_hand = service
-        .answer_on(Generation(0), AppliedStatus::Applied)
-        .unwrap();
+    assert_eq!(robot.file(), text_of(4));
+    let by_hand = service.answer_on(0, AppliedStatus::Applied).unwrap();
     assert!((by_hand.values.unwrap().steering_offset_rad - 0.01).abs() < 1e-12);
     robot.settles().await;
     assert_eq!(robot.stop().await, 4);
     assert_eq!(robot.calls(), ["check 4", "applied 4"]);
     let document_seen = fs::read_to_string(robot.path("last_document")).unwrap();
-    assert_eq!(document_seen, sealed(&document(Generation(4))).document);
+    assert_eq!(document_seen, sealed(&document(4)).document);
 
     // Started again it says what it holds, and applies nothing twice.
     let said = service.answers().len();
     robot.start();
     until("it says what it holds", || service.answers().len() > said).await;
-    service.approve(&sealed(&document(Generation(4)))).await;
-    service.approve(&sealed(&document(Generation(5)))).await;
-    service
-        .wait_for(Generation(5), AppliedStatus::Applied)
-        .await;
+    service.approve(&sealed(&document(4))).await;
+    service.approve(&sealed(&document(5))).await;
+    service.wait_for(5, AppliedStatus::Applied).await;
     assert_eq!(robot.stop().await, 5);
     assert_eq!(
         robot.calls(),
         ["check 4", "applied 4", "check 5", "applied 5"]
     );
-    assert!(
-        service
-            .answer_on(Generation(3), AppliedStatus::Applied)
-            .is_none()
-    );
+    assert!(service.answer_on(3, AppliedStatus::Applied).is_none());
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn the_document_says_where_base_link_is_and_a_restart_remembers_it() {
     let service = Service::start().await;
-    let mut document = document(Generation(1));
+    let mut document = document(1);
     document.rear_axle_in_base_link = Some(Pose2 {
         x_m: -0.4,
         y_m: 0.0,
@@ -207,9 +197,7 @@ async fn the_document_says_where_base_link_is_and_a_restart_remembers_it() {
     let output = robot.path("lidar.xacro");
     robot.options.outputs.files = vec![(OutputKind::UrdfOrigin, output.clone())];
     robot.start();
-    service
-        .wait_for(Generation(1), AppliedStatus::Applied)
-        .await;
+    service.wait_for(1, AppliedStatus::Applied).await;
     robot.settles().await;
     let origin = "xyz=\"0.034000 -0.016000 0.000000\"";
     let says = || fs::read_to_string(&output).is_ok_and(|text| text.contains(origin));
@@ -231,9 +219,7 @@ async fn the_document_says_where_base_link_is_and_a_restart_remembers_it() {
     service.approve(&sealed(&document)).await;
     robot.options.connect = vec![service.endpoint.clone()].into();
     robot.start();
-    let refused = service
-        .wait_for(Generation(2), AppliedStatus::Refused)
-        .await;
+    let refused = service.wait_for(2, AppliedStatus::Refused).await;
     let reason = refused.reason.unwrap();
     assert!(reason.contains("rear_axle_in_base_link is 31"), "{reason}");
     assert_eq!(robot.stop().await, 1);
@@ -248,11 +234,9 @@ async fn a_robot_asks_again_when_a_service_comes_up() {
     robot.start();
     service.wait_for_robot().await;
     for generation in [1, 2] {
-        service.store(&sealed(&document(Generation(generation))));
+        service.store(&sealed(&document(generation)));
         service.serve().await;
-        service
-            .wait_for(Generation(generation), AppliedStatus::Applied)
-            .await;
+        service.wait_for(generation, AppliedStatus::Applied).await;
         service.leave().await;
     }
     assert_eq!(robot.stop().await, 2);
@@ -264,19 +248,15 @@ async fn a_robot_gets_what_was_approved_while_its_link_was_cut() {
     let mut link = Link::to(&service.endpoint).await;
     let mut robot = Robot::new(&link.endpoint).with_hook();
     robot.start();
-    service.approve(&sealed(&document(Generation(1)))).await;
-    service
-        .wait_for(Generation(1), AppliedStatus::Applied)
-        .await;
+    service.approve(&sealed(&document(1))).await;
+    service.wait_for(1, AppliedStatus::Applied).await;
     link.cut().await;
-    service.approve(&sealed(&document(Generation(2)))).await;
-    service.approve(&sealed(&document(Generation(3)))).await;
+    service.approve(&sealed(&document(2))).await;
+    service.approve(&sealed(&document(3))).await;
     tokio::time::sleep(Duration::from_secs(2)).await;
-    assert_eq!(robot.file(), text_of(Generation(1)));
+    assert_eq!(robot.file(), text_of(1));
     link.mend().await;
-    service
-        .wait_for(Generation(3), AppliedStatus::Applied)
-        .await;
+    service.wait_for(3, AppliedStatus::Applied).await;
     robot.settles().await;
     assert_eq!(robot.stop().await, 3);
     assert_eq!(
@@ -295,9 +275,9 @@ async fn a_deadline_passes_while_the_link_is_cut() {
     fs::write(&robot.options.apply, BY_HAND).unwrap();
     robot.start();
     service.confirms(false);
-    service.approve(&with_deadline(Generation(1), 2)).await;
-    until("it is applied", || robot.file() == text_of(Generation(1))).await;
-    let offset_rad = values(Generation(1)).steering_offset_rad;
+    service.approve(&with_deadline(1, 2)).await;
+    until("it is applied", || robot.file() == text_of(1)).await;
+    let offset_rad = values(1).steering_offset_rad;
     until("ROS has it too", || robot.tells_ros(offset_rad)).await;
     link.cut().await;
     until("it goes back by itself", || robot.file() == BY_HAND).await;
@@ -307,18 +287,14 @@ async fn a_deadline_passes_while_the_link_is_cut() {
     })
     .await;
     link.mend().await;
-    let reverted = service
-        .wait_for(Generation(1), AppliedStatus::Reverted)
-        .await;
+    let reverted = service.wait_for(1, AppliedStatus::Reverted).await;
     assert_eq!(reverted.reason.unwrap(), "no confirmation within 2 s");
     assert!((reverted.values.unwrap().steering_offset_rad - 0.01).abs() < 1e-12);
     // What is still offered is not taken a second time, but the next one is.
     service.confirms(true);
-    service.approve(&with_deadline(Generation(1), 2)).await;
-    service.approve(&sealed(&document(Generation(2)))).await;
-    service
-        .wait_for(Generation(2), AppliedStatus::Applied)
-        .await;
+    service.approve(&with_deadline(1, 2)).await;
+    service.approve(&sealed(&document(2))).await;
+    service.wait_for(2, AppliedStatus::Applied).await;
     assert_eq!(robot.stop().await, 2);
     assert_eq!(
         robot.calls(),
@@ -332,24 +308,16 @@ async fn what_is_confirmed_stays_and_what_is_not_goes() {
     let mut robot = Robot::new(&service.endpoint);
     robot.start();
     service.wait_for_robot().await;
-    service.approve(&with_deadline(Generation(1), 1)).await;
-    service
-        .wait_for(Generation(1), AppliedStatus::Applied)
-        .await;
+    service.approve(&with_deadline(1, 1)).await;
+    service.wait_for(1, AppliedStatus::Applied).await;
     tokio::time::sleep(Duration::from_millis(2500)).await;
-    assert_eq!(robot.file(), text_of(Generation(1)));
-    assert!(
-        service
-            .answer_on(Generation(1), AppliedStatus::Reverted)
-            .is_none()
-    );
+    assert_eq!(robot.file(), text_of(1));
+    assert!(service.answer_on(1, AppliedStatus::Reverted).is_none());
 
     service.confirms(false);
-    service.approve(&with_deadline(Generation(2), 1)).await;
-    service
-        .wait_for(Generation(2), AppliedStatus::Reverted)
-        .await;
-    assert_eq!(robot.file(), text_of(Generation(1)));
+    service.approve(&with_deadline(2, 1)).await;
+    service.wait_for(2, AppliedStatus::Reverted).await;
+    assert_eq!(robot.file(), text_of(1));
     assert_eq!(robot.stop().await, 1);
 }
 
@@ -359,38 +327,32 @@ async fn what_must_not_be_applied_is_refused_with_its_reason() {
     let mut robot = Robot::new(&service.endpoint);
     robot.start();
     service.wait_for_robot().await;
-    service.approve(&sealed(&document(Generation(3)))).await;
-    service
-        .wait_for(Generation(3), AppliedStatus::Applied)
-        .await;
+    service.approve(&sealed(&document(3))).await;
+    service.wait_for(3, AppliedStatus::Applied).await;
     robot.settles().await;
 
-    let good = sealed(&document(Generation(7)));
+    let good = sealed(&document(7));
     let altered = Envelope {
         document: good.document.replace("\"ana\"", "\"eve\""),
         ..good.clone()
     };
-    let mut beyond = document(Generation(8));
+    let mut beyond = document(8);
     beyond.values.lidar_y_m = 2.0;
-    let mut stale_base = document(Generation(9));
+    let mut stale_base = document(9);
     stale_base.base_generation = None;
     let cases = [
         (altered, 7, "the document's is"),
-        (
-            seal(&document(Generation(6)), &strange_key()).unwrap(),
-            6,
-            "key_id is",
-        ),
+        (seal(&document(6), &strange_key()).unwrap(), 6, "key_id is"),
         (
             Envelope {
-                signature: sealed(&document(Generation(1))).signature,
-                ..sealed(&document(Generation(5)))
+                signature: sealed(&document(1)).signature,
+                ..sealed(&document(5))
             },
             5,
             "signature is another one",
         ),
         (
-            sealed(&document(Generation(2))),
+            sealed(&document(2)),
             2,
             "generation is 2, expected higher ones than 3",
         ),
@@ -408,19 +370,13 @@ async fn what_must_not_be_applied_is_refused_with_its_reason() {
     service.push(b"{\"document\": 1}".to_vec()).await;
     for (envelope, generation, reason) in cases {
         service.approve(&envelope).await;
-        let refused = service
-            .wait_for(Generation(generation), AppliedStatus::Refused)
-            .await;
+        let refused = service.wait_for(generation, AppliedStatus::Refused).await;
         assert_eq!(refused.sha256, envelope.sha256);
         let said = refused.reason.unwrap();
         assert!(said.contains(reason), "{said}");
-        assert_eq!(
-            refused.values,
-            Some(values(Generation(3))),
-            "what it goes on with"
-        );
+        assert_eq!(refused.values, Some(values(3)), "what it goes on with");
     }
-    assert_eq!(robot.file(), text_of(Generation(3)));
+    assert_eq!(robot.file(), text_of(3));
     assert_eq!(robot.stop().await, 3);
 }
 
@@ -431,7 +387,7 @@ async fn a_robot_on_a_mission_is_asked_again() {
     fs::write(robot.path("busy_check"), "").unwrap();
     robot.start();
     service.wait_for_robot().await;
-    service.approve(&sealed(&document(Generation(1)))).await;
+    service.approve(&sealed(&document(1))).await;
     until("the hook was asked", || !robot.calls().is_empty()).await;
     tokio::time::sleep(Duration::from_millis(500)).await;
     assert_eq!(robot.file(), "");
@@ -439,21 +395,19 @@ async fn a_robot_on_a_mission_is_asked_again() {
     fs::remove_file(robot.path("busy_check")).unwrap();
     service.leave().await;
     service.serve().await;
-    service
-        .wait_for(Generation(1), AppliedStatus::Applied)
-        .await;
+    service.wait_for(1, AppliedStatus::Applied).await;
     assert_eq!(robot.stop().await, 1);
 
     robot.options.hook = Some(shell("echo brakes are off >&2; exit 1".to_owned()));
     robot.start();
-    service.approve(&sealed(&document(Generation(2)))).await;
-    let failed = service.wait_for(Generation(2), AppliedStatus::Failed).await;
+    service.approve(&sealed(&document(2))).await;
+    let failed = service.wait_for(2, AppliedStatus::Failed).await;
     assert_eq!(
         failed.reason.unwrap(),
         "hook ended with exit status: 1: brakes are off"
     );
     assert_eq!(robot.stop().await, 1);
-    assert_eq!(robot.file(), text_of(Generation(1)));
+    assert_eq!(robot.file(), text_of(1));
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -465,23 +419,17 @@ async fn what_the_robots_software_cannot_work_with_is_taken_back() {
     fs::write(robot.path("busy_applied"), "").unwrap();
     robot.start();
     service.wait_for_robot().await;
-    service.approve(&sealed(&document(Generation(1)))).await;
+    service.approve(&sealed(&document(1))).await;
     // Asked again a while later, it is told of all three again.
     until("the hook was told twice", || robot.calls().len() >= 3).await;
     assert_eq!(robot.calls()[..3], ["check 1", "applied 1", "reverted 1"]);
     robot.settles().await;
     assert_eq!(robot.file(), BY_HAND);
-    assert!(
-        service
-            .answer_on(Generation(1), AppliedStatus::Failed)
-            .is_none()
-    );
+    assert!(service.answer_on(1, AppliedStatus::Failed).is_none());
     fs::remove_file(robot.path("busy_applied")).unwrap();
     service.leave().await;
     service.serve().await;
-    service
-        .wait_for(Generation(1), AppliedStatus::Applied)
-        .await;
+    service.wait_for(1, AppliedStatus::Applied).await;
     robot.settles().await;
     robot.stop().await;
 
@@ -489,15 +437,15 @@ async fn what_the_robots_software_cannot_work_with_is_taken_back() {
         "test $FLEETCAL_CALL = check || { echo no $FLEETCAL_CALL >&2; exit 1; }".to_owned(),
     ));
     robot.start();
-    service.approve(&sealed(&document(Generation(2)))).await;
-    let failed = service.wait_for(Generation(2), AppliedStatus::Failed).await;
+    service.approve(&sealed(&document(2))).await;
+    let failed = service.wait_for(2, AppliedStatus::Failed).await;
     let said = failed.reason.unwrap();
     assert!(
         said.contains("no applied") && said.contains("but hook ended"),
         "{said}"
     );
-    assert_eq!(failed.values, Some(values(Generation(1))));
-    assert_eq!(robot.file(), text_of(Generation(1)));
+    assert_eq!(failed.values, Some(values(1)));
+    assert_eq!(robot.file(), text_of(1));
     assert_eq!(robot.stop().await, 1);
 }
 
@@ -506,7 +454,7 @@ async fn what_was_written_when_the_agent_was_killed_is_acknowledged_by_the_next(
     let service = Service::start().await;
     let mut robot = Robot::new(&service.endpoint).with_hook();
     let writing = Phase::Writing {
-        offer: offer(Generation(1)),
+        offer: offer(1),
         rest: Rest::Settled,
         before: Some(BY_HAND.to_owned()),
     };
@@ -515,11 +463,9 @@ async fn what_was_written_when_the_agent_was_killed_is_acknowledged_by_the_next(
         ..first_memory()
     };
     robot.remember(&memory);
-    fs::write(&robot.options.apply, text_of(Generation(1))).unwrap();
+    fs::write(&robot.options.apply, text_of(1)).unwrap();
     robot.start();
-    service
-        .wait_for(Generation(1), AppliedStatus::Applied)
-        .await;
+    service.wait_for(1, AppliedStatus::Applied).await;
     assert_eq!(robot.stop().await, 1);
     assert_eq!(robot.calls(), ["applied 1"], "the hook had agreed before");
 
@@ -527,13 +473,13 @@ async fn what_was_written_when_the_agent_was_killed_is_acknowledged_by_the_next(
     let mut robot = Robot::new(&service.endpoint).with_hook();
     robot.remember(&memory);
     fs::write(&robot.options.apply, BY_HAND).unwrap();
-    service.store(&sealed(&document(Generation(1))));
+    service.store(&sealed(&document(1)));
     robot.start();
     until("it is in use", || {
         robot.memory().held.generation == Generation(1)
     })
     .await;
-    assert_eq!(robot.file(), text_of(Generation(1)));
+    assert_eq!(robot.file(), text_of(1));
     assert_eq!(robot.stop().await, 1);
     assert_eq!(robot.calls(), ["check 1", "applied 1"]);
 }
@@ -543,16 +489,16 @@ async fn a_deadline_survives_a_restart_without_any_service() {
     let mut robot = Robot::new(&free_endpoint()).with_hook();
     let held = Held {
         generation: Generation(1),
-        sha256: offer(Generation(1)).sha256,
+        sha256: offer(1).sha256,
         applied_at_ns: RobotTime(START_NS),
-        values: Some(values(Generation(1))),
+        values: Some(values(1)),
         rear_axle_in_base_link: None,
     };
     let trial = Trial {
         until_ns: RobotTime(START_NS + SECOND_NS),
         confirm_within_s: 600,
         put_off: true,
-        document: offer(Generation(1)).document,
+        document: offer(1).document,
         fallback: Fallback {
             held: Held::factory(None, RobotTime(START_NS)),
             file: None,
@@ -565,7 +511,7 @@ async fn a_deadline_survives_a_restart_without_any_service() {
         ..first_memory()
     };
     robot.remember(&memory);
-    fs::write(&robot.options.apply, text_of(Generation(1))).unwrap();
+    fs::write(&robot.options.apply, text_of(1)).unwrap();
     robot.start();
     until("it goes back", || !robot.options.apply.exists()).await;
     robot.settles().await;
@@ -575,12 +521,12 @@ async fn a_deadline_survives_a_restart_without_any_service() {
     // Killed on its way back it goes on there.
     let ending = Ending {
         generation: Generation(1),
-        sha256: offer(Generation(1)).sha256,
+        sha256: offer(1).sha256,
         outcome: Outcome::Answered {
             status: AppliedStatus::Reverted,
             reason: "no confirmation within 600 s".to_owned(),
         },
-        document: offer(Generation(1)).document,
+        document: offer(1).document,
     };
     let restoring = Phase::Restoring {
         fallback: Fallback {
@@ -590,7 +536,7 @@ async fn a_deadline_survives_a_restart_without_any_service() {
         rest: Rest::Settled,
         ending,
     };
-    fs::write(&robot.options.apply, text_of(Generation(1))).unwrap();
+    fs::write(&robot.options.apply, text_of(1)).unwrap();
     robot.remember(&Memory {
         phase: restoring,
         ..memory
@@ -609,15 +555,13 @@ async fn what_cannot_be_written_is_acknowledged_as_failed() {
     service.wait_for_robot().await;
     // A folder in the file's place: it cannot be replaced by a file.
     fs::create_dir(&robot.options.apply).unwrap();
-    service.approve(&sealed(&document(Generation(1)))).await;
-    let failed = service.wait_for(Generation(1), AppliedStatus::Failed).await;
+    service.approve(&sealed(&document(1))).await;
+    let failed = service.wait_for(1, AppliedStatus::Failed).await;
     let reason = failed.reason.unwrap();
     assert!(reason.contains("calibration.yaml"), "{reason}");
     fs::remove_dir(&robot.options.apply).unwrap();
-    service.approve(&sealed(&document(Generation(2)))).await;
-    service
-        .wait_for(Generation(2), AppliedStatus::Applied)
-        .await;
+    service.approve(&sealed(&document(2))).await;
+    service.wait_for(2, AppliedStatus::Applied).await;
     assert_eq!(robot.stop().await, 2);
 }
 

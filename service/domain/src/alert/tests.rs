@@ -17,6 +17,10 @@ use crate::approval::{
 use crate::robot::{Connection, Counters, RobotConfig, RobotState, RobotView, Warning};
 
 const S: i64 = 1_000_000_000;
+
+const fn at(seconds: i64) -> WallTime {
+    WallTime(seconds * S)
+}
 const PERIODS: Periods = Periods {
     pending_ns: 10 * S,
     recovering_ns: 60 * S,
@@ -53,7 +57,7 @@ fn every_pair_of_condition_and_observation() {
         for seen in Observation::ALL {
             let (early, late) = expected(was, seen);
             for (now, follows) in [(105 * S, early), (200 * S, late)] {
-                let before = condition(was, WallTime(100 * S));
+                let before = condition(was, at(100));
                 let after = before.after(seen, WallTime(now), PERIODS);
                 assert_eq!(after.name(), follows, "{was:?} {seen:?} at {now}");
                 // What stays keeps its time, what changes has a new one.
@@ -68,7 +72,7 @@ fn every_pair_of_condition_and_observation() {
 fn a_period_ends_to_the_nanosecond_and_none_is_none() {
     let pending = condition(ConditionName::Pending, WallTime(0));
     let just_before = pending.after(Observation::Firing, WallTime(10 * S - 1), PERIODS);
-    let just_then = pending.after(Observation::Firing, WallTime(10 * S), PERIODS);
+    let just_then = pending.after(Observation::Firing, at(10), PERIODS);
     assert_eq!(just_before, pending);
     assert_eq!(just_then.name(), ConditionName::Alerting);
     let normal = condition(ConditionName::Normal, WallTime(0));
@@ -77,7 +81,7 @@ fn a_period_ends_to_the_nanosecond_and_none_is_none() {
     let over = at_once.after(Observation::Clear, WallTime(2), Periods::NONE);
     assert_eq!(over.name(), ConditionName::Normal);
     // A clock that was set back by an hour: longer, never shorter.
-    let back = pending.after(Observation::Firing, WallTime(-3_600 * S), PERIODS);
+    let back = pending.after(Observation::Firing, at(-3_600), PERIODS);
     assert_eq!(back, pending);
 }
 
@@ -105,13 +109,7 @@ fn kept(step: Step) -> (Alert, Option<Notice>) {
 fn an_alert_is_told_once_when_it_alerts_and_once_when_it_is_over() {
     let robot = Subject::Robot(robot());
     let step = |before: Option<&Alert>, observation, at_s: i64| {
-        step(
-            before,
-            &robot,
-            &seen(observation),
-            WallTime(at_s * S),
-            PERIODS,
-        )
+        step(before, &robot, &seen(observation), at(at_s), PERIODS)
     };
     assert_eq!(step(None, Observation::Clear, 0), Step::Same);
     let (pending, notice) = kept(step(None, Observation::Firing, 0));
@@ -120,18 +118,15 @@ fn an_alert_is_told_once_when_it_alerts_and_once_when_it_is_over() {
     assert_eq!(step(Some(&pending), Observation::Clear, 9), Step::Dropped);
     let (alerting, notice) = kept(step(Some(&pending), Observation::Firing, 10));
     assert_eq!(notice, Some(Notice::Alerting));
-    assert_eq!(alerting.alerted_ns, Some(WallTime(10 * S)));
+    assert_eq!(alerting.alerted_ns, Some(at(10)));
     let (recovering, notice) = kept(step(Some(&alerting), Observation::Clear, 20));
     assert_eq!(notice, None);
     // It comes back while nobody believed that it was over: the same alert, told once.
     let (again, notice) = kept(step(Some(&recovering), Observation::Firing, 30));
-    assert_eq!((notice, again.alerted_ns), (None, Some(WallTime(10 * S))));
+    assert_eq!((notice, again.alerted_ns), (None, Some(at(10))));
     let (over, notice) = kept(step(Some(&recovering), Observation::Clear, 80));
     assert_eq!(notice, Some(Notice::Resolved));
-    assert_eq!(
-        (over.ended_ns, over.is_active()),
-        (Some(WallTime(80 * S)), false)
-    );
+    assert_eq!((over.ended_ns, over.is_active()), (Some(at(80)), false));
     assert_eq!((over.version, over.what.as_str()), (Version(4), "far away"));
     assert!(again.rank() < pending.rank() && pending.rank() < over.rank());
 }
@@ -169,13 +164,9 @@ fn an_acknowledgement_changes_no_condition_and_a_condition_no_acknowledgement() 
         let twice = taken.acknowledge(Version(4), ada.clone()).unwrap_err();
         assert_eq!(twice, AlertRefused::AcknowledgedAlready("ada".to_owned()));
         for observation in Observation::ALL {
-            if let Step::Changed(after, _) = step(
-                Some(&taken),
-                &robot,
-                &seen(observation),
-                WallTime(900 * S),
-                PERIODS,
-            ) {
+            if let Step::Changed(after, _) =
+                step(Some(&taken), &robot, &seen(observation), at(900), PERIODS)
+            {
                 assert_eq!(after.acknowledgement, Some(ada.clone()));
             }
         }
@@ -194,7 +185,7 @@ pub(crate) fn view() -> RobotView {
         config: Some(config),
         state: RobotState::Calibrated,
         connection: Connection {
-            last_seen_ns: Some(WallTime(100 * S)),
+            last_seen_ns: Some(at(100)),
             heard_before_ns: None,
             stale: false,
             alive: true,
@@ -300,8 +291,8 @@ fn case() -> Case {
 impl Case {
     fn sight(&self, kind: AlertKind) -> (Observation, String) {
         let all = sightings(&Situation {
-            now: WallTime(110 * S),
-            watched_since_ns: WallTime(self.watched_since_s * S),
+            now: at(110),
+            watched_since_ns: at(self.watched_since_s),
             view: &self.view,
             ledger: &self.ledger,
             latest: self.latest.as_ref(),
@@ -375,7 +366,7 @@ fn drift_is_sure_and_far_or_a_vehicle_that_changed() {
     let unknown: [fn(&mut Case); 3] = [
         |case| {
             case.view.connection.stale = true;
-            case.view.connection.last_seen_ns = Some(WallTime(100 * S));
+            case.view.connection.last_seen_ns = Some(at(100));
         },
         |case| case.view.state = RobotState::NoData,
         |case| case.view.estimate = None,
@@ -385,7 +376,7 @@ fn drift_is_sure_and_far_or_a_vehicle_that_changed() {
     }
     let gap = drift(|case| {
         case.view.connection.stale = true;
-        case.view.connection.last_seen_ns = Some(WallTime(105 * S));
+        case.view.connection.last_seen_ns = Some(at(105));
     });
     assert_eq!(gap.0, Observation::Clear);
     // Nobody knows what it uses: there is nothing to have drifted from.
@@ -412,7 +403,7 @@ fn only_a_robot_that_was_sending_has_stopped_sending() {
     silent.view.connection.last_seen_ns = None;
     assert_eq!(silent.sight(AlertKind::NoData).0, Observation::Unknown);
     // It was heard before the service was started, and stays away.
-    silent.view.connection.heard_before_ns = Some(WallTime(50 * S));
+    silent.view.connection.heard_before_ns = Some(at(50));
     let (observation, what) = silent.sight(AlertKind::NoData);
     assert_eq!(observation, Observation::Firing);
     assert_eq!(
@@ -424,7 +415,7 @@ fn only_a_robot_that_was_sending_has_stopped_sending() {
     let never = Condition::Normal {
         since_ns: WallTime(0),
     };
-    let never = never.after(Observation::Unknown, WallTime(900 * S), PERIODS);
+    let never = never.after(Observation::Unknown, at(900), PERIODS);
     assert_eq!(never.name(), ConditionName::Normal);
 }
 
@@ -435,12 +426,12 @@ fn a_robot_in_maintenance_raises_no_alert_until_that_ends() {
     let until = |until_ns| Maintenance {
         until_ns,
         by: "ada".to_owned(),
-        at_ns: WallTime(90 * S),
+        at_ns: at(90),
         reason: "parked for the night".to_owned(),
     };
-    parked.ledger.shadow.maintenance = Some(until(WallTime(111 * S)));
+    parked.ledger.shadow.maintenance = Some(until(at(111)));
     assert_eq!(parked.sight(AlertKind::NoData).0, Observation::Clear);
-    parked.ledger.shadow.maintenance = Some(until(WallTime(110 * S)));
+    parked.ledger.shadow.maintenance = Some(until(at(110)));
     assert_eq!(parked.sight(AlertKind::NoData).0, Observation::Firing);
 }
 
@@ -456,15 +447,7 @@ fn the_words_of_an_alert_follow_what_is_seen() {
     let first = seen("LiDAR yaw +1.73°");
     let (alert, _) = kept(step(None, &robot, &first, WallTime(0), Periods::NONE));
     let now = seen("steering offset +1.33°, LiDAR y +38.0 mm");
-    let step = |at_s: i64| {
-        step(
-            Some(&alert),
-            &robot,
-            &now,
-            WallTime(at_s * S),
-            Periods::NONE,
-        )
-    };
+    let step = |at_s: i64| step(Some(&alert), &robot, &now, at(at_s), Periods::NONE);
     assert_eq!(step(9), Step::Same, "not with every look");
     let Step::Retold(retold) = step(10) else {
         panic!("{:?}", step(10));
@@ -477,9 +460,7 @@ fn the_words_of_an_alert_follow_what_is_seen() {
     let told = AlertDocument::of(&retold).what;
     assert_eq!(told, "steering offset +1.33°, LiDAR y +38.0 mm");
     let over = Alert {
-        condition: Condition::Normal {
-            since_ns: WallTime(20 * S),
-        },
+        condition: Condition::Normal { since_ns: at(20) },
         ..*retold
     };
     let told = AlertDocument::of(&over).what;
@@ -570,9 +551,9 @@ fn a_robot_that_uses_another_generation_is_out_of_sync_unless_one_is_on_its_way(
 #[test]
 fn faults_pass_and_failures_stay() {
     let mut faulty = case();
-    faulty.fault = Some((WallTime(108 * S), "LiDAR odometry"));
+    faulty.fault = Some((at(108), "LiDAR odometry"));
     assert_eq!(faulty.firing(), [AlertKind::Fault]);
-    faulty.fault = Some((WallTime(90 * S), "LiDAR odometry"));
+    faulty.fault = Some((at(90), "LiDAR odometry"));
     assert!(faulty.firing().is_empty());
     faulty.view.state = RobotState::Failed;
     assert_eq!(faulty.firing(), [AlertKind::EstimatorFailed]);
