@@ -90,7 +90,7 @@ impl DriveHistory {
         self.samples.clear();
     }
 
-    /// RobotTime of the newest sample.
+    /// Time of the newest sample.
     pub fn newest(&self) -> Option<RobotTime> {
         self.samples.back().map(|kept| kept.sample.stamp())
     }

@@ -43,7 +43,7 @@ pub enum Merged {
 pub struct Merger {
     held: BTreeMap<(RobotTime, Stream), Event>,
     newest: Option<RobotTime>,
-    /// RobotTime of the last message that left.
+    /// Time of the last message that left.
     left: Option<(RobotTime, Stream)>,
     /// A message whose stamp jumped, waiting for a second one to agree.
     suspect: Option<(RobotTime, Stream, Event)>,

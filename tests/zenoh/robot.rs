@@ -9,7 +9,7 @@ use zenoh::qos::CongestionControl;
 
 pub use crate::session::{PATIENCE, client, open, with_password};
 
-/// RobotTime of the first sample, ns.
+/// Time of the first sample, ns.
 const FIRST_NS: i64 = 1_700_000_000_000_000_000;
 
 /// A drive sample, each with a stamp of its own.

@@ -12,7 +12,7 @@ use crate::agent::state::{Phase, Rest};
 
 /// How often an answer is repeated that nobody has confirmed: while the deadline runs, and else.
 const REPEAT_URGENT: Duration = Duration::from_secs(5);
-const REPEAT: Duration = Duration::from_secs(60);
+const REPEAT: Duration = Duration::from_mins(1);
 /// The same refusal of a document that leaves no trace is not given more often.
 const SAME_REFUSAL: Duration = Duration::from_secs(30);
 /// Most answers that wait for confirmation; the oldest goes first.

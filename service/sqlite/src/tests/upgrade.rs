@@ -53,15 +53,8 @@ fn deployment(id: u64, name: &str, approved_by: &str, proposal: Option<ProposalI
     }
 }
 
-/// Who chose what a robot should hold, after the database was brought up to date.
-async fn chosen_by(
-    deployment: &Deployment,
-    rolled_back_by: Option<(&str, &str)>,
-) -> Option<String> {
-    let folder = tempfile::tempdir().unwrap();
-    let clock = clock();
-    open(folder.path(), &clock).await.close().await.unwrap();
-    let mut raw = raw(folder.path()).await;
+/// The records of a robot with this deployment, and where they go.
+fn records_of(deployment: &Deployment) -> [(&'static str, String); 4] {
     let robot = deployment.robot.clone();
     let values = (CalibrationValues::default(), CalibrationValues::default());
     let found = Evidence::default();
@@ -79,7 +72,7 @@ async fn chosen_by(
         desired: Some(offer(Generation(2))),
         ..Shadow::new(robot)
     };
-    let insert = [
+    [
         (
             "INSERT INTO revision (id, record) VALUES (1, ?1)",
             json(&revision),
@@ -96,8 +89,19 @@ async fn chosen_by(
             "INSERT INTO deployment (id, record) VALUES (1, ?1)",
             json(deployment),
         ),
-    ];
-    for (sql, record) in insert {
+    ]
+}
+
+/// Who chose what a robot should hold, after the database was brought up to date.
+async fn chosen_by(
+    deployment: &Deployment,
+    rolled_back_by: Option<(&str, &str)>,
+) -> Option<String> {
+    let folder = tempfile::tempdir().unwrap();
+    let clock = clock();
+    open(folder.path(), &clock).await.close().await.unwrap();
+    let mut raw = raw(folder.path()).await;
+    for (sql, record) in records_of(deployment) {
         sqlx::query(sql)
             .bind(record)
             .execute(&mut raw)
