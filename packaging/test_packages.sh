@@ -50,7 +50,7 @@ cleanup() {
 trap cleanup EXIT
 cp -a "$clean_debian" "$debian"
 mount -t proc proc "$debian/proc"
-cp "$packages/fleetcal_$version-1_amd64.deb" "$stage/fleetcal_$version-2_amd64.deb" "$debian/root/"
+cp "$packages/fleetcal_$version-1_amd64.deb" "$stage/fleetcal_$version-2_amd64.deb" "$debian/srv/"
 
 # Words before a command that runs it in that Debian.
 inside=(chroot "$debian" /usr/bin/env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root DEBIAN_FRONTEND=noninteractive)
@@ -61,7 +61,7 @@ apt() {
 }
 
 install_deb() {
-  apt install "/root/fleetcal_$version-$1_amd64.deb"
+  apt install "/srv/fleetcal_$version-$1_amd64.deb"
 }
 
 setting() {
