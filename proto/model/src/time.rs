@@ -36,11 +36,6 @@ impl RobotTime {
         Self(self.0.saturating_add(nanoseconds(by)))
     }
 
-    /// Nanoseconds from `earlier` to `self`; negative when `self` is the earlier one.
-    pub const fn ns_since(self, earlier: Self) -> i64 {
-        self.0.saturating_sub(earlier.0)
-    }
-
     /// The time `seconds` later.
     #[must_use]
     #[inline]
@@ -82,11 +77,6 @@ impl WallTime {
     /// Nanoseconds from `earlier` to `self`; negative when `self` is the earlier one.
     pub const fn ns_since(self, earlier: Self) -> i64 {
         self.0.saturating_sub(earlier.0)
-    }
-
-    /// From `earlier` to `self`; zero when `self` is the earlier one.
-    pub fn since(self, earlier: Self) -> Duration {
-        Duration::from_nanos(u64::try_from(self.ns_since(earlier)).unwrap_or(0))
     }
 }
 

@@ -155,7 +155,7 @@ fn is_known(memory: &Memory, generation: Option<Generation>, sha256: &str) -> bo
         generation.is_none_or(|generation| generation == its_generation) && its_sha256 == sha256
     };
     let held = &memory.held;
-    (held.generation > Generation(0) && same(held.generation, &held.sha256))
+    (!held.generation.is_factory() && same(held.generation, &held.sha256))
         || memory
             .latest
             .as_ref()

@@ -25,7 +25,7 @@ impl Held {
     /// What a robot has that never heard of a service.
     pub fn factory(values: Option<CalibrationValues>, now: RobotTime) -> Self {
         Self {
-            generation: Generation(0),
+            generation: Generation::FACTORY,
             sha256: String::new(),
             applied_at_ns: now,
             values,
@@ -40,7 +40,7 @@ impl Held {
 
     /// Its acknowledgement; `None` when there is nothing to say.
     pub fn acknowledgement(&self) -> Option<Applied> {
-        if self.generation == Generation(0) && self.values.is_none() {
+        if self.generation.is_factory() && self.values.is_none() {
             return None;
         }
         Some(Applied {
@@ -255,7 +255,7 @@ impl Memory {
             robot,
             held,
             phase: Phase::Resting(Rest::Settled),
-            highest: Generation(0),
+            highest: Generation::FACTORY,
             latest: None,
             unstored: Vec::new(),
         }

@@ -66,7 +66,7 @@ pub(super) async fn run(
         drive_samples: 0,
         scans: 0,
         late: 0,
-        generation: Generation(0),
+        generation: Generation::FACTORY,
     };
     let Some((session, incoming)) = opened else {
         return Ok(summary);

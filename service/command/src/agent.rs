@@ -217,6 +217,7 @@ async fn perform(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
         limits,
         hook: hook(arguments),
         holds_alive_token: arguments.alive,
+        // The agent runs on the robot: this clock is the robot's.
         start_ns: RobotTime(clock.now().0),
     };
     let stop = CancellationToken::new();

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use fleetcal_model::{Generation, WallTime};
+use fleetcal_model::WallTime;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use serde::{Deserialize, Serialize};
@@ -191,7 +191,7 @@ impl StandingBasis {
         Self {
             without_alerts: least.unwrap_or(Standing::Learning),
             drift: match in_use {
-                Some(in_use) if in_use.generation > Generation(0) => Standing::Drift,
+                Some(in_use) if !in_use.generation.is_factory() => Standing::Drift,
                 _ => Standing::Uncalibrated,
             },
             is_beyond: is_beyond(view, ledger, propose_beyond),

@@ -55,7 +55,7 @@ impl CrossTracks {
                 .by_generation
                 .keys()
                 .copied()
-                .find(|one| *one > Generation(0))
+                .find(|one| !one.is_factory())
             else {
                 return;
             };

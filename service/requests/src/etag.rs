@@ -98,7 +98,7 @@ pub fn expected(headers: &HeaderMap) -> Result<Expected, Problem> {
 /// [`Problem`] that names what is refused.
 pub fn expected_version(headers: &HeaderMap) -> Result<Version, Problem> {
     match expected(headers)? {
-        Expected::Version(version) => Ok(Version(version.0)),
+        Expected::Version(version) => Ok(version),
         Expected::Any | Expected::Absent => {
             let detail = "send the ETag of GET as If-Match";
             let status = StatusCode::PRECONDITION_REQUIRED;

@@ -374,7 +374,7 @@ fn document(
     };
     let gain = proposal.base.as_ref().and_then(|base| {
         let errors = api.fleet.cross_tracks(robot);
-        let errors = errors.get(&proposal.base_generation.unwrap_or(Generation(0)))?;
+        let errors = errors.get(&proposal.base_generation.unwrap_or(Generation::FACTORY))?;
         expected_gain(
             base,
             &revision,

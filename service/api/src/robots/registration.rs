@@ -87,7 +87,7 @@ pub(super) async fn put_robot(
         caller.actor,
     ));
     let version = registered.await.map_err(|_| Problem::panicked())??;
-    let status = if version == 1 {
+    let status = if version == Version(1) {
         StatusCode::CREATED
     } else {
         StatusCode::OK
@@ -103,13 +103,13 @@ async fn register(
     mut config: RobotConfig,
     expected: Expected,
     actor: Actor,
-) -> Result<u64, Problem> {
+) -> Result<Version, Problem> {
     if let Some(stored) = api.fleet.robot(&id).and_then(|robot| robot.config) {
         config.streams.keep_former_topic(&stored.streams);
     }
     let version = configure(&api.store, &id, &config, expected, actor).await?;
     api.fleet.configure(&id, config)?;
-    Ok(version.0)
+    Ok(version)
 }
 
 /// Refuses a robot that the fleet would have no room for, before it is stored.

@@ -43,7 +43,7 @@ impl Draft<'_> {
         }
         // A robot that uses what is not wanted any more is not told to keep it: it goes back.
         let unwanted = applied.status == AppliedStatus::Applied
-            && applied.generation > Generation(0)
+            && !applied.generation.is_factory()
             && !is_desired;
         self.report(applied, named.map(|one| one.revision), !unwanted);
         Ok(())
@@ -106,7 +106,7 @@ impl Draft<'_> {
                 shadow.in_use = values.map(|values| InUse {
                     generation: before
                         .as_ref()
-                        .map_or(Generation(0), |before| before.generation),
+                        .map_or(Generation::FACTORY, |before| before.generation),
                     revision: before.and_then(|before| before.revision),
                     values,
                     since_ns: applied.applied_at_ns,
@@ -136,7 +136,7 @@ impl Draft<'_> {
         let another_waits = live.is_some_and(|live| {
             live.state == DeploymentState::Applied && live.offer.generation != generation
         });
-        if confirm && generation > Generation(0) && !another_waits {
+        if confirm && !generation.is_factory() && !another_waits {
             self.outcome.outbox.push(OutboxEntry::Confirmed(generation));
         }
         // The same answer again, because its confirmation was lost, is no news.
@@ -159,7 +159,7 @@ impl Draft<'_> {
         let revision = revision.or(held.and_then(|held| held.revision));
         shadow.in_use = values.map(|values| InUse {
             generation,
-            revision: revision.filter(|_| generation > Generation(0)),
+            revision: revision.filter(|_| !generation.is_factory()),
             values,
             since_ns: applied.applied_at_ns,
         });
@@ -175,7 +175,7 @@ fn contradicts(shadow: &Shadow, answer: &Applied, now: WallTime) -> Option<Contr
     if before.status != S::Applied {
         return None;
     }
-    let same = answer.generation == before.generation && before.generation > Generation(0);
+    let same = answer.generation == before.generation && !before.generation.is_factory();
     let goes_on = |earlier: &InUse| {
         earlier.generation == answer.generation && earlier.since_ns == answer.applied_at_ns
     };
@@ -183,8 +183,8 @@ fn contradicts(shadow: &Shadow, answer: &Applied, now: WallTime) -> Option<Contr
         S::Refused | S::Failed => same,
         S::Applied if same => answer.applied_at_ns != before.at_ns,
         S::Applied => {
-            before.generation == Generation(0)
-                && answer.generation > Generation(0)
+            before.generation.is_factory()
+                && !answer.generation.is_factory()
                 && shadow.before.as_ref().is_some_and(goes_on)
         }
         S::Reverted => false,

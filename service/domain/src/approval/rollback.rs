@@ -41,7 +41,7 @@ impl Draft<'_> {
     ) -> Result<(), Refused> {
         let shadow = &self.outcome.ledger.shadow;
         let factory = |values| InUse {
-            generation: Generation(0),
+            generation: Generation::FACTORY,
             revision: None,
             values,
             since_ns: RobotTime::default(),

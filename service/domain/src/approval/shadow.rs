@@ -115,7 +115,7 @@ impl Shadow {
         Self {
             robot,
             version: Version(0),
-            generation_last: Generation(0),
+            generation_last: Generation::FACTORY,
             desired: None,
             reported: None,
             in_use: None,

@@ -11,7 +11,7 @@ use fleetcal_domain::approval::{Deployment, RobotLedger};
 use fleetcal_domain::limits;
 use fleetcal_domain::robot::HistoryEvent;
 use fleetcal_fleet::live::LiveUpdate;
-use fleetcal_model::{Cause, ChangeKind, Generation, WallTime};
+use fleetcal_model::{Cause, ChangeKind, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_store::StoreError;
 use tokio::sync::broadcast;
@@ -157,7 +157,7 @@ impl AlertEvaluator {
         robot: &RobotId,
         ledger: &Arc<RobotLedger>,
     ) -> Result<Option<Deployment>, StoreError> {
-        if ledger.live.is_some() || ledger.shadow.generation_last == Generation(0) {
+        if ledger.live.is_some() || ledger.shadow.generation_last.is_factory() {
             return Ok(ledger.live.clone());
         }
         if let Some((seen, latest)) = memory.deployments.get(robot)

@@ -16,7 +16,7 @@ mod policy;
 mod tests;
 
 pub use decide::{Decide, Decided};
-use fleetcal_model::{Generation, Version};
+use fleetcal_model::Version;
 pub use freeze::SetFreeze;
 pub use offer::OutboxMessage;
 pub use policy::SetPolicy;
@@ -174,7 +174,7 @@ impl Lifecycle {
             .unwrap_or_else(PoisonError::into_inner);
         let signed = |lock: &Arc<RobotLock>| {
             let ledger = lock.ledger.read().unwrap_or_else(PoisonError::into_inner);
-            ledger.shadow.generation_last > Generation(0)
+            !ledger.shadow.generation_last.is_factory()
         };
         locks.values().any(signed)
     }

@@ -58,7 +58,7 @@ impl Lifecycle {
     pub fn confirmed(&self, robot: &RobotId) -> Option<Confirmed> {
         let ledger = self.ledger(robot);
         let reported = ledger.shadow.reported.as_ref()?;
-        (reported.confirmed && reported.generation > Generation(0)).then(|| Confirmed {
+        (reported.confirmed && !reported.generation.is_factory()).then(|| Confirmed {
             generation: reported.generation,
             sha256: reported.sha256.clone(),
         })

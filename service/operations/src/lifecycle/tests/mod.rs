@@ -198,6 +198,14 @@ impl Bench {
         generation
     }
 
+    /// The robot says that it has applied a generation, and hears that this is stored.
+    async fn applies(&self, generation: Generation) {
+        self.answer(generation, AppliedStatus::Applied)
+            .await
+            .unwrap();
+        assert!(is_confirmation_of(&self.send_outbox().await, generation));
+    }
+
     async fn verify(&self, within: bool) -> Outcome {
         let deployment = self.lifecycle.ledger(&robot()).live.clone().unwrap().id;
         let verification = Verification {

@@ -44,11 +44,7 @@ async fn from_every_state_under_way_there_is_a_way_back() {
             (document.generation, document.values),
             (last.next(), values(0.0))
         );
-        bench
-            .answer(last.next(), AppliedStatus::Applied)
-            .await
-            .unwrap();
-        assert!(is_confirmation_of(&bench.send_outbox().await, last.next()));
+        bench.applies(last.next()).await;
         let ended = bench.latest().await;
         assert_eq!(ended.state, S::RolledBack, "{state:?}");
         assert_eq!(bench.used(), Some(last.next()));
@@ -304,14 +300,7 @@ async fn a_robot_that_was_away_still_goes_back_to_what_a_person_chose() {
     assert_eq!(bench.latest().await.state, DeploymentState::TimedOut);
     let bench = bench.restart().await;
     assert_eq!(bench.asked().await.unwrap().generation, Generation(3));
-    bench
-        .answer(Generation(3), AppliedStatus::Applied)
-        .await
-        .unwrap();
-    assert!(is_confirmation_of(
-        &bench.send_outbox().await,
-        Generation(3)
-    ));
+    bench.applies(Generation(3)).await;
     assert_eq!(bench.used(), Some(Generation(3)));
 }
 
@@ -381,13 +370,6 @@ async fn a_robot_that_does_not_take_its_former_values_is_reported() {
     assert_eq!(bench.latest().await.state, DeploymentState::RollbackFailed);
     // It still gets them when it comes back, and is told to keep them.
     assert_eq!(bench.asked().await.unwrap().generation, Generation(2));
-    bench
-        .answer(Generation(2), AppliedStatus::Applied)
-        .await
-        .unwrap();
-    assert!(is_confirmation_of(
-        &bench.send_outbox().await,
-        Generation(2)
-    ));
+    bench.applies(Generation(2)).await;
     assert_eq!(bench.used(), Some(Generation(2)));
 }
