@@ -4,32 +4,32 @@
 mod scene;
 
 use criterion::{BatchSize, BenchmarkId, Criterion, criterion_group, criterion_main};
-use fleetcal_estimator::{LidarOdometry, Pose2, Sweep};
+use fleetcal_estimator::{LidarOdometry, Pose2, Scan};
 use scene::{Scanner, Scene, figure_eight, seeded, straight};
 
-fn sweeps(scene: &Scene, scanner: &Scanner, route: &dyn Fn(f64) -> Pose2) -> Vec<Sweep> {
+fn scans(scene: &Scene, scanner: &Scanner, route: &dyn Fn(f64) -> Pose2) -> Vec<Scan> {
     let mut rng = seeded(1);
     (0..300)
         .map(|index| {
             scanner
-                .sweep(scene, route, f64::from(index) * 0.1, &mut rng)
+                .scan(scene, route, f64::from(index) * 0.1, &mut rng)
                 .0
         })
         .collect()
 }
 
-/// The odometry after all but the last `rest` sweeps.
-fn warmed(sweeps: &[Sweep], rest: usize) -> LidarOdometry {
+/// The odometry after all but the last `rest` scans.
+fn warmed(scans: &[Scan], rest: usize) -> LidarOdometry {
     let mut odometry = LidarOdometry::default();
-    for sweep in &sweeps[..sweeps.len() - rest] {
-        odometry.process(sweep);
+    for scan in &scans[..scans.len() - rest] {
+        odometry.process(scan);
     }
     odometry
 }
 
-/// Time of a hundred sweeps on the move: points, alignment, map upkeep.
+/// Time of a hundred scans on the move: points, alignment, map upkeep.
 fn driving(criterion: &mut Criterion) {
-    let mut group = criterion.benchmark_group("100 sweeps, driving");
+    let mut group = criterion.benchmark_group("100 scans, driving");
     group.sample_size(20);
     let hall = Scene::warehouse().with_people(3, [9.0, 4.0], 3);
     for beams in [180, 360, 1024, 4096] {
@@ -37,15 +37,15 @@ fn driving(criterion: &mut Criterion) {
             beams,
             ..Scanner::default()
         };
-        let sweeps = sweeps(&hall, &scanner, &figure_eight);
-        let warm = warmed(&sweeps, 100);
+        let scans = scans(&hall, &scanner, &figure_eight);
+        let warm = warmed(&scans, 100);
         group.bench_function(
             BenchmarkId::from_parameter(format!("{beams} beams")),
             |bencher| {
                 bencher.iter_batched_ref(
                     || warm.clone(),
                     |odometry| {
-                        sweeps[200..]
+                        scans[200..]
                             .iter()
                             .filter_map(|s| odometry.process(s))
                             .count()
@@ -58,14 +58,14 @@ fn driving(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// One sweep in each situation that has its own way through the pipeline.
+/// One scan in each situation that has its own way through the pipeline.
 fn situations(criterion: &mut Criterion) {
-    let mut group = criterion.benchmark_group("one sweep");
+    let mut group = criterion.benchmark_group("one scan");
     let scanner = Scanner::default();
-    let hall = sweeps(&Scene::warehouse(), &scanner, &figure_eight);
-    let at_rest = sweeps(&Scene::warehouse(), &scanner, &|_| figure_eight(10.0));
-    let corridor = sweeps(&Scene::corridor(), &scanner, &straight(0.0));
-    let kidnapped = sweeps(&Scene::warehouse(), &scanner, &|t| {
+    let hall = scans(&Scene::warehouse(), &scanner, &figure_eight);
+    let at_rest = scans(&Scene::warehouse(), &scanner, &|_| figure_eight(10.0));
+    let corridor = scans(&Scene::corridor(), &scanner, &straight(0.0));
+    let kidnapped = scans(&Scene::warehouse(), &scanner, &|t| {
         let pose = figure_eight(t);
         if t < 29.85 {
             pose
@@ -78,12 +78,12 @@ fn situations(criterion: &mut Criterion) {
         ("corridor: with an open direction", &corridor),
         ("kidnapped: search, and lost", &kidnapped),
     ];
-    for (name, sweeps) in cases {
-        let warm = warmed(sweeps, 1);
+    for (name, scans) in cases {
+        let warm = warmed(scans, 1);
         group.bench_function(name, |bencher| {
             bencher.iter_batched_ref(
                 || warm.clone(),
-                |odometry| odometry.process(&sweeps[299]),
+                |odometry| odometry.process(&scans[299]),
                 BatchSize::LargeInput,
             );
         });

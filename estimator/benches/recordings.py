@@ -66,8 +66,8 @@ def motion(poses, lag):
 
 def say(name, summary):
     states = ", ".join(f"{count} {state}" for state, count in summary["tracking"].items() if count)
-    print(f"{name}: {summary['scans']} sweeps ({states}), {summary['map_restarts']} map restarts,")
-    print(f"  {summary['scan_median_ms']:.3f} ms a sweep (median)")
+    print(f"{name}: {summary['scans']} scans ({states}), {summary['map_restarts']} map restarts,")
+    print(f"  {summary['scan_median_ms']:.3f} ms a scan (median)")
 
 
 def freiburg(fleetcal, folder):
@@ -86,7 +86,7 @@ def freiburg(fleetcal, folder):
         error = motion(poses, lag) - motion(truth, lag)
         centimetres = 100 * np.median(np.abs(error[:, :2]))
         degrees = np.degrees(np.median(np.abs(wrap(error[:, 2]))))
-        print(f"  over {lag:2} sweeps: {centimetres:.2f} cm, {degrees:.3f} deg")
+        print(f"  over {lag:2} scans: {centimetres:.2f} cm, {degrees:.3f} deg")
 
 
 def unsw(fleetcal, folder):

@@ -70,11 +70,11 @@ fn tugger(seed: u64) -> (SimulationConfig, CalibratorConfig) {
     (config, calibrator)
 }
 
-/// From zero initial values, raw sweeps.
+/// From zero initial values, raw scans.
 fn convergence(seeds: u64) {
     let limits = [0.02f64.to_radians(), 0.002, 0.002, 0.03f64.to_radians()];
     println!(
-        "figure-eight from zero, raw sweeps, {seeds} seeds: share inside 0.02°, 2 mm, 2 mm, 0.03°"
+        "figure-eight from zero, raw scans, {seeds} seeds: share inside 0.02°, 2 mm, 2 mm, 0.03°"
     );
     println!(
         "  time  offset       x       y     yaw  all four | RMSE °, mm, mm, °            NEES"
@@ -127,7 +127,7 @@ fn delays(seeds: u64) {
         ("mount 30 mm", mount(0.03, 0.0), Cause::LidarMount),
         ("mount −1.5°, 30 mm", mount(0.03, -1.5), Cause::LidarMount),
     ];
-    for (data, lidar) in [("poses", Some(poses())), ("sweeps", None)] {
+    for (data, lidar) in [("poses", Some(poses())), ("scans", None)] {
         for (name, change, cause) in changes {
             delay_row((name, change, cause), (data, lidar), seeds);
         }
@@ -278,9 +278,9 @@ fn steps() {
         let Some(event) = event_of(emitted.message) else {
             continue;
         };
-        let event = if let Event::Sweep(sweep) = &event {
+        let event = if let Event::Scan(scan) = &event {
             let begin = now();
-            let Some(pose) = odometry.process(sweep) else {
+            let Some(pose) = odometry.process(scan) else {
                 continue;
             };
             if counts {
@@ -300,7 +300,7 @@ fn steps() {
         } else {
             event
         };
-        if let Event::Drive(sample) = &event {
+        if let Event::WheelOdometry(sample) = &event {
             bare.drive.push(*sample);
         }
         let begin = now();

@@ -1,7 +1,7 @@
 //! The figures of the LiDAR odometry on simulated drives, against their truth.
 //!
 //! `cargo run --release -p fleetcal-estimator --example lidar_odometry_figures` prints the table.
-//! With `--sweeps FILE` it writes the figure-eight's sweeps and truth for other engines as well.
+//! With `--scans FILE` it writes the figure-eight's scans and truth for other engines as well.
 #![expect(clippy::print_stdout, reason = "the table is what it is for")]
 
 use std::error::Error;
@@ -11,8 +11,8 @@ use std::time::Instant;
 
 use fleetcal_estimator::geometry::wrap_angle_rad;
 use fleetcal_estimator::lidar_odometry::{LidarOdometry, OdometryPose, Tracking};
-use fleetcal_estimator::stream::SweepShape;
-use fleetcal_estimator::{Pose2, RobotTime, Sweep};
+use fleetcal_estimator::stream::ScanShape;
+use fleetcal_estimator::{Pose2, RobotTime, Scan};
 use fleetcal_robot::simulator::{
     LidarOutput, LidarSettings, PeopleSettings, PersonShape, Route, SimulatedMessage, Simulation,
     SimulationConfig,
@@ -20,24 +20,24 @@ use fleetcal_robot::simulator::{
 use nalgebra::Vector3;
 
 /// Two minutes of driving.
-const SWEEPS: usize = 1198;
+const SCANS: usize = 1198;
 /// Drives that the normalised error is averaged over.
 const SEEDS: u64 = 10;
 
-/// A sweep and the LiDAR's true pose at its reference time.
-type Taken = (Sweep, Pose2);
+/// A scan and the LiDAR's true pose at its reference time.
+type Taken = (Scan, Pose2);
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().collect();
     let figure_eight = SimulationConfig::figure_eight;
     if let [_, flag, path] = arguments.as_slice() {
-        if flag != "--sweeps" {
-            return Err(format!("unknown argument {flag}, expected --sweeps FILE").into());
+        if flag != "--scans" {
+            return Err(format!("unknown argument {flag}, expected --scans FILE").into());
         }
-        write_sweeps(Path::new(path), &record(figure_eight(7), SWEEPS)?)?;
+        write_scans(Path::new(path), &record(figure_eight(7), SCANS)?)?;
     }
     let lidar = |settings| SimulationConfig {
-        lidar: LidarOutput::Sweeps(settings),
+        lidar: LidarOutput::Scans(settings),
         ..figure_eight(7)
     };
     let with_beams = |beams| {
@@ -69,7 +69,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     row("180 beams", with_beams(180))?;
     row("360 beams", with_beams(360))?;
     row("4096 beams", with_beams(4096))?;
-    println!("\nNormalised error of a motion between two sweeps, {SEEDS} drives; 3 is expected");
+    println!("\nNormalised error of a motion between two scans, {SEEDS} drives; 3 is expected");
     println!("scene                     0.1 s    0.3 s      1 s      3 s     10 s");
     consistency("figure-eight", &figure_eight)?;
     consistency("loop through aisles", &|seed| SimulationConfig {
@@ -78,23 +78,23 @@ fn main() -> Result<(), Box<dyn Error>> {
     })
 }
 
-/// The first sweeps of a simulated drive.
-fn record(config: SimulationConfig, sweeps: usize) -> Result<Vec<Taken>, Box<dyn Error>> {
+/// The first scans of a simulated drive.
+fn record(config: SimulationConfig, scans: usize) -> Result<Vec<Taken>, Box<dyn Error>> {
     let mut simulation = Simulation::new(config)?;
-    let mut taken = Vec::with_capacity(sweeps);
-    while taken.len() < sweeps {
+    let mut taken = Vec::with_capacity(scans);
+    while taken.len() < scans {
         let emitted = simulation.advance();
-        if let SimulatedMessage::Sweep(raw) = emitted.message {
-            let shape = SweepShape {
+        if let SimulatedMessage::Scan(raw) = emitted.message {
+            let shape = ScanShape {
                 angle_min_rad: raw.angle_min_rad,
                 angle_increment_rad: raw.angle_increment_rad,
                 time_increment_s: raw.time_increment_s,
                 range_min_m: raw.range_min_m,
                 range_max_m: raw.range_max_m,
             };
-            let sweep = Sweep::new(RobotTime(raw.stamp_ns), shape, raw.ranges_m.into())?;
+            let scan = Scan::new(RobotTime(raw.stamp_ns), shape, raw.ranges_m.into())?;
             let pose = emitted.truth.lidar;
-            taken.push((sweep, Pose2::new(pose.x_m, pose.y_m, pose.yaw_rad)));
+            taken.push((scan, Pose2::new(pose.x_m, pose.y_m, pose.yaw_rad)));
         }
     }
     Ok(taken)
@@ -102,14 +102,14 @@ fn record(config: SimulationConfig, sweeps: usize) -> Result<Vec<Taken>, Box<dyn
 
 /// Runs one drive and prints its row.
 fn row(name: &str, config: SimulationConfig) -> Result<(), Box<dyn Error>> {
-    let taken = record(config, SWEEPS)?;
+    let taken = record(config, SCANS)?;
     let mut odometry = LidarOdometry::default();
     let mut times_ms = Vec::new();
     let mut pairs = Vec::new();
-    for (sweep, truth) in &taken {
+    for (scan, truth) in &taken {
         #[expect(clippy::disallowed_methods, reason = "measures its own time")]
         let start = Instant::now();
-        let pose = odometry.process(sweep);
+        let pose = odometry.process(scan);
         times_ms.push(start.elapsed().as_secs_f64() * 1e3);
         pairs.extend(pose.map(|pose| (pose, *truth)));
     }
@@ -134,7 +134,7 @@ fn row(name: &str, config: SimulationConfig) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Errors of the motion over `lag` sweeps, in the LiDAR's frame.
+/// Errors of the motion over `lag` scans, in the LiDAR's frame.
 fn errors_over(pairs: &[(OdometryPose, Pose2)], lag: usize) -> impl Iterator<Item = Vector3<f64>> {
     pairs.iter().zip(pairs.iter().skip(lag)).map(|(from, to)| {
         let estimated = from.0.lidar_in_odom.between(&to.0.lidar_in_odom);
@@ -151,7 +151,7 @@ fn consistency(name: &str, config: &dyn Fn(u64) -> SimulationConfig) -> Result<(
         let mut odometry = LidarOdometry::default();
         let pairs: Vec<_> = record(config(100 + seed), 600)?
             .iter()
-            .filter_map(|(sweep, truth)| odometry.process(sweep).map(|pose| (pose, *truth)))
+            .filter_map(|(scan, truth)| odometry.process(scan).map(|pose| (pose, *truth)))
             .collect();
         for (lag, (sum, count)) in lags.iter().zip(&mut sums) {
             let ends = pairs.iter().zip(pairs.iter().skip(*lag));
@@ -173,13 +173,13 @@ fn consistency(name: &str, config: &dyn Fn(u64) -> SimulationConfig) -> Result<(
     Ok(())
 }
 
-/// Writes sweeps and truth, little-endian: for each sweep its reference stamp (i64 ns), first angle,
+/// Writes scans and truth, little-endian: for each scan its reference stamp (i64 ns), first angle,
 /// angle and time increment, true x, y and yaw (f64), number of beams (u32) and ranges (f32).
-fn write_sweeps(path: &Path, taken: &[Taken]) -> Result<(), Box<dyn Error>> {
+fn write_scans(path: &Path, taken: &[Taken]) -> Result<(), Box<dyn Error>> {
     let mut file = std::io::BufWriter::new(std::fs::File::create(path)?);
-    for (sweep, truth) in taken {
-        let shape = sweep.shape();
-        file.write_all(&sweep.reference_stamp().0.to_le_bytes())?;
+    for (scan, truth) in taken {
+        let shape = scan.shape();
+        file.write_all(&scan.reference_stamp().0.to_le_bytes())?;
         for number in [
             shape.angle_min_rad,
             shape.angle_increment_rad,
@@ -190,8 +190,8 @@ fn write_sweeps(path: &Path, taken: &[Taken]) -> Result<(), Box<dyn Error>> {
         ] {
             file.write_all(&number.to_le_bytes())?;
         }
-        file.write_all(&u32::try_from(sweep.ranges_m().len())?.to_le_bytes())?;
-        for range in sweep.ranges_m() {
+        file.write_all(&u32::try_from(scan.ranges_m().len())?.to_le_bytes())?;
+        for range in scan.ranges_m() {
             file.write_all(&range.to_le_bytes())?;
         }
     }

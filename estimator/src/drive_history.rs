@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use crate::stream::{DriveSample, RobotTime};
-use crate::vehicle::Drive;
+use crate::vehicle::DriveReading;
 
 /// A drive sample further from its predecessor than this does not describe the time between, s.
 pub const GAP_MIN_S: f64 = 0.5;
@@ -35,7 +35,7 @@ pub struct DriveSegment {
     /// Its length, s.
     pub duration_s: f64,
     /// The reading that holds over it.
-    pub drive: Drive,
+    pub drive: DriveReading,
     /// Distance already driven on this very steering reading, m.
     pub held_m: f64,
     /// Step of the steering encoder, rad; 0 when it is too fine to see.
@@ -96,16 +96,20 @@ impl DriveHistory {
     }
 
     /// The newest reading.
-    pub fn now(&self) -> Drive {
-        self.samples.back().map_or_else(Drive::default, reading)
+    pub fn now(&self) -> DriveReading {
+        self.samples
+            .back()
+            .map_or_else(DriveReading::default, reading)
     }
 
     /// The reading that describes a time; rest when there is none.
-    pub fn at(&self, stamp: RobotTime) -> Drive {
+    pub fn at(&self, stamp: RobotTime) -> DriveReading {
         let index = self
             .samples
             .partition_point(|kept| kept.sample.stamp() < stamp);
-        self.samples.get(index).map_or_else(Drive::default, reading)
+        self.samples
+            .get(index)
+            .map_or_else(DriveReading::default, reading)
     }
 
     /// Whether the interval lies inside the history, without a gap.
@@ -160,8 +164,8 @@ impl DriveHistory {
     }
 }
 
-fn reading(kept: &Kept) -> Drive {
-    Drive {
+fn reading(kept: &Kept) -> DriveReading {
+    DriveReading {
         speed_mps: kept.sample.speed_mps(),
         steering_rad: kept.sample.steering_rad(),
     }

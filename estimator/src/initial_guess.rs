@@ -13,11 +13,11 @@ use nalgebra::{Matrix2, Matrix2x4, Matrix3, Matrix4, Vector2, Vector3, Vector4};
 
 use crate::drive_history::{DriveHistory, DriveSegment};
 use crate::estimate::Parameter;
-use crate::filter::noise::MotionNoise;
 use crate::filter::prediction::PredictedMotion;
 use crate::filter::prior::Prior;
 use crate::filter::{OdometryReading, ParameterCovariance, Values, drive_parameters};
 use crate::geometry::{Pose2, wrap_angle_rad};
+use crate::motion_noise::MotionNoise;
 use crate::vehicle::Vehicle;
 
 /// A window ends after this much driving or turning.
@@ -27,8 +27,8 @@ const WINDOW_RAD: f64 = 0.3;
 const WINDOWS_MIN: usize = 5;
 /// Noise of a window's displacement: a part that is always there, and a share of its length. Several
 /// times what it is, so that the guess takes a few hundredths of what the data tell, which the filter
-/// then takes in full. More doubt would do harm: a robot that begins with turns to one side leaves a
-/// direction open, the filter wanders along it by its doubt, linearises there, and is sure of what it
+/// then takes in full. More uncertainty would do harm: a robot that begins with turns to one side leaves a
+/// direction open, the filter wanders along it by its uncertainty, linearises there, and is sure of what it
 /// has not seen (y off by 46 mm with a sigma of 3 mm, from a guess that was right to 0.3 mm).
 const WINDOW_SIGMA_M: f64 = 0.01;
 const WINDOW_SIGMA_SHARE: f64 = 0.02;

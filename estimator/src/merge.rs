@@ -22,8 +22,8 @@ pub const HELD_MAX: usize = 4096;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Stream {
     Note,
-    Drive,
-    Sweep,
+    WheelOdometry,
+    Scan,
     LidarPose,
 }
 
@@ -151,8 +151,8 @@ impl Merger {
 /// Where a message stands in time; `None` for the end of a session.
 fn place(event: &Event) -> Option<(RobotTime, Stream)> {
     match event {
-        Event::Drive(sample) => Some((sample.stamp(), Stream::Drive)),
-        Event::Sweep(sweep) => Some((sweep.reference_stamp(), Stream::Sweep)),
+        Event::WheelOdometry(sample) => Some((sample.stamp(), Stream::WheelOdometry)),
+        Event::Scan(scan) => Some((scan.reference_stamp(), Stream::Scan)),
         Event::LidarPose(pose) => Some((pose.stamp(), Stream::LidarPose)),
         Event::Note(note) => Some((note.stamp, Stream::Note)),
         Event::EndOfSession => None,
@@ -167,7 +167,7 @@ mod tests {
 
     fn drive(ms: i64) -> Event {
         let stamp = RobotTime(1_000_000_000_000 + ms * 1_000_000);
-        Event::Drive(DriveSample::new(stamp, 1.0, 0.0).unwrap())
+        Event::WheelOdometry(DriveSample::new(stamp, 1.0, 0.0).unwrap())
     }
 
     fn order(messages_ms: &[i64]) -> (Vec<i64>, usize, usize) {

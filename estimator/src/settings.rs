@@ -5,7 +5,7 @@ mod given;
 use serde::{Deserialize, Serialize};
 
 use crate::estimate::Parameter;
-use crate::filter::noise::MotionNoise;
+use crate::motion_noise::MotionNoise;
 
 /// Which measurement the filter makes of the LiDAR's motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -24,7 +24,7 @@ pub enum Measurement {
 pub enum Freedom {
     /// Estimated from its prior.
     Estimated,
-    /// Held at its value; its doubt stays in the other parameters' sigmas.
+    /// Held at its value; its uncertainty stays in the other parameters' sigmas.
     Fixed,
     /// Taken as exactly right.
     Off,
@@ -77,10 +77,10 @@ pub struct EstimatorSettings {
     /// What is estimated. Wheelbase and steering gain are never both.
     #[serde(deserialize_with = "given::free")]
     pub free: PerParameter<Freedom>,
-    /// Doubt before the first metre, one standard deviation. The wheelbase's is a share of it.
+    /// Uncertainty before the first metre, one standard deviation. The wheelbase's is a share of it.
     #[serde(deserialize_with = "given::prior_sigma")]
     pub prior_sigma: PerParameter<f64>,
-    /// Doubt of the LiDAR's x and y when no nominal mount is given, m.
+    /// Uncertainty of the LiDAR's x and y when no nominal mount is given, m.
     pub unknown_mount_sigma_m: f64,
     /// How far tyres may drift outwards in a bend: standard deviation of the slip angle for each
     /// m/s^2 of lateral acceleration, rad.

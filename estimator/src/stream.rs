@@ -12,7 +12,7 @@ use thiserror::Error;
 use crate::estimate::{Change, Estimate};
 use crate::geometry::Pose2;
 
-/// Largest number of beams a sweep may have. Real planar scanners stay below 4096.
+/// Largest number of beams a scan may have. Real planar scanners stay below 4096.
 pub const BEAMS_MAX: usize = 16_384;
 /// Largest speed accepted from a drive sample, in m/s: beyond any warehouse vehicle.
 pub const SPEED_MAX_MPS: f64 = 50.0;
@@ -110,9 +110,9 @@ impl DriveSample {
     }
 }
 
-/// The shape of a sweep: everything of a `LaserScan` but its beams.
+/// The shape of a scan: everything of a `LaserScan` but its beams.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct SweepShape {
+pub struct ScanShape {
     /// Direction of the first beam in the LiDAR's frame, rad.
     pub angle_min_rad: f64,
     /// Angle from one beam to the next, rad; negative for a scanner that turns clockwise.
@@ -126,23 +126,23 @@ pub struct SweepShape {
     pub range_max_m: f64,
 }
 
-/// One sweep of a planar LiDAR, stamped at its first beam.
+/// One scan of a planar LiDAR, stamped at its first beam.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Sweep {
+pub struct Scan {
     stamp: RobotTime,
-    shape: SweepShape,
+    shape: ScanShape,
     ranges_m: Arc<[f32]>,
 }
 
-impl Sweep {
-    /// A checked sweep. Ranges that are not finite or lie outside `range_min..range_max` are no
+impl Scan {
+    /// A checked scan. Ranges that are not finite or lie outside `range_min..range_max` are no
     /// returns, which is normal input.
     ///
     /// # Errors
     /// Names the field of the shape that cannot be, or the number of beams.
     pub fn new(
         stamp: RobotTime,
-        shape: SweepShape,
+        shape: ScanShape,
         ranges_m: Arc<[f32]>,
     ) -> Result<Self, FieldRefused> {
         check_stamp(stamp)?;
@@ -196,7 +196,7 @@ impl Sweep {
             return Err(FieldRefused::new(
                 "time_increment",
                 duration_s,
-                "a sweep of at most 2 s",
+                "a scan of at most 2 s",
             ));
         }
         Ok(Self {
@@ -211,8 +211,8 @@ impl Sweep {
         self.stamp
     }
 
-    /// The sweep's shape.
-    pub fn shape(&self) -> &SweepShape {
+    /// The scan's shape.
+    pub fn shape(&self) -> &ScanShape {
         &self.shape
     }
 
@@ -221,7 +221,7 @@ impl Sweep {
         &self.ranges_m
     }
 
-    /// The sweep's reference time: its middle. Poses of a sweep are poses at this time.
+    /// The scan's reference time: its middle. Poses of a scan are poses at this time.
     pub fn reference_stamp(&self) -> RobotTime {
         self.middle_stamp(self.shape.time_increment_s)
     }
@@ -300,10 +300,10 @@ pub struct Note {
 #[derive(Debug, Clone, PartialEq)]
 pub enum Event {
     /// Speed and steering.
-    Drive(DriveSample),
-    /// A raw sweep.
-    Sweep(Sweep),
-    /// A pose instead of a sweep.
+    WheelOdometry(DriveSample),
+    /// A raw scan.
+    Scan(Scan),
+    /// A pose instead of a scan.
     LidarPose(LidarPose),
     /// A note of a person or tool.
     Note(Note),
@@ -335,6 +335,6 @@ pub enum Dropped {
     Late,
     /// The same stamp of the same stream again.
     Duplicate,
-    /// A sweep without enough returns, or while the LiDAR odometry is lost.
-    UnusableSweep,
+    /// A scan without enough returns, or while the LiDAR odometry is lost.
+    UnusableScan,
 }

@@ -10,7 +10,7 @@ use crate::stream::RobotTime;
 
 /// Parameters that are reported.
 const REPORTED: usize = Parameter::ALL.len();
-/// A parameter is unobservable while its doubt is above this share of its prior.
+/// A parameter is unobservable while its uncertainty is above this share of its prior.
 const UNOBSERVABLE_SHARE: f64 = 0.5;
 /// What is said where no single manoeuvre would help much.
 const MORE_DRIVING: &str = "more driving with turns to both sides";
@@ -46,7 +46,7 @@ struct Advised {
 pub struct Grounds<'a> {
     /// The time it is made at.
     pub now: RobotTime,
-    /// Doubts before the first metre.
+    /// Uncertainties before the first metre.
     pub prior_sigma: &'a Values,
     /// What is known of the robot now.
     pub knowledge: Knowledge<'a>,

@@ -7,8 +7,8 @@ use std::sync::Arc;
 use fleetcal_estimator::geometry::wrap_angle_rad;
 use fleetcal_estimator::lidar_odometry::{OdometryPose, Tracking};
 use fleetcal_estimator::occupancy_grid::Occupancy;
-use fleetcal_estimator::stream::SweepShape;
-use fleetcal_estimator::{LidarOdometry, OccupancyGrid, Pose2, RobotTime, Sweep};
+use fleetcal_estimator::stream::ScanShape;
+use fleetcal_estimator::{LidarOdometry, OccupancyGrid, Pose2, RobotTime, Scan};
 use fleetcal_robot::simulator::{SimulatedMessage, Simulation, SimulationConfig, World};
 use nalgebra::{Vector2, Vector3};
 
@@ -60,35 +60,34 @@ fn drawn(world: &World, resolution_m: f64, origin: Pose2, start: Pose2) -> Occup
 }
 
 struct Drive {
-    sweeps: Vec<(Sweep, Pose2)>,
+    scans: Vec<(Scan, Pose2)>,
     world: Arc<World>,
 }
 
-fn simulated(people: usize, seed: u64, sweeps: usize) -> Drive {
+fn simulated(people: usize, seed: u64, scans: usize) -> Drive {
     let mut config = SimulationConfig::figure_eight(seed);
     config.people.count = people;
     let world = Arc::clone(&config.world);
     let mut simulation = Simulation::new(config).unwrap();
     let mut taken = Vec::new();
-    while taken.len() < sweeps {
+    while taken.len() < scans {
         let emitted = simulation.advance();
-        if let SimulatedMessage::Sweep(sweep) = emitted.message {
-            let shape = SweepShape {
-                angle_min_rad: sweep.angle_min_rad,
-                angle_increment_rad: sweep.angle_increment_rad,
-                time_increment_s: sweep.time_increment_s,
-                range_min_m: sweep.range_min_m,
-                range_max_m: sweep.range_max_m,
+        if let SimulatedMessage::Scan(scan) = emitted.message {
+            let shape = ScanShape {
+                angle_min_rad: scan.angle_min_rad,
+                angle_increment_rad: scan.angle_increment_rad,
+                time_increment_s: scan.time_increment_s,
+                range_min_m: scan.range_min_m,
+                range_max_m: scan.range_max_m,
             };
             let truth = emitted.truth.lidar;
             let truth = Pose2::new(truth.x_m, truth.y_m, truth.yaw_rad);
-            let sweep =
-                Sweep::new(RobotTime(sweep.stamp_ns), shape, sweep.ranges_m.into()).unwrap();
-            taken.push((sweep, truth));
+            let scan = Scan::new(RobotTime(scan.stamp_ns), shape, scan.ranges_m.into()).unwrap();
+            taken.push((scan, truth));
         }
     }
     Drive {
-        sweeps: taken,
+        scans: taken,
         world,
     }
 }
@@ -98,10 +97,10 @@ fn error(pose: &OdometryPose, truth: &Pose2) -> Vector3<f64> {
     Vector3::new(error.x_m, error.y_m, wrap_angle_rad(error.yaw_rad))
 }
 
-/// What the odometry said of each sweep, with its error.
+/// What the odometry said of each scan, with its error.
 fn driven(odometry: &mut LidarOdometry, drive: &Drive) -> Vec<(OdometryPose, Vector3<f64>)> {
-    let poses = drive.sweeps.iter().map(|(sweep, truth)| {
-        let pose = odometry.process(sweep).unwrap();
+    let poses = drive.scans.iter().map(|(scan, truth)| {
+        let pose = odometry.process(scan).unwrap();
         let error = error(&pose, truth);
         (pose, error)
     });
@@ -126,7 +125,7 @@ const ASKEW: Pose2 = Pose2::new(-20.4, -12.7, 0.012);
 fn in_a_known_map_the_pose_stays_true_among_people() {
     for (people, seed) in [(3, 1), (20, 2), (60, 3)] {
         let drive = simulated(people, seed, 400);
-        let start = drive.sweeps[0].1;
+        let start = drive.scans[0].1;
         for origin in [ALONG_AXES, ASKEW] {
             let grid = drawn(&drive.world, 0.05, origin, start);
             let driven = driven(&mut LidarOdometry::with_map(&grid, start).unwrap(), &drive);
@@ -150,7 +149,7 @@ fn in_a_known_map_the_pose_stays_true_among_people() {
 #[test]
 fn a_grid_is_off_by_no_more_than_half_its_cells() {
     let drive = simulated(3, 4, 150);
-    let start = drive.sweeps[0].1;
+    let start = drive.scans[0].1;
     // The hall's walls lie on the cells' edges, the worst that can be.
     let origin = Pose2::new(-20.5, -12.5, 0.0);
     for resolution_m in [0.025, 0.05, 0.1] {
@@ -177,9 +176,9 @@ fn a_grid_is_off_by_no_more_than_half_its_cells() {
 #[test]
 fn a_wrong_start_is_said_and_the_place_found_by_search() {
     let drive = simulated(20, 5, 60);
-    let truth = drive.sweeps[0].1;
+    let truth = drive.scans[0].1;
     let grid = drawn(&drive.world, 0.05, ALONG_AXES, truth);
-    for (x_m, y_m, yaw_rad, sweeps_max) in [
+    for (x_m, y_m, yaw_rad, scans_max) in [
         (0.2, -0.2, 0.2, 0),
         (-1.0, 0.4, -0.7, 3),
         (1.5, 2.0, 3.0, 3),
@@ -191,7 +190,7 @@ fn a_wrong_start_is_said_and_the_place_found_by_search() {
             .iter()
             .position(|(pose, _)| pose.tracking != Tracking::Lost)
             .unwrap();
-        assert!(found <= sweeps_max, "{found} from {start:?}");
+        assert!(found <= scans_max, "{found} from {start:?}");
         if found > 0 {
             assert_eq!(driven[found].0.tracking, Tracking::Recovered);
             let guess = &driven[0].0;
@@ -211,7 +210,7 @@ fn a_wrong_start_is_said_and_the_place_found_by_search() {
 #[test]
 fn outside_its_map_a_robot_is_lost_and_stays_lost() {
     let drive = simulated(3, 6, 50);
-    let grid = drawn(&drive.world, 0.05, ALONG_AXES, drive.sweeps[0].1);
+    let grid = drawn(&drive.world, 0.05, ALONG_AXES, drive.scans[0].1);
     // The next warehouse but one: everything is where nothing is known of it.
     let start = Pose2::new(300.0, 0.0, 0.0);
     let driven = driven(&mut LidarOdometry::with_map(&grid, start).unwrap(), &drive);
@@ -224,23 +223,23 @@ fn outside_its_map_a_robot_is_lost_and_stays_lost() {
     let corner = Pose2::new(-35.5, -25.5, 0.0);
     let other = drawn(&World::empty_hall(), 0.2, corner, Pose2::IDENTITY);
     let mut odometry = LidarOdometry::with_map(&other, Pose2::IDENTITY).unwrap();
-    for (sweep, _) in &drive.sweeps {
-        assert_eq!(odometry.process(sweep).unwrap().tracking, Tracking::Lost);
+    for (scan, _) in &drive.scans {
+        assert_eq!(odometry.process(scan).unwrap().tracking, Tracking::Lost);
     }
 }
 
 #[test]
 fn a_kidnap_within_the_map_is_said_and_found() {
     let mut drive = simulated(10, 7, 200);
-    drive.sweeps.drain(60..150);
-    let start = drive.sweeps[0].1;
-    let moved = drive.sweeps[59].1.between(&drive.sweeps[60].1);
+    drive.scans.drain(60..150);
+    let start = drive.scans[0].1;
+    let moved = drive.scans[59].1.between(&drive.scans[60].1);
     assert!(moved.translation().norm() > 3.0, "{moved:?}");
     // Nine seconds later by the world, a tenth of a second by the stamps.
-    let jump_ns = drive.sweeps[60].0.stamp().0 - drive.sweeps[59].0.stamp().0 - 100_000_000;
-    for (sweep, _) in &mut drive.sweeps[60..] {
-        let stamp = RobotTime(sweep.stamp().0 - jump_ns);
-        *sweep = Sweep::new(stamp, *sweep.shape(), sweep.ranges_m().into()).unwrap();
+    let jump_ns = drive.scans[60].0.stamp().0 - drive.scans[59].0.stamp().0 - 100_000_000;
+    for (scan, _) in &mut drive.scans[60..] {
+        let stamp = RobotTime(scan.stamp().0 - jump_ns);
+        *scan = Scan::new(stamp, *scan.shape(), scan.ranges_m().into()).unwrap();
     }
     let grid = drawn(&drive.world, 0.05, ALONG_AXES, start);
     let driven = driven(&mut LidarOdometry::with_map(&grid, start).unwrap(), &drive);
@@ -258,7 +257,7 @@ fn a_kidnap_within_the_map_is_said_and_found() {
 #[test]
 fn what_the_map_lacks_is_learnt_beside_it() {
     let drive = simulated(3, 8, 400);
-    let start = drive.sweeps[0].1;
+    let start = drive.scans[0].1;
     let whole = drawn(&drive.world, 0.05, ALONG_AXES, start);
     // Nobody has been right of x = -12 m.
     let cells = (0..whole.height() as i64)

@@ -4,37 +4,37 @@ mod scene;
 
 use fleetcal_estimator::geometry::wrap_angle_rad;
 use fleetcal_estimator::lidar_odometry::{LidarOdometry, OdometryPose, Tracking};
-use fleetcal_estimator::stream::SweepShape;
-use fleetcal_estimator::{Pose2, RobotTime, Sweep};
+use fleetcal_estimator::stream::ScanShape;
+use fleetcal_estimator::{Pose2, RobotTime, Scan};
 use nalgebra::Vector3;
 use scene::{START, Scanner, Scene, figure_eight, seeded, straight};
 
-/// What the odometry said of a sweep, and the LiDAR's true pose then.
+/// What the odometry said of a scan, and the LiDAR's true pose then.
 type Pair = (OdometryPose, Pose2);
 
-/// Drives `route` and gives what the odometry said, for the sweeps that `keep` lets through.
+/// Drives `route` and gives what the odometry said, for the scans that `keep` lets through.
 fn drive(
     scene: &Scene,
     scanner: &Scanner,
     route: &dyn Fn(f64) -> Pose2,
-    sweeps: usize,
+    scans: usize,
     seed: u64,
     keep: &dyn Fn(usize) -> bool,
 ) -> Vec<Pair> {
     let mut rng = seeded(seed);
     let mut odometry = LidarOdometry::default();
-    (0..sweeps)
+    (0..scans)
         .filter(|&index| keep(index))
         .filter_map(|index| {
             let t = index as f64 * scanner.period_s;
-            let (sweep, truth) = scanner.sweep(scene, route, t, &mut rng);
-            odometry.process(&sweep).map(|pose| (pose, truth))
+            let (scan, truth) = scanner.scan(scene, route, t, &mut rng);
+            odometry.process(&scan).map(|pose| (pose, truth))
         })
         .collect()
 }
 
-fn drive_all(scene: &Scene, scanner: &Scanner, sweeps: usize, seed: u64) -> Vec<Pair> {
-    drive(scene, scanner, &figure_eight, sweeps, seed, &|_| true)
+fn drive_all(scene: &Scene, scanner: &Scanner, scans: usize, seed: u64) -> Vec<Pair> {
+    drive(scene, scanner, &figure_eight, scans, seed, &|_| true)
 }
 
 /// The error of the motion from `from` to `to`, in the LiDAR's frame at `to`.
@@ -44,7 +44,7 @@ fn error((from, truth_from): &Pair, (to, truth_to): &Pair) -> Vector3<f64> {
     Vector3::new(error.x_m, error.y_m, wrap_angle_rad(error.yaw_rad))
 }
 
-/// Root mean square of the errors over `lag` sweeps: position in mm, yaw in degrees.
+/// Root mean square of the errors over `lag` scans: position in mm, yaw in degrees.
 fn rms(pairs: &[Pair], lag: usize) -> (f64, f64) {
     let errors: Vec<_> = pairs
         .windows(lag + 1)
@@ -67,7 +67,7 @@ fn assert_accurate(pairs: &[Pair], mm: f64, deg: f64) {
     );
 }
 
-fn lost_sweeps(pairs: &[Pair]) -> usize {
+fn lost_scans(pairs: &[Pair]) -> usize {
     pairs
         .iter()
         .filter(|(pose, _)| pose.tracking == Tracking::Lost)
@@ -79,7 +79,7 @@ fn a_second_of_driving_is_known_to_two_millimetres_and_a_hundredth_of_a_degree()
     let scene = Scene::warehouse().with_people(3, [9.0, 4.0], 3);
     let pairs = drive_all(&scene, &Scanner::default(), 600, 1);
     assert_eq!(pairs.len(), 600);
-    assert_eq!(lost_sweeps(&pairs), 0);
+    assert_eq!(lost_scans(&pairs), 0);
     assert_accurate(&pairs, 1.6, 0.0095);
 }
 
@@ -91,7 +91,7 @@ fn a_map_that_is_begun_in_a_turn_is_as_true_as_one_begun_at_rest() {
         let route = move |t: f64| figure_eight(begin_s + t);
         let seed = 100 + moment as u64;
         let pairs = drive(&scene, &Scanner::default(), &route, 60, seed, &|_| true);
-        assert_eq!(lost_sweeps(&pairs), 0, "begun at {begin_s} s");
+        assert_eq!(lost_scans(&pairs), 0, "begun at {begin_s} s");
         for window in pairs.windows(11).step_by(10) {
             let off = error(&window[0], &window[10]);
             let (off_mm, off_deg) = (1e3 * off.xy().norm(), off.z.abs().to_degrees());
@@ -126,7 +126,7 @@ fn the_covariance_is_as_large_as_the_errors_over_many_seeds() {
         let mean = sum / count;
         assert!(
             (1.6..4.0).contains(&mean),
-            "mean normalised error over {lag} sweeps is {mean:.2}, expected is 3"
+            "mean normalised error over {lag} scans is {mean:.2}, expected is 3"
         );
     }
 }
@@ -135,14 +135,14 @@ fn the_covariance_is_as_large_as_the_errors_over_many_seeds() {
 fn sixty_walking_people_neither_pull_the_pose_nor_stay_in_the_map() {
     let scene = Scene::warehouse().with_people(60, [11.0, 7.0], 4);
     let pairs = drive_all(&scene, &Scanner::default(), 600, 1);
-    assert_eq!(lost_sweeps(&pairs), 0);
+    assert_eq!(lost_scans(&pairs), 0);
     assert_accurate(&pairs, 4.0, 0.02);
 }
 
 fn assert_reads(scanner: &Scanner, mm: f64, deg: f64) {
     let pairs = drive_all(&Scene::warehouse(), scanner, 250, 1);
     assert_eq!(pairs.len(), 250, "{scanner:?}");
-    assert_eq!(lost_sweeps(&pairs), 0, "{scanner:?}");
+    assert_eq!(lost_scans(&pairs), 0, "{scanner:?}");
     let (position_mm, yaw_deg) = rms(&pairs, 10);
     assert!(
         position_mm < mm && yaw_deg < deg,
@@ -226,7 +226,7 @@ fn dropped_beams_short_sight_and_noise_are_borne() {
 }
 
 #[test]
-fn ten_missing_sweeps_do_no_harm() {
+fn ten_missing_scans_do_no_harm() {
     let pairs = drive(
         &Scene::warehouse(),
         &Scanner::default(),
@@ -235,7 +235,7 @@ fn ten_missing_sweeps_do_no_harm() {
         1,
         &|index| index % 60 < 50,
     );
-    assert_eq!(lost_sweeps(&pairs), 0);
+    assert_eq!(lost_scans(&pairs), 0);
     let (position_mm, yaw_deg) = rms(&pairs, 1);
     assert!(
         position_mm < 2.0 && yaw_deg < 0.012,
@@ -275,7 +275,7 @@ fn a_kidnap_is_said_and_found_back() {
             .unwrap();
         assert!(
             recovered < 160,
-            "recovered at sweep {recovered}, seed {seed}"
+            "recovered at scan {recovered}, seed {seed}"
         );
         assert!(
             !pairs[1..].iter().any(|(pose, _)| pose.map_restarted),
@@ -326,7 +326,7 @@ fn a_strange_place_gets_a_new_map_after_a_while() {
             .iter()
             .all(|(pose, _)| pose.tracking == Tracking::Lost)
     );
-    assert_eq!(lost_sweeps(&pairs[restart..]), 0);
+    assert_eq!(lost_scans(&pairs[restart..]), 0);
     assert_accurate(&pairs[restart..], 2.5, 0.02);
 }
 
@@ -361,8 +361,8 @@ fn a_corridor_leaves_its_axis_open_and_says_so() {
 }
 
 #[test]
-fn sweeps_without_returns_give_no_pose() {
-    let shape = SweepShape {
+fn scans_without_returns_give_no_pose() {
+    let shape = ScanShape {
         angle_min_rad: -3.1,
         angle_increment_rad: 0.01,
         time_increment_s: 1e-4,
@@ -375,35 +375,35 @@ fn sweeps_without_returns_give_no_pose() {
         .enumerate()
     {
         let stamp = START.plus_seconds(index as f64);
-        let sweep = Sweep::new(stamp, shape, vec![range; 620].into()).unwrap();
-        assert!(odometry.process(&sweep).is_none(), "{range}");
+        let scan = Scan::new(stamp, shape, vec![range; 620].into()).unwrap();
+        assert!(odometry.process(&scan).is_none(), "{range}");
     }
 }
 
 #[test]
-fn repeated_sweeps_are_left_out_and_order_is_kept() {
+fn repeated_scans_are_left_out_and_order_is_kept() {
     let (scene, scanner) = (Scene::warehouse(), Scanner::default());
     let mut rng = seeded(3);
     let mut odometry = LidarOdometry::default();
     let mut last = None;
     for index in 0..120 {
-        let (sweep, truth) = scanner.sweep(&scene, &figure_eight, f64::from(index) * 0.1, &mut rng);
-        let pose = odometry.process(&sweep).unwrap();
-        assert!(odometry.process(&sweep).is_none(), "the same stamp again");
-        last = Some((sweep, (pose, truth)));
+        let (scan, truth) = scanner.scan(&scene, &figure_eight, f64::from(index) * 0.1, &mut rng);
+        let pose = odometry.process(&scan).unwrap();
+        assert!(odometry.process(&scan).is_none(), "the same stamp again");
+        last = Some((scan, (pose, truth)));
     }
-    let (sweep, _) = last.unwrap();
-    let late = Sweep::new(
-        RobotTime(sweep.stamp().0 + 50_000_000),
-        *sweep.shape(),
-        sweep.ranges_m().to_vec().into(),
+    let (scan, _) = last.unwrap();
+    let late = Scan::new(
+        RobotTime(scan.stamp().0 + 50_000_000),
+        *scan.shape(),
+        scan.ranges_m().to_vec().into(),
     )
     .unwrap();
     assert!(
         odometry.process(&late).is_none(),
         "the same ranges under a new stamp, on the move"
     );
-    let (next, _) = scanner.sweep(&scene, &figure_eight, 12.1, &mut rng);
+    let (next, _) = scanner.scan(&scene, &figure_eight, 12.1, &mut rng);
     assert_eq!(
         odometry.process(&next).unwrap().tracking,
         Tracking::Tracking
@@ -411,34 +411,34 @@ fn repeated_sweeps_are_left_out_and_order_is_kept() {
 }
 
 #[test]
-fn the_same_sweeps_give_the_same_bits_and_a_clone_goes_on_alike() {
+fn the_same_scans_give_the_same_bits_and_a_clone_goes_on_alike() {
     let scene = Scene::warehouse().with_people(10, [9.0, 6.0], 5);
     let mut rng = seeded(9);
     let scanner = Scanner::default();
-    let sweeps: Vec<_> = (0..80)
+    let scans: Vec<_> = (0..80)
         .map(|index| {
             scanner
-                .sweep(&scene, &figure_eight, f64::from(index) * 0.1, &mut rng)
+                .scan(&scene, &figure_eight, f64::from(index) * 0.1, &mut rng)
                 .0
         })
         .collect();
     let mut one = LidarOdometry::default();
     let mut two = LidarOdometry::default();
-    for (index, sweep) in sweeps.iter().enumerate() {
+    for (index, scan) in scans.iter().enumerate() {
         if index == 40 {
             two = one.clone();
         }
-        let pose = one.process(sweep);
+        let pose = one.process(scan);
         if index >= 40 {
-            assert_eq!(pose, two.process(sweep));
+            assert_eq!(pose, two.process(scan));
         }
     }
     let mut again = LidarOdometry::default();
-    let last = sweeps.iter().map(|sweep| again.process(sweep)).last();
+    let last = scans.iter().map(|scan| again.process(scan)).last();
     let mut once_more = LidarOdometry::default();
     assert_eq!(
         last,
-        sweeps.iter().map(|sweep| once_more.process(sweep)).last()
+        scans.iter().map(|scan| once_more.process(scan)).last()
     );
 }
 
@@ -454,12 +454,12 @@ fn memory_stays_within_four_mebibytes_over_ten_kilometres() {
     let mut rng = seeded(2);
     let mut largest = 0;
     let mut tracked = 0;
-    let sweeps = 25_000;
-    for index in 0..sweeps {
+    let scans = 25_000;
+    for index in 0..scans {
         let t = f64::from(index) * scanner.period_s;
-        let (sweep, _) = scanner.sweep(&aisle_around(route(t).x_m), &route, t, &mut rng);
+        let (scan, _) = scanner.scan(&aisle_around(route(t).x_m), &route, t, &mut rng);
         if odometry
-            .process(&sweep)
+            .process(&scan)
             .is_some_and(|pose| pose.tracking != Tracking::Lost)
         {
             tracked += 1;
@@ -467,7 +467,7 @@ fn memory_stays_within_four_mebibytes_over_ten_kilometres() {
         largest = largest.max(odometry.memory_bytes());
     }
     assert!(largest < 4 << 20, "{largest} bytes");
-    assert!(tracked > sweeps * 99 / 100, "{tracked} of {sweeps}");
+    assert!(tracked > scans * 99 / 100, "{tracked} of {scans}");
 }
 
 /// The part in sight of an endless hall with shelves of many kinds.

@@ -1,4 +1,4 @@
-//! The odometry of a 3D scanner's clouds beside that of a planar one's sweeps.
+//! The odometry of a 3D scanner's clouds beside that of a planar one's scans.
 
 #![expect(
     clippy::unwrap_used,
@@ -22,21 +22,21 @@ use scene::{Scanner, Scene, figure_eight, seeded};
 fn apart(planar: Scanner, people: usize) -> (f64, f64) {
     let scene = Scene::warehouse().with_people(people, [9.0, 4.0], 3);
     let rings = RingScanner { planar };
-    let (mut of_sweeps, mut of_clouds) = (LidarOdometry::default(), LidarOdometry::default());
-    let (mut sweep_noise, mut cloud_noise) = (seeded(1), seeded(2));
+    let (mut of_scans, mut of_clouds) = (LidarOdometry::default(), LidarOdometry::default());
+    let (mut scan_noise, mut cloud_noise) = (seeded(1), seeded(2));
     let (mut apart_m, mut apart_rad) = (0.0_f64, 0.0_f64);
     for index in 0..150 {
         let t = f64::from(index) * planar.period_s;
-        let (sweep, _) = planar.sweep(&scene, &figure_eight, t, &mut sweep_noise);
+        let (scan, _) = planar.scan(&scene, &figure_eight, t, &mut scan_noise);
         let (cloud, _) = rings.cloud(&scene, &figure_eight, t, &mut cloud_noise);
-        let flat = PlanarBand::default().sweep(&cloud).expect("a turn");
-        let [by_sweep, by_cloud]: [Pose2; 2] = [(&mut of_sweeps, &sweep), (&mut of_clouds, &flat)]
-            .map(|(odometry, sweep)| {
-                let pose = odometry.process(sweep).expect("a pose");
-                assert_ne!(pose.tracking, Tracking::Lost, "sweep {index}");
+        let flat = PlanarBand::default().scan(&cloud).expect("a turn");
+        let [by_scan, by_cloud]: [Pose2; 2] = [(&mut of_scans, &scan), (&mut of_clouds, &flat)]
+            .map(|(odometry, scan)| {
+                let pose = odometry.process(scan).expect("a pose");
+                assert_ne!(pose.tracking, Tracking::Lost, "scan {index}");
                 pose.lidar_in_odom
             });
-        let off = by_sweep.between(&by_cloud);
+        let off = by_scan.between(&by_cloud);
         apart_m = apart_m.max(off.translation().norm());
         apart_rad = apart_rad.max(wrap_angle_rad(off.yaw_rad).abs());
     }
@@ -44,7 +44,7 @@ fn apart(planar: Scanner, people: usize) -> (f64, f64) {
 }
 
 #[test]
-fn a_cloud_of_32_rings_gives_the_odometry_of_a_planar_sweep() {
+fn a_cloud_of_32_rings_gives_the_odometry_of_a_planar_scan() {
     for (planar, people) in [
         (Scanner::default(), 5),
         (

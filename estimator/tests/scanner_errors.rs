@@ -1,4 +1,4 @@
-//! What a scanner gets wrong in every sweep alike: its ranges, and the times of its beams.
+//! What a scanner gets wrong in every scan alike: its ranges, and the times of its beams.
 
 #[expect(dead_code, reason = "the scene serves other tests too")]
 mod scene;
@@ -13,7 +13,7 @@ use fleetcal_estimator::lidar_odometry::{
 use nalgebra::Vector3;
 use scene::{Scanner, Scene, figure_eight, seeded};
 
-/// What the odometry said of a sweep, and the LiDAR's true pose then.
+/// What the odometry said of a scan, and the LiDAR's true pose then.
 type Pair = (OdometryPose, Pose2);
 
 /// Seconds after which the scanner should be known.
@@ -25,12 +25,12 @@ fn drive(scanner: &Scanner, seed: u64) -> (Vec<Pair>, LidarOdometry) {
     let mut rng = seeded(seed);
     let scene = Scene::warehouse();
     let mut odometry = LidarOdometry::default();
-    let sweeps = (DRIVE_S / scanner.period_s) as usize;
-    let pairs = (0..sweeps)
+    let scans = (DRIVE_S / scanner.period_s) as usize;
+    let pairs = (0..scans)
         .filter_map(|index| {
             let t = index as f64 * scanner.period_s;
-            let (sweep, truth) = scanner.sweep(&scene, &figure_eight, t, &mut rng);
-            odometry.process(&sweep).map(|pose| (pose, truth))
+            let (scan, truth) = scanner.scan(&scene, &figure_eight, t, &mut rng);
+            odometry.process(&scan).map(|pose| (pose, truth))
         })
         .collect();
     (pairs, odometry)

@@ -10,6 +10,7 @@ use crate::ros::{
 
 /// The ROS 2 messages that a robot's streams may be made of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub enum MessageType {
     /// Speed and steering in one.
     #[serde(rename = "ackermann_msgs/msg/AckermannDriveStamped")]
@@ -96,6 +97,7 @@ impl MessageType {
 
 /// Which of the messages that a scan may be a robot is configured to send.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub enum ScanType {
     /// `sensor_msgs/msg/LaserScan`.
     #[default]

@@ -54,7 +54,7 @@ fn entry(robot: &SimulatedRobot) -> RobotEntry {
     let wheelbase = Wheelbase::try_from(robot.wheelbase_m()).unwrap();
     let mut config = RobotConfig::of_vehicle(VehicleModel::Bicycle, wheelbase);
     let nominal = Pose2::new(nominal.x_m, nominal.y_m, nominal.yaw_rad);
-    config.nominal = Some(Mount::try_from(nominal).unwrap());
+    config.nominal_extrinsics = Some(Mount::try_from(nominal).unwrap());
     RobotEntry {
         id: robot.id.clone(),
         config,

@@ -65,7 +65,7 @@ fn the_clouds_of_a_3d_scanner_are_calibrated_to_their_truth() {
     let planar = folder.path().join("robot.mcap");
     let truth = recording::simulated(&planar, 60.0);
     let path = folder.path().join("clouds.mcap");
-    clouds::of_sweeps(&planar, &path);
+    clouds::of_scans(&planar, &path);
     let wheelbase = truth.vehicle.wheelbase_m.to_string();
     let path = path.to_str().unwrap();
     let flags = ["--wheelbase", &wheelbase, "--height-band", "-0.4,1"];

@@ -9,7 +9,7 @@ use tempfile::TempDir;
 
 /// Every scan of a simulated drive fits.
 #[test]
-fn every_simulated_sweep_is_tracked() {
+fn every_simulated_scan_is_tracked() {
     let folder = TempDir::new().expect("a folder");
     let path = folder.path().join("robot.mcap");
     recording::simulated(&path, 60.0);
@@ -19,7 +19,7 @@ fn every_simulated_sweep_is_tracked() {
     assert_eq!(poses.len(), scans.len());
     for (scan, pose) in &poses {
         let stamp = scan.header.stamp;
-        assert_eq!(pose.tracking, Tracking::Tracking, "the sweep at {stamp:?}");
+        assert_eq!(pose.tracking, Tracking::Tracking, "the scan at {stamp:?}");
         assert!(pose.fitness > 0.5, "{} at {stamp:?}", pose.fitness);
     }
 }
@@ -27,7 +27,7 @@ fn every_simulated_sweep_is_tracked() {
 /// CPU time of a scan of 1024 beams, from its message to its pose, deskew and map upkeep included:
 /// a tenth of `small_gicp`'s, which `estimator/benches/peers/compare.py` measures in the same run.
 #[test]
-fn a_sweep_takes_no_more_than_a_tenth_of_the_next_best_engines_time() {
+fn a_scan_takes_no_more_than_a_tenth_of_the_next_best_engines_time() {
     const MEDIAN_MAX_MS: f64 = 0.137;
     let folder = TempDir::new().expect("a folder");
     let [path, out] = ["robot.mcap", "out.tum"].map(|name| folder.path().join(name));
@@ -39,6 +39,6 @@ fn a_sweep_takes_no_more_than_a_tenth_of_the_next_best_engines_time() {
         summary["scan_median_ms"].as_f64().expect("a number")
     });
     let median_ms = medians_ms.fold(f64::INFINITY, f64::min);
-    println!("{median_ms} ms a sweep");
-    assert!(median_ms < MEDIAN_MAX_MS, "{median_ms} ms a sweep");
+    println!("{median_ms} ms a scan");
+    assert!(median_ms < MEDIAN_MAX_MS, "{median_ms} ms a scan");
 }

@@ -5,7 +5,7 @@ use fleetcal_robot::recording::{AskedTopics, Recording, choose_scan_topic, choos
 use fleetcal_tests::recording;
 
 #[test]
-fn simulated_sweeps_and_drive_samples_decode() {
+fn simulated_scans_and_drive_samples_decode() {
     let Some(path) = recording::named("figure_eight.mcap") else {
         return;
     };

@@ -81,7 +81,7 @@ fn an_office_building_is_driven_through_on_one_map() {
         poses.len(),
         scans.len()
     );
-    // Of one sweep's 103 points 47 are people's.
+    // Of one scan's 103 points 47 are people's.
     assert_eq!(lost(&poses), 0);
     let mut later = poses.iter().skip(1);
     assert!(later.all(|(_, pose)| !pose.map_restarted));

@@ -39,7 +39,7 @@ async fn a_replayed_recording_gives_the_numbers_of_calibrate() {
 async fn the_clouds_of_a_3d_scanner_replayed_give_the_numbers_of_calibrate() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("clouds.mcap");
-    clouds::of_sweeps(&recorded(&folder, 30.0), &path);
+    clouds::of_scans(&recorded(&folder, 30.0), &path);
     replay_equals_calibrate(&path, "tugger_01").await;
 }
 

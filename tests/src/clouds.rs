@@ -19,7 +19,7 @@ const BEAMS_A_COLUMN: usize = 2;
 ///
 /// # Panics
 /// When it cannot be written.
-pub fn of_sweeps(recording: &Path, path: &Path) {
+pub fn of_scans(recording: &Path, path: &Path) {
     rewritten(recording, path, |message_type, of| {
         if message_type != LaserScan::TYPE {
             return vec![Rewritten::unchanged(message_type, of)];

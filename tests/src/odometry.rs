@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use fleetcal_estimator::lidar_odometry::OdometryPose;
-use fleetcal_estimator::stream::SweepShape;
-use fleetcal_estimator::{LidarOdometry, RobotTime, Sweep};
+use fleetcal_estimator::stream::ScanShape;
+use fleetcal_estimator::{LidarOdometry, RobotTime, Scan};
 use fleetcal_proto::ros::{LaserScan, RosMessage};
 use fleetcal_robot::recording::Recording;
 
@@ -20,8 +20,8 @@ pub fn messages<M: RosMessage>(path: &Path, topic: &str) -> Vec<M> {
         .collect()
 }
 
-fn sweep(scan: &LaserScan) -> Sweep {
-    let shape = SweepShape {
+fn scan_of(scan: &LaserScan) -> Scan {
+    let shape = ScanShape {
         angle_min_rad: f64::from(scan.angle_min),
         angle_increment_rad: f64::from(scan.angle_increment),
         time_increment_s: f64::from(scan.time_increment),
@@ -29,7 +29,7 @@ fn sweep(scan: &LaserScan) -> Sweep {
         range_max_m: f64::from(scan.range_max),
     };
     let stamp = RobotTime(scan.header.stamp.as_ns());
-    Sweep::new(stamp, shape, scan.ranges.clone()).expect("a sweep")
+    Scan::new(stamp, shape, scan.ranges.clone()).expect("a scan")
 }
 
 /// What the odometry says of each scan that it can use.
@@ -40,7 +40,7 @@ pub fn odometry(scans: &[LaserScan]) -> Vec<(&LaserScan, OdometryPose)> {
     let mut odometry = LidarOdometry::default();
     let poses = scans
         .iter()
-        .map(|scan| (scan, odometry.process(&sweep(scan))));
+        .map(|scan| (scan, odometry.process(&scan_of(scan))));
     poses
         .filter_map(|(scan, pose)| Some((scan, pose?)))
         .collect()

@@ -4,9 +4,9 @@
     estimator/benches/peers/compare.py [--venv DIR]
 
 Makes a virtual environment, installs small_gicp and kiss-icp from PyPI into it, lets the example
-`lidar_odometry_figures` write a figure-eight of rolling sweeps (1024 beams, 10 Hz, 1.5 cm noise,
+`lidar_odometry_figures` write a figure-eight of rolling scans (1024 beams, 10 Hz, 1.5 cm noise,
 three walking people) with its truth, runs all engines over it on one core, and prints the median
-time of a sweep and the error of the motion over one second (root mean square).
+time of a scan and the error of the motion over one second (root mean square).
 """
 
 import argparse
@@ -39,9 +39,9 @@ def enter_environment(directory: pathlib.Path) -> None:
     sys.exit(subprocess.run(arguments, env=environment).returncode)
 
 
-def read_sweeps(path):
-    """Sweeps as the example writes them: (stamp in s, points, beam times in s, true pose)."""
-    data, offset, sweeps = path.read_bytes(), 0, []
+def read_scans(path):
+    """Scans as the example writes them: (stamp in s, points, beam times in s, true pose)."""
+    data, offset, scans = path.read_bytes(), 0, []
     while offset < len(data):
         stamp, first, step, tick, x, y, yaw, beams = struct.unpack_from("<q6dI", data, offset)
         offset += struct.calcsize("<q6dI")
@@ -52,8 +52,8 @@ def read_sweeps(path):
         points = np.zeros((seen.sum(), 3))
         points[:, 0] = ranges[seen] * np.cos(angles)
         points[:, 1] = ranges[seen] * np.sin(angles)
-        sweeps.append((stamp * 1e-9, points, tick * np.arange(beams)[seen], (x, y, yaw)))
-    return sweeps
+        scans.append((stamp * 1e-9, points, tick * np.arange(beams)[seen], (x, y, yaw)))
+    return scans
 
 
 def matrix(pose):
@@ -76,14 +76,14 @@ def errors_over_a_second(poses, truths, lag=10):
     return 1e3 * np.sqrt(np.mean(position**2)), np.degrees(np.sqrt(np.mean(yaw**2)))
 
 
-def run_small_gicp(sweeps):
+def run_small_gicp(scans):
     """Scan to a growing voxel map by VGICP, started from constant velocity; as its example does."""
     import small_gicp
 
     voxelmap = small_gicp.GaussianVoxelMap(0.5)
     voxelmap.set_lru(horizon=100, clear_cycle=10)
     pose, last_motion, poses, times = np.eye(4), np.eye(4), [], []
-    for index, (_, points, _, _) in enumerate(sweeps):
+    for index, (_, points, _, _) in enumerate(scans):
         begin = time.perf_counter()
         cloud, _ = small_gicp.preprocess_points(points, downsampling_resolution=0.1, num_threads=1)
         if index > 0:
@@ -97,8 +97,8 @@ def run_small_gicp(sweeps):
     return poses, times
 
 
-def run_kiss_icp(sweeps):
-    """KISS-ICP with its own deskewing; its poses are the sweep's end, ours its middle."""
+def run_kiss_icp(scans):
+    """KISS-ICP with its own deskewing; its poses are the scan's end, ours its middle."""
     from kiss_icp.config import KISSConfig
     from kiss_icp.kiss_icp import KissICP
 
@@ -106,7 +106,7 @@ def run_kiss_icp(sweeps):
     config.data.deskew, config.data.max_range, config.data.min_range = True, 40.0, 0.2
     config.mapping.voxel_size = 0.3
     engine, poses, times = KissICP(config), [], []
-    for _, points, ticks, _ in sweeps:
+    for _, points, ticks, _ in scans:
         begin = time.perf_counter()
         engine.register_frame(points, ticks / ticks.max())
         times.append(time.perf_counter() - begin)
@@ -114,10 +114,10 @@ def run_kiss_icp(sweeps):
     return poses, times
 
 
-def truths_at_ends(sweeps):
-    """True poses half a sweep later, between the middles on both sides."""
+def truths_at_ends(scans):
+    """True poses half a scan later, between the middles on both sides."""
     ends = []
-    for (_, _, _, now), (_, _, _, after) in zip(sweeps, sweeps[1:] + sweeps[-1:]):
+    for (_, _, _, now), (_, _, _, after) in zip(scans, scans[1:] + scans[-1:]):
         motion = np.linalg.inv(matrix(now)) @ matrix(after)
         yaw = 0.5 * np.arctan2(motion[1, 0], motion[0, 0])
         ends.append(matrix(now) @ matrix((*half_way(motion[0, 3], motion[1, 3], yaw), yaw)))
@@ -133,21 +133,21 @@ def half_way(x, y, half_yaw):
 
 def main():
     with tempfile.TemporaryDirectory() as folder:
-        path = pathlib.Path(folder) / "sweeps.bin"
-        arguments = [*EXAMPLE, "--sweeps", str(path)]
+        path = pathlib.Path(folder) / "scans.bin"
+        arguments = [*EXAMPLE, "--scans", str(path)]
         table = subprocess.run(arguments, cwd=ROOT, check=True, capture_output=True, text=True)
-        sweeps = read_sweeps(path)
+        scans = read_scans(path)
     print(table.stdout)
     ours = next(line for line in table.stdout.splitlines() if line.startswith("figure-eight"))
     ms, _, mm, degrees = (float(word) for word in ours.split()[1:5])
     print("engine                       ms median  mm over 1 s  deg over 1 s")
     print(f"{'fleetcal':28} {ms:9.3f} {mm:12.2f} {degrees:13.4f}")
-    middles = [matrix(truth) for _, _, _, truth in sweeps]
+    middles = [matrix(truth) for _, _, _, truth in scans]
     for name, run, truths in (
         ("small_gicp (VGICP)", run_small_gicp, middles),
-        ("kiss-icp, at the sweep's end", run_kiss_icp, truths_at_ends(sweeps)),
+        ("kiss-icp, at the scan's end", run_kiss_icp, truths_at_ends(scans)),
     ):
-        poses, times = run(sweeps)
+        poses, times = run(scans)
         peer_mm, peer_degrees = errors_over_a_second(poses, truths)
         peer_ms = 1e3 * float(np.median(times))
         print(f"{name:28} {peer_ms:9.3f} {peer_mm:12.2f} {peer_degrees:13.4f}", end="")

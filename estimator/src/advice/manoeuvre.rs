@@ -1,7 +1,7 @@
 //! A library of manoeuvres that a driver, or a fleet's dispatcher, can ask a robot for.
 
 use crate::drive_history::DriveSegment;
-use crate::vehicle::{Drive, SpeedMeasuredAt, Vehicle};
+use crate::vehicle::{DriveReading, SpeedMeasuredAt, Vehicle};
 
 /// Steering angle of a manoeuvre's turns: what every vehicle can do, rad (20 degrees).
 const TURN_STEERING_RAD: f64 = 0.35;
@@ -50,7 +50,7 @@ impl Manoeuvre {
                 driven_m += rear_mps.abs().max(0.05) * STEP_S;
                 readings.push(DriveSegment {
                     duration_s: STEP_S,
-                    drive: Drive {
+                    drive: DriveReading {
                         speed_mps: measured_mps(vehicle, rear_mps, leg.steering_rad),
                         steering_rad: leg.steering_rad,
                     },

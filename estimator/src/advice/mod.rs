@@ -8,9 +8,9 @@ use nalgebra::Vector3;
 
 use crate::estimate::Parameter;
 use crate::filter::constraint::LidarMotion;
-use crate::filter::noise::MotionNoise;
 use crate::filter::prediction::PredictedMotion;
 use crate::filter::{PARAMETERS, ParameterCovariance, Values, drive_parameters, lidar_in_base};
+use crate::motion_noise::MotionNoise;
 use crate::settings::EstimatorSettings;
 use crate::vehicle::Vehicle;
 use manoeuvre::{Manoeuvre, library};
@@ -19,7 +19,7 @@ use manoeuvre::{Manoeuvre, library};
 const WINDOW_READINGS: usize = 12;
 /// Noise of the LiDAR's motion over one window: a scan matcher's, at both ends.
 const WINDOW_SIGMA: [f64; 3] = [0.003, 0.003, 0.000_7];
-/// A manoeuvre is worth asking for when it takes this share of a parameter's doubt away.
+/// A manoeuvre is worth asking for when it takes this share of a parameter's uncertainty away.
 const WORTH_SHARE: f64 = 0.1;
 /// Way that a manoeuvre costs before it begins, m: short ones are not free.
 const APPROACH_M: f64 = 5.0;
@@ -63,7 +63,7 @@ pub fn advise(knowledge: &Knowledge) -> Vec<Advice> {
         .collect()
 }
 
-/// The manoeuvre that takes most doubt from a parameter for each metre driven; `None` when none
+/// The manoeuvre that takes most uncertainty from a parameter for each metre driven; `None` when none
 /// takes a tenth of it.
 pub fn best_for(parameter: Parameter, sigma_now: f64, advice: &[Advice]) -> Option<&Advice> {
     let gain = |advice: &Advice| {

@@ -32,16 +32,19 @@ pub struct Ranked {
     pub advice: Advice,
     /// How many times the standard deviations that are too large for `converged` shrink, all in
     /// all, as a natural logarithm. 0 when none is too large or the manoeuvre tells nothing of them.
-    pub doubt_taken: f64,
+    pub uncertainty_taken: f64,
     /// Information about all estimated parameters, bits.
     pub information_bits: f64,
 }
 
 impl Ranked {
-    /// Doubt taken and information for each metre, the way to the manoeuvre included.
+    /// Uncertainty taken and information for each metre, the way to the manoeuvre included.
     fn per_metre(&self) -> [f64; 2] {
         let way_m = APPROACH_M + self.advice.manoeuvre.distance_m();
-        [self.doubt_taken / way_m, self.information_bits / way_m]
+        [
+            self.uncertainty_taken / way_m,
+            self.information_bits / way_m,
+        ]
     }
 
     fn surface_m2(&self) -> f64 {
@@ -52,7 +55,7 @@ impl Ranked {
 
 /// All manoeuvres that fit on the floor, the best first.
 ///
-/// What counts is the doubt that still keeps parameters from `converged`, for each metre driven;
+/// What counts is the uncertainty that still keeps parameters from `converged`, for each metre driven;
 /// where nothing is missing any more, information for each metre; and between equals the smaller
 /// floor. Without `floor` every manoeuvre fits.
 pub fn rank(knowledge: &Knowledge, floor: Option<Floor>) -> Vec<Ranked> {
@@ -62,8 +65,8 @@ pub fn rank(knowledge: &Knowledge, floor: Option<Floor>) -> Vec<Ranked> {
         .into_iter()
         .filter(fits)
         .map(|advice| Ranked {
-            doubt_taken: doubt(&sigma_now, knowledge.settings)
-                - doubt(&advice.sigma_after, knowledge.settings),
+            uncertainty_taken: uncertainty(&sigma_now, knowledge.settings)
+                - uncertainty(&advice.sigma_after, knowledge.settings),
             information_bits: information_bits(
                 knowledge.covariance,
                 &advice.covariance_after,
@@ -73,9 +76,9 @@ pub fn rank(knowledge: &Knowledge, floor: Option<Floor>) -> Vec<Ranked> {
         })
         .collect();
     ranked.sort_by(|a, b| {
-        let ([a_doubt, a_bits], [b_doubt, b_bits]) = (a.per_metre(), b.per_metre());
-        b_doubt
-            .total_cmp(&a_doubt)
+        let ([a_uncertainty, a_bits], [b_uncertainty, b_bits]) = (a.per_metre(), b.per_metre());
+        b_uncertainty
+            .total_cmp(&a_uncertainty)
             .then(b_bits.total_cmp(&a_bits))
             .then(a.surface_m2().total_cmp(&b.surface_m2()))
     });
@@ -84,7 +87,7 @@ pub fn rank(knowledge: &Knowledge, floor: Option<Floor>) -> Vec<Ranked> {
 
 /// How far the estimated parameters' standard deviations are above their limits for `converged`, as
 /// a sum of natural logarithms.
-fn doubt(sigma: &Values, settings: &EstimatorSettings) -> f64 {
+fn uncertainty(sigma: &Values, settings: &EstimatorSettings) -> f64 {
     let estimated = Parameter::ALL
         .into_iter()
         .filter(|parameter| settings.freedom(*parameter) == Freedom::Estimated);
@@ -190,7 +193,11 @@ mod tests {
             (Parameter::TimeOffset, 1e-3),
         ];
         let ranked = ranked(&known, None);
-        assert!(ranked.iter().all(|ranked| ranked.doubt_taken.abs() < 1e-12));
+        assert!(
+            ranked
+                .iter()
+                .all(|ranked| ranked.uncertainty_taken.abs() < 1e-12)
+        );
         assert!(ranked[0].information_bits > 0.0);
         let per_metre: Vec<_> = ranked.iter().map(|ranked| ranked.per_metre()[1]).collect();
         assert!(per_metre.windows(2).all(|pair| pair[0] >= pair[1]));

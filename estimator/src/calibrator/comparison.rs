@@ -1,6 +1,6 @@
 //! Is this still the vehicle that was calibrated? A new session against the stored calibration.
 //!
-//! After a power cycle or a reassembly the filter starts anew and knows nothing of what is stored.
+//! After a power cycle or a reassembly the filter starts from scratch and knows nothing of what is stored.
 //! Once it has converged the two are compared, `d' (P_new + P_stored)^-1 d` with four degrees of
 //! freedom, *before* they are fused: a stored calibration that is fused first hides the change.
 
@@ -100,8 +100,8 @@ impl Comparison {
         let mut apart = values - self.values;
         let yaw = Parameter::LidarYaw.index();
         apart[yaw] = wrap_angle_rad(apart[yaw]);
-        let doubt = with_systematic(covariance, settings) + self.covariance;
-        let chi2 = |parameters: &[Parameter]| chi_squared(&apart, &doubt, parameters);
+        let uncertainty = with_systematic(covariance, settings) + self.covariance;
+        let chi2 = |parameters: &[Parameter]| chi_squared(&apart, &uncertainty, parameters);
         if chi2(&COMPARED) <= limits.same {
             return Verdict::Same;
         }
@@ -137,11 +137,11 @@ fn with_systematic(
 }
 
 /// Squared normalised difference over some parameters, the others left out.
-fn chi_squared(apart: &Values, doubt: &ParameterCovariance, parameters: &[Parameter]) -> f64 {
+fn chi_squared(apart: &Values, uncertainty: &ParameterCovariance, parameters: &[Parameter]) -> f64 {
     let size = parameters.len();
     let part = DVector::from_fn(size, |i, _| apart[parameters[i].index()]);
     let block = DMatrix::from_fn(size, size, |i, j| {
-        doubt[(parameters[i].index(), parameters[j].index())]
+        uncertainty[(parameters[i].index(), parameters[j].index())]
     });
     block
         .cholesky()

@@ -2,7 +2,7 @@
 //!
 //! What moves by a tenth of a degree an hour no window of some metres can show, and the filter
 //! follows it. Once a minute its values are therefore held against those of when they were first
-//! known this well. The two share data, so the doubts that are added here are more than there are.
+//! known this well. The two share data, so the uncertainties that are added here are more than there are.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,7 +14,7 @@ use crate::stream::{Effect, RobotTime};
 
 /// Time between two comparisons, s of message time.
 const EVERY_S: f64 = 60.0;
-/// A calibration with less than this share of the baseline's doubt becomes the new baseline.
+/// A calibration with less than this share of the baseline's uncertainty becomes the new baseline.
 const CLOSER_SHARE: f64 = 0.6;
 
 /// The calibration that later ones are held against.
@@ -30,7 +30,7 @@ pub(super) struct Baseline {
 impl Baseline {
     /// Whether another is known so much better that this one should give way to it.
     fn is_poorer_than(&self, other: &Self, settings: &EstimatorSettings) -> bool {
-        let doubt = |baseline: &Self| -> f64 {
+        let uncertainty = |baseline: &Self| -> f64 {
             let covariance = &baseline.calibration.covariance;
             let shares = COMPARED.iter().map(|&parameter| {
                 let i = parameter.index();
@@ -38,7 +38,7 @@ impl Baseline {
             });
             shares.sum()
         };
-        doubt(other) < CLOSER_SHARE * doubt(self)
+        uncertainty(other) < CLOSER_SHARE * uncertainty(self)
     }
 }
 

@@ -27,7 +27,7 @@ const MOUNT_REACH_M: f64 = 2.0;
 impl Calibrator {
     /// The filter begins again from the next pose. In a new map poses before do not compare with
     /// those to come; found again in the same one, they tell whether the robot was carried away.
-    pub(super) fn begin_anew(&mut self, in_new_map: bool) {
+    pub(super) fn begin_again(&mut self, in_new_map: bool) {
         self.readings.clear();
         if in_new_map {
             self.watch.break_window();
@@ -39,8 +39,8 @@ impl Calibrator {
 
     /// Takes a LiDAR pose whose drive samples are there.
     pub(super) fn follow(&mut self, waiting: &Waiting, effects: &mut Vec<Effect>) {
-        if waiting.anew {
-            self.begin_anew(waiting.in_new_map);
+        if waiting.restarted {
+            self.begin_again(waiting.in_new_map);
         }
         if self.follower.is_none() && waiting.is_guess {
             // No filter begins on guesses.
@@ -172,7 +172,7 @@ impl Calibrator {
         self.report(kind, detected.cause, onset_s, &detected.parameters, effects);
     }
 
-    /// Starts the filter anew, to be compared with what is known so far.
+    /// Starts the filter from scratch, to be compared with what is known so far.
     pub(super) fn begin_comparison(&mut self, occasion: Occasion) {
         if let Some(follower) = self.follower.take() {
             let filter = &follower.filter;
@@ -298,7 +298,7 @@ fn with_nominal(config: &CalibratorConfig, guess: Prior) -> Prior {
     if !agrees_with(&nominal, &guess) {
         return guess;
     }
-    // The guess is where to linearise; what is believed is the nominal mount's doubt around it.
+    // The guess is where to linearise; what is believed is the nominal mount's uncertainty around it.
     let x = Parameter::LidarX.index();
     let mut joined = guess;
     joined

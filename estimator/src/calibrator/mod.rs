@@ -6,14 +6,14 @@ mod config;
 mod drift;
 mod following;
 mod odometry_watch;
-mod plan;
 mod session;
+mod top_view;
 
 use std::collections::VecDeque;
 
 pub use checkpoint::{Checkpoint, CheckpointRefused};
 pub use config::CalibratorConfig;
-pub use plan::{Plan, PlanLimits, TrajectoryPoint};
+pub use top_view::{TopView, TopViewLimits, TrajectoryPoint};
 
 use comparison::{Comparison, Occasion};
 use drift::Baseline;
@@ -54,7 +54,7 @@ struct Waiting {
     /// Whether the odometry does not know its way there.
     is_guess: bool,
     /// Whether poses before it do not compare with it.
-    anew: bool,
+    restarted: bool,
     /// Whether that is so because the map is a new one.
     in_new_map: bool,
 }
@@ -159,7 +159,7 @@ impl Calibrator {
         self.judged().1
     }
 
-    /// The body's pose in the LiDAR's odometry frame at the last sweep or pose that was used.
+    /// The body's pose in the LiDAR's odometry frame at the last scan or pose that was used.
     pub fn base_pose(&self) -> Option<(RobotTime, Pose2)> {
         self.follower.as_ref()?.base_pose()
     }
@@ -234,8 +234,8 @@ impl Calibrator {
     fn take(&mut self, stamp: RobotTime, event: Event, effects: &mut Vec<Effect>) {
         self.session.now = self.session.now.max(stamp);
         match event {
-            Event::Drive(sample) => self.take_drive(sample),
-            Event::Sweep(sweep) => self.take_sweep(&sweep, effects),
+            Event::WheelOdometry(sample) => self.take_drive(sample),
+            Event::Scan(scan) => self.take_scan(&scan, effects),
             Event::LidarPose(pose) => self.take_pose(&pose),
             Event::Note(note) => self.take_note(&note),
             Event::EndOfSession => {}
@@ -291,7 +291,7 @@ impl Calibrator {
         self.wait(Waiting {
             reading,
             is_guess: false,
-            anew: false,
+            restarted: false,
             in_new_map: false,
         });
     }
@@ -427,7 +427,7 @@ impl Calibrator {
         (told.values, told.covariance)
     }
 
-    /// Stored values, with the doubt of now.
+    /// Stored values, with the uncertainty of now.
     fn judge_values(&self, values: &Values) -> ParameterEstimates {
         let covariance = self
             .filter()

@@ -7,7 +7,7 @@ use super::{Calibrator, Waiting};
 use crate::estimate::{Cause, ChangeKind};
 use crate::filter::OdometryReading;
 use crate::lidar_odometry::{OdometryPose, Tracking};
-use crate::stream::{Dropped, Effect, Sweep};
+use crate::stream::{Dropped, Effect, Scan};
 
 /// A pose that is known no better along some direction is a guess, m (one sigma).
 const GUESS_SIGMA_M: f64 = 0.05;
@@ -25,7 +25,7 @@ pub(super) struct OdometryWatch {
 }
 
 impl OdometryWatch {
-    /// Notes a sweep at this distance (m) and time (s) of the session. When the odometry becomes lost
+    /// Notes a scan at this distance (m) and time (s) of the session. When the odometry becomes lost
     /// with it, gives the time since when.
     fn note(&mut self, is_guess: bool, distance_m: f64, time_s: f64) -> Option<f64> {
         let (last_m, last_s) = *self.last_known.get_or_insert((distance_m, time_s));
@@ -48,8 +48,8 @@ impl OdometryWatch {
 }
 
 impl Calibrator {
-    pub(super) fn take_sweep(&mut self, sweep: &Sweep, effects: &mut Vec<Effect>) {
-        let pose = self.lidar_odometry.process(sweep);
+    pub(super) fn take_scan(&mut self, scan: &Scan, effects: &mut Vec<Effect>) {
+        let pose = self.lidar_odometry.process(scan);
         let pose = pose.filter(|pose| pose.tracking != Tracking::Lost);
         let is_guess = pose.as_ref().is_none_or(is_guess);
         let (distance_m, time_s) = (self.session.distance_m, self.session.duration_s());
@@ -60,7 +60,7 @@ impl Calibrator {
             self.report(ChangeKind::Fault, Cause::Odometry, onset_s, &[], effects);
         }
         let Some(pose) = pose else {
-            self.drop_message(Dropped::UnusableSweep, effects);
+            self.drop_message(Dropped::UnusableScan, effects);
             return;
         };
         let reading = OdometryReading {
@@ -68,11 +68,11 @@ impl Calibrator {
             lidar_in_odom: pose.lidar_in_odom,
             covariance: pose.covariance + of_open_direction(pose.unconstrained_rad),
         };
-        let anew = pose.map_restarted || pose.tracking == Tracking::Recovered;
+        let restarted = pose.map_restarted || pose.tracking == Tracking::Recovered;
         self.wait(Waiting {
             reading,
             is_guess,
-            anew,
+            restarted,
             in_new_map: pose.map_restarted,
         });
     }
@@ -86,7 +86,7 @@ fn is_guess(pose: &OdometryPose) -> bool {
 }
 
 /// What is not known of a pose whose scene leaves a direction (rad, in the LiDAR's frame) open: the
-/// way along it is wrong for as long as the direction is open, and not from sweep to sweep.
+/// way along it is wrong for as long as the direction is open, and not from scan to scan.
 fn of_open_direction(unconstrained_rad: Option<f64>) -> Matrix3<f64> {
     unconstrained_rad.map_or_else(Matrix3::zeros, |along_rad| {
         let (sin, cos) = along_rad.sin_cos();

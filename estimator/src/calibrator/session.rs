@@ -66,7 +66,7 @@ impl Session {
         match dropped {
             Dropped::Late => self.counts.late += 1,
             Dropped::Duplicate => self.counts.duplicates += 1,
-            Dropped::UnusableSweep => self.counts.scans_rejected += 1,
+            Dropped::UnusableScan => self.counts.scans_rejected += 1,
         }
     }
 
@@ -133,7 +133,7 @@ impl Session {
         }
     }
 
-    /// Says anew how far the parameters of the last change have moved: it is known ever better.
+    /// Says again how far the parameters of the last change have moved: it is known ever better.
     pub fn update_last_change(&mut self, values: &Values) {
         let is_change = |change: &&mut Change| change.kind == ChangeKind::CalibrationChanged;
         let last = self.changes.iter_mut().rev().find(is_change);

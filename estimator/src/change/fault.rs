@@ -206,7 +206,7 @@ impl FaultWatch {
             && changes.count() >= STUCK_CHANGES_MIN
     }
 
-    /// Whether the true steering angles of two windows differ by more than this, and surely.
+    /// Whether the true steering angles of two windows differ by more than this.
     fn differ_by(&self, a: &Track, b: &Track, least_rad: f64, sigmas: f64) -> bool {
         let apart_rad = (a.steering_error_rad - b.steering_error_rad).abs();
         let sigma_rad = a.steering_sigma_rad.max(b.steering_sigma_rad) * self.noise_scale.sqrt();

@@ -30,13 +30,13 @@ const UNPROVEN_RATIO: f64 = 25.0;
 /// Share of the worst ratio that every parameter has at least: what lasts is seldom one's alone.
 const SHARED: f64 = 0.5;
 /// How much is added to an excess of scatter that is known from one block alone.
-const DOUBT_BLOCKS: f64 = 6.0;
+const UNCERTAINTY_BLOCKS: f64 = 6.0;
 /// The first block is fitted as if it were the only one; its leverage is bounded as of so many.
 const LEVERAGE_BLOCKS_MIN: f64 = 2.0;
 /// What outlasts blocks adds at most so much: an exponential memory of a whole block's length.
 const LASTING_MAX: f64 = 2.7;
 /// Four sigmas of `n` blocks are as rare as four of many when the variance is larger by `1 + 14 / n`;
-/// [`DOUBT_BLOCKS`] has its part of it already.
+/// [`UNCERTAINTY_BLOCKS`] has its part of it already.
 const STUDENT_BLOCKS: f64 = 8.0;
 /// Largest squared error of a block, in its variances: a fault is no noise.
 const SQUARE_MAX: f64 = 400.0;
@@ -185,19 +185,19 @@ impl LongRunVariance {
         ((2.0 * whole - half) / ratio).clamp(1.0, LASTING_MAX)
     }
 
-    /// The same with the doubt of a scatter that is itself known from a few blocks only.
-    pub fn doubtful_ratios(&self, covariance: &ParameterCovariance) -> Values {
-        let doubt = 1.0 + DOUBT_BLOCKS / self.whole.blocks.max(1.0);
+    /// The same with the uncertainty of a scatter that is itself known from a few blocks only.
+    pub fn uncertain_ratios(&self, covariance: &ParameterCovariance) -> Values {
+        let uncertainty = 1.0 + UNCERTAINTY_BLOCKS / self.whole.blocks.max(1.0);
         self.ratios(covariance)
-            .map(|ratio| 1.0 + doubt * (ratio - 1.0))
+            .map(|ratio| 1.0 + uncertainty * (ratio - 1.0))
     }
 
     /// By how much the evidence for a change of each parameter has to be larger, before it passes a
-    /// `threshold` that is meant for a scatter which is known well: as [`Self::doubtful_ratios`]. Slip
+    /// `threshold` that is meant for a scatter which is known well: as [`Self::uncertain_ratios`]. Slip
     /// looks like another wheel; where it was seen, evidence so rare is Student's, who knows the
     /// scatter from `n` blocks alone: `t^2 = n (exp(z^2 / n) - 1)`.
     pub fn alarm_ratios(&self, covariance: &ParameterCovariance, threshold: f64) -> Values {
-        let mut ratios = self.doubtful_ratios(covariance);
+        let mut ratios = self.uncertain_ratios(covariance);
         let i = Parameter::SpeedScale.index();
         let blocks = self.whole.blocks.max(BLOCKS_MIN);
         let student = blocks / threshold * (threshold / blocks).exp_m1();
@@ -215,7 +215,7 @@ impl LongRunVariance {
     pub fn claim(&self, covariance: &ParameterCovariance) -> ParameterCovariance {
         let least = if self.is_known() { 1.0 } else { UNPROVEN_RATIO };
         let widths = self
-            .doubtful_ratios(covariance)
+            .uncertain_ratios(covariance)
             .map(|ratio| ratio.max(least).sqrt());
         let widths = ParameterCovariance::from_diagonal(&widths);
         widths * covariance * widths
@@ -248,8 +248,8 @@ impl LongRunVariance {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::change::evidence::Evidence;
-    use crate::change::window::{Innovation, Track};
+    use crate::change::evidence::{Evidence, Innovation};
+    use crate::change::window::Track;
 
     fn ratio(error: impl Fn(usize) -> f64) -> f64 {
         let variance = learnt(Parameter::LidarX, error);

@@ -7,6 +7,7 @@ pub mod detection;
 pub mod evidence;
 pub mod fault;
 pub mod long_run;
+pub mod search;
 pub mod window;
 
 use std::collections::VecDeque;
@@ -19,12 +20,10 @@ use crate::settings::EstimatorSettings;
 use crate::stream::RobotTime;
 use crate::vehicle::Vehicle;
 use detection::{DetectionState, Visibility, known_causes};
-use evidence::{
-    Accusation, CAUSES, HYPOTHESES, ONSET_WINDOWS, Reference, Search, Thresholds,
-    expected_evidence, strongest,
-};
+use evidence::{CAUSES, HYPOTHESES, Thresholds};
 use fault::{Fault, FaultWatch};
 use long_run::LongRunVariance;
+use search::{Accusation, ONSET_WINDOWS, Reference, Search, expected_evidence, strongest};
 use window::{Window, WindowCutter};
 
 /// Windows that are looked back over: some 25 m.
@@ -272,8 +271,8 @@ impl ChangeWatch {
             return self.detected(begin, &accusation, false);
         }
         // Without a cause it takes twice the evidence: a model that does not quite fit is no change.
-        let beyond_doubt = alarm.margin > thresholds.values()[alarm.hypothesis];
-        if waited >= UNEXPLAINED_WINDOWS && beyond_doubt {
+        let is_significant = alarm.margin > thresholds.values()[alarm.hypothesis];
+        if waited >= UNEXPLAINED_WINDOWS && is_significant {
             self.detected(begin, &alarm, true)
         } else {
             None

@@ -2,13 +2,13 @@
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use super::evidence::{Evidence, WINDOW_CHI2_MAX};
+use super::evidence::{Evidence, Innovation, WINDOW_CHI2_MAX};
 use crate::drive_history::{DriveHistory, DriveSegment};
 use crate::estimate::Parameter;
 use crate::filter::constraint::{ByParameters, LidarMotion};
-use crate::filter::noise::MotionNoise;
 use crate::filter::prediction::PredictedMotion;
 use crate::filter::{OdometryReading, Values, apart, drive_parameters, lidar_in_base};
+use crate::motion_noise::MotionNoise;
 use crate::stream::RobotTime;
 use crate::vehicle::Vehicle;
 
@@ -74,18 +74,6 @@ pub struct Window {
     pub evidence: Evidence,
 }
 
-/// A window's residual less what the windows before tell of it: they share a LiDAR pose, whose error
-/// has one sign in the one and the other in the next. What is left is white.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Innovation {
-    /// Residual, by the window's own parameters.
-    pub residual: Vector3<f64>,
-    /// How it moves with the parameters.
-    pub jacobian: ByParameters,
-    /// Its covariance.
-    pub covariance: Matrix3<f64>,
-}
-
 impl Innovation {
     /// With `Cov(r_k, r_k-1) = -Ad(h^-1) R_k-1`; `own` is the window's residual as it is.
     fn after(own: Self, carry: &Matrix3<f64>, values: &Values, before: &Window) -> Option<Self> {
@@ -117,7 +105,7 @@ pub struct WindowCutter {
 }
 
 impl WindowCutter {
-    /// Begins anew with the next reading.
+    /// Begins again with the next reading.
     pub fn restart(&mut self) {
         *self = Self::default();
     }

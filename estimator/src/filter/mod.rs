@@ -10,7 +10,6 @@
 
 pub mod constraint;
 pub mod follow;
-pub mod noise;
 pub mod padded;
 pub mod prediction;
 pub mod prior;
@@ -22,11 +21,11 @@ use serde::{Deserialize, Serialize};
 use crate::drive_history::DriveSegment;
 use crate::estimate::Parameter;
 use crate::geometry::{Pose2, wrap_angle_rad};
+use crate::motion_noise::MotionNoise;
 use crate::settings::{EstimatorSettings, Measurement};
 use crate::stream::RobotTime;
-use crate::vehicle::{DRIVE_PARAMETERS, Drive, DriveParameters, SteeringCurve, Vehicle};
+use crate::vehicle::{DRIVE_PARAMETERS, DriveParameters, DriveReading, SteeringCurve, Vehicle};
 use constraint::LidarMotion;
-use noise::MotionNoise;
 use prediction::PredictedMotion;
 use prior::Prior;
 
@@ -159,7 +158,7 @@ pub struct Filter {
     values: Values,
     #[serde(deserialize_with = "padded::square")]
     covariance: Covariance,
-    /// Parameters whose values the filter may not change (their doubt still counts).
+    /// Parameters whose values the filter may not change (their uncertainty still counts).
     #[serde(deserialize_with = "padded::flags")]
     held: [bool; PARAMETERS],
     #[serde(deserialize_with = "padded::vector")]
@@ -284,7 +283,7 @@ impl Filter {
     }
 
     /// Makes a reading the first anchor, or the one after a loss. `drive` is the reading then.
-    pub fn start_anchor(&mut self, reading: &OdometryReading, drive: Drive) {
+    pub fn start_anchor(&mut self, reading: &OdometryReading, drive: DriveReading) {
         let motion = self.vehicle.motion(drive, &self.drive_parameters());
         self.predicted.twist = Vector3::new(
             motion.speed_mps,
@@ -353,7 +352,7 @@ impl Filter {
         Some(Innovation { residual, nis })
     }
 
-    /// Opens parameters again after a change: adds doubt to them, and forgets what they have to do
+    /// Opens parameters again after a change: adds uncertainty to them, and forgets what they have to do
     /// with all others, which was learnt on another vehicle.
     pub fn reopen(&mut self, parameters: &[Parameter], sigma: impl Fn(Parameter) -> f64) {
         for &parameter in parameters {

@@ -3,10 +3,10 @@
 use nalgebra::{Matrix3, SMatrix, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::noise::MotionNoise;
 use super::padded;
 use crate::drive_history::DriveSegment;
 use crate::geometry::Pose2;
+use crate::motion_noise::MotionNoise;
 use crate::vehicle::{DRIVE_PARAMETERS, DriveParameters, Motion, Vehicle};
 
 /// Time constant with which the twist is smoothed, s.
@@ -137,7 +137,7 @@ impl PredictedMotion {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vehicle::{Drive, SteeringCurve, VehicleModel};
+    use crate::vehicle::{DriveReading, SteeringCurve, VehicleModel};
 
     fn parameters(offset: f64, scale: f64) -> DriveParameters {
         DriveParameters {
@@ -154,7 +154,7 @@ mod tests {
         let vehicle = Vehicle::new(VehicleModel::Bicycle, 1.2);
         let mut motion = PredictedMotion::none();
         for i in 0..200 {
-            let drive = Drive {
+            let drive = DriveReading {
                 speed_mps: 1.0,
                 steering_rad: 0.2 + 0.001 * f64::from(i),
             };
@@ -194,7 +194,7 @@ mod tests {
     fn the_euler_step_is_half_a_step_behind_the_arc() {
         let vehicle = Vehicle::new(VehicleModel::Bicycle, 1.2);
         let (mut arc, mut euler) = (PredictedMotion::none(), PredictedMotion::none());
-        let drive = Drive {
+        let drive = DriveReading {
             speed_mps: 1.0,
             steering_rad: 0.4,
         };
@@ -232,7 +232,7 @@ mod tests {
         let steering_rad = (1.2f64 * std::f64::consts::TAU / 10.0).atan();
         let segment = DriveSegment {
             duration_s: 0.1,
-            drive: Drive {
+            drive: DriveReading {
                 speed_mps: 1.0,
                 steering_rad,
             },

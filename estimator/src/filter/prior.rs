@@ -15,7 +15,7 @@ pub(super) const QUADRATIC_SIGMA_PER_RAD: f64 = 0.043;
 /// or 1/rad^2.
 const CUBIC_SIGMA_PER_RAD2: f64 = 0.12;
 
-/// Values, doubts and freedoms of the parameters at a filter's start.
+/// Values, uncertainties and freedoms of the parameters at a filter's start.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Prior {
     /// Values, in the order of [`Parameter::ALL`], then what the vehicle does beyond.
@@ -98,7 +98,7 @@ fn is_held(parameter: Parameter, vehicle: &Vehicle, settings: &EstimatorSettings
     settings.freedom(parameter) != Freedom::Estimated && !is_hidden
 }
 
-/// The doubts of the steering's curve.
+/// The uncertainties of the steering's curve.
 fn open_curve(sigma: &mut Values, vehicle: &Vehicle, settings: &EstimatorSettings) {
     if has_hidden_gain(vehicle, settings) {
         sigma[Parameter::SteeringGain.index()] = settings.prior_sigma.steering_gain;

@@ -1,8 +1,8 @@
 //! From beams to points: which returns are used, where they lie and when they were taken.
 
-use crate::stream::{Sweep, SweepShape};
+use crate::stream::{Scan, ScanShape};
 
-/// Most points of a sweep that are used; of more, an evenly spread part is taken.
+/// Most points of a scan that are used; of more, an evenly spread part is taken.
 pub const POINTS_MAX: usize = 1024;
 /// Returns farther away are not used, m: the local map ends there.
 pub const RANGE_USED_MAX_M: f32 = 60.0;
@@ -25,9 +25,9 @@ pub struct Point {
     pub x: f32,
     /// Position as measured, m.
     pub y: f32,
-    /// Time of the beam relative to the sweep's reference time, s.
+    /// Time of the beam relative to the scan's reference time, s.
     pub tau_s: f32,
-    /// The same as a part of the sweep, -1/2 to 1/2.
+    /// The same as a part of the scan, -1/2 to 1/2.
     pub phase: f32,
     /// One over the range, 1/m.
     pub inverse_range: f32,
@@ -44,7 +44,7 @@ pub struct Block {
     pub y: [f32; LANES],
     /// Times of the beams, s.
     pub tau_s: [f32; LANES],
-    /// The same as parts of the sweep.
+    /// The same as parts of the scan.
     pub phase: [f32; LANES],
     /// One over the ranges, 1/m.
     pub inverse_range: [f32; LANES],
@@ -89,14 +89,14 @@ impl Block {
     }
 }
 
-/// The usable returns of one sweep in the LiDAR's frame, in the order they were taken.
+/// The usable returns of one scan in the LiDAR's frame, in the order they were taken.
 #[derive(Debug, Clone, Default)]
-pub struct SweepPoints {
+pub struct ScanPoints {
     blocks: Vec<Block>,
     len: usize,
 }
 
-impl SweepPoints {
+impl ScanPoints {
     /// Number of points.
     pub fn len(&self) -> usize {
         self.len
@@ -162,10 +162,10 @@ impl SweepPoints {
     }
 }
 
-/// Turns sweeps into points; keeps the beams' directions from sweep to sweep.
+/// Turns scans into points; keeps the beams' directions from scan to scan.
 #[derive(Debug, Clone, Default)]
 pub struct BeamFilter {
-    directions_of: Option<(SweepShape, usize)>,
+    directions_of: Option<(ScanShape, usize)>,
     cos: Vec<f32>,
     sin: Vec<f32>,
     /// Beams with a return, and whether they lie beside an edge.
@@ -181,13 +181,13 @@ struct Return {
 }
 
 impl BeamFilter {
-    /// Puts the usable returns of `sweep`, whose beams follow each other after `time_increment_s`,
+    /// Puts the usable returns of `scan`, whose beams follow each other after `time_increment_s`,
     /// into `points`.
-    pub fn filter(&mut self, sweep: &Sweep, time_increment_s: f64, points: &mut SweepPoints) {
-        self.prepare_directions(sweep.shape(), sweep.ranges_m().len());
-        self.collect_returns(sweep);
-        self.mark_edges(sweep.shape().angle_increment_rad.abs() as f32);
-        self.emit(sweep, time_increment_s as f32, points);
+    pub fn filter(&mut self, scan: &Scan, time_increment_s: f64, points: &mut ScanPoints) {
+        self.prepare_directions(scan.shape(), scan.ranges_m().len());
+        self.collect_returns(scan);
+        self.mark_edges(scan.shape().angle_increment_rad.abs() as f32);
+        self.emit(scan, time_increment_s as f32, points);
     }
 
     /// Bytes held.
@@ -196,7 +196,7 @@ impl BeamFilter {
             + self.returns.capacity() * size_of::<Return>()
     }
 
-    fn prepare_directions(&mut self, shape: &SweepShape, beams: usize) {
+    fn prepare_directions(&mut self, shape: &ScanShape, beams: usize) {
         if self.directions_of == Some((*shape, beams)) {
             return;
         }
@@ -210,11 +210,11 @@ impl BeamFilter {
         self.directions_of = Some((*shape, beams));
     }
 
-    fn collect_returns(&mut self, sweep: &Sweep) {
-        let shortest = (sweep.shape().range_min_m as f32).max(0.02);
-        let longest = (sweep.shape().range_max_m as f32).min(RANGE_USED_MAX_M);
+    fn collect_returns(&mut self, scan: &Scan) {
+        let shortest = (scan.shape().range_min_m as f32).max(0.02);
+        let longest = (scan.shape().range_max_m as f32).min(RANGE_USED_MAX_M);
         self.returns.clear();
-        for (beam, &range) in sweep.ranges_m().iter().enumerate() {
+        for (beam, &range) in scan.ranges_m().iter().enumerate() {
             // Written so that NaN fails.
             if range >= shortest && range < longest {
                 self.returns.push(Return {
@@ -247,9 +247,9 @@ impl BeamFilter {
         }
     }
 
-    fn emit(&self, sweep: &Sweep, time_increment: f32, points: &mut SweepPoints) {
+    fn emit(&self, scan: &Scan, time_increment: f32, points: &mut ScanPoints) {
         points.clear();
-        let beams = sweep.ranges_m().len() as f32;
+        let beams = scan.ranges_m().len() as f32;
         let stride = self.returns.len().div_ceil(POINTS_MAX).max(1);
         let mut is_joined = false;
         for (group, chunk) in self.returns.chunks(stride).enumerate() {
@@ -271,7 +271,7 @@ impl BeamFilter {
         taken: &Return,
         beams: f32,
         time_increment: f32,
-        points: &mut SweepPoints,
+        points: &mut ScanPoints,
         is_joined: bool,
     ) {
         let beam = taken.beam as usize;
@@ -304,17 +304,17 @@ mod tests {
     use super::*;
     use crate::stream::RobotTime;
 
-    fn points_of(ranges: &[f32], increment: f64, time_increment_s: f64) -> SweepPoints {
-        let shape = SweepShape {
+    fn points_of(ranges: &[f32], increment: f64, time_increment_s: f64) -> ScanPoints {
+        let shape = ScanShape {
             angle_min_rad: 0.0,
             angle_increment_rad: increment,
             time_increment_s,
             range_min_m: 0.1,
             range_max_m: 30.0,
         };
-        let sweep = Sweep::new(RobotTime(1), shape, ranges.to_vec().into()).unwrap();
-        let mut points = SweepPoints::default();
-        BeamFilter::default().filter(&sweep, time_increment_s, &mut points);
+        let scan = Scan::new(RobotTime(1), shape, ranges.to_vec().into()).unwrap();
+        let mut points = ScanPoints::default();
+        BeamFilter::default().filter(&scan, time_increment_s, &mut points);
         points
     }
 
@@ -336,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn times_are_about_the_middle_of_the_sweep() {
+    fn times_are_about_the_middle_of_the_scan() {
         let points = points_of(&[3.0; 101], 0.01, 1e-3);
         let times: Vec<_> = points.iter().map(|point| point.tau_s).collect();
         assert!((times[0] + 0.05).abs() < 1e-6 && (times[100] - 0.05).abs() < 1e-6);

@@ -1,10 +1,10 @@
 //! The coarse stage: a discrete search over x, y and yaw, scored on the occupied map.
 //!
-//! A random subsample of the sweep is laid over the map at every pose of a grid bounded by how far
+//! A random subsample of the scan is laid over the map at every pose of a grid bounded by how far
 //! the LiDAR can have come; the score is the number of points on occupied cells. It runs where the
-//! predicted pose does not fit: at a bad prediction, after missing sweeps, after a loss.
+//! predicted pose does not fit: at a bad prediction, after missing scans, after a loss.
 
-use super::beam_filter::SweepPoints;
+use super::beam_filter::ScanPoints;
 use super::point_to_line::LocalMotion;
 use super::submap::{CELL_M, Cell, LocalOrigin, Submap};
 use crate::geometry::Pose2;
@@ -145,7 +145,7 @@ impl Candidate {
     }
 }
 
-/// A subsample of a sweep, laid over the map at one yaw after the other.
+/// A subsample of a scan, laid over the map at one yaw after the other.
 struct Overlay {
     origin: LocalOrigin,
     position: (f32, f32),
@@ -154,11 +154,11 @@ struct Overlay {
 }
 
 impl Overlay {
-    fn new(points: &SweepPoints, deskew: &LocalMotion, guess: Pose2) -> Self {
+    fn new(points: &ScanPoints, deskew: &LocalMotion, guess: Pose2) -> Self {
         let origin = LocalOrigin::near(guess.x_m, guess.y_m);
         let (ox, oy) = origin.position_m();
         let stride = points.len().div_ceil(POINTS_SCORED).max(1);
-        // Every fourth point first: any first part is spread over the sweep.
+        // Every fourth point first: any first part is spread over the scan.
         let points = (0..4).flat_map(|phase| {
             let part = points.iter().skip(phase * stride).step_by(4 * stride);
             part.map(|point| deskew.deskew(point.x, point.y, point.tau_s))
@@ -191,7 +191,7 @@ impl Overlay {
 
 /// The best poses within `window` of `guess` (whose points are deskewed by `deskew`), best first.
 pub fn search(
-    points: &SweepPoints,
+    points: &ScanPoints,
     submap: &Submap,
     guess: Pose2,
     deskew: &LocalMotion,
@@ -288,10 +288,10 @@ mod tests {
     use crate::lidar_odometry::beam_filter::BeamFilter;
     use crate::lidar_odometry::local_map::LocalMap;
     use crate::lidar_odometry::motion::Motion;
-    use crate::stream::{RobotTime, Sweep, SweepShape};
+    use crate::stream::{RobotTime, Scan, ScanShape};
 
-    /// A sweep from the middle of a room of 9 m by 6 m with a pillar in a corner.
-    fn room() -> SweepPoints {
+    /// A scan from the middle of a room of 9 m by 6 m with a pillar in a corner.
+    fn room() -> ScanPoints {
         let ranges: Vec<f32> = (0..720)
             .map(|beam| {
                 let (s, c) = (f64::from(beam) * std::f64::consts::TAU / 720.0).sin_cos();
@@ -305,16 +305,16 @@ mod tests {
                 x.min(y).min(pillar) as f32
             })
             .collect();
-        let shape = SweepShape {
+        let shape = ScanShape {
             angle_min_rad: 0.0,
             angle_increment_rad: std::f64::consts::TAU / 720.0,
             time_increment_s: 0.0,
             range_min_m: 0.1,
             range_max_m: 30.0,
         };
-        let sweep = Sweep::new(RobotTime(1), shape, ranges.into()).unwrap();
-        let mut points = SweepPoints::default();
-        BeamFilter::default().filter(&sweep, sweep.shape().time_increment_s, &mut points);
+        let scan = Scan::new(RobotTime(1), shape, ranges.into()).unwrap();
+        let mut points = ScanPoints::default();
+        BeamFilter::default().filter(&scan, scan.shape().time_increment_s, &mut points);
         points
     }
 

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix2, Matrix3, Matrix6, Vector2, Vector6};
 
 use super::motion::Motion;
-use super::point_to_line::NormalEquations;
+use super::normal_equations::NormalEquations;
 
 /// Only when one direction of translation is informed this much less than the other it is looked at.
 const SUSPECT_RATIO: f64 = 0.03;
@@ -72,12 +72,12 @@ pub fn is_open(facing: f64) -> bool {
 /// The covariance of the pose that is given out, from the filter's.
 ///
 /// An error is added that the points do not show: a changing acceleration bends the motion within
-/// a rolling sweep by half of its change times the mean square of the beams' times, `tau2_s2`.
+/// a rolling scan by half of its change times the mean square of the beams' times, `tau2_s2`.
 ///
-/// What is not in it is the map's own error, which moves all sweeps alike while the same surfaces
-/// are in sight. In the simulated warehouse the normalised error of a motion between two sweeps
-/// (3 is expected) comes to 2.0 from one sweep to the next, 2.8 over 1 s, 3.0 over 3 s and 3.3 over
-/// 10 s; through aisles that are new at every turn to 1.9, 3.0, 3.4 and 5.7. So the errors of sweeps
+/// What is not in it is the map's own error, which moves all scans alike while the same surfaces
+/// are in sight. In the simulated warehouse the normalised error of a motion between two scans
+/// (3 is expected) comes to 2.0 from one scan to the next, 2.8 over 1 s, 3.0 over 3 s and 3.3 over
+/// 10 s; through aisles that are new at every turn to 1.9, 3.0, 3.4 and 5.7. So the errors of scans
 /// are white to within a fifth over the few metres between a filter's anchors.
 pub fn of_pose(motion: &Motion, predicted: &Motion, tau2_s2: f64) -> Matrix3<f64> {
     let mut covariance: Matrix3<f64> = motion.covariance.fixed_view::<3, 3>(0, 0).into_owned();

@@ -1,8 +1,8 @@
-//! What is known of the surroundings, and when a sweep adds to it.
+//! What is known of the surroundings, and when a scan adds to it.
 
 use std::sync::Arc;
 
-use super::beam_filter::SweepPoints;
+use super::beam_filter::ScanPoints;
 use super::motion::Motion;
 use super::point_to_line::LocalMotion;
 use super::submap::{Cell, FreeSpace, KnownMap, LocalOrigin, RAY_STRIDE, Submap};
@@ -15,7 +15,7 @@ const UPDATE_DISTANCE_M: f64 = 0.2;
 const UPDATE_ANGLE_RAD: f64 = 0.1;
 /// The map is updated at the latest after this time, s.
 const UPDATE_PERIOD_S: f64 = 2.0;
-/// So many sweeps after the first all go into the map.
+/// So many scans after the first all go into the map.
 const UPDATES_AT_START: u32 = 5;
 
 /// Returns of one surface farther apart are joined by points this far apart, m.
@@ -56,7 +56,7 @@ impl LocalMap {
         self.free_space.clear();
     }
 
-    /// Whether a sweep at `pose` should go into the map.
+    /// Whether a scan at `pose` should go into the map.
     pub fn is_due(&self, pose: &Pose2, stamp: RobotTime) -> bool {
         let moved = self.pose.between(pose);
         self.submap.updates() < UPDATES_AT_START
@@ -65,11 +65,11 @@ impl LocalMap {
             || stamp.seconds_since(self.stamp) > UPDATE_PERIOD_S
     }
 
-    /// Puts a sweep into the map: the beams mark what is free and forget what they went through,
+    /// Puts a scan into the map: the beams mark what is free and forget what they went through,
     /// then the returns that are not a moving object's are added.
     pub fn update(
         &mut self,
-        points: &SweepPoints,
+        points: &ScanPoints,
         motion: &Motion,
         stamp: RobotTime,
         range_noise_m: f32,

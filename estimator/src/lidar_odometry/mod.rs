@@ -1,13 +1,15 @@
-//! Planar LiDAR odometry: the LiDAR's pose in its own odometry frame, sweep by sweep.
+//! Planar LiDAR odometry: the LiDAR's pose in its own odometry frame, scan by scan.
 //!
-//! The odometry frame is the LiDAR's frame at the first sweep, or the frame of a known map. Nothing
+//! The odometry frame is the LiDAR's frame at the first scan, or the frame of a known map. Nothing
 //! here knows of wheels, steering or where the LiDAR sits on the vehicle.
 
 mod beam_filter;
 mod correlative_search;
 mod covariance;
+mod fit;
 mod local_map;
 mod motion;
+mod normal_equations;
 mod point_to_line;
 mod range_errors;
 mod scanner;
@@ -23,24 +25,25 @@ use serde::{Deserialize, Serialize};
 
 use crate::geometry::Pose2;
 use crate::occupancy_grid::{ORIGIN_MAX_M, OccupancyGrid};
-use crate::stream::{FieldRefused, RobotTime, Sweep};
-use beam_filter::{BeamFilter, SweepPoints};
+use crate::stream::{FieldRefused, RobotTime, Scan};
+use beam_filter::{BeamFilter, ScanPoints};
 use covariance::OpenDirection;
+use fit::Fit;
 use local_map::LocalMap;
 use motion::Motion;
 use point_to_line::{Alignment, LocalMotion};
 use scanner::Scanner;
 use submap::{KnownMap, LocalOrigin};
-use tracking::{Fit, Track};
+use tracking::Track;
 
 pub use scanner::{BeamTimes, ScannerReport};
 pub use surroundings::Surroundings;
 pub use tracking::Tracking;
 
-/// What LiDAR odometry says of one sweep.
+/// What LiDAR odometry says of one scan.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OdometryPose {
-    /// The sweep's reference time.
+    /// The scan's reference time.
     pub stamp: RobotTime,
     /// The LiDAR's pose in the odometry frame at that time.
     pub lidar_in_odom: Pose2,
@@ -52,17 +55,17 @@ pub struct OdometryPose {
     pub fitness: f64,
     /// Whether the pose can be trusted.
     pub tracking: Tracking,
-    /// Whether the map was begun anew with this sweep: poses before and after do not compare.
+    /// Whether the map was begun again with this scan: poses before and after do not compare.
     pub map_restarted: bool,
 }
 
-/// Fewest usable returns of a sweep.
+/// Fewest usable returns of a scan.
 const POINTS_MIN: usize = 20;
 /// Most Gauss-Newton iterations.
 const ITERATIONS_MAX: usize = 8;
 /// The iteration ends when a step is smaller than this, m and rad.
 const STEP_MIN: f64 = 5e-5;
-/// So often the first sweep of a map is corrected with the motion that it gives.
+/// So often the first scan of a map is corrected with the motion that it gives.
 const FIRST_REDONE: usize = 3;
 /// A scanner's range noise before it is measured, m.
 const RANGE_NOISE_AT_START_M: f32 = 0.02;
@@ -70,9 +73,9 @@ const RANGE_NOISE_AT_START_M: f32 = 0.02;
 const NOISE_POINTS_MIN: f32 = 50.0;
 /// Of the points so many are left out when a fit is judged.
 const ASSESS_STRIDE: usize = 3;
-/// A map of fewer updates tells nothing of the scanner: it repeats the sweep.
+/// A map of fewer updates tells nothing of the scanner: it repeats the scan.
 const ASKED_FROM_UPDATE: u32 = 8;
-/// A sweep whose ranges all repeat the last one's was sent twice, when the LiDAR has moved by more
+/// A scan whose ranges all repeat the last one's was sent twice, when the LiDAR has moved by more
 /// than this, m or rad.
 const REPEATED_MOTION: f64 = 0.01;
 
@@ -87,20 +90,20 @@ pub struct LearntScanner {
 #[derive(Debug, Clone)]
 pub struct LidarOdometry {
     beam_filter: BeamFilter,
-    points: SweepPoints,
+    points: ScanPoints,
     map: LocalMap,
     motion: Option<Motion>,
-    /// Of the last sweep, once there was one.
+    /// Of the last scan, once there was one.
     last_stamp: Option<RobotTime>,
     last_ranges: Vec<f32>,
-    /// The sweep that began the map, until its distortion is known.
-    first_sweep: Option<(SweepPoints, RobotTime, Pose2)>,
+    /// The scan that began the map, until its distortion is known.
+    first_scan: Option<(ScanPoints, RobotTime, Pose2)>,
     range_noise_m: f32,
     scanner: Scanner,
     track: Track,
 }
 
-/// A pose of a sweep, and how it fits there.
+/// A pose of a scan, and how it fits there.
 #[derive(Debug, Clone)]
 struct Solution {
     motion: Motion,
@@ -114,12 +117,12 @@ impl Default for LidarOdometry {
     fn default() -> Self {
         Self {
             beam_filter: BeamFilter::default(),
-            points: SweepPoints::default(),
+            points: ScanPoints::default(),
             map: LocalMap::default(),
             motion: None,
             last_stamp: None,
             last_ranges: Vec::new(),
-            first_sweep: None,
+            first_scan: None,
             range_noise_m: RANGE_NOISE_AT_START_M,
             scanner: Scanner::default(),
             track: Track::default(),
@@ -151,11 +154,11 @@ impl LidarOdometry {
         })
     }
 
-    /// Takes one sweep and says where the LiDAR is; `None` when the sweep has too few returns, is
+    /// Takes one scan and says where the LiDAR is; `None` when the scan has too few returns, is
     /// not later than the last one, or repeats it.
-    pub fn process(&mut self, sweep: &Sweep) -> Option<OdometryPose> {
+    pub fn process(&mut self, scan: &Scan) -> Option<OdometryPose> {
         // 1. Beams to points.
-        let stamp = self.read(sweep);
+        let stamp = self.read(scan);
         if self.points.len() < POINTS_MIN {
             return None;
         }
@@ -166,7 +169,7 @@ impl LidarOdometry {
 
         // 2. Where the LiDAR should be by its own motion.
         let dt = self.last_stamp.map(|before| stamp.seconds_since(before));
-        if dt.is_some_and(|dt| dt <= 0.0 || self.repeats(sweep, &last, dt)) {
+        if dt.is_some_and(|dt| dt <= 0.0 || self.repeats(scan, &last, dt)) {
             return None;
         }
         self.last_stamp = Some(stamp);
@@ -177,7 +180,7 @@ impl LidarOdometry {
 
         // 3. Alignment from there; where it does not fit, from the best poses of a coarse search.
         let mut solution = self.align(&predicted)?;
-        if self.track.doubts(&solution.fit) || Track::is_vague(&predicted) {
+        if self.track.distrusts(&solution.fit) || Track::is_vague(&predicted) {
             self.search(&mut solution, &predicted, dt.unwrap_or_default());
         }
 
@@ -188,7 +191,7 @@ impl LidarOdometry {
         let tracking = self.track.found(&solution.fit, solution.open.is_some());
 
         // 5. The map learns.
-        if let Some((first, first_stamp, first_pose)) = self.first_sweep.take() {
+        if let Some((first, first_stamp, first_pose)) = self.first_scan.take() {
             self.redo_first(&first, (first_stamp, stamp), first_pose, &mut solution);
         }
         if self.map.submap.known().is_none() {
@@ -197,7 +200,7 @@ impl LidarOdometry {
         let is_due = self.map.is_due(&solution.motion.pose, stamp);
         if (is_due || self.scanner.asks_at_once(&solution.motion)) && self.learn_scanner(&solution)
         {
-            let stamp = self.read(sweep);
+            let stamp = self.read(scan);
             return Some(self.begin_map(solution.motion, stamp, tracking));
         }
         if is_due {
@@ -222,12 +225,12 @@ impl LidarOdometry {
         })
     }
 
-    /// Turns a sweep into points; gives the time of its middle, which its pose is for.
-    fn read(&mut self, sweep: &Sweep) -> RobotTime {
-        let time_increment_s = self.scanner.time_increment_s(sweep);
+    /// Turns a scan into points; gives the time of its middle, which its pose is for.
+    fn read(&mut self, scan: &Scan) -> RobotTime {
+        let time_increment_s = self.scanner.time_increment_s(scan);
         self.beam_filter
-            .filter(sweep, time_increment_s, &mut self.points);
-        sweep.middle_stamp(time_increment_s)
+            .filter(scan, time_increment_s, &mut self.points);
+        scan.middle_stamp(time_increment_s)
     }
 
     /// Bytes held for this robot, without a known map, which clones share.
@@ -237,7 +240,7 @@ impl LidarOdometry {
             + self.beam_filter.memory_bytes()
             + self.last_ranges.capacity() * size_of::<f32>()
             + self
-                .first_sweep
+                .first_scan
                 .as_ref()
                 .map_or(0, |(points, _, _)| points.memory_bytes())
     }
@@ -268,15 +271,15 @@ impl LidarOdometry {
         f64::from(self.range_noise_m)
     }
 
-    /// Begins the map with the present sweep, at this motion.
+    /// Begins the map with the present scan, at this motion.
     fn begin_map(&mut self, motion: Motion, stamp: RobotTime, tracking: Tracking) -> OdometryPose {
         let pose = motion.pose;
         self.scanner.note_map();
         self.map.clear();
         self.map
             .update(&self.points, &motion, stamp, self.range_noise_m);
-        // A sweep whose motion is known is corrected for it already.
-        self.first_sweep = (!motion.is_known()).then(|| (self.points.clone(), stamp, pose));
+        // A scan whose motion is known is corrected for it already.
+        self.first_scan = (!motion.is_known()).then(|| (self.points.clone(), stamp, pose));
         self.last_stamp = Some(stamp);
         self.track = Track::default();
         let covariance = covariance::of_pose(&motion, &motion, 0.0);
@@ -292,17 +295,17 @@ impl LidarOdometry {
         }
     }
 
-    /// Whether the driver sent the last sweep again, under a new stamp. At rest this is no fault.
-    fn repeats(&mut self, sweep: &Sweep, last: &Motion, dt: f64) -> bool {
-        let is_equal = self.last_ranges == sweep.ranges_m();
+    /// Whether the driver sent the last scan again, under a new stamp. At rest this is no fault.
+    fn repeats(&mut self, scan: &Scan, last: &Motion, dt: f64) -> bool {
+        let is_equal = self.last_ranges == scan.ranges_m();
         if !is_equal {
             self.last_ranges.clear();
-            self.last_ranges.extend_from_slice(sweep.ranges_m());
+            self.last_ranges.extend_from_slice(scan.ranges_m());
         }
         is_equal && (last.velocity * dt).amax() > REPEATED_MOTION
     }
 
-    /// Gauss-Newton from a prediction: each iteration corrects the sweep with the velocity found
+    /// Gauss-Newton from a prediction: each iteration corrects the scan with the velocity found
     /// by the one before.
     fn align(&self, predicted: &Motion) -> Option<Solution> {
         let mut information = predicted.information()?;
@@ -350,7 +353,7 @@ impl LidarOdometry {
         }
     }
 
-    /// Learns of the scanner from the sweep as it is aligned. Whether the map has to be begun anew.
+    /// Learns of the scanner from the scan as it is aligned. Whether the map has to be begun again.
     /// A known map is off by its own cells, and an open direction would be learnt from noise.
     fn learn_scanner(&mut self, solution: &Solution) -> bool {
         let submap = &self.map.submap;
@@ -367,7 +370,7 @@ impl LidarOdometry {
         self.scanner.learn(&equations, motion)
     }
 
-    /// Looks for a better pose than `solution` around the prediction, and where the last sweep was:
+    /// Looks for a better pose than `solution` around the prediction, and where the last scan was:
     /// the velocity of one that people hid half of may be wrong.
     fn search(&self, solution: &mut Solution, predicted: &Motion, dt: f64) {
         let deskew = LocalMotion::new(predicted, LocalOrigin::near(0.0, 0.0));
@@ -388,7 +391,7 @@ impl LidarOdometry {
         }
     }
 
-    /// The sweep fits nowhere: stays where it was last sure, says so, and in the end gives the map up.
+    /// The scan fits nowhere: stays where it was last sure, says so, and in the end gives the map up.
     fn remain_lost(
         &mut self,
         predicted: &Motion,
@@ -419,13 +422,13 @@ impl LidarOdometry {
         pose
     }
 
-    /// The first sweep went into the map distorted by a motion nobody knew. Now that the second one
-    /// is aligned, the map is made again with the velocity between the two, and the second sweep
-    /// aligned again. Within the sweeps that velocity would not show: two that are corrected with the
+    /// The first scan went into the map distorted by a motion nobody knew. Now that the second one
+    /// is aligned, the map is made again with the velocity between the two, and the second scan
+    /// aligned again. Within the scans that velocity would not show: two that are corrected with the
     /// same wrong one lie on each other.
     fn redo_first(
         &mut self,
-        first: &SweepPoints,
+        first: &ScanPoints,
         (first_stamp, stamp): (RobotTime, RobotTime),
         pose: Pose2,
         solution: &mut Solution,

@@ -1,17 +1,17 @@
-//! The engine's own motion: pose and velocity of the LiDAR, predicted from sweep to sweep.
+//! The engine's own motion: pose and velocity of the LiDAR, predicted from scan to scan.
 //!
 //! The model is constant velocity under random acceleration, so wide that it decides nothing where
-//! the scene does: a sweep's pose is known to a millimetre, the prediction to a centimetre. It
+//! the scene does: a scan's pose is known to a millimetre, the prediction to a centimetre. It
 //! knows nothing of wheels, steering or where the LiDAR sits.
 
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
-use super::point_to_line::NormalEquations;
+use super::normal_equations::NormalEquations;
 use crate::geometry::Pose2;
 
-/// Standard deviation of the acceleration between sweeps, m/s².
+/// Standard deviation of the acceleration between scans, m/s².
 const ACCELERATION_MPS2: f64 = 2.0;
-/// Standard deviation of the angular acceleration between sweeps, rad/s².
+/// Standard deviation of the angular acceleration between scans, rad/s².
 const ANGULAR_ACCELERATION_RADPS2: f64 = 3.0;
 /// Standard deviation of an unknown speed, m/s.
 const SPEED_UNKNOWN_MPS: f64 = 1.5;
@@ -20,7 +20,7 @@ const ANGULAR_SPEED_UNKNOWN_RADPS: f64 = 1.0;
 
 /// Acceleration is not estimated over longer intervals, s.
 const ACCELERATION_INTERVAL_MAX_S: f64 = 0.35;
-/// Largest acceleration within a sweep, m/s² and rad/s².
+/// Largest acceleration within a scan, m/s² and rad/s².
 const ACCELERATION_MAX: f64 = 4.0;
 
 /// Pose and velocity of the LiDAR. Perturbations are the LiDAR's own (right): 0..3 of the pose,
@@ -31,10 +31,10 @@ pub struct Motion {
     pub pose: Pose2,
     /// Velocity (m/s, m/s, rad/s) in the LiDAR's frame.
     pub velocity: Vector3<f64>,
-    /// Acceleration since the last sweep (m/s², m/s², rad/s²): it bends the motion within a sweep by up to a
+    /// Acceleration since the last scan (m/s², m/s², rad/s²): it bends the motion within a scan by up to a
     /// millimetre and a hundredth of a degree.
     pub acceleration: Vector3<f64>,
-    /// Seconds since the last sweep, where there is one to compare with.
+    /// Seconds since the last scan, where there is one to compare with.
     interval_s: Option<f64>,
     /// Covariance of pose and velocity.
     pub covariance: Matrix6<f64>,
@@ -87,7 +87,7 @@ impl Motion {
         (least.max(0.0).sqrt(), self.covariance[(2, 2)].sqrt())
     }
 
-    /// Whether there was a sweep before to know the velocity from.
+    /// Whether there was a scan before to know the velocity from.
     pub fn is_known(&self) -> bool {
         self.interval_s.is_some()
     }
@@ -160,7 +160,7 @@ impl Motion {
         at.acceleration = self.acceleration_towards(&at.velocity);
     }
 
-    /// The acceleration from the predicted velocity, which is the last sweep's, to this one's.
+    /// The acceleration from the predicted velocity, which is the last scan's, to this one's.
     fn acceleration_towards(&self, velocity: &Vector3<f64>) -> Vector3<f64> {
         let Some(interval_s) = self.interval_s.filter(|&s| s < ACCELERATION_INTERVAL_MAX_S) else {
             return Vector3::zeros();

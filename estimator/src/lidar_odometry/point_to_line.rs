@@ -1,19 +1,20 @@
-//! Point-to-line alignment of a sweep with the local map, pose and velocity at once.
+//! Point-to-line alignment of a scan with the local map, pose and velocity at once.
 //!
 //! A beam taken `tau` seconds from the reference time at the point `p` (LiDAR's frame) lies, for
 //! the pose `T` and the velocity `v` there, at `T * exp(tau v) * p`. Its residual is the distance
-//! to the line of the cell it falls into; `exp(tau v)` is the correction of the rolling sweep, so
-//! each iteration corrects the sweep again with the motion just found.
+//! to the line of the cell it falls into; `exp(tau v)` is the correction of the rolling scan, so
+//! each iteration corrects the scan again with the motion just found.
 //! With the normal `m` seen from the LiDAR and `q = exp(tau v) p` the derivative is
 //! `j = (m, m_y q_x - m_x q_y)` for the pose and `tau j` for the velocity.
 
 use nalgebra::{Matrix3, Matrix6, Vector2, Vector6};
 
-use super::beam_filter::{Block, LANES, Point, SweepPoints};
+use super::beam_filter::{Block, LANES, Point, ScanPoints};
+use super::fit::Fit;
 use super::motion::Motion;
+use super::normal_equations::NormalEquations;
 use super::range_errors::RangeErrors;
 use super::submap::{FreeSpace, LocalOrigin, Submap};
-use super::tracking::Fit;
 
 /// Beyond this many of its sigmas a residual loses its weight (Geman-McClure).
 const ROBUST_SIGMAS: f32 = 3.0;
@@ -24,19 +25,6 @@ const ON_MAP_SIGMAS: f32 = 4.0;
 
 /// A surface whose normal is nearer to a direction than this (cosine of 75°) faces it.
 const FACING_COS: f32 = 0.26;
-
-/// The normal equations of one pass over the points.
-#[derive(Debug, Clone)]
-pub struct NormalEquations {
-    /// Information on pose and velocity.
-    pub information: Matrix6<f64>,
-    /// Minus the gradient.
-    pub gradient: Vector6<f64>,
-    /// Points on their line within its noise.
-    pub on_map: f32,
-    /// Sum of their squared residuals over their variances.
-    pub chi2: f32,
-}
 
 /// Sums over points, in the order xx, xy, xt, yy, yt, tt of the pose's information.
 #[derive(Debug, Clone, Copy, Default)]
@@ -188,11 +176,11 @@ struct Residual {
     variance: f32,
 }
 
-/// The points of a sweep laid over the map: the one place where residuals come from.
+/// The points of a scan laid over the map: the one place where residuals come from.
 #[derive(Clone, Copy)]
 pub struct Alignment<'a> {
-    /// The sweep.
-    pub points: &'a SweepPoints,
+    /// The scan.
+    pub points: &'a ScanPoints,
     /// The map.
     pub submap: &'a Submap,
     /// The scanner's range noise, m.
@@ -381,7 +369,7 @@ impl Alignment<'_> {
 }
 
 impl Sums {
-    /// Adds a block's terms. Its beams are 3 % of the sweep, so that their mean time stands for all.
+    /// Adds a block's terms. Its beams are 3 % of the scan, so that their mean time stands for all.
     fn add(&mut self, terms: &Terms, tau: f32) {
         let mut total = [0.0; TERMS];
         for (sum, lanes) in total.iter_mut().zip(&terms.sums) {

@@ -1,4 +1,4 @@
-//! Errors of a scanner's ranges that come back in every sweep.
+//! Errors of a scanner's ranges that come back in every scan.
 
 /// Errors of a range that are the scanner's own.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

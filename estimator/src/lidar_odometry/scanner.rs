@@ -1,10 +1,10 @@
-//! What a scanner gets wrong in every sweep alike, learnt from the surfaces that it sees twice:
-//! a bias of its ranges, and how long it takes for a sweep whose beams carry no times.
+//! What a scanner gets wrong in every scan alike, learnt from the surfaces that it sees twice:
+//! a bias of its ranges, and how long it takes for a scan whose beams carry no times.
 //!
 //! The measured range of a surface met at the incidence `phi` is taken as `r + b + c (1 - cos phi)`.
 //! A line drawn from points seen under one incidence and met again under another one is off by
 //! `b (cos phi - cos phi_map) + c (g(cos phi) - g(cos phi_map))` with `g(x) = x - |x| x`: that tells
-//! `b` and `c` from each other and from the motion. A beam taken at the part `s` of the sweep moves
+//! `b` and `c` from each other and from the motion. A beam taken at the part `s` of the scan moves
 //! with its duration `T` by `s (v + omega x q)`: turns and speed tell `T`.
 
 use std::f64::consts::TAU;
@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use super::motion::Motion;
 use super::range_errors::RangeErrors;
 use super::sensitivity::ScannerEquations;
-use crate::stream::Sweep;
+use crate::stream::Scan;
 
 /// Ranges of scanners are off by so much, m (one sigma): SICK states 25 to 30 mm for its LMS.
 const RANGE_BIAS_SIGMA_M: f64 = 0.03;
@@ -25,52 +25,52 @@ const INCIDENCE_BIAS_SIGMA_M: f64 = 0.02;
 const RANGE_BIAS_LEARNT_M: f64 = 0.0015;
 /// The same for the bias by incidence, m.
 const INCIDENCE_BIAS_LEARNT_M: f64 = 0.003;
-/// The same for the duration of a sweep, as a part of the time between sweeps.
+/// The same for the duration of a scan, as a part of the time between scans.
 const LEARNT_PART: f64 = 0.03;
-/// Part of what a sweep seems to say that is new: sweeps are held against one and the same map.
+/// Part of what a scan seems to say that is new: scans are held against one and the same map.
 const NEW_PART: f64 = 0.1;
-/// What is kept of the evidence from one sweep asked to the next: some 100 m of driving count.
+/// What is kept of the evidence from one scan asked to the next: some 100 m of driving count.
 const KEPT: f64 = 0.998;
 /// Largest step of a bias at once, m.
 const BIAS_STEP_MAX_M: f64 = 0.005;
 
-/// A sweep without times is judged after so many sweeps on the move,
-const JUDGED_SWEEPS: u32 = 15;
-/// and once its duration is known to this part of the time between sweeps.
+/// A scan without times is judged after so many scans on the move,
+const JUDGED_SCANS: u32 = 15;
+/// and once its duration is known to this part of the time between scans.
 const JUDGED_SIGMA: f64 = 0.06;
-/// It turns when its duration is more than this part of the time between sweeps,
+/// It turns when its duration is more than this part of the time between scans,
 const TURNING_MIN: f64 = 0.15;
 /// and this many sigmas.
 const TURNING_SIGMAS: f64 = 6.0;
-/// A duration this near to the time between sweeps, or to a whole part of it, is taken for that.
+/// A duration this near to the time between scans, or to a whole part of it, is taken for that.
 const WHOLE_PART: f64 = 0.08;
-/// The map is begun anew when the duration has moved by more than this part since it was begun,
+/// The map is begun again when the duration has moved by more than this part since it was begun,
 const REMAP_PART: f64 = 0.04;
 /// by so many sigmas,
 const REMAP_SIGMAS: f64 = 4.0;
-/// and so many sweeps on the move were asked since.
-const REMAP_SWEEPS: u32 = 60;
+/// and so many scans on the move were asked since.
+const REMAP_SCANS: u32 = 60;
 /// What is kept then of the evidence: it came from a map that was distorted.
 const KEPT_BY_REMAP: f64 = 0.1;
-/// No duration is looked for beyond this many times what the time between sweeps leaves.
+/// No duration is looked for beyond this many times what the time between scans leaves.
 const DURATION_MAX: f64 = 1.1;
-/// The doubt about the duration of a sweep is no less, s (one sigma): before a second one was seen.
+/// The uncertainty about the duration of a scan is no less, s (one sigma): before a second one was seen.
 const DURATION_SIGMA_MIN_S: f64 = 1e-3;
-/// Of so many times between sweeps the mean is taken.
+/// Of so many times between scans the mean is taken.
 const INTERVALS: f64 = 500.0;
-/// A time between sweeps longer than this many of the mean is a loss.
+/// A time between scans longer than this many of the mean is a loss.
 const LOSS_INTERVALS: f64 = 1.5;
 
-/// When the beams of a sweep are taken.
+/// When the beams of a scan are taken.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum BeamTimes {
-    /// As the sweeps say.
+    /// As the scans say.
     Stated,
-    /// The sweeps state none; too little was driven to see whether the scanner turns.
+    /// The scans state none; too little was driven to see whether the scanner turns.
     Unknown,
-    /// The sweeps state none, and they are right: no motion shows within a sweep.
+    /// The scans state none, and they are right: no motion shows within a scan.
     AtOnce,
-    /// The sweeps state none, and the scanner turns: a sweep takes so long.
+    /// The scans state none, and the scanner turns: a scan takes so long.
     Turning {
         /// From the first beam to the last, s.
         duration_s: f64,
@@ -108,16 +108,16 @@ pub struct Scanner {
     values: Vector3<f64>,
     information: Matrix3<f64>,
     timing: Timing,
-    /// Sweeps on the move that were asked for their duration.
+    /// Scans on the move that were asked for their duration.
     asked: u32,
     /// The duration that the map was begun with, s.
     mapped_s: f64,
-    /// Mean time between sweeps, s, and over how many.
+    /// Mean time between scans, s, and over how many.
     interval_s: f64,
     intervals: f64,
-    /// What a sweep covers of a turn.
+    /// What a scan covers of a turn.
     part_of_turn: f64,
-    /// By how much the pose of the last sweep moves with each of the unknowns, in this map.
+    /// By how much the pose of the last scan moves with each of the unknowns, in this map.
     #[serde(skip)]
     pose_by: Matrix3<f64>,
 }
@@ -147,9 +147,9 @@ impl Scanner {
         }
     }
 
-    /// Time from one beam of a sweep to the next, s: what the sweep says, else what was learnt.
-    pub fn time_increment_s(&mut self, sweep: &Sweep) -> f64 {
-        let stated_s = sweep.shape().time_increment_s;
+    /// Time from one beam of a scan to the next, s: what the scan says, else what was learnt.
+    pub fn time_increment_s(&mut self, scan: &Scan) -> f64 {
+        let stated_s = scan.shape().time_increment_s;
         if stated_s > 0.0 {
             self.timing = Timing::Stated;
             return stated_s;
@@ -157,8 +157,8 @@ impl Scanner {
         if self.timing == Timing::Stated {
             self.timing = Timing::Unknown;
         }
-        let beams = sweep.ranges_m().len() as f64;
-        let span_rad = beams * sweep.shape().angle_increment_rad.abs();
+        let beams = scan.ranges_m().len() as f64;
+        let span_rad = beams * scan.shape().angle_increment_rad.abs();
         self.part_of_turn = (span_rad / TAU).min(1.0);
         self.duration_in_use_s() / beams
     }
@@ -181,7 +181,7 @@ impl Scanner {
         }
     }
 
-    /// Notes the time between two sweeps, s. Losses make it longer now and then.
+    /// Notes the time between two scans, s. Losses make it longer now and then.
     pub fn note_interval(&mut self, interval_s: f64) {
         if self.intervals > 0.0 && interval_s > LOSS_INTERVALS * self.interval_s {
             // Were they all losses, the first was none.
@@ -192,7 +192,7 @@ impl Scanner {
         self.interval_s += (interval_s - self.interval_s) / self.intervals;
     }
 
-    /// Whether a sweep at this motion is asked before the map takes one: the beam times of a scanner
+    /// Whether a scan at this motion is asked before the map takes one: the beam times of a scanner
     /// that moves are to be known soon.
     pub fn asks_at_once(&self, motion: &Motion) -> bool {
         self.is_unknown() && is_on_the_move(motion)
@@ -202,10 +202,10 @@ impl Scanner {
         self.timing == Timing::Unknown
     }
 
-    /// Learns from a sweep held against the map. Whether the map has to be begun anew: it was drawn
+    /// Learns from a scan held against the map. Whether the map has to be begun again: it was drawn
     /// with other beam times.
     ///
-    /// With the residuals `r` of the aligned sweep, their derivatives `D` by the unknowns and `J` by
+    /// With the residuals `r` of the aligned scan, their derivatives `D` by the unknowns and `J` by
     /// pose and velocity, whose covariance is `P`, the unknowns' own information is
     /// `A = D'WD - D'WJ P J'WD`, and the Gauss-Newton step `-(A + prior)⁻¹ D'Wr`.
     pub fn learn(&mut self, equations: &ScannerEquations, motion: &Motion) -> bool {
@@ -231,7 +231,7 @@ impl Scanner {
         let Some(covariance) = (self.information + prior).try_inverse() else {
             return false;
         };
-        // The sweep was laid out with the duration in use, not with the one estimated so far.
+        // The scan was laid out with the duration in use, not with the one estimated so far.
         pull -= new.column(0) * (self.values[0] - self.duration_in_use_s());
         // What fades of the evidence, the prior pulls back.
         let faded = prior * self.values * (1.0 - KEPT);
@@ -248,8 +248,8 @@ impl Scanner {
         self.judge_timing()
     }
 
-    /// What is not known of the scanner yet, in the pose of a sweep: `S P S'` (Schmidt). Sweep by
-    /// sweep it is one and the same error and no noise, so it is given out only until it is learnt.
+    /// What is not known of the scanner yet, in the pose of a scan: `S P S'` (Schmidt). Scan by
+    /// scan it is one and the same error and no noise, so it is given out only until it is learnt.
     pub fn pose_covariance(&self) -> Matrix3<f64> {
         let learnt = [
             LEARNT_PART * self.longest_s(),
@@ -269,12 +269,12 @@ impl Scanner {
         }
     }
 
-    /// The duration, or that of a scanner that never stops and sends every sweep, or every second,
-    /// where it is near: slow sweeps tell it to some percent only.
+    /// The duration, or that of a scanner that never stops and sends every scan, or every second,
+    /// where it is near: slow scans tell it to some percent only.
     fn nearest_whole_s(&self) -> f64 {
         let duration_s = self.values[0];
-        let sweeps = (self.longest_s() / duration_s).round().max(1.0);
-        let whole_s = self.longest_s() / sweeps;
+        let scans = (self.longest_s() / duration_s).round().max(1.0);
+        let whole_s = self.longest_s() / scans;
         if (duration_s - whole_s).abs() < WHOLE_PART * whole_s {
             whole_s
         } else {
@@ -282,7 +282,7 @@ impl Scanner {
         }
     }
 
-    /// The duration of a sweep is anywhere up to the time between sweeps.
+    /// The duration of a scan is anywhere up to the time between scans.
     fn prior_information(&self) -> Matrix3<f64> {
         let sigmas = [
             self.longest_s().max(DURATION_SIGMA_MIN_S),
@@ -300,7 +300,7 @@ impl Scanner {
             })
     }
 
-    /// What a sweep takes of a scanner that turns once from sweep to sweep, s; it takes no longer.
+    /// What a scan takes of a scanner that turns once from scan to scan, s; it takes no longer.
     fn longest_s(&self) -> f64 {
         self.interval_s * self.part_of_turn
     }
@@ -308,7 +308,7 @@ impl Scanner {
     fn judge_timing(&mut self) -> bool {
         let (sigma_s, longest_s) = (self.sigmas()[0], self.longest_s());
         let turns = self.values[0] > (TURNING_MIN * longest_s).max(TURNING_SIGMAS * sigma_s);
-        let is_known = self.asked >= JUDGED_SWEEPS && sigma_s < JUDGED_SIGMA * longest_s;
+        let is_known = self.asked >= JUDGED_SCANS && sigma_s < JUDGED_SIGMA * longest_s;
         match self.timing {
             Timing::Unknown if is_known && !turns => self.timing = Timing::AtOnce,
             Timing::Unknown | Timing::AtOnce if is_known && turns => {
@@ -321,7 +321,7 @@ impl Scanner {
                 let duration_s = self.nearest_whole_s();
                 let off_s = (duration_s - self.mapped_s).abs();
                 let is_off = off_s > (REMAP_PART * longest_s).max(REMAP_SIGMAS * sigma_s);
-                if is_off && self.asked >= REMAP_SWEEPS {
+                if is_off && self.asked >= REMAP_SCANS {
                     return self.remap(duration_s);
                 }
             }
@@ -343,7 +343,7 @@ impl Scanner {
         self.mapped_s = self.duration_in_use_s();
     }
 
-    /// Asks for a map drawn with sweeps of another duration.
+    /// Asks for a map drawn with scans of another duration.
     fn remap(&mut self, duration_s: f64) -> bool {
         self.values[0] = duration_s;
         self.information *= KEPT_BY_REMAP;
@@ -352,7 +352,7 @@ impl Scanner {
     }
 }
 
-/// Whether a motion would show within a sweep.
+/// Whether a motion would show within a scan.
 fn is_on_the_move(motion: &Motion) -> bool {
     motion.velocity.xy().norm() > 0.1 || motion.velocity.z.abs() > 0.1
 }

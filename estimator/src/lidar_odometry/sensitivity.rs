@@ -1,18 +1,18 @@
-//! How the residuals of an aligned sweep move with what the scanner gets wrong.
+//! How the residuals of an aligned scan move with what the scanner gets wrong.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::beam_filter::{Block, LANES};
 use super::point_to_line::{Alignment, Laid, LocalMotion, sum_of_lanes};
 
-/// Of the blocks of points one in so many is asked: the unknowns stay, so that any sweep tells.
+/// Of the blocks of points one in so many is asked: the unknowns stay, so that any scan tells.
 const ASKED_STRIDE: usize = 2;
 /// Derivatives of a residual: by the three unknowns, then by pose and velocity.
 const COLUMNS: usize = 9;
 /// Products of an unknown's derivative with all of them, and with the residual.
 const TERMS: usize = 3 * (COLUMNS + 1);
 
-/// What the residuals `r` of an aligned sweep say of the scanner's three unknowns, whose derivatives
+/// What the residuals `r` of an aligned scan say of the scanner's three unknowns, whose derivatives
 /// of `r` are `D` (by duration, range bias and bias by incidence); `J` are those by pose and velocity.
 #[derive(Debug, Clone, Copy)]
 pub struct ScannerEquations {
@@ -59,7 +59,7 @@ impl Alignment<'_> {
             let (cos, mapped) = (seen.cos, laid.cos[i]);
             let by_incidence = |cos: f32| cos * (1.0 - cos.abs());
             let tau = block.tau_s[i];
-            // Across its line a beam taken at the part s of the sweep moves by s (v + omega x q).
+            // Across its line a beam taken at the part s of the scan moves by s (v + omega x q).
             let by = [
                 block.phase[i] * (jx * vx + jy * vy + jt * omega),
                 mapped - cos,

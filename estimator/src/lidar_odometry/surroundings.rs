@@ -1,4 +1,4 @@
-//! What a person is shown of LiDAR odometry: the latest sweep on the local map.
+//! What a person is shown of LiDAR odometry: the latest scan on the local map.
 
 use super::LidarOdometry;
 use super::point_to_line::LocalMotion;
@@ -6,24 +6,24 @@ use super::submap::{CELL_M, Cell, LocalOrigin, Submap};
 use crate::geometry::Pose2;
 use crate::stream::RobotTime;
 
-/// The latest sweep and the map around it, in the odometry frame, m.
+/// The latest scan and the map around it, in the odometry frame, m.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Surroundings {
-    /// The sweep's reference time.
+    /// The scan's reference time.
     pub stamp: RobotTime,
     /// The LiDAR's pose then.
     pub lidar_in_odom: Pose2,
-    /// Whether the sweep fits nowhere: its pose is a guess.
+    /// Whether the scan fits nowhere: its pose is a guess.
     pub is_lost: bool,
-    /// Its usable returns, corrected for the motion within the sweep.
+    /// Its usable returns, corrected for the motion within the scan.
     pub returns_m: Vec<[f64; 2]>,
     /// Surfaces of the map, a point for each cell of 10 cm, the nearest first.
     pub surfaces_m: Vec<[f64; 2]>,
 }
 
 impl LidarOdometry {
-    /// The latest sweep, and at most `surfaces_max` points of surfaces at most `reach_m` from the
-    /// LiDAR; `None` before the first sweep.
+    /// The latest scan, and at most `surfaces_max` points of surfaces at most `reach_m` from the
+    /// LiDAR; `None` before the first scan.
     pub fn surroundings(&self, reach_m: f64, surfaces_max: usize) -> Option<Surroundings> {
         let motion = self.motion.as_ref()?;
         let pose = motion.pose;

@@ -1,21 +1,22 @@
-//! Whether a pose can be trusted: how the sweep fits the map there, and what that makes of the state.
+//! Whether a pose can be trusted: how the scan fits the map there, and what that makes of the state.
 
 use serde::{Deserialize, Serialize};
 
 use super::correlative_search::Window;
+use super::fit::{AGREEMENT_FOUND, Fit};
 use super::motion::Motion;
 
 /// Whether the pose can be trusted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Tracking {
-    /// The sweep fits the map.
+    /// The scan fits the map.
     Tracking,
     /// It fits, but a direction is unconstrained or the fit is poor.
     Degraded,
     /// It does not fit: the pose is a guess, and its covariance says so.
     Lost,
-    /// The first sweep that fits again after a loss.
+    /// The first scan that fits again after a loss.
     Recovered,
 }
 
@@ -23,111 +24,34 @@ pub enum Tracking {
 const EXPLAINED_MIN: f32 = 0.3;
 /// A pose found again after a loss has to explain this share.
 const EXPLAINED_RECOVERED_MIN: f32 = 0.5;
-/// Below this share the search is asked for a better pose, and the state is degraded.
-const EXPLAINED_GOOD: f32 = 0.6;
 /// A prediction vaguer than this in position (one sigma) may lie outside the alignment's basin, m.
 const BASIN_M: f64 = 0.05;
 /// The same in yaw, rad.
 const BASIN_RAD: f64 = 0.03;
 /// The search is also asked when the points lie less close than this part of what they did of late.
 const CLOSENESS_DROP: f32 = 0.9;
-/// A sweep less close than this part is lost; one found again has to come nearer to it.
+/// A scan less close than this part is lost; one found again has to come nearer to it.
 const CLOSENESS_MIN: f32 = 0.4;
 /// The same after a loss.
 const CLOSENESS_RECOVERED_MIN: f32 = 0.75;
 /// Gain of the mean closeness.
 const CLOSENESS_GAIN: f32 = 0.1;
-/// Share of all points that has to be on the map, moving or not.
-const ON_MAP_MIN: f32 = 0.12;
-/// A map known before is asked when it says something of this share of the points.
-const KNOWN_MIN: f32 = 0.2;
-/// In it a pose is found when it agrees with this share of them: people stand before walls.
-const AGREEMENT_FOUND: f32 = 0.45;
-/// What a point where nothing is known counts then.
-const SILENT_WEIGHT: f32 = 0.3;
 /// Below this share the robot and its map have parted.
 const AGREEMENT_MIN: f32 = 0.25;
 /// Largest speed of a robot that the search allows for, m/s.
 const SPEED_MAX_MPS: f64 = 3.0;
 /// Largest angular speed that the search allows for, rad/s.
 const ANGULAR_SPEED_MAX_RADPS: f64 = 2.5;
-/// After so many sweeps without a fit the map is begun anew; one known before is searched widely.
-pub const LOST_SWEEPS_MAX: u32 = 15;
+/// After so many scans without a fit the map is begun again; one known before is searched widely.
+pub const LOST_SCANS_MAX: u32 = 15;
 /// How far, m.
 const WIDE_REACH_M: f64 = 8.0;
 
-/// How the points of a sweep fit the map at one pose.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Fit {
-    /// Points looked at.
-    pub points: f32,
-    /// Points on the map, within its noise.
-    pub on_map: f32,
-    /// Points where space was seen free before: people, other robots.
-    pub moving: f32,
-    /// Sum over the points of their closeness to the map, 1 for a point on its line.
-    pub score: f32,
-    /// What of it is the moving points'.
-    pub score_of_moving: f32,
-    /// Points on the surfaces of a map known before.
-    pub agrees: f32,
-    /// Points where that map has nothing, or a surface elsewhere.
-    pub disagrees: f32,
-}
-
-impl Fit {
-    /// Share of the points that lie on the map.
-    pub fn fitness(&self) -> f64 {
-        if self.points > 0.0 {
-            f64::from(self.on_map / self.points)
-        } else {
-            0.0
-        }
-    }
-
-    /// Share of the points that do not move that lie on the map.
-    fn explained(&self) -> f32 {
-        if self.on_map < ON_MAP_MIN * self.points {
-            return 0.0;
-        }
-        self.on_map / (self.points - self.moving).max(1.0)
-    }
-
-    /// Mean closeness of the points that do not move to the map, 0 to 1.
-    fn closeness(&self) -> f32 {
-        (self.score - self.score_of_moving) / (self.points - self.moving).max(1.0)
-    }
-
-    /// Share of the points that lie where a map known before says; `None` where it says nothing.
-    fn agreement(&self) -> Option<f32> {
-        let said = self.agrees + self.disagrees;
-        (said > KNOWN_MIN * self.points).then(|| self.agrees / said)
-    }
-
-    /// Whether it fits a known map so well that this is the place. Points where nothing is known
-    /// count a little against it, or a view away from the map would fit anywhere.
-    fn places(&self) -> bool {
-        let said = self.agrees + self.disagrees;
-        let silent = self.points - said;
-        self.agrees >= AGREEMENT_FOUND * (said + SILENT_WEIGHT * silent)
-    }
-
-    /// Whether the still points lie on the map as they should.
-    pub fn is_good(&self) -> bool {
-        self.explained() >= EXPLAINED_GOOD
-    }
-
-    /// Whether this fit is clearly better than another.
-    pub fn beats(&self, other: &Self) -> bool {
-        self.score > 1.03 * other.score
-    }
-}
-
-/// The state from sweep to sweep.
+/// The state from scan to scan.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Track {
-    /// Sweeps without a fit, in a row.
-    lost_sweeps: u32,
+    /// Scans without a fit, in a row.
+    lost_scans: u32,
     /// Mean closeness of the fits of late.
     closeness: f32,
     /// Whether the map was known before, and whether a pose in it was found yet.
@@ -149,7 +73,7 @@ impl Track {
     }
 
     /// Whether a better pose should be looked for: the fit is poor, or poorer than those before.
-    pub fn doubts(self, fit: &Fit) -> bool {
+    pub fn distrusts(self, fit: &Fit) -> bool {
         !fit.is_good() || fit.closeness() < CLOSENESS_DROP * self.closeness
     }
 
@@ -161,7 +85,7 @@ impl Track {
         }
     }
 
-    /// Whether the sweep lies on the map: it explains enough, and not suddenly much less than of
+    /// Whether the scan lies on the map: it explains enough, and not suddenly much less than of
     /// late, as after a kidnap. To be found again takes more; a place in a known map is found by
     /// what that map says.
     pub fn accepts(self, fit: &Fit) -> bool {
@@ -182,9 +106,9 @@ impl Track {
             && fit.agreement().is_none_or(|share| share >= agreement_min)
     }
 
-    /// Whether the last sweep had no fit.
+    /// Whether the last scan had no fit.
     pub fn is_lost(self) -> bool {
-        self.lost_sweeps > 0
+        self.lost_scans > 0
     }
 
     /// What was seen is given up: only what was known before counts.
@@ -195,13 +119,13 @@ impl Track {
 
     /// Whether the loss has lasted so long that the map is given up.
     pub fn gives_up(self) -> bool {
-        self.lost_sweeps >= LOST_SWEEPS_MAX
+        self.lost_scans >= LOST_SCANS_MAX
     }
 
-    /// How far to search, `dt` seconds after the last sweep: as far as the LiDAR can have come,
+    /// How far to search, `dt` seconds after the last scan: as far as the LiDAR can have come,
     /// and after a loss farther and farther. A known map is searched widely now and then.
     pub fn window(self, dt: f64) -> Window {
-        match self.lost_sweeps {
+        match self.lost_scans {
             0 => Window {
                 reach_m: (SPEED_MAX_MPS * dt).clamp(0.4, 2.5),
                 yaw_rad: (ANGULAR_SPEED_MAX_RADPS * dt).clamp(0.25, std::f64::consts::PI),
@@ -210,7 +134,7 @@ impl Track {
                 reach_m: 1.6,
                 yaw_rad: 1.05,
             },
-            n if self.known_map.is_some() && n.is_multiple_of(LOST_SWEEPS_MAX) => Window {
+            n if self.known_map.is_some() && n.is_multiple_of(LOST_SCANS_MAX) => Window {
                 reach_m: WIDE_REACH_M,
                 yaw_rad: std::f64::consts::PI,
             },
@@ -221,10 +145,10 @@ impl Track {
         }
     }
 
-    /// Notes a sweep that fits.
+    /// Notes a scan that fits.
     pub fn found(&mut self, fit: &Fit, is_open: bool) -> Tracking {
         let was_lost = self.is_lost();
-        self.lost_sweeps = 0;
+        self.lost_scans = 0;
         self.known_map = self.known_map.map(|_| Placed::Yes);
         self.closeness += CLOSENESS_GAIN * (fit.closeness() - self.closeness);
         if was_lost {
@@ -236,9 +160,9 @@ impl Track {
         }
     }
 
-    /// Notes a sweep that does not fit.
+    /// Notes a scan that does not fit.
     pub fn lost(&mut self) -> Tracking {
-        self.lost_sweeps += 1;
+        self.lost_scans += 1;
         Tracking::Lost
     }
 }
@@ -247,9 +171,9 @@ impl Track {
 mod tests {
     use super::*;
 
-    /// A sweep of a real robot in an office, half of whose points were on people.
+    /// A scan of a real robot in an office, half of whose points were on people.
     #[test]
-    fn a_sweep_that_people_cover_by_half_is_not_lost() {
+    fn a_scan_that_people_cover_by_half_is_not_lost() {
         let crowded = Fit {
             points: 103.0,
             on_map: 29.0,

@@ -13,7 +13,7 @@ const RANGE_MAX_M: f64 = 300.0;
 /// Fewest beams of a turn.
 const BEAMS_MIN: usize = 90;
 
-/// The band of heights that makes a planar sweep, and how it is made. Checked.
+/// The band of heights that makes a planar scan, and how it is made. Checked.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(try_from = "BandFields", into = "BandFields")]
 pub struct PlanarBand(BandFields);
@@ -21,22 +21,39 @@ pub struct PlanarBand(BandFields);
 /// The keys of a [`PlanarBand`] in a configuration. Heights are z of the LiDAR's frame, up.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema), schema(as = PlanarBand))]
 pub struct BandFields {
-    /// Lowest height taken, m.
+    /// Lowest height taken, m; −0.5 unless given.
+    #[cfg_attr(feature = "openapi", schema(required = false, minimum = -50.0, maximum = 50.0))]
     pub height_min_m: f64,
-    /// Highest height taken, m.
+    /// Highest height taken, m; 0.5 unless given.
+    #[cfg_attr(feature = "openapi", schema(required = false, minimum = -50.0, maximum = 50.0))]
     pub height_max_m: f64,
-    /// What is nearer than this, seen from above, is the robot itself, m.
+    /// What is nearer than this in the plane is the robot itself, m; 0.3 unless given.
+    #[cfg_attr(
+        feature = "openapi",
+        schema(required = false, minimum = 0.0, maximum = 300.0)
+    )]
     pub range_min_m: f64,
-    /// What is farther, m.
+    /// What is farther is left out, m; 60 unless given.
+    #[cfg_attr(
+        feature = "openapi",
+        schema(required = false, minimum = 0.0, maximum = 300.0)
+    )]
     pub range_max_m: f64,
-    /// What is this near to floor or ceiling belongs to it, m.
+    /// What is this near to floor or ceiling belongs to it, m; 0.1 unless given.
+    #[cfg_attr(
+        feature = "openapi",
+        schema(required = false, minimum = 0.0, maximum = 1.0)
+    )]
     pub clearance_m: f64,
     /// Beams of a whole turn; as many as the cloud has columns unless given, else 1024.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(nullable, required = false, minimum = 90, maximum = 16384, value_type = Option<u32>))]
     pub beams: Option<usize>,
     /// Takes all points as measured at the stamp, whatever their times: for a cloud that was
     /// deskewed before.
+    #[cfg_attr(feature = "openapi", schema(required = false))]
     pub ignore_times: bool,
 }
 

@@ -1,4 +1,4 @@
-//! From the points of a 3D scanner to the sweep of a planar one.
+//! From the points of a 3D scanner to the scan of a planar one.
 //!
 //! Floor and ceiling go, then of each direction the nearest surface within a band of heights stays:
 //! a fan of beams, as a planar scanner would have measured it.
@@ -9,7 +9,7 @@ mod turn;
 
 pub use band::{BandFields, PlanarBand};
 
-use crate::stream::{BEAMS_MAX, FieldRefused, RobotTime, Sweep, SweepShape};
+use crate::stream::{BEAMS_MAX, FieldRefused, RobotTime, Scan, ScanShape};
 use horizontal::HorizontalSurface;
 use turn::Turn;
 
@@ -54,13 +54,13 @@ pub struct PointCloud {
 }
 
 impl PlanarBand {
-    /// The sweep of a planar scanner at the LiDAR's height. A cloud whose points have times becomes
-    /// a rolling sweep; one without was taken at once.
+    /// The scan of a planar scanner at the LiDAR's height. A cloud whose points have times becomes
+    /// a rolling scan; one without was taken at once.
     ///
     /// # Errors
     /// Names the field when the points' times are not those of a scanner that turns, and what a
-    /// sweep cannot be.
-    pub fn sweep(&self, cloud: &PointCloud) -> Result<Sweep, FieldRefused> {
+    /// scan cannot be.
+    pub fn scan(&self, cloud: &PointCloud) -> Result<Scan, FieldRefused> {
         // 1. What is there, without floor and ceiling.
         let is_there = |point: &CloudPoint| {
             let [x, y, z] = point.position_m;
@@ -93,7 +93,7 @@ impl PlanarBand {
         let returns = taken.filter_map(|point| Some((turn.beam_of(point)?, point.range_m())));
         let ranges_m = nearest_surfaces(turn.beams, &returns.collect::<Vec<_>>());
 
-        let shape = SweepShape {
+        let shape = ScanShape {
             angle_min_rad: turn.first_rad,
             angle_increment_rad: turn.increment_rad,
             time_increment_s: turn.time_increment_s,
@@ -101,7 +101,7 @@ impl PlanarBand {
             range_max_m: *self.range_m().end(),
         };
         let stamp = cloud.stamp.plus_seconds(turn.first_s);
-        Sweep::new(stamp, shape, ranges_m.into())
+        Scan::new(stamp, shape, ranges_m.into())
     }
 }
 

@@ -73,11 +73,11 @@ fn band(fields: BandFields) -> PlanarBand {
     PlanarBand::try_from(fields).unwrap()
 }
 
-/// Every beam of the sweep ends at the wall, within a centimetre.
-fn assert_walls(sweep: &Sweep, returns_min: usize) {
-    let shape = sweep.shape();
+/// Every beam of the scan ends at the wall, within a centimetre.
+fn assert_walls(scan: &Scan, returns_min: usize) {
+    let shape = scan.shape();
     let mut returns = 0;
-    for (beam, &range) in sweep.ranges_m().iter().enumerate() {
+    for (beam, &range) in scan.ranges_m().iter().enumerate() {
         let azimuth = shape.angle_min_rad + beam as f64 * shape.angle_increment_rad;
         if range.is_finite() {
             returns += 1;
@@ -88,7 +88,7 @@ fn assert_walls(sweep: &Sweep, returns_min: usize) {
     assert!(
         returns >= returns_min,
         "{returns} of {}",
-        sweep.ranges_m().len()
+        scan.ranges_m().len()
     );
 }
 
@@ -96,11 +96,11 @@ fn assert_walls(sweep: &Sweep, returns_min: usize) {
 fn floor_and_ceiling_go_and_the_walls_stay() {
     for first_rad in [-PI, -PI + 0.004, 0.3] {
         let view = View { first_rad, ..LEVEL };
-        let sweep = PlanarBand::default().sweep(&cloud(view)).unwrap();
-        assert_eq!(sweep.ranges_m().len(), 512);
-        assert_eq!(sweep.shape().time_increment_s.to_bits(), 0.0_f64.to_bits());
-        assert_eq!(sweep.stamp(), STAMP);
-        assert_walls(&sweep, 512);
+        let scan = PlanarBand::default().scan(&cloud(view)).unwrap();
+        assert_eq!(scan.ranges_m().len(), 512);
+        assert_eq!(scan.shape().time_increment_s.to_bits(), 0.0_f64.to_bits());
+        assert_eq!(scan.stamp(), STAMP);
+        assert_walls(&scan, 512);
     }
     // The whole height of the room.
     let whole = band(BandFields {
@@ -108,14 +108,14 @@ fn floor_and_ceiling_go_and_the_walls_stay() {
         height_max_m: 5.0,
         ..BandFields::default()
     });
-    assert_walls(&whole.sweep(&cloud(LEVEL)).unwrap(), 512);
+    assert_walls(&whole.scan(&cloud(LEVEL)).unwrap(), 512);
 }
 
 #[test]
 fn a_leaning_scanner_does_not_take_the_floor_for_a_wall() {
     for lean_deg in [-3.0, 2.0, 3.0] {
         let view = View { lean_deg, ..LEVEL };
-        assert_walls(&PlanarBand::default().sweep(&cloud(view)).unwrap(), 500);
+        assert_walls(&PlanarBand::default().scan(&cloud(view)).unwrap(), 500);
     }
     // Without the search for the floor it would.
     let view = View {
@@ -126,9 +126,9 @@ fn a_leaning_scanner_does_not_take_the_floor_for_a_wall() {
         clearance_m: 0.0,
         ..BandFields::default()
     });
-    let sweep = careless.sweep(&cloud(view)).unwrap();
-    let shape = sweep.shape();
-    let off = sweep.ranges_m().iter().enumerate().filter(|(beam, range)| {
+    let scan = careless.scan(&cloud(view)).unwrap();
+    let shape = scan.shape();
+    let off = scan.ranges_m().iter().enumerate().filter(|(beam, range)| {
         let azimuth = shape.angle_min_rad + *beam as f64 * shape.angle_increment_rad;
         wall_m(azimuth) - f64::from(**range) > 0.5
     });
@@ -143,11 +143,11 @@ fn without_a_floor_no_slice_of_the_walls_is_taken_for_one() {
     };
     let points = cloud(view).points;
     assert_eq!(HorizontalSurface::find(&points, -1.0), None);
-    assert_walls(&PlanarBand::default().sweep(&cloud(view)).unwrap(), 512);
+    assert_walls(&PlanarBand::default().scan(&cloud(view)).unwrap(), 512);
 }
 
 #[test]
-fn the_points_times_make_a_rolling_sweep() {
+fn the_points_times_make_a_rolling_scan() {
     for (sense, first_rad) in [(1.0, -PI), (-1.0, PI), (1.0, 1.0), (-1.0, -2.0)] {
         let view = View {
             sense,
@@ -165,21 +165,21 @@ fn the_points_times_make_a_rolling_sweep() {
         for point in cloud.points.iter_mut().step_by(1001) {
             point.position_m = point.position_m.map(|metres| -metres);
         }
-        let sweep = PlanarBand::default().sweep(&cloud).unwrap();
-        let shape = sweep.shape();
+        let scan = PlanarBand::default().scan(&cloud).unwrap();
+        let shape = scan.shape();
         assert!((shape.time_increment_s * 512.0 - 0.1).abs() < 1e-4);
         assert!((shape.angle_increment_rad - sense * TAU / 512.0).abs() < 1e-12);
         let off = crate::geometry::wrap_angle_rad(shape.angle_min_rad - first_rad);
         assert!(off.abs() < 1e-4, "{off}");
-        assert!((sweep.stamp().seconds_since(STAMP) + 0.1).abs() < 1e-6);
-        assert_walls(&PlanarBand::default().sweep(&whole).unwrap(), 512);
+        assert!((scan.stamp().seconds_since(STAMP) + 0.1).abs() < 1e-6);
+        assert_walls(&PlanarBand::default().scan(&whole).unwrap(), 512);
         let ignored = band(BandFields {
             ignore_times: true,
             ..BandFields::default()
         });
-        let sweep = ignored.sweep(&cloud).unwrap();
+        let scan = ignored.scan(&cloud).unwrap();
         assert_eq!(
-            (sweep.stamp(), sweep.shape().time_increment_s.to_bits()),
+            (scan.stamp(), scan.shape().time_increment_s.to_bits()),
             (STAMP, 0)
         );
     }
@@ -199,9 +199,9 @@ fn rings_that_look_aside_of_each_other_keep_their_times() {
             point.time_s = (f64::from(point.time_s) - ahead_s).rem_euclid(0.1) as f32;
         }
     }
-    let sweep = PlanarBand::default().sweep(&cloud).unwrap();
-    assert!((sweep.shape().time_increment_s * 512.0 - 0.1).abs() < 1e-3);
-    assert_walls(&sweep, 480);
+    let scan = PlanarBand::default().scan(&cloud).unwrap();
+    assert!((scan.shape().time_increment_s * 512.0 - 0.1).abs() < 1e-3);
+    assert_walls(&scan, 480);
 }
 
 #[test]
@@ -213,16 +213,16 @@ fn times_that_tell_of_no_turn_are_refused() {
     for (index, point) in cloud.points.iter_mut().enumerate() {
         point.time_s = (index * 7919 % 1000) as f32 * 1e-4;
     }
-    let reason = PlanarBand::default().sweep(&cloud).unwrap_err().to_string();
+    let reason = PlanarBand::default().scan(&cloud).unwrap_err().to_string();
     assert!(reason.contains("points is times that follow") && reason.contains("ignore_times"));
     cloud.points[7].time_s = 3.0;
-    let reason = PlanarBand::default().sweep(&cloud).unwrap_err().to_string();
+    let reason = PlanarBand::default().scan(&cloud).unwrap_err().to_string();
     assert!(
         reason.contains("a time 3 s after the stamp, expected within a second"),
         "{reason}"
     );
     cloud.points[7].time_s = f32::NAN;
-    assert!(PlanarBand::default().sweep(&cloud).is_err());
+    assert!(PlanarBand::default().scan(&cloud).is_err());
 }
 
 #[test]
@@ -234,13 +234,13 @@ fn an_empty_cloud_and_missing_returns_are_normal() {
     for point in cloud.points.iter_mut().skip(1).step_by(4) {
         point.position_m = [0.0; 3];
     }
-    let sweep = PlanarBand::default().sweep(&cloud).unwrap();
-    assert_walls(&sweep, 120);
+    let scan = PlanarBand::default().scan(&cloud).unwrap();
+    assert_walls(&scan, 120);
     cloud.points.clear();
     cloud.columns = None;
-    let sweep = PlanarBand::default().sweep(&cloud).unwrap();
-    assert_eq!(sweep.ranges_m().len(), 1024);
-    assert!(sweep.ranges_m().iter().all(|range| range.is_infinite()));
+    let scan = PlanarBand::default().scan(&cloud).unwrap();
+    assert_eq!(scan.ranges_m().len(), 1024);
+    assert!(scan.ranges_m().iter().all(|range| range.is_infinite()));
 }
 
 #[test]

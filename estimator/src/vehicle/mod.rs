@@ -23,7 +23,7 @@ pub struct Vehicle {
 
 /// What the drive sensors say, before any correction.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct Drive {
+pub struct DriveReading {
     /// Measured speed, m/s.
     pub speed_mps: f64,
     /// Measured steering angle, rad.
@@ -98,7 +98,7 @@ impl Vehicle {
     }
 
     /// The rear axle's motion under a drive reading.
-    pub fn motion(&self, drive: Drive, parameters: &DriveParameters) -> Motion {
+    pub fn motion(&self, drive: DriveReading, parameters: &DriveParameters) -> Motion {
         let steering = Steering::of(drive, parameters);
         let rolling = match self.speed_measured_at {
             SpeedMeasuredAt::RearAxle => {
@@ -145,7 +145,7 @@ struct Steering {
 }
 
 impl Steering {
-    fn of(drive: Drive, parameters: &DriveParameters) -> Self {
+    fn of(drive: DriveReading, parameters: &DriveParameters) -> Self {
         let curve = &parameters.curve;
         let raw = drive.steering_rad - parameters.steering_offset_rad;
         let slope = parameters.steering_gain
@@ -225,7 +225,7 @@ mod tests {
             steering_rad in -0.8..0.8f64,
             offset in -0.15..0.15f64,
         ) {
-            let drive = Drive { speed_mps, steering_rad };
+            let drive = DriveReading { speed_mps, steering_rad };
             let p = DriveParameters {
                 steering_offset_rad: offset,
                 speed_scale: 1.01,
@@ -261,7 +261,7 @@ mod tests {
             curve: SteeringCurve::default(),
         };
         let motion = vehicle.motion(
-            Drive {
+            DriveReading {
                 speed_mps: 1.0,
                 steering_rad: 0.06,
             },

@@ -62,7 +62,7 @@ fn normalised_errors_lie_inside_their_band_on_lidar_poses() {
 }
 
 #[test]
-fn raw_sweeps_with_people_and_wrong_numbers_are_never_over_confident() {
+fn raw_scans_with_people_and_wrong_numbers_are_never_over_confident() {
     let mut mean = 0.0;
     let seeds = 1..=10u64;
     let count = seeds.clone().count() as f64;

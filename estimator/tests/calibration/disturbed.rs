@@ -49,7 +49,7 @@ pub fn disturbed(disturbance: Disturbance, seed: u64) -> Driven {
         Disturbance::StuckSteering => {
             let mut held_rad = None;
             drive_disturbed(config, calibrator, DURATION_S, |time_s, mut message| {
-                if let SimulatedMessage::Drive(drive) = &mut message
+                if let SimulatedMessage::WheelOdometry(drive) = &mut message
                     && time_s >= BEGIN_S
                 {
                     drive.steering_rad = *held_rad.get_or_insert(drive.steering_rad);
@@ -59,7 +59,7 @@ pub fn disturbed(disturbance: Disturbance, seed: u64) -> Driven {
         }
         Disturbance::Pushed => {
             drive_disturbed(config, calibrator, DURATION_S, |time_s, mut message| {
-                if let SimulatedMessage::Drive(drive) = &mut message
+                if let SimulatedMessage::WheelOdometry(drive) = &mut message
                     && (BEGIN_S..BEGIN_S + 5.0).contains(&time_s)
                 {
                     drive.speed_mps = 0.0;
@@ -102,16 +102,16 @@ impl WheelLift {
     fn disturb(&mut self, time_s: f64, message: &SimulatedMessage) -> Vec<SimulatedMessage> {
         let later = if self.done { Self::LENGTH_NS } else { 0 };
         match message {
-            SimulatedMessage::Drive(drive) => {
+            SimulatedMessage::WheelOdometry(drive) => {
                 let mut drive = *drive;
                 drive.stamp_ns += later;
-                let mut messages = vec![SimulatedMessage::Drive(drive)];
+                let mut messages = vec![SimulatedMessage::WheelOdometry(drive)];
                 if time_s >= BEGIN_S && !self.done {
                     self.done = true;
                     for i in 1..=500 {
                         let mut lifted = drive;
                         lifted.stamp_ns += i * 10_000_000;
-                        messages.push(SimulatedMessage::Drive(lifted));
+                        messages.push(SimulatedMessage::WheelOdometry(lifted));
                         if let Some(mut pose) = self.last_pose.filter(|_| i % 10 == 0) {
                             pose.stamp_ns += i * 10_000_000;
                             messages.push(SimulatedMessage::LidarPose(pose));
@@ -128,7 +128,7 @@ impl WheelLift {
                 }
                 vec![SimulatedMessage::LidarPose(pose)]
             }
-            SimulatedMessage::Sweep(_) | SimulatedMessage::CrossTrackError(_) => Vec::new(),
+            SimulatedMessage::Scan(_) | SimulatedMessage::CrossTrackError(_) => Vec::new(),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Vehicles whose true parameters are drawn from the filter's own priors.
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
-use fleetcal_estimator::filter::noise::MotionNoise;
+use fleetcal_estimator::motion_noise::MotionNoise;
 use fleetcal_robot::simulator::{
     Pose2, SimulationConfig, Slip, VehicleImperfections, VehicleTruth,
 };

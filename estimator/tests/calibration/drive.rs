@@ -2,10 +2,10 @@
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::estimate::Change;
-use fleetcal_estimator::stream::SweepShape;
+use fleetcal_estimator::stream::ScanShape;
 use fleetcal_estimator::{
-    Calibrator, DriveSample, Effect, Estimate, Event, LidarPose, Parameter, Pose2, RobotTime,
-    Sweep, Vehicle,
+    Calibrator, DriveSample, Effect, Estimate, Event, LidarPose, Parameter, Pose2, RobotTime, Scan,
+    Vehicle,
 };
 use fleetcal_robot::simulator::{
     LidarOutput, PoseSettings, SimulatedMessage, Simulation, SimulationConfig, TrueParameters,
@@ -91,7 +91,7 @@ pub fn nees(calibrator: &Calibrator, truth: &TrueParameters, systematic: bool) -
     error.dot(&covariance.cholesky().unwrap().solve(&error))
 }
 
-/// LiDAR poses instead of sweeps: fast, and with noise that is white as the filter takes it.
+/// LiDAR poses instead of scans: fast, and with noise that is white as the filter takes it.
 pub fn poses() -> LidarOutput {
     LidarOutput::Poses(PoseSettings {
         position_sigma_m: 0.003,
@@ -152,19 +152,19 @@ pub fn drive_disturbed(
 /// A simulated message as the estimator takes it.
 pub fn event_of(message: SimulatedMessage) -> Option<Event> {
     match message {
-        SimulatedMessage::Drive(d) => Some(Event::Drive(
+        SimulatedMessage::WheelOdometry(d) => Some(Event::WheelOdometry(
             DriveSample::new(RobotTime(d.stamp_ns), d.speed_mps, d.steering_rad).unwrap(),
         )),
-        SimulatedMessage::Sweep(s) => {
-            let shape = SweepShape {
+        SimulatedMessage::Scan(s) => {
+            let shape = ScanShape {
                 angle_min_rad: s.angle_min_rad,
                 angle_increment_rad: s.angle_increment_rad,
                 time_increment_s: s.time_increment_s,
                 range_min_m: s.range_min_m,
                 range_max_m: s.range_max_m,
             };
-            Some(Event::Sweep(
-                Sweep::new(RobotTime(s.stamp_ns), shape, s.ranges_m.into()).unwrap(),
+            Some(Event::Scan(
+                Scan::new(RobotTime(s.stamp_ns), shape, s.ranges_m.into()).unwrap(),
             ))
         }
         SimulatedMessage::LidarPose(p) => {

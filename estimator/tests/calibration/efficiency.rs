@@ -31,7 +31,7 @@ fn recorded(config: SimulationConfig, duration_s: f64) -> (DriveHistory, Vec<Odo
     let mut readings = Vec::new();
     for emitted in Simulation::new(config).unwrap().run(duration_s + 1.0) {
         match emitted.message {
-            SimulatedMessage::Drive(d) => {
+            SimulatedMessage::WheelOdometry(d) => {
                 drive.push(
                     DriveSample::new(RobotTime(d.stamp_ns), d.speed_mps, d.steering_rad).unwrap(),
                 );
@@ -41,7 +41,7 @@ fn recorded(config: SimulationConfig, duration_s: f64) -> (DriveHistory, Vec<Odo
                 lidar_in_odom: Pose2::new(p.pose.x_m, p.pose.y_m, p.pose.yaw_rad),
                 covariance: Matrix3::from_fn(|i, j| p.covariance.unwrap()[i][j]),
             }),
-            SimulatedMessage::Sweep(_) | SimulatedMessage::CrossTrackError(_) => {}
+            SimulatedMessage::Scan(_) | SimulatedMessage::CrossTrackError(_) => {}
         }
     }
     (drive, readings)

@@ -1,4 +1,4 @@
-//! Scanners that get something wrong in every sweep alike: what is called converged is true, and
+//! Scanners that get something wrong in every scan alike: what is called converged is true, and
 //! nothing is taken for a change of the vehicle.
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
@@ -13,10 +13,10 @@ use crate::drive::{Driven, FOUR, drive, error_of, vehicle_of};
 /// What is called converged is not called so beyond these many of its sigmas.
 const FALSE_CLAIM_SIGMAS: f64 = 4.0;
 
-/// A robot with raw sweeps of 720 beams.
+/// A robot with raw scans of 720 beams.
 fn robot(seed: u64, imperfections: Imperfections) -> SimulationConfig {
     let mut config = SimulationConfig::figure_eight(seed);
-    config.lidar = LidarOutput::Sweeps(LidarSettings {
+    config.lidar = LidarOutput::Scans(LidarSettings {
         beams: 720,
         ..LidarSettings::default()
     });

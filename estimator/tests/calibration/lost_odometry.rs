@@ -7,7 +7,7 @@ use fleetcal_estimator::Status;
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::estimate::{Cause, ChangeKind};
 use fleetcal_robot::simulator::{
-    Drive, LidarOutput, LidarPose, LidarSettings, Point, Pose2, Route, SimulatedMessage,
+    DriveSample, LidarOutput, LidarPose, LidarSettings, Point, Pose2, Route, SimulatedMessage,
     SimulationConfig, World,
 };
 
@@ -19,7 +19,7 @@ fn featureless(seed: u64, world: World, route: Route, range_max_m: f64) -> Drive
     config.world = Arc::new(world);
     config.people.count = 0;
     config.route = route;
-    config.lidar = LidarOutput::Sweeps(LidarSettings {
+    config.lidar = LidarOutput::Scans(LidarSettings {
         beams: 720,
         range_max_m,
         ..LidarSettings::default()
@@ -81,7 +81,7 @@ impl Taken {
         let mut messages = Vec::new();
         if time_s >= TAKEN_S
             && self.put_from_left.is_none()
-            && let (SimulatedMessage::Drive(drive), Some(before)) = (message, self.last)
+            && let (SimulatedMessage::WheelOdometry(drive), Some(before)) = (message, self.last)
         {
             messages = self.held(*drive, before);
             let put = before.pose.compose(&self.moved);
@@ -90,7 +90,7 @@ impl Taken {
         let later_ns = (self.held_s * 1e9) as i64;
         let mut message = message.clone();
         match (&mut message, &self.put_from_left) {
-            (SimulatedMessage::Drive(drive), Some(_)) => drive.stamp_ns += later_ns,
+            (SimulatedMessage::WheelOdometry(drive), Some(_)) => drive.stamp_ns += later_ns,
             (SimulatedMessage::LidarPose(pose), Some(put_from_left)) => {
                 pose.stamp_ns += later_ns;
                 pose.pose = put_from_left.compose(&pose.pose);
@@ -103,13 +103,13 @@ impl Taken {
     }
 
     /// Standing wheels at 100 Hz, poses on the way at 10 Hz.
-    fn held(&self, mut drive: Drive, before: LidarPose) -> Vec<SimulatedMessage> {
+    fn held(&self, mut drive: DriveSample, before: LidarPose) -> Vec<SimulatedMessage> {
         drive.speed_mps = 0.0;
         let steps = (self.held_s * 100.0) as i64;
         let mut messages = Vec::new();
         for step in 1..=steps {
             drive.stamp_ns += 10_000_000;
-            messages.push(SimulatedMessage::Drive(drive));
+            messages.push(SimulatedMessage::WheelOdometry(drive));
             if step % 10 == 0 {
                 let part = step as f64 / steps as f64;
                 let moved = Pose2::new(part * self.moved.x_m, part * self.moved.y_m, 0.0);

@@ -20,9 +20,9 @@ mod imperfect_scanner;
 mod imperfect_vehicle;
 mod lost_odometry;
 mod observability;
-mod plan;
 mod restarts;
 mod restarts_in_motion;
 #[expect(dead_code, reason = "an example measures each cause alone")]
 mod synthetic_windows;
+mod top_view;
 mod unchanged;

@@ -74,7 +74,7 @@ fn assert_same_vehicle(before: &Calibrator, after: &Calibrator, name: &str) {
 /// Every restart of a drive: the calibrator that goes on is held against the one before.
 fn assert_goes_on(seed: u64, imperfections: Imperfections) -> ScannerReport {
     let mut config = SimulationConfig::figure_eight(seed);
-    config.lidar = LidarOutput::Sweeps(LidarSettings {
+    config.lidar = LidarOutput::Scans(LidarSettings {
         beams: 720,
         ..LidarSettings::default()
     });
@@ -200,7 +200,7 @@ fn a_checkpoint_that_knows_no_steering_curve_is_read_and_the_curve_learnt() {
 
 /// A checkpoint of the release before has no scanner in it.
 #[test]
-fn a_checkpoint_without_a_scanner_is_read_and_its_scanner_learnt_anew() {
+fn a_checkpoint_without_a_scanner_is_read_and_its_scanner_learnt_again() {
     let config = SimulationConfig::figure_eight(3);
     let settings = CalibratorConfig::of(vehicle_of(&config.vehicle, config.vehicle.wheelbase_m));
     let mut calibrator = Calibrator::new(settings.clone());

@@ -3,13 +3,12 @@
 use std::collections::VecDeque;
 
 use fleetcal_estimator::change::WINDOWS_MAX;
-use fleetcal_estimator::change::evidence::{
-    CAUSES, Evidence, Reference, Search, Thresholds, WINDOW_CHI2_MAX, candidates, strongest,
-};
+use fleetcal_estimator::change::evidence::{CAUSES, Evidence, Thresholds, WINDOW_CHI2_MAX};
+use fleetcal_estimator::change::search::{Reference, Search, candidates, strongest};
 use fleetcal_estimator::change::window::{Window, WindowCutter};
 use fleetcal_estimator::drive_history::DriveHistory;
-use fleetcal_estimator::filter::noise::MotionNoise;
 use fleetcal_estimator::filter::{OdometryReading, PARAMETERS, ParameterCovariance, Values};
+use fleetcal_estimator::motion_noise::MotionNoise;
 use fleetcal_estimator::{DriveSample, Pose2, RobotTime, Vehicle, VehicleModel};
 use fleetcal_robot::simulator::{Point, Route, SimulatedMessage, Simulation, SimulationConfig};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
@@ -20,7 +19,7 @@ use crate::drive::poses;
 
 /// Share of its information that the reference keeps from window to window: it remembers 250 m.
 const KEPT: f64 = 0.998;
-/// Doubt of the parameters before the first window: twice the limits of convergence.
+/// Uncertainty of the parameters before the first window: twice the limits of convergence.
 const PRIOR_SIGMA: [f64; PARAMETERS] = [
     1.7e-3, 0.01, 0.01, 3.5e-3, 4e-3, 6e-3, 0.02, 0.02, 3e-3, 0.01, 0.043, 0.12,
 ];
@@ -71,7 +70,7 @@ pub fn windows_of(route: Route, duration_s: f64) -> Vec<Window> {
             return windows;
         }
         match emitted.message {
-            SimulatedMessage::Drive(d) => {
+            SimulatedMessage::WheelOdometry(d) => {
                 drive.push(
                     DriveSample::new(RobotTime(d.stamp_ns), d.speed_mps, d.steering_rad).unwrap(),
                 );
@@ -90,7 +89,7 @@ pub fn windows_of(route: Route, duration_s: f64) -> Vec<Window> {
                     windows.extend(cutter.push(&due, &drive, &vehicle, &values, (&noise, 1.0)));
                 }
             }
-            SimulatedMessage::Sweep(_) | SimulatedMessage::CrossTrackError(_) => {}
+            SimulatedMessage::Scan(_) | SimulatedMessage::CrossTrackError(_) => {}
         }
     }
 }

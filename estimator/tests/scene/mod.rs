@@ -1,11 +1,11 @@
-//! A small world to drive a LiDAR through, with its truth: walls, walking people, a rolling sweep.
+//! A small world to drive a LiDAR through, with its truth: walls, walking people, a rolling scan.
 #![expect(clippy::unwrap_used, reason = "a scene that cannot be ends its test")]
 
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-use fleetcal_estimator::stream::SweepShape;
-use fleetcal_estimator::{Pose2, RobotTime, Sweep};
+use fleetcal_estimator::stream::ScanShape;
+use fleetcal_estimator::{Pose2, RobotTime, Scan};
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 use rand_distr::{Distribution, Normal};
@@ -172,10 +172,10 @@ impl Default for Scanner {
 }
 
 impl Scanner {
-    pub fn shape(&self) -> SweepShape {
+    pub fn shape(&self) -> ScanShape {
         let sign = if self.clockwise { -1.0 } else { 1.0 };
         let increment = self.fov_rad / self.beams as f64;
-        SweepShape {
+        ScanShape {
             angle_min_rad: -sign * 0.5 * self.fov_rad,
             angle_increment_rad: sign * increment,
             // A narrower view takes its part of the turn.
@@ -189,14 +189,14 @@ impl Scanner {
         }
     }
 
-    /// The sweep that begins `t` seconds after [`START`], and the LiDAR's true pose at its middle.
-    pub fn sweep(
+    /// The scan that begins `t` seconds after [`START`], and the LiDAR's true pose at its middle.
+    pub fn scan(
         &self,
         scene: &Scene,
         route: &dyn Fn(f64) -> Pose2,
         t: f64,
         rng: &mut StdRng,
-    ) -> (Sweep, Pose2) {
+    ) -> (Scan, Pose2) {
         let shape = self.shape();
         let noise = Normal::new(0.0, self.noise_m).unwrap();
         let middle_s = 0.5 * (self.beams - 1) as f64 * shape.time_increment_s;
@@ -224,7 +224,7 @@ impl Scanner {
                 }
             })
             .collect();
-        let told = SweepShape {
+        let told = ScanShape {
             time_increment_s: if self.untimed {
                 0.0
             } else {
@@ -233,7 +233,7 @@ impl Scanner {
             ..shape
         };
         (
-            Sweep::new(START.plus_seconds(t), told, ranges).unwrap(),
+            Scan::new(START.plus_seconds(t), told, ranges).unwrap(),
             at_middle,
         )
     }

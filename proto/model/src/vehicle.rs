@@ -16,6 +16,7 @@ pub enum VehicleModel {
 /// Where the speed is measured.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub enum SpeedMeasuredAt {
     /// At the rear axle's centre.
     RearAxle,

@@ -6,7 +6,7 @@ use fleetcal_proto::ros::{
 };
 use thiserror::Error;
 
-use crate::simulator::{Drive, LidarPose, Pose2, Sweep, Truth};
+use crate::simulator::{DriveSample, LidarPose, Pose2, Scan, Truth};
 
 /// A stamp that a ROS message cannot carry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
@@ -28,7 +28,7 @@ fn header(stamp_ns: i64, frame_id: &str) -> Result<Header, StampRefused> {
 ///
 /// # Errors
 /// When its stamp does not fit.
-pub fn drive_message(drive: &Drive) -> Result<AckermannDriveStamped, StampRefused> {
+pub fn drive_message(drive: &DriveSample) -> Result<AckermannDriveStamped, StampRefused> {
     Ok(AckermannDriveStamped {
         header: header(drive.stamp_ns, "base")?,
         drive: AckermannDrive {
@@ -43,18 +43,18 @@ pub fn drive_message(drive: &Drive) -> Result<AckermannDriveStamped, StampRefuse
 ///
 /// # Errors
 /// When its stamp does not fit.
-pub fn scan_message(sweep: Sweep) -> Result<LaserScan, StampRefused> {
-    let gaps = sweep.ranges_m.len().saturating_sub(1) as f64;
+pub fn scan_message(scan: Scan) -> Result<LaserScan, StampRefused> {
+    let gaps = scan.ranges_m.len().saturating_sub(1) as f64;
     Ok(LaserScan {
-        header: header(sweep.stamp_ns, "lidar")?,
-        angle_min: sweep.angle_min_rad as f32,
-        angle_max: (sweep.angle_min_rad + gaps * sweep.angle_increment_rad) as f32,
-        angle_increment: sweep.angle_increment_rad as f32,
-        time_increment: sweep.time_increment_s as f32,
-        scan_time: sweep.scan_time_s as f32,
-        range_min: sweep.range_min_m as f32,
-        range_max: sweep.range_max_m as f32,
-        ranges: sweep.ranges_m.into(),
+        header: header(scan.stamp_ns, "lidar")?,
+        angle_min: scan.angle_min_rad as f32,
+        angle_max: (scan.angle_min_rad + gaps * scan.angle_increment_rad) as f32,
+        angle_increment: scan.angle_increment_rad as f32,
+        time_increment: scan.time_increment_s as f32,
+        scan_time: scan.scan_time_s as f32,
+        range_min: scan.range_min_m as f32,
+        range_max: scan.range_max_m as f32,
+        ranges: scan.ranges_m.into(),
         intensities: Vec::new().into(),
     })
 }

@@ -165,9 +165,9 @@ pub fn record(
 
 fn write(writer: &mut RecordingWriter, emitted: Emitted) -> Result<(), RecordError> {
     match emitted.message {
-        SimulatedMessage::Drive(drive) => writer.wheel_odometry(&drive_message(&drive)?)?,
-        SimulatedMessage::Sweep(sweep) => {
-            writer.scan(&scan_message(sweep)?)?;
+        SimulatedMessage::WheelOdometry(drive) => writer.wheel_odometry(&drive_message(&drive)?)?,
+        SimulatedMessage::Scan(scan) => {
+            writer.scan(&scan_message(scan)?)?;
             writer.truth(&truth_message(&emitted.truth)?)?;
         }
         // A recorder of the robot's own streams: no one publishes these two as ROS messages.

@@ -94,7 +94,7 @@ fn robot(number: usize, seed: u64, world: &Arc<World>) -> Option<SimulatedRobot>
         },
         localisation: LocalisationNoise::default(),
         drive: DriveSettings::default(),
-        lidar: LidarOutput::Sweeps(LidarSettings {
+        lidar: LidarOutput::Scans(LidarSettings {
             field_of_view_rad: TAU,
             phase_s: random.random_range(0.0..0.1),
             ..LidarSettings::default()

@@ -153,18 +153,18 @@ impl Driver {
     async fn send(&mut self, message: SimulatedMessage) -> Result<(), FleetError> {
         let id = &self.summary.id;
         let (kind, payload) = match message {
-            SimulatedMessage::Drive(drive) => {
+            SimulatedMessage::WheelOdometry(drive) => {
                 self.summary.drive_samples += 1;
                 (
                     StreamKind::WheelOdometry,
                     drive_message(&drive).map_err(at(id))?.to_cdr(),
                 )
             }
-            SimulatedMessage::Sweep(sweep) => {
+            SimulatedMessage::Scan(scan) => {
                 self.summary.scans += 1;
                 (
                     StreamKind::Scan,
-                    scan_message(sweep).map_err(at(id))?.to_cdr(),
+                    scan_message(scan).map_err(at(id))?.to_cdr(),
                 )
             }
             SimulatedMessage::LidarPose(pose) => {

@@ -64,8 +64,8 @@ impl RecordingWriter {
     /// When it can't be written.
     pub fn scan(&mut self, message: &LaserScan) -> Result<(), RecordingError> {
         let stamp_ns = message.header.stamp.as_ns();
-        let sweep_s = f64::from(message.time_increment) * message.ranges.len() as f64;
-        let log_time_ns = stamp_ns.saturating_add((sweep_s * 1e9) as i64);
+        let scan_s = f64::from(message.time_increment) * message.ranges.len() as f64;
+        let log_time_ns = stamp_ns.saturating_add((scan_s * 1e9) as i64);
         self.file
             .write(self.scan, [log_time_ns, stamp_ns], &message.to_cdr())
     }

@@ -73,7 +73,7 @@ impl SimulationConfig {
             check([("changes.at_s", scheduled.at_s, 0.0..=1e9, "0 s or later")])?;
         }
         match &self.lidar {
-            LidarOutput::Sweeps(lidar) => check_lidar(lidar)?,
+            LidarOutput::Scans(lidar) => check_lidar(lidar)?,
             LidarOutput::Poses(poses) => check_poses(poses)?,
         }
         self.imperfections.check(&self.vehicle, &self.lidar)

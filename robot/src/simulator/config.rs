@@ -97,7 +97,7 @@ pub struct ScheduledChange {
 #[serde(rename_all = "snake_case")]
 pub enum LidarOutput {
     /// Raw scans.
-    Sweeps(LidarSettings),
+    Scans(LidarSettings),
     /// Poses of its own odometry: no ray is cast.
     Poses(PoseSettings),
 }
@@ -156,7 +156,7 @@ impl SimulationConfig {
             speed: SpeedProfile::default(),
             localisation: LocalisationNoise::default(),
             drive: DriveSettings::default(),
-            lidar: LidarOutput::Sweeps(LidarSettings::default()),
+            lidar: LidarOutput::Scans(LidarSettings::default()),
             changes: Vec::new(),
             imperfections: Imperfections::default(),
         }
@@ -173,7 +173,7 @@ impl SimulationConfig {
         let imperfections = &self.imperfections;
         if let Some(scan_rate_hz) = imperfections.lidar.scan_rate_hz {
             match &mut self.lidar {
-                LidarOutput::Sweeps(lidar) => lidar.rate_hz = scan_rate_hz,
+                LidarOutput::Scans(lidar) => lidar.rate_hz = scan_rate_hz,
                 LidarOutput::Poses(poses) => poses.rate_hz = scan_rate_hz,
             }
         }

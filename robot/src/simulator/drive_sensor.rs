@@ -7,7 +7,7 @@ use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
 use super::imperfections::VehicleImperfections;
-use super::message::Drive;
+use super::message::DriveSample;
 use super::random::{Stream, stream};
 use super::steering_curve::SteeringCurve;
 use super::vehicle::{Motion, VehicleTruth};
@@ -57,7 +57,7 @@ impl DriveSensor {
     pub fn new(settings: DriveSettings, delay_steps: usize, seed: u64) -> Self {
         Self {
             settings,
-            random: stream(seed, Stream::Drive),
+            random: stream(seed, Stream::WheelOdometry),
             speed_sum_mps: 0.0,
             steering_sum_rad: 0.0,
             steps: 0,
@@ -90,7 +90,7 @@ impl DriveSensor {
     }
 
     /// The sample of the interval that ends at `time_ns` of simulated time.
-    pub fn sample(&mut self, vehicle: &VehicleTruth, time_ns: i64) -> Drive {
+    pub fn sample(&mut self, vehicle: &VehicleTruth, time_ns: i64) -> DriveSample {
         let steps = f64::from(self.steps.max(1));
         let speed_mps = self.speed_sum_mps / steps;
         let steering_rad = self.steering_sum_rad / steps;
@@ -104,7 +104,7 @@ impl DriveSensor {
             0.0
         };
         let noisy_rad = steering_rad + self.settings.steering_sigma_rad * steering_noise;
-        Drive {
+        DriveSample {
             stamp_ns: time_ns + (vehicle.time_offset_s * 1e9).round() as i64,
             speed_mps: speed_mps + speed_sigma_mps * speed_noise,
             steering_rad: quantise(noisy_rad, self.settings.steering_step_rad),

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::beams::Beams;
 use super::imperfections::ScannerImperfections;
-use super::message::Sweep;
+use super::message::Scan;
 use super::people::{Crowd, Disc, aside};
 use super::plane::{Point, Pose2};
 use super::random::{Stream, stream};
@@ -141,13 +141,7 @@ impl Lidar {
 
     /// The scan whose first beam is at `time_ns` of simulated time; the track must reach to its
     /// end.
-    pub fn sweep(
-        &mut self,
-        world: &World,
-        crowd: &mut Crowd,
-        track: &Track,
-        time_ns: i64,
-    ) -> Sweep {
+    pub fn scan(&mut self, world: &World, crowd: &mut Crowd, track: &Track, time_ns: i64) -> Scan {
         let settings = self.settings;
         let beams = settings.beams as usize;
         let step_ns = settings.time_increment_s() * 1e9;
@@ -186,7 +180,7 @@ impl Lidar {
     }
 
     /// The scan as it is sent: what its beams met, with all that the scanner adds.
-    fn shown(&mut self, time_ns: i64) -> Sweep {
+    fn shown(&mut self, time_ns: i64) -> Scan {
         let settings = self.settings;
         let (angle_min_rad, angle_increment_rad) = settings.angles_rad();
         let mut met = std::mem::take(&mut self.met);
@@ -206,7 +200,7 @@ impl Lidar {
         } else {
             settings.time_increment_s()
         };
-        Sweep {
+        Scan {
             stamp_ns: time_ns + late_ns,
             angle_min_rad,
             angle_increment_rad,

@@ -6,7 +6,7 @@ use super::plane::Pose2;
 
 /// Measured speed and steering of the interval that ends at the stamp.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Drive {
+pub struct DriveSample {
     /// End of the interval on the wheel odometry's clock, ns.
     pub stamp_ns: i64,
     /// Measured speed, m/s, at the place where the vehicle measures it.
@@ -17,7 +17,7 @@ pub struct Drive {
 
 /// One scan of the LiDAR, stamped at its first beam.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Sweep {
+pub struct Scan {
     /// Time of the first beam, ns.
     pub stamp_ns: i64,
     /// Direction of the first beam in the LiDAR's frame, rad.
@@ -60,9 +60,9 @@ pub struct CrossTrackError {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum SimulatedMessage {
     /// Speed and steering.
-    Drive(Drive),
+    WheelOdometry(DriveSample),
     /// A scan.
-    Sweep(Sweep),
+    Scan(Scan),
     /// A pose instead of a scan.
     LidarPose(LidarPose),
     /// Cross-track error, once a second.
@@ -73,8 +73,8 @@ impl SimulatedMessage {
     /// The message's own stamp, ns.
     pub const fn stamp_ns(&self) -> i64 {
         match self {
-            Self::Drive(drive) => drive.stamp_ns,
-            Self::Sweep(sweep) => sweep.stamp_ns,
+            Self::WheelOdometry(drive) => drive.stamp_ns,
+            Self::Scan(scan) => scan.stamp_ns,
             Self::LidarPose(pose) => pose.stamp_ns,
             Self::CrossTrackError(error) => error.stamp_ns,
         }

@@ -46,7 +46,7 @@ pub use imperfections::{
 };
 pub use lidar::LidarSettings;
 pub use message::{
-    CrossTrackError, Drive, Emitted, LidarPose, SimulatedMessage, Sweep, TrueParameters, Truth,
+    CrossTrackError, DriveSample, Emitted, LidarPose, Scan, SimulatedMessage, TrueParameters, Truth,
 };
 pub use pose_sensor::PoseSettings;
 pub use route::{Reversal, Route};

@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 pub(super) enum Stream {
     World = 1,
     People,
-    Drive,
+    WheelOdometry,
     Lidar,
     Pose,
     Slip,

@@ -16,7 +16,7 @@ fn a_robot_backs_up_twice_in_every_lap_and_keeps_to_its_route() {
     let mut backwards_m = Vec::new();
     let mut going_back = false;
     for emitted in &messages {
-        let SimulatedMessage::Drive(drive) = emitted.message else {
+        let SimulatedMessage::WheelOdometry(drive) = emitted.message else {
             continue;
         };
         let speed_mps = emitted.truth.speed_mps;

@@ -27,7 +27,7 @@ const CROSS_TRACK_ERROR_NS: i64 = 1_000_000_000;
 /// What makes the LiDAR's messages, and the time of the next one.
 #[derive(Debug)]
 enum LidarSource {
-    Sweeps {
+    Scans {
         lidar: Box<Lidar>,
         settings: LidarSettings,
         next_ns: i64,
@@ -226,13 +226,17 @@ impl Simulation {
     fn sense_drive(&mut self) {
         if self.now_ns % self.drive_period_ns == 0 {
             let drive = self.drive_sensor.sample(&self.config.vehicle, self.now_ns);
-            self.emit(SimulatedMessage::Drive(drive), self.now_ns, self.now_ns);
+            self.emit(
+                SimulatedMessage::WheelOdometry(drive),
+                self.now_ns,
+                self.now_ns,
+            );
         }
     }
 
     fn sense_lidar(&mut self) {
         let (message, reference_ns, sent_ns) = match &mut self.lidar {
-            LidarSource::Sweeps {
+            LidarSource::Scans {
                 lidar,
                 settings,
                 next_ns,
@@ -242,9 +246,9 @@ impl Simulation {
                     return;
                 }
                 *next_ns += settings.period_ns();
-                let sweep = lidar.sweep(&self.config.world, &mut self.crowd, &self.track, start_ns);
+                let scan = lidar.scan(&self.config.world, &mut self.crowd, &self.track, start_ns);
                 (
-                    SimulatedMessage::Sweep(sweep),
+                    SimulatedMessage::Scan(scan),
                     start_ns + settings.reference_ns(),
                     sent_ns,
                 )
@@ -296,7 +300,7 @@ impl Simulation {
 /// The LiDAR's source and how long the track must reach back for it, ns.
 fn lidar_source(config: &SimulationConfig) -> (LidarSource, i64) {
     match config.lidar {
-        LidarOutput::Sweeps(settings) => {
+        LidarOutput::Scans(settings) => {
             let imperfections = &config.imperfections;
             let lidar = Box::new(Lidar::new(
                 settings,
@@ -307,7 +311,7 @@ fn lidar_source(config: &SimulationConfig) -> (LidarSource, i64) {
             let next_ns = (settings.phase_s * 1e9) as i64;
             let memory_ns = settings.duration_ns() + 2 * STEP_NS;
             (
-                LidarSource::Sweeps {
+                LidarSource::Scans {
                     lidar,
                     settings,
                     next_ns,
@@ -345,8 +349,8 @@ fn whole_steps(duration_ns: f64) -> i64 {
 /// The message with its stamp counted from 1970 instead of from the start.
 fn stamped(mut message: SimulatedMessage, start_ns: i64) -> SimulatedMessage {
     match &mut message {
-        SimulatedMessage::Drive(drive) => drive.stamp_ns += start_ns,
-        SimulatedMessage::Sweep(sweep) => sweep.stamp_ns += start_ns,
+        SimulatedMessage::WheelOdometry(drive) => drive.stamp_ns += start_ns,
+        SimulatedMessage::Scan(scan) => scan.stamp_ns += start_ns,
         SimulatedMessage::LidarPose(pose) => pose.stamp_ns += start_ns,
         SimulatedMessage::CrossTrackError(error) => error.stamp_ns += start_ns,
     }

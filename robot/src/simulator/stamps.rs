@@ -14,7 +14,7 @@ const LEAST_GAP_NS: i64 = 100_000;
 /// Which of the two streams a message belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Line {
-    Drive,
+    WheelOdometry,
     Lidar,
 }
 
@@ -43,8 +43,8 @@ impl Stamps {
     /// lost. What the robot says of its path has its own way and arrives.
     pub fn send(&mut self, mut message: SimulatedMessage) -> Option<SimulatedMessage> {
         let (line, stamp_ns) = match &mut message {
-            SimulatedMessage::Drive(drive) => (Line::Drive, &mut drive.stamp_ns),
-            SimulatedMessage::Sweep(sweep) => (Line::Lidar, &mut sweep.stamp_ns),
+            SimulatedMessage::WheelOdometry(drive) => (Line::WheelOdometry, &mut drive.stamp_ns),
+            SimulatedMessage::Scan(scan) => (Line::Lidar, &mut scan.stamp_ns),
             SimulatedMessage::LidarPose(pose) => (Line::Lidar, &mut pose.stamp_ns),
             SimulatedMessage::CrossTrackError(_) => return Some(message),
         };
@@ -58,14 +58,14 @@ impl Stamps {
     /// 2. Every stamp trembles; a stream is first in, first out, so its stamps rise.
     fn stamp_ns(&mut self, line: Line, time_ns: i64) -> i64 {
         let mut stamp_ns = time_ns;
-        if line == Line::Drive {
+        if line == Line::WheelOdometry {
             stamp_ns += (self.imperfections.drive_drift * time_ns as f64).round() as i64;
         }
         let sigma_ns = self.imperfections.stamp_jitter_s * 1e9;
         if sigma_ns > 0.0 {
             let noise: f64 = StandardNormal.sample(&mut self.jitter);
             let last_ns = match line {
-                Line::Drive => &mut self.last_drive_ns,
+                Line::WheelOdometry => &mut self.last_drive_ns,
                 Line::Lidar => &mut self.last_lidar_ns,
             };
             stamp_ns += (sigma_ns * noise).round() as i64;

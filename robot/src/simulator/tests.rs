@@ -40,23 +40,23 @@ fn run(config: SimulationConfig, duration_s: f64) -> Vec<Emitted> {
     Simulation::new(config).unwrap().run(duration_s)
 }
 
-fn sweeps(messages: &[Emitted]) -> Vec<(&Sweep, &Emitted)> {
-    let sweep = |emitted: &'_ Emitted| matches!(emitted.message, SimulatedMessage::Sweep(_));
+fn scans(messages: &[Emitted]) -> Vec<(&Scan, &Emitted)> {
+    let scan = |emitted: &'_ Emitted| matches!(emitted.message, SimulatedMessage::Scan(_));
     messages
         .iter()
-        .filter(|emitted| sweep(emitted))
+        .filter(|emitted| scan(emitted))
         .map(|emitted| match &emitted.message {
-            SimulatedMessage::Sweep(sweep) => (sweep, emitted),
-            other => panic!("not a sweep: {other:?}"),
+            SimulatedMessage::Scan(scan) => (scan, emitted),
+            other => panic!("not a scan: {other:?}"),
         })
         .collect()
 }
 
-fn drives(messages: &[Emitted]) -> Vec<(Drive, &Emitted)> {
+fn drives(messages: &[Emitted]) -> Vec<(DriveSample, &Emitted)> {
     messages
         .iter()
         .filter_map(|emitted| match emitted.message {
-            SimulatedMessage::Drive(drive) => Some((drive, emitted)),
+            SimulatedMessage::WheelOdometry(drive) => Some((drive, emitted)),
             _ => None,
         })
         .collect()
@@ -168,11 +168,11 @@ fn each_beam_is_cast_from_its_own_moment() {
             instantaneous,
             ..quiet_lidar()
         };
-        config.lidar = LidarOutput::Sweeps(settings);
+        config.lidar = LidarOutput::Scans(settings);
         let mut truths = config.clone();
         let world = Arc::clone(&config.world);
         let messages = run(config, 14.0);
-        let (sweep, _) = *sweeps(&messages).last().unwrap();
+        let (scan, _) = *scans(&messages).last().unwrap();
         // The same drive again with a pose stream at 1 kHz tells where the LiDAR was.
         truths.lidar = LidarOutput::Poses(PoseSettings {
             rate_hz: 1000.0,
@@ -191,13 +191,13 @@ fn each_beam_is_cast_from_its_own_moment() {
             let fraction = (stamp_ns - before.stamp_ns) as f64 * 1e-6;
             before.lidar.toward(&after.lidar, fraction)
         };
-        for beam in 0..sweep.ranges_m.len() {
-            let offset_ns = (beam as f64 * sweep.time_increment_s * 1e9) as i64;
-            let pose = lidar_at(sweep.stamp_ns + offset_ns);
+        for beam in 0..scan.ranges_m.len() {
+            let offset_ns = (beam as f64 * scan.time_increment_s * 1e9) as i64;
+            let pose = lidar_at(scan.stamp_ns + offset_ns);
             let bearing_rad =
-                pose.yaw_rad + sweep.angle_min_rad + beam as f64 * sweep.angle_increment_rad;
+                pose.yaw_rad + scan.angle_min_rad + beam as f64 * scan.angle_increment_rad;
             let expected_m = world.range_m(pose.point(), bearing_rad, 40.0).unwrap();
-            let range_m = f64::from(sweep.ranges_m[beam]);
+            let range_m = f64::from(scan.ranges_m[beam]);
             assert!(
                 (range_m - expected_m).abs() < 1e-5,
                 "beam {beam}: {range_m} {expected_m}"
@@ -423,8 +423,8 @@ fn people_are_seen_and_step_aside() {
     config.people.count = 60;
     let crowded = run(config, 20.0);
     let mut nearer = 0;
-    for ((sweep, _), (with_people, _)) in sweeps(&empty).iter().zip(sweeps(&crowded)) {
-        for (range_m, person_m) in sweep.ranges_m.iter().zip(&with_people.ranges_m) {
+    for ((scan, _), (with_people, _)) in scans(&empty).iter().zip(scans(&crowded)) {
+        for (range_m, person_m) in scan.ranges_m.iter().zip(&with_people.ranges_m) {
             assert!(
                 person_m <= range_m || !range_m.is_finite(),
                 "people hide, never reveal"
@@ -436,12 +436,12 @@ fn people_are_seen_and_step_aside() {
             nearer += usize::from(person_m + 0.2 < *range_m);
         }
     }
-    let seen = nearer as f64 / sweeps(&empty).len() as f64;
+    let seen = nearer as f64 / scans(&empty).len() as f64;
     assert!(seen > 20.0, "{seen} beams of 1024 on people");
 }
 
 #[test]
-fn a_sweep_is_sent_after_its_last_beam_and_ranges_outside_the_limits_are_no_returns() {
+fn a_scan_is_sent_after_its_last_beam_and_ranges_outside_the_limits_are_no_returns() {
     let mut config = SimulationConfig::figure_eight(6);
     let settings = LidarSettings {
         beams: 360,
@@ -449,17 +449,17 @@ fn a_sweep_is_sent_after_its_last_beam_and_ranges_outside_the_limits_are_no_retu
         dropped_beams: 0.1,
         ..LidarSettings::default()
     };
-    config.lidar = LidarOutput::Sweeps(settings);
+    config.lidar = LidarOutput::Scans(settings);
     let messages = run(config, 5.0);
-    let sweeps = sweeps(&messages);
-    assert_eq!(sweeps.len(), 49);
-    for (sweep, emitted) in &sweeps {
-        assert_eq!(sweep.ranges_m.len(), 360);
-        assert_eq!(emitted.sent_ns - sweep.stamp_ns, 100_000_000);
-        assert!((emitted.truth.stamp_ns - sweep.stamp_ns - 49_861_111).abs() <= 1);
+    let scans = scans(&messages);
+    assert_eq!(scans.len(), 49);
+    for (scan, emitted) in &scans {
+        assert_eq!(scan.ranges_m.len(), 360);
+        assert_eq!(emitted.sent_ns - scan.stamp_ns, 100_000_000);
+        assert!((emitted.truth.stamp_ns - scan.stamp_ns - 49_861_111).abs() <= 1);
         assert_eq!(emitted.truth_when_sent.stamp_ns, emitted.sent_ns);
         let fine = |range: &f32| *range == f32::INFINITY || (0.2..=6.0).contains(range);
-        assert!(sweep.ranges_m.iter().all(fine));
+        assert!(scan.ranges_m.iter().all(fine));
     }
     let stamps: Vec<_> = messages
         .iter()
@@ -484,7 +484,7 @@ fn a_setting_that_cannot_be_is_refused_by_name() {
         "people.count is 61, expected at most 60"
     );
     let beams = |beams| {
-        LidarOutput::Sweeps(LidarSettings {
+        LidarOutput::Scans(LidarSettings {
             beams,
             ..LidarSettings::default()
         })

@@ -131,7 +131,7 @@ pub fn run(arguments: &Arguments, clock: &dyn Clock) -> Result<(), CommandError>
         let taken = stream.take(&mut intake, &message);
         let event = taken.and_then(|taken| taken.events.into_iter().next());
         let pose = event.and_then(|decoded| match decoded.event {
-            Event::Sweep(sweep) => odometry.process(&sweep),
+            Event::Scan(scan) => odometry.process(&scan),
             _ => None,
         });
         times.add_scan(thread_cpu().saturating_sub(before));

@@ -218,7 +218,7 @@ mod tests {
         id = "tugger_01"
         model = "bicycle"
         wheelbase_m = 1.2
-        nominal = { x_m = 0.434, y_m = 0.0, yaw_rad = 0.0 }
+        nominal_extrinsics = { x_m = 0.434, y_m = 0.0, yaw_rad = 0.0 }
         wheel_odometry = "raw"
     "#;
 
@@ -233,7 +233,7 @@ mod tests {
         assert_eq!(robot.id.as_str(), "tugger_01");
         assert!((robot.config.vehicle().wheelbase_m - 1.2).abs() < 1e-12);
         assert_eq!(
-            robot.config.nominal.map(|m| m.pose()),
+            robot.config.nominal_extrinsics.map(|m| m.pose()),
             Some(Pose2::new(0.434, 0.0, 0.0))
         );
     }
@@ -271,7 +271,7 @@ mod tests {
             "model",
             "wheelbase_m",
             "speed_",
-            "nominal",
+            "nominal_extrinsics",
             "wheel_odometry",
             "rear_axle_in",
         ];

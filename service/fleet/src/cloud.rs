@@ -2,7 +2,7 @@
 
 use fleetcal_estimator::point_cloud::{CloudPoint, PlanarBand, PointCloud};
 use fleetcal_estimator::stream::FieldRefused;
-use fleetcal_estimator::{RobotTime, Sweep};
+use fleetcal_estimator::{RobotTime, Scan};
 use fleetcal_proto::ros::{CloudRefused, Column, PointCloud2, PointDatatype};
 use thiserror::Error;
 
@@ -28,7 +28,7 @@ pub enum CloudUnusable {
 ///
 /// # Errors
 /// Names the field that contradicts the others, is missing, or holds what cannot be.
-pub fn sweep(message: &PointCloud2, band: &PlanarBand) -> Result<Sweep, CloudUnusable> {
+pub fn scan(message: &PointCloud2, band: &PlanarBand) -> Result<Scan, CloudUnusable> {
     message.check_layout()?;
     let position = [
         message.needed_column("x")?,
@@ -48,7 +48,7 @@ pub fn sweep(message: &PointCloud2, band: &PlanarBand) -> Result<Sweep, CloudUnu
         points: points.collect(),
         columns: is_organised.then_some(message.width.max(message.height) as usize),
     };
-    Ok(band.sweep(&cloud)?)
+    Ok(band.scan(&cloud)?)
 }
 
 /// A point's time: whole numbers are nanoseconds after the cloud's stamp, others seconds; both may
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn times_of_every_driver_make_the_same_rolling_sweep() {
+    fn times_of_every_driver_make_the_same_rolling_scan() {
         let stamp_s = STAMP.as_ns() as f64 * 1e-9;
         let clouds = [
             cloud("t", PointDatatype::Uint32, |t| (t * 1e9).round()),
@@ -141,21 +141,20 @@ mod tests {
             cloud("timestamp", PointDatatype::Float64, |t| (t + stamp_s) * 1e9),
         ];
         for cloud in clouds {
-            let sweep = sweep(&cloud, &PlanarBand::default()).expect("a turning scanner");
-            assert_eq!(sweep.ranges_m().len(), 360);
+            let scan = scan(&cloud, &PlanarBand::default()).expect("a turning scanner");
+            assert_eq!(scan.ranges_m().len(), 360);
             assert!(
-                sweep
-                    .ranges_m()
+                scan.ranges_m()
                     .iter()
                     .all(|range| (range - 4.0).abs() < 1e-3)
             );
-            assert!((sweep.shape().time_increment_s * 360.0 - 0.1).abs() < 1e-4);
-            let off_s = sweep.stamp().seconds_since(RobotTime(STAMP.as_ns()));
+            assert!((scan.shape().time_increment_s * 360.0 - 0.1).abs() < 1e-4);
+            let off_s = scan.stamp().seconds_since(RobotTime(STAMP.as_ns()));
             assert!(off_s.abs() < 1e-3, "{off_s}");
         }
         let untimed = cloud("intensity", PointDatatype::Float32, |t| t);
-        let sweep = sweep(&untimed, &PlanarBand::default()).expect("taken at once");
-        assert!(sweep.shape().time_increment_s.abs() < 1e-12);
+        let scan = scan(&untimed, &PlanarBand::default()).expect("taken at once");
+        assert!(scan.shape().time_increment_s.abs() < 1e-12);
     }
 
     #[test]
@@ -164,7 +163,7 @@ mod tests {
         let by_default = ScanSettings::default();
         let plain = Form::from(Encoding::Cdr);
         let named = Form::parse("application/cdr;sensor_msgs/msg/PointCloud2").expect("known");
-        let reason = decode(Stream::Scan, plain, &by_default, &payload).expect_err("no sweep");
+        let reason = decode(Stream::Scan, plain, &by_default, &payload).expect_err("no scan");
         assert!(
             reason.to_string().contains("sensor_msgs/msg/LaserScan"),
             "{reason}"

@@ -4,8 +4,8 @@
 use fleetcal_domain::limits::NOTE_CHARS_MAX;
 use fleetcal_domain::robot::ScanSettings;
 use fleetcal_domain::streams::message_types;
-use fleetcal_estimator::stream::{FieldRefused, SweepShape};
-use fleetcal_estimator::{DriveSample, Event, LidarPose, Note, Pose2, RobotTime, Sweep};
+use fleetcal_estimator::stream::{FieldRefused, ScanShape};
+use fleetcal_estimator::{DriveSample, Event, LidarPose, Note, Pose2, RobotTime, Scan};
 use fleetcal_model::Stream;
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::encoding::DecodeError;
@@ -138,16 +138,16 @@ pub fn decode(
     let event = match stream {
         Stream::WheelOdometry => {
             let message = AckermannDriveStamped::decode(encoding, payload).map_err(refused)?;
-            Event::Drive(drive_sample(&message)?)
+            Event::WheelOdometry(drive_sample(&message)?)
         }
         Stream::Scan => match form.message_type.unwrap_or(scans.scan_type.message_type()) {
             MessageType::LaserScan => {
                 let message = LaserScan::decode(encoding, payload).map_err(refused)?;
-                Event::Sweep(sweep(message)?)
+                Event::Scan(scan(message)?)
             }
             MessageType::PointCloud2 => {
                 let message = PointCloud2::decode(encoding, payload).map_err(refused)?;
-                Event::Sweep(cloud::sweep(&message, &scans.band)?)
+                Event::Scan(cloud::scan(&message, &scans.band)?)
             }
             other => return Err(MessageRefused::of_type(stream, other)),
         },
@@ -163,8 +163,8 @@ pub fn decode(
         }
     };
     let stamp = match &event {
-        Event::Drive(sample) => sample.stamp(),
-        Event::Sweep(sweep) => sweep.stamp(),
+        Event::WheelOdometry(sample) => sample.stamp(),
+        Event::Scan(scan) => scan.stamp(),
         Event::LidarPose(pose) => pose.stamp(),
         Event::Note(note) => note.stamp,
         Event::EndOfSession => RobotTime(0),
@@ -216,16 +216,16 @@ pub fn added_back(
 ///
 /// # Errors
 /// Names the field that holds what cannot be, or the number of beams that contradicts the angles.
-pub fn sweep(message: LaserScan) -> Result<Sweep, MessageRefused> {
+pub fn scan(message: LaserScan) -> Result<Scan, MessageRefused> {
     message.check_beams()?;
-    let shape = SweepShape {
+    let shape = ScanShape {
         angle_min_rad: f64::from(message.angle_min),
         angle_increment_rad: f64::from(message.angle_increment),
         time_increment_s: f64::from(message.time_increment),
         range_min_m: f64::from(message.range_min),
         range_max_m: f64::from(message.range_max),
     };
-    Sweep::new(
+    Scan::new(
         RobotTime(message.header.stamp.as_ns()),
         shape,
         message.ranges,

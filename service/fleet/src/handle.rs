@@ -11,7 +11,7 @@ use fleetcal_domain::robot::{
 };
 use fleetcal_domain::streams::RobotStreams;
 use fleetcal_estimator::advice::ranking::Ranked;
-use fleetcal_estimator::calibrator::Plan as TopView;
+use fleetcal_estimator::calibrator::TopView;
 use fleetcal_estimator::{Calibrator, EstimatorSettings, Pose2};
 use fleetcal_model::{Generation, RobotTime, Stream, WallTime};
 use fleetcal_proto::RobotId;

@@ -65,7 +65,7 @@ impl Intake {
     ) -> Result<Taken, MessageRefused> {
         let taken = match reading::read(stream, form, &self.settings, payload)? {
             Reading::Whole(decoded) => {
-                if let Event::Drive(sample) = &decoded.event {
+                if let Event::WheelOdometry(sample) = &decoded.event {
                     self.steering.take(sample);
                 }
                 Taken {
@@ -108,7 +108,7 @@ impl Intake {
 fn paired(stamp: RobotTime, samples: Vec<DriveSample>) -> Taken {
     let event = |sample: DriveSample| Decoded {
         stamp: sample.stamp(),
-        event: Event::Drive(sample),
+        event: Event::WheelOdometry(sample),
         note: None,
     };
     Taken {

@@ -162,7 +162,7 @@ impl Message<'_> {
         let sample = self.sample(&message.header, speed_mps, angle_rad)?;
         Ok(Decoded {
             stamp: sample.stamp(),
-            event: Event::Drive(sample),
+            event: Event::WheelOdometry(sample),
             note: None,
         })
     }
@@ -283,7 +283,7 @@ mod tests {
         else {
             panic!("a drive sample");
         };
-        let Event::Drive(sample) = decoded.event else {
+        let Event::WheelOdometry(sample) = decoded.event else {
             panic!("a drive sample");
         };
         assert!((sample.steering_rad() - 0.2).abs() < 1e-12);

@@ -92,7 +92,7 @@ struct Status {
     estimate: Option<Arc<EstimateDocument>>,
     estimator_restarts: u32,
     used: Used,
-    fresh: Option<(Generation, Arc<EstimateDocument>)>,
+    verification: Option<(Generation, Arc<EstimateDocument>)>,
     /// What it should drive next, the best first.
     manoeuvres: Arc<[Ranked]>,
     pairing: Option<PairingReport>,
@@ -205,7 +205,7 @@ impl Robot {
                 estimate: None,
                 estimator_restarts: 0,
                 used: Used::default(),
-                fresh: None,
+                verification: None,
                 manoeuvres: Arc::from([]),
                 pairing: None,
                 warnings: Vec::new(),
@@ -400,9 +400,9 @@ impl Robot {
     ) {
         {
             let mut status = lock(&self.status);
-            let fresh = status.fresh.take();
+            let verification = status.verification.take();
             let generation = in_verification.map(|(generation, _)| generation);
-            status.fresh = fresh.filter(|(of, _)| Some(*of) == generation);
+            status.verification = verification.filter(|(of, _)| Some(*of) == generation);
             if !status.used.follow(values, in_verification) {
                 return;
             }
@@ -490,7 +490,7 @@ impl Robot {
             .in_verification
             .is_some_and(|(in_verification, _)| in_verification == generation)
         {
-            status.fresh = Some((generation, estimate));
+            status.verification = Some((generation, estimate));
         }
     }
 
@@ -540,7 +540,7 @@ impl Robot {
             state: status.state,
             connection,
             estimate: status.estimate.clone(),
-            fresh: status.fresh.clone(),
+            verification: status.verification.clone(),
             counters,
             estimator_restarts: status.estimator_restarts,
             pairing: status.pairing,

@@ -13,7 +13,7 @@ use fleetcal_domain::robot::{
     HistoryEvent, Mount, RobotConfig, RobotState, ServiceEvent, ServiceEventKind, Warning,
     WheelOdometrySignal,
 };
-use fleetcal_estimator::calibrator::{CalibratorConfig, Plan as TopView};
+use fleetcal_estimator::calibrator::{CalibratorConfig, TopView};
 use fleetcal_estimator::lidar_odometry::BeamTimes;
 use fleetcal_estimator::{Calibrator, Checkpoint, Effect, Event, RobotTime};
 use fleetcal_model::{ChangeKind, Parameter, ParameterStatus, Stream, Version};
@@ -350,7 +350,7 @@ impl RobotTask {
         let Engine::Running(calibrator) = &self.engine else {
             return None;
         };
-        let drawn = catch_unwind(AssertUnwindSafe(|| calibrator.plan(&top_view::LIMITS)));
+        let drawn = catch_unwind(AssertUnwindSafe(|| calibrator.top_view(&top_view::LIMITS)));
         let view = drawn.unwrap_or_else(|_| {
             self.fleet.count_panic();
             tracing::error!(robot.id = %self.robot.id, "the top view could not be drawn up");
@@ -382,7 +382,7 @@ impl RobotTask {
 
     /// What the sensor measured, where the robot takes off what it compensates with.
     fn raw(&self, event: Event) -> Result<Event, String> {
-        let Event::Drive(sample) = &event else {
+        let Event::WheelOdometry(sample) = &event else {
             return Ok(event);
         };
         if self.signal == WheelOdometrySignal::Raw {
@@ -396,7 +396,7 @@ impl RobotTask {
             );
         };
         decode::added_back(sample, &values)
-            .map(Event::Drive)
+            .map(Event::WheelOdometry)
             .map_err(|refused| refused.to_string())
     }
 

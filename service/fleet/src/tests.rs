@@ -283,7 +283,7 @@ async fn strangers_are_bounded_and_make_room_when_they_are_gone() {
 
 /// Panics on the drive sample that `drive(13)` makes.
 fn panicking(calibrator: &mut Calibrator, event: Event) -> Vec<Effect> {
-    if let Event::Drive(sample) = &event {
+    if let Event::WheelOdometry(sample) = &event {
         assert_ne!(
             sample.stamp().0,
             BEGIN_NS + 13 * 10_000_000,
@@ -460,7 +460,7 @@ async fn a_compensated_robot_is_not_estimated_from_half_the_truth() {
 )]
 /// Takes the place of an estimator: says what steering it was fed as its steering offset.
 fn telling(calibrator: &mut Calibrator, event: Event) -> Vec<Effect> {
-    let Event::Drive(sample) = event else {
+    let Event::WheelOdometry(sample) = event else {
         return Vec::new();
     };
     let mut estimate = calibrator.estimate();
@@ -525,23 +525,26 @@ async fn values_on_trial_are_judged_by_an_estimator_of_their_own() {
         Some((Generation(3), RobotTime(since_ns))),
     );
     bench.worked_off("robot").await;
-    assert_eq!(bench.view("robot").fresh, None, "nothing came since");
+    assert_eq!(bench.view("robot").verification, None, "nothing came since");
     for number in 100..800 {
         bench.send("robot", Stream::WheelOdometry, &drive(number));
         bench.worked_off("robot").await;
     }
-    let (generation, fresh) = bench.view("robot").fresh.expect("an estimate of its own");
+    let (generation, verification) = bench
+        .view("robot")
+        .verification
+        .expect("an estimate of its own");
     let all = bench.view("robot").estimate.unwrap();
     assert_eq!(generation, Generation(3));
-    let late = all.counts.drive_samples - fresh.counts.drive_samples;
+    let late = all.counts.drive_samples - verification.counts.drive_samples;
     assert!(
         (200..=300).contains(&late),
         "{late} came before or were in flight"
     );
-    assert!(fresh.distance_m < all.distance_m);
+    assert!(verification.distance_m < all.distance_m);
     bench.fleet.use_values(&id("robot"), &[], None);
     assert_eq!(
-        bench.view("robot").fresh,
+        bench.view("robot").verification,
         None,
         "the verification_run is over"
     );

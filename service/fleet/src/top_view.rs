@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use fleetcal_domain::limits;
-use fleetcal_estimator::calibrator::{Plan as TopView, PlanLimits as TopViewLimits};
+use fleetcal_estimator::calibrator::{TopView, TopViewLimits};
 use tokio::sync::oneshot;
 
 /// Those who ask again within this much message time get the same view, s.

@@ -72,16 +72,16 @@ impl VerificationRun {
                 verification_run.generation == generation && verification_run.since == since
             })
             .or_else(|| {
-                let fresh = Calibrator::new(config.clone());
-                let fresh = match scanner() {
-                    Some(scanner) => fresh.with_scanner(scanner),
-                    None => fresh,
+                let calibrator = Calibrator::new(config.clone());
+                let calibrator = match scanner() {
+                    Some(scanner) => calibrator.with_scanner(scanner),
+                    None => calibrator,
                 };
                 Some(Self {
                     generation,
                     since,
                     start: Start::Open,
-                    calibrator: Box::new(fresh),
+                    calibrator: Box::new(calibrator),
                 })
             })
     }
@@ -114,8 +114,8 @@ impl VerificationRun {
 
 fn stamp_of(event: &Event) -> Option<RobotTime> {
     match event {
-        Event::Drive(sample) => Some(sample.stamp()),
-        Event::Sweep(sweep) => Some(sweep.stamp()),
+        Event::WheelOdometry(sample) => Some(sample.stamp()),
+        Event::Scan(scan) => Some(scan.stamp()),
         Event::LidarPose(pose) => Some(pose.stamp()),
         Event::Note(_) | Event::EndOfSession => None,
     }

@@ -74,7 +74,7 @@ async fn serve_all(
     stop: CancellationToken,
 ) {
     let graceful = GracefulShutdown::new();
-    let sweep = tokio::spawn(cut_overdue(connections, stop));
+    let cutter = tokio::spawn(cut_overdue(connections, stop));
     // It ends when nothing is accepted any more.
     while let Some((socket, place)) = accepted.recv().await {
         let watcher = graceful.watcher();
@@ -91,7 +91,7 @@ async fn serve_all(
     {
         tracing::warn!("some HTTP requests were cut off by the shutdown");
     }
-    sweep.abort();
+    cutter.abort();
 }
 
 async fn cut_overdue(connections: Connections, stop: CancellationToken) {

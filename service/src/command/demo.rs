@@ -158,7 +158,7 @@ async fn seed_accounts(store: &Store) -> Result<String, CommandError> {
 fn entry(robot: &SimulatedRobot) -> Result<RobotEntry, ValueRefused> {
     let wheelbase = Wheelbase::try_from(robot.wheelbase_m())?;
     let mut config = RobotConfig::of_vehicle(robot.model(), wheelbase);
-    config.nominal = Some(Mount::try_from(robot.nominal())?);
+    config.nominal_extrinsics = Some(Mount::try_from(robot.nominal())?);
     Ok(RobotEntry {
         id: robot.id.clone(),
         config,

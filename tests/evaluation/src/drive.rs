@@ -6,9 +6,9 @@ use std::sync::Arc;
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::estimate::Change;
 use fleetcal_estimator::geometry::{Pose2, wrap_angle_rad};
-use fleetcal_estimator::stream::{FieldRefused, SweepShape};
+use fleetcal_estimator::stream::{FieldRefused, ScanShape};
 use fleetcal_estimator::{
-    Calibrator, DriveSample, Effect, Estimate, Event, LidarPose, Parameter, RobotTime, Sweep,
+    Calibrator, DriveSample, Effect, Estimate, Event, LidarPose, Parameter, RobotTime, Scan,
 };
 use fleetcal_robot::simulator::{
     Emitted, Pose2 as TruePose, SimulatedMessage, Simulation, SimulationConfig, TrueParameters,
@@ -147,7 +147,7 @@ pub struct CrossTrack {
 impl CrossTrack {
     /// Looks at a message.
     pub fn see(&mut self, emitted: &Emitted) {
-        if let SimulatedMessage::Drive(_) = emitted.message {
+        if let SimulatedMessage::WheelOdometry(_) = emitted.message {
             if self.messages.is_multiple_of(10) {
                 self.values_m
                     .push(emitted.truth_when_sent.cross_track_error_m);
@@ -163,22 +163,22 @@ impl CrossTrack {
 /// Names the field that is refused.
 pub fn event_of(message: &SimulatedMessage) -> Result<Option<Event>, FieldRefused> {
     Ok(match message {
-        SimulatedMessage::Drive(drive) => Some(Event::Drive(DriveSample::new(
+        SimulatedMessage::WheelOdometry(drive) => Some(Event::WheelOdometry(DriveSample::new(
             RobotTime(drive.stamp_ns),
             drive.speed_mps,
             drive.steering_rad,
         )?)),
-        SimulatedMessage::Sweep(sweep) => {
-            let shape = SweepShape {
-                angle_min_rad: sweep.angle_min_rad,
-                angle_increment_rad: sweep.angle_increment_rad,
-                time_increment_s: sweep.time_increment_s,
-                range_min_m: sweep.range_min_m,
-                range_max_m: sweep.range_max_m,
+        SimulatedMessage::Scan(scan) => {
+            let shape = ScanShape {
+                angle_min_rad: scan.angle_min_rad,
+                angle_increment_rad: scan.angle_increment_rad,
+                time_increment_s: scan.time_increment_s,
+                range_min_m: scan.range_min_m,
+                range_max_m: scan.range_max_m,
             };
-            let ranges_m: Arc<[f32]> = sweep.ranges_m.as_slice().into();
-            let sweep = Sweep::new(RobotTime(sweep.stamp_ns), shape, ranges_m)?;
-            Some(Event::Sweep(sweep))
+            let ranges_m: Arc<[f32]> = scan.ranges_m.as_slice().into();
+            let scan = Scan::new(RobotTime(scan.stamp_ns), shape, ranges_m)?;
+            Some(Event::Scan(scan))
         }
         SimulatedMessage::LidarPose(pose) => {
             let covariance = pose.covariance.map(|rows| {

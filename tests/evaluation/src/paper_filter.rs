@@ -5,7 +5,7 @@
 //! LiDAR's frame, although its text means the mount itself. Both readings are here.
 
 use fleetcal_estimator::geometry::{Pose2, wrap_angle_rad};
-use fleetcal_estimator::vehicle::Drive;
+use fleetcal_estimator::vehicle::DriveReading;
 use nalgebra::{SMatrix, SVector, Vector3};
 
 /// Position (3), extrinsics (3) and steering offset, the paper's `s_k`.
@@ -101,7 +101,7 @@ impl PaperFilter {
     }
 
     /// The paper's prediction over `step_s`: `P = F P F' + G Q G'`. Nothing before the first pose.
-    pub fn predict(&mut self, drive: Drive, step_s: f64) {
+    pub fn predict(&mut self, drive: DriveReading, step_s: f64) {
         if self.first.is_none() {
             return;
         }
@@ -314,7 +314,7 @@ mod tests {
                 found.update(&lidar);
             }
             let steering_rad = 0.3 * (f64::from(step) * 0.003).sin();
-            let drive = Drive {
+            let drive = DriveReading {
                 speed_mps: 1.0,
                 steering_rad: steering_rad + offset_rad,
             };

@@ -2,7 +2,7 @@
 
 use fleetcal_estimator::Vehicle;
 use fleetcal_estimator::geometry::Pose2;
-use fleetcal_estimator::vehicle::{Drive, DriveParameters};
+use fleetcal_estimator::vehicle::{DriveParameters, DriveReading};
 use nalgebra::Vector3;
 
 /// Poses over time, in the order of their stamps.
@@ -63,7 +63,7 @@ impl DeadReckoning {
 
     /// Takes a drive reading, which describes the interval that ends at its stamp. The first one
     /// puts the robot where it really is.
-    pub fn take(&mut self, stamp_ns: i64, reading: Drive, truly: &Pose2) {
+    pub fn take(&mut self, stamp_ns: i64, reading: DriveReading, truly: &Pose2) {
         let pose = match self.at {
             None => *truly,
             Some((last_ns, last)) => {

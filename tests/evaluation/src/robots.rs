@@ -30,7 +30,7 @@ pub fn mount(x_m: f64, y_m: f64, yaw_deg: f64) -> TruePose {
     TruePose::new(x_m, y_m, yaw_deg.to_radians())
 }
 
-/// A tugger on the figure-eight, with raw sweeps and three people: its true mount, its true steering
+/// A tugger on the figure-eight, with raw scans and three people: its true mount, its true steering
 /// offset (degrees), and nothing told of either.
 pub fn tugger(seed: u64, lidar_in_base: TruePose, steering_offset_deg: f64) -> Robot {
     let mut simulation = SimulationConfig::figure_eight(seed);
@@ -75,7 +75,7 @@ pub fn nano(seed: u64, lidar_in_base: TruePose, steering_offset_deg: f64) -> Rob
     robot
 }
 
-/// The same robot with its own LiDAR odometry of 3 mm and 0.03° in place of raw sweeps: fast, and
+/// The same robot with its own LiDAR odometry of 3 mm and 0.03° in place of raw scans: fast, and
 /// with noise that is white as a filter takes it.
 pub fn with_lidar_poses(mut robot: Robot) -> Robot {
     robot.simulation.people.count = 0;

@@ -9,7 +9,7 @@ use fleetcal_estimator::filter::prior::Prior;
 use fleetcal_estimator::filter::{Filter, OdometryReading};
 use fleetcal_estimator::geometry::Pose2;
 use fleetcal_estimator::stream::FieldRefused;
-use fleetcal_estimator::vehicle::{Drive, DriveParameters};
+use fleetcal_estimator::vehicle::{DriveParameters, DriveReading};
 use fleetcal_estimator::{DriveSample, EstimatorSettings, RobotTime, Vehicle};
 use nalgebra::{Matrix3, Vector3};
 use rand::rngs::StdRng;
@@ -98,7 +98,7 @@ impl Scripted {
         Ok(())
     }
 
-    fn step(&mut self, wanted: Drive) -> Result<(), FieldRefused> {
+    fn step(&mut self, wanted: DriveReading) -> Result<(), FieldRefused> {
         let step_s = STEP_NS as f64 * 1e-9;
         let gain = 1.0 - (-step_s / LAG_S).exp();
         self.speed_mps += gain * (wanted.speed_mps - self.speed_mps);

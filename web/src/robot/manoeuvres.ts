@@ -4,8 +4,8 @@ import type { Manoeuvres, ParameterName } from '../api/types';
 import { SHOWN } from '../units/parameters';
 
 /** Whether any of them would shrink a sigma that is too large. */
-export function reducesDoubt(items: Manoeuvres['items']): boolean {
-  return items.some(({ doubt_taken }) => doubt_taken > 0);
+export function reducesUncertainty(items: Manoeuvres['items']): boolean {
+  return items.some(({ uncertainty_taken }) => uncertainty_taken > 0);
 }
 
 /**

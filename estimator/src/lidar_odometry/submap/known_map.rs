@@ -12,7 +12,7 @@ use crate::occupancy_grid::{Occupancy, OccupancyGrid};
 /// Space this near to something occupied is not called free, in cells: a wall's returns scatter.
 const FREE_MARGIN: i32 = 3;
 
-/// The map as sweeps are aligned with it: tiles of 10 cm cells over the whole grid.
+/// The map as scans are aligned with it: tiles of 10 cm cells over the whole grid.
 #[derive(Debug, Clone)]
 pub struct KnownMap {
     /// The lowest tile.

@@ -1,4 +1,4 @@
-//! The map that sweeps are aligned with: a table of 10 cm cells, each with the line through the
+//! The map that scans are aligned with: a table of 10 cm cells, each with the line through the
 //! points around it.
 //!
 //! What the LiDAR has seen lies in a bounded pool of tiles around it. Where a known map is given,
@@ -217,8 +217,8 @@ impl Submap {
     /// The line through a window less the side on which another surface begins, where there is one:
     /// without it the points scatter less across their line, and more so than by chance.
     ///
-    /// Corners of boxes stick out, so that lines laid around them lie too far back, and a sweep held
-    /// against those looks too small. A rolling sweep takes that for a motion to its side: its
+    /// Corners of boxes stick out, so that lines laid around them lie too far back, and a scan held
+    /// against those looks too small. A rolling scan takes that for a motion to its side: its
     /// turns came out displaced by 0.4 mm a radian.
     fn without_corner(&self, cell: Cell, whole: &Fitted) -> Option<Line> {
         if whole.across_m2 < self.quality.noise_m2 {

@@ -59,7 +59,7 @@ fn refused(channels: &[Channel], flags: [Option<&str>; 3], wanted: &[&str], exit
 const NONE: [Option<&str>; 3] = [None; 3];
 
 #[test]
-fn sweeps_are_preferred_to_poses() {
+fn scans_are_preferred_to_poses() {
     let channels = [
         drive_on("/a/drive"),
         scan_on("/a/scan"),
@@ -196,7 +196,7 @@ fn a_topic_that_cannot_be_is_named_with_what_could() {
 }
 
 #[test]
-fn clouds_do_where_there_are_no_sweeps() {
+fn clouds_do_where_there_are_no_scans() {
     let cloud = channel("/a/points", PointCloud2::TYPE);
     let channels = [drive_on("/a/drive"), cloud.clone(), odometry_on("/a/odom")];
     let topics = chosen(&channels, NONE);

@@ -171,7 +171,7 @@ impl ImperfectionKind {
     }
 
     /// Whether it acts on beams, so that a robot has to send scans to show it.
-    pub const fn needs_sweeps(self) -> bool {
+    pub const fn needs_scans(self) -> bool {
         matches!(
             self,
             Self::RangeBias
@@ -231,14 +231,14 @@ impl Imperfections {
     /// Every imperfection at once: each of half to one and a half times its typical size, its sign
     /// drawn. The scan rate is between 5 and 40 Hz; every other robot leaves out the beams' times,
     /// every other one stamps at the scan's end, and the steering either lags or is late. Without
-    /// `sweeps` those of beams are left out.
-    pub fn all_typical(seed: u64, sweeps: bool) -> Self {
+    /// `scans` those of beams are left out.
+    pub fn all_typical(seed: u64, scans: bool) -> Self {
         let mut random = imperfection_stream(seed);
         let mut all = Self::default();
         for kind in ImperfectionKind::ALL {
             // The same draws for every kind, so that a new one changes none of those before it.
             let (size, sign) = (random.random_range(0.5..1.5), sign(&mut random));
-            let shown = sweeps || !kind.needs_sweeps();
+            let shown = scans || !kind.needs_scans();
             if kind.has_size() && shown {
                 all.add(kind, size * sign);
             }
@@ -251,7 +251,7 @@ impl Imperfections {
         } else {
             all.vehicle.steering_delay_s = 0.0;
         }
-        if sweeps {
+        if scans {
             all.scanner.untimed_beams = untimed;
             all.scanner.stamped_at_end = at_end;
             all.scanner.tilt_direction_rad = tilt_direction_rad;

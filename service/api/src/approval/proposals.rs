@@ -166,7 +166,9 @@ fn proposed(api: &ApiState, value: &NewProposalDocument) -> Result<Command, Prob
         values,
         sigmas,
         evidence,
-        nominal: config.nominal.map(|mount| nominal_values(&mount.pose())),
+        nominal: config
+            .nominal_extrinsics
+            .map(|mount| nominal_values(&mount.pose())),
         reason: Some(value.reason.clone()).filter(|reason| !reason.trim().is_empty()),
     })
 }

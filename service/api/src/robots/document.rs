@@ -16,7 +16,6 @@ use fleetcal_store::RobotRecord;
 use jiff::Timestamp;
 use serde::Serialize;
 
-use super::config::RobotConfigSchema;
 use super::connection::ConnectionDocument;
 use crate::approval::CalibrationSummary;
 use crate::time;
@@ -74,7 +73,10 @@ impl RobotSummary {
                 .map(StreamDocument::of)
                 .collect(),
             calibration: CalibrationSummary::of(ledger),
-            verification_distance_m: view.fresh.as_ref().map(|(_, fresh)| fresh.distance_m),
+            verification_distance_m: view
+                .verification
+                .as_ref()
+                .map(|(_, verification)| verification.distance_m),
             id: view.id,
             state: view.state,
             stale: view.connection.stale,
@@ -91,7 +93,6 @@ pub(super) struct RobotDocument {
     #[serde(flatten)]
     summary: RobotSummary,
     /// Its configuration; absent for a robot that nobody has described yet.
-    #[schema(value_type = Option<RobotConfigSchema>)]
     config: Option<RobotConfig>,
     /// Goes up by one with every change of `config`; 0 while there is none.
     version: Version,

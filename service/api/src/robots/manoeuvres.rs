@@ -78,7 +78,7 @@ struct ManoeuvreDocument {
     width_m: f64,
     /// How many times the sigmas that are too large for `converged` would shrink, all in all, as a
     /// natural logarithm; 0 when none is too large.
-    doubt_taken: f64,
+    uncertainty_taken: f64,
     /// Information about all estimated parameters, bits.
     information_bits: f64,
     /// Sigmas afterwards.
@@ -108,7 +108,7 @@ impl ManoeuvreDocument {
             distance_m: manoeuvre.distance_m(),
             length_m,
             width_m,
-            doubt_taken: ranked.doubt_taken,
+            uncertainty_taken: ranked.uncertainty_taken,
             information_bits: ranked.information_bits,
             sigma_after: SigmaAfter {
                 steering_offset: sigma(Parameter::SteeringOffset),

@@ -1,6 +1,5 @@
 //! The robots: list, registration, estimate, history and events.
 
-mod config;
 mod connection;
 mod cross_track;
 mod document;

@@ -13,7 +13,6 @@ use fleetcal_operations::robots::configure;
 use fleetcal_proto::RobotId;
 use fleetcal_store::Expected;
 
-use super::config::RobotConfigSchema;
 use super::document::RobotDocument;
 use crate::ApiState;
 use crate::access::Caller;
@@ -54,7 +53,7 @@ pub(super) async fn get_robot(
         ("If-Match" = Option<String>, Header, description = "The ETag of GET."),
         ("If-None-Match" = Option<String>, Header, description = "`*` for a new robot."),
     ),
-    request_body = RobotConfigSchema,
+    request_body = RobotConfig,
     responses(
         (status = OK, description = "The changed robot", body = RobotDocument,
             headers(("ETag" = String, description = "Version of the configuration."))),

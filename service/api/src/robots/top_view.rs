@@ -2,7 +2,7 @@
 
 use axum::Json;
 use axum::extract::State;
-use fleetcal_estimator::calibrator::{Plan as TopView, TrajectoryPoint};
+use fleetcal_estimator::calibrator::{TopView, TrajectoryPoint};
 use fleetcal_model::Pose2;
 use fleetcal_proto::RobotId;
 use serde::Serialize;

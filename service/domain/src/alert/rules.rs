@@ -327,7 +327,10 @@ enum Compared {
 /// Holds the present estimate against what the robot uses.
 fn compared(situation: &Situation<'_>) -> Compared {
     let view = situation.view;
-    let nominal = view.config.as_ref().and_then(|config| config.nominal);
+    let nominal = view
+        .config
+        .as_ref()
+        .and_then(|config| config.nominal_extrinsics);
     let in_use = situation.ledger.shadow.in_use.as_ref();
     let used = in_use
         .map(|in_use| in_use.values)

@@ -177,7 +177,7 @@ fn an_acknowledgement_changes_no_condition_and_a_condition_no_acknowledgement() 
 pub(crate) fn view() -> RobotView {
     let config: RobotConfig = serde_json::from_value(json!({
         "model": "bicycle", "wheelbase_m": 1.2,
-        "nominal": {"x_m": 0.434, "y_m": 0.0, "yaw_rad": 0.0},
+        "nominal_extrinsics": {"x_m": 0.434, "y_m": 0.0, "yaw_rad": 0.0},
     }))
     .unwrap();
     RobotView {
@@ -192,7 +192,7 @@ pub(crate) fn view() -> RobotView {
             streams: Vec::new(),
         },
         estimate: Some(Arc::new(estimate(0.0, 0.0001, "converged"))),
-        fresh: None,
+        verification: None,
         counters: Counters::default(),
         estimator_restarts: 0,
         pairing: None,
@@ -383,7 +383,7 @@ fn drift_is_sure_and_far_or_a_vehicle_that_changed() {
     let unknown_base = drift(|case| {
         case.view.estimate = Some(Arc::new(estimate(0.1, 0.0001, "converged")));
         case.view.config = case.view.config.take().map(|config| RobotConfig {
-            nominal: None,
+            nominal_extrinsics: None,
             ..config
         });
     });

@@ -26,7 +26,7 @@ pub struct Situation<'a> {
     /// Whether that estimate has stood still long enough, see [`Candidate`].
     pub stable: bool,
     /// An estimate from nothing but what came since the values in use were applied.
-    pub fresh: Option<&'a EstimateDocument>,
+    pub verification: Option<&'a EstimateDocument>,
     /// What the robot uses if it has never said so.
     pub nominal: Option<CalibrationValues>,
 }
@@ -56,14 +56,14 @@ const VERIFY_SIGMAS: f64 = 2.0;
 /// 3. otherwise more motion has to tell; `k` is `VERIFY_SIGMAS`.
 pub fn judge(
     in_use: &CalibrationValues,
-    fresh: &EstimateDocument,
+    verification: &EstimateDocument,
     policy: &Policy,
     now: WallTime,
 ) -> Verdict {
-    let Some((values, sigmas)) = values_and_sigmas(fresh) else {
+    let Some((values, sigmas)) = values_and_sigmas(verification) else {
         return Verdict::NotYet;
     };
-    if fresh.distance_m < policy.verify_after_m {
+    if verification.distance_m < policy.verify_after_m {
         return Verdict::NotYet;
     }
     let residual = difference(in_use, &values);
@@ -82,7 +82,7 @@ pub fn judge(
     }
     Verdict::Known(Verification {
         at_ns: now,
-        distance_m: fresh.distance_m,
+        distance_m: verification.distance_m,
         residual,
         sigma,
         within,
@@ -239,8 +239,8 @@ fn verification_due(
     let deployment = live.id;
     let in_use = ledger.shadow.in_use.as_ref()?;
     let judged = situation
-        .fresh
-        .map(|fresh| judge(&in_use.values, fresh, policy, situation.now));
+        .verification
+        .map(|verification| judge(&in_use.values, verification, policy, situation.now));
     let failed_before = live.verification.is_some_and(|verdict| !verdict.within);
     if let Some(Verdict::Known(verification)) = judged
         && (verification.within || !failed_before)

@@ -12,6 +12,8 @@ use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
 use crate::streams::RobotStreams;
+#[cfg(feature = "openapi")]
+use {crate::streams::StreamsFields, fleetcal_estimator::point_cloud::BandFields};
 
 /// Longest wheelbase accepted, m: beyond any vehicle on wheels.
 pub const WHEELBASE_MAX_M: f64 = 30.0;
@@ -102,6 +104,22 @@ impl TryFrom<Pose2> for Mount {
     }
 }
 
+/// The pose of a part on the vehicle.
+#[cfg(feature = "openapi")]
+#[derive(utoipa::ToSchema)]
+#[schema(as = Mount)]
+#[expect(dead_code, reason = "what OpenAPI says of the limits of a Mount")]
+struct MountSchema {
+    /// Forward of the frame's origin, m.
+    #[schema(minimum = -30.0, maximum = 30.0)]
+    x_m: f64,
+    /// To its left, m.
+    #[schema(minimum = -30.0, maximum = 30.0)]
+    y_m: f64,
+    /// Heading, counter-clockwise, rad, within one turn.
+    yaw_rad: f64,
+}
+
 impl From<Mount> for Pose2 {
     fn from(mount: Mount) -> Self {
         mount.0
@@ -111,6 +129,7 @@ impl From<Mount> for Pose2 {
 /// Whether a robot's wheel odometry carries the sensor's raw steering angle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub enum WheelOdometrySignal {
     /// As the sensor measures it.
     #[default]
@@ -128,42 +147,53 @@ pub struct ScanSettings {
     pub band: PlanarBand,
 }
 
-/// One robot: its vehicle and what is known of it beforehand. The keys of `[[robot]]` in
-/// `fleetcal.toml` (beside `id`) and of the body of `PUT /api/v1/robots/{id}`.
+/// A robot's vehicle and what is known of it beforehand. Only `model` and `wheelbase_m` have to be
+/// given; unknown keys are refused by name.
+// The keys of `[[robot]]` in `fleetcal.toml` (beside `id`) and of the body of
+// `PUT /api/v1/robots/{id}`, whose description in OpenAPI these comments are.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct RobotConfig {
     /// How the vehicle steers.
     pub model: VehicleModel,
-    /// Distance between the axles.
+    /// Distance between the axles, m, more than 0 and at most 30.
+    #[cfg_attr(feature = "openapi", schema(value_type = f64, exclusive_minimum = 0.0, maximum = 30.0, examples(1.2)))]
     pub wheelbase_m: Wheelbase,
     /// Where the speed is measured; where the model usually measures it unless given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
     pub speed_measured_at: Option<SpeedMeasuredAt>,
-    /// The LiDAR's pose in `base` from CAD or tape.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub nominal: Option<Mount>,
-    /// Whether the wheel odometry is raw.
+    /// The LiDAR's pose in `base` (rear-axle centre, x forward, y left) from CAD or tape.
+    #[serde(default, alias = "nominal", skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(nullable, required = false, value_type = Option<MountSchema>))]
+    pub nominal_extrinsics: Option<Mount>,
+    /// Whether the wheel odometry carries the raw steering angle; `raw` unless given.
     #[serde(default, alias = "drive")]
     pub wheel_odometry: WheelOdometrySignal,
     /// The rear axle in the vehicle's `base_link`; documents then also give `lidar_in_base_link`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(nullable, required = false, value_type = Option<MountSchema>))]
     pub rear_axle_in_base_link: Option<Mount>,
-    /// Which message its scans are, where they do not say so themselves.
+    /// Which message its scans are, where they do not say so themselves; `laser_scan` unless given.
     #[serde(default)]
     pub scan_type: ScanType,
     /// What is taken of the clouds of a 3D scanner; the default band unless given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(nullable, required = false, value_type = Option<BandFields>))]
     pub point_cloud: Option<PlanarBand>,
     /// Its ROS 2 topics, where they are not those of `[ros2]`.
     #[serde(default, skip_serializing_if = "RobotStreams::is_default")]
+    #[cfg_attr(feature = "openapi", schema(required = false, value_type = StreamsFields))]
     pub streams: RobotStreams,
-    /// Settings of this robot's estimator; those of `[estimator]` unless given.
+    /// Settings of this robot's estimator, with the keys of `[estimator]` in `fleetcal.toml`; the
+    /// service's own unless given.
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
         deserialize_with = "checked_settings_if_any"
     )]
+    #[cfg_attr(feature = "openapi", schema(nullable, required = false, value_type = Option<Object>))]
     pub estimator: Option<EstimatorSettings>,
 }
 
@@ -174,7 +204,7 @@ impl RobotConfig {
             model,
             wheelbase_m,
             speed_measured_at: None,
-            nominal: None,
+            nominal_extrinsics: None,
             wheel_odometry: WheelOdometrySignal::Raw,
             rear_axle_in_base_link: None,
             scan_type: ScanType::default(),
@@ -205,7 +235,7 @@ impl RobotConfig {
     pub fn calibrator_config(&self, defaults: &EstimatorSettings) -> CalibratorConfig {
         CalibratorConfig {
             vehicle: self.vehicle(),
-            nominal_lidar_in_base: self.nominal.map(|mount| mount.pose()),
+            nominal_lidar_in_base: self.nominal_extrinsics.map(|mount| mount.pose()),
             settings: self.estimator.clone().unwrap_or_else(|| defaults.clone()),
         }
     }
@@ -220,4 +250,56 @@ fn checked_settings_if_any<'de, D: Deserializer<'de>>(
         settings.check().map_err(D::Error::custom)?;
     }
     Ok(settings)
+}
+
+#[cfg(all(test, feature = "openapi"))]
+mod tests {
+    use utoipa::PartialSchema;
+
+    use super::*;
+
+    #[test]
+    fn its_schema_requires_no_more_than_the_vehicle() {
+        let schema = serde_json::to_value(RobotConfig::schema()).unwrap();
+        assert_eq!(
+            schema["required"],
+            serde_json::json!(["model", "wheelbase_m"])
+        );
+        let streams = serde_json::to_value(StreamsFields::schema()).unwrap();
+        assert_eq!(streams["required"], serde_json::Value::Null);
+    }
+
+    #[test]
+    fn nominal_extrinsics_are_read_under_their_former_name_and_written_under_the_new_one() {
+        let former = r#"{"model": "bicycle", "wheelbase_m": 1.2,
+            "nominal": {"x_m": 0.4, "y_m": 0, "yaw_rad": 3.1}}"#;
+        let config: RobotConfig = serde_json::from_str(former).unwrap();
+        assert_eq!(config.nominal_extrinsics.unwrap().pose().x_m, 0.4);
+        let written = serde_json::to_value(&config).unwrap();
+        assert_eq!(written["nominal_extrinsics"]["x_m"], 0.4);
+        assert!(written.get("nominal").is_none());
+    }
+
+    #[test]
+    fn every_key_is_accepted() {
+        for text in [
+            r#"{"model": "bicycle", "wheelbase_m": 1.2}"#,
+            r#"{"model": "tricycle", "wheelbase_m": 1.2, "speed_measured_at": "rear_axle",
+                "nominal_extrinsics": {"x_m": 0.4, "y_m": 0, "yaw_rad": 3.1}, "wheel_odometry": "compensated",
+                "rear_axle_in_base_link": {"x_m": -0.4, "y_m": 0, "yaw_rad": 0},
+                "scan_type": "point_cloud2",
+                "point_cloud": {"height_min_m": -0.2, "height_max_m": 1, "range_min_m": 0.5,
+                    "range_max_m": 40, "clearance_m": 0.05, "beams": 720, "ignore_times": true},
+                "streams": {"prefix": "7", "scan": {"topic": "front/scan"},
+                    "steering": {"topic": "joints", "type": "sensor_msgs/msg/JointState"},
+                    "speed": {"topic": "odom", "type": "nav_msgs/msg/Odometry"},
+                    "joints": {"steering": "s", "steering_gear": 1, "wheels": ["w"],
+                        "wheel_radius_m": 0.1, "wheel_gear": 1}},
+                "estimator": {}}"#,
+            r#"{"model": "bicycle", "wheelbase_m": 1.2,
+                "speed_measured_at": {"rear_wheel": {"lateral_m": 0.3}}}"#,
+        ] {
+            serde_json::from_str::<RobotConfig>(text).unwrap();
+        }
+    }
 }

@@ -175,7 +175,7 @@ pub struct RobotView {
     pub estimate: Option<Arc<EstimateDocument>>,
     /// An estimate from nothing but what came since the values of this generation are in use;
     /// `None` while nothing is to be verified.
-    pub fresh: Option<(Generation, Arc<EstimateDocument>)>,
+    pub verification: Option<(Generation, Arc<EstimateDocument>)>,
     /// What became of its messages.
     pub counters: Counters,
     /// Times that its estimator was restarted after a panic.

@@ -23,22 +23,27 @@ const GEAR_MAX: f64 = 1_000.0;
 /// One topic.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Source {
-    /// Its name below the robot.
+    /// Its name below the robot, without a slash at the ends.
+    #[cfg_attr(feature = "openapi", schema(examples("front/scan")))]
     pub topic: TopicName,
     /// What its messages are, where keys, tokens and encodings do not say so.
     #[serde(rename = "type", default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
     pub message_type: Option<MessageType>,
 }
 
 /// Which joints of a `JointState` steer and drive.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Joints {
     /// The joint whose position is the steering angle, left positive.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
     pub steering: Option<String>,
-    /// Steering angle of the (virtual) centre wheel for each radian of the joint.
+    /// Steering angle of the (virtual) centre wheel for each radian of the joint; 1 unless given.
     #[serde(default = "one")]
     pub steering_gear: f64,
     /// The joints whose mean velocity is the speed.
@@ -46,8 +51,9 @@ pub struct Joints {
     pub wheels: Vec<String>,
     /// Radius of these wheels, m.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
     pub wheel_radius_m: Option<f64>,
-    /// Turns of the wheel for each turn of the joint.
+    /// Turns of the wheel for each turn of the joint; 1 unless given.
     #[serde(default = "one")]
     pub wheel_gear: f64,
 }
@@ -64,31 +70,41 @@ pub struct RobotStreams(StreamsFields);
 /// The keys of `streams`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema), schema(as = RobotStreams))]
 pub struct StreamsFields {
     /// What stands before its topics in keys, instead of what the templates say: `7`, `site/7`.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(nullable, required = false, examples("7")))]
     pub prefix: Option<TopicName>,
-    /// Wheel odometry: measured steering and speed in one message.
+    /// Wheel odometry, measured steering and speed in one message: `AckermannDriveStamped` or
+    /// `JointState`.
     #[serde(alias = "drive", skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
     pub wheel_odometry: Option<Source>,
     /// Whether its wheel odometry is on the former usual topic, `drive`, unless `[ros2]` or
     /// `wheel_odometry` names one: so for robots that were registered while that was usual.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
+    #[cfg_attr(feature = "openapi", schema(required = false))]
     pub former_topic: bool,
-    /// Steering alone, paired by stamp with `speed`.
+    /// Steering alone, with `speed` instead of `wheel_odometry`; paired by stamp.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
     pub steering: Option<Source>,
-    /// Speed alone.
+    /// Speed alone: `Odometry`, `TwistStamped`, `JointState` or `AckermannDriveStamped`.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
     pub speed: Option<Source>,
-    /// Scans or clouds.
+    /// `LaserScan` or `PointCloud2`.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
     pub scan: Option<Source>,
-    /// Poses of the LiDAR.
+    /// Poses of the LiDAR instead of scans: `Odometry` or `PoseStamped`.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
     pub lidar_odometry: Option<Source>,
     /// Which joints steer and drive, of a `JointState`.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
     pub joints: Option<Joints>,
 }
 

@@ -46,6 +46,7 @@ impl Default for Ros2Settings {
 /// A topic's name below its robot, `front/scan`: chunks parted by one slash, none at the ends.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema), schema(value_type = String))]
 pub struct TopicName(String);
 
 impl TopicName {

@@ -64,20 +64,22 @@ impl Lifecycle {
         let estimate = view.estimate.as_deref().filter(|_| calibrated);
         let stable = candidate.observe(estimate, &policy);
         let config = view.config.as_ref()?;
-        let fresh = view.fresh.as_ref();
+        let verification = view.verification.as_ref();
         let in_use = ledger
             .shadow
             .in_use
             .as_ref()
             .map(|in_use| in_use.generation);
-        let fresh = fresh.filter(|(generation, _)| Some(*generation) == in_use);
+        let verification = verification.filter(|(generation, _)| Some(*generation) == in_use);
         let situation = Situation {
             now,
             estimate,
             vehicle_changed: view.state == RobotState::Changed,
             stable,
-            fresh: fresh.map(|(_, estimate)| estimate.as_ref()),
-            nominal: config.nominal.map(|mount| nominal_values(&mount.pose())),
+            verification: verification.map(|(_, estimate)| estimate.as_ref()),
+            nominal: config
+                .nominal_extrinsics
+                .map(|mount| nominal_values(&mount.pose())),
         };
         due(&ledger, &situation, &policy).or_else(|| automatic(&ledger, &policy))
     }

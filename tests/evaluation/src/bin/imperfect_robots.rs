@@ -33,7 +33,7 @@ struct Arguments {
     /// Injected changes: `steering_0.5deg`, `mount_yaw_0.5deg`, `mount_20mm`.
     #[arg(long, value_delimiter = ',')]
     change: Vec<InjectedChange>,
-    /// What the LiDAR sends; by default poses, and sweeps for imperfections of single beams and
+    /// What the LiDAR sends; by default poses, and scans for imperfections of single beams and
     /// for all at once.
     #[arg(long)]
     sensor: Option<Sensor>,
@@ -115,11 +115,11 @@ impl Arguments {
 
     /// Poses unless beams matter; `None` for beams on a robot that has to send poses.
     fn sensor_for(&self, flaw: Flaw) -> Option<Sensor> {
-        match (self.sensor, flaw.needs_sweeps()) {
+        match (self.sensor, flaw.needs_scans()) {
             (Some(Sensor::Poses), true) => None,
             (Some(sensor), _) => Some(sensor),
-            (None, true) => Some(Sensor::Sweeps),
-            (None, false) if flaw == Flaw::AllTypical => Some(Sensor::Sweeps),
+            (None, true) => Some(Sensor::Scans),
+            (None, false) if flaw == Flaw::AllTypical => Some(Sensor::Scans),
             (None, false) => Some(Sensor::Poses),
         }
     }

@@ -54,10 +54,10 @@ impl Flaw {
         }
     }
 
-    /// Whether a robot has to send sweeps to show it.
-    pub const fn needs_sweeps(self) -> bool {
+    /// Whether a robot has to send scans to show it.
+    pub const fn needs_scans(self) -> bool {
         match self {
-            Self::One(kind, _) => kind.needs_sweeps(),
+            Self::One(kind, _) => kind.needs_scans(),
             Self::Clean | Self::AllTypical => false,
         }
     }
@@ -67,7 +67,7 @@ impl Flaw {
         match self {
             Self::Clean => Imperfections::default(),
             Self::One(kind, strength) => Imperfections::drawn(kind, strength, seed),
-            Self::AllTypical => Imperfections::all_typical(seed, sensor == Sensor::Sweeps),
+            Self::AllTypical => Imperfections::all_typical(seed, sensor == Sensor::Scans),
         }
     }
 }
@@ -113,8 +113,8 @@ impl Road {
 pub enum Sensor {
     /// Poses of its own odometry: 3 mm and 0.03°, white.
     Poses,
-    /// Raw sweeps, for the estimator's LiDAR odometry.
-    Sweeps,
+    /// Raw scans, for the estimator's LiDAR odometry.
+    Scans,
 }
 
 impl Sensor {
@@ -122,7 +122,7 @@ impl Sensor {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Poses => "poses",
-            Self::Sweeps => "sweeps",
+            Self::Scans => "scans",
         }
     }
 }
@@ -273,7 +273,7 @@ impl FromStr for Sensor {
     type Err = UnknownName;
 
     fn from_str(text: &str) -> Result<Self, UnknownName> {
-        by_name(text, &[Self::Poses, Self::Sweeps], Self::name)
+        by_name(text, &[Self::Poses, Self::Scans], Self::name)
     }
 }
 

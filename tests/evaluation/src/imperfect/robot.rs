@@ -14,7 +14,7 @@ use rand::{Rng, SeedableRng};
 use super::cell::{Cell, InjectedChange, Scenario, Sensor, Speed};
 use crate::drive::Robot;
 
-/// Beams of a sweep.
+/// Beams of a scan.
 const BEAMS: u32 = 720;
 /// Time before a change: a first part that is the same for all, and a share of a lap, s.
 const BEFORE_CHANGE_S: [(Speed, f64, f64); 2] =
@@ -45,7 +45,7 @@ pub fn robot(cell: Cell, seed: u64) -> (Robot, Option<f64>) {
                 ..PoseSettings::default()
             })
         }
-        Sensor::Sweeps => LidarOutput::Sweeps(LidarSettings {
+        Sensor::Scans => LidarOutput::Scans(LidarSettings {
             beams: BEAMS,
             ..LidarSettings::default()
         }),

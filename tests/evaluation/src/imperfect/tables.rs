@@ -67,10 +67,10 @@ fn pooled(
     Ok(rows)
 }
 
-/// Poses where they show the imperfection, because they cost a tenth of sweeps.
+/// Poses where they show the imperfection, because they cost a tenth of scans.
 pub fn sensor_of(flaw: Flaw) -> Sensor {
-    if flaw.needs_sweeps() || flaw == Flaw::AllTypical {
-        Sensor::Sweeps
+    if flaw.needs_scans() || flaw == Flaw::AllTypical {
+        Sensor::Scans
     } else {
         Sensor::Poses
     }

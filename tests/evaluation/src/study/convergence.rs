@@ -32,7 +32,7 @@ struct Case {
 pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
     let mut section = Section::new("1. Convergence (Tables I and II)");
     section.words(format!(
-        "A tugger drives the figure-eight for {} s by its own path following, with raw sweeps of 1024 \
+        "A tugger drives the figure-eight for {} s by its own path following, with raw scans of 1024 \
          beams, three people walking about and a steering encoder of 0.25°. Its truth is the paper's \
          estimate. Under load its mount is 1 cm further ahead, its tyres give way in bends (0.002 rad \
          for each m/s²) and its wheels slip by 0.3 % instead of 0.2 %. On top, in all studies: wheels \

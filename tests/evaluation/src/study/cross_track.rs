@@ -52,7 +52,7 @@ pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
     section.words(format!(
         "The tugger follows the figure-eight by its own (mis)measured steering. Its controller has no \
          integral part, and its localisation is noisy (1 cm, 0.3°). In the calibration run it corrects \
-         nothing, and the estimator works it out from raw sweeps in {} s. Then it drives with the \
+         nothing, and the estimator works it out from raw scans in {} s. Then it drives with the \
          estimated offset: added once more, as the paper does, and removed, each for {} s; once with \
          the estimated mount too; and once told the truth. In the other runs the mount that it \
          localises by is right. The cross-track error is the true one of the rear axle, not the \

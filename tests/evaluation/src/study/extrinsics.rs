@@ -152,7 +152,7 @@ fn follows(
         if time_s > extent.tracking_s {
             break;
         }
-        let is_drive = matches!(emitted.message, SimulatedMessage::Drive(_));
+        let is_drive = matches!(emitted.message, SimulatedMessage::WheelOdometry(_));
         if time_s < SETTLED_S || !is_drive {
             continue;
         }

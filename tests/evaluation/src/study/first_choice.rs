@@ -1,4 +1,4 @@
-//! The rest of study 6d: the advisor's first choice with the whole estimator, on raw sweeps.
+//! The rest of study 6d: the advisor's first choice with the whole estimator, on raw scans.
 
 use std::ops::ControlFlow;
 
@@ -78,7 +78,7 @@ pub fn add(extent: &Extent, section: &mut Section) -> Result<(), EvaluationError
     }
     section.words(format!(
         "With the whole estimator: a tugger of whose mount nothing is known drives {AISLE_M} m out of \
-         an aisle, with raw sweeps and people, asks its estimator, which says **{first}**, and drives \
+         an aisle, with raw scans and people, asks its estimator, which says **{first}**, and drives \
          one manoeuvre in the staging area. RMSE, and behind the stroke the sigma that it claims. One \
          manoeuvre does not always make all four `converged`: the last column is the mean count."
     ));

@@ -69,7 +69,7 @@ fn introduce(section: &mut Section, extent: &ImperfectExtent) {
          drawn again for every seed, and the estimator knows the configured wheelbase alone. Routes \
          are the figure-eight, warehouse aisles with two reversals a lap, and a loop of left turns; \
          {} seeds each. A *false claim* is a parameter that is `converged` and more than four of \
-         its own sigmas from the truth. `from` says what the LiDAR sends: sweeps where beams \
+         its own sigmas from the truth. `from` says what the LiDAR sends: scans where beams \
          matter, else poses of 3 mm and 0.03°.",
         extent.seeds
     ));

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 
 use fleetcal_estimator::geometry::Pose2;
-use fleetcal_estimator::vehicle::{Drive, DriveParameters, SteeringCurve};
+use fleetcal_estimator::vehicle::{DriveParameters, DriveReading, SteeringCurve};
 use fleetcal_estimator::{Estimate, Parameter};
 use fleetcal_robot::simulator::{LocalisationNoise, Point, Route, SimulatedMessage};
 use rayon::prelude::*;
@@ -190,11 +190,11 @@ impl Paths {
     fn see(&mut self, seen: Seen) {
         match seen {
             Seen::Message(emitted, _) => match &emitted.message {
-                SimulatedMessage::Drive(message) => {
+                SimulatedMessage::WheelOdometry(message) => {
                     let base = estimators_pose(&emitted.truth.base);
                     self.truth.push(emitted.truth.stamp_ns, base);
                     self.driven_m += 0.01 * emitted.truth.speed_mps.abs();
-                    let reading = Drive {
+                    let reading = DriveReading {
                         speed_mps: message.speed_mps,
                         steering_rad: message.steering_rad,
                     };
@@ -202,7 +202,7 @@ impl Paths {
                         reckoned.take(message.stamp_ns, reading, &base);
                     }
                 }
-                SimulatedMessage::Sweep(_) => {
+                SimulatedMessage::Scan(_) => {
                     let lidar = estimators_pose(&emitted.truth.lidar);
                     self.first_lidar.get_or_insert(lidar);
                 }

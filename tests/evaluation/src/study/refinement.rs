@@ -92,7 +92,7 @@ pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
     section.words(format!(
         "A tugger whose wheels are 2 % larger than configured, whose wheel odometry is 60 ms late, and \
          whose wheelbase is 1 % longer or whose steering turns by 2 % more than it says. RMSE over the \
-         seeds after {:.0} s from zero, raw sweeps; brackets: taken as configured, not estimated. \
+         seeds after {:.0} s from zero, raw scans; brackets: taken as configured, not estimated. \
          Wheelbase and gain are told apart by hardly any motion, so at most one of them is free: with \
          the wrong one free the vehicle drives the same, and the other four are right all the same.",
         extent.calibration_s

@@ -21,12 +21,12 @@ fn digest(messages: &[Emitted]) -> u64 {
         eat(rounded(emitted.truth.base.x_m));
         eat(rounded(emitted.truth.lidar.yaw_rad));
         match &emitted.message {
-            SimulatedMessage::Drive(drive) => {
+            SimulatedMessage::WheelOdometry(drive) => {
                 eat(rounded(drive.speed_mps));
                 eat(rounded(drive.steering_rad));
             }
             // The stream carries 32-bit ranges: a tenth of a millimetre is what they all hold.
-            SimulatedMessage::Sweep(sweep) => sweep.ranges_m.iter().for_each(|range_m| {
+            SimulatedMessage::Scan(scan) => scan.ranges_m.iter().for_each(|range_m| {
                 eat((f64::from(*range_m) * 1e4).round() as i64);
             }),
             SimulatedMessage::LidarPose(pose) => {
@@ -39,7 +39,7 @@ fn digest(messages: &[Emitted]) -> u64 {
     hash
 }
 
-fn sweeps() -> SimulationConfig {
+fn scans() -> SimulationConfig {
     let mut config = SimulationConfig::figure_eight(4);
     config.vehicle.steering_gain = 1.02;
     config.vehicle.speed_scale = 0.99;
@@ -66,18 +66,18 @@ fn poses() -> SimulationConfig {
 #[test]
 fn a_robot_without_imperfections_sends_what_it_always_sent() {
     let sent = |config, duration_s| digest(&Simulation::new(config).unwrap().run(duration_s));
-    assert_eq!(sent(sweeps(), 12.0), 0xd236_090c_2d96_d73d);
+    assert_eq!(sent(scans(), 12.0), 0xd236_090c_2d96_d73d);
     assert_eq!(sent(poses(), 60.0), 0x3808_39b9_45b7_adda);
 }
 
 #[test]
 fn an_imperfection_of_no_size_changes_no_bit() {
-    let plain = format!("{:?}", Simulation::new(sweeps()).unwrap().run(3.0));
+    let plain = format!("{:?}", Simulation::new(scans()).unwrap().run(3.0));
     for kind in ImperfectionKind::ALL
         .into_iter()
         .filter(|kind| kind.has_size())
     {
-        let mut config = sweeps();
+        let mut config = scans();
         config.imperfections = Imperfections::single(kind, 0.0);
         let sent = format!("{:?}", Simulation::new(config).unwrap().run(3.0));
         assert!(sent == plain, "{}", kind.name());

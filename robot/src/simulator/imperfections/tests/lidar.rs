@@ -3,10 +3,10 @@
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-use super::{poses, quiet, quiet_sweeps, run, still, sweeps, with};
+use super::{poses, quiet, quiet_scans, run, scans, still, with};
 use crate::simulator::{
-    Area, ImperfectionKind, Imperfections, LidarImperfections, Point, ScannerImperfections,
-    SimulationConfig, Sweep, World,
+    Area, ImperfectionKind, Imperfections, LidarImperfections, Point, Scan, ScannerImperfections,
+    SimulationConfig, World,
 };
 
 fn scanner(imperfections: ScannerImperfections) -> Imperfections {
@@ -17,14 +17,14 @@ fn scanner(imperfections: ScannerImperfections) -> Imperfections {
 }
 
 /// The last scan of a drive of some seconds.
-fn last_sweep(config: SimulationConfig) -> Sweep {
+fn last_scan(config: SimulationConfig) -> Scan {
     let messages = run(config, 12.0);
-    sweeps(&messages).last().unwrap().0.clone()
+    scans(&messages).last().unwrap().0.clone()
 }
 
 /// A robot at rest in the middle of a room of 20 m by 8 m, its LiDAR there and looking along x.
 fn room() -> SimulationConfig {
-    let mut config = still(quiet_sweeps());
+    let mut config = still(quiet_scans());
     let sides = Area::around(Point::default(), 20.0, 8.0).sides().to_vec();
     config.world = Arc::new(World::new(sides, Vec::new(), Vec::new()));
     config.route = crate::simulator::Route::straight(Point::new(-0.434, 0.0), Point::new(9.0, 0.0));
@@ -42,9 +42,9 @@ fn room_range(angle_rad: f64) -> (f64, f64) {
     }
 }
 
-fn angles(sweep: &Sweep) -> impl Iterator<Item = (f64, f64)> {
-    sweep.ranges_m.iter().enumerate().map(|(beam, range_m)| {
-        let angle_rad = sweep.angle_min_rad + beam as f64 * sweep.angle_increment_rad;
+fn angles(scan: &Scan) -> impl Iterator<Item = (f64, f64)> {
+    scan.ranges_m.iter().enumerate().map(|(beam, range_m)| {
+        let angle_rad = scan.angle_min_rad + beam as f64 * scan.angle_increment_rad;
         (angle_rad, f64::from(*range_m))
     })
 }
@@ -63,8 +63,8 @@ fn ranges_are_scaled_and_biased_and_more_so_at_a_grazing_angle() {
         },
         ..Imperfections::default()
     };
-    let sweep = last_sweep(with(room(), imperfections));
-    for (angle_rad, range_m) in angles(&sweep) {
+    let scan = last_scan(with(room(), imperfections));
+    for (angle_rad, range_m) in angles(&scan) {
         let (true_m, cos) = room_range(angle_rad);
         let expected_m = 1.005 * true_m - 0.03 + 0.01 * (1.0 - cos) / 0.5;
         assert!(
@@ -76,9 +76,9 @@ fn ranges_are_scaled_and_biased_and_more_so_at_a_grazing_angle() {
 
 #[test]
 fn a_scanner_without_beam_times_sends_the_ranges_of_one_that_has_them() {
-    let plain = last_sweep(quiet_sweeps());
-    let untimed = last_sweep(with(
-        quiet_sweeps(),
+    let plain = last_scan(quiet_scans());
+    let untimed = last_scan(with(
+        quiet_scans(),
         Imperfections::typical(ImperfectionKind::Untimed10Hz),
     ));
     assert!(plain.time_increment_s > 0.0);
@@ -87,18 +87,18 @@ fn a_scanner_without_beam_times_sends_the_ranges_of_one_that_has_them() {
         (plain.stamp_ns, &plain.ranges_m),
         (untimed.stamp_ns, &untimed.ranges_m)
     );
-    let faster = last_sweep(with(
-        quiet_sweeps(),
+    let faster = last_scan(with(
+        quiet_scans(),
         Imperfections::typical(ImperfectionKind::Untimed40Hz),
     ));
     assert!((faster.scan_time_s - 0.025).abs() < 1e-12);
 }
 
 #[test]
-fn a_sweep_stamped_at_its_end_is_the_same_sweep_later() {
-    let plain = last_sweep(quiet_sweeps());
-    let late = last_sweep(with(
-        quiet_sweeps(),
+fn a_scan_stamped_at_its_end_is_the_same_scan_later() {
+    let plain = last_scan(quiet_scans());
+    let late = last_scan(with(
+        quiet_scans(),
         Imperfections::typical(ImperfectionKind::StampedAtEnd),
     ));
     assert_eq!(plain.ranges_m, late.ranges_m);
@@ -106,13 +106,13 @@ fn a_sweep_stamped_at_its_end_is_the_same_sweep_later() {
 }
 
 #[test]
-fn the_scan_rate_is_that_of_the_imperfection_for_sweeps_and_poses() {
+fn the_scan_rate_is_that_of_the_imperfection_for_scans_and_poses() {
     for (rate_hz, kind) in [
         (5, ImperfectionKind::ScanRate5Hz),
         (40, ImperfectionKind::ScanRate40Hz),
     ] {
-        let messages = run(with(quiet_sweeps(), Imperfections::typical(kind)), 10.0);
-        let seen = sweeps(&messages).len();
+        let messages = run(with(quiet_scans(), Imperfections::typical(kind)), 10.0);
+        let seen = scans(&messages).len();
         assert!((10 * rate_hz - 1..=10 * rate_hz).contains(&seen), "{seen}");
         let messages = run(with(quiet(), Imperfections::typical(kind)), 10.0);
         let seen = poses(&messages).len();
@@ -133,9 +133,9 @@ fn poses_of_a_scaled_range_are_farther_apart_and_turn_the_same() {
 
 #[test]
 fn mixed_pixels_lie_between_the_two_surfaces_of_an_edge() {
-    let plain = last_sweep(quiet_sweeps());
-    let mixed = last_sweep(with(
-        quiet_sweeps(),
+    let plain = last_scan(quiet_scans());
+    let mixed = last_scan(with(
+        quiet_scans(),
         scanner(ScannerImperfections {
             mixed_pixels: 0.5,
             ..ScannerImperfections::default()
@@ -162,7 +162,7 @@ fn mixed_pixels_lie_between_the_two_surfaces_of_an_edge() {
 fn a_tilted_scanner_meets_the_floor_ahead_and_higher_walls_behind() {
     let tilt_rad = 2_f64.to_radians();
     for direction_rad in [0.0, 1.0] {
-        let sweep = last_sweep(with(
+        let scan = last_scan(with(
             room(),
             scanner(ScannerImperfections {
                 tilt_rad,
@@ -171,7 +171,7 @@ fn a_tilted_scanner_meets_the_floor_ahead_and_higher_walls_behind() {
             }),
         ));
         let mut floor = 0;
-        for (angle_rad, range_m) in angles(&sweep) {
+        for (angle_rad, range_m) in angles(&scan) {
             // The point in the LiDAR's frame, then in the level one: its height tells what it is on.
             let along_m = range_m * (angle_rad - direction_rad).cos();
             let across_m = range_m * (angle_rad - direction_rad).sin();

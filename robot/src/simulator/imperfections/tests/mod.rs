@@ -7,8 +7,8 @@ mod settings;
 mod vehicle;
 
 use crate::simulator::{
-    Drive, DriveSettings, Emitted, Imperfections, LidarOutput, LidarPose, LidarSettings,
-    LocalisationNoise, PoseSettings, SimulatedMessage, Simulation, SimulationConfig, Slip, Sweep,
+    DriveSample, DriveSettings, Emitted, Imperfections, LidarOutput, LidarPose, LidarSettings,
+    LocalisationNoise, PoseSettings, Scan, SimulatedMessage, Simulation, SimulationConfig, Slip,
 };
 
 /// A robot without noise and slip on the figure-eight, with poses for its LiDAR.
@@ -31,9 +31,9 @@ fn quiet() -> SimulationConfig {
 }
 
 /// The same with scans whose ranges have no noise.
-fn quiet_sweeps() -> SimulationConfig {
+fn quiet_scans() -> SimulationConfig {
     SimulationConfig {
-        lidar: LidarOutput::Sweeps(LidarSettings {
+        lidar: LidarOutput::Scans(LidarSettings {
             range_sigma_m: 0.0,
             ..LidarSettings::default()
         }),
@@ -59,11 +59,11 @@ fn run(config: SimulationConfig, duration_s: f64) -> Vec<Emitted> {
     Simulation::new(config).unwrap().run(duration_s)
 }
 
-fn drives(messages: &[Emitted]) -> Vec<(Drive, &Emitted)> {
+fn drives(messages: &[Emitted]) -> Vec<(DriveSample, &Emitted)> {
     messages
         .iter()
         .filter_map(|emitted| match emitted.message {
-            SimulatedMessage::Drive(drive) => Some((drive, emitted)),
+            SimulatedMessage::WheelOdometry(drive) => Some((drive, emitted)),
             _ => None,
         })
         .collect()
@@ -79,11 +79,11 @@ fn poses(messages: &[Emitted]) -> Vec<(LidarPose, &Emitted)> {
         .collect()
 }
 
-fn sweeps(messages: &[Emitted]) -> Vec<(&Sweep, &Emitted)> {
+fn scans(messages: &[Emitted]) -> Vec<(&Scan, &Emitted)> {
     messages
         .iter()
         .filter_map(|emitted| match &emitted.message {
-            SimulatedMessage::Sweep(sweep) => Some((sweep, emitted)),
+            SimulatedMessage::Scan(scan) => Some((scan, emitted)),
             _ => None,
         })
         .collect()

@@ -3,7 +3,7 @@
 use super::{drives, quiet, run, with};
 use crate::simulator::steering_curve::SteeringCurve;
 use crate::simulator::{
-    Change, Drive, Emitted, ImperfectionKind, Imperfections, Point, Route, ScheduledChange,
+    Change, DriveSample, Emitted, ImperfectionKind, Imperfections, Point, Route, ScheduledChange,
     SimulationConfig, VehicleImperfections, VehicleModel, VehicleTruth,
 };
 
@@ -15,7 +15,7 @@ fn vehicle(imperfections: VehicleImperfections) -> Imperfections {
 }
 
 /// True steering in the middle of each drive sample's interval, rad, with the sample.
-fn shown_and_true(messages: &[Emitted]) -> Vec<(Drive, f64)> {
+fn shown_and_true(messages: &[Emitted]) -> Vec<(DriveSample, f64)> {
     let drives = drives(messages);
     drives
         .windows(2)

@@ -113,13 +113,13 @@ impl Bench {
         Ok(())
     }
 
-    fn due(&self, estimate: Option<&EstimateDocument>, fresh: bool) -> Option<Command> {
+    fn due(&self, estimate: Option<&EstimateDocument>, verification: bool) -> Option<Command> {
         let situation = Situation {
             now: self.now,
-            estimate: estimate.filter(|_| !fresh),
+            estimate: estimate.filter(|_| !verification),
             vehicle_changed: false,
             stable: true,
-            fresh: estimate.filter(|_| fresh),
+            verification: estimate.filter(|_| verification),
             nominal: Some(CalibrationValues {
                 lidar_x_m: 0.434,
                 ..CalibrationValues::default()
@@ -129,8 +129,8 @@ impl Bench {
     }
 
     /// Takes what is due by the service itself.
-    fn do_due(&mut self, estimate: &EstimateDocument, fresh: bool) -> Option<&'static str> {
-        let command = self.due(Some(estimate), fresh)?;
+    fn do_due(&mut self, estimate: &EstimateDocument, verification: bool) -> Option<&'static str> {
+        let command = self.due(Some(estimate), verification)?;
         let name = match command {
             Command::Propose { .. } => "propose",
             Command::Supersede { .. } => "supersede",
@@ -255,7 +255,7 @@ fn a_proposal_that_brings_nothing_any_more_is_closed() {
         estimate: None,
         vehicle_changed: true,
         stable: false,
-        fresh: None,
+        verification: None,
         nominal: None,
     };
     let command = due(&bench.ledger, &changed, &bench.policy);
@@ -341,7 +341,7 @@ fn what_is_used_is_judged_by_a_fresh_estimate() {
 }
 
 #[test]
-fn verified_means_that_difference_and_doubt_lie_within_the_tolerance() {
+fn verified_means_that_difference_and_uncertainty_lie_within_the_tolerance() {
     // LiDAR x against its 10 mm: the value that was found beside the 434 mm in use, and its sigma.
     for (lidar_x_m, sigma_m, expected) in [
         (0.442, 0.004_2, None),
@@ -356,10 +356,10 @@ fn verified_means_that_difference_and_doubt_lie_within_the_tolerance() {
         bench.do_due(&estimate(0.05, 0), false);
         bench.approve();
         bench.try_out();
-        let mut fresh = estimate(0.05, 20);
-        fresh.parameters.lidar_x.value = lidar_x_m;
-        fresh.parameters.lidar_x.sigma = sigma_m;
-        let done = bench.do_due(&fresh, true);
+        let mut verification = estimate(0.05, 20);
+        verification.parameters.lidar_x.value = lidar_x_m;
+        verification.parameters.lidar_x.sigma = sigma_m;
+        let done = bench.do_due(&verification, true);
         assert_eq!(done, expected, "{lidar_x_m} m, sigma {sigma_m} m");
     }
 }

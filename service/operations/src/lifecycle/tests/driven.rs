@@ -55,7 +55,7 @@ impl Driver {
         let mut sent = 0;
         for emitted in self.simulation.run(1.0) {
             let (stream, payload) = match &emitted.message {
-                SimulatedMessage::Drive(drive) => {
+                SimulatedMessage::WheelOdometry(drive) => {
                     self.distance_m += emitted.truth.speed_mps.abs() * 0.01;
                     (
                         Stream::WheelOdometry,

@@ -5,7 +5,7 @@ mod rows;
 use std::ops::ControlFlow;
 
 use fleetcal_estimator::geometry::Pose2;
-use fleetcal_estimator::vehicle::Drive;
+use fleetcal_estimator::vehicle::DriveReading;
 use fleetcal_estimator::{DriveSample, Event, LidarOdometry, RobotTime};
 use fleetcal_robot::simulator::TrueParameters;
 use nalgebra::{Matrix4, Vector4};
@@ -127,7 +127,7 @@ fn introduction(extent: &Extent) -> String {
     format!(
         "Its seven states, Euler steps, expanded equations and fixed first pose, written from the \
          text. Both filters get the same drive samples and the same LiDAR odometry (ours, on raw \
-         sweeps) for {:.0} s of figure-eight; what happens on the way happens at half time. Its \
+         scans) for {:.0} s of figure-eight; what happens on the way happens at half time. Its \
          expanded equations parametrise the inverse of the mount: a LiDAR 0.434 m ahead comes out \
          0.434 m behind. So it is shown as printed, and with that repaired. Its `Q` and `R` are \
          \"tunable\" and not given: it runs with each of {} tunings, and is shown with the one that, \
@@ -168,14 +168,14 @@ fn tunings() -> Vec<Tuning> {
 /// What both filters are given.
 #[derive(Debug, Clone, Copy)]
 enum Given {
-    Drive(DriveSample),
+    WheelOdometry(DriveSample),
     Lidar(RobotTime, Pose2),
 }
 
 impl Given {
     fn stamp(&self) -> RobotTime {
         match self {
-            Self::Drive(sample) => sample.stamp(),
+            Self::WheelOdometry(sample) => sample.stamp(),
             Self::Lidar(stamp, _) => *stamp,
         }
     }
@@ -189,9 +189,9 @@ fn compare(extent: &Extent, row: &Row, seed: u64) -> Result<Compared, Evaluation
     let run = drive_watched(robot, extent.calibration_s, |_, seen, _| {
         if let Seen::Message(_, Some(event)) = seen {
             given.extend(match event {
-                Event::Drive(sample) => Some(Given::Drive(*sample)),
-                Event::Sweep(sweep) => odometry
-                    .process(sweep)
+                Event::WheelOdometry(sample) => Some(Given::WheelOdometry(*sample)),
+                Event::Scan(scan) => odometry
+                    .process(scan)
                     .map(|pose| Given::Lidar(pose.stamp, pose.lidar_in_odom)),
                 Event::LidarPose(_) | Event::Note(_) | Event::EndOfSession => None,
             });
@@ -237,9 +237,9 @@ fn follow(mut filter: PaperFilter, given: &[Given]) -> PaperFilter {
                 waiting.push((*stamp, *pose));
                 continue;
             }
-            Given::Drive(sample) => sample,
+            Given::WheelOdometry(sample) => sample,
         };
-        let drive = Drive {
+        let drive = DriveReading {
             speed_mps: sample.speed_mps(),
             steering_rad: sample.steering_rad(),
         };

@@ -1,4 +1,4 @@
-//! A robot seen from above, for people: what is around it, and the way it came.
+//! The top view of a robot, for people: what is around it, and the way it came.
 
 use nalgebra::Vector3;
 
@@ -14,7 +14,7 @@ use crate::vehicle::{DriveParameters, SteeringCurve, Vehicle};
 
 /// How much of it is asked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PlanLimits {
+pub struct TopViewLimits {
     /// Surfaces at most this far from the LiDAR, m.
     pub reach_m: f64,
     /// Most points of surfaces.
@@ -25,14 +25,14 @@ pub struct PlanLimits {
     pub trajectory_points_max: usize,
 }
 
-/// A robot seen from above, in the LiDAR's odometry frame.
+/// The top view of a robot, in the LiDAR's odometry frame.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Plan {
-    /// Time of the latest sweep or pose.
+pub struct TopView {
+    /// Time of the latest scan or pose.
     pub stamp: RobotTime,
     /// The LiDAR's pose then.
     pub lidar_in_odom: Pose2,
-    /// The latest sweep on the local map; `None` for a robot that sends poses.
+    /// The latest scan on the local map; `None` for a robot that sends poses.
     pub surroundings: Option<Surroundings>,
     /// The LiDAR's pose on the vehicle as it is estimated; `None` before the first guess.
     pub lidar_in_base: Option<Pose2>,
@@ -57,8 +57,8 @@ pub struct TrajectoryPoint {
 }
 
 impl Calibrator {
-    /// The robot seen from above now; `None` before the first sweep or pose.
-    pub fn plan(&self, limits: &PlanLimits) -> Option<Plan> {
+    /// The top view of now; `None` before the first scan or pose.
+    pub fn top_view(&self, limits: &TopViewLimits) -> Option<TopView> {
         let odometry = &self.lidar_odometry;
         let surroundings = odometry.surroundings(limits.reach_m, limits.surfaces_max);
         let last = self.readings.back();
@@ -71,7 +71,7 @@ impl Calibrator {
             .map(|values| self.trajectory(values, limits.trajectory_m))
             .unwrap_or_default();
         thin_out(&mut trajectory, limits.trajectory_points_max);
-        Some(Plan {
+        Some(TopView {
             stamp,
             lidar_in_odom,
             surroundings,

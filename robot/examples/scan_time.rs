@@ -1,5 +1,5 @@
 //! Prints the time a simulated robot takes: `cargo run --release -p fleetcal-robot --example
-//! sweep_time --no-default-features`.
+//! scan_time --no-default-features`.
 
 use std::io::Write;
 use std::time::Instant;
@@ -23,11 +23,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let drive_s = seconds(no_rays)?;
         for (name, config) in [("figure-eight", config), ("aisle loop", aisles)] {
             let total_s = seconds(config)?;
-            let sweep_ms = (total_s - drive_s) / (DURATION_S * 10.0) * 1e3;
+            let scan_ms = (total_s - drive_s) / (DURATION_S * 10.0) * 1e3;
             let load = total_s / DURATION_S * 1e2;
             writeln!(
                 out,
-                "{name}, {people} people: {sweep_ms:.3} ms a sweep of 1024 beams, \
+                "{name}, {people} people: {scan_ms:.3} ms a scan of 1024 beams, \
                  {load:.2} % of a core for a robot"
             )?;
         }
