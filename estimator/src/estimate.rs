@@ -1,8 +1,8 @@
 //! What an estimator says about a robot: values, their sigmas, and what it does not know.
 
 pub use fleetcal_model::{
-    Cause, ChangeKind, Consistency, Counts, Detection, DetectionState, Parameter,
-    ParameterStatus as Status,
+    CalibrationCovariance, Cause, ChangeKind, Consistency, Counts, Detection, DetectionState,
+    Parameter, ParameterStatus as Status,
 };
 use serde::{Deserialize, Serialize};
 
@@ -36,6 +36,9 @@ pub struct Estimate {
     pub distance_m: f64,
     /// The parameters, in the order of [`Parameter::ALL`].
     pub parameters: ParameterEstimates,
+    /// How the errors of the four that every calibration has go together; its diagonal holds the
+    /// squares of their sigmas.
+    pub covariance: CalibrationCovariance,
     /// Which changes would be seen now, and what the detection of the others waits for.
     pub detection: Detection,
     /// Consistency of the filter.

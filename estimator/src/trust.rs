@@ -3,7 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use crate::advice::{Knowledge, advise, best_for};
-use crate::estimate::{Parameter, ParameterEstimate, ParameterEstimates, Status};
+use crate::estimate::{
+    CalibrationCovariance, Parameter, ParameterEstimate, ParameterEstimates, Status,
+};
 use crate::filter::{ParameterCovariance, Values};
 use crate::settings::{EstimatorSettings, Freedom};
 use crate::stream::RobotTime;
@@ -209,6 +211,25 @@ fn reported_sigma(
     variance
         .sqrt()
         .hypot(*settings.systematic_sigma.get(parameter))
+}
+
+/// The covariance that leaves the estimator: that of the errors as they go together, with each
+/// parameter's reported sigma.
+pub fn reported_covariance(
+    parameters: &ParameterEstimates,
+    covariance: &ParameterCovariance,
+) -> CalibrationCovariance {
+    CalibrationCovariance::from_fn(|row, column| {
+        let [sigma, other] = [row, column].map(|p| parameters[p.index()].sigma);
+        if row == column {
+            sigma * sigma
+        } else if sigma > 0.0 && other > 0.0 {
+            covariance[(row.index(), column.index())]
+        } else {
+            // A parameter that is off has no error.
+            0.0
+        }
+    })
 }
 
 #[cfg(test)]

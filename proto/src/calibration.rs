@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use fleetcal_model::{Generation, Pose2, RevisionId, RobotId, RobotTime};
+use fleetcal_model::{CalibrationCovariance, Generation, Pose2, RevisionId, RobotId, RobotTime};
 
 /// A signed calibration document.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -109,6 +109,10 @@ pub struct CalibrationDocument {
     pub values: CalibrationValues,
     /// Their standard deviations under the same names and units.
     pub sigmas: CalibrationValues,
+    /// How the errors of the four values that every calibration has go together, where they were
+    /// estimated. It came later: who does not know it passes it over.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub covariance: Option<CalibrationCovariance>,
     /// The frame of the LiDAR's pose.
     pub frame: CalibrationFrame,
     /// A robot that hears no confirmation for so many seconds after applying reverts by itself.

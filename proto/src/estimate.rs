@@ -6,8 +6,8 @@
 use std::collections::BTreeMap;
 
 use fleetcal_model::{
-    Cause, ChangeKind, Consistency, Counts, Parameter, ParameterStatus, Pose2, RobotId, RobotTime,
-    Unit, VehicleModel,
+    CalibrationCovariance, Cause, ChangeKind, Consistency, Counts, Detection, Parameter,
+    ParameterStatus, Pose2, RobotId, RobotTime, Unit, VehicleModel,
 };
 use serde::{Deserialize, Serialize};
 
@@ -87,6 +87,14 @@ pub struct EstimateDocument {
     pub distance_m: f64,
     /// The parameters.
     pub parameters: Parameters,
+    /// How the errors of the four parameters of a calibration go together; absent in documents of
+    /// services before it came.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub covariance: Option<CalibrationCovariance>,
+    /// Which changes would be seen now, and what the detection of the others waits for; absent in
+    /// documents of services before it came.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub detection: Option<Detection>,
     /// Consistency of the filter.
     pub consistency: Consistency,
     /// What was taken in.
@@ -172,6 +180,10 @@ pub struct CalibrationReport {
     pub scans_rejected: u64,
     /// The vehicle as it is at the end.
     pub parameters: Parameters,
+    /// How the errors of the four parameters of a calibration go together.
+    pub covariance: CalibrationCovariance,
+    /// Which changes would be seen at the end, and what the detection of the others waits for.
+    pub detection: Detection,
     /// Consistency of the filter.
     pub consistency: Consistency,
     /// Changes and faults, oldest first.
@@ -190,6 +202,8 @@ impl CalibrationReport {
 
 #[cfg(test)]
 mod tests {
+    use fleetcal_model::DetectionState;
+
     use super::*;
 
     fn parameters() -> Parameters {
@@ -236,6 +250,8 @@ mod tests {
             scans: 4,
             scans_rejected: 5,
             parameters: parameters(),
+            covariance: CalibrationCovariance::default(),
+            detection: Detection::of_all(DetectionState::Watching),
             consistency: Consistency::default(),
             events: vec![ChangeDocument {
                 kind: ChangeKind::CalibrationChanged,
@@ -259,6 +275,8 @@ mod tests {
             names,
             [
                 "consistency",
+                "covariance",
+                "detection",
                 "distance_m",
                 "drive_samples",
                 "duration_s",

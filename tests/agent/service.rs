@@ -48,6 +48,7 @@ pub fn approved(generation: u64) -> Envelope {
         approved_by: "ana".to_owned(),
         values,
         sigmas: CalibrationValues::default(),
+        covariance: None,
         frame: CalibrationFrame::RearAxle,
         confirm_within_s: 600,
         rear_axle_in_base_link: None,

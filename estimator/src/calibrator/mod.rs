@@ -36,7 +36,7 @@ use crate::geometry::Pose2;
 use crate::lidar_odometry::{LearntScanner, LidarOdometry, ScannerReport};
 use crate::merge::{Merged, Merger};
 use crate::stream::{DriveSample, Dropped, Effect, Event, LidarPose, Note, NoteKind, RobotTime};
-use crate::trust::{Grounds, Trust};
+use crate::trust::{Grounds, Trust, reported_covariance};
 
 /// How far back drive samples and LiDAR poses are kept, s.
 const HISTORY_S: f64 = 60.0;
@@ -349,21 +349,20 @@ impl Calibrator {
     /// unless somebody said that the vehicle was taken apart.
     fn judged(&self) -> (Trust, Estimate) {
         let mut trust = self.trust.clone();
-        let parameters = match (self.held(), self.filter()) {
-            (Some(held), _) => self.judge(&mut trust, &held.values, &held.covariance),
-            (None, Some(filter)) => {
-                // Errors that last for metres: the filter takes them as independent.
-                let (values, covariance) = self.told_of(filter);
-                self.judge(&mut trust, &values, &covariance)
-            }
-            (None, None) => self.judge(&mut trust, &self.prior.values, &self.prior.covariance),
+        let (values, covariance) = match (self.held(), self.filter()) {
+            (Some(held), _) => (held.values, held.covariance),
+            // Errors that last for metres: the filter takes them as independent.
+            (None, Some(filter)) => self.told_of(filter),
+            (None, None) => (self.prior.values, self.prior.covariance),
         };
+        let parameters = self.judge(&mut trust, &values, &covariance);
         let now = self.drive.now();
         let base_in_odom = self.filter().and_then(Filter::base_in_odom);
         let estimate = Estimate {
             stamp: self.session.now,
             time_s: self.session.duration_s(),
             distance_m: self.session.distance_m,
+            covariance: reported_covariance(&parameters, &covariance),
             parameters,
             detection: self.detection(),
             consistency: self.session.consistency(),

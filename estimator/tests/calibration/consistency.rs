@@ -5,7 +5,7 @@ use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_robot::simulator::{Pose2, SimulationConfig};
 
 use crate::drawn::{drawn, drawn_with_white_noise};
-use crate::drive::{Driven, FOUR, drive, error_of, nees, vehicle_of};
+use crate::drive::{Driven, FOUR, drive, error_of, nees, published_nees, vehicle_of};
 
 struct Band {
     nees: f64,
@@ -59,6 +59,59 @@ fn normalised_errors_lie_inside_their_band_on_lidar_poses() {
             band.nis
         );
     }
+}
+
+/// The mean over vehicles that are drawn from the priors, with errors that last for metres, at each of
+/// `times_s`.
+fn published(vehicles: u64, times_s: &[f64]) -> Vec<f64> {
+    let last_s = times_s.iter().copied().fold(0.0, f64::max);
+    let mut means = vec![0.0; times_s.len()];
+    for seed in 1..=vehicles {
+        let (config, calibrator) = drawn(seed);
+        let run = drive(config, calibrator, last_s);
+        for (mean, at_s) in means.iter_mut().zip(times_s) {
+            let (estimate, truth) = run.at(*at_s);
+            *mean += published_nees(estimate, truth) / vehicles as f64;
+        }
+    }
+    println!("{vehicles} vehicles: mean NEES {means:.2?} (4) at {times_s:?} s");
+    means
+}
+
+/// Neither too sure nor too careful. The standard deviation of a mean over 40 is 0.45.
+#[test]
+fn published_errors_lie_inside_their_band() {
+    for nees in published(40, &[60.0, 120.0]) {
+        assert!((2.2..=5.8).contains(&nees), "mean NEES {nees}");
+    }
+}
+
+/// `make consistency`: the whole campaign, whose mean has a standard deviation of 0.2.
+#[test]
+#[ignore = "a campaign: make consistency"]
+fn published_errors_of_200_vehicles_lie_inside_their_band() {
+    for nees in published(200, &[60.0, 120.0, 300.0]) {
+        assert!((3.0..=5.0).contains(&nees), "mean NEES {nees}");
+    }
+}
+
+/// What averaging cannot take away stands in the published sigmas alone, on the diagonal.
+#[test]
+fn the_published_covariance_holds_the_published_sigmas() {
+    let (config, calibrator) = drawn(1);
+    let run = drive(config, calibrator, 60.0);
+    let (estimate, _) = run.last();
+    let rows = estimate.covariance.rows();
+    for (i, p) in FOUR.into_iter().enumerate() {
+        let sigma = estimate.parameter(p).sigma;
+        assert!((rows[i][i].sqrt() / sigma - 1.0).abs() < 1e-12);
+        for (j, other) in FOUR.into_iter().enumerate() {
+            assert!((rows[i][j] - rows[j][i]).abs() < 1e-15);
+            assert!(rows[i][j].abs() <= sigma * estimate.parameter(other).sigma);
+        }
+    }
+    // Steering and yaw are told apart by driving to both sides, never wholly.
+    assert!(rows[0][3].abs() > 1e-9);
 }
 
 #[test]

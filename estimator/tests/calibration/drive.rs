@@ -91,6 +91,13 @@ pub fn nees(calibrator: &Calibrator, truth: &TrueParameters, systematic: bool) -
     error.dot(&covariance.cholesky().unwrap().solve(&error))
 }
 
+/// The same of what is published: by the covariance that leaves the estimator.
+pub fn published_nees(estimate: &Estimate, truth: &TrueParameters) -> f64 {
+    let error = Vector4::from(FOUR.map(|p| error_of(p, estimate, truth)));
+    let covariance = Matrix4::from_fn(|i, j| estimate.covariance.rows()[i][j]);
+    error.dot(&covariance.cholesky().unwrap().solve(&error))
+}
+
 /// LiDAR poses instead of scans: fast, and with noise that is white as the filter takes it.
 pub fn poses() -> LidarOutput {
     LidarOutput::Poses(PoseSettings {

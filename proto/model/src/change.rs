@@ -1,6 +1,7 @@
 //! What happens to a vehicle: changes that the estimator detects, and notes of people and tools.
 
 use serde::{Deserialize, Serialize};
+use strum::IntoStaticStr;
 
 /// What was seen to happen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -16,8 +17,11 @@ pub enum ChangeKind {
 }
 
 /// What a change came from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, IntoStaticStr, Serialize, Deserialize,
+)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema), schema(as = ChangeCause))]
 pub enum Cause {
     /// The steering zero moved.
@@ -33,8 +37,11 @@ pub enum Cause {
 }
 
 /// Whether a change of one cause would be seen now, and what its detection waits for if not.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, IntoStaticStr, Serialize, Deserialize,
+)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub enum DetectionState {
     /// A change would be seen within some metres.
@@ -65,6 +72,15 @@ pub struct Detection {
 }
 
 impl Detection {
+    /// The state of each cause that is told apart.
+    pub const fn of_causes(&self) -> [(Cause, DetectionState); 3] {
+        [
+            (Cause::Steering, self.steering),
+            (Cause::LidarMount, self.lidar_mount),
+            (Cause::Vehicle, self.vehicle),
+        ]
+    }
+
     /// The same for all.
     pub const fn of_all(state: DetectionState) -> Self {
         Self {

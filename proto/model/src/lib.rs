@@ -6,6 +6,7 @@
 //! SI units and radians; units stand last in names. Transforms are named `a_from_b`.
 
 pub mod change;
+pub mod covariance;
 pub mod number;
 pub mod parameter;
 pub mod plane;
@@ -15,6 +16,7 @@ pub mod time;
 pub mod vehicle;
 
 pub use change::{Cause, ChangeKind, Detection, DetectionState, NoteKind};
+pub use covariance::CalibrationCovariance;
 pub use number::{
     AlertId, AuditId, DeliveryId, DeploymentId, EventId, Generation, ProposalId, RevisionId,
     TokenId, UserId, Version, WebhookId,

@@ -1,4 +1,4 @@
-use fleetcal_model::{Generation, RevisionId};
+use fleetcal_model::{CalibrationCovariance, Generation, RevisionId};
 use proptest::prelude::*;
 
 use super::*;
@@ -23,6 +23,7 @@ fn document() -> CalibrationDocument {
             ..CalibrationValues::default()
         },
         sigmas: CalibrationValues::default(),
+        covariance: None,
         frame: CalibrationFrame::RearAxle,
         confirm_within_s: 600,
         rear_axle_in_base_link: None,
@@ -249,6 +250,9 @@ proptest! {
         sent.values.time_offset_s = Some(numbers[2]);
         sent.sigmas.lidar_yaw_rad = numbers[3];
         sent.sigmas.wheelbase_m = Some(numbers[4]);
+        sent.covariance = Some(CalibrationCovariance::from_fn(|row, column| {
+            numbers[(row.index() + column.index()) % numbers.len()]
+        }));
         let sent = CalibrationDocument {
             generation: Generation(generation),
             base_generation: base_generation.map(Generation),

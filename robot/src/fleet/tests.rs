@@ -118,6 +118,7 @@ fn envelope_of(
         approved_by: "ana".to_owned(),
         values,
         sigmas: values,
+        covariance: None,
         frame: CalibrationFrame::RearAxle,
         confirm_within_s,
         rear_axle_in_base_link: None,

@@ -14,6 +14,7 @@ use fleetcal_domain::robot::{ConnectionState, Counters, RobotView};
 use fleetcal_domain::standing::Standing;
 use fleetcal_fleet::FleetCounters;
 use fleetcal_http::Turned;
+use fleetcal_model::DetectionState;
 use fleetcal_operations::webhook_dispatcher::WebhookDispatcherCounters;
 use fleetcal_store::StoreCounters;
 use prometheus_client::collector::Collector;
@@ -371,6 +372,29 @@ impl Snapshot {
         for (name, help, value) in ROBOT_COUNTERS {
             let values = shown().map(|robot| ([("robot", robot.id.as_str())], value(robot)));
             counters(out, name, help, values)?;
+        }
+        self.encode_detection(out)
+    }
+
+    /// One series for each robot and cause; what its detection waits for is a label.
+    fn encode_detection(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
+        let help = "1 while a change of this cause would be detected, 0 while detection waits";
+        let name = "fleetcal_robot_change_detection";
+        let mut family = out.encode_descriptor(name, help, None, MetricType::Gauge)?;
+        for robot in self.robots.iter().take(limits::METRICS_ROBOTS_MAX) {
+            let estimate = robot.estimate.as_deref();
+            let Some(detection) = estimate.and_then(|estimate| estimate.detection) else {
+                continue;
+            };
+            for (cause, state) in detection.of_causes() {
+                let labels = [
+                    ("robot", robot.id.as_str()),
+                    ("cause", cause.into()),
+                    ("state", state.into()),
+                ];
+                let watching = u32::from(state == DetectionState::Watching);
+                ConstGauge::new(f64::from(watching)).encode(family.encode_family(&labels)?)?;
+            }
         }
         Ok(())
     }

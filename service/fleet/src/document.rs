@@ -18,6 +18,8 @@ pub fn estimate_document(robot: &RobotId, estimate: &Estimate) -> EstimateDocume
         time_s: estimate.time_s,
         distance_m: estimate.distance_m,
         parameters: parameters(&estimate.parameters),
+        covariance: Some(estimate.covariance),
+        detection: Some(estimate.detection),
         consistency: estimate.consistency,
         counts: estimate.counts,
         lidar_in_base_link: None,
@@ -61,6 +63,8 @@ pub fn report(robot: &RobotId, calibrator: &Calibrator, timing: Timing) -> Calib
         scans: estimate.counts.scans,
         scans_rejected: estimate.counts.scans_rejected,
         parameters: parameters(&estimate.parameters),
+        covariance: estimate.covariance,
+        detection: estimate.detection,
         consistency: estimate.consistency,
         events: calibrator.changes().iter().map(change_document).collect(),
         segments: segments.iter().map(segment).collect(),
@@ -81,6 +85,9 @@ pub fn vehicle_document(vehicle: &Vehicle) -> VehicleDocument {
 pub fn is_finite(document: &EstimateDocument) -> bool {
     let mut parameters = document.parameters.iter();
     parameters.all(|(_, parameter)| parameter.value.is_finite() && parameter.sigma.is_finite())
+        && document
+            .covariance
+            .is_none_or(|covariance| covariance.is_finite())
         && document.consistency.nis_mean.is_finite()
         && document.distance_m.is_finite()
 }

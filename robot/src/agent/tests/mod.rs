@@ -57,6 +57,7 @@ pub(super) fn document(generation: u64) -> CalibrationDocument {
         approved_by: "ana".to_owned(),
         values: values(generation),
         sigmas: CalibrationValues::default(),
+        covariance: None,
         frame: CalibrationFrame::RearAxle,
         confirm_within_s: 600,
         rear_axle_in_base_link: None,

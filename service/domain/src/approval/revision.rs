@@ -1,6 +1,6 @@
 //! What was found, for ever.
 
-use fleetcal_model::{Pose2, RevisionId, RobotTime, WallTime};
+use fleetcal_model::{CalibrationCovariance, Pose2, RevisionId, RobotTime, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::estimate::EstimateDocument;
@@ -39,6 +39,10 @@ pub struct Evidence {
     pub nis_mean: f64,
     /// Its expectation.
     pub nis_dof: f64,
+    /// How the errors of the four values go together. It came later: evidence without it keeps its
+    /// hash.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub covariance: Option<CalibrationCovariance>,
 }
 
 impl Evidence {
@@ -53,6 +57,7 @@ impl Evidence {
             scans: estimate.counts.scans,
             nis_mean: estimate.consistency.nis_mean,
             nis_dof: estimate.consistency.nis_dof,
+            covariance: estimate.covariance,
         }
     }
 }

@@ -144,6 +144,7 @@ impl Draft<'_> {
             approved_by: approved_by.to_owned(),
             values: named.values,
             sigmas: named.sigmas,
+            covariance: named.evidence.covariance,
             frame: CalibrationFrame::RearAxle,
             confirm_within_s: self.standing.policy.confirm_within_s,
             rear_axle_in_base_link: rear_axle,

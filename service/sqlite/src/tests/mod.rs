@@ -66,6 +66,8 @@ fn estimate(name: &str, t_s: i64, offset_rad: f64, yaw_rad: f64) -> EstimateDocu
             time_offset: parameter(Parameter::TimeOffset),
             steering_gain: parameter(Parameter::SteeringGain),
         },
+        covariance: None,
+        detection: None,
         consistency: Consistency {
             nis_mean: 3.0,
             nis_dof: 3.0,

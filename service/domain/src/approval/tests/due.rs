@@ -49,6 +49,8 @@ fn estimate(offset_rad: f64, second: i64) -> EstimateDocument {
             time_offset: parameter(Parameter::TimeOffset),
             steering_gain: parameter(Parameter::SteeringGain),
         },
+        covariance: None,
+        detection: None,
         consistency: Consistency::default(),
         counts: Counts::default(),
         lidar_in_base_link: None,
