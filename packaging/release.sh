@@ -63,6 +63,15 @@ build() {
   fi
 }
 
+# The folder of a crate's source.
+crate_source() {
+  local manifest
+  manifest="$(cargo metadata --locked --format-version 1 |
+    python3 -c 'import json, sys
+print(next(p["manifest_path"] for p in json.load(sys.stdin)["packages"] if p["name"] == sys.argv[1]))' "$1")"
+  dirname "$manifest"
+}
+
 # What the binary contains: crates, the dashboard's packages, musl and Rust's own library.
 notices() {
   cargo about generate --locked --fail --target "$target" --config packaging/about.toml \
@@ -71,7 +80,9 @@ notices() {
   sed -e '1,/^The app bundles/d' web/dist/licenses.md
   printf '\n## The font Inter (OFL-1.1)\n\n'
   cat web/node_modules/@fontsource-variable/inter/LICENSE
-  printf '\n# The C library musl\n\n```\n'
+  printf '\n# The allocator jemalloc\n\n```\n'
+  cat "$(crate_source tikv-jemalloc-sys)/jemalloc/COPYING"
+  printf '```\n\n# The C library musl\n\n```\n'
   cat /usr/share/doc/musl/copyright
   printf '```\n\n# The Rust standard library\n\nThe file rust-library.html beside this one.\n'
 }

@@ -40,7 +40,7 @@ test('the worst come first: what waits for a person stands before who only learn
   await expect(waiting.first()).toBeVisible({ timeout: CALIBRATED_WITHIN_MS });
   const words = (await states.allInnerTexts()).map((word) => word.trim());
   // Nothing has been applied yet: whoever is off was never calibrated, and has not drifted.
-  const order = ['Awaiting approval', 'Uncalibrated', 'Calibrating', 'Calibrated'];
+  const order = ['Awaiting approval', 'Needs calibration', 'Calibrating', 'Calibrated'];
   const places = words.map((word) => order.indexOf(word));
   expect(places).not.toContain(-1);
   expect(places).toEqual(places.toSorted((a, b) => a - b));

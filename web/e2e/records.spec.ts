@@ -12,7 +12,7 @@ test('an alert is taken on, with who, when and what for', async ({ page }) => {
   await page.goto('/alerts');
   const open = page.getByRole('listitem').filter({ hasText: 'Unacknowledged' });
   // By the name that the fleet has for it: nothing was applied yet that could have drifted.
-  await expect(open.first()).toContainText('Uncalibrated', { timeout: 60_000 });
+  await expect(open.first()).toContainText('Needs calibration', { timeout: 60_000 });
   const robot = (await open.first().getByRole('link').first().innerText()).trim();
   // Alerts that come meanwhile stand before it: from here on it is known by its robot.
   await open.getByRole('button', { name: `Acknowledge the alert of ${robot}` }).click();

@@ -33,7 +33,7 @@ test('the main pages', async ({ page, browser, service }) => {
   await page.setViewportSize({ width: 1440, height: 620 });
   await page.goto('/alerts');
   await expect(
-    page.getByRole('listitem').filter({ hasText: 'Uncalibrated' }).first(),
+    page.getByRole('listitem').filter({ hasText: 'Needs calibration' }).first(),
   ).toBeVisible();
   await page.screenshot(path('alerts'));
 

@@ -8,6 +8,8 @@ export type ParameterName = Schemas['ParameterName'];
 export type ParameterStatus = Schemas['ParameterStatus'];
 export type Parameter = Schemas['ParameterDocument'];
 export type Estimate = Schemas['EstimateDocument'];
+export type Detection = Schemas['Detection'];
+export type DetectionState = Schemas['DetectionState'];
 
 export type Robot = Schemas['RobotSummary'];
 export type RobotDocument = Schemas['RobotDocument'];

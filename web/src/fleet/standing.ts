@@ -30,13 +30,13 @@ export const STANDINGS: Record<Standing, Face> = {
     meaning: 'Two senders use this robot’s id. Nothing that they send is used.',
   },
   former_key: {
-    word: 'Former key',
+    word: 'Old Zenoh key',
     shape: 'signpost',
     tone: 'bad',
     meaning: 'The robot sends its wheel odometry on the former key. It is not used.',
   },
   false_report: {
-    word: 'False report',
+    word: 'Contradicting reports',
     shape: 'square-cross',
     tone: 'bad',
     meaning: 'An answer in the robot’s name contradicts another: one was not the robot’s.',
@@ -48,13 +48,13 @@ export const STANDINGS: Record<Standing, Face> = {
     meaning: 'The estimator failed too often and was stopped. Its last values stand.',
   },
   not_applied: {
-    word: 'Not applied',
+    word: 'Robot did not apply',
     shape: 'cross',
     tone: 'warn',
     meaning: 'The robot did not apply the calibration that was approved for it.',
   },
   out_of_sync: {
-    word: 'Out of sync',
+    word: 'Unexpected values',
     shape: 'split',
     tone: 'warn',
     meaning: 'The robot uses a different calibration from the expected one.',
@@ -66,7 +66,7 @@ export const STANDINGS: Record<Standing, Face> = {
     meaning: 'The robot is set up and sends no data.',
   },
   fault: {
-    word: 'Fault',
+    word: 'Sensor fault',
     shape: 'bolt',
     tone: 'warn',
     meaning: 'A sensor or the LiDAR odometry fails. Nothing is learned from its data meanwhile.',
@@ -90,7 +90,7 @@ export const STANDINGS: Record<Standing, Face> = {
     meaning: 'New values are approved and are being sent, applied or verified.',
   },
   uncalibrated: {
-    word: 'Uncalibrated',
+    word: 'Needs calibration',
     shape: 'ring-dot',
     tone: 'warn',
     meaning: 'It uses its factory values, which differ significantly from the estimate.',

@@ -13,7 +13,7 @@ interface EventFace {
 const KINDS: Record<EventKind, EventFace> = {
   calibration_changed: { word: 'Calibration changed', tone: 'bad' },
   calibration_confirmed: { word: 'Calibration confirmed', tone: 'quiet' },
-  fault: { word: 'Fault', tone: 'bad' },
+  fault: { word: 'Sensor fault', tone: 'bad' },
   reassembled: { word: 'Reassembled', tone: 'warn' },
   maintenance: { word: 'Maintenance', tone: 'warn' },
   power_on: { word: 'Switched on', tone: 'quiet' },
@@ -28,7 +28,7 @@ const KINDS: Record<EventKind, EventFace> = {
   proposal_refreshed: { word: 'Proposal refreshed', tone: 'quiet' },
   offered: { word: 'Sent to the robot', tone: 'quiet' },
   applied: { word: 'Applied by the robot', tone: 'warn' },
-  not_applied: { word: 'Not applied', tone: 'bad' },
+  not_applied: { word: 'Robot did not apply', tone: 'bad' },
   verified: { word: 'Verified', tone: 'quiet' },
   verification_failed: { word: 'Verification failed', tone: 'bad' },
   inconclusive: { word: 'Inconclusive: not enough driving', tone: 'quiet' },
