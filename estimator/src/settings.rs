@@ -200,7 +200,7 @@ pub enum SettingsRefused {
     #[error("free.wheelbase and free.steering_gain are both estimated; one of them must be fixed")]
     WheelbaseAndGain,
     /// A number that must be positive is not.
-    #[error("{key} is {value}, expected a number above 0")]
+    #[error("{key}: got {value}, expected a number above 0")]
     NotPositive {
         /// The key.
         key: String,

@@ -21,7 +21,7 @@ pub const STEERING_MAX_RAD: f64 = std::f64::consts::PI;
 
 /// Why a message was refused: the field, its value and what is accepted.
 #[derive(Debug, Clone, PartialEq, Error)]
-#[error("{field} is {value}, expected {accepted}")]
+#[error("{field}: got {value}, expected {accepted}")]
 pub struct FieldRefused {
     /// Name of the field, as it stands in the ROS message.
     pub field: &'static str,

@@ -46,7 +46,7 @@ impl Encoding {
 #[derive(Debug, Error)]
 pub enum DecodeError {
     /// The sender named an encoding that is not read here.
-    #[error("encoding is {encoding:?}, expected application/cdr and application/json")]
+    #[error("encoding: got {encoding:?}, expected application/cdr and application/json")]
     Encoding {
         /// What the sender named.
         encoding: String,

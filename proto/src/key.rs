@@ -175,7 +175,7 @@ pub enum KeyRefused {
         key: String,
     },
     /// It is under another root.
-    #[error("key {key:?} is not under {root:?}, expected {root}/{{robot}}/{{stream}}")]
+    #[error("key: got {key:?}, expected {root}/{{robot}}/{{stream}}")]
     OtherRoot {
         /// The key.
         key: String,

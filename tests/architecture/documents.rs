@@ -158,6 +158,9 @@ fn may_use(file: &str, word: &str) -> bool {
 pub fn not_used(file: &str, text: &str) -> Vec<String> {
     let mut found = Vec::new();
     for (number, line) in text.lines().enumerate() {
+        if refuses_otherwise(line) {
+            found.push(format!("{}: write `field: got X, expected W`", number + 1));
+        }
         let line = line.to_lowercase();
         for (word, instead) in NOT_USED {
             if has(&line, word) && !may_use(file, word) {
@@ -166,6 +169,15 @@ pub fn not_used(file: &str, text: &str) -> Vec<String> {
         }
     }
     found
+}
+
+/// Whether a line of code refuses a value with `field is {value}, expected …`.
+fn refuses_otherwise(line: &str) -> bool {
+    line.match_indices(", expected").any(|(at, _)| {
+        let before = &line[..at];
+        let value = before.rsplit_once(" is {").map(|(_, value)| value);
+        value.is_some_and(|value| value.find('}') == Some(value.len() - 1))
+    })
 }
 
 /// Whether a line has a phrase, not as a part of longer words.
@@ -197,5 +209,7 @@ fn a_planted_broken_link_and_word_are_found() {
     assert_eq!(not_used("a.md", "Begin anew.\nrenewal").len(), 1);
     assert_eq!(not_used("a.rs", "/// The clerk.\nlet clerks = 1;").len(), 1);
     assert!(not_used("a.rs", "// whoever").is_empty());
-    assert!(not_used("estimator/src/lib.rs", "// a sweep").is_empty());
+    assert_eq!(not_used("estimator/src/lib.rs", "// a sweep").len(), 1);
+    assert_eq!(not_used("a.rs", "#[error(\"{field} is {value}, expected 1\")]").len(), 1);
+    assert!(not_used("a.rs", "#[error(\"{field}: got {value}, expected 1\")]").is_empty());
 }

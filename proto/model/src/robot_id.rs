@@ -25,7 +25,7 @@ pub struct RobotId(Arc<str>);
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum RobotIdRefused {
     /// It has no character at all.
-    #[error("robot id is empty, expected 1 to 63 of A-Z, a-z, 0-9, _ and -")]
+    #[error("robot id: got nothing, expected 1 to 63 of A-Z, a-z, 0-9, _ and -")]
     Empty,
     /// It is longer than [`ROBOT_ID_BYTES_MAX`].
     #[error("robot id {shown:?}… is {length} bytes long, expected at most 63")]
@@ -144,7 +144,7 @@ mod tests {
     #[test]
     fn each_refusal_says_what_is_wrong() {
         let cases = [
-            ("", "robot id is empty"),
+            ("", "robot id: got nothing"),
             ("a*b", "contains '*'"),
             ("a/b", "contains '/'"),
             ("$*", "contains '$'"),

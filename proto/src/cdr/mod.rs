@@ -30,7 +30,7 @@ pub enum Endianness {
 pub enum CdrError {
     /// The payload does not begin as `PLAIN_CDR` does.
     #[error(
-        "encapsulation header is {header:02x?}, expected 4 bytes that begin with 00 00 \
+        "encapsulation header: got {header:02x?}, expected 4 bytes that begin with 00 00 \
          (big endian) or 00 01 (little endian)"
     )]
     Encapsulation {
@@ -58,7 +58,7 @@ pub enum CdrError {
         accepted: usize,
     },
     /// A string without its closing NUL.
-    #[error("{field} is a string without a closing NUL, expected one with it")]
+    #[error("{field}: got a string without a closing NUL, expected one with it")]
     StringNotTerminated {
         /// Name of the field.
         field: &'static str,
@@ -70,7 +70,7 @@ pub enum CdrError {
         field: &'static str,
     },
     /// A value that the field can't have.
-    #[error("{field} is {value}, expected {accepted}")]
+    #[error("{field}: got {value}, expected {accepted}")]
     Value {
         /// Name of the field.
         field: &'static str,

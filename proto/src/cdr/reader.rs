@@ -339,7 +339,7 @@ mod tests {
         ] {
             let sentence = CdrReader::new(header).unwrap_err().to_string();
             assert!(
-                sentence.starts_with("encapsulation header is ["),
+                sentence.starts_with("encapsulation header: got ["),
                 "{sentence}"
             );
         }

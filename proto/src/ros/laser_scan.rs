@@ -53,7 +53,7 @@ pub struct LaserScan {
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum ScanRefused {
     /// An angle that is no number, or a step that leads nowhere.
-    #[error("{field} is {value}, expected a finite number (and a step other than zero)")]
+    #[error("{field}: got {value}, expected a finite number (and a step other than zero)")]
     Angle {
         /// Name of the field.
         field: &'static str,

@@ -70,7 +70,7 @@ impl TryFrom<u8> for PointDatatype {
 
     fn try_from(number: u8) -> Result<Self, String> {
         let found = Self::ALL.into_iter().find(|&kind| kind as u8 == number);
-        found.ok_or_else(|| format!("datatype is {number}, expected {DATATYPES}"))
+        found.ok_or_else(|| format!("datatype: got {number}, expected {DATATYPES}"))
     }
 }
 
@@ -126,7 +126,7 @@ pub struct PointCloud2 {
 
 /// Why a cloud contradicts itself.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("{field} is {value}, expected {accepted}")]
+#[error("{field}: got {value}, expected {accepted}")]
 pub struct CloudRefused {
     /// Name of the field.
     pub field: &'static str,

@@ -59,7 +59,9 @@ pub struct PublicKey(ed25519_dalek::VerifyingKey);
 
 /// Why a text is no public key.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("public key {text:?} is {fault}, expected base64 of the 32 bytes of an Ed25519 public key")]
+#[error(
+    "public key {text:?}: got {fault}, expected base64 of the 32 bytes of an Ed25519 public key"
+)]
 pub struct PublicKeyRefused {
     /// The text.
     pub text: String,
@@ -150,7 +152,7 @@ impl From<PublicKey> for TrustedKeys {
 #[derive(Debug, Error)]
 pub enum SealRefused {
     /// A value or sigma is not a finite number, which JSON cannot carry.
-    #[error("{field} is {value}, expected finite numbers")]
+    #[error("{field}: got {value}, expected finite numbers")]
     NotFinite {
         /// Its path in the document.
         field: String,
@@ -219,7 +221,7 @@ pub enum EnvelopeRefused {
         found: String,
     },
     /// Signed with a key that is not trusted.
-    #[error("key_id is {key_id:?}, expected {trusted}")]
+    #[error("key_id: got {key_id:?}, expected {trusted}")]
     KeyUnknown {
         /// Which key the envelope names.
         key_id: String,
@@ -227,7 +229,7 @@ pub enum EnvelopeRefused {
         trusted: String,
     },
     /// The signature is not that of the trusted key over these bytes.
-    #[error("signature is {fault}, expected that of key {key_id} over the document's bytes")]
+    #[error("signature: got {fault}, expected that of key {key_id} over the document's bytes")]
     Signature {
         /// Which key it should be of.
         key_id: String,
@@ -235,7 +237,7 @@ pub enum EnvelopeRefused {
         fault: &'static str,
     },
     /// Signed and whole, but of a schema that is not known here.
-    #[error("schema is {found}, expected \"fleetcal.calibration/1\"")]
+    #[error("schema: got {found}, expected \"fleetcal.calibration/1\"")]
     Schema {
         /// What the document says, as JSON.
         found: String,

@@ -126,7 +126,7 @@ fn each_check_refuses_with_what_it_found() {
         ),
         (
             sealed_text(&text.replace("calibration/1", "calibration/2")),
-            "schema is \"fleetcal.calibration/2\"",
+            "schema: got \"fleetcal.calibration/2\"",
         ),
         (sealed_text("{}"), "document: missing field `schema`"),
         (
@@ -168,7 +168,7 @@ fn what_nobody_could_read_is_not_sealed() {
     let sentence = seal(&unreal, &key()).unwrap_err().to_string();
     assert_eq!(
         sentence,
-        "values.speed_scale is NaN, expected finite numbers"
+        "values.speed_scale: got NaN, expected finite numbers"
     );
     let mut long = document();
     long.approved_by = "a".repeat(ENVELOPE_BYTES_MAX);

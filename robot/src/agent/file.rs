@@ -31,7 +31,7 @@ const LOCK_ENDING: &str = ".agent.lock";
 #[derive(Debug, Error)]
 pub enum FileError {
     /// Its ending says no format.
-    #[error("file to apply is {}, expected names ending in .yaml, .yml or .json", path.display())]
+    #[error("file to apply: got {}, expected a name ending in .yaml, .yml or .json", path.display())]
     Format {
         /// The file.
         path: PathBuf,

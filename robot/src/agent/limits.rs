@@ -92,7 +92,7 @@ impl Default for Limits {
 
 /// A value that this robot does not believe.
 #[derive(Debug, Clone, PartialEq, Error)]
-#[error("values.{field} is {value}, this robot accepts {} to {}", range.lowest, range.highest)]
+#[error("values.{field}: got {value}, expected {} to {} on this robot", range.lowest, range.highest)]
 pub struct OutsideLimits {
     /// Its name on the wire.
     pub field: &'static str,
@@ -181,63 +181,63 @@ mod tests {
                     steering_offset_rad: 0.27,
                     ..values()
                 },
-                "steering_offset_rad is 0.27",
+                "steering_offset_rad: got 0.27",
             ),
             (
                 CalibrationValues {
                     lidar_x_m: -2.5,
                     ..values()
                 },
-                "lidar_x_m is -2.5",
+                "lidar_x_m: got -2.5",
             ),
             (
                 CalibrationValues {
                     lidar_y_m: 1.6,
                     ..values()
                 },
-                "lidar_y_m is 1.6",
+                "lidar_y_m: got 1.6",
             ),
             (
                 CalibrationValues {
                     lidar_yaw_rad: 3.2,
                     ..values()
                 },
-                "lidar_yaw_rad is 3.2",
+                "lidar_yaw_rad: got 3.2",
             ),
             (
                 CalibrationValues {
                     speed_scale: Some(0.7),
                     ..values()
                 },
-                "speed_scale is 0.7",
+                "speed_scale: got 0.7",
             ),
             (
                 CalibrationValues {
                     wheelbase_m: Some(0.0),
                     ..values()
                 },
-                "wheelbase_m is 0",
+                "wheelbase_m: got 0",
             ),
             (
                 CalibrationValues {
                     steering_gain: Some(3.0),
                     ..values()
                 },
-                "steering_gain is 3",
+                "steering_gain: got 3",
             ),
             (
                 CalibrationValues {
                     time_offset_s: Some(1.0),
                     ..values()
                 },
-                "time_offset_s is 1",
+                "time_offset_s: got 1",
             ),
             (
                 CalibrationValues {
                     steering_offset_rad: f64::NAN,
                     ..values()
                 },
-                "steering_offset_rad is NaN",
+                "steering_offset_rad: got NaN",
             ),
         ];
         for (values, wanted) in cases {

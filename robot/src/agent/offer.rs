@@ -87,7 +87,7 @@ pub(super) fn judge(identity: &Identity, memory: &Memory, envelope: &Envelope) -
     }
     if generation <= memory.highest {
         return Verdict::Stale(refusal(format!(
-            "generation is {generation}, expected higher ones than {}",
+            "generation: got {generation}, expected higher ones than {}",
             memory.highest
         )));
     }
@@ -114,14 +114,14 @@ fn objection(
     if base.unwrap_or_default() < confirmed {
         let base = base.map_or_else(|| "none".to_owned(), |base| base.to_string());
         return Some(format!(
-            "base_generation is {base}, expected {confirmed} and higher ones: it was compared \
+            "base_generation: got {base}, expected {confirmed} and higher ones: it was compared \
              with something older than what the robot holds"
         ));
     }
     let confirm_within_s = document.confirm_within_s;
     if !(1..=CONFIRM_WITHIN_MAX_S).contains(&confirm_within_s) {
         return Some(format!(
-            "confirm_within_s is {confirm_within_s}, expected 1 to {CONFIRM_WITHIN_MAX_S}"
+            "confirm_within_s: got {confirm_within_s}, expected 1 to {CONFIRM_WITHIN_MAX_S}"
         ));
     }
     if let Some(pose) = document.rear_axle_in_base_link
@@ -129,7 +129,7 @@ fn objection(
     {
         let Pose2 { x_m, y_m, yaw_rad } = pose;
         return Some(format!(
-            "rear_axle_in_base_link is {x_m}, {y_m}, {yaw_rad}, expected -30 to 30 m and \
+            "rear_axle_in_base_link: got {x_m}, {y_m}, {yaw_rad}, expected -30 to 30 m and \
              radians within one turn"
         ));
     }

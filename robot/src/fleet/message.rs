@@ -10,7 +10,7 @@ use crate::simulator::{DriveSample, LidarPose, Pose2, Scan, Truth};
 
 /// A stamp that a ROS message cannot carry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-#[error("header.stamp is {stamp_ns} ns, expected 68 years around 1970")]
+#[error("header.stamp: got {stamp_ns} ns, expected 68 years around 1970")]
 pub struct StampRefused {
     /// The stamp, ns since 1970.
     pub stamp_ns: i64,

@@ -25,7 +25,7 @@ pub const RECORD_DURATION_MAX_S: f64 = 86_400.0;
 #[derive(Debug, Error)]
 pub enum RecordError {
     /// Longer or shorter than a recording can be.
-    #[error("duration is {0} s, expected more than 0 and at most {RECORD_DURATION_MAX_S} s")]
+    #[error("duration: got {0} s, expected more than 0 and at most {RECORD_DURATION_MAX_S} s")]
     Duration(f64),
     /// The robot's configuration cannot be simulated.
     #[error(transparent)]
@@ -317,8 +317,8 @@ mod tests {
                 .unwrap_err()
                 .to_string()
         };
-        assert!(error(-1.0, "a.mcap").starts_with("duration is -1 s"));
-        assert!(error(f64::NAN, "a.mcap").starts_with("duration is NaN s"));
+        assert!(error(-1.0, "a.mcap").starts_with("duration: got -1 s"));
+        assert!(error(f64::NAN, "a.mcap").starts_with("duration: got NaN s"));
         assert!(error(1.0, "missing/a.mcap").contains("missing/a.mcap"));
     }
 }

@@ -23,7 +23,7 @@ const START_STAMP_NS: i64 = 1_760_000_000_000_000_000;
 
 /// More robots than one process simulates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-#[error("robots is {0}, expected at most {ROBOTS_MAX}")]
+#[error("robots: got {0}, expected at most {ROBOTS_MAX}")]
 pub struct TooManyRobots(pub usize);
 
 /// One robot of a simulated fleet.

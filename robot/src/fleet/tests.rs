@@ -274,7 +274,7 @@ async fn a_robot_pulls_applies_and_acknowledges_what_is_approved() {
         (
             envelope("tugger_01", Generation(9), 600),
             9,
-            "steering_offset_rad is 0.5",
+            "steering_offset_rad: got 0.5",
         ),
     ] {
         session.put(key, payload).await.unwrap();

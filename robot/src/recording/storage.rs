@@ -206,7 +206,7 @@ fn split_files(
         let file = file.filter(|file| present.contains(file) && !files.contains(file));
         files.push(file.ok_or_else(|| {
             refused(format!(
-                "relative_file_paths has {}, expected the folder's files, each once",
+                "relative_file_paths: got {}, expected the folder's files, each once",
                 named.display()
             ))
         })?);

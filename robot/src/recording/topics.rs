@@ -138,7 +138,7 @@ pub enum TopicError {
         flag: &'static str,
     },
     /// The topic that was asked for is not in the recording.
-    #[error("{flag} is {topic:?}, expected the recording's topics: {present}")]
+    #[error("{flag}: got {topic:?}, expected the recording's topics: {present}")]
     NotInRecording {
         /// The flag.
         flag: &'static str,
@@ -148,7 +148,7 @@ pub enum TopicError {
         present: String,
     },
     /// The topic that was asked for is of another type.
-    #[error("{flag} is {topic:?}, which is of type {found}, expected {needed}")]
+    #[error("{flag}: got {topic:?} of type {found}, expected {needed}")]
     WrongType {
         /// The flag.
         flag: &'static str,

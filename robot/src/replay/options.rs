@@ -21,7 +21,7 @@ pub enum Rate {
 
 /// Why a text is no rate.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("rate is {text:?}, expected a number from 0.001 to 1000000, or max")]
+#[error("rate: got {text:?}, expected a number from 0.001 to 1000000, or max")]
 pub struct RateRefused {
     /// The text.
     pub text: String,

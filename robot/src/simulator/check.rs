@@ -12,7 +12,7 @@ use super::pose_sensor::PoseSettings;
 
 /// A setting that cannot be.
 #[derive(Debug, Clone, PartialEq, Error)]
-#[error("{field} is {value}, expected {accepted}")]
+#[error("{field}: got {value}, expected {accepted}")]
 pub struct SettingRefused {
     /// Name of the setting.
     pub field: &'static str,

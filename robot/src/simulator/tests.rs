@@ -477,11 +477,11 @@ fn a_setting_that_cannot_be_is_refused_by_name() {
     };
     assert_eq!(
         refused(&|config| config.vehicle.wheelbase_m = f64::NAN),
-        "vehicle.wheelbase_m is NaN, expected 0.1 to 20 m"
+        "vehicle.wheelbase_m: got NaN, expected 0.1 to 20 m"
     );
     assert_eq!(
         refused(&|config| config.people.count = 61),
-        "people.count is 61, expected at most 60"
+        "people.count: got 61, expected at most 60"
     );
     let beams = |beams| {
         LidarOutput::Scans(LidarSettings {
@@ -491,8 +491,8 @@ fn a_setting_that_cannot_be_is_refused_by_name() {
     };
     assert_eq!(
         refused(&|config| config.lidar = beams(4)),
-        "lidar.beams is 4, expected 8 to 16384"
+        "lidar.beams: got 4, expected 8 to 16384"
     );
     let nowhere = Route::from_points(&[Point::default()], false);
-    assert!(refused(&|config| config.route = nowhere.clone()).starts_with("route.length_m is 0"));
+    assert!(refused(&|config| config.route = nowhere.clone()).starts_with("route.length_m: got 0"));
 }

@@ -60,8 +60,11 @@ mod tests {
             ("1", "two heights"),
             ("1,2,3", "two heights"),
             ("low,high", "two heights"),
-            ("1,0", "height_max_m is 0, expected more than height_min_m"),
-            ("nan,0", "height_min_m is NaN"),
+            (
+                "1,0",
+                "height_max_m: got 0, expected more than height_min_m",
+            ),
+            ("nan,0", "height_min_m: got NaN"),
         ] {
             let reason = text.parse::<HeightBand>().expect_err(text);
             assert!(reason.contains(wanted), "{reason}");

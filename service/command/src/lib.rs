@@ -146,7 +146,7 @@ pub enum CommandError {
     #[error("--robots: {0}")]
     TooManyRobots(#[from] TooManyRobots),
     /// A recording is of one robot.
-    #[error("--robots is {robots}, accepted with --record is 1")]
+    #[error("--robots: got {robots}, expected 1 with --record")]
     OneRobot {
         /// How many were asked for.
         robots: usize,

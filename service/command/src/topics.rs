@@ -151,7 +151,7 @@ mod tests {
             ("{ steer = 'a' }", "steer"),
             (
                 "{ steering = 'a', steering_gear = 0 }",
-                "steering_gear is 0",
+                "steering_gear: got 0",
             ),
             ("{ wheels = ['a'] }", "wheel_radius_m is not given"),
         ] {

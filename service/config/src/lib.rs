@@ -307,7 +307,7 @@ mod tests {
     #[test]
     fn a_policy_that_cannot_be_followed_is_refused() {
         let refused = |text: &str| refusal(&format!("[approval]\n{text}"));
-        assert!(refused("confirm_within_s = 0").contains("approval.confirm_within_s is 0"));
+        assert!(refused("confirm_within_s = 0").contains("approval.confirm_within_s: got 0"));
         assert!(refused("propse = true").contains("propse"));
         let wide = "approve_within = { steering_offset_deg = 6.0, lidar_yaw_deg = 1.0, \
                     lidar_position_mm = 10.0 }";
@@ -318,7 +318,7 @@ mod tests {
         );
         let none = "verify_within = { steering_offset_deg = 0.0, lidar_yaw_deg = 1.0, \
                     lidar_position_mm = 10.0 }";
-        assert!(refused(none).contains("verify_within.steering_offset_deg is 0"));
+        assert!(refused(none).contains("verify_within.steering_offset_deg: got 0"));
     }
 
     #[test]
@@ -360,7 +360,7 @@ mod tests {
         assert_ne!(cloud.band, laser.band);
         let reason = scans(&text.replace("1.5", "-1.5")).expect_err("upside down");
         assert!(
-            reason.contains("height_max_m is -1.5, expected"),
+            reason.contains("height_max_m: got -1.5, expected"),
             "{reason}"
         );
         let reason = scans(&text.replace("beams", "beens")).expect_err("unknown");

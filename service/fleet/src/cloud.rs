@@ -199,11 +199,11 @@ mod tests {
         };
         let reason = refusal(&|cloud| cloud.fields.retain(|field| field.name != "z"));
         assert!(
-            reason.starts_with("scan: fields is [x, y, time]"),
+            reason.starts_with("scan: fields: got [x, y, time]"),
             "{reason}"
         );
         let reason = refusal(&|cloud| cloud.row_step = 7);
-        assert!(reason.starts_with("scan: row_step is 7"), "{reason}");
+        assert!(reason.starts_with("scan: row_step: got 7"), "{reason}");
         let reason = refusal(&|cloud| cloud.header.stamp = Time::default());
         assert!(reason.contains("header.stamp"), "{reason}");
     }

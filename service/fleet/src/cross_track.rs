@@ -97,7 +97,7 @@ pub fn read(encoding: Encoding, payload: &[u8]) -> Result<(Option<RobotTime>, f6
     };
     if !(-ERROR_MAX_M..=ERROR_MAX_M).contains(&error_m) {
         return Err(format!(
-            "cross_track_error: value_m is {error_m}, expected -{ERROR_MAX_M} to {ERROR_MAX_M}"
+            "cross_track_error: value_m: got {error_m}, expected -{ERROR_MAX_M} to {ERROR_MAX_M}"
         ));
     }
     Ok((stamp_ns, error_m))

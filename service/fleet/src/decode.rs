@@ -50,7 +50,7 @@ pub enum MessageRefused {
     },
     /// The orientation says nothing.
     #[error(
-        "lidar_odometry: pose.pose.orientation is of length {length}, expected a quaternion of \
+        "lidar_odometry: pose.pose.orientation: got of length {length}, expected a quaternion of \
          length 1"
     )]
     Orientation {
@@ -58,7 +58,7 @@ pub enum MessageRefused {
         length: f64,
     },
     /// It is of a type that is not taken there.
-    #[error("{stream}: type is {found}, expected {accepted}", stream = stream.name())]
+    #[error("{stream}: type: got {found}, expected {accepted}", stream = stream.name())]
     Type {
         /// Where it came.
         stream: Stream,
@@ -93,10 +93,10 @@ pub enum MessageRefused {
     #[error("event: {0}, expected {{\"kind\", \"stamp_ns\", \"note\"}}")]
     Event(#[source] serde_json::Error),
     /// An event's note is too long.
-    #[error("event: note has {0} characters, expected {NOTE_CHARS_MAX} at most")]
+    #[error("event: note: got {0} characters, expected {NOTE_CHARS_MAX} at most")]
     NoteTooLong(usize),
     /// An event without a time.
-    #[error("event: stamp_ns is {0}, expected a time after 1970")]
+    #[error("event: stamp_ns: got {0}, expected a time after 1970")]
     NoteStamp(i64),
 }
 

@@ -67,7 +67,7 @@ pub enum FleetRefused {
     #[error("{} robots are configured, which is the limit", limits::ROBOTS_MAX)]
     RobotsMax,
     /// The note's text is too long.
-    #[error("note has {0} characters, expected {max}", max = limits::NOTE_CHARS_MAX)]
+    #[error("note: got {0} characters, expected {max} at most", max = limits::NOTE_CHARS_MAX)]
     NoteTooLong(usize),
     /// The robot has too many notes that wait.
     #[error("robot {0} has {max} notes that wait", max = limits::MAILBOX_NOTES_MAX)]
@@ -370,7 +370,7 @@ impl FleetHandle {
         if bytes > limit {
             self.fleet.counts.oversized.fetch_add(1, Ordering::Relaxed);
             let name = stream.name();
-            let reason = format!("{name}: payload is {bytes} bytes, expected {limit} at most");
+            let reason = format!("{name}: got {bytes} bytes, expected {limit} at most");
             robot.mailbox.refuse(stream, &reason);
         } else if !robot.is_configured() {
             robot.mailbox.ignore(stream);

@@ -55,7 +55,7 @@ impl TryFrom<String> for PublicUrl {
             return Ok(Self(text));
         }
         Err(format!(
-            "public_url is {text:?}, expected scheme, host in lower case and port alone, such \
+            "public_url: got {text:?}, expected scheme, host in lower case and port alone, such \
              as https://fleetcal.example.com"
         ))
     }

@@ -101,8 +101,8 @@ fn warn_without_list(config: &Config, setup: &LinkSetup) {
     if listens && !is_listed {
         tracing::warn!(
             path = %path.display(),
-            "the Zenoh configuration has no access list: whoever connects reads and writes every \
-             robot's keys"
+            "the Zenoh configuration has no access list: every client that connects reads and \
+             writes every robot's keys"
         );
     }
 }

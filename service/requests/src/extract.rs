@@ -212,7 +212,7 @@ pub fn time(field: &str, given: Option<&str>) -> Result<Option<jiff::Timestamp>,
 pub fn check_length(field: &str, text: &str, chars_max: usize) -> Result<(), Problem> {
     let chars = text.chars().count();
     if chars > chars_max {
-        let detail = format!("{field} has {chars} characters, expected {chars_max} at most");
+        let detail = format!("{field}: got {chars} characters, expected {chars_max} at most");
         let status = StatusCode::BAD_REQUEST;
         return Err(Problem::new(status, "value_refused", detail).of_field(field));
     }

@@ -59,7 +59,7 @@ impl Problem {
     /// A value that is not accepted.
     pub fn refused(field: &str, value: &str, accepted: &str) -> Self {
         let shown: String = value.chars().take(100).collect();
-        let detail = format!("{field} is {shown:?}, expected {accepted}");
+        let detail = format!("{field}: got {shown:?}, expected {accepted}");
         Self::new(StatusCode::BAD_REQUEST, "value_refused", detail).of_field(field)
     }
 

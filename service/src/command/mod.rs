@@ -115,7 +115,7 @@ pub enum CommandError {
     #[error("no robot is named: give --robot ID, or a --config file with a [[robot]]")]
     NoRobots,
     /// A robot would have the service's rights.
-    #[error("--service is {0}, expected the name of no robot")]
+    #[error("--service: got {0}, expected the name of no robot")]
     ServiceIsRobot(RobotId),
     /// What a router would know robots by is not there.
     #[error("--identity is {identity}, which needs {needs}")]
@@ -127,7 +127,7 @@ pub enum CommandError {
     },
     /// A key expression that is the same for all robots.
     #[error(
-        "--stream is {0:?}, expected a key expression in which one whole chunk is {{robot}}, for the robot's id"
+        "--stream: got {0:?}, expected a key expression in which one whole chunk is {{robot}}, for the robot's id"
     )]
     StreamOfAll(String),
 }

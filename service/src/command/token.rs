@@ -81,7 +81,7 @@ pub(super) fn role(name: &str) -> Result<Role, String> {
     Role::parse(name).ok_or_else(|| {
         let accepted: Vec<&str> = Role::ALL.iter().map(|one| one.as_str()).collect();
         let accepted = accepted.join(", ");
-        format!("role is {name:?}, expected one of {accepted}")
+        format!("role: got {name:?}, expected one of {accepted}")
     })
 }
 

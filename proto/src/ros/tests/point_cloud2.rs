@@ -181,7 +181,7 @@ fn a_hostile_cloud_is_refused_before_anything_is_allocated() {
     kind[48] = 9;
     let reason = PointCloud2::from_cdr(&kind).unwrap_err().to_string();
     assert!(
-        reason.contains("fields.datatype is 9, expected 1 to 8"),
+        reason.contains("fields.datatype: got 9, expected 1 to 8"),
         "{reason}"
     );
     let many = PointCloud2 {
@@ -208,30 +208,30 @@ fn a_layout_that_contradicts_itself_is_refused_by_field() {
     for (change, wanted) in [
         (
             (&|cloud: &mut PointCloud2| cloud.width = 3) as &dyn Fn(&mut PointCloud2),
-            "row_step is 40, expected width times point_step, 60 bytes",
+            "row_step: got 40, expected width times point_step, 60 bytes",
         ),
         (
             &|cloud| cloud.height = 3,
-            "data is 80 bytes, expected row_step times height, 120",
+            "data: got 80 bytes, expected row_step times height, 120",
         ),
         (
             &|cloud| cloud.point_step = 12,
-            "fields is \"intensity\" up to byte 14",
+            "fields: got \"intensity\" up to byte 14",
         ),
         (
             &|cloud| {
                 cloud.fields.clear();
                 cloud.point_step = 0;
             },
-            "point_step is 0",
+            "point_step: got 0",
         ),
         (
             &|cloud| cloud.fields[0].count = u32::MAX,
-            "fields is \"x\" up to byte 17179869180",
+            "fields: got \"x\" up to byte 17179869180",
         ),
         (
             &|cloud| cloud.fields[0].offset = u32::MAX,
-            "fields is \"x\" up to byte 4294967299",
+            "fields: got \"x\" up to byte 4294967299",
         ),
         (
             &|cloud| (cloud.width, cloud.height) = (u32::MAX, u32::MAX),

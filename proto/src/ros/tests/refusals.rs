@@ -98,7 +98,7 @@ fn another_type_is_refused() {
 fn cdr_values_that_cannot_be_are_named() {
     let mut payload = drive().to_cdr();
     payload[8..12].copy_from_slice(&1_000_000_000_u32.to_le_bytes());
-    let wanted = "header.stamp.nanosec is 1000000000, expected less than 1000000000";
+    let wanted = "header.stamp.nanosec: got 1000000000, expected less than 1000000000";
     refused::<AckermannDriveStamped>(Encoding::Cdr, &payload, wanted);
 
     let mut names = joints();
@@ -207,21 +207,21 @@ fn a_scan_whose_length_contradicts_its_angles_is_refused() {
                 angle_max: f32::NAN,
                 ..of(7)
             },
-            "angle_max is NaN",
+            "angle_max: got NaN",
         ),
         (
             LaserScan {
                 angle_min: f32::INFINITY,
                 ..of(7)
             },
-            "angle_min is inf",
+            "angle_min: got inf",
         ),
         (
             LaserScan {
                 angle_increment: 0.0,
                 ..of(7)
             },
-            "angle_increment is 0",
+            "angle_increment: got 0",
         ),
     ];
     for (scan, wanted) in cases {

@@ -221,7 +221,10 @@ async fn the_document_says_where_base_link_is_and_a_restart_remembers_it() {
     robot.start();
     let refused = service.wait_for(2, AppliedStatus::Refused).await;
     let reason = refused.reason.unwrap();
-    assert!(reason.contains("rear_axle_in_base_link is 31"), "{reason}");
+    assert!(
+        reason.contains("rear_axle_in_base_link: got 31"),
+        "{reason}"
+    );
     assert_eq!(robot.stop().await, 1);
 }
 
@@ -354,17 +357,17 @@ async fn what_must_not_be_applied_is_refused_with_its_reason() {
         (
             sealed(&document(2)),
             2,
-            "generation is 2, expected higher ones than 3",
+            "generation: got 2, expected higher ones than 3",
         ),
         (
             sealed(&beyond),
             8,
-            "values.lidar_y_m is 2, this robot accepts -1.5 to 1.5",
+            "values.lidar_y_m: got 2, expected -1.5 to 1.5 on this robot",
         ),
         (
             sealed(&stale_base),
             9,
-            "base_generation is none, expected 3",
+            "base_generation: got none, expected 3",
         ),
     ];
     service.push(b"{\"document\": 1}".to_vec()).await;

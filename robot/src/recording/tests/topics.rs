@@ -171,12 +171,12 @@ fn a_topic_that_cannot_be_is_named_with_what_could() {
     image.encoding = None;
     let channels = [drive_on("/a/drive"), scan_on("/a/scan"), image];
     let wanted = [
-        "--scan-topic is \"/a/scann\"",
+        "--scan-topic: got \"/a/scann\"",
         "/a/scan (sensor_msgs/msg/LaserScan)",
     ];
     refused(&channels, [None, Some("/a/scann"), None], &wanted, 2);
     let wanted = [
-        "--pose-topic is \"/a/scan\"",
+        "--pose-topic: got \"/a/scan\"",
         LaserScan::TYPE,
         Odometry::TYPE,
     ];
@@ -262,7 +262,7 @@ fn halves_that_cannot_be_are_named() {
     let said = sentence(&halves("/a/joint_states", "/a/joint_states"));
     assert!(said.contains("--wheel-odometry-topic"), "{said}");
     let said = sentence(&halves("/a/scan", "/a/odom"));
-    assert!(said.contains("streams.steering is \"/a/scan\""), "{said}");
+    assert!(said.contains("streams.steering: got \"/a/scan\""), "{said}");
     let mut alone = halves("/a/joint_states", "/a/odom");
     alone.speed = None;
     let said = sentence(&alone);

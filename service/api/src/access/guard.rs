@@ -41,7 +41,7 @@ async fn admitted(api: &ApiState, request: Request) -> Result<Request, Problem> 
         tracing::Span::current().record("actor", &*caller.actor.name);
         if !caller.route.permits(&caller.grant) {
             let role = caller.grant.role().as_str();
-            let detail = format!("your role is {role}, expected {}", access.accepted());
+            let detail = format!("your role: got {role}, expected {}", access.accepted());
             return Err(Problem::new(StatusCode::FORBIDDEN, "not_permitted", detail));
         }
         parts.extensions.insert(caller);

@@ -57,8 +57,8 @@ pub(super) struct RecordingFile(Vec<u8>);
 /// Records a robot from now on and gives it as it is written: an MCAP file that Foxglove
 /// opens, with the robot's own messages, `/tf`, `/{robot}/estimate` and `/{robot}/events`, all logged
 /// by the robot's clock. It is whole after `duration_s`, when it has 1 GiB, or when the permission
-/// ends, for whoever takes the rest within 30 s; and at the service's end for whoever does within 2 s.
-/// Else, and when nothing is taken for 30 s, the connection breaks off and the file lacks its end.
+/// ends, for clients that take the rest within 30 s; and when the service stops, for those that do
+/// within 2 s. Else, and when nothing is taken for 30 s, the connection breaks off and the file lacks its end.
 /// Nothing of it is kept. What came faster than it was fetched is missing; the metadata
 /// `fleetcal.session` say how much.
 #[utoipa::path(

@@ -68,8 +68,8 @@ async fn the_first_administrator_is_made_by_the_link_once() {
     };
     let code = bench.setup_code.as_str();
     assert_snapshot!(set_up("guess", "ann", PASSWORD).await.told(), @"403 setup_code_refused [code]: the setup code is wrong or older than a day; a service without users prints a new one at each start");
-    assert_snapshot!(set_up(code, "", PASSWORD).await.told(), @r#"422 body_refused [name]: name is "", expected 1 to 64 letters, digits, spaces, and . _ - @ + in between, and not "fleetcal""#);
-    assert_snapshot!(set_up(code, "ann", "secret").await.told(), @"422 password_refused [password]: the password has 6 characters, expected 12 to 128");
+    assert_snapshot!(set_up(code, "", PASSWORD).await.told(), @r#"422 body_refused [name]: name: got "", expected 1 to 64 letters, digits, spaces, and . _ - @ + in between, and not "fleetcal""#);
+    assert_snapshot!(set_up(code, "ann", "secret").await.told(), @"422 password_refused [password]: password: got 6 characters, expected 12 to 128");
     let (one, other) = tokio::join!(set_up(code, "ann", PASSWORD), set_up(code, "bob", PASSWORD));
     let mut statuses = [one.status.as_u16(), other.status.as_u16()];
     statuses.sort_unstable();
@@ -228,7 +228,7 @@ async fn a_person_changes_the_own_password() {
             .told()
     };
     assert_snapshot!(change("wrong", "another horse battery").await, @"409 password_wrong [current]: the current password is wrong");
-    assert_snapshot!(change(PASSWORD, "short").await, @"422 password_refused [password]: the password has 5 characters, expected 12 to 128");
+    assert_snapshot!(change(PASSWORD, "short").await, @"422 password_refused [password]: password: got 5 characters, expected 12 to 128");
     assert_eq!(change(PASSWORD, "another horse battery").await, "204");
     let status = async |cookie: &str| {
         let answer = with(&bench, "GET", "/api/v1/session", cookie, "").await;
@@ -278,7 +278,7 @@ async fn users_are_made_changed_and_removed_with_conditions() {
     let lower = json!({"name": "ann", "role": "viewer", "password": PASSWORD});
     assert_snapshot!(post("k2", lower).await.told(), @"409 name_taken: the name ann is taken");
     let robot = json!({"name": "r", "role": "robot", "password": PASSWORD});
-    assert_snapshot!(post("k2", robot).await.told(), @r#"422 body_refused [role]: role is "robot", accepted for a person is one of viewer, operator, approver, admin"#);
+    assert_snapshot!(post("k2", robot).await.told(), @r#"422 body_refused [role]: role: got "robot", expected viewer, operator, approver or admin for a person"#);
     let send = async |method: &str, etag: &str, body: &str| {
         let headers: &[(&str, &str)] = if etag.is_empty() {
             &[]

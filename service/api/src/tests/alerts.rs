@@ -150,7 +150,7 @@ async fn a_list_is_filtered_paged_and_refuses_by_name() {
     let told = async |query: &str| bench.get(&format!("/api/v1/alerts{query}")).await.told();
     assert_snapshot!(told("?state=angry").await, @r#"400 value_refused [state]: state is "angry", expected active or one of normal, pending, alerting, recovering, no_data"#);
     assert_snapshot!(told("?cursor=x").await, @r#"400 value_refused [cursor]: cursor is "x", expected `next` of the page before"#);
-    assert_snapshot!(told("?limit=0").await, @r#"400 value_refused [limit]: limit is "0", expected a whole number from 1 to 1000"#);
+    assert_snapshot!(told("?limit=0").await, @r#"400 value_refused [limit]: limit: got "0", expected a whole number from 1 to 1000"#);
 }
 
 #[tokio::test]
@@ -172,7 +172,7 @@ async fn an_acknowledgement_needs_the_version_and_comes_once() {
     assert_snapshot!(ack(&uri, &stale, "{}").await, @"412 version_conflict: it is at version 1 now: it changed since you opened it");
     let first = [("if-match", "\"1\"")];
     let long = serde_json::json!({ "note": "x".repeat(1_001) }).to_string();
-    assert_snapshot!(ack(&uri, &first, &long).await, @"400 value_refused [note]: note has 1001 characters, expected 1000 at most");
+    assert_snapshot!(ack(&uri, &first, &long).await, @"400 value_refused [note]: note: got 1001 characters, expected 1000 at most");
     assert_eq!(ack(&uri, &first, "{}").await, "200");
     let second = [("if-match", "\"2\"")];
     assert_snapshot!(ack(&uri, &second, "{}").await, @"409 acknowledged_already: tester has acknowledged this already");
@@ -207,7 +207,7 @@ async fn a_webhook_shows_its_secret_once_and_refuses_by_name() {
     // An address is often a secret itself, and every viewer reads the audit.
     assert!(audit.body.contains("http://127.0.0.1:9") && !audit.body.contains("/hook"));
     assert_snapshot!(post(r#"{"url": "http://127.0.0.1:9/hook"}"#).await.told(), @"409 webhook_exists [url]: url is that of webhook 1 already");
-    assert_snapshot!(post(r#"{"url": "ftp://a/"}"#).await.told(), @r#"400 value_refused [url]: url is "ftp://a/", expected an address such as https://example.org/hook"#);
+    assert_snapshot!(post(r#"{"url": "ftp://a/"}"#).await.told(), @r#"400 value_refused [url]: url: got "ftp://a/", expected an address such as https://example.org/hook"#);
     assert_snapshot!(post(r#"{"url": "http://a/", "events": []}"#).await.told(), @r#"400 value_refused [events]: events is "[]", expected one or more of alert.alerting, alert.resolved, proposal.waiting"#);
     let unknown = post(r#"{"url": "http://a/", "events": ["alert.angry"]}"#).await;
     assert!(unknown.told().contains("alert.angry"), "{}", unknown.body);
@@ -338,7 +338,7 @@ async fn a_robot_in_maintenance_is_neither_silent_nor_alerted() {
     let long = bench.send_body("PUT", uri, &[], hours(2_161)).await;
     assert_eq!(
         long.told(),
-        "400 value_refused [until]: until is 2161, expected more than 0 and at most 2160 hours \
+        "400 value_refused [until]: until: got 2161, expected more than 0 and at most 2160 hours \
          from now"
     );
     let end = r#"{"until": null, "reason": "back at work"}"#;

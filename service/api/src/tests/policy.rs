@@ -72,11 +72,11 @@ async fn a_policy_is_refused_by_field() {
         let answer = bench.set_policy("\"1\"", &policy, reason).await;
         answer.told()
     };
-    assert_snapshot!(told(with("verify_after_m", json!(0)), "x").await, @"400 value_refused [policy.verify_after_m]: policy.verify_after_m is 0, expected 1 to 100000");
+    assert_snapshot!(told(with("verify_after_m", json!(0)), "x").await, @"400 value_refused [policy.verify_after_m]: policy.verify_after_m: got 0, expected 1 to 100000");
     let tolerance =
         json!({"steering_offset_deg": 0.1, "lidar_yaw_deg": -1, "lidar_position_mm": 10});
-    assert_snapshot!(told(with("verify_within", tolerance), "x").await, @"400 value_refused [policy.verify_within.lidar_yaw_deg]: policy.verify_within.lidar_yaw_deg is -1, expected more than 0 and at most 180");
-    assert_snapshot!(told(policy.clone(), " ").await, @"400 value_refused [reason]: reason is empty, expected why, in words");
+    assert_snapshot!(told(with("verify_within", tolerance), "x").await, @"400 value_refused [policy.verify_within.lidar_yaw_deg]: policy.verify_within.lidar_yaw_deg: got -1, expected more than 0 and at most 180");
+    assert_snapshot!(told(policy.clone(), " ").await, @"400 value_refused [reason]: reason: got nothing, expected why, in words");
     assert_snapshot!(bench.send_body("PUT", PATH, &[], json!({"policy": policy, "reason": "x"}).to_string()).await.told(), @"428 precondition_required [If-Match]: send the ETag of GET as If-Match, or If-None-Match: * for a new one");
     let unknown = told(with("tolerance", json!(1)), "x").await;
     assert!(

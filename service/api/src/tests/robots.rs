@@ -108,8 +108,8 @@ async fn a_robot_that_has_sent_something_is_told_what_to_drive_next() {
     assert!(!corridor.is_empty() && corridor.len() < all.len());
     assert!(corridor.iter().all(|name| all.contains(name)));
     let told = async |query: &str| bench.get(&format!("{path}{query}")).await.told();
-    assert_snapshot!(told("?length_m=0&width_m=3").await, @r#"400 value_refused [length_m]: length_m is "0", expected both sides of the floor, each more than 0 and at most 10000 m"#);
-    assert_snapshot!(told("?length_m=3").await, @r#"400 value_refused [width_m]: width_m is "nothing", expected both sides of the floor, each more than 0 and at most 10000 m"#);
+    assert_snapshot!(told("?length_m=0&width_m=3").await, @r#"400 value_refused [length_m]: length_m: got "0", expected both sides of the floor, each more than 0 and at most 10000 m"#);
+    assert_snapshot!(told("?length_m=3").await, @r#"400 value_refused [width_m]: width_m: got "nothing", expected both sides of the floor, each more than 0 and at most 10000 m"#);
     assert_snapshot!(told("?floor=3").await, @"400 query_refused [floor]: the query: unknown field `floor`, expected `length_m` or `width_m`");
 }
 
@@ -186,8 +186,8 @@ async fn the_list_refuses_by_name() {
     assert_snapshot!(told("stat=failed").await, @"400 query_refused [stat]: the query: unknown field `stat`, expected one of `state`, `standing`, `connection`, `sort`, `limit`, `cursor`");
     assert_snapshot!(told("state=broken").await, @r#"400 value_refused [state]: state is "broken", expected one of failed, changed, no_data, unregistered, learning, calibrated"#);
     assert_snapshot!(told("sort=name").await, @r#"400 value_refused [sort]: sort is "name", expected severity or id"#);
-    assert_snapshot!(told("limit=0").await, @r#"400 value_refused [limit]: limit is "0", expected a whole number from 1 to 1000"#);
-    assert_snapshot!(told("limit=ten").await, @r#"400 value_refused [limit]: limit is "ten", expected a whole number from 1 to 1000"#);
+    assert_snapshot!(told("limit=0").await, @r#"400 value_refused [limit]: limit: got "0", expected a whole number from 1 to 1000"#);
+    assert_snapshot!(told("limit=ten").await, @r#"400 value_refused [limit]: limit: got "ten", expected a whole number from 1 to 1000"#);
     assert_snapshot!(told("cursor=x").await, @r#"400 value_refused [cursor]: cursor is "x", expected `next` of the page before"#);
 }
 
@@ -220,7 +220,7 @@ async fn a_robot_is_registered_and_changed_with_conditions() {
         (200, "\"2\"")
     );
     assert_snapshot!(put(&[("if-match", "\"1\"")]).await.told(), @"412 version_conflict: robot agv_1 is at version 2");
-    assert_snapshot!(put(&[("if-match", "*")]).await.told(), @r#"400 value_refused [If-Match]: If-Match is "*", expected the ETag of GET, such as "3""#);
+    assert_snapshot!(put(&[("if-match", "*")]).await.told(), @r#"400 value_refused [If-Match]: If-Match: got "*", expected the ETag of GET, such as "3""#);
     let config = bench.fleet.robot(&robot("agv_1")).unwrap().config;
     assert_eq!(config, Some(serde_json::from_str(CONFIG).unwrap()));
 }
@@ -281,7 +281,7 @@ async fn a_configuration_is_refused_by_field() {
     assert_snapshot!(told("{").await, @"400 body_refused: the body: EOF while parsing an object at line 1 column 1");
     assert_snapshot!(told("[]").await, @"422 body_refused: the body: invalid length 0, expected struct RobotConfig with 10 elements at line 1 column 2");
     assert_snapshot!(told(r#"{"model": "bicycle"}"#).await, @"422 body_refused: the body: missing field `wheelbase_m` at line 1 column 20");
-    assert_snapshot!(told(r#"{"model": "bicycle", "wheelbase_m": -1}"#).await, @"422 body_refused [wheelbase_m]: the body: wheelbase_m is -1, expected more than 0 and at most 30 m at line 1 column 39");
+    assert_snapshot!(told(r#"{"model": "bicycle", "wheelbase_m": -1}"#).await, @"422 body_refused [wheelbase_m]: the body: wheelbase_m: got -1, expected more than 0 and at most 30 m at line 1 column 39");
     assert_snapshot!(told(r#"{"model": "hovercraft", "wheelbase_m": 1}"#).await, @"422 body_refused [model]: the body: unknown variant `hovercraft`, expected `bicycle` or `tricycle` at line 1 column 22");
     assert_snapshot!(told(r#"{"model": "bicycle", "wheelbase_m": 1, "colour": "red"}"#).await, @"422 body_refused [colour]: the body: unknown field `colour`, expected one of `model`, `wheelbase_m`, `speed_measured_at`, `nominal`, `drive`, `wheel_odometry`, `rear_axle_in_base_link`, `scan_type`, `point_cloud`, `streams`, `estimator` at line 1 column 47");
     assert_eq!(bench.store.load_robot(&robot("a")).await.unwrap(), None);
@@ -378,7 +378,7 @@ async fn history_refuses_by_name() {
     assert_snapshot!(told("a/history?parameter=").await, @r#"400 value_refused [parameter]: parameter is "", expected some of steering_offset, lidar_x, lidar_y, lidar_yaw, speed_scale, wheelbase, time_offset, steering_gain"#);
     assert_snapshot!(told("a/history?from=yesterday").await, @r#"400 value_refused [from]: from is "yesterday", expected RFC 3339, such as 2026-01-31T12:00:00Z"#);
     assert_snapshot!(told("a/history?from=2026-01-02T00:00:00Z&to=2026-01-01T00:00:00Z").await, @r#"400 value_refused [from]: from is "2026-01-02T00:00:00Z", expected a time before `to`, 2026-01-01T00:00:00Z"#);
-    assert_snapshot!(told("a/history?max_points=1").await, @r#"400 value_refused [max_points]: max_points is "1", expected a whole number from 2 to 5000"#);
+    assert_snapshot!(told("a/history?max_points=1").await, @r#"400 value_refused [max_points]: max_points: got "1", expected a whole number from 2 to 5000"#);
     assert_snapshot!(told("a/history?points=1").await, @"400 query_refused [points]: the query: unknown field `points`, expected one of `parameter`, `from`, `to`, `max_points`, `format`");
     // A span of thousands of years is read, not run through.
     assert_eq!(
@@ -501,7 +501,7 @@ async fn a_note_is_refused_by_field() {
     assert_snapshot!(told("a", r#"{"kind": "maintenance", "when": 1}"#.to_owned()).await, @"422 body_refused [when]: the body: unknown field `when`, expected one of `kind`, `time`, `note` at line 1 column 30");
     assert_snapshot!(told("a", r#"{"kind": "maintenance", "time": "now"}"#.to_owned()).await, @"422 body_refused [time]: the body: expected four digit year (or leading sign for six digit year), but found end of input at line 1 column 37");
     assert_snapshot!(told("a", r#"{"kind": "maintenance", "time": "1960-01-01T00:00:00Z"}"#.to_owned()).await, @r#"400 value_refused [time]: time is "1960-01-01T00:00:00Z", expected a time between 1970 and 2262"#);
-    assert_snapshot!(told("a", long("note", 1_001)).await, @"400 value_refused [note]: note has 1001 characters, expected 1000 at most");
+    assert_snapshot!(told("a", long("note", 1_001)).await, @"400 value_refused [note]: note: got 1001 characters, expected 1000 at most");
     assert_snapshot!(told("a", long("author", 3)).await, @"422 body_refused [author]: the body: unknown field `author`, expected one of `kind`, `time`, `note` at line 1 column 9");
     let headers = [("idempotency-key", "")];
     let empty = bench
@@ -512,7 +512,7 @@ async fn a_note_is_refused_by_field() {
             r#"{"kind": "power_on"}"#,
         )
         .await;
-    assert_snapshot!(empty.told(), @r#"400 value_refused [Idempotency-Key]: Idempotency-Key is "", expected 1 to 128 characters"#);
-    assert_snapshot!(bench.get("/api/v1/robots/a/events?limit=1001").await.told(), @r#"400 value_refused [limit]: limit is "1001", expected a whole number from 1 to 1000"#);
+    assert_snapshot!(empty.told(), @r#"400 value_refused [Idempotency-Key]: Idempotency-Key: got "", expected 1 to 128 characters"#);
+    assert_snapshot!(bench.get("/api/v1/robots/a/events?limit=1001").await.told(), @r#"400 value_refused [limit]: limit: got "1001", expected a whole number from 1 to 1000"#);
     assert_snapshot!(bench.get("/api/v1/robots/a/events?cursor=x").await.told(), @r#"400 value_refused [cursor]: cursor is "x", expected `next` of the page before"#);
 }

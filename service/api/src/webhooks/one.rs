@@ -75,8 +75,8 @@ pub(super) async fn list_webhooks(
 #[serde(deny_unknown_fields)]
 pub(super) struct NewWebhookBody {
     /// Where messages go: `http` or `https`, at most 2000 bytes, without user and password. The
-    /// service sends from its own network, so whoever may make webhooks can have it send requests to
-    /// addresses that only it can reach; of the answer nothing but the status is looked at.
+    /// service sends from its own network, so a person who may make webhooks can have it send requests
+    /// to addresses that only it can reach; of the answer it reads the status alone.
     #[schema(max_length = 2000)]
     url: String,
     /// What it is told of; everything unless given.

@@ -84,7 +84,7 @@ impl Fields {
     ) -> Result<T, DescriptionRefused> {
         let value = self.0.get(field);
         value.and_then(read).ok_or_else(|| {
-            let value = value.map_or_else(|| "missing".to_owned(), Value::to_string);
+            let value = value.map_or_else(|| "nothing".to_owned(), Value::to_string);
             DescriptionRefused::Field {
                 field,
                 value,

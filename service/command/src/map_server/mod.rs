@@ -48,7 +48,7 @@ pub enum MapRefused {
         reason: String,
     },
     /// A field holds what cannot be.
-    #[error("the map {path} is refused: {field} is {value}, expected {accepted}", path = path.display())]
+    #[error("the map {path} is refused: {field}: got {value}, expected {accepted}", path = path.display())]
     Field {
         /// The file that holds it.
         path: PathBuf,

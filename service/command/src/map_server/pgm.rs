@@ -166,7 +166,7 @@ impl<'a> Words<'a> {
             .ok_or_else(|| {
                 let shown = word.get(..SHOWN_MAX).unwrap_or(word);
                 let value = match shown {
-                    [] => "missing".to_owned(),
+                    [] => "nothing".to_owned(),
                     shown => String::from_utf8_lossy(shown).escape_debug().to_string(),
                 };
                 refused(field, value, accepted)

@@ -91,7 +91,7 @@ fn each_field_that_cannot_be_is_named_with_value_and_what_is_accepted() {
     for (yaml, wanted) in [
         (
             swap("image: map.pgm\n", ""),
-            "image is missing, expected the name",
+            "image: got nothing, expected the name",
         ),
         (swap("image: map.pgm", "image: [1]"), "image is [1]"),
         (
@@ -100,7 +100,7 @@ fn each_field_that_cannot_be_is_named_with_value_and_what_is_accepted() {
         ),
         (
             swap("resolution: 0.050000", "resolution: -0.05"),
-            "resolution is -0.05, expected 0.01 to 0.25",
+            "resolution: got -0.05, expected 0.01 to 0.25",
         ),
         (
             swap("resolution: 0.050000", "resolution: .inf"),
@@ -120,17 +120,17 @@ fn each_field_that_cannot_be_is_named_with_value_and_what_is_accepted() {
         ),
         (
             swap("negate: 0", "negate: 2"),
-            "negate is 2, expected 0 or 1",
+            "negate: got 2, expected 0 or 1",
         ),
         (
             swap("occupied_thresh: 0.65", "occupied_thresh: 65"),
-            "occupied_thresh is 65, expected a number from 0 to 1",
+            "occupied_thresh: got 65, expected a number from 0 to 1",
         ),
         (
             swap("free_thresh: 0.196", "free_thresh: 0.7"),
-            "free_thresh is 0.7, expected a number from 0 to 1, below",
+            "free_thresh: got 0.7, expected a number from 0 to 1, below",
         ),
-        (swap("free_thresh: 0.196\n", ""), "free_thresh is missing"),
+        (swap("free_thresh: 0.196\n", ""), "free_thresh: got nothing"),
         (
             format!("{YAML}mode: quaternary\n"),
             "mode is \"quaternary\", expected trinary, scale or raw",
@@ -153,29 +153,29 @@ fn an_image_that_cannot_be_is_refused_by_field() {
     let whole = binary();
     for (damaged, wanted) in [
         (&whole[..whole.len() - 1], "image is 5 bytes of pixels"),
-        (b"P5 3", "image height is missing"),
+        (b"P5 3", "image height: got nothing"),
         (b"", "image is \"\", expected a PGM image"),
         (b"GIF89a", "image is \"GI\""),
-        (b"P5 0 2 255\n", "image width is 0, expected 1 or more"),
+        (b"P5 0 2 255\n", "image width: got 0, expected 1 or more"),
         (b"P5 -3 2 255\n", "image width is -3"),
         (
             b"P5 3 2 0\n123456",
-            "image maxval is 0, expected a largest shade",
+            "image maxval: got 0, expected a largest shade",
         ),
         (b"P5 3 2 65536\n123456", "image maxval is 65536"),
         (b"P5 3 2 100\n\x65aaaaa", "image pixel is 101"),
-        (b"P2 3 2 255\n0 205 254 254 0\n", "image pixel is missing"),
+        (b"P2 3 2 255\n0 205 254 254 0\n", "image pixel: got nothing"),
         (b"P2 3 2 255\n0 205 254 254 0 x\n", "image pixel is x"),
         (
             b"P2 3 2 255\n0 205 254 254 0 256\n",
-            "image pixel is 256, expected a shade",
+            "image pixel: got 256, expected a shade",
         ),
         (
             b"P5 100000 100000 255\n",
             "image is 100000 by 100000 pixels",
         ),
         (b"P2 4294967295 4294967295 1\n", "image is 4294967295 by"),
-        (b"P2 8192 8192 255\n1 2 3", "image pixel is missing"),
+        (b"P2 8192 8192 255\n1 2 3", "image pixel: got nothing"),
     ] {
         let reason = read_map(YAML, damaged).expect_err(wanted);
         assert!(reason.contains("map.pgm is refused: "), "{reason}");

@@ -15,7 +15,7 @@ pub enum GrantRefused {
     #[error("only a token of role robot is bound to a robot, not one of role {}", .0.as_str())]
     RobotNotAccepted(Role),
     /// A person of the role of a robot.
-    #[error("role is \"robot\", accepted for a person is one of viewer, operator, approver, admin")]
+    #[error("role: got \"robot\", expected viewer, operator, approver or admin for a person")]
     NoPerson,
 }
 

@@ -11,7 +11,7 @@ const OWN_NAME: &str = "fleetcal";
 /// Why a name was refused.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error(
-    "name is {shown:?}, expected 1 to {} letters, digits, spaces, and . _ - @ + in between, \
+    "name: got {shown:?}, expected 1 to {} letters, digits, spaces, and . _ - @ + in between, \
      and not \"{OWN_NAME}\"",
     limits::ACCOUNT_NAME_CHARS_MAX
 )]

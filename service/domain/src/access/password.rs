@@ -15,7 +15,7 @@ const OF_NOBODY: &str = "$argon2id$v=19$m=19456,t=2,p=1$bm9ib2R5IGlzIGhlcmU$\
 /// Why a password was refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error(
-    "the password has {chars} characters, expected {} to {}",
+    "password: got {chars} characters, expected {} to {}",
     limits::PASSWORD_CHARS_MIN,
     limits::PASSWORD_CHARS_MAX
 )]
@@ -179,6 +179,6 @@ mod tests {
             assert_eq!(Password::parse(&"ü".repeat(chars)).is_ok(), accepted);
         }
         let refused = Password::parse("secret").unwrap_err().to_string();
-        assert_eq!(refused, "the password has 6 characters, expected 12 to 128");
+        assert_eq!(refused, "password: got 6 characters, expected 12 to 128");
     }
 }

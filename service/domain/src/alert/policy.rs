@@ -39,7 +39,7 @@ impl AlertPolicy {
         ];
         for (key, value) in numbers {
             if !(0.0..=86_400.0).contains(&value) {
-                return Err(format!("alerts.{key} is {value}, expected 0 to 86400"));
+                return Err(format!("alerts.{key}: got {value}, expected 0 to 86400"));
             }
         }
         Ok(())

@@ -577,7 +577,7 @@ fn a_policy_is_refused_by_key_and_value() {
         ..AlertPolicy::default()
     };
     let refused = policy.check().unwrap_err();
-    assert_eq!(refused, "alerts.pending_s is -1, expected 0 to 86400");
+    assert_eq!(refused, "alerts.pending_s: got -1, expected 0 to 86400");
     assert!(AlertPolicy::default().check().is_ok());
 }
 

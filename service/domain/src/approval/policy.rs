@@ -44,7 +44,7 @@ impl Tolerance {
         for (name, value, most) in named {
             if !(value > 0.0 && value <= most) {
                 return Err(format!(
-                    "approval.{key}.{name} is {value}, expected more than 0 and at most {most}"
+                    "approval.{key}.{name}: got {value}, expected more than 0 and at most {most}"
                 ));
             }
         }
@@ -169,7 +169,7 @@ impl Policy {
         for (key, value, least, most) in numbers {
             if !(least..=most).contains(&value) {
                 return Err(format!(
-                    "approval.{key} is {value}, expected {least} to {most}"
+                    "approval.{key}: got {value}, expected {least} to {most}"
                 ));
             }
         }

@@ -11,7 +11,7 @@ use super::proposal::{Proposal, ProposalState};
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Refused {
     /// The proposal is decided.
-    #[error("the proposal is {}, expected open ones", state.as_str())]
+    #[error("proposal: got one that is {}, expected an open one", state.as_str())]
     ProposalClosed {
         /// Where it stands.
         state: ProposalState,
@@ -34,7 +34,7 @@ pub enum Refused {
         found: Version,
     },
     /// The approval is about another revision.
-    #[error("sha256 is {given}, expected the proposed revision's, {found}")]
+    #[error("sha256: got {given}, expected that of the proposed revision, {found}")]
     OtherRevision {
         /// What was given.
         given: String,
@@ -51,7 +51,7 @@ pub enum Refused {
     #[error("{0}; it cannot be approved, and is refreshed or closed")]
     Outdated(Outdated),
     /// Another deployment is under way.
-    #[error("deployment {deployment} of this robot is {}, expected one at a time", state.as_str())]
+    #[error("deployment: got a second one, expected one at a time: {deployment} of this robot is {}", state.as_str())]
     Underway {
         /// Which.
         deployment: DeploymentId,
@@ -59,7 +59,7 @@ pub enum Refused {
         state: DeploymentState,
     },
     /// A value that no robot of this site can have.
-    #[error("{field} is {value}, expected {accepted}")]
+    #[error("{field}: got {value}, expected {accepted}")]
     OutOfLimits {
         /// Which.
         field: &'static str,
@@ -69,7 +69,7 @@ pub enum Refused {
         accepted: String,
     },
     /// A decision without its reason.
-    #[error("reason is empty, expected why, in words")]
+    #[error("reason: got nothing, expected why, in words")]
     ReasonMissing,
     /// Nobody knows what the robot used before.
     #[error("nothing is known that the robot could go back to; propose values instead")]
@@ -106,7 +106,7 @@ pub enum Refused {
     #[error("deployment {0} is not under way")]
     NotUnderway(DeploymentId),
     /// An answer about a document that was never given out.
-    #[error("generation is {generation}, expected {most} at most")]
+    #[error("generation: got {generation}, expected {most} at most")]
     NeverOffered {
         /// What the answer is about.
         generation: Generation,
@@ -114,7 +114,7 @@ pub enum Refused {
         most: Generation,
     },
     /// An answer about another document of this generation.
-    #[error("sha256 of generation {generation} is {given:?}, expected {found}")]
+    #[error("sha256 of generation {generation}: got {given:?}, expected {found}")]
     OtherDocument {
         /// The generation.
         generation: Generation,

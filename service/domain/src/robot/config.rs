@@ -22,7 +22,7 @@ pub const MOUNT_MAX_M: f64 = 30.0;
 
 /// Why a value in a configuration was refused.
 #[derive(Debug, Clone, PartialEq, Error)]
-#[error("{key} is {value}, expected {accepted}")]
+#[error("{key}: got {value}, expected {accepted}")]
 pub struct ValueRefused {
     /// Name of the key.
     pub key: &'static str,

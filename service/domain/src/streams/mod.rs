@@ -266,7 +266,7 @@ impl StreamsFields {
         if !accepted.contains(&message_type) {
             let accepted: Vec<&str> = accepted.iter().map(|of| of.ros_type()).collect();
             return Err(format!(
-                "streams.{name}.type is {}, expected {}",
+                "streams.{name}.type: got {}, expected {}",
                 message_type.ros_type(),
                 accepted.join(" and ")
             ));
@@ -300,7 +300,7 @@ impl Joints {
         if self.wheels.len() > WHEELS_MAX {
             let wheels = self.wheels.len();
             return Err(format!(
-                "streams.joints.wheels has {wheels} wheels, expected 8 at most"
+                "streams.joints.wheels: got {wheels} wheels, expected 8 at most"
             ));
         }
         for (key, gear) in [
@@ -309,7 +309,7 @@ impl Joints {
         ] {
             if !gear.is_finite() || gear == 0.0 || gear.abs() > GEAR_MAX {
                 return Err(format!(
-                    "streams.joints.{key} is {gear}, expected a ratio other than 0, up to 1000 \
+                    "streams.joints.{key}: got {gear}, expected a ratio other than 0, up to 1000 \
                      either way"
                 ));
             }
@@ -319,9 +319,9 @@ impl Joints {
         if usable || (radius.is_none() && self.wheels.is_empty()) {
             return Ok(());
         }
-        let given = radius.map_or_else(|| "not given".to_owned(), |metres| metres.to_string());
+        let given = radius.map_or_else(|| "nothing".to_owned(), |metres| metres.to_string());
         Err(format!(
-            "streams.joints.wheel_radius_m is {given}, expected more than 0 and at most 5 m"
+            "streams.joints.wheel_radius_m: got {given}, expected more than 0 and at most 5 m"
         ))
     }
 }
@@ -407,8 +407,14 @@ mod tests {
         let joints = "steering = { topic = 'j', type = 'sensor_msgs/msg/JointState' }\n\
                       speed = { topic = 'o' }\n";
         for (text, wanted) in [
-            ("wheel_odometry = { topic = '/odom' }", "topic is \"/odom\""),
-            ("wheel_odometry = { topic = 'a/*/b' }", "topic is \"a/*/b\""),
+            (
+                "wheel_odometry = { topic = '/odom' }",
+                "topic: got \"/odom\"",
+            ),
+            (
+                "wheel_odometry = { topic = 'a/*/b' }",
+                "topic: got \"a/*/b\"",
+            ),
             ("speed = { topic = 'o' }", "one of steering and speed"),
             (
                 "wheel_odometry = { topic = 'd' }\nspeed = { topic = 'o' }",
@@ -431,7 +437,7 @@ mod tests {
             ("joints = { wheels = ['w'] }", "wheel_radius_m is not given"),
             (
                 "joints = { steering = 's', steering_gear = 0.0 }",
-                "steering_gear is 0",
+                "steering_gear: got 0",
             ),
             ("joints = { steering = '' }", "a joint \"\""),
             ("camera = 1", "camera"),

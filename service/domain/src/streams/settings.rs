@@ -76,7 +76,7 @@ impl TryFrom<String> for TopicName {
             return Ok(Self(text));
         }
         Err(format!(
-            "topic is {text:?}, expected its name below the robot, without a slash at the ends: \
+            "topic: got {text:?}, expected its name below the robot, without a slash at the ends: \
              front/scan"
         ))
     }

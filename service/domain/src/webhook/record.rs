@@ -65,7 +65,7 @@ pub enum WebhookRefused {
     #[error("no webhook {0} is known")]
     Unknown(WebhookId),
     /// Its address cannot be told anything.
-    #[error("url is {url:?}, expected {accepted}")]
+    #[error("url: got {url:?}, expected {accepted}")]
     Url {
         /// What was given.
         url: String,
@@ -215,7 +215,7 @@ mod tests {
             &long,
         ] {
             let refused = WebhookUrl::parse(url).unwrap_err();
-            assert!(refused.to_string().starts_with("url is "), "{refused}");
+            assert!(refused.to_string().starts_with("url: got "), "{refused}");
         }
     }
 

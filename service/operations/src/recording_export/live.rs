@@ -68,7 +68,7 @@ pub enum LiveError {
     Recording(#[from] RecordingError),
     /// Nobody takes it any more.
     #[error(
-        "whoever fetches it took nothing for {:.0} s; {left_out} messages had been left out",
+        "the client took nothing for {:.0} s; {left_out} messages had been left out",
         patience.as_secs_f64()
     )]
     Stalled {
@@ -78,7 +78,7 @@ pub enum LiveError {
         left_out: u64,
     },
     /// The end came, and the rest was taken too slowly.
-    #[error("whoever fetches it did not take the rest within {:.0} s", .0.as_secs_f64())]
+    #[error("the client did not take the rest within {:.0} s", .0.as_secs_f64())]
     RestNotTaken(Duration),
 }
 
