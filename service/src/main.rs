@@ -13,7 +13,7 @@ use fleetcal::command::{
 };
 use fleetcal::environment;
 use fleetcal_clock::{Clock as _, SharedClock, SystemClock};
-use fleetcal_command::{agent, calibrate, odometry, replay, simulate};
+use fleetcal_command::{agent, calibrate, odometry, replay, schema, simulate};
 use fleetcal_domain::budget::Budget;
 use fleetcal_domain::limits::ZENOH_LOG_LINES_PER_HOUR_MAX;
 use tracing_subscriber::filter::{EnvFilter, FilterExt as _, dynamic_filter_fn};
@@ -62,6 +62,7 @@ fn run(command: &Command) -> Result<(), CommandError> {
         Command::Acl(arguments) => acl::run(arguments),
         Command::CheckConfig(arguments) => check_config::run(arguments),
         Command::Completions(arguments) => completions::run(arguments),
+        Command::Schema(arguments) => Ok(schema::run(arguments)?),
         Command::Man(arguments) => man::run(arguments),
     }
 }

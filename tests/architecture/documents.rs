@@ -210,6 +210,9 @@ fn a_planted_broken_link_and_word_are_found() {
     assert_eq!(not_used("a.rs", "/// The clerk.\nlet clerks = 1;").len(), 1);
     assert!(not_used("a.rs", "// whoever").is_empty());
     assert_eq!(not_used("estimator/src/lib.rs", "// a sweep").len(), 1);
-    assert_eq!(not_used("a.rs", "#[error(\"{field} is {value}, expected 1\")]").len(), 1);
+    assert_eq!(
+        not_used("a.rs", "#[error(\"{field} is {value}, expected 1\")]").len(),
+        1
+    );
     assert!(not_used("a.rs", "#[error(\"{field}: got {value}, expected 1\")]").is_empty());
 }

@@ -6,6 +6,7 @@ mod access;
 mod commands;
 mod folder;
 mod hostile;
+mod json_schema;
 mod openapi;
 mod rest;
 mod robot_recording;

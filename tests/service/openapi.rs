@@ -10,7 +10,7 @@ use tempfile::TempDir;
 use super::{recorded, send, sender};
 
 /// The Python with the packages of `tests/requirements.txt`.
-fn python() -> Option<OsString> {
+pub(super) fn python() -> Option<OsString> {
     let python = std::env::var_os("FLEETCAL_PYTHON").filter(|path| !path.is_empty());
     if python.is_none() {
         eprintln!("skipped: FLEETCAL_PYTHON is not set; `make test` sets it");
@@ -19,7 +19,7 @@ fn python() -> Option<OsString> {
 }
 
 /// Runs a module or program of that Python, whose tools are on the path.
-fn run(python: &OsStr, arguments: &[&OsStr], environment: &[(&str, &OsStr)]) -> Output {
+pub(super) fn run(python: &OsStr, arguments: &[&OsStr], environment: &[(&str, &OsStr)]) -> Output {
     let tools = Path::new(python).parent().unwrap();
     let mut path = OsString::from(tools);
     path.push(":");
@@ -33,7 +33,7 @@ fn run(python: &OsStr, arguments: &[&OsStr], environment: &[(&str, &OsStr)]) -> 
 }
 
 /// What a tool printed; checks that it succeeded and warned of nothing.
-fn quiet(output: &Output) -> String {
+pub(super) fn quiet(output: &Output) -> String {
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
     let warned = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{said}\n{warned}");

@@ -15,6 +15,7 @@ mod progress;
 mod recording;
 pub mod replay;
 mod report;
+pub mod schema;
 mod session_record;
 pub mod signals;
 pub mod simulate;

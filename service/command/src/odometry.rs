@@ -43,9 +43,11 @@ pub struct Arguments {
     pub json: bool,
 }
 
-/// What the command says beside the trajectory.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
-struct Summary {
+/// What `fleetcal odometry --json` prints, beside the trajectory.
+#[derive(Debug, Clone, PartialEq, Serialize, utoipa::ToSchema)]
+pub(crate) struct OdometrySummary {
+    /// [`OdometrySummary::SCHEMA_VERSION`] of the program that printed it.
+    schema_version: u32,
     /// Scans that have a pose.
     scans: u64,
     /// Scans that could not be read, or have too few returns for a pose.
@@ -68,12 +70,16 @@ struct Summary {
     realtime_factor: f64,
 }
 
-/// Scans in each state.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+/// Scans in each state of tracking.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, utoipa::ToSchema)]
 struct TrackingCounts {
+    /// The scan fits the map.
     tracking: u64,
+    /// It fits, but a direction is unconstrained or the fit is poor.
     degraded: u64,
+    /// It does not fit: the pose is a guess.
     lost: u64,
+    /// The first scan that fits again after a loss.
     recovered: u64,
 }
 
@@ -88,7 +94,29 @@ impl TrackingCounts {
     }
 }
 
-impl Summary {
+impl Default for OdometrySummary {
+    fn default() -> Self {
+        Self {
+            schema_version: Self::SCHEMA_VERSION,
+            scans: 0,
+            scans_rejected: 0,
+            tracking: TrackingCounts::default(),
+            map_restarts: 0,
+            distance_m: 0.0,
+            duration_s: 0.0,
+            scan_median_ms: 0.0,
+            scan_p99_ms: 0.0,
+            cpu_s: 0.0,
+            realtime_factor: 0.0,
+        }
+    }
+}
+
+impl OdometrySummary {
+    /// Goes up by one whenever a field is renamed or removed, or means something else. A field that
+    /// is added leaves it.
+    pub(crate) const SCHEMA_VERSION: u32 = 1;
+
     fn add(&mut self, pose: &OdometryPose, first: &mut Option<OdometryPose>, last: Option<&Pose2>) {
         self.scans += 1;
         self.tracking.count(pose.tracking);
@@ -124,7 +152,7 @@ pub fn run(arguments: &Arguments, clock: &dyn Clock) -> Result<(), CommandError>
     let mut progress = Progress::over(recording.count(&topics));
     let began = clock.elapsed();
     let mut times = ScanTimes::default();
-    let (mut summary, mut first, mut last) = (Summary::default(), None, None);
+    let (mut summary, mut first, mut last) = (OdometrySummary::default(), None, None);
     for message in recording.messages(&topics)? {
         let message = message?;
         let before = thread_cpu();
@@ -163,8 +191,8 @@ pub fn run(arguments: &Arguments, clock: &dyn Clock) -> Result<(), CommandError>
     }
 }
 
-fn in_words(summary: &Summary) -> String {
-    let Summary {
+fn in_words(summary: &OdometrySummary) -> String {
+    let OdometrySummary {
         scans,
         scans_rejected,
         tracking,

@@ -14,7 +14,7 @@ pub mod user;
 
 use clap::{Parser, Subcommand};
 use fleetcal_command::{
-    EXIT_FAILED, EXIT_IO, EXIT_USAGE, agent, calibrate, odometry, replay, simulate,
+    EXIT_FAILED, EXIT_IO, EXIT_USAGE, agent, calibrate, odometry, replay, schema, simulate,
 };
 use fleetcal_config::ConfigError;
 use fleetcal_domain::access::{
@@ -71,6 +71,8 @@ pub enum Command {
     CheckConfig(check_config::Arguments),
     /// Prints the completions of a shell: fleetcal completions bash
     Completions(completions::Arguments),
+    /// Prints the JSON Schema of what a command prints with --json
+    Schema(schema::Arguments),
     /// Writes the manual pages into a folder
     Man(man::Arguments),
 }
