@@ -9,6 +9,9 @@ target=x86_64-unknown-linux-musl
 version="$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -1)"
 name="fleetcal-$version-$target"
 out=target/packages
+# Files of a release are dated by their commit.
+SOURCE_DATE_EPOCH="$(git log -1 --format=%ct)"
+export SOURCE_DATE_EPOCH
 stage=target/packages.stage
 tools=target/packages.tools
 binary="$built/$target/release/fleetcal"
@@ -132,7 +135,16 @@ container() {
 bills_of_materials() {
   cargo cyclonedx --manifest-path service/Cargo.toml --format json --target "$target" \
     --override-filename fleetcal.packaging.cdx
-  mv service/fleetcal.packaging.cdx.json "$out/fleetcal-$version.cdx.json"
+  # Crates of the workspace are named by the folder it is in: a path of the machine that built it.
+  SOURCE_ROOT="$PWD" python3 - service/fleetcal.packaging.cdx.json >"$out/fleetcal-$version.cdx.json" <<'PYTHON'
+import json, os, sys, time
+text = open(sys.argv[1]).read().replace("file://" + os.environ["SOURCE_ROOT"], "file:///fleetcal")
+bill = json.loads(text)
+at = time.gmtime(int(os.environ["SOURCE_DATE_EPOCH"]))
+bill["metadata"]["timestamp"] = time.strftime("%Y-%m-%dT%H:%M:%SZ", at)
+json.dump(bill, sys.stdout, indent=2)
+PYTHON
+  rm service/fleetcal.packaging.cdx.json
   # It writes one beside each member of the workspace.
   find . -name fleetcal.packaging.cdx.json -not -path './target/*' -delete
   # Tools of the build are in it, marked `cdx:npm:package:development`.

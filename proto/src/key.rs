@@ -155,7 +155,7 @@ fn chunk(text: &str) -> Result<Arc<str>, RobotIdRefused> {
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum KeyRefused {
     /// It is longer than [`KEY_BYTES_MAX`].
-    #[error("key is {length} bytes long, expected at most 255")]
+    #[error("key: got {length} bytes, expected at most 255")]
     TooLong {
         /// Its length in bytes.
         length: usize,

@@ -18,7 +18,8 @@ const BEAMS_MIN: usize = 90;
 #[serde(try_from = "BandFields", into = "BandFields")]
 pub struct PlanarBand(BandFields);
 
-/// The keys of a [`PlanarBand`] in a configuration. Heights are z of the LiDAR's frame, up.
+/// The band of heights in the LiDAR's frame that makes a planar scan of a cloud. Heights are z, up.
+// The keys of a `PlanarBand` in a configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema), schema(as = PlanarBand))]

@@ -28,7 +28,7 @@ pub enum RobotIdRefused {
     #[error("robot id: got nothing, expected 1 to 63 of A-Z, a-z, 0-9, _ and -")]
     Empty,
     /// It is longer than [`ROBOT_ID_BYTES_MAX`].
-    #[error("robot id {shown:?}… is {length} bytes long, expected at most 63")]
+    #[error("robot id: got {shown:?}… of {length} bytes, expected at most 63")]
     TooLong {
         /// The id's first characters.
         shown: String,
@@ -161,7 +161,7 @@ mod tests {
             assert!(sentence.contains("expected"), "{text:?} gave {sentence:?}");
         }
         let long = RobotId::parse(&"ü".repeat(40)).unwrap_err().to_string();
-        assert!(long.contains("80 bytes long"), "{long}");
+        assert!(long.contains("80 bytes, expected"), "{long}");
     }
 
     #[test]

@@ -59,9 +59,7 @@ pub struct PublicKey(ed25519_dalek::VerifyingKey);
 
 /// Why a text is no public key.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error(
-    "public key {text:?}: got {fault}, expected base64 of the 32 bytes of an Ed25519 public key"
-)]
+#[error("public key {text:?}: {fault}, expected base64 of the 32 bytes of an Ed25519 public key")]
 pub struct PublicKeyRefused {
     /// The text.
     pub text: String,
@@ -163,7 +161,7 @@ pub enum SealRefused {
     #[error("the document cannot be written: {0}")]
     Json(#[from] serde_json::Error),
     /// Nobody would read it.
-    #[error("the envelope is {length} bytes long, expected at most 65536")]
+    #[error("envelope: got {length} bytes, expected at most 65536")]
     TooLarge {
         /// Its length in bytes.
         length: usize,
@@ -204,7 +202,7 @@ pub fn sha256_hex(bytes: &[u8]) -> String {
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum EnvelopeRefused {
     /// Longer than [`ENVELOPE_BYTES_MAX`], and not looked at.
-    #[error("envelope is {length} bytes long, expected at most 65536")]
+    #[error("envelope: got {length} bytes, expected at most 65536")]
     TooLarge {
         /// Its length in bytes.
         length: usize,
@@ -229,7 +227,7 @@ pub enum EnvelopeRefused {
         trusted: String,
     },
     /// The signature is not that of the trusted key over these bytes.
-    #[error("signature: got {fault}, expected that of key {key_id} over the document's bytes")]
+    #[error("signature: {fault}, expected that of key {key_id} over the document's bytes")]
     Signature {
         /// Which key it should be of.
         key_id: String,

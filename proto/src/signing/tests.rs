@@ -108,21 +108,21 @@ fn each_check_refuses_with_what_it_found() {
                 key_id: good.key_id.clone(),
                 ..seal(&document(), &other_key).unwrap()
             },
-            "signature is another one",
+            "signature: another one",
         ),
         (
             Envelope {
                 signature: "%".to_owned(),
                 ..good.clone()
             },
-            "signature is not base64",
+            "signature: not base64",
         ),
         (
             Envelope {
                 signature: "AAAA".to_owned(),
                 ..good.clone()
             },
-            "signature is not 64 bytes long",
+            "signature: not 64 bytes long",
         ),
         (
             sealed_text(&text.replace("calibration/1", "calibration/2")),

@@ -109,7 +109,7 @@ fn confirmed(sample: &Sample) -> Result<Event, String> {
     if payload.len() > CONFIRMED_BYTES_MAX {
         let length = payload.len();
         return Err(format!(
-            "confirmation is {length} bytes long, expected at most {CONFIRMED_BYTES_MAX}"
+            "confirmation: got {length} bytes, expected at most {CONFIRMED_BYTES_MAX}"
         ));
     }
     let confirmed: Result<Confirmed, _> = serde_json::from_slice(&payload.to_bytes());

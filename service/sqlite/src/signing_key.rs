@@ -22,7 +22,7 @@ pub enum KeyError {
         source: Error,
     },
     /// Its file holds something else.
-    #[error("the signing key {path} is {length} bytes long, expected 32")]
+    #[error("signing key {path}: got {length} bytes, expected 32")]
     Length {
         /// The file.
         path: PathBuf,

@@ -18,9 +18,13 @@ export type RobotState = Schemas['RobotState'];
 export type Standing = Schemas['Standing'];
 export type RobotRow = Schemas['RobotRow'];
 export type RobotStateUpdate = Schemas['RobotStateUpdate'];
-export type RobotConfig = Schemas['RobotConfig'];
+/** A robot's configuration, as it is sent: keys that have a default may be left out. */
+export type RobotConfig = Omit<Schemas['RobotConfig'], 'streams'> & {
+  streams?: Partial<Schemas['RobotStreams']>;
+};
 export type Vehicle = Schemas['VehicleDocument'];
 export type VehicleModel = Schemas['VehicleModel'];
+export type MessageType = Schemas['MessageType'];
 export type AnnouncedTopic = Schemas['AnnouncedTopic'];
 export type Stream = Schemas['StreamCounts'];
 

@@ -1,6 +1,6 @@
 /** Which of the topics that a robot announces carry what a calibration needs. */
 
-import type { AnnouncedTopic } from '../api/types';
+import type { AnnouncedTopic, MessageType } from '../api/types';
 
 /** A topic as the service has seen it announced. */
 export type Topic = Pick<AnnouncedTopic, 'topic' | 'type' | 'suited_for'>;
@@ -8,7 +8,7 @@ type StreamName = Topic['suited_for'][number];
 
 export interface TopicChoice {
   topic: string;
-  type: string;
+  type: MessageType;
 }
 
 /** Which joints of a `JointState` are steering and wheels. */
@@ -81,12 +81,17 @@ export function jointsAsked(
   };
 }
 
+/** The topic of a choice. A topic is offered where it is suited, so its type is a known one. */
+function sourceOf({ topic, type }: Topic): TopicChoice {
+  return { topic, type: type as MessageType };
+}
+
 /** The streams as they were chosen, or what is missing. */
 export function streamsOf(topics: readonly Topic[], chosen: Chosen): Picked {
   const missing = (field: Field, problem: string): Picked => ({ ok: false, field, problem });
   const named = (name: string): TopicChoice | undefined => {
     const found = topics.find(({ topic }) => topic === name);
-    return found && { topic: found.topic, type: found.type };
+    return found && sourceOf(found);
   };
   const streams: Streams = {};
   const both = named(chosen.wheel_odometry);
@@ -102,7 +107,7 @@ export function streamsOf(topics: readonly Topic[], chosen: Chosen): Picked {
   const lidar = topics.find(({ topic }) => topic === chosen.lidar);
   if (!lidar) return missing('lidar', 'Choose the topic of the LiDAR.');
   const stream = lidar.suited_for.includes('scan') ? 'scan' : 'lidar_odometry';
-  streams[stream] = { topic: lidar.topic, type: lidar.type };
+  streams[stream] = sourceOf(lidar);
 
   const asked = jointsAsked(topics, chosen);
   const joints: Joints = {};

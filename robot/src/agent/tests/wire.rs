@@ -352,7 +352,7 @@ async fn what_must_not_be_applied_is_refused_with_its_reason() {
                 ..sealed(&document(5))
             },
             5,
-            "signature is another one",
+            "signature: another one",
         ),
         (
             sealed(&document(2)),

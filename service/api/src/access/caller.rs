@@ -158,7 +158,7 @@ fn shown(api: &ApiState, headers: &HeaderMap) -> Result<Option<Credential>, Prob
         Some(Ok(session)) => Ok(Some(Credential::Session(session.hash()))),
         Some(Err(_)) => Err(unauthorised(
             "session_ended",
-            "the session's cookie is none of this service; sign in",
+            "the session cookie is not one of this service; sign in",
         )),
     }
 }

@@ -67,7 +67,7 @@ fn one() -> f64 {
 #[serde(try_from = "StreamsFields", into = "StreamsFields")]
 pub struct RobotStreams(StreamsFields);
 
-/// The keys of `streams`.
+/// The ROS 2 topics of a robot; what is not given is as `[ros2]` in `fleetcal.toml` says.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema), schema(as = RobotStreams))]
