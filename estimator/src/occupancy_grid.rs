@@ -177,14 +177,14 @@ mod tests {
         let at = Pose2::IDENTITY;
         for resolution in [0.0, -0.05, 0.3, f64::NAN, f64::INFINITY] {
             let reason = refused(resolution, at, 1, one());
-            assert!(reason.starts_with("resolution is ") && reason.contains("0.25 m"));
+            assert!(reason.starts_with("resolution: got ") && reason.contains("0.25 m"));
         }
         let odd = Pose2::new(0.0, f64::NAN, 0.0);
-        assert!(refused(0.05, odd, 1, one()).starts_with("origin is [0, NaN, 0]"));
-        assert!(refused(0.05, at, 1, Vec::new()).starts_with("cells is 0"));
-        assert!(refused(0.05, at, 0, one()).starts_with("width is 0"));
-        assert!(refused(0.05, at, 2, vec![Occupied; 3]).starts_with("width is 2"));
-        assert!(refused(0.25, at, 5000, vec![Occupied; 5000]).contains("width is 1250 m"));
+        assert!(refused(0.05, odd, 1, one()).starts_with("origin: got [0, NaN, 0]"));
+        assert!(refused(0.05, at, 1, Vec::new()).starts_with("cells: got 0"));
+        assert!(refused(0.05, at, 0, one()).starts_with("width: got 0"));
+        assert!(refused(0.05, at, 2, vec![Occupied; 3]).starts_with("width: got 2"));
+        assert!(refused(0.25, at, 5000, vec![Occupied; 5000]).contains("width: got 1250 m"));
         assert!(refused(0.25, at, 1, vec![Occupied; 5000]).contains("height is 1250 m"));
         assert!(refused(0.05, at, 1, vec![Free, Unknown]).contains("none occupied"));
     }

@@ -126,7 +126,7 @@ fn the_covariance_is_as_large_as_the_errors_over_many_seeds() {
         let mean = sum / count;
         assert!(
             (1.6..4.0).contains(&mean),
-            "mean normalised error over {lag} scans is {mean:.2}, expected is 3"
+            "mean normalised error over {lag} scans: got {mean:.2}, expected 3"
         );
     }
 }

@@ -122,7 +122,7 @@ fn wrong_flags_are_answered_in_one_sentence() {
         (
             with("calibration.ini", &key, endpoint, &[]),
             2,
-            "expected names ending in .yaml",
+            "expected a name ending in .yaml",
         ),
         (
             with("/nowhere/a.json", &key, endpoint, &[]),

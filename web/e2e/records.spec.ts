@@ -107,7 +107,7 @@ test('tolerances are changed with a reason, and go back to the file', async ({ p
   await page.getByRole('button', { name: 'Save' }).click();
   await dialog.getByLabel('Why').fill('None needed');
   await dialog.getByRole('button', { name: 'Save changes' }).click();
-  await expect(dialog.getByRole('alert')).toContainText('verify_after_m is 0');
+  await expect(dialog.getByRole('alert')).toContainText('verify_after_m: got 0');
   account.forgive(/status of 400/);
   await dialog.getByRole('button', { name: 'Cancel' }).click();
   await page.getByRole('button', { name: 'Cancel' }).click();

@@ -214,7 +214,7 @@ fn times_that_tell_of_no_turn_are_refused() {
         point.time_s = (index * 7919 % 1000) as f32 * 1e-4;
     }
     let reason = PlanarBand::default().scan(&cloud).unwrap_err().to_string();
-    assert!(reason.contains("points is times that follow") && reason.contains("ignore_times"));
+    assert!(reason.contains("points: got times that follow") && reason.contains("ignore_times"));
     cloud.points[7].time_s = 3.0;
     let reason = PlanarBand::default().scan(&cloud).unwrap_err().to_string();
     assert!(

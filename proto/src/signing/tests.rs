@@ -102,7 +102,7 @@ fn each_check_refuses_with_what_it_found() {
             },
             "sha256 is ab, the document's is",
         ),
-        (seal(&document(), &other_key).unwrap(), "key_id is"),
+        (seal(&document(), &other_key).unwrap(), "key_id: got"),
         (
             Envelope {
                 key_id: good.key_id.clone(),

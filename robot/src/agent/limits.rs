@@ -243,7 +243,7 @@ mod tests {
         for (values, wanted) in cases {
             let sentence = Limits::default().check(&values).unwrap_err().to_string();
             assert!(
-                sentence.contains(wanted) && sentence.contains("accepts"),
+                sentence.contains(wanted) && sentence.contains("on this robot"),
                 "{sentence}"
             );
         }

@@ -153,7 +153,7 @@ mod tests {
                 "{ steering = 'a', steering_gear = 0 }",
                 "steering_gear: got 0",
             ),
-            ("{ wheels = ['a'] }", "wheel_radius_m is not given"),
+            ("{ wheels = ['a'] }", "wheel_radius_m: got nothing"),
         ] {
             let sentence = joints(text).expect_err("refused");
             assert!(sentence.contains(wanted), "{text}: {sentence}");

@@ -312,7 +312,7 @@ mod tests {
         let wide = "approve_within = { steering_offset_deg = 6.0, lidar_yaw_deg = 1.0, \
                     lidar_position_mm = 10.0 }";
         assert!(
-            refused(wide).contains("approve_within is wider"),
+            refused(wide).contains("approve_within: got more than two_approvers_beyond"),
             "{}",
             refused(wide)
         );

@@ -373,7 +373,7 @@ mod tests {
             ),
             (
                 reason(read_as(Stream::Scan, &plain, &joint_state())),
-                "scan: type is sensor_msgs/msg/JointState",
+                "scan: type: got sensor_msgs/msg/JointState",
             ),
             (
                 reason(read_as(Stream::LidarOdometry, &plain, &joint_state())),
@@ -381,7 +381,7 @@ mod tests {
             ),
             (
                 reason(read_as(Stream::Speed, &plain, &PoseStamped::default())),
-                "speed: type is geometry_msgs/msg/PoseStamped",
+                "speed: type: got geometry_msgs/msg/PoseStamped",
             ),
             (
                 reason(read_as(Stream::Speed, &plain, &Odometry::default())),

@@ -237,7 +237,7 @@ fn a_layout_that_contradicts_itself_is_refused_by_field() {
             &|cloud| (cloud.width, cloud.height) = (u32::MAX, u32::MAX),
             "4294967295 by 4294967295 points, expected at most 1048576",
         ),
-        (&|cloud| cloud.row_step = u32::MAX, "data is 80 bytes"),
+        (&|cloud| cloud.row_step = u32::MAX, "data: got 80 bytes"),
     ] {
         let reason = refusal(change);
         assert!(

@@ -27,9 +27,11 @@ fn every_truncation_names_a_field() {
                 Ok(_) => panic!("{} accepted its first {end} bytes", M::TYPE),
                 Err(error) => error.to_string(),
             };
-            let found = fields
-                .iter()
-                .find(|field| sentence.contains(&format!(": {field} ")));
+            let found = fields.iter().find(|field| {
+                [" ", ":"]
+                    .iter()
+                    .any(|end| sentence.contains(&format!(": {field}{end}")))
+            });
             named.insert(*found.unwrap_or_else(|| panic!("no field named in {sentence:?}")));
         }
         assert_eq!(named.len(), fields.len(), "only {named:?} were named");

@@ -345,7 +345,11 @@ async fn what_must_not_be_applied_is_refused_with_its_reason() {
     stale_base.base_generation = None;
     let cases = [
         (altered, 7, "the document's is"),
-        (seal(&document(6), &strange_key()).unwrap(), 6, "key_id is"),
+        (
+            seal(&document(6), &strange_key()).unwrap(),
+            6,
+            "key_id: got",
+        ),
         (
             Envelope {
                 signature: sealed(&document(1)).signature,

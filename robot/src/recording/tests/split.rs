@@ -90,7 +90,7 @@ fn a_folder_whose_order_is_not_known_is_refused() {
 fn a_folder_that_lost_a_file_is_refused() {
     let listed = ["bag_0.mcap", "bag_1.mcap"];
     let lost = folder(&[("bag_1.mcap", 1..2)], &listed);
-    refused(&lost, "relative_file_paths has bag_0.mcap");
+    refused(&lost, "relative_file_paths: got bag_0.mcap");
     // One file that was renamed, and one of which nothing is said, are whole.
     let renamed = folder(&[("renamed.mcap", 0..1)], &["bag_0.mcap"]);
     assert_eq!(Recording::open(renamed.path()).unwrap().files().count(), 1);

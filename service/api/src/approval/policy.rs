@@ -3,7 +3,7 @@
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
-use fleetcal_domain::approval::Policy;
+use fleetcal_domain::approval::{Policy, PolicyRefused};
 use fleetcal_domain::limits;
 use fleetcal_store::StoredPolicy;
 use jiff::Timestamp;
@@ -86,7 +86,7 @@ pub(super) async fn put_policy(
     let version = expected_version(&headers)?;
     check_length("reason", &value.reason, limits::NOTE_CHARS_MAX)?;
     if let Some(policy) = &value.policy {
-        policy.check().map_err(|sentence| refused(&sentence))?;
+        policy.check().map_err(|error| refused(&error))?;
     }
     let stored = api
         .lifecycle
@@ -95,11 +95,10 @@ pub(super) async fn put_policy(
     Ok(answer(&api, stored))
 }
 
-/// The key that a sentence of [`Policy::check`] begins with is the field.
-fn refused(sentence: &str) -> Problem {
-    let field = sentence.split(' ').next().unwrap_or_default();
-    let field = field.replacen("approval.", "policy.", 1);
-    let detail = sentence.replace("approval.", "policy.");
+/// The answer to a policy that was refused, which is the field `policy` of the body.
+fn refused(PolicyRefused { key, got, expected }: &PolicyRefused) -> Problem {
+    let field = format!("policy.{key}");
+    let detail = format!("{field}: got {got}, expected {expected}");
     Problem::new(StatusCode::BAD_REQUEST, "value_refused", detail).of_field(&field)
 }
 

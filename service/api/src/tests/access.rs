@@ -376,7 +376,7 @@ async fn a_token_is_shown_once_and_counts_until_it_is_revoked() {
     );
     assert_snapshot!(robots().await, @"401 token_revoked: the token was revoked");
     assert_snapshot!(revoke("77").await, @"404 token_unknown: no token 77 is known");
-    assert_snapshot!(revoke("x").await, @r#"400 value_refused [id]: id is "x", expected a number"#);
+    assert_snapshot!(revoke("x").await, @r#"400 value_refused [id]: id: got "x", expected a number"#);
 }
 
 #[tokio::test]
@@ -390,7 +390,7 @@ async fn a_token_is_refused_by_field() {
     };
     assert_snapshot!(told(json!({"name": "r", "role": "robot"})).await, @"422 body_refused [robot]: a token of role robot is bound to one robot: name it");
     assert_snapshot!(told(json!({"name": "r", "role": "viewer", "robot": "a"})).await, @"422 body_refused [robot]: only a token of role robot is bound to a robot, not one of role viewer");
-    assert_snapshot!(told(json!({"name": "r", "role": "viewer", "expires": "2025-01-01T00:00:00Z"})).await, @r#"400 value_refused [expires]: expires is "2025-01-01T00:00:00Z", expected a time to come, within ten years"#);
+    assert_snapshot!(told(json!({"name": "r", "role": "viewer", "expires": "2025-01-01T00:00:00Z"})).await, @r#"400 value_refused [expires]: expires: got "2025-01-01T00:00:00Z", expected a time to come, within ten years"#);
     assert!(
         told(json!({"name": "a\nb", "role": "viewer"}))
             .await

@@ -148,8 +148,8 @@ async fn a_list_is_filtered_paged_and_refuses_by_name() {
     let next = first["next"].as_str().unwrap();
     assert_eq!(robots(&format!("?limit=2&cursor={next}")).await, ["a"]);
     let told = async |query: &str| bench.get(&format!("/api/v1/alerts{query}")).await.told();
-    assert_snapshot!(told("?state=angry").await, @r#"400 value_refused [state]: state is "angry", expected active or one of normal, pending, alerting, recovering, no_data"#);
-    assert_snapshot!(told("?cursor=x").await, @r#"400 value_refused [cursor]: cursor is "x", expected `next` of the page before"#);
+    assert_snapshot!(told("?state=angry").await, @r#"400 value_refused [state]: state: got "angry", expected active or one of normal, pending, alerting, recovering, no_data"#);
+    assert_snapshot!(told("?cursor=x").await, @r#"400 value_refused [cursor]: cursor: got "x", expected `next` of the page before"#);
     assert_snapshot!(told("?limit=0").await, @r#"400 value_refused [limit]: limit: got "0", expected a whole number from 1 to 1000"#);
 }
 
@@ -177,7 +177,7 @@ async fn an_acknowledgement_needs_the_version_and_comes_once() {
     let second = [("if-match", "\"2\"")];
     assert_snapshot!(ack(&uri, &second, "{}").await, @"409 acknowledged_already: tester has acknowledged this already");
     assert_snapshot!(ack("/api/v1/alerts/99/ack", &first, "{}").await, @"404 alert_unknown: no alert 99 is known");
-    assert_snapshot!(ack("/api/v1/alerts/x/ack", &first, "{}").await, @r#"400 value_refused [id]: id is "x", expected the number of an alert"#);
+    assert_snapshot!(ack("/api/v1/alerts/x/ack", &first, "{}").await, @r#"400 value_refused [id]: id: got "x", expected the number of an alert"#);
     assert_snapshot!(bench.get("/api/v1/alerts/99").await.told(), @"404 alert_unknown: no alert 99 is known");
     let audit = bench.get("/api/v1/audit?action=alert.").await.json();
     assert_eq!(audit["items"].as_array().unwrap().len(), 1);
@@ -208,7 +208,7 @@ async fn a_webhook_shows_its_secret_once_and_refuses_by_name() {
     assert!(audit.body.contains("http://127.0.0.1:9") && !audit.body.contains("/hook"));
     assert_snapshot!(post(r#"{"url": "http://127.0.0.1:9/hook"}"#).await.told(), @"409 webhook_exists [url]: url is that of webhook 1 already");
     assert_snapshot!(post(r#"{"url": "ftp://a/"}"#).await.told(), @r#"400 value_refused [url]: url: got "ftp://a/", expected an address such as https://example.org/hook"#);
-    assert_snapshot!(post(r#"{"url": "http://a/", "events": []}"#).await.told(), @r#"400 value_refused [events]: events is "[]", expected one or more of alert.alerting, alert.resolved, proposal.waiting"#);
+    assert_snapshot!(post(r#"{"url": "http://a/", "events": []}"#).await.told(), @r#"400 value_refused [events]: events: got "[]", expected one or more of alert.alerting, alert.resolved, proposal.waiting"#);
     let unknown = post(r#"{"url": "http://a/", "events": ["alert.angry"]}"#).await;
     assert!(unknown.told().contains("alert.angry"), "{}", unknown.body);
     assert_eq!(

@@ -152,7 +152,7 @@ async fn the_list_counts_filters_and_sorts_by_it() {
     assert_eq!(names(&waiting), ["c"]);
     let refused = bench.get("/api/v1/robots?standing=fine").await.told();
     let expected =
-        r#"400 value_refused [standing]: standing is "fine", expected one of rollback_failed, "#;
+        r#"400 value_refused [standing]: standing: got "fine", expected one of rollback_failed, "#;
     assert!(refused.starts_with(expected), "{refused}");
 }
 

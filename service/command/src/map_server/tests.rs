@@ -93,10 +93,10 @@ fn each_field_that_cannot_be_is_named_with_value_and_what_is_accepted() {
             swap("image: map.pgm\n", ""),
             "image: got nothing, expected the name",
         ),
-        (swap("image: map.pgm", "image: [1]"), "image is [1]"),
+        (swap("image: map.pgm", "image: [1]"), "image: got [1]"),
         (
             swap("resolution: 0.050000", "resolution: fine"),
-            "resolution is \"fine\"",
+            "resolution: got \"fine\"",
         ),
         (
             swap("resolution: 0.050000", "resolution: -0.05"),
@@ -108,15 +108,15 @@ fn each_field_that_cannot_be_is_named_with_value_and_what_is_accepted() {
         ),
         (
             swap("[-1.0, 2.5, 0.1]", "[-1.0, 2.5]"),
-            "origin is [-1.0,2.5], expected [x, y, yaw]",
+            "origin: got [-1.0,2.5], expected [x, y, yaw]",
         ),
         (
             swap("[-1.0, 2.5, 0.1]", "[-1.0, two, 0.1]"),
-            "origin is [-1.0,\"two\",0.1]",
+            "origin: got [-1.0,\"two\",0.1]",
         ),
         (
             swap("[-1.0, 2.5, 0.1]", "[-1e9, 2.5, 0.1]"),
-            "origin is [-1000000000, 2.5, 0.1]",
+            "origin: got [-1000000000, 2.5, 0.1]",
         ),
         (
             swap("negate: 0", "negate: 2"),
@@ -133,7 +133,7 @@ fn each_field_that_cannot_be_is_named_with_value_and_what_is_accepted() {
         (swap("free_thresh: 0.196\n", ""), "free_thresh: got nothing"),
         (
             format!("{YAML}mode: quaternary\n"),
-            "mode is \"quaternary\", expected trinary, scale or raw",
+            "mode: got \"quaternary\", expected trinary, scale or raw",
         ),
         ("just words".to_owned(), "map.yaml is refused"),
         ("image: [".to_owned(), "map.yaml is refused"),
@@ -152,29 +152,29 @@ fn each_field_that_cannot_be_is_named_with_value_and_what_is_accepted() {
 fn an_image_that_cannot_be_is_refused_by_field() {
     let whole = binary();
     for (damaged, wanted) in [
-        (&whole[..whole.len() - 1], "image is 5 bytes of pixels"),
+        (&whole[..whole.len() - 1], "image: got 5 bytes of pixels"),
         (b"P5 3", "image height: got nothing"),
-        (b"", "image is \"\", expected a PGM image"),
-        (b"GIF89a", "image is \"GI\""),
+        (b"", "image: got \"\", expected a PGM image"),
+        (b"GIF89a", "image: got \"GI\""),
         (b"P5 0 2 255\n", "image width: got 0, expected 1 or more"),
-        (b"P5 -3 2 255\n", "image width is -3"),
+        (b"P5 -3 2 255\n", "image width: got -3"),
         (
             b"P5 3 2 0\n123456",
             "image maxval: got 0, expected a largest shade",
         ),
-        (b"P5 3 2 65536\n123456", "image maxval is 65536"),
-        (b"P5 3 2 100\n\x65aaaaa", "image pixel is 101"),
+        (b"P5 3 2 65536\n123456", "image maxval: got 65536"),
+        (b"P5 3 2 100\n\x65aaaaa", "image pixel: got 101"),
         (b"P2 3 2 255\n0 205 254 254 0\n", "image pixel: got nothing"),
-        (b"P2 3 2 255\n0 205 254 254 0 x\n", "image pixel is x"),
+        (b"P2 3 2 255\n0 205 254 254 0 x\n", "image pixel: got x"),
         (
             b"P2 3 2 255\n0 205 254 254 0 256\n",
             "image pixel: got 256, expected a shade",
         ),
         (
             b"P5 100000 100000 255\n",
-            "image is 100000 by 100000 pixels",
+            "image: got 100000 by 100000 pixels",
         ),
-        (b"P2 4294967295 4294967295 1\n", "image is 4294967295 by"),
+        (b"P2 4294967295 4294967295 1\n", "image: got 4294967295 by"),
         (b"P2 8192 8192 255\n1 2 3", "image pixel: got nothing"),
     ] {
         let reason = read_map(YAML, damaged).expect_err(wanted);

@@ -39,7 +39,7 @@ pub use due::{Candidate, Situation, Verdict, automatic, due, judge};
 pub use gain::{ExpectedGain, expected_gain};
 pub use generation::{GenerationRef, InUse};
 pub use ledger::{NextIds, OutboxEntry, Outcome, RobotLedger};
-pub use policy::{Policy, Tolerance};
+pub use policy::{Policy, PolicyRefused, Tolerance};
 pub use present::{Outdated, Present, outdated};
 pub use proposal::{Approval, Closing, Proposal, ProposalEvent, ProposalState, Refreshed};
 pub use refused::{Refused, may_change};

@@ -1,6 +1,7 @@
 //! When something is proposed, who has to agree, and when it counts as proven.
 
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
 /// How much of something is accepted, for each kind of value.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -35,7 +36,7 @@ impl Tolerance {
         ]
     }
 
-    fn check(&self, key: &str) -> Result<(), String> {
+    fn check(&self, key: &str) -> Result<(), PolicyRefused> {
         let named = [
             ("steering_offset_deg", self.steering_offset_deg, 45.0),
             ("lidar_yaw_deg", self.lidar_yaw_deg, 180.0),
@@ -43,13 +44,27 @@ impl Tolerance {
         ];
         for (name, value, most) in named {
             if !(value > 0.0 && value <= most) {
-                return Err(format!(
-                    "approval.{key}.{name}: got {value}, expected more than 0 and at most {most}"
-                ));
+                return Err(PolicyRefused {
+                    key: format!("{key}.{name}"),
+                    got: value.to_string(),
+                    expected: format!("more than 0 and at most {most}"),
+                });
             }
         }
         Ok(())
     }
+}
+
+/// Why a policy was refused: a key of it, its value and what is expected.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("approval.{key}: got {got}, expected {expected}")]
+pub struct PolicyRefused {
+    /// The key in `[approval]`, `verify_within.lidar_yaw_deg`.
+    pub key: String,
+    /// Its value.
+    pub got: String,
+    /// What is accepted, in words.
+    pub expected: String,
 }
 
 /// `[approval]` of `fleetcal.toml`.
@@ -115,7 +130,7 @@ impl Policy {
     ///
     /// # Errors
     /// One sentence that names the key, the value and what is accepted.
-    pub fn check(&self) -> Result<(), String> {
+    pub fn check(&self) -> Result<(), PolicyRefused> {
         self.propose_beyond.check("propose_beyond")?;
         self.two_approvers_beyond.check("two_approvers_beyond")?;
         self.verify_within.check("verify_within")?;
@@ -124,11 +139,11 @@ impl Policy {
             let fits = |(small, large): (f64, f64)| small <= large;
             let pairs = within.limits().into_iter();
             if !pairs.zip(self.two_approvers_beyond.limits()).all(fits) {
-                return Err(
-                    "approval.approve_within is wider than approval.two_approvers_beyond, \
-                            expected changes that one person could approve"
-                        .to_owned(),
-                );
+                return Err(PolicyRefused {
+                    key: "approve_within".to_owned(),
+                    got: "more than two_approvers_beyond".to_owned(),
+                    expected: "changes that one person could approve".to_owned(),
+                });
             }
         }
         let numbers = [
@@ -168,9 +183,11 @@ impl Policy {
         ];
         for (key, value, least, most) in numbers {
             if !(least..=most).contains(&value) {
-                return Err(format!(
-                    "approval.{key}: got {value}, expected {least} to {most}"
-                ));
+                return Err(PolicyRefused {
+                    key: key.to_owned(),
+                    got: value.to_string(),
+                    expected: format!("{least} to {most}"),
+                });
             }
         }
         Ok(())

@@ -11,7 +11,7 @@ use super::proposal::{Proposal, ProposalState};
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Refused {
     /// The proposal is decided.
-    #[error("proposal: got one that is {}, expected an open one", state.as_str())]
+    #[error("proposal: got a {} one, expected an open one", state.as_str())]
     ProposalClosed {
         /// Where it stands.
         state: ProposalState,

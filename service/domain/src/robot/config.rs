@@ -120,6 +120,31 @@ struct MountSchema {
     yaw_rad: f64,
 }
 
+/// Where a speed is measured.
+// With a type of its own for the rear wheel, which generators of clients name by it.
+#[cfg(feature = "openapi")]
+#[derive(utoipa::ToSchema)]
+#[schema(as = SpeedMeasuredAt, rename_all = "snake_case")]
+#[expect(dead_code, reason = "what OpenAPI says of SpeedMeasuredAt")]
+enum SpeedMeasuredAtSchema {
+    /// At the rear axle's centre.
+    RearAxle,
+    /// At the steered front wheel.
+    SteeredWheel,
+    /// At one rear wheel.
+    RearWheel(RearWheelSchema),
+}
+
+/// A rear wheel.
+#[cfg(feature = "openapi")]
+#[derive(utoipa::ToSchema)]
+#[schema(as = RearWheel)]
+#[expect(dead_code, reason = "what OpenAPI says of SpeedMeasuredAt")]
+struct RearWheelSchema {
+    /// How far the wheel is to the left of the axle's centre, m.
+    lateral_m: f64,
+}
+
 impl From<Mount> for Pose2 {
     fn from(mount: Mount) -> Self {
         mount.0
@@ -162,7 +187,7 @@ pub struct RobotConfig {
     pub wheelbase_m: Wheelbase,
     /// Where the speed is measured; where the model usually measures it unless given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[cfg_attr(feature = "openapi", schema(nullable, required = false))]
+    #[cfg_attr(feature = "openapi", schema(nullable, required = false, value_type = Option<SpeedMeasuredAtSchema>))]
     pub speed_measured_at: Option<SpeedMeasuredAt>,
     /// The LiDAR's pose in `base` (rear-axle centre, x forward, y left) from CAD or tape.
     #[serde(default, alias = "nominal", skip_serializing_if = "Option::is_none")]

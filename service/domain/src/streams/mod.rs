@@ -434,7 +434,7 @@ mod tests {
             ),
             (joints, "does not say by which joints"),
             (&format!("{joints}joints = {{}}"), "does not say by which"),
-            ("joints = { wheels = ['w'] }", "wheel_radius_m is not given"),
+            ("joints = { wheels = ['w'] }", "wheel_radius_m: got nothing"),
             (
                 "joints = { steering = 's', steering_gear = 0.0 }",
                 "steering_gear: got 0",
