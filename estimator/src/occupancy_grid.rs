@@ -185,7 +185,7 @@ mod tests {
         assert!(refused(0.05, at, 0, one()).starts_with("width: got 0"));
         assert!(refused(0.05, at, 2, vec![Occupied; 3]).starts_with("width: got 2"));
         assert!(refused(0.25, at, 5000, vec![Occupied; 5000]).contains("width: got 1250 m"));
-        assert!(refused(0.25, at, 1, vec![Occupied; 5000]).contains("height is 1250 m"));
+        assert!(refused(0.25, at, 1, vec![Occupied; 5000]).contains("height: got 1250 m"));
         assert!(refused(0.05, at, 1, vec![Free, Unknown]).contains("none occupied"));
     }
 
