@@ -299,7 +299,8 @@ mod tests {
         let former = r#"{"model": "bicycle", "wheelbase_m": 1.2,
             "nominal": {"x_m": 0.4, "y_m": 0, "yaw_rad": 3.1}}"#;
         let config: RobotConfig = serde_json::from_str(former).unwrap();
-        assert_eq!(config.nominal_extrinsics.unwrap().pose().x_m, 0.4);
+        let pose = config.nominal_extrinsics.unwrap().pose();
+        assert_eq!(pose, Pose2::new(0.4, 0.0, 3.1));
         let written = serde_json::to_value(&config).unwrap();
         assert_eq!(written["nominal_extrinsics"]["x_m"], 0.4);
         assert!(written.get("nominal").is_none());
