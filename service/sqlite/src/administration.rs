@@ -9,14 +9,15 @@ use fleetcal_store::backend::{AccountReader as _, Reader as _};
 use fleetcal_store::{Job, StoreError, TokenRecord, UserRecord};
 
 use super::folder::Folder;
-use super::{SqliteReader, SqliteWriter};
+use super::SqliteWriter;
+use fleetcal_sql::SqlReader;
 
 /// Users and tokens of a data folder, whether a service holds it or not. Each change is a
 /// transaction of its own.
 #[derive(Debug)]
 pub struct Administration {
     writer: SqliteWriter,
-    reader: SqliteReader,
+    reader: SqlReader,
     /// Held as long as no service runs, so that none starts in the middle of a migration.
     _folder: Option<Folder>,
 }

@@ -3,27 +3,13 @@
 //!
 //! Nothing outside this crate knows sqlx.
 
-mod accounts;
 mod administration;
-mod alerts;
-mod answers;
-mod approvals;
-mod audit;
-mod columns;
-mod events;
+mod connection;
 mod folder;
-mod policy;
-mod read;
-mod records;
 mod restore;
-mod robots;
-mod row;
 pub mod signing_key;
 #[cfg(test)]
 mod tests;
-mod transaction;
-mod webhooks;
-mod write;
 mod writer;
 
 use std::path::{Path, PathBuf};
@@ -34,15 +20,16 @@ use fleetcal_clock::SharedClock;
 use fleetcal_domain::limits;
 use fleetcal_model::WallTime;
 use fleetcal_store::backend::{Database, Reader as _};
-use fleetcal_store::{EventKind, EventSource, Store, StoreError};
+use fleetcal_sql::{SqlReader, telemetry};
+use fleetcal_store::{Store, StoreError};
 use sqlx::migrate::{MigrateError, Migrator};
 use sqlx::sqlite::{
     SqliteConnectOptions, SqliteConnection, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous,
 };
 use sqlx::{ConnectOptions, Connection};
 
+use connection::{OnConnection, ReadPool};
 use folder::Folder;
-use read::SqliteReader;
 use writer::{JobRuns, SharedWriter, SqliteWriter};
 
 pub use administration::{Administration, backup};
@@ -148,7 +135,7 @@ async fn connect(
     now: WallTime,
     outlives: Outlives,
     jobs: JobRuns,
-) -> Result<(SqliteWriter, SqliteReader), StoreError> {
+) -> Result<(SqliteWriter, SqlReader), StoreError> {
     folder.check_whole()?;
     folder.make_private()?;
     let path = folder.database();
@@ -166,7 +153,7 @@ async fn connect(
     migrate(&mut connection, path.clone()).await?;
     // Before anything is acknowledged, the new file must also be in its folder for good.
     folder.sync()?;
-    note_start(&mut connection, now).await?;
+    telemetry::note_start(&mut OnConnection(&mut connection), now).await?;
     let reader = readers(&path).await?;
     Ok((SqliteWriter::new(connection, options, jobs).await?, reader))
 }
@@ -180,7 +167,7 @@ async fn connect(
 async fn administer(
     path: &Path,
     held: Option<&Folder>,
-) -> Result<(SqliteWriter, SqliteReader), StoreError> {
+) -> Result<(SqliteWriter, SqlReader), StoreError> {
     if let Some(folder) = held {
         folder.check_whole()?;
         folder.make_private()?;
@@ -220,7 +207,7 @@ async fn copy(path: &Path, to: &Path) -> Result<(), StoreError> {
 }
 
 async fn copy_into(connection: &mut SqliteConnection, to: &Path) -> Result<(), StoreError> {
-    sqlx::query("VACUUM INTO ?1")
+    sqlx::query("VACUUM INTO $1")
         .bind(to.to_string_lossy().into_owned())
         .execute(connection)
         .await
@@ -244,14 +231,14 @@ async fn write_once(path: PathBuf) -> Result<(), StoreError> {
     close(connection).await
 }
 
-async fn readers(path: &Path) -> Result<SqliteReader, StoreError> {
+async fn readers(path: &Path) -> Result<SqlReader, StoreError> {
     let pool = SqlitePoolOptions::new()
         .max_connections(limits::STORE_READERS_MAX)
         .acquire_timeout(limits::STORE_READ_TIMEOUT)
         .connect_with(options(path).read_only(true))
         .await
         .map_err(StoreError::database("be opened for reading"))?;
-    Ok(SqliteReader::new(pool))
+    Ok(SqlReader::new(ReadPool(pool)))
 }
 
 fn options(path: &Path) -> SqliteConnectOptions {
@@ -274,21 +261,6 @@ async fn migrate(connection: &mut SqliteConnection, path: PathBuf) -> Result<(),
         }),
         Err(error) => Err(StoreError::Migration(Arc::new(error))),
     }
-}
-
-/// Puts the service's start into the history of every robot whose estimator goes on from here.
-async fn note_start(connection: &mut SqliteConnection, now: WallTime) -> Result<(), StoreError> {
-    sqlx::query(
-        "INSERT INTO robot_event (robot, kind, stamp_ns, received_ns, source)
-         SELECT robot, ?1, stamp_ns, ?2, ?3 FROM checkpoint",
-    )
-    .bind(EventKind::ServiceStarted.as_str())
-    .bind(now.0)
-    .bind(EventSource::Service.as_str())
-    .execute(connection)
-    .await
-    .map_err(StoreError::database("note the service's start"))?;
-    Ok(())
 }
 
 /// Closes a connection, which also folds the write-ahead log into the database.

@@ -4,17 +4,15 @@
 use std::sync::Arc;
 
 use async_trait::async_trait;
-use fleetcal_model::WallTime;
 use fleetcal_store::backend::{Aged, Batch, RecordWriter, TelemetryWriter};
-use fleetcal_store::transaction::{Job, Records, Waiting};
-use fleetcal_store::{AuditEntry, StoreError};
+use fleetcal_sql::{Keys, SqlRecords, telemetry};
+use fleetcal_store::transaction::{Job, Waiting};
+use fleetcal_store::StoreError;
 use sqlx::sqlite::{Sqlite, SqliteConnectOptions, SqliteConnection};
 use sqlx::{ConnectOptions, Connection, Transaction};
 use tokio::sync::Mutex;
 
-use super::row::Keys;
-use super::transaction::SqliteRecords;
-use super::{audit, write};
+use super::connection::OnConnection;
 
 /// The one connection that writes, and how it is opened again.
 ///
@@ -223,11 +221,12 @@ async fn transact(connection: &mut SqliteConnection, keys: &mut Keys, work: Work
     let done = match work {
         Work::Jobs(jobs, runs) => run(&mut transaction, keys, jobs, runs).await.map(|()| 0),
         Work::Telemetry(batch) => {
-            let written = write::write(&mut transaction, keys, batch).await;
+            let written = telemetry::write(&mut OnConnection(&mut transaction), keys, batch).await;
             written.map(|()| 0).map_err(Failed::from)
         }
         Work::Prune(aged, before_s) => {
-            let pruned = write::prune(&mut transaction, aged, before_s).await;
+            let pruned =
+                telemetry::prune(&mut OnConnection(&mut transaction), aged, before_s).await;
             pruned.map_err(Failed::from)
         }
     };
@@ -274,8 +273,8 @@ async fn run_one(
     let begun = transaction.begin().await;
     let mut savepoint = begun.map_err(StoreError::database("begin a job"))?;
     let mut learnt = Vec::new();
-    let mut records = SqliteRecords {
-        connection: &mut savepoint,
+    let mut records = SqlRecords {
+        connection: &mut OnConnection(&mut savepoint),
         keys: &mut *keys,
         learnt: &mut learnt,
     };
@@ -293,15 +292,4 @@ async fn run_one(
     }
     // A failure after which SQLite has undone the whole transaction by itself shows here.
     savepoint.rollback().await.map_err(lost)
-}
-
-#[async_trait]
-impl Records for SqliteRecords<'_> {
-    async fn append_audit(&mut self, entry: &AuditEntry) -> Result<(), StoreError> {
-        audit::append(self.connection, entry).await.map(drop)
-    }
-
-    async fn prove_writable(&mut self, now: WallTime) -> Result<(), StoreError> {
-        write::probe(self.connection, now).await
-    }
 }

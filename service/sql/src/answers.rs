@@ -5,10 +5,11 @@ use async_trait::async_trait;
 use fleetcal_model::WallTime;
 use fleetcal_store::transaction::{Answer, AnswerRecords, AnswerScope};
 use fleetcal_store::{IdempotencyKey, StoreError};
-use sqlx::sqlite::SqliteRow;
 
+use super::query::query;
 use super::row::{NS_PER_S, column, corrupt};
-use super::transaction::SqliteRecords;
+use super::transaction::SqlRecords;
+use super::value::Row;
 
 /// The statements of a scope, and what they take for it.
 struct Table<'a> {
@@ -22,25 +23,25 @@ struct Table<'a> {
 impl<'a> Table<'a> {
     fn of(scope: AnswerScope<'a>) -> Self {
         const ACCESS_SELECT: &str =
-            "SELECT request_sha256, id FROM access_idempotency WHERE made = ?1 AND key = ?2";
+            "SELECT request_sha256, id FROM access_idempotency WHERE made = $1 AND key = $2";
         const ACCESS_INSERT: &str = "INSERT INTO access_idempotency
-             (made, key, request_sha256, id, received_ns) VALUES (?1, ?2, ?3, ?4, ?5)";
+             (made, key, request_sha256, id, received_ns) VALUES ($1, $2, $3, $4, $5)";
         match scope {
             AnswerScope::Event(robot) => Self {
                 scope: robot.as_str(),
                 select: "SELECT request_sha256, event FROM idempotency
-                         WHERE scope = ?1 AND key = ?2",
+                         WHERE scope = $1 AND key = $2",
                 insert: "INSERT INTO idempotency (scope, key, request_sha256, event, received)
-                         VALUES (?1, ?2, ?3, ?4, ?5)",
+                         VALUES ($1, $2, $3, $4, $5)",
                 unit_ns: NS_PER_S,
             },
             AnswerScope::Proposal(robot) => Self {
                 scope: robot.as_str(),
                 select: "SELECT request_sha256, proposal FROM proposal_request
-                         WHERE robot = ?1 AND key = ?2",
+                         WHERE robot = $1 AND key = $2",
                 insert: "INSERT INTO proposal_request
                          (robot, key, request_sha256, proposal, received)
-                         VALUES (?1, ?2, ?3, ?4, ?5)",
+                         VALUES ($1, $2, $3, $4, $5)",
                 unit_ns: NS_PER_S,
             },
             AnswerScope::User => Self {
@@ -60,14 +61,14 @@ impl<'a> Table<'a> {
 }
 
 #[async_trait]
-impl AnswerRecords for SqliteRecords<'_> {
+impl AnswerRecords for SqlRecords<'_> {
     async fn answer(
         &mut self,
         scope: AnswerScope<'_>,
         key: &str,
     ) -> Result<Option<Answer>, StoreError> {
         let table = Table::of(scope);
-        let row = sqlx::query(table.select)
+        let row = query(table.select)
             .bind(table.scope)
             .bind(key)
             .fetch_optional(&mut *self.connection)
@@ -84,7 +85,7 @@ impl AnswerRecords for SqliteRecords<'_> {
         now: WallTime,
     ) -> Result<(), StoreError> {
         let table = Table::of(scope);
-        sqlx::query(table.insert)
+        query(table.insert)
             .bind(table.scope)
             .bind(key.key.as_str())
             .bind(key.request_sha256.as_slice())
@@ -97,7 +98,7 @@ impl AnswerRecords for SqliteRecords<'_> {
     }
 }
 
-fn answer_of(row: &SqliteRow) -> Result<Answer, StoreError> {
+fn answer_of(row: &Row) -> Result<Answer, StoreError> {
     const TABLE: &str = "idempotency";
     let sha256: Vec<u8> = column(row, TABLE, 0)?;
     Ok(Answer {

@@ -4,18 +4,20 @@ use std::collections::HashMap;
 
 use fleetcal_model::{RobotId, RobotTime, WallTime};
 use fleetcal_store::StoreError;
-use sqlx::Row;
-use sqlx::sqlite::{SqliteConnection, SqliteRow};
+
+use crate::connection::Connection;
+use crate::query::query_scalar;
+use crate::value::{FromValue, Row};
 
 /// Nanoseconds in a second.
 pub(super) const NS_PER_S: i64 = 1_000_000_000;
 
 /// The keys of robots' rows that are known already.
-pub(super) type Keys = HashMap<RobotId, i64>;
+pub type Keys = HashMap<RobotId, i64>;
 
 /// The robot's key; makes a row without configuration for one that is new.
 pub(super) async fn key_of(
-    connection: &mut SqliteConnection,
+    connection: &mut dyn Connection,
     keys: &mut Keys,
     robot: &RobotId,
     now: WallTime,
@@ -23,8 +25,8 @@ pub(super) async fn key_of(
     if let Some(key) = keys.get(robot) {
         return Ok(*key);
     }
-    let key: i64 = sqlx::query_scalar(
-        "INSERT INTO robot (id, created_ns, updated_ns) VALUES (?1, ?2, ?2)
+    let key: i64 = query_scalar(
+        "INSERT INTO robot (id, created_ns, updated_ns) VALUES ($1, $2, $2)
          ON CONFLICT (id) DO UPDATE SET id = excluded.id RETURNING key",
     )
     .bind(robot.as_str())
@@ -37,7 +39,7 @@ pub(super) async fn key_of(
 }
 
 pub(super) fn robot_id(
-    row: &SqliteRow,
+    row: &Row,
     table: &'static str,
     index: usize,
 ) -> Result<RobotId, StoreError> {
@@ -45,19 +47,16 @@ pub(super) fn robot_id(
     RobotId::parse(&id).map_err(corrupt(table))
 }
 
-pub(super) fn column<'r, T>(
-    row: &'r SqliteRow,
+pub(super) fn column<T: FromValue>(
+    row: &Row,
     table: &'static str,
     index: usize,
-) -> Result<T, StoreError>
-where
-    T: sqlx::Decode<'r, sqlx::Sqlite> + sqlx::Type<sqlx::Sqlite>,
-{
-    row.try_get(index).map_err(corrupt(table))
+) -> Result<T, StoreError> {
+    row.get(index).map_err(corrupt(table))
 }
 
 pub(super) fn wall_time(
-    row: &SqliteRow,
+    row: &Row,
     table: &'static str,
     index: usize,
 ) -> Result<WallTime, StoreError> {
@@ -65,7 +64,7 @@ pub(super) fn wall_time(
 }
 
 pub(super) fn wall_time_or_null(
-    row: &SqliteRow,
+    row: &Row,
     table: &'static str,
     index: usize,
 ) -> Result<Option<WallTime>, StoreError> {
@@ -74,7 +73,7 @@ pub(super) fn wall_time_or_null(
 }
 
 pub(super) fn robot_time(
-    row: &SqliteRow,
+    row: &Row,
     table: &'static str,
     index: usize,
 ) -> Result<RobotTime, StoreError> {

@@ -10,21 +10,22 @@ use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
 use fleetcal_store::{AuditFilter, AuditRow, DeploymentFreeze, ProposalFilter, StoreError};
 use serde::de::DeserializeOwned;
-use sqlx::sqlite::{SqlitePool, SqliteRow};
-use sqlx::{QueryBuilder, Row, Sqlite, SqliteExecutor};
 
+use super::connection::Connection;
+use super::query::query;
 use super::row::{column, parsed, robot_id, wall_time, wall_time_or_null};
+use super::value::Row;
 
 /// Deployments that are under way.
 pub(super) const LIVE: &str =
     "state IN ('queued', 'offered', 'applied', 'verifying', 'rolling_back')";
 
 /// The records of every robot that has any.
-pub(super) async fn ledgers(pool: &SqlitePool) -> Result<Vec<RobotLedger>, StoreError> {
+pub(super) async fn ledgers(connection: &mut dyn Connection) -> Result<Vec<RobotLedger>, StoreError> {
     let failed = || StoreError::database("read the robots' records");
     let mut found: BTreeMap<RobotId, RobotLedger> = BTreeMap::new();
-    let rows = sqlx::query("SELECT record FROM shadow")
-        .fetch_all(pool)
+    let rows = query("SELECT record FROM shadow")
+        .fetch_all(&mut *connection)
         .await;
     for row in rows.map_err(failed())? {
         let shadow: Shadow = record(&row, "shadow", 0)?;
@@ -36,15 +37,15 @@ pub(super) async fn ledgers(pool: &SqlitePool) -> Result<Vec<RobotLedger>, Store
         let new = || RobotLedger::new(robot.clone());
         take(found.entry(robot.clone()).or_insert_with(new));
     };
-    let rows = sqlx::query("SELECT record FROM proposal WHERE state = 'proposed'").fetch_all(pool);
+    let rows = query("SELECT record FROM proposal WHERE state = 'proposed'").fetch_all(&mut *connection);
     for row in rows.await.map_err(failed())? {
         let open: Proposal = record(&row, "proposal", 0)?;
         of(&open.robot.clone(), &mut |ledger| {
             ledger.open = Some(open.clone());
         });
     }
-    let mut live = QueryBuilder::<Sqlite>::new("SELECT record FROM deployment WHERE ");
-    let rows = live.push(LIVE).build().fetch_all(pool).await;
+    let live = query("SELECT record FROM deployment WHERE ").push(LIVE);
+    let rows = live.fetch_all(&mut *connection).await;
     for row in rows.map_err(failed())? {
         let live: Deployment = record(&row, "deployment", 0)?;
         of(&live.robot.clone(), &mut |ledger| {
@@ -53,8 +54,8 @@ pub(super) async fn ledgers(pool: &SqlitePool) -> Result<Vec<RobotLedger>, Store
     }
     for ledger in found.values_mut() {
         for id in ledger.named_revisions() {
-            let row = sqlx::query("SELECT record FROM revision WHERE id = ?1").bind(id.0 as i64);
-            let row = row.fetch_one(pool).await.map_err(failed())?;
+            let row = query("SELECT record FROM revision WHERE id = $1").bind(id.0 as i64);
+            let row = row.fetch_one(&mut *connection).await.map_err(failed())?;
             ledger.revisions.insert(id, record(&row, "revision", 0)?);
         }
     }
@@ -63,23 +64,23 @@ pub(super) async fn ledgers(pool: &SqlitePool) -> Result<Vec<RobotLedger>, Store
 
 /// A signed document.
 pub(super) async fn envelope(
-    pool: &SqlitePool,
+    connection: &mut dyn Connection,
     robot: &RobotId,
     generation: Generation,
 ) -> Result<Option<Envelope>, StoreError> {
-    let row = sqlx::query("SELECT record FROM envelope WHERE robot = ?1 AND generation = ?2")
+    let row = query("SELECT record FROM envelope WHERE robot = $1 AND generation = $2")
         .bind(robot.as_str())
         .bind(generation.0 as i64)
-        .fetch_optional(pool)
+        .fetch_optional(&mut *connection)
         .await
         .map_err(StoreError::database("read a signed document"))?;
     row.map(|row| record(&row, "envelope", 0)).transpose()
 }
 
 /// What waits to be sent.
-pub(super) async fn outbox(pool: &SqlitePool) -> Result<Vec<(RobotId, OutboxEntry)>, StoreError> {
-    let rows = sqlx::query("SELECT robot, kind, generation FROM outbox ORDER BY robot, kind")
-        .fetch_all(pool)
+pub(super) async fn outbox(connection: &mut dyn Connection) -> Result<Vec<(RobotId, OutboxEntry)>, StoreError> {
+    let rows = query("SELECT robot, kind, generation FROM outbox ORDER BY robot, kind")
+        .fetch_all(&mut *connection)
         .await
         .map_err(StoreError::database("read the outbox"))?;
     rows.iter()
@@ -98,28 +99,27 @@ pub(super) async fn outbox(pool: &SqlitePool) -> Result<Vec<(RobotId, OutboxEntr
 
 /// Proposals with what they propose, newest first.
 pub(super) async fn proposals(
-    pool: &SqlitePool,
+    connection: &mut dyn Connection,
     filter: &ProposalFilter,
 ) -> Result<Vec<(Proposal, Revision)>, StoreError> {
-    let mut query = QueryBuilder::<Sqlite>::new(
+    let mut proposals = query(
         "SELECT p.record, r.record FROM proposal AS p JOIN revision AS r ON r.id = p.revision
          WHERE true",
     );
     if let Some(robot) = &filter.robot {
-        query
-            .push(" AND p.robot = ")
-            .push_bind(robot.as_str().to_owned());
+        proposals = proposals.push(" AND p.robot = ").push_bind(robot.as_str());
     }
     if let Some(state) = filter.state {
-        query.push(" AND p.state = ").push_bind(state.as_str());
+        proposals = proposals.push(" AND p.state = ").push_bind(state.as_str());
     }
     if let Some(before) = filter.before {
-        query.push(" AND p.id < ").push_bind(before);
+        proposals = proposals.push(" AND p.id < ").push_bind(before);
     }
-    query
+    let rows = proposals
         .push(" ORDER BY p.id DESC LIMIT ")
-        .push_bind(i64::from(filter.limit));
-    let rows = query.build().fetch_all(pool).await;
+        .push_bind(i64::from(filter.limit))
+        .fetch_all(connection)
+        .await;
     rows.map_err(StoreError::database("read the proposals"))?
         .iter()
         .map(pair)
@@ -128,38 +128,38 @@ pub(super) async fn proposals(
 
 /// One proposal with what it proposes.
 pub(super) async fn proposal(
-    pool: &SqlitePool,
+    connection: &mut dyn Connection,
     id: ProposalId,
 ) -> Result<Option<(Proposal, Revision)>, StoreError> {
-    let row = sqlx::query(
+    let row = query(
         "SELECT p.record, r.record FROM proposal AS p JOIN revision AS r ON r.id = p.revision
-         WHERE p.id = ?1",
+         WHERE p.id = $1",
     )
     .bind(i64::try_from(id.0).unwrap_or(i64::MAX))
-    .fetch_optional(pool)
+    .fetch_optional(&mut *connection)
     .await
     .map_err(StoreError::database("read a proposal"))?;
     row.as_ref().map(pair).transpose()
 }
 
-fn pair(row: &SqliteRow) -> Result<(Proposal, Revision), StoreError> {
+fn pair(row: &Row) -> Result<(Proposal, Revision), StoreError> {
     Ok((record(row, "proposal", 0)?, record(row, "revision", 1)?))
 }
 
 /// A robot's deployments, newest first.
 pub(super) async fn deployments(
-    pool: &SqlitePool,
+    connection: &mut dyn Connection,
     robot: &RobotId,
     before: Option<i64>,
     limit: u32,
 ) -> Result<Vec<Deployment>, StoreError> {
-    let rows = sqlx::query(
-        "SELECT record FROM deployment WHERE robot = ?1 AND id < ?2 ORDER BY id DESC LIMIT ?3",
+    let rows = query(
+        "SELECT record FROM deployment WHERE robot = $1 AND id < $2 ORDER BY id DESC LIMIT $3",
     )
     .bind(robot.as_str())
     .bind(before.unwrap_or(i64::MAX))
     .bind(i64::from(limit))
-    .fetch_all(pool)
+    .fetch_all(&mut *connection)
     .await
     .map_err(StoreError::database("read a robot's deployments"))?;
     rows.iter()
@@ -169,19 +169,20 @@ pub(super) async fn deployments(
 
 /// Where the deployments of some proposals stand, by the proposal.
 pub(super) async fn followed(
-    pool: &SqlitePool,
+    connection: &mut dyn Connection,
     proposals: &[ProposalId],
 ) -> Result<BTreeMap<ProposalId, DeploymentState>, StoreError> {
     let failed = || StoreError::database("read what followed from proposals");
-    let ids: Vec<String> = proposals.iter().map(ToString::to_string).collect();
-    let rows = sqlx::query(
-        "SELECT proposal, state FROM deployment
-         WHERE proposal IN (SELECT value FROM json_each(?1)) ORDER BY id",
-    )
-    .bind(format!("[{}]", ids.join(",")))
-    .fetch_all(pool)
-    .await
-    .map_err(failed())?;
+    let mut deployments = query("SELECT proposal, state FROM deployment WHERE proposal IN (NULL");
+    for id in proposals {
+        let id = i64::try_from(id.0).unwrap_or(i64::MAX);
+        deployments = deployments.push(", ").push_bind(id);
+    }
+    let rows = deployments
+        .push(") ORDER BY id")
+        .fetch_all(connection)
+        .await
+        .map_err(failed())?;
     rows.iter()
         .map(|row| {
             let proposal: i64 = column(row, "deployment", 0)?;
@@ -198,16 +199,16 @@ pub(super) async fn followed(
 
 /// The deployment freeze.
 pub(super) async fn deployment_freeze(
-    executor: impl SqliteExecutor<'_>,
+    connection: &mut dyn Connection,
 ) -> Result<DeploymentFreeze, StoreError> {
-    let row = sqlx::query("SELECT version, held, by, at_ns, reason FROM site")
-        .fetch_one(executor)
+    let row = query("SELECT version, held, by, at_ns, reason FROM site")
+        .fetch_one(connection)
         .await
         .map_err(StoreError::database("read the deployment freeze"))?;
     site_of(&row)
 }
 
-fn site_of(row: &SqliteRow) -> Result<DeploymentFreeze, StoreError> {
+fn site_of(row: &Row) -> Result<DeploymentFreeze, StoreError> {
     Ok(DeploymentFreeze {
         version: number(row, 0).map(Version)?,
         frozen: column(row, "site", 1)?,
@@ -219,47 +220,47 @@ fn site_of(row: &SqliteRow) -> Result<DeploymentFreeze, StoreError> {
 
 /// Rows of the audit, newest first.
 pub(super) async fn audit_rows(
-    pool: &SqlitePool,
+    connection: &mut dyn Connection,
     filter: &AuditFilter,
 ) -> Result<Vec<AuditRow>, StoreError> {
-    let mut query = QueryBuilder::<Sqlite>::new(
+    let mut audit = query(
         "SELECT id, at_ns, actor, authentication, role, request, action, subject, subject_id,
              robot, before, after, reason, address FROM audit WHERE true",
     );
     if let Some(robot) = &filter.robot {
-        query
-            .push(" AND robot = ")
-            .push_bind(robot.as_str().to_owned());
+        audit = audit.push(" AND robot = ").push_bind(robot.as_str());
     }
     if let Some(actor) = &filter.actor {
-        query.push(" AND actor = ").push_bind(actor.clone());
+        audit = audit.push(" AND actor = ").push_bind(actor);
     }
     if let Some(action) = &filter.action {
-        query
+        audit = audit
             .push(" AND substr(action, 1, length(")
-            .push_bind(action.clone());
-        query.push(")) = ").push_bind(action.clone());
+            .push_bind(action)
+            .push(")) = ")
+            .push_bind(action);
     }
     if let Some(from_ns) = filter.from_ns {
-        query.push(" AND at_ns >= ").push_bind(from_ns.0);
+        audit = audit.push(" AND at_ns >= ").push_bind(from_ns.0);
     }
     if let Some(to_ns) = filter.to_ns {
-        query.push(" AND at_ns < ").push_bind(to_ns.0);
+        audit = audit.push(" AND at_ns < ").push_bind(to_ns.0);
     }
     if let Some(before) = filter.before {
-        query.push(" AND id < ").push_bind(before);
+        audit = audit.push(" AND id < ").push_bind(before);
     }
-    query
+    let rows = audit
         .push(" ORDER BY id DESC LIMIT ")
-        .push_bind(i64::from(filter.limit));
-    let rows = query.build().fetch_all(pool).await;
+        .push_bind(i64::from(filter.limit))
+        .fetch_all(connection)
+        .await;
     rows.map_err(StoreError::database("read the audit"))?
         .iter()
         .map(audit_row)
         .collect()
 }
 
-fn audit_row(row: &SqliteRow) -> Result<AuditRow, StoreError> {
+fn audit_row(row: &Row) -> Result<AuditRow, StoreError> {
     let table = "audit";
     let document = |index| -> Result<Option<serde_json::Value>, StoreError> {
         let text: Option<String> = column(row, table, index)?;
@@ -284,17 +285,15 @@ fn audit_row(row: &SqliteRow) -> Result<AuditRow, StoreError> {
 }
 
 pub(super) fn record<T: DeserializeOwned>(
-    row: &SqliteRow,
+    row: &Row,
     table: &'static str,
     index: usize,
 ) -> Result<T, StoreError> {
-    let text: String = row
-        .try_get(index)
-        .map_err(StoreError::database("read a record of the life cycle"))?;
+    let text: String = column(row, table, index)?;
     parsed(table, &text)
 }
 
-pub(super) fn number(row: &SqliteRow, index: usize) -> Result<u64, StoreError> {
+pub(super) fn number(row: &Row, index: usize) -> Result<u64, StoreError> {
     let number: i64 = column(row, "record", index)?;
     u64::try_from(number).map_err(|_| StoreError::Corrupt {
         table: "record",

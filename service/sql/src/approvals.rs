@@ -6,19 +6,21 @@ use fleetcal_domain::approval::{
 };
 use fleetcal_model::{DeploymentId, Generation, ProposalId, RevisionId};
 use fleetcal_proto::RobotId;
+use fleetcal_proto::calibration::Envelope;
 use fleetcal_store::transaction::ApprovalRecords;
 use fleetcal_store::{DeploymentFreeze, StoreError, StoredPolicy};
 use serde::Serialize;
-use sqlx::sqlite::{SqliteConnection, SqliteRow};
-use sqlx::{QueryBuilder, Sqlite};
 
+use super::connection::Connection;
 use super::policy;
+use super::query::query;
 use super::records::{self, LIVE, number, record};
-use super::row::{column, json};
-use super::transaction::SqliteRecords;
+use super::row::{json, parsed};
+use super::transaction::SqlRecords;
+use super::value::Row;
 
 #[async_trait]
-impl ApprovalRecords for SqliteRecords<'_> {
+impl ApprovalRecords for SqlRecords<'_> {
     async fn ledger(
         &mut self,
         robot: &RobotId,
@@ -32,7 +34,7 @@ impl ApprovalRecords for SqliteRecords<'_> {
     }
 
     async fn proposal(&mut self, id: ProposalId) -> Result<Option<Proposal>, StoreError> {
-        let row = sqlx::query("SELECT record FROM proposal WHERE id = ?1")
+        let row = query("SELECT record FROM proposal WHERE id = $1")
             .bind(i64::try_from(id.0).unwrap_or(i64::MAX))
             .fetch_optional(&mut *self.connection)
             .await
@@ -52,7 +54,7 @@ impl ApprovalRecords for SqliteRecords<'_> {
         &mut self,
         freeze: &DeploymentFreeze,
     ) -> Result<(), StoreError> {
-        sqlx::query("UPDATE site SET version = ?1, held = ?2, by = ?3, at_ns = ?4, reason = ?5")
+        query("UPDATE site SET version = $1, held = $2, by = $3, at_ns = $4, reason = $5")
             .bind(freeze.version.0 as i64)
             .bind(freeze.frozen)
             .bind(&freeze.by)
@@ -73,30 +75,30 @@ impl ApprovalRecords for SqliteRecords<'_> {
     }
 }
 
-async fn save(connection: &mut SqliteConnection, outcome: &Outcome) -> Result<(), StoreError> {
+async fn save(connection: &mut dyn Connection, outcome: &Outcome) -> Result<(), StoreError> {
     let robot = outcome.ledger.shadow.robot.as_str();
     for revision in &outcome.revisions {
         put(
             connection,
-            "INSERT INTO revision (id, record) VALUES (?1, ?2)",
+            "INSERT INTO revision (id, record) VALUES ($1, $2)",
             revision.id.0,
             revision,
         )
         .await?;
     }
     for proposal in &outcome.proposals {
-        let sql = "INSERT INTO proposal (id, record) VALUES (?1, ?2)
+        let sql = "INSERT INTO proposal (id, record) VALUES ($1, $2)
              ON CONFLICT (id) DO UPDATE SET record = excluded.record";
         put(connection, sql, proposal.id.0, proposal).await?;
     }
     for deployment in &outcome.deployments {
-        let sql = "INSERT INTO deployment (id, record) VALUES (?1, ?2)
+        let sql = "INSERT INTO deployment (id, record) VALUES ($1, $2)
              ON CONFLICT (id) DO UPDATE SET record = excluded.record";
         put(connection, sql, deployment.id.0, deployment).await?;
     }
     if outcome.shadow_changed {
-        sqlx::query(
-            "INSERT INTO shadow (robot, record) VALUES (?1, ?2)
+        query(
+            "INSERT INTO shadow (robot, record) VALUES ($1, $2)
              ON CONFLICT (robot) DO UPDATE SET record = excluded.record",
         )
         .bind(robot)
@@ -106,7 +108,7 @@ async fn save(connection: &mut SqliteConnection, outcome: &Outcome) -> Result<()
         .map_err(StoreError::database("write a robot's shadow"))?;
     }
     for (generation, envelope) in &outcome.envelopes {
-        sqlx::query("INSERT INTO envelope (robot, generation, record) VALUES (?1, ?2, ?3)")
+        query("INSERT INTO envelope (robot, generation, record) VALUES ($1, $2, $3)")
             .bind(robot)
             .bind(generation.0 as i64)
             .bind(json("envelope", envelope)?)
@@ -118,12 +120,12 @@ async fn save(connection: &mut SqliteConnection, outcome: &Outcome) -> Result<()
 }
 
 async fn put<T: Serialize>(
-    connection: &mut SqliteConnection,
+    connection: &mut dyn Connection,
     sql: &'static str,
     id: u64,
     record: &T,
 ) -> Result<(), StoreError> {
-    sqlx::query(sql)
+    query(sql)
         .bind(id as i64)
         .bind(json("record", record)?)
         .execute(connection)
@@ -133,7 +135,7 @@ async fn put<T: Serialize>(
 }
 
 async fn write_outbox(
-    connection: &mut SqliteConnection,
+    connection: &mut dyn Connection,
     robot: &str,
     outcome: &Outcome,
 ) -> Result<(), StoreError> {
@@ -141,7 +143,7 @@ async fn write_outbox(
     if let Some(sent) = outcome.sent {
         let (kind, generation) = columns_of(sent);
         // A newer one of its kind stays.
-        sqlx::query("DELETE FROM outbox WHERE robot = ?1 AND kind = ?2 AND generation = ?3")
+        query("DELETE FROM outbox WHERE robot = $1 AND kind = $2 AND generation = $3")
             .bind(robot)
             .bind(kind)
             .bind(generation)
@@ -151,8 +153,8 @@ async fn write_outbox(
     }
     for entry in &outcome.outbox {
         let (kind, generation) = columns_of(*entry);
-        sqlx::query(
-            "INSERT INTO outbox (robot, kind, generation) VALUES (?1, ?2, ?3)
+        query(
+            "INSERT INTO outbox (robot, kind, generation) VALUES ($1, $2, $3)
              ON CONFLICT (robot, kind) DO UPDATE SET generation = excluded.generation",
         )
         .bind(robot)
@@ -172,8 +174,8 @@ const fn columns_of(entry: OutboxEntry) -> (&'static str, i64) {
     }
 }
 
-async fn next_ids(connection: &mut SqliteConnection) -> Result<NextIds, StoreError> {
-    let row = sqlx::query(
+async fn next_ids(connection: &mut dyn Connection) -> Result<NextIds, StoreError> {
+    let row = query(
         "SELECT (SELECT coalesce(max(id), 0) + 1 FROM revision),
                 (SELECT coalesce(max(id), 0) + 1 FROM proposal),
                 (SELECT coalesce(max(id), 0) + 1 FROM deployment)",
@@ -190,12 +192,12 @@ async fn next_ids(connection: &mut SqliteConnection) -> Result<NextIds, StoreErr
 
 /// One robot's records, with the document of the generation that an answer is about.
 async fn ledger(
-    connection: &mut SqliteConnection,
+    connection: &mut dyn Connection,
     robot: &RobotId,
     answered: Option<Generation>,
 ) -> Result<RobotLedger, StoreError> {
     let failed = || StoreError::database("read a robot's records");
-    let row = sqlx::query("SELECT record FROM shadow WHERE robot = ?1")
+    let row = query("SELECT record FROM shadow WHERE robot = $1")
         .bind(robot.as_str())
         .fetch_optional(&mut *connection)
         .await
@@ -204,17 +206,16 @@ async fn ledger(
     if let Some(row) = row {
         ledger.shadow = record(&row, "shadow", 0)?;
     }
-    let row = sqlx::query("SELECT record FROM proposal WHERE robot = ?1 AND state = 'proposed'")
+    let row = query("SELECT record FROM proposal WHERE robot = $1 AND state = 'proposed'")
         .bind(robot.as_str())
         .fetch_optional(&mut *connection)
         .await
         .map_err(failed())?;
     ledger.open = row.map(|row| record(&row, "proposal", 0)).transpose()?;
-    let row = QueryBuilder::<Sqlite>::new("SELECT record FROM deployment WHERE ")
+    let row = query("SELECT record FROM deployment WHERE ")
         .push(LIVE)
         .push(" AND robot = ")
         .push_bind(robot.as_str())
-        .build()
         .fetch_optional(&mut *connection)
         .await
         .map_err(failed())?;
@@ -223,7 +224,7 @@ async fn ledger(
         ledger.answered = given_out(connection, robot, generation).await?;
     }
     for id in ledger.named_revisions() {
-        let row = sqlx::query("SELECT record FROM revision WHERE id = ?1")
+        let row = query("SELECT record FROM revision WHERE id = $1")
             .bind(id.0 as i64)
             .fetch_one(&mut *connection)
             .await
@@ -235,26 +236,31 @@ async fn ledger(
 
 /// What was given out under a generation.
 async fn given_out(
-    connection: &mut SqliteConnection,
+    connection: &mut dyn Connection,
     robot: &RobotId,
     generation: Generation,
 ) -> Result<Option<GenerationRef>, StoreError> {
-    let row = sqlx::query(
-        "SELECT (record ->> '$.document') ->> '$.revision', record ->> '$.sha256'
-         FROM envelope WHERE robot = ?1 AND generation = ?2",
-    )
-    .bind(robot.as_str())
-    .bind(i64::try_from(generation.0).unwrap_or(i64::MAX))
-    .fetch_optional(connection)
-    .await
-    .map_err(StoreError::database("read what was given out"))?;
-    let of = |row: SqliteRow| {
+    let row = query("SELECT record FROM envelope WHERE robot = $1 AND generation = $2")
+        .bind(robot.as_str())
+        .bind(i64::try_from(generation.0).unwrap_or(i64::MAX))
+        .fetch_optional(connection)
+        .await
+        .map_err(StoreError::database("read what was given out"))?;
+    let of = |row: Row| {
+        let envelope: Envelope = record(&row, "envelope", 0)?;
+        let Named { revision } = parsed("envelope", &envelope.document)?;
         Ok(GenerationRef {
             generation,
-            revision: number(&row, 0).map(RevisionId)?,
-            sha256: column(&row, "envelope", 1)?,
+            revision,
+            sha256: envelope.sha256,
             chosen_by: None,
         })
     };
     row.map(of).transpose()
+}
+
+/// What a signed document says of itself.
+#[derive(serde::Deserialize)]
+struct Named {
+    revision: RevisionId,
 }

@@ -2,21 +2,22 @@
 
 use fleetcal_model::Version;
 use fleetcal_store::{StoreError, StoredPolicy};
-use sqlx::SqliteExecutor;
-use sqlx::sqlite::{SqliteConnection, SqliteRow};
 
+use super::connection::Connection;
+use super::query::query;
 use super::records::number;
 use super::row::{column, json, parsed, wall_time_or_null};
+use super::value::Row;
 
 /// The policy that was set.
-pub(super) async fn read(executor: impl SqliteExecutor<'_>) -> Result<StoredPolicy, StoreError> {
-    let row = sqlx::query("SELECT version, policy, by, at_ns, reason FROM policy")
-        .fetch_one(executor)
+pub(super) async fn read(connection: &mut dyn Connection) -> Result<StoredPolicy, StoreError> {
+    let row = query("SELECT version, policy, by, at_ns, reason FROM policy")
+        .fetch_one(connection)
         .await;
     policy_of(&row.map_err(StoreError::database("read the policy"))?)
 }
 
-fn policy_of(row: &SqliteRow) -> Result<StoredPolicy, StoreError> {
+fn policy_of(row: &Row) -> Result<StoredPolicy, StoreError> {
     let policy: Option<String> = column(row, "policy", 1)?;
     Ok(StoredPolicy {
         version: number(row, 0).map(Version)?,
@@ -29,12 +30,12 @@ fn policy_of(row: &SqliteRow) -> Result<StoredPolicy, StoreError> {
 
 /// Keeps the policy.
 pub(super) async fn save(
-    connection: &mut SqliteConnection,
+    connection: &mut dyn Connection,
     stored: &StoredPolicy,
 ) -> Result<(), StoreError> {
     let policy = stored.policy.as_ref();
     let policy = policy.map(|policy| json("policy", policy)).transpose()?;
-    sqlx::query("UPDATE policy SET version = ?1, policy = ?2, by = ?3, at_ns = ?4, reason = ?5")
+    query("UPDATE policy SET version = $1, policy = $2, by = $3, at_ns = $4, reason = $5")
         .bind(stored.version.0 as i64)
         .bind(policy)
         .bind(&stored.by)

@@ -17,50 +17,74 @@ use fleetcal_store::{
     CurrentRecord, DeploymentFreeze, DueDelivery, EventRecord, ProposalFilter, RobotRecord,
     StoreError, StoredPolicy,
 };
-use sqlx::AssertSqlSafe;
-use sqlx::sqlite::{SqlitePool, SqliteRow};
 
+use super::connection::{Connection, Pool, StatementError};
+use super::dialect::Dialect;
+use super::query::{Statement, query, query_scalar};
+use super::value::Row;
 use super::row::{column, corrupt, parsed, robot_id, robot_time, wall_time};
-use super::{alerts, columns, events, policy, records, robots, webhooks};
+use super::{alerts, history, events, policy, records, robots, webhooks};
 
-/// The pool of connections that only read.
+/// What reads, over a pool of connections.
 #[derive(Debug)]
-pub(crate) struct SqliteReader {
-    pool: SqlitePool,
+pub struct SqlReader {
+    pool: Box<dyn Pool>,
 }
 
-impl SqliteReader {
-    pub(super) fn new(pool: SqlitePool) -> Self {
-        Self { pool }
+impl SqlReader {
+    /// Reads over these connections.
+    pub fn new(pool: impl Pool) -> Self {
+        Self {
+            pool: Box::new(pool),
+        }
     }
 
-    pub(super) fn pool(&self) -> &SqlitePool {
-        &self.pool
+    /// A connection for one statement.
+    pub(crate) fn connection(&self) -> Pooled<'_> {
+        Pooled(self.pool.as_ref())
+    }
+}
+
+/// A pool as a connection: each statement takes one of its own.
+pub(crate) struct Pooled<'p>(&'p dyn Pool);
+
+#[async_trait]
+impl Connection for Pooled<'_> {
+    fn dialect(&self) -> Dialect {
+        self.0.dialect()
+    }
+
+    async fn rows(&mut self, statement: Statement) -> Result<Vec<Row>, StatementError> {
+        self.0.rows(statement).await
+    }
+
+    async fn execute(&mut self, statement: Statement) -> Result<u64, StatementError> {
+        Ok(self.0.rows(statement).await?.len() as u64)
     }
 }
 
 #[async_trait]
-impl Reader for SqliteReader {
+impl Reader for SqlReader {
     async fn robots(&self) -> Result<Vec<RobotRecord>, StoreError> {
-        let rows = sqlx::query(robots::SELECT_ALL)
-            .fetch_all(&self.pool)
+        let rows = query(robots::SELECT_ALL)
+            .fetch_all(&mut self.connection())
             .await
             .map_err(StoreError::database("read the robots"))?;
         rows.iter().map(robots::robot_of).collect()
     }
 
     async fn robot(&self, id: &RobotId) -> Result<Option<RobotRecord>, StoreError> {
-        let row = sqlx::query(robots::SELECT_ONE)
+        let row = query(robots::SELECT_ONE)
             .bind(id.as_str())
-            .fetch_optional(&self.pool)
+            .fetch_optional(&mut self.connection())
             .await
             .map_err(StoreError::database("read a robot"))?;
         row.as_ref().map(robots::robot_of).transpose()
     }
 
     async fn current(&self) -> Result<Vec<CurrentRecord>, StoreError> {
-        let rows = sqlx::query("SELECT received_ns, estimate FROM robot_current ORDER BY robot")
-            .fetch_all(&self.pool)
+        let rows = query("SELECT received_ns, estimate FROM robot_current ORDER BY robot")
+            .fetch_all(&mut self.connection())
             .await
             .map_err(StoreError::database("read the latest estimates"))?;
         rows.iter()
@@ -75,11 +99,11 @@ impl Reader for SqliteReader {
     }
 
     async fn checkpoints(&self) -> Result<Vec<CheckpointRecord>, StoreError> {
-        let rows = sqlx::query(
+        let rows = query(
             "SELECT r.id, c.stamp_ns, c.received_ns, c.state
              FROM checkpoint AS c JOIN robot AS r ON r.key = c.robot ORDER BY r.id",
         )
-        .fetch_all(&self.pool)
+        .fetch_all(&mut self.connection())
         .await
         .map_err(StoreError::database("read the estimators' states"))?;
         rows.iter()
@@ -95,8 +119,8 @@ impl Reader for SqliteReader {
     }
 
     async fn cross_tracks(&self) -> Result<Vec<CrossTrackRecord>, StoreError> {
-        let rows = sqlx::query("SELECT robot, generation, errors FROM cross_track")
-            .fetch_all(&self.pool)
+        let rows = query("SELECT robot, generation, errors FROM cross_track")
+            .fetch_all(&mut self.connection())
             .await
             .map_err(StoreError::database("read how robots follow their paths"))?;
         rows.iter()
@@ -114,10 +138,10 @@ impl Reader for SqliteReader {
 
     async fn extent(&self, tier: Tier) -> Result<Option<(i64, i64)>, StoreError> {
         // Two statements in one, because only a lone `min` or `max` is taken from the key.
-        let table = columns::table(tier);
+        let table = history::table(tier);
         let sql = format!("SELECT (SELECT min(t) FROM {table}), (SELECT max(t) FROM {table})");
-        let row = sqlx::query(AssertSqlSafe(sql))
-            .fetch_one(&self.pool)
+        let row = query(sql)
+            .fetch_one(&mut self.connection())
             .await
             .map_err(StoreError::database("read the extent of the history"))?;
         let first: Option<i64> = column(&row, table, 0)?;
@@ -127,12 +151,12 @@ impl Reader for SqliteReader {
 
     async fn last_second(&self, id: &RobotId) -> Result<Option<i64>, StoreError> {
         let failed = || StoreError::database("read the latest estimate");
-        let stamp_ns: Option<i64> = sqlx::query_scalar(
+        let stamp_ns: Option<i64> = query_scalar(
             "SELECT stamp_ns FROM robot_current
-             WHERE robot = (SELECT key FROM robot WHERE id = ?1)",
+             WHERE robot = (SELECT key FROM robot WHERE id = $1)",
         )
         .bind(id.as_str())
-        .fetch_optional(&self.pool)
+        .fetch_optional(&mut self.connection())
         .await
         .map_err(failed())?;
         Ok(stamp_ns.map(|stamp_ns| stamp_ns.div_euclid(1_000_000_000)))
@@ -147,21 +171,19 @@ impl Reader for SqliteReader {
         to_s: i64,
     ) -> Result<Vec<Stretch>, StoreError> {
         let failed = || StoreError::database("read a robot's history");
-        let key: Option<i64> = sqlx::query_scalar("SELECT key FROM robot WHERE id = ?1")
+        let key: Option<i64> = query_scalar("SELECT key FROM robot WHERE id = $1")
             .bind(id.as_str())
-            .fetch_optional(&self.pool)
+            .fetch_optional(&mut self.connection())
             .await
             .map_err(failed())?;
         let Some(key) = key else {
             return Ok(Vec::new());
         };
-        // The text is made of table and column names of this program alone.
-        let rows = sqlx::query(AssertSqlSafe(columns::select(tier, parameters)))
+        let rows = history::select(self.pool.dialect(), tier, parameters)
             .bind(from_s)
             .bind(to_s)
-            .bind(tier.seconds())
             .bind(key)
-            .fetch_all(&self.pool)
+            .fetch_all(&mut self.connection())
             .await
             .map_err(failed())?;
         rows.iter()
@@ -175,16 +197,16 @@ impl Reader for SqliteReader {
         before: Option<i64>,
         limit: u32,
     ) -> Result<Vec<EventRecord>, StoreError> {
-        let rows = sqlx::query(
+        let rows = query(
             "SELECT e.id, r.id, e.kind, e.stamp_ns, e.received_ns, e.source, e.author, e.note,
                  e.details
              FROM robot_event AS e JOIN robot AS r ON r.key = e.robot
-             WHERE r.id = ?1 AND e.id < ?2 ORDER BY e.id DESC LIMIT ?3",
+             WHERE r.id = $1 AND e.id < $2 ORDER BY e.id DESC LIMIT $3",
         )
         .bind(id.as_str())
         .bind(before.unwrap_or(i64::MAX))
         .bind(limit)
-        .fetch_all(&self.pool)
+        .fetch_all(&mut self.connection())
         .await
         .map_err(StoreError::database("read a robot's events"))?;
         rows.iter()
@@ -193,14 +215,11 @@ impl Reader for SqliteReader {
     }
 
     async fn schema_version(&self) -> Result<i64, StoreError> {
-        sqlx::query_scalar("SELECT max(version) FROM _sqlx_migrations WHERE success")
-            .fetch_one(&self.pool)
-            .await
-            .map_err(StoreError::database("read its schema's version"))
+        schema_version(&mut self.connection()).await
     }
 
     async fn ledgers(&self) -> Result<Vec<RobotLedger>, StoreError> {
-        records::ledgers(&self.pool).await
+        records::ledgers(&mut self.connection()).await
     }
 
     async fn envelope(
@@ -208,22 +227,22 @@ impl Reader for SqliteReader {
         robot: &RobotId,
         generation: Generation,
     ) -> Result<Option<Envelope>, StoreError> {
-        records::envelope(&self.pool, robot, generation).await
+        records::envelope(&mut self.connection(), robot, generation).await
     }
 
     async fn outbox(&self) -> Result<Vec<(RobotId, OutboxEntry)>, StoreError> {
-        records::outbox(&self.pool).await
+        records::outbox(&mut self.connection()).await
     }
 
     async fn proposals(
         &self,
         filter: &ProposalFilter,
     ) -> Result<Vec<(Proposal, Revision)>, StoreError> {
-        records::proposals(&self.pool, filter).await
+        records::proposals(&mut self.connection(), filter).await
     }
 
     async fn proposal(&self, id: ProposalId) -> Result<Option<(Proposal, Revision)>, StoreError> {
-        records::proposal(&self.pool, id).await
+        records::proposal(&mut self.connection(), id).await
     }
 
     async fn deployments(
@@ -232,42 +251,42 @@ impl Reader for SqliteReader {
         before: Option<i64>,
         limit: u32,
     ) -> Result<Vec<Deployment>, StoreError> {
-        records::deployments(&self.pool, robot, before, limit).await
+        records::deployments(&mut self.connection(), robot, before, limit).await
     }
 
     async fn followed(
         &self,
         proposals: &[ProposalId],
     ) -> Result<BTreeMap<ProposalId, DeploymentState>, StoreError> {
-        records::followed(&self.pool, proposals).await
+        records::followed(&mut self.connection(), proposals).await
     }
 
     async fn deployment_freeze(&self) -> Result<DeploymentFreeze, StoreError> {
-        records::deployment_freeze(&self.pool).await
+        records::deployment_freeze(&mut self.connection()).await
     }
 
     async fn policy(&self) -> Result<StoredPolicy, StoreError> {
-        policy::read(&self.pool).await
+        policy::read(&mut self.connection()).await
     }
 
     async fn audit(&self, filter: &AuditFilter) -> Result<Vec<AuditRow>, StoreError> {
-        records::audit_rows(&self.pool, filter).await
+        records::audit_rows(&mut self.connection(), filter).await
     }
 
     async fn active_alerts(&self) -> Result<Vec<Alert>, StoreError> {
-        alerts::active_alerts(&self.pool).await
+        alerts::active_alerts(&mut self.connection()).await
     }
 
     async fn alerts(&self, filter: &AlertFilter) -> Result<Vec<Alert>, StoreError> {
-        alerts::alerts(&self.pool, filter).await
+        alerts::alerts(&mut self.connection(), filter).await
     }
 
     async fn alert(&self, id: AlertId) -> Result<Option<(Alert, Vec<AlertMoment>)>, StoreError> {
-        alerts::alert(&self.pool, id).await
+        alerts::alert(&mut self.connection(), id).await
     }
 
     async fn webhooks(&self) -> Result<Vec<Webhook>, StoreError> {
-        webhooks::webhooks(&self.pool).await
+        webhooks::webhooks(&mut self.connection()).await
     }
 
     async fn deliveries(
@@ -276,15 +295,15 @@ impl Reader for SqliteReader {
         before: Option<i64>,
         limit: u32,
     ) -> Result<Vec<Delivery>, StoreError> {
-        webhooks::deliveries(&self.pool, webhook, before, limit).await
+        webhooks::deliveries(&mut self.connection(), webhook, before, limit).await
     }
 
     async fn due_deliveries(&self, now: WallTime) -> Result<Vec<DueDelivery>, StoreError> {
-        webhooks::due(&self.pool, now).await
+        webhooks::due(&mut self.connection(), now).await
     }
 
     async fn waiting_deliveries(&self) -> Result<u64, StoreError> {
-        webhooks::waiting(&self.pool).await
+        webhooks::waiting(&mut self.connection()).await
     }
 
     async fn close(&self) {
@@ -292,8 +311,19 @@ impl Reader for SqliteReader {
     }
 }
 
-fn stretch_of(row: &SqliteRow, tier: Tier, parameters: usize) -> Result<Stretch, StoreError> {
-    let table = columns::table(tier);
+/// The newest migration of the database.
+///
+/// # Errors
+/// [`StoreError::Database`].
+pub async fn schema_version(connection: &mut dyn Connection) -> Result<i64, StoreError> {
+    query_scalar("SELECT max(version) FROM _sqlx_migrations WHERE success")
+        .fetch_one(connection)
+        .await
+        .map_err(StoreError::database("read its schema's version"))
+}
+
+fn stretch_of(row: &Row, tier: Tier, parameters: usize) -> Result<Stretch, StoreError> {
+    let table = history::table(tier);
     let count: i64 = column(row, table, 1)?;
     let status: i64 = column(row, table, 2)?;
     let mut cells = Vec::with_capacity(parameters);

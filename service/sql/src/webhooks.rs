@@ -6,10 +6,12 @@ use fleetcal_domain::webhook::{Delivery, DeliveryState, Secret, Webhook, Webhook
 use fleetcal_model::{DeliveryId, WallTime, WebhookId};
 use fleetcal_store::transaction::WebhookRecords;
 use fleetcal_store::{DueDelivery, StoreError};
-use sqlx::sqlite::{SqlitePool, SqliteRow};
 
+use super::connection::Connection;
+use super::query::{query, query_scalar};
 use super::row::{column, json, parsed, wall_time, wall_time_or_null};
-use super::transaction::SqliteRecords;
+use super::transaction::SqlRecords;
+use super::value::Row;
 
 const TABLE: &str = "webhook_delivery";
 /// The columns of [`delivery_of`].
@@ -21,13 +23,13 @@ macro_rules! delivery_columns {
 }
 
 #[async_trait]
-impl WebhookRecords for SqliteRecords<'_> {
+impl WebhookRecords for SqlRecords<'_> {
     async fn webhooks(&mut self) -> Result<Vec<(Webhook, Secret)>, StoreError> {
-        let rows = sqlx::query("SELECT id, record, secret FROM webhook ORDER BY id")
+        let rows = query("SELECT id, record, secret FROM webhook ORDER BY id")
             .fetch_all(&mut *self.connection)
             .await
             .map_err(StoreError::database("read the webhooks"))?;
-        let one = |row: &SqliteRow| {
+        let one = |row: &Row| {
             let secret = Secret::from_bytes(column(row, "webhook", 2)?);
             Ok((webhook_of(row)?, secret))
         };
@@ -40,7 +42,7 @@ impl WebhookRecords for SqliteRecords<'_> {
         secret: &Secret,
     ) -> Result<WebhookId, StoreError> {
         let id =
-            sqlx::query_scalar("INSERT INTO webhook (record, secret) VALUES (?1, ?2) RETURNING id")
+            query_scalar("INSERT INTO webhook (record, secret) VALUES ($1, $2) RETURNING id")
                 .bind(json("webhook", webhook)?)
                 .bind(secret.as_bytes())
                 .fetch_one(&mut *self.connection)
@@ -50,7 +52,7 @@ impl WebhookRecords for SqliteRecords<'_> {
     }
 
     async fn delete_webhook(&mut self, id: WebhookId) -> Result<(), StoreError> {
-        sqlx::query("DELETE FROM webhook WHERE id = ?1")
+        query("DELETE FROM webhook WHERE id = $1")
             .bind(id.0 as i64)
             .execute(&mut *self.connection)
             .await
@@ -62,9 +64,9 @@ impl WebhookRecords for SqliteRecords<'_> {
         let sql = concat!(
             "SELECT ",
             delivery_columns!(),
-            " FROM webhook_delivery AS d WHERE d.id = ?1"
+            " FROM webhook_delivery AS d WHERE d.id = $1"
         );
-        let row = sqlx::query(sql)
+        let row = query(sql)
             .bind(id.0 as i64)
             .fetch_optional(&mut *self.connection)
             .await
@@ -73,10 +75,10 @@ impl WebhookRecords for SqliteRecords<'_> {
     }
 
     async fn add_delivery(&mut self, delivery: &Delivery) -> Result<(), StoreError> {
-        sqlx::query(
+        query(
             "INSERT INTO webhook_delivery (webhook, message, event, body, created_ns, state,
                  due_ns, attempts_made, attempts, finished_ns)
-             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10)",
+             VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10)",
         )
         .bind(delivery.webhook.0 as i64)
         .bind(&delivery.message)
@@ -95,9 +97,9 @@ impl WebhookRecords for SqliteRecords<'_> {
     }
 
     async fn save_delivery(&mut self, delivery: &Delivery) -> Result<(), StoreError> {
-        sqlx::query(
-            "UPDATE webhook_delivery SET state = ?2, due_ns = ?3, attempts_made = ?4,
-                 attempts = ?5, finished_ns = ?6 WHERE id = ?1",
+        query(
+            "UPDATE webhook_delivery SET state = $2, due_ns = $3, attempts_made = $4,
+                 attempts = $5, finished_ns = $6 WHERE id = $1",
         )
         .bind(delivery.id.0 as i64)
         .bind(delivery.state.as_str())
@@ -117,10 +119,10 @@ impl WebhookRecords for SqliteRecords<'_> {
         kept: u32,
         now: WallTime,
     ) -> Result<u64, StoreError> {
-        let done = sqlx::query(
-            "UPDATE webhook_delivery SET state = 'given_up', finished_ns = ?3
-             WHERE webhook = ?1 AND state = 'waiting' AND id <= (SELECT id FROM webhook_delivery
-                 WHERE webhook = ?1 AND state = 'waiting' ORDER BY id DESC LIMIT 1 OFFSET ?2)",
+        let done = query(
+            "UPDATE webhook_delivery SET state = 'given_up', finished_ns = $3
+             WHERE webhook = $1 AND state = 'waiting' AND id <= (SELECT id FROM webhook_delivery
+                 WHERE webhook = $1 AND state = 'waiting' ORDER BY id DESC LIMIT 1 OFFSET $2)",
         )
         .bind(webhook.0 as i64)
         .bind(i64::from(kept))
@@ -128,14 +130,14 @@ impl WebhookRecords for SqliteRecords<'_> {
         .execute(&mut *self.connection)
         .await
         .map_err(StoreError::database("give up what is told"))?;
-        Ok(done.rows_affected())
+        Ok(done)
     }
 
     async fn forget_deliveries(&mut self, webhook: WebhookId, kept: u32) -> Result<(), StoreError> {
-        sqlx::query(
-            "DELETE FROM webhook_delivery WHERE webhook = ?1 AND state <> 'waiting' AND id <= (
-                 SELECT id FROM webhook_delivery WHERE webhook = ?1 AND state <> 'waiting'
-                 ORDER BY id DESC LIMIT 1 OFFSET ?2)",
+        query(
+            "DELETE FROM webhook_delivery WHERE webhook = $1 AND state <> 'waiting' AND id <= (
+                 SELECT id FROM webhook_delivery WHERE webhook = $1 AND state <> 'waiting'
+                 ORDER BY id DESC LIMIT 1 OFFSET $2)",
         )
         .bind(webhook.0 as i64)
         .bind(i64::from(kept))
@@ -147,9 +149,9 @@ impl WebhookRecords for SqliteRecords<'_> {
 }
 
 /// Every webhook, oldest first.
-pub(super) async fn webhooks(pool: &SqlitePool) -> Result<Vec<Webhook>, StoreError> {
-    let rows = sqlx::query("SELECT id, record FROM webhook ORDER BY id")
-        .fetch_all(pool)
+pub(super) async fn webhooks(connection: &mut dyn Connection) -> Result<Vec<Webhook>, StoreError> {
+    let rows = query("SELECT id, record FROM webhook ORDER BY id")
+        .fetch_all(&mut *connection)
         .await
         .map_err(StoreError::database("read the webhooks"))?;
     rows.iter().map(webhook_of).collect()
@@ -157,7 +159,7 @@ pub(super) async fn webhooks(pool: &SqlitePool) -> Result<Vec<Webhook>, StoreErr
 
 /// A webhook's deliveries, newest first.
 pub(super) async fn deliveries(
-    pool: &SqlitePool,
+    connection: &mut dyn Connection,
     webhook: WebhookId,
     before: Option<i64>,
     limit: u32,
@@ -165,37 +167,37 @@ pub(super) async fn deliveries(
     let sql = concat!(
         "SELECT ",
         delivery_columns!(),
-        " FROM webhook_delivery AS d WHERE d.webhook = ?1 AND d.id < ?2
-         ORDER BY d.id DESC LIMIT ?3"
+        " FROM webhook_delivery AS d WHERE d.webhook = $1 AND d.id < $2
+         ORDER BY d.id DESC LIMIT $3"
     );
-    let rows = sqlx::query(sql)
+    let rows = query(sql)
         .bind(i64::try_from(webhook.0).unwrap_or(i64::MAX))
         .bind(before.unwrap_or(i64::MAX))
         .bind(i64::from(limit))
-        .fetch_all(pool)
+        .fetch_all(&mut *connection)
         .await
         .map_err(StoreError::database("read a webhook's deliveries"))?;
     rows.iter().map(delivery_of).collect()
 }
 
 /// The oldest delivery of each webhook that is due.
-pub(super) async fn due(pool: &SqlitePool, now: WallTime) -> Result<Vec<DueDelivery>, StoreError> {
+pub(super) async fn due(connection: &mut dyn Connection, now: WallTime) -> Result<Vec<DueDelivery>, StoreError> {
     let sql = concat!(
         "SELECT ",
         delivery_columns!(),
         ", w.id, w.record, w.secret
          FROM webhook_delivery AS d JOIN webhook AS w ON w.id = d.webhook
          WHERE d.id IN (SELECT min(id) FROM webhook_delivery
-             WHERE state = 'waiting' AND (due_ns <= ?1 OR due_ns > ?2) GROUP BY webhook)
+             WHERE state = 'waiting' AND (due_ns <= $1 OR due_ns > $2) GROUP BY webhook)
          ORDER BY d.id"
     );
-    let rows = sqlx::query(sql)
+    let rows = query(sql)
         .bind(now.0)
         .bind(now.plus(limits::WEBHOOK_BACKOFF_MAX).0)
-        .fetch_all(pool)
+        .fetch_all(&mut *connection)
         .await
         .map_err(StoreError::database("read what is to be told"))?;
-    let due = |row: &SqliteRow| {
+    let due = |row: &Row| {
         let record: String = column(row, "webhook", 12)?;
         let webhook: Webhook = parsed("webhook", &record)?;
         Ok(DueDelivery {
@@ -208,15 +210,15 @@ pub(super) async fn due(pool: &SqlitePool, now: WallTime) -> Result<Vec<DueDeliv
 }
 
 /// How many deliveries wait.
-pub(super) async fn waiting(pool: &SqlitePool) -> Result<u64, StoreError> {
-    let count = sqlx::query_scalar("SELECT count(*) FROM webhook_delivery WHERE state = 'waiting'")
-        .fetch_one(pool)
+pub(super) async fn waiting(connection: &mut dyn Connection) -> Result<u64, StoreError> {
+    let count = query_scalar("SELECT count(*) FROM webhook_delivery WHERE state = 'waiting'")
+        .fetch_one(&mut *connection)
         .await
         .map_err(StoreError::database("count what is to be told"))?;
     number(count)
 }
 
-fn webhook_of(row: &SqliteRow) -> Result<Webhook, StoreError> {
+fn webhook_of(row: &Row) -> Result<Webhook, StoreError> {
     let record: String = column(row, "webhook", 1)?;
     let webhook: Webhook = parsed("webhook", &record)?;
     Ok(Webhook {
@@ -225,7 +227,7 @@ fn webhook_of(row: &SqliteRow) -> Result<Webhook, StoreError> {
     })
 }
 
-fn delivery_of(row: &SqliteRow) -> Result<Delivery, StoreError> {
+fn delivery_of(row: &Row) -> Result<Delivery, StoreError> {
     let unknown = |what: &str, name: &str| StoreError::Corrupt {
         table: TABLE,
         reason: format!("{what} {name:?} is unknown"),

@@ -5,11 +5,12 @@ use fleetcal_domain::robot::RobotConfig;
 use fleetcal_model::{EventId, RobotId, Version, WallTime};
 use fleetcal_store::transaction::RobotRecords;
 use fleetcal_store::{EventRecord, NewEvent, RobotRecord, StoreError};
-use sqlx::sqlite::SqliteRow;
 
 use super::events;
+use super::query::query;
 use super::row::{column, corrupt, json, parsed, robot_id, wall_time};
-use super::transaction::SqliteRecords;
+use super::transaction::SqlRecords;
+use super::value::Row;
 
 /// Reads every robot for [`robot_of`].
 pub(super) const SELECT_ALL: &str =
@@ -17,12 +18,12 @@ pub(super) const SELECT_ALL: &str =
 
 /// Reads one robot.
 pub(super) const SELECT_ONE: &str =
-    "SELECT id, config, version, created_ns, updated_ns FROM robot WHERE id = ?1";
+    "SELECT id, config, version, created_ns, updated_ns FROM robot WHERE id = $1";
 
 #[async_trait]
-impl RobotRecords for SqliteRecords<'_> {
+impl RobotRecords for SqlRecords<'_> {
     async fn robot(&mut self, id: &RobotId) -> Result<Option<RobotRecord>, StoreError> {
-        let row = sqlx::query(SELECT_ONE)
+        let row = query(SELECT_ONE)
             .bind(id.as_str())
             .fetch_optional(&mut *self.connection)
             .await
@@ -38,7 +39,7 @@ impl RobotRecords for SqliteRecords<'_> {
         now: WallTime,
     ) -> Result<(), StoreError> {
         let key = self.key_of(id, now).await?;
-        sqlx::query("UPDATE robot SET config = ?2, version = ?3, updated_ns = ?4 WHERE key = ?1")
+        query("UPDATE robot SET config = $2, version = $3, updated_ns = $4 WHERE key = $1")
             .bind(key)
             .bind(json("robot", config)?)
             .bind(version.0 as i64)
@@ -60,7 +61,7 @@ impl RobotRecords for SqliteRecords<'_> {
 }
 
 /// A robot out of `id, config, version, created_ns, updated_ns`.
-pub(super) fn robot_of(row: &SqliteRow) -> Result<RobotRecord, StoreError> {
+pub(super) fn robot_of(row: &Row) -> Result<RobotRecord, StoreError> {
     let config: Option<String> = column(row, "robot", 1)?;
     let version: i64 = column(row, "robot", 2)?;
     Ok(RobotRecord {

@@ -7,18 +7,25 @@ use fleetcal_domain::robot::GENERATIONS_MAX;
 use fleetcal_model::WallTime;
 use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_store::backend::{Aged, Batch, Tier};
-use fleetcal_store::{CheckpointRecord, CrossTrackRecord, HistoryRow, StoreError};
-use sqlx::sqlite::SqliteConnection;
+use fleetcal_store::{
+    CheckpointRecord, CrossTrackRecord, EventKind, EventSource, HistoryRow, StoreError,
+};
 
+use super::connection::Connection;
+use super::history::Statements;
+use super::query::query;
 use super::row::{Keys, NS_PER_S, json, key_of};
-use super::{accounts, columns, events};
+use super::{accounts, events};
 
 /// Calibrations of a robot whose cross-track errors are kept, beside the first.
 const CROSS_TRACKS_KEPT: i64 = GENERATIONS_MAX as i64 - 1;
 
 /// Writes a batch.
-pub(super) async fn write(
-    connection: &mut SqliteConnection,
+///
+/// # Errors
+/// The database's failure.
+pub async fn write(
+    connection: &mut dyn Connection,
     keys: &mut Keys,
     batch: &Batch,
 ) -> Result<(), StoreError> {
@@ -46,57 +53,33 @@ pub(super) async fn write(
 /// A second that was there already is overwritten, and its minute and hour are made again: the
 /// same recording replayed with another wheelbase is not averaged with the first run.
 async fn history(
-    connection: &mut SqliteConnection,
+    connection: &mut dyn Connection,
     keys: &mut Keys,
     rows: &[HistoryRow],
 ) -> Result<(), StoreError> {
+    let statements = Statements::of(connection.dialect());
     let mut overwritten = BTreeSet::new();
     for row in rows {
         let received = WallTime(row.received_s * NS_PER_S);
         let key = key_of(connection, keys, &row.robot, received).await?;
-        let insert = columns::INSERT_SECOND.as_str();
-        if put_second(connection, insert, key, row, row.t_s).await? == 0 {
-            put_second(
-                connection,
-                columns::REPLACE_SECOND.as_str(),
-                key,
-                row,
-                row.t_s,
-            )
-            .await?;
+        if put_second(connection, &statements.insert_second, key, row, row.t_s).await? == 0 {
+            put_second(connection, &statements.replace_second, key, row, row.t_s).await?;
             overwritten.insert((key, start(row.t_s, Tier::Minute)));
             continue;
         }
-        for (tier, merge) in [
-            (Tier::Minute, columns::MERGE_MINUTE.as_str()),
-            (Tier::Hour, columns::MERGE_HOUR.as_str()),
-        ] {
-            put_second(connection, merge, key, row, start(row.t_s, tier)).await?;
-        }
+        let (minute, hour) = (start(row.t_s, Tier::Minute), start(row.t_s, Tier::Hour));
+        put_second(connection, &statements.merge_minute, key, row, minute).await?;
+        put_second(connection, &statements.merge_hour, key, row, hour).await?;
     }
     let hours: BTreeSet<_> = overwritten
         .iter()
         .map(|&(key, minute)| (key, start(minute, Tier::Hour)))
         .collect();
     for (key, minute) in overwritten {
-        remake(
-            connection,
-            Tier::Minute,
-            columns::REMAKE_MINUTE.as_str(),
-            key,
-            minute,
-        )
-        .await?;
+        remake(connection, Tier::Minute, key, minute).await?;
     }
     for (key, hour) in hours {
-        remake(
-            connection,
-            Tier::Hour,
-            columns::REMAKE_HOUR.as_str(),
-            key,
-            hour,
-        )
-        .await?;
+        remake(connection, Tier::Hour, key, hour).await?;
     }
     Ok(())
 }
@@ -108,13 +91,13 @@ const fn start(t_s: i64, tier: Tier) -> i64 {
 
 /// Runs a statement that takes the columns of a second; gives the number of rows written.
 async fn put_second(
-    connection: &mut SqliteConnection,
+    connection: &mut dyn Connection,
     sql: &'static str,
     key: i64,
     row: &HistoryRow,
     t_s: i64,
 ) -> Result<u64, StoreError> {
-    let mut query = sqlx::query(sql)
+    let mut query = query(sql)
         .bind(t_s)
         .bind(key)
         .bind(row.received_s)
@@ -129,47 +112,67 @@ async fn put_second(
         .execute(connection)
         .await
         .map_err(StoreError::database("write a robot's history"))?;
-    Ok(done.rows_affected())
+    Ok(done)
 }
 
+/// Makes a minute again from its seconds, or an hour from its minutes.
 async fn remake(
-    connection: &mut SqliteConnection,
+    connection: &mut dyn Connection,
     tier: Tier,
-    sql: &'static str,
     key: i64,
     start_s: i64,
 ) -> Result<(), StoreError> {
     let failed = || StoreError::database("roll up a robot's history");
-    let delete = match tier {
-        Tier::Hour => "DELETE FROM history_hour WHERE t = ?1 AND robot = ?2",
-        Tier::Second | Tier::Minute => "DELETE FROM history_minute WHERE t = ?1 AND robot = ?2",
+    let statements = Statements::of(connection.dialect());
+    let (delete, merge, step_s) = match tier {
+        Tier::Hour => (
+            "DELETE FROM history_hour WHERE t = $1 AND robot = $2",
+            &statements.remake_hour,
+            Tier::Minute.seconds(),
+        ),
+        Tier::Second | Tier::Minute => (
+            "DELETE FROM history_minute WHERE t = $1 AND robot = $2",
+            &statements.remake_minute,
+            Tier::Second.seconds(),
+        ),
     };
-    sqlx::query(delete)
+    query(delete)
         .bind(start_s)
         .bind(key)
-        .execute(&mut *connection)
-        .await
-        .map_err(failed())?;
-    sqlx::query(sql)
-        .bind(key)
-        .bind(start_s)
-        .bind(start_s + tier.seconds())
         .execute(connection)
         .await
         .map_err(failed())?;
+    let end_s = start_s + tier.seconds();
+    // One statement for all rows, or one for each.
+    let at_once_s = if connection.dialect().merges_many() {
+        tier.seconds()
+    } else {
+        step_s
+    };
+    let mut from_s = start_s;
+    while from_s < end_s {
+        query(merge.as_str())
+            .bind(key)
+            .bind(from_s)
+            .bind(from_s + at_once_s)
+            .execute(connection)
+            .await
+            .map_err(failed())?;
+        from_s += at_once_s;
+    }
     Ok(())
 }
 
 async fn current(
-    connection: &mut SqliteConnection,
+    connection: &mut dyn Connection,
     keys: &mut Keys,
     estimate: &EstimateDocument,
     received_ns: WallTime,
 ) -> Result<(), StoreError> {
     let key = key_of(connection, keys, &estimate.robot, received_ns).await?;
-    sqlx::query(
+    query(
         "INSERT INTO robot_current (robot, stamp_ns, received_ns, estimate)
-         VALUES (?1, ?2, ?3, ?4)
+         VALUES ($1, $2, $3, $4)
          ON CONFLICT (robot) DO UPDATE SET stamp_ns = excluded.stamp_ns,
              received_ns = excluded.received_ns, estimate = excluded.estimate",
     )
@@ -184,13 +187,13 @@ async fn current(
 }
 
 async fn checkpoint(
-    connection: &mut SqliteConnection,
+    connection: &mut dyn Connection,
     keys: &mut Keys,
     record: &CheckpointRecord,
 ) -> Result<(), StoreError> {
     let key = key_of(connection, keys, &record.robot, record.received_ns).await?;
-    sqlx::query(
-        "INSERT INTO checkpoint (robot, stamp_ns, received_ns, state) VALUES (?1, ?2, ?3, ?4)
+    query(
+        "INSERT INTO checkpoint (robot, stamp_ns, received_ns, state) VALUES ($1, $2, $3, $4)
          ON CONFLICT (robot) DO UPDATE SET stamp_ns = excluded.stamp_ns,
              received_ns = excluded.received_ns, state = excluded.state",
     )
@@ -205,12 +208,12 @@ async fn checkpoint(
 }
 
 async fn cross_track(
-    connection: &mut SqliteConnection,
+    connection: &mut dyn Connection,
     record: &CrossTrackRecord,
 ) -> Result<(), StoreError> {
     let failed = || StoreError::database("write how a robot follows its path");
-    sqlx::query(
-        "INSERT INTO cross_track (robot, generation, errors) VALUES (?1, ?2, ?3)
+    query(
+        "INSERT INTO cross_track (robot, generation, errors) VALUES ($1, $2, $3)
          ON CONFLICT (robot, generation) DO UPDATE SET errors = excluded.errors",
     )
     .bind(record.robot.as_str())
@@ -220,9 +223,9 @@ async fn cross_track(
     .await
     .map_err(failed())?;
     // Beside what it drove with at first, the latest ones are kept.
-    sqlx::query(
-        "DELETE FROM cross_track WHERE robot = ?1 AND generation > 0 AND generation NOT IN
-         (SELECT generation FROM cross_track WHERE robot = ?1 ORDER BY generation DESC LIMIT ?2)",
+    query(
+        "DELETE FROM cross_track WHERE robot = $1 AND generation > 0 AND generation NOT IN
+         (SELECT generation FROM cross_track WHERE robot = $1 ORDER BY generation DESC LIMIT $2)",
     )
     .bind(record.robot.as_str())
     .bind(CROSS_TRACKS_KEPT)
@@ -233,11 +236,11 @@ async fn cross_track(
 }
 
 /// Writes a row that nothing reads.
-pub(super) async fn probe(
-    connection: &mut SqliteConnection,
+pub(crate) async fn probe(
+    connection: &mut dyn Connection,
     now: WallTime,
 ) -> Result<(), StoreError> {
-    sqlx::query("UPDATE probe SET written_ns = ?1")
+    query("UPDATE probe SET written_ns = $1")
         .bind(now.0)
         .execute(connection)
         .await
@@ -245,22 +248,43 @@ pub(super) async fn probe(
     Ok(())
 }
 
+/// Puts the service's start into the history of every robot whose estimator goes on from here.
+///
+/// # Errors
+/// The database's failure.
+pub async fn note_start(connection: &mut dyn Connection, now: WallTime) -> Result<(), StoreError> {
+    query(
+        "INSERT INTO robot_event (robot, kind, stamp_ns, received_ns, source)
+         SELECT robot, $1, stamp_ns, $2, $3 FROM checkpoint",
+    )
+    .bind(EventKind::ServiceStarted.as_str())
+    .bind(now.0)
+    .bind(EventSource::Service.as_str())
+    .execute(connection)
+    .await
+    .map_err(StoreError::database("note the service's start"))?;
+    Ok(())
+}
+
 /// Deletes what is older than `before_s`, a limited number of rows of each table; gives their
 /// number.
-pub(super) async fn prune(
-    connection: &mut SqliteConnection,
+///
+/// # Errors
+/// The database's failure.
+pub async fn prune(
+    connection: &mut dyn Connection,
     aged: Aged,
     before_s: i64,
 ) -> Result<u64, StoreError> {
     let mut pruned = 0;
     for &(sql, unit) in deletes(aged) {
-        let done = sqlx::query(sql)
+        let done = query(sql)
             .bind(before_s.saturating_mul(unit))
             .bind(limits::RETENTION_ROWS_MAX)
             .execute(&mut *connection)
             .await
             .map_err(StoreError::database("delete old rows"))?;
-        pruned += done.rows_affected();
+        pruned += done;
     }
     Ok(pruned)
 }
@@ -270,44 +294,44 @@ const fn deletes(aged: Aged) -> &'static [(&'static str, i64)] {
     match aged {
         Aged::Seconds => &[(
             "DELETE FROM history_second WHERE (t, robot) IN (SELECT t, robot
-             FROM history_second WHERE received < ?1 ORDER BY received LIMIT ?2)",
+             FROM history_second WHERE received < $1 ORDER BY received LIMIT $2)",
             1,
         )],
         Aged::Minutes => &[(
             "DELETE FROM history_minute WHERE (t, robot) IN (SELECT t, robot
-             FROM history_minute WHERE received < ?1 ORDER BY received LIMIT ?2)",
+             FROM history_minute WHERE received < $1 ORDER BY received LIMIT $2)",
             1,
         )],
         Aged::Hours => &[(
             "DELETE FROM history_hour WHERE (t, robot) IN (SELECT t, robot
-             FROM history_hour WHERE received < ?1 ORDER BY received LIMIT ?2)",
+             FROM history_hour WHERE received < $1 ORDER BY received LIMIT $2)",
             1,
         )],
         Aged::Events => &[(
             "DELETE FROM robot_event WHERE id IN (SELECT id FROM robot_event
-             WHERE received_ns < ?1 ORDER BY received_ns LIMIT ?2)",
+             WHERE received_ns < $1 ORDER BY received_ns LIMIT $2)",
             NS_PER_S,
         )],
         Aged::Answers => &[
             (
                 "DELETE FROM idempotency WHERE (scope, key) IN (SELECT scope, key
-                 FROM idempotency WHERE received < ?1 ORDER BY received LIMIT ?2)",
+                 FROM idempotency WHERE received < $1 ORDER BY received LIMIT $2)",
                 1,
             ),
             (
                 "DELETE FROM proposal_request WHERE (robot, key) IN (SELECT robot, key
-                 FROM proposal_request WHERE received < ?1 ORDER BY received LIMIT ?2)",
+                 FROM proposal_request WHERE received < $1 ORDER BY received LIMIT $2)",
                 1,
             ),
             (
                 "DELETE FROM access_idempotency WHERE (made, key) IN (SELECT made, key
-                 FROM access_idempotency WHERE received_ns < ?1 ORDER BY received_ns LIMIT ?2)",
+                 FROM access_idempotency WHERE received_ns < $1 ORDER BY received_ns LIMIT $2)",
                 NS_PER_S,
             ),
         ],
         Aged::Alerts => &[(
             "DELETE FROM alert WHERE id IN (SELECT id FROM alert
-             WHERE ended_ns < ?1 ORDER BY ended_ns LIMIT ?2)",
+             WHERE ended_ns < $1 ORDER BY ended_ns LIMIT $2)",
             NS_PER_S,
         )],
     }

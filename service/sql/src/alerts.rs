@@ -5,23 +5,24 @@ use fleetcal_domain::alert::{Alert, AlertKind, ConditionName, Subject};
 use fleetcal_model::{AlertId, Version};
 use fleetcal_store::transaction::AlertRecords;
 use fleetcal_store::{AlertFilter, AlertMoment, AlertSelection, StoreError};
-use sqlx::sqlite::{SqlitePool, SqliteRow};
-use sqlx::{QueryBuilder, Sqlite};
 
+use super::connection::Connection;
+use super::query::{query, query_scalar};
 use super::row::{column, json, parsed, wall_time};
-use super::transaction::SqliteRecords;
+use super::transaction::SqlRecords;
+use super::value::Row;
 
 const TABLE: &str = "alert";
 
 #[async_trait]
-impl AlertRecords for SqliteRecords<'_> {
+impl AlertRecords for SqlRecords<'_> {
     async fn active_alert(
         &mut self,
         subject: &Subject,
         kind: AlertKind,
     ) -> Result<Option<Alert>, StoreError> {
-        let row = sqlx::query(
-            "SELECT id, record FROM alert WHERE robot = ?1 AND kind = ?2 AND state <> 'normal'",
+        let row = query(
+            "SELECT id, record FROM alert WHERE robot = $1 AND kind = $2 AND state <> 'normal'",
         )
         .bind(subject.as_str())
         .bind(kind.as_str())
@@ -32,7 +33,7 @@ impl AlertRecords for SqliteRecords<'_> {
     }
 
     async fn alert(&mut self, id: AlertId) -> Result<Option<Alert>, StoreError> {
-        let row = sqlx::query("SELECT id, record FROM alert WHERE id = ?1")
+        let row = query("SELECT id, record FROM alert WHERE id = $1")
             .bind(i64::try_from(id.0).unwrap_or(i64::MAX))
             .fetch_optional(&mut *self.connection)
             .await
@@ -42,7 +43,7 @@ impl AlertRecords for SqliteRecords<'_> {
 
     async fn add_alert(&mut self, alert: &Alert) -> Result<AlertId, StoreError> {
         let id =
-            sqlx::query_scalar("INSERT INTO alert (record, rank) VALUES (?1, ?2) RETURNING id")
+            query_scalar("INSERT INTO alert (record, rank) VALUES ($1, $2) RETURNING id")
                 .bind(json(TABLE, alert)?)
                 .bind(i64::from(alert.rank()))
                 .fetch_one(&mut *self.connection)
@@ -52,7 +53,7 @@ impl AlertRecords for SqliteRecords<'_> {
     }
 
     async fn save_alert(&mut self, alert: &Alert) -> Result<(), StoreError> {
-        sqlx::query("UPDATE alert SET record = ?1, rank = ?2 WHERE id = ?3")
+        query("UPDATE alert SET record = $1, rank = $2 WHERE id = $3")
             .bind(json(TABLE, alert)?)
             .bind(i64::from(alert.rank()))
             .bind(alert.id.0 as i64)
@@ -63,7 +64,7 @@ impl AlertRecords for SqliteRecords<'_> {
     }
 
     async fn delete_alert(&mut self, id: AlertId) -> Result<(), StoreError> {
-        sqlx::query("DELETE FROM alert WHERE id = ?1")
+        query("DELETE FROM alert WHERE id = $1")
             .bind(id.0 as i64)
             .execute(&mut *self.connection)
             .await
@@ -78,9 +79,9 @@ impl AlertRecords for SqliteRecords<'_> {
         kept: u32,
     ) -> Result<(), StoreError> {
         let failed = || StoreError::database("write how an alert went");
-        sqlx::query(
+        query(
             "INSERT INTO alert_change (alert, at_ns, version, state, what, by, note)
-             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
+             VALUES ($1, $2, $3, $4, $5, $6, $7)",
         )
         .bind(id.0 as i64)
         .bind(moment.at_ns.0)
@@ -92,9 +93,9 @@ impl AlertRecords for SqliteRecords<'_> {
         .execute(&mut *self.connection)
         .await
         .map_err(failed())?;
-        sqlx::query(
-            "DELETE FROM alert_change WHERE alert = ?1 AND id <= (SELECT id FROM alert_change
-             WHERE alert = ?1 ORDER BY id DESC LIMIT 1 OFFSET ?2)",
+        query(
+            "DELETE FROM alert_change WHERE alert = $1 AND id <= (SELECT id FROM alert_change
+             WHERE alert = $1 ORDER BY id DESC LIMIT 1 OFFSET $2)",
         )
         .bind(id.0 as i64)
         .bind(i64::from(kept))
@@ -106,9 +107,9 @@ impl AlertRecords for SqliteRecords<'_> {
 }
 
 /// Every alert that is not over.
-pub(super) async fn active_alerts(pool: &SqlitePool) -> Result<Vec<Alert>, StoreError> {
-    let rows = sqlx::query("SELECT id, record FROM alert WHERE state <> 'normal' ORDER BY id")
-        .fetch_all(pool)
+pub(super) async fn active_alerts(connection: &mut dyn Connection) -> Result<Vec<Alert>, StoreError> {
+    let rows = query("SELECT id, record FROM alert WHERE state <> 'normal' ORDER BY id")
+        .fetch_all(&mut *connection)
         .await
         .map_err(StoreError::database("read the alerts"))?;
     rows.iter().map(alert_of).collect()
@@ -116,37 +117,44 @@ pub(super) async fn active_alerts(pool: &SqlitePool) -> Result<Vec<Alert>, Store
 
 /// Alerts, the most urgent first.
 pub(super) async fn alerts(
-    pool: &SqlitePool,
+    connection: &mut dyn Connection,
     filter: &AlertFilter,
 ) -> Result<Vec<Alert>, StoreError> {
-    let mut query = QueryBuilder::<Sqlite>::new("SELECT id, record FROM alert WHERE true");
+    let robots = connection.dialect().robots_of_alert();
+    let mut alerts = query("SELECT id, record FROM alert WHERE true");
     if let Some(robot) = &filter.robot {
-        let robot = robot.as_str().to_owned();
-        query.push(" AND (robot = ").push_bind(robot.clone());
         // An alert about several names them.
-        query
-            .push(" OR EXISTS (SELECT 1 FROM json_each(record, '$.robots') WHERE value = ")
-            .push_bind(robot)
+        alerts = alerts
+            .push(" AND (robot = ")
+            .push_bind(robot.as_str())
+            .push(" OR EXISTS (SELECT 1 FROM ")
+            .push(robots)
+            .push(" WHERE value = ")
+            .push_bind(robot.as_str())
             .push("))");
     }
-    match filter.selection {
-        Some(AlertSelection::Active) => {
-            query.push(" AND state <> 'normal'");
-        }
+    alerts = match filter.selection {
+        Some(AlertSelection::Active) => alerts.push(" AND state <> 'normal'"),
         Some(AlertSelection::In(state)) => {
-            query.push(" AND state = ").push_bind(state.as_str());
+            alerts.push(" AND state = ").push_bind(state.as_str())
         }
-        None => {}
-    }
+        None => alerts,
+    };
     if let Some((rank, id)) = filter.after {
-        query.push(" AND (rank > ").push_bind(i64::from(rank));
-        query.push(" OR (rank = ").push_bind(i64::from(rank));
-        query.push(" AND id < ").push_bind(id).push("))");
+        alerts = alerts
+            .push(" AND (rank > ")
+            .push_bind(i64::from(rank))
+            .push(" OR (rank = ")
+            .push_bind(i64::from(rank))
+            .push(" AND id < ")
+            .push_bind(id)
+            .push("))");
     }
-    query
+    let rows = alerts
         .push(" ORDER BY rank, id DESC LIMIT ")
-        .push_bind(i64::from(filter.limit));
-    let rows = query.build().fetch_all(pool).await;
+        .push_bind(i64::from(filter.limit))
+        .fetch_all(connection)
+        .await;
     rows.map_err(StoreError::database("read the alerts"))?
         .iter()
         .map(alert_of)
@@ -155,29 +163,29 @@ pub(super) async fn alerts(
 
 /// One alert with how it went.
 pub(super) async fn alert(
-    pool: &SqlitePool,
+    connection: &mut dyn Connection,
     id: AlertId,
 ) -> Result<Option<(Alert, Vec<AlertMoment>)>, StoreError> {
     let id = i64::try_from(id.0).unwrap_or(i64::MAX);
-    let row = sqlx::query("SELECT id, record FROM alert WHERE id = ?1")
+    let row = query("SELECT id, record FROM alert WHERE id = $1")
         .bind(id)
-        .fetch_optional(pool)
+        .fetch_optional(&mut *connection)
         .await
         .map_err(StoreError::database("read an alert"))?;
     let Some(row) = row else { return Ok(None) };
-    let changes = sqlx::query(
-        "SELECT at_ns, version, state, what, by, note FROM alert_change WHERE alert = ?1
+    let changes = query(
+        "SELECT at_ns, version, state, what, by, note FROM alert_change WHERE alert = $1
          ORDER BY id",
     )
     .bind(id)
-    .fetch_all(pool)
+    .fetch_all(&mut *connection)
     .await
     .map_err(StoreError::database("read how an alert went"))?;
     let changes: Result<_, _> = changes.iter().map(moment_of).collect();
     Ok(Some((alert_of(&row)?, changes?)))
 }
 
-fn alert_of(row: &SqliteRow) -> Result<Alert, StoreError> {
+fn alert_of(row: &Row) -> Result<Alert, StoreError> {
     let id: i64 = column(row, TABLE, 0)?;
     let record: String = column(row, TABLE, 1)?;
     let alert: Alert = parsed(TABLE, &record)?;
@@ -187,7 +195,7 @@ fn alert_of(row: &SqliteRow) -> Result<Alert, StoreError> {
     })
 }
 
-fn moment_of(row: &SqliteRow) -> Result<AlertMoment, StoreError> {
+fn moment_of(row: &Row) -> Result<AlertMoment, StoreError> {
     const TABLE: &str = "alert_change";
     let state: String = column(row, TABLE, 2)?;
     Ok(AlertMoment {

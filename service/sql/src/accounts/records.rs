@@ -5,22 +5,22 @@ use fleetcal_domain::access::{AccountName, Role, SecretHash};
 use fleetcal_model::{RobotId, TokenId, UserId, WallTime};
 use fleetcal_store::transaction::{AccountRecords, SessionRecords, TokenRecords};
 use fleetcal_store::{StoreError, TokenRecord, UserRecord};
-use sqlx::AssertSqlSafe;
 
 use super::read::{TOKEN, USER, token_of, user_of};
-use crate::transaction::SqliteRecords;
+use crate::query::{query, query_scalar};
+use crate::transaction::SqlRecords;
 
 #[async_trait]
-impl AccountRecords for SqliteRecords<'_> {
+impl AccountRecords for SqlRecords<'_> {
     async fn count_users(&mut self) -> Result<u32, StoreError> {
-        sqlx::query_scalar("SELECT count(*) FROM user")
+        query_scalar(r#"SELECT count(*) FROM "user""#)
             .fetch_one(&mut *self.connection)
             .await
             .map_err(StoreError::database("count the users"))
     }
 
     async fn count_admins(&mut self) -> Result<u32, StoreError> {
-        sqlx::query_scalar("SELECT count(*) FROM user WHERE role = ?1 AND NOT disabled")
+        query_scalar(r#"SELECT count(*) FROM "user" WHERE role = $1 AND NOT disabled"#)
             .bind(Role::Admin.as_str())
             .fetch_one(&mut *self.connection)
             .await
@@ -28,8 +28,8 @@ impl AccountRecords for SqliteRecords<'_> {
     }
 
     async fn user(&mut self, id: UserId) -> Result<Option<UserRecord>, StoreError> {
-        let sql = format!("SELECT {USER} FROM user AS u WHERE u.id = ?1");
-        let row = sqlx::query(AssertSqlSafe(sql))
+        let sql = format!(r#"SELECT {USER} FROM "user" AS u WHERE u.id = $1"#);
+        let row = query(sql)
             .bind(id.0)
             .fetch_optional(&mut *self.connection)
             .await
@@ -38,8 +38,8 @@ impl AccountRecords for SqliteRecords<'_> {
     }
 
     async fn user_named(&mut self, name: &AccountName) -> Result<Option<UserRecord>, StoreError> {
-        let sql = format!("SELECT {USER} FROM user AS u WHERE u.name = ?1 COLLATE NOCASE");
-        let row = sqlx::query(AssertSqlSafe(sql))
+        let sql = format!(r#"SELECT {USER} FROM "user" AS u WHERE lower(u.name) = lower($1)"#);
+        let row = query(sql)
             .bind(name.as_str())
             .fetch_optional(&mut *self.connection)
             .await
@@ -48,10 +48,10 @@ impl AccountRecords for SqliteRecords<'_> {
     }
 
     async fn add_user(&mut self, user: &UserRecord) -> Result<UserId, StoreError> {
-        sqlx::query_scalar(
-            "INSERT INTO user (name, role, password, disabled, version, created_ns, updated_ns,
+        query_scalar(
+            r#"INSERT INTO "user" (name, role, password, disabled, version, created_ns, updated_ns,
                  signed_in_ns)
-             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8) RETURNING id",
+             VALUES ($1, $2, $3, $4, $5, $6, $7, $8) RETURNING id"#,
         )
         .bind(user.name.as_str())
         .bind(user.grant.role().as_str())
@@ -68,10 +68,10 @@ impl AccountRecords for SqliteRecords<'_> {
     }
 
     async fn save_user(&mut self, user: &UserRecord) -> Result<(), StoreError> {
-        sqlx::query(
-            "UPDATE user SET role = ?2, password = ?3, disabled = ?4, version = ?5,
-                 updated_ns = ?6, signed_in_ns = ?7
-             WHERE id = ?1",
+        query(
+            r#"UPDATE "user" SET role = $2, password = $3, disabled = $4, version = $5,
+                 updated_ns = $6, signed_in_ns = $7
+             WHERE id = $1"#,
         )
         .bind(user.id.0)
         .bind(user.grant.role().as_str())
@@ -87,7 +87,7 @@ impl AccountRecords for SqliteRecords<'_> {
     }
 
     async fn delete_user(&mut self, id: UserId) -> Result<(), StoreError> {
-        sqlx::query("DELETE FROM user WHERE id = ?1")
+        query(r#"DELETE FROM "user" WHERE id = $1"#)
             .bind(id.0)
             .execute(&mut *self.connection)
             .await
@@ -97,15 +97,15 @@ impl AccountRecords for SqliteRecords<'_> {
 }
 
 #[async_trait]
-impl SessionRecords for SqliteRecords<'_> {
+impl SessionRecords for SqlRecords<'_> {
     async fn add_session(
         &mut self,
         user: UserId,
         session: &SecretHash,
         now: WallTime,
     ) -> Result<(), StoreError> {
-        sqlx::query(
-            "INSERT INTO session (sha256, user, created_ns, used_ns) VALUES (?1, ?2, ?3, ?3)",
+        query(
+            r#"INSERT INTO session (sha256, "user", created_ns, used_ns) VALUES ($1, $2, $3, $3)"#,
         )
         .bind(session.as_bytes())
         .bind(user.0)
@@ -117,7 +117,7 @@ impl SessionRecords for SqliteRecords<'_> {
     }
 
     async fn delete_session(&mut self, session: &SecretHash) -> Result<Option<UserId>, StoreError> {
-        sqlx::query_scalar("DELETE FROM session WHERE sha256 = ?1 RETURNING user")
+        query_scalar(r#"DELETE FROM session WHERE sha256 = $1 RETURNING "user""#)
             .bind(session.as_bytes())
             .fetch_optional(&mut *self.connection)
             .await
@@ -130,7 +130,7 @@ impl SessionRecords for SqliteRecords<'_> {
         user: UserId,
         keep: Option<&SecretHash>,
     ) -> Result<(), StoreError> {
-        sqlx::query("DELETE FROM session WHERE user = ?1 AND (?2 IS NULL OR sha256 <> ?2)")
+        query(r#"DELETE FROM session WHERE "user" = $1 AND ($2 IS NULL OR sha256 <> $2)"#)
             .bind(user.0)
             .bind(keep.map(SecretHash::as_bytes))
             .execute(&mut *self.connection)
@@ -144,7 +144,7 @@ impl SessionRecords for SqliteRecords<'_> {
         created_ns: WallTime,
         used_ns: WallTime,
     ) -> Result<(), StoreError> {
-        sqlx::query("DELETE FROM session WHERE created_ns <= ?1 OR used_ns <= ?2")
+        query("DELETE FROM session WHERE created_ns <= $1 OR used_ns <= $2")
             .bind(created_ns.0)
             .bind(used_ns.0)
             .execute(&mut *self.connection)
@@ -154,9 +154,9 @@ impl SessionRecords for SqliteRecords<'_> {
     }
 
     async fn keep_sessions(&mut self, user: UserId, kept: u32) -> Result<(), StoreError> {
-        sqlx::query(
-            "DELETE FROM session WHERE id IN
-                 (SELECT id FROM session WHERE user = ?1 ORDER BY id DESC LIMIT -1 OFFSET ?2)",
+        query(
+            r#"DELETE FROM session WHERE "user" = $1 AND id NOT IN
+                 (SELECT id FROM session WHERE "user" = $1 ORDER BY id DESC LIMIT $2)"#,
         )
         .bind(user.0)
         .bind(kept)
@@ -168,17 +168,17 @@ impl SessionRecords for SqliteRecords<'_> {
 }
 
 #[async_trait]
-impl TokenRecords for SqliteRecords<'_> {
+impl TokenRecords for SqlRecords<'_> {
     async fn count_tokens(&mut self) -> Result<u32, StoreError> {
-        sqlx::query_scalar("SELECT count(*) FROM token")
+        query_scalar("SELECT count(*) FROM token")
             .fetch_one(&mut *self.connection)
             .await
             .map_err(StoreError::database("count the tokens"))
     }
 
     async fn token(&mut self, id: TokenId) -> Result<Option<TokenRecord>, StoreError> {
-        let sql = format!("SELECT {TOKEN} FROM token AS t WHERE t.id = ?1");
-        let row = sqlx::query(AssertSqlSafe(sql))
+        let sql = format!("SELECT {TOKEN} FROM token AS t WHERE t.id = $1");
+        let row = query(sql)
             .bind(id.0)
             .fetch_optional(&mut *self.connection)
             .await
@@ -192,10 +192,10 @@ impl TokenRecords for SqliteRecords<'_> {
         now: WallTime,
     ) -> Result<Option<TokenRecord>, StoreError> {
         let sql = format!(
-            "SELECT {TOKEN} FROM token AS t WHERE t.name = ?1 COLLATE NOCASE
-             AND t.revoked_ns IS NULL AND (t.expires_ns IS NULL OR t.expires_ns > ?2) LIMIT 1"
+            "SELECT {TOKEN} FROM token AS t WHERE lower(t.name) = lower($1)
+             AND t.revoked_ns IS NULL AND (t.expires_ns IS NULL OR t.expires_ns > $2) LIMIT 1"
         );
-        let row = sqlx::query(AssertSqlSafe(sql))
+        let row = query(sql)
             .bind(name.as_str())
             .bind(now.0)
             .fetch_optional(&mut *self.connection)
@@ -205,9 +205,9 @@ impl TokenRecords for SqliteRecords<'_> {
     }
 
     async fn add_token(&mut self, token: &TokenRecord) -> Result<TokenId, StoreError> {
-        sqlx::query_scalar(
+        query_scalar(
             "INSERT INTO token (sha256, name, role, robot, created_by, created_ns, expires_ns)
-             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7) RETURNING id",
+             VALUES ($1, $2, $3, $4, $5, $6, $7) RETURNING id",
         )
         .bind(token.hash.as_bytes())
         .bind(token.name.as_str())
@@ -227,7 +227,7 @@ impl TokenRecords for SqliteRecords<'_> {
         id: TokenId,
         revoked_ns: WallTime,
     ) -> Result<(), StoreError> {
-        sqlx::query("UPDATE token SET revoked_ns = ?1 WHERE id = ?2")
+        query("UPDATE token SET revoked_ns = $1 WHERE id = $2")
             .bind(revoked_ns.0)
             .bind(id.0)
             .execute(&mut *self.connection)

@@ -4,24 +4,27 @@ mod read;
 mod records;
 
 use fleetcal_store::{Credential, CredentialUse, StoreError};
-use sqlx::sqlite::SqliteConnection;
+
+use crate::connection::Connection;
+use crate::query::query;
 
 /// Notes when a session or token was used.
 pub(super) async fn note_use(
-    connection: &mut SqliteConnection,
+    connection: &mut dyn Connection,
     used: &CredentialUse,
 ) -> Result<(), StoreError> {
     let (sql, hash) = match used.credential {
         Credential::Session(hash) => (
-            "UPDATE session SET used_ns = max(used_ns, ?1) WHERE sha256 = ?2",
+            "UPDATE session SET used_ns = $1 WHERE sha256 = $2 AND used_ns < $1",
             hash,
         ),
         Credential::Token(hash) => (
-            "UPDATE token SET used_ns = max(coalesce(used_ns, ?1), ?1) WHERE sha256 = ?2",
+            "UPDATE token SET used_ns = $1
+             WHERE sha256 = $2 AND (used_ns IS NULL OR used_ns < $1)",
             hash,
         ),
     };
-    sqlx::query(sql)
+    query(sql)
         .bind(used.now.0)
         .bind(hash.as_bytes())
         .execute(connection)

@@ -3,10 +3,11 @@
 use fleetcal_model::EventId;
 use fleetcal_store::backend::{EventWrite, Repetition};
 use fleetcal_store::{EventKind, EventRecord, EventSource, NewEvent, StoreError};
-use sqlx::AssertSqlSafe;
-use sqlx::sqlite::{SqliteConnection, SqliteRow};
 
+use super::connection::Connection;
+use super::query::{query, query_scalar};
 use super::row::{Keys, column, json, key_of, parsed, robot_id, robot_time, wall_time};
+use super::value::Row;
 
 /// The columns of [`event_of`].
 const EVENT: &str = "e.id, r.id, e.kind, e.stamp_ns, e.received_ns, e.source, e.author, e.note, \
@@ -14,7 +15,7 @@ const EVENT: &str = "e.id, r.id, e.kind, e.stamp_ns, e.received_ns, e.source, e.
 
 /// Writes an event, unless it was written before.
 pub(super) async fn write(
-    connection: &mut SqliteConnection,
+    connection: &mut dyn Connection,
     keys: &mut Keys,
     write: &EventWrite,
 ) -> Result<(), StoreError> {
@@ -33,14 +34,14 @@ pub(super) async fn write(
 
 /// Adds an event of the robot with this key; gives its number.
 pub(super) async fn add(
-    connection: &mut SqliteConnection,
+    connection: &mut dyn Connection,
     key: i64,
     event: &NewEvent,
 ) -> Result<i64, StoreError> {
-    sqlx::query_scalar(
+    query_scalar(
         "INSERT INTO robot_event
              (robot, kind, stamp_ns, received_ns, source, author, note, details)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8) RETURNING id",
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8) RETURNING id",
     )
     .bind(key)
     .bind(event.kind.as_str())
@@ -57,13 +58,13 @@ pub(super) async fn add(
 
 /// An event by its number.
 pub(super) async fn by_number(
-    connection: &mut SqliteConnection,
+    connection: &mut dyn Connection,
     id: EventId,
 ) -> Result<Option<EventRecord>, StoreError> {
     let sql = format!(
-        "SELECT {EVENT} FROM robot_event AS e JOIN robot AS r ON r.key = e.robot WHERE e.id = ?1"
+        "SELECT {EVENT} FROM robot_event AS e JOIN robot AS r ON r.key = e.robot WHERE e.id = $1"
     );
-    let found = sqlx::query(AssertSqlSafe(sql))
+    let found = query(sql)
         .bind(id.0)
         .fetch_optional(connection)
         .await
@@ -80,11 +81,11 @@ fn details_of(event: &NewEvent) -> Result<Option<String>, StoreError> {
 
 /// Writes what an event says now.
 async fn complete(
-    connection: &mut SqliteConnection,
+    connection: &mut dyn Connection,
     id: EventId,
     event: &NewEvent,
 ) -> Result<(), StoreError> {
-    sqlx::query("UPDATE robot_event SET details = ?2 WHERE id = ?1")
+    query("UPDATE robot_event SET details = $2 WHERE id = $1")
         .bind(id.0)
         .bind(details_of(event)?)
         .execute(connection)
@@ -95,13 +96,14 @@ async fn complete(
 
 /// The number of the event of the same robot, kind, stamp and note.
 async fn same_content(
-    connection: &mut SqliteConnection,
+    connection: &mut dyn Connection,
     key: i64,
     event: &NewEvent,
 ) -> Result<Option<i64>, StoreError> {
-    sqlx::query_scalar(
+    query_scalar(
         "SELECT id FROM robot_event
-         WHERE robot = ?1 AND stamp_ns = ?2 AND kind = ?3 AND note IS ?4 LIMIT 1",
+         WHERE robot = $1 AND stamp_ns = $2 AND kind = $3
+             AND (note = $4 OR (note IS NULL AND $4 IS NULL)) LIMIT 1",
     )
     .bind(key)
     .bind(event.stamp_ns.0)
@@ -113,7 +115,7 @@ async fn same_content(
 }
 
 /// An event out of `id, robot, kind, stamp_ns, received_ns, source, author, note, details`.
-pub(super) fn event_of(row: &SqliteRow, repeated: bool) -> Result<EventRecord, StoreError> {
+pub(super) fn event_of(row: &Row, repeated: bool) -> Result<EventRecord, StoreError> {
     const TABLE: &str = "robot_event";
     let kind: String = column(row, TABLE, 2)?;
     let source: String = column(row, TABLE, 5)?;

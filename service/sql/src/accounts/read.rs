@@ -8,11 +8,11 @@ use fleetcal_model::{TokenId, UserId, Version};
 use fleetcal_proto::RobotId;
 use fleetcal_store::backend::AccountReader;
 use fleetcal_store::{SessionRecord, StoreError, TokenRecord, UserRecord};
-use sqlx::AssertSqlSafe;
-use sqlx::sqlite::SqliteRow;
 
-use crate::SqliteReader;
+use crate::query::query;
+use crate::read::SqlReader;
 use crate::row::{column, corrupt, wall_time, wall_time_or_null};
+use crate::value::Row;
 
 /// The columns of [`user_of`].
 pub(super) const USER: &str = "u.id, u.name, u.role, u.password, u.disabled, u.version, \
@@ -22,54 +22,54 @@ pub(super) const TOKEN: &str = "t.id, t.name, t.role, t.robot, t.sha256, t.creat
                                 t.created_ns, t.expires_ns, t.revoked_ns, t.used_ns";
 
 #[async_trait]
-impl AccountReader for SqliteReader {
+impl AccountReader for SqlReader {
     async fn users(&self, after: i64, limit: u32) -> Result<Vec<UserRecord>, StoreError> {
-        let sql = format!("SELECT {USER} FROM user AS u WHERE u.id > ?1 ORDER BY u.id LIMIT ?2");
-        let rows = sqlx::query(AssertSqlSafe(sql))
+        let sql = format!(r#"SELECT {USER} FROM "user" AS u WHERE u.id > $1 ORDER BY u.id LIMIT $2"#);
+        let rows = query(sql)
             .bind(after)
             .bind(limit)
-            .fetch_all(self.pool())
+            .fetch_all(&mut self.connection())
             .await
             .map_err(StoreError::database("read the users"))?;
         rows.iter().map(user_of).collect()
     }
 
     async fn user(&self, id: UserId) -> Result<Option<UserRecord>, StoreError> {
-        let sql = format!("SELECT {USER} FROM user AS u WHERE u.id = ?1");
-        let row = sqlx::query(AssertSqlSafe(sql))
+        let sql = format!(r#"SELECT {USER} FROM "user" AS u WHERE u.id = $1"#);
+        let row = query(sql)
             .bind(id.0)
-            .fetch_optional(self.pool())
+            .fetch_optional(&mut self.connection())
             .await
             .map_err(StoreError::database("read a user"))?;
         row.as_ref().map(user_of).transpose()
     }
 
     async fn user_named(&self, name: &str) -> Result<Option<UserRecord>, StoreError> {
-        let sql = format!("SELECT {USER} FROM user AS u WHERE u.name = ?1 COLLATE NOCASE");
-        let row = sqlx::query(AssertSqlSafe(sql))
+        let sql = format!(r#"SELECT {USER} FROM "user" AS u WHERE lower(u.name) = lower($1)"#);
+        let row = query(sql)
             .bind(name)
-            .fetch_optional(self.pool())
+            .fetch_optional(&mut self.connection())
             .await
             .map_err(StoreError::database("read a user"))?;
         row.as_ref().map(user_of).transpose()
     }
 
     async fn tokens(&self, after: i64, limit: u32) -> Result<Vec<TokenRecord>, StoreError> {
-        let sql = format!("SELECT {TOKEN} FROM token AS t WHERE t.id > ?1 ORDER BY t.id LIMIT ?2");
-        let rows = sqlx::query(AssertSqlSafe(sql))
+        let sql = format!("SELECT {TOKEN} FROM token AS t WHERE t.id > $1 ORDER BY t.id LIMIT $2");
+        let rows = query(sql)
             .bind(after)
             .bind(limit)
-            .fetch_all(self.pool())
+            .fetch_all(&mut self.connection())
             .await
             .map_err(StoreError::database("read the tokens"))?;
         rows.iter().map(token_of).collect()
     }
 
     async fn token_of(&self, hash: SecretHash) -> Result<Option<TokenRecord>, StoreError> {
-        let sql = format!("SELECT {TOKEN} FROM token AS t WHERE t.sha256 = ?1");
-        let row = sqlx::query(AssertSqlSafe(sql))
+        let sql = format!("SELECT {TOKEN} FROM token AS t WHERE t.sha256 = $1");
+        let row = query(sql)
             .bind(hash.as_bytes())
-            .fetch_optional(self.pool())
+            .fetch_optional(&mut self.connection())
             .await
             .map_err(StoreError::database("read a token"))?;
         let found = row.as_ref().map(token_of).transpose()?;
@@ -78,13 +78,13 @@ impl AccountReader for SqliteReader {
 
     async fn session_of(&self, hash: SecretHash) -> Result<Option<SessionRecord>, StoreError> {
         let sql = format!(
-            "SELECT {USER}, s.created_ns, s.used_ns, s.sha256
-             FROM session AS s JOIN user AS u ON u.id = s.user
-             WHERE s.sha256 = ?1 AND NOT u.disabled"
+            r#"SELECT {USER}, s.created_ns, s.used_ns, s.sha256
+             FROM session AS s JOIN "user" AS u ON u.id = s."user"
+             WHERE s.sha256 = $1 AND NOT u.disabled"#
         );
-        let row = sqlx::query(AssertSqlSafe(sql))
+        let row = query(sql)
             .bind(hash.as_bytes())
-            .fetch_optional(self.pool())
+            .fetch_optional(&mut self.connection())
             .await
             .map_err(StoreError::database("read a session"))?;
         let Some(row) = row else { return Ok(None) };
@@ -102,7 +102,7 @@ impl AccountReader for SqliteReader {
 }
 
 /// A user out of [`USER`].
-pub(super) fn user_of(row: &SqliteRow) -> Result<UserRecord, StoreError> {
+pub(super) fn user_of(row: &Row) -> Result<UserRecord, StoreError> {
     const TABLE: &str = "user";
     let version: i64 = column(row, TABLE, 5)?;
     Ok(UserRecord {
@@ -119,7 +119,7 @@ pub(super) fn user_of(row: &SqliteRow) -> Result<UserRecord, StoreError> {
 }
 
 /// A token out of [`TOKEN`].
-pub(super) fn token_of(row: &SqliteRow) -> Result<TokenRecord, StoreError> {
+pub(super) fn token_of(row: &Row) -> Result<TokenRecord, StoreError> {
     const TABLE: &str = "token";
     let robot: Option<String> = column(row, TABLE, 3)?;
     let robot = robot
@@ -140,18 +140,18 @@ pub(super) fn token_of(row: &SqliteRow) -> Result<TokenRecord, StoreError> {
     })
 }
 
-fn name_of(row: &SqliteRow, table: &'static str) -> Result<AccountName, StoreError> {
+fn name_of(row: &Row, table: &'static str) -> Result<AccountName, StoreError> {
     let name: String = column(row, table, 1)?;
     AccountName::parse(&name).map_err(corrupt(table))
 }
 
-fn role_of(row: &SqliteRow, table: &'static str) -> Result<Role, StoreError> {
+fn role_of(row: &Row, table: &'static str) -> Result<Role, StoreError> {
     let role: String = column(row, table, 2)?;
     let unknown = || corrupt(table)(format!("role {role:?} is unknown"));
     Role::parse(&role).ok_or_else(unknown)
 }
 
-fn hash_of(row: &SqliteRow, table: &'static str, index: usize) -> Result<SecretHash, StoreError> {
+fn hash_of(row: &Row, table: &'static str, index: usize) -> Result<SecretHash, StoreError> {
     let bytes: Vec<u8> = column(row, table, index)?;
     SecretHash::stored(&bytes).ok_or_else(|| corrupt(table)("a hash has not 32 bytes"))
 }

@@ -1,0 +1,36 @@
+//! Audit rows.
+
+use fleetcal_store::{AuditEntry, StoreError};
+
+use super::connection::Connection;
+use super::query::query_scalar;
+
+/// Appends a row; the caller's transaction is the one of the change.
+pub(super) async fn append(
+    connection: &mut dyn Connection,
+    entry: &AuditEntry,
+) -> Result<i64, StoreError> {
+    let actor = &entry.actor;
+    let request = actor.request.as_ref();
+    query_scalar(
+        "INSERT INTO audit (at_ns, actor, authentication, role, request, action, subject,
+             subject_id, robot, before, after, reason, address)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13) RETURNING id",
+    )
+    .bind(entry.at_ns.0)
+    .bind(&actor.name)
+    .bind(actor.authentication.as_str())
+    .bind(actor.role.map(fleetcal_domain::access::Role::as_str))
+    .bind(request.and_then(|request| request.id.as_deref()))
+    .bind(entry.action.as_str())
+    .bind(entry.action.subject())
+    .bind(&entry.subject_id)
+    .bind(entry.robot.as_ref().map(fleetcal_proto::RobotId::as_str))
+    .bind(entry.before.as_ref().map(ToString::to_string))
+    .bind(entry.after.as_ref().map(ToString::to_string))
+    .bind(&entry.reason)
+    .bind(request.and_then(|request| request.address.as_deref()))
+    .fetch_one(connection)
+    .await
+    .map_err(StoreError::database("write the audit"))
+}
