@@ -21,7 +21,7 @@ use fleetcal_operations::lifecycle::{Lifecycle, LifecycleSetup};
 use fleetcal_operations::robots::configure;
 use fleetcal_operations::webhook_dispatcher::{WebhookDispatcher, WebhookDispatcherSetup};
 use fleetcal_proto::{Keys, RobotId};
-use fleetcal_sqlite::signing_key::{self, KeyError};
+use fleetcal_folder::signing_key::{self, KeyError};
 use fleetcal_store::{Expected, Store, StoreError};
 use thiserror::Error;
 use tokio::sync::watch;

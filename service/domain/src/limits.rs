@@ -188,6 +188,17 @@ pub const STORE_ANSWER_WITHIN: Duration = Duration::from_secs(4);
 pub const STORE_LOOK_EVERY: Duration = Duration::from_secs(5);
 /// A writer that has not written for so long, though the database takes writes, is stuck.
 pub const STORE_STUCK_AFTER: Duration = Duration::from_mins(1);
+/// A connection to a PostgreSQL server is open within this time, or the next server is tried.
+pub const POSTGRES_CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
+/// A statement on PostgreSQL has ended within this time, or its connection is given up.
+pub const POSTGRES_STATEMENT_TIMEOUT: Duration = Duration::from_secs(3);
+/// How often a job is run that PostgreSQL could not bring into an order with others.
+pub const POSTGRES_CONFLICT_TRIES: u32 = 12;
+/// The pause after the first of these; each further one doubles it, up to
+/// [`POSTGRES_CONFLICT_PAUSE_MAX`].
+pub const POSTGRES_CONFLICT_PAUSE: Duration = Duration::from_millis(2);
+/// Longest pause between them.
+pub const POSTGRES_CONFLICT_PAUSE_MAX: Duration = Duration::from_millis(100);
 /// After a commit that failed, the next one begins after this; each further failure doubles it.
 pub const STORE_RETRY_FIRST: Duration = Duration::from_millis(100);
 /// Longest pause between two commits while the database fails.

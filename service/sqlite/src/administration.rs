@@ -5,91 +5,31 @@ use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fleetcal_store::backend::{AccountReader as _, Reader as _};
-use fleetcal_store::{Job, StoreError, TokenRecord, UserRecord};
+use fleetcal_folder::Folder;
+use fleetcal_store::{Administration, StoreError};
 
-use super::folder::Folder;
-use super::SqliteWriter;
-use fleetcal_sql::SqlReader;
+use super::writer::SharedWriter;
 
-/// Users and tokens of a data folder, whether a service holds it or not. Each change is a
-/// transaction of its own.
-#[derive(Debug)]
-pub struct Administration {
-    writer: SqliteWriter,
-    reader: SqlReader,
-    /// Held as long as no service runs, so that none starts in the middle of a migration.
-    _folder: Option<Folder>,
-}
-
-impl Administration {
-    /// Opens the database of a folder. It makes none: a folder without one is a wrong folder.
-    ///
-    /// # Errors
-    /// [`StoreError::Missing`] without a database, [`StoreError::OtherSchema`] when a service of another version runs on it, and whatever else
-    /// keeps it from being opened.
-    pub async fn open(path: &Path) -> Result<Self, StoreError> {
-        let database = Folder::database_in(path);
-        if !database.is_file() {
-            return Err(StoreError::Missing { path: database });
-        }
-        let folder = match Folder::hold(path) {
-            Ok(folder) => Some(folder),
-            Err(StoreError::InUse { .. }) => None,
-            Err(error) => return Err(error),
-        };
-        let (writer, reader) = super::administer(&database, folder.as_ref()).await?;
-        Ok(Self {
-            writer,
-            reader,
-            _folder: folder,
-        })
+/// Opens the database of a folder for administration, whether a service holds it or not. It makes
+/// none: a folder without one is a wrong folder.
+///
+/// # Errors
+/// [`StoreError::Missing`] without a database, [`StoreError::OtherSchema`] when a service of another
+/// version runs on it, and whatever else keeps it from being opened.
+pub async fn administration(path: &Path) -> Result<Administration, StoreError> {
+    let database = Folder::database_in(path);
+    if !database.is_file() {
+        return Err(StoreError::Missing { path: database });
     }
-
-    /// Runs a job in a transaction of its own.
-    ///
-    /// # Errors
-    /// The job's refusal, or the database's failure.
-    pub async fn transact<J: Job>(&mut self, job: J) -> Result<J::Done, StoreError> {
-        self.writer.transact(job).await
-    }
-
-    /// The user of a name, upper or lower case.
-    ///
-    /// # Errors
-    /// The database's failure.
-    pub async fn user_named(&self, name: &str) -> Result<Option<UserRecord>, StoreError> {
-        self.reader.user_named(name).await
-    }
-
-    /// Every user.
-    ///
-    /// # Errors
-    /// The database's failure.
-    pub async fn users(&self) -> Result<Vec<UserRecord>, StoreError> {
-        self.reader
-            .users(0, fleetcal_domain::limits::USERS_MAX)
-            .await
-    }
-
-    /// Every token.
-    ///
-    /// # Errors
-    /// The database's failure.
-    pub async fn tokens(&self) -> Result<Vec<TokenRecord>, StoreError> {
-        self.reader
-            .tokens(0, fleetcal_domain::limits::TOKENS_MAX)
-            .await
-    }
-
-    /// Closes the database.
-    ///
-    /// # Errors
-    /// The database's failure.
-    pub async fn close(self) -> Result<(), StoreError> {
-        self.reader.close().await;
-        self.writer.close().await
-    }
+    let folder = match Folder::hold(path) {
+        Ok(folder) => Some(folder),
+        Err(StoreError::InUse { .. }) => None,
+        Err(error) => return Err(error),
+    };
+    let (writer, reader) = super::administer(&database, folder.as_ref()).await?;
+    // Held as long as no service runs, so that none starts in the middle of a migration.
+    let held = folder.map(|folder| Box::new(folder) as _);
+    Ok(Administration::new(SharedWriter::new(writer), reader, held))
 }
 
 /// Copies the database of a folder into the file `to`, whole and as of one moment, also while a

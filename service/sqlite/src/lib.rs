@@ -1,13 +1,8 @@
-//! The store's database in SQLite: one connection that writes, a pool that only reads. The data
-//! folder, its lock and the signing key in it stand here as well.
-//!
-//! Nothing outside this crate knows sqlx.
+//! The store's database in SQLite: one connection that writes, a pool that only reads.
 
 mod administration;
 mod connection;
-mod folder;
 mod restore;
-pub mod signing_key;
 #[cfg(test)]
 mod tests;
 mod writer;
@@ -29,10 +24,10 @@ use sqlx::sqlite::{
 use sqlx::{ConnectOptions, Connection};
 
 use connection::{OnConnection, ReadPool};
-use folder::Folder;
+use fleetcal_folder::Folder;
 use writer::{JobRuns, SharedWriter, SqliteWriter};
 
-pub use administration::{Administration, backup};
+pub use administration::{administration, backup};
 pub use restore::{Restored, restore};
 
 static MIGRATIONS: Migrator = sqlx::migrate!("../../migrations/sqlite");

@@ -6,13 +6,13 @@ use std::path::Path;
 use std::sync::Arc;
 
 use fleetcal_proto::signing::KEY_BYTES;
+use fleetcal_folder::Folder;
+use fleetcal_folder::signing_key::KEY_FILE;
 use fleetcal_store::StoreError;
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions as _, SqliteConnection};
 
 use super::administration::{finish, make_private, unfinished};
-use super::folder::Folder;
-use super::signing_key::KEY_FILE;
 use super::{close, copy_into, schema_known};
 
 /// What a restored folder has.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use async_trait::async_trait;
 use fleetcal_store::backend::{Aged, Batch, RecordWriter, TelemetryWriter};
 use fleetcal_sql::{Keys, SqlRecords, telemetry};
-use fleetcal_store::transaction::{Job, Waiting};
+use fleetcal_store::transaction::Waiting;
 use fleetcal_store::StoreError;
 use sqlx::sqlite::{Sqlite, SqliteConnectOptions, SqliteConnection};
 use sqlx::{ConnectOptions, Connection, Transaction};
@@ -104,17 +104,6 @@ impl SqliteWriter {
             keys: Keys::new(),
             jobs,
         })
-    }
-
-    /// Runs one job in a transaction of its own.
-    ///
-    /// # Errors
-    /// The job's refusal, or the database's failure.
-    pub(super) async fn transact<J: Job>(&mut self, job: J) -> Result<J::Done, StoreError> {
-        let (mut job, ended) = Waiting::new(job);
-        let committed = self.run(std::slice::from_mut(&mut job)).await;
-        job.answer(committed);
-        ended.await.map_err(|_| StoreError::Closed)?
     }
 
     async fn run(&mut self, jobs: &mut [Waiting]) -> Result<(), StoreError> {

@@ -12,7 +12,7 @@ use fleetcal_model::{TokenId, WallTime};
 use fleetcal_operations::accounts::{ChangeToken, TokenChange};
 use fleetcal_operations::entropy;
 use fleetcal_proto::RobotId;
-use fleetcal_sqlite::Administration;
+use fleetcal_sqlite::administration;
 use fleetcal_store::TokenRecord;
 use jiff::{Span, SpanRelativeTo, Timestamp, Unit};
 
@@ -123,7 +123,7 @@ async fn create(arguments: &Create, now: WallTime) -> Result<(), CommandError> {
         expires_ns: arguments.expires.map(|span| now.plus(span)),
         key: None,
     };
-    let mut database = Administration::open(&arguments.data).await?;
+    let mut database = administration(&arguments.data).await?;
     database.transact(asked(now, change)).await?;
     database.close().await?;
     Ok(print_text(&format!("{}\n", value.reveal()))?)
@@ -131,7 +131,7 @@ async fn create(arguments: &Create, now: WallTime) -> Result<(), CommandError> {
 
 async fn revoke(arguments: &Revoke, now: WallTime) -> Result<(), CommandError> {
     let change = TokenChange::Revoke { id: arguments.id };
-    let mut database = Administration::open(&arguments.data).await?;
+    let mut database = administration(&arguments.data).await?;
     database.transact(asked(now, change)).await?;
     database.close().await?;
     Ok(())
@@ -147,7 +147,7 @@ fn asked(now: WallTime, change: TokenChange) -> ChangeToken {
 }
 
 async fn list(arguments: &Folder, now: WallTime) -> Result<(), CommandError> {
-    let database = Administration::open(&arguments.data).await?;
+    let database = administration(&arguments.data).await?;
     let tokens = database.tokens().await?;
     database.close().await?;
     let rows: String = tokens.iter().map(|token| row(token, now)).collect();

@@ -10,7 +10,7 @@ use fleetcal_domain::access::{AccountName, Actor, Grant, Password, PasswordHash,
 use fleetcal_model::WallTime;
 use fleetcal_operations::accounts::{ChangeUser, UserChange, UserEdit};
 use fleetcal_operations::entropy;
-use fleetcal_sqlite::Administration;
+use fleetcal_sqlite::administration;
 use fleetcal_store::{Expected, UserRecord};
 use rustix::termios::{LocalModes, OptionalActions, tcgetattr, tcsetattr};
 
@@ -77,7 +77,7 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
                 password: asked_for()?,
                 key: None,
             };
-            let mut database = Administration::open(&create.data).await?;
+            let mut database = administration(&create.data).await?;
             database.transact(asked(now, change)).await?;
             database.close().await?;
             Ok(())
@@ -101,7 +101,7 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
 }
 
 async fn edit(named: &Named, edit: UserEdit, now: WallTime) -> Result<(), CommandError> {
-    let mut database = Administration::open(&named.data).await?;
+    let mut database = administration(&named.data).await?;
     let user = database.user_named(&named.name).await?;
     let user = user.ok_or_else(|| CommandError::UserUnknown(named.name.clone()))?;
     let change = UserChange::Edit {
@@ -125,7 +125,7 @@ fn asked(now: WallTime, change: UserChange) -> ChangeUser {
 }
 
 async fn list(arguments: &Folder) -> Result<(), CommandError> {
-    let database = Administration::open(&arguments.data).await?;
+    let database = administration(&arguments.data).await?;
     let users = database.users().await?;
     database.close().await?;
     let rows: String = users.iter().map(row).collect();

@@ -49,6 +49,14 @@ pub enum StoreError {
         /// The newest migration in this program.
         known: i64,
     },
+    /// The server of the database cannot be used.
+    #[error("the database {database} {reason}")]
+    Server {
+        /// Where it is, without a password.
+        database: String,
+        /// What is wrong with it, a clause.
+        reason: String,
+    },
     /// The running service keeps the database at another schema.
     #[error(
         "the running service keeps schema {found}, this fleetcal knows {known}; use the fleetcal \

@@ -6,11 +6,13 @@
 //! [`transaction`]; nothing here decides.
 
 mod accounts;
+mod administration;
 mod alerts;
 mod approvals;
 mod audit;
 pub mod backend;
 mod counters;
+pub mod database_url;
 mod error;
 mod history;
 mod interface;
@@ -33,6 +35,7 @@ use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinSet;
 
 pub use accounts::{Credential, CredentialUse, SessionRecord, TokenRecord, UserRecord, Written};
+pub use administration::Administration;
 pub use alerts::{AlertFilter, AlertMoment, AlertSelection};
 pub use approvals::{AuditFilter, AuditRow, DeploymentFreeze, ProposalFilter};
 pub use audit::AuditEntry;

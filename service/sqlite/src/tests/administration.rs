@@ -7,7 +7,7 @@ use fleetcal_store::{Job, Records, StoreError, UserRecord};
 use sqlx::ConnectOptions;
 
 use super::*;
-use crate::{Administration, Restored, backup, restore};
+use crate::{Restored, administration, backup, restore};
 
 /// Adds an administrator of this name.
 #[derive(Debug)]
@@ -45,15 +45,15 @@ async fn raw(folder: &Path) -> sqlx::SqliteConnection {
 async fn administration_works_beside_the_service_and_without_it() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("data");
-    let refused = Administration::open(&path).await.unwrap_err();
+    let refused = administration(&path).await.unwrap_err();
     assert!(matches!(refused, StoreError::Missing { .. }), "{refused}");
     assert!(!path.exists());
     open(&path, &clock()).await.close().await.unwrap();
-    let mut alone = Administration::open(&path).await.unwrap();
+    let mut alone = administration(&path).await.unwrap();
     alone.transact(AddUser("ann")).await.unwrap();
     alone.close().await.unwrap();
     let store = open(&path, &clock()).await;
-    let mut beside = Administration::open(&path).await.unwrap();
+    let mut beside = administration(&path).await.unwrap();
     beside.transact(AddUser("ci")).await.unwrap();
     assert_eq!(beside.users().await.unwrap().len(), 2);
     beside.close().await.unwrap();
@@ -74,7 +74,7 @@ async fn a_service_of_another_schema_is_left_alone() {
     .execute(&mut raw(folder.path()).await)
     .await
     .unwrap();
-    let refused = Administration::open(folder.path()).await.unwrap_err();
+    let refused = administration(folder.path()).await.unwrap_err();
     assert!(
         matches!(refused, StoreError::OtherSchema { .. }),
         "{refused}"

@@ -32,6 +32,8 @@ pub trait Job: fmt::Debug + Send + Sync + 'static {
 pub struct Waiting {
     job: Box<dyn Attempt>,
     asked_at: Instant,
+    /// How its own transaction ended, where it has one.
+    settled: Option<Result<(), StoreError>>,
 }
 
 impl Waiting {
@@ -46,6 +48,7 @@ impl Waiting {
         let waiting = Self {
             job: Box::new(job),
             asked_at: Instant::now(),
+            settled: None,
         };
         (waiting, ended)
     }
@@ -64,9 +67,15 @@ impl Waiting {
         self.job.attempt(records).await
     }
 
+    /// Takes how a transaction ended that was this job's alone.
+    pub fn settle(&mut self, committed: Result<(), StoreError>) {
+        self.settled = Some(committed);
+    }
+
     /// Tells whoever waits how it ended: as its last attempt did, if its transaction was committed.
+    /// That is the job's own where it had one, else the one that all shared.
     pub fn answer(self, committed: Result<(), StoreError>) {
-        self.job.answer(committed);
+        self.job.answer(self.settled.unwrap_or(committed));
     }
 }
 

@@ -1,0 +1,197 @@
+//! Statements of the store on sqlx's connections to PostgreSQL, each within its time.
+
+use std::time::Duration;
+
+use async_trait::async_trait;
+use fleetcal_domain::limits;
+use fleetcal_sql::{Connection, Dialect, Pool, Row, Statement, StatementError, Value};
+use fleetcal_store::StoreError;
+use sqlx::postgres::{PgArguments, PgConnection, PgPool, PgRow, PgValueRef, Postgres};
+use sqlx::{AssertSqlSafe, Decode, Executor, Row as _, TypeInfo as _, ValueRef as _};
+
+use crate::failure::{Fate, TimedOut};
+
+/// A connection with what its transaction has come to.
+#[derive(Debug)]
+pub(crate) struct Session {
+    connection: PgConnection,
+    fate: Fate,
+}
+
+impl Session {
+    pub(crate) fn new(connection: PgConnection) -> Self {
+        Self {
+            connection,
+            fate: Fate::Well,
+        }
+    }
+
+    /// What is left of the transaction.
+    pub(crate) fn fate(&self) -> Fate {
+        self.fate
+    }
+
+    /// Begins a transaction.
+    ///
+    /// # Errors
+    /// [`StoreError::Database`].
+    pub(crate) async fn begin(&mut self, begin: &'static str) -> Result<(), StoreError> {
+        self.fate = Fate::Well;
+        let began = self.run(begin).await;
+        began.map_err(StoreError::database("begin to write"))
+    }
+
+    /// Commits. When this fails and the fate is [`Fate::Lost`], the end is not known.
+    ///
+    /// # Errors
+    /// What the driver says.
+    pub(crate) async fn commit(&mut self) -> Result<(), StatementError> {
+        self.run("COMMIT").await
+    }
+
+    /// Undoes the transaction; `false` when the connection is lost, which undoes it as well.
+    pub(crate) async fn roll_back(&mut self) -> bool {
+        self.fate != Fate::Lost && self.run("ROLLBACK").await.is_ok()
+    }
+
+    /// Closes the connection.
+    pub(crate) async fn close(self) {
+        let closing = sqlx::Connection::close(self.connection);
+        let closed = tokio::time::timeout(limits::POSTGRES_STATEMENT_TIMEOUT, closing).await;
+        if !matches!(closed, Ok(Ok(()))) {
+            tracing::debug!("a connection to the database was not closed in order");
+        }
+    }
+
+    /// Runs a statement without values and rows.
+    pub(crate) async fn run(&mut self, sql: &'static str) -> Result<(), StatementError> {
+        let ended = in_time(self.connection.execute(sql)).await;
+        self.noted(ended).map(drop)
+    }
+
+    /// Keeps what an error means for the transaction.
+    fn noted<T>(&mut self, ended: Result<T, sqlx::Error>) -> Result<T, StatementError> {
+        ended.map_err(|error| {
+            self.fate = self.fate.max(Fate::after(&error));
+            StatementError::new(error)
+        })
+    }
+}
+
+#[async_trait]
+impl Connection for Session {
+    fn dialect(&self) -> Dialect {
+        Dialect::Postgres
+    }
+
+    async fn rows(&mut self, statement: Statement) -> Result<Vec<Row>, StatementError> {
+        let ended = in_time(prepared(statement).fetch_all(&mut self.connection)).await;
+        rows_of(&self.noted(ended)?)
+    }
+
+    async fn execute(&mut self, statement: Statement) -> Result<u64, StatementError> {
+        let ended = in_time(prepared(statement).execute(&mut self.connection)).await;
+        Ok(self.noted(ended)?.rows_affected())
+    }
+}
+
+/// The connections that only read.
+#[derive(Debug)]
+pub(crate) struct ReadPool(pub(crate) PgPool);
+
+#[async_trait]
+impl Pool for ReadPool {
+    fn dialect(&self) -> Dialect {
+        Dialect::Postgres
+    }
+
+    async fn rows(&self, statement: Statement) -> Result<Vec<Row>, StatementError> {
+        let mut connection = self.0.acquire().await.map_err(StatementError::new)?;
+        let read = in_time(prepared(statement).fetch_all(&mut *connection)).await;
+        if let Err(error) = &read
+            && Fate::after(error) == Fate::Lost
+        {
+            // The pool would give it to the next one, with an answer still under way.
+            drop(connection.detach());
+        }
+        rows_of(&read.map_err(StatementError::new)?)
+    }
+
+    async fn close(&self) {
+        if in_time_of(limits::POSTGRES_STATEMENT_TIMEOUT, async {
+            self.0.close().await;
+            Ok(())
+        })
+        .await
+        .is_err()
+        {
+            tracing::debug!("the connections that read were not closed in order");
+        }
+    }
+}
+
+/// What a future gives within the time of a statement.
+pub(crate) async fn in_time<T>(
+    future: impl Future<Output = Result<T, sqlx::Error>>,
+) -> Result<T, sqlx::Error> {
+    in_time_of(limits::POSTGRES_STATEMENT_TIMEOUT, future).await
+}
+
+/// What a future gives within a time.
+pub(crate) async fn in_time_of<T>(
+    within: Duration,
+    future: impl Future<Output = Result<T, sqlx::Error>>,
+) -> Result<T, sqlx::Error> {
+    let late = |_| {
+        let seconds = within.as_secs_f32();
+        let late = std::io::Error::new(std::io::ErrorKind::TimedOut, TimedOut { seconds });
+        sqlx::Error::Io(late)
+    };
+    tokio::time::timeout(within, future).await.map_err(late)?
+}
+
+/// The statement with its values. sqlx keeps it prepared by its text, which no value enters.
+fn prepared(statement: Statement) -> sqlx::query::Query<'static, Postgres, PgArguments> {
+    let query = sqlx::query(AssertSqlSafe(statement.sql.into_owned()));
+    statement
+        .values
+        .into_iter()
+        .fold(query, |query, value| match value {
+            Value::Integer(number) => query.bind(number),
+            Value::Real(number) => query.bind(number),
+            Value::Text(text) => query.bind(text),
+            Value::Bytes(bytes) => query.bind(bytes),
+            Value::Boolean(yes) => query.bind(yes),
+            Value::Null => query.bind(None::<i64>),
+        })
+}
+
+fn rows_of(rows: &[PgRow]) -> Result<Vec<Row>, StatementError> {
+    rows.iter().map(row_of).collect()
+}
+
+fn row_of(row: &PgRow) -> Result<Row, StatementError> {
+    let values = (0..row.len()).map(|index| {
+        let value = row.try_get_raw(index).map_err(StatementError::new)?;
+        value_of(value).map_err(StatementError::from)
+    });
+    values.collect::<Result<_, _>>().map(Row)
+}
+
+fn value_of(value: PgValueRef<'_>) -> Result<Value, sqlx::error::BoxDynError> {
+    if value.is_null() {
+        return Ok(Value::Null);
+    }
+    let type_info = value.type_info();
+    Ok(match type_info.name() {
+        "INT8" => Value::Integer(Some(<i64 as Decode<Postgres>>::decode(value)?)),
+        "INT4" => Value::Integer(Some(<i32 as Decode<Postgres>>::decode(value)?.into())),
+        "FLOAT8" => Value::Real(Some(<f64 as Decode<Postgres>>::decode(value)?)),
+        "TEXT" | "VARCHAR" | "NAME" => {
+            Value::Text(Some(<String as Decode<Postgres>>::decode(value)?))
+        }
+        "BYTEA" => Value::Bytes(Some(<Vec<u8> as Decode<Postgres>>::decode(value)?)),
+        "BOOL" => Value::Boolean(Some(<bool as Decode<Postgres>>::decode(value)?)),
+        other => return Err(format!("a value of type {other} is not expected").into()),
+    })
+}

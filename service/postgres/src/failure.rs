@@ -1,0 +1,95 @@
+//! What a failure of PostgreSQL means for the transaction and for the connection.
+
+use std::fmt;
+
+use sqlx::Error;
+use thiserror::Error;
+
+/// What is left of a transaction after a statement.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Fate {
+    /// All of it.
+    Well,
+    /// It can only be undone.
+    Aborted,
+    /// It can only be undone, and may succeed when it is run again: another one stood in its way.
+    Conflict,
+    /// Nothing is known: the connection cannot be used any more.
+    Lost,
+}
+
+/// SQLSTATEs of PostgreSQL, appendix A of its manual.
+mod state {
+    /// A transaction could not be brought into an order with others.
+    pub const SERIALIZATION_FAILURE: &str = "40001";
+    /// Two transactions waited for each other.
+    pub const DEADLOCK: &str = "40P01";
+    /// A lock was not had within `lock_timeout`.
+    pub const LOCK_NOT_AVAILABLE: &str = "55P03";
+    /// Another one has the same key.
+    pub const UNIQUE_VIOLATION: &str = "23505";
+    /// The server is a standby.
+    pub const READ_ONLY: &str = "25006";
+    /// The user's password is wrong, or the user may not sign in.
+    pub const REFUSED: [&str; 2] = ["28P01", "28000"];
+    /// The class of those by which a server ends a connection.
+    pub const OPERATOR_INTERVENTION: &str = "57P";
+    /// The class of those about the connection itself.
+    pub const CONNECTION: &str = "08";
+}
+
+impl Fate {
+    /// What an error leaves.
+    pub(crate) fn after(error: &Error) -> Self {
+        let Error::Database(told) = error else {
+            return match error {
+                // The answer came whole, and was not what was expected of it.
+                Error::ColumnDecode { .. } | Error::Decode(_) | Error::RowNotFound => Self::Aborted,
+                _ => Self::Lost,
+            };
+        };
+        match told.code().as_deref() {
+            Some(
+                state::SERIALIZATION_FAILURE
+                | state::DEADLOCK
+                | state::LOCK_NOT_AVAILABLE
+                // Serializable transactions that take the next free number meet in it.
+                | state::UNIQUE_VIOLATION,
+            ) => Self::Conflict,
+            Some(state::READ_ONLY) | None => Self::Lost,
+            Some(code)
+                if code.starts_with(state::OPERATOR_INTERVENTION)
+                    || code.starts_with(state::CONNECTION) =>
+            {
+                Self::Lost
+            }
+            Some(_) => Self::Aborted,
+        }
+    }
+}
+
+/// A statement did not end in time.
+#[derive(Debug, Error)]
+#[error("the database did not answer within {seconds} s")]
+pub(crate) struct TimedOut {
+    pub(crate) seconds: f32,
+}
+
+/// Why a server cannot be used, as one clause behind the server's name.
+pub(crate) struct Unusable<'e>(pub(crate) &'e Error);
+
+impl fmt::Display for Unusable<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Error::Database(told) => {
+                let code = told.code();
+                let refused = code.as_deref().is_some_and(|code| state::REFUSED.contains(&code));
+                let verb = if refused { "refuses the user" } else { "refuses" };
+                write!(f, "{verb}: {}", told.message())
+            }
+            Error::Io(error) => write!(f, "cannot be reached: {error}"),
+            Error::Tls(error) => write!(f, "gives no trusted TLS: {error}"),
+            error => write!(f, "cannot be used: {error}"),
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! The schema: brought up to date by the first process that may, never back.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use fleetcal_sql::{Connection as _, Statement, Value, schema_version};
+use fleetcal_store::StoreError;
+use sqlx::migrate::{MigrateError, Migrator};
+use sqlx::postgres::PgConnection;
+
+use crate::PostgresSetup;
+use crate::connection::Session;
+use crate::servers::{Purpose, Servers};
+
+static MIGRATIONS: Migrator = sqlx::migrate!("../../migrations/postgres");
+
+/// The newest migration in this program.
+pub(crate) fn known() -> i64 {
+    let versions = MIGRATIONS.iter().map(|migration| migration.version);
+    versions.max().unwrap_or(0)
+}
+
+/// The newest migration of the database; `None` when it has no table of ours.
+pub(crate) async fn found(session: &mut Session) -> Result<Option<i64>, StoreError> {
+    let asked = Statement {
+        sql: "SELECT to_regclass('_sqlx_migrations') IS NOT NULL".into(),
+        values: Vec::new(),
+    };
+    let rows = session.rows(asked).await;
+    let rows = rows.map_err(StoreError::database("look for its tables"))?;
+    let is_there = rows.first().and_then(|row| row.0.first());
+    if is_there != Some(&Value::Boolean(Some(true))) {
+        return Ok(None);
+    }
+    schema_version(session).await.map(Some)
+}
+
+/// Brings the database to this program's schema, unless it has it: so a role that may not change
+/// tables serves a database that another role has brought up to date.
+///
+/// # Errors
+/// [`StoreError::NewerSchema`], [`StoreError::Migration`], or that of connecting.
+pub(crate) async fn bring(servers: &Servers) -> Result<(), StoreError> {
+    let mut session = Session::new(servers.connect(Purpose::Records).await?);
+    let found = found(&mut session).await?;
+    session.close().await;
+    match found {
+        Some(found) if found == known() => Ok(()),
+        Some(found) if found > known() => Err(newer(servers, found)),
+        _ => run(servers).await.map(drop),
+    }
+}
+
+/// Brings the database of `setup` to this program's schema and lets the role `serve_as` use it.
+///
+/// # Errors
+/// As of opening it; [`StoreError::Server`] when `serve_as` is no role of the server.
+pub async fn migrate(setup: PostgresSetup, serve_as: Option<&str>) -> Result<(), StoreError> {
+    let servers = Servers::new(setup)?;
+    let connection = run(&servers).await?;
+    let mut session = Session::new(connection);
+    if let Some(role) = serve_as {
+        grant(&servers, &mut session, role).await?;
+    }
+    session.close().await;
+    Ok(())
+}
+
+/// Runs the migrations. Two processes that start at once take turns: sqlx holds an advisory lock.
+async fn run(servers: &Servers) -> Result<PgConnection, StoreError> {
+    let mut connection = servers.connect(Purpose::Migration).await?;
+    match MIGRATIONS.run_direct(None, &mut connection, false).await {
+        Ok(()) => Ok(connection),
+        Err(MigrateError::VersionMissing(found)) => Err(newer(servers, found)),
+        Err(error) => Err(StoreError::Migration(Arc::new(error))),
+    }
+}
+
+fn newer(servers: &Servers, found: i64) -> StoreError {
+    StoreError::NewerSchema {
+        path: PathBuf::from(servers.name()),
+        found,
+        known: known(),
+    }
+}
+
+/// What the role that serves may do: read and write rows, but neither change tables nor the audit.
+async fn grant(servers: &Servers, session: &mut Session, role: &str) -> Result<(), StoreError> {
+    let refused = |reason: String| StoreError::Server {
+        database: servers.name(),
+        reason,
+    };
+    // Only the server can quote a name for itself.
+    let quoted = Statement {
+        sql: "SELECT quote_ident(rolname) FROM pg_roles WHERE rolname = $1".into(),
+        values: vec![role.into()],
+    };
+    let rows = session.rows(quoted).await;
+    let rows = rows.map_err(StoreError::database("look for a role"))?;
+    let Some(Value::Text(Some(role))) = rows.into_iter().next().and_then(|row| row.0.into_iter().next())
+    else {
+        return Err(refused(format!("has no role {role:?}; `CREATE ROLE` makes one")));
+    };
+    for sql in [
+        format!("GRANT SELECT, INSERT, UPDATE, DELETE ON ALL TABLES IN SCHEMA public TO {role}"),
+        format!("GRANT USAGE ON ALL SEQUENCES IN SCHEMA public TO {role}"),
+        format!("REVOKE UPDATE, DELETE ON audit, revision FROM {role}"),
+        format!("REVOKE UPDATE ON envelope FROM {role}"),
+        format!("REVOKE INSERT, UPDATE, DELETE ON _sqlx_migrations FROM {role}"),
+    ] {
+        let statement = Statement {
+            sql: sql.into(),
+            values: Vec::new(),
+        };
+        let granted = session.execute(statement).await;
+        granted.map_err(StoreError::database("grant a role its rights"))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,257 @@
+//! The servers that a database may be on, and connections to the one that can be written.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, OnceLock};
+
+use fleetcal_domain::limits;
+use fleetcal_store::StoreError;
+use fleetcal_store::database_url::{PostgresUrl, Server, TlsMode};
+use sqlx::postgres::{PgConnectOptions, PgConnection, PgPool, PgPoolOptions, PgSslMode};
+use sqlx::{ConnectOptions as _, Executor as _, Row as _};
+
+use crate::PostgresSetup;
+use crate::connection::{ReadPool, Session, in_time, in_time_of};
+use crate::failure::Unusable;
+
+/// The oldest PostgreSQL, as its `server_version_num`.
+const VERSION_MIN: i32 = 150_000;
+
+/// What a connection is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Purpose {
+    /// Jobs. No time limit at the server: a commit that is cancelled there may have been made.
+    Records,
+    /// Telemetry. A commit does not wait for the disk: what is lost with the machine is a second.
+    Telemetry,
+    /// Reading.
+    Reading,
+    /// Bringing the schema up to date.
+    Migration,
+}
+
+impl Purpose {
+    /// What is set when such a connection is opened. A client that died in the middle of a
+    /// statement holds no lock for long.
+    const fn settings(self) -> &'static str {
+        match self {
+            Self::Records => {
+                "SET lock_timeout = '2s'; SET idle_in_transaction_session_timeout = '5s'; \
+                 SET client_connection_check_interval = '2s'"
+            }
+            Self::Telemetry => {
+                "SET synchronous_commit = off; SET statement_timeout = '10s'; \
+                 SET lock_timeout = '2s'; SET idle_in_transaction_session_timeout = '5s'; \
+                 SET client_connection_check_interval = '2s'"
+            }
+            Self::Reading => {
+                "SET default_transaction_read_only = on; SET statement_timeout = '10s'; \
+                 SET client_connection_check_interval = '2s'"
+            }
+            Self::Migration => "SET lock_timeout = '10s'",
+        }
+    }
+}
+
+/// The servers, and which of them was writable last.
+#[derive(Debug)]
+pub(crate) struct Servers {
+    url: PostgresUrl,
+    /// In the order of the URL.
+    options: Vec<PgConnectOptions>,
+    current: AtomicUsize,
+    readers: OnceLock<PgPool>,
+}
+
+impl Servers {
+    /// Reads the password.
+    ///
+    /// # Errors
+    /// [`StoreError::Server`] when its file cannot be read.
+    pub(crate) fn new(setup: PostgresSetup) -> Result<Self, StoreError> {
+        let PostgresSetup { url, password_file } = setup;
+        let unreadable = |reason: String| StoreError::Server {
+            database: url.to_string(),
+            reason,
+        };
+        let password = match &password_file {
+            Some(path) => {
+                let text = std::fs::read_to_string(path).map_err(|error| {
+                    unreadable(format!("needs the password of {}: {error}", path.display()))
+                })?;
+                Some(text.lines().next().unwrap_or_default().to_owned())
+            }
+            None => None,
+        };
+        let options = url.servers.iter();
+        let options = options.map(|server| options_of(&url, server, password.as_deref()));
+        let options = options.collect::<Result<_, _>>().map_err(unreadable)?;
+        Ok(Self {
+            url,
+            options,
+            current: AtomicUsize::new(0),
+            readers: OnceLock::new(),
+        })
+    }
+
+    /// Where the database is, without a password.
+    pub(crate) fn name(&self) -> String {
+        self.url.to_string()
+    }
+
+    /// Connects to the server that can be written: the one that was last, else the next that is.
+    ///
+    /// # Errors
+    /// [`StoreError::Server`], which says what is wrong with each.
+    pub(crate) async fn connect(&self, purpose: Purpose) -> Result<PgConnection, StoreError> {
+        let first = self.current.load(Ordering::Relaxed);
+        let mut reasons = Vec::new();
+        for step in 0..self.options.len() {
+            let index = (first + step) % self.options.len();
+            match connect_to(&self.options[index], purpose).await {
+                Ok(connection) => {
+                    self.found(index);
+                    return Ok(connection);
+                }
+                Err(reason) => reasons.push(format!("{} {reason}", self.url.servers[index])),
+            }
+        }
+        Err(StoreError::Server {
+            database: self.name(),
+            reason: format!("cannot be used: {}", reasons.join("; ")),
+        })
+    }
+
+    /// Notes which server can be written; readers go there from now on.
+    fn found(&self, index: usize) {
+        if self.current.swap(index, Ordering::Relaxed) != index {
+            tracing::warn!(server = %self.url.servers[index], "another server can be written now");
+            if let Some(readers) = self.readers.get() {
+                readers.set_connect_options(self.options[index].clone());
+            }
+        }
+    }
+
+    /// Connections that read from the server that can be written, since a standby is behind it.
+    ///
+    /// # Errors
+    /// [`StoreError::Database`].
+    pub(crate) async fn read_pool(self: &Arc<Self>) -> Result<ReadPool, StoreError> {
+        let settings = Purpose::Reading.settings();
+        let several = self.options.len() > 1;
+        let pool = PgPoolOptions::new()
+            .max_connections(limits::STORE_READERS_MAX)
+            .acquire_timeout(limits::STORE_READ_TIMEOUT)
+            .test_before_acquire(!several)
+            .after_connect(move |connection, _| {
+                Box::pin(async move { connection.execute(settings).await.map(drop) })
+            })
+            .before_acquire(move |connection, _| {
+                Box::pin(async move {
+                    // After a failover a connection to the former primary reads what was.
+                    Ok(!several || in_time(is_writable(connection)).await?)
+                })
+            })
+            .connect_with(self.options[self.current.load(Ordering::Relaxed)].clone())
+            .await
+            .map_err(StoreError::database("be opened for reading"))?;
+        let pool = self.readers.get_or_init(|| pool);
+        Ok(ReadPool(pool.clone()))
+    }
+
+    /// Writes over a connection of its own, to find out whether the database takes writes at all.
+    ///
+    /// # Errors
+    /// [`StoreError`] of connecting, or [`StoreError::Database`].
+    pub(crate) async fn write_once(&self) -> Result<(), StoreError> {
+        let mut session = Session::new(self.connect(Purpose::Records).await?);
+        let written = session
+            .run("UPDATE probe SET written_ns = written_ns")
+            .await
+            .map_err(StoreError::database("write at all"));
+        session.close().await;
+        written
+    }
+}
+
+/// Connects to a server, if it can be written; the reason why not is a clause behind its name.
+async fn connect_to(options: &PgConnectOptions, purpose: Purpose) -> Result<PgConnection, String> {
+    let unusable = |error: sqlx::Error| Unusable(&error).to_string();
+    let connecting = async {
+        let mut connection = options.connect().await?;
+        connection.execute(purpose.settings()).await?;
+        let asked = "SELECT current_setting('server_version_num')::int4, pg_is_in_recovery()";
+        let row = sqlx::query(asked).fetch_one(&mut connection).await?;
+        Ok((connection, row))
+    };
+    let connected = in_time_of(limits::POSTGRES_CONNECT_TIMEOUT, connecting).await;
+    let (connection, row) = connected.map_err(unusable)?;
+    let version: i32 = row.try_get(0).map_err(unusable)?;
+    let is_standby: bool = row.try_get(1).map_err(unusable)?;
+    if version < VERSION_MIN {
+        let (found, expected) = (version / 10_000, VERSION_MIN / 10_000);
+        return Err(format!("is PostgreSQL {found}, expected {expected} or newer"));
+    }
+    if is_standby {
+        return Err("is a standby, which cannot be written".to_owned());
+    }
+    Ok(connection)
+}
+
+async fn is_writable(connection: &mut PgConnection) -> Result<bool, sqlx::Error> {
+    sqlx::query_scalar("SELECT NOT pg_is_in_recovery()")
+        .fetch_one(connection)
+        .await
+}
+
+/// How one server is reached.
+fn options_of(
+    url: &PostgresUrl,
+    server: &Server,
+    password: Option<&str>,
+) -> Result<PgConnectOptions, String> {
+    // Parsed out of a URL, because only so sqlx looks for the password in `PGPASSFILE`.
+    let mut plain = url::Url::parse("postgres://localhost").map_err(|error| error.to_string())?;
+    let refused = || "has a user or host that no URL can name".to_owned();
+    plain.set_username(&url.user).map_err(|()| refused())?;
+    plain.set_path(&url.database);
+    let port = match server {
+        Server::Tcp { host, port } => {
+            plain.set_host(Some(host)).map_err(|_| refused())?;
+            *port
+        }
+        Server::Socket { folder, port } => {
+            let folder = folder.to_string_lossy();
+            plain.query_pairs_mut().append_pair("host", &folder);
+            *port
+        }
+    };
+    plain.set_port(Some(port)).map_err(|()| refused())?;
+    let mut options: PgConnectOptions = plain.as_str().parse().map_err(|error: sqlx::Error| error.to_string())?;
+    options = options
+        .application_name("fleetcal")
+        .ssl_mode(ssl_mode(url.tls))
+        .log_slow_statements(tracing::log::LevelFilter::Off, limits::POSTGRES_STATEMENT_TIMEOUT);
+    if let Some(password) = password {
+        options = options.password(password);
+    }
+    if let Some(path) = &url.root_certificate {
+        options = options.ssl_root_cert(path);
+    }
+    if let Some(path) = &url.client_certificate {
+        options = options.ssl_client_cert(path);
+    }
+    if let Some(path) = &url.client_key {
+        options = options.ssl_client_key(path);
+    }
+    Ok(options)
+}
+
+const fn ssl_mode(mode: TlsMode) -> PgSslMode {
+    match mode {
+        TlsMode::Disable => PgSslMode::Disable,
+        TlsMode::Prefer => PgSslMode::Prefer,
+        TlsMode::Require => PgSslMode::Require,
+        TlsMode::VerifyCa => PgSslMode::VerifyCa,
+        TlsMode::VerifyFull => PgSslMode::VerifyFull,
+    }
+}

@@ -1,0 +1,251 @@
+//! The connections that write: one for jobs, one for telemetry.
+
+use std::sync::Arc;
+
+use async_trait::async_trait;
+use fleetcal_domain::limits;
+use fleetcal_sql::{Keys, SqlRecords, StatementError, telemetry};
+use fleetcal_store::StoreError;
+use fleetcal_store::backend::{Aged, Batch, RecordWriter, TelemetryWriter};
+use fleetcal_store::transaction::Waiting;
+
+use crate::connection::Session;
+use crate::failure::Fate;
+use crate::servers::{Purpose, Servers};
+
+/// Every job sees the database as if no other one ran meanwhile.
+const BEGIN_JOB: &str = "BEGIN ISOLATION LEVEL SERIALIZABLE";
+/// Telemetry only adds and overwrites.
+const BEGIN_TELEMETRY: &str = "BEGIN ISOLATION LEVEL READ COMMITTED";
+
+/// A connection that is opened again after it was lost.
+#[derive(Debug)]
+struct Line {
+    servers: Arc<Servers>,
+    purpose: Purpose,
+    session: Option<Session>,
+    /// Keys of the robots of committed transactions.
+    keys: Keys,
+}
+
+impl Line {
+    fn new(servers: Arc<Servers>, purpose: Purpose, session: Session) -> Self {
+        Self {
+            servers,
+            purpose,
+            session: Some(session),
+            keys: Keys::new(),
+        }
+    }
+
+    /// The connection, with what else a transaction needs.
+    async fn open(&mut self) -> Result<(&mut Session, &mut Keys), StoreError> {
+        let session = match self.session.take() {
+            Some(session) if session.fate() != Fate::Lost => session,
+            _ => Session::new(self.servers.connect(self.purpose).await?),
+        };
+        Ok((self.session.insert(session), &mut self.keys))
+    }
+
+    async fn close(self) {
+        if let Some(session) = self.session {
+            session.close().await;
+        }
+    }
+}
+
+/// The connection of jobs.
+#[derive(Debug)]
+pub(crate) struct Records(Line);
+
+/// How one attempt at a job ended.
+enum Attempted {
+    /// It is over: committed, refused, or failed for good.
+    Ended(Result<(), StoreError>),
+    /// Nothing was written because another transaction stood in the way.
+    Again(StoreError),
+    /// The connection is gone, and so is what comes after this job.
+    Lost(StoreError),
+}
+
+impl Records {
+    pub(crate) fn new(servers: Arc<Servers>, session: Session) -> Self {
+        Self(Line::new(servers, Purpose::Records, session))
+    }
+
+    /// Runs a job until no other transaction stands in its way.
+    async fn run_one(&mut self, job: &mut Waiting) -> Attempted {
+        let mut pause = limits::POSTGRES_CONFLICT_PAUSE;
+        let mut last = StoreError::Closed;
+        for _ in 0..limits::POSTGRES_CONFLICT_TRIES {
+            match self.attempt(job).await {
+                Attempted::Again(error) => last = error,
+                ended => return ended,
+            }
+            tokio::time::sleep(pause).await;
+            pause = (pause * 2).min(limits::POSTGRES_CONFLICT_PAUSE_MAX);
+        }
+        Attempted::Ended(Err(last))
+    }
+
+    async fn attempt(&mut self, job: &mut Waiting) -> Attempted {
+        let (session, keys) = match self.0.open().await {
+            Ok(open) => open,
+            Err(error) => return Attempted::Lost(error),
+        };
+        if let Err(error) = session.begin(BEGIN_JOB).await {
+            return Attempted::Lost(error);
+        }
+        let mut learnt = Vec::new();
+        let ended = job
+            .attempt(&mut SqlRecords {
+                connection: &mut *session,
+                keys: &mut *keys,
+                learnt: &mut learnt,
+            })
+            .await;
+        let attempted = match (session.fate(), ended) {
+            (Fate::Well, Ok(())) => match committed(session).await {
+                Attempted::Ended(Ok(())) => return Attempted::Ended(Ok(())),
+                not_committed => not_committed,
+            },
+            // A failure that the job has made nothing of: COMMIT would undo it without a word.
+            (fate, Ok(())) => unwritten(fate, StoreError::database("run a job")(Swallowed)),
+            // A refusal: the job tells it.
+            (Fate::Well, Err(_)) => Attempted::Ended(Ok(())),
+            (fate, Err(error)) => unwritten(fate, error),
+        };
+        for robot in learnt {
+            keys.remove(&robot);
+        }
+        session.roll_back().await;
+        attempted
+    }
+}
+
+/// A statement failed, and the job went on.
+#[derive(Debug, thiserror::Error)]
+#[error("a statement of the job failed")]
+struct Swallowed;
+
+/// What follows from a failure before COMMIT.
+fn unwritten(fate: Fate, error: StoreError) -> Attempted {
+    match fate {
+        Fate::Conflict => Attempted::Again(error),
+        Fate::Lost => Attempted::Lost(error),
+        Fate::Well | Fate::Aborted => {
+            tracing::error!(%error, source = ?std::error::Error::source(&error), "a job failed");
+            Attempted::Ended(Err(error))
+        }
+    }
+}
+
+/// Commits a job.
+async fn committed(session: &mut Session) -> Attempted {
+    match session.commit().await {
+        Ok(()) => Attempted::Ended(Ok(())),
+        Err(error) => match session.fate() {
+            // The server has answered: it has not committed.
+            Fate::Conflict => Attempted::Again(not_committed(error)),
+            Fate::Well | Fate::Aborted => Attempted::Ended(Err(not_committed(error))),
+            Fate::Lost => Attempted::Lost(StoreError::Commit(Arc::new(error))),
+        },
+    }
+}
+
+fn not_committed(error: StatementError) -> StoreError {
+    StoreError::database("commit what was written")(error)
+}
+
+#[async_trait]
+impl RecordWriter for Records {
+    async fn run(&mut self, jobs: &mut [Waiting]) -> Result<(), StoreError> {
+        let mut failure: Option<StoreError> = None;
+        for job in jobs {
+            // Who waits behind a lost connection is answered at once.
+            if let Some(error) = &failure {
+                job.settle(Err(error.clone()));
+                continue;
+            }
+            match self.run_one(job).await {
+                Attempted::Ended(ended) => job.settle(ended),
+                Attempted::Again(error) => job.settle(Err(error)),
+                Attempted::Lost(error) => {
+                    job.settle(Err(error.clone()));
+                    self.0.session = None;
+                    failure = Some(beside(error));
+                }
+            }
+        }
+        failure.map_or(Ok(()), Err)
+    }
+
+    async fn close(self: Box<Self>) -> Result<(), StoreError> {
+        self.0.close().await;
+        Ok(())
+    }
+}
+
+/// What is told to those whose job was not begun because of another one's failure.
+fn beside(error: StoreError) -> StoreError {
+    match error {
+        StoreError::Commit(source) => StoreError::Database {
+            task: "be reached",
+            source,
+        },
+        error => error,
+    }
+}
+
+/// The connection of telemetry.
+#[derive(Debug)]
+pub(crate) struct Telemetry(Line);
+
+impl Telemetry {
+    pub(crate) fn new(servers: Arc<Servers>, session: Session) -> Self {
+        Self(Line::new(servers, Purpose::Telemetry, session))
+    }
+
+    /// Does some work in a transaction.
+    async fn transact(&mut self, work: Work<'_>) -> Result<u64, StoreError> {
+        let (session, keys) = self.0.open().await?;
+        session.begin(BEGIN_TELEMETRY).await?;
+        let done = match work {
+            Work::Write(batch) => telemetry::write(session, keys, batch).await.map(|()| 0),
+            Work::Prune(aged, before_s) => telemetry::prune(session, aged, before_s).await,
+        };
+        let done = match done {
+            Ok(rows) => match session.commit().await {
+                Ok(()) => return Ok(rows),
+                Err(error) => Err(StoreError::Commit(Arc::new(error))),
+            },
+            Err(error) => Err(error),
+        };
+        // Some of these may have been made by the transaction that is gone.
+        keys.clear();
+        session.roll_back().await;
+        done
+    }
+}
+
+/// What a transaction of telemetry does.
+enum Work<'b> {
+    Write(&'b Batch),
+    Prune(Aged, i64),
+}
+
+#[async_trait]
+impl TelemetryWriter for Telemetry {
+    async fn write(&mut self, batch: &Batch) -> Result<(), StoreError> {
+        self.transact(Work::Write(batch)).await.map(drop)
+    }
+
+    async fn prune(&mut self, aged: Aged, before_s: i64) -> Result<u64, StoreError> {
+        self.transact(Work::Prune(aged, before_s)).await
+    }
+
+    async fn close(self: Box<Self>) -> Result<(), StoreError> {
+        self.0.close().await;
+        Ok(())
+    }
+}

@@ -1,0 +1,333 @@
+//! Where a PostgreSQL is: `postgres://user@host1,host2:5433/database?sslmode=verify-full`.
+
+use std::fmt;
+use std::net::IpAddr;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use thiserror::Error;
+use url::Url;
+
+/// The port of PostgreSQL where none is named.
+const PORT: u16 = 5_432;
+
+/// Hosts that a URL may name.
+pub const HOSTS_MAX: usize = 16;
+
+/// Where a database is, and how it is reached. It never holds a password.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PostgresUrl {
+    /// The role that signs in.
+    pub user: String,
+    /// The database on the server.
+    pub database: String,
+    /// Where the server may be; the first that can be written is used.
+    pub servers: Vec<Server>,
+    /// How much is asked of TLS.
+    pub tls: TlsMode,
+    /// The certificates that are trusted, PEM; those of the system without it.
+    pub root_certificate: Option<PathBuf>,
+    /// The certificate that this client shows, PEM.
+    pub client_certificate: Option<PathBuf>,
+    /// Its key, PEM.
+    pub client_key: Option<PathBuf>,
+}
+
+/// Where one server is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Server {
+    /// A host name or address, and a port.
+    Tcp {
+        /// The host.
+        host: String,
+        /// The port.
+        port: u16,
+    },
+    /// A Unix socket in a folder.
+    Socket {
+        /// The folder.
+        folder: PathBuf,
+        /// The port, which is a part of the socket's name.
+        port: u16,
+    },
+}
+
+impl Server {
+    /// Whether what is sent stays on this machine.
+    fn is_local(&self) -> bool {
+        match self {
+            Self::Socket { .. } => true,
+            Self::Tcp { host, .. } => {
+                let bare = host.trim_start_matches('[').trim_end_matches(']');
+                host == "localhost" || bare.parse().is_ok_and(|address: IpAddr| address.is_loopback())
+            }
+        }
+    }
+}
+
+impl fmt::Display for Server {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Tcp { host, port } => write!(f, "{host}:{port}"),
+            Self::Socket { folder, .. } => write!(f, "{}", folder.display()),
+        }
+    }
+}
+
+/// How much is asked of TLS, as libpq names it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TlsMode {
+    /// None.
+    Disable,
+    /// Where the server offers it.
+    Prefer,
+    /// Always, with whatever certificate.
+    Require,
+    /// With a certificate that is trusted, of whatever host.
+    VerifyCa,
+    /// With a certificate that is trusted and of this host.
+    VerifyFull,
+}
+
+impl TlsMode {
+    fn parse(text: &str) -> Option<Self> {
+        Some(match text {
+            "disable" => Self::Disable,
+            "prefer" => Self::Prefer,
+            "require" => Self::Require,
+            "verify-ca" => Self::VerifyCa,
+            "verify-full" => Self::VerifyFull,
+            _ => return None,
+        })
+    }
+}
+
+/// A text is no URL of a database.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum DatabaseUrlRefused {
+    /// It is no URL of PostgreSQL.
+    #[error(
+        "database: got {got:?}, expected postgres://USER@HOST[:PORT][,HOST…]/DATABASE or \
+         postgres://USER@/DATABASE?host=/FOLDER"
+    )]
+    Form {
+        /// The text, without what may be a password.
+        got: String,
+    },
+    /// It holds a password.
+    #[error(
+        "database: got a URL with a password, expected one without; put the password into a file \
+         and name it with --database-password-file or PGPASSFILE"
+    )]
+    Password,
+    /// A parameter is unknown.
+    #[error(
+        "database: got the parameter {got:?}, expected sslmode, sslrootcert, sslcert, sslkey or host"
+    )]
+    Parameter {
+        /// Its name.
+        got: String,
+    },
+    /// The mode of TLS is unknown.
+    #[error(
+        "database: got sslmode={got:?}, expected disable, prefer, require, verify-ca or verify-full"
+    )]
+    Tls {
+        /// What was given.
+        got: String,
+    },
+    /// It names too many hosts.
+    #[error("database: got {got} hosts, expected {HOSTS_MAX} at most")]
+    Hosts {
+        /// How many.
+        got: usize,
+    },
+}
+
+impl FromStr for PostgresUrl {
+    type Err = DatabaseUrlRefused;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let (user_info, hosts, rest) = parts(text)?;
+        let count = hosts.split(',').count();
+        if count > HOSTS_MAX {
+            return Err(DatabaseUrlRefused::Hosts { got: count });
+        }
+        let mut found: Option<Self> = None;
+        for host in hosts.split(',') {
+            // One host at a time is a URL as anyone reads it.
+            let url = Url::parse(&format!("postgres://{user_info}@{host}/{rest}"));
+            let one = Self::of_one(&url.map_err(|_| form(text))?, text)?;
+            match &mut found {
+                Some(all) => all.servers.extend(one.servers),
+                None => found = Some(one),
+            }
+        }
+        let mut found = found.ok_or_else(|| form(text))?;
+        let named = found.tls_named(text)?;
+        let local = found.servers.iter().all(Server::is_local);
+        let usual = if local { TlsMode::Prefer } else { TlsMode::VerifyFull };
+        found.tls = named.unwrap_or(usual);
+        Ok(found)
+    }
+}
+
+/// A URL's user, hosts, and what follows them.
+fn parts(text: &str) -> Result<(&str, &str, &str), DatabaseUrlRefused> {
+    let scheme = ["postgres://", "postgresql://"];
+    let after = scheme.iter().find_map(|scheme| text.strip_prefix(scheme));
+    let (authority, rest) = after
+        .and_then(|after| after.split_once('/'))
+        .ok_or_else(|| form(text))?;
+    let (user_info, hosts) = authority.rsplit_once('@').ok_or_else(|| form(text))?;
+    if user_info.contains(':') {
+        return Err(DatabaseUrlRefused::Password);
+    }
+    if user_info.is_empty() {
+        return Err(form(text));
+    }
+    Ok((user_info, hosts, rest))
+}
+
+/// The refusal of a text, of which only the scheme is repeated: it may hold a password.
+fn form(text: &str) -> DatabaseUrlRefused {
+    let got = match text.split_once("://") {
+        Some((scheme, _)) => format!("{scheme}://…"),
+        None => text.to_owned(),
+    };
+    DatabaseUrlRefused::Form { got }
+}
+
+impl PostgresUrl {
+    /// What a URL with one host says.
+    fn of_one(url: &Url, text: &str) -> Result<Self, DatabaseUrlRefused> {
+        let database = decoded(url.path().trim_start_matches('/'));
+        if database.is_empty() || database.contains('/') {
+            return Err(form(text));
+        }
+        let port = url.port().unwrap_or(PORT);
+        let mut server = url.host_str().filter(|host| !host.is_empty()).map(|host| Server::Tcp {
+            host: host.to_owned(),
+            port,
+        });
+        let mut one = Self {
+            user: decoded(url.username()),
+            database,
+            servers: Vec::new(),
+            tls: TlsMode::VerifyFull,
+            root_certificate: None,
+            client_certificate: None,
+            client_key: None,
+        };
+        for (name, value) in url.query_pairs() {
+            match name.as_ref() {
+                "sslmode" => {}
+                "sslrootcert" => one.root_certificate = Some(PathBuf::from(&*value)),
+                "sslcert" => one.client_certificate = Some(PathBuf::from(&*value)),
+                "sslkey" => one.client_key = Some(PathBuf::from(&*value)),
+                "host" if value.starts_with('/') && server.is_none() => {
+                    server = Some(Server::Socket {
+                        folder: PathBuf::from(&*value),
+                        port,
+                    });
+                }
+                "password" => return Err(DatabaseUrlRefused::Password),
+                _ => {
+                    return Err(DatabaseUrlRefused::Parameter {
+                        got: name.into_owned(),
+                    });
+                }
+            }
+        }
+        one.servers.push(server.ok_or_else(|| form(text))?);
+        Ok(one)
+    }
+
+    /// The mode of TLS that a URL names.
+    fn tls_named(&self, text: &str) -> Result<Option<TlsMode>, DatabaseUrlRefused> {
+        let query = text.split_once('?').map_or("", |(_, query)| query);
+        let mut pairs = url::form_urlencoded::parse(query.as_bytes());
+        let Some((_, mode)) = pairs.find(|(name, _)| name == "sslmode") else {
+            return Ok(None);
+        };
+        let refused = || DatabaseUrlRefused::Tls {
+            got: mode.clone().into_owned(),
+        };
+        TlsMode::parse(&mode).map(Some).ok_or_else(refused)
+    }
+}
+
+/// Text out of a part of a URL.
+fn decoded(part: &str) -> String {
+    let form = part.replace('+', "%2B");
+    let mut pairs = url::form_urlencoded::parse(form.as_bytes());
+    pairs.next().map(|(text, _)| text.into_owned()).unwrap_or_default()
+}
+
+impl fmt::Display for PostgresUrl {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let servers: Vec<String> = self.servers.iter().map(ToString::to_string).collect();
+        write!(f, "postgres://{}@{}/{}", self.user, servers.join(","), self.database)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parsed(text: &str) -> PostgresUrl {
+        text.parse().unwrap()
+    }
+
+    fn refused(text: &str) -> String {
+        text.parse::<PostgresUrl>().unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_url_names_hosts_in_order() {
+        let url = parsed("postgres://fleet%20cal@db1,db2:5433,[fd00::1]/fleet?sslrootcert=/ca.pem");
+        assert_eq!(url.user, "fleet cal");
+        assert_eq!(url.database, "fleet");
+        let servers: Vec<String> = url.servers.iter().map(ToString::to_string).collect();
+        assert_eq!(servers, ["db1:5432", "db2:5433", "[fd00::1]:5432"]);
+        assert_eq!(url.tls, TlsMode::VerifyFull);
+        assert_eq!(url.root_certificate, Some(PathBuf::from("/ca.pem")));
+    }
+
+    #[test]
+    fn tls_is_verified_unless_the_machine_is_this_one_or_a_weaker_mode_is_named() {
+        assert_eq!(parsed("postgres://f@127.0.0.1/f").tls, TlsMode::Prefer);
+        assert_eq!(parsed("postgres://f@localhost:1/f").tls, TlsMode::Prefer);
+        assert_eq!(parsed("postgres://f@[::1]/f").tls, TlsMode::Prefer);
+        assert_eq!(parsed("postgres://f@/f?host=/run/postgresql").tls, TlsMode::Prefer);
+        assert_eq!(parsed("postgres://f@localhost,db/f").tls, TlsMode::VerifyFull);
+        assert_eq!(parsed("postgres://f@db/f?sslmode=require").tls, TlsMode::Require);
+        let said = refused("postgres://f@db/f?sslmode=allow");
+        assert!(said.contains("got sslmode=\"allow\", expected disable"), "{said}");
+    }
+
+    #[test]
+    fn a_password_is_refused_and_not_repeated() {
+        for text in [
+            "postgres://f:secret@db/f",
+            "postgres://f@db/f?password=secret",
+            "postgres://f:se@cret@db/f",
+        ] {
+            let said = refused(text);
+            assert!(said.contains("got a URL with a password"), "{said}");
+            assert!(!said.contains("cret"), "{said}");
+        }
+        assert!(!refused("postgres://f:secret@db").contains("secret"));
+    }
+
+    #[test]
+    fn what_is_no_url_is_refused_with_the_form_that_is_expected() {
+        for text in ["", "db", "mysql://f@db/f", "postgres://db/f", "postgres://f@db", "postgres://f@/f"] {
+            let said = refused(text);
+            assert!(said.contains("expected postgres://USER@HOST"), "{text}: {said}");
+        }
+        assert!(refused("postgres://f@db/f?ssl=1").contains("got the parameter \"ssl\""));
+        let many = vec!["h"; HOSTS_MAX + 1].join(",");
+        assert!(refused(&format!("postgres://f@{many}/f")).contains("got 17 hosts"));
+    }
+}
