@@ -83,8 +83,14 @@ impl fmt::Display for Unusable<'_> {
         match self.0 {
             Error::Database(told) => {
                 let code = told.code();
-                let refused = code.as_deref().is_some_and(|code| state::REFUSED.contains(&code));
-                let verb = if refused { "refuses the user" } else { "refuses" };
+                let refused = code
+                    .as_deref()
+                    .is_some_and(|code| state::REFUSED.contains(&code));
+                let verb = if refused {
+                    "refuses the user"
+                } else {
+                    "refuses"
+                };
                 write!(f, "{verb}: {}", told.message())
             }
             Error::Io(error) => write!(f, "cannot be reached: {error}"),

@@ -9,6 +9,7 @@ mod connection;
 mod failure;
 mod schema;
 mod servers;
+mod testing;
 mod writer;
 
 use std::path::PathBuf;
@@ -26,6 +27,9 @@ use servers::{Purpose, Servers};
 use writer::{Records, Telemetry};
 
 pub use schema::migrate;
+#[doc(hidden)]
+pub use testing::create_for_test;
+pub use writer::JobRuns;
 
 /// A future that is compiled in this crate, and not in each that awaits it.
 pub type Boxed<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
@@ -68,6 +72,20 @@ pub fn open(
     held: Box<dyn std::fmt::Debug + Send + Sync>,
     clock: SharedClock,
 ) -> Boxed<'static, Result<Store, StoreError>> {
+    open_with(setup, held, clock, JobRuns::Once)
+}
+
+/// The same, with jobs that may be run twice.
+///
+/// # Errors
+/// As [`open`].
+#[doc(hidden)]
+pub fn open_with(
+    setup: PostgresSetup,
+    held: Box<dyn std::fmt::Debug + Send + Sync>,
+    clock: SharedClock,
+    jobs: JobRuns,
+) -> Boxed<'static, Result<Store, StoreError>> {
     Box::pin(async move {
         let servers = Arc::new(Servers::new(setup)?);
         schema::bring(&servers).await?;
@@ -80,7 +98,7 @@ pub fn open(
             _held: held,
         });
         Ok(Store::start(
-            Records::new(Arc::clone(&servers), records),
+            Records::new(Arc::clone(&servers), records, jobs),
             Telemetry::new(servers, telemetry),
             reader,
             database,
@@ -94,9 +112,7 @@ pub fn open(
 /// # Errors
 /// [`StoreError::Server`] when no server can be used, [`StoreError::OtherSchema`] when the database
 /// has another schema.
-pub fn administration(
-    setup: PostgresSetup,
-) -> Boxed<'static, Result<Administration, StoreError>> {
+pub fn administration(setup: PostgresSetup) -> Boxed<'static, Result<Administration, StoreError>> {
     Box::pin(async move {
         let servers = Arc::new(Servers::new(setup)?);
         let mut records = Session::new(servers.connect(Purpose::Records).await?);
@@ -106,7 +122,7 @@ pub fn administration(
             return Err(StoreError::OtherSchema { found, known });
         }
         let reader = SqlReader::new(servers.read_pool().await?);
-        let writer = Records::new(servers, records);
+        let writer = Records::new(servers, records, JobRuns::Once);
         Ok(Administration::new(writer, reader, None))
     })
 }

@@ -97,9 +97,14 @@ async fn grant(servers: &Servers, session: &mut Session, role: &str) -> Result<(
     };
     let rows = session.rows(quoted).await;
     let rows = rows.map_err(StoreError::database("look for a role"))?;
-    let Some(Value::Text(Some(role))) = rows.into_iter().next().and_then(|row| row.0.into_iter().next())
+    let Some(Value::Text(Some(role))) = rows
+        .into_iter()
+        .next()
+        .and_then(|row| row.0.into_iter().next())
     else {
-        return Err(refused(format!("has no role {role:?}; `CREATE ROLE` makes one")));
+        return Err(refused(format!(
+            "has no role {role:?}; `CREATE ROLE` makes one"
+        )));
     };
     for sql in [
         format!("GRANT SELECT, INSERT, UPDATE, DELETE ON ALL TABLES IN SCHEMA public TO {role}"),

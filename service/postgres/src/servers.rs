@@ -189,7 +189,9 @@ async fn connect_to(options: &PgConnectOptions, purpose: Purpose) -> Result<PgCo
     let is_standby: bool = row.try_get(1).map_err(unusable)?;
     if version < VERSION_MIN {
         let (found, expected) = (version / 10_000, VERSION_MIN / 10_000);
-        return Err(format!("is PostgreSQL {found}, expected {expected} or newer"));
+        return Err(format!(
+            "is PostgreSQL {found}, expected {expected} or newer"
+        ));
     }
     if is_standby {
         return Err("is a standby, which cannot be written".to_owned());
@@ -226,11 +228,17 @@ fn options_of(
         }
     };
     plain.set_port(Some(port)).map_err(|()| refused())?;
-    let mut options: PgConnectOptions = plain.as_str().parse().map_err(|error: sqlx::Error| error.to_string())?;
+    let mut options: PgConnectOptions = plain
+        .as_str()
+        .parse()
+        .map_err(|error: sqlx::Error| error.to_string())?;
     options = options
         .application_name("fleetcal")
         .ssl_mode(ssl_mode(url.tls))
-        .log_slow_statements(tracing::log::LevelFilter::Off, limits::POSTGRES_STATEMENT_TIMEOUT);
+        .log_slow_statements(
+            tracing::log::LevelFilter::Off,
+            limits::POSTGRES_STATEMENT_TIMEOUT,
+        );
     if let Some(password) = password {
         options = options.password(password);
     }

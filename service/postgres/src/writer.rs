@@ -56,7 +56,19 @@ impl Line {
 
 /// The connection of jobs.
 #[derive(Debug)]
-pub(crate) struct Records(Line);
+pub(crate) struct Records {
+    line: Line,
+    jobs: JobRuns,
+}
+
+/// How often each job is run at least.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum JobRuns {
+    /// Once, and again when another transaction stood in its way.
+    Once,
+    /// First in vain, then again: so tests find a job that cannot be run again.
+    Twice,
+}
 
 /// How one attempt at a job ended.
 enum Attempted {
@@ -69,16 +81,22 @@ enum Attempted {
 }
 
 impl Records {
-    pub(crate) fn new(servers: Arc<Servers>, session: Session) -> Self {
-        Self(Line::new(servers, Purpose::Records, session))
+    pub(crate) fn new(servers: Arc<Servers>, session: Session, jobs: JobRuns) -> Self {
+        Self {
+            line: Line::new(servers, Purpose::Records, session),
+            jobs,
+        }
     }
 
     /// Runs a job until no other transaction stands in its way.
     async fn run_one(&mut self, job: &mut Waiting) -> Attempted {
         let mut pause = limits::POSTGRES_CONFLICT_PAUSE;
         let mut last = StoreError::Closed;
+        if self.jobs == JobRuns::Twice {
+            self.attempt(job, false).await;
+        }
         for _ in 0..limits::POSTGRES_CONFLICT_TRIES {
-            match self.attempt(job).await {
+            match self.attempt(job, true).await {
                 Attempted::Again(error) => last = error,
                 ended => return ended,
             }
@@ -88,8 +106,9 @@ impl Records {
         Attempted::Ended(Err(last))
     }
 
-    async fn attempt(&mut self, job: &mut Waiting) -> Attempted {
-        let (session, keys) = match self.0.open().await {
+    /// Runs a job once, and commits what it wrote where it is to be `kept`.
+    async fn attempt(&mut self, job: &mut Waiting, kept: bool) -> Attempted {
+        let (session, keys) = match self.line.open().await {
             Ok(open) => open,
             Err(error) => return Attempted::Lost(error),
         };
@@ -105,14 +124,14 @@ impl Records {
             })
             .await;
         let attempted = match (session.fate(), ended) {
-            (Fate::Well, Ok(())) => match committed(session).await {
+            (Fate::Well, Ok(())) if kept => match committed(session).await {
                 Attempted::Ended(Ok(())) => return Attempted::Ended(Ok(())),
                 not_committed => not_committed,
             },
+            // A refusal: the job tells it.
+            (Fate::Well, _) => Attempted::Ended(Ok(())),
             // A failure that the job has made nothing of: COMMIT would undo it without a word.
             (fate, Ok(())) => unwritten(fate, StoreError::database("run a job")(Swallowed)),
-            // A refusal: the job tells it.
-            (Fate::Well, Err(_)) => Attempted::Ended(Ok(())),
             (fate, Err(error)) => unwritten(fate, error),
         };
         for robot in learnt {
@@ -172,7 +191,7 @@ impl RecordWriter for Records {
                 Attempted::Again(error) => job.settle(Err(error)),
                 Attempted::Lost(error) => {
                     job.settle(Err(error.clone()));
-                    self.0.session = None;
+                    self.line.session = None;
                     failure = Some(beside(error));
                 }
             }
@@ -181,7 +200,7 @@ impl RecordWriter for Records {
     }
 
     async fn close(self: Box<Self>) -> Result<(), StoreError> {
-        self.0.close().await;
+        self.line.close().await;
         Ok(())
     }
 }

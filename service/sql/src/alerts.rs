@@ -42,13 +42,12 @@ impl AlertRecords for SqlRecords<'_> {
     }
 
     async fn add_alert(&mut self, alert: &Alert) -> Result<AlertId, StoreError> {
-        let id =
-            query_scalar("INSERT INTO alert (record, rank) VALUES ($1, $2) RETURNING id")
-                .bind(json(TABLE, alert)?)
-                .bind(i64::from(alert.rank()))
-                .fetch_one(&mut *self.connection)
-                .await
-                .map_err(StoreError::database("write an alert"))?;
+        let id = query_scalar("INSERT INTO alert (record, rank) VALUES ($1, $2) RETURNING id")
+            .bind(json(TABLE, alert)?)
+            .bind(i64::from(alert.rank()))
+            .fetch_one(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("write an alert"))?;
         number(id).map(AlertId)
     }
 
@@ -107,7 +106,9 @@ impl AlertRecords for SqlRecords<'_> {
 }
 
 /// Every alert that is not over.
-pub(super) async fn active_alerts(connection: &mut dyn Connection) -> Result<Vec<Alert>, StoreError> {
+pub(super) async fn active_alerts(
+    connection: &mut dyn Connection,
+) -> Result<Vec<Alert>, StoreError> {
     let rows = query("SELECT id, record FROM alert WHERE state <> 'normal' ORDER BY id")
         .fetch_all(&mut *connection)
         .await
@@ -135,9 +136,7 @@ pub(super) async fn alerts(
     }
     alerts = match filter.selection {
         Some(AlertSelection::Active) => alerts.push(" AND state <> 'normal'"),
-        Some(AlertSelection::In(state)) => {
-            alerts.push(" AND state = ").push_bind(state.as_str())
-        }
+        Some(AlertSelection::In(state)) => alerts.push(" AND state = ").push_bind(state.as_str()),
         None => alerts,
     };
     if let Some((rank, id)) = filter.after {

@@ -21,9 +21,9 @@ use fleetcal_store::{
 use super::connection::{Connection, Pool, StatementError};
 use super::dialect::Dialect;
 use super::query::{Statement, query, query_scalar};
-use super::value::Row;
 use super::row::{column, corrupt, parsed, robot_id, robot_time, wall_time};
-use super::{alerts, history, events, policy, records, robots, webhooks};
+use super::value::Row;
+use super::{alerts, events, history, policy, records, robots, webhooks};
 
 /// What reads, over a pool of connections.
 #[derive(Debug)]

@@ -21,7 +21,9 @@ pub(super) const LIVE: &str =
     "state IN ('queued', 'offered', 'applied', 'verifying', 'rolling_back')";
 
 /// The records of every robot that has any.
-pub(super) async fn ledgers(connection: &mut dyn Connection) -> Result<Vec<RobotLedger>, StoreError> {
+pub(super) async fn ledgers(
+    connection: &mut dyn Connection,
+) -> Result<Vec<RobotLedger>, StoreError> {
     let failed = || StoreError::database("read the robots' records");
     let mut found: BTreeMap<RobotId, RobotLedger> = BTreeMap::new();
     let rows = query("SELECT record FROM shadow")
@@ -37,7 +39,8 @@ pub(super) async fn ledgers(connection: &mut dyn Connection) -> Result<Vec<Robot
         let new = || RobotLedger::new(robot.clone());
         take(found.entry(robot.clone()).or_insert_with(new));
     };
-    let rows = query("SELECT record FROM proposal WHERE state = 'proposed'").fetch_all(&mut *connection);
+    let rows =
+        query("SELECT record FROM proposal WHERE state = 'proposed'").fetch_all(&mut *connection);
     for row in rows.await.map_err(failed())? {
         let open: Proposal = record(&row, "proposal", 0)?;
         of(&open.robot.clone(), &mut |ledger| {
@@ -78,7 +81,9 @@ pub(super) async fn envelope(
 }
 
 /// What waits to be sent.
-pub(super) async fn outbox(connection: &mut dyn Connection) -> Result<Vec<(RobotId, OutboxEntry)>, StoreError> {
+pub(super) async fn outbox(
+    connection: &mut dyn Connection,
+) -> Result<Vec<(RobotId, OutboxEntry)>, StoreError> {
     let rows = query("SELECT robot, kind, generation FROM outbox ORDER BY robot, kind")
         .fetch_all(&mut *connection)
         .await

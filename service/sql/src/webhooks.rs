@@ -41,13 +41,12 @@ impl WebhookRecords for SqlRecords<'_> {
         webhook: &Webhook,
         secret: &Secret,
     ) -> Result<WebhookId, StoreError> {
-        let id =
-            query_scalar("INSERT INTO webhook (record, secret) VALUES ($1, $2) RETURNING id")
-                .bind(json("webhook", webhook)?)
-                .bind(secret.as_bytes())
-                .fetch_one(&mut *self.connection)
-                .await
-                .map_err(StoreError::database("write a webhook"))?;
+        let id = query_scalar("INSERT INTO webhook (record, secret) VALUES ($1, $2) RETURNING id")
+            .bind(json("webhook", webhook)?)
+            .bind(secret.as_bytes())
+            .fetch_one(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("write a webhook"))?;
         number(id).map(WebhookId)
     }
 
@@ -181,7 +180,10 @@ pub(super) async fn deliveries(
 }
 
 /// The oldest delivery of each webhook that is due.
-pub(super) async fn due(connection: &mut dyn Connection, now: WallTime) -> Result<Vec<DueDelivery>, StoreError> {
+pub(super) async fn due(
+    connection: &mut dyn Connection,
+    now: WallTime,
+) -> Result<Vec<DueDelivery>, StoreError> {
     let sql = concat!(
         "SELECT ",
         delivery_columns!(),

@@ -14,8 +14,8 @@ use std::sync::Arc;
 use fleetcal_clock::SharedClock;
 use fleetcal_domain::limits;
 use fleetcal_model::WallTime;
-use fleetcal_store::backend::{Database, Reader as _};
 use fleetcal_sql::{SqlReader, telemetry};
+use fleetcal_store::backend::{Database, Reader as _};
 use fleetcal_store::{Store, StoreError};
 use sqlx::migrate::{MigrateError, Migrator};
 use sqlx::sqlite::{

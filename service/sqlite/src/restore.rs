@@ -5,9 +5,9 @@ use std::io::{ErrorKind, Write as _};
 use std::path::Path;
 use std::sync::Arc;
 
-use fleetcal_proto::signing::KEY_BYTES;
 use fleetcal_folder::Folder;
 use fleetcal_folder::signing_key::KEY_FILE;
+use fleetcal_proto::signing::KEY_BYTES;
 use fleetcal_store::StoreError;
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions as _, SqliteConnection};

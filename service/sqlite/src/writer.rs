@@ -4,10 +4,10 @@
 use std::sync::Arc;
 
 use async_trait::async_trait;
-use fleetcal_store::backend::{Aged, Batch, RecordWriter, TelemetryWriter};
 use fleetcal_sql::{Keys, SqlRecords, telemetry};
-use fleetcal_store::transaction::Waiting;
 use fleetcal_store::StoreError;
+use fleetcal_store::backend::{Aged, Batch, RecordWriter, TelemetryWriter};
+use fleetcal_store::transaction::Waiting;
 use sqlx::sqlite::{Sqlite, SqliteConnectOptions, SqliteConnection};
 use sqlx::{ConnectOptions, Connection, Transaction};
 use tokio::sync::Mutex;

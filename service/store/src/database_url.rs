@@ -59,7 +59,10 @@ impl Server {
             Self::Socket { .. } => true,
             Self::Tcp { host, .. } => {
                 let bare = host.trim_start_matches('[').trim_end_matches(']');
-                host == "localhost" || bare.parse().is_ok_and(|address: IpAddr| address.is_loopback())
+                host == "localhost"
+                    || bare
+                        .parse()
+                        .is_ok_and(|address: IpAddr| address.is_loopback())
             }
         }
     }
@@ -166,7 +169,11 @@ impl FromStr for PostgresUrl {
         let mut found = found.ok_or_else(|| form(text))?;
         let named = found.tls_named(text)?;
         let local = found.servers.iter().all(Server::is_local);
-        let usual = if local { TlsMode::Prefer } else { TlsMode::VerifyFull };
+        let usual = if local {
+            TlsMode::Prefer
+        } else {
+            TlsMode::VerifyFull
+        };
         found.tls = named.unwrap_or(usual);
         Ok(found)
     }
@@ -206,10 +213,13 @@ impl PostgresUrl {
             return Err(form(text));
         }
         let port = url.port().unwrap_or(PORT);
-        let mut server = url.host_str().filter(|host| !host.is_empty()).map(|host| Server::Tcp {
-            host: host.to_owned(),
-            port,
-        });
+        let mut server = url
+            .host_str()
+            .filter(|host| !host.is_empty())
+            .map(|host| Server::Tcp {
+                host: host.to_owned(),
+                port,
+            });
         let mut one = Self {
             user: decoded(url.username()),
             database,
@@ -261,13 +271,22 @@ impl PostgresUrl {
 fn decoded(part: &str) -> String {
     let form = part.replace('+', "%2B");
     let mut pairs = url::form_urlencoded::parse(form.as_bytes());
-    pairs.next().map(|(text, _)| text.into_owned()).unwrap_or_default()
+    pairs
+        .next()
+        .map(|(text, _)| text.into_owned())
+        .unwrap_or_default()
 }
 
 impl fmt::Display for PostgresUrl {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let servers: Vec<String> = self.servers.iter().map(ToString::to_string).collect();
-        write!(f, "postgres://{}@{}/{}", self.user, servers.join(","), self.database)
+        write!(
+            f,
+            "postgres://{}@{}/{}",
+            self.user,
+            servers.join(","),
+            self.database
+        )
     }
 }
 
@@ -299,11 +318,23 @@ mod tests {
         assert_eq!(parsed("postgres://f@127.0.0.1/f").tls, TlsMode::Prefer);
         assert_eq!(parsed("postgres://f@localhost:1/f").tls, TlsMode::Prefer);
         assert_eq!(parsed("postgres://f@[::1]/f").tls, TlsMode::Prefer);
-        assert_eq!(parsed("postgres://f@/f?host=/run/postgresql").tls, TlsMode::Prefer);
-        assert_eq!(parsed("postgres://f@localhost,db/f").tls, TlsMode::VerifyFull);
-        assert_eq!(parsed("postgres://f@db/f?sslmode=require").tls, TlsMode::Require);
+        assert_eq!(
+            parsed("postgres://f@/f?host=/run/postgresql").tls,
+            TlsMode::Prefer
+        );
+        assert_eq!(
+            parsed("postgres://f@localhost,db/f").tls,
+            TlsMode::VerifyFull
+        );
+        assert_eq!(
+            parsed("postgres://f@db/f?sslmode=require").tls,
+            TlsMode::Require
+        );
         let said = refused("postgres://f@db/f?sslmode=allow");
-        assert!(said.contains("got sslmode=\"allow\", expected disable"), "{said}");
+        assert!(
+            said.contains("got sslmode=\"allow\", expected disable"),
+            "{said}"
+        );
     }
 
     #[test]
@@ -322,9 +353,19 @@ mod tests {
 
     #[test]
     fn what_is_no_url_is_refused_with_the_form_that_is_expected() {
-        for text in ["", "db", "mysql://f@db/f", "postgres://db/f", "postgres://f@db", "postgres://f@/f"] {
+        for text in [
+            "",
+            "db",
+            "mysql://f@db/f",
+            "postgres://db/f",
+            "postgres://f@db",
+            "postgres://f@/f",
+        ] {
             let said = refused(text);
-            assert!(said.contains("expected postgres://USER@HOST"), "{text}: {said}");
+            assert!(
+                said.contains("expected postgres://USER@HOST"),
+                "{text}: {said}"
+            );
         }
         assert!(refused("postgres://f@db/f?ssl=1").contains("got the parameter \"ssl\""));
         let many = vec!["h"; HOSTS_MAX + 1].join(",");

@@ -24,7 +24,8 @@ pub(super) const TOKEN: &str = "t.id, t.name, t.role, t.robot, t.sha256, t.creat
 #[async_trait]
 impl AccountReader for SqlReader {
     async fn users(&self, after: i64, limit: u32) -> Result<Vec<UserRecord>, StoreError> {
-        let sql = format!(r#"SELECT {USER} FROM "user" AS u WHERE u.id > $1 ORDER BY u.id LIMIT $2"#);
+        let sql =
+            format!(r#"SELECT {USER} FROM "user" AS u WHERE u.id > $1 ORDER BY u.id LIMIT $2"#);
         let rows = query(sql)
             .bind(after)
             .bind(limit)

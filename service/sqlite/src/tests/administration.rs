@@ -1,37 +1,11 @@
 //! Commands beside the service and without it.
 
-use async_trait::async_trait;
-use fleetcal_domain::access::{AccountName, Grant, PasswordHash, Role};
-use fleetcal_model::{UserId, Version, WallTime};
-use fleetcal_store::{Job, Records, StoreError, UserRecord};
+use fleetcal_contract::AddUser;
+use fleetcal_store::StoreError;
 use sqlx::ConnectOptions;
 
 use super::*;
 use crate::{Restored, administration, backup, restore};
-
-/// Adds an administrator of this name.
-#[derive(Debug)]
-pub(super) struct AddUser(pub(super) &'static str);
-
-#[async_trait]
-impl Job for AddUser {
-    type Done = UserId;
-
-    async fn run(&self, records: &mut dyn Records) -> Result<UserId, StoreError> {
-        let user = UserRecord {
-            id: UserId(0),
-            name: AccountName::parse(self.0).unwrap(),
-            grant: Grant::of_person(Role::Admin).unwrap(),
-            password: PasswordHash::stored("hash".to_owned()),
-            disabled: false,
-            version: Version(1),
-            created_ns: WallTime(1),
-            updated_ns: WallTime(1),
-            signed_in_ns: None,
-        };
-        records.add_user(&user).await
-    }
-}
 
 async fn raw(folder: &Path) -> sqlx::SqliteConnection {
     sqlx::sqlite::SqliteConnectOptions::new()

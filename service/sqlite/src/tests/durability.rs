@@ -8,8 +8,8 @@ use fleetcal_domain::limits;
 use fleetcal_store::StoreError;
 use sqlx::{ConnectOptions, Connection};
 
-use super::administration::AddUser;
 use super::*;
+use fleetcal_contract::AddUser;
 
 /// Tells the child process which folder to write to.
 const FOLDER: &str = "FLEETCAL_TEST_STORE";

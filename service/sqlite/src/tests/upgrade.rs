@@ -5,6 +5,7 @@ use fleetcal_proto::calibration::CalibrationValues;
 
 use super::durability::raw;
 use super::*;
+use fleetcal_contract::NS;
 use fleetcal_domain::approval::{
     Deployment, DeploymentState, Evidence, GenerationRef, Origin, Revision, Shadow,
 };

@@ -1,56 +1,20 @@
 //! Robots, checkpoints, current estimates and events.
 
+use std::sync::Arc;
 use std::time::Duration;
 
-use async_trait::async_trait;
-use fleetcal_domain::robot::{HistoryEvent, Journal, RobotConfig};
-use fleetcal_model::{EventId, RobotTime, Version, WallTime};
-use fleetcal_store::{EventKind, EventSource, Job, NewEvent, Records, StoreError};
-
-use super::*;
-
-pub(super) fn config(wheelbase_m: f64) -> RobotConfig {
-    serde_json::from_value(serde_json::json!({"model": "bicycle", "wheelbase_m": wheelbase_m}))
-        .unwrap()
-}
-
-pub(super) fn event(note: &str) -> NewEvent {
-    NewEvent {
-        robot: robot("a"),
-        kind: EventKind::Reassembled,
-        stamp_ns: RobotTime(5),
-        received_ns: WallTime(NOW_S * NS),
-        source: EventSource::Person,
-        author: Some("Ann".to_owned()),
-        note: Some(note.to_owned()),
-        details: Some(serde_json::json!({"change": {"lidar_x": 0.1}})),
-    }
-}
-
-/// Keeps the configuration of robot `a` and an event; gives the event's number.
-#[derive(Debug)]
-pub(super) struct KeepRobot(pub(super) RobotConfig, pub(super) NewEvent);
-
-#[async_trait]
-impl Job for KeepRobot {
-    type Done = EventId;
-
-    async fn run(&self, records: &mut dyn Records) -> Result<EventId, StoreError> {
-        let Self(config, event) = self;
-        let version = records.robot(&robot("a")).await?.map_or(0, |a| a.version.0) + 1;
-        let now = NOW_S * NS;
-        records
-            .save_config(&robot("a"), config, Version(version), WallTime(now))
-            .await?;
-        records.add_event(event).await
-    }
-}
+use fleetcal_contract::{
+    KeepRobot, NOW_S, NS, TestDatabase, clock, config, estimate, event, query, record, robot,
+};
+use fleetcal_domain::robot::{HistoryEvent, Journal};
+use fleetcal_model::{RobotTime, Version, WallTime};
+use fleetcal_store::{EventKind, StoreError};
 
 #[tokio::test]
 async fn everything_is_there_after_a_restart() {
-    let folder = tempfile::tempdir().unwrap();
+    let database = TestDatabase::new().await;
     let clock = clock();
-    let store = open(folder.path(), &clock).await;
+    let store = database.open(Arc::clone(&clock)).await;
     let keep = KeepRobot(config(1.2), event("new bracket"));
     let told = store.transact(keep).await.unwrap();
     store.save_checkpoint(&robot("a"), RobotTime(7), r#"{"state": [0.1]}"#.to_owned());
@@ -61,7 +25,7 @@ async fn everything_is_there_after_a_restart() {
     assert!(matches!(store.flush().await, Err(StoreError::Closed)));
     drop(store);
 
-    let store = open(folder.path(), &clock).await;
+    let store = database.open(Arc::clone(&clock)).await;
     let robots = store.load_robots().await.unwrap();
     assert_eq!(robots.len(), 1);
     assert_eq!(
@@ -96,8 +60,8 @@ async fn everything_is_there_after_a_restart() {
 
 #[tokio::test]
 async fn a_change_that_is_told_again_says_how_far_it_went() {
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
+    let database = TestDatabase::new().await;
+    let store = database.open(clock()).await;
     let told = |stamp_ns: RobotTime, moved: serde_json::Value| {
         let change = serde_json::json!({
             "kind": "calibration_changed", "cause": "steering", "time_s": 9.0, "onset_s": 8.0,
@@ -126,8 +90,8 @@ async fn a_change_that_is_told_again_says_how_far_it_went() {
 
 #[tokio::test]
 async fn the_latest_estimate_is_kept_also_after_the_clock_was_set_back() {
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
+    let database = TestDatabase::new().await;
+    let store = database.open(clock()).await;
     store.record_history(&estimate("a", NOW_S, 0.1, 0.0), WallTime(NOW_S * NS));
     store.flush().await.unwrap();
     // By the robot's clock a second later, received 30 days before.

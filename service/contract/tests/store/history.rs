@@ -1,12 +1,12 @@
 //! Down-sampling, roll-ups and retention.
 
 use std::f64::consts::PI;
+use std::sync::Arc;
 use std::time::Duration;
 
-use fleetcal_model::WallTime;
-use fleetcal_store::{Cell, History};
-
-use super::*;
+use fleetcal_contract::{NOW_S, NS, TestDatabase, clock, estimate, query, record};
+use fleetcal_model::{Parameter, WallTime};
+use fleetcal_store::{Cell, History, HistoryQuery, Store};
 
 const START_S: i64 = NOW_S - NOW_S % 3_600;
 
@@ -36,8 +36,8 @@ async fn pruned(store: &Store, rows: u64) {
 
 #[tokio::test]
 async fn seconds_come_back_as_they_were() {
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
+    let database = TestDatabase::new().await;
+    let store = database.open(clock()).await;
     for second in [0, 1, 2, 5] {
         record(&store, "a", START_S + second, second as f64);
         record(&store, "b", START_S + second, -1.0);
@@ -82,8 +82,8 @@ async fn seconds_come_back_as_they_were() {
 
 #[tokio::test]
 async fn fixed_parameters_have_no_history() {
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
+    let database = TestDatabase::new().await;
+    let store = database.open(clock()).await;
     record(&store, "a", START_S, 0.1);
     store.flush().await.unwrap();
     let parameters = vec![Parameter::Wheelbase, Parameter::LidarX];
@@ -98,8 +98,8 @@ async fn fixed_parameters_have_no_history() {
 
 #[tokio::test]
 async fn down_sampling_keeps_extremes_and_the_limit() {
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
+    let database = TestDatabase::new().await;
+    let store = database.open(clock()).await;
     let span_s = 3 * 3_600;
     for second in 0..span_s {
         let spike = match second {
@@ -132,9 +132,9 @@ async fn down_sampling_keeps_extremes_and_the_limit() {
 
 #[tokio::test]
 async fn minutes_and_hours_tell_what_the_seconds_told() {
-    let folder = tempfile::tempdir().unwrap();
+    let database = TestDatabase::new().await;
     let clock = clock();
-    let store = open(folder.path(), &clock).await;
+    let store = database.open(Arc::clone(&clock)).await;
     for second in 0..150 {
         record(&store, "a", START_S + second, (second % 60) as f64);
     }
@@ -185,8 +185,8 @@ async fn minutes_and_hours_tell_what_the_seconds_told() {
 
 #[tokio::test]
 async fn retention_goes_by_receipt_time() {
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
+    let database = TestDatabase::new().await;
+    let store = database.open(clock()).await;
     // A robot whose clock is in 1980 sends now; one whose clock is in 2060 sent a week ago.
     let (past_s, future_s) = (315_532_800, 2_840_140_800);
     store.record_history(&estimate("past", past_s, 1.0, 0.0), WallTime(NOW_S * NS));
@@ -207,9 +207,9 @@ async fn retention_goes_by_receipt_time() {
 
 #[tokio::test]
 async fn coarser_rows_go_before_the_finer_ones_without_overlap() {
-    let folder = tempfile::tempdir().unwrap();
+    let database = TestDatabase::new().await;
     let clock = clock();
-    let store = open(folder.path(), &clock).await;
+    let store = database.open(Arc::clone(&clock)).await;
     for second in 0..200 {
         record(&store, "a", START_S + second, 1.0);
     }
@@ -237,9 +237,9 @@ async fn coarser_rows_go_before_the_finer_ones_without_overlap() {
 
 #[tokio::test]
 async fn a_recording_replayed_again_replaces_its_first_run() {
-    let folder = tempfile::tempdir().unwrap();
+    let database = TestDatabase::new().await;
     let clock = clock();
-    let store = open(folder.path(), &clock).await;
+    let store = database.open(Arc::clone(&clock)).await;
     for value in [1.0, 3.0] {
         for second in 0..90 {
             record(&store, "a", START_S + second, value);
@@ -285,9 +285,9 @@ async fn a_recording_replayed_again_replaces_its_first_run() {
 
 #[tokio::test]
 async fn a_lidar_that_looks_backwards_is_one_line() {
-    let folder = tempfile::tempdir().unwrap();
+    let database = TestDatabase::new().await;
     let clock = clock();
-    let store = open(folder.path(), &clock).await;
+    let store = database.open(Arc::clone(&clock)).await;
     for second in 0..120 {
         let yaw_rad = if second % 2 == 0 {
             PI - 0.01

@@ -1,0 +1,66 @@
+//! Jobs that several tests run.
+
+use async_trait::async_trait;
+use fleetcal_domain::access::{AccountName, Grant, PasswordHash, Role};
+use fleetcal_domain::robot::RobotConfig;
+use fleetcal_model::{EventId, UserId, Version, WallTime};
+use fleetcal_store::{Job, NewEvent, Records, StoreError, UserRecord};
+
+use crate::{NOW_S, NS, robot};
+
+/// Adds an administrator of this name.
+#[derive(Debug)]
+pub struct AddUser(pub &'static str);
+
+#[async_trait]
+impl Job for AddUser {
+    type Done = UserId;
+
+    async fn run(&self, records: &mut dyn Records) -> Result<UserId, StoreError> {
+        let user = UserRecord {
+            id: UserId(0),
+            name: AccountName::parse(self.0).unwrap(),
+            grant: Grant::of_person(Role::Admin).unwrap(),
+            password: PasswordHash::stored("hash".to_owned()),
+            disabled: false,
+            version: Version(1),
+            created_ns: WallTime(1),
+            updated_ns: WallTime(1),
+            signed_in_ns: None,
+        };
+        records.add_user(&user).await
+    }
+}
+
+/// Says whether a user is there.
+#[derive(Debug)]
+pub struct IsThere(pub &'static str);
+
+#[async_trait]
+impl Job for IsThere {
+    type Done = bool;
+
+    async fn run(&self, records: &mut dyn Records) -> Result<bool, StoreError> {
+        let name = AccountName::parse(self.0).unwrap();
+        Ok(records.user_named(&name).await?.is_some())
+    }
+}
+
+/// Keeps the configuration of robot `a` and an event; gives the event's number.
+#[derive(Debug)]
+pub struct KeepRobot(pub RobotConfig, pub NewEvent);
+
+#[async_trait]
+impl Job for KeepRobot {
+    type Done = EventId;
+
+    async fn run(&self, records: &mut dyn Records) -> Result<EventId, StoreError> {
+        let Self(config, event) = self;
+        let version = records.robot(&robot("a")).await?.map_or(0, |a| a.version.0) + 1;
+        let now = NOW_S * NS;
+        records
+            .save_config(&robot("a"), config, Version(version), WallTime(now))
+            .await?;
+        records.add_event(event).await
+    }
+}
