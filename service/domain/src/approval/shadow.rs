@@ -88,7 +88,8 @@ pub struct Shadow {
 }
 
 /// Two answers of a robot that cannot both be its own.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Contradicted {
     /// The generation that it was said to have applied.
     pub generation: Generation,
