@@ -7,5 +7,6 @@
 //! `fleetcal-api`, the estimate to `fleetcal-link`.
 
 pub mod command;
+mod database;
 pub mod environment;
 pub mod service;

@@ -9,7 +9,7 @@ use std::time::Duration;
 use clap::Parser;
 use fleetcal::command::{
     Cli, Command, CommandError, acl, backup, check_config, completions, demo, man, restore, serve,
-    token, user,
+    store, token, user,
 };
 use fleetcal::environment;
 use fleetcal_clock::{Clock as _, SharedClock, SystemClock};
@@ -59,6 +59,7 @@ fn run(command: &Command) -> Result<(), CommandError> {
         Command::User(arguments) => on_runtime(user::run(arguments, clock)),
         Command::Backup(arguments) => on_runtime(backup::run(arguments)),
         Command::Restore(arguments) => on_runtime(restore::run(arguments)),
+        Command::Store(arguments) => on_runtime(store::run(arguments)),
         Command::Acl(arguments) => acl::run(arguments),
         Command::CheckConfig(arguments) => check_config::run(arguments),
         Command::Completions(arguments) => completions::run(arguments),

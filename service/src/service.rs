@@ -28,6 +28,8 @@ use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
+use crate::database;
+
 /// What this program was built from. A build says its commit in the variable `FLEETCAL_COMMIT`.
 const BUILD: BuildInfo = BuildInfo {
     version: env!("CARGO_PKG_VERSION"),
@@ -110,7 +112,7 @@ impl Service {
         };
         let listener = fleetcal_http::listen(config.http).map_err(refused)?;
         let http_address = listener.local_addr().map_err(refused)?;
-        let store = fleetcal_sqlite::open(&config.data, Arc::clone(&clock)).await?;
+        let store = database::open(&config, Arc::clone(&clock)).await?;
         let fleet = start_fleet(&config, &store, Arc::clone(&clock)).await?;
         let (lifecycle, evaluator, dispatcher) =
             start_workers(&config, &store, &fleet, &clock).await?;

@@ -11,6 +11,7 @@ use fleetcal_estimator::EstimatorSettings;
 use fleetcal_http::PublicUrl;
 use fleetcal_http::TrustedProxies;
 use fleetcal_proto::{KeyRoot, RobotId};
+use fleetcal_store::database_url::PostgresUrl;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 use thiserror::Error;
@@ -67,8 +68,12 @@ impl TryFrom<toml::Table> for RobotEntry {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Folder of the databases and keys.
+    /// Folder of the signing key, and of the database unless `database` names another.
     pub data: PathBuf,
+    /// PostgreSQL that keeps the records instead of a database in that folder.
+    pub database: Option<PostgresUrl>,
+    /// File whose first line is its password.
+    pub database_password_file: Option<PathBuf>,
     /// Address of the API and the dashboard.
     pub http: SocketAddr,
     /// Where people reach them, when that is another address.
@@ -105,6 +110,8 @@ impl Default for Config {
     fn default() -> Self {
         Self {
             data: PathBuf::from("fleetcal-data"),
+            database: None,
+            database_password_file: None,
             http: SocketAddr::from(([127, 0, 0, 1], 8080)),
             public_url: None,
             trusted_proxies: TrustedProxies::default(),

@@ -5,13 +5,14 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::command::CommandError;
+use crate::database::Place;
 
 /// What `fleetcal backup` takes.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// The service's data folder
-    #[arg(long, value_name = "DIR")]
-    pub data: PathBuf,
+    /// Where the records are
+    #[command(flatten)]
+    pub place: Place,
     /// The file to write; an existing file is replaced when the new one is complete
     #[arg(long, value_name = "FILE")]
     pub to: PathBuf,
@@ -20,8 +21,8 @@ pub struct Arguments {
 /// Copies the database.
 ///
 /// # Errors
-/// When there is none, or the file cannot be written.
+/// When there is none, it is in PostgreSQL, or the file cannot be written.
 pub async fn run(arguments: &Arguments) -> Result<(), CommandError> {
-    fleetcal_sqlite::backup(&arguments.data, &arguments.to).await?;
+    fleetcal_sqlite::backup(arguments.place.folder()?, &arguments.to).await?;
     Ok(())
 }

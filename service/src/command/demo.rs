@@ -23,6 +23,7 @@ use tokio_util::sync::CancellationToken;
 
 use crate::command::CommandError;
 use crate::command::stopping::stop_in_time;
+use crate::database::DatabaseArguments;
 use crate::service::{Service, ServiceError};
 
 /// How often the demo looks how far its robots are.
@@ -37,6 +38,8 @@ pub struct Arguments {
     /// Keep the data in this folder; otherwise each demo starts with an empty one
     #[arg(long, value_name = "DIR")]
     pub data: Option<PathBuf>,
+    #[command(flatten)]
+    database: DatabaseArguments,
     /// Address of the dashboard
     #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:8080")]
     pub http: SocketAddr,
@@ -58,13 +61,14 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
         Some(data) => data.clone(),
         None => fresh_folder(arguments.http)?,
     };
-    let config = Config {
+    let mut config = Config {
         data,
         http: arguments.http,
         listen: vec![arguments.listen.clone()],
         robots: robots.iter().map(entry).collect::<Result<_, _>>()?,
         ..Config::default()
     };
+    arguments.database.put_into(&mut config)?;
     let mut signals = Signals::listen()?;
     let service = Service::start(config, Arc::clone(&clock)).await?;
     let accounts = seed_accounts(service.store()).await?;

@@ -9,6 +9,7 @@ pub mod man;
 pub mod restore;
 pub mod serve;
 mod stopping;
+pub mod store;
 pub mod token;
 pub mod user;
 
@@ -26,6 +27,7 @@ use fleetcal_operations::entropy::NoEntropy;
 use fleetcal_proto::RobotId;
 use fleetcal_robot::fleet::{FleetError, TooManyRobots};
 use fleetcal_store::StoreError;
+use fleetcal_store::database_url::{DatabaseUrlRefused, PostgresUrl};
 use thiserror::Error;
 
 use crate::service::ServiceError;
@@ -65,6 +67,8 @@ pub enum Command {
     Backup(backup::Arguments),
     /// Puts a backup into an empty data folder, and the signing key with it
     Restore(restore::Arguments),
+    /// Brings a PostgreSQL up to date
+    Store(store::Arguments),
     /// Generates access lists of Zenoh routers
     Acl(acl::Arguments),
     /// Checks a `fleetcal.toml` without starting the service
@@ -89,6 +93,20 @@ pub enum CommandError {
     /// The database of a data folder could not be read or changed.
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// The URL of a database is refused.
+    #[error(transparent)]
+    DatabaseUrl(#[from] DatabaseUrlRefused),
+    /// Neither a folder nor a PostgreSQL is named.
+    #[error("no database is named: give --data DIR or --database URL")]
+    NoDatabase,
+    /// No PostgreSQL is named.
+    #[error("no database is named: give --database URL")]
+    NoPostgres,
+    /// PostgreSQL has its own tools for backups.
+    #[error(
+        "{0} is not copied by fleetcal: use pg_dump --format=custom, or the backups of its servers"
+    )]
+    CopiedElsewhere(PostgresUrl),
     /// A user or token was not changed.
     #[error(transparent)]
     Account(#[from] AccountRefused),
@@ -173,6 +191,10 @@ impl CommandError {
             | Self::Password(_)
             | Self::PasswordsDiffer
             | Self::NoRobots
+            | Self::DatabaseUrl(_)
+            | Self::NoDatabase
+            | Self::NoPostgres
+            | Self::CopiedElsewhere(_)
             | Self::ServiceIsRobot(_)
             | Self::StreamOfAll(_)
             | Self::Identity { .. } => EXIT_USAGE,

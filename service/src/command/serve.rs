@@ -13,6 +13,7 @@ use fleetcal_http::PublicUrl;
 
 use crate::command::CommandError;
 use crate::command::stopping::stop_in_time;
+use crate::database::DatabaseArguments;
 use crate::service::Service;
 
 /// What stands below the flags of `fleetcal serve --help`.
@@ -28,9 +29,12 @@ pub struct Arguments {
     /// A `fleetcal.toml`
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// Folder of the database [default: fleetcal-data]
+    /// Folder of the signing key, and of the database unless --database names another
+    /// [default: fleetcal-data]
     #[arg(long, value_name = "DIR")]
     pub data: Option<PathBuf>,
+    #[command(flatten)]
+    database: DatabaseArguments,
     /// Address of the API and the dashboard [default: 127.0.0.1:8080]
     #[arg(long, value_name = "ADDR")]
     pub http: Option<SocketAddr>,
@@ -65,6 +69,7 @@ impl Arguments {
         if let Some(data) = &self.data {
             config.data.clone_from(data);
         }
+        self.database.put_into(&mut config)?;
         if let Some(http) = self.http {
             config.http = http;
         }

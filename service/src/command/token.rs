@@ -1,6 +1,5 @@
-//! `fleetcal token`: API tokens, with the data folder at hand.
+//! `fleetcal token`: API tokens, with the database at hand.
 
-use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Args, Subcommand};
@@ -12,11 +11,11 @@ use fleetcal_model::{TokenId, WallTime};
 use fleetcal_operations::accounts::{ChangeToken, TokenChange};
 use fleetcal_operations::entropy;
 use fleetcal_proto::RobotId;
-use fleetcal_sqlite::administration;
 use fleetcal_store::TokenRecord;
 use jiff::{Span, SpanRelativeTo, Timestamp, Unit};
 
 use crate::command::CommandError;
+use crate::database::Place;
 
 /// What `fleetcal token` takes.
 #[derive(Debug, Args)]
@@ -32,25 +31,17 @@ pub enum Action {
     /// Creates a token and prints it alone on standard output; it is not shown again
     Create(Create),
     /// Lists the tokens
-    List(Folder),
+    List(Place),
     /// Revokes a token
     Revoke(Revoke),
-}
-
-/// Where the data are.
-#[derive(Debug, Args)]
-pub struct Folder {
-    /// The service's data folder
-    #[arg(long, value_name = "DIR")]
-    pub data: PathBuf,
 }
 
 /// What `fleetcal token create` takes.
 #[derive(Debug, Args)]
 pub struct Create {
-    /// The service's data folder
-    #[arg(long, value_name = "DIR")]
-    pub data: PathBuf,
+    /// Where the records are
+    #[command(flatten)]
+    pub place: Place,
     /// viewer, operator, approver, admin or robot
     #[arg(long, value_parser = role)]
     pub role: Role,
@@ -68,9 +59,9 @@ pub struct Create {
 /// What `fleetcal token revoke` takes.
 #[derive(Debug, Args)]
 pub struct Revoke {
-    /// The service's data folder
-    #[arg(long, value_name = "DIR")]
-    pub data: PathBuf,
+    /// Where the records are
+    #[command(flatten)]
+    pub place: Place,
     /// Its number in `fleetcal token list`
     #[arg(value_name = "NUMBER")]
     pub id: TokenId,
@@ -104,12 +95,12 @@ fn span(text: &str) -> Result<Duration, String> {
 /// Does what was asked for.
 ///
 /// # Errors
-/// When the data folder cannot be used, or the token is refused.
+/// When the database cannot be used, or the token is refused.
 pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), CommandError> {
     let now = clock.now();
     match &arguments.action {
         Action::Create(create) => self::create(create, now).await,
-        Action::List(folder) => list(folder, now).await,
+        Action::List(place) => list(place, now).await,
         Action::Revoke(revoke) => self::revoke(revoke, now).await,
     }
 }
@@ -123,7 +114,7 @@ async fn create(arguments: &Create, now: WallTime) -> Result<(), CommandError> {
         expires_ns: arguments.expires.map(|span| now.plus(span)),
         key: None,
     };
-    let mut database = administration(&arguments.data).await?;
+    let mut database = arguments.place.administration().await?;
     database.transact(asked(now, change)).await?;
     database.close().await?;
     Ok(print_text(&format!("{}\n", value.reveal()))?)
@@ -131,7 +122,7 @@ async fn create(arguments: &Create, now: WallTime) -> Result<(), CommandError> {
 
 async fn revoke(arguments: &Revoke, now: WallTime) -> Result<(), CommandError> {
     let change = TokenChange::Revoke { id: arguments.id };
-    let mut database = administration(&arguments.data).await?;
+    let mut database = arguments.place.administration().await?;
     database.transact(asked(now, change)).await?;
     database.close().await?;
     Ok(())
@@ -146,8 +137,8 @@ fn asked(now: WallTime, change: TokenChange) -> ChangeToken {
     }
 }
 
-async fn list(arguments: &Folder, now: WallTime) -> Result<(), CommandError> {
-    let database = administration(&arguments.data).await?;
+async fn list(place: &Place, now: WallTime) -> Result<(), CommandError> {
+    let database = place.administration().await?;
     let tokens = database.tokens().await?;
     database.close().await?;
     let rows: String = tokens.iter().map(|token| row(token, now)).collect();

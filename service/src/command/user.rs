@@ -1,7 +1,6 @@
-//! `fleetcal user`: people who sign in, with the data folder at hand.
+//! `fleetcal user`: people who sign in, with the database at hand.
 
 use std::io::{BufRead as _, IsTerminal as _, Write as _};
-use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 use fleetcal_clock::SharedClock;
@@ -10,12 +9,12 @@ use fleetcal_domain::access::{AccountName, Actor, Grant, Password, PasswordHash,
 use fleetcal_model::WallTime;
 use fleetcal_operations::accounts::{ChangeUser, UserChange, UserEdit};
 use fleetcal_operations::entropy;
-use fleetcal_sqlite::administration;
 use fleetcal_store::{Expected, UserRecord};
 use rustix::termios::{LocalModes, OptionalActions, tcgetattr, tcsetattr};
 
 use crate::command::CommandError;
-use crate::command::token::{Folder, role, time};
+use crate::command::token::{role, time};
+use crate::database::Place;
 
 /// What `fleetcal user` takes.
 #[derive(Debug, Args)]
@@ -31,7 +30,7 @@ pub enum Action {
     /// Creates a user; asks for the password, or reads it from standard input
     Create(Create),
     /// Lists the users
-    List(Folder),
+    List(Place),
     /// Sets a user's password and ends the user's sessions; asks for it, or reads standard input
     Password(Named),
     /// Disables a user and ends the user's sessions
@@ -41,9 +40,9 @@ pub enum Action {
 /// What `fleetcal user create` takes.
 #[derive(Debug, Args)]
 pub struct Create {
-    /// The service's data folder
-    #[arg(long, value_name = "DIR")]
-    pub data: PathBuf,
+    /// Where the records are
+    #[command(flatten)]
+    pub place: Place,
     /// viewer, operator, approver or admin
     #[arg(long, value_parser = role)]
     pub role: Role,
@@ -55,9 +54,9 @@ pub struct Create {
 /// A user.
 #[derive(Debug, Args)]
 pub struct Named {
-    /// The service's data folder
-    #[arg(long, value_name = "DIR")]
-    pub data: PathBuf,
+    /// Where the records are
+    #[command(flatten)]
+    pub place: Place,
     /// The user's name
     #[arg(long)]
     pub name: String,
@@ -66,7 +65,7 @@ pub struct Named {
 /// Does what was asked for.
 ///
 /// # Errors
-/// When the data folder cannot be used, or name or password are refused.
+/// When the database cannot be used, or name or password are refused.
 pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), CommandError> {
     let now = clock.now();
     match &arguments.action {
@@ -77,12 +76,12 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
                 password: asked_for()?,
                 key: None,
             };
-            let mut database = administration(&create.data).await?;
+            let mut database = create.place.administration().await?;
             database.transact(asked(now, change)).await?;
             database.close().await?;
             Ok(())
         }
-        Action::List(folder) => list(folder).await,
+        Action::List(place) => list(place).await,
         Action::Password(named) => {
             let edit = UserEdit {
                 password: Some(asked_for()?),
@@ -101,7 +100,7 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
 }
 
 async fn edit(named: &Named, edit: UserEdit, now: WallTime) -> Result<(), CommandError> {
-    let mut database = administration(&named.data).await?;
+    let mut database = named.place.administration().await?;
     let user = database.user_named(&named.name).await?;
     let user = user.ok_or_else(|| CommandError::UserUnknown(named.name.clone()))?;
     let change = UserChange::Edit {
@@ -124,8 +123,8 @@ fn asked(now: WallTime, change: UserChange) -> ChangeUser {
     }
 }
 
-async fn list(arguments: &Folder) -> Result<(), CommandError> {
-    let database = administration(&arguments.data).await?;
+async fn list(place: &Place) -> Result<(), CommandError> {
+    let database = place.administration().await?;
     let users = database.users().await?;
     database.close().await?;
     let rows: String = users.iter().map(row).collect();

@@ -5,6 +5,7 @@ use std::net::IpAddr;
 use std::path::PathBuf;
 use std::str::FromStr;
 
+use serde::Deserialize;
 use thiserror::Error;
 use url::Url;
 
@@ -15,7 +16,8 @@ const PORT: u16 = 5_432;
 pub const HOSTS_MAX: usize = 16;
 
 /// Where a database is, and how it is reached. It never holds a password.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "String")]
 pub struct PostgresUrl {
     /// The role that signs in.
     pub user: String,
@@ -145,6 +147,14 @@ pub enum DatabaseUrlRefused {
         /// How many.
         got: usize,
     },
+}
+
+impl TryFrom<String> for PostgresUrl {
+    type Error = DatabaseUrlRefused;
+
+    fn try_from(text: String) -> Result<Self, Self::Error> {
+        text.parse()
+    }
 }
 
 impl FromStr for PostgresUrl {
