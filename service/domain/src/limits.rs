@@ -192,6 +192,8 @@ pub const STORE_STUCK_AFTER: Duration = Duration::from_mins(1);
 pub const POSTGRES_CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
 /// A statement on PostgreSQL has ended within this time, or its connection is given up.
 pub const POSTGRES_STATEMENT_TIMEOUT: Duration = Duration::from_secs(3);
+/// The same for rows that are copied, a few thousand at once.
+pub const POSTGRES_COPY_TIMEOUT: Duration = Duration::from_secs(30);
 /// How often a job is run that PostgreSQL could not bring into an order with others.
 pub const POSTGRES_CONFLICT_TRIES: u32 = 12;
 /// The pause after the first of these; each further one doubles it, up to

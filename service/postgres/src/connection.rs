@@ -69,6 +69,17 @@ impl Session {
         self.noted(ended).map(drop)
     }
 
+    /// Writes rows in the text format of `COPY`.
+    pub(crate) async fn copy_in(&mut self, sql: &str, text: Vec<u8>) -> Result<(), StatementError> {
+        let copying = async {
+            let mut copy = self.connection.copy_in_raw(sql).await?;
+            copy.send(text).await?;
+            copy.finish().await
+        };
+        let ended = in_time_of(limits::POSTGRES_COPY_TIMEOUT, copying).await;
+        self.noted(ended).map(drop)
+    }
+
     /// Keeps what an error means for the transaction.
     fn noted<T>(&mut self, ended: Result<T, sqlx::Error>) -> Result<T, StatementError> {
         ended.map_err(|error| {

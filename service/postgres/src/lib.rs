@@ -6,6 +6,7 @@
 //! none at the server, because a commit that is cancelled there may have been made.
 
 mod connection;
+mod copy;
 mod failure;
 mod schema;
 mod servers;
@@ -26,6 +27,7 @@ use connection::Session;
 use servers::{Purpose, Servers};
 use writer::{Records, Telemetry};
 
+pub use copy::copy;
 pub use schema::migrate;
 #[doc(hidden)]
 pub use testing::create_for_test;

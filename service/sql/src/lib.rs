@@ -13,6 +13,7 @@ mod answers;
 mod approvals;
 mod audit;
 mod connection;
+pub mod copy;
 mod dialect;
 mod events;
 mod history;

@@ -5,9 +5,15 @@ use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use async_trait::async_trait;
 use fleetcal_folder::Folder;
+use fleetcal_sql::{Connection, Dialect, Row, Statement, StatementError};
+use fleetcal_store::backend::Reader as _;
 use fleetcal_store::{Administration, StoreError};
+use sqlx::ConnectOptions as _;
+use sqlx::sqlite::SqliteConnection;
 
+use super::connection::OnConnection;
 use super::writer::SharedWriter;
 
 /// Opens the database of a folder for administration, whether a service holds it or not. It makes
@@ -30,6 +36,50 @@ pub async fn administration(path: &Path) -> Result<Administration, StoreError> {
     // Held as long as no service runs, so that none starts in the middle of a migration.
     let held = folder.map(|folder| Box::new(folder) as _);
     Ok(Administration::new(SharedWriter::new(writer), reader, held))
+}
+
+/// A database that is read as a whole, while no service runs on it.
+pub struct Source {
+    connection: SqliteConnection,
+    _folder: Folder,
+}
+
+impl Source {
+    /// Takes a folder and opens its database, brought to this program's schema.
+    ///
+    /// # Errors
+    /// [`StoreError::Missing`] without a database, [`StoreError::InUse`] while a service runs on
+    /// it, and whatever else keeps it from being opened.
+    pub async fn open(path: &Path) -> Result<Self, StoreError> {
+        let database = Folder::database_in(path);
+        if !database.is_file() {
+            return Err(StoreError::Missing { path: database });
+        }
+        let folder = Folder::hold(path)?;
+        let (writer, reader) = super::administer(&database, Some(&folder)).await?;
+        reader.close().await;
+        writer.close().await?;
+        let connection = super::options(&database).read_only(true).connect().await;
+        Ok(Self {
+            connection: connection.map_err(StoreError::database("be opened for reading"))?,
+            _folder: folder,
+        })
+    }
+}
+
+#[async_trait]
+impl Connection for Source {
+    fn dialect(&self) -> Dialect {
+        Dialect::Sqlite
+    }
+
+    async fn rows(&mut self, statement: Statement) -> Result<Vec<Row>, StatementError> {
+        OnConnection(&mut self.connection).rows(statement).await
+    }
+
+    async fn execute(&mut self, statement: Statement) -> Result<u64, StatementError> {
+        OnConnection(&mut self.connection).execute(statement).await
+    }
 }
 
 /// Copies the database of a folder into the file `to`, whole and as of one moment, also while a

@@ -27,7 +27,7 @@ use connection::{OnConnection, ReadPool};
 use fleetcal_folder::Folder;
 use writer::{JobRuns, SharedWriter, SqliteWriter};
 
-pub use administration::{administration, backup};
+pub use administration::{Source, administration, backup};
 pub use restore::{Restored, restore};
 
 static MIGRATIONS: Migrator = sqlx::migrate!("../../migrations/sqlite");

@@ -1,0 +1,117 @@
+//! The records of another database, brought into an empty one here.
+
+use async_trait::async_trait;
+use fleetcal_sql::copy::{Content, CopyTarget, TABLES, Table};
+use fleetcal_sql::{Connection, Dialect, Row, Statement, StatementError};
+use fleetcal_store::StoreError;
+
+use crate::PostgresSetup;
+use crate::connection::Session;
+use crate::schema;
+use crate::servers::{Purpose, Servers};
+
+/// Tables that a new schema has a row in.
+const SEEDED: [&str; 2] = ["site", "policy"];
+
+/// Copies every table of `from` into the database of `setup`, which is brought to this program's
+/// schema and must be empty. All of it is one transaction: what is broken off leaves nothing behind
+/// and can be run again. Each table is read again at the end and must say the same as in `from`.
+///
+/// `copied` is told how many more rows are there. Gives what each table holds.
+///
+/// # Errors
+/// [`StoreError::Server`] when the database is not empty or a table does not say the same, else
+/// the failure of either database.
+pub async fn copy(
+    from: &mut dyn Connection,
+    setup: PostgresSetup,
+    copied: &(dyn Fn(u64) + Send + Sync),
+) -> Result<Vec<(&'static str, Content)>, StoreError> {
+    let servers = Servers::new(setup)?;
+    schema::bring(&servers).await?;
+    let mut to = Target(Session::new(servers.connect(Purpose::Migration).await?));
+    to.0.begin("BEGIN").await?;
+    let ended = copy_tables(from, &mut to, &servers, copied).await;
+    if ended.is_ok() {
+        let committed = to.0.commit().await;
+        committed.map_err(StoreError::database("commit the copy"))?;
+    }
+    // A connection that is closed undoes what it has not committed.
+    to.0.close().await;
+    ended
+}
+
+async fn copy_tables(
+    from: &mut dyn Connection,
+    to: &mut Target,
+    servers: &Servers,
+    copied: &(dyn Fn(u64) + Send + Sync),
+) -> Result<Vec<(&'static str, Content)>, StoreError> {
+    let refused = |reason: String| StoreError::Server {
+        database: servers.name(),
+        reason,
+    };
+    for table in TABLES.iter() {
+        let rows = table.count(to).await?;
+        if SEEDED.contains(&table.name) {
+            let emptied = to.execute(statement(format!("DELETE FROM {}", table.name)));
+            emptied.await.map_err(StoreError::database("be emptied"))?;
+        } else if rows > 0 {
+            let name = table.name;
+            return Err(refused(format!(
+                "is not empty: got {rows} rows in {name}, expected none"
+            )));
+        }
+    }
+    let mut contents = Vec::new();
+    for table in TABLES.iter() {
+        let there = table.copy(from, to, copied).await?;
+        let here = table.content(to).await?;
+        if here != there {
+            let name = table.name;
+            return Err(refused(format!(
+                "took {name} in as {here:?}, expected {there:?}"
+            )));
+        }
+        if let Some(sql) = table.restart_numbers() {
+            let restarted = to.rows(statement(sql)).await;
+            restarted.map_err(StoreError::database("number its rows"))?;
+        }
+        contents.push((table.name, here));
+    }
+    Ok(contents)
+}
+
+fn statement(sql: String) -> Statement {
+    Statement {
+        sql: sql.into(),
+        values: Vec::new(),
+    }
+}
+
+/// The transaction that is copied into.
+struct Target(Session);
+
+#[async_trait]
+impl Connection for Target {
+    fn dialect(&self) -> Dialect {
+        self.0.dialect()
+    }
+
+    async fn rows(&mut self, statement: Statement) -> Result<Vec<Row>, StatementError> {
+        self.0.rows(statement).await
+    }
+
+    async fn execute(&mut self, statement: Statement) -> Result<u64, StatementError> {
+        self.0.execute(statement).await
+    }
+}
+
+#[async_trait]
+impl CopyTarget for Target {
+    async fn copy_in(&mut self, table: &Table, text: String) -> Result<(), StatementError> {
+        let (name, columns) = (table.name, table.columns());
+        let sql = format!("COPY {name} ({columns}) FROM STDIN");
+        self.0.copy_in(&sql, text.into_bytes()).await
+    }
+}
