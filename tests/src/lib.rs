@@ -10,6 +10,7 @@
 
 pub mod binary;
 pub mod clouds;
+pub mod database;
 pub mod http;
 pub mod odometry;
 pub mod recording;

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::{binary, http};
+use crate::{binary, database, http};
 
 /// Longest wait for anything that a service should do.
 const WAIT_MAX: Duration = Duration::from_secs(90);
@@ -132,8 +132,9 @@ impl Service {
         zenoh: SocketAddr,
         config: &str,
         zenoh_flags: &[&str],
-        variables: Vec<(String, String)>,
+        mut variables: Vec<(String, String)>,
     ) -> Self {
+        variables.extend(database::variable());
         fs::write(folder.path().join("fleetcal.toml"), config).expect("a configuration");
         let http = free_port();
         let zenoh_flags: Vec<String> = zenoh_flags.iter().map(|&flag| flag.to_owned()).collect();
@@ -187,6 +188,7 @@ impl Service {
             .args(["token", "create", "--data"])
             .arg(self.data())
             .args(arguments)
+            .envs(self.variables.iter().map(|(name, value)| (name, value)))
             .output()
             .expect("the binary runs");
         let errors = String::from_utf8_lossy(&output.stderr);

@@ -1,6 +1,6 @@
 //! A database for one test.
 
-use std::path::Path;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use fleetcal_clock::MockClock;
@@ -23,8 +23,16 @@ pub fn server() -> Option<PostgresUrl> {
 /// goes after the tests.
 #[derive(Debug)]
 pub struct TestDatabase {
-    folder: TempDir,
-    postgres: Option<PostgresSetup>,
+    place: Place,
+    /// Goes with this value.
+    _folder: Option<TempDir>,
+}
+
+/// Where a database is.
+#[derive(Debug)]
+enum Place {
+    Folder(PathBuf),
+    Server(PostgresSetup),
 }
 
 impl TestDatabase {
@@ -38,39 +46,57 @@ impl TestDatabase {
 
     /// An empty one in SQLite.
     pub fn in_sqlite() -> Self {
+        let folder = tempfile::tempdir().unwrap();
         Self {
-            folder: tempfile::tempdir().unwrap(),
-            postgres: None,
+            place: Place::Folder(folder.path().to_owned()),
+            _folder: Some(folder),
         }
     }
 
     /// An empty one on a server.
     pub async fn on(server: &PostgresUrl) -> Self {
         let url = fleetcal_postgres::create_for_test(server).await.unwrap();
-        Self {
-            folder: tempfile::tempdir().unwrap(),
-            postgres: Some(PostgresSetup {
+        Self::at(&url.to_string())
+    }
+
+    /// One that another process has made, by its address.
+    pub fn at(address: &str) -> Self {
+        let place = match address.parse() {
+            Ok(url) => Place::Server(PostgresSetup {
                 url,
                 password_file: None,
             }),
+            Err(_) => Place::Folder(PathBuf::from(address)),
+        };
+        Self {
+            place,
+            _folder: None,
         }
     }
 
-    /// A folder of its own.
-    pub fn folder(&self) -> &Path {
-        self.folder.path()
+    /// What another process finds it by.
+    pub fn address(&self) -> String {
+        match &self.place {
+            Place::Folder(path) => path.display().to_string(),
+            Place::Server(setup) => setup.url.to_string(),
+        }
     }
 
     /// Where it is, unless it is a file.
     pub fn postgres(&self) -> Option<&PostgresSetup> {
-        self.postgres.as_ref()
+        match &self.place {
+            Place::Folder(_) => None,
+            Place::Server(setup) => Some(setup),
+        }
     }
 
     /// Opens a store on it.
     pub async fn open(&self, clock: Arc<MockClock>) -> Store {
-        match &self.postgres {
-            Some(setup) => fleetcal_postgres::open(setup.clone(), Box::new(()), clock as _).await,
-            None => fleetcal_sqlite::open(self.folder.path(), clock as _).await,
+        match &self.place {
+            Place::Server(setup) => {
+                fleetcal_postgres::open(setup.clone(), Box::new(()), clock as _).await
+            }
+            Place::Folder(path) => fleetcal_sqlite::open(path, clock as _).await,
         }
         .unwrap()
     }
@@ -78,12 +104,12 @@ impl TestDatabase {
     /// Opens a store that runs each job twice, of which the first run is undone: so every test
     /// shows that its jobs can be run again.
     pub async fn open_running_twice(&self, clock: Arc<MockClock>) -> Store {
-        match &self.postgres {
-            Some(setup) => {
+        match &self.place {
+            Place::Server(setup) => {
                 let setup = setup.clone();
                 fleetcal_postgres::open_with(setup, Box::new(()), clock as _, JobRuns::Twice).await
             }
-            None => fleetcal_sqlite::open_running_twice(self.folder.path(), clock as _).await,
+            Place::Folder(path) => fleetcal_sqlite::open_running_twice(path, clock as _).await,
         }
         .unwrap()
     }

@@ -48,17 +48,16 @@ mod tests {
     use std::collections::BTreeMap;
 
     use fleetcal_clock::MockClock;
+    use fleetcal_contract::TestDatabase;
     use fleetcal_estimator::EstimatorSettings;
     use fleetcal_fleet::FleetSetup;
     use tokio::sync::oneshot;
 
     use super::*;
 
-    async fn empty_fleet(folder: &tempfile::TempDir) -> FleetHandle {
+    async fn empty_fleet(database: &TestDatabase) -> FleetHandle {
         let clock = MockClock::at(1_763_700_000_000_000_000);
-        let store = fleetcal_sqlite::open(folder.path(), clock.clone())
-            .await
-            .unwrap();
+        let store = database.open(clock.clone()).await;
         FleetHandle::start(FleetSetup {
             clock,
             journal: Arc::new(store),
@@ -72,8 +71,8 @@ mod tests {
 
     #[tokio::test]
     async fn a_question_too_many_is_counted_and_a_place_comes_back() {
-        let folder = tempfile::tempdir().unwrap();
-        let fleet = empty_fleet(&folder).await;
+        let database = TestDatabase::new().await;
+        let fleet = empty_fleet(&database).await;
         let questions = Questions::with_places(fleet.clone(), 2);
         let ask = || {
             let (go, wait) = oneshot::channel::<()>();

@@ -1,9 +1,9 @@
 //! What tests on the real database begin with.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use fleetcal_clock::MockClock;
+use fleetcal_contract::TestDatabase;
 use fleetcal_model::RobotId;
 use fleetcal_store::Store;
 
@@ -20,7 +20,6 @@ pub(crate) fn clock() -> Arc<MockClock> {
 
 /// A store that runs each job twice, of which the first run is undone: so every test here shows
 /// that its jobs can be run again.
-pub(crate) async fn open(folder: &Path, clock: &Arc<MockClock>) -> Store {
-    let store = fleetcal_sqlite::open_running_twice(folder, Arc::clone(clock) as _);
-    store.await.unwrap()
+pub(crate) async fn open(database: &TestDatabase, clock: &Arc<MockClock>) -> Store {
+    database.open_running_twice(Arc::clone(clock)).await
 }

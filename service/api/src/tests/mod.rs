@@ -23,6 +23,7 @@ use axum::Router;
 use axum::body::Body;
 use axum::http::{HeaderMap, Request, StatusCode};
 use fleetcal_clock::MockClock;
+use fleetcal_contract::TestDatabase;
 use fleetcal_domain::access::{AccountName, Actor, Grant, Role, SetupCode, TokenValue};
 use fleetcal_domain::alert::AlertPolicy;
 use fleetcal_domain::approval::Policy;
@@ -41,7 +42,6 @@ use fleetcal_proto::signing::SigningKey;
 use fleetcal_store::{Expected, Store};
 use futures::StreamExt;
 use serde_json::Value;
-use tempfile::TempDir;
 use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 use tower::ServiceExt;
@@ -64,7 +64,7 @@ struct Bench {
     clock: Arc<MockClock>,
     token: String,
     setup_code: String,
-    _folder: TempDir,
+    _database: TestDatabase,
 }
 
 /// What a client was answered.
@@ -95,11 +95,9 @@ async fn bench_after_restart(robots: &[&str]) -> Bench {
 }
 
 async fn bench_of(robots: &[&str], last_heard: BTreeMap<RobotId, WallTime>) -> Bench {
-    let folder = tempfile::tempdir().unwrap();
+    let database = TestDatabase::new().await;
     let clock = MockClock::at(NOW_NS);
-    let store = fleetcal_sqlite::open(folder.path(), clock.clone())
-        .await
-        .unwrap();
+    let store = database.open(clock.clone()).await;
     for name in robots {
         let actor = Actor::service();
         let done = configure(&store, &robot(name), &config(), Expected::Absent, actor);
@@ -159,7 +157,7 @@ async fn bench_of(robots: &[&str], last_heard: BTreeMap<RobotId, WallTime>) -> B
         clock,
         token,
         setup_code: setup_text,
-        _folder: folder,
+        _database: database,
     }
 }
 

@@ -1,9 +1,9 @@
 //! Alerts, webhooks, and the outbox between a commit and its sending, on the real database.
 
 use std::io::{BufRead, BufReader};
-use std::path::Path;
 use std::process::{Command, Stdio};
 
+use fleetcal_contract::TestDatabase;
 use fleetcal_domain::access::{Authentication, Role};
 use fleetcal_domain::alert::{AlertRefused, Observation, Sighting};
 use fleetcal_domain::limits;
@@ -20,8 +20,8 @@ use crate::webhook_dispatcher::{CreateWebhook, DeleteWebhook, NoteAttempt};
 const NS: i64 = 1_000_000_000;
 const NOW_S: i64 = NOW_NS / NS;
 
-/// Tells the child process which folder to write to.
-const FOLDER: &str = "FLEETCAL_TEST_STORE";
+/// Tells the child process which database to write to.
+const DATABASE: &str = "FLEETCAL_TEST_STORE";
 /// Name of the child's test.
 const CHILD: &str = "alert_evaluator::tests::child_that_is_killed";
 
@@ -90,8 +90,8 @@ async fn create(store: &Store, url: &str, events: &[WebhookEvent]) -> Result<Web
 #[tokio::test]
 async fn an_alert_is_one_until_it_is_over_and_survives_a_restart() {
     use Observation::{Clear, Firing, Unknown};
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
+    let database = TestDatabase::new().await;
+    let store = open(&database, &clock()).await;
     for (observation, at_s) in [
         (Firing, 0),
         (Firing, 5),
@@ -108,7 +108,7 @@ async fn an_alert_is_one_until_it_is_over_and_survives_a_restart() {
     assert!(matches!(&dropped[..], [AlertChange::Dropped(_)]));
     store.close().await.unwrap();
     drop(store);
-    let store = open(folder.path(), &clock()).await;
+    let store = open(&database, &clock()).await;
     let active = store.active_alerts().await.unwrap();
     assert_eq!(active.len(), 1);
     assert_eq!(active[0].condition.name(), ConditionName::Recovering);
@@ -140,8 +140,8 @@ async fn an_alert_is_one_until_it_is_over_and_survives_a_restart() {
 #[tokio::test]
 async fn the_most_urgent_come_first_and_pages_do_not_overlap() {
     use Observation::{Clear, Firing};
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
+    let database = TestDatabase::new().await;
+    let store = open(&database, &clock()).await;
     for (name, kind) in [
         ("over", AlertKind::NotApplied),
         ("slow", AlertKind::NoData),
@@ -180,8 +180,8 @@ async fn the_most_urgent_come_first_and_pages_do_not_overlap() {
 
 #[tokio::test]
 async fn an_acknowledgement_is_audited_and_the_second_one_is_refused() {
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
+    let database = TestDatabase::new().await;
+    let store = open(&database, &clock()).await;
     observe(&store, "a", AlertKind::NotApplied, Observation::Firing, 0).await;
     let id = store.active_alerts().await.unwrap()[0].id;
     let unknown = acknowledge(&store, id.next().0, Version(1))
@@ -230,8 +230,8 @@ async fn an_acknowledgement_is_audited_and_the_second_one_is_refused() {
 #[tokio::test]
 async fn each_webhook_is_told_of_its_events_alone_and_goes_with_its_messages() {
     use Observation::{Clear, Firing};
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
+    let database = TestDatabase::new().await;
+    let store = open(&database, &clock()).await;
     let every = create(&store, "http://a/", &WebhookEvent::ALL)
         .await
         .unwrap();
@@ -287,8 +287,8 @@ async fn each_webhook_is_told_of_its_events_alone_and_goes_with_its_messages() {
 
 #[tokio::test]
 async fn there_are_so_many_webhooks_and_no_more() {
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
+    let database = TestDatabase::new().await;
+    let store = open(&database, &clock()).await;
     for number in 0..limits::WEBHOOKS_MAX {
         let url = format!("http://receiver/{number}");
         create(&store, &url, &WebhookEvent::ALL).await.unwrap();
@@ -303,8 +303,8 @@ async fn there_are_so_many_webhooks_and_no_more() {
 #[tokio::test]
 async fn too_many_that_wait_or_are_done_shed_their_oldest() {
     use Observation::{Clear, Firing};
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
+    let database = TestDatabase::new().await;
+    let store = open(&database, &clock()).await;
     let webhook = create(&store, "http://a/", &WebhookEvent::ALL)
         .await
         .unwrap();
@@ -341,8 +341,8 @@ async fn too_many_that_wait_or_are_done_shed_their_oldest() {
 
 #[tokio::test]
 async fn an_attempt_is_written_down_and_the_next_one_waits() {
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
+    let database = TestDatabase::new().await;
+    let store = open(&database, &clock()).await;
     create(&store, "http://a/", &WebhookEvent::ALL)
         .await
         .unwrap();
@@ -386,8 +386,8 @@ async fn an_attempt_is_written_down_and_the_next_one_waits() {
 #[tokio::test]
 #[ignore = "is the child of a_kill_between_commit_and_sending_loses_no_message"]
 async fn child_that_is_killed() {
-    let folder = std::env::var(FOLDER).unwrap();
-    let store = open(Path::new(&folder), &clock()).await;
+    let database = TestDatabase::at(&std::env::var(DATABASE).unwrap());
+    let store = open(&database, &clock()).await;
     let begun = all(&store, None).await.len();
     for number in begun..begun + 1_000_000 {
         let name = format!("r{number}");
@@ -399,8 +399,8 @@ async fn child_that_is_killed() {
 
 #[tokio::test]
 async fn a_kill_between_commit_and_sending_loses_no_message() {
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
+    let database = TestDatabase::new().await;
+    let store = open(&database, &clock()).await;
     let webhook = create(&store, "http://a/", &WebhookEvent::ALL)
         .await
         .unwrap();
@@ -410,7 +410,7 @@ async fn a_kill_between_commit_and_sending_loses_no_message() {
     for kill_after in [1, 7, 40] {
         let mut child = Command::new(std::env::current_exe().unwrap())
             .args(["--exact", CHILD, "--ignored", "--nocapture"])
-            .env(FOLDER, folder.path())
+            .env(DATABASE, database.address())
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()
@@ -430,7 +430,7 @@ async fn a_kill_between_commit_and_sending_loses_no_message() {
         assert!(told >= kill_after, "the child ended by itself");
         child.wait().unwrap();
     }
-    let store = open(folder.path(), &clock()).await;
+    let store = open(&database, &clock()).await;
     let waiting = store.deliveries(webhook.id, None, 10_000).await.unwrap();
     let alerts = all(&store, None).await;
     assert_eq!(waiting.len(), alerts.len(), "one message for each alert");

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use fleetcal_contract::TestDatabase;
 use fleetcal_domain::robot::{HistoryEvent, Journal};
 use fleetcal_model::{NoteKind, RobotTime, Version, WallTime};
 use fleetcal_proto::event::RobotEvent;
@@ -30,8 +31,8 @@ fn event(note: &str) -> NewEvent {
 
 #[tokio::test]
 async fn a_configuration_is_changed_only_by_who_saw_it() {
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
+    let database = TestDatabase::new().await;
+    let store = open(&database, &clock()).await;
     let save = async |wheelbase_m, expected| {
         let (actor, config) = (Actor::service(), config(wheelbase_m));
         configure(&store, &robot("a"), &config, expected, actor).await
@@ -72,8 +73,8 @@ async fn a_configuration_is_changed_only_by_who_saw_it() {
 
 #[tokio::test]
 async fn of_many_writers_with_the_same_version_one_wins() {
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
+    let database = TestDatabase::new().await;
+    let store = open(&database, &clock()).await;
     let tries = (0..50).map(|number| {
         let store = store.clone();
         async move {
@@ -90,8 +91,8 @@ async fn of_many_writers_with_the_same_version_one_wins() {
 
 #[tokio::test]
 async fn a_repeated_request_is_answered_with_the_same_event() {
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
+    let database = TestDatabase::new().await;
+    let store = open(&database, &clock()).await;
     let key = |sha: u8| {
         Some(IdempotencyKey {
             key: "k".to_owned(),
@@ -135,8 +136,8 @@ async fn a_repeated_request_is_answered_with_the_same_event() {
 
 #[tokio::test]
 async fn a_note_that_comes_again_through_the_fleet_is_one_event() {
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
+    let database = TestDatabase::new().await;
+    let store = open(&database, &clock()).await;
     note(&store, event("new bracket"), Actor::service(), None)
         .await
         .unwrap();
@@ -162,8 +163,8 @@ async fn a_note_that_comes_again_through_the_fleet_is_one_event() {
 
 #[tokio::test]
 async fn events_come_in_pages() {
-    let folder = tempfile::tempdir().unwrap();
-    let store = open(folder.path(), &clock()).await;
+    let database = TestDatabase::new().await;
+    let store = open(&database, &clock()).await;
     for number in 0..5 {
         note(&store, event(&number.to_string()), Actor::service(), None)
             .await

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use fleetcal_clock::{Clock, MockClock};
+use fleetcal_contract::TestDatabase;
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::alert::{AlertKind, AlertPolicy, Observation, Sighting};
 use fleetcal_domain::webhook::{Delivery, Secret, WebhookEvent, WebhookUrl};
 use fleetcal_model::{WallTime, WebhookId};
 use fleetcal_proto::RobotId;
-use tempfile::TempDir;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 
@@ -28,18 +28,16 @@ fn secret() -> Secret {
 
 /// A store with a webhook for each address.
 struct Bench {
-    folder: TempDir,
+    database: TestDatabase,
     clock: Arc<MockClock>,
     store: Store,
 }
 
 impl Bench {
     async fn new(urls: &[String]) -> Self {
-        let folder = tempfile::tempdir().unwrap();
+        let database = TestDatabase::new().await;
         let clock = MockClock::at(NOW_NS);
-        let store = fleetcal_sqlite::open(folder.path(), clock.clone())
-            .await
-            .unwrap();
+        let store = database.open(clock.clone()).await;
         for url in urls {
             let write = CreateWebhook {
                 url: WebhookUrl::parse(url).unwrap(),
@@ -51,7 +49,7 @@ impl Bench {
             store.transact(write).await.unwrap();
         }
         Self {
-            folder,
+            database,
             clock,
             store,
         }
@@ -214,16 +212,14 @@ async fn what_was_committed_before_a_stop_is_sent_after_the_next_start() {
     bench.alert("a").await;
     bench.store.close().await.unwrap();
     let Bench {
-        folder,
+        database,
         clock,
         store,
     } = bench;
     drop(store);
-    let store = fleetcal_sqlite::open(folder.path(), clock.clone())
-        .await
-        .unwrap();
+    let store = database.open(clock.clone()).await;
     let bench = Bench {
-        folder,
+        database,
         clock,
         store,
     };

@@ -10,6 +10,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use fleetcal_clock::{Clock, MockClock};
+use fleetcal_contract::TestDatabase;
 use fleetcal_domain::access::{Actor, Authentication, Role};
 use fleetcal_domain::approval::{
     Command, Deployment, DeploymentState, Evidence, Origin, Outcome, Policy, ProposalState,
@@ -30,7 +31,7 @@ const HOUR: Duration = Duration::from_hours(1);
 
 /// A service without its link and its API.
 struct Bench {
-    folder: tempfile::TempDir,
+    database: TestDatabase,
     clock: Arc<MockClock>,
     policy: Policy,
     store: Store,
@@ -61,15 +62,13 @@ fn values(steering_offset_rad: f64) -> CalibrationValues {
 
 impl Bench {
     async fn open(policy: Policy) -> Self {
-        let folder = tempfile::tempdir().unwrap();
+        let database = TestDatabase::new().await;
         let clock = MockClock::at(1_763_700_000_000_000_000);
-        Self::open_in(folder, clock, policy).await
+        Self::open_in(database, clock, policy).await
     }
 
-    async fn open_in(folder: tempfile::TempDir, clock: Arc<MockClock>, policy: Policy) -> Self {
-        let store = fleetcal_sqlite::open(folder.path(), clock.clone())
-            .await
-            .unwrap();
+    async fn open_in(database: TestDatabase, clock: Arc<MockClock>, policy: Policy) -> Self {
+        let store = database.open(clock.clone()).await;
         let wheelbase = Wheelbase::try_from(1.2).unwrap();
         let vehicle = RobotConfig::of_vehicle(VehicleModel::Bicycle, wheelbase);
         let fleet = FleetHandle::start(FleetSetup {
@@ -90,7 +89,7 @@ impl Bench {
         });
         let lifecycle = lifecycle.await.unwrap();
         Self {
-            folder,
+            database,
             clock,
             policy,
             store,
@@ -105,7 +104,7 @@ impl Bench {
         self.fleet.stop().await;
         self.store.close().await.unwrap();
         drop((self.lifecycle, self.fleet, self.store));
-        Self::open_in(self.folder, self.clock, self.policy).await
+        Self::open_in(self.database, self.clock, self.policy).await
     }
 
     async fn take(&self, command: Command, actor: Actor) -> Result<Outcome, Refused> {
