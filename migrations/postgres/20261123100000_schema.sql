@@ -34,7 +34,8 @@ CREATE TABLE checkpoint (
     state TEXT NOT NULL
 ) WITH (fillfactor = 50);
 
--- One row a second and robot. A parameter that is fixed or off is NULL. `status` holds four bits a
+-- One row a second and robot, in partitions of a day of message time. Rows of other days, by robots
+-- whose clocks are wrong or out of recordings, are in the default one. A parameter that is fixed or off is NULL. `status` holds four bits a
 -- parameter, the first parameter lowest: 0 off, 1 fixed, 2 learning, 3 unobservable, 4 converged.
 CREATE TABLE history_second (
     robot BIGINT NOT NULL REFERENCES robot (key),
@@ -51,9 +52,62 @@ CREATE TABLE history_second (
     status BIGINT NOT NULL,
     nis DOUBLE PRECISION,
     PRIMARY KEY (robot, t)
-);
-CREATE INDEX history_second_received ON history_second (received);
-CREATE INDEX history_second_t ON history_second (t);
+) PARTITION BY RANGE (t);
+CREATE TABLE history_second_default PARTITION OF history_second DEFAULT;
+-- A few pages for all rows, which are written in about the order of their receipt.
+CREATE INDEX history_second_received ON history_second USING brin (received);
+
+-- Makes the partition of a day since the epoch, unless it is there or rows of it are in the default
+-- one already. Whoever serves may run it and needs no right to make tables.
+CREATE FUNCTION history_add_day(day BIGINT) RETURNS void
+LANGUAGE plpgsql SECURITY DEFINER SET search_path = public, pg_temp AS $$
+DECLARE
+    partition TEXT := format('history_second_d%s', day);
+BEGIN
+    IF to_regclass(partition) IS NULL THEN
+        EXECUTE format(
+            'CREATE TABLE %I PARTITION OF history_second FOR VALUES FROM (%s) TO (%s)',
+            partition, day * 86400, (day + 1) * 86400
+        );
+    END IF;
+EXCEPTION
+    WHEN duplicate_table OR check_violation OR invalid_object_definition THEN
+        NULL;
+END
+$$;
+
+-- Drops the partitions of days that are over and of which every row was received before a second.
+-- Gives the number of rows, of large ones as the statistics know it.
+CREATE FUNCTION history_drop_days(before BIGINT) RETURNS BIGINT
+LANGUAGE plpgsql SECURITY DEFINER SET search_path = public, pg_temp AS $$
+DECLARE
+    partition RECORD;
+    kept BOOLEAN;
+    dropped BIGINT := 0;
+    rows_there BIGINT;
+BEGIN
+    FOR partition IN
+        SELECT c.oid::regclass AS name, c.reltuples
+        FROM pg_inherits AS i JOIN pg_class AS c ON c.oid = i.inhrelid
+        WHERE i.inhparent = 'history_second'::regclass
+            AND c.relname ~ '^history_second_d-?[0-9]+$'
+            AND (substr(c.relname, 17)::bigint + 1) * 86400 <= before
+        ORDER BY c.relname
+    LOOP
+        EXECUTE format('SELECT EXISTS (SELECT FROM %s WHERE received >= $1)', partition.name)
+            INTO kept USING before;
+        CONTINUE WHEN kept;
+        rows_there := partition.reltuples;
+        IF rows_there < 100000 THEN
+            EXECUTE format('SELECT count(*) FROM %s', partition.name) INTO rows_there;
+        END IF;
+        EXECUTE format('DROP TABLE %s', partition.name);
+        dropped := dropped + rows_there;
+    END LOOP;
+    RETURN dropped;
+END
+$$;
+REVOKE EXECUTE ON FUNCTION history_add_day(BIGINT), history_drop_days(BIGINT) FROM PUBLIC;
 
 -- Roll-ups of the seconds: `_sigma` is the mean of the seconds' sigmas, `status` the last one.
 -- `t` is the start of the minute or the hour; `received` that of its newest second.
@@ -76,7 +130,6 @@ CREATE TABLE history_minute (
     PRIMARY KEY (robot, t)
 );
 CREATE INDEX history_minute_received ON history_minute (received);
-CREATE INDEX history_minute_t ON history_minute (t);
 
 CREATE TABLE history_hour (
     robot BIGINT NOT NULL REFERENCES robot (key),
@@ -97,7 +150,6 @@ CREATE TABLE history_hour (
     PRIMARY KEY (robot, t)
 );
 CREATE INDEX history_hour_received ON history_hour (received);
-CREATE INDEX history_hour_t ON history_hour (t);
 
 -- What happened to a robot: changes the estimator found, notes of people, sessions, restarts.
 CREATE TABLE robot_event (

@@ -194,6 +194,12 @@ pub const POSTGRES_CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
 pub const POSTGRES_STATEMENT_TIMEOUT: Duration = Duration::from_secs(3);
 /// The same for rows that are copied, a few thousand at once.
 pub const POSTGRES_COPY_TIMEOUT: Duration = Duration::from_secs(30);
+/// Seconds of history are in their minutes and hours in PostgreSQL after this time.
+pub const POSTGRES_ROLL_UP_EVERY: Duration = Duration::from_secs(30);
+/// Minutes that are rolled up in one transaction.
+pub const POSTGRES_ROLL_UP_MAX: usize = 512;
+/// Days whose partitions are known to be there.
+pub const POSTGRES_DAYS_KNOWN_MAX: usize = 16;
 /// How often a job is run that PostgreSQL could not bring into an order with others.
 pub const POSTGRES_CONFLICT_TRIES: u32 = 12;
 /// The pause after the first of these; each further one doubles it, up to

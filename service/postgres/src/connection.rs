@@ -69,6 +69,15 @@ impl Session {
         self.noted(ended).map(drop)
     }
 
+    /// Runs a statement whose values are arrays; gives the number of rows written.
+    pub(crate) async fn execute_query(
+        &mut self,
+        query: sqlx::query::Query<'_, Postgres, PgArguments>,
+    ) -> Result<u64, StatementError> {
+        let ended = in_time(query.execute(&mut self.connection)).await;
+        Ok(self.noted(ended)?.rows_affected())
+    }
+
     /// Writes rows in the text format of `COPY`.
     pub(crate) async fn copy_in(&mut self, sql: &str, text: Vec<u8>) -> Result<(), StatementError> {
         let copying = async {

@@ -1,12 +1,14 @@
 //! The records of another database, brought into an empty one here.
 
 use async_trait::async_trait;
+use fleetcal_domain::limits;
 use fleetcal_sql::copy::{Content, CopyTarget, TABLES, Table};
 use fleetcal_sql::{Connection, Dialect, Row, Statement, StatementError};
 use fleetcal_store::StoreError;
 
 use crate::PostgresSetup;
 use crate::connection::Session;
+use crate::history::{self, DAY_S};
 use crate::schema;
 use crate::servers::{Purpose, Servers};
 
@@ -65,6 +67,9 @@ async fn copy_tables(
     }
     let mut contents = Vec::new();
     for table in TABLES.iter() {
+        if table.name == "history_second" {
+            add_days(from, to).await?;
+        }
         let there = table.copy(from, to, copied).await?;
         let here = table.content(to).await?;
         if here != there {
@@ -80,6 +85,26 @@ async fn copy_tables(
         contents.push((table.name, here));
     }
     Ok(contents)
+}
+
+/// Makes the partitions of the latest days of which there are seconds; older ones are pruned row by
+/// row.
+async fn add_days(from: &mut dyn Connection, to: &mut Target) -> Result<(), StoreError> {
+    let newest = from
+        .rows(statement(
+            "SELECT max(received) FROM history_second".to_owned(),
+        ))
+        .await
+        .map_err(StoreError::database("look for the latest history"))?;
+    let Some(newest_s) = newest.first().and_then(|row| row.integer(0)) else {
+        return Ok(());
+    };
+    let kept_s = i64::try_from(limits::HISTORY_SECONDS_KEPT.as_secs()).unwrap_or(i64::MAX);
+    let days = (newest_s - kept_s).div_euclid(DAY_S)..=newest_s.div_euclid(DAY_S) + 1;
+    for day in days {
+        history::add_day(&mut to.0, day).await?;
+    }
+    Ok(())
 }
 
 fn statement(sql: String) -> Statement {

@@ -8,6 +8,7 @@
 mod connection;
 mod copy;
 mod failure;
+mod history;
 mod schema;
 mod servers;
 mod testing;
@@ -24,6 +25,7 @@ use fleetcal_store::database_url::PostgresUrl;
 use fleetcal_store::{Administration, Store, StoreError};
 
 use connection::Session;
+use history::History;
 use servers::{Purpose, Servers};
 use writer::{Records, Telemetry};
 
@@ -94,6 +96,7 @@ pub fn open_with(
         let records = Session::new(servers.connect(Purpose::Records).await?);
         let mut telemetry = Session::new(servers.connect(Purpose::Telemetry).await?);
         telemetry::note_start(&mut telemetry, clock.now()).await?;
+        let history = History::open(&mut telemetry).await?;
         let reader = SqlReader::new(servers.read_pool().await?);
         let database = Arc::new(Open {
             servers: Arc::clone(&servers),
@@ -101,7 +104,7 @@ pub fn open_with(
         });
         Ok(Store::start(
             Records::new(Arc::clone(&servers), records, jobs),
-            Telemetry::new(servers, telemetry),
+            Telemetry::new(servers, telemetry, history),
             reader,
             database,
             clock,

@@ -109,6 +109,9 @@ async fn grant(servers: &Servers, session: &mut Session, role: &str) -> Result<(
     for sql in [
         format!("GRANT SELECT, INSERT, UPDATE, DELETE ON ALL TABLES IN SCHEMA public TO {role}"),
         format!("GRANT USAGE ON ALL SEQUENCES IN SCHEMA public TO {role}"),
+        format!(
+            "GRANT EXECUTE ON FUNCTION history_add_day(bigint), history_drop_days(bigint) TO {role}"
+        ),
         format!("REVOKE UPDATE, DELETE ON audit, revision FROM {role}"),
         format!("REVOKE UPDATE ON envelope FROM {role}"),
         format!("REVOKE INSERT, UPDATE, DELETE ON _sqlx_migrations FROM {role}"),

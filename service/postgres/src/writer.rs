@@ -11,6 +11,7 @@ use fleetcal_store::transaction::Waiting;
 
 use crate::connection::Session;
 use crate::failure::Fate;
+use crate::history::{self, History, Written};
 use crate::servers::{Purpose, Servers};
 
 /// Every job sees the database as if no other one ran meanwhile.
@@ -218,24 +219,30 @@ fn beside(error: StoreError) -> StoreError {
 
 /// The connection of telemetry.
 #[derive(Debug)]
-pub(crate) struct Telemetry(Line);
+pub(crate) struct Telemetry {
+    line: Line,
+    history: History,
+}
 
 impl Telemetry {
-    pub(crate) fn new(servers: Arc<Servers>, session: Session) -> Self {
-        Self(Line::new(servers, Purpose::Telemetry, session))
+    pub(crate) fn new(servers: Arc<Servers>, session: Session, history: History) -> Self {
+        Self {
+            line: Line::new(servers, Purpose::Telemetry, session),
+            history,
+        }
     }
 
     /// Does some work in a transaction.
     async fn transact(&mut self, work: Work<'_>) -> Result<u64, StoreError> {
-        let (session, keys) = self.0.open().await?;
+        let (session, keys) = self.line.open().await?;
         session.begin(BEGIN_TELEMETRY).await?;
-        let done = match work {
-            Work::Write(batch) => telemetry::write(session, keys, batch).await.map(|()| 0),
-            Work::Prune(aged, before_s) => telemetry::prune(session, aged, before_s).await,
-        };
+        let done = work.run(session, keys, &mut self.history).await;
         let done = match done {
-            Ok(rows) => match session.commit().await {
-                Ok(()) => return Ok(rows),
+            Ok(done) => match session.commit().await {
+                Ok(()) => {
+                    self.history.take(done.written);
+                    return Ok(done.pruned);
+                }
                 Err(error) => Err(StoreError::Commit(Arc::new(error))),
             },
             Err(error) => Err(error),
@@ -250,7 +257,40 @@ impl Telemetry {
 /// What a transaction of telemetry does.
 enum Work<'b> {
     Write(&'b Batch),
+    RollUp(&'b [(i64, i64)]),
     Prune(Aged, i64),
+}
+
+/// What it did.
+#[derive(Debug, Default)]
+struct Done {
+    pruned: u64,
+    written: Written,
+}
+
+impl Work<'_> {
+    async fn run(
+        self,
+        session: &mut Session,
+        keys: &mut Keys,
+        history: &mut History,
+    ) -> Result<Done, StoreError> {
+        let mut done = Done::default();
+        match self {
+            Work::Write(batch) => {
+                done.written = history.write(session, keys, &batch.history).await?;
+                telemetry::write_beside_history(session, keys, batch).await?;
+            }
+            Work::RollUp(minutes) => history::roll_up(session, minutes).await?,
+            Work::Prune(Aged::Seconds, before_s) => {
+                done.pruned = history::drop_days(session, before_s).await?;
+            }
+            Work::Prune(aged, before_s) => {
+                done.pruned = telemetry::prune(session, aged, before_s).await?;
+            }
+        }
+        Ok(done)
+    }
 }
 
 #[async_trait]
@@ -259,12 +299,24 @@ impl TelemetryWriter for Telemetry {
         self.transact(Work::Write(batch)).await.map(drop)
     }
 
+    async fn catch_up(&mut self, everything: bool) -> Result<(), StoreError> {
+        while let Some(minutes) = self.history.next_part(everything) {
+            self.transact(Work::RollUp(&minutes)).await?;
+            self.history.rolled_up(&minutes);
+        }
+        Ok(())
+    }
+
     async fn prune(&mut self, aged: Aged, before_s: i64) -> Result<u64, StoreError> {
+        // What goes is in its minute before, and what goes of these in its hour.
+        if matches!(aged, Aged::Seconds | Aged::Minutes) {
+            self.catch_up(true).await?;
+        }
         self.transact(Work::Prune(aged, before_s)).await
     }
 
     async fn close(self: Box<Self>) -> Result<(), StoreError> {
-        self.0.close().await;
+        self.line.close().await;
         Ok(())
     }
 }

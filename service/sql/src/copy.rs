@@ -51,7 +51,8 @@ enum Kind {
 pub struct Content {
     /// Rows.
     pub rows: u64,
-    /// SHA-256 of the rows in the order of their keys, lower-case hexadecimal.
+    /// The sum of the SHA-256 of each row, modulo 2²⁵⁶, lower-case hexadecimal: the order of rows
+    /// does not count, which each database has its own way.
     pub sha256: String,
 }
 
@@ -167,7 +168,6 @@ fn numbered(name: &'static str, key: usize, columns: &str) -> Table {
 }
 
 fn history(name: &'static str, of_parameter: &[&str], others: &str) -> Table {
-    // In the order of the key in SQLite, where most copies come from.
     let mut columns = "t:n robot:n received:n".to_owned();
     for parameter in Parameter::ALL {
         for part in of_parameter {
@@ -230,15 +230,18 @@ impl Table {
         after: Option<&Row>,
     ) -> Result<Vec<Row>, StoreError> {
         let dialect = connection.dialect();
-        let keys = &self.columns[..self.key];
-        let order: Vec<String> = keys.iter().map(|key| key.in_order(dialect)).collect();
+        let keys = self.key_in_order(dialect);
+        let order: Vec<String> = keys
+            .iter()
+            .map(|&key| self.columns[key].in_order(dialect))
+            .collect();
         let order = order.join(", ");
         let mut rows = query(format!("SELECT {} FROM {}", self.columns(), self.name));
         if let Some(after) = after {
             rows = rows.push(&format!(" WHERE ({order}) > ("));
-            for (index, value) in after.0[..self.key].iter().enumerate() {
-                rows = rows.push(if index == 0 { "" } else { ", " });
-                rows = rows.push_bind(value.clone());
+            for (place, &key) in keys.iter().enumerate() {
+                rows = rows.push(if place == 0 { "" } else { ", " });
+                rows = rows.push_bind(after.0[key].clone());
             }
             rows = rows.push(")");
         }
@@ -246,6 +249,16 @@ impl Table {
             .fetch_all(connection)
             .await
             .map_err(StoreError::database("read rows"))
+    }
+
+    /// The columns of its key as its index has them: that of the history begins with the time in
+    /// SQLite, and with the robot in PostgreSQL.
+    fn key_in_order(&self, dialect: Dialect) -> Vec<usize> {
+        let keys = 0..self.key;
+        if dialect == Dialect::Postgres && self.name.starts_with("history_") {
+            return keys.rev().collect();
+        }
+        keys.collect()
     }
 
     /// A row in the text format of PostgreSQL's `COPY`.
@@ -364,7 +377,7 @@ struct Reading<'t> {
     table: &'t Table,
     last: Option<Row>,
     rows: u64,
-    hash: Sha256,
+    sum: [u8; 32],
 }
 
 impl<'t> Reading<'t> {
@@ -373,7 +386,7 @@ impl<'t> Reading<'t> {
             table,
             last: None,
             rows: 0,
-            hash: Sha256::new(),
+            sum: [0; 32],
         }
     }
 
@@ -388,22 +401,35 @@ impl<'t> Reading<'t> {
             .await?;
         let mut text = String::new();
         for row in &rows {
+            let begins = text.len();
             self.table.text_of(row, &mut text)?;
+            add(
+                &mut self.sum,
+                &Sha256::digest(&text.as_bytes()[begins..]).into(),
+            );
         }
         let Some(last) = rows.pop() else {
             return Ok(None);
         };
         self.rows += rows.len() as u64 + 1;
         self.last = Some(last);
-        self.hash.update(text.as_bytes());
         Ok(Some(text))
     }
 
     fn content(self) -> Content {
-        let digest = self.hash.finalize();
         Content {
             rows: self.rows,
-            sha256: hex::encode(digest),
+            sha256: hex::encode(self.sum),
         }
+    }
+}
+
+/// Adds modulo 2²⁵⁶, least significant byte first.
+fn add(sum: &mut [u8; 32], other: &[u8; 32]) {
+    let mut carry = 0_u16;
+    for (byte, other) in sum.iter_mut().zip(other) {
+        let total = u16::from(*byte) + u16::from(*other) + carry;
+        *byte = total.to_le_bytes()[0];
+        carry = total >> 8;
     }
 }

@@ -8,7 +8,7 @@ use fleetcal_store::backend::Tier;
 use super::dialect::Dialect;
 use super::query::{Query, query};
 
-/// The statements of a dialect.
+/// The statements that write history.
 pub(super) struct Statements {
     /// Writes a row of `history_second`: `t, robot, received, status, nis`, then value and sigma of
     /// each parameter. Does nothing when the second is there already.
@@ -26,20 +26,11 @@ pub(super) struct Statements {
     pub(super) remake_hour: String,
 }
 
-static SQLITE: LazyLock<Statements> = LazyLock::new(|| Statements::in_words_of(Dialect::Sqlite));
-static POSTGRES: LazyLock<Statements> =
-    LazyLock::new(|| Statements::in_words_of(Dialect::Postgres));
+/// One after another, as SQLite writes seconds. PostgreSQL's driver writes many at once.
+pub(super) static STATEMENTS: LazyLock<Statements> = LazyLock::new(Statements::new);
 
 impl Statements {
-    /// Those of a dialect, written once.
-    pub(super) fn of(dialect: Dialect) -> &'static Self {
-        match dialect {
-            Dialect::Sqlite => &SQLITE,
-            Dialect::Postgres => &POSTGRES,
-        }
-    }
-
-    fn in_words_of(dialect: Dialect) -> Self {
+    fn new() -> Self {
         let row = second_row();
         Self {
             insert_second: format!("INSERT INTO {row} ON CONFLICT (t, robot) DO NOTHING"),
@@ -47,10 +38,10 @@ impl Statements {
                 "INSERT INTO {row} ON CONFLICT (t, robot) DO UPDATE SET {}",
                 overwritten()
             ),
-            merge_minute: merge_second(dialect, Tier::Minute),
-            merge_hour: merge_second(dialect, Tier::Hour),
-            remake_minute: remake(dialect, Tier::Minute),
-            remake_hour: remake(dialect, Tier::Hour),
+            merge_minute: merge_second(Tier::Minute),
+            merge_hour: merge_second(Tier::Hour),
+            remake_minute: remake(Tier::Minute),
+            remake_hour: remake(Tier::Hour),
         }
     }
 }
@@ -125,7 +116,7 @@ fn second_row() -> String {
     )
 }
 
-fn merge_second(dialect: Dialect, tier: Tier) -> String {
+fn merge_second(tier: Tier) -> String {
     let mut values = String::new();
     for index in 0..Parameter::ALL.len() {
         let (value, sigma) = (6 + 2 * index, 7 + 2 * index);
@@ -137,11 +128,11 @@ fn merge_second(dialect: Dialect, tier: Tier) -> String {
     format!(
         "INSERT INTO {} VALUES ($1, $2, $3, 1, $4, $5, $5{values}) {}",
         roll_up_row(tier),
-        on_conflict_merge(dialect, tier)
+        on_conflict_merge(tier)
     )
 }
 
-fn remake(dialect: Dialect, tier: Tier) -> String {
+fn remake(tier: Tier) -> String {
     let (from, source) = match tier {
         Tier::Hour => ("count, status, nis_mean, nis_max", Tier::Minute),
         Tier::Second | Tier::Minute => ("1, status, nis, nis", Tier::Second),
@@ -165,7 +156,7 @@ fn remake(dialect: Dialect, tier: Tier) -> String {
         row = roll_up_row(tier),
         length = tier.seconds(),
         source = table(source),
-        merge = on_conflict_merge(dialect, tier)
+        merge = on_conflict_merge(tier)
     )
 }
 
@@ -200,21 +191,17 @@ fn overwritten() -> String {
 
 /// Merges the new row into the one that is there. Means are weighted by the rows' counts; a
 /// parameter that one of the two lacks is taken from the other.
-fn on_conflict_merge(dialect: Dialect, tier: Tier) -> String {
-    let merge = Merge {
-        table: table(tier),
-        lower: dialect.lower_of_two(),
-        higher: dialect.higher_of_two(),
-    };
-    let (table, higher) = (merge.table, merge.higher);
+fn on_conflict_merge(tier: Tier) -> String {
+    let merge = Merge(table(tier));
+    let table = table(tier);
     let mut set = format!(
         "ON CONFLICT (t, robot) DO UPDATE SET \
-         received = {higher}({table}.received, excluded.received), \
+         received = max({table}.received, excluded.received), \
          count = {table}.count + excluded.count, \
          status = excluded.status"
     );
     merge.mean(&mut set, "nis_mean", "excluded.nis_mean");
-    merge.extreme(&mut set, higher, "nis_max", "excluded.nis_max");
+    merge.extreme(&mut set, "max", "nis_max", "excluded.nis_max");
     for parameter in Parameter::ALL {
         let p = parameter.name();
         let new = |which: &str| match parameter {
@@ -228,8 +215,8 @@ fn on_conflict_merge(dialect: Dialect, tier: Tier) -> String {
             _ => format!("excluded.{p}_{which}"),
         };
         merge.mean(&mut set, &format!("{p}_mean"), &new("mean"));
-        merge.extreme(&mut set, merge.lower, &format!("{p}_min"), &new("min"));
-        merge.extreme(&mut set, merge.higher, &format!("{p}_max"), &new("max"));
+        merge.extreme(&mut set, "min", &format!("{p}_min"), &new("min"));
+        merge.extreme(&mut set, "max", &format!("{p}_max"), &new("max"));
         merge.mean(
             &mut set,
             &format!("{p}_sigma"),
@@ -239,19 +226,12 @@ fn on_conflict_merge(dialect: Dialect, tier: Tier) -> String {
     set
 }
 
-/// How rows are merged.
-struct Merge {
-    /// Where the earlier row is.
-    table: &'static str,
-    /// The function that gives the lower of two values.
-    lower: &'static str,
-    /// The function that gives the higher of two values.
-    higher: &'static str,
-}
+/// How new rows are merged into those of a table.
+struct Merge(&'static str);
 
 impl Merge {
     fn mean(&self, set: &mut String, column: &str, new: &str) {
-        let table = self.table;
+        let table = self.0;
         append(
             set,
             format_args!(
@@ -262,7 +242,7 @@ impl Merge {
     }
 
     fn extreme(&self, set: &mut String, which: &str, column: &str, new: &str) {
-        let table = self.table;
+        let table = self.0;
         append(
             set,
             format_args!(

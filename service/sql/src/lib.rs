@@ -32,6 +32,6 @@ pub use connection::{Connection, Pool, StatementError};
 pub use dialect::Dialect;
 pub use query::Statement;
 pub use read::{SqlReader, schema_version};
-pub use row::Keys;
+pub use row::{Keys, key_of};
 pub use transaction::SqlRecords;
 pub use value::{Row, Value};

@@ -16,7 +16,10 @@ pub(super) const NS_PER_S: i64 = 1_000_000_000;
 pub type Keys = HashMap<RobotId, i64>;
 
 /// The robot's key; makes a row without configuration for one that is new.
-pub(super) async fn key_of(
+///
+/// # Errors
+/// The database's failure.
+pub async fn key_of(
     connection: &mut dyn Connection,
     keys: &mut Keys,
     robot: &RobotId,

@@ -12,7 +12,7 @@ use fleetcal_store::{
 };
 
 use super::connection::Connection;
-use super::history::Statements;
+use super::history::STATEMENTS;
 use super::query::query;
 use super::row::{Keys, NS_PER_S, json, key_of};
 use super::{accounts, events};
@@ -20,7 +20,7 @@ use super::{accounts, events};
 /// Calibrations of a robot whose cross-track errors are kept, beside the first.
 const CROSS_TRACKS_KEPT: i64 = GENERATIONS_MAX as i64 - 1;
 
-/// Writes a batch.
+/// Writes a batch, its history one second after another.
 ///
 /// # Errors
 /// The database's failure.
@@ -30,6 +30,18 @@ pub async fn write(
     batch: &Batch,
 ) -> Result<(), StoreError> {
     history(connection, keys, &batch.history).await?;
+    write_beside_history(connection, keys, batch).await
+}
+
+/// Writes what a batch has beside seconds of history.
+///
+/// # Errors
+/// The database's failure.
+pub async fn write_beside_history(
+    connection: &mut dyn Connection,
+    keys: &mut Keys,
+    batch: &Batch,
+) -> Result<(), StoreError> {
     for (estimate, received_ns) in &batch.current {
         current(connection, keys, estimate, *received_ns).await?;
     }
@@ -57,7 +69,7 @@ async fn history(
     keys: &mut Keys,
     rows: &[HistoryRow],
 ) -> Result<(), StoreError> {
-    let statements = Statements::of(connection.dialect());
+    let statements = &*STATEMENTS;
     let mut overwritten = BTreeSet::new();
     for row in rows {
         let received = WallTime(row.received_s * NS_PER_S);
@@ -123,17 +135,15 @@ async fn remake(
     start_s: i64,
 ) -> Result<(), StoreError> {
     let failed = || StoreError::database("roll up a robot's history");
-    let statements = Statements::of(connection.dialect());
-    let (delete, merge, step_s) = match tier {
+    let statements = &*STATEMENTS;
+    let (delete, merge) = match tier {
         Tier::Hour => (
             "DELETE FROM history_hour WHERE t = $1 AND robot = $2",
             &statements.remake_hour,
-            Tier::Minute.seconds(),
         ),
         Tier::Second | Tier::Minute => (
             "DELETE FROM history_minute WHERE t = $1 AND robot = $2",
             &statements.remake_minute,
-            Tier::Second.seconds(),
         ),
     };
     query(delete)
@@ -142,24 +152,13 @@ async fn remake(
         .execute(connection)
         .await
         .map_err(failed())?;
-    let end_s = start_s + tier.seconds();
-    // One statement for all rows, or one for each.
-    let at_once_s = if connection.dialect().merges_many() {
-        tier.seconds()
-    } else {
-        step_s
-    };
-    let mut from_s = start_s;
-    while from_s < end_s {
-        query(merge.as_str())
-            .bind(key)
-            .bind(from_s)
-            .bind(from_s + at_once_s)
-            .execute(connection)
-            .await
-            .map_err(failed())?;
-        from_s += at_once_s;
-    }
+    query(merge.as_str())
+        .bind(key)
+        .bind(start_s)
+        .bind(start_s + tier.seconds())
+        .execute(connection)
+        .await
+        .map_err(failed())?;
     Ok(())
 }
 
@@ -287,6 +286,26 @@ pub async fn prune(
         pruned += done;
     }
     Ok(pruned)
+}
+
+/// Deletes seconds that are older than `before_s` and in no day's partition, a limited number;
+/// gives their number.
+///
+/// # Errors
+/// The database's failure.
+pub async fn prune_seconds_beside_days(
+    connection: &mut dyn Connection,
+    before_s: i64,
+) -> Result<u64, StoreError> {
+    query(
+        "DELETE FROM history_second_default WHERE (t, robot) IN (SELECT t, robot
+         FROM history_second_default WHERE received < $1 LIMIT $2)",
+    )
+    .bind(before_s)
+    .bind(limits::RETENTION_ROWS_MAX)
+    .execute(connection)
+    .await
+    .map_err(StoreError::database("delete old rows"))
 }
 
 /// The statements that delete old rows, and what a second is in the unit of their column of time.

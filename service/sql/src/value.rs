@@ -40,6 +40,11 @@ pub(crate) trait FromValue: Sized {
 }
 
 impl Row {
+    /// The integer of a column; `None` where there is none.
+    pub fn integer(&self, index: usize) -> Option<i64> {
+        self.get(index).ok()
+    }
+
     /// The value of a column.
     pub(crate) fn get<T: FromValue>(&self, index: usize) -> Result<T, UnexpectedValue> {
         let unexpected = |found| UnexpectedValue {

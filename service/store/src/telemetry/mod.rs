@@ -31,6 +31,15 @@ pub trait TelemetryWriter: std::fmt::Debug + Send + 'static {
     /// [`StoreError::Database`] when nothing was deleted.
     async fn prune(&mut self, aged: Aged, before_s: i64) -> Result<u64, StoreError>;
 
+    /// Does what writing put off, such as roll-ups: what is due, or `everything` when somebody waits
+    /// for it. What fails is done later.
+    ///
+    /// # Errors
+    /// [`StoreError::Database`].
+    async fn catch_up(&mut self, _everything: bool) -> Result<(), StoreError> {
+        Ok(())
+    }
+
     /// Closes the connection.
     ///
     /// # Errors

@@ -147,7 +147,11 @@ impl<W: TelemetryWriter> TelemetryTask<W> {
             }
         }
         if failure.is_none() {
-            self.retry.reset();
+            failure = self.writer.catch_up(everything).await.err();
+            match &failure {
+                None => self.retry.reset(),
+                Some(error) => self.failed(error),
+            }
         }
         self.note_pending();
         for flush in self.flushes.drain(..) {

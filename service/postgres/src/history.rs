@@ -1,0 +1,339 @@
+//! Seconds of history in PostgreSQL: written many at once into partitions of a day, and rolled up
+//! from there.
+//!
+//! A minute or an hour is made of all of its rows, at most
+//! [`limits::POSTGRES_ROLL_UP_EVERY`] after one of them was written. What was not rolled up when
+//! the service ended is found at the next start.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::LazyLock;
+
+use fleetcal_domain::limits;
+use fleetcal_model::{Parameter, WallTime};
+use fleetcal_sql::{Connection as _, Keys, Statement, StatementError, key_of, telemetry};
+use fleetcal_store::{HistoryRow, StoreError};
+use tokio::time::Instant;
+
+use crate::connection::Session;
+
+pub(crate) const DAY_S: i64 = 86_400;
+const HOUR_S: i64 = 3_600;
+const MINUTE_S: i64 = 60;
+const NS_PER_S: i64 = 1_000_000_000;
+
+/// What of the history this process has yet to do.
+#[derive(Debug)]
+pub(crate) struct History {
+    /// Days since the epoch whose partitions are there.
+    days: BTreeSet<i64>,
+    /// Minutes that are to be rolled up: robot's key and first second.
+    minutes: BTreeSet<(i64, i64)>,
+    rolled_up_at: Instant,
+}
+
+impl History {
+    /// Looks for seconds that were not rolled up.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub(crate) async fn open(session: &mut Session) -> Result<Self, StoreError> {
+        let rows = session
+            .rows(Statement {
+                sql: NOT_ROLLED_UP.into(),
+                values: Vec::new(),
+            })
+            .await
+            .map_err(StoreError::database("look for history to roll up"))?;
+        let minutes = rows
+            .iter()
+            .filter_map(|row| row.integer(0).zip(row.integer(1)));
+        Ok(Self {
+            days: BTreeSet::new(),
+            minutes: minutes.collect(),
+            rolled_up_at: Instant::now(),
+        })
+    }
+
+    /// Writes seconds; one that is there already is overwritten.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub(crate) async fn write(
+        &mut self,
+        session: &mut Session,
+        keys: &mut Keys,
+        rows: &[HistoryRow],
+    ) -> Result<Written, StoreError> {
+        let mut written = Written::default();
+        // A statement may write each second once: the latest counts.
+        let mut seconds = BTreeMap::new();
+        for row in rows {
+            let received = WallTime(row.received_s.saturating_mul(NS_PER_S));
+            let key = key_of(session, keys, &row.robot, received).await?;
+            written.minutes.insert((key, start(row.t_s, MINUTE_S)));
+            let day = row.received_s.div_euclid(DAY_S);
+            // The next one as well: it is there before its first second.
+            written.days.extend([day, day + 1]);
+            seconds.insert((key, row.t_s), row);
+        }
+        for &day in written.days.difference(&self.days) {
+            add_day(session, day).await?;
+        }
+        if !seconds.is_empty() {
+            insert(session, &seconds)
+                .await
+                .map_err(StoreError::database("write robots' history"))?;
+        }
+        Ok(written)
+    }
+
+    /// Takes what a transaction wrote, once it is committed.
+    pub(crate) fn take(&mut self, written: Written) {
+        self.days.extend(written.days);
+        // Yesterday's are of no use any more.
+        while self.days.len() > limits::POSTGRES_DAYS_KNOWN_MAX {
+            self.days.pop_first();
+        }
+        self.minutes.extend(written.minutes);
+    }
+
+    /// What is to be rolled up next, when it is time or `now_or_never`; in parts that are committed
+    /// each by itself.
+    pub(crate) fn next_part(&mut self, now_or_never: bool) -> Option<Vec<(i64, i64)>> {
+        let is_time = self.rolled_up_at.elapsed() >= limits::POSTGRES_ROLL_UP_EVERY;
+        if self.minutes.is_empty() || !(is_time || now_or_never) {
+            return None;
+        }
+        let part = self.minutes.iter().take(limits::POSTGRES_ROLL_UP_MAX);
+        Some(part.copied().collect())
+    }
+
+    /// Takes a part that was rolled up and committed.
+    pub(crate) fn rolled_up(&mut self, part: &[(i64, i64)]) {
+        for minute in part {
+            self.minutes.remove(minute);
+        }
+        if self.minutes.is_empty() {
+            self.rolled_up_at = Instant::now();
+        }
+    }
+}
+
+/// What one transaction wrote.
+#[derive(Debug, Default)]
+pub(crate) struct Written {
+    days: BTreeSet<i64>,
+    minutes: BTreeSet<(i64, i64)>,
+}
+
+/// First second of the stretch of this length that `t_s` is in.
+const fn start(t_s: i64, length_s: i64) -> i64 {
+    t_s - t_s.rem_euclid(length_s)
+}
+
+/// Makes a day's partition, unless it is there.
+///
+/// # Errors
+/// The database's failure.
+pub(crate) async fn add_day(session: &mut Session, day: i64) -> Result<(), StoreError> {
+    let statement = Statement {
+        sql: "SELECT 1 FROM history_add_day($1)".into(),
+        values: vec![day.into()],
+    };
+    let added = session.rows(statement).await;
+    added
+        .map(drop)
+        .map_err(StoreError::database("add a day to the history"))
+}
+
+/// Makes minutes again from their seconds, and their hours from the minutes.
+///
+/// # Errors
+/// The database's failure.
+pub(crate) async fn roll_up(
+    session: &mut Session,
+    minutes: &[(i64, i64)],
+) -> Result<(), StoreError> {
+    let hours: BTreeSet<(i64, i64)> = minutes
+        .iter()
+        .map(|&(key, minute_s)| (key, start(minute_s, HOUR_S)))
+        .collect();
+    let hours: Vec<_> = hours.into_iter().collect();
+    for (sql, stretches) in [(&*MINUTES, minutes), (&*HOURS, hours.as_slice())] {
+        let (keys, starts): (Vec<i64>, Vec<i64>) = stretches.iter().copied().unzip();
+        let query = sqlx::query(sqlx::AssertSqlSafe(sql.as_str()));
+        let rolled_up = session.execute_query(query.bind(keys).bind(starts)).await;
+        rolled_up.map_err(StoreError::database("roll up robots' history"))?;
+    }
+    Ok(())
+}
+
+/// Drops the days of which every second was received before `before_s`; gives the number of rows,
+/// about.
+///
+/// # Errors
+/// The database's failure.
+pub(crate) async fn drop_days(session: &mut Session, before_s: i64) -> Result<u64, StoreError> {
+    let statement = Statement {
+        sql: "SELECT history_drop_days($1)".into(),
+        values: vec![before_s.into()],
+    };
+    let rows = session.rows(statement).await;
+    let rows = rows.map_err(StoreError::database("drop a day of the history"))?;
+    let dropped = rows.first().and_then(|row| row.integer(0));
+    // Seconds whose robot's clock was of another day.
+    let others = telemetry::prune_seconds_beside_days(session, before_s).await?;
+    Ok(dropped.unwrap_or(0).unsigned_abs() + others)
+}
+
+/// Writes seconds in one statement, an array for each column.
+async fn insert(
+    session: &mut Session,
+    seconds: &BTreeMap<(i64, i64), &HistoryRow>,
+) -> Result<(), StatementError> {
+    let column =
+        |of: fn(&HistoryRow) -> i64| -> Vec<i64> { seconds.values().map(|row| of(row)).collect() };
+    let keys: Vec<i64> = seconds.keys().map(|&(key, _)| key).collect();
+    let nis: Vec<Option<f64>> = seconds.values().map(|row| row.nis).collect();
+    let mut query = sqlx::query(sqlx::AssertSqlSafe(INSERT.as_str()))
+        .bind(keys)
+        .bind(column(|row| row.t_s))
+        .bind(column(|row| row.received_s))
+        .bind(column(|row| i64::from(row.status)))
+        .bind(nis);
+    for parameter in 0..Parameter::ALL.len() {
+        let cells = || {
+            seconds
+                .values()
+                .map(|row| row.cells.get(parameter).copied().flatten())
+        };
+        let values: Vec<Option<f64>> = cells().map(|cell| cell.map(|(value, _)| value)).collect();
+        let sigmas: Vec<Option<f64>> = cells().map(|cell| cell.map(|(_, sigma)| sigma)).collect();
+        query = query.bind(values).bind(sigmas);
+    }
+    session.execute_query(query).await.map(drop)
+}
+
+/// The columns of a second, and where they come from.
+static INSERT: LazyLock<String> = LazyLock::new(|| {
+    let mut columns = "robot, t, received, status, nis".to_owned();
+    let mut arrays = "$1::int8[], $2::int8[], $3::int8[], $4::int8[], $5::float8[]".to_owned();
+    let mut set =
+        "received = excluded.received, status = excluded.status, nis = excluded.nis".to_owned();
+    for (index, parameter) in Parameter::ALL.iter().enumerate() {
+        let p = parameter.name();
+        let (value, sigma) = (6 + 2 * index, 7 + 2 * index);
+        columns.push_str(&format!(", {p}, {p}_sigma"));
+        arrays.push_str(&format!(", ${value}::float8[], ${sigma}::float8[]"));
+        set.push_str(&format!(
+            ", {p} = excluded.{p}, {p}_sigma = excluded.{p}_sigma"
+        ));
+    }
+    format!(
+        "INSERT INTO history_second ({columns}) SELECT * FROM unnest({arrays}) \
+         ON CONFLICT (robot, t) DO UPDATE SET {set}"
+    )
+});
+
+/// Seconds behind the last minute that was rolled up, and those of that minute.
+const NOT_ROLLED_UP: &str = "\
+SELECT DISTINCT s.robot, s.t - ((s.t % 60) + 60) % 60
+FROM robot AS r JOIN history_second AS s ON s.robot = r.key AND s.t >= coalesce(
+    (SELECT max(m.t) FROM history_minute AS m WHERE m.robot = r.key), -9223372036854775808)";
+
+/// Makes minutes again from their seconds: keys and starts, as arrays.
+static MINUTES: LazyLock<String> = LazyLock::new(|| {
+    let mut values = String::new();
+    for parameter in Parameter::ALL {
+        let p = parameter.name();
+        let value = in_turn(parameter, &format!("s.{p}"), &format!("s.{p}"));
+        values.push_str(&format!(
+            ", avg({value}), min({value}), max({value}), avg(s.{p}_sigma)"
+        ));
+    }
+    roll_up_statement(
+        "history_minute",
+        &format!(
+            "max(s.received), count(*), (array_agg(s.status ORDER BY s.t DESC))[1], avg(s.nis), \
+             max(s.nis){values}"
+        ),
+        "history_second",
+        ("lidar_yaw", MINUTE_S),
+    )
+});
+
+/// Makes hours again from their minutes: keys and starts, as arrays. Means are weighted by the
+/// minutes' counts.
+static HOURS: LazyLock<String> = LazyLock::new(|| {
+    let weighted = |mean: &str, column: &str| {
+        format!("sum({mean} * s.count) / sum(s.count) FILTER (WHERE s.{column} IS NOT NULL)")
+    };
+    let mut values = String::new();
+    for parameter in Parameter::ALL {
+        let p = parameter.name();
+        let part =
+            |which: &str| in_turn(parameter, &format!("s.{p}_{which}"), &format!("s.{p}_mean"));
+        values.push_str(&format!(
+            ", {}, min({}), max({}), {}",
+            weighted(&part("mean"), &format!("{p}_mean")),
+            part("min"),
+            part("max"),
+            weighted(&format!("s.{p}_sigma"), &format!("{p}_sigma")),
+        ));
+    }
+    roll_up_statement(
+        "history_hour",
+        &format!(
+            "max(s.received), sum(s.count)::int8, (array_agg(s.status ORDER BY s.t DESC))[1], \
+             {}, max(s.nis_max){values}",
+            weighted("s.nis_mean", "nis_mean")
+        ),
+        "history_minute",
+        ("lidar_yaw_mean", HOUR_S),
+    )
+});
+
+/// A heading within half a turn of the stretch's first one: a LiDAR that looks backwards would
+/// otherwise have a mean of zero. Other parameters are as they are.
+fn in_turn(parameter: Parameter, value: &str, centre: &str) -> String {
+    match parameter {
+        Parameter::LidarYaw => format!(
+            "({value} - {turn} * round(({centre} - first.yaw) / {turn}))",
+            turn = std::f64::consts::TAU
+        ),
+        _ => value.to_owned(),
+    }
+}
+
+/// Overwrites rows of `table` with what `values` makes of the rows of `source`.
+fn roll_up_statement(
+    table: &str,
+    values: &str,
+    source: &str,
+    (yaw, length_s): (&str, i64),
+) -> String {
+    let mut columns = "received, count, status, nis_mean, nis_max".to_owned();
+    for parameter in Parameter::ALL {
+        let p = parameter.name();
+        columns.push_str(&format!(", {p}_mean, {p}_min, {p}_max, {p}_sigma"));
+    }
+    let set: Vec<String> = columns
+        .split(", ")
+        .map(|column| format!("{column} = excluded.{column}"))
+        .collect();
+    format!(
+        "INSERT INTO {table} (robot, t, {columns})
+         SELECT d.robot, d.t, {values}
+         FROM unnest($1::int8[], $2::int8[]) AS d (robot, t)
+         LEFT JOIN LATERAL (
+             SELECT {yaw} AS yaw FROM {source} AS f
+             WHERE f.robot = d.robot AND f.t >= d.t AND f.t < d.t + {length_s}
+                 AND f.{yaw} IS NOT NULL
+             ORDER BY f.t LIMIT 1
+         ) AS first ON true
+         JOIN {source} AS s ON s.robot = d.robot AND s.t >= d.t AND s.t < d.t + {length_s}
+         GROUP BY d.robot, d.t
+         ON CONFLICT (robot, t) DO UPDATE SET {}",
+        set.join(", ")
+    )
+}
