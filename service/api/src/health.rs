@@ -62,10 +62,22 @@ pub(super) struct Readiness {
     ready: bool,
     /// Whether the database can be written; else why not.
     database: Check,
+    /// Whether an acknowledged decision outlives the loss of the database's machine, because a
+    /// second one has it by then. `unknown` when the database does not say so.
+    survives_machine_loss: Survival,
     /// Whether the database has this program's schema.
     migrations: Check,
     /// Whether the Zenoh session is open.
     zenoh: Check,
+}
+
+/// Whether something is sure to survive.
+#[derive(Debug, Clone, Copy, Serialize, utoipa::ToSchema)]
+#[serde(rename_all = "snake_case")]
+enum Survival {
+    Yes,
+    No,
+    Unknown,
 }
 
 /// One thing that the service needs.
@@ -132,10 +144,16 @@ pub(super) async fn readyz(
     } else {
         Err("the Zenoh session is not open".to_owned())
     };
+    let survives_machine_loss = match api.store.survives_machine_loss().await {
+        Ok(Some(true)) => Survival::Yes,
+        Ok(Some(false)) => Survival::No,
+        Ok(None) | Err(_) => Survival::Unknown,
+    };
     let ready = database.is_ok() && migrations.is_ok() && zenoh.is_ok();
     let document = Readiness {
         ready,
         database: Check::of(database),
+        survives_machine_loss,
         migrations: Check::of(migrations),
         zenoh: Check::of(zenoh),
     };

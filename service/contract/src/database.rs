@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use fleetcal_clock::MockClock;
+use fleetcal_clock::{Clock, SharedClock};
 use fleetcal_postgres::{JobRuns, PostgresSetup};
 use fleetcal_store::Store;
 use fleetcal_store::database_url::PostgresUrl;
@@ -91,25 +91,33 @@ impl TestDatabase {
     }
 
     /// Opens a store on it.
-    pub async fn open(&self, clock: Arc<MockClock>) -> Store {
+    pub async fn open(&self, clock: Arc<impl Clock>) -> Store {
         match &self.place {
             Place::Server(setup) => {
-                fleetcal_postgres::open(setup.clone(), Box::new(()), clock as _).await
+                fleetcal_postgres::open(setup.clone(), Box::new(()), clock as SharedClock).await
             }
-            Place::Folder(path) => fleetcal_sqlite::open(path, clock as _).await,
+            Place::Folder(path) => fleetcal_sqlite::open(path, clock as SharedClock).await,
         }
         .unwrap()
     }
 
     /// Opens a store that runs each job twice, of which the first run is undone: so every test
     /// shows that its jobs can be run again.
-    pub async fn open_running_twice(&self, clock: Arc<MockClock>) -> Store {
+    pub async fn open_running_twice(&self, clock: Arc<impl Clock>) -> Store {
         match &self.place {
             Place::Server(setup) => {
                 let setup = setup.clone();
-                fleetcal_postgres::open_with(setup, Box::new(()), clock as _, JobRuns::Twice).await
+                fleetcal_postgres::open_with(
+                    setup,
+                    Box::new(()),
+                    clock as SharedClock,
+                    JobRuns::Twice,
+                )
+                .await
             }
-            Place::Folder(path) => fleetcal_sqlite::open_running_twice(path, clock as _).await,
+            Place::Folder(path) => {
+                fleetcal_sqlite::open_running_twice(path, clock as SharedClock).await
+            }
         }
         .unwrap()
     }

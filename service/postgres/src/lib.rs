@@ -32,7 +32,7 @@ use writer::{Records, Telemetry};
 pub use copy::copy;
 pub use schema::migrate;
 #[doc(hidden)]
-pub use testing::create_for_test;
+pub use testing::{create_for_test, spent_for_test};
 pub use writer::JobRuns;
 
 /// A future that is compiled in this crate, and not in each that awaits it.

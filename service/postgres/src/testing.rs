@@ -46,3 +46,29 @@ async fn run_for_test(session: &mut Session, sql: String) -> Result<(), StoreErr
     done.map(drop)
         .map_err(StoreError::database("do what a test asks"))
 }
+
+/// The process of the server of `setup`, which is on this machine, and the bytes of write-ahead log
+/// that it has written since it was made.
+///
+/// # Errors
+/// As of connecting; [`StoreError::Database`] when the process is not on this machine.
+pub async fn spent_for_test(setup: &PostgresSetup) -> Result<(u32, f64), StoreError> {
+    let servers = Servers::new(setup.clone())?;
+    let mut session = Session::new(servers.connect(Purpose::Migration).await?);
+    let asked = Statement {
+        sql: "SELECT pg_backend_pid()::int8, pg_wal_lsn_diff(pg_current_wal_lsn(), '0/0')::int8"
+            .into(),
+        values: Vec::new(),
+    };
+    let failed = || StoreError::database("say what it has spent");
+    let rows = session.rows(asked).await.map_err(failed())?;
+    let number = |index| rows.first().and_then(|row| row.integer(index)).unwrap_or(0);
+    // The parent of a connection's process is the server.
+    let stat = std::fs::read_to_string(format!("/proc/{}/stat", number(0))).map_err(failed())?;
+    let parent = stat
+        .rsplit_once(") ")
+        .and_then(|(_, rest)| rest.split(' ').nth(1));
+    session.close().await;
+    let parent = parent.and_then(|text| text.parse().ok()).unwrap_or(0);
+    Ok((parent, number(1) as f64))
+}

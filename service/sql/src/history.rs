@@ -99,6 +99,22 @@ pub(super) fn select(dialect: Dialect, tier: Tier, parameters: &[Parameter]) -> 
     })
 }
 
+/// Reads the first and the last second of a tier, of whichever robot. Each comes from an end of the
+/// key, which only a lone `min` or `max` is taken from: of the whole in SQLite, of each robot in
+/// PostgreSQL.
+pub(super) fn extent(dialect: Dialect, tier: Tier) -> String {
+    let table = table(tier);
+    match dialect {
+        Dialect::Sqlite => {
+            format!("SELECT (SELECT min(t) FROM {table}), (SELECT max(t) FROM {table})")
+        }
+        Dialect::Postgres => format!(
+            "SELECT min((SELECT min(t) FROM {table} WHERE robot = r.key)), \
+             max((SELECT max(t) FROM {table} WHERE robot = r.key)) FROM robot AS r"
+        ),
+    }
+}
+
 fn second_row() -> String {
     let mut columns = String::new();
     let mut values = String::new();

@@ -137,10 +137,8 @@ impl Reader for SqlReader {
     }
 
     async fn extent(&self, tier: Tier) -> Result<Option<(i64, i64)>, StoreError> {
-        // Two statements in one, because only a lone `min` or `max` is taken from the key.
         let table = history::table(tier);
-        let sql = format!("SELECT (SELECT min(t) FROM {table}), (SELECT max(t) FROM {table})");
-        let row = query(sql)
+        let row = query(history::extent(self.pool.dialect(), tier))
             .fetch_one(&mut self.connection())
             .await
             .map_err(StoreError::database("read the extent of the history"))?;
@@ -216,6 +214,25 @@ impl Reader for SqlReader {
 
     async fn schema_version(&self) -> Result<i64, StoreError> {
         schema_version(&mut self.connection()).await
+    }
+
+    async fn survives_machine_loss(&self) -> Result<Option<bool>, StoreError> {
+        match self.pool.dialect() {
+            // One file, on one machine.
+            Dialect::Sqlite => Ok(Some(false)),
+            // A role without `pg_read_all_stats` sees that there are standbys and not which.
+            Dialect::Postgres => query_scalar(
+                "SELECT CASE
+                     WHEN current_setting('synchronous_commit') IN ('off', 'local')
+                         OR current_setting('synchronous_standby_names') = '' THEN false
+                     ELSE (SELECT bool_or(sync_state IN ('sync', 'quorum'))
+                         FROM pg_stat_replication)
+                 END",
+            )
+            .fetch_one(&mut self.connection())
+            .await
+            .map_err(StoreError::database("say how many copies there are")),
+        }
     }
 
     async fn ledgers(&self) -> Result<Vec<RobotLedger>, StoreError> {

@@ -234,6 +234,10 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
     /// How many deliveries wait.
     async fn waiting_deliveries(&self) -> Result<u64, StoreError>;
 
+    /// Whether what is acknowledged outlives the loss of the machine of the database, because it is
+    /// on a second one by then; `None` when this cannot be seen.
+    async fn survives_machine_loss(&self) -> Result<Option<bool>, StoreError>;
+
     /// Closes the connections.
     async fn close(&self);
 }

@@ -326,6 +326,15 @@ impl Store {
         ))
     }
 
+    /// Whether what is acknowledged outlives the loss of the machine of the database; `None` when
+    /// this cannot be seen.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn survives_machine_loss(&self) -> Result<Option<bool>, StoreError> {
+        self.shared.reader.survives_machine_loss().await
+    }
+
     /// What the store has done since it was opened.
     pub fn counters(&self) -> StoreCounters {
         let load = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
