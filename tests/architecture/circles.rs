@@ -36,7 +36,7 @@ const fn member(package: &'static str, folder: &'static str, uses: &'static str)
 }
 
 /// The crates, lowest first.
-pub const CRATES: [Member; 18] = [
+pub const CRATES: [Member; 22] = [
     member("fleetcal-model", "proto/model", ""),
     member("fleetcal-proto", "proto", "model"),
     member("fleetcal-estimator", "estimator", "model"),
@@ -48,10 +48,22 @@ pub const CRATES: [Member; 18] = [
         "service/store",
         "clock domain model proto",
     ),
+    member("fleetcal-sql", "service/sql", "domain model proto store"),
+    member("fleetcal-folder", "service/folder", "proto store"),
     member(
         "fleetcal-sqlite",
         "service/sqlite",
-        "clock domain model proto store",
+        "clock domain folder model proto sql store",
+    ),
+    member(
+        "fleetcal-postgres",
+        "service/postgres",
+        "clock domain model sql store",
+    ),
+    member(
+        "fleetcal-contract",
+        "service/contract",
+        "clock domain model postgres proto sqlite store",
     ),
     member(
         "fleetcal-fleet",
@@ -82,7 +94,7 @@ pub const CRATES: [Member; 18] = [
     member(
         "fleetcal-config",
         "service/config",
-        "domain estimator http proto",
+        "domain estimator http proto store",
     ),
     member(
         "fleetcal-command",
@@ -92,7 +104,8 @@ pub const CRATES: [Member; 18] = [
     member(
         "fleetcal",
         "service",
-        "api clock command config domain fleet http link model operations proto robot sqlite store",
+        "api clock command config domain fleet folder http link model operations postgres proto robot \
+         sql sqlite store",
     ),
     member(
         "fleetcal-evaluation",
@@ -228,8 +241,8 @@ fn a_planted_circle_of_modules_is_found() {
 
 #[test]
 fn a_planted_circle_of_files_is_found() {
-    let code = "use super::read::SqliteReader;\n";
-    let found = with_planted("service/sqlite", "row.rs", code);
+    let code = "use super::read::SqlReader;\n";
+    let found = with_planted("service/sql", "row.rs", code);
     let files = ["read.rs", "row.rs"];
     let has = |circle: &BTreeSet<String>| files.iter().all(|file| circle.contains(*file));
     assert!(found.iter().any(has), "{found:?}");
