@@ -88,6 +88,9 @@ impl Calibrator {
 
     /// What has to be stored to go on later.
     pub fn checkpoint(&self) -> Checkpoint {
+        // What is measured from the anchor and the local map ends with them.
+        let mut long_run = self.watch.long_run().clone();
+        long_run.break_block();
         Checkpoint {
             version: VERSION,
             filter: self.filter().map(|filter| {
@@ -97,7 +100,7 @@ impl Calibrator {
             }),
             session: self.session.clone(),
             trust: self.trust.clone(),
-            long_run: self.watch.long_run().clone(),
+            long_run,
             comparison: self.comparison.clone(),
             baseline: self.baseline.clone(),
             scanner: Some(self.learnt_scanner()),

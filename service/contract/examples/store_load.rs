@@ -213,17 +213,15 @@ fn written_bytes() -> f64 {
     line.unwrap().parse().unwrap()
 }
 
-/// A state of an estimator as large as they are, which does not compress.
-fn checkpoint(number: usize) -> String {
-    let mut text = String::with_capacity(CHECKPOINT_BYTES + 16);
-    text.push_str("{\"state\":\"");
+/// A robot's state as large as they are, which does not compress.
+fn checkpoint(number: usize) -> Vec<u8> {
+    let mut state = Vec::with_capacity(CHECKPOINT_BYTES + 8);
     let mut bits = number as u64 | 1;
-    while text.len() < CHECKPOINT_BYTES {
+    while state.len() < CHECKPOINT_BYTES {
         bits ^= bits << 13;
         bits ^= bits >> 7;
         bits ^= bits << 17;
-        text.push_str(&format!("{bits:016x}"));
+        state.extend(bits.to_le_bytes());
     }
-    text.push_str("\"}");
-    text
+    state
 }

@@ -120,8 +120,13 @@ pub const STALE_AFTER: Duration = Duration::from_secs(3);
 pub const SESSION_ENDS_AFTER: Duration = Duration::from_secs(10);
 /// A robot's session ends this long after its liveliness token went, with nothing more to come.
 pub const SESSION_ENDS_AFTER_TOKEN: Duration = Duration::from_millis(500);
-/// Message time between two checkpoints of an estimator.
+/// Message time between two checkpoints of a robot that learns, verifies values or has a candidate
+/// for a proposal, s.
 pub const CHECKPOINT_EVERY_S: f64 = 10.0;
+/// Message time between two checkpoints of a calibrated robot, s.
+pub const CHECKPOINT_CALIBRATED_EVERY_S: f64 = 60.0;
+/// Bytes of a checkpoint once it is decompressed; those of a robot that verifies are some 50 KiB.
+pub const CHECKPOINT_BYTES_MAX: usize = 1024 * 1024;
 /// Messages of a robot overtake each other by less than this, s of message time: a verification run
 /// begins so long after the first message that came after the robot's acknowledgement.
 pub const IN_FLIGHT_S: f64 = 1.0;

@@ -5,6 +5,7 @@ use std::sync::atomic::Ordering;
 use std::sync::{Arc, PoisonError, RwLock};
 
 use fleetcal_clock::SharedClock;
+use fleetcal_domain::approval::Policy;
 use fleetcal_domain::limits;
 use fleetcal_domain::robot::{
     AnnouncedTopic, CrossTrack, HistoryEvent, Journal, RobotConfig, RobotView,
@@ -90,8 +91,8 @@ pub struct FleetSetup {
     pub robots: BTreeMap<RobotId, RobotConfig>,
     /// How well robots followed their paths, by generation.
     pub cross_tracks: BTreeMap<RobotId, BTreeMap<Generation, CrossTrack>>,
-    /// The estimators' states when the service last stopped, as JSON.
-    pub checkpoints: BTreeMap<RobotId, String>,
+    /// What robots' tasks stored before the service stopped, as [`Journal::save_checkpoint`] had it.
+    pub checkpoints: BTreeMap<RobotId, Vec<u8>>,
     /// When robots were last heard before this start, wall time, ns.
     pub last_heard: BTreeMap<RobotId, WallTime>,
 }
@@ -149,7 +150,7 @@ impl FleetHandle {
         handle
     }
 
-    fn spawn(&self, robot: Arc<Robot>, stored: Option<String>) {
+    fn spawn(&self, robot: Arc<Robot>, stored: Option<Vec<u8>>) {
         self.fleet
             .tasks
             .spawn(task::run(Arc::clone(&self.fleet), robot, stored));
@@ -248,6 +249,13 @@ impl FleetHandle {
         if let Some(robot) = self.fleet.find(id.as_str()) {
             robot.set_used(values, in_verification);
         }
+    }
+
+    /// Whether the estimate of a calibrated robot has stood still for so long that it may be proposed.
+    /// How long it has is stored with the robot's estimator. To be asked each second.
+    pub fn has_stable_estimate(&self, id: &RobotId, policy: &Policy) -> bool {
+        let robot = self.fleet.find(id.as_str());
+        robot.is_some_and(|robot| robot.observe_candidate(policy))
     }
 
     /// Tells every listener; nobody listening is no error.

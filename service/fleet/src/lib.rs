@@ -10,6 +10,7 @@ mod handle;
 mod intake;
 pub mod live;
 mod mailbox;
+mod packed;
 mod pairing;
 mod pose;
 mod reading;

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use fleetcal_clock::Clock;
+use fleetcal_domain::approval::{Candidate, Policy};
 use fleetcal_domain::limits::{
     FORMER_KEY_WARNED_FOR, SESSION_ENDS_AFTER, SESSION_ENDS_AFTER_TOKEN, STALE_AFTER,
 };
@@ -93,6 +94,8 @@ struct Status {
     estimator_restarts: u32,
     used: Used,
     verification: Option<(Generation, Arc<EstimateDocument>)>,
+    /// How long the estimate has stood still.
+    candidate: Candidate,
     /// What it should drive next, the best first.
     manoeuvres: Arc<[Ranked]>,
     pairing: Option<PairingReport>,
@@ -206,6 +209,7 @@ impl Robot {
                 estimator_restarts: 0,
                 used: Used::default(),
                 verification: None,
+                candidate: Candidate::default(),
                 manoeuvres: Arc::from([]),
                 pairing: None,
                 warnings: Vec::new(),
@@ -351,6 +355,7 @@ impl Robot {
         status.config_version = status.config_version.next();
         status.state = RobotState::NoData;
         status.estimate = None;
+        status.candidate = Candidate::default();
         status.manoeuvres = Arc::from([]);
         status.pairing = None;
         status.warnings = Vec::new();
@@ -360,6 +365,39 @@ impl Robot {
     /// Takes what the robot's task has to say.
     pub fn set_state(&self, state: RobotState) {
         lock(&self.status).state = state;
+    }
+
+    /// Takes what its task had to say before the service was restarted, at once: whoever looks sees
+    /// all of it or nothing.
+    pub fn restore(
+        &self,
+        state: RobotState,
+        estimate: Arc<EstimateDocument>,
+        candidate: Candidate,
+    ) {
+        let mut status = lock(&self.status);
+        status.state = state;
+        status.estimate = Some(estimate);
+        status.candidate = candidate;
+    }
+
+    /// Whether its estimate, once it is calibrated, has stood still for long enough by now.
+    pub fn observe_candidate(&self, policy: &Policy) -> bool {
+        let mut status = lock(&self.status);
+        let is_calibrated = status.state == RobotState::Calibrated;
+        let estimate = status.estimate.clone().filter(|_| is_calibrated);
+        status.candidate.observe(estimate.as_deref(), policy)
+    }
+
+    /// How long its estimate has stood still.
+    pub fn candidate(&self) -> Candidate {
+        lock(&self.status).candidate.clone()
+    }
+
+    /// Whether it is calibrated and no candidate for a proposal waits.
+    pub fn is_settled(&self) -> bool {
+        let status = lock(&self.status);
+        status.state == RobotState::Calibrated && !status.candidate.is_pending()
     }
 
     /// Takes a new estimate.

@@ -1,29 +1,72 @@
-//! A robot's estimator as the store keeps it, to go on from after a restart of the service.
+//! What a robot's task goes on from after a restart of the service.
 
+use fleetcal_domain::approval::Candidate;
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::{Calibrator, Checkpoint};
 use fleetcal_model::RobotId;
 use serde::{Deserialize, Serialize};
 
-/// A stored estimator: its state, and what it was made with. A robot that is configured otherwise
-/// by now begins from nothing.
+use crate::packed::{self, Unreadable};
+use crate::verification_run::{StoredRun, VerificationRun};
+
+/// What is stored of a robot's task. One whose estimator is configured otherwise by now begins from
+/// nothing. What former versions did not store is absent in theirs.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Stored {
-    config: CalibratorConfig,
-    calibrator: Checkpoint,
+    /// What the estimators were made with.
+    pub config: CalibratorConfig,
+    /// The robot's own estimator.
+    pub calibrator: Checkpoint,
+    /// Whether a change was seen and the new values are not known yet.
+    #[serde(default)]
+    pub changed: bool,
+    /// How long the estimate has stood still.
+    #[serde(default)]
+    pub candidate: Candidate,
+    /// The estimator of values in verification.
+    #[serde(default)]
+    pub verification_run: Option<StoredRun>,
 }
 
 impl Stored {
-    /// The state of an estimator that was made with `config`.
-    pub const fn new(config: CalibratorConfig, calibrator: Checkpoint) -> Self {
-        Self { config, calibrator }
+    /// As the store keeps it.
+    ///
+    /// # Errors
+    /// When it cannot be packed.
+    pub fn to_bytes(&self) -> Result<Vec<u8>, Unreadable> {
+        packed::pack(self)
     }
 }
 
-/// The estimator that was stored as `json`; `None`, which is logged, when it cannot be read or was
-/// made with another configuration.
-pub fn restore(robot: &RobotId, config: &CalibratorConfig, json: &str) -> Option<Calibrator> {
-    let stored: Stored = match serde_json::from_str(json) {
+/// What a robot's task begins with.
+#[derive(Debug)]
+pub struct Restored {
+    /// The robot's own estimator.
+    pub calibrator: Calibrator,
+    /// Whether a change was seen and the new values are not known yet.
+    pub changed: bool,
+    /// How long the estimate has stood still.
+    pub candidate: Candidate,
+    /// The estimator of values in verification.
+    pub verification_run: Option<VerificationRun>,
+}
+
+impl Restored {
+    /// The beginning of a robot of which nothing is known.
+    pub fn nothing(config: &CalibratorConfig) -> Self {
+        Self {
+            calibrator: Calibrator::new(config.clone()),
+            changed: false,
+            candidate: Candidate::default(),
+            verification_run: None,
+        }
+    }
+}
+
+/// What was stored as `bytes`; `None`, which is logged, when they cannot be read or are of an
+/// estimator with another configuration.
+pub fn restore(robot: &RobotId, config: &CalibratorConfig, bytes: &[u8]) -> Option<Restored> {
+    let stored: Stored = match packed::unpack(bytes) {
         Ok(stored) => stored,
         Err(error) => {
             tracing::warn!(robot.id = %robot, %error, "stored estimator cannot be read");
@@ -34,11 +77,19 @@ pub fn restore(robot: &RobotId, config: &CalibratorConfig, json: &str) -> Option
         tracing::info!(robot.id = %robot, "configured otherwise: estimator begins from nothing");
         return None;
     }
-    match Calibrator::restore(config.clone(), &stored.calibrator) {
-        Ok(calibrator) => Some(calibrator),
-        Err(error) => {
+    let run = stored.verification_run.as_ref();
+    let run = run.map(|run| VerificationRun::restore(config, run));
+    let restored = Calibrator::restore(config.clone(), &stored.calibrator).and_then(|calibrator| {
+        Ok(Restored {
+            calibrator,
+            changed: stored.changed,
+            candidate: stored.candidate,
+            verification_run: run.transpose()?,
+        })
+    });
+    restored
+        .inspect_err(|error| {
             tracing::warn!(robot.id = %robot, %error, "estimator begins from nothing");
-            None
-        }
-    }
+        })
+        .ok()
 }

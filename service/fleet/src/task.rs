@@ -6,8 +6,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
+use fleetcal_domain::approval::Candidate;
 use fleetcal_domain::limits::{
-    ADVICE_EVERY_S, CHECKPOINT_EVERY_S, ESTIMATOR_RESTARTS_MAX, NOTES_PER_HOUR_MAX,
+    ADVICE_EVERY_S, CHECKPOINT_CALIBRATED_EVERY_S, CHECKPOINT_EVERY_S, ESTIMATOR_RESTARTS_MAX,
+    NOTES_PER_HOUR_MAX,
 };
 use fleetcal_domain::robot::{
     HistoryEvent, Mount, RobotConfig, RobotState, ServiceEvent, ServiceEventKind, Warning,
@@ -32,7 +34,7 @@ use crate::reading::ReadingSettings;
 use crate::registry::Fleet;
 use crate::robot::Robot;
 use crate::senders::{LinkId, Senders};
-use crate::stored::{self, Stored};
+use crate::stored::{self, Restored, Stored};
 use crate::tap::Tapped;
 use crate::top_view;
 use crate::verification_run::VerificationRun;
@@ -46,7 +48,7 @@ const CALIBRATED: [Parameter; 4] = [
 ];
 
 /// Runs until the fleet stops and the mailbox is empty.
-pub async fn run(fleet: Arc<Fleet>, robot: Arc<Robot>, stored: Option<String>) {
+pub async fn run(fleet: Arc<Fleet>, robot: Arc<Robot>, stored: Option<Vec<u8>>) {
     let Some((version, config)) = robot.versioned_config() else {
         return;
     };
@@ -118,7 +120,7 @@ impl RobotTask {
         robot: Arc<Robot>,
         version: Version,
         config: &RobotConfig,
-        stored: Option<&str>,
+        stored: Option<&[u8]>,
     ) -> Self {
         let signal = config.wheel_odometry;
         let rear_axle_in_base_link = config.rear_axle_in_base_link;
@@ -127,10 +129,10 @@ impl RobotTask {
             streams: config.streams.clone(),
         });
         let config = config.calibrator_config(&fleet.estimator);
-        let restored = stored.and_then(|json| stored::restore(&robot.id, &config, json));
-        let last_good = restored.as_ref().map(Calibrator::checkpoint);
-        let calibrator = restored.unwrap_or_else(|| Calibrator::new(config.clone()));
-        let mut task = Self {
+        let restored = stored.and_then(|bytes| stored::restore(&robot.id, &config, bytes));
+        let last_good = restored.as_ref().map(|one| one.calibrator.checkpoint());
+        let restored = restored.unwrap_or_else(|| Restored::nothing(&config));
+        let task = Self {
             fleet,
             robot,
             version,
@@ -138,7 +140,7 @@ impl RobotTask {
             intake,
             rear_axle_in_base_link,
             config,
-            engine: Engine::Running(Box::new(calibrator)),
+            engine: Engine::Running(Box::new(restored.calibrator)),
             earlier_good: last_good.clone(),
             last_good,
             senders: Senders::default(),
@@ -148,17 +150,17 @@ impl RobotTask {
             newest: RobotTime(0),
             tapped_pose: LatestPose::default(),
             top_view: None,
-            changed: false,
-            verification_run: None,
+            changed: restored.changed,
+            verification_run: restored.verification_run,
         };
         if task.last_good.is_some() {
-            task.show_restored();
+            task.show_restored(restored.candidate);
         }
         task
     }
 
     /// Shows the estimate that was restored before the robot sends anything.
-    fn show_restored(&mut self) {
+    fn show_restored(&self, candidate: Candidate) {
         let Engine::Running(calibrator) = &self.engine else {
             return;
         };
@@ -168,8 +170,8 @@ impl RobotTask {
         }
         let document = document::estimate_document(&self.robot.id, &estimate);
         if document::is_finite(&document) {
-            self.robot.set_state(state_of(&document, false));
-            self.robot.set_estimate(Arc::new(document));
+            let state = state_of(&document, self.changed);
+            self.robot.restore(state, Arc::new(document), candidate);
         }
     }
 
@@ -205,7 +207,12 @@ impl RobotTask {
                 self.step(Event::EndOfSession);
                 self.save_checkpoint();
             }
-            Item::ValuesHeard => self.robot.values_heard(self.newest),
+            Item::ValuesHeard => {
+                self.robot.values_heard(self.newest);
+                if let Some(verification_run) = &self.verification_run {
+                    verification_run.show(&self.robot);
+                }
+            }
         }
     }
 
@@ -305,7 +312,7 @@ impl RobotTask {
         let due = |last: Option<RobotTime>, every_s: f64| {
             last.is_none_or(|last| stamp.seconds_since(last) >= every_s || stamp < last)
         };
-        if due(self.checkpointed, CHECKPOINT_EVERY_S) {
+        if due(self.checkpointed, self.checkpoint_every_s()) {
             self.checkpointed = Some(stamp);
             self.save_checkpoint();
         }
@@ -538,6 +545,15 @@ impl RobotTask {
             .record(&self.fleet, &self.robot.id, HistoryEvent::Service(event));
     }
 
+    /// Message time between two checkpoints now, s.
+    fn checkpoint_every_s(&self) -> f64 {
+        if self.robot.is_settled() && self.verification_run.is_none() {
+            CHECKPOINT_CALIBRATED_EVERY_S
+        } else {
+            CHECKPOINT_EVERY_S
+        }
+    }
+
     fn save_checkpoint(&mut self) {
         let Engine::Running(calibrator) = &self.engine else {
             return;
@@ -547,12 +563,19 @@ impl RobotTask {
         }
         let checkpoint = calibrator.checkpoint();
         self.earlier_good = self.last_good.replace(checkpoint.clone());
-        let stored = Stored::new(self.config.clone(), checkpoint);
-        match serde_json::to_string(&stored) {
-            Ok(json) => self
+        let run = self.verification_run.as_ref();
+        let stored = Stored {
+            config: self.config.clone(),
+            calibrator: checkpoint,
+            changed: self.changed,
+            candidate: self.robot.candidate(),
+            verification_run: run.map(VerificationRun::to_stored),
+        };
+        match stored.to_bytes() {
+            Ok(state) => self
                 .fleet
                 .journal
-                .save_checkpoint(&self.robot.id, self.newest, json),
+                .save_checkpoint(&self.robot.id, self.newest, state),
             Err(error) => {
                 tracing::error!(robot.id = %self.robot.id, %error, "checkpoint not written");
             }

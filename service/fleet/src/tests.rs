@@ -22,6 +22,9 @@ use fleetcal_model::{Generation, NoteKind, RobotTime, Stream};
 
 use super::registry::Step;
 use super::*;
+mod checkpoints;
+mod restarts;
+
 use crate::live::LiveUpdate;
 
 /// Message time at which the tests begin, ns since 1970.
@@ -32,7 +35,9 @@ const BEGIN_NS: i64 = 1_700_000_000_000_000_000;
 struct Kept {
     history: Mutex<Vec<Arc<EstimateDocument>>>,
     events: Mutex<Vec<(RobotId, Arc<HistoryEvent>)>>,
-    checkpoints: Mutex<BTreeMap<RobotId, String>>,
+    checkpoints: Mutex<BTreeMap<RobotId, Vec<u8>>>,
+    /// When checkpoints were stored, by the stamps of messages.
+    checkpointed: Mutex<Vec<RobotTime>>,
 }
 
 impl Journal for Kept {
@@ -49,8 +54,10 @@ impl Journal for Kept {
 
     fn save_cross_track(&self, _: &RobotId, _: Generation, _: &CrossTrack) {}
 
-    fn save_checkpoint(&self, robot: &RobotId, _: RobotTime, json: String) {
-        self.checkpoints.lock().unwrap().insert(robot.clone(), json);
+    fn save_checkpoint(&self, robot: &RobotId, stamp: RobotTime, state: Vec<u8>) {
+        self.checkpointed.lock().unwrap().push(stamp);
+        let mut checkpoints = self.checkpoints.lock().unwrap();
+        checkpoints.insert(robot.clone(), state);
     }
 }
 
@@ -68,14 +75,14 @@ fn vehicle() -> RobotConfig {
     RobotConfig::of_vehicle(VehicleModel::Bicycle, Wheelbase::try_from(1.2).unwrap())
 }
 
-fn bench_with(robots: &[&str], checkpoints: BTreeMap<RobotId, String>, step: Step) -> Bench {
+fn bench_with(robots: &[&str], checkpoints: BTreeMap<RobotId, Vec<u8>>, step: Step) -> Bench {
     let robots = robots.iter().map(|name| (id(name), vehicle())).collect();
     bench_of(robots, checkpoints, step)
 }
 
 fn bench_of(
     robots: BTreeMap<RobotId, RobotConfig>,
-    checkpoints: BTreeMap<RobotId, String>,
+    checkpoints: BTreeMap<RobotId, Vec<u8>>,
     step: Step,
 ) -> Bench {
     let kept = Arc::new(Kept::default());

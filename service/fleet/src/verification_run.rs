@@ -11,16 +11,19 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
+use fleetcal_estimator::calibrator::CheckpointRefused;
 use fleetcal_estimator::lidar_odometry::LearntScanner;
-use fleetcal_estimator::{Calibrator, Effect, Event, RobotTime};
+use fleetcal_estimator::{Calibrator, Checkpoint, Effect, Estimate, Event, RobotTime};
 use fleetcal_model::Generation;
+use serde::{Deserialize, Serialize};
 
 use super::document;
 use super::robot::Robot;
 use fleetcal_domain::limits::IN_FLIGHT_S;
 
 /// From where on messages count.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 enum Start {
     /// No message has come since the acknowledgement.
     Open,
@@ -57,7 +60,60 @@ pub struct VerificationRun {
     calibrator: Box<Calibrator>,
 }
 
+/// A verification run as it is stored, to go on after a restart of the service.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct StoredRun {
+    generation: Generation,
+    since: RobotTime,
+    start: Start,
+    calibrator: Checkpoint,
+}
+
 impl VerificationRun {
+    /// What has to be stored to go on later.
+    pub fn to_stored(&self) -> StoredRun {
+        StoredRun {
+            generation: self.generation,
+            since: self.since,
+            start: self.start,
+            calibrator: self.calibrator.checkpoint(),
+        }
+    }
+
+    /// The run that was stored; it goes on if the same values are still in verification.
+    ///
+    /// # Errors
+    /// When its estimator's state is of another version.
+    pub fn restore(
+        config: &CalibratorConfig,
+        stored: &StoredRun,
+    ) -> Result<Self, CheckpointRefused> {
+        let calibrator = Calibrator::restore(config.clone(), &stored.calibrator)?;
+        Ok(Self {
+            generation: stored.generation,
+            since: stored.since,
+            start: stored.start,
+            calibrator: Box::new(calibrator),
+        })
+    }
+
+    /// Shows what it has found so far, where that is about the values in verification: after a
+    /// restart, before the robot sends anything.
+    pub fn show(&self, robot: &Robot) {
+        let estimate = self.calibrator.estimate();
+        let is_due = robot.in_verification() == Some((self.generation, self.since));
+        if is_due && estimate.stamp.0 > 0 {
+            self.tell(robot, &estimate);
+        }
+    }
+
+    fn tell(&self, robot: &Robot, estimate: &Estimate) {
+        let document = document::estimate_document(&robot.id, estimate);
+        if document::is_finite(&document) {
+            robot.set_fresh(self.generation, Arc::new(document));
+        }
+    }
+
     /// Follows what is in verification: begins, with the `scanner` that the robot's own estimator has
     /// learnt, goes on, or ends.
     pub fn follow(
@@ -102,10 +158,7 @@ impl VerificationRun {
         };
         for effect in effects {
             if let Effect::Estimate(estimate) = effect {
-                let document = document::estimate_document(&robot.id, &estimate);
-                if document::is_finite(&document) {
-                    robot.set_fresh(self.generation, Arc::new(document));
-                }
+                self.tell(robot, &estimate);
             }
         }
         Some(self)

@@ -80,7 +80,7 @@ pub static TABLES: LazyLock<Vec<Table>> =
                 1,
                 "robot:n stamp_ns:n received_ns:n estimate:t",
             ),
-            table("checkpoint", 1, "robot:n stamp_ns:n received_ns:n state:t"),
+            table("checkpoint", 1, "robot:n stamp_ns:n received_ns:n state:b"),
             history("history_second", &["", "_sigma"], "status:n nis:r"),
             history(
                 "history_minute",

@@ -199,7 +199,7 @@ async fn checkpoint(
     .bind(key)
     .bind(record.stamp_ns.0)
     .bind(record.received_ns.0)
-    .bind(record.state.as_str())
+    .bind(record.state.as_slice())
     .execute(connection)
     .await
     .map_err(StoreError::database("write an estimator's state"))?;

@@ -37,8 +37,8 @@ impl Journal for Store {
         self.offer(Telemetry::CrossTrack(Box::new(record)));
     }
 
-    fn save_checkpoint(&self, robot: &RobotId, stamp_ns: RobotTime, json: String) {
-        Self::save_checkpoint(self, robot, stamp_ns, json);
+    fn save_checkpoint(&self, robot: &RobotId, stamp_ns: RobotTime, state: Vec<u8>) {
+        Self::save_checkpoint(self, robot, stamp_ns, state);
     }
 }
 

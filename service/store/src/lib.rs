@@ -183,9 +183,9 @@ impl Store {
         self.offer(Telemetry::History(Box::new(estimate.clone()), received_ns));
     }
 
-    /// Keeps an estimator's state, of message time `stamp_ns`, as JSON. It replaces the robot's
-    /// earlier one. Never waits; what cannot be queued is counted.
-    pub fn save_checkpoint(&self, robot: &RobotId, stamp_ns: RobotTime, state: String) {
+    /// Keeps the state from which a robot's task goes on, of message time `stamp_ns`, in the fleet's
+    /// format. It replaces the robot's earlier one. Never waits; what cannot be queued is counted.
+    pub fn save_checkpoint(&self, robot: &RobotId, stamp_ns: RobotTime, state: Vec<u8>) {
         let received_ns = self.shared.clock.now();
         let robot = robot.clone();
         self.offer(Telemetry::Checkpoint(CheckpointRecord {

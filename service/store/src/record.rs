@@ -49,7 +49,7 @@ impl Expected {
     }
 }
 
-/// An estimator's state.
+/// The state from which a robot's task goes on after a restart.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CheckpointRecord {
     /// Whose.
@@ -58,8 +58,8 @@ pub struct CheckpointRecord {
     pub stamp_ns: RobotTime,
     /// When it was handed to the store, wall time.
     pub received_ns: WallTime,
-    /// The state as JSON.
-    pub state: String,
+    /// The state, in the fleet's format.
+    pub state: Vec<u8>,
 }
 
 /// How well a robot follows its path with one calibration.

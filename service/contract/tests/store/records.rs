@@ -17,8 +17,8 @@ async fn everything_is_there_after_a_restart() {
     let store = database.open(Arc::clone(&clock)).await;
     let keep = KeepRobot(config(1.2), event("new bracket"));
     let told = store.transact(keep).await.unwrap();
-    store.save_checkpoint(&robot("a"), RobotTime(7), r#"{"state": [0.1]}"#.to_owned());
-    store.save_checkpoint(&robot("a"), RobotTime(8), r#"{"state": [0.2]}"#.to_owned());
+    store.save_checkpoint(&robot("a"), RobotTime(7), vec![2, 0, 1]);
+    store.save_checkpoint(&robot("a"), RobotTime(8), vec![2, 0, 0xff]);
     record(&store, "a", NOW_S, 0.1);
     record(&store, "a", NOW_S + 1, 0.2);
     store.close().await.unwrap();
@@ -35,8 +35,8 @@ async fn everything_is_there_after_a_restart() {
     let checkpoints = store.load_checkpoints().await.unwrap();
     assert_eq!(checkpoints.len(), 1);
     assert_eq!(
-        (checkpoints[0].stamp_ns, checkpoints[0].state.as_str()),
-        (RobotTime(8), r#"{"state": [0.2]}"#)
+        (checkpoints[0].stamp_ns, checkpoints[0].state.as_slice()),
+        (RobotTime(8), [2, 0, 0xff].as_slice())
     );
     let current = store.load_current().await.unwrap();
     assert_eq!(current[0].estimate, estimate("a", NOW_S + 1, 0.2, 0.0));

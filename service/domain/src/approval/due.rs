@@ -3,6 +3,7 @@
 use fleetcal_model::{RevisionId, RobotTime, WallTime};
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::estimate::EstimateDocument;
+use serde::{Deserialize, Serialize};
 
 use super::ask::within_limits;
 use super::command::Command;
@@ -313,9 +314,10 @@ fn proposal_due(
 }
 
 /// How long an estimate has stood still.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Candidate {
     since: Option<(RobotTime, CalibrationValues)>,
+    stable: bool,
 }
 
 impl Candidate {
@@ -324,7 +326,7 @@ impl Candidate {
     pub fn observe(&mut self, estimate: Option<&EstimateDocument>, policy: &Policy) -> bool {
         let known = estimate.and_then(|one| Some((one.stamp_ns, values_and_sigmas(one)?.0)));
         let Some((stamp_ns, values)) = known else {
-            self.since = None;
+            *self = Self::default();
             return false;
         };
         let limits = policy.propose_beyond.limits().map(|limit| limit / 2.0);
@@ -332,6 +334,12 @@ impl Candidate {
             stamp_ns >= *since_ns && !exceeds(&difference(first, &values), &limits)
         });
         let (since_ns, _) = *self.since.insert(still.unwrap_or((stamp_ns, values)));
-        stamp_ns.seconds_since(since_ns) >= policy.stable_for_s
+        self.stable = stamp_ns.seconds_since(since_ns) >= policy.stable_for_s;
+        self.stable
+    }
+
+    /// Whether there is an estimate that has not stood still for long enough yet.
+    pub const fn is_pending(&self) -> bool {
+        self.since.is_some() && !self.stable
     }
 }

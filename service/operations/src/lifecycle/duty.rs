@@ -1,13 +1,11 @@
 //! What is due, each second.
 
-use std::collections::BTreeMap;
 use std::time::Duration;
 
 use fleetcal_domain::access::Actor;
-use fleetcal_domain::approval::{Candidate, Command, Situation, automatic, due, nominal_values};
+use fleetcal_domain::approval::{Command, Situation, automatic, due, nominal_values};
 use fleetcal_domain::robot::{RobotState, RobotView};
 use fleetcal_model::WallTime;
-use fleetcal_proto::RobotId;
 use fleetcal_store::StoreError;
 use tokio::time::MissedTickBehavior;
 
@@ -20,27 +18,21 @@ const LOOK_EVERY: Duration = Duration::from_secs(1);
 pub(super) async fn attend(lifecycle: Lifecycle) {
     let mut ticks = tokio::time::interval(LOOK_EVERY);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    let mut candidates = BTreeMap::new();
     loop {
         tokio::select! {
             () = lifecycle.inner.stop.cancelled() => return,
             _ = ticks.tick() => {}
         }
-        lifecycle.look(&mut candidates).await;
+        lifecycle.look().await;
     }
 }
 
 impl Lifecycle {
     /// Looks once at every robot's records and does what is due.
-    pub(super) async fn look(&self, candidates: &mut BTreeMap<RobotId, Candidate>) {
+    pub(super) async fn look(&self) {
         let now = self.inner.clock.now();
         for view in self.inner.fleet.robots() {
-            if view.config.is_none() {
-                candidates.remove(&view.id);
-                continue;
-            }
-            let candidate = candidates.entry(view.id.clone()).or_default();
-            let Some(command) = self.due(&view, candidate, now) else {
+            let Some(command) = self.due(&view, now) else {
                 continue;
             };
             let done = self.decide(&view.id, command, Actor::service(), None).await;
@@ -57,13 +49,13 @@ impl Lifecycle {
         }
     }
 
-    fn due(&self, view: &RobotView, candidate: &mut Candidate, now: WallTime) -> Option<Command> {
+    fn due(&self, view: &RobotView, now: WallTime) -> Option<Command> {
+        let config = view.config.as_ref()?;
         let ledger = self.ledger(&view.id);
         let policy = self.policy();
         let calibrated = view.state == RobotState::Calibrated;
         let estimate = view.estimate.as_deref().filter(|_| calibrated);
-        let stable = candidate.observe(estimate, &policy);
-        let config = view.config.as_ref()?;
+        let stable = self.inner.fleet.has_stable_estimate(&view.id, &policy);
         let verification = view.verification.as_ref();
         let in_use = ledger
             .shadow

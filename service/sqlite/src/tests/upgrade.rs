@@ -11,7 +11,10 @@ use fleetcal_domain::approval::{
 };
 use fleetcal_domain::robot::WheelOdometrySignal;
 use fleetcal_domain::streams::Ros2Settings;
+use fleetcal_store::CheckpointRecord;
 
+/// The migration that makes checkpoints bytes.
+const CHECKPOINT_BYTES: i64 = 20_261_123_100_000;
 /// The migration that calls wheel odometry by its name.
 const WHEEL_ODOMETRY: i64 = 20_261_122_230_000;
 /// The migration that names who had chosen values before records did.
@@ -216,5 +219,56 @@ async fn stored_robots_keep_the_topics_that_they_had() {
     expect("apart", raw_signal, &apart).await;
     let unregistered = store.load_robot(&robot("unregistered")).await.unwrap();
     assert_eq!(unregistered.unwrap().config, None);
+    store.close().await.unwrap();
+}
+
+#[tokio::test]
+async fn a_checkpoint_of_json_text_is_kept_to_the_byte() {
+    let folder = tempfile::tempdir().unwrap();
+    let clock = clock();
+    let store = open(folder.path(), &clock).await;
+    store.save_checkpoint(&robot("a"), RobotTime(7), vec![0]);
+    store.close().await.unwrap();
+    drop(store);
+    let text = r#"{"calibrator": {"session": 0.1, "note": "Prüfung"}}"#;
+    let mut raw = raw(folder.path()).await;
+    for sql in [
+        "DROP TABLE checkpoint",
+        "CREATE TABLE checkpoint (
+            robot INTEGER PRIMARY KEY REFERENCES robot (key),
+            stamp_ns INTEGER NOT NULL,
+            received_ns INTEGER NOT NULL,
+            state TEXT NOT NULL CHECK (json_valid(state))
+        ) STRICT",
+    ] {
+        sqlx::query(sql).execute(&mut raw).await.unwrap();
+    }
+    sqlx::query("INSERT INTO checkpoint SELECT key, 8, 9, ?1 FROM robot WHERE id = 'a'")
+        .bind(text)
+        .execute(&mut raw)
+        .await
+        .unwrap();
+    sqlx::query("DELETE FROM _sqlx_migrations WHERE version >= ?1")
+        .bind(CHECKPOINT_BYTES)
+        .execute(&mut raw)
+        .await
+        .unwrap();
+    drop(raw);
+    let store = open(folder.path(), &clock).await;
+    let kept = store.load_checkpoints().await.unwrap();
+    let expected = CheckpointRecord {
+        robot: robot("a"),
+        stamp_ns: RobotTime(8),
+        received_ns: WallTime(9),
+        state: text.as_bytes().to_vec(),
+    };
+    assert_eq!(kept, [expected]);
+    let state = vec![2, 0, 0xff];
+    store.save_checkpoint(&robot("a"), RobotTime(9), state.clone());
+    store.close().await.unwrap();
+    drop(store);
+    let store = open(folder.path(), &clock).await;
+    let replaced = store.load_checkpoints().await.unwrap();
+    assert_eq!(replaced.first().map(|one| &one.state), Some(&state));
     store.close().await.unwrap();
 }

@@ -385,9 +385,14 @@ fn what_was_rejected_is_not_proposed_again() {
 fn an_estimate_is_a_candidate_once_it_has_stood_still() {
     let policy = Policy::default();
     let mut candidate = Candidate::default();
+    assert!(!candidate.is_pending());
     assert!(!candidate.observe(Some(&estimate(0.05, 0)), &policy));
     assert!(!candidate.observe(Some(&estimate(0.05, 9)), &policy));
+    assert!(candidate.is_pending());
+    let stored = serde_json::to_string(&candidate).unwrap();
+    candidate = serde_json::from_str(&stored).unwrap();
     assert!(candidate.observe(Some(&estimate(0.05, 10)), &policy));
+    assert!(!candidate.is_pending());
     assert!(!candidate.observe(Some(&estimate(0.06, 11)), &policy));
     assert!(!candidate.observe(Some(&estimate(0.06, 20)), &policy));
     assert!(candidate.observe(Some(&estimate(0.06, 21)), &policy));

@@ -5,7 +5,7 @@ use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::ros::RosMessage;
 use fleetcal_robot::fleet::{drive_message, lidar_pose_message};
 use fleetcal_robot::simulator::{
-    LidarOutput, PoseSettings, SimulatedMessage, Simulation, SimulationConfig,
+    LidarOutput, PoseSettings, ScheduledChange, SimulatedMessage, Simulation, SimulationConfig,
 };
 
 use super::*;
@@ -16,22 +16,38 @@ const OFFSET_RAD: f64 = 0.05;
 const BURST: usize = 32;
 
 /// A robot on the figure-eight whose stamps follow the bench's clock.
-struct Driver {
+pub(super) struct Driver {
     simulation: Simulation,
-    distance_m: f64,
+    pub(super) distance_m: f64,
+}
+
+/// A robot on the figure-eight that sends poses.
+fn configuration(start_stamp_ns: i64) -> SimulationConfig {
+    let mut config = SimulationConfig::figure_eight(5);
+    config.start_stamp_ns = start_stamp_ns;
+    config.vehicle.steering_offset_rad = OFFSET_RAD;
+    config.lidar = LidarOutput::Poses(PoseSettings::default());
+    config
 }
 
 impl Driver {
-    fn new(bench: &Bench) -> Self {
+    pub(super) fn new(bench: &Bench) -> Self {
         Self::with_clock(bench.clock.now().0)
+    }
+
+    /// One whose vehicle changes on the way.
+    pub(super) fn with_changes(bench: &Bench, changes: Vec<ScheduledChange>) -> Self {
+        let mut config = configuration(bench.clock.now().0);
+        config.changes = changes;
+        Self::of(config)
     }
 
     /// One whose message clock shows this time when it begins.
     fn with_clock(start_stamp_ns: i64) -> Self {
-        let mut config = SimulationConfig::figure_eight(5);
-        config.start_stamp_ns = start_stamp_ns;
-        config.vehicle.steering_offset_rad = OFFSET_RAD;
-        config.lidar = LidarOutput::Poses(PoseSettings::default());
+        Self::of(configuration(start_stamp_ns))
+    }
+
+    fn of(config: SimulationConfig) -> Self {
         Self {
             simulation: Simulation::new(config).unwrap(),
             distance_m: 0.0,
@@ -39,7 +55,7 @@ impl Driver {
     }
 
     /// The values that are right for this robot.
-    fn right_values(&self) -> CalibrationValues {
+    pub(super) fn right_values(&self) -> CalibrationValues {
         let truth = self.simulation.parameters();
         CalibrationValues {
             steering_offset_rad: truth.steering_offset_rad,
@@ -51,7 +67,7 @@ impl Driver {
     }
 
     /// Drives a second; the lifecycle then does what is due.
-    async fn second(&mut self, bench: &Bench) {
+    pub(super) async fn second(&mut self, bench: &Bench) {
         let mut sent = 0;
         for emitted in self.simulation.run(1.0) {
             let (stream, payload) = match &emitted.message {
@@ -81,7 +97,7 @@ impl Driver {
         bench.look().await;
     }
 
-    async fn metres(&mut self, bench: &Bench, metres: f64) {
+    pub(super) async fn metres(&mut self, bench: &Bench, metres: f64) {
         let end_m = self.distance_m + metres;
         while self.distance_m < end_m {
             self.second(bench).await;

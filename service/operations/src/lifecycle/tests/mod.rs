@@ -2,6 +2,7 @@
 
 mod driven;
 mod requests;
+mod restarts;
 mod return_journeys;
 mod robots;
 
@@ -69,6 +70,10 @@ impl Bench {
 
     async fn open_in(database: TestDatabase, clock: Arc<MockClock>, policy: Policy) -> Self {
         let store = database.open(clock.clone()).await;
+        let stored = store.load_checkpoints().await.unwrap();
+        let stored = stored
+            .into_iter()
+            .map(|record| (record.robot, record.state));
         let wheelbase = Wheelbase::try_from(1.2).unwrap();
         let vehicle = RobotConfig::of_vehicle(VehicleModel::Bicycle, wheelbase);
         let fleet = FleetHandle::start(FleetSetup {
@@ -77,7 +82,7 @@ impl Bench {
             estimator: EstimatorSettings::default(),
             robots: BTreeMap::from([(robot(), vehicle)]),
             cross_tracks: BTreeMap::new(),
-            checkpoints: BTreeMap::new(),
+            checkpoints: stored.collect(),
             last_heard: BTreeMap::new(),
         });
         let lifecycle = Lifecycle::start(LifecycleSetup {
@@ -231,7 +236,7 @@ impl Bench {
 
     /// Lets the lifecycle do what is due.
     async fn look(&self) {
-        self.lifecycle.look(&mut BTreeMap::new()).await;
+        self.lifecycle.look().await;
     }
 
     /// Where the deployment under way stands.

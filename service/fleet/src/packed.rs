@@ -1,0 +1,251 @@
+//! A checkpoint as bytes: the number of its format, then its content, compressed.
+//!
+//! The content is JSON, with every fraction taken out of the text and put behind it in binary. A
+//! checkpoint is some thousand fractions of which every bit counts; as digits they would make it a
+//! fifth larger, compressed or not.
+
+use fleetcal_domain::limits::CHECKPOINT_BYTES_MAX;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+use thiserror::Error;
+
+/// The format that is written, which is the first byte. Format 1 was JSON text without a number.
+pub const FORMAT: u8 = 2;
+/// What checkpoints of format 1 begin with: no later format may have its number.
+const TEXT: u8 = b'{';
+/// The level makes 5 % less than the usual one, in a few milliseconds.
+const LEVEL: i32 = 19;
+
+/// Why bytes are no checkpoint that can be read.
+#[derive(Debug, Error)]
+pub enum Unreadable {
+    /// There are none.
+    #[error("checkpoint: got no bytes, expected the number of its format")]
+    Empty,
+    /// The format is of another version.
+    #[error("checkpoint: got format {0}, expected format {FORMAT} or JSON text")]
+    Format(u8),
+    /// The bytes are damaged.
+    #[error(
+        "checkpoint: got bytes that cannot be decompressed ({0}), expected zstd of {CHECKPOINT_BYTES_MAX} bytes at most"
+    )]
+    Compression(String),
+    /// Text and fractions do not fit each other.
+    #[error("checkpoint: got {got} bytes of fractions, expected {expected}")]
+    Fractions {
+        /// Bytes behind the text.
+        got: usize,
+        /// Bytes of those that are missing in the text.
+        expected: usize,
+    },
+    /// The content is another one.
+    #[error("checkpoint: {0}, expected what this version writes")]
+    Content(#[from] serde_json::Error),
+}
+
+/// The bytes of a state.
+///
+/// # Errors
+/// When the state is nothing that JSON can hold, or cannot be compressed.
+pub fn pack(state: &impl Serialize) -> Result<Vec<u8>, Unreadable> {
+    let mut content = serde_json::to_value(state)?;
+    let mut fractions = Vec::new();
+    each_fraction(&mut content, &mut |value, fraction| {
+        fractions.extend_from_slice(&fraction.to_le_bytes());
+        *value = Value::from(0.0);
+    });
+    let text = serde_json::to_vec(&content)?;
+    let mut packed = (text.len() as u64).to_le_bytes().to_vec();
+    packed.extend(text);
+    packed.extend(fractions);
+    let mut bytes = vec![FORMAT];
+    bytes.extend(compressed(&packed).map_err(|error| Unreadable::Compression(error.to_string()))?);
+    Ok(bytes)
+}
+
+/// The state of these bytes, equal to the bit.
+///
+/// # Errors
+/// When they are of an unknown format, damaged, or another state's.
+pub fn unpack<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Unreadable> {
+    match bytes.split_first() {
+        None => Err(Unreadable::Empty),
+        Some((&TEXT, _)) => Ok(serde_json::from_slice(bytes)?),
+        Some((&FORMAT, compressed)) => unpack_content(compressed),
+        Some((&format, _)) => Err(Unreadable::Format(format)),
+    }
+}
+
+fn compressed(packed: &[u8]) -> std::io::Result<Vec<u8>> {
+    let mut compressor = zstd::bulk::Compressor::new(LEVEL)?;
+    compressor.include_checksum(true)?;
+    compressor.compress(packed)
+}
+
+fn unpack_content<T: DeserializeOwned>(compressed: &[u8]) -> Result<T, Unreadable> {
+    let packed = zstd::bulk::decompress(compressed, CHECKPOINT_BYTES_MAX)
+        .map_err(|error| Unreadable::Compression(error.to_string()))?;
+    let short = || Unreadable::Compression("the text is cut".to_owned());
+    let (length, rest) = packed.split_first_chunk::<8>().ok_or_else(short)?;
+    let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
+    let (text, fractions) = rest.split_at_checked(length).ok_or_else(short)?;
+    let mut content: Value = serde_json::from_slice(text)?;
+    let (whole, _) = fractions.as_chunks::<8>();
+    let mut next = whole.iter().map(|bytes| f64::from_le_bytes(*bytes));
+    let mut expected = 0;
+    each_fraction(&mut content, &mut |value, _| {
+        expected += size_of::<f64>();
+        *value = next.next().map_or(Value::Null, Value::from);
+    });
+    if fractions.len() != expected {
+        return Err(Unreadable::Fractions {
+            got: fractions.len(),
+            expected,
+        });
+    }
+    Ok(serde_json::from_value(content)?)
+}
+
+/// Visits the fractions of a tree, the fields of an object by name.
+fn each_fraction(tree: &mut Value, visit: &mut impl FnMut(&mut Value, f64)) {
+    match tree {
+        Value::Number(number) => {
+            let fraction = number.as_f64().filter(|_| number.is_f64());
+            if let Some(fraction) = fraction {
+                visit(tree, fraction);
+            }
+        }
+        Value::Array(items) => {
+            for item in items {
+                each_fraction(item, visit);
+            }
+        }
+        Value::Object(fields) => {
+            let mut fields: Vec<_> = fields.iter_mut().collect();
+            fields.sort_unstable_by(|one, other| one.0.cmp(other.0));
+            for (_, field) in fields {
+                each_fraction(field, visit);
+            }
+        }
+        Value::Null | Value::Bool(_) | Value::String(_) => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// A state with all that may stand in one.
+    #[derive(Debug, PartialEq, serde::Deserialize, Serialize)]
+    struct State {
+        z: Vec<f64>,
+        name: Option<String>,
+        a: (i64, f64, u64),
+        narrow: f32,
+    }
+
+    fn state(fractions: Vec<f64>, narrow: f32) -> State {
+        State {
+            z: fractions,
+            name: Some("0.5 \u{e4}".to_owned()),
+            a: (i64::MIN, 0.1, u64::MAX),
+            narrow,
+        }
+    }
+
+    fn refusal(bytes: &[u8]) -> String {
+        unpack::<State>(bytes).unwrap_err().to_string()
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_packed_comes_back_to_the_bit(
+            bits in prop::collection::vec(any::<u64>(), 0..40),
+            narrow in prop::num::f32::NORMAL,
+        ) {
+            let finite = bits.into_iter().map(f64::from_bits).filter(|one| one.is_finite());
+            let mut fractions = vec![0.0, -0.0, 1.0, 1e300, f64::MIN_POSITIVE / 8.0];
+            fractions.extend(finite);
+            let packed = state(fractions, narrow);
+            let unpacked: State = unpack(&pack(&packed).unwrap()).unwrap();
+            let bits = |state: &State| state.z.iter().map(|one| one.to_bits()).collect::<Vec<_>>();
+            prop_assert_eq!(bits(&unpacked), bits(&packed));
+            prop_assert_eq!(unpacked, packed);
+        }
+
+        #[test]
+        fn damaged_bytes_are_refused(
+            at in any::<prop::sample::Index>(),
+            bit in 0..8_u32,
+            cut in any::<prop::sample::Index>(),
+        ) {
+            let bytes = pack(&state(vec![0.1; 20], 0.5)).unwrap();
+            let mut turned = bytes.clone();
+            turned[at.index(bytes.len())] ^= 1 << bit;
+            // One bit of the header is there to be passed over.
+            let read = unpack::<State>(&turned).ok();
+            prop_assert!(read.is_none_or(|read| read == state(vec![0.1; 20], 0.5)));
+            prop_assert!(unpack::<State>(&bytes[..cut.index(bytes.len())]).is_err());
+        }
+
+        #[test]
+        fn any_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+            prop_assert!(unpack::<State>(&bytes).is_err());
+        }
+    }
+
+    #[test]
+    fn a_refusal_names_what_it_got() {
+        assert_eq!(
+            refusal(&[]),
+            "checkpoint: got no bytes, expected the number of its format"
+        );
+        assert_eq!(
+            refusal(&[3, 1, 2]),
+            "checkpoint: got format 3, expected format 2 or JSON text"
+        );
+        let garbage = refusal(&[FORMAT, 1, 2, 3]);
+        assert!(
+            garbage.starts_with("checkpoint: got bytes that cannot be decompressed ("),
+            "{garbage}"
+        );
+        let text = refusal(b"{\"z\": 1}");
+        assert!(text.contains("invalid type: integer `1`"), "{text}");
+    }
+
+    #[test]
+    fn bytes_that_would_fill_the_memory_are_refused() {
+        let mut bytes = vec![FORMAT];
+        bytes.extend(compressed(&vec![0; 2 * CHECKPOINT_BYTES_MAX]).unwrap());
+        assert!(bytes.len() < CHECKPOINT_BYTES_MAX);
+        let refused = refusal(&bytes);
+        assert!(refused.contains("cannot be decompressed"), "{refused}");
+    }
+
+    #[test]
+    fn fractions_that_are_missing_or_left_are_refused() {
+        let content = |fractions: usize| {
+            let text = br#"{"z": [0.0, 0.0]}"#;
+            let mut packed = (text.len() as u64).to_le_bytes().to_vec();
+            packed.extend(text);
+            packed.extend(vec![0; fractions]);
+            let mut bytes = vec![FORMAT];
+            bytes.extend(compressed(&packed).unwrap());
+            refusal(&bytes)
+        };
+        for got in [0, 8, 15, 17, 24] {
+            let expected = format!("checkpoint: got {got} bytes of fractions, expected 16");
+            assert_eq!(content(got), expected);
+        }
+    }
+
+    #[test]
+    fn text_of_former_versions_is_read() {
+        let former = state(vec![0.1, 2.0], 0.25);
+        let text = serde_json::to_vec(&former).unwrap();
+        assert_eq!(unpack::<State>(&text).unwrap(), former);
+    }
+}

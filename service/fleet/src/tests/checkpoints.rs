@@ -1,0 +1,226 @@
+//! What a checkpoint of a simulated robot holds, and how large it is.
+
+use fleetcal_domain::approval::Candidate;
+use fleetcal_estimator::calibrator::CalibratorConfig;
+use fleetcal_estimator::stream::ScanShape;
+use fleetcal_estimator::{DriveSample, LidarPose, Pose2, Scan};
+use fleetcal_robot::simulator::{
+    self, LidarOutput, PoseSettings, ScheduledChange, SimulatedMessage, Simulation,
+    SimulationConfig,
+};
+use nalgebra::Matrix3;
+
+use super::*;
+use crate::packed;
+use crate::robot::Robot;
+use crate::stored::{self, Restored, Stored};
+use crate::verification_run::VerificationRun;
+
+/// Most bytes of a checkpoint.
+const BYTES_MAX: usize = 10_000;
+/// Most bytes while values are in verification.
+const VERIFYING_BYTES_MAX: usize = 20_000;
+
+/// A simulated robot, its estimator, and once it verifies the second one.
+struct Drive {
+    simulation: Simulation,
+    robot: Robot,
+    config: CalibratorConfig,
+    restored: Restored,
+}
+
+impl Drive {
+    fn new(simulation: SimulationConfig) -> Self {
+        let config = vehicle().calibrator_config(&EstimatorSettings::default());
+        Self {
+            simulation: Simulation::new(simulation).unwrap(),
+            robot: Robot::new(id("robot"), Some(vehicle())),
+            restored: Restored::nothing(&config),
+            config,
+        }
+    }
+
+    /// Brings values into verification.
+    fn verify(&mut self) {
+        let in_verification = Some((Generation(1), RobotTime(7)));
+        self.robot.set_used(&[], in_verification);
+        self.robot.values_heard(RobotTime(0));
+        let calibrator = &self.restored.calibrator;
+        let scanner = || Some(calibrator.learnt_scanner());
+        self.restored.verification_run =
+            VerificationRun::follow(None, &self.robot, &self.config, scanner);
+    }
+
+    fn events(&mut self, duration_s: f64) -> Vec<Event> {
+        let emitted = self.simulation.run(duration_s).into_iter();
+        emitted.filter_map(|one| event_of(one.message)).collect()
+    }
+
+    /// Feeds both estimators and gives what the robot's own one said.
+    fn feed(&mut self, events: &[Event]) -> Vec<Effect> {
+        let mut effects = Vec::new();
+        for event in events {
+            let run = self.restored.verification_run.take();
+            self.restored.verification_run = run.and_then(|run| run.take(&self.robot, event));
+            effects.extend(self.restored.calibrator.step(event.clone()));
+        }
+        effects
+    }
+
+    fn drive(&mut self, duration_s: f64) {
+        let events = self.events(duration_s);
+        self.feed(&events);
+    }
+
+    fn stored(&self) -> Stored {
+        let run = self.restored.verification_run.as_ref();
+        Stored {
+            config: self.config.clone(),
+            calibrator: self.restored.calibrator.checkpoint(),
+            changed: self.restored.changed,
+            candidate: self.restored.candidate.clone(),
+            verification_run: run.map(VerificationRun::to_stored),
+        }
+    }
+
+    fn bytes(&self) -> Vec<u8> {
+        self.stored().to_bytes().unwrap()
+    }
+
+    /// The largest checkpoint of a drive, one each five seconds.
+    fn largest(&mut self, duration_s: f64) -> usize {
+        let steps = (duration_s / 5.0) as usize;
+        let sizes = (0..steps).map(|_| {
+            self.drive(5.0);
+            self.bytes().len()
+        });
+        sizes.max().unwrap()
+    }
+}
+
+fn event_of(message: SimulatedMessage) -> Option<Event> {
+    match message {
+        SimulatedMessage::WheelOdometry(one) => {
+            let stamp = RobotTime(one.stamp_ns);
+            let sample = DriveSample::new(stamp, one.speed_mps, one.steering_rad);
+            Some(Event::WheelOdometry(sample.unwrap()))
+        }
+        SimulatedMessage::Scan(one) => {
+            let shape = ScanShape {
+                angle_min_rad: one.angle_min_rad,
+                angle_increment_rad: one.angle_increment_rad,
+                time_increment_s: one.time_increment_s,
+                range_min_m: one.range_min_m,
+                range_max_m: one.range_max_m,
+            };
+            let scan = Scan::new(RobotTime(one.stamp_ns), shape, one.ranges_m.into());
+            Some(Event::Scan(scan.unwrap()))
+        }
+        SimulatedMessage::LidarPose(one) => {
+            let covariance = one.covariance.map(|c| Matrix3::from_fn(|i, j| c[i][j]));
+            let pose = Pose2::new(one.pose.x_m, one.pose.y_m, one.pose.yaw_rad);
+            let pose = LidarPose::new(RobotTime(one.stamp_ns), pose, covariance);
+            Some(Event::LidarPose(pose.unwrap()))
+        }
+        SimulatedMessage::CrossTrackError(_) => None,
+    }
+}
+
+/// A robot on the figure-eight whose own odometry sends poses.
+fn poses() -> SimulationConfig {
+    let mut config = SimulationConfig::figure_eight(5);
+    config.vehicle.steering_offset_rad = 0.05;
+    config.lidar = LidarOutput::Poses(PoseSettings::default());
+    config
+}
+
+#[test]
+fn a_checkpoint_has_10_kb_and_20_kb_in_verification() {
+    let mut scans = SimulationConfig::figure_eight(4);
+    scans.vehicle.steering_offset_rad = 0.05;
+    let mut knocked = poses();
+    let knocks = [60.0, 90.0].map(|at_s| ScheduledChange {
+        at_s,
+        change: simulator::Change::Mount(simulator::Pose2::new(0.1, 0.1, 0.1)),
+    });
+    knocked.changes = knocks.to_vec();
+    for (name, config) in [("poses", poses()), ("scans", scans), ("knocked", knocked)] {
+        let mut drive = Drive::new(config);
+        let alone = drive.largest(150.0);
+        drive.verify();
+        let verifying = drive.largest(90.0);
+        println!("{name}: {alone} bytes, {verifying} in verification");
+        assert!(alone <= BYTES_MAX, "{name}: {alone} bytes");
+        assert!(
+            verifying <= VERIFYING_BYTES_MAX,
+            "{name}: {verifying} bytes in verification"
+        );
+    }
+}
+
+#[test]
+fn a_restored_task_has_every_bit_of_the_one_that_was_stored() {
+    let mut drive = Drive::new(poses());
+    drive.drive(40.0);
+    drive.verify();
+    drive.drive(30.0);
+    drive.restored.changed = true;
+    let (bytes, before) = (drive.bytes(), drive.stored());
+    let restored = stored::restore(&id("robot"), &drive.config, &bytes).unwrap();
+    assert!(restored.changed);
+    // Goes on from the state itself, which was no bytes in between.
+    let mut kept = Restored::nothing(&drive.config);
+    kept.calibrator = Calibrator::restore(drive.config.clone(), &before.calibrator).unwrap();
+    let run = before.verification_run.unwrap();
+    kept.verification_run = Some(VerificationRun::restore(&drive.config, &run).unwrap());
+    kept.changed = true;
+
+    drive.restored = restored;
+    assert_eq!(drive.bytes(), bytes, "what is stored again is the same");
+    let events = drive.events(20.0);
+    let from_bytes = (drive.feed(&events), drive.bytes());
+    drive.restored = kept;
+    let from_state = (drive.feed(&events), drive.bytes());
+    assert_eq!(from_bytes.0, from_state.0, "every effect");
+    assert_eq!(from_bytes.1, from_state.1, "every bit of both estimators");
+}
+
+#[test]
+fn text_of_a_former_version_is_gone_on_from() {
+    let mut drive = Drive::new(poses());
+    drive.drive(40.0);
+    let stored = drive.stored();
+    let former = serde_json::json!({"config": stored.config, "calibrator": stored.calibrator});
+    let restored = stored::restore(
+        &id("robot"),
+        &drive.config,
+        &serde_json::to_vec(&former).unwrap(),
+    );
+    let restored = restored.unwrap();
+    let is_same = restored.calibrator.checkpoint() == stored.calibrator;
+    assert!(is_same, "the estimator is another one");
+    assert_eq!(restored.candidate, Candidate::default());
+    assert!(!restored.changed && restored.verification_run.is_none());
+}
+
+#[test]
+fn another_format_or_configuration_begins_from_nothing() {
+    let mut drive = Drive::new(poses());
+    drive.drive(10.0);
+    let bytes = drive.bytes();
+    let restore = |config: &CalibratorConfig, bytes: &[u8]| {
+        stored::restore(&id("robot"), config, bytes).is_some()
+    };
+    assert_eq!(bytes.first(), Some(&packed::FORMAT));
+    assert!(restore(&drive.config, &bytes));
+    let mut later = bytes.clone();
+    later[0] += 1;
+    assert!(!restore(&drive.config, &later));
+    assert!(!restore(&drive.config, b"nonsense"));
+    let longer = RobotConfig {
+        wheelbase_m: Wheelbase::try_from(1.3).unwrap(),
+        ..vehicle()
+    };
+    let longer = longer.calibrator_config(&EstimatorSettings::default());
+    assert!(!restore(&longer, &bytes));
+}

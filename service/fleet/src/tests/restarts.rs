@@ -1,0 +1,180 @@
+//! What a robot's task stores, how often, and what another one goes on from.
+
+use fleetcal_domain::approval::Policy;
+use fleetcal_estimator::Status;
+use fleetcal_estimator::estimate::{Cause, Change, ChangeKind};
+
+use super::*;
+
+const CALIBRATED: Status = Status::Converged;
+
+/// The estimate of an estimator that knows everything, or nothing.
+fn estimate_of(calibrator: &Calibrator, stamp: RobotTime, status: Status) -> Effect {
+    let mut estimate = calibrator.estimate();
+    estimate.stamp = stamp;
+    for parameter in &mut estimate.parameters {
+        parameter.status = status;
+    }
+    Effect::Estimate(Box::new(estimate))
+}
+
+/// Takes the place of an estimator: with 100 s of messages the robot is calibrated.
+fn calibrated_after_100_s(calibrator: &mut Calibrator, event: Event) -> Vec<Effect> {
+    let Event::WheelOdometry(sample) = &event else {
+        return Vec::new();
+    };
+    let stamp = sample.stamp();
+    let is_known = stamp.seconds_since(RobotTime(BEGIN_NS)) >= 100.0;
+    let status = if is_known {
+        CALIBRATED
+    } else {
+        Status::Learning
+    };
+    calibrator.step(event);
+    vec![estimate_of(calibrator, stamp, status)]
+}
+
+/// Takes the place of an estimator: every message shows a change of the calibration.
+fn changing(calibrator: &mut Calibrator, event: Event) -> Vec<Effect> {
+    let Event::WheelOdometry(sample) = &event else {
+        return Vec::new();
+    };
+    let stamp = sample.stamp();
+    calibrator.step(event);
+    let change = Change {
+        kind: ChangeKind::CalibrationChanged,
+        cause: Cause::Steering,
+        stamp,
+        time_s: 0.0,
+        onset_s: 0.0,
+        change: Vec::new(),
+    };
+    let change = Effect::Change(Box::new(change));
+    vec![change, estimate_of(calibrator, stamp, Status::Learning)]
+}
+
+/// Sends one message for each second of this stretch.
+async fn seconds(bench: &Bench, from_s: i64, to_s: i64) {
+    for second in from_s..to_s {
+        bench.send("robot", Stream::WheelOdometry, &drive(second * 100));
+        bench.worked_off("robot").await;
+    }
+}
+
+/// Stops a bench and starts another one from what it has stored.
+async fn restarted(bench: Bench, step: Step) -> Bench {
+    bench.fleet.stop().await;
+    let checkpoints = bench.kept.checkpoints.lock().unwrap().clone();
+    bench_with(&["robot"], checkpoints, step)
+}
+
+/// Seconds since the beginning at which checkpoints were stored since this was last asked.
+fn stored_s(bench: &Bench) -> Vec<i64> {
+    let stamps = std::mem::take(&mut *bench.kept.checkpointed.lock().unwrap());
+    let seconds = |stamp: RobotTime| (stamp.0 - BEGIN_NS) / 1_000_000_000;
+    stamps.into_iter().map(seconds).collect()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn checkpoints_are_stored_every_10_s_until_all_is_known_and_decided() {
+    let bench = bench_with(&["robot"], BTreeMap::new(), calibrated_after_100_s);
+    seconds(&bench, 0, 35).await;
+    assert_eq!(stored_s(&bench), [0, 10, 20, 30], "it learns");
+    seconds(&bench, 35, 300).await;
+    let learning = [40, 50, 60, 70, 80, 90];
+    assert_eq!(stored_s(&bench)[..6], learning);
+    seconds(&bench, 300, 400).await;
+    stored_s(&bench);
+    seconds(&bench, 400, 600).await;
+    let calibrated = stored_s(&bench);
+    let gaps: Vec<_> = calibrated.windows(2).map(|two| two[1] - two[0]).collect();
+    assert_eq!(gaps, [60, 60], "it is calibrated: {calibrated:?}");
+
+    let policy = Policy::default();
+    assert!(!bench.fleet.has_stable_estimate(&id("robot"), &policy));
+    seconds(&bench, 600, 640).await;
+    let pending = stored_s(&bench);
+    assert_eq!(pending.len(), 4, "a candidate waits: {pending:?}");
+    assert!(bench.fleet.has_stable_estimate(&id("robot"), &policy));
+
+    let in_verification = Some((Generation(3), RobotTime(7)));
+    bench.fleet.use_values(&id("robot"), &[], in_verification);
+    seconds(&bench, 640, 680).await;
+    let verifying = stored_s(&bench);
+    assert_eq!(verifying.len(), 4, "it verifies: {verifying:?}");
+    bench.fleet.use_values(&id("robot"), &[], None);
+    seconds(&bench, 680, 730).await;
+    assert!(stored_s(&bench).is_empty(), "nothing is under way");
+    bench.fleet.stop().await;
+    assert_eq!(stored_s(&bench), [729], "the service stops");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn values_in_verification_are_judged_by_all_that_was_driven_with_them() {
+    let first = bench(&["robot"]);
+    let in_verification = Some((Generation(3), RobotTime(7)));
+    first.fleet.use_values(&id("robot"), &[], in_verification);
+    let send = async |bench: &Bench, from: i64, to: i64| {
+        for number in from..to {
+            bench.send("robot", Stream::WheelOdometry, &drive(number));
+            bench.worked_off("robot").await;
+        }
+    };
+    send(&first, 0, 600).await;
+    let second = restarted(first, Calibrator::step).await;
+    second.restored("robot").await;
+    assert_eq!(
+        second.view("robot").verification,
+        None,
+        "nobody asks for it"
+    );
+    second.fleet.use_values(&id("robot"), &[], in_verification);
+    let samples = |bench: &Bench| {
+        let (generation, estimate) = bench.view("robot").verification?;
+        (generation == Generation(3)).then_some(estimate.counts.drive_samples)
+    };
+    for _ in 0..2_000 {
+        if samples(&second).is_some() {
+            break;
+        }
+        tokio::time::sleep(Duration::from_millis(1)).await;
+    }
+    let before = samples(&second).expect("it is shown before anything comes");
+    assert!((400..=500).contains(&before), "{before} samples");
+    send(&second, 600, 900).await;
+    let after = samples(&second).unwrap();
+    assert!((650..=800).contains(&after), "{after} samples");
+
+    // Values that were applied meanwhile are judged by what comes after that alone.
+    let third = restarted(second, Calibrator::step).await;
+    let another = Some((Generation(4), RobotTime(8)));
+    third.fleet.use_values(&id("robot"), &[], another);
+    send(&third, 900, 1_200).await;
+    let (generation, estimate) = third.view("robot").verification.unwrap();
+    assert_eq!(generation, Generation(4));
+    assert!(estimate.counts.drive_samples <= 200);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_robot_that_has_changed_is_shown_so_after_a_restart() {
+    let first = bench_with(&["robot"], BTreeMap::new(), changing);
+    seconds(&first, 0, 15).await;
+    assert_eq!(first.view("robot").state, RobotState::Changed);
+    let second = restarted(first, calibrated_after_100_s).await;
+    second.restored("robot").await;
+    assert_eq!(second.view("robot").state, RobotState::Changed);
+    seconds(&second, 15, 20).await;
+    assert_eq!(second.view("robot").state, RobotState::Changed);
+    seconds(&second, 100, 101).await;
+    assert_eq!(second.view("robot").state, RobotState::Calibrated);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_robot_with_bytes_of_an_unknown_format_learns_anew() {
+    let checkpoints = BTreeMap::from([(id("robot"), vec![0xff, 1, 2])]);
+    let bench = bench_with(&["robot"], checkpoints, Calibrator::step);
+    seconds(&bench, 0, 15).await;
+    assert_eq!(bench.view("robot").counters.processed, 15);
+    assert_eq!(bench.view("robot").state, RobotState::Learning);
+    assert_eq!(stored_s(&bench), [0, 10]);
+}
