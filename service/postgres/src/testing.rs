@@ -64,7 +64,8 @@ pub async fn spent_for_test(setup: &PostgresSetup) -> Result<(u32, f64), StoreEr
     let rows = session.rows(asked).await.map_err(failed())?;
     let number = |index| rows.first().and_then(|row| row.integer(index)).unwrap_or(0);
     // The parent of a connection's process is the server.
-    let stat = std::fs::read_to_string(format!("/proc/{}/stat", number(0))).map_err(failed())?;
+    let stat = std::fs::read_to_string(format!("/proc/{}/stat", number(0)));
+    let stat = stat.map_err(StoreError::database("say which process it is"))?;
     let parent = stat
         .rsplit_once(") ")
         .and_then(|(_, rest)| rest.split(' ').nth(1));
