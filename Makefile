@@ -121,6 +121,23 @@ test-recordings: build-for-tests ## Tests on recordings of real robots, in the f
 	FLEETCAL_DATA="$$(cd "$$FLEETCAL_DATA" && pwd)" FLEETCAL_BIN=$(abspath $(BIN)) \
 	  $(CARGO) test --release --locked --workspace --test recordings -- --test-threads 1
 
+.PHONY: test-postgres-contract
+test-postgres-contract: build-for-tests ## What PostgreSQL has to do, as SQLite does (installs it where it is missing, as root)
+	tests/postgres/with_server.sh $(CARGO) test --release --locked --workspace \
+	  --test store --test postgres -- --test-threads 2
+
+# All but what looks into SQLite's files.
+.PHONY: test-postgres
+test-postgres: build-for-tests python ## Unit tests and end-to-end tests with all services on PostgreSQL: half an hour
+	env -u FLEETCAL_DATA FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) \
+	  tests/postgres/with_server.sh $(CARGO) test --release --locked --workspace --no-fail-fast \
+	  --lib --test store --test postgres --test service --test http --test agent --test zenoh \
+	  --test plain_robots -- --test-threads 2
+
+.PHONY: store-load
+store-load: ## What 1,000 robots' telemetry costs SQLite and PostgreSQL: twenty minutes
+	tests/postgres/with_server.sh $(CARGO) run --release --locked -p fleetcal-contract --example store_load
+
 .PHONY: test-web
 test-web: build-for-tests chromium python ## The dashboard's unit tests, then the real binary in a browser
 	cd web && npm run test --silent

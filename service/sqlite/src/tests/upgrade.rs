@@ -11,6 +11,7 @@ use fleetcal_domain::approval::{
 };
 use fleetcal_domain::robot::WheelOdometrySignal;
 use fleetcal_domain::streams::Ros2Settings;
+use fleetcal_model::RobotTime;
 use fleetcal_store::CheckpointRecord;
 
 /// The migration that makes checkpoints bytes.

@@ -1,0 +1,71 @@
+#!/usr/bin/env bash
+# Runs a command beside a throw-away PostgreSQL, which the command finds in FLEETCAL_TEST_POSTGRES
+# and may fill with databases: tests/postgres/with_server.sh COMMAND [ARGUMENT]...
+# The server is on loopback, belongs to this run alone, and goes with it.
+set -euo pipefail
+
+if [ "$#" -eq 0 ]; then
+  echo "usage: $0 COMMAND [ARGUMENT]..." >&2
+  exit 2
+fi
+
+# The newest server there is: `initdb` is in the PATH on some systems, and beside it on Debian.
+find_bin() {
+  local initdb
+  initdb="$(command -v initdb || true)"
+  if [ -n "$initdb" ]; then
+    dirname "$initdb"
+    return
+  fi
+  find /usr/lib/postgresql /usr/local/pgsql /usr/pgsql-* -name initdb -type f 2>/dev/null \
+    | sort -V | tail -1 | xargs -r dirname
+}
+
+bin="$(find_bin)"
+if [ -z "$bin" ] && [ "$(id -u)" -eq 0 ] && command -v apt-get >/dev/null; then
+  # Without the cluster that Debian makes for everybody: this run makes its own.
+  if [ ! -e /etc/postgresql-common/createcluster.conf ]; then
+    mkdir -p /etc/postgresql-common
+    echo "create_main_cluster = false" >/etc/postgresql-common/createcluster.conf
+  fi
+  apt-get update -qq >/dev/null
+  DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends postgresql >/dev/null
+  bin="$(find_bin)"
+fi
+if [ -z "$bin" ]; then
+  echo "PostgreSQL 15 or newer is missing, which these tests need: install the package postgresql, then run make again." >&2
+  exit 1
+fi
+
+# PostgreSQL refuses to run as root.
+as_owner=()
+if [ "$(id -u)" -eq 0 ]; then
+  as_owner=(runuser -u postgres --)
+fi
+folder="$(mktemp -d "${TMPDIR:-/tmp}/fleetcal-postgres.XXXXXX")"
+chmod 755 "$folder"
+if [ "${#as_owner[@]}" -gt 0 ]; then
+  chown postgres "$folder"
+fi
+
+stop() {
+  "${as_owner[@]}" "$bin/pg_ctl" -D "$folder/data" -m immediate -w stop >/dev/null 2>&1 || true
+  rm -rf "$folder"
+}
+trap stop EXIT
+trap 'exit 130' INT
+trap 'exit 143' TERM
+
+cd "$folder"
+"${as_owner[@]}" "$bin/initdb" -D "$folder/data" -U fleetcal --auth=trust -E UTF8 --locale=C \
+  --no-sync >/dev/null
+port="$(python3 -c 'import socket; s = socket.socket(); s.bind(("127.0.0.1", 0)); print(s.getsockname()[1])')"
+# Nothing here has to outlive a power cut; tests of that start servers of their own.
+if ! "${as_owner[@]}" "$bin/pg_ctl" -D "$folder/data" -l "$folder/log" -w start -o \
+  "-p $port -k $folder -c listen_addresses=127.0.0.1 -c max_connections=300 \
+   -c fsync=off -c full_page_writes=off" >/dev/null; then
+  cat "$folder/log" >&2
+  exit 1
+fi
+cd "$OLDPWD"
+FLEETCAL_TEST_POSTGRES="postgres://fleetcal@127.0.0.1:$port/postgres" "$@"
