@@ -197,6 +197,10 @@ pub const STORE_STUCK_AFTER: Duration = Duration::from_mins(1);
 pub const POSTGRES_CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
 /// A statement on PostgreSQL has ended within this time, or its connection is given up.
 pub const POSTGRES_STATEMENT_TIMEOUT: Duration = Duration::from_secs(3);
+/// The same for a statement that reads, which may give all robots' states.
+pub const POSTGRES_READ_TIMEOUT: Duration = Duration::from_secs(10);
+/// The same for all migrations, while another process may be at them.
+pub const POSTGRES_MIGRATION_TIMEOUT: Duration = Duration::from_mins(10);
 /// The same for rows that are copied, a few thousand at once.
 pub const POSTGRES_COPY_TIMEOUT: Duration = Duration::from_secs(30);
 /// Seconds of history are in their minutes and hours in PostgreSQL after this time.

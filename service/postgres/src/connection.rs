@@ -127,7 +127,8 @@ impl Pool for ReadPool {
 
     async fn rows(&self, statement: Statement) -> Result<Vec<Row>, StatementError> {
         let mut connection = self.0.acquire().await.map_err(StatementError::new)?;
-        let read = in_time(prepared(statement).fetch_all(&mut *connection)).await;
+        let reading = prepared(statement).fetch_all(&mut *connection);
+        let read = in_time_of(limits::POSTGRES_READ_TIMEOUT, reading).await;
         if let Err(error) = &read
             && Fate::after(error) == Fate::Lost
         {

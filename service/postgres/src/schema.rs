@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use fleetcal_domain::limits;
 use fleetcal_sql::{Connection as _, Statement, Value, schema_version};
 use fleetcal_store::StoreError;
 use sqlx::migrate::{MigrateError, Migrator};
@@ -10,6 +11,7 @@ use sqlx::postgres::PgConnection;
 
 use crate::PostgresSetup;
 use crate::connection::Session;
+use crate::failure::TimedOut;
 use crate::servers::{Purpose, Servers};
 
 static MIGRATIONS: Migrator = sqlx::migrate!("../../migrations/postgres");
@@ -69,11 +71,19 @@ pub async fn migrate(setup: PostgresSetup, serve_as: Option<&str>) -> Result<(),
 /// Runs the migrations. Two processes that start at once take turns: sqlx holds an advisory lock.
 async fn run(servers: &Servers) -> Result<PgConnection, StoreError> {
     let mut connection = servers.connect(Purpose::Migration).await?;
-    match MIGRATIONS.run_direct(None, &mut connection, false).await {
+    let migrating = MIGRATIONS.run_direct(None, &mut connection, false);
+    let migrated = tokio::time::timeout(limits::POSTGRES_MIGRATION_TIMEOUT, migrating).await;
+    match migrated.unwrap_or_else(|_| Err(MigrateError::Execute(late()))) {
         Ok(()) => Ok(connection),
         Err(MigrateError::VersionMissing(found)) => Err(newer(servers, found)),
         Err(error) => Err(StoreError::Migration(Arc::new(error))),
     }
+}
+
+/// Migrations did not end in time.
+fn late() -> sqlx::Error {
+    let seconds = limits::POSTGRES_MIGRATION_TIMEOUT.as_secs_f32();
+    sqlx::Error::Io(std::io::Error::other(TimedOut { seconds }))
 }
 
 fn newer(servers: &Servers, found: i64) -> StoreError {
