@@ -119,6 +119,24 @@ pub(super) async fn healthz(
     Ok("ok\n")
 }
 
+/// Whether the database has this program's schema; else what it has.
+async fn schema(store: &Store) -> Result<(), String> {
+    match store.schema().await {
+        Ok((found, known)) if found == known => Ok(()),
+        Ok((found, known)) => Err(format!("the schema is {found} instead of {known}")),
+        Err(error) => Err(error.to_string()),
+    }
+}
+
+/// Whether acknowledged decisions outlive the database's machine.
+async fn survival(store: &Store) -> Survival {
+    match store.survives_machine_loss().await {
+        Ok(Some(true)) => Survival::Yes,
+        Ok(Some(false)) => Survival::No,
+        Ok(None) | Err(_) => Survival::Unknown,
+    }
+}
+
 /// Says whether the service can do its work: the database can be written and has this program's
 /// schema, and the Zenoh session is open.
 #[utoipa::path(get, path = "/readyz", tag = "service",
@@ -134,20 +152,22 @@ pub(super) async fn readyz(
     Parameters(NoParameters {}): Parameters<NoParameters>,
 ) -> Response {
     let database = api.ready.database(&api.store, api.clock.elapsed()).await;
-    let migrations = match api.store.schema().await {
-        Ok((found, known)) if found == known => Ok(()),
-        Ok((found, known)) => Err(format!("the schema is {found} instead of {known}")),
-        Err(error) => Err(error.to_string()),
+    // A database that does not answer would keep whoever asks waiting for each of the others.
+    let answers = database.is_ok();
+    let migrations = if answers {
+        schema(&api.store).await
+    } else {
+        Err("the database does not answer".to_owned())
     };
     let zenoh = if *api.link_open.borrow() {
         Ok(())
     } else {
         Err("the Zenoh session is not open".to_owned())
     };
-    let survives_machine_loss = match api.store.survives_machine_loss().await {
-        Ok(Some(true)) => Survival::Yes,
-        Ok(Some(false)) => Survival::No,
-        Ok(None) | Err(_) => Survival::Unknown,
+    let survives_machine_loss = if answers {
+        survival(&api.store).await
+    } else {
+        Survival::Unknown
     };
     let ready = database.is_ok() && migrations.is_ok() && zenoh.is_ok();
     let document = Readiness {
