@@ -216,24 +216,32 @@ async fn insert(
 
 /// The columns of a second, and where they come from.
 static INSERT: LazyLock<String> = LazyLock::new(|| {
-    let mut columns = "robot, t, received, status, nis".to_owned();
-    let mut arrays = "$1::int8[], $2::int8[], $3::int8[], $4::int8[], $5::float8[]".to_owned();
-    let mut set =
-        "received = excluded.received, status = excluded.status, nis = excluded.nis".to_owned();
+    let mut columns = vec!["received".to_owned(), "status".to_owned(), "nis".to_owned()];
+    let mut arrays =
+        vec!["$1::int8[], $2::int8[], $3::int8[], $4::int8[], $5::float8[]".to_owned()];
     for (index, parameter) in Parameter::ALL.iter().enumerate() {
         let p = parameter.name();
+        columns.extend([p.to_owned(), format!("{p}_sigma")]);
         let (value, sigma) = (6 + 2 * index, 7 + 2 * index);
-        columns.push_str(&format!(", {p}, {p}_sigma"));
-        arrays.push_str(&format!(", ${value}::float8[], ${sigma}::float8[]"));
-        set.push_str(&format!(
-            ", {p} = excluded.{p}, {p}_sigma = excluded.{p}_sigma"
-        ));
+        arrays.push(format!("${value}::float8[], ${sigma}::float8[]"));
     }
     format!(
-        "INSERT INTO history_second ({columns}) SELECT * FROM unnest({arrays}) \
-         ON CONFLICT (robot, t) DO UPDATE SET {set}"
+        "INSERT INTO history_second (robot, t, {}) SELECT * FROM unnest({}) \
+         ON CONFLICT (robot, t) DO UPDATE SET {}",
+        columns.join(", "),
+        arrays.join(", "),
+        overwritten(&columns)
     )
 });
+
+/// Takes these columns from the new row.
+fn overwritten(columns: &[String]) -> String {
+    let set: Vec<String> = columns
+        .iter()
+        .map(|column| format!("{column} = excluded.{column}"))
+        .collect();
+    set.join(", ")
+}
 
 /// Seconds behind the last minute that was rolled up, and those of that minute.
 const NOT_ROLLED_UP: &str = "\
@@ -243,19 +251,20 @@ FROM robot AS r JOIN history_second AS s ON s.robot = r.key AND s.t >= coalesce(
 
 /// Makes minutes again from their seconds: keys and starts, as arrays.
 static MINUTES: LazyLock<String> = LazyLock::new(|| {
-    let mut values = String::new();
+    let mut values = Vec::new();
     for parameter in Parameter::ALL {
         let p = parameter.name();
         let value = in_turn(parameter, &format!("s.{p}"), &format!("s.{p}"));
-        values.push_str(&format!(
-            ", avg({value}), min({value}), max({value}), avg(s.{p}_sigma)"
+        values.push(format!(
+            "avg({value}), min({value}), max({value}), avg(s.{p}_sigma)"
         ));
     }
     roll_up_statement(
         "history_minute",
         &format!(
             "max(s.received), count(*), (array_agg(s.status ORDER BY s.t DESC))[1], avg(s.nis), \
-             max(s.nis){values}"
+             max(s.nis), {}",
+            values.join(", ")
         ),
         "history_second",
         ("lidar_yaw", MINUTE_S),
@@ -268,25 +277,25 @@ static HOURS: LazyLock<String> = LazyLock::new(|| {
     let weighted = |mean: &str, column: &str| {
         format!("sum({mean} * s.count) / sum(s.count) FILTER (WHERE s.{column} IS NOT NULL)")
     };
-    let mut values = String::new();
+    let mut values = Vec::new();
     for parameter in Parameter::ALL {
         let p = parameter.name();
-        let part =
-            |which: &str| in_turn(parameter, &format!("s.{p}_{which}"), &format!("s.{p}_mean"));
-        values.push_str(&format!(
-            ", {}, min({}), max({}), {}",
+        let centre = format!("s.{p}_mean");
+        let part = |which: &str| in_turn(parameter, &format!("s.{p}_{which}"), &centre);
+        values.extend([
             weighted(&part("mean"), &format!("{p}_mean")),
-            part("min"),
-            part("max"),
+            format!("min({})", part("min")),
+            format!("max({})", part("max")),
             weighted(&format!("s.{p}_sigma"), &format!("{p}_sigma")),
-        ));
+        ]);
     }
     roll_up_statement(
         "history_hour",
         &format!(
             "max(s.received), sum(s.count)::int8, (array_agg(s.status ORDER BY s.t DESC))[1], \
-             {}, max(s.nis_max){values}",
-            weighted("s.nis_mean", "nis_mean")
+             {}, max(s.nis_max), {}",
+            weighted("s.nis_mean", "nis_mean"),
+            values.join(", ")
         ),
         "history_minute",
         ("lidar_yaw_mean", HOUR_S),
@@ -312,15 +321,16 @@ fn roll_up_statement(
     source: &str,
     (yaw, length_s): (&str, i64),
 ) -> String {
-    let mut columns = "received, count, status, nis_mean, nis_max".to_owned();
+    let mut columns: Vec<String> = ["received", "count", "status", "nis_mean", "nis_max"]
+        .map(str::to_owned)
+        .to_vec();
     for parameter in Parameter::ALL {
         let p = parameter.name();
-        columns.push_str(&format!(", {p}_mean, {p}_min, {p}_max, {p}_sigma"));
+        let parts = ["mean", "min", "max", "sigma"];
+        columns.extend(parts.map(|part| format!("{p}_{part}")));
     }
-    let set: Vec<String> = columns
-        .split(", ")
-        .map(|column| format!("{column} = excluded.{column}"))
-        .collect();
+    let set = overwritten(&columns);
+    let columns = columns.join(", ");
     format!(
         "INSERT INTO {table} (robot, t, {columns})
          SELECT d.robot, d.t, {values}
@@ -333,7 +343,6 @@ fn roll_up_statement(
          ) AS first ON true
          JOIN {source} AS s ON s.robot = d.robot AND s.t >= d.t AND s.t < d.t + {length_s}
          GROUP BY d.robot, d.t
-         ON CONFLICT (robot, t) DO UPDATE SET {}",
-        set.join(", ")
+         ON CONFLICT (robot, t) DO UPDATE SET {set}"
     )
 }

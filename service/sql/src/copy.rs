@@ -168,13 +168,13 @@ fn numbered(name: &'static str, key: usize, columns: &str) -> Table {
 }
 
 fn history(name: &'static str, of_parameter: &[&str], others: &str) -> Table {
-    let mut columns = "t:n robot:n received:n".to_owned();
+    let mut columns = vec!["t:n robot:n received:n".to_owned()];
     for parameter in Parameter::ALL {
-        for part in of_parameter {
-            columns.push_str(&format!(" {}{part}:r", parameter.name()));
-        }
+        let name = parameter.name();
+        columns.extend(of_parameter.iter().map(|part| format!("{name}{part}:r")));
     }
-    table(name, 2, &format!("{columns} {others}"))
+    columns.push(others.to_owned());
+    table(name, 2, &columns.join(" "))
 }
 
 /// A column out of its name and the letter of what it holds.

@@ -73,7 +73,7 @@ fn prepared(statement: Statement) -> sqlx::query::Query<'static, Sqlite, SqliteA
 fn row_of(row: &SqliteRow) -> Result<Row, StatementError> {
     let values = (0..row.len()).map(|index| {
         let value = row.try_get_raw(index).map_err(StatementError::new)?;
-        value_of(value).map_err(|error| StatementError::from(error))
+        value_of(value).map_err(StatementError::from)
     });
     values.collect::<Result<_, _>>().map(Row)
 }

@@ -177,7 +177,7 @@ impl FromStr for PostgresUrl {
             }
         }
         let mut found = found.ok_or_else(|| form(text))?;
-        let named = found.tls_named(text)?;
+        let named = tls_named(text)?;
         let local = found.servers.iter().all(Server::is_local);
         let usual = if local {
             TlsMode::Prefer
@@ -262,19 +262,19 @@ impl PostgresUrl {
         one.servers.push(server.ok_or_else(|| form(text))?);
         Ok(one)
     }
+}
 
-    /// The mode of TLS that a URL names.
-    fn tls_named(&self, text: &str) -> Result<Option<TlsMode>, DatabaseUrlRefused> {
-        let query = text.split_once('?').map_or("", |(_, query)| query);
-        let mut pairs = url::form_urlencoded::parse(query.as_bytes());
-        let Some((_, mode)) = pairs.find(|(name, _)| name == "sslmode") else {
-            return Ok(None);
-        };
-        let refused = || DatabaseUrlRefused::Tls {
-            got: mode.clone().into_owned(),
-        };
-        TlsMode::parse(&mode).map(Some).ok_or_else(refused)
-    }
+/// The mode of TLS that a URL names.
+fn tls_named(text: &str) -> Result<Option<TlsMode>, DatabaseUrlRefused> {
+    let query = text.split_once('?').map_or("", |(_, query)| query);
+    let mut pairs = url::form_urlencoded::parse(query.as_bytes());
+    let Some((_, mode)) = pairs.find(|(name, _)| name == "sslmode") else {
+        return Ok(None);
+    };
+    let refused = || DatabaseUrlRefused::Tls {
+        got: mode.clone().into_owned(),
+    };
+    TlsMode::parse(&mode).map(Some).ok_or_else(refused)
 }
 
 /// Text out of a part of a URL.
@@ -289,6 +289,10 @@ fn decoded(part: &str) -> String {
 
 impl fmt::Display for PostgresUrl {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let [Server::Socket { folder, .. }] = self.servers.as_slice() {
+            let (user, database) = (&self.user, &self.database);
+            return write!(f, "postgres://{user}@/{database}?host={}", folder.display());
+        }
         let servers: Vec<String> = self.servers.iter().map(ToString::to_string).collect();
         write!(
             f,
@@ -345,6 +349,16 @@ mod tests {
             said.contains("got sslmode=\"allow\", expected disable"),
             "{said}"
         );
+    }
+
+    #[test]
+    fn a_url_is_shown_as_it_can_be_given() {
+        for text in [
+            "postgres://f@db1:5432,db2:5433/fleet",
+            "postgres://f@/fleet?host=/run/postgresql",
+        ] {
+            assert_eq!(parsed(text).to_string(), text);
+        }
     }
 
     #[test]
