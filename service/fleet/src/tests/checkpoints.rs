@@ -1,6 +1,5 @@
 //! What a checkpoint of a simulated robot holds, and how large it is.
 
-use fleetcal_domain::approval::Candidate;
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::stream::ScanShape;
 use fleetcal_estimator::{DriveSample, LidarPose, Pose2, Scan};
@@ -11,6 +10,7 @@ use fleetcal_robot::simulator::{
 use nalgebra::Matrix3;
 
 use super::*;
+use crate::candidate::Candidate;
 use crate::packed;
 use crate::robot::Robot;
 use crate::stored::{self, Restored, Stored};
