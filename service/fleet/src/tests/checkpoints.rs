@@ -16,7 +16,8 @@ use crate::robot::Robot;
 use crate::stored::{self, Restored, Stored};
 use crate::verification_run::VerificationRun;
 
-/// Most bytes of a checkpoint.
+/// Most bytes of a checkpoint, with up to seven changes in the session: each takes some 160, and 64
+/// of them are kept.
 const BYTES_MAX: usize = 10_000;
 /// Most bytes while values are in verification.
 const VERIFYING_BYTES_MAX: usize = 20_000;
