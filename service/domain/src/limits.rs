@@ -120,8 +120,7 @@ pub const STALE_AFTER: Duration = Duration::from_secs(3);
 pub const SESSION_ENDS_AFTER: Duration = Duration::from_secs(10);
 /// A robot's session ends this long after its liveliness token went, with nothing more to come.
 pub const SESSION_ENDS_AFTER_TOKEN: Duration = Duration::from_millis(500);
-/// Message time between two checkpoints of a robot that learns, verifies values or has a candidate
-/// for a proposal, s.
+/// Message time between two checkpoints of a robot that learns, verifies or has a candidate, s.
 pub const CHECKPOINT_EVERY_S: f64 = 10.0;
 /// Message time between two checkpoints of a calibrated robot, s.
 pub const CHECKPOINT_CALIBRATED_EVERY_S: f64 = 60.0;

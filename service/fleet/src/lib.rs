@@ -1,6 +1,7 @@
 //! The fleet: one mailbox and one estimator task per robot.
 
 mod budgets;
+mod candidate;
 mod cloud;
 mod commanded;
 mod cross_track;

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use fleetcal_clock::Clock;
-use fleetcal_domain::approval::{Candidate, Policy};
+use fleetcal_domain::approval::Policy;
 use fleetcal_domain::limits::{
     FORMER_KEY_WARNED_FOR, SESSION_ENDS_AFTER, SESSION_ENDS_AFTER_TOKEN, STALE_AFTER,
 };
@@ -20,6 +20,7 @@ use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::estimate::EstimateDocument;
 
+use crate::candidate::Candidate;
 use crate::cross_track::{CrossTracks, UsedValues};
 use crate::mailbox::Mailbox;
 use crate::tap::Taps;

@@ -1,11 +1,11 @@
 //! What a robot's task goes on from after a restart of the service.
 
-use fleetcal_domain::approval::Candidate;
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::{Calibrator, Checkpoint};
 use fleetcal_model::RobotId;
 use serde::{Deserialize, Serialize};
 
+use crate::candidate::Candidate;
 use crate::packed::{self, Unreadable};
 use crate::verification_run::{StoredRun, VerificationRun};
 

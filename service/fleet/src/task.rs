@@ -6,7 +6,6 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use fleetcal_domain::approval::Candidate;
 use fleetcal_domain::limits::{
     ADVICE_EVERY_S, CHECKPOINT_CALIBRATED_EVERY_S, CHECKPOINT_EVERY_S, ESTIMATOR_RESTARTS_MAX,
     NOTES_PER_HOUR_MAX,
@@ -24,6 +23,7 @@ use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_proto::message_type::Form;
 
 use crate::budgets::HistoryBudgets;
+use crate::candidate::Candidate;
 use crate::decode::{self, Decoded};
 use crate::document;
 use crate::intake::Intake;

@@ -1,9 +1,8 @@
 //! What time and the estimates ask for.
 
-use fleetcal_model::{RevisionId, RobotTime, WallTime};
+use fleetcal_model::{RevisionId, WallTime};
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::estimate::EstimateDocument;
-use serde::{Deserialize, Serialize};
 
 use super::ask::within_limits;
 use super::command::Command;
@@ -24,7 +23,7 @@ pub struct Situation<'a> {
     pub estimate: Option<&'a EstimateDocument>,
     /// Whether the vehicle is no longer the one that was calibrated, and not known again yet.
     pub vehicle_changed: bool,
-    /// Whether that estimate has stood still long enough, see [`Candidate`].
+    /// Whether that estimate has stood still for [`Policy::stable_for_s`].
     pub stable: bool,
     /// An estimate from nothing but what came since the values in use were applied.
     pub verification: Option<&'a EstimateDocument>,
@@ -311,35 +310,4 @@ fn proposal_due(
         nominal: situation.nominal,
         reason: None,
     })
-}
-
-/// How long an estimate has stood still.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct Candidate {
-    since: Option<(RobotTime, CalibrationValues)>,
-    stable: bool,
-}
-
-impl Candidate {
-    /// Takes the latest estimate; whether it has stayed within half of what is proposed for long
-    /// enough.
-    pub fn observe(&mut self, estimate: Option<&EstimateDocument>, policy: &Policy) -> bool {
-        let known = estimate.and_then(|one| Some((one.stamp_ns, values_and_sigmas(one)?.0)));
-        let Some((stamp_ns, values)) = known else {
-            *self = Self::default();
-            return false;
-        };
-        let limits = policy.propose_beyond.limits().map(|limit| limit / 2.0);
-        let still = self.since.filter(|(since_ns, first)| {
-            stamp_ns >= *since_ns && !exceeds(&difference(first, &values), &limits)
-        });
-        let (since_ns, _) = *self.since.insert(still.unwrap_or((stamp_ns, values)));
-        self.stable = stamp_ns.seconds_since(since_ns) >= policy.stable_for_s;
-        self.stable
-    }
-
-    /// Whether there is an estimate that has not stood still for long enough yet.
-    pub const fn is_pending(&self) -> bool {
-        self.since.is_some() && !self.stable
-    }
 }

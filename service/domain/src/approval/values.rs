@@ -64,7 +64,7 @@ pub(super) fn four(values: &CalibrationValues) -> [f64; 4] {
 }
 
 /// Whether any part of a change is larger than its limit.
-pub(super) fn exceeds(change: &Change, limits: &[f64; 4]) -> bool {
+pub fn exceeds(change: &Change, limits: &[f64; 4]) -> bool {
     change
         .iter()
         .zip(limits)

@@ -69,7 +69,6 @@ pub trait Journal: fmt::Debug + Send + Sync + 'static {
     fn record_event(&self, robot: &RobotId, event: &Arc<HistoryEvent>);
     /// How well a robot follows its path with one calibration. It replaces the earlier one.
     fn save_cross_track(&self, robot: &RobotId, generation: Generation, errors: &CrossTrack);
-    /// The state from which a robot's task goes on after a restart, in the fleet's format. It
-    /// replaces the robot's earlier one.
+    /// What a robot's task goes on from after a restart. It replaces the robot's earlier one.
     fn save_checkpoint(&self, robot: &RobotId, stamp_ns: RobotTime, state: Vec<u8>);
 }

@@ -1,6 +1,5 @@
 //! What a checkpoint of a simulated robot holds, and how large it is.
 
-use fleetcal_domain::approval::Candidate;
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::stream::ScanShape;
 use fleetcal_estimator::{DriveSample, LidarPose, Pose2, Scan};
@@ -11,12 +10,14 @@ use fleetcal_robot::simulator::{
 use nalgebra::Matrix3;
 
 use super::*;
+use crate::candidate::Candidate;
 use crate::packed;
 use crate::robot::Robot;
 use crate::stored::{self, Restored, Stored};
 use crate::verification_run::VerificationRun;
 
-/// Most bytes of a checkpoint.
+/// Most bytes of a checkpoint, with up to seven changes in the session: each takes some 160, and 64
+/// of them are kept.
 const BYTES_MAX: usize = 10_000;
 /// Most bytes while values are in verification.
 const VERIFYING_BYTES_MAX: usize = 20_000;

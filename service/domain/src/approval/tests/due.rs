@@ -11,8 +11,8 @@ use fleetcal_proto::signing::SigningKey;
 
 use crate::access::{Actor, Authentication, Role};
 use crate::approval::{
-    Candidate, Command, DeploymentState, Evidence, NextIds, Origin, Policy, Present, Refused,
-    RobotLedger, Situation, Standing, Tolerance, automatic, due, step, values_and_sigmas,
+    Command, DeploymentState, Evidence, NextIds, Origin, Policy, Present, Refused, RobotLedger,
+    Situation, Standing, Tolerance, automatic, due, step, values_and_sigmas,
 };
 
 const NOW_NS: i64 = 1_763_700_000_000_000_000;
@@ -379,25 +379,6 @@ fn what_was_rejected_is_not_proposed_again() {
     bench.take(reject, &Actor::service());
     assert_eq!(bench.do_due(&estimate(0.05, 1), false), None);
     assert_eq!(bench.do_due(&estimate(0.06, 2), false), Some("propose"));
-}
-
-#[test]
-fn an_estimate_is_a_candidate_once_it_has_stood_still() {
-    let policy = Policy::default();
-    let mut candidate = Candidate::default();
-    assert!(!candidate.is_pending());
-    assert!(!candidate.observe(Some(&estimate(0.05, 0)), &policy));
-    assert!(!candidate.observe(Some(&estimate(0.05, 9)), &policy));
-    assert!(candidate.is_pending());
-    let stored = serde_json::to_string(&candidate).unwrap();
-    candidate = serde_json::from_str(&stored).unwrap();
-    assert!(candidate.observe(Some(&estimate(0.05, 10)), &policy));
-    assert!(!candidate.is_pending());
-    assert!(!candidate.observe(Some(&estimate(0.06, 11)), &policy));
-    assert!(!candidate.observe(Some(&estimate(0.06, 20)), &policy));
-    assert!(candidate.observe(Some(&estimate(0.06, 21)), &policy));
-    assert!(!candidate.observe(None, &policy));
-    assert!(!candidate.observe(Some(&estimate(0.06, 40)), &policy));
 }
 
 #[test]

@@ -20,7 +20,7 @@ async fn drive_until(bench: &Bench, driver: &mut Driver, state: RobotState) {
         }
         driver.second(bench).await;
     }
-    panic!("the robot is {:?}, expected {state:?}", standing(bench));
+    panic!("state: got {:?}, expected {state:?}", standing(bench));
 }
 
 /// Waits until the robot shows the estimate that was stored.
