@@ -16,7 +16,7 @@ use crate::command::CommandError;
 #[derive(Debug, Clone, Default, Args)]
 pub struct DatabaseArguments {
     /// PostgreSQL that keeps the records instead of the data folder, such as
-    /// postgres://fleetcal@db1,db2/fleetcal
+    /// <postgres://fleetcal@db1,db2/fleetcal>
     // A text, because clap repeats a value that it refuses, and this one may hold a password.
     #[arg(
         long,
@@ -90,7 +90,7 @@ impl Place {
     /// [`CommandError::CopiedElsewhere`] when the records are in PostgreSQL.
     pub fn folder(&self) -> Result<&Path, CommandError> {
         if let Some(setup) = self.database.setup()? {
-            return Err(CommandError::CopiedElsewhere(setup.url));
+            return Err(CommandError::CopiedElsewhere(setup.url.to_string()));
         }
         self.data.as_deref().ok_or(CommandError::NoDatabase)
     }

@@ -27,7 +27,7 @@ use fleetcal_operations::entropy::NoEntropy;
 use fleetcal_proto::RobotId;
 use fleetcal_robot::fleet::{FleetError, TooManyRobots};
 use fleetcal_store::StoreError;
-use fleetcal_store::database_url::{DatabaseUrlRefused, PostgresUrl};
+use fleetcal_store::database_url::DatabaseUrlRefused;
 use thiserror::Error;
 
 use crate::service::ServiceError;
@@ -106,7 +106,7 @@ pub enum CommandError {
     #[error(
         "{0} is not copied by fleetcal: use pg_dump --format=custom, or the backups of its servers"
     )]
-    CopiedElsewhere(PostgresUrl),
+    CopiedElsewhere(String),
     /// A user or token was not changed.
     #[error(transparent)]
     Account(#[from] AccountRefused),

@@ -33,10 +33,10 @@ pub enum Action {
 /// What `fleetcal store copy` takes.
 #[derive(Debug, Args)]
 pub struct Copy {
-    /// The data folder, such as sqlite:/var/lib/fleetcal
+    /// The data folder, such as <sqlite:/var/lib/fleetcal>
     #[arg(long, value_name = "sqlite:DIR", value_parser = sqlite)]
     pub from: PathBuf,
-    /// The PostgreSQL, such as postgres://fleetcal@db/fleetcal
+    /// The PostgreSQL, such as <postgres://fleetcal@db/fleetcal>
     // A text, because clap repeats a value that it refuses, and this one may hold a password.
     #[arg(long, value_name = "URL")]
     to: String,
@@ -97,17 +97,19 @@ async fn copy(arguments: &Copy) -> Result<(), CommandError> {
     let contents = fleetcal_postgres::copy(&mut from, setup, &|more| bar.inc(more)).await?;
     bar.finish_and_clear();
     let took_s = bar.elapsed().as_secs_f64();
-    let tables: String = contents
+    let tables: Vec<String> = contents
         .iter()
         .map(|(table, content)| {
             let table = table.trim_matches('"');
-            format!("{:>10}  {}  {table}\n", content.rows, content.sha256)
+            format!("{:>10}  {}  {table}", content.rows, content.sha256)
         })
         .collect();
     Ok(print_text(&format!(
-        "{:>10}  {:<64}  TABLE\n{tables}{name}: copied {rows} rows in {took_s:.1} s, read again and \
+        "{:>10}  {:<64}  TABLE\n{}\n{name}: copied {rows} rows in {took_s:.1} s, read again and \
          found equal\n",
-        "ROWS", "SHA-256"
+        "ROWS",
+        "SHA-256",
+        tables.join("\n")
     ))?)
 }
 
