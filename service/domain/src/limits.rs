@@ -194,6 +194,8 @@ pub const STORE_LOOK_EVERY: Duration = Duration::from_secs(5);
 pub const STORE_STUCK_AFTER: Duration = Duration::from_mins(1);
 /// A connection to a PostgreSQL server is open within this time, or the next server is tried.
 pub const POSTGRES_CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
+/// When one of several hosts does not answer, the next one is asked after this.
+pub const POSTGRES_NEXT_HOST_AFTER: Duration = Duration::from_millis(250);
 /// A statement on PostgreSQL has ended within this time, or its connection is given up.
 pub const POSTGRES_STATEMENT_TIMEOUT: Duration = Duration::from_secs(3);
 /// The same for a statement that reads, which may give all robots' states.

@@ -19,7 +19,7 @@ pub(crate) enum Fate {
 }
 
 /// SQLSTATEs of PostgreSQL, appendix A of its manual.
-mod state {
+pub(crate) mod state {
     /// A transaction could not be brought into an order with others.
     pub const SERIALIZATION_FAILURE: &str = "40001";
     /// Two transactions waited for each other.
@@ -30,6 +30,8 @@ mod state {
     pub const UNIQUE_VIOLATION: &str = "23505";
     /// The server is a standby.
     pub const READ_ONLY: &str = "25006";
+    /// The role may not do it.
+    pub const INSUFFICIENT_PRIVILEGE: &str = "42501";
     /// The user's password is wrong, or the user may not sign in.
     pub const REFUSED: [&str; 2] = ["28P01", "28000"];
     /// The class of those by which a server ends a connection.

@@ -11,7 +11,7 @@ use sqlx::postgres::PgConnection;
 
 use crate::PostgresSetup;
 use crate::connection::Session;
-use crate::failure::TimedOut;
+use crate::failure::{TimedOut, state};
 use crate::servers::{Purpose, Servers};
 
 static MIGRATIONS: Migrator = sqlx::migrate!("../../migrations/postgres");
@@ -76,6 +76,14 @@ async fn run(servers: &Servers) -> Result<PgConnection, StoreError> {
     match migrated.unwrap_or_else(|_| Err(MigrateError::Execute(late()))) {
         Ok(()) => Ok(connection),
         Err(MigrateError::VersionMissing(found)) => Err(newer(servers, found)),
+        Err(error) if may_not(&error) => Err(StoreError::Server {
+            database: servers.name(),
+            reason: format!(
+                "needs a schema that the role {:?} may not make: let a role that may bring the \
+                 database to it, or grant CREATE on the schema public",
+                servers.user()
+            ),
+        }),
         Err(error) => Err(StoreError::Migration(Arc::new(error))),
     }
 }
@@ -84,6 +92,15 @@ async fn run(servers: &Servers) -> Result<PgConnection, StoreError> {
 fn late() -> sqlx::Error {
     let seconds = limits::POSTGRES_MIGRATION_TIMEOUT.as_secs_f32();
     sqlx::Error::Io(std::io::Error::other(TimedOut { seconds }))
+}
+
+/// Whether the role lacks the rights.
+fn may_not(error: &MigrateError) -> bool {
+    let (MigrateError::Execute(error) | MigrateError::ExecuteMigration(error, _)) = error else {
+        return false;
+    };
+    let told = error.as_database_error();
+    told.is_some_and(|told| told.code().as_deref() == Some(state::INSUFFICIENT_PRIVILEGE))
 }
 
 fn newer(servers: &Servers, found: i64) -> StoreError {

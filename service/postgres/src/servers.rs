@@ -1,5 +1,6 @@
 //! The servers that a database may be on, and connections to the one that can be written.
 
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
@@ -8,6 +9,7 @@ use fleetcal_store::StoreError;
 use fleetcal_store::database_url::{PostgresUrl, Server, TlsMode};
 use sqlx::postgres::{PgConnectOptions, PgConnection, PgPool, PgPoolOptions, PgSslMode};
 use sqlx::{ConnectOptions as _, Executor as _, Row as _};
+use tokio::task::JoinSet;
 
 use crate::PostgresSetup;
 use crate::connection::{ReadPool, Session, in_time, in_time_of};
@@ -98,23 +100,47 @@ impl Servers {
         self.url.to_string()
     }
 
-    /// Connects to the server that can be written: the one that was last, else the next that is.
+    /// The role that signs in.
+    pub(crate) fn user(&self) -> &str {
+        &self.url.user
+    }
+
+    /// Connects to the server that can be written. The one that was last is asked first, and each
+    /// further one a moment later or when that one refused: so a server that never answers keeps
+    /// nobody from the next.
     ///
     /// # Errors
     /// [`StoreError::Server`], which says what is wrong with each.
     pub(crate) async fn connect(&self, purpose: Purpose) -> Result<PgConnection, StoreError> {
+        let count = self.options.len();
         let first = self.current.load(Ordering::Relaxed);
-        let mut reasons = Vec::new();
-        for step in 0..self.options.len() {
-            let index = (first + step) % self.options.len();
-            match connect_to(&self.options[index], purpose).await {
-                Ok(connection) => {
+        let mut order = (0..count).map(|step| (first + step) % count);
+        let mut asked = JoinSet::new();
+        let mut reasons = BTreeMap::new();
+        loop {
+            if let Some(index) = order.next() {
+                let options = self.options[index].clone();
+                asked.spawn(async move { (index, connect_to(&options, purpose).await) });
+            } else if asked.is_empty() {
+                break;
+            }
+            let answer = tokio::select! {
+                answer = asked.join_next() => answer,
+                () = tokio::time::sleep(limits::POSTGRES_NEXT_HOST_AFTER), if order.len() > 0 => None,
+            };
+            match answer {
+                Some(Ok((index, Ok(connection)))) => {
                     self.found(index);
                     return Ok(connection);
                 }
-                Err(reason) => reasons.push(format!("{} {reason}", self.url.servers[index])),
+                Some(Ok((index, Err(reason)))) => {
+                    reasons.insert(index, format!("{} {reason}", self.url.servers[index]));
+                }
+                // A task that panicked has said so in the log.
+                Some(Err(_)) | None => {}
             }
         }
+        let reasons: Vec<String> = reasons.into_values().collect();
         Err(StoreError::Server {
             database: self.name(),
             reason: format!("cannot be used: {}", reasons.join("; ")),

@@ -24,11 +24,7 @@ pub async fn create_for_test(server: &PostgresUrl) -> Result<PostgresUrl, StoreE
     })?;
     let mut session = Session::new(servers.connect(Purpose::Migration).await?);
     run_for_test(&mut session, format!("DROP DATABASE IF EXISTS {name}")).await?;
-    run_for_test(
-        &mut session,
-        format!("CREATE DATABASE {name} STRATEGY file_copy"),
-    )
-    .await?;
+    run_for_test(&mut session, format!("CREATE DATABASE {name}")).await?;
     session.close().await;
     Ok(PostgresUrl {
         database: name,

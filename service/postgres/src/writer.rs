@@ -8,6 +8,7 @@ use fleetcal_sql::{Keys, SqlRecords, StatementError, telemetry};
 use fleetcal_store::StoreError;
 use fleetcal_store::backend::{Aged, Batch, RecordWriter, TelemetryWriter};
 use fleetcal_store::transaction::Waiting;
+use tokio::time::Instant;
 
 use crate::connection::Session;
 use crate::failure::Fate;
@@ -39,11 +40,26 @@ impl Line {
         }
     }
 
-    /// The connection, with what else a transaction needs.
-    async fn open(&mut self) -> Result<(&mut Session, &mut Keys), StoreError> {
+    /// Begins a transaction; gives its connection, with what else it needs. A connection that was
+    /// lost while nobody used it is opened again.
+    async fn begin(
+        &mut self,
+        begin: &'static str,
+    ) -> Result<(&mut Session, &mut Keys), StoreError> {
         let session = match self.session.take() {
-            Some(session) if session.fate() != Fate::Lost => session,
-            _ => Session::new(self.servers.connect(self.purpose).await?),
+            Some(session) => begun(session, begin).await?,
+            None => None,
+        };
+        let session = match session {
+            Some(session) => session,
+            None => {
+                // A server that crashed, or a standby that was behind, may have lost the rows that
+                // these are of, and gives their numbers again.
+                self.keys.clear();
+                let mut session = Session::new(self.servers.connect(self.purpose).await?);
+                session.begin(begin).await?;
+                session
+            }
         };
         Ok((self.session.insert(session), &mut self.keys))
     }
@@ -52,6 +68,20 @@ impl Line {
         if let Some(session) = self.session {
             session.close().await;
         }
+    }
+}
+
+/// Begins a transaction on a connection; gives none when it was lost before.
+async fn begun(mut session: Session, begin: &'static str) -> Result<Option<Session>, StoreError> {
+    if session.fate() == Fate::Lost {
+        return Ok(None);
+    }
+    let asked_at = Instant::now();
+    match session.begin(begin).await {
+        Ok(()) => Ok(Some(session)),
+        // Who waits has no time for a second server that does not answer.
+        Err(error) if asked_at.elapsed() > limits::POSTGRES_CONNECT_TIMEOUT => Err(error),
+        Err(_) => Ok(None),
     }
 }
 
@@ -109,13 +139,10 @@ impl Records {
 
     /// Runs a job once, and commits what it wrote where it is to be `kept`.
     async fn attempt(&mut self, job: &mut Waiting, kept: bool) -> Attempted {
-        let (session, keys) = match self.line.open().await {
-            Ok(open) => open,
+        let (session, keys) = match self.line.begin(BEGIN_JOB).await {
+            Ok(begun) => begun,
             Err(error) => return Attempted::Lost(error),
         };
-        if let Err(error) = session.begin(BEGIN_JOB).await {
-            return Attempted::Lost(error);
-        }
         let mut learnt = Vec::new();
         let ended = job
             .attempt(&mut SqlRecords {
@@ -234,8 +261,7 @@ impl Telemetry {
 
     /// Does some work in a transaction.
     async fn transact(&mut self, work: Work<'_>) -> Result<u64, StoreError> {
-        let (session, keys) = self.line.open().await?;
-        session.begin(BEGIN_TELEMETRY).await?;
+        let (session, keys) = self.line.begin(BEGIN_TELEMETRY).await?;
         let done = work.run(session, keys, &mut self.history).await;
         let done = match done {
             Ok(done) => match session.commit().await {

@@ -119,10 +119,11 @@ impl Reader for SqlReader {
     }
 
     async fn cross_tracks(&self) -> Result<Vec<CrossTrackRecord>, StoreError> {
-        let rows = query("SELECT robot, generation, errors FROM cross_track")
-            .fetch_all(&mut self.connection())
-            .await
-            .map_err(StoreError::database("read how robots follow their paths"))?;
+        let rows =
+            query("SELECT robot, generation, errors FROM cross_track ORDER BY robot, generation")
+                .fetch_all(&mut self.connection())
+                .await
+                .map_err(StoreError::database("read how robots follow their paths"))?;
         rows.iter()
             .map(|row| {
                 let generation: i64 = column(row, "cross_track", 1)?;
@@ -333,7 +334,7 @@ impl Reader for SqlReader {
 /// # Errors
 /// [`StoreError::Database`].
 pub async fn schema_version(connection: &mut dyn Connection) -> Result<i64, StoreError> {
-    query_scalar("SELECT max(version) FROM _sqlx_migrations WHERE success")
+    query_scalar("SELECT coalesce(max(version), 0) FROM _sqlx_migrations WHERE success")
         .fetch_one(connection)
         .await
         .map_err(StoreError::database("read its schema's version"))
