@@ -200,10 +200,8 @@ pub const POSTGRES_NEXT_HOST_AFTER: Duration = Duration::from_millis(250);
 pub const POSTGRES_STATEMENT_TIMEOUT: Duration = Duration::from_secs(3);
 /// The same for a statement that reads, which may give all robots' states.
 pub const POSTGRES_READ_TIMEOUT: Duration = Duration::from_secs(10);
-/// The same for all migrations, while another process may be at them.
-pub const POSTGRES_MIGRATION_TIMEOUT: Duration = Duration::from_mins(10);
-/// The same for rows that are copied, a few thousand at once.
-pub const POSTGRES_COPY_TIMEOUT: Duration = Duration::from_secs(30);
+/// The same for all migrations, which another process may be at, and for rows that are copied.
+pub const POSTGRES_BULK_TIMEOUT: Duration = Duration::from_mins(10);
 /// Seconds of history are in their minutes and hours in PostgreSQL after this time.
 pub const POSTGRES_ROLL_UP_EVERY: Duration = Duration::from_secs(30);
 /// Minutes that are rolled up in one transaction.
@@ -212,11 +210,8 @@ pub const POSTGRES_ROLL_UP_MAX: usize = 512;
 pub const POSTGRES_DAYS_KNOWN_MAX: usize = 16;
 /// How often a job is run that PostgreSQL could not bring into an order with others.
 pub const POSTGRES_CONFLICT_TRIES: u32 = 12;
-/// The pause after the first of these; each further one doubles it, up to
-/// [`POSTGRES_CONFLICT_PAUSE_MAX`].
-pub const POSTGRES_CONFLICT_PAUSE: Duration = Duration::from_millis(2);
-/// Longest pause between them.
-pub const POSTGRES_CONFLICT_PAUSE_MAX: Duration = Duration::from_millis(100);
+/// The pause between these.
+pub const POSTGRES_CONFLICT_PAUSE: Duration = Duration::from_millis(20);
 /// After a commit that failed, the next one begins after this; each further failure doubles it.
 pub const STORE_RETRY_FIRST: Duration = Duration::from_millis(100);
 /// Longest pause between two commits while the database fails.

@@ -85,7 +85,7 @@ impl Session {
             copy.send(text).await?;
             copy.finish().await
         };
-        let ended = in_time_of(limits::POSTGRES_COPY_TIMEOUT, copying).await;
+        let ended = in_time_of(limits::POSTGRES_BULK_TIMEOUT, copying).await;
         self.noted(ended).map(drop)
     }
 

@@ -72,7 +72,7 @@ pub async fn migrate(setup: PostgresSetup, serve_as: Option<&str>) -> Result<(),
 async fn run(servers: &Servers) -> Result<PgConnection, StoreError> {
     let mut connection = servers.connect(Purpose::Migration).await?;
     let migrating = MIGRATIONS.run_direct(None, &mut connection, false);
-    let migrated = tokio::time::timeout(limits::POSTGRES_MIGRATION_TIMEOUT, migrating).await;
+    let migrated = tokio::time::timeout(limits::POSTGRES_BULK_TIMEOUT, migrating).await;
     match migrated.unwrap_or_else(|_| Err(MigrateError::Execute(late()))) {
         Ok(()) => Ok(connection),
         Err(MigrateError::VersionMissing(found)) => Err(newer(servers, found)),
@@ -90,7 +90,7 @@ async fn run(servers: &Servers) -> Result<PgConnection, StoreError> {
 
 /// Migrations did not end in time.
 fn late() -> sqlx::Error {
-    let seconds = limits::POSTGRES_MIGRATION_TIMEOUT.as_secs_f32();
+    let seconds = limits::POSTGRES_BULK_TIMEOUT.as_secs_f32();
     sqlx::Error::Io(std::io::Error::other(TimedOut { seconds }))
 }
 

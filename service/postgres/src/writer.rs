@@ -121,7 +121,6 @@ impl Records {
 
     /// Runs a job until no other transaction stands in its way.
     async fn run_one(&mut self, job: &mut Waiting) -> Attempted {
-        let mut pause = limits::POSTGRES_CONFLICT_PAUSE;
         let mut last = StoreError::Closed;
         if self.jobs == JobRuns::Twice {
             self.attempt(job, false).await;
@@ -131,8 +130,7 @@ impl Records {
                 Attempted::Again(error) => last = error,
                 ended => return ended,
             }
-            tokio::time::sleep(pause).await;
-            pause = (pause * 2).min(limits::POSTGRES_CONFLICT_PAUSE_MAX);
+            tokio::time::sleep(limits::POSTGRES_CONFLICT_PAUSE).await;
         }
         Attempted::Ended(Err(last))
     }
