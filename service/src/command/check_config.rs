@@ -24,8 +24,10 @@ pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
     let config = Config::read(&arguments.config)?;
     let robots = config.robots.len();
     let plural = if robots == 1 { "" } else { "s" };
+    let database = config.database.as_ref();
+    let database = database.map_or_else(String::new, |url| format!(", records in {url}"));
     Ok(print_text(&format!(
-        "{}: valid, {robots} robot{plural} configured; HTTP on {}, data in {}\n",
+        "{}: valid, {robots} robot{plural} configured; HTTP on {}, data in {}{database}\n",
         arguments.config.display(),
         config.http,
         config.data.display(),
