@@ -65,6 +65,7 @@ fn make_user(service: &Service) {
             "user", "create", "--role", "viewer", "--name", NAME, "--data",
         ])
         .arg(service.data())
+        .envs(fleetcal_tests::database::variable(&service.data()))
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
         .spawn()

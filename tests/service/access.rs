@@ -5,6 +5,7 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
 use fleetcal_tests::binary;
+use fleetcal_tests::database;
 use fleetcal_tests::service::Service;
 use tempfile::TempDir;
 
@@ -15,6 +16,7 @@ fn user(data: &Path, arguments: &[&str], password: &str) -> Output {
         .args(arguments)
         .arg("--data")
         .arg(data)
+        .envs(database::variable(data))
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
@@ -31,6 +33,7 @@ fn run(data: &Path, arguments: &[&str]) -> Output {
         .args(arguments)
         .arg("--data")
         .arg(data)
+        .envs(database::variable(data))
         .stdin(Stdio::null())
         .output();
     output.unwrap()

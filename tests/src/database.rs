@@ -1,17 +1,33 @@
 //! The database of a service under test: SQLite in its folder, or one on a server of PostgreSQL.
 
+use std::fs;
+use std::path::{Path, PathBuf};
+
 use fleetcal_contract::server;
 
 /// The variable by which a service is told of its PostgreSQL.
 const VARIABLE: &str = "FLEETCAL_DATABASE";
 
-/// What a service's environment says of an empty database of its own: nothing where it stands on
-/// SQLite.
+/// Beside a data folder: where the database of its service is.
+fn note(data: &Path) -> PathBuf {
+    data.with_extension("database")
+}
+
+/// What the environment of a service or command on this data folder says: nothing where its
+/// database is in the folder.
+pub fn variable(data: &Path) -> Option<(String, String)> {
+    let url = fs::read_to_string(note(data)).ok()?;
+    Some((VARIABLE.to_owned(), url))
+}
+
+/// Creates an empty database for a data folder that has none, where tests run on a server.
 ///
 /// # Panics
-/// When the server that tests were given creates none.
-pub fn variable() -> Option<(String, String)> {
-    let server = server()?;
+/// When the server creates none.
+pub fn create(data: &Path) {
+    let Some(server) = server().filter(|_| !note(data).exists()) else {
+        return;
+    };
     // Of its own thread, because a test may be on a runtime already.
     let create = move || {
         let runtime = tokio::runtime::Builder::new_current_thread()
@@ -21,6 +37,6 @@ pub fn variable() -> Option<(String, String)> {
         runtime.block_on(fleetcal_postgres::create_for_test(&server))
     };
     let created = std::thread::spawn(create).join().expect("it ends");
-    let url = created.expect("a database");
-    Some((VARIABLE.to_owned(), url.to_string()))
+    let url = created.expect("a database").to_string();
+    fs::write(note(data), url).expect("a note");
 }

@@ -134,7 +134,8 @@ impl Service {
         zenoh_flags: &[&str],
         mut variables: Vec<(String, String)>,
     ) -> Self {
-        variables.extend(database::variable());
+        database::create(&data);
+        variables.extend(database::variable(&data));
         fs::write(folder.path().join("fleetcal.toml"), config).expect("a configuration");
         let http = free_port();
         let zenoh_flags: Vec<String> = zenoh_flags.iter().map(|&flag| flag.to_owned()).collect();
