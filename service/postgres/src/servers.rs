@@ -49,7 +49,8 @@ impl Purpose {
                 "SET default_transaction_read_only = on; SET statement_timeout = '10s'; \
                  SET client_connection_check_interval = '2s'"
             }
-            Self::Migration => "SET lock_timeout = '10s'",
+            // What is there already is no news.
+            Self::Migration => "SET lock_timeout = '10s'; SET client_min_messages = warning",
         }
     }
 }
