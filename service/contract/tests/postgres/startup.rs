@@ -45,6 +45,7 @@ fn new_role(name: &str) -> String {
 
 #[tokio::test]
 async fn a_server_that_is_not_there_is_named() {
+    named();
     let url = url_of(&["127.0.0.1:1", "127.0.0.1:2"], "fleetcal", "site");
     let named = [
         "postgres://fleetcal@127.0.0.1:1,127.0.0.1:2/site",
