@@ -50,16 +50,15 @@ impl Line {
             Some(session) => begun(session, begin).await?,
             None => None,
         };
-        let session = match session {
-            Some(session) => session,
-            None => {
-                // A server that crashed, or a standby that was behind, may have lost the rows that
-                // these are of, and gives their numbers again.
-                self.keys.clear();
-                let mut session = Session::new(self.servers.connect(self.purpose).await?);
-                session.begin(begin).await?;
-                session
-            }
+        let session = if let Some(session) = session {
+            session
+        } else {
+            // A server that crashed, or a standby that was behind, may have lost the rows that
+            // these are of, and gives their numbers again.
+            self.keys.clear();
+            let mut session = Session::new(self.servers.connect(self.purpose).await?);
+            session.begin(begin).await?;
+            session
         };
         Ok((self.session.insert(session), &mut self.keys))
     }

@@ -1,0 +1,80 @@
+//! A connection that is cut exactly at COMMIT.
+
+use std::time::Duration;
+
+use fleetcal_contract::{NOW_S, clock, query, record};
+use fleetcal_postgres::open;
+use fleetcal_store::StoreError;
+use fleetcal_store::database_url::Server;
+use tokio::time::Instant;
+
+use crate::decision::{Decide, times_decided};
+use crate::proxy::{Cut, Proxy};
+use crate::server::{named, number, psql, setup, url_of};
+
+/// The store writes again within this time after a cut.
+const AGAIN_WITHIN: Duration = Duration::from_secs(5);
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_commit_whose_answer_is_lost_is_told_and_counts_once_or_not_at_all() {
+    let cuts = number("CONTRACT_CUTS", 40);
+    let direct = fleetcal_postgres::create_for_test(&named()).await.unwrap();
+    let Some(Server::Tcp { host, port }) = direct.servers.first() else {
+        panic!("a proxy needs a server that listens on TCP, got {direct}");
+    };
+    let proxy = Proxy::before(format!("{host}:{port}")).await;
+    let url = url_of(&[&proxy.host()], &direct.user, &direct.database);
+    let store = open(setup(&url), Box::new(()), clock() as _).await.unwrap();
+    let mut slowest = Duration::ZERO;
+    for round in 0..cuts {
+        let cut = if round % 2 == 0 {
+            Cut::BeforeCommit
+        } else {
+            Cut::AfterCommit
+        };
+        let decision = Decide(format!("cut {round}"));
+        proxy.cut_next(cut);
+        let told = store.transact(decision.clone()).await;
+        let told = told.map(|id| format!("{id}"));
+        assert!(matches!(told, Err(StoreError::Commit(_))), "{told:?}");
+        assert!(!proxy.is_armed());
+        let began = Instant::now();
+        let kept = usize::from(cut == Cut::AfterCommit);
+        let times = times_decided(&store, std::slice::from_ref(&decision)).await;
+        assert_eq!(times, [kept], "{decision:?}");
+        let first = store.transact(decision.clone()).await.unwrap();
+        let again = store.transact(decision.clone()).await.unwrap();
+        assert_eq!(first, again);
+        slowest = slowest.max(began.elapsed());
+        let times = times_decided(&store, &[decision]).await;
+        assert_eq!(times, [1]);
+    }
+    assert!(slowest < AGAIN_WITHIN, "{slowest:?}");
+    println!("{cuts} cuts; the slowest retry took {slowest:?}");
+    store.close().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_connection_that_was_lost_while_nobody_used_it_costs_nothing() {
+    let url = fleetcal_postgres::create_for_test(&named()).await.unwrap();
+    let store = open(setup(&url), Box::new(()), clock() as _).await.unwrap();
+    for round in 0..10 {
+        let decision = Decide(format!("round {round}"));
+        store.transact(decision.clone()).await.unwrap();
+        assert_eq!(times_decided(&store, &[decision]).await, [1]);
+        let ended = "SELECT count(pg_terminate_backend(pid)) FROM pg_stat_activity
+            WHERE datname = current_database() AND pid <> pg_backend_pid()";
+        let ended: usize = psql(&url, ended).trim().parse().unwrap();
+        // That of jobs, that of telemetry, and those that read.
+        assert!(ended >= 3, "{ended}");
+        record(&store, "b", NOW_S + round, 0.5);
+        store.flush().await.unwrap();
+    }
+    let seconds = store
+        .history(&query("b", NOW_S, NOW_S + 10, 60))
+        .await
+        .unwrap();
+    assert_eq!(seconds.stretches.len(), 10);
+    assert_eq!(store.counters().failed_commits, 0);
+    store.close().await.unwrap();
+}

@@ -1,0 +1,142 @@
+//! A proxy before a server, which cuts the connection exactly at COMMIT.
+
+use std::net::SocketAddr;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
+use tokio::net::{TcpListener, TcpStream};
+
+/// Where the connection of the next job is cut.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Cut {
+    /// The server never sees the COMMIT.
+    BeforeCommit,
+    /// The server has committed, and the client never sees the answer.
+    AfterCommit,
+}
+
+/// A proxy that runs as long as this value's runtime.
+#[derive(Debug, Clone)]
+pub struct Proxy {
+    address: SocketAddr,
+    armed: Arc<Mutex<Option<Cut>>>,
+}
+
+impl Proxy {
+    /// Begins to forward to a server.
+    pub async fn before(server: String) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let proxy = Self {
+            address: listener.local_addr().unwrap(),
+            armed: Arc::default(),
+        };
+        let armed = Arc::clone(&proxy.armed);
+        tokio::spawn(async move {
+            while let Ok((client, _)) = listener.accept().await {
+                let (armed, server) = (Arc::clone(&armed), server.clone());
+                tokio::spawn(async move {
+                    if let Ok(server) = TcpStream::connect(server).await {
+                        forward(client, server, &armed).await;
+                    }
+                });
+            }
+        });
+        proxy
+    }
+
+    /// Where it listens.
+    pub fn host(&self) -> String {
+        self.address.to_string()
+    }
+
+    /// Cuts the connection of the next job that commits.
+    pub fn cut_next(&self, cut: Cut) {
+        *self.armed.lock().unwrap() = Some(cut);
+    }
+
+    /// Whether the cut that was asked for has not come yet.
+    pub fn is_armed(&self) -> bool {
+        self.armed.lock().unwrap().is_some()
+    }
+}
+
+/// Forwards until either side or a cut ends it; both connections are closed then.
+async fn forward(client: TcpStream, server: TcpStream, armed: &Mutex<Option<Cut>>) {
+    // Messages are forwarded one by one, and none waits for the answer to the one before.
+    for side in [&client, &server] {
+        side.set_nodelay(true).unwrap();
+    }
+    let (from_client, to_client) = client.into_split();
+    let (from_server, to_server) = server.into_split();
+    let muted = AtomicBool::new(false);
+    tokio::select! {
+        _ = requests(from_client, to_server, armed, &muted) => {}
+        _ = answers(from_server, to_client, &muted) => {}
+    }
+}
+
+/// What the client sends, message by message.
+async fn requests(
+    mut from: OwnedReadHalf,
+    mut to: OwnedWriteHalf,
+    armed: &Mutex<Option<Cut>>,
+    muted: &AtomicBool,
+) -> std::io::Result<()> {
+    // The first message has no kind.
+    let length = from.read_u32().await?;
+    to.write_all(&message(None, &body(&mut from, length).await?))
+        .await?;
+    let mut is_job = false;
+    loop {
+        let kind = from.read_u8().await?;
+        let length = from.read_u32().await?;
+        let body = body(&mut from, length).await?;
+        let asked = (kind == b'Q').then_some(body.as_slice());
+        if let Some(begin) = asked.filter(|sql| sql.starts_with(b"BEGIN")) {
+            is_job = begin.ends_with(b"SERIALIZABLE\0");
+        }
+        let commits = is_job && asked == Some(b"COMMIT\0");
+        let cut = commits.then(|| armed.lock().unwrap().take()).flatten();
+        match cut {
+            Some(Cut::BeforeCommit) => return Ok(()),
+            Some(Cut::AfterCommit) => muted.store(true, Ordering::SeqCst),
+            None => {}
+        }
+        to.write_all(&message(Some(kind), &body)).await?;
+        if cut.is_some() {
+            // The answer's side ends it.
+            std::future::pending::<()>().await;
+        }
+    }
+}
+
+/// What the server sends.
+async fn answers(
+    mut from: OwnedReadHalf,
+    mut to: OwnedWriteHalf,
+    muted: &AtomicBool,
+) -> std::io::Result<()> {
+    let mut bytes = vec![0; 64 * 1_024];
+    loop {
+        let count = from.read(&mut bytes).await?;
+        if count == 0 || muted.load(Ordering::SeqCst) {
+            return Ok(());
+        }
+        to.write_all(&bytes[..count]).await?;
+    }
+}
+
+async fn body(from: &mut OwnedReadHalf, length: u32) -> std::io::Result<Vec<u8>> {
+    let mut body = vec![0; length as usize - 4];
+    from.read_exact(&mut body).await?;
+    Ok(body)
+}
+
+fn message(kind: Option<u8>, body: &[u8]) -> Vec<u8> {
+    let mut message: Vec<u8> = kind.into_iter().collect();
+    message.extend((body.len() as u32 + 4).to_be_bytes());
+    message.extend(body);
+    message
+}

@@ -1,0 +1,247 @@
+//! Servers: the one that is named, and those that a test starts to stop or kill them.
+
+use std::fs;
+use std::net::TcpListener;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::time::Duration;
+
+use fleetcal_contract::SERVER;
+use fleetcal_postgres::PostgresSetup;
+use fleetcal_store::database_url::PostgresUrl;
+use tempfile::TempDir;
+
+/// The role that owns everything on a server of a test.
+const OWNER: &str = "fleetcal";
+
+/// The server that [`SERVER`] names.
+pub fn named() -> PostgresUrl {
+    fleetcal_contract::server().unwrap_or_else(|| {
+        panic!("{SERVER} is not set, expected the URL of a PostgreSQL that may be filled with databases")
+    })
+}
+
+/// A number that the environment may set, such as how often something is repeated.
+pub fn number(name: &str, default: usize) -> usize {
+    std::env::var(name).map_or(default, |text| text.parse().unwrap())
+}
+
+/// Where a database is, without a password.
+pub fn setup(url: &PostgresUrl) -> PostgresSetup {
+    PostgresSetup {
+        url: url.clone(),
+        password_file: None,
+    }
+}
+
+/// Runs statements on the first server of a URL, as psql does; gives what they print.
+pub fn psql(url: &PostgresUrl, sql: &str) -> String {
+    let text = url.to_string();
+    // psql reads the same URL; what is after `?` are parameters that it knows.
+    done(program("psql").args(["--dbname", &text, "-XAtqc", sql]))
+}
+
+/// Runs a statement that has to be refused; gives why.
+pub fn psql_refused(url: &PostgresUrl, sql: &str) -> String {
+    let text = url.to_string();
+    let mut refused = program("psql");
+    refused.args(["--dbname", &text, "-XAtqc", sql]);
+    let output = refused.output().unwrap();
+    assert!(!output.status.success(), "{sql} was done");
+    told(&output)
+}
+
+/// A server of a test, stopped at its end.
+#[derive(Debug)]
+pub struct OwnServer {
+    folder: TempDir,
+    port: u16,
+}
+
+impl OwnServer {
+    /// A new one, which runs. `authentication` is what `initdb --auth-host` takes.
+    pub fn start_new(authentication: &str) -> Self {
+        named();
+        let server = Self::prepared();
+        let password = server.folder.path().join("password");
+        fs::write(&password, "secret of the test\n").unwrap();
+        let mut initdb = server.program("initdb");
+        initdb.args(["--username", OWNER, "--encoding", "UTF8"]);
+        initdb.args(["--auth-local", "trust", "--auth-host", authentication]);
+        // What tests order by is not what a person's language orders by.
+        initdb.args([
+            "--locale-provider",
+            "icu",
+            "--icu-locale",
+            "en-US",
+            "--locale",
+            "C.UTF-8",
+        ]);
+        initdb.arg("--pwfile").arg(&password).arg("--no-sync");
+        done(initdb.arg("--pgdata").arg(server.data()));
+        server.start();
+        server
+    }
+
+    /// A standby of a server, which runs.
+    pub fn standby_of(primary: &Self) -> Self {
+        let server = Self::prepared();
+        let mut copy = server.program("pg_basebackup");
+        copy.args(["--host", "127.0.0.1", "--port", &primary.port.to_string()]);
+        copy.args([
+            "--username",
+            OWNER,
+            "--write-recovery-conf",
+            "--checkpoint=fast",
+        ]);
+        done(copy.arg("--no-sync").arg("--pgdata").arg(server.data()));
+        server.start();
+        server
+    }
+
+    fn prepared() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        if is_root() {
+            done(Command::new("chown").arg("postgres").arg(folder.path()));
+        }
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let port = listener.local_addr().unwrap().port();
+        Self { folder, port }
+    }
+
+    fn data(&self) -> PathBuf {
+        self.folder.path().join("data")
+    }
+
+    /// A program of PostgreSQL as the user who may run a server.
+    fn program(&self, name: &str) -> Command {
+        let mut command = if is_root() {
+            let mut command = Command::new("runuser");
+            command.args(["-u", "postgres", "--"]).arg(path_of(name));
+            command
+        } else {
+            program(name)
+        };
+        command.current_dir(self.folder.path());
+        command
+    }
+
+    fn pg_ctl(&self, arguments: &[&str]) -> Command {
+        let mut command = self.program("pg_ctl");
+        command.arg("--pgdata").arg(self.data()).args(arguments);
+        command
+    }
+
+    /// Starts it and waits until it takes connections.
+    pub fn start(&self) {
+        let options = format!(
+            "-p {} -k {} -c listen_addresses=127.0.0.1 -c max_connections=50 -c fsync=off",
+            self.port,
+            self.folder.path().display()
+        );
+        let log = self.folder.path().join("log");
+        let log = log.to_str().unwrap();
+        // The processes of a killed postmaster hold its memory for a moment.
+        let mut last = None;
+        for _ in 0..100 {
+            let mut start = self.pg_ctl(&["--wait", "--log", log, "-o", &options, "start"]);
+            let output = start.output().unwrap();
+            if output.status.success() {
+                return;
+            }
+            last = Some(output);
+            std::thread::sleep(Duration::from_millis(100));
+        }
+        panic!("{}", last.as_ref().map(told).unwrap_or_default());
+    }
+
+    /// Stops it.
+    pub fn stop(&self) {
+        done(&mut self.pg_ctl(&["--wait", "--mode=fast", "stop"]));
+    }
+
+    /// Waits until a standby has what its primary has.
+    pub fn wait_until_equal(&self, primary: &Self) {
+        let sql = "SELECT pg_current_wal_flush_lsn()";
+        let written = psql(&primary.url("postgres"), sql);
+        let sql = format!("SELECT pg_last_wal_replay_lsn() >= '{}'", written.trim());
+        for _ in 0..300 {
+            if psql(&self.url("postgres"), &sql).trim() == "t" {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(100));
+        }
+        panic!("the standby stays behind");
+    }
+
+    /// Makes a standby the server that can be written.
+    pub fn promote(&self) {
+        done(&mut self.pg_ctl(&["--wait", "promote"]));
+    }
+
+    /// Kills the postmaster as `kill -9` does.
+    pub fn kill(&self) {
+        let pid = fs::read_to_string(self.data().join("postmaster.pid")).unwrap();
+        let pid = pid.lines().next().unwrap();
+        done(Command::new("kill").args(["-9", pid]));
+    }
+
+    /// Its place in a URL.
+    pub fn host(&self) -> String {
+        format!("127.0.0.1:{}", self.port)
+    }
+
+    /// A database on it.
+    pub fn url(&self, database: &str) -> PostgresUrl {
+        url_of(&[&self.host()], OWNER, database)
+    }
+}
+
+impl Drop for OwnServer {
+    fn drop(&mut self) {
+        // A test that failed may have stopped it before.
+        let stopped = self.pg_ctl(&["--mode=immediate", "stop"]).output();
+        assert!(stopped.is_ok(), "{stopped:?}");
+    }
+}
+
+/// A database on one of several hosts.
+pub fn url_of(hosts: &[&str], user: &str, database: &str) -> PostgresUrl {
+    let hosts = hosts.join(",");
+    let url = format!("postgres://{user}@{hosts}/{database}?sslmode=disable");
+    url.parse().unwrap()
+}
+
+fn is_root() -> bool {
+    done(Command::new("id").arg("-u")).trim() == "0"
+}
+
+fn program(name: &str) -> Command {
+    Command::new(path_of(name))
+}
+
+/// Where a program of the newest PostgreSQL is: Debian keeps servers off the path.
+fn path_of(name: &str) -> PathBuf {
+    let versions = fs::read_dir("/usr/lib/postgresql");
+    let folders = versions.into_iter().flatten().filter_map(Result::ok);
+    let newest = folders.max_by_key(|folder| {
+        let version = folder.file_name().to_string_lossy().parse();
+        version.unwrap_or(0_u32)
+    });
+    let path = newest.map(|folder| folder.path().join("bin").join(name));
+    path.filter(|path| path.exists())
+        .unwrap_or_else(|| Path::new(name).to_owned())
+}
+
+/// Runs a command that has to succeed; gives its output.
+fn done(command: &mut Command) -> String {
+    let output = command.output();
+    let output = output.unwrap_or_else(|error| panic!("{command:?} cannot be run: {error}"));
+    assert!(output.status.success(), "{command:?}: {}", told(&output));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn told(output: &Output) -> String {
+    let both = [output.stdout.as_slice(), output.stderr.as_slice()].concat();
+    String::from_utf8_lossy(&both).into_owned()
+}
