@@ -9,6 +9,7 @@
 )]
 
 mod commit;
+mod copy;
 mod decision;
 mod differential;
 mod failover;
