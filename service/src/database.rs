@@ -9,8 +9,26 @@ use fleetcal_folder::Folder;
 use fleetcal_postgres::PostgresSetup;
 use fleetcal_store::database_url::{DatabaseUrlRefused, PostgresUrl};
 use fleetcal_store::{Administration, Store, StoreError};
+use thiserror::Error;
 
-use crate::command::CommandError;
+/// Why a command has no database.
+#[derive(Debug, Error)]
+pub enum DatabaseError {
+    /// The URL is refused.
+    #[error(transparent)]
+    Url(#[from] DatabaseUrlRefused),
+    /// Neither a folder nor a PostgreSQL is named.
+    #[error("no database is named: give --data DIR or --database URL")]
+    NotNamed,
+    /// PostgreSQL has its own tools for backups.
+    #[error(
+        "{0} is not copied by fleetcal: use pg_dump --format=custom, or the backups of its servers"
+    )]
+    CopiedElsewhere(String),
+    /// It cannot be opened.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}
 
 /// The flags that name a PostgreSQL.
 #[derive(Debug, Clone, Default, Args)]
@@ -75,24 +93,24 @@ impl Place {
     ///
     /// # Errors
     /// When it is not there or cannot be used.
-    pub async fn administration(&self) -> Result<Administration, CommandError> {
+    pub async fn administration(&self) -> Result<Administration, DatabaseError> {
         Ok(match (self.database.setup()?, &self.data) {
             (Some(setup), _) => fleetcal_postgres::administration(setup).await?,
             (None, Some(data)) => fleetcal_sqlite::administration(data).await?,
             // clap asks for one of them.
-            (None, None) => return Err(CommandError::NoDatabase),
+            (None, None) => return Err(DatabaseError::NotNamed),
         })
     }
 
     /// The data folder.
     ///
     /// # Errors
-    /// [`CommandError::CopiedElsewhere`] when the records are in PostgreSQL.
-    pub fn folder(&self) -> Result<&Path, CommandError> {
+    /// [`DatabaseError::CopiedElsewhere`] when the records are in PostgreSQL.
+    pub fn folder(&self) -> Result<&Path, DatabaseError> {
         if let Some(setup) = self.database.setup()? {
-            return Err(CommandError::CopiedElsewhere(setup.url.to_string()));
+            return Err(DatabaseError::CopiedElsewhere(setup.url.to_string()));
         }
-        self.data.as_deref().ok_or(CommandError::NoDatabase)
+        self.data.as_deref().ok_or(DatabaseError::NotNamed)
     }
 }
 

@@ -1,15 +1,16 @@
-//! Audit rows.
+//! Audit rows, and with them all that a job may do.
 
-use fleetcal_store::{AuditEntry, StoreError};
+use async_trait::async_trait;
+use fleetcal_model::WallTime;
+use fleetcal_store::{AuditEntry, Records, StoreError};
 
 use super::connection::Connection;
 use super::query::query_scalar;
+use super::telemetry;
+use super::transaction::SqlRecords;
 
 /// Appends a row; the caller's transaction is the one of the change.
-pub(super) async fn append(
-    connection: &mut dyn Connection,
-    entry: &AuditEntry,
-) -> Result<i64, StoreError> {
+async fn append(connection: &mut dyn Connection, entry: &AuditEntry) -> Result<i64, StoreError> {
     let actor = &entry.actor;
     let request = actor.request.as_ref();
     query_scalar(
@@ -33,4 +34,15 @@ pub(super) async fn append(
     .fetch_one(connection)
     .await
     .map_err(StoreError::database("write the audit"))
+}
+
+#[async_trait]
+impl Records for SqlRecords<'_> {
+    async fn append_audit(&mut self, entry: &AuditEntry) -> Result<(), StoreError> {
+        append(self.connection, entry).await.map(drop)
+    }
+
+    async fn prove_writable(&mut self, now: WallTime) -> Result<(), StoreError> {
+        telemetry::probe(self.connection, now).await
+    }
 }

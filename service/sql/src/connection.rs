@@ -3,7 +3,7 @@
 use async_trait::async_trait;
 
 use crate::dialect::Dialect;
-use crate::query::Statement;
+use crate::statement::Statement;
 use crate::value::Row;
 
 /// Why a statement failed, as the driver says it.

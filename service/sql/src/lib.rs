@@ -23,6 +23,7 @@ mod read;
 mod records;
 mod robots;
 mod row;
+mod statement;
 pub mod telemetry;
 mod transaction;
 mod value;
@@ -30,8 +31,8 @@ mod webhooks;
 
 pub use connection::{Connection, Pool, StatementError};
 pub use dialect::Dialect;
-pub use query::Statement;
 pub use read::{SqlReader, schema_version};
 pub use row::{Keys, key_of};
+pub use statement::Statement;
 pub use transaction::SqlRecords;
 pub use value::{Row, Value};

@@ -1,19 +1,11 @@
-//! A statement with its values. Values are numbered `$1`, `$2` and so on, as both databases have it.
+//! How statements are made and run.
 
 use std::borrow::Cow;
 use std::marker::PhantomData;
 
 use crate::connection::{Connection, NoRow, StatementError};
+use crate::statement::Statement;
 use crate::value::{FromValue, Row, Value};
-
-/// A statement and the values that it takes.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Statement {
-    /// Its text: made of words of this program alone, never of what came from outside.
-    pub sql: Cow<'static, str>,
-    /// `$1` and so on.
-    pub values: Vec<Value>,
-}
 
 /// A statement whose values are bound one after another.
 pub(crate) fn query(sql: impl Into<Cow<'static, str>>) -> Query {

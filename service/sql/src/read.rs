@@ -20,8 +20,9 @@ use fleetcal_store::{
 
 use super::connection::{Connection, Pool, StatementError};
 use super::dialect::Dialect;
-use super::query::{Statement, query, query_scalar};
+use super::query::{query, query_scalar};
 use super::row::{column, corrupt, parsed, robot_id, robot_time, wall_time};
+use super::statement::Statement;
 use super::value::Row;
 use super::{alerts, events, history, policy, records, robots, webhooks};
 

@@ -1,12 +1,10 @@
 //! The records of one transaction, as a job gets them.
 
-use async_trait::async_trait;
 use fleetcal_model::{RobotId, WallTime};
-use fleetcal_store::{AuditEntry, Records, StoreError};
+use fleetcal_store::StoreError;
 
 use super::connection::Connection;
 use super::row::{Keys, key_of};
-use super::{audit, telemetry};
 
 /// The records of one transaction. What kinds there are stands in a file for each.
 pub struct SqlRecords<'t> {
@@ -29,16 +27,5 @@ impl SqlRecords<'_> {
             self.learnt.push(robot.clone());
         }
         key_of(self.connection, self.keys, robot, now).await
-    }
-}
-
-#[async_trait]
-impl Records for SqlRecords<'_> {
-    async fn append_audit(&mut self, entry: &AuditEntry) -> Result<(), StoreError> {
-        audit::append(self.connection, entry).await.map(drop)
-    }
-
-    async fn prove_writable(&mut self, now: WallTime) -> Result<(), StoreError> {
-        telemetry::probe(self.connection, now).await
     }
 }

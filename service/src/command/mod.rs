@@ -30,6 +30,7 @@ use fleetcal_store::StoreError;
 use fleetcal_store::database_url::DatabaseUrlRefused;
 use thiserror::Error;
 
+use crate::database::DatabaseError;
 use crate::service::ServiceError;
 
 /// Calibrates fleets of wheeled robots during normal driving: the steering offset and the pose of
@@ -93,20 +94,15 @@ pub enum CommandError {
     /// The database of a data folder could not be read or changed.
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// There is no database for it.
+    #[error(transparent)]
+    Database(#[from] DatabaseError),
     /// The URL of a database is refused.
     #[error(transparent)]
     DatabaseUrl(#[from] DatabaseUrlRefused),
-    /// Neither a folder nor a PostgreSQL is named.
-    #[error("no database is named: give --data DIR or --database URL")]
-    NoDatabase,
     /// No PostgreSQL is named.
     #[error("no database is named: give --database URL")]
     NoPostgres,
-    /// PostgreSQL has its own tools for backups.
-    #[error(
-        "{0} is not copied by fleetcal: use pg_dump --format=custom, or the backups of its servers"
-    )]
-    CopiedElsewhere(String),
     /// A user or token was not changed.
     #[error(transparent)]
     Account(#[from] AccountRefused),
@@ -191,14 +187,18 @@ impl CommandError {
             | Self::Password(_)
             | Self::PasswordsDiffer
             | Self::NoRobots
+            | Self::Database(
+                DatabaseError::Url(_)
+                | DatabaseError::NotNamed
+                | DatabaseError::CopiedElsewhere(_)
+                | DatabaseError::Store(StoreError::Missing { .. }),
+            )
             | Self::DatabaseUrl(_)
-            | Self::NoDatabase
             | Self::NoPostgres
-            | Self::CopiedElsewhere(_)
             | Self::ServiceIsRobot(_)
             | Self::StreamOfAll(_)
             | Self::Identity { .. } => EXIT_USAGE,
-            Self::Service(_) | Self::Store(_) => EXIT_IO,
+            Self::Service(_) | Self::Store(_) | Self::Database(_) => EXIT_IO,
             Self::Hash(_) | Self::Entropy(_) => EXIT_FAILED,
         }
     }

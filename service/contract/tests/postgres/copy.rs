@@ -61,7 +61,10 @@ async fn a_copy_says_the_same_and_goes_on_from_there() {
         .await
         .unwrap_err()
         .to_string();
-    assert!(refused.contains("is not empty: got 2 rows in robot"), "{refused}");
+    assert!(
+        refused.contains("is not empty: got 2 rows in robot"),
+        "{refused}"
+    );
 
     let store = there.open(clock()).await;
     assert_eq!(store.history(&span).await.unwrap(), history);

@@ -9,8 +9,8 @@ use fleetcal_proto::RobotId;
 use fleetcal_store::backend::AccountReader;
 use fleetcal_store::{SessionRecord, StoreError, TokenRecord, UserRecord};
 
+use crate::SqlReader;
 use crate::query::query;
-use crate::read::SqlReader;
 use crate::row::{column, corrupt, wall_time, wall_time_or_null};
 use crate::value::Row;
 

@@ -1,0 +1,14 @@
+//! A statement with its values. Values are numbered `$1`, `$2` and so on, as both databases have it.
+
+use std::borrow::Cow;
+
+use crate::value::Value;
+
+/// A statement and the values that it takes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Statement {
+    /// Its text: made of words of this program alone, never of what came from outside.
+    pub sql: Cow<'static, str>,
+    /// `$1` and so on.
+    pub values: Vec<Value>,
+}
