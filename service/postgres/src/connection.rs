@@ -180,11 +180,21 @@ fn prepared(statement: Statement) -> sqlx::query::Query<'static, Postgres, PgArg
         .fold(query, |query, value| match value {
             Value::Integer(number) => query.bind(number),
             Value::Real(number) => query.bind(number),
-            Value::Text(text) => query.bind(text),
+            Value::Text(text) => query.bind(text.map(without_nul)),
             Value::Bytes(bytes) => query.bind(bytes),
             Value::Boolean(yes) => query.bind(yes),
             Value::Null => query.bind(None::<i64>),
         })
+}
+
+/// A text as PostgreSQL can keep it: it has no NUL, which a robot's note may hold, and a batch that
+/// it refused would be written again for ever.
+fn without_nul(text: String) -> String {
+    if text.contains('\0') {
+        text.replace('\0', "\u{fffd}")
+    } else {
+        text
+    }
 }
 
 fn rows_of(rows: &[PgRow]) -> Result<Vec<Row>, StatementError> {

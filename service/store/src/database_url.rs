@@ -168,9 +168,11 @@ impl FromStr for PostgresUrl {
         }
         let mut found: Option<Self> = None;
         for host in hosts.split(',') {
-            // One host at a time is a URL as anyone reads it.
-            let url = Url::parse(&format!("postgres://{user_info}@{host}/{rest}"));
-            let one = Self::of_one(&url.map_err(|_| form(text))?, text)?;
+            // One host at a time is a URL as anyone reads it, and that of a socket has none.
+            let on_socket = host.is_empty() || host.starts_with(':');
+            let here = if on_socket { "localhost" } else { "" };
+            let url = Url::parse(&format!("postgres://{user_info}@{here}{host}/{rest}"));
+            let one = Self::of_one(&url.map_err(|_| form(text))?, on_socket, text)?;
             match &mut found {
                 Some(all) => all.servers.extend(one.servers),
                 None => found = Some(one),
@@ -216,8 +218,8 @@ fn form(text: &str) -> DatabaseUrlRefused {
 }
 
 impl PostgresUrl {
-    /// What a URL with one host says.
-    fn of_one(url: &Url, text: &str) -> Result<Self, DatabaseUrlRefused> {
+    /// What a URL with one host says; `on_socket` where its host counts for nothing.
+    fn of_one(url: &Url, on_socket: bool, text: &str) -> Result<Self, DatabaseUrlRefused> {
         let database = decoded(url.path().trim_start_matches('/'));
         if database.is_empty() || database.contains('/') {
             return Err(form(text));
@@ -225,7 +227,7 @@ impl PostgresUrl {
         let port = url.port().unwrap_or(PORT);
         let mut server = url
             .host_str()
-            .filter(|host| !host.is_empty())
+            .filter(|_| !on_socket)
             .map(|host| Server::Tcp {
                 host: host.to_owned(),
                 port,

@@ -14,7 +14,7 @@ async fn health_and_readiness() {
     bench.link_open.send_replace(false);
     let unready = bench.get("/readyz").await;
     assert_eq!(unready.status.as_u16(), 503);
-    assert_snapshot!(unready.body, @r#"{"ready":false,"database":{"ok":true},"migrations":{"ok":true},"zenoh":{"ok":false,"detail":"the Zenoh session is not open"}}"#);
+    assert_snapshot!(unready.body, @r#"{"ready":false,"database":{"ok":true},"survives_machine_loss":"no","migrations":{"ok":true},"zenoh":{"ok":false,"detail":"the Zenoh session is not open"}}"#);
     bench.link_open.send_replace(true);
     bench.store.close().await.unwrap();
     let unready = bench.get("/readyz").await;

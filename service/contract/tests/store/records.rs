@@ -59,6 +59,28 @@ async fn everything_is_there_after_a_restart() {
 }
 
 #[tokio::test]
+async fn a_note_with_a_nul_stops_nothing() {
+    let database = TestDatabase::new().await;
+    let store = database.open(clock()).await;
+    let keep = KeepRobot(config(1.2), event("by\0a person"));
+    store.transact(keep).await.unwrap();
+    let note = serde_json::json!({"kind": "maintenance", "stamp_ns": 5, "note": "by\0a robot"});
+    let note = HistoryEvent::Note(serde_json::from_value(note).unwrap());
+    Journal::record_event(&store, &robot("a"), &Arc::new(note));
+    record(&store, "a", NOW_S, 0.1);
+    store.flush().await.unwrap();
+    let events = store.events(&robot("a"), None, 10).await.unwrap();
+    let notes: Vec<_> = events
+        .iter()
+        .map(|record| record.event.note.as_deref().unwrap())
+        .collect();
+    assert_eq!(notes.len(), 2);
+    for note in notes {
+        assert!(note.starts_with("by") && note.contains("a "), "{note:?}");
+    }
+}
+
+#[tokio::test]
 async fn a_change_that_is_told_again_says_how_far_it_went() {
     let database = TestDatabase::new().await;
     let store = database.open(clock()).await;
