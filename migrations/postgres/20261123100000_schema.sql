@@ -40,8 +40,9 @@ ALTER TABLE checkpoint ALTER COLUMN state SET STORAGE EXTERNAL;
 -- One row a second and robot, in partitions of a day of message time. Rows of other days, by robots
 -- whose clocks are wrong or out of recordings, are in the default one. A parameter that is fixed or off is NULL. `status` holds four bits a
 -- parameter, the first parameter lowest: 0 off, 1 fixed, 2 learning, 3 unobservable, 4 converged.
+-- No reference to `robot`, whose rows are never deleted: each second would lock one.
 CREATE TABLE history_second (
-    robot BIGINT NOT NULL REFERENCES robot (key),
+    robot BIGINT NOT NULL,
     t BIGINT NOT NULL,
     received BIGINT NOT NULL,
     steering_offset DOUBLE PRECISION, steering_offset_sigma DOUBLE PRECISION,
@@ -115,7 +116,7 @@ REVOKE EXECUTE ON FUNCTION history_add_day(BIGINT), history_drop_days(BIGINT) FR
 -- Roll-ups of the seconds: `_sigma` is the mean of the seconds' sigmas, `status` the last one.
 -- `t` is the start of the minute or the hour; `received` that of its newest second.
 CREATE TABLE history_minute (
-    robot BIGINT NOT NULL REFERENCES robot (key),
+    robot BIGINT NOT NULL,
     t BIGINT NOT NULL,
     received BIGINT NOT NULL,
     count BIGINT NOT NULL,
@@ -135,7 +136,7 @@ CREATE TABLE history_minute (
 CREATE INDEX history_minute_received ON history_minute (received);
 
 CREATE TABLE history_hour (
-    robot BIGINT NOT NULL REFERENCES robot (key),
+    robot BIGINT NOT NULL,
     t BIGINT NOT NULL,
     received BIGINT NOT NULL,
     count BIGINT NOT NULL,

@@ -108,6 +108,13 @@ impl History {
         Some(part.copied().collect())
     }
 
+    /// Whether seconds before `before_s`, which are to go, are not rolled up yet: while somebody
+    /// replays old ones.
+    pub(crate) fn reaches(&self, before_s: i64) -> bool {
+        let mut minutes = self.minutes.iter();
+        minutes.any(|&(_, minute_s)| minute_s < before_s)
+    }
+
     /// Takes a part that was rolled up and committed.
     pub(crate) fn rolled_up(&mut self, part: &[(i64, i64)]) {
         for minute in part {

@@ -332,7 +332,7 @@ impl TelemetryWriter for Telemetry {
 
     async fn prune(&mut self, aged: Aged, before_s: i64) -> Result<u64, StoreError> {
         // What goes is in its minute before, and what goes of these in its hour.
-        if matches!(aged, Aged::Seconds | Aged::Minutes) {
+        if matches!(aged, Aged::Seconds | Aged::Minutes) && self.history.reaches(before_s) {
             self.catch_up(true).await?;
         }
         self.transact(Work::Prune(aged, before_s)).await

@@ -45,7 +45,9 @@ async fn a_copy_says_the_same_and_goes_on_from_there() {
     let there = TestDatabase::on(&server().unwrap()).await;
     let setup = there.postgres().unwrap();
     let copied = AtomicU64::new(0);
-    let count = |more| drop(copied.fetch_add(more, Ordering::Relaxed));
+    let count = |more| {
+        copied.fetch_add(more, Ordering::Relaxed);
+    };
     let address = here.address();
     let mut source = Source::open(Path::new(&address)).await.unwrap();
     let contents = fleetcal_postgres::copy(&mut source, setup.clone(), &count)
