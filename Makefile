@@ -123,6 +123,7 @@ test-recordings: build-for-tests ## Tests on recordings of real robots, in the f
 
 .PHONY: test-postgres-contract
 test-postgres-contract: build-for-tests ## What PostgreSQL has to do, as SQLite does (installs it where it is missing, as root)
+	tests/postgres/with_server_test.sh
 	tests/postgres/with_server.sh $(CARGO) test --release --locked --workspace \
 	  --test store --test postgres -- --test-threads 2
 

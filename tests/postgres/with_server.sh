@@ -9,16 +9,23 @@ if [ "$#" -eq 0 ]; then
   exit 2
 fi
 
-# The newest server there is: `initdb` is in the PATH on some systems, and beside it on Debian.
+# The newest server there is, if it is new enough: in the PATH, or where packages put it. On Debian it
+# is not in the PATH.
 find_bin() {
-  local initdb
-  initdb="$(command -v initdb || true)"
-  if [ -n "$initdb" ]; then
-    dirname "$initdb"
-    return
-  fi
-  find /usr/lib/postgresql /usr/local/pgsql /usr/pgsql-* -name initdb -type f 2>/dev/null \
-    | sort -V | tail -1 | xargs -r dirname
+  local initdb version newest=14 found=""
+  for initdb in "$(command -v initdb)" /usr/lib/postgresql/*/bin/initdb /usr/pgsql-*/bin/initdb \
+    /usr/local/pgsql/bin/initdb; do
+    [ -x "$initdb" ] || continue
+    # Such as "initdb (PostgreSQL) 15.18 (Debian 15.18-0+deb12u1)".
+    version="$("$initdb" --version)"
+    version="${version#*) }"
+    version="${version%%[!0-9]*}"
+    if [ "${version:-0}" -gt "$newest" ]; then
+      newest="$version"
+      found="$(dirname "$initdb")"
+    fi
+  done
+  echo "$found"
 }
 
 bin="$(find_bin)"
@@ -43,26 +50,29 @@ if [ "$(id -u)" -eq 0 ]; then
   as_owner=(runuser -u postgres --)
 fi
 folder="$(mktemp -d "${TMPDIR:-/tmp}/fleetcal-postgres.XXXXXX")"
-chmod 755 "$folder"
-if [ "${#as_owner[@]}" -gt 0 ]; then
-  chown postgres "$folder"
-fi
 
 stop() {
+  # A second Ctrl-C would leave the server behind.
+  trap '' INT TERM HUP
   "${as_owner[@]}" "$bin/pg_ctl" -D "$folder/data" -m immediate -w stop >/dev/null 2>&1 || true
   rm -rf "$folder"
 }
 trap stop EXIT
 trap 'exit 130' INT
 trap 'exit 143' TERM
+trap 'exit 129' HUP
 
+chmod 755 "$folder"
+if [ "${#as_owner[@]}" -gt 0 ]; then
+  chown postgres "$folder"
+fi
 cd "$folder"
 "${as_owner[@]}" "$bin/initdb" -D "$folder/data" -U fleetcal --auth=trust -E UTF8 --locale=C \
   --no-sync >/dev/null
 port="$(python3 -c 'import socket; s = socket.socket(); s.bind(("127.0.0.1", 0)); print(s.getsockname()[1])')"
 # Nothing here has to outlive a power cut; tests of that start servers of their own.
 if ! "${as_owner[@]}" "$bin/pg_ctl" -D "$folder/data" -l "$folder/log" -w start -o \
-  "-p $port -k $folder -c listen_addresses=127.0.0.1 -c max_connections=300 \
+  "-p $port -k '$folder' -c listen_addresses=127.0.0.1 -c max_connections=300 \
    -c fsync=off -c full_page_writes=off" >/dev/null; then
   cat "$folder/log" >&2
   exit 1
