@@ -137,7 +137,7 @@ test-postgres: build-for-tests python ## Unit tests and end-to-end tests with al
 
 .PHONY: store-load
 store-load: ## What 1,000 robots' telemetry costs SQLite and PostgreSQL: twenty minutes
-	tests/postgres/with_server.sh $(CARGO) run --release --locked -p fleetcal-contract --example store_load
+	tests/postgres/with_server.sh --durable $(CARGO) run --release --locked -p fleetcal-contract --example store_load
 
 .PHONY: test-web
 test-web: build-for-tests chromium python ## The dashboard's unit tests, then the real binary in a browser

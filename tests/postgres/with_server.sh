@@ -1,11 +1,18 @@
 #!/usr/bin/env bash
 # Runs a command beside a throw-away PostgreSQL, which the command finds in FLEETCAL_TEST_POSTGRES
-# and may fill with databases: tests/postgres/with_server.sh COMMAND [ARGUMENT]...
-# The server is on loopback, belongs to this run alone, and goes with it.
+# and may fill with databases: tests/postgres/with_server.sh [--durable] COMMAND [ARGUMENT]...
+# The server is on loopback, belongs to this run alone, and goes with it. With --durable it writes to
+# the disk as one that is used does, for measurements; without it nothing outlives a power cut, which
+# tests do not need: those of durability start servers of their own.
 set -euo pipefail
 
+settings="-c fsync=off -c full_page_writes=off"
+if [ "${1:-}" = --durable ]; then
+  settings=""
+  shift
+fi
 if [ "$#" -eq 0 ]; then
-  echo "usage: $0 COMMAND [ARGUMENT]..." >&2
+  echo "usage: $0 [--durable] COMMAND [ARGUMENT]..." >&2
   exit 2
 fi
 
@@ -70,10 +77,9 @@ cd "$folder"
 "${as_owner[@]}" "$bin/initdb" -D "$folder/data" -U fleetcal --auth=trust -E UTF8 --locale=C \
   --no-sync >/dev/null
 port="$(python3 -c 'import socket; s = socket.socket(); s.bind(("127.0.0.1", 0)); print(s.getsockname()[1])')"
-# Nothing here has to outlive a power cut; tests of that start servers of their own.
 if ! "${as_owner[@]}" "$bin/pg_ctl" -D "$folder/data" -l "$folder/log" -w start -o \
   "-p $port -k '$folder' -c listen_addresses=127.0.0.1 -c max_connections=300 \
-   -c fsync=off -c full_page_writes=off" >/dev/null; then
+   $settings" >/dev/null; then
   cat "$folder/log" >&2
   exit 1
 fi
