@@ -97,11 +97,11 @@ impl History {
         self.minutes.extend(written.minutes);
     }
 
-    /// What is to be rolled up next, when it is time or `now_or_never`; in parts that are committed
-    /// each by itself.
-    pub(crate) fn next_part(&mut self, now_or_never: bool) -> Option<Vec<(i64, i64)>> {
+    /// What is to be rolled up next, when it is time or `everything` is asked for; in parts that
+    /// are committed each by itself.
+    pub(crate) fn next_part(&self, everything: bool) -> Option<Vec<(i64, i64)>> {
         let is_time = self.rolled_up_at.elapsed() >= limits::POSTGRES_ROLL_UP_EVERY;
-        if self.minutes.is_empty() || !(is_time || now_or_never) {
+        if self.minutes.is_empty() || !(is_time || everything) {
             return None;
         }
         let part = self.minutes.iter().take(limits::POSTGRES_ROLL_UP_MAX);
@@ -352,4 +352,48 @@ fn roll_up_statement(
          GROUP BY d.robot, d.t
          ON CONFLICT (robot, t) DO UPDATE SET {set}"
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A moment in 2026, s.
+    const NOW_S: i64 = 1_767_225_600;
+
+    fn with_minutes(minutes: impl IntoIterator<Item = (i64, i64)>) -> History {
+        History {
+            days: BTreeSet::new(),
+            minutes: minutes.into_iter().collect(),
+            rolled_up_at: Instant::now(),
+        }
+    }
+
+    /// Old rows are looked for every second: this alone rolls nothing up.
+    #[test]
+    fn what_was_written_just_now_waits_for_its_time() {
+        let mut history = with_minutes((0..1_000).map(|robot| (robot, NOW_S)));
+        for kept in [limits::HISTORY_SECONDS_KEPT, limits::HISTORY_MINUTES_KEPT] {
+            let kept_s = i64::try_from(kept.as_secs()).unwrap();
+            assert!(!history.reaches(NOW_S - kept_s));
+        }
+        assert_eq!(history.next_part(false), None);
+        history.rolled_up_at = Instant::now()
+            .checked_sub(limits::POSTGRES_ROLL_UP_EVERY)
+            .unwrap();
+        let mut parts = 0;
+        while let Some(part) = history.next_part(false) {
+            assert!(part.len() <= limits::POSTGRES_ROLL_UP_MAX);
+            history.rolled_up(&part);
+            parts += 1;
+        }
+        assert_eq!(parts, 2);
+    }
+
+    #[test]
+    fn seconds_that_are_to_go_are_rolled_up_before() {
+        let history = with_minutes([(1, NOW_S), (2, NOW_S - 600)]);
+        assert!(history.reaches(NOW_S - 300));
+        assert_eq!(history.next_part(true).map(|part| part.len()), Some(2));
+    }
 }
