@@ -15,7 +15,7 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 pub enum DatabaseError {
     /// The URL is refused.
-    #[error(transparent)]
+    #[error("--database: {0}")]
     Url(#[from] DatabaseUrlRefused),
     /// Neither a folder nor a PostgreSQL is named.
     #[error("no database is named: give --data DIR or --database URL")]

@@ -16,6 +16,7 @@ use fleetcal_http::Connections;
 use fleetcal_http::PublicUrl;
 use fleetcal_link::{Link, LinkError, LinkSetup};
 use fleetcal_model::{Generation, WallTime};
+use fleetcal_operations::accounts::KeepSetupCode;
 use fleetcal_operations::alert_evaluator::{AlertEvaluator, AlertEvaluatorSetup};
 use fleetcal_operations::entropy::{self, NoEntropy};
 use fleetcal_operations::lifecycle::{Lifecycle, LifecycleSetup};
@@ -118,7 +119,7 @@ impl Service {
             start_workers(&config, &store, &fleet, &clock).await?;
         let stop = CancellationToken::new();
         let (link_open, link_is_open) = watch::channel(false);
-        let (setup_code, setup_text) = setup_code(&store, clock.now()).await?.unzip();
+        let setup_code = setup_code(&store, clock.now()).await?;
         let connections = Connections::new(Arc::clone(&clock), config.trusted_proxies.clone());
         let routes = router(ApiSetup {
             build: BUILD,
@@ -131,7 +132,6 @@ impl Service {
             link_open: link_is_open,
             access: AccessSetup {
                 public_url: config.public_url.clone(),
-                setup_code,
             },
             connections: connections.clone(),
             stop: stop.clone(),
@@ -162,7 +162,7 @@ impl Service {
             http,
             http_address,
             public_url: config.public_url,
-            setup_code: setup_text,
+            setup_code,
             stop,
         })
     }
@@ -222,15 +222,14 @@ impl Service {
     }
 }
 
-/// A new code for the first administrator, when there is no user.
-async fn setup_code(
-    store: &Store,
-    now: WallTime,
-) -> Result<Option<(SetupCode, String)>, ServiceError> {
+/// The text of a new code for the first administrator, when there is no user.
+async fn setup_code(store: &Store, now: WallTime) -> Result<Option<String>, ServiceError> {
     if store.has_users().await? {
         return Ok(None);
     }
-    Ok(Some(SetupCode::new(&entropy::secret()?, now)))
+    let (code, text) = SetupCode::new(&entropy::secret()?, now);
+    let counts = store.transact(KeepSetupCode(code)).await?;
+    Ok(counts.then_some(text))
 }
 
 /// Those who look after the fleet: the lifecycle for its calibrations, the alert evaluator for what is wrong

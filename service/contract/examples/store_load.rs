@@ -1,6 +1,6 @@
-//! What a fleet's telemetry costs a database: 1,000 robots' seconds for a while, with a decision
-//! every 100 ms beside it, on SQLite and, where `FLEETCAL_TEST_POSTGRES` names a server of this
-//! machine, on PostgreSQL in the same run.
+//! What a fleet's telemetry costs a database: 1,000 calibrated robots' seconds for a while, with a
+//! decision every 100 ms beside it, on SQLite and, where `FLEETCAL_TEST_POSTGRES` names a server of
+//! this machine, on PostgreSQL in the same run; there once more for a minute while robots learn.
 //!
 //! `cargo run --release --example store_load -- [ROBOTS] [SECONDS]`
 #![expect(
@@ -14,12 +14,38 @@ use std::time::{Duration, Instant};
 
 use fleetcal_clock::SystemClock;
 use fleetcal_contract::{KeepRobot, NS, TestDatabase, config, estimate, event, server};
-use fleetcal_model::{RobotTime, WallTime};
+use fleetcal_model::{CalibrationCovariance, ParameterStatus, RobotTime, WallTime};
+use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_store::Store;
 
-/// A checkpoint's size, bytes, and how often a calibrated robot's is written, s.
+/// A checkpoint's size, bytes: 8.8 kB were seen (`tests/src` of the service).
 const CHECKPOINT_BYTES: usize = 9_000;
-const CHECKPOINT_EVERY_S: usize = 60;
+/// How long robots learn here at most, s.
+const LEARNING_S: usize = 60;
+
+/// What all robots are at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Robots {
+    Learning,
+    Calibrated,
+}
+
+impl Robots {
+    /// Time between two checkpoints of one, s.
+    const fn checkpoint_every_s(self) -> usize {
+        match self {
+            Self::Learning => 10,
+            Self::Calibrated => 60,
+        }
+    }
+
+    const fn status(self) -> ParameterStatus {
+        match self {
+            Self::Learning => ParameterStatus::Learning,
+            Self::Calibrated => ParameterStatus::Converged,
+        }
+    }
+}
 
 #[tokio::main(flavor = "multi_thread", worker_threads = 2)]
 async fn main() {
@@ -27,21 +53,19 @@ async fn main() {
     let mut number = |usual: usize| arguments.next().map_or(usual, |text| text.parse().unwrap());
     let (robots, seconds) = (number(1_000), number(600));
     println!("{robots} robots for {seconds} s, a decision every 100 ms beside them");
-    println!("{:<10}  {}", "database", Cost::HEADING);
-    let sqlite = TestDatabase::in_sqlite();
-    println!(
-        "{:<10}  {}",
-        "SQLite",
-        measure(&sqlite, robots, seconds).await
-    );
+    println!("{:<20}  {}", "database", Cost::HEADING);
+    let learning = seconds.min(LEARNING_S);
     if let Some(server) = server() {
         let postgres = TestDatabase::on(&server).await;
-        println!(
-            "{:<10}  {}",
-            "PostgreSQL",
-            measure(&postgres, robots, seconds).await
-        );
+        let cost = measure(&postgres, robots, seconds, Robots::Calibrated).await;
+        println!("{:<20}  {cost}", "PostgreSQL");
+        let postgres = TestDatabase::on(&server).await;
+        let cost = measure(&postgres, robots, learning, Robots::Learning).await;
+        println!("{:<20}  {cost}", "PostgreSQL, learning");
     }
+    let sqlite = TestDatabase::in_sqlite();
+    let cost = measure(&sqlite, robots, seconds, Robots::Calibrated).await;
+    println!("{:<20}  {cost}", "SQLite");
 }
 
 /// What it cost.
@@ -80,14 +104,14 @@ impl std::fmt::Display for Cost {
     }
 }
 
-async fn measure(database: &TestDatabase, robots: usize, seconds: usize) -> Cost {
+async fn measure(database: &TestDatabase, robots: usize, seconds: usize, are: Robots) -> Cost {
     let clock = std::sync::Arc::new(SystemClock::start());
     let store = database.open(clock).await;
     let names: Vec<String> = (0..robots)
         .map(|robot| format!("robot_{robot:04}"))
         .collect();
     // The first second makes the robots' rows.
-    second(&store, &names, 0);
+    second(&store, &names, 0, are);
     store.flush().await.unwrap();
     let before = Spent::now(database).await;
     let began = Instant::now();
@@ -95,7 +119,7 @@ async fn measure(database: &TestDatabase, robots: usize, seconds: usize) -> Cost
     let mut tick = tokio::time::interval(Duration::from_secs(1));
     for number in 1..=seconds {
         tick.tick().await;
-        second(&store, &names, number);
+        second(&store, &names, number, are);
     }
     let mut latencies = deciding.await.unwrap();
     store.flush().await.unwrap();
@@ -116,17 +140,44 @@ async fn measure(database: &TestDatabase, robots: usize, seconds: usize) -> Cost
 }
 
 /// One second of the whole fleet, with the checkpoints that are due in it.
-fn second(store: &Store, names: &[String], number: usize) {
+fn second(store: &Store, names: &[String], number: usize, are: Robots) {
     let now = store.now();
     let t_s = now.whole_s();
     for (index, name) in names.iter().enumerate() {
-        let offset_rad = 1e-4 * ((index * 31 + number * 17) % 997) as f64;
-        store.record_history(&estimate(name, t_s, offset_rad, 0.3), WallTime(t_s * NS));
-        if (index + number).is_multiple_of(CHECKPOINT_EVERY_S) {
+        let estimate = moved(name, t_s, index * 31 + number * 17, are);
+        store.record_history(&estimate, WallTime(t_s * NS));
+        if (index + number).is_multiple_of(are.checkpoint_every_s()) {
             let robot = fleetcal_contract::robot(name);
             store.save_checkpoint(&robot, RobotTime(t_s * NS), checkpoint(index + number));
         }
     }
+}
+
+/// An estimate of which every number differs from the one before in all of its digits.
+fn moved(name: &str, t_s: i64, number: usize, are: Robots) -> EstimateDocument {
+    let step = |index: usize| 1e-3 * ((number + 7 * index) % 997) as f64 / 3.0;
+    let mut estimate = estimate(name, t_s, step(0), 0.3 + step(1));
+    let p = &mut estimate.parameters;
+    let learnt = [
+        &mut p.steering_offset,
+        &mut p.lidar_x,
+        &mut p.lidar_y,
+        &mut p.lidar_yaw,
+        &mut p.speed_scale,
+        &mut p.time_offset,
+    ];
+    for (index, parameter) in learnt.into_iter().enumerate() {
+        parameter.value += step(index + 2);
+        parameter.sigma += step(index + 8);
+        parameter.status = are.status();
+    }
+    estimate.time_s = number as f64 / 7.0;
+    estimate.distance_m = number as f64 / 11.0;
+    estimate.consistency.nis_mean = 3.0 + step(15);
+    estimate.covariance = Some(CalibrationCovariance::from_fn(|row, column| {
+        1e-5 * step(4 * row.index() + column.index())
+    }));
+    estimate
 }
 
 /// A decision every 100 ms; gives how long each took.

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use fleetcal_clock::{Clock, SharedClock};
-use fleetcal_postgres::{JobRuns, PostgresSetup};
-use fleetcal_store::Store;
+use fleetcal_postgres::{JobRuns, PostgresSetup, Sharing};
 use fleetcal_store::database_url::PostgresUrl;
+use fleetcal_store::{Store, StoreError};
 use tempfile::TempDir;
 
 /// Names the PostgreSQL server that tests may fill with databases, such as
@@ -90,11 +90,11 @@ impl TestDatabase {
         }
     }
 
-    /// Opens a store on it.
+    /// Opens a store on it, beside others where it is on a server.
     pub async fn open(&self, clock: Arc<impl Clock>) -> Store {
         match &self.place {
             Place::Server(setup) => {
-                fleetcal_postgres::open(setup.clone(), Box::new(()), clock as SharedClock).await
+                open_beside_others(setup, clock as SharedClock, JobRuns::Once).await
             }
             Place::Folder(path) => fleetcal_sqlite::open(path, clock as SharedClock).await,
         }
@@ -106,14 +106,7 @@ impl TestDatabase {
     pub async fn open_running_twice(&self, clock: Arc<impl Clock>) -> Store {
         match &self.place {
             Place::Server(setup) => {
-                let setup = setup.clone();
-                fleetcal_postgres::open_with(
-                    setup,
-                    Box::new(()),
-                    clock as SharedClock,
-                    JobRuns::Twice,
-                )
-                .await
+                open_beside_others(setup, clock as SharedClock, JobRuns::Twice).await
             }
             Place::Folder(path) => {
                 fleetcal_sqlite::open_running_twice(path, clock as SharedClock).await
@@ -121,4 +114,14 @@ impl TestDatabase {
         }
         .unwrap()
     }
+}
+
+/// Opens a store on a database that others may have open.
+async fn open_beside_others(
+    setup: &PostgresSetup,
+    clock: SharedClock,
+    jobs: JobRuns,
+) -> Result<Store, StoreError> {
+    let sharing = Sharing::WithOthers;
+    fleetcal_postgres::open_with(setup.clone(), Box::new(()), clock, jobs, sharing).await
 }

@@ -179,6 +179,8 @@ pub const STORE_JOBS_MAX: usize = 1_024;
 pub const STORE_JOBS_AT_ONCE_MAX: usize = 128;
 /// A robot's latest estimate is stored at most this often; its history every second.
 pub const STORE_CURRENT_EVERY: Duration = Duration::from_secs(10);
+/// The same for one that learns no parameter, as with its checkpoints.
+pub const STORE_CURRENT_LEARNT_EVERY: Duration = Duration::from_mins(1);
 /// Connections that read the database.
 pub const STORE_READERS_MAX: u32 = 4;
 /// A reader waits this long for a connection, a writer for a place in the queue.
@@ -203,11 +205,13 @@ pub const POSTGRES_READ_TIMEOUT: Duration = Duration::from_secs(10);
 /// The same for all migrations, which another process may be at, and for rows that are copied.
 pub const POSTGRES_BULK_TIMEOUT: Duration = Duration::from_mins(10);
 /// Seconds of history are in their minutes and hours in PostgreSQL after this time.
-pub const POSTGRES_ROLL_UP_EVERY: Duration = Duration::from_secs(30);
+pub const POSTGRES_ROLL_UP_EVERY: Duration = Duration::from_mins(1);
 /// Minutes that are rolled up in one transaction.
 pub const POSTGRES_ROLL_UP_MAX: usize = 512;
 /// Days whose partitions are known to be there.
 pub const POSTGRES_DAYS_KNOWN_MAX: usize = 16;
+/// A service waits this long for another one to leave its database.
+pub const POSTGRES_EXCLUSIVE_WAIT: Duration = Duration::from_secs(2);
 /// How often a job is run that PostgreSQL could not bring into an order with others.
 pub const POSTGRES_CONFLICT_TRIES: u32 = 12;
 /// The pause between these.
@@ -358,6 +362,8 @@ pub const SESSIONS_PER_USER_MAX: u32 = 16;
 pub const STREAM_ACCESS_CHECKED_EVERY: Duration = Duration::from_secs(2);
 /// The code for the first administrator counts this long.
 pub const SETUP_CODE_MAX: Duration = Duration::from_hours(24);
+/// Codes for the first administrator: one for each of the latest starts without users.
+pub const SETUP_CODES_MAX: u32 = 16;
 /// Users.
 pub const USERS_MAX: u32 = 10_000;
 /// Tokens that are kept, revoked ones too.

@@ -78,14 +78,29 @@ impl Session {
         Ok(self.noted(ended)?.rows_affected())
     }
 
-    /// Writes rows in the text format of `COPY`.
-    pub(crate) async fn copy_in(&mut self, sql: &str, text: Vec<u8>) -> Result<(), StatementError> {
+    /// Undoes what came after a savepoint, whose name the statement has; the transaction goes on.
+    pub(crate) async fn return_to(
+        &mut self,
+        roll_back: &'static str,
+    ) -> Result<(), StatementError> {
+        self.run(roll_back).await?;
+        self.fate = Fate::Well;
+        Ok(())
+    }
+
+    /// Writes rows in the text format of `COPY`, within a time.
+    pub(crate) async fn copy_in(
+        &mut self,
+        sql: &str,
+        text: Vec<u8>,
+        within: Duration,
+    ) -> Result<(), StatementError> {
         let copying = async {
             let mut copy = self.connection.copy_in_raw(sql).await?;
             copy.send(text).await?;
             copy.finish().await
         };
-        let ended = in_time_of(limits::POSTGRES_BULK_TIMEOUT, copying).await;
+        let ended = in_time_of(within, copying).await;
         self.noted(ended).map(drop)
     }
 

@@ -137,6 +137,7 @@ impl CopyTarget for Target {
     async fn copy_in(&mut self, table: &Table, text: String) -> Result<(), StatementError> {
         let (name, columns) = (table.name, table.columns());
         let sql = format!("COPY {name} ({columns}) FROM STDIN");
-        self.0.copy_in(&sql, text.into_bytes()).await
+        let within = limits::POSTGRES_BULK_TIMEOUT;
+        self.0.copy_in(&sql, text.into_bytes(), within).await
     }
 }

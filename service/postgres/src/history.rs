@@ -15,6 +15,7 @@ use fleetcal_store::{HistoryRow, StoreError};
 use tokio::time::Instant;
 
 use crate::connection::Session;
+use crate::failure::Fate;
 
 pub(crate) const DAY_S: i64 = 86_400;
 const HOUR_S: i64 = 3_600;
@@ -193,8 +194,49 @@ pub(crate) async fn drop_days(session: &mut Session, before_s: i64) -> Result<u6
     Ok(dropped.unwrap_or(0).unsigned_abs() + others)
 }
 
-/// Writes seconds in one statement, an array for each column.
+/// Writes seconds, which are new as a rule: `COPY` logs half as much as an `INSERT` that looks for
+/// each row's key. Where one is there already, all of them are written by such an `INSERT`.
 async fn insert(
+    session: &mut Session,
+    seconds: &BTreeMap<(i64, i64), &HistoryRow>,
+) -> Result<(), StatementError> {
+    session.run("SAVEPOINT new_seconds").await?;
+    let within = limits::POSTGRES_STATEMENT_TIMEOUT;
+    match session.copy_in(&COPY, copied(seconds), within).await {
+        Err(_) if session.fate() == Fate::Conflict => {
+            session
+                .return_to("ROLLBACK TO SAVEPOINT new_seconds")
+                .await?;
+            overwrite(session, seconds).await
+        }
+        ended => ended,
+    }
+}
+
+/// Seconds in the text format of `COPY`, in the order of [`columns`].
+fn copied(seconds: &BTreeMap<(i64, i64), &HistoryRow>) -> Vec<u8> {
+    fn cell(text: &mut String, value: Option<f64>) {
+        match value {
+            Some(value) => text.push_str(&format!("\t{value}")),
+            None => text.push_str("\t\\N"),
+        }
+    }
+    let mut text = String::new();
+    for (&(key, t_s), row) in seconds {
+        let (received_s, status) = (row.received_s, row.status);
+        text.push_str(&format!("{key}\t{t_s}\t{received_s}\t{status}"));
+        cell(&mut text, row.nis);
+        for cells in &row.cells {
+            cell(&mut text, cells.map(|(value, _)| value));
+            cell(&mut text, cells.map(|(_, sigma)| sigma));
+        }
+        text.push('\n');
+    }
+    text.into_bytes()
+}
+
+/// Writes seconds in one statement, an array for each column.
+async fn overwrite(
     session: &mut Session,
     seconds: &BTreeMap<(i64, i64), &HistoryRow>,
 ) -> Result<(), StatementError> {
@@ -202,7 +244,7 @@ async fn insert(
         |of: fn(&HistoryRow) -> i64| -> Vec<i64> { seconds.values().map(|row| of(row)).collect() };
     let keys: Vec<i64> = seconds.keys().map(|&(key, _)| key).collect();
     let nis: Vec<Option<f64>> = seconds.values().map(|row| row.nis).collect();
-    let mut query = sqlx::query(sqlx::AssertSqlSafe(INSERT.as_str()))
+    let mut query = sqlx::query(sqlx::AssertSqlSafe(OVERWRITE.as_str()))
         .bind(keys)
         .bind(column(|row| row.t_s))
         .bind(column(|row| row.received_s))
@@ -221,19 +263,32 @@ async fn insert(
     session.execute_query(query).await.map(drop)
 }
 
-/// The columns of a second, and where they come from.
-static INSERT: LazyLock<String> = LazyLock::new(|| {
-    let mut columns = vec!["received".to_owned(), "status".to_owned(), "nis".to_owned()];
-    let mut arrays =
-        vec!["$1::int8[], $2::int8[], $3::int8[], $4::int8[], $5::float8[]".to_owned()];
-    for (index, parameter) in Parameter::ALL.iter().enumerate() {
+/// The columns of a second beside its key.
+fn columns() -> Vec<String> {
+    let parameters = Parameter::ALL.iter().flat_map(|parameter| {
         let p = parameter.name();
-        columns.extend([p.to_owned(), format!("{p}_sigma")]);
-        let (value, sigma) = (6 + 2 * index, 7 + 2 * index);
-        arrays.push(format!("${value}::float8[], ${sigma}::float8[]"));
-    }
+        [p.to_owned(), format!("{p}_sigma")]
+    });
+    ["received", "status", "nis"]
+        .map(str::to_owned)
+        .into_iter()
+        .chain(parameters)
+        .collect()
+}
+
+static COPY: LazyLock<String> = LazyLock::new(|| {
+    let columns = columns().join(", ");
+    format!("COPY history_second (robot, t, {columns}) FROM STDIN")
+});
+
+static OVERWRITE: LazyLock<String> = LazyLock::new(|| {
+    let columns = columns();
+    let arrays: Vec<String> = (0..2 * Parameter::ALL.len())
+        .map(|index| format!("${}::float8[]", 6 + index))
+        .collect();
     format!(
-        "INSERT INTO history_second (robot, t, {}) SELECT * FROM unnest({}) \
+        "INSERT INTO history_second (robot, t, {}) \
+         SELECT * FROM unnest($1::int8[], $2::int8[], $3::int8[], $4::int8[], $5::float8[], {}) \
          ON CONFLICT (robot, t) DO UPDATE SET {}",
         columns.join(", "),
         arrays.join(", "),

@@ -7,6 +7,7 @@
 
 mod connection;
 mod copy;
+mod exclusive;
 mod failure;
 mod history;
 mod schema;
@@ -25,6 +26,7 @@ use fleetcal_store::database_url::PostgresUrl;
 use fleetcal_store::{Administration, Store, StoreError};
 
 use connection::Session;
+use exclusive::ExclusiveLock;
 use history::History;
 use servers::{Purpose, Servers};
 use writer::{Records, Telemetry};
@@ -66,20 +68,31 @@ impl Database for Open {
     }
 }
 
-/// Opens the store, and brings the database to this program's schema. `held` goes with the store.
+/// Opens the store, which no other service may have open, and brings the database to this program's
+/// schema. `held` goes with the store.
 ///
 /// # Errors
-/// [`StoreError::Server`] when no server can be used, [`StoreError::NewerSchema`] when a newer
+/// [`StoreError::Server`] when no server can be used or another service has it open, [`StoreError::NewerSchema`] when a newer
 /// program wrote the database, and whatever else keeps it from being opened.
 pub fn open(
     setup: PostgresSetup,
     held: Box<dyn std::fmt::Debug + Send + Sync>,
     clock: SharedClock,
 ) -> Boxed<'static, Result<Store, StoreError>> {
-    open_with(setup, held, clock, JobRuns::Once)
+    open_with(setup, held, clock, JobRuns::Once, Sharing::Alone)
 }
 
-/// The same, with jobs that may be run twice.
+/// Who may have a database open.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[doc(hidden)]
+pub enum Sharing {
+    /// One service.
+    Alone,
+    /// Others as well: what a test has.
+    WithOthers,
+}
+
+/// The same, with jobs that may be run twice, and beside others.
 ///
 /// # Errors
 /// As [`open`].
@@ -89,12 +102,17 @@ pub fn open_with(
     held: Box<dyn std::fmt::Debug + Send + Sync>,
     clock: SharedClock,
     jobs: JobRuns,
+    sharing: Sharing,
 ) -> Boxed<'static, Result<Store, StoreError>> {
     Box::pin(async move {
         let servers = Arc::new(Servers::new(setup)?);
         schema::bring(&servers).await?;
         let records = Session::new(servers.connect(Purpose::Records).await?);
         let mut telemetry = Session::new(servers.connect(Purpose::Telemetry).await?);
+        let mut lock = (sharing == Sharing::Alone).then(ExclusiveLock::default);
+        if let Some(lock) = &mut lock {
+            lock.take(&servers, &mut telemetry).await?;
+        }
         telemetry::note_start(&mut telemetry, clock.now()).await?;
         let history = History::open(&mut telemetry).await?;
         let reader = SqlReader::new(servers.read_pool().await?);
@@ -104,7 +122,7 @@ pub fn open_with(
         });
         Ok(Store::start(
             Records::new(Arc::clone(&servers), records, jobs),
-            Telemetry::new(servers, telemetry, history),
+            Telemetry::new(servers, telemetry, history, lock),
             reader,
             database,
             clock,

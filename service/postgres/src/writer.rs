@@ -11,6 +11,7 @@ use fleetcal_store::transaction::Waiting;
 use tokio::time::Instant;
 
 use crate::connection::Session;
+use crate::exclusive::ExclusiveLock;
 use crate::failure::Fate;
 use crate::history::{self, History, Written};
 use crate::servers::{Purpose, Servers};
@@ -26,16 +27,24 @@ struct Line {
     servers: Arc<Servers>,
     purpose: Purpose,
     session: Option<Session>,
+    /// What every connection of this line holds.
+    lock: Option<ExclusiveLock>,
     /// Keys of the robots of committed transactions.
     keys: Keys,
 }
 
 impl Line {
-    fn new(servers: Arc<Servers>, purpose: Purpose, session: Session) -> Self {
+    fn new(
+        servers: Arc<Servers>,
+        purpose: Purpose,
+        session: Session,
+        lock: Option<ExclusiveLock>,
+    ) -> Self {
         Self {
             servers,
             purpose,
             session: Some(session),
+            lock,
             keys: Keys::new(),
         }
     }
@@ -57,6 +66,9 @@ impl Line {
             // these are of, and gives their numbers again.
             self.keys.clear();
             let mut session = Session::new(self.servers.connect(self.purpose).await?);
+            if let Some(lock) = &mut self.lock {
+                lock.take(&self.servers, &mut session).await?;
+            }
             session.begin(begin).await?;
             session
         };
@@ -113,7 +125,7 @@ enum Attempted {
 impl Records {
     pub(crate) fn new(servers: Arc<Servers>, session: Session, jobs: JobRuns) -> Self {
         Self {
-            line: Line::new(servers, Purpose::Records, session),
+            line: Line::new(servers, Purpose::Records, session, None),
             jobs,
         }
     }
@@ -249,9 +261,14 @@ pub(crate) struct Telemetry {
 }
 
 impl Telemetry {
-    pub(crate) fn new(servers: Arc<Servers>, session: Session, history: History) -> Self {
+    pub(crate) fn new(
+        servers: Arc<Servers>,
+        session: Session,
+        history: History,
+        lock: Option<ExclusiveLock>,
+    ) -> Self {
         Self {
-            line: Line::new(servers, Purpose::Telemetry, session),
+            line: Line::new(servers, Purpose::Telemetry, session, lock),
             history,
         }
     }

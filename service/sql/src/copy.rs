@@ -119,6 +119,7 @@ pub static TABLES: LazyLock<Vec<Table>> =
             "id:n sha256:b name:t role:t robot:t created_by:t created_ns:n expires_ns:n used_ns:n \
              revoked_ns:n",
         ),
+        table("setup_code", 1, "sha256:b ends_ns:n"),
         table("access_idempotency", 2, "made:t key:t request_sha256:b id:n received_ns:n"),
         table("revision", 1, "id:n record:t"),
         table("proposal", 1, "id:n record:t"),

@@ -227,7 +227,8 @@ impl Reader for SqlReader {
                 "SELECT CASE
                      WHEN current_setting('synchronous_commit') IN ('off', 'local')
                          OR current_setting('synchronous_standby_names') = '' THEN false
-                     ELSE (SELECT bool_or(sync_state IN ('sync', 'quorum'))
+                     ELSE (SELECT CASE WHEN count(*) = 0 THEN false
+                             ELSE bool_or(sync_state IN ('sync', 'quorum')) END
                          FROM pg_stat_replication)
                  END",
             )

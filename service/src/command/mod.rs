@@ -98,8 +98,11 @@ pub enum CommandError {
     #[error(transparent)]
     Database(#[from] DatabaseError),
     /// The URL of a database is refused.
-    #[error(transparent)]
+    #[error("--database: {0}")]
     DatabaseUrl(#[from] DatabaseUrlRefused),
+    /// The URL of a copy is refused.
+    #[error("--to: {0}")]
+    CopyTo(DatabaseUrlRefused),
     /// No PostgreSQL is named.
     #[error("no database is named: give --database URL")]
     NoPostgres,
@@ -194,6 +197,7 @@ impl CommandError {
                 | DatabaseError::Store(StoreError::Missing { .. }),
             )
             | Self::DatabaseUrl(_)
+            | Self::CopyTo(_)
             | Self::NoPostgres
             | Self::ServiceIsRobot(_)
             | Self::StreamOfAll(_)

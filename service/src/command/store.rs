@@ -84,7 +84,7 @@ async fn migrate(arguments: &Migrate) -> Result<(), CommandError> {
 
 async fn copy(arguments: &Copy) -> Result<(), CommandError> {
     let setup = PostgresSetup {
-        url: arguments.to.parse()?,
+        url: arguments.to.parse().map_err(CommandError::CopyTo)?,
         password_file: arguments.database_password_file.clone(),
     };
     let name = setup.url.to_string();

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::pin::Pin;
 
 use async_trait::async_trait;
-use fleetcal_domain::access::SecretHash;
+use fleetcal_domain::access::{SecretHash, SetupCode};
 use fleetcal_domain::alert::Alert;
 use fleetcal_domain::approval::{
     Deployment, DeploymentState, OutboxEntry, Proposal, Revision, RobotLedger,
@@ -116,6 +116,9 @@ pub trait AccountReader {
 
     /// The session of a cookie.
     async fn session_of(&self, hash: SecretHash) -> Result<Option<SessionRecord>, StoreError>;
+
+    /// The code of a text by which the first administrator can be made.
+    async fn setup_code(&self, hash: SecretHash) -> Result<Option<SetupCode>, StoreError>;
 }
 
 /// Connections that only read.

@@ -112,7 +112,7 @@ impl TlsMode {
 pub enum DatabaseUrlRefused {
     /// It is no URL of PostgreSQL.
     #[error(
-        "database: got {got:?}, expected postgres://USER@HOST[:PORT][,HOST…]/DATABASE or \
+        "got {got:?}, expected postgres://USER@HOST[:PORT][,HOST…]/DATABASE or \
          postgres://USER@/DATABASE?host=/FOLDER"
     )]
     Form {
@@ -121,28 +121,24 @@ pub enum DatabaseUrlRefused {
     },
     /// It holds a password.
     #[error(
-        "database: got a URL with a password, expected one without; put the password into a file \
+        "got a URL with a password, expected one without; put the password into a file \
          and name it with --database-password-file or PGPASSFILE"
     )]
     Password,
     /// A parameter is unknown.
-    #[error(
-        "database: got the parameter {got:?}, expected sslmode, sslrootcert, sslcert, sslkey or host"
-    )]
+    #[error("got the parameter {got:?}, expected sslmode, sslrootcert, sslcert, sslkey or host")]
     Parameter {
         /// Its name.
         got: String,
     },
     /// The mode of TLS is unknown.
-    #[error(
-        "database: got sslmode={got:?}, expected disable, prefer, require, verify-ca or verify-full"
-    )]
+    #[error("got sslmode={got:?}, expected disable, prefer, require, verify-ca or verify-full")]
     Tls {
         /// What was given.
         got: String,
     },
     /// It names too many hosts.
-    #[error("database: got {got} hosts, expected {HOSTS_MAX} at most")]
+    #[error("got {got} hosts, expected {HOSTS_MAX} at most")]
     Hosts {
         /// How many.
         got: usize,

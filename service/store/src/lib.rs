@@ -262,7 +262,7 @@ impl Store {
     }
 
     /// The latest stored estimate of every robot that has one; up to
-    /// [`limits::STORE_CURRENT_EVERY`] old.
+    /// [`limits::STORE_CURRENT_LEARNT_EVERY`] old.
     ///
     /// # Errors
     /// The database's failure.

@@ -16,7 +16,6 @@ mod users;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use fleetcal_domain::access::SetupCode;
 use fleetcal_store::{Store, StoreError};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
@@ -38,15 +37,12 @@ pub(super) use table::access as of_route;
 pub struct AccessSetup {
     /// Where people reach the service, when that is not the address it listens on.
     pub public_url: Option<PublicUrl>,
-    /// The code that makes the first administrator.
-    pub setup_code: Option<SetupCode>,
 }
 
 /// What the routes about access share.
 #[derive(Debug, Clone)]
 pub(super) struct AccessState {
     cookies: CookiePolicy,
-    setup_code: Option<SetupCode>,
     passwords: PasswordWork,
     limits: Arc<SignInLimits>,
     /// Whether there is a user; it stays so, since the last administrator cannot be removed.
@@ -59,7 +55,6 @@ impl AccessState {
         let https = setup.public_url.as_ref().is_some_and(PublicUrl::is_https);
         Self {
             cookies: CookiePolicy::new(https),
-            setup_code: setup.setup_code,
             passwords: PasswordWork::default(),
             limits: Arc::default(),
             has_users: Arc::default(),

@@ -3,7 +3,7 @@
 use axum::extract::State;
 use axum::http::StatusCode;
 use axum::response::Response;
-use fleetcal_domain::access::{AccountRefused, Actor, Authentication, Role};
+use fleetcal_domain::access::{AccountRefused, Actor, Authentication, Role, SecretHash};
 use fleetcal_http::PeerAddress;
 use fleetcal_operations::accounts::{UserChange, change_user};
 use serde::Deserialize;
@@ -59,10 +59,8 @@ pub(super) async fn set_up(
         return Err(fleetcal_store::StoreError::from(AccountRefused::AlreadySetUp).into());
     }
     let now = api.clock.now();
-    let code = access
-        .setup_code
-        .filter(|code| code.accepts(&body.code, now));
-    if code.is_none() {
+    let code = api.store.setup_code(SecretHash::of(&body.code)).await?;
+    if !code.is_some_and(|code| code.counts(now)) {
         let detail = "the setup code is wrong or older than a day; a service without users prints \
                       a new one at each start";
         let status = StatusCode::FORBIDDEN;

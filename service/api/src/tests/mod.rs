@@ -32,7 +32,7 @@ use fleetcal_estimator::EstimatorSettings;
 use fleetcal_fleet::{FleetHandle, FleetSetup};
 use fleetcal_http::TrustedProxies;
 use fleetcal_model::WallTime;
-use fleetcal_operations::accounts::{TokenChange, change_token};
+use fleetcal_operations::accounts::{KeepSetupCode, TokenChange, change_token};
 use fleetcal_operations::alert_evaluator::{AlertEvaluator, AlertEvaluatorSetup};
 use fleetcal_operations::lifecycle::{Lifecycle, LifecycleSetup};
 use fleetcal_operations::robots::configure;
@@ -125,6 +125,7 @@ async fn bench_of(robots: &[&str], last_heard: BTreeMap<RobotId, WallTime>) -> B
     let (link_open, is_open) = watch::channel(true);
     let stop = CancellationToken::new();
     let (setup_code, setup_text) = SetupCode::new(&[0xab; 32], WallTime(NOW_NS));
+    assert!(store.transact(KeepSetupCode(setup_code)).await.unwrap());
     let setup = ApiSetup {
         build: BuildInfo {
             version: "1.2.3",
@@ -137,10 +138,7 @@ async fn bench_of(robots: &[&str], last_heard: BTreeMap<RobotId, WallTime>) -> B
         store: store.clone(),
         clock: clock.clone(),
         link_open: is_open,
-        access: AccessSetup {
-            public_url: None,
-            setup_code: Some(setup_code),
-        },
+        access: AccessSetup { public_url: None },
         connections: Connections::new(clock.clone(), TrustedProxies::default()),
         stop: stop.clone(),
     };

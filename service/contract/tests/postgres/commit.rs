@@ -5,7 +5,7 @@ use std::time::Duration;
 use fleetcal_contract::{NOW_S, clock, query, record};
 use fleetcal_postgres::open;
 use fleetcal_store::StoreError;
-use fleetcal_store::database_url::Server;
+use fleetcal_store::database_url::{PostgresUrl, Server};
 use tokio::time::Instant;
 
 use crate::decision::{Decide, times_decided};
@@ -15,15 +15,42 @@ use crate::server::{named, number, psql, setup, url_of};
 /// The store writes again within this time after a cut.
 const AGAIN_WITHIN: Duration = Duration::from_secs(5);
 
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_commit_whose_answer_is_lost_is_told_and_counts_once_or_not_at_all() {
-    let cuts = number("CONTRACT_CUTS", 40);
+/// A new database behind a proxy.
+async fn behind_proxy() -> (Proxy, PostgresUrl) {
     let direct = fleetcal_postgres::create_for_test(&named()).await.unwrap();
     let Some(Server::Tcp { host, port }) = direct.servers.first() else {
         panic!("a proxy needs a server that listens on TCP, got {direct}");
     };
     let proxy = Proxy::before(format!("{host}:{port}")).await;
     let url = url_of(&[&proxy.host()], &direct.user, &direct.database);
+    (proxy, url)
+}
+
+/// The server still believes in the former connection, which has the database for itself.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_service_goes_on_when_its_server_has_not_noticed_a_loss() {
+    let (proxy, url) = behind_proxy().await;
+    let store = open(setup(&url), Box::new(()), clock() as _).await.unwrap();
+    for round in 0..5 {
+        record(&store, "b", NOW_S + round, 0.5);
+        store.flush().await.unwrap();
+        proxy.lose_clients();
+        let lost = Instant::now();
+        record(&store, "b", NOW_S + 100 + round, 0.5);
+        while let Err(error) = store.flush().await {
+            assert!(lost.elapsed() < AGAIN_WITHIN, "{error:?}");
+        }
+        assert!(lost.elapsed() < AGAIN_WITHIN, "{:?}", lost.elapsed());
+    }
+    let all = query("b", NOW_S, NOW_S + 200, 600);
+    assert_eq!(store.history(&all).await.unwrap().stretches.len(), 10);
+    store.close().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_commit_whose_answer_is_lost_is_told_and_counts_once_or_not_at_all() {
+    let cuts = number("CONTRACT_CUTS", 40);
+    let (proxy, url) = behind_proxy().await;
     let store = open(setup(&url), Box::new(()), clock() as _).await.unwrap();
     let mut slowest = Duration::ZERO;
     for round in 0..cuts {

@@ -11,7 +11,7 @@ use tokio::net::TcpListener;
 use tokio::time::Instant;
 
 use crate::decision::{Decide, times_decided};
-use crate::server::{OwnServer, setup, url_of};
+use crate::server::{OwnServer, psql, setup, url_of};
 
 /// The store works again within this time after another server can be written.
 const AGAIN_WITHIN: Duration = Duration::from_secs(5);
@@ -132,5 +132,34 @@ async fn rows_that_a_failover_has_lost_are_not_taken_for_others() {
             .unwrap();
         assert_eq!(seconds.stretches.len(), count, "{name}");
     }
+    store.close().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_is_acknowledged_is_known_to_be_on_a_second_machine_or_not() {
+    let primary = OwnServer::start_new("trust");
+    let url = primary.url("postgres");
+    let store = open(setup(&url), Box::new(()), clock() as _).await.unwrap();
+    let survives = async || store.survives_machine_loss().await.unwrap();
+    assert_eq!(survives().await, Some(false));
+    let standby = OwnServer::standby_of(&primary);
+    // It is behind as it likes.
+    assert_eq!(survives().await, Some(false));
+    psql(&url, "ALTER SYSTEM SET synchronous_standby_names = '*'");
+    psql(&url, "SELECT pg_reload_conf()");
+    let began = Instant::now();
+    while survives().await != Some(true) {
+        assert!(began.elapsed() < 2 * AGAIN_WITHIN);
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    store.transact(Decide("on two".to_owned())).await.unwrap();
+    standby.stop();
+    let began = Instant::now();
+    while survives().await != Some(false) {
+        assert!(began.elapsed() < 2 * AGAIN_WITHIN);
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    psql(&url, "ALTER SYSTEM RESET synchronous_standby_names");
+    psql(&url, "SELECT pg_reload_conf()");
     store.close().await.unwrap();
 }

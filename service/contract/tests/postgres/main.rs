@@ -8,6 +8,7 @@
     reason = "a test ends where it finds something wrong"
 )]
 
+mod backup;
 mod commit;
 mod copy;
 mod decision;

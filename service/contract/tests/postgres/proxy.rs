@@ -1,4 +1,5 @@
-//! A proxy before a server, which cuts the connection exactly at COMMIT.
+//! A proxy before a server, which cuts the connection exactly at COMMIT, or loses clients without the
+//! server's notice.
 
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -7,6 +8,7 @@ use std::sync::{Arc, Mutex};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::Notify;
 
 /// Where the connection of the next job is cut.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,6 +24,7 @@ pub enum Cut {
 pub struct Proxy {
     address: SocketAddr,
     armed: Arc<Mutex<Option<Cut>>>,
+    lose_clients: Arc<Notify>,
 }
 
 impl Proxy {
@@ -31,19 +34,40 @@ impl Proxy {
         let proxy = Self {
             address: listener.local_addr().unwrap(),
             armed: Arc::default(),
+            lose_clients: Arc::default(),
         };
-        let armed = Arc::clone(&proxy.armed);
+        let here = proxy.clone();
         tokio::spawn(async move {
             while let Ok((client, _)) = listener.accept().await {
-                let (armed, server) = (Arc::clone(&armed), server.clone());
+                let (here, server) = (here.clone(), server.clone());
                 tokio::spawn(async move {
                     if let Ok(server) = TcpStream::connect(server).await {
-                        forward(client, server, &armed).await;
+                        here.serve(client, server).await;
                     }
                 });
             }
         });
         proxy
+    }
+
+    /// Forwards until either side ends it; the server's is kept open when clients are lost.
+    async fn serve(&self, client: TcpStream, server: TcpStream) {
+        let server = server.into_std().unwrap();
+        let kept = server.try_clone().unwrap();
+        let server = TcpStream::from_std(server).unwrap();
+        tokio::select! {
+            () = forward(client, server, &self.armed) => {}
+            () = self.lose_clients.notified() => {
+                // As when a machine is gone: the server hears nothing, until the test ends.
+                std::future::pending::<()>().await;
+            }
+        }
+        drop(kept);
+    }
+
+    /// Ends every client's connection; the server goes on believing in them.
+    pub fn lose_clients(&self) {
+        self.lose_clients.notify_waiters();
     }
 
     /// Where it listens.

@@ -1,14 +1,13 @@
 //! Two stores that decide on one record of one database.
 
 use async_trait::async_trait;
-use fleetcal_contract::clock;
+use fleetcal_contract::{TestDatabase, clock};
 use fleetcal_domain::approval::{NextIds, Refused};
 use fleetcal_model::{Version, WallTime};
-use fleetcal_postgres::open;
 use fleetcal_store::{DeploymentFreeze, Job, Records, Store, StoreError};
 
 use crate::differential::lifecycle::propose;
-use crate::server::{named, number, setup};
+use crate::server::{named, number};
 
 /// Freezes or thaws, if nobody did since `expected`.
 #[derive(Debug)]
@@ -59,9 +58,8 @@ impl Job for Propose {
 
 /// Two stores of one new database.
 async fn two_stores() -> (Store, Store) {
-    let url = fleetcal_postgres::create_for_test(&named()).await.unwrap();
-    let one = || open(setup(&url), Box::new(()), clock() as _);
-    (one().await.unwrap(), one().await.unwrap())
+    let database = TestDatabase::on(&named()).await;
+    (database.open(clock()).await, database.open(clock()).await)
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

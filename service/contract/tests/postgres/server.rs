@@ -41,6 +41,17 @@ pub fn psql(url: &PostgresUrl, sql: &str) -> String {
     done(program("psql").args(["--dbname", &text, "-XAtqc", sql]))
 }
 
+/// Copies a database into a new one on the same server as `docs/postgresql.md` says.
+pub fn dump_and_restore(from: &PostgresUrl, to: &PostgresUrl) {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    let mut dump = program("pg_dump");
+    dump.args(["--dbname", &from.to_string(), "--format=custom", "--file"]);
+    done(dump.arg(file.path()));
+    let mut restore = program("pg_restore");
+    restore.args(["--dbname", &to.to_string(), "--no-owner", "--exit-on-error"]);
+    done(restore.arg(file.path()));
+}
+
 /// Runs a statement that has to be refused; gives why.
 pub fn psql_refused(url: &PostgresUrl, sql: &str) -> String {
     let text = url.to_string();

@@ -2,9 +2,10 @@
 
 use std::error::Error as _;
 use std::fs;
+use std::sync::Arc;
 
 use async_trait::async_trait;
-use fleetcal_contract::{NOW_S, clock, record};
+use fleetcal_contract::{NOW_S, TestDatabase, clock, record};
 use fleetcal_postgres::{PostgresSetup, migrate, open};
 use fleetcal_store::database_url::PostgresUrl;
 use fleetcal_store::{Job, Records, Store, StoreError};
@@ -125,15 +126,36 @@ async fn a_newer_schema_is_refused() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn several_that_open_an_empty_database_at_once_all_succeed() {
     for _ in 0..5 {
-        let url = empty().await;
-        let one = || tokio::spawn(opened(setup(&url)));
+        let database = Arc::new(TestDatabase::on(&named()).await);
+        let one = || {
+            let database = Arc::clone(&database);
+            tokio::spawn(async move { database.open(clock()).await })
+        };
         let (first, second, third) = tokio::join!(one(), one(), one());
         for store in [first, second, third] {
-            let store = store.unwrap().unwrap();
+            let store = store.unwrap();
             store.probe().await.unwrap();
             store.close().await.unwrap();
         }
     }
+}
+
+#[tokio::test]
+async fn a_second_service_is_refused_until_the_first_one_ends() {
+    let url = empty().await;
+    let store = opened(setup(&url)).await.unwrap();
+    let named = [
+        &url.database,
+        "is served by another fleetcal, from 127.0.0.1 since 2",
+        "end that one first",
+    ];
+    refused(setup(&url), &named).await;
+    // Commands that administrate work beside it.
+    let administration = fleetcal_postgres::administration(setup(&url));
+    administration.await.unwrap().close().await.unwrap();
+    store.close().await.unwrap();
+    let store = opened(setup(&url)).await.unwrap();
+    store.close().await.unwrap();
 }
 
 /// Counts users over a store's connection of jobs.

@@ -1,6 +1,7 @@
 //! Changes of users, sessions and API tokens, by the rules of [`fleetcal_domain::access`]: every
 //! change with its audit row in one transaction.
 
+mod setup;
 #[cfg(test)]
 mod tests;
 mod token;
@@ -9,6 +10,7 @@ mod user;
 use fleetcal_domain::access::Actor;
 use fleetcal_store::{Store, StoreError, TokenRecord, UserRecord, Written};
 
+pub use setup::KeepSetupCode;
 pub use token::{ChangeToken, TokenChange};
 pub use user::{ChangeUser, UserChange, UserEdit};
 

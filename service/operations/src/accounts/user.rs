@@ -201,6 +201,7 @@ impl ChangeUser {
             reason: error.to_string(),
         })?;
         let user = self.add(records, (name, &admin, password)).await?;
+        records.keep_setup_codes(0).await?;
         let user = self.begin_session(records, user, session).await?;
         self.audit(records, Action::SetUp, None, Some(&user))
             .await?;

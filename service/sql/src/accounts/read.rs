@@ -2,7 +2,7 @@
 
 use async_trait::async_trait;
 use fleetcal_domain::access::{
-    AccountName, Grant, PasswordHash, Role, SecretHash, SessionSpan, TokenSpan,
+    AccountName, Grant, PasswordHash, Role, SecretHash, SessionSpan, SetupCode, TokenSpan,
 };
 use fleetcal_model::{TokenId, UserId, Version};
 use fleetcal_proto::RobotId;
@@ -99,6 +99,21 @@ impl AccountReader for SqlReader {
                 used_ns: wall_time(&row, "session", 10)?,
             },
         }))
+    }
+
+    async fn setup_code(&self, hash: SecretHash) -> Result<Option<SetupCode>, StoreError> {
+        const TABLE: &str = "setup_code";
+        let row = query("SELECT sha256, ends_ns FROM setup_code WHERE sha256 = $1")
+            .bind(hash.as_bytes())
+            .fetch_optional(&mut self.connection())
+            .await
+            .map_err(StoreError::database("read a setup code"))?;
+        let Some(row) = row else { return Ok(None) };
+        let code = SetupCode {
+            hash: hash_of(&row, TABLE, 0)?,
+            ends_ns: wall_time(&row, TABLE, 1)?,
+        };
+        Ok((code.hash == hash).then_some(code))
     }
 }
 

@@ -1,7 +1,7 @@
 //! Users, sessions and tokens in a transaction.
 
 use async_trait::async_trait;
-use fleetcal_domain::access::{AccountName, Role, SecretHash};
+use fleetcal_domain::access::{AccountName, Role, SecretHash, SetupCode};
 use fleetcal_model::{RobotId, TokenId, UserId, WallTime};
 use fleetcal_store::transaction::{AccountRecords, SessionRecords, TokenRecords};
 use fleetcal_store::{StoreError, TokenRecord, UserRecord};
@@ -92,6 +92,28 @@ impl AccountRecords for SqlRecords<'_> {
             .execute(&mut *self.connection)
             .await
             .map_err(StoreError::database("remove a user"))?;
+        Ok(())
+    }
+
+    async fn add_setup_code(&mut self, code: &SetupCode) -> Result<(), StoreError> {
+        query("INSERT INTO setup_code (sha256, ends_ns) VALUES ($1, $2)")
+            .bind(code.hash.as_bytes())
+            .bind(code.ends_ns.0)
+            .execute(&mut *self.connection)
+            .await
+            .map_err(StoreError::database("write a setup code"))?;
+        Ok(())
+    }
+
+    async fn keep_setup_codes(&mut self, kept: u32) -> Result<(), StoreError> {
+        query(
+            "DELETE FROM setup_code WHERE sha256 NOT IN
+                 (SELECT sha256 FROM setup_code ORDER BY ends_ns DESC, sha256 LIMIT $1)",
+        )
+        .bind(kept)
+        .execute(&mut *self.connection)
+        .await
+        .map_err(StoreError::database("delete old setup codes"))?;
         Ok(())
     }
 }

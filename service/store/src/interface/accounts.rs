@@ -1,6 +1,6 @@
 //! Users, sessions and API tokens: what the store is asked.
 
-use fleetcal_domain::access::SecretHash;
+use fleetcal_domain::access::{SecretHash, SetupCode};
 use fleetcal_model::UserId;
 
 use crate::Store;
@@ -69,5 +69,13 @@ impl Store {
     /// The database's failure.
     pub async fn session_of(&self, hash: SecretHash) -> Result<Option<SessionRecord>, StoreError> {
         self.shared.reader.session_of(hash).await
+    }
+
+    /// The code of a text by which the first administrator can be made, whether it counts or not.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn setup_code(&self, hash: SecretHash) -> Result<Option<SetupCode>, StoreError> {
+        self.shared.reader.setup_code(hash).await
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use fleetcal_domain::limits;
-use fleetcal_model::WallTime;
+use fleetcal_model::{ParameterStatus, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::EstimateDocument;
 
@@ -61,21 +61,20 @@ impl Pending {
     }
 
     /// Takes the latest estimates whose turn has come into the batch: a robot's estimate is
-    /// replaced every few seconds, not every second, unless `everything` is to be written.
+    /// replaced every few seconds, not every second, once it is learnt every minute, unless
+    /// `everything` is to be written.
     pub(super) fn choose_current(&mut self, everything: bool) {
-        let every_ns = i64::try_from(limits::STORE_CURRENT_EVERY.as_nanos()).unwrap_or(i64::MAX);
         let written = &mut self.current_written_ns;
-        let due = |robot: &RobotId, received_ns: WallTime| match written.get(robot) {
+        let due = |estimate: &EstimateDocument, received_ns: WallTime| {
+            let Some(last_ns) = written.get(&estimate.robot) else {
+                return true;
+            };
             // A clock that was set back must not keep it waiting until it is as late again.
-            Some(last_ns) => {
-                let passed_ns = received_ns.ns_since(*last_ns);
-                everything || !(0..every_ns).contains(&passed_ns)
-            }
-            None => true,
+            everything || !(0..every_ns(estimate)).contains(&received_ns.ns_since(*last_ns))
         };
         let chosen: Vec<_> = self
             .current
-            .extract_if(|robot, (_, received_ns)| due(robot, *received_ns))
+            .extract_if(|_, (estimate, received_ns)| due(estimate, *received_ns))
             .collect();
         for (robot, (estimate, received_ns)) in chosen {
             written.insert(robot, received_ns);
@@ -120,6 +119,18 @@ impl Pending {
             history: self.batch.history.len() as u64,
         }
     }
+}
+
+/// Time between two writes of an estimate, ns.
+fn every_ns(estimate: &EstimateDocument) -> i64 {
+    let mut parameters = estimate.parameters.iter();
+    let learns = parameters.any(|(_, parameter)| parameter.status == ParameterStatus::Learning);
+    let every = if learns {
+        limits::STORE_CURRENT_EVERY
+    } else {
+        limits::STORE_CURRENT_LEARNT_EVERY
+    };
+    i64::try_from(every.as_nanos()).unwrap_or(i64::MAX)
 }
 
 /// Drops the oldest entries of a list that has outgrown its limit; gives their number.

@@ -1,7 +1,7 @@
 //! Users, their sessions, and API tokens.
 
 use async_trait::async_trait;
-use fleetcal_domain::access::{AccountName, SecretHash};
+use fleetcal_domain::access::{AccountName, SecretHash, SetupCode};
 use fleetcal_model::{TokenId, UserId, WallTime};
 
 use crate::accounts::{TokenRecord, UserRecord};
@@ -30,6 +30,12 @@ pub trait AccountRecords {
 
     /// Deletes a user with the sessions.
     async fn delete_user(&mut self, id: UserId) -> Result<(), StoreError>;
+
+    /// Adds a code by which the first administrator can be made.
+    async fn add_setup_code(&mut self, code: &SetupCode) -> Result<(), StoreError>;
+
+    /// Deletes all such codes but the `kept` that end last.
+    async fn keep_setup_codes(&mut self, kept: u32) -> Result<(), StoreError>;
 }
 
 /// Sessions of users; errors as in [`super::Records`].

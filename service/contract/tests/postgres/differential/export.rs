@@ -68,6 +68,7 @@ impl Export<'_> {
             let hash = SecretHash::of(&number.to_string());
             ask!(self, "token_of", token_of(hash));
             ask!(self, "session_of", session_of(hash));
+            ask!(self, "setup_code", setup_code(hash));
         }
     }
 

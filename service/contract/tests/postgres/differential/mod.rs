@@ -1,7 +1,7 @@
 //! The same random operations on SQLite and on PostgreSQL give the same answers.
 
 mod chance;
-mod export;
+pub mod export;
 mod jobs;
 pub mod lifecycle;
 mod methods;
@@ -21,7 +21,7 @@ use tokio::task::JoinSet;
 
 use crate::server::{named, number, psql};
 use jobs::{Kind, Operation};
-use methods::Calls;
+pub use methods::Calls;
 use told::tell;
 
 /// Operations of a sequence.
@@ -83,6 +83,21 @@ async fn sequence(server: &PostgresUrl, seed: u64, calls: &Calls) {
     if seed >= KEPT {
         psql(server, &format!("DROP DATABASE {database} WITH (FORCE)"));
     }
+}
+
+/// Fills a store with what random operations write.
+pub async fn filled(store: &Store, operations: u64, calls: &Calls) {
+    for seed in 0..operations {
+        tell(store, seed);
+        let operation = Operation {
+            kind: Kind::ALL[seed as usize % Kind::ALL.len()],
+            seed,
+            now: store.now(),
+            calls: calls.clone(),
+        };
+        store.transact(operation).await.unwrap();
+    }
+    store.flush().await.unwrap();
 }
 
 /// One operation on both.

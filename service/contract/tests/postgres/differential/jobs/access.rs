@@ -2,7 +2,9 @@
 
 use std::fmt::Write as _;
 
-use fleetcal_domain::access::{AccountName, Grant, PasswordHash, Role, TokenSpan};
+use fleetcal_domain::access::{
+    AccountName, Grant, PasswordHash, Role, SecretHash, SetupCode, TokenSpan,
+};
 use fleetcal_model::{TokenId, UserId, Version, WallTime};
 use fleetcal_store::{StoreError, TokenRecord, UserRecord};
 use rand::Rng;
@@ -97,6 +99,22 @@ impl Run<'_> {
                 ask!(self, delete_old_sessions(created_ns, used_ns));
             }
             _ => ask!(self, keep_sessions(id, 1)),
+        }
+        Ok(())
+    }
+
+    pub(super) async fn setup_codes(&mut self) -> Result<(), StoreError> {
+        if self.chance.random() {
+            ask!(self, keep_setup_codes(1));
+            return Ok(());
+        }
+        ask!(self, keep_setup_codes(0));
+        for text in ["1", "2"] {
+            let code = SetupCode {
+                hash: SecretHash::of(text),
+                ends_ns: time(&mut self.chance),
+            };
+            ask!(self, add_setup_code(&code));
         }
         Ok(())
     }
