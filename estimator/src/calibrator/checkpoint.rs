@@ -98,7 +98,7 @@ impl Calibrator {
                 filter.lose_anchor();
                 filter
             }),
-            session: self.session.clone(),
+            session: self.session.stored(),
             trust: self.trust.clone(),
             long_run,
             comparison: self.comparison.clone(),

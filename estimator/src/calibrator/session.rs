@@ -15,6 +15,8 @@ use crate::stream::{DriveSample, Dropped, RobotTime};
 const NIS_WINDOW: usize = 200;
 /// Most changes kept of a session.
 const CHANGES_MAX: usize = 64;
+/// Most of them in a checkpoint, the latest: each takes some 190 bytes, and 10 kB are there for all.
+const CHANGES_STORED_MAX: usize = 5;
 
 /// A stretch of one robot's life over which its clock went on.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -42,6 +44,16 @@ impl Session {
             now: stamp,
             ..Self::default()
         }
+    }
+
+    /// What a checkpoint has of it.
+    pub fn stored(&self) -> Self {
+        let mut stored = self.clone();
+        let earlier = stored.changes.len().saturating_sub(CHANGES_STORED_MAX);
+        stored.changes.drain(..earlier);
+        let earlier = stored.segments.len().saturating_sub(CHANGES_STORED_MAX);
+        stored.segments.drain(..earlier);
+        stored
     }
 
     /// Seconds from the session's first message to a stamp.

@@ -206,6 +206,8 @@ pub const POSTGRES_READ_TIMEOUT: Duration = Duration::from_secs(10);
 pub const POSTGRES_BULK_TIMEOUT: Duration = Duration::from_mins(10);
 /// Seconds of history are in their minutes and hours in PostgreSQL after this time.
 pub const POSTGRES_ROLL_UP_EVERY: Duration = Duration::from_mins(1);
+/// Minutes that may wait for that; more are rolled up at once.
+pub const POSTGRES_ROLL_UP_WAITING_MAX: usize = 20_000;
 /// Minutes that are rolled up in one transaction.
 pub const POSTGRES_ROLL_UP_MAX: usize = 512;
 /// Days whose partitions are known to be there.

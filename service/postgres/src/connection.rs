@@ -7,6 +7,7 @@ use fleetcal_domain::limits;
 use fleetcal_sql::{Connection, Dialect, Pool, Row, Statement, StatementError, Value};
 use fleetcal_store::StoreError;
 use sqlx::postgres::{PgArguments, PgConnection, PgPool, PgRow, PgValueRef, Postgres};
+use sqlx::query::QueryScalar;
 use sqlx::{AssertSqlSafe, Decode, Executor, Row as _, TypeInfo as _, ValueRef as _};
 
 use crate::failure::{Fate, TimedOut};
@@ -102,6 +103,16 @@ impl Session {
         };
         let ended = in_time_of(within, copying).await;
         self.noted(ended).map(drop)
+    }
+
+    /// Runs a query of one number that may take long.
+    pub(crate) async fn scalar_within(
+        &mut self,
+        within: Duration,
+        query: QueryScalar<'_, Postgres, i64, PgArguments>,
+    ) -> Result<i64, StatementError> {
+        let ended = in_time_of(within, query.fetch_one(&mut self.connection)).await;
+        self.noted(ended)
     }
 
     /// Keeps what an error means for the transaction.

@@ -15,6 +15,12 @@ use crate::servers::{Purpose, Servers};
 /// Tables that a new schema has a row in.
 const SEEDED: [&str; 2] = ["site", "policy"];
 
+/// What is noted of days whose seconds did not come one by one.
+const DAYS_COPIED: &str = "\
+UPDATE history_day AS d SET (received, row_count) = (
+    SELECT coalesce(max(s.received), 0), count(*) FROM history_second AS s
+    WHERE s.t >= d.day * 86400 AND s.t < (d.day + 1) * 86400)";
+
 /// Copies every table of `from` into the database of `setup`, which is brought to this program's
 /// schema and must be empty. All of it is one transaction: what is broken off leaves nothing behind
 /// and can be run again. Each table is read again at the end and must say the same as in `from`.
@@ -71,6 +77,10 @@ async fn copy_tables(
             add_days(from, to).await?;
         }
         let there = table.copy(from, to, copied).await?;
+        if table.name == "history_second" {
+            let noted = to.execute(statement(DAYS_COPIED.to_owned())).await;
+            noted.map_err(StoreError::database("note the days of its history"))?;
+        }
         let here = table.content(to).await?;
         if here != there {
             let name = table.name;

@@ -10,7 +10,7 @@ use std::sync::LazyLock;
 
 use fleetcal_domain::limits;
 use fleetcal_model::{Parameter, WallTime};
-use fleetcal_sql::{Connection as _, Keys, Statement, StatementError, key_of, telemetry};
+use fleetcal_sql::{Connection as _, Keys, Statement, StatementError, key_of};
 use fleetcal_store::{HistoryRow, StoreError};
 use tokio::time::Instant;
 
@@ -101,7 +101,8 @@ impl History {
     /// What is to be rolled up next, when it is time or `everything` is asked for; in parts that
     /// are committed each by itself.
     pub(crate) fn next_part(&self, everything: bool) -> Option<Vec<(i64, i64)>> {
-        let is_time = self.rolled_up_at.elapsed() >= limits::POSTGRES_ROLL_UP_EVERY;
+        let is_time = self.rolled_up_at.elapsed() >= limits::POSTGRES_ROLL_UP_EVERY
+            || self.minutes.len() > limits::POSTGRES_ROLL_UP_WAITING_MAX;
         if self.minutes.is_empty() || !(is_time || everything) {
             return None;
         }
@@ -176,41 +177,80 @@ pub(crate) async fn roll_up(
     Ok(())
 }
 
-/// Drops the days of which every second was received before `before_s`; gives the number of rows,
-/// about.
-///
-/// # Errors
-/// The database's failure.
-pub(crate) async fn drop_days(session: &mut Session, before_s: i64) -> Result<u64, StoreError> {
-    let statement = Statement {
-        sql: "SELECT history_drop_days($1)".into(),
-        values: vec![before_s.into()],
-    };
-    let rows = session.rows(statement).await;
-    let rows = rows.map_err(StoreError::database("drop a day of the history"))?;
-    let dropped = rows.first().and_then(|row| row.integer(0));
-    // Seconds whose robot's clock was of another day.
-    let others = telemetry::prune_seconds_beside_days(session, before_s).await?;
-    Ok(dropped.unwrap_or(0).unsigned_abs() + others)
-}
-
 /// Writes seconds, which are new as a rule: `COPY` logs half as much as an `INSERT` that looks for
-/// each row's key. Where one is there already, all of them are written by such an `INSERT`.
+/// each row's key. Those that are there already go before.
 async fn insert(
     session: &mut Session,
     seconds: &BTreeMap<(i64, i64), &HistoryRow>,
 ) -> Result<(), StatementError> {
+    let mut days = days_of(seconds);
     session.run("SAVEPOINT new_seconds").await?;
     let within = limits::POSTGRES_STATEMENT_TIMEOUT;
     match session.copy_in(&COPY, copied(seconds), within).await {
         Err(_) if session.fate() == Fate::Conflict => {
-            session
-                .return_to("ROLLBACK TO SAVEPOINT new_seconds")
-                .await?;
-            overwrite(session, seconds).await
+            let undo = "ROLLBACK TO SAVEPOINT new_seconds";
+            session.return_to(undo).await?;
+            for (&day, written) in &mut days {
+                let of_day = seconds
+                    .keys()
+                    .filter(|(_, t_s)| t_s.div_euclid(DAY_S) == day);
+                written.more -= delete(session, of_day.copied().unzip()).await?;
+            }
+            session.copy_in(&COPY, copied(seconds), within).await?;
         }
-        ended => ended,
+        ended => ended?,
     }
+    note_days(session, days).await
+}
+
+/// What was written of a day.
+#[derive(Debug, Default)]
+struct DayWritten {
+    /// When the newest of it was received, s.
+    received_s: i64,
+    /// By how much its rows are more.
+    more: i64,
+}
+
+/// The days of seconds that are all new.
+fn days_of(seconds: &BTreeMap<(i64, i64), &HistoryRow>) -> BTreeMap<i64, DayWritten> {
+    let mut days: BTreeMap<i64, DayWritten> = BTreeMap::new();
+    for (&(_, t_s), row) in seconds {
+        let day = days.entry(t_s.div_euclid(DAY_S)).or_default();
+        day.received_s = day.received_s.max(row.received_s);
+        day.more += 1;
+    }
+    days
+}
+
+/// Deletes seconds by their robots and times; gives how many were there.
+async fn delete(
+    session: &mut Session,
+    (keys, t_s): (Vec<i64>, Vec<i64>),
+) -> Result<i64, StatementError> {
+    let query = sqlx::query(
+        "DELETE FROM history_second AS s USING unnest($1::int8[], $2::int8[]) AS k (robot, t)
+         WHERE s.robot = k.robot AND s.t = k.t",
+    );
+    let deleted = session.execute_query(query.bind(keys).bind(t_s)).await?;
+    Ok(deleted.cast_signed())
+}
+
+/// Notes what was written of each day, by which it is dropped one day.
+async fn note_days(
+    session: &mut Session,
+    days: BTreeMap<i64, DayWritten>,
+) -> Result<(), StatementError> {
+    for (day, written) in days {
+        let noted = session.execute(Statement {
+            sql: "UPDATE history_day SET received = greatest(received, $2),
+                      row_count = row_count + $3 WHERE day = $1"
+                .into(),
+            values: vec![day.into(), written.received_s.into(), written.more.into()],
+        });
+        noted.await?;
+    }
+    Ok(())
 }
 
 /// Seconds in the text format of `COPY`, in the order of [`columns`].
@@ -235,34 +275,6 @@ fn copied(seconds: &BTreeMap<(i64, i64), &HistoryRow>) -> Vec<u8> {
     text.into_bytes()
 }
 
-/// Writes seconds in one statement, an array for each column.
-async fn overwrite(
-    session: &mut Session,
-    seconds: &BTreeMap<(i64, i64), &HistoryRow>,
-) -> Result<(), StatementError> {
-    let column =
-        |of: fn(&HistoryRow) -> i64| -> Vec<i64> { seconds.values().map(|row| of(row)).collect() };
-    let keys: Vec<i64> = seconds.keys().map(|&(key, _)| key).collect();
-    let nis: Vec<Option<f64>> = seconds.values().map(|row| row.nis).collect();
-    let mut query = sqlx::query(sqlx::AssertSqlSafe(OVERWRITE.as_str()))
-        .bind(keys)
-        .bind(column(|row| row.t_s))
-        .bind(column(|row| row.received_s))
-        .bind(column(|row| i64::from(row.status)))
-        .bind(nis);
-    for parameter in 0..Parameter::ALL.len() {
-        let cells = || {
-            seconds
-                .values()
-                .map(|row| row.cells.get(parameter).copied().flatten())
-        };
-        let values: Vec<Option<f64>> = cells().map(|cell| cell.map(|(value, _)| value)).collect();
-        let sigmas: Vec<Option<f64>> = cells().map(|cell| cell.map(|(_, sigma)| sigma)).collect();
-        query = query.bind(values).bind(sigmas);
-    }
-    session.execute_query(query).await.map(drop)
-}
-
 /// The columns of a second beside its key.
 fn columns() -> Vec<String> {
     let parameters = Parameter::ALL.iter().flat_map(|parameter| {
@@ -279,21 +291,6 @@ fn columns() -> Vec<String> {
 static COPY: LazyLock<String> = LazyLock::new(|| {
     let columns = columns().join(", ");
     format!("COPY history_second (robot, t, {columns}) FROM STDIN")
-});
-
-static OVERWRITE: LazyLock<String> = LazyLock::new(|| {
-    let columns = columns();
-    let arrays: Vec<String> = (0..2 * Parameter::ALL.len())
-        .map(|index| format!("${}::float8[]", 6 + index))
-        .collect();
-    format!(
-        "INSERT INTO history_second (robot, t, {}) \
-         SELECT * FROM unnest($1::int8[], $2::int8[], $3::int8[], $4::int8[], $5::float8[], {}) \
-         ON CONFLICT (robot, t) DO UPDATE SET {}",
-        columns.join(", "),
-        arrays.join(", "),
-        overwritten(&columns)
-    )
 });
 
 /// Takes these columns from the new row.
@@ -443,6 +440,17 @@ mod tests {
             parts += 1;
         }
         assert_eq!(parts, 2);
+    }
+
+    /// While somebody replays a year at once.
+    #[test]
+    fn no_more_minutes_wait_than_may() {
+        let waiting = limits::POSTGRES_ROLL_UP_WAITING_MAX as i64;
+        let minute = |number| (1, NOW_S + 60 * number);
+        let history = with_minutes((0..waiting).map(minute));
+        assert_eq!(history.next_part(false), None);
+        let history = with_minutes((0..=waiting).map(minute));
+        assert!(history.next_part(false).is_some());
     }
 
     #[test]

@@ -10,6 +10,7 @@ mod copy;
 mod exclusive;
 mod failure;
 mod history;
+mod old_days;
 mod schema;
 mod servers;
 mod testing;
@@ -34,7 +35,7 @@ use writer::{Records, Telemetry};
 pub use copy::copy;
 pub use schema::migrate;
 #[doc(hidden)]
-pub use testing::{create_for_test, spent_for_test};
+pub use testing::{create_for_test, fill_day_for_test, spent_for_test};
 pub use writer::JobRuns;
 
 /// A future that is compiled in this crate, and not in each that awaits it.

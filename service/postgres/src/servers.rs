@@ -25,6 +25,8 @@ pub(crate) enum Purpose {
     Records,
     /// Telemetry. A commit does not wait for the disk: what is lost with the machine is a second.
     Telemetry,
+    /// Dropping old days. Whoever reads them is waited for shortly, since others wait behind.
+    Retention,
     /// Reading.
     Reading,
     /// Bringing the schema up to date.
@@ -47,6 +49,7 @@ impl Purpose {
                  SET client_connection_check_interval = '2s'; SET tcp_keepalives_idle = 4; \
                  SET tcp_keepalives_interval = 2; SET tcp_keepalives_count = 3"
             }
+            Self::Retention => "SET synchronous_commit = off; SET lock_timeout = '100ms'",
             Self::Reading => {
                 "SET default_transaction_read_only = on; SET statement_timeout = '10s'; \
                  SET client_connection_check_interval = '2s'"

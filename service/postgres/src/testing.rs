@@ -8,6 +8,7 @@ use fleetcal_store::database_url::PostgresUrl;
 
 use crate::PostgresSetup;
 use crate::connection::Session;
+use crate::history;
 use crate::servers::{Purpose, Servers};
 
 /// Creates an empty database on a server; gives its URL.
@@ -68,4 +69,37 @@ pub async fn spent_for_test(setup: &PostgresSetup) -> Result<(u32, f64), StoreEr
     session.close().await;
     let parent = parent.and_then(|text| text.parse().ok()).unwrap_or(0);
     Ok((parent, number(1) as f64))
+}
+
+/// Fills a day of the history, of message time as of receipt, with the seconds of robots that drove
+/// all day, as they would have come.
+///
+/// # Errors
+/// As of connecting; [`StoreError::Database`].
+pub async fn fill_day_for_test(
+    setup: &PostgresSetup,
+    day: i64,
+    robots: i64,
+) -> Result<(), StoreError> {
+    const MINUTES: i64 = 24 * 60;
+    let servers = Servers::new(setup.clone())?;
+    let mut session = Session::new(servers.connect(Purpose::Telemetry).await?);
+    history::add_day(&mut session, day).await?;
+    for minute in 0..MINUTES {
+        let from_s = day * history::DAY_S + minute * 60;
+        let filled = format!(
+            "INSERT INTO history_second SELECT r, {from_s} + s, {from_s} + s,
+                 random(), random(), random(), random(), random(), random(), random(), random(),
+                 random(), random(), NULL, NULL, random(), random(), NULL, NULL, 7, random()
+             FROM generate_series(0, 59) AS s, generate_series(1, {robots}) AS r"
+        );
+        run_for_test(&mut session, filled).await?;
+    }
+    let noted = format!(
+        "UPDATE history_day SET received = (day + 1) * 86400 - 1, row_count = 86400 * {robots}
+         WHERE day = {day}"
+    );
+    run_for_test(&mut session, noted).await?;
+    session.close().await;
+    Ok(())
 }

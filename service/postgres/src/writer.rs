@@ -1,5 +1,6 @@
 //! The connections that write: one for jobs, one for telemetry.
 
+use std::mem;
 use std::sync::Arc;
 
 use async_trait::async_trait;
@@ -14,6 +15,7 @@ use crate::connection::Session;
 use crate::exclusive::ExclusiveLock;
 use crate::failure::Fate;
 use crate::history::{self, History, Written};
+use crate::old_days::OldDays;
 use crate::servers::{Purpose, Servers};
 
 /// Every job sees the database as if no other one ran meanwhile.
@@ -258,6 +260,7 @@ fn beside(error: StoreError) -> StoreError {
 pub(crate) struct Telemetry {
     line: Line,
     history: History,
+    old_days: OldDays,
 }
 
 impl Telemetry {
@@ -270,18 +273,19 @@ impl Telemetry {
         Self {
             line: Line::new(servers, Purpose::Telemetry, session, lock),
             history,
+            old_days: OldDays::default(),
         }
     }
 
     /// Does some work in a transaction.
-    async fn transact(&mut self, work: Work<'_>) -> Result<u64, StoreError> {
+    async fn transact(&mut self, work: Work<'_>) -> Result<Done, StoreError> {
         let (session, keys) = self.line.begin(BEGIN_TELEMETRY).await?;
         let done = work.run(session, keys, &mut self.history).await;
         let done = match done {
-            Ok(done) => match session.commit().await {
+            Ok(mut done) => match session.commit().await {
                 Ok(()) => {
-                    self.history.take(done.written);
-                    return Ok(done.pruned);
+                    self.history.take(mem::take(&mut done.written));
+                    return Ok(done);
                 }
                 Err(error) => Err(StoreError::Commit(Arc::new(error))),
             },
@@ -305,6 +309,8 @@ enum Work<'b> {
 #[derive(Debug, Default)]
 struct Done {
     pruned: u64,
+    /// Whether there are days to be dropped.
+    old_days: bool,
     written: Written,
 }
 
@@ -323,7 +329,8 @@ impl Work<'_> {
             }
             Work::RollUp(minutes) => history::roll_up(session, minutes).await?,
             Work::Prune(Aged::Seconds, before_s) => {
-                done.pruned = history::drop_days(session, before_s).await?;
+                done.old_days = OldDays::are_there(session, before_s).await?;
+                done.pruned = telemetry::prune_seconds_beside_days(session, before_s).await?;
             }
             Work::Prune(aged, before_s) => {
                 done.pruned = telemetry::prune(session, aged, before_s).await?;
@@ -352,7 +359,11 @@ impl TelemetryWriter for Telemetry {
         if matches!(aged, Aged::Seconds | Aged::Minutes) && self.history.reaches(before_s) {
             self.catch_up(true).await?;
         }
-        self.transact(Work::Prune(aged, before_s)).await
+        let done = self.transact(Work::Prune(aged, before_s)).await?;
+        let servers = &self.line.servers;
+        let days = &mut self.old_days;
+        let dropped = days.drop_next(servers, done.old_days, before_s).await?;
+        Ok(done.pruned + dropped)
     }
 
     async fn close(self: Box<Self>) -> Result<(), StoreError> {

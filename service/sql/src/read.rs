@@ -227,8 +227,7 @@ impl Reader for SqlReader {
                 "SELECT CASE
                      WHEN current_setting('synchronous_commit') IN ('off', 'local')
                          OR current_setting('synchronous_standby_names') = '' THEN false
-                     ELSE (SELECT CASE WHEN count(*) = 0 THEN false
-                             ELSE bool_or(sync_state IN ('sync', 'quorum')) END
+                     ELSE (SELECT bool_or(sync_state IN ('sync', 'quorum'))
                          FROM pg_stat_replication)
                  END",
             )

@@ -16,8 +16,7 @@ use crate::robot::Robot;
 use crate::stored::{self, Restored, Stored};
 use crate::verification_run::VerificationRun;
 
-/// Most bytes of a checkpoint, with up to seven changes in the session: each takes some 160, and 64
-/// of them are kept.
+/// Most bytes of a checkpoint.
 const BYTES_MAX: usize = 10_000;
 /// Most bytes while values are in verification.
 const VERIFYING_BYTES_MAX: usize = 20_000;
@@ -145,9 +144,25 @@ fn a_checkpoint_has_10_kb_and_20_kb_in_verification() {
         change: simulator::Change::Mount(simulator::Pose2::new(0.1, 0.1, 0.1)),
     });
     knocked.changes = knocks.to_vec();
-    for (name, config) in [("poses", poses()), ("scans", scans), ("knocked", knocked)] {
+    let mut loose = poses();
+    let mounts = (0..20).map(|knock: u8| ScheduledChange {
+        at_s: 60.0 + 25.0 * f64::from(knock),
+        change: simulator::Change::Mount(match knock % 2 {
+            0 => simulator::Pose2::new(0.1, 0.1, 0.1),
+            _ => simulator::Pose2::new(0.0, 0.0, 0.0),
+        }),
+    });
+    loose.changes = mounts.collect();
+    for (name, config, alone_s, changes) in [
+        ("poses", poses(), 150.0, 0),
+        ("scans", scans, 150.0, 0),
+        ("knocked", knocked, 150.0, 2),
+        ("loose", loose, 600.0, 10),
+    ] {
         let mut drive = Drive::new(config);
-        let alone = drive.largest(150.0);
+        let alone = drive.largest(alone_s);
+        let seen = drive.restored.calibrator.changes().len();
+        assert!(seen >= changes, "{name}: {seen} changes seen");
         drive.verify();
         let verifying = drive.largest(90.0);
         println!("{name}: {alone} bytes, {verifying} in verification");
