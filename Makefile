@@ -136,8 +136,11 @@ test-postgres: build-for-tests python ## Unit tests and end-to-end tests with al
 	  --test plain_robots -- --test-threads 2
 
 .PHONY: store-load
-store-load: ## What 1,000 robots' telemetry costs SQLite and PostgreSQL: twenty minutes
-	tests/postgres/with_server.sh --durable $(CARGO) run --release --locked -p fleetcal-contract --example store_load
+store-load: ## What 1,000 robots' telemetry costs SQLite and PostgreSQL, dropping a day, copying: 25 minutes
+	for example in store_load drop_day copy_load; do \
+	  tests/postgres/with_server.sh --durable $(CARGO) run --release --locked -p fleetcal-contract \
+	    --example $$example || exit 1; \
+	done
 
 .PHONY: test-web
 test-web: build-for-tests chromium python ## The dashboard's unit tests, then the real binary in a browser

@@ -2,13 +2,14 @@
 # Runs a command beside a throw-away PostgreSQL, which the command finds in FLEETCAL_TEST_POSTGRES
 # and may fill with databases: tests/postgres/with_server.sh [--durable] COMMAND [ARGUMENT]...
 # The server is on loopback, belongs to this run alone, and goes with it. With --durable it writes to
-# the disk as one that is used does, for measurements; without it nothing outlives a power cut, which
-# tests do not need: those of durability start servers of their own.
+# the disk as one that is used does, for measurements, with the settings that docs/postgresql.md
+# advises; without it nothing outlives a power cut, which tests do not need: those of durability start
+# servers of their own.
 set -euo pipefail
 
 settings="-c fsync=off -c full_page_writes=off"
 if [ "${1:-}" = --durable ]; then
-  settings=""
+  settings="-c checkpoint_timeout=15min -c max_wal_size=4GB -c wal_compression=on"
   shift
 fi
 if [ "$#" -eq 0 ]; then

@@ -9,14 +9,17 @@ use super::query::query_scalar;
 use super::telemetry;
 use super::transaction::SqlRecords;
 
-/// Appends a row; the caller's transaction is the one of the change.
+/// Appends a row; the caller's transaction is the one of the change. Its number is the next one, not
+/// a sequence's, which gives none again when a transaction is undone: a gap would look like a row
+/// that somebody took away.
 async fn append(connection: &mut dyn Connection, entry: &AuditEntry) -> Result<i64, StoreError> {
     let actor = &entry.actor;
     let request = actor.request.as_ref();
     query_scalar(
-        "INSERT INTO audit (at_ns, actor, authentication, role, request, action, subject,
+        "INSERT INTO audit (id, at_ns, actor, authentication, role, request, action, subject,
              subject_id, robot, before, after, reason, address)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13) RETURNING id",
+         VALUES ((SELECT coalesce(max(id), 0) + 1 FROM audit),
+             $1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13) RETURNING id",
     )
     .bind(entry.at_ns.0)
     .bind(&actor.name)

@@ -6,11 +6,13 @@ use std::time::Duration;
 
 use async_trait::async_trait;
 use fleetcal_contract::{
-    AddUser, IsThere, KeepRobot, NOW_S, TestDatabase, clock, config, event, record, robot,
+    AddUser, IsThere, KeepRobot, NOW_S, NS, TestDatabase, clock, config, event, record, robot,
 };
-use fleetcal_domain::access::AccountRefused;
+use fleetcal_domain::access::{AccountRefused, Actor};
+use fleetcal_domain::audit::Action;
 use fleetcal_domain::limits;
-use fleetcal_store::{Job, Records, StoreError};
+use fleetcal_model::WallTime;
+use fleetcal_store::{AuditEntry, AuditFilter, Job, Records, StoreError};
 
 /// Adds a user, counts its runs, and is refused then.
 #[derive(Debug)]
@@ -95,6 +97,42 @@ async fn a_job_may_be_run_again_and_counts_once() {
     refused.await.unwrap_err();
     assert_eq!(runs.load(Ordering::Relaxed), 2);
     assert_eq!(store.users(0, 10).await.unwrap().len(), 2);
+}
+
+/// Every job here is run twice, and undone the first time.
+#[tokio::test]
+async fn numbers_of_the_audit_have_no_gaps() {
+    #[derive(Debug)]
+    struct Append;
+    #[async_trait]
+    impl Job for Append {
+        type Done = ();
+        async fn run(&self, records: &mut dyn Records) -> Result<(), StoreError> {
+            let entry = AuditEntry {
+                at_ns: WallTime(NOW_S * NS),
+                actor: Actor::service(),
+                action: Action::NoteEvent,
+                subject_id: "1".to_owned(),
+                robot: None,
+                before: None,
+                after: None,
+                reason: None,
+            };
+            records.append_audit(&entry).await
+        }
+    }
+    let database = TestDatabase::new().await;
+    let store = database.open_running_twice(clock()).await;
+    for _ in 0..3 {
+        store.transact(Append).await.unwrap();
+    }
+    let all = AuditFilter {
+        limit: 10,
+        ..AuditFilter::default()
+    };
+    let rows = store.audit(&all).await.unwrap();
+    let numbers: Vec<i64> = rows.iter().map(|row| row.id.0).collect();
+    assert_eq!(numbers, [3, 2, 1]);
 }
 
 #[tokio::test]
