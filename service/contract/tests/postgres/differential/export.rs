@@ -7,6 +7,7 @@ use fleetcal_domain::access::SecretHash;
 use fleetcal_domain::alert::ConditionName;
 use fleetcal_domain::approval::ProposalState;
 use fleetcal_model::{AlertId, Generation, Parameter, ProposalId, UserId, WallTime, WebhookId};
+use fleetcal_store::backend::Stretch;
 use fleetcal_store::{
     AlertFilter, AlertSelection, AuditFilter, HistoryQuery, ProposalFilter, Store,
 };
@@ -34,6 +35,16 @@ macro_rules! ask {
         writeln!($export.text, concat!($name, ": {:?}"), answer).unwrap();
         answer
     }};
+}
+
+/// Rounds what sums go into, whose last bit depends on their order, to 13 digits.
+fn round_means(stretch: &mut Stretch) {
+    let round = |value: &mut f64| *value = format!("{value:.12e}").parse().unwrap();
+    stretch.nis.iter_mut().for_each(round);
+    for cell in stretch.cells.iter_mut().flatten() {
+        round(&mut cell.mean);
+        round(&mut cell.sigma);
+    }
 }
 
 /// Everything that the store gives, by every method that reads.
@@ -107,7 +118,10 @@ impl Export<'_> {
                     to_s: NOW_S + to_s,
                     points_max,
                 };
-                ask!(self, "stretches", history(&query));
+                let mut history = self.store.history(&query).await.unwrap();
+                history.stretches.iter_mut().for_each(round_means);
+                writeln!(self.text, "history: {history:?}").unwrap();
+                self.calls.note("reader.stretches");
                 self.calls.note("reader.extent");
             }
         }
