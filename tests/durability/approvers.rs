@@ -13,6 +13,7 @@ use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::signing::SigningKey;
 use fleetcal_store::{ProposalFilter, Store, StoreError};
 
+use crate::place::Place;
 use crate::records;
 
 /// Proposals that two approve at once.
@@ -138,7 +139,9 @@ async fn of_two_approvers_at_once_exactly_one_wins() {
     };
     assert_eq!(store.proposals(&filter).await.unwrap().len(), PROPOSALS);
     store.close().await.unwrap();
-    let records = records::read(folder.path()).await.unwrap();
+    let records = records::read(&Place::Folder(folder.path().to_owned()))
+        .await
+        .unwrap();
     let rows = records.audit.values().flatten();
     let approvals = rows.filter(|one| one.row.action == "proposal.approve");
     assert_eq!(approvals.count(), PROPOSALS);
@@ -146,7 +149,12 @@ async fn of_two_approvers_at_once_exactly_one_wins() {
 }
 
 async fn snapshot(folder: &Path) -> String {
-    format!("{:?}", records::read(folder).await.unwrap())
+    format!(
+        "{:?}",
+        records::read(&Place::Folder(folder.to_owned()))
+            .await
+            .unwrap()
+    )
 }
 
 #[tokio::test]

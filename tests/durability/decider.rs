@@ -1,7 +1,7 @@
 //! Takes decisions on a few robots' calibrations, through the real lifecycle and the real store, until
 //! it is killed or has taken as many as it was told to. It says before and after each what it does.
 //!
-//! `fleetcal-decider FOLDER SEED ROBOTS DECISIONS SESSIONS power|process`
+//! `fleetcal-decider DATABASE SEED ROBOTS DECISIONS SESSIONS power|process`
 
 #![expect(
     clippy::unwrap_used,
@@ -10,11 +10,11 @@
 )]
 
 mod choice;
+mod place;
 mod said;
 
 use std::collections::BTreeMap;
 use std::io::Write;
-use std::path::Path;
 use std::sync::Arc;
 
 use fleetcal_clock::{SharedClock, SystemClock};
@@ -34,11 +34,13 @@ use fleetcal_store::StoreError;
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 
+use place::Place;
 use said::{Effect, Row, Said};
 
 /// What a run is asked for.
 struct Order {
-    folder: String,
+    /// A folder, or the URL of a PostgreSQL.
+    database: String,
     seed: u64,
     robots: usize,
     decisions: usize,
@@ -48,11 +50,11 @@ struct Order {
 
 fn main() {
     let words: Vec<String> = std::env::args().skip(1).collect();
-    let [folder, seed, robots, decisions, sessions, outlives] = words.as_slice() else {
-        panic!("expected FOLDER SEED ROBOTS DECISIONS SESSIONS power|process");
+    let [database, seed, robots, decisions, sessions, outlives] = words.as_slice() else {
+        panic!("expected DATABASE SEED ROBOTS DECISIONS SESSIONS power|process");
     };
     let order = Order {
-        folder: folder.clone(),
+        database: database.clone(),
         seed: seed.parse().unwrap(),
         robots: robots.parse().unwrap(),
         decisions: decisions.parse().unwrap(),
@@ -81,9 +83,11 @@ fn say(said: &Said) {
 
 async fn run(order: &Order, session: u64) {
     let clock: SharedClock = Arc::new(SystemClock::start());
-    let folder = Path::new(&order.folder);
-    let store = fleetcal_sqlite::open_with(folder, Arc::clone(&clock), order.outlives);
-    let store = store.await.unwrap();
+    let place = Place::of(&order.database);
+    let store = place
+        .open(Arc::clone(&clock), order.outlives)
+        .await
+        .unwrap();
     let vehicle =
         || RobotConfig::of_vehicle(VehicleModel::Bicycle, Wheelbase::try_from(1.2).unwrap());
     let ids = (1..=order.robots).map(|number| RobotId::parse(&format!("tugger_{number}")).unwrap());

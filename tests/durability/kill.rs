@@ -1,13 +1,14 @@
 //! `kill -9` at random moments: nothing that was acknowledged is lost, and nothing is half done.
 
 use std::io::{BufRead, BufReader};
-use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
+use tempfile::TempDir;
 
+use crate::place::Place;
 use crate::said::Said;
 use crate::witness::Witness;
 
@@ -16,11 +17,32 @@ const ROUNDS: u64 = 300;
 /// Rounds that go on with the same database.
 const ROUNDS_OF_A_DATABASE: u64 = 15;
 
-fn decider(folder: &Path, seed: u64) -> Child {
+/// A database of its own: on a server where `FLEETCAL_TEST_POSTGRES` names one.
+struct Database {
+    address: String,
+    /// Kept where something is wrong with it.
+    folder: TempDir,
+}
+
+impl Database {
+    async fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let address = match fleetcal_contract::server() {
+            Some(server) => fleetcal_postgres::create_for_test(&server)
+                .await
+                .unwrap()
+                .to_string(),
+            None => folder.path().display().to_string(),
+        };
+        Self { address, folder }
+    }
+}
+
+fn decider(database: &str, seed: u64) -> Child {
     let seed = seed.to_string();
     let order = [seed.as_str(), "3", "1000000", "1", "power"];
     Command::new(env!("CARGO_BIN_EXE_fleetcal-decider"))
-        .arg(folder)
+        .arg(database)
         .args(order)
         .stdout(Stdio::piped())
         .spawn()
@@ -28,9 +50,9 @@ fn decider(folder: &Path, seed: u64) -> Child {
 }
 
 /// Lets the process decide until it is killed at a random moment, and hears all that it said.
-fn one_round(folder: &Path, seed: u64, witness: &mut Witness) {
+fn one_round(database: &str, seed: u64, witness: &mut Witness) {
     let mut random = StdRng::seed_from_u64(seed);
-    let mut child = decider(folder, seed);
+    let mut child = decider(database, seed);
     let out = BufReader::new(child.stdout.take().unwrap());
     // Some die before they are open, too.
     let early = random.random_range(0..10) == 0;
@@ -71,16 +93,16 @@ async fn a_killed_service_loses_nothing_that_it_acknowledged() {
     let rounds = std::env::var("KILL_ROUNDS").map_or(ROUNDS, |text| text.parse().unwrap());
     let base = std::env::var("KILL_SEED").map_or(1, |text| text.parse().unwrap());
     let (mut acknowledged, mut unheard) = (0, 0);
-    let mut folder = tempfile::tempdir().unwrap();
+    let mut database = Database::new().await;
     let mut witness = Witness::default();
     for round in 0..rounds {
         if round % ROUNDS_OF_A_DATABASE == 0 {
-            folder = tempfile::tempdir().unwrap();
+            database = Database::new().await;
             witness = Witness::default();
         }
         let seed = base + round;
-        one_round(folder.path(), seed, &mut witness);
-        match witness.check(folder.path()).await {
+        one_round(&database.address, seed, &mut witness);
+        match witness.check(&Place::of(&database.address)).await {
             Ok(records) => {
                 acknowledged += witness.acknowledged;
                 witness.acknowledged = 0;
@@ -89,8 +111,8 @@ async fn a_killed_service_loses_nothing_that_it_acknowledged() {
                 witness.unheard = 0;
             }
             Err(fault) => {
-                let kept = folder.keep();
-                panic!("KILL_SEED={seed}, {}: {fault:?}", kept.display());
+                database.folder.disable_cleanup(true);
+                panic!("KILL_SEED={seed}, {}: {fault:?}", database.address);
             }
         }
     }

@@ -17,6 +17,7 @@ mod injected;
 mod kill;
 mod lifecycle;
 mod memory;
+mod place;
 mod power;
 mod records;
 mod said;

@@ -7,6 +7,7 @@ use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 
 use crate::disk::Disk;
+use crate::place::Place;
 use crate::said::Said;
 use crate::trace::{self, Event};
 use crate::witness::{Fault, Witness};
@@ -71,7 +72,7 @@ async fn lose_power_often(outlives: &str, images: usize, seed: u64) -> Found {
             let image = tempfile::tempdir_in(images_in()).unwrap();
             disk.lose_power(&mut random, image.path());
             found.acknowledged += witness.acknowledged;
-            match witness.check(image.path()).await {
+            match witness.check(&Place::Folder(image.path().to_owned())).await {
                 Ok(_) => {}
                 Err(Fault::Lost(_)) => found.lost += 1,
                 Err(other) => found

@@ -1,13 +1,14 @@
 //! What a database holds of the life cycle, read past the store.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use fleetcal_proto::calibration::Envelope;
 use serde_json::Value;
-use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
+use sqlx::postgres::{PgConnection, PgRow};
+use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection, SqliteRow};
 use sqlx::{Connection, Row as _};
 
+use crate::place::Place;
 use crate::said::Row;
 
 /// A row of the audit with the record before.
@@ -36,31 +37,90 @@ pub struct Records {
     pub events: BTreeMap<(String, String), usize>,
 }
 
-/// Reads the database of a folder.
+/// Reads a database.
 ///
 /// # Errors
 /// The database's failure.
-pub async fn read(folder: &Path) -> Result<Records, sqlx::Error> {
-    let options = SqliteConnectOptions::new().filename(folder.join("fleetcal.db"));
-    let mut connection = SqliteConnection::connect_with(&options.read_only(true)).await?;
+pub async fn read(place: &Place) -> Result<Records, sqlx::Error> {
+    let mut reader = Reader::open(place).await?;
     let records = Records {
-        complaints: complaints(&mut connection).await?,
-        audit: audit(&mut connection).await?,
-        by_subject: records(&mut connection).await?,
-        envelopes: envelopes(&mut connection).await?,
-        revisions: revisions(&mut connection).await?,
-        outbox: outbox(&mut connection).await?,
-        events: events(&mut connection).await?,
+        complaints: complaints(&mut reader).await?,
+        audit: audit(&mut reader).await?,
+        by_subject: records(&mut reader).await?,
+        envelopes: envelopes(&mut reader).await?,
+        revisions: revisions(&mut reader).await?,
+        outbox: outbox(&mut reader).await?,
+        events: events(&mut reader).await?,
     };
-    connection.close().await?;
+    reader.close().await?;
     Ok(records)
+}
+
+/// A row, every column as text.
+type Texts = Vec<Option<String>>;
+
+/// A connection past the store.
+enum Reader {
+    Sqlite(SqliteConnection),
+    Postgres(PgConnection),
+}
+
+impl Reader {
+    async fn open(place: &Place) -> Result<Self, sqlx::Error> {
+        Ok(match place {
+            Place::Folder(folder) => {
+                let options = SqliteConnectOptions::new().filename(folder.join("fleetcal.db"));
+                let options = options.read_only(true);
+                Self::Sqlite(SqliteConnection::connect_with(&options).await?)
+            }
+            Place::Server(setup) => {
+                Self::Postgres(PgConnection::connect(&setup.url.to_string()).await?)
+            }
+        })
+    }
+
+    async fn close(self) -> Result<(), sqlx::Error> {
+        match self {
+            Self::Sqlite(connection) => connection.close().await,
+            Self::Postgres(connection) => connection.close().await,
+        }
+    }
+
+    /// The rows of a query, of which every column is a text.
+    async fn texts(&mut self, sql: &'static str) -> Result<Vec<Texts>, sqlx::Error> {
+        match self {
+            Self::Sqlite(connection) => {
+                let rows = sqlx::query(sql).fetch_all(connection).await?;
+                let texts = |row: &SqliteRow| (0..row.len()).map(|i| row.try_get(i)).collect();
+                rows.iter().map(texts).collect()
+            }
+            Self::Postgres(connection) => {
+                let rows = sqlx::query(sql).fetch_all(connection).await?;
+                let texts = |row: &PgRow| (0..row.len()).map(|i| row.try_get(i)).collect();
+                rows.iter().map(texts).collect()
+            }
+        }
+    }
 }
 
 fn json(text: &str) -> Value {
     serde_json::from_str(text).unwrap_or_else(|error| Value::String(format!("{error}: {text}")))
 }
 
-async fn complaints(connection: &mut SqliteConnection) -> Result<Vec<String>, sqlx::Error> {
+/// A column that is never NULL.
+fn text(row: &mut Texts, index: usize) -> String {
+    row[index].take().unwrap()
+}
+
+fn number(row: &mut Texts, index: usize) -> u64 {
+    text(row, index).parse().unwrap()
+}
+
+async fn complaints(reader: &mut Reader) -> Result<Vec<String>, sqlx::Error> {
+    // PostgreSQL checks references at every commit, and has no such check of its files.
+    let Reader::Sqlite(connection) = reader else {
+        return Ok(Vec::new());
+    };
     let mut found: Vec<String> = sqlx::query_scalar("PRAGMA integrity_check")
         .fetch_all(&mut *connection)
         .await?;
@@ -71,98 +131,76 @@ async fn complaints(connection: &mut SqliteConnection) -> Result<Vec<String>, sq
     Ok(found)
 }
 
-async fn audit(
-    connection: &mut SqliteConnection,
-) -> Result<BTreeMap<String, Vec<Audited>>, sqlx::Error> {
+async fn audit(reader: &mut Reader) -> Result<BTreeMap<String, Vec<Audited>>, sqlx::Error> {
     let mut found: BTreeMap<String, Vec<Audited>> = BTreeMap::new();
     let sql = "SELECT robot, action, subject, subject_id, before, after FROM audit ORDER BY id";
-    for row in sqlx::query(sql).fetch_all(connection).await? {
-        let before: Option<String> = row.try_get(4)?;
-        let after: String = row.try_get(5)?;
+    for mut row in reader.texts(sql).await? {
         let audited = Audited {
-            before: before.as_deref().map(json),
+            before: row[4].as_deref().map(json),
             row: Row {
-                action: row.try_get(1)?,
-                subject: row.try_get(2)?,
-                subject_id: row.try_get(3)?,
-                after: json(&after),
+                action: text(&mut row, 1),
+                subject: text(&mut row, 2),
+                subject_id: text(&mut row, 3),
+                after: json(&text(&mut row, 5)),
             },
         };
-        found.entry(row.try_get(0)?).or_default().push(audited);
+        found.entry(text(&mut row, 0)).or_default().push(audited);
     }
     Ok(found)
 }
 
-async fn records(
-    connection: &mut SqliteConnection,
-) -> Result<BTreeMap<(String, String), Value>, sqlx::Error> {
+async fn records(reader: &mut Reader) -> Result<BTreeMap<(String, String), Value>, sqlx::Error> {
     let sql = "SELECT 'proposal', CAST(id AS TEXT), record FROM proposal
          UNION ALL SELECT 'deployment', CAST(id AS TEXT), record FROM deployment
          UNION ALL SELECT 'shadow', robot, record FROM shadow";
-    let rows = sqlx::query(sql).fetch_all(connection).await?;
-    rows.iter()
-        .map(|row| {
-            let record: String = row.try_get(2)?;
-            Ok(((row.try_get(0)?, row.try_get(1)?), json(&record)))
+    let rows = reader.texts(sql).await?.into_iter();
+    Ok(rows
+        .map(|mut row| {
+            let subject = (text(&mut row, 0), text(&mut row, 1));
+            (subject, json(&text(&mut row, 2)))
         })
-        .collect()
+        .collect())
 }
 
-async fn envelopes(
-    connection: &mut SqliteConnection,
-) -> Result<BTreeMap<(String, u64), Envelope>, sqlx::Error> {
-    let sql = "SELECT robot, generation, record FROM envelope";
+async fn envelopes(reader: &mut Reader) -> Result<BTreeMap<(String, u64), Envelope>, sqlx::Error> {
+    let sql = "SELECT robot, CAST(generation AS TEXT), record FROM envelope";
     let mut found = BTreeMap::new();
-    for row in sqlx::query(sql).fetch_all(connection).await? {
-        let generation: i64 = row.try_get(1)?;
-        let record: String = row.try_get(2)?;
-        let envelope =
-            serde_json::from_str(&record).map_err(|error| sqlx::Error::Decode(Box::new(error)))?;
-        found.insert((row.try_get(0)?, generation.unsigned_abs()), envelope);
+    for mut row in reader.texts(sql).await? {
+        let envelope = serde_json::from_str(&text(&mut row, 2))
+            .map_err(|error| sqlx::Error::Decode(Box::new(error)))?;
+        found.insert((text(&mut row, 0), number(&mut row, 1)), envelope);
     }
     Ok(found)
 }
 
-async fn revisions(
-    connection: &mut SqliteConnection,
-) -> Result<BTreeMap<u64, String>, sqlx::Error> {
-    let sql = "SELECT id, record ->> '$.sha256' FROM revision";
-    let rows = sqlx::query(sql).fetch_all(connection).await?;
-    rows.iter()
-        .map(|row| {
-            let id: i64 = row.try_get(0)?;
-            Ok((id.unsigned_abs(), row.try_get(1)?))
+async fn revisions(reader: &mut Reader) -> Result<BTreeMap<u64, String>, sqlx::Error> {
+    let sql = "SELECT CAST(id AS TEXT), record FROM revision";
+    let rows = reader.texts(sql).await?.into_iter();
+    Ok(rows
+        .map(|mut row| {
+            let record = json(&text(&mut row, 1));
+            let sha256 = record["sha256"].as_str().unwrap_or_default().to_owned();
+            (number(&mut row, 0), sha256)
         })
-        .collect()
+        .collect())
 }
 
-async fn outbox(
-    connection: &mut SqliteConnection,
-) -> Result<BTreeMap<(String, String), u64>, sqlx::Error> {
-    let sql = "SELECT robot, kind, generation FROM outbox";
-    let rows = sqlx::query(sql).fetch_all(connection).await?;
-    rows.iter()
-        .map(|row| {
-            let generation: i64 = row.try_get(2)?;
-            Ok((
-                (row.try_get(0)?, row.try_get(1)?),
-                generation.unsigned_abs(),
-            ))
-        })
-        .collect()
+async fn outbox(reader: &mut Reader) -> Result<BTreeMap<(String, String), u64>, sqlx::Error> {
+    let sql = "SELECT robot, kind, CAST(generation AS TEXT) FROM outbox";
+    let rows = reader.texts(sql).await?.into_iter();
+    Ok(rows
+        .map(|mut row| ((text(&mut row, 0), text(&mut row, 1)), number(&mut row, 2)))
+        .collect())
 }
 
-async fn events(
-    connection: &mut SqliteConnection,
-) -> Result<BTreeMap<(String, String), usize>, sqlx::Error> {
-    let sql = "SELECT robot.id, kind, count(*) FROM robot_event
+async fn events(reader: &mut Reader) -> Result<BTreeMap<(String, String), usize>, sqlx::Error> {
+    let sql = "SELECT robot.id, kind, CAST(count(*) AS TEXT) FROM robot_event
          JOIN robot ON robot.key = robot_event.robot GROUP BY 1, 2";
-    let rows = sqlx::query(sql).fetch_all(connection).await?;
-    rows.iter()
-        .map(|row| {
-            let count: i64 = row.try_get(2)?;
-            let count = usize::try_from(count).unwrap_or(usize::MAX);
-            Ok(((row.try_get(0)?, row.try_get(1)?), count))
+    let rows = reader.texts(sql).await?.into_iter();
+    Ok(rows
+        .map(|mut row| {
+            let count = usize::try_from(number(&mut row, 2)).unwrap_or(usize::MAX);
+            ((text(&mut row, 0), text(&mut row, 1)), count)
         })
-        .collect()
+        .collect())
 }

@@ -1,13 +1,14 @@
 //! Somebody who has heard every acknowledged decision, and compares a database with it.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::Arc;
 
 use fleetcal_clock::SystemClock;
 use fleetcal_proto::signing::{SigningKey, TrustedKeys};
+use fleetcal_sqlite::Outlives;
 use serde_json::Value;
 
+use crate::place::Place;
 use crate::records::{self, Audited, Records};
 use crate::said::{Effect, Row, Said};
 
@@ -59,11 +60,11 @@ impl Witness {
         }
     }
 
-    /// Opens the database of a folder as the service does, and compares all of it.
+    /// Opens a database as the service does, and compares all of it.
     ///
     /// # Errors
     /// What is wrong with it.
-    pub async fn check(&self, folder: &Path) -> Result<Records, Fault> {
+    pub async fn check(&self, place: &Place) -> Result<Records, Fault> {
         let damaged = |error: &dyn std::error::Error| {
             Fault::Damaged(format!(
                 "{error}: {:?}",
@@ -71,14 +72,15 @@ impl Witness {
             ))
         };
         let clock = Arc::new(SystemClock::start());
-        let store = fleetcal_sqlite::open(folder, clock)
+        let store = place
+            .open(clock, Outlives::Power)
             .await
             .map_err(|error| damaged(&error))?;
         store
             .load_ledgers()
             .await
             .map_err(|error| damaged(&error))?;
-        let records = records::read(folder).await.map_err(|error| damaged(&error));
+        let records = records::read(place).await.map_err(|error| damaged(&error));
         store.close().await.map_err(|error| damaged(&error))?;
         let records = records?;
         if !records.complaints.is_empty() {
