@@ -65,13 +65,17 @@ impl Trust {
             settings,
             ..
         } = grounds.knowledge;
+        for parameter in Parameter::ALL {
+            self.limit(parameter, values[parameter.index()], settings);
+        }
+        // Values that explain the same motion: where one cannot be, none is believed.
+        let believed = !self.holds_impossible(settings);
         let statuses = Parameter::ALL.map(|parameter| {
             let i = parameter.index();
-            self.limit(parameter, values[i], settings);
             let sigma = reported_sigma(parameter, covariance, settings);
             let status = self.status(parameter, sigma, grounds.prior_sigma[i], settings);
             match status {
-                Status::Converged if grounds.blind[i] => Status::Learning,
+                Status::Converged if grounds.blind[i] || !believed => Status::Learning,
                 status => status,
             }
         });
@@ -112,13 +116,14 @@ impl Trust {
         } else {
             Vec::new()
         };
+        let believed = !self.holds_impossible(grounds.knowledge.settings);
         let needs = Parameter::ALL.map(|parameter| {
             let i = parameter.index();
-            if self.impossible[i] {
-                return Some(CHECK_VEHICLE.to_owned());
-            }
             if !open(&statuses[i]) {
                 return None;
+            }
+            if !believed {
+                return Some(CHECK_VEHICLE.to_owned());
             }
             let sigma_now = grounds.knowledge.covariance[(i, i)].sqrt();
             let best = best_for(parameter, sigma_now, &advice);
@@ -184,6 +189,14 @@ impl Trust {
         *impossible = (value - neutral).abs() > bound;
     }
 
+    /// Whether a parameter that is estimated has a value that no vehicle has.
+    fn holds_impossible(&self, settings: &EstimatorSettings) -> bool {
+        let mut estimated = Parameter::ALL
+            .into_iter()
+            .filter(|&parameter| settings.freedom(parameter) == Freedom::Estimated);
+        estimated.any(|parameter| self.impossible[parameter.index()])
+    }
+
     /// Takes all trust away: the vehicle may not be the one that earned it.
     pub fn withdraw(&mut self) {
         self.converged = [false; Parameter::ALL.len()];
@@ -245,9 +258,10 @@ mod tests {
         let mut trust = Trust::default();
         let mut judged = |offset_deg: f64| {
             let mut values = Values::zeros();
+            values[Parameter::SpeedScale.index()] = 1.0;
             values[Parameter::SteeringOffset.index()] = offset_deg.to_radians();
             let prior_sigma = Values::repeat(1.0);
-            let [offset, ..] = trust.judge(&Grounds {
+            let [offset, lidar_x, ..] = trust.judge(&Grounds {
                 now: RobotTime(1),
                 prior_sigma: &prior_sigma,
                 blind: [false; REPORTED],
@@ -258,6 +272,7 @@ mod tests {
                     settings: &settings,
                 },
             });
+            assert_eq!(lidar_x.status, offset.status, "none is believed alone");
             offset
         };
         assert_eq!(judged(14.9).status, Status::Converged);

@@ -19,6 +19,7 @@ mod false_alarms;
 mod imperfect_scanner;
 mod imperfect_vehicle;
 mod lost_odometry;
+mod nonsense;
 mod observability;
 mod restarts;
 mod restarts_in_motion;
