@@ -194,7 +194,7 @@ pub const STORE_ANSWER_WITHIN: Duration = Duration::from_secs(4);
 pub const STORE_LOOK_EVERY: Duration = Duration::from_secs(5);
 /// A writer that has not written for so long, though the database takes writes, is stuck.
 pub const STORE_STUCK_AFTER: Duration = Duration::from_mins(1);
-/// A connection to a PostgreSQL server is open within this time, or the next server is tried.
+/// A PostgreSQL server is connected, and left by another service, within this time or not used.
 pub const POSTGRES_CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
 /// When one of several hosts does not answer, the next one is asked after this.
 pub const POSTGRES_NEXT_HOST_AFTER: Duration = Duration::from_millis(250);
@@ -212,8 +212,6 @@ pub const POSTGRES_ROLL_UP_WAITING_MAX: usize = 20_000;
 pub const POSTGRES_ROLL_UP_MAX: usize = 512;
 /// Days whose partitions are known to be there.
 pub const POSTGRES_DAYS_KNOWN_MAX: usize = 16;
-/// A service waits this long for another one to leave its database.
-pub const POSTGRES_EXCLUSIVE_WAIT: Duration = Duration::from_secs(2);
 /// How often a job is run that PostgreSQL could not bring into an order with others.
 pub const POSTGRES_CONFLICT_TRIES: u32 = 12;
 /// The pause between these.

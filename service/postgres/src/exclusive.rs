@@ -29,7 +29,7 @@ impl ExclusiveLock {
         servers: &Servers,
         session: &mut Session,
     ) -> Result<(), StoreError> {
-        let give_up_at = Instant::now() + limits::POSTGRES_EXCLUSIVE_WAIT;
+        let give_up_at = Instant::now() + limits::POSTGRES_CONNECT_TIMEOUT;
         while !self.try_take(session).await? {
             let holder = holder(session).await?;
             let is_ours = |(pid, began, _): &(i64, String, String)| {

@@ -124,11 +124,7 @@ async fn chosen_by(
         .await
         .unwrap();
     }
-    sqlx::query("DELETE FROM _sqlx_migrations WHERE version >= ?1")
-        .bind(CHOSEN_BY)
-        .execute(&mut raw)
-        .await
-        .unwrap();
+    forget_migrations(&mut raw, CHOSEN_BY).await;
     // What later migrations have made is not there in a database of that time.
     sqlx::query("ALTER TABLE audit DROP COLUMN address")
         .execute(&mut raw)
@@ -157,6 +153,20 @@ async fn what_people_rolled_back_to_before_records_said_so_is_theirs() {
     assert_eq!(by_service, None);
 }
 
+/// Makes a database believe that migrations from this one on were not run, without what the latest
+/// of them have added.
+async fn forget_migrations(raw: &mut sqlx::SqliteConnection, from: i64) {
+    sqlx::query("DELETE FROM _sqlx_migrations WHERE version >= ?1")
+        .bind(from)
+        .execute(&mut *raw)
+        .await
+        .unwrap();
+    sqlx::query("DROP TABLE setup_code")
+        .execute(raw)
+        .await
+        .unwrap();
+}
+
 /// Writes robots as a database of earlier versions has them, by id and what more their
 /// configurations say, and one that is not registered.
 async fn write_former_robots(folder: &Path, robots: &[(&str, &str)]) {
@@ -178,11 +188,7 @@ async fn write_former_robots(folder: &Path, robots: &[(&str, &str)]) {
         .execute(&mut raw)
         .await
         .unwrap();
-    sqlx::query("DELETE FROM _sqlx_migrations WHERE version >= ?1")
-        .bind(WHEEL_ODOMETRY)
-        .execute(&mut raw)
-        .await
-        .unwrap();
+    forget_migrations(&mut raw, WHEEL_ODOMETRY).await;
 }
 
 #[tokio::test]
@@ -249,11 +255,7 @@ async fn a_checkpoint_of_json_text_is_kept_to_the_byte() {
         .execute(&mut raw)
         .await
         .unwrap();
-    sqlx::query("DELETE FROM _sqlx_migrations WHERE version >= ?1")
-        .bind(CHECKPOINT_BYTES)
-        .execute(&mut raw)
-        .await
-        .unwrap();
+    forget_migrations(&mut raw, CHECKPOINT_BYTES).await;
     drop(raw);
     let store = open(folder.path(), &clock).await;
     let kept = store.load_checkpoints().await.unwrap();
