@@ -81,7 +81,13 @@ async fn sequence(server: &PostgresUrl, seed: u64, calls: &Calls) {
     calls.note("reader.close");
     let database = &postgres.postgres().unwrap().url.database;
     if seed >= KEPT {
-        psql(server, &format!("DROP DATABASE {database} WITH (FORCE)"));
+        let (server, drop) = (
+            server.clone(),
+            format!("DROP DATABASE {database} WITH (FORCE)"),
+        );
+        // PostgreSQL waits for every connection that copies, whose rows come from this runtime.
+        let dropped = tokio::task::spawn_blocking(move || psql(&server, &drop));
+        dropped.await.unwrap();
     }
 }
 
