@@ -109,7 +109,7 @@ fn degrees_for_radians_teach_nothing() {
 #[test]
 fn steering_that_turns_the_other_way_teaches_nothing() {
     assert_never_converged("wrong sign", |_, sample| {
-        sample.steering_rad = -sample.steering_rad
+        sample.steering_rad = -sample.steering_rad;
     });
 }
 

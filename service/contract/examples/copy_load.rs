@@ -4,6 +4,7 @@
 //! `cargo run --release --example copy_load -- [ROBOTS] [SECONDS]`
 #![expect(
     clippy::print_stdout,
+    clippy::disallowed_methods,
     clippy::unwrap_used,
     reason = "it measures, and prints what it measured"
 )]

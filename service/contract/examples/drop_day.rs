@@ -4,6 +4,7 @@
 //! `cargo run --release --example drop_day -- [ROBOTS]`: each has 86,400 seconds of some 170 bytes.
 #![expect(
     clippy::print_stdout,
+    clippy::disallowed_methods,
     clippy::unwrap_used,
     reason = "it measures, and prints what it measured"
 )]

@@ -255,24 +255,20 @@ async fn note_days(
 
 /// Seconds in the text format of `COPY`, in the order of [`columns`].
 fn copied(seconds: &BTreeMap<(i64, i64), &HistoryRow>) -> Vec<u8> {
-    fn cell(text: &mut String, value: Option<f64>) {
-        match value {
-            Some(value) => text.push_str(&format!("\t{value}")),
-            None => text.push_str("\t\\N"),
-        }
+    fn cell(value: Option<f64>) -> String {
+        value.map_or_else(|| "\\N".to_owned(), |value| value.to_string())
     }
-    let mut text = String::new();
-    for (&(key, t_s), row) in seconds {
-        let (received_s, status) = (row.received_s, row.status);
-        text.push_str(&format!("{key}\t{t_s}\t{received_s}\t{status}"));
-        cell(&mut text, row.nis);
-        for cells in &row.cells {
-            cell(&mut text, cells.map(|(value, _)| value));
-            cell(&mut text, cells.map(|(_, sigma)| sigma));
+    let lines = seconds.iter().map(|(&(key, t_s), row)| {
+        let whole = [key, t_s, row.received_s, i64::from(row.status)];
+        let mut cells: Vec<String> = whole.iter().map(ToString::to_string).collect();
+        cells.push(cell(row.nis));
+        for cells_of_parameter in &row.cells {
+            cells.push(cell(cells_of_parameter.map(|(value, _)| value)));
+            cells.push(cell(cells_of_parameter.map(|(_, sigma)| sigma)));
         }
-        text.push('\n');
-    }
-    text.into_bytes()
+        cells.join("\t") + "\n"
+    });
+    lines.collect::<String>().into_bytes()
 }
 
 /// The columns of a second beside its key.
