@@ -54,6 +54,8 @@ pub struct Grounds<'a> {
     pub knowledge: Knowledge<'a>,
     /// Parameters of which a change would go unseen.
     pub blind: [bool; REPORTED],
+    /// Whether steering angles are sent that the vehicle cannot have.
+    pub has_impossible_steering: bool,
 }
 
 impl Trust {
@@ -68,8 +70,7 @@ impl Trust {
         for parameter in Parameter::ALL {
             self.limit(parameter, values[parameter.index()], settings);
         }
-        // Values that explain the same motion: where one cannot be, none is believed.
-        let believed = !self.holds_impossible(settings);
+        let believed = self.believes(grounds);
         let statuses = Parameter::ALL.map(|parameter| {
             let i = parameter.index();
             let sigma = reported_sigma(parameter, covariance, settings);
@@ -116,7 +117,7 @@ impl Trust {
         } else {
             Vec::new()
         };
-        let believed = !self.holds_impossible(grounds.knowledge.settings);
+        let believed = self.believes(grounds);
         let needs = Parameter::ALL.map(|parameter| {
             let i = parameter.index();
             if !open(&statuses[i]) {
@@ -187,6 +188,12 @@ impl Trust {
             limit
         };
         *impossible = (value - neutral).abs() > bound;
+    }
+
+    /// Whether this can be a vehicle. All values explain the same motion: where one of them cannot
+    /// be, none is believed.
+    fn believes(&self, grounds: &Grounds) -> bool {
+        !grounds.has_impossible_steering && !self.holds_impossible(grounds.knowledge.settings)
     }
 
     /// Whether a parameter that is estimated has a value that no vehicle has.
@@ -265,6 +272,7 @@ mod tests {
                 now: RobotTime(1),
                 prior_sigma: &prior_sigma,
                 blind: [false; REPORTED],
+                has_impossible_steering: false,
                 knowledge: Knowledge {
                     vehicle: &vehicle,
                     values: &values,

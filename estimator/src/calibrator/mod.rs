@@ -252,7 +252,8 @@ impl Calibrator {
 
     fn take_drive(&mut self, sample: DriveSample) {
         let last = self.drive.newest();
-        self.session.count_drive(&sample, last);
+        let vehicle = &self.config.vehicle;
+        self.session.count_drive(&sample, vehicle, last);
         if last.is_some_and(|last| sample.stamp().seconds_since(last) > NEW_SESSION_GAP_S) {
             self.begin_comparison(Occasion::NewSession);
         }
@@ -384,6 +385,7 @@ impl Calibrator {
             now: self.session.now,
             prior_sigma: &prior_sigma,
             blind: self.blind(),
+            has_impossible_steering: self.session.has_impossible_steering(),
             knowledge: Knowledge {
                 vehicle: &self.config.vehicle,
                 values,

@@ -10,7 +10,12 @@ use crate::excitation::Excitation;
 use crate::filter::follow::Moved;
 use crate::filter::{Values, apart, padded};
 use crate::stream::{DriveSample, Dropped, RobotTime};
+use crate::vehicle::Vehicle;
 
+/// Samples over which the share of impossible steering angles is averaged: 10 s at 50 Hz.
+const IMPOSSIBLE_STEERING_WINDOW: f64 = 500.0;
+/// Above this share nothing is believed: a single sample, a fault of the encoder, stays below it.
+const IMPOSSIBLE_STEERING_SHARE_MAX: f64 = 0.005;
 /// Readings over which the mean NIS is taken.
 const NIS_WINDOW: usize = 200;
 /// Most changes kept of a session.
@@ -35,6 +40,9 @@ pub(super) struct Session {
     /// Whether it was not said yet how far the last change went.
     #[serde(default)]
     pub unsized_change: bool,
+    /// Share of recent drive samples with a steering angle that the vehicle cannot have.
+    #[serde(default)]
+    impossible_steering_share: f64,
 }
 
 impl Session {
@@ -65,8 +73,21 @@ impl Session {
         self.seconds_to(self.now)
     }
 
-    pub fn count_drive(&mut self, sample: &DriveSample, last: Option<RobotTime>) {
+    /// Whether what is sent as steering angle is often none that the vehicle can have.
+    pub fn has_impossible_steering(&self) -> bool {
+        self.impossible_steering_share > IMPOSSIBLE_STEERING_SHARE_MAX
+    }
+
+    pub fn count_drive(
+        &mut self,
+        sample: &DriveSample,
+        vehicle: &Vehicle,
+        last: Option<RobotTime>,
+    ) {
         self.counts.drive_samples += 1;
+        let impossible = f64::from(!vehicle.can_steer(sample.steering_rad()));
+        self.impossible_steering_share +=
+            (impossible - self.impossible_steering_share) / IMPOSSIBLE_STEERING_WINDOW;
         let Some(last) = last else { return };
         let interval_s = sample.stamp().seconds_since(last);
         if interval_s < GAP_MIN_S {

@@ -10,6 +10,10 @@ mod tricycle;
 pub use fleetcal_model::{SpeedMeasuredAt, VehicleModel};
 use serde::{Deserialize, Serialize};
 
+/// Largest steering angle of a vehicle whose speed is measured at its rear axle, rad: at 80 degrees
+/// it turns about a point within a fifth of its wheelbase, beyond 90 the equations turn it backwards.
+const STEERING_BEFORE_REAR_AXLE_MAX_RAD: f64 = 1.396;
+
 /// A vehicle as it is configured.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Vehicle {
@@ -94,6 +98,17 @@ impl Vehicle {
             model,
             wheelbase_m,
             speed_measured_at,
+        }
+    }
+
+    /// Whether such a vehicle can steer that far. A driven wheel that is steered may turn by 90
+    /// degrees and more.
+    pub fn can_steer(&self, steering_rad: f64) -> bool {
+        match self.speed_measured_at {
+            SpeedMeasuredAt::RearAxle | SpeedMeasuredAt::RearWheel { .. } => {
+                steering_rad.abs() <= STEERING_BEFORE_REAR_AXLE_MAX_RAD
+            }
+            SpeedMeasuredAt::SteeredWheel => true,
         }
     }
 
@@ -215,6 +230,14 @@ mod tests {
                 speed_measured_at: SpeedMeasuredAt::RearWheel { lateral_m: 0.4 },
             }),
         ]
+    }
+
+    #[test]
+    fn only_a_driven_wheel_can_be_steered_across_the_vehicle() {
+        let bicycle = Vehicle::new(VehicleModel::Bicycle, 1.2);
+        let tricycle = Vehicle::new(VehicleModel::Tricycle, 1.2);
+        assert!(bicycle.can_steer(-1.3) && !bicycle.can_steer(-1.4));
+        assert!(tricycle.can_steer(1.6));
     }
 
     proptest! {

@@ -99,6 +99,12 @@ fn the_angle_of_a_fast_steering_box_leads_to_no_false_claim() {
     }
 }
 
+/// The angle of a steering column: fifteen times what the wheels do, and often more than they could.
+#[test]
+fn the_angle_of_a_steering_column_teaches_nothing() {
+    assert_never_converged("column", |_, sample| sample.steering_rad *= 15.0);
+}
+
 #[test]
 fn degrees_for_radians_teach_nothing() {
     assert_never_converged("degrees", |_, sample| {
