@@ -2,8 +2,10 @@
 
 use std::collections::VecDeque;
 
+use nalgebra::{Matrix3, Vector3};
+
 use crate::stream::{DriveSample, RobotTime};
-use crate::vehicle::DriveReading;
+use crate::vehicle::{DriveReading, SteeringResponse};
 
 /// A drive sample further from its predecessor than this does not describe the time between, s.
 pub const GAP_MIN_S: f64 = 0.5;
@@ -12,6 +14,18 @@ pub const GAP_MIN_S: f64 = 0.5;
 const SAME_READING_RAD: f64 = 1e-6;
 /// Largest step of a steering encoder that is believed, rad (2 degrees).
 const ENCODER_STEP_MAX_RAD: f64 = 0.035;
+/// Two points with mean 0, variance 1 and the skewness 2 of a first-order lag: `-LATE` with the weight
+/// `LATE_SHARE = (2 - sqrt 2) / 4`, and `EARLY`.
+const LATE_SHARE: f64 = 0.146_446_609_406_726_24;
+const LATE: f64 = 1.0 + std::f64::consts::SQRT_2;
+const EARLY: f64 = std::f64::consts::SQRT_2 - 1.0;
+/// Half of the play that is assumed to tell which side of it the steering is on, rad: typical, and more
+/// than an encoder trembles.
+const HALF_PLAY_RAD: f64 = 0.005;
+/// What speed and steering are without noise, and how they change, is read from the samples this long before and after, s,
+const PARABOLA_REACH_S: f64 = 0.12;
+/// and from no fewer than so many.
+const PARABOLA_SAMPLES_MIN: f64 = 4.0;
 
 /// Recent drive samples, oldest first. A sample describes the interval that ends at its stamp.
 #[derive(Debug, Clone)]
@@ -27,6 +41,8 @@ pub struct DriveHistory {
 struct Kept {
     sample: DriveSample,
     held_m: f64,
+    /// Where the wheel would be behind that play, rad.
+    behind_play_rad: f64,
 }
 
 /// A stretch of drive time with one reading.
@@ -54,13 +70,18 @@ impl DriveHistory {
 
     /// Adds a sample, newer than all before, and lets go of those beyond the span.
     pub fn push(&mut self, sample: DriveSample) {
-        let mut held_m = 0.0;
+        let (mut held_m, mut behind_play_rad) = (0.0, sample.steering_rad());
         if let Some(Kept {
             sample: last,
             held_m: before_m,
+            behind_play_rad: before_rad,
         }) = self.samples.back()
         {
             let change_rad = (sample.steering_rad() - last.steering_rad()).abs();
+            behind_play_rad = before_rad.clamp(
+                sample.steering_rad() - HALF_PLAY_RAD,
+                sample.steering_rad() + HALF_PLAY_RAD,
+            );
             let interval_s = sample.stamp().seconds_since(last.stamp());
             if change_rad < SAME_READING_RAD {
                 held_m = before_m + last.speed_mps().abs() * interval_s.min(GAP_MIN_S);
@@ -68,7 +89,11 @@ impl DriveHistory {
                 self.smallest_change_rad = self.smallest_change_rad.min(change_rad);
             }
         }
-        self.samples.push_back(Kept { sample, held_m });
+        self.samples.push_back(Kept {
+            sample,
+            held_m,
+            behind_play_rad,
+        });
         while let Some(oldest) = self.samples.front()
             && sample.stamp().seconds_since(oldest.sample.stamp()) > self.span_s
         {
@@ -102,14 +127,96 @@ impl DriveHistory {
             .map_or_else(DriveReading::default, reading)
     }
 
-    /// The reading that describes a time; rest when there is none.
-    pub fn at(&self, stamp: RobotTime) -> DriveReading {
+    /// The reading that describes a time, for a wheel that follows its sensor so; rest when there is
+    /// none.
+    pub fn at(&self, stamp: RobotTime, response: SteeringResponse) -> DriveReading {
         let index = self
             .samples
             .partition_point(|kept| kept.sample.stamp() < stamp);
         self.samples
             .get(index)
-            .map_or_else(DriveReading::default, reading)
+            .map_or_else(DriveReading::default, |kept| {
+                self.reading_followed(kept, response)
+            })
+    }
+
+    /// A sample with the steering as a wheel follows it: the weighed mean of two angles that were measured
+    /// before and after its lag, which has the lag and the spread of its response.
+    fn reading_followed(&self, kept: &Kept, response: SteeringResponse) -> DriveReading {
+        let SteeringResponse { lag_s, spread_s2 } = response;
+        let stamp = kept.sample.stamp().plus_seconds(-lag_s);
+        let at_rad = |by_s: f64| self.steering_at_rad(stamp.plus_seconds(by_s), kept);
+        let spread_s = spread_s2.max(0.0).sqrt();
+        let angle = self.parabola(stamp, DriveSample::steering_rad);
+        let speed = self.parabola(kept.sample.stamp(), DriveSample::speed_mps);
+        DriveReading {
+            steering_rad: at_rad(-LATE * spread_s) * LATE_SHARE
+                + at_rad(EARLY * spread_s) * (1.0 - LATE_SHARE),
+            steering_rate_radps: angle.map_or(0.0, |angle| angle.y),
+            steering_acceleration_radps2: angle.map_or(0.0, |angle| angle.z),
+            play_side: self.play_side_at(stamp, kept),
+            response,
+            smoothed: speed.zip(angle).map(|(speed, angle)| [speed.x, angle.x]),
+            ..reading(kept)
+        }
+    }
+
+    /// Which side of a typical play the steering is on at a time, from -1 to 1.
+    fn play_side_at(&self, stamp: RobotTime, kept: &Kept) -> f64 {
+        let index = self
+            .samples
+            .partition_point(|kept| kept.sample.stamp() < stamp);
+        let there = self.samples.get(index).unwrap_or(kept);
+        (there.sample.steering_rad() - there.behind_play_rad) / HALF_PLAY_RAD
+    }
+
+    /// Value, first and second derivative (by s and s^2) of a reading at a time: those of the parabola through
+    /// the samples around it. `None` where they are too few. The noise of single readings would pass for
+    /// knowledge of how the wheel follows its sensor.
+    fn parabola(&self, stamp: RobotTime, of: impl Fn(&DriveSample) -> f64) -> Option<Vector3<f64>> {
+        let from = stamp.plus_seconds(-PARABOLA_REACH_S);
+        let first = self
+            .samples
+            .partition_point(|kept| kept.sample.stamp() < from);
+        let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+        let first_value = of(&self.samples.get(first)?.sample);
+        for Kept { sample, .. } in self.samples.range(first..) {
+            // In units of the reach, and from the first value, which keeps the numbers near one.
+            let u = sample.stamp().seconds_since(stamp) / PARABOLA_REACH_S;
+            if u > 1.0 {
+                break;
+            }
+            let powers = Vector3::new(1.0, u, u * u);
+            normal += powers * powers.transpose();
+            right += powers * (of(sample) - first_value);
+        }
+        if normal[(0, 0)] < PARABOLA_SAMPLES_MIN {
+            return None;
+        }
+        let fitted = normal.cholesky()?.solve(&right);
+        Some(Vector3::new(
+            first_value + fitted.x,
+            fitted.y / PARABOLA_REACH_S,
+            2.0 * fitted.z / PARABOLA_REACH_S.powi(2),
+        ))
+    }
+
+    /// The measured steering angle at a time, rad, between samples in proportion; beyond them that of the
+    /// outermost.
+    fn steering_at_rad(&self, stamp: RobotTime, kept: &Kept) -> f64 {
+        let index = self
+            .samples
+            .partition_point(|kept| kept.sample.stamp() < stamp);
+        let before = index.checked_sub(1).and_then(|i| self.samples.get(i));
+        match (before, self.samples.get(index)) {
+            (Some(Kept { sample: from, .. }), Some(Kept { sample: to, .. })) => {
+                let over_s = to.stamp().seconds_since(from.stamp());
+                let share = stamp.seconds_since(from.stamp()) / over_s;
+                from.steering_rad() + share * (to.steering_rad() - from.steering_rad())
+            }
+            (Some(only), None) | (None, Some(only)) => only.sample.steering_rad(),
+            (None, None) => kept.sample.steering_rad(),
+        }
     }
 
     /// Whether the interval lies inside the history, without a gap.
@@ -133,11 +240,13 @@ impl DriveHistory {
         previous >= to
     }
 
-    /// The readings over `(from, to]`, cut at both ends. Covers what the history covers.
+    /// The readings over `(from, to]`, cut at both ends, for a wheel that follows its sensor so. Covers
+    /// what the history covers.
     pub fn segments(
         &self,
         from: RobotTime,
         to: RobotTime,
+        response: SteeringResponse,
     ) -> impl Iterator<Item = DriveSegment> + '_ {
         let first = self
             .samples
@@ -156,7 +265,7 @@ impl DriveHistory {
             begin = end;
             Some(DriveSegment {
                 duration_s,
-                drive: reading(kept),
+                drive: self.reading_followed(kept, response),
                 held_m: kept.held_m,
                 steering_step_rad,
             })
@@ -168,6 +277,7 @@ fn reading(kept: &Kept) -> DriveReading {
     DriveReading {
         speed_mps: kept.sample.speed_mps(),
         steering_rad: kept.sample.steering_rad(),
+        ..DriveReading::default()
     }
 }
 
@@ -191,7 +301,7 @@ mod tests {
     fn segments_are_cut_at_both_ends_and_carry_the_reading_that_ends_later() {
         let history = history(&[0, 10, 20, 30]);
         let got: Vec<_> = history
-            .segments(stamp(5), stamp(25))
+            .segments(stamp(5), stamp(25), SteeringResponse::default())
             .map(|s| ((s.duration_s * 1e3).round() as i64, s.drive.speed_mps))
             .collect();
         assert_eq!(got, [(5, 0.010), (10, 0.020), (5, 0.030)]);

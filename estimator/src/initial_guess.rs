@@ -18,7 +18,7 @@ use crate::filter::prior::Prior;
 use crate::filter::{OdometryReading, ParameterCovariance, Values, drive_parameters};
 use crate::geometry::{Pose2, wrap_angle_rad};
 use crate::motion_noise::MotionNoise;
-use crate::vehicle::Vehicle;
+use crate::vehicle::{SteeringResponse, Vehicle};
 
 /// A window ends after this much driving or turning.
 const WINDOW_M: f64 = 0.5;
@@ -88,7 +88,9 @@ fn cut_windows(readings: &[OdometryReading], drive: &DriveHistory) -> Vec<Window
             continue;
         }
         let lidar_motion = begin.lidar_in_odom.between(&reading.lidar_in_odom);
-        let segments: Vec<_> = drive.segments(begin.stamp, reading.stamp).collect();
+        let segments: Vec<_> = drive
+            .segments(begin.stamp, reading.stamp, SteeringResponse::default())
+            .collect();
         let driven_m: f64 = segments
             .iter()
             .map(|s| s.drive.speed_mps.abs() * s.duration_s)

@@ -22,6 +22,8 @@ const ADVICE_HOLDS_S: f64 = 10.0;
 const CHECK_VEHICLE: &str = "a look at the vehicle and its configuration: this cannot be";
 /// A value that was beyond its limit must come this far inside it to be believed again.
 const RELEASE_SHARE: f64 = 0.93;
+/// Standard deviation of the scale of a LiDAR's ranges, which docs/assumptions.md takes for typical.
+const RANGE_SCALE_SIGMA: f64 = 0.005;
 /// A converged parameter stays so until its sigma exceeds its limit by this factor.
 const HYSTERESIS: f64 = 1.2;
 
@@ -86,7 +88,10 @@ impl Trust {
             let (value, sigma) = match statuses[i] {
                 // What is not estimated is told as the neutral value, even if the filter knows better.
                 Status::Off => (neutral(parameter, values[i]), 0.0),
-                _ => (values[i], reported_sigma(parameter, covariance, settings)),
+                _ => {
+                    let sigma = reported_sigma(parameter, covariance, settings);
+                    (values[i], sigma.hypot(scale_sigma(parameter, values[i])))
+                }
             };
             ParameterEstimate {
                 value,
@@ -231,6 +236,15 @@ fn reported_sigma(
     variance
         .sqrt()
         .hypot(*settings.systematic_sigma.get(parameter))
+}
+
+/// The scale of the LiDAR's ranges passes for that of the speed on the straight, and stretches the mount
+/// in turns. No driving tells it, so that nothing has to wait for it to be converged.
+fn scale_sigma(parameter: Parameter, value: f64) -> f64 {
+    match parameter {
+        Parameter::LidarX | Parameter::LidarY => RANGE_SCALE_SIGMA * value.abs(),
+        _ => 0.0,
+    }
 }
 
 /// The covariance that leaves the estimator: that of the errors as they go together, with each

@@ -53,6 +53,7 @@ impl Manoeuvre {
                     drive: DriveReading {
                         speed_mps: measured_mps(vehicle, rear_mps, leg.steering_rad),
                         steering_rad: leg.steering_rad,
+                        ..DriveReading::default()
                     },
                     held_m: 0.0,
                     steering_step_rad: 0.0,

@@ -97,7 +97,8 @@ fn covariance_after(manoeuvre: &Manoeuvre, knowledge: &Knowledge) -> Option<Para
         }
         let predicted = LidarMotion::new(&mount, &motion.end_in_begin);
         let covariance = predicted.by_body * motion.noise * predicted.by_body.transpose() + lidar;
-        let jacobian = predicted.by_parameters(&motion, &twist_at_begin.unwrap_or(motion.twist));
+        let twist_at_begin = twist_at_begin.unwrap_or(motion.twist);
+        let jacobian = predicted.by_parameters(&motion, &twist_at_begin, noise);
         let weighted = jacobian.transpose() * covariance.cholesky()?.inverse();
         information += weighted * jacobian;
     }

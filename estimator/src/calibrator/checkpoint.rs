@@ -16,10 +16,10 @@ use crate::merge::Merger;
 use crate::trust::Trust;
 
 /// Version of the checkpoint's layout.
-const VERSION: u32 = 8;
-/// Those before, which can be read as well: 7 knew nothing of the steering's curve, 6 nothing of the
+const VERSION: u32 = 9;
+/// Those before, which can be read as well: 8 knew nothing of the steering's lag, 7 knew nothing of the steering's curve, 6 nothing of the
 /// scanner either.
-const VERSIONS_BEFORE: [u32; 2] = [6, 7];
+const VERSIONS_BEFORE: [u32; 3] = [6, 7, 8];
 
 /// A calibrator's state, to be stored and restored. The local map is not in it: it is rebuilt.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -310,7 +310,7 @@ impl Calibrator {
     fn work_off(&mut self, ends: bool, effects: &mut Vec<Effect>) {
         while let Some(front) = self.waiting.front() {
             let due = match &self.follower {
-                Some(follower) => follower.drive_time(&front.reading, &self.config.settings),
+                Some(follower) => follower.due(&front.reading, &self.config.settings),
                 None => front.reading.stamp,
             };
             if self.drive.newest().is_none_or(|newest| newest < due) {

@@ -10,7 +10,7 @@ use crate::geometry::Pose2;
 use crate::lidar_odometry::Surroundings;
 use crate::settings::Freedom;
 use crate::stream::RobotTime;
-use crate::vehicle::{DriveParameters, SteeringCurve, Vehicle};
+use crate::vehicle::{DriveParameters, SteeringCurve, SteeringResponse, Vehicle};
 
 /// How much of it is asked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -97,9 +97,11 @@ impl Calibrator {
         let Some(mut point) = intervals.last().map(|interval| at(interval.before)) else {
             return (0.0, Vec::new());
         };
-        // What a robot can correct: the steering's curve is no part of a calibration.
+        // What a robot can correct: the steering's curve, response and play are no part of a calibration.
         let mut corrected = DriveParameters {
             curve: SteeringCurve::default(),
+            response: SteeringResponse::default(),
+            half_play_rad: 0.0,
             ..drive_parameters(values)
         };
         let settings = &self.config.settings;
@@ -114,7 +116,10 @@ impl Calibrator {
         let vehicle = &self.config.vehicle;
         let mut points = vec![point];
         for interval in intervals.iter().rev() {
-            for segment in self.drive.segments(interval.from, interval.to) {
+            for segment in self
+                .drive
+                .segments(interval.from, interval.to, raw.response)
+            {
                 let on = |pose: Pose2, by| pose.compose(&driven(vehicle, by, &segment));
                 point.by_raw_steering = on(point.by_raw_steering, &raw);
                 point.by_corrected_steering = on(point.by_corrected_steering, &corrected);
@@ -147,7 +152,7 @@ impl Calibrator {
                 break;
             }
             if self.drive.covers(from, to) {
-                let segments = self.drive.segments(from, to);
+                let segments = self.drive.segments(from, to, SteeringResponse::default());
                 distance_m += segments
                     .map(|segment| segment.drive.speed_mps.abs() * segment.duration_s)
                     .sum::<f64>();

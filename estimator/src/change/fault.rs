@@ -19,8 +19,9 @@ const ODOMETRY_SPEED_MAX_MPS: f64 = 6.0;
 const DISPLACED_MIN_M: f64 = 0.2;
 /// And that is more than this many standard deviations of the odometry.
 const DISPLACED_SIGMAS: f64 = 5.0;
-/// And the wheels have driven less than this share of it.
-const DISPLACED_SHARE: f64 = 0.7;
+/// And the wheels have driven less than this share of it: at most 0.8 of 1.1 m where two windows share a
+/// displacement by 0.3 m.
+const DISPLACED_SHARE: f64 = 0.75;
 /// A robot that was lifted away in any direction is this far from where its wheels took it, m,
 const LIFTED_MIN_M: f64 = 0.3;
 /// and this far from the way there, m: wheels that slip do not leave it.

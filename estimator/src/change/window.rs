@@ -7,7 +7,9 @@ use crate::drive_history::{DriveHistory, DriveSegment};
 use crate::estimate::Parameter;
 use crate::filter::constraint::{ByParameters, LidarMotion};
 use crate::filter::prediction::PredictedMotion;
-use crate::filter::{OdometryReading, Values, apart, drive_parameters, lidar_in_base};
+use crate::filter::{
+    OdometryReading, Values, apart, drive_parameters, lidar_in_base, steering_response,
+};
 use crate::motion_noise::MotionNoise;
 use crate::stream::RobotTime;
 use crate::vehicle::Vehicle;
@@ -128,6 +130,7 @@ impl WindowCutter {
             begin.stamp.plus_seconds(offset_s),
             reading.stamp.plus_seconds(offset_s),
         );
+        let response = steering_response(values);
         if !drive.covers(from, to) {
             self.restart();
             self.begin = Some(*reading);
@@ -138,7 +141,7 @@ impl WindowCutter {
             .between(&reading.lidar_in_odom)
             .wrapped();
         let driven_m: f64 = drive
-            .segments(from, to)
+            .segments(from, to, response)
             .map(|segment| segment.drive.speed_mps.abs() * segment.duration_s)
             .sum();
         let long = driven_m.max(moved.translation().norm()) >= WINDOW_M;
@@ -146,7 +149,7 @@ impl WindowCutter {
             return None;
         }
         self.begin = Some(*reading);
-        let ways = drive.segments(from, to);
+        let ways = drive.segments(from, to, response);
         let mut window = measure(&begin, reading, ways, vehicle, values, noise)?;
         if let Some(before) = self.before.take()
             && let Some(new) = Innovation::after(window.innovation, &window.carry, values, &before)
@@ -198,7 +201,7 @@ fn measure(
         + predicted.carry * begin.covariance * predicted.carry.transpose()
         + end.covariance;
     let residual = predicted.end_in_begin.between(&measured).log();
-    let jacobian = predicted.by_parameters(&motion, &twist_at_begin);
+    let jacobian = predicted.by_parameters(&motion, &twist_at_begin, noise);
     let mount = lidar_in_base(values);
     let body = mount.compose(&measured).compose(&mount.inverse());
     let turn_by_steering = jacobian[(2, Parameter::SteeringOffset.index())]

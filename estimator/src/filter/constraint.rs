@@ -6,10 +6,11 @@
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
-use super::prediction::PredictedMotion;
+use super::prediction::{PredictedMotion, speed_noise_mps};
 use super::{DRIVE_PARAMETER, PARAMETERS};
 use crate::estimate::Parameter;
 use crate::geometry::Pose2;
+use crate::motion_noise::MotionNoise;
 
 /// Derivatives of the LiDAR's motion by the calibration parameters.
 pub type ByParameters = SMatrix<f64, 3, PARAMETERS>;
@@ -44,13 +45,22 @@ impl LidarMotion {
     }
 
     /// By a shift of the drive's time: the body is somewhere else at both ends.
+    ///
+    /// Where the speeds at both ends differ by no more than `speed_noise_mps`, they are taken for equal:
+    /// speed alone tells such a shift from a lag of the steering, and its noise must not pass for
+    /// knowledge of that.
     pub fn by_time(
         &self,
         body: &Pose2,
-        twist_at_begin: &Vector3<f64>,
-        twist_at_end: &Vector3<f64>,
+        (twist_at_begin, twist_at_end): (&Vector3<f64>, &Vector3<f64>),
+        speed_noise_mps: f64,
     ) -> Vector3<f64> {
-        self.by_body * (twist_at_end - body.inverse().adjoint() * twist_at_begin)
+        let (mut begin, mut end) = (*twist_at_begin, *twist_at_end);
+        if (end.x - begin.x).abs() <= speed_noise_mps {
+            let mean_mps = 0.5 * (begin.x + end.x);
+            (begin.x, end.x) = (mean_mps, mean_mps);
+        }
+        self.by_body * (end - body.inverse().adjoint() * begin)
     }
 
     /// By all calibration parameters, for a motion that began exactly known.
@@ -58,6 +68,7 @@ impl LidarMotion {
         &self,
         motion: &PredictedMotion,
         twist_at_begin: &Vector3<f64>,
+        noise: &MotionNoise,
     ) -> ByParameters {
         let mut by = ByParameters::zeros();
         for (column, parameter) in DRIVE_PARAMETER.iter().enumerate() {
@@ -70,7 +81,11 @@ impl LidarMotion {
             .copy_from(&self.by_mount);
         by.set_column(
             Parameter::TimeOffset.index(),
-            &self.by_time(&motion.end_in_begin, twist_at_begin, &motion.twist),
+            &self.by_time(
+                &motion.end_in_begin,
+                (twist_at_begin, &motion.twist),
+                speed_noise_mps(noise, &motion.twist),
+            ),
         );
         by
     }

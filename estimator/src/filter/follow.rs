@@ -2,18 +2,22 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Filter, Innovation, OdometryReading};
+use super::{Filter, Innovation, OdometryReading, steering_response};
 use crate::drive_history::DriveHistory;
 use crate::estimate::Parameter;
 use crate::geometry::Pose2;
 use crate::settings::EstimatorSettings;
 use crate::stream::RobotTime;
+use crate::vehicle::SteeringResponse;
 
 /// A reading is used once the robot has moved this far since the last one used: readings of a robot
 /// at rest repeat one error and would be averaged as if they were many.
 const MOVED_MIN_M: f64 = 0.02;
 /// The same for turning, rad.
 const MOVED_MIN_RAD: f64 = 0.01;
+/// Drive samples are waited for this much longer than the time offset says: the reading itself may change
+/// it, s.
+const DUE_MARGIN_S: f64 = 0.03;
 /// A new anchor is placed after turning this far, rad.
 const ANCHOR_TURN_RAD: f64 = 2.0;
 
@@ -72,6 +76,15 @@ impl Follower {
         reading.stamp.plus_seconds(offset_s)
     }
 
+    /// The drive time until which samples have to be there for a reading: where the sensor of the
+    /// steering is behind the wheel, what it says comes later.
+    pub fn due(&self, reading: &OdometryReading, settings: &EstimatorSettings) -> RobotTime {
+        let SteeringResponse { lag_s, spread_s2 } = steering_response(self.filter.values());
+        let early_s = (spread_s2.sqrt() - lag_s).max(0.0);
+        self.drive_time(reading, settings)
+            .plus_seconds(early_s + DUE_MARGIN_S)
+    }
+
     /// The body's pose in the LiDAR's odometry frame at the last reading that was used.
     pub fn base_pose(&self) -> Option<(RobotTime, Pose2)> {
         let (stamp, _) = self.last_used?;
@@ -97,8 +110,9 @@ impl Follower {
             Some(from) if to <= from => return Followed::Unusable,
             _ => return self.anchor_at(reading, to, drive),
         };
+        let response = steering_response(self.filter.values());
         // 1. Predict up to the reading's time.
-        for segment in drive.segments(from, to) {
+        for segment in drive.segments(from, to, response) {
             self.filter.predict(&segment);
         }
         self.reached = Some(to);
@@ -145,7 +159,8 @@ impl Follower {
         at: RobotTime,
         drive: &DriveHistory,
     ) -> Followed {
-        self.filter.start_anchor(reading, drive.at(at));
+        let response = steering_response(self.filter.values());
+        self.filter.start_anchor(reading, drive.at(at, response));
         self.reached = Some(at);
         self.last_used = Some((reading.stamp, reading.lidar_in_odom));
         Followed::Anchored

@@ -24,14 +24,16 @@ use crate::geometry::{Pose2, wrap_angle_rad};
 use crate::motion_noise::MotionNoise;
 use crate::settings::{EstimatorSettings, Measurement};
 use crate::stream::RobotTime;
-use crate::vehicle::{DRIVE_PARAMETERS, DriveParameters, DriveReading, SteeringCurve, Vehicle};
+use crate::vehicle::{
+    DRIVE_PARAMETERS, DriveParameters, DriveReading, SteeringCurve, SteeringResponse, Vehicle,
+};
 use constraint::LidarMotion;
-use prediction::PredictedMotion;
+use prediction::{PredictedMotion, speed_noise_mps, twist};
 use prior::Prior;
 
 /// Number of parameters in the filter: those of [`Parameter::ALL`], the side slip, and the steering's
-/// asymmetry, quadratic and cubic term.
-pub const PARAMETERS: usize = Parameter::ALL.len() + 4;
+/// asymmetry, quadratic and cubic term, the lag and spread of its response, and half its play.
+pub const PARAMETERS: usize = Parameter::ALL.len() + 7;
 /// Where the side slip stands among them. It is no calibration and is not published, but what is not
 /// known of it goes into `x_off`: at a speed `v` it shifts the LiDAR by `c v^2`.
 pub const SIDE_SLIP: usize = Parameter::ALL.len();
@@ -41,6 +43,16 @@ pub const ASYMMETRY: usize = SIDE_SLIP + 1;
 pub const QUADRATIC: usize = SIDE_SLIP + 2;
 /// Where the cubic term of the steering stands among them.
 pub const CUBIC: usize = SIDE_SLIP + 3;
+/// Where the steering's lag behind its sensor stands among them.
+pub const STEERING_LAG: usize = SIDE_SLIP + 4;
+/// Where the spread of the steering's response stands among them.
+pub const STEERING_SPREAD: usize = SIDE_SLIP + 5;
+/// Where half the play of the steering stands among them.
+pub const STEERING_PLAY: usize = SIDE_SLIP + 6;
+/// No wheel is further behind its sensor, or before it, s.
+const STEERING_LAG_MAX_S: f64 = 0.5;
+/// Nor is its response wider, s^2.
+const STEERING_SPREAD_MAX_S2: f64 = 0.25;
 /// Dimension of the filter's state.
 const DIM: usize = 6 + PARAMETERS;
 /// First index of the motion since the anchor.
@@ -59,6 +71,9 @@ pub const DRIVE_PARAMETER: [usize; DRIVE_PARAMETERS] = [
     ASYMMETRY,
     QUADRATIC,
     CUBIC,
+    STEERING_LAG,
+    STEERING_SPREAD,
+    STEERING_PLAY,
 ];
 
 type Covariance = SMatrix<f64, DIM, DIM>;
@@ -284,12 +299,8 @@ impl Filter {
 
     /// Makes a reading the first anchor, or the one after a loss. `drive` is the reading then.
     pub fn start_anchor(&mut self, reading: &OdometryReading, drive: DriveReading) {
-        let motion = self.vehicle.motion(drive, &self.drive_parameters());
-        self.predicted.twist = Vector3::new(
-            motion.speed_mps,
-            motion.side_speed_mps,
-            motion.yaw_rate_radps,
-        );
+        let drive = drive.without_noise().unwrap_or(drive);
+        self.predicted.twist = twist(&self.vehicle.motion(drive, &self.drive_parameters()));
         self.place_anchor(reading.lidar_in_odom);
         let mut covariance = Covariance::zeros();
         covariance
@@ -467,7 +478,11 @@ impl Filter {
             .copy_from(&predicted.by_mount);
         jacobian.set_column(
             CALIBRATION + Parameter::TimeOffset.index(),
-            &predicted.by_time(&body, &anchor.twist, &self.predicted.twist),
+            &predicted.by_time(
+                &body,
+                (&anchor.twist, &self.predicted.twist),
+                speed_noise_mps(&self.noise, &self.predicted.twist),
+            ),
         );
         Some((residual, jacobian))
     }
@@ -577,6 +592,15 @@ pub fn lidar_in_base(values: &Values) -> Pose2 {
     )
 }
 
+/// The steering's response as far as readings take it in: samples are kept and waited for that long,
+/// and what a sensor smoothed cannot be made out of it again.
+pub fn steering_response(values: &Values) -> SteeringResponse {
+    SteeringResponse {
+        lag_s: values[STEERING_LAG].clamp(-STEERING_LAG_MAX_S, STEERING_LAG_MAX_S),
+        spread_s2: values[STEERING_SPREAD].clamp(0.0, STEERING_SPREAD_MAX_S2),
+    }
+}
+
 /// The vehicle model's parameters out of the parameters.
 pub fn drive_parameters(values: &Values) -> DriveParameters {
     DriveParameters {
@@ -590,5 +614,10 @@ pub fn drive_parameters(values: &Values) -> DriveParameters {
             quadratic_per_rad: values[QUADRATIC],
             cubic_per_rad2: values[CUBIC],
         },
+        response: SteeringResponse {
+            lag_s: values[STEERING_LAG],
+            spread_s2: values[STEERING_SPREAD],
+        },
+        half_play_rad: values[STEERING_PLAY],
     }
 }

@@ -12,6 +12,14 @@ use crate::vehicle::{DRIVE_PARAMETERS, DriveParameters, Motion, Vehicle};
 /// Time constant with which the twist is smoothed, s.
 const TWIST_TIME_CONSTANT_S: f64 = 0.1;
 
+/// Three standard deviations of the difference of two smoothed speeds, m/s: white noise of `along` per root
+/// metre, through a low-pass of this time constant.
+pub fn speed_noise_mps(noise: &MotionNoise, twist: &Vector3<f64>) -> f64 {
+    let sigma_mps =
+        noise.along_m_per_sqrt_m * (twist.x.abs() / (2.0 * TWIST_TIME_CONSTANT_S)).sqrt();
+    3.0 * std::f64::consts::SQRT_2 * sigma_mps
+}
+
 /// Derivatives of a pose's right perturbation by the drive parameters.
 pub type ByDriveParameters = SMatrix<f64, 3, DRIVE_PARAMETERS>;
 
@@ -28,8 +36,9 @@ pub struct PredictedMotion {
     pub by_parameters: ByDriveParameters,
     /// Process noise.
     pub noise: Matrix3<f64>,
-    /// Body twist (m/s, m/s, rad/s) now, smoothed: it says how a shift in time would show, and the
-    /// noise of single readings must not pass for knowledge of that shift.
+    /// Body twist (m/s, m/s, rad/s) now, of readings without noise where those are known, else smoothed:
+    /// it says how a shift in time would show, and the noise of single readings must not pass for
+    /// knowledge of that shift.
     pub twist: Vector3<f64>,
     /// Distance driven, m, counted without sign.
     pub distance_m: f64,
@@ -64,6 +73,9 @@ impl PredictedMotion {
     ) {
         let motion = vehicle.motion(segment.drive, parameters);
         let step = self.begin_step(&motion, segment.duration_s);
+        if let Some(reading) = segment.drive.without_noise() {
+            self.twist = twist(&vehicle.motion(reading, parameters));
+        }
         // (I - ad(step)/2) applied to a change of the twist.
         let carried = |by: Vector3<f64>| {
             by - 0.5
@@ -95,11 +107,7 @@ impl PredictedMotion {
     }
 
     fn begin_step(&mut self, motion: &Motion, dt_s: f64) -> Vector3<f64> {
-        let twist = Vector3::new(
-            motion.speed_mps,
-            motion.side_speed_mps,
-            motion.yaw_rate_radps,
-        );
+        let twist = twist(motion);
         let share = dt_s / (dt_s + TWIST_TIME_CONSTANT_S);
         self.twist += (twist - self.twist) * share;
         twist * dt_s
@@ -134,10 +142,19 @@ impl PredictedMotion {
     }
 }
 
+/// The body twist of a motion (m/s, m/s, rad/s).
+pub fn twist(motion: &Motion) -> Vector3<f64> {
+    Vector3::new(
+        motion.speed_mps,
+        motion.side_speed_mps,
+        motion.yaw_rate_radps,
+    )
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vehicle::{DriveReading, SteeringCurve, VehicleModel};
+    use crate::vehicle::{DriveReading, SteeringCurve, SteeringResponse, VehicleModel};
 
     fn parameters(offset: f64, scale: f64) -> DriveParameters {
         DriveParameters {
@@ -147,6 +164,8 @@ mod tests {
             steering_gain: 1.0,
             side_slip_rad_per_mps2: 0.004,
             curve: SteeringCurve::default(),
+            response: SteeringResponse::default(),
+            half_play_rad: 0.0,
         }
     }
 
@@ -157,6 +176,7 @@ mod tests {
             let drive = DriveReading {
                 speed_mps: 1.0,
                 steering_rad: 0.2 + 0.001 * f64::from(i),
+                ..DriveReading::default()
             };
             let segment = DriveSegment {
                 duration_s: 0.01,
@@ -197,6 +217,7 @@ mod tests {
         let drive = DriveReading {
             speed_mps: 1.0,
             steering_rad: 0.4,
+            ..DriveReading::default()
         };
         let segment = DriveSegment {
             duration_s: 0.01,
@@ -235,6 +256,7 @@ mod tests {
             drive: DriveReading {
                 speed_mps: 1.0,
                 steering_rad,
+                ..DriveReading::default()
             },
             held_m: 0.0,
             steering_step_rad: 0.0,

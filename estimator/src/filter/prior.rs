@@ -2,7 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{ASYMMETRY, CUBIC, PARAMETERS, ParameterCovariance, QUADRATIC, SIDE_SLIP, Values};
+use super::{
+    ASYMMETRY, CUBIC, PARAMETERS, ParameterCovariance, QUADRATIC, SIDE_SLIP, STEERING_LAG,
+    STEERING_PLAY, STEERING_SPREAD, Values,
+};
 use crate::estimate::Parameter;
 use crate::geometry::Pose2;
 use crate::settings::{EstimatorSettings, Freedom, Measurement};
@@ -14,6 +17,12 @@ pub(super) const ASYMMETRY_SIGMA: f64 = 0.01;
 pub(super) const QUADRATIC_SIGMA_PER_RAD: f64 = 0.043;
 /// or 1/rad^2.
 const CUBIC_SIGMA_PER_RAD2: f64 = 0.12;
+/// The wheel is a tenth of a second behind its sensor, or before it, s.
+const STEERING_LAG_SIGMA_S: f64 = 0.1;
+/// And its response as wide as that of a first-order lag of a tenth of a second, s^2.
+const STEERING_SPREAD_SIGMA_S2: f64 = 0.01;
+/// Half of the play is a quarter of a degree, rad.
+const STEERING_PLAY_SIGMA_RAD: f64 = 0.0044;
 
 /// Values, uncertainties and freedoms of the parameters at a filter's start.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -63,6 +72,9 @@ impl Prior {
         }
         if settings.measurement == Measurement::Clone {
             sigma[SIDE_SLIP] = settings.side_slip_sigma_rad_per_mps2;
+            sigma[STEERING_LAG] = STEERING_LAG_SIGMA_S;
+            sigma[STEERING_SPREAD] = STEERING_SPREAD_SIGMA_S2;
+            sigma[STEERING_PLAY] = STEERING_PLAY_SIGMA_RAD;
             open_curve(&mut sigma, vehicle, settings);
         }
         Self {

@@ -19,7 +19,7 @@ use crate::estimate::Parameter;
 use crate::vehicle::{SpeedMeasuredAt, Vehicle};
 
 /// Share of a quadratic term that a speed measured beside the axle's middle may explain.
-const ENCODER_SHARE: f64 = 0.3;
+const ENCODER_SHARE: f64 = 0.4;
 /// An explanation is as good as the best one when the data are less probable by no more than this:
 /// twice the logarithm.
 const AS_GOOD: f64 = 6.0;

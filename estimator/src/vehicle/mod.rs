@@ -30,8 +30,31 @@ pub struct Vehicle {
 pub struct DriveReading {
     /// Measured speed, m/s.
     pub speed_mps: f64,
-    /// Measured steering angle, rad.
+    /// Steering angle measured `steering_before_s` before the speed, rad.
     pub steering_rad: f64,
+    /// How fast it changes there, rad/s.
+    pub steering_rate_radps: f64,
+    /// Its second derivative there, rad/s^2.
+    pub steering_acceleration_radps2: f64,
+    /// Which side of its play the steering is on there: 1 after it turned left, -1 after it turned right.
+    pub play_side: f64,
+    /// The response of the wheel to its sensor that is already in the angle.
+    pub response: SteeringResponse,
+    /// Speed (m/s) and steering angle (rad) without the noise of single readings, where known.
+    pub smoothed: Option<[f64; 2]>,
+}
+
+impl DriveReading {
+    /// The reading without the noise of single ones, where that is known.
+    #[must_use]
+    pub fn without_noise(self) -> Option<Self> {
+        let [speed_mps, steering_rad] = self.smoothed?;
+        Some(Self {
+            speed_mps,
+            steering_rad,
+            ..self
+        })
+    }
 }
 
 /// The parameters a vehicle model depends on.
@@ -49,6 +72,21 @@ pub struct DriveParameters {
     pub side_slip_rad_per_mps2: f64,
     /// What the steering does beyond offset and gain.
     pub curve: SteeringCurve,
+    /// How the wheel follows its sensor in time.
+    pub response: SteeringResponse,
+    /// Half of the play between sensor and wheel, rad: the wheel stays behind by so much.
+    pub half_play_rad: f64,
+}
+
+/// How the wheel follows its sensor: the first two cumulants of its impulse response. A pure delay `d`
+/// has (d, 0), a first-order lag `t` (t, t^2); the wheel stands at
+/// `delta(t - lag) + spread / 2 delta''(t - lag)`, to third order in time.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct SteeringResponse {
+    /// Mean delay of the wheel behind its sensor, s; negative where the sensor is late.
+    pub lag_s: f64,
+    /// Variance of that delay, s^2; negative where the sensor smooths.
+    pub spread_s2: f64,
 }
 
 /// How a true steering angle departs from a straight line over the measured one. With `u` the
@@ -65,10 +103,10 @@ pub struct SteeringCurve {
 }
 
 /// How many parameters [`Motion`]'s derivatives are by.
-pub const DRIVE_PARAMETERS: usize = 8;
+pub const DRIVE_PARAMETERS: usize = 11;
 
 /// The rear axle's motion, with derivatives by (steering offset, speed scale, wheelbase, gain, side
-/// slip, asymmetry, quadratic term, cubic term).
+/// slip, asymmetry, quadratic term, cubic term, lag and spread of the steering's response, half its play).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Motion {
     /// Speed of the rear axle along x of `base`, m/s.
@@ -148,7 +186,7 @@ fn with_side_slip(rolling: Motion, slip: f64) -> Motion {
     motion
 }
 
-/// The true steering angle and its derivatives by steering offset, gain and curve.
+/// The true steering angle and its derivatives by steering offset, gain, curve, response and play.
 #[derive(Debug, Clone, Copy)]
 struct Steering {
     true_rad: f64,
@@ -157,12 +195,24 @@ struct Steering {
     by_asymmetry: f64,
     by_quadratic: f64,
     by_cubic: f64,
+    by_lag: f64,
+    by_spread: f64,
+    by_play: f64,
 }
 
 impl Steering {
     fn of(drive: DriveReading, parameters: &DriveParameters) -> Self {
         let curve = &parameters.curve;
-        let raw = drive.steering_rad - parameters.steering_offset_rad;
+        // To first order in what of the response is not in the reading.
+        let lag_s = parameters.response.lag_s - drive.response.lag_s;
+        let spread_s2 = parameters.response.spread_s2 - drive.response.spread_s2;
+        let (rate_radps, bend_radps2) = (
+            drive.steering_rate_radps,
+            0.5 * drive.steering_acceleration_radps2,
+        );
+        let followed_rad = drive.steering_rad - lag_s * rate_radps + spread_s2 * bend_radps2;
+        let behind_rad = parameters.half_play_rad * drive.play_side;
+        let raw = followed_rad - behind_rad - parameters.steering_offset_rad;
         let slope = parameters.steering_gain
             + curve.asymmetry * raw.signum()
             + 2.0 * curve.quadratic_per_rad * raw
@@ -173,6 +223,9 @@ impl Steering {
                 + curve.quadratic_per_rad * raw.powi(2)
                 + curve.cubic_per_rad2 * raw.powi(3),
             by_offset: -slope,
+            by_lag: -slope * rate_radps,
+            by_spread: slope * bend_radps2,
+            by_play: -slope * drive.play_side,
             by_gain: raw,
             by_asymmetry: raw.abs(),
             by_quadratic: raw.powi(2),
@@ -197,6 +250,9 @@ fn by_parameters(
         by_steering * s.by_asymmetry,
         by_steering * s.by_quadratic,
         by_steering * s.by_cubic,
+        by_steering * s.by_lag,
+        by_steering * s.by_spread,
+        by_steering * s.by_play,
     ]
 }
 
@@ -215,7 +271,10 @@ mod tests {
             4 => q.side_slip_rad_per_mps2 += by,
             5 => q.curve.asymmetry += by,
             6 => q.curve.quadratic_per_rad += by,
-            _ => q.curve.cubic_per_rad2 += by,
+            7 => q.curve.cubic_per_rad2 += by,
+            8 => q.response.lag_s += by,
+            9 => q.response.spread_s2 += by,
+            _ => q.half_play_rad += by,
         }
         q
     }
@@ -248,7 +307,15 @@ mod tests {
             steering_rad in -0.8..0.8f64,
             offset in -0.15..0.15f64,
         ) {
-            let drive = DriveReading { speed_mps, steering_rad };
+            let drive = DriveReading {
+                speed_mps,
+                steering_rad,
+                steering_rate_radps: 0.4,
+                steering_acceleration_radps2: 2.0,
+                play_side: -0.7,
+                smoothed: None,
+                response: SteeringResponse { lag_s: 0.05, spread_s2: 0.0 },
+            };
             let p = DriveParameters {
                 steering_offset_rad: offset,
                 speed_scale: 1.01,
@@ -256,6 +323,8 @@ mod tests {
                 steering_gain: 0.98,
                 side_slip_rad_per_mps2: 0.01,
                 curve: SteeringCurve { asymmetry: 0.01, quadratic_per_rad: 0.04, cubic_per_rad2: 0.1 },
+                response: SteeringResponse { lag_s: 0.1, spread_s2: 0.01 },
+                half_play_rad: 0.004,
             };
             let motion = vehicle.motion(drive, &p);
             for i in 0..DRIVE_PARAMETERS {
@@ -282,11 +351,14 @@ mod tests {
             steering_gain: 1.0,
             side_slip_rad_per_mps2: 0.0,
             curve: SteeringCurve::default(),
+            response: SteeringResponse::default(),
+            half_play_rad: 0.0,
         };
         let motion = vehicle.motion(
             DriveReading {
                 speed_mps: 1.0,
                 steering_rad: 0.06,
+                ..DriveReading::default()
             },
             &p,
         );

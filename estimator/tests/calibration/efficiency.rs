@@ -6,7 +6,7 @@ use fleetcal_estimator::filter::prediction::PredictedMotion;
 use fleetcal_estimator::filter::prior::Prior;
 use fleetcal_estimator::filter::{
     DRIVE_PARAMETER, OdometryReading, PARAMETERS, ParameterCovariance, Values, drive_parameters,
-    lidar_in_base,
+    lidar_in_base, steering_response,
 };
 use fleetcal_estimator::{DriveSample, Freedom, Parameter, Pose2, RobotTime};
 use fleetcal_robot::simulator::{SimulatedMessage, Simulation, SimulationConfig};
@@ -63,15 +63,15 @@ fn stretch(
         return None;
     }
     let (vehicle, noise) = (&config.vehicle, &config.settings.motion_noise);
-    let parameters = drive_parameters(values);
+    let (parameters, response) = (drive_parameters(values), steering_response(values));
     // The second before tells the smoothed twist at the beginning.
     let mut before = PredictedMotion::none();
-    for segment in drive.segments(from.plus_seconds(-1.0), from) {
+    for segment in drive.segments(from.plus_seconds(-1.0), from, response) {
         before.advance(vehicle, &parameters, noise, &segment);
     }
     let mut motion = PredictedMotion::none();
     motion.twist = before.twist;
-    for segment in drive.segments(from, to) {
+    for segment in drive.segments(from, to, response) {
         motion.advance(vehicle, &parameters, noise, &segment);
     }
     let x = lidar_in_base(values);

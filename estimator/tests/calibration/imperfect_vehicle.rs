@@ -50,26 +50,37 @@ fn drive_on(
     drive(config, calibrator, duration_s)
 }
 
+/// Three minutes of aisles, with one typical imperfection of the steering: nine of ten robots converge.
 #[test]
-fn a_robot_with_another_steering_curve_converges_and_is_true() {
+fn a_robot_with_another_steering_converges_and_is_true() {
+    let mut all = 0;
     for kind in [
         ImperfectionKind::SteeringGain,
         ImperfectionKind::Wheelbase,
         ImperfectionKind::SteeringAsymmetry,
+        ImperfectionKind::Backlash,
+        ImperfectionKind::SteeringLag,
+        ImperfectionKind::SteeringDelay,
     ] {
-        for seed in 1..=4 {
-            let run = aisles(kind, seed, None, 180.0);
+        let converged = (1..=10).filter(|seed| {
+            let run = aisles(kind, *seed, None, 180.0);
             assert!(run.changes.is_empty(), "{kind:?}: {:?}", run.changes);
             let (estimate, truth) = run.last();
+            let mut all_converged = true;
             for (parameter, bound) in FOUR.into_iter().zip(BOUNDS) {
                 let found = estimate.parameter(parameter);
                 let error = error_of(parameter, estimate, truth).abs();
-                let name = format!("{kind:?}, seed {seed}: {found:?}");
-                assert_eq!(found.status, Status::Converged, "{name}");
-                assert!(error < bound, "{name} is off by {error}");
+                assert!(error < bound, "{kind:?}, {seed}: {found:?} off by {error}");
+                all_converged &= found.status == Status::Converged;
             }
-        }
+            all_converged
+        });
+        let converged = converged.count();
+        println!("{kind:?}: {converged} of 10");
+        assert!(converged >= 8, "{kind:?}: {converged} of 10");
+        all += converged;
     }
+    assert!(all >= 54, "{all} of 60");
 }
 
 #[test]

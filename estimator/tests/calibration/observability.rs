@@ -79,7 +79,7 @@ fn any_mount_and_any_offset_converge_from_nothing() {
         config.applied.lidar_in_base = config.vehicle.lidar_in_base;
         config.applied.steering_offset_rad = config.vehicle.steering_offset_rad;
         let calibrator = CalibratorConfig::of(vehicle_of(&config.vehicle, 1.2));
-        let run = drive(config, calibrator, 60.0);
+        let run = drive(config, calibrator, 90.0);
         let (estimate, truth) = run.last();
         for parameter in FOUR {
             let found = estimate.parameter(parameter);

@@ -21,7 +21,7 @@ use crate::drive::poses;
 const KEPT: f64 = 0.998;
 /// Uncertainty of the parameters before the first window: twice the limits of convergence.
 const PRIOR_SIGMA: [f64; PARAMETERS] = [
-    1.7e-3, 0.01, 0.01, 3.5e-3, 4e-3, 6e-3, 0.02, 0.02, 3e-3, 0.01, 0.043, 0.12,
+    1.7e-3, 0.01, 0.01, 3.5e-3, 4e-3, 6e-3, 0.02, 0.02, 3e-3, 0.01, 0.043, 0.12, 0.1, 0.01, 0.0044,
 ];
 
 /// The search for an alarm.

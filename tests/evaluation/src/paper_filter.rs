@@ -317,6 +317,7 @@ mod tests {
             let drive = DriveReading {
                 speed_mps: 1.0,
                 steering_rad: steering_rad + offset_rad,
+                ..DriveReading::default()
             };
             found.predict(drive, 0.01);
             let yaw_rad = body.yaw_rad + 0.01 * steering_rad.tan() / 1.2;

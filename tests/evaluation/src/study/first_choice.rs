@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use fleetcal_estimator::advice::manoeuvre::{Manoeuvre, library};
 use fleetcal_estimator::geometry::Pose2;
-use fleetcal_estimator::vehicle::{DriveParameters, SteeringCurve, Vehicle};
+use fleetcal_estimator::vehicle::{DriveParameters, SteeringCurve, SteeringResponse, Vehicle};
 use fleetcal_estimator::{Parameter, Status};
 use fleetcal_robot::simulator::{Point, Route, SpeedProfile};
 use nalgebra::Vector3;
@@ -139,6 +139,8 @@ fn points(manoeuvre: &Manoeuvre, vehicle: &Vehicle) -> Vec<Point> {
         steering_gain: 1.0,
         side_slip_rad_per_mps2: 0.0,
         curve: SteeringCurve::default(),
+        response: SteeringResponse::default(),
+        half_play_rad: 0.0,
     };
     let mut pose = START;
     let mut points = vec![Point::new(pose.x_m, pose.y_m)];

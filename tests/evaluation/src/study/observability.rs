@@ -4,7 +4,7 @@ use fleetcal_estimator::advice::Knowledge;
 use fleetcal_estimator::advice::manoeuvre::{Manoeuvre, library};
 use fleetcal_estimator::advice::ranking::{Ranked, information_bits, rank};
 use fleetcal_estimator::filter::{ParameterCovariance, Values};
-use fleetcal_estimator::vehicle::{DriveParameters, SteeringCurve};
+use fleetcal_estimator::vehicle::{DriveParameters, SteeringCurve, SteeringResponse};
 use fleetcal_estimator::{Parameter, Vehicle, VehicleModel};
 use rayon::prelude::*;
 
@@ -105,6 +105,8 @@ fn robot(seed: u64) -> Scripted {
             steering_gain: 1.0,
             side_slip_rad_per_mps2: 0.0,
             curve: SteeringCurve::default(),
+            response: SteeringResponse::default(),
+            half_play_rad: 0.0,
         },
         time_offset_s: 0.02,
         lidar_in_base: estimators_pose(&mount(0.43, 0.0046, 0.72)),

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 
 use fleetcal_estimator::geometry::Pose2;
-use fleetcal_estimator::vehicle::{DriveParameters, DriveReading, SteeringCurve};
+use fleetcal_estimator::vehicle::{DriveParameters, DriveReading, SteeringCurve, SteeringResponse};
 use fleetcal_estimator::{Estimate, Parameter};
 use fleetcal_robot::simulator::{LocalisationNoise, Point, Route, SimulatedMessage};
 use rayon::prelude::*;
@@ -141,6 +141,8 @@ fn one_drive(extent: &Extent, kind: &Kind, seed: u64) -> Result<Apart, Evaluatio
         steering_gain: 1.0,
         side_slip_rad_per_mps2: 0.0,
         curve: SteeringCurve::default(),
+        response: SteeringResponse::default(),
+        half_play_rad: 0.0,
     };
     let offset = DriveParameters {
         steering_offset_rad: known.parameter(Parameter::SteeringOffset).value,
@@ -197,6 +199,7 @@ impl Paths {
                     let reading = DriveReading {
                         speed_mps: message.speed_mps,
                         steering_rad: message.steering_rad,
+                        ..DriveReading::default()
                     };
                     for reckoned in &mut self.reckoned {
                         reckoned.take(message.stamp_ns, reading, &base);

@@ -242,6 +242,7 @@ fn follow(mut filter: PaperFilter, given: &[Given]) -> PaperFilter {
         let drive = DriveReading {
             speed_mps: sample.speed_mps(),
             steering_rad: sample.steering_rad(),
+            ..DriveReading::default()
         };
         let mut advance = |filter: &mut PaperFilter, to: RobotTime| {
             if let Some(from) = reached {
