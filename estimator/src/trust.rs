@@ -85,13 +85,12 @@ impl Trust {
         let needs = self.needs(grounds, statuses);
         Parameter::ALL.map(|parameter| {
             let i = parameter.index();
-            let (value, sigma) = match statuses[i] {
+            let (value, sigma) = if statuses[i] == Status::Off {
                 // What is not estimated is told as the neutral value, even if the filter knows better.
-                Status::Off => (neutral(parameter, values[i]), 0.0),
-                _ => {
-                    let sigma = reported_sigma(parameter, covariance, settings);
-                    (values[i], sigma.hypot(scale_sigma(parameter, values[i])))
-                }
+                (neutral(parameter, values[i]), 0.0)
+            } else {
+                let sigma = reported_sigma(parameter, covariance, settings);
+                (values[i], sigma.hypot(scale_sigma(parameter, values[i])))
             };
             ParameterEstimate {
                 value,

@@ -164,15 +164,15 @@ impl Vehicle {
                 tricycle::motion(drive.speed_mps, steering, parameters)
             }
         };
-        with_side_slip(rolling, parameters.side_slip_rad_per_mps2)
+        with_side_slip(&rolling, parameters.side_slip_rad_per_mps2)
     }
 }
 
 /// Tyres drift outwards by an angle that grows with the lateral acceleration `v theta'`:
 /// `v_y = -c v^2 theta'`.
-fn with_side_slip(rolling: Motion, slip: f64) -> Motion {
+fn with_side_slip(rolling: &Motion, slip: f64) -> Motion {
     let (v, yaw_rate) = (rolling.speed_mps, rolling.yaw_rate_radps);
-    let mut motion = rolling;
+    let mut motion = *rolling;
     motion.side_speed_mps = -slip * v * v * yaw_rate;
     for (by, (speed_by, yaw_by)) in motion
         .side_speed_by
