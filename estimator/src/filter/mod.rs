@@ -11,6 +11,7 @@
 pub mod constraint;
 pub mod follow;
 pub mod padded;
+mod parameters;
 pub mod prediction;
 pub mod prior;
 pub mod relevance;
@@ -24,35 +25,16 @@ use crate::geometry::{Pose2, wrap_angle_rad};
 use crate::motion_noise::MotionNoise;
 use crate::settings::{EstimatorSettings, Measurement};
 use crate::stream::RobotTime;
-use crate::vehicle::{
-    DRIVE_PARAMETERS, DriveParameters, DriveReading, SteeringCurve, SteeringResponse, Vehicle,
-};
+use crate::vehicle::{DriveParameters, DriveReading, Vehicle};
 use constraint::LidarMotion;
+pub use parameters::{
+    ASYMMETRY, CUBIC, DRIVE_PARAMETER, PARAMETERS, ParameterCovariance, QUADRATIC, SIDE_SLIP,
+    STEERING_LAG, STEERING_PLAY, STEERING_SPREAD, Values, apart, drive_parameters, lidar_in_base,
+    steering_response,
+};
 use prediction::{PredictedMotion, speed_noise_mps, twist};
 use prior::Prior;
 
-/// Number of parameters in the filter: those of [`Parameter::ALL`], the side slip, and the steering's
-/// asymmetry, quadratic and cubic term, the lag and spread of its response, and half its play.
-pub const PARAMETERS: usize = Parameter::ALL.len() + 7;
-/// Where the side slip stands among them. It is no calibration and is not published, but what is not
-/// known of it goes into `x_off`: at a speed `v` it shifts the LiDAR by `c v^2`.
-pub const SIDE_SLIP: usize = Parameter::ALL.len();
-/// Where the steering's asymmetry stands among them.
-pub const ASYMMETRY: usize = SIDE_SLIP + 1;
-/// Where the quadratic term of the steering stands among them.
-pub const QUADRATIC: usize = SIDE_SLIP + 2;
-/// Where the cubic term of the steering stands among them.
-pub const CUBIC: usize = SIDE_SLIP + 3;
-/// Where the steering's lag behind its sensor stands among them.
-pub const STEERING_LAG: usize = SIDE_SLIP + 4;
-/// Where the spread of the steering's response stands among them.
-pub const STEERING_SPREAD: usize = SIDE_SLIP + 5;
-/// Where half the play of the steering stands among them.
-pub const STEERING_PLAY: usize = SIDE_SLIP + 6;
-/// No wheel is further behind its sensor, or before it, s.
-const STEERING_LAG_MAX_S: f64 = 0.5;
-/// Nor is its response wider, s^2.
-const STEERING_SPREAD_MAX_S2: f64 = 0.25;
 /// Dimension of the filter's state.
 const DIM: usize = 6 + PARAMETERS;
 /// First index of the motion since the anchor.
@@ -61,28 +43,8 @@ const MOTION: usize = 0;
 const ANCHOR: usize = 3;
 /// First index of the parameters.
 const CALIBRATION: usize = 6;
-/// Where the drive parameters stand among the parameters.
-pub const DRIVE_PARAMETER: [usize; DRIVE_PARAMETERS] = [
-    Parameter::SteeringOffset.index(),
-    Parameter::SpeedScale.index(),
-    Parameter::Wheelbase.index(),
-    Parameter::SteeringGain.index(),
-    SIDE_SLIP,
-    ASYMMETRY,
-    QUADRATIC,
-    CUBIC,
-    STEERING_LAG,
-    STEERING_SPREAD,
-    STEERING_PLAY,
-];
-
 type Covariance = SMatrix<f64, DIM, DIM>;
 type Jacobian = SMatrix<f64, 3, DIM>;
-/// Values of the parameters, in the order of [`Parameter::ALL`], then what the vehicle does beyond.
-pub type Values = SVector<f64, PARAMETERS>;
-/// Their covariance.
-pub type ParameterCovariance = SMatrix<f64, PARAMETERS, PARAMETERS>;
-
 /// A pose of the LiDAR in its odometry frame, as the filter measures it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct OdometryReading {
@@ -573,51 +535,4 @@ fn normalised_square(covariance: &Matrix3<f64>, residual: &Vector3<f64>) -> Opti
 
 fn symmetrise(covariance: &mut Covariance) {
     *covariance = (*covariance + covariance.transpose()) * 0.5;
-}
-
-/// `values - from`, the yaw the short way round.
-pub fn apart(values: &Values, from: &Values) -> Values {
-    let mut apart = values - from;
-    let yaw = &mut apart[Parameter::LidarYaw.index()];
-    *yaw = wrap_angle_rad(*yaw);
-    apart
-}
-
-/// `lidar_in_base` out of the parameters.
-pub fn lidar_in_base(values: &Values) -> Pose2 {
-    Pose2::new(
-        values[Parameter::LidarX.index()],
-        values[Parameter::LidarY.index()],
-        values[Parameter::LidarYaw.index()],
-    )
-}
-
-/// The steering's response as far as readings take it in: samples are kept and waited for that long,
-/// and what a sensor smoothed cannot be made out of it again.
-pub fn steering_response(values: &Values) -> SteeringResponse {
-    SteeringResponse {
-        lag_s: values[STEERING_LAG].clamp(-STEERING_LAG_MAX_S, STEERING_LAG_MAX_S),
-        spread_s2: values[STEERING_SPREAD].clamp(0.0, STEERING_SPREAD_MAX_S2),
-    }
-}
-
-/// The vehicle model's parameters out of the parameters.
-pub fn drive_parameters(values: &Values) -> DriveParameters {
-    DriveParameters {
-        steering_offset_rad: values[Parameter::SteeringOffset.index()],
-        speed_scale: values[Parameter::SpeedScale.index()],
-        wheelbase_m: values[Parameter::Wheelbase.index()],
-        steering_gain: values[Parameter::SteeringGain.index()],
-        side_slip_rad_per_mps2: values[SIDE_SLIP],
-        curve: SteeringCurve {
-            asymmetry: values[ASYMMETRY],
-            quadratic_per_rad: values[QUADRATIC],
-            cubic_per_rad2: values[CUBIC],
-        },
-        response: SteeringResponse {
-            lag_s: values[STEERING_LAG],
-            spread_s2: values[STEERING_SPREAD],
-        },
-        half_play_rad: values[STEERING_PLAY],
-    }
 }
