@@ -62,7 +62,7 @@ pub(super) struct Comparison {
     #[serde(deserialize_with = "padded::vector")]
     pub values: Values,
     /// Its covariance, with what averaging cannot take away.
-    #[serde(deserialize_with = "padded::square")]
+    #[serde(serialize_with = "padded::half", deserialize_with = "padded::square")]
     pub covariance: ParameterCovariance,
 }
 

@@ -90,10 +90,10 @@ pub struct LongRunVariance {
 struct Clusters {
     block: Option<Block>,
     /// Sum of `J' S^-1 r r' S^-1 J` over the blocks.
-    #[serde(deserialize_with = "padded::square")]
+    #[serde(serialize_with = "padded::half", deserialize_with = "padded::square")]
     scatter: SMatrix<f64, PARAMETERS, PARAMETERS>,
     /// Sum of `J' S^-1 J`: what the scatter should be.
-    #[serde(deserialize_with = "padded::square")]
+    #[serde(serialize_with = "padded::half", deserialize_with = "padded::square")]
     expected: SMatrix<f64, PARAMETERS, PARAMETERS>,
     blocks: f64,
 }

@@ -133,7 +133,7 @@ pub struct Filter {
     noise: MotionNoise,
     #[serde(deserialize_with = "padded::vector")]
     values: Values,
-    #[serde(deserialize_with = "padded::square")]
+    #[serde(serialize_with = "padded::half", deserialize_with = "padded::square")]
     covariance: Covariance,
     /// Parameters whose values the filter may not change (their uncertainty still counts).
     #[serde(deserialize_with = "padded::flags")]

@@ -1,9 +1,9 @@
-//! Reading matrices of an earlier estimator, which knew fewer parameters: those that came later stand
-//! last, and are zero in what it wrote.
+//! Matrices in a checkpoint: those of an earlier estimator, which knew fewer parameters, are read as well
+//! (those that came later stand last, and are zero in what it wrote), and covariances are written by halves.
 
 use nalgebra::{SMatrix, SVector};
 use serde::de::Error;
-use serde::{Deserialize, Deserializer};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// A matrix whose last columns may be missing.
 ///
@@ -57,7 +57,26 @@ where
     Ok(given.map(|Padded(vector)| vector))
 }
 
-/// A square matrix whose last rows and columns may be missing.
+/// The lower half of a matrix that equals its transpose to the bit, by columns; all of another one.
+///
+/// # Errors
+/// Those of the serializer.
+pub fn half<S, const N: usize>(
+    matrix: &SMatrix<f64, N, N>,
+    serializer: S,
+) -> Result<S::Ok, S::Error>
+where
+    S: Serializer,
+{
+    if *matrix != matrix.transpose() {
+        return matrix.as_slice().serialize(serializer);
+    }
+    let columns = (0..N).flat_map(|column| (column..N).map(move |row| matrix[(row, column)]));
+    columns.collect::<Vec<f64>>().serialize(serializer)
+}
+
+/// A square matrix, or the lower half of one, whose last rows and columns may be missing. No size of a half
+/// is a square here: that holds for all up to 48 but 1 and 8.
 ///
 /// # Errors
 /// When it is larger, or not square.
@@ -66,13 +85,25 @@ where
     D: Deserializer<'de>,
 {
     let numbers = Vec::<f64>::deserialize(deserializer)?;
-    let size = numbers.len().isqrt();
-    if size > N || size * size != numbers.len() {
-        return Err(D::Error::invalid_length(numbers.len(), &"a square matrix"));
-    }
+    let length = numbers.len();
+    let size = length.isqrt();
+    let size_of_half = ((8 * length + 1).isqrt() - 1) / 2;
     let mut matrix = SMatrix::zeros();
-    for (i, number) in numbers.into_iter().enumerate() {
-        matrix[(i % size, i / size)] = number;
+    let mut numbers = numbers.into_iter();
+    if size <= N && size * size == length {
+        for (column, row) in (0..size).flat_map(|column| (0..size).map(move |row| (column, row))) {
+            matrix[(row, column)] = numbers.next().unwrap_or_default();
+        }
+    } else if size_of_half <= N && size_of_half * (size_of_half + 1) == 2 * length {
+        let lower = (0..size_of_half)
+            .flat_map(|column| (column..size_of_half).map(move |row| (column, row)));
+        for (column, row) in lower {
+            let number = numbers.next().unwrap_or_default();
+            matrix[(row, column)] = number;
+            matrix[(column, row)] = number;
+        }
+    } else {
+        return Err(D::Error::invalid_length(length, &"a square matrix"));
     }
     Ok(matrix)
 }
