@@ -88,6 +88,9 @@ impl Road {
     /// All of them.
     pub const ALL: [Self; 3] = [Self::Eight, Self::Aisles, Self::Left];
 
+    /// Those with turns to both sides.
+    pub const TWO_SIDED: [Self; 2] = [Self::Eight, Self::Aisles];
+
     /// Its name.
     pub const fn name(self) -> &'static str {
         match self {

@@ -16,7 +16,7 @@ pub struct Row {
     pub summary: Summary,
 }
 
-/// The unchanged robots of each flaw, over all routes.
+/// The unchanged robots of each flaw, over some routes.
 ///
 /// # Errors
 /// Whatever a run ends with.
@@ -24,8 +24,9 @@ pub fn unchanged(
     campaign: &mut Campaign,
     flaws: &[Flaw],
     seeds: &[u64],
+    roads: &[Road],
 ) -> Result<Vec<Row>, EvaluationError> {
-    pooled(campaign, flaws, seeds, &[Scenario::Unchanged])
+    pooled(campaign, flaws, seeds, roads, &[Scenario::Unchanged])
 }
 
 /// The robots of each flaw on which `injected` happens, over all routes and both speeds.
@@ -39,19 +40,20 @@ pub fn changed(
     injected: InjectedChange,
 ) -> Result<Vec<Row>, EvaluationError> {
     let scenarios = Speed::ALL.map(|speed| Scenario::Changed(injected, speed));
-    pooled(campaign, flaws, seeds, &scenarios)
+    pooled(campaign, flaws, seeds, &Road::ALL, &scenarios)
 }
 
 fn pooled(
     campaign: &mut Campaign,
     flaws: &[Flaw],
     seeds: &[u64],
+    roads: &[Road],
     scenarios: &[Scenario],
 ) -> Result<Vec<Row>, EvaluationError> {
     let mut rows = Vec::new();
     for &flaw in flaws {
         let mut summary = Summary::default();
-        for road in Road::ALL {
+        for &road in roads {
             for &scenario in scenarios {
                 let cell = Cell {
                     flaw,

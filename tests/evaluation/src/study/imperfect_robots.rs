@@ -7,7 +7,7 @@ use crate::extent::Extent;
 use crate::imperfect::tables::{
     Row, changed, changes_table, claims_table, errors_table, sensor_of, unchanged,
 };
-use crate::imperfect::{Campaign, Flaw, ImperfectExtent, InjectedChange, Sensor, Summary};
+use crate::imperfect::{Campaign, Flaw, ImperfectExtent, InjectedChange, Road, Sensor, Summary};
 use crate::report::Section;
 use crate::statistics::Proportion;
 
@@ -31,7 +31,7 @@ pub fn section(
     let mut section = Section::new("7. Imperfect robots");
     introduce(&mut section, extent);
     let seeds: Vec<u64> = (1..=extent.seeds).collect();
-    let claims = unchanged(campaign, &extent.flaws(), &seeds)?;
+    let claims = unchanged(campaign, &extent.flaws(), &seeds, &Road::ALL)?;
     section.words(
         "Runs with a false claim, at each time and at any of the four, with the upper end of the \
          exact one-sided 95 % interval (Clopper and Pearson; 3/N for none of N). *Worst claim* is \
@@ -57,6 +57,8 @@ pub fn section(
         hold_changes(&mut section, injected, &rows);
     }
     hold_claims(&mut section, &claims);
+    let two_sided = unchanged(campaign, &[Flaw::Clean], &seeds, &Road::TWO_SIDED)?;
+    hold_convergence(&mut section, &two_sided);
     Ok(section)
 }
 
@@ -107,8 +109,15 @@ fn hold_claims(section: &mut Section, rows: &[Row]) {
             0.0,
             |share| format!("{:.2} %", 100.0 * share),
         );
+    }
+}
+
+/// What is held of robots without an imperfection that turn to both sides. Turns to one side do not tell
+/// the play of the steering from its offset, and may take longer.
+fn hold_convergence(section: &mut Section, two_sided: &[Row]) {
+    for clean in two_sided {
         section.at_least(
-            "share of them converged after 180 s",
+            "share of robots without an imperfection converged after 180 s of turns to both sides",
             clean.summary.converged_within_bounds().share(),
             0.95,
             |share| format!("{:.0} %", 100.0 * share),
