@@ -14,7 +14,7 @@ use super::window::Window;
 use crate::estimate::Parameter;
 use crate::filter::constraint::ByParameters;
 use crate::filter::relevance::Known;
-use crate::filter::{Filter, PARAMETERS, ParameterCovariance, Values, apart, padded};
+use crate::filter::{Filter, PARAMETERS, ParameterCovariance, Values, apart, padded, symmetric};
 use crate::stream::RobotTime;
 
 /// Windows in a block: errors that last longer than some 5 m are for the change test to judge.
@@ -124,8 +124,8 @@ impl Clusters {
         let kept = 1.0 - 1.0 / MEMORY_BLOCKS;
         let weight = SQUARE_MAX / square.max(SQUARE_MAX) / (1.0 - self.leverage());
         self.scatter = self.scatter * kept + score * score.transpose() * weight;
-        self.expected =
-            self.expected * kept + block.jacobian.tr_mul(&factor.solve(&block.jacobian));
+        let information = block.jacobian.tr_mul(&factor.solve(&block.jacobian));
+        self.expected = self.expected * kept + symmetric(&information);
         self.blocks = self.blocks * kept + 1.0;
     }
 

@@ -317,7 +317,7 @@ impl Filter {
         let gain_cross = gain * cross.transpose();
         self.covariance +=
             gain * innovation_covariance * gain.transpose() - gain_cross - gain_cross.transpose();
-        symmetrise(&mut self.covariance);
+        self.covariance = symmetric(&self.covariance);
         // 5. New anchor.
         if let Some(fresh) = fresh {
             self.take_anchor(reading, &fresh);
@@ -375,7 +375,7 @@ impl Filter {
         let gain = cross * factor.inverse();
         self.correct(&(gain * residual));
         self.covariance -= gain * cross.transpose();
-        symmetrise(&mut self.covariance);
+        self.covariance = symmetric(&self.covariance);
     }
 
     /// Multiplicative step towards the tolerated mean NIS; a single outlier counts as ten at most.
@@ -404,7 +404,8 @@ impl Filter {
             );
         }
         let rows = transition * self.covariance;
-        let block = rows * transition.transpose() + predicted.noise * self.noise_scale;
+        let block =
+            symmetric(&(rows * transition.transpose() + predicted.noise * self.noise_scale));
         self.covariance
             .fixed_view_mut::<3, DIM>(MOTION, 0)
             .copy_from(&rows);
@@ -515,7 +516,7 @@ impl FreshAnchor {
         let with_state = -error_gain * cross.transpose();
         Self {
             error: error_gain * residual,
-            covariance: noise - error_gain * noise,
+            covariance: symmetric(&(noise - error_gain * noise)),
             with_parameters: with_state
                 .fixed_view::<3, PARAMETERS>(0, CALIBRATION)
                 .into_owned(),
@@ -533,6 +534,7 @@ fn normalised_square(covariance: &Matrix3<f64>, residual: &Vector3<f64>) -> Opti
     Some(residual.dot(&solved))
 }
 
-fn symmetrise(covariance: &mut Covariance) {
-    *covariance = (*covariance + covariance.transpose()) * 0.5;
+/// A covariance without what rounding made of its symmetry.
+pub(crate) fn symmetric<const N: usize>(covariance: &SMatrix<f64, N, N>) -> SMatrix<f64, N, N> {
+    (covariance + covariance.transpose()) * 0.5
 }
