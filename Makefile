@@ -180,6 +180,10 @@ build-loop: rust ## The developer's loop on an idle machine: touches a file, bui
 false-alarms: rust ## 3,000 simulated robot-hours without a change at the real threshold: under an hour
 	$(CARGO) run --release --locked -p fleetcal-estimator --example false_alarms -- campaign 3000
 
+.PHONY: starts-in-motion
+starts-in-motion: rust ## 600 drives that are cut at 30 moments: claims, changes and convergence, two minutes
+	$(CARGO) test --release --locked -p fleetcal-estimator --test calibration -- --nocapture --ignored cut_at_30
+
 .PHONY: evaluation
 evaluation: rust ## The paper's evaluation and more: writes docs/evaluation.md, half an hour on two cores
 	$(CARGO) build --release --locked -p fleetcal --bin fleetcal

@@ -30,7 +30,7 @@ pub enum Followed {
     AtRest,
     /// The filter was updated.
     Updated(Moved),
-    /// It could not be used (its drive time lies behind the filter's).
+    /// It could not be used: its drive time lies behind the filter's, or ahead of all drive samples.
     Unusable,
 }
 
@@ -108,6 +108,8 @@ impl Follower {
         let from = match self.reached {
             Some(from) if self.filter.is_anchored() && drive.covers(from, to) => from,
             Some(from) if to <= from => return Followed::Unusable,
+            // Readings that are followed again do not wait: the time offset may have grown meanwhile.
+            _ if drive.newest().is_none_or(|newest| newest < to) => return Followed::Unusable,
             _ => return self.anchor_at(reading, to, drive),
         };
         let response = steering_response(self.filter.values());
