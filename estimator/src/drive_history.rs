@@ -22,6 +22,11 @@ const EARLY: f64 = std::f64::consts::SQRT_2 - 1.0;
 /// Half of the play that is assumed to tell which side of it the steering is on, rad: typical, and more
 /// than an encoder trembles.
 const HALF_PLAY_RAD: f64 = 0.005;
+/// Steering that departs from its parabola by more has jumped, rad: a wheel that begins to turn at 1 rad/s
+/// departs by a quarter of it,
+const JUMP_RAD: f64 = 0.05;
+/// unless its samples are that noisy: so many mean differences between neighbours, 4.5 sigmas of white noise.
+const JUMP_NOISES: f64 = 4.0;
 /// What speed and steering are without noise, and how they change, is read from the samples this long before and after, s,
 const PARABOLA_REACH_S: f64 = 0.12;
 /// and from no fewer than so many.
@@ -130,26 +135,31 @@ impl DriveHistory {
     /// The reading that describes a time, for a wheel that follows its sensor so; rest when there is
     /// none.
     pub fn at(&self, stamp: RobotTime, response: SteeringResponse) -> DriveReading {
-        let index = self
-            .samples
-            .partition_point(|kept| kept.sample.stamp() < stamp);
+        let index = self.first_at(stamp);
         self.samples
             .get(index)
             .map_or_else(DriveReading::default, |kept| {
-                self.reading_followed(kept, response)
+                self.reading_followed(kept, stamp, response)
             })
     }
 
     /// A sample with the steering as a wheel follows it: the weighed mean of two angles that were measured
     /// before and after its lag, which has the lag and the spread of its response.
-    fn reading_followed(&self, kept: &Kept, response: SteeringResponse) -> DriveReading {
+    fn reading_followed(
+        &self,
+        kept: &Kept,
+        at: RobotTime,
+        response: SteeringResponse,
+    ) -> DriveReading {
         let SteeringResponse { lag_s, spread_s2 } = response;
         let stamp = kept.sample.stamp().plus_seconds(-lag_s);
         let at_rad = |by_s: f64| self.steering_at_rad(stamp.plus_seconds(by_s), kept);
         let spread_s = spread_s2.max(0.0).sqrt();
-        let angle = self.parabola(stamp, DriveSample::steering_rad);
-        let speed = self.parabola(kept.sample.stamp(), DriveSample::speed_mps);
+        let turned = at.plus_seconds(-lag_s);
+        let angle = self.parabola(turned, DriveSample::steering_rad);
+        let speed = self.parabola(at, DriveSample::speed_mps);
         DriveReading {
+            speed_rate_mps2: speed.map_or(0.0, |speed| speed.y),
             steering_rad: at_rad(-LATE * spread_s) * LATE_SHARE
                 + at_rad(EARLY * spread_s) * (1.0 - LATE_SHARE),
             steering_rate_radps: angle.map_or(0.0, |angle| angle.y),
@@ -161,11 +171,51 @@ impl DriveHistory {
         }
     }
 
+    /// Whether the steering jumps around a time, where no parabola describes it: how a wheel follows a jump
+    /// is not known to second order in time, and a first order would pass for knowledge of it.
+    pub fn jumps_at(&self, stamp: RobotTime, response: SteeringResponse) -> bool {
+        let Some(kept) = self.samples.get(self.first_at(stamp)) else {
+            return false;
+        };
+        let stamp = kept.sample.stamp();
+        let turned = stamp.plus_seconds(-response.lag_s);
+        self.leaves_parabola_at(stamp) || self.leaves_parabola_at(turned)
+    }
+
+    fn leaves_parabola_at(&self, stamp: RobotTime) -> bool {
+        let Some(fitted) = self.parabola(stamp, DriveSample::steering_rad) else {
+            return false;
+        };
+        let first = self.first_at(stamp.plus_seconds(-PARABOLA_REACH_S));
+        let last = stamp.plus_seconds(PARABOLA_REACH_S);
+        let (mut departs_rad, mut largest_rad, mut sum_rad, mut count) =
+            (0.0_f64, 0.0_f64, 0.0, 0.0);
+        let mut before_rad = None;
+        let around = self.samples.range(first..).map(|kept| kept.sample);
+        for sample in around.take_while(|sample| sample.stamp() <= last) {
+            let (t_s, steering_rad) = (sample.stamp().seconds_since(stamp), sample.steering_rad());
+            let parabola_rad = fitted.x + fitted.y * t_s + 0.5 * fitted.z * t_s * t_s;
+            departs_rad = departs_rad.max((steering_rad - parabola_rad).abs());
+            let change_rad = (steering_rad - before_rad.unwrap_or(steering_rad)).abs();
+            largest_rad = largest_rad.max(change_rad);
+            sum_rad += change_rad;
+            count += 1.0;
+            before_rad = Some(steering_rad);
+        }
+        // All changes but the largest tell the noise of the samples.
+        let noise_rad = (sum_rad - largest_rad) / (count - 2.0);
+        departs_rad > JUMP_RAD.max(JUMP_NOISES * noise_rad)
+    }
+
+    /// Where the samples from a time on begin.
+    fn first_at(&self, stamp: RobotTime) -> usize {
+        self.samples
+            .partition_point(|kept| kept.sample.stamp() < stamp)
+    }
+
     /// Which side of a typical play the steering is on at a time, from -1 to 1.
     fn play_side_at(&self, stamp: RobotTime, kept: &Kept) -> f64 {
-        let index = self
-            .samples
-            .partition_point(|kept| kept.sample.stamp() < stamp);
+        let index = self.first_at(stamp);
         let there = self.samples.get(index).unwrap_or(kept);
         (there.sample.steering_rad() - there.behind_play_rad) / HALF_PLAY_RAD
     }
@@ -175,9 +225,7 @@ impl DriveHistory {
     /// knowledge of how the wheel follows its sensor.
     fn parabola(&self, stamp: RobotTime, of: impl Fn(&DriveSample) -> f64) -> Option<Vector3<f64>> {
         let from = stamp.plus_seconds(-PARABOLA_REACH_S);
-        let first = self
-            .samples
-            .partition_point(|kept| kept.sample.stamp() < from);
+        let first = self.first_at(from);
         let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
         let first_value = of(&self.samples.get(first)?.sample);
         for Kept { sample, .. } in self.samples.range(first..) {
@@ -204,9 +252,7 @@ impl DriveHistory {
     /// The measured steering angle at a time, rad, between samples in proportion; beyond them that of the
     /// outermost.
     fn steering_at_rad(&self, stamp: RobotTime, kept: &Kept) -> f64 {
-        let index = self
-            .samples
-            .partition_point(|kept| kept.sample.stamp() < stamp);
+        let index = self.first_at(stamp);
         let before = index.checked_sub(1).and_then(|i| self.samples.get(i));
         match (before, self.samples.get(index)) {
             (Some(Kept { sample: from, .. }), Some(Kept { sample: to, .. })) => {
@@ -241,7 +287,7 @@ impl DriveHistory {
     }
 
     /// The readings over `(from, to]`, cut at both ends, for a wheel that follows its sensor so. Covers
-    /// what the history covers.
+    /// what the history covers. Their rates are differences, which add up to what changed over them.
     pub fn segments(
         &self,
         from: RobotTime,
@@ -253,6 +299,7 @@ impl DriveHistory {
             .partition_point(|kept| kept.sample.stamp() <= from);
         let mut begin = from;
         let mut done = from >= to;
+        let mut before = self.at(from, response);
         let steering_step_rad = self.steering_step_rad();
         self.samples.range(first..).map_while(move |kept| {
             if done {
@@ -263,14 +310,27 @@ impl DriveHistory {
             done = stamp >= to;
             let duration_s = end.seconds_since(begin);
             begin = end;
+            let mut drive = self.reading_followed(kept, end, response);
+            if duration_s > 0.0 {
+                let (begin, end) = without_noise(before, drive);
+                drive.speed_rate_mps2 = (end.speed_mps - begin.speed_mps) / duration_s;
+                drive.steering_rate_radps = (end.steering_rad - begin.steering_rad) / duration_s;
+            }
+            before = drive;
             Some(DriveSegment {
                 duration_s,
-                drive: self.reading_followed(kept, response),
+                drive,
                 held_m: kept.held_m,
                 steering_step_rad,
             })
         })
     }
+}
+
+/// Two readings without the noise of single ones, where that is known of both.
+fn without_noise(begin: DriveReading, end: DriveReading) -> (DriveReading, DriveReading) {
+    let both = begin.without_noise().zip(end.without_noise());
+    both.unwrap_or((begin, end))
 }
 
 fn reading(kept: &Kept) -> DriveReading {

@@ -10,7 +10,8 @@ import time
 
 import zenoh
 
-WHEELBASE_M, SPEED_MPS, TURN_RAD = 1.2, 1.0, 0.5
+WHEELBASE_M, SPEED_MPS = 1.2, 1.0
+TURN_RAD, TURN_RATE_RADPS = 0.5, 0.5  # how far it steers to both sides, and how fast
 STEERING_OFFSET_RAD = 0.03  # what fleetcal is to find: where the steering's zero is,
 LIDAR_M, LIDAR_YAW_RAD = (0.4, 0.1), 0.05  # and where the LiDAR sits before the rear axle
 HALL_M, BEAMS = ((-9.0, 7.0), (-6.0, 8.0)), 360
@@ -33,12 +34,14 @@ def ranges(x, y, yaw):
 
 def drive(drives, scans, seconds, speedup):
     """Drives 100 samples and 10 scans a second, in the robot's own time."""
-    began_ns, x, y, yaw, step = time.time_ns(), 0.0, 0.0, 0.0, 2 * math.pi / BEAMS
+    began_ns, x, y, yaw, steering = time.time_ns(), 0.0, 0.0, 0.0, 0.0
+    step, most = 2 * math.pi / BEAMS, TURN_RATE_RADPS / 100
     scan = {"angle_min": -math.pi, "angle_max": math.pi - step, "angle_increment": step,
             "time_increment": 0.0, "range_min": 0.05, "range_max": 30.0}
     for tick in range(100 * seconds):
         stamp_ns = began_ns + tick * 10**7
-        steering = TURN_RAD if tick / 100 % (2 * CIRCLE_S) < CIRCLE_S else -TURN_RAD
+        wanted = TURN_RAD if tick / 100 % (2 * CIRCLE_S) < CIRCLE_S else -TURN_RAD
+        steering += max(-most, min(most, wanted - steering))
         turn = SPEED_MPS * math.tan(steering) / WHEELBASE_M * 0.01
         x += SPEED_MPS * 0.01 * math.cos(yaw + turn / 2)
         y += SPEED_MPS * 0.01 * math.sin(yaw + turn / 2)

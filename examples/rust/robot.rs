@@ -15,7 +15,9 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 const WHEELBASE_M: f64 = 1.2;
 const SPEED_MPS: f64 = 1.0;
+/// How far it steers to both sides, and how fast.
 const TURN_RAD: f64 = 0.5;
+const TURN_RATE_RADPS: f64 = 0.5;
 /// What fleetcal is to find: where the steering's zero is, and where the LiDAR sits (x, y, yaw).
 const STEERING_OFFSET_RAD: f64 = 0.03;
 const LIDAR: (f64, f64, f64) = (0.4, 0.1, 0.05);
@@ -51,7 +53,8 @@ fn ranges(random: &mut StdRng, (x, y, yaw): (f64, f64, f64)) -> Result<Vec<f64>,
     reason = "the robot's own clock is what stamps its messages"
 )]
 fn drive(drives: &Publisher, scans: &Publisher, ticks: u32, speedup: f64) -> Result<(), Failure> {
-    let (mut random, mut x, mut y, mut yaw) = (StdRng::seed_from_u64(1), 0.0, 0.0, 0.0);
+    let mut random = StdRng::seed_from_u64(1);
+    let (mut x, mut y, mut yaw, mut steering) = (0.0, 0.0, 0.0, 0.0);
     let (began, pace) = (
         SystemTime::now().duration_since(UNIX_EPOCH)?,
         Instant::now(),
@@ -61,8 +64,10 @@ fn drive(drives: &Publisher, scans: &Publisher, ticks: u32, speedup: f64) -> Res
     for tick in 0..ticks {
         let time_s = f64::from(tick) / 100.0;
         let is_left = time_s % (2.0 * circle_s) < circle_s;
-        let steering = if is_left { TURN_RAD } else { -TURN_RAD };
-        let turn = SPEED_MPS * steering.tan() / WHEELBASE_M * 0.01;
+        let wanted = if is_left { TURN_RAD } else { -TURN_RAD };
+        let most = TURN_RATE_RADPS * 0.01;
+        steering += f64::clamp(wanted - steering, -most, most);
+        let turn = SPEED_MPS * f64::tan(steering) / WHEELBASE_M * 0.01;
         x += SPEED_MPS * 0.01 * f64::cos(yaw + turn / 2.0);
         y += SPEED_MPS * 0.01 * f64::sin(yaw + turn / 2.0);
         yaw += turn;

@@ -14,9 +14,9 @@ use serde_json::Value;
 const DRIVE: [&str; 2] = ["60", "6"];
 /// What is built into the examples.
 const TRUTH: [(&str, f64, f64); 4] = [
-    ("steering_offset", 0.03, 0.01),
-    ("lidar_x", 0.4, 0.03),
-    ("lidar_y", 0.1, 0.03),
+    ("steering_offset", 0.03, 0.003),
+    ("lidar_x", 0.4, 0.01),
+    ("lidar_y", 0.1, 0.01),
     ("lidar_yaw", 0.05, 0.005),
 ];
 

@@ -43,21 +43,25 @@ impl Manoeuvre {
     pub fn readings(&self, vehicle: &Vehicle) -> Vec<DriveSegment> {
         let mut readings = Vec::new();
         for leg in &self.legs {
-            let mut driven_m = 0.0;
+            let (mut driven_m, mut before_mps) = (0.0, None);
             while driven_m < leg.distance_m {
                 let share = driven_m / leg.distance_m;
                 let rear_mps = leg.from_mps + (leg.to_mps - leg.from_mps) * share;
                 driven_m += rear_mps.abs().max(0.05) * STEP_S;
+                let speed_mps = measured_mps(vehicle, rear_mps, leg.steering_rad);
                 readings.push(DriveSegment {
                     duration_s: STEP_S,
                     drive: DriveReading {
-                        speed_mps: measured_mps(vehicle, rear_mps, leg.steering_rad),
+                        speed_mps,
+                        speed_rate_mps2: before_mps
+                            .map_or(0.0, |before| (speed_mps - before) / STEP_S),
                         steering_rad: leg.steering_rad,
                         ..DriveReading::default()
                     },
                     held_m: 0.0,
                     steering_step_rad: 0.0,
                 });
+                before_mps = Some(speed_mps);
             }
         }
         readings

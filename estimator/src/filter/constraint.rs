@@ -6,7 +6,7 @@
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
-use super::prediction::{PredictedMotion, speed_noise_mps};
+use super::prediction::{ByTimeShift, PredictedMotion, speed_noise_mps};
 use super::{DRIVE_PARAMETER, PARAMETERS};
 use crate::estimate::Parameter;
 use crate::geometry::Pose2;
@@ -44,25 +44,6 @@ impl LidarMotion {
         }
     }
 
-    /// By a shift of the drive's time: the body is somewhere else at both ends.
-    ///
-    /// Where the speeds at both ends differ by no more than `speed_noise_mps`, they are taken for equal:
-    /// speed alone tells such a shift from a lag of the steering, and its noise must not pass for
-    /// knowledge of that.
-    pub fn by_time(
-        &self,
-        body: &Pose2,
-        (twist_at_begin, twist_at_end): (&Vector3<f64>, &Vector3<f64>),
-        speed_noise_mps: f64,
-    ) -> Vector3<f64> {
-        let (mut begin, mut end) = (*twist_at_begin, *twist_at_end);
-        if (end.x - begin.x).abs() <= speed_noise_mps {
-            let mean_mps = 0.5 * (begin.x + end.x);
-            (begin.x, end.x) = (mean_mps, mean_mps);
-        }
-        self.by_body * (end - body.inverse().adjoint() * begin)
-    }
-
     /// By all calibration parameters, for a motion that began exactly known.
     pub fn by_parameters(
         &self,
@@ -81,11 +62,11 @@ impl LidarMotion {
             .copy_from(&self.by_mount);
         by.set_column(
             Parameter::TimeOffset.index(),
-            &self.by_time(
-                &motion.end_in_begin,
-                (twist_at_begin, &motion.twist),
-                speed_noise_mps(noise, &motion.twist),
-            ),
+            &(self.by_body
+                * ByTimeShift::of(motion).between(
+                    (twist_at_begin.x, motion.twist.x),
+                    speed_noise_mps(noise, &motion.twist),
+                )),
         );
         by
     }

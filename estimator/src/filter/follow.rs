@@ -118,8 +118,8 @@ impl Follower {
             self.filter.predict(&segment);
         }
         self.reached = Some(to);
-        // 2. At rest, wait.
-        if !self.has_moved(reading) {
+        // 2. At rest, wait; and where the steering jumps, until it is over.
+        if !self.has_moved(reading) || drive.jumps_at(to, response) {
             return Followed::AtRest;
         }
         // 3. Update, and move the anchor along.

@@ -32,7 +32,7 @@ pub use parameters::{
     STEERING_LAG, STEERING_PLAY, STEERING_SPREAD, Values, apart, drive_parameters, lidar_in_base,
     steering_response,
 };
-use prediction::{PredictedMotion, speed_noise_mps, twist};
+use prediction::{ByTimeShift, PredictedMotion, speed_noise_mps, twist};
 use prior::Prior;
 
 /// Dimension of the filter's state.
@@ -147,6 +147,9 @@ pub struct Filter {
     /// Distance and turn since the anchor.
     since_anchor_m: f64,
     since_anchor_rad: f64,
+    /// What a shift of the drive's time changes since the anchor.
+    #[serde(default)]
+    by_time_shift: ByTimeShift,
     /// How much larger the noise (as a variance) is than configured, at least 1: learnt from the
     /// innovations, so that a rougher vehicle or a poorer LiDAR only widens the sigmas.
     noise_scale: f64,
@@ -172,6 +175,7 @@ impl Filter {
             predicted: PredictedMotion::none(),
             since_anchor_m: 0.0,
             since_anchor_rad: 0.0,
+            by_time_shift: ByTimeShift::default(),
             noise_scale: 1.0,
         }
     }
@@ -391,6 +395,7 @@ impl Filter {
         self.body_in_anchor = self.body_in_anchor.compose(&predicted.end_in_begin);
         self.since_anchor_m += predicted.distance_m;
         self.since_anchor_rad += predicted.turned_rad;
+        self.by_time_shift = self.by_time_shift.after(&predicted);
 
         // eta <- Phi eta + Gamma p + w, all else stays: only three rows and columns change.
         let mut transition = SMatrix::<f64, 3, DIM>::zeros();
@@ -441,11 +446,11 @@ impl Filter {
             .copy_from(&predicted.by_mount);
         jacobian.set_column(
             CALIBRATION + Parameter::TimeOffset.index(),
-            &predicted.by_time(
-                &body,
-                (&anchor.twist, &self.predicted.twist),
-                speed_noise_mps(&self.noise, &self.predicted.twist),
-            ),
+            &(predicted.by_body
+                * self.by_time_shift.between(
+                    (anchor.twist.x, self.predicted.twist.x),
+                    speed_noise_mps(&self.noise, &self.predicted.twist),
+                )),
         );
         Some((residual, jacobian))
     }
@@ -475,6 +480,7 @@ impl Filter {
         self.body_in_anchor = Pose2::IDENTITY;
         self.since_anchor_m = 0.0;
         self.since_anchor_rad = 0.0;
+        self.by_time_shift = ByTimeShift::default();
     }
 
     fn take_anchor(&mut self, reading: &OdometryReading, fresh: &FreshAnchor) {

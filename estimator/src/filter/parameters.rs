@@ -5,7 +5,7 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::estimate::Parameter;
 use crate::geometry::{Pose2, wrap_angle_rad};
-use crate::vehicle::{DRIVE_PARAMETERS, DriveParameters, SteeringCurve, SteeringResponse};
+use crate::vehicle::{BY_SPEED_LEAD, DriveParameters, SteeringCurve, SteeringResponse};
 
 /// Number of parameters in the filter: those of [`Parameter::ALL`], the side slip, and the steering's
 /// asymmetry, quadratic and cubic term, the lag and spread of its response, and half its play.
@@ -30,7 +30,7 @@ const STEERING_LAG_MAX_S: f64 = 0.5;
 /// Nor is its response wider, s^2.
 const STEERING_SPREAD_MAX_S2: f64 = 0.25;
 /// Where the drive parameters stand among the parameters.
-pub const DRIVE_PARAMETER: [usize; DRIVE_PARAMETERS] = [
+pub const DRIVE_PARAMETER: [usize; BY_SPEED_LEAD] = [
     Parameter::SteeringOffset.index(),
     Parameter::SpeedScale.index(),
     Parameter::Wheelbase.index(),

@@ -7,7 +7,9 @@ use super::padded;
 use crate::drive_history::DriveSegment;
 use crate::geometry::Pose2;
 use crate::motion_noise::MotionNoise;
-use crate::vehicle::{DRIVE_PARAMETERS, DriveParameters, Motion, Vehicle};
+use crate::vehicle::{
+    BY_SPEED_LEAD, BY_STEERING_LAG, DRIVE_PARAMETERS, DriveParameters, Motion, Vehicle,
+};
 
 /// Time constant with which the twist is smoothed, s.
 const TWIST_TIME_CONSTANT_S: f64 = 0.1;
@@ -37,8 +39,7 @@ pub struct PredictedMotion {
     /// Process noise.
     pub noise: Matrix3<f64>,
     /// Body twist (m/s, m/s, rad/s) now, of readings without noise where those are known, else smoothed:
-    /// it says how a shift in time would show, and the noise of single readings must not pass for
-    /// knowledge of that shift.
+    /// the noise of single readings must not pass for a change of speed.
     pub twist: Vector3<f64>,
     /// Distance driven, m, counted without sign.
     pub distance_m: f64,
@@ -139,6 +140,43 @@ impl PredictedMotion {
         self.noise = carry * self.noise * carry.transpose() + noise.of_step(motion, segment);
         self.distance_m += (motion.speed_mps * dt_s).abs();
         self.turned_rad += (motion.yaw_rate_radps * dt_s).abs();
+    }
+}
+
+/// What a shift of the drive's time changes in a motion, as its right perturbation over the shift in seconds:
+/// what a lead of the speed does, and the reverse of what a lag of the steering does. Made of those two, it
+/// knows nothing of the shift that they don't: where the speed is constant, a shift and a lag are one.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct ByTimeShift {
+    speed: Vector3<f64>,
+    steering: Vector3<f64>,
+}
+
+impl ByTimeShift {
+    /// Of a motion that began exactly known.
+    pub fn of(motion: &PredictedMotion) -> Self {
+        Self::default().after(motion)
+    }
+
+    /// Of what went before and a motion that followed.
+    #[must_use]
+    pub fn after(&self, motion: &PredictedMotion) -> Self {
+        let (carry, by) = (&motion.by_begin, &motion.by_parameters);
+        Self {
+            speed: carry * self.speed + by.column(BY_SPEED_LEAD),
+            steering: carry * self.steering - by.column(BY_STEERING_LAG),
+        }
+    }
+
+    /// Both together, for speeds at both ends. Where these differ by no more than `speed_noise_mps` they
+    /// are taken for equal: speed alone tells a shift from a lag of the steering, and its noise must not
+    /// pass for knowledge of that.
+    pub fn between(&self, speeds_mps: (f64, f64), speed_noise_mps: f64) -> Vector3<f64> {
+        if (speeds_mps.1 - speeds_mps.0).abs() <= speed_noise_mps {
+            self.steering
+        } else {
+            self.speed + self.steering
+        }
     }
 }
 

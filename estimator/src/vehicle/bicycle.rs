@@ -1,13 +1,13 @@
 //! The bicycle: the speed is known at the rear axle, or at one wheel on it.
 
-use super::{DriveParameters, Motion, Steering, by_parameters};
+use super::{DriveParameters, DriveReading, Motion, Steering, by_parameters};
 
 /// The paper's equations (2), in continuous time: `theta' = v tan(delta_true) / L`.
 ///
 /// A rear wheel `lateral_m` left of the centre rolls at `v (1 - lateral * kappa)` with the
 /// curvature `kappa = tan(delta_true) / L`; at the centre itself the factor is 1.
 pub(super) fn motion(
-    measured_mps: f64,
+    drive: DriveReading,
     lateral_m: f64,
     steering: Steering,
     parameters: &DriveParameters,
@@ -19,8 +19,9 @@ pub(super) fn motion(
     let kappa_by_wheelbase = -kappa / wheelbase_m;
 
     let factor = 1.0 / (1.0 - lateral_m * kappa);
-    let unscaled_mps = measured_mps * factor;
+    let unscaled_mps = drive.speed_mps * factor;
     let speed_mps = scale * unscaled_mps;
+    let speed_rate_mps2 = scale * drive.speed_rate_mps2 * factor;
     let speed_by_kappa = speed_mps * factor * lateral_m;
     let yaw_rate_by_kappa = speed_mps + kappa * speed_by_kappa;
     Motion {
@@ -30,12 +31,14 @@ pub(super) fn motion(
             speed_by_kappa * kappa_by_steering,
             unscaled_mps,
             speed_by_kappa * kappa_by_wheelbase,
+            speed_rate_mps2,
             steering,
         ),
         yaw_rate_by: by_parameters(
             yaw_rate_by_kappa * kappa_by_steering,
             unscaled_mps * kappa,
             yaw_rate_by_kappa * kappa_by_wheelbase,
+            speed_rate_mps2 * kappa,
             steering,
         ),
         yaw_rate_by_steering: yaw_rate_by_kappa * kappa_by_steering,

@@ -30,6 +30,8 @@ pub struct Vehicle {
 pub struct DriveReading {
     /// Measured speed, m/s.
     pub speed_mps: f64,
+    /// How fast it changes, m/s^2.
+    pub speed_rate_mps2: f64,
     /// Steering angle measured `steering_before_s` before the speed, rad.
     pub steering_rad: f64,
     /// How fast it changes there, rad/s.
@@ -103,10 +105,15 @@ pub struct SteeringCurve {
 }
 
 /// How many parameters [`Motion`]'s derivatives are by.
-pub const DRIVE_PARAMETERS: usize = 11;
+pub const DRIVE_PARAMETERS: usize = 12;
+/// Which of them is the lag of the steering,
+pub const BY_STEERING_LAG: usize = 8;
+/// and which a lead of the speed: how late it was measured.
+pub const BY_SPEED_LEAD: usize = 11;
 
 /// The rear axle's motion, with derivatives by (steering offset, speed scale, wheelbase, gain, side
-/// slip, asymmetry, quadratic term, cubic term, lag and spread of the steering's response, half its play).
+/// slip, asymmetry, quadratic term, cubic term, lag and spread of the steering's response, half its play,
+/// lead of the speed).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Motion {
     /// Speed of the rear axle along x of `base`, m/s.
@@ -154,15 +161,11 @@ impl Vehicle {
     pub fn motion(&self, drive: DriveReading, parameters: &DriveParameters) -> Motion {
         let steering = Steering::of(drive, parameters);
         let rolling = match self.speed_measured_at {
-            SpeedMeasuredAt::RearAxle => {
-                bicycle::motion(drive.speed_mps, 0.0, steering, parameters)
-            }
+            SpeedMeasuredAt::RearAxle => bicycle::motion(drive, 0.0, steering, parameters),
             SpeedMeasuredAt::RearWheel { lateral_m } => {
-                bicycle::motion(drive.speed_mps, lateral_m, steering, parameters)
+                bicycle::motion(drive, lateral_m, steering, parameters)
             }
-            SpeedMeasuredAt::SteeredWheel => {
-                tricycle::motion(drive.speed_mps, steering, parameters)
-            }
+            SpeedMeasuredAt::SteeredWheel => tricycle::motion(drive, steering, parameters),
         };
         with_side_slip(&rolling, parameters.side_slip_rad_per_mps2)
     }
@@ -234,11 +237,13 @@ impl Steering {
     }
 }
 
-/// Chain rule: from derivatives by (steering, speed scale, wheelbase) to those by the parameters.
+/// Chain rule: from derivatives by (steering, speed scale, wheelbase) to those by the parameters, the last of
+/// which is `by_lead`.
 fn by_parameters(
     by_steering: f64,
     by_scale: f64,
     by_wheelbase: f64,
+    by_lead: f64,
     s: Steering,
 ) -> [f64; DRIVE_PARAMETERS] {
     [
@@ -253,6 +258,7 @@ fn by_parameters(
         by_steering * s.by_lag,
         by_steering * s.by_spread,
         by_steering * s.by_play,
+        by_lead,
     ]
 }
 
@@ -274,7 +280,8 @@ mod tests {
             7 => q.curve.cubic_per_rad2 += by,
             8 => q.response.lag_s += by,
             9 => q.response.spread_s2 += by,
-            _ => q.half_play_rad += by,
+            10 => q.half_play_rad += by,
+            _ => {}
         }
         q
     }
@@ -310,6 +317,7 @@ mod tests {
             let drive = DriveReading {
                 speed_mps,
                 steering_rad,
+                speed_rate_mps2: -0.6,
                 steering_rate_radps: 0.4,
                 steering_acceleration_radps2: 2.0,
                 play_side: -0.7,
@@ -329,8 +337,12 @@ mod tests {
             let motion = vehicle.motion(drive, &p);
             for i in 0..DRIVE_PARAMETERS {
                 let h = 1e-6;
-                let (up, down) = (shifted(&p, i, h), shifted(&p, i, -h));
-                let (up, down) = (vehicle.motion(drive, &up), vehicle.motion(drive, &down));
+                let moved = |by: f64| {
+                    let lead_s = if i == BY_SPEED_LEAD { by } else { 0.0 };
+                    let speed_mps = speed_mps + lead_s * drive.speed_rate_mps2;
+                    vehicle.motion(DriveReading { speed_mps, ..drive }, &shifted(&p, i, by))
+                };
+                let (up, down) = (moved(h), moved(-h));
                 let speed_by = (up.speed_mps - down.speed_mps) / (2.0 * h);
                 let yaw_by = (up.yaw_rate_radps - down.yaw_rate_radps) / (2.0 * h);
                 let side_by = (up.side_speed_mps - down.side_speed_mps) / (2.0 * h);

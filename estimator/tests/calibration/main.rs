@@ -18,6 +18,7 @@ mod efficiency;
 mod false_alarms;
 mod imperfect_scanner;
 mod imperfect_vehicle;
+mod jumping_steering;
 mod lost_odometry;
 mod nonsense;
 mod observability;
