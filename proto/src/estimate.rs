@@ -102,6 +102,20 @@ pub struct EstimateDocument {
     /// The LiDAR's pose in the vehicle's `base_link`, where that frame is configured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lidar_in_base_link: Option<Pose2>,
+    /// Which instance of a cluster estimates the robot; absent where one service has all robots.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub estimated_by: Option<EstimatedBy>,
+}
+
+/// Which instance of a cluster estimates a robot.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct EstimatedBy {
+    /// Its name.
+    pub instance: String,
+    /// Goes up with each instance that begins to estimate the robot. Of two estimates the one with
+    /// the lower epoch is of an instance that was replaced: leave it out.
+    pub epoch: i64,
 }
 
 /// A change or fault that was seen: one of `events`.

@@ -36,17 +36,18 @@ const fn member(package: &'static str, folder: &'static str, uses: &'static str)
 }
 
 /// The crates, lowest first.
-pub const CRATES: [Member; 22] = [
+pub const CRATES: [Member; 23] = [
     member("fleetcal-model", "proto/model", ""),
     member("fleetcal-proto", "proto", "model"),
     member("fleetcal-estimator", "estimator", "model"),
     member("fleetcal-robot", "robot", "model proto"),
     member("fleetcal-clock", "service/clock", "model"),
     member("fleetcal-domain", "service/domain", "estimator model proto"),
+    member("fleetcal-cluster", "service/cluster", "domain model proto"),
     member(
         "fleetcal-store",
         "service/store",
-        "clock domain model proto",
+        "clock cluster domain model proto",
     ),
     member("fleetcal-sql", "service/sql", "domain model proto store"),
     member("fleetcal-folder", "service/folder", "proto store"),

@@ -16,6 +16,9 @@ pub trait Clock: std::fmt::Debug + Send + Sync + 'static {
 
     /// Time since the clock was made. It never goes back.
     fn elapsed(&self) -> Duration;
+
+    /// Time since the machine was started, which goes on while it sleeps: leases run on it.
+    fn uptime(&self) -> Duration;
 }
 
 /// A clock that is handed around.
@@ -47,6 +50,10 @@ impl Clock for SystemClock {
 
     fn elapsed(&self) -> Duration {
         self.started.elapsed()
+    }
+
+    fn uptime(&self) -> Duration {
+        duration_of(rustix::time::clock_gettime(rustix::time::ClockId::Boottime))
     }
 }
 
@@ -88,13 +95,22 @@ impl Clock for MockClock {
     fn elapsed(&self) -> Duration {
         Duration::from_nanos(self.elapsed_ns.load(Ordering::SeqCst))
     }
+
+    fn uptime(&self) -> Duration {
+        self.elapsed()
+    }
 }
 
 /// CPU time that this thread has used. It measures work, and no decision rests on it.
 pub fn thread_cpu() -> Duration {
-    let spent = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
-    let seconds = u64::try_from(spent.tv_sec).unwrap_or(0);
-    Duration::from_secs(seconds) + Duration::from_nanos(u64::try_from(spent.tv_nsec).unwrap_or(0))
+    duration_of(rustix::time::clock_gettime(
+        rustix::time::ClockId::ThreadCPUTime,
+    ))
+}
+
+fn duration_of(time: rustix::time::Timespec) -> Duration {
+    let seconds = u64::try_from(time.tv_sec).unwrap_or(0);
+    Duration::from_secs(seconds) + Duration::from_nanos(u64::try_from(time.tv_nsec).unwrap_or(0))
 }
 
 #[cfg(test)]

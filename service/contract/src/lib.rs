@@ -81,6 +81,7 @@ pub fn estimate(name: &str, t_s: i64, offset_rad: f64, yaw_rad: f64) -> Estimate
         },
         counts: Counts::default(),
         lidar_in_base_link: None,
+        estimated_by: None,
     }
 }
 

@@ -388,3 +388,36 @@ pub const SIGN_IN_ADDRESS_EVERY: Duration = Duration::from_secs(2);
 pub const SIGN_IN_KEYS_MAX: usize = 4_096;
 /// Names that have signed in from an address that are remembered, the latest.
 pub const SIGN_IN_KNOWN_MAX: usize = 4_096;
+
+/// A cluster's instance has its robots for so long after a renewal, by the database's clock.
+pub const CLUSTER_LEASE: Duration = Duration::from_secs(6);
+/// It stops acting so long before that.
+pub const CLUSTER_LEASE_MARGIN: Duration = Duration::from_secs(1);
+/// Time between two renewals.
+pub const CLUSTER_RENEW_EVERY: Duration = Duration::from_secs(2);
+/// How often an instance looks at the rows of the cluster.
+pub const CLUSTER_LOOK_EVERY: Duration = Duration::from_millis(250);
+/// What the instance that should have taken something has not taken by then, another one takes.
+pub const CLUSTER_CLAIM_OTHERS_AFTER: Duration = Duration::from_secs(2);
+/// Robots that an instance hands over at once.
+pub const CLUSTER_MOVES_AT_ONCE_MAX: usize = 64;
+/// For so long both instances hear a robot that is handed over: longer than messages wait for each
+/// other in the estimator.
+pub const CLUSTER_OVERLAP: Duration = Duration::from_secs(1);
+/// An instance takes others for dead only after its own renewals have worked for so long: after an
+/// outage of the database all leases are over at once.
+pub const CLUSTER_CONNECTED_FOR: Duration = CLUSTER_LEASE;
+/// An instance that has not reached the database for so long answers robots' questions no more.
+pub const CLUSTER_UNANSWERED_AFTER: Duration = Duration::from_secs(3);
+/// An instance whose clock is further from the database's is reported.
+pub const CLUSTER_CLOCK_WARNED_BEYOND: Duration = Duration::from_secs(1);
+/// An instance whose clock is further from the database's gives up its robots.
+pub const CLUSTER_CLOCK_USED_UP_TO: Duration = Duration::from_secs(10);
+/// An instance that ends waits for so long for others to take its robots over.
+pub const CLUSTER_DRAIN_TIMEOUT: Duration = Duration::from_secs(10);
+/// An instance that is to have a robot next has subscribed to it within this time.
+pub const CLUSTER_SUBSCRIBED_WITHIN: Duration = Duration::from_secs(2);
+/// How often an instance looks for what others have decided.
+pub const CLUSTER_FOLLOW_EVERY: Duration = Duration::from_millis(500);
+/// Decisions of others that an instance takes at once.
+pub const CLUSTER_FOLLOWED_MAX: u32 = 1_000;

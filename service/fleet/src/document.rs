@@ -23,6 +23,7 @@ pub fn estimate_document(robot: &RobotId, estimate: &Estimate) -> EstimateDocume
         consistency: estimate.consistency,
         counts: estimate.counts,
         lidar_in_base_link: None,
+        estimated_by: None,
     }
 }
 

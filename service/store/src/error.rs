@@ -116,6 +116,9 @@ pub enum StoreError {
     /// The database failed while it committed.
     #[error("the database could not commit what was written; it may or may not have kept it")]
     Commit(#[source] DriverError),
+    /// Another instance estimates the robot by now.
+    #[error("robot {0} is estimated by another instance by now")]
+    Fenced(RobotId),
     /// The store ended with rows that could not be written.
     #[error("{rows} rows that were not written yet are lost")]
     RowsLost {

@@ -11,6 +11,7 @@ mod alerts;
 mod approvals;
 mod audit;
 pub mod backend;
+pub mod cluster;
 mod counters;
 pub mod database_url;
 mod error;

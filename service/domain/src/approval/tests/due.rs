@@ -54,6 +54,7 @@ fn estimate(offset_rad: f64, second: i64) -> EstimateDocument {
         consistency: Consistency::default(),
         counts: Counts::default(),
         lidar_in_base_link: None,
+        estimated_by: None,
     }
 }
 

@@ -1,0 +1,26 @@
+//! Which instance of a cluster estimates which robot, decided from rows alone.
+//!
+//! Each process of `fleetcal serve` has one lease, and each robot one row that says who estimates
+//! it. The rows say who *may*; [`plan`] says who *should*. Exclusion rests on the database: a write
+//! names its [`Tenure`], and the transaction that writes it holds the row of the instance's lease.
+//! What leaves over Zenoh passes the [`Lease`], whose time ends before the database's does.
+//!
+//! Nothing here knows a database, a network or a clock.
+
+mod assignment;
+mod duty;
+mod lease;
+mod member;
+mod membership;
+mod plan;
+mod tenure;
+
+pub use assignment::{Assignment, assign};
+pub use duty::Duty;
+pub use lease::Lease;
+pub use member::{Member, Seat};
+pub use membership::{Cluster, Membership, Takeover, Whereabouts};
+pub use plan::{DutyOwnership, Handover, Ownership, Plan, Snapshot, plan};
+pub use tenure::{ClaimId, Epoch, Incarnation, Tenure};
+
+pub use fleetcal_proto::key::ServiceInstance as InstanceId;

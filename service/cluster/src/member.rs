@@ -1,0 +1,49 @@
+//! The instances of a cluster.
+
+use std::time::Duration;
+
+use crate::InstanceId;
+use crate::tenure::Incarnation;
+
+/// One life of an instance.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Seat {
+    /// Which instance.
+    pub instance: InstanceId,
+    /// Which of its lives.
+    pub incarnation: Incarnation,
+}
+
+/// An instance as its row says.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Member {
+    /// Which life of which instance.
+    pub seat: Seat,
+    /// Time until its lease ends, by the database's clock; zero once it has ended.
+    pub lease_left: Duration,
+    /// Its share of the robots against that of others.
+    pub capacity: u32,
+    /// Whether it gives its robots away, because it is about to end.
+    pub draining: bool,
+    /// Whether it reaches a Zenoh router, so that robots reach it.
+    pub linked: bool,
+    /// Where other instances reach its HTTP API.
+    pub url: String,
+    /// Version of its program.
+    pub program: String,
+    /// The newest format of a checkpoint that it can read.
+    pub checkpoint_format: i64,
+    /// Hash of the part of its configuration in which instances have to agree.
+    pub config_sha256: Vec<u8>,
+    /// By how much its wall clock was ahead of the database's at its last renewal, ns.
+    pub clock_ahead_ns: i64,
+    /// When it joined, wall time of the database, ns.
+    pub joined_ns: i64,
+}
+
+impl Member {
+    /// Whether its lease has not ended.
+    pub fn is_live(&self) -> bool {
+        !self.lease_left.is_zero()
+    }
+}
