@@ -129,7 +129,8 @@ impl From<KeyRoot> for String {
 }
 
 /// Name of one service instance in its liveliness token. Same characters as a robot's id.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
 pub struct ServiceInstance(Arc<str>);
 
 impl ServiceInstance {
@@ -144,6 +145,20 @@ impl ServiceInstance {
     /// The name as text.
     pub fn as_str(&self) -> &str {
         &self.0
+    }
+}
+
+impl TryFrom<String> for ServiceInstance {
+    type Error = KeyRefused;
+
+    fn try_from(text: String) -> Result<Self, Self::Error> {
+        Self::parse(&text)
+    }
+}
+
+impl From<ServiceInstance> for String {
+    fn from(instance: ServiceInstance) -> Self {
+        instance.as_str().to_owned()
     }
 }
 

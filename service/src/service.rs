@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use fleetcal_api::{AccessSetup, ApiSetup, BuildInfo, router, serve};
 use fleetcal_clock::SharedClock;
+use fleetcal_cluster::Membership;
 use fleetcal_config::Config;
 use fleetcal_domain::access::{Actor, SetupCode};
 use fleetcal_domain::limits;
@@ -20,6 +21,7 @@ use fleetcal_operations::accounts::KeepSetupCode;
 use fleetcal_operations::alert_evaluator::{AlertEvaluator, AlertEvaluatorSetup};
 use fleetcal_operations::entropy::{self, NoEntropy};
 use fleetcal_operations::lifecycle::{Lifecycle, LifecycleSetup};
+use fleetcal_operations::peers::Peers;
 use fleetcal_operations::robots::configure;
 use fleetcal_operations::webhook_dispatcher::{WebhookDispatcher, WebhookDispatcherSetup};
 use fleetcal_proto::{Keys, RobotId};
@@ -98,14 +100,7 @@ impl Service {
     /// # Errors
     /// When an address is in use, the store cannot be opened, or Zenoh refuses its configuration.
     pub async fn start(config: Config, clock: SharedClock) -> Result<Self, ServiceError> {
-        let link_setup = LinkSetup {
-            listen: config.listen.clone(),
-            connect: config.connect.clone(),
-            zenoh_config: config.zenoh_config.clone(),
-            allow_anonymous: config.allow_anonymous,
-            keys: Keys::new(config.root.clone()),
-            ros2: config.ros2.clone(),
-        };
+        let link_setup = link_setup(&config);
         link_setup.check()?;
         let refused = |source| ServiceError::Http {
             address: config.http,
@@ -130,6 +125,8 @@ impl Service {
             store: store.clone(),
             clock: Arc::clone(&clock),
             link_open: link_is_open,
+            membership: Membership::alone(),
+            peers: Peers::default(),
             access: AccessSetup {
                 public_url: config.public_url.clone(),
             },
@@ -219,6 +216,17 @@ impl Service {
             tracing::error!(%error, "the HTTP server failed");
         }
         closed
+    }
+}
+
+fn link_setup(config: &Config) -> LinkSetup {
+    LinkSetup {
+        listen: config.listen.clone(),
+        connect: config.connect.clone(),
+        zenoh_config: config.zenoh_config.clone(),
+        allow_anonymous: config.allow_anonymous,
+        keys: Keys::new(config.root.clone()),
+        ros2: config.ros2.clone(),
     }
 }
 

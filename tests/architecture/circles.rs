@@ -90,7 +90,7 @@ pub const CRATES: [Member; 23] = [
     member(
         "fleetcal-api",
         "service/api",
-        "clock domain estimator fleet http model operations proto requests store",
+        "clock cluster domain estimator fleet http model operations proto requests store",
     ),
     member(
         "fleetcal-config",
@@ -105,7 +105,7 @@ pub const CRATES: [Member; 23] = [
     member(
         "fleetcal",
         "service",
-        "api clock command config domain fleet folder http link model operations postgres proto robot \
+        "api clock cluster command config domain fleet folder http link model operations postgres proto robot \
          sql sqlite store",
     ),
     member(

@@ -7,6 +7,7 @@ use axum::Json;
 use axum::extract::State;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
+use fleetcal_cluster::{Cluster, Member, Membership};
 use fleetcal_domain::limits;
 use fleetcal_store::Store;
 use serde::Serialize;
@@ -67,8 +68,11 @@ pub(super) struct Readiness {
     survives_machine_loss: Survival,
     /// Whether the database has this program's schema.
     migrations: Check,
-    /// Whether the Zenoh session is open.
+    /// Whether the Zenoh session is open and, of an instance of a cluster, reaches a router.
     zenoh: Check,
+    /// Whether this instance is one of its cluster; absent where one service has all robots.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cluster: Option<Check>,
 }
 
 /// Whether something is sure to survive.
@@ -119,13 +123,44 @@ pub(super) async fn healthz(
     Ok("ok\n")
 }
 
-/// Whether the database has this program's schema; else what it has.
-async fn schema(store: &Store) -> Result<(), String> {
+/// Whether the database has a schema that this program can use; else what it has. Instances of two
+/// versions serve one database while they are upgraded one after the other, so that of an instance
+/// may be newer: a migration leaves what the version before it uses.
+async fn schema(store: &Store, membership: &Membership) -> Result<(), String> {
     match store.schema().await {
         Ok((found, known)) if found == known => Ok(()),
+        Ok((found, known)) if found > known && membership.cluster().is_some() => Ok(()),
         Ok((found, known)) => Err(format!("the schema is {found} instead of {known}")),
         Err(error) => Err(error.to_string()),
     }
+}
+
+/// Whether robots can be heard.
+fn zenoh(api: &ApiState) -> Result<(), String> {
+    if !*api.link_open.borrow() {
+        return Err("the Zenoh session is not open".to_owned());
+    }
+    match own_member(&api.membership) {
+        Some(member) if !member.linked => Err("no Zenoh router is reached".to_owned()),
+        _ => Ok(()),
+    }
+}
+
+/// Whether this instance can be asked, and will be for a while.
+fn joined(cluster: &Cluster, membership: &Membership) -> Result<(), String> {
+    if cluster.seat().is_none() {
+        return Err("the instance has not joined the cluster".to_owned());
+    }
+    match own_member(membership) {
+        Some(member) if member.draining => Err("the instance is about to end".to_owned()),
+        _ => Ok(()),
+    }
+}
+
+/// This instance as its row says.
+fn own_member(membership: &Membership) -> Option<Member> {
+    let cluster = membership.cluster()?;
+    cluster.snapshot().member(&cluster.seat()?).cloned()
 }
 
 /// Whether acknowledged decisions outlive the database's machine.
@@ -137,8 +172,9 @@ async fn survival(store: &Store) -> Survival {
     }
 }
 
-/// Says whether the service can do its work: the database can be written and has this program's
-/// schema, and the Zenoh session is open.
+/// Says whether the service can do its work: the database can be written and has a schema that this
+/// program can use, and the Zenoh session is open. An instance of a cluster also has to be one of it
+/// and to reach a router.
 #[utoipa::path(get, path = "/readyz", tag = "service",
     responses(
         (status = OK, description = "The service is ready", body = Readiness),
@@ -155,27 +191,27 @@ pub(super) async fn readyz(
     // A database that does not answer would keep whoever asks waiting for each of the others.
     let answers = database.is_ok();
     let migrations = if answers {
-        schema(&api.store).await
+        schema(&api.store, &api.membership).await
     } else {
         Err("the database does not answer".to_owned())
     };
-    let zenoh = if *api.link_open.borrow() {
-        Ok(())
-    } else {
-        Err("the Zenoh session is not open".to_owned())
-    };
+    let zenoh = zenoh(&api);
+    let cluster = api.membership.cluster();
+    let cluster = cluster.map(|cluster| Check::of(joined(cluster, &api.membership)));
     let survives_machine_loss = if answers {
         survival(&api.store).await
     } else {
         Survival::Unknown
     };
-    let ready = database.is_ok() && migrations.is_ok() && zenoh.is_ok();
+    let is_in = cluster.as_ref().is_none_or(|check| check.ok);
+    let ready = database.is_ok() && migrations.is_ok() && zenoh.is_ok() && is_in;
     let document = Readiness {
         ready,
         database: Check::of(database),
         survives_machine_loss,
         migrations: Check::of(migrations),
         zenoh: Check::of(zenoh),
+        cluster,
     };
     let status = if ready {
         StatusCode::OK

@@ -8,9 +8,11 @@ mod access;
 mod alerts;
 mod answers;
 mod approval;
+mod cluster;
 mod dashboard;
 mod documentation;
 mod durations;
+mod forwarding;
 mod health;
 mod layers;
 mod live_event;
@@ -32,11 +34,13 @@ use axum::http::HeaderMap;
 use axum::middleware;
 use axum::response::Response;
 use fleetcal_clock::SharedClock;
+use fleetcal_cluster::Membership;
 use fleetcal_fleet::FleetHandle;
 use fleetcal_http::{Connections, host};
 use fleetcal_model::WallTime;
 use fleetcal_operations::alert_evaluator::AlertEvaluator;
 use fleetcal_operations::lifecycle::Lifecycle;
+use fleetcal_operations::peers::Peers;
 use fleetcal_operations::webhook_dispatcher::WebhookDispatcher;
 use fleetcal_requests::{etag, extract, page, problem, time};
 use fleetcal_store::Store;
@@ -87,6 +91,10 @@ pub struct ApiSetup {
     pub clock: SharedClock,
     /// Whether the Zenoh session is open.
     pub link_open: watch::Receiver<bool>,
+    /// Whether this process is one instance of several.
+    pub membership: Membership,
+    /// The other instances.
+    pub peers: Peers,
     /// Who gets in.
     pub access: AccessSetup,
     /// The connections of [`serve`].
@@ -109,6 +117,8 @@ struct ApiState {
     store: Store,
     clock: SharedClock,
     link_open: watch::Receiver<bool>,
+    membership: Membership,
+    peers: Peers,
     stream: StreamHub,
     recordings: robots::Recordings,
     connections: Connections,
@@ -131,6 +141,8 @@ impl ApiState {
             store: setup.store,
             clock: setup.clock,
             link_open: setup.link_open,
+            membership: setup.membership,
+            peers: setup.peers,
             connections: setup.connections,
             ready: ReadyProbe::default(),
             access: AccessState::new(&setup.access),
@@ -193,6 +205,7 @@ pub fn router(setup: ApiSetup) -> Router {
     let cross_origin = access::cross_origin_refused(setup.access.public_url.as_ref());
     let head = HeadCheck {
         own_name: host::own_name(),
+        among_instances: setup.peers.own_authority().map(str::to_owned),
         public_url: setup.access.public_url.clone(),
         connections: setup.connections.clone(),
     };
@@ -224,6 +237,7 @@ fn documented() -> OpenApiRouter<ApiState> {
         .merge(approval::routes())
         .merge(alerts::routes())
         .merge(webhooks::routes())
+        .routes(routes!(cluster::get_cluster))
         .routes(routes!(get_openapi))
         .layer(middleware::from_fn(layers::in_time));
     let root = OpenApiRouter::new()

@@ -17,6 +17,8 @@ use super::problem::Problem;
 pub(super) struct HeadCheck {
     /// The machine's own name.
     pub(super) own_name: String,
+    /// Host and maybe port under which other instances ask.
+    pub(super) among_instances: Option<String>,
     /// Where people reach the service.
     pub(super) public_url: Option<PublicUrl>,
     /// Where refusals are counted.
@@ -53,7 +55,9 @@ fn refused(check: &HeadCheck, parts: &Parts) -> Option<(Turned, Problem)> {
     // A page that an attacker points here cannot send a token.
     let has_token = parts.headers.contains_key(header::AUTHORIZATION);
     let public_url = check.public_url.as_ref();
-    if is_public || has_token || is_ours(host, &check.own_name, public_url, local(parts)) {
+    let among = check.among_instances.as_deref();
+    let is_ours = || is_ours(host, &check.own_name, public_url, among, local(parts));
+    if is_public || has_token || is_ours() {
         return None;
     }
     let expected = match &check.public_url {

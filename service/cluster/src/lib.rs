@@ -13,6 +13,7 @@ mod lease;
 mod member;
 mod membership;
 mod plan;
+mod sightings;
 mod tenure;
 
 pub use assignment::{Assignment, assign};
@@ -21,6 +22,7 @@ pub use lease::Lease;
 pub use member::{Member, Seat};
 pub use membership::{Cluster, Membership, Takeover, Whereabouts};
 pub use plan::{DutyOwnership, Handover, Ownership, Plan, Snapshot, plan};
+pub use sightings::{cluster_sightings, homeless};
 pub use tenure::{ClaimId, Epoch, Incarnation, Tenure};
 
 pub use fleetcal_proto::key::ServiceInstance as InstanceId;

@@ -38,6 +38,7 @@ struct Known {
     /// When the database answered last, running time.
     answered_at: Option<Duration>,
     last_takeover: Option<Takeover>,
+    takeovers: u64,
 }
 
 /// That this instance has taken over what another one had.
@@ -211,7 +212,14 @@ impl Cluster {
 
     /// Takes that it has taken over what another one had.
     pub fn took_over(&self, takeover: Takeover) {
-        self.write().last_takeover = Some(takeover);
+        let mut known = self.write();
+        known.last_takeover = Some(takeover);
+        known.takeovers += 1;
+    }
+
+    /// How often it has taken over what another one had, since it was started.
+    pub fn takeovers(&self) -> u64 {
+        self.known().takeovers
     }
 
     // What is known is whole after every statement, so the panic of another thread is no reason to

@@ -306,8 +306,8 @@ pub const HTTP_POINTS_DEFAULT: u32 = 600;
 pub const HTTP_HISTORY_SPAN_DEFAULT_S: i64 = 3_600;
 /// Characters of an `Idempotency-Key`.
 pub const HTTP_IDEMPOTENCY_KEY_CHARS_MAX: usize = 128;
-/// Robots that `/metrics` tells apart; further ones are summed up by the fleet's counters alone.
-pub const METRICS_ROBOTS_MAX: usize = 1_000;
+/// Robots of which `/metrics` writes at once; the next ones once the client has taken these.
+pub const METRICS_ROBOTS_AT_ONCE: usize = 128;
 /// A request that changes something is answered within this, whatever the database does.
 pub const HTTP_WRITE_TIMEOUT: Duration = Duration::from_millis(4_500);
 /// `/readyz` waits this long for the database.
@@ -421,3 +421,19 @@ pub const CLUSTER_SUBSCRIBED_WITHIN: Duration = Duration::from_secs(2);
 pub const CLUSTER_FOLLOW_EVERY: Duration = Duration::from_millis(500);
 /// Decisions of others that an instance takes at once.
 pub const CLUSTER_FOLLOWED_MAX: u32 = 1_000;
+/// A robot without an instance for so long is reported.
+pub const CLUSTER_NO_INSTANCE_AFTER: Duration = Duration::from_secs(15);
+/// Robots that the text of that names; the alert has all of them.
+pub const CLUSTER_ROBOTS_NAMED_MAX: usize = 8;
+/// Another instance is connected within this time, or the request is answered without it.
+pub const PEER_CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
+/// Another instance begins to answer within this time: less than [`HTTP_REQUEST_TIMEOUT`].
+pub const PEER_ANSWER_TIMEOUT: Duration = Duration::from_secs(8);
+/// Connections to another instance that are kept for further requests.
+pub const PEER_IDLE_CONNECTIONS_MAX: usize = 8;
+/// How often the addresses of other instances are looked up.
+pub const PEER_ADDRESSES_EVERY: Duration = Duration::from_secs(30);
+/// Instances that one is told of.
+pub const PEERS_MAX: usize = 64;
+/// Robots without an instance that one answer names.
+pub const CLUSTER_ROBOTS_TOLD_MAX: usize = 100;

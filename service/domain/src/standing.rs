@@ -46,6 +46,8 @@ pub enum Standing {
     FalseReport,
     /// The estimator failed too often and was stopped.
     EstimatorFailed,
+    /// No instance of the cluster estimates the robot.
+    NoInstance,
     /// The robot did not apply what was approved for it.
     NotApplied,
     /// The robot uses another calibration than the expected one.
@@ -200,18 +202,20 @@ impl StandingBasis {
 
     /// How the robot stands with these alerts: the most urgent of what is so.
     pub fn with(self, alerts: &RobotAlerts) -> Standing {
-        let alerting = alerts.alerting.iter().map(|kind| self.of_alert(*kind));
+        let alerting = alerts.alerting.iter();
+        let alerting = alerting.filter_map(|kind| self.of_alert(*kind));
         // The values of a silent robot can be compared without it: of those inside the tolerance
         // nobody says any more that they drifted.
         let stale = alerts.stale.iter();
         let stale = stale.filter(|kind| **kind != AlertKind::Drift || self.is_beyond);
-        let stale = stale.map(|kind| self.of_alert(*kind));
+        let stale = stale.filter_map(|kind| self.of_alert(*kind));
         let least = alerting.chain(stale).min();
         least.map_or(self.without_alerts, |least| least.min(self.without_alerts))
     }
 
-    const fn of_alert(self, kind: AlertKind) -> Standing {
-        match kind {
+    /// `None` of an alert that says nothing of a robot.
+    const fn of_alert(self, kind: AlertKind) -> Option<Standing> {
+        Some(match kind {
             AlertKind::RollbackFailed => Standing::RollbackFailed,
             AlertKind::Drift => self.drift,
             AlertKind::VerificationFailed => Standing::VerificationFailed,
@@ -219,11 +223,13 @@ impl StandingBasis {
             AlertKind::FormerKey => Standing::FormerKey,
             AlertKind::FalseReport => Standing::FalseReport,
             AlertKind::EstimatorFailed => Standing::EstimatorFailed,
+            AlertKind::NoInstance => Standing::NoInstance,
             AlertKind::NotApplied => Standing::NotApplied,
             AlertKind::OutOfSync => Standing::OutOfSync,
             AlertKind::NoData => Standing::NoData,
             AlertKind::Fault => Standing::Fault,
-        }
+            AlertKind::ConfigurationsDiffer | AlertKind::ClockOff => return None,
+        })
     }
 }
 

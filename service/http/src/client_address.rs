@@ -7,6 +7,7 @@ use axum::extract::FromRequestParts;
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName, header};
 
+use crate::instances::{InstanceAddresses, is_forwarded};
 use crate::trusted_proxies::TrustedProxies;
 
 /// The header that most proxies set.
@@ -39,17 +40,25 @@ impl PeerAddress {
     }
 
     /// The address that a request comes from, whose connection comes from `self`: the last hop
-    /// that is no trusted proxy. Without trusted proxies headers say nothing.
+    /// that is no trusted proxy and, of a request that an instance passes on, no other instance.
+    /// Without these headers say nothing.
     ///
     /// Proxies append to one header and pass the other on as the client sent it. Where both are
     /// given and differ, nobody can tell which is the proxy's: then it is the proxy's address.
-    pub(crate) fn behind(self, headers: &HeaderMap, trusted: &TrustedProxies) -> Self {
-        let Some(proxy) = self.0.filter(|peer| trusted.contain(*peer)) else {
+    pub(crate) fn behind(
+        self,
+        headers: &HeaderMap,
+        trusted: &TrustedProxies,
+        instances: &InstanceAddresses,
+    ) -> Self {
+        let is_forwarded = is_forwarded(headers);
+        let trusts = |hop: IpAddr| trusted.contain(hop) || (is_forwarded && instances.contain(hop));
+        let Some(proxy) = self.0.filter(|peer| trusts(*peer)) else {
             return self;
         };
         let forwarded = hops(headers, &header::FORWARDED, node_of_forwarded);
         let listed = hops(headers, &X_FORWARDED_FOR, |entry| Some(entry.trim()));
-        let client = |hops: Vec<Option<IpAddr>>| last_untrusted(proxy, &hops, trusted);
+        let client = |hops: Vec<Option<IpAddr>>| last_untrusted(proxy, &hops, &trusts);
         let address = match (forwarded.map(client), listed.map(client)) {
             (Some(one), None) | (None, Some(one)) => one,
             (Some(one), Some(other)) if one == other => one,
@@ -61,12 +70,16 @@ impl PeerAddress {
 
 /// The last address that is no trusted proxy. Behind an entry without an address, which may be
 /// anybody's invention, it is the hop that sent it.
-fn last_untrusted(proxy: IpAddr, hops: &[Option<IpAddr>], trusted: &TrustedProxies) -> IpAddr {
+fn last_untrusted(
+    proxy: IpAddr,
+    hops: &[Option<IpAddr>],
+    trusts: &impl Fn(IpAddr) -> bool,
+) -> IpAddr {
     let mut last = proxy;
     for hop in hops.iter().rev() {
         let Some(address) = hop else { return last };
         last = *address;
-        if !trusted.contain(last) {
+        if !trusts(last) {
             return last;
         }
     }
@@ -111,7 +124,10 @@ fn address_of(node: &str) -> Option<IpAddr> {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use axum::http::HeaderValue;
+    use tokio::sync::watch;
 
     use super::*;
 
@@ -130,7 +146,27 @@ mod tests {
             map.append(*name, HeaderValue::from_static(value));
         }
         let peer = PeerAddress(Some(peer.parse().unwrap()));
-        peer.behind(&map, &proxies()).0.unwrap().to_string()
+        let instances = BTreeSet::from(["192.0.2.11".parse().unwrap()]);
+        let instances = InstanceAddresses::watched(watch::channel(instances).1);
+        let found = peer.behind(&map, &proxies(), &instances);
+        found.0.unwrap().to_string()
+    }
+
+    #[test]
+    fn an_instance_is_believed_of_what_it_passes_on_alone() {
+        let said = ("x-forwarded-for", "203.0.113.9");
+        let passed_on = [said, ("x-fleetcal-forwarded-by", "a")];
+        assert_eq!(client("192.0.2.11", &passed_on), "203.0.113.9");
+        // Somebody who works at that machine.
+        assert_eq!(client("192.0.2.11", &[said]), "192.0.2.11");
+        // Anybody can write the header.
+        assert_eq!(client("192.0.2.12", &passed_on), "192.0.2.12");
+        // Over the proxy before this instance, which adds whom it hears.
+        let over_proxy = |hops| [("x-forwarded-for", hops), ("x-fleetcal-forwarded-by", "a")];
+        let by_instance = over_proxy("203.0.113.9, 192.0.2.11");
+        assert_eq!(client("10.0.0.7", &by_instance), "203.0.113.9");
+        let by_other = over_proxy("203.0.113.9, 192.0.2.12");
+        assert_eq!(client("10.0.0.7", &by_other), "192.0.2.12");
     }
 
     #[test]

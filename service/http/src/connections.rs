@@ -17,6 +17,7 @@ use fleetcal_domain::limits;
 use tokio_util::sync::CancellationToken;
 
 use super::client_address::PeerAddress;
+use super::instances::InstanceAddresses;
 use super::progress::{Overdue, Progress, Waiting};
 use super::shares::{Share, Shares};
 use crate::trusted_proxies::TrustedProxies;
@@ -105,6 +106,7 @@ pub struct Connections(Arc<Inner>);
 struct Inner {
     clock: SharedClock,
     trusted: TrustedProxies,
+    instances: InstanceAddresses,
     table: Mutex<Table>,
     requests: Shares,
     turned: [AtomicU64; Turned::ALL.len()],
@@ -114,7 +116,7 @@ struct Inner {
 struct Table {
     next: u64,
     open: BTreeMap<u64, Entry>,
-    /// The addresses that have connections, trusted proxies left out.
+    /// The addresses that have connections; trusted proxies and other instances are left out.
     addresses: HashMap<String, Address>,
     /// Requests under way, those of probes left out.
     requests: usize,
@@ -128,7 +130,7 @@ struct Address {
 
 #[derive(Debug)]
 struct Entry {
-    /// `None` of a trusted proxy, which stands for many.
+    /// `None` of a trusted proxy or another instance, which stands for many.
     address: Option<String>,
     /// Those of its address that wait for their peer.
     beside: Waiting,
@@ -158,9 +160,19 @@ pub struct RequestPlace {
 impl Connections {
     /// No connections yet.
     pub fn new(clock: SharedClock, trusted: TrustedProxies) -> Self {
+        Self::of_cluster(clock, trusted, InstanceAddresses::default())
+    }
+
+    /// No connections yet, of one instance of several.
+    pub fn of_cluster(
+        clock: SharedClock,
+        trusted: TrustedProxies,
+        instances: InstanceAddresses,
+    ) -> Self {
         Self(Arc::new(Inner {
             clock,
             trusted,
+            instances,
             table: Mutex::default(),
             requests: Shares::new(limits::HTTP_REQUESTS_PER_ADDRESS_MAX),
             turned: std::array::from_fn(|_| AtomicU64::new(0)),
@@ -170,6 +182,11 @@ impl Connections {
     /// The proxies whose word about a client's address counts.
     pub(crate) fn trusted(&self) -> &TrustedProxies {
         &self.0.trusted
+    }
+
+    /// The other instances, whose word counts of what they pass on.
+    pub(crate) fn instances(&self) -> &InstanceAddresses {
+        &self.0.instances
     }
 
     /// Counts what was turned away.
@@ -199,10 +216,9 @@ impl Connections {
 
     /// A place for a new connection; another one may be cut for it.
     pub(crate) fn admit(&self, peer: PeerAddress) -> Result<Arc<Place>, Turned> {
-        let is_trusted = peer
-            .0
-            .is_some_and(|address| self.0.trusted.contain(address));
-        let address = (!is_trusted).then(|| peer.key());
+        let stands_for_many =
+            |address| self.0.trusted.contain(address) || self.0.instances.contain(address);
+        let address = (!peer.0.is_some_and(stands_for_many)).then(|| peer.key());
         let mut table = self.table();
         if table.connections_of(address.as_deref()) >= limits::HTTP_CONNECTIONS_PER_ADDRESS_MAX {
             let now = self.0.clock.elapsed();

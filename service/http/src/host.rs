@@ -45,18 +45,21 @@ pub fn local(parts: &Parts) -> Option<IpAddr> {
 /// Whether a request for `host` is meant for this service. A page whose name an attacker lets point
 /// here (DNS rebinding) is asked for under that name: so names count only when they are known.
 /// Addresses, `localhost` and the machine's own name cannot be pointed
-/// anywhere.
+/// anywhere. Other instances of a cluster ask under `among_instances`, host and maybe port.
 pub fn is_ours(
     host: &str,
     own_name: &str,
     public: Option<&PublicUrl>,
+    among_instances: Option<&str>,
     local: Option<IpAddr>,
 ) -> bool {
     let name = without_port(host);
     let is_address = name.trim_matches(['[', ']']).parse::<IpAddr>().is_ok();
     let name = name.to_ascii_lowercase();
     let is_local_name = name == "localhost" || name.ends_with(".localhost");
-    if is_address || is_local_name || is_of_machine(&name, own_name) {
+    let of_cluster = among_instances.map(without_port);
+    let of_cluster = of_cluster.is_some_and(|known| known.eq_ignore_ascii_case(&name));
+    if is_address || is_local_name || is_of_machine(&name, own_name) || of_cluster {
         return true;
     }
     match public {
@@ -114,18 +117,31 @@ mod tests {
             ("", false, false),
         ] {
             assert_eq!(
-                is_ours(host, own, Some(&public), outside),
+                is_ours(host, own, Some(&public), None, outside),
                 with_public,
                 "{host}"
             );
             assert_eq!(
-                is_ours(host, own, Some(&public), loopback),
+                is_ours(host, own, Some(&public), None, loopback),
                 with_public,
                 "{host}"
             );
-            assert_eq!(is_ours(host, own, None, loopback), on_loopback, "{host}");
-            assert!(is_ours(host, own, None, outside), "{host}");
+            assert_eq!(
+                is_ours(host, own, None, None, loopback),
+                on_loopback,
+                "{host}"
+            );
+            assert!(is_ours(host, own, None, None, outside), "{host}");
         }
-        assert!(!is_ours("", "", None, loopback), "a machine without a name");
+        let nameless = is_ours("", "", None, None, loopback);
+        assert!(!nameless, "a machine without a name");
+    }
+
+    #[test]
+    fn other_instances_ask_under_a_name_of_its_own() {
+        let public: PublicUrl = "https://fleetcal.example.com".parse().unwrap();
+        let asked = |host| is_ours(host, "", Some(&public), Some("b.hall.example:8443"), None);
+        assert!(asked("b.hall.example:8443") && asked("B.hall.example"));
+        assert!(asked("fleetcal.example.com") && !asked("c.hall.example:8443"));
     }
 }

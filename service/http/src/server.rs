@@ -137,9 +137,9 @@ async fn answer(
 ) -> Response {
     let progress = Arc::clone(place.progress());
     let (mut parts, body) = request.into_parts();
-    let client = place
-        .peer()
-        .behind(&parts.headers, place.connections().trusted());
+    let connections = place.connections();
+    let (trusted, instances) = (connections.trusted(), connections.instances());
+    let client = place.peer().behind(&parts.headers, trusted, instances);
     progress.request_begins(!body.is_end_stream());
     let under_way = match place.begin(client, (served.is_probe)(parts.uri.path())) {
         Ok(under_way) => under_way,

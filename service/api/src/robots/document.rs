@@ -18,6 +18,7 @@ use serde::Serialize;
 
 use super::connection::ConnectionDocument;
 use crate::approval::CalibrationSummary;
+use crate::cluster::Owners;
 use crate::time;
 
 /// A robot in the list.
@@ -39,6 +40,9 @@ pub(super) struct RobotSummary {
     pub(super) last_seen: Option<Timestamp>,
     /// Whether it is heard: online, silent, or switched off on purpose.
     connection: ConnectionDocument,
+    /// The instance that estimates it; absent while none does, and where one service has all robots.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    instance: Option<String>,
     /// The latest estimate, once there is one.
     pub(super) estimate: Option<EstimateDocument>,
     /// Its vehicle; absent for a robot that nobody has described yet.
@@ -57,10 +61,12 @@ impl RobotSummary {
         view: RobotView,
         ledger: &RobotLedger,
         standing: Standing,
+        owners: &Owners,
         now: WallTime,
     ) -> Self {
         Self {
             standing,
+            instance: owners.of(&view.id),
             connection: ConnectionDocument::of(&view, ledger, now),
             vehicle: view
                 .config
@@ -119,6 +125,7 @@ impl RobotDocument {
         record: Option<&RobotRecord>,
         ledger: &RobotLedger,
         standing: Standing,
+        owners: &Owners,
         now: WallTime,
     ) -> Self {
         let configured = record
@@ -133,7 +140,7 @@ impl RobotDocument {
             pairing: view.pairing,
             warnings: view.warnings.clone(),
             topics: view.topics.to_vec(),
-            summary: RobotSummary::of(view, ledger, standing, now),
+            summary: RobotSummary::of(view, ledger, standing, owners, now),
         }
     }
 }

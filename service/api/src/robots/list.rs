@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::connection::connection_state;
 use super::document::RobotSummary;
 use crate::ApiState;
+use crate::cluster::Owners;
 use crate::extract::Parameters;
 use crate::page::{cut, page_limit};
 use crate::problem::Problem;
@@ -126,11 +127,12 @@ pub(super) async fn list_robots(
         .collect();
     chosen.sort_by(|(a, _), (b, _)| a.cmp(b));
     let next = cut(&mut chosen, limit, |((rank, id), _)| format!("{rank}.{id}"));
+    let owners = Owners::now(&api.membership);
     let items = chosen
         .into_iter()
         .map(|(_, robot)| {
             let (view, standing) = (robot.view, robot.standing);
-            RobotSummary::of(view, &robot.ledger, standing, now)
+            RobotSummary::of(view, &robot.ledger, standing, &owners, now)
         })
         .collect();
     Ok(Json(RobotPage {

@@ -8,7 +8,8 @@ use fleetcal_proto::RobotId;
 use serde::{Deserialize, Serialize};
 
 use crate::ApiState;
-use crate::extract::{Parameters, RobotPath};
+use crate::extract::Parameters;
+use crate::forwarding::OwnRobot;
 use crate::problem::Problem;
 
 /// Largest side of a floor, m.
@@ -134,7 +135,7 @@ impl ManoeuvreDocument {
 )]
 pub(super) async fn get_manoeuvres(
     State(api): State<ApiState>,
-    RobotPath(id): RobotPath,
+    OwnRobot(id): OwnRobot,
     Parameters(parameters): Parameters<FloorParameters>,
 ) -> Result<Json<ManoeuvresDocument>, Problem> {
     let floor = parameters.floor()?;

@@ -20,7 +20,8 @@ use tokio_util::sync::CancellationToken;
 
 use crate::ApiState;
 use crate::access::{Caller, permission_ended};
-use crate::extract::{Parameters, RobotPath, number_within};
+use crate::extract::{Parameters, number_within};
+use crate::forwarding::OwnRobot;
 use crate::problem::Problem;
 
 /// What recordings share.
@@ -72,12 +73,13 @@ pub(super) struct RecordingFile(Vec<u8>);
         (status = NOT_FOUND, description = "The robot is unknown"),
         (status = CONFLICT, description = "The robot is not registered"),
         (status = SERVICE_UNAVAILABLE,
-            description = "Too many recordings are made at once, or the request took too long"),
+            description = "Too many recordings are made at once, no instance has the robot, or the \
+                request took too long"),
     )
 )]
 pub(super) async fn get_recording(
     State(api): State<ApiState>,
-    RobotPath(id): RobotPath,
+    OwnRobot(id): OwnRobot,
     Parameters(query): Parameters<RecordingParameters>,
     caller: Caller,
 ) -> Result<Response, Problem> {

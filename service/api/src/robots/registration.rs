@@ -16,6 +16,7 @@ use fleetcal_store::Expected;
 use super::document::RobotDocument;
 use crate::ApiState;
 use crate::access::Caller;
+use crate::cluster::Owners;
 use crate::etag::{expected, versioned_json};
 use crate::extract::{Body, NoParameters, Parameters, RobotPath};
 use crate::problem::Problem;
@@ -153,7 +154,8 @@ async fn answer(api: &ApiState, id: &RobotId, status: StatusCode) -> Result<Resp
     let ledger = api.lifecycle.ledger(id);
     let standing = api.evaluator.standings().of(&view, &ledger);
     let now = api.clock.now();
-    let document = RobotDocument::of(view, record.as_ref(), &ledger, standing, now);
+    let owners = Owners::now(&api.membership);
+    let document = RobotDocument::of(view, record.as_ref(), &ledger, standing, &owners, now);
     Ok(versioned_json(
         status,
         record.map_or(Version(0), |record| record.version),

@@ -8,7 +8,8 @@ use fleetcal_proto::RobotId;
 use serde::Serialize;
 
 use crate::ApiState;
-use crate::extract::{NoParameters, Parameters, RobotPath};
+use crate::extract::{NoParameters, Parameters};
+use crate::forwarding::OwnRobot;
 use crate::problem::Problem;
 
 /// A robot from above: its latest scan on the local map, and how it came here by what the
@@ -121,12 +122,13 @@ fn rounded(point: [f64; 2]) -> [f64; 2] {
         (status = NOT_FOUND, description = "The robot is unknown"),
         (status = CONFLICT, description = "The robot is not registered"),
         (status = SERVICE_UNAVAILABLE,
-            description = "Too many requests for this view, or the request took too long"),
+            description = "Too many requests for this view, no instance has the robot, or the request \
+                took too long"),
     )
 )]
 pub(super) async fn get_top_view(
     State(api): State<ApiState>,
-    RobotPath(id): RobotPath,
+    OwnRobot(id): OwnRobot,
     Parameters(NoParameters {}): Parameters<NoParameters>,
 ) -> Result<Json<Option<TopViewDocument>>, Problem> {
     let view = api.fleet.top_view(&id).await?;

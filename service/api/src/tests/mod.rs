@@ -3,6 +3,7 @@
 mod access;
 mod alerts;
 mod approval;
+mod cluster;
 mod description;
 mod metrics;
 mod metrics_text;
@@ -23,6 +24,7 @@ use axum::Router;
 use axum::body::Body;
 use axum::http::{HeaderMap, Request, StatusCode};
 use fleetcal_clock::MockClock;
+use fleetcal_cluster::Membership;
 use fleetcal_contract::TestDatabase;
 use fleetcal_domain::access::{AccountName, Actor, Grant, Role, SetupCode, TokenValue};
 use fleetcal_domain::alert::AlertPolicy;
@@ -35,6 +37,7 @@ use fleetcal_model::WallTime;
 use fleetcal_operations::accounts::{KeepSetupCode, TokenChange, change_token};
 use fleetcal_operations::alert_evaluator::{AlertEvaluator, AlertEvaluatorSetup};
 use fleetcal_operations::lifecycle::{Lifecycle, LifecycleSetup};
+use fleetcal_operations::peers::Peers;
 use fleetcal_operations::robots::configure;
 use fleetcal_operations::webhook_dispatcher::{WebhookDispatcher, WebhookDispatcherSetup};
 use fleetcal_proto::RobotId;
@@ -138,6 +141,8 @@ async fn bench_of(robots: &[&str], last_heard: BTreeMap<RobotId, WallTime>) -> B
         store: store.clone(),
         clock: clock.clone(),
         link_open: is_open,
+        membership: Membership::alone(),
+        peers: Peers::default(),
         access: AccessSetup { public_url: None },
         connections: Connections::new(clock.clone(), TrustedProxies::default()),
         stop: stop.clone(),

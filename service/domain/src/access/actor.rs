@@ -54,6 +54,9 @@ pub struct HttpRequest {
     pub address: Option<String>,
 }
 
+/// Header of a request that an instance of a cluster passes on for its caller: that instance's name.
+pub const FORWARDED_BY: &str = "x-fleetcal-forwarded-by";
+
 impl Actor {
     /// What a user or token is counted under: a user's sessions are one caller.
     pub fn key(&self) -> String {

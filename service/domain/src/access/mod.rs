@@ -18,7 +18,7 @@ pub use account::{
     AccountRefused, allow_change, allow_new_token, allow_new_user, allow_set_up, counts_as_admin,
     ended_before,
 };
-pub use actor::{Actor, Authentication, HttpRequest};
+pub use actor::{Actor, Authentication, FORWARDED_BY, HttpRequest};
 pub use familiar::Familiar;
 pub use grant::{Grant, GrantRefused};
 pub use name::{AccountName, NameRefused};

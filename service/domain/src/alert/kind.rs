@@ -36,6 +36,8 @@ pub enum AlertKind {
     FalseReport,
     /// The robot's estimator failed too often and was stopped.
     EstimatorFailed,
+    /// No instance of the cluster estimates the robot.
+    NoInstance,
     /// The robot did not take what was approved.
     NotApplied,
     /// The robot uses another calibration than it should.
@@ -44,11 +46,33 @@ pub enum AlertKind {
     NoData,
     /// A sensor or the LiDAR odometry failed for a while.
     Fault,
+    /// Instances of the cluster have different configurations.
+    ConfigurationsDiffer,
+    /// The clock of an instance is not that of the database.
+    ClockOff,
 }
 
 impl AlertKind {
     /// All of them.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 14] = [
+        Self::RollbackFailed,
+        Self::Drift,
+        Self::VerificationFailed,
+        Self::TwoSenders,
+        Self::FormerKey,
+        Self::FalseReport,
+        Self::EstimatorFailed,
+        Self::NoInstance,
+        Self::NotApplied,
+        Self::OutOfSync,
+        Self::NoData,
+        Self::Fault,
+        Self::ConfigurationsDiffer,
+        Self::ClockOff,
+    ];
+
+    /// Those that a robot's view and records say.
+    pub const OF_ROBOT: [Self; 11] = [
         Self::RollbackFailed,
         Self::Drift,
         Self::VerificationFailed,
@@ -81,8 +105,14 @@ impl AlertKind {
             | Self::TwoSenders
             | Self::FormerKey
             | Self::FalseReport
-            | Self::EstimatorFailed => Severity::Error,
-            Self::NotApplied | Self::OutOfSync | Self::NoData | Self::Fault => Severity::Warning,
+            | Self::EstimatorFailed
+            | Self::NoInstance => Severity::Error,
+            Self::NotApplied
+            | Self::OutOfSync
+            | Self::NoData
+            | Self::Fault
+            | Self::ConfigurationsDiffer
+            | Self::ClockOff => Severity::Warning,
         }
     }
 
@@ -118,6 +148,10 @@ impl AlertKind {
                 "Read the service's log, and give the robot's configuration again: its estimator \
                  then begins again."
             }
+            Self::NoInstance => {
+                "Look on the health page at which instances are there and reach a Zenoh router, and \
+                 start one more: each takes robots that nobody has (docs/cluster.md)."
+            }
             Self::NotApplied => {
                 "Read the robot's reason, mend it on the robot, and propose the calibration again."
             }
@@ -131,6 +165,15 @@ impl AlertKind {
             }
             Self::Fault => {
                 "Look at the LiDAR and its cable, and for surroundings in which it sees too little."
+            }
+            Self::ConfigurationsDiffer => {
+                "Give all instances the same fleetcal.toml but for name and addresses, and start \
+                 them again one after the other: which settings a robot is estimated with should \
+                 not depend on who estimates it."
+            }
+            Self::ClockOff => {
+                "Set the machine's clock, and see that it is kept by NTP: from 10 s on the instance \
+                 gives up its robots."
             }
         }
     }

@@ -53,7 +53,11 @@ impl AlertPolicy {
             recovering_ns: (self.recovering_s * 1e9) as i64,
         };
         match kind {
-            AlertKind::Drift | AlertKind::OutOfSync | AlertKind::NoData => of_data,
+            AlertKind::Drift
+            | AlertKind::OutOfSync
+            | AlertKind::NoData
+            | AlertKind::ConfigurationsDiffer
+            | AlertKind::ClockOff => of_data,
             // It is told once, when it has happened.
             AlertKind::Fault | AlertKind::TwoSenders | AlertKind::FormerKey => Periods {
                 pending_ns: 0,
@@ -63,6 +67,7 @@ impl AlertPolicy {
             | AlertKind::VerificationFailed
             | AlertKind::FalseReport
             | AlertKind::EstimatorFailed
+            | AlertKind::NoInstance
             | AlertKind::NotApplied => Periods::NONE,
         }
     }

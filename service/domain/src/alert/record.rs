@@ -176,12 +176,18 @@ impl Alert {
     /// Its place in a list, the most urgent first: active ones by kind, then those that are pending,
     /// then those that are over.
     pub fn rank(&self) -> u32 {
-        let active = AlertKind::ALL.len() as u32;
+        let active = AlertKind::OF_ROBOT.len() as u32;
         match self.condition.name() {
             ConditionName::Normal => active + 1,
             ConditionName::Pending => active,
             ConditionName::Alerting | ConditionName::Recovering | ConditionName::NoData => {
-                let place = AlertKind::ALL.iter().position(|kind| *kind == self.kind);
+                // The place stands in rows: kinds that came later share one with others.
+                let kind = match self.kind {
+                    AlertKind::NoInstance => AlertKind::EstimatorFailed,
+                    AlertKind::ConfigurationsDiffer | AlertKind::ClockOff => AlertKind::Fault,
+                    kind => kind,
+                };
+                let place = AlertKind::OF_ROBOT.iter().position(|one| *one == kind);
                 place.map_or(active, |place| place as u32)
             }
         }

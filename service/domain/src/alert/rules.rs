@@ -85,9 +85,10 @@ impl Seen {
     }
 }
 
-/// What every rule sees of a robot. Of a robot without a vehicle nothing is wrong.
-pub fn sightings(situation: &Situation<'_>) -> [Sighting; AlertKind::ALL.len()] {
-    AlertKind::ALL.map(|kind| {
+/// What every rule of [`AlertKind::OF_ROBOT`] sees of a robot. Of a robot without a vehicle nothing
+/// is wrong.
+pub fn sightings(situation: &Situation<'_>) -> [Sighting; AlertKind::OF_ROBOT.len()] {
+    AlertKind::OF_ROBOT.map(|kind| {
         let off = situation.policy.off.contains(&kind) || situation.view.config.is_none();
         let seen = if off {
             Seen::Clear
@@ -126,6 +127,10 @@ fn look(kind: AlertKind, situation: &Situation<'_>) -> Seen {
             }
             None => Seen::Clear,
         },
+        // The rows of the cluster say these.
+        AlertKind::NoInstance | AlertKind::ConfigurationsDiffer | AlertKind::ClockOff => {
+            Seen::Unknown
+        }
     }
 }
 

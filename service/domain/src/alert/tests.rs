@@ -306,7 +306,7 @@ impl Case {
 
     fn firing(&self) -> Vec<AlertKind> {
         let fires = |kind: &AlertKind| self.sight(*kind).0 == Observation::Firing;
-        AlertKind::ALL.into_iter().filter(fires).collect()
+        AlertKind::OF_ROBOT.into_iter().filter(fires).collect()
     }
 }
 

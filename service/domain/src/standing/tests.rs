@@ -184,10 +184,14 @@ fn every_alert_is_a_way_to_stand() {
         S::FormerKey,
         S::FalseReport,
         S::EstimatorFailed,
+        S::NoInstance,
         S::NotApplied,
         S::OutOfSync,
         S::NoData,
         S::Fault,
+        // What is wrong with instances is no state of a robot.
+        S::Calibrated,
+        S::Calibrated,
     ];
     assert_eq!(found, expected);
     for condition in [
@@ -250,7 +254,7 @@ fn urgency_is_the_order_and_names_are_those_of_documents() {
         S::Calibrated,
     ];
     assert!(order.is_sorted());
-    assert_eq!(S::ALL.len(), 17);
+    assert_eq!(S::ALL.len(), 18);
     for &standing in S::ALL {
         assert_eq!(serde_json::json!(standing), standing.as_str());
         assert_eq!(S::parse(standing.as_str()), Some(standing));

@@ -15,6 +15,8 @@ use hyper_util::rt::TokioExecutor;
 use rustls::{ClientConfig, RootCertStore};
 use thiserror::Error;
 
+use crate::cause::whole;
+
 /// Why a receiver gave no answer.
 #[derive(Debug, Error)]
 pub(super) enum PostError {
@@ -30,17 +32,6 @@ pub(super) enum PostError {
     /// This machine has no TLS.
     #[error("TLS cannot be used: {0}")]
     Tls(String),
-}
-
-/// An error with what it came from.
-fn whole(error: &dyn std::error::Error) -> String {
-    let mut words = error.to_string();
-    let mut source = error.source();
-    while let Some(error) = source {
-        words = format!("{words}: {error}");
-        source = error.source();
-    }
-    words
 }
 
 type HttpClient = Client<HttpsConnector<HttpConnector>, Full<Bytes>>;

@@ -1,22 +1,27 @@
 //! `/metrics`: what Prometheus reads, by its conventions: names end in their unit, counters in
 //! `_total`, and what is one thing is one family with labels.
 
-use std::collections::BTreeMap;
-use std::fmt;
-use std::sync::Arc;
+mod cluster;
+mod robots;
 
+use std::collections::BTreeMap;
+use std::convert::Infallible;
+use std::fmt;
+use std::iter;
+
+use axum::body::Body;
 use axum::extract::State;
 use axum::http::{StatusCode, header};
 use axum::response::IntoResponse;
+use fleetcal_cluster::Membership;
 use fleetcal_domain::alert::{AlertKind, ConditionName};
-use fleetcal_domain::limits;
-use fleetcal_domain::robot::{ConnectionState, Counters, RobotView};
+use fleetcal_domain::robot::ConnectionState;
 use fleetcal_domain::standing::Standing;
 use fleetcal_fleet::FleetCounters;
 use fleetcal_http::Turned;
-use fleetcal_model::DetectionState;
 use fleetcal_operations::webhook_dispatcher::WebhookDispatcherCounters;
 use fleetcal_store::StoreCounters;
+use futures::stream;
 use prometheus_client::collector::Collector;
 use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric, text};
 use prometheus_client::metrics::MetricType;
@@ -32,6 +37,8 @@ use super::problem::Problem;
 use super::robots::connection_state;
 use super::{ApiState, BuildInfo};
 
+use robots::RobotFigures;
+
 /// Counters of the service and of each robot, in the text format that Prometheus reads.
 #[utoipa::path(get, path = "/metrics", tag = "service",
     responses(
@@ -42,19 +49,26 @@ pub(super) async fn metrics(
     State(api): State<ApiState>,
     Parameters(NoParameters {}): Parameters<NoParameters>,
 ) -> Result<impl IntoResponse, Problem> {
-    let mut registry = Registry::default();
     let waiting_deliveries = api.store.waiting_deliveries().await.ok();
-    registry.register_collector(Box::new(Snapshot::of(&api, waiting_deliveries)));
+    let (snapshot, robots) = Snapshot::of(&api, waiting_deliveries);
+    let mut registry = Registry::default();
+    registry.register_collector(Box::new(snapshot));
     let mut written = String::new();
-    text::encode(&mut written, &registry).map_err(|error| {
+    text::encode_registry(&mut written, &registry).map_err(|error| {
         Problem::new(
             StatusCode::INTERNAL_SERVER_ERROR,
             "not_serializable",
             error.to_string(),
         )
     })?;
+    let pieces = iter::once(written)
+        .chain(robots::pieces(robots))
+        .chain(iter::once("# EOF\n".to_owned()));
+    // Each piece is written when the client has taken the one before: the text of 4,096 robots has
+    // megabytes, and a client may read slowly.
+    let body = Body::from_stream(stream::iter(pieces.map(Ok::<_, Infallible>)));
     let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
-    Ok(([(header::CONTENT_TYPE, kind)], written))
+    Ok(([(header::CONTENT_TYPE, kind)], body))
 }
 
 /// The counters at one time.
@@ -64,7 +78,9 @@ struct Snapshot {
     /// When the process started, s since 1970.
     started_s: f64,
     fleet: FleetCounters,
-    robots: Arc<Vec<RobotView>>,
+    /// Messages of this process's robots that found a full mailbox.
+    mailbox_full: u64,
+    membership: Membership,
     lost_answers: [(&'static str, u64); 3],
     /// How many robots are heard how.
     heard: BTreeMap<ConnectionState, u64>,
@@ -87,7 +103,8 @@ struct Snapshot {
 }
 
 impl Snapshot {
-    fn of(api: &ApiState, waiting_deliveries: Option<u64>) -> Self {
+    /// Of a cluster's robots each is told of by its own instance alone.
+    fn of(api: &ApiState, waiting_deliveries: Option<u64>) -> (Self, Vec<RobotFigures>) {
         let robots = api.fleet.robots();
         let standings = api.evaluator.standings();
         let now = api.clock.now();
@@ -100,11 +117,14 @@ impl Snapshot {
                 .or_default() += 1;
             *stand.entry(standings.of(robot, &ledger)).or_default() += 1;
         }
-        Self {
+        let own = robots.iter().filter(|robot| api.membership.has(&robot.id));
+        let own: Vec<_> = own.map(RobotFigures::of).collect();
+        let snapshot = Self {
             build: api.build,
             started_s: api.started_ns.0 as f64 / 1e9,
             fleet: api.fleet.counters(),
-            robots: Arc::new(robots),
+            mailbox_full: own.iter().map(RobotFigures::mailbox_full).sum(),
+            membership: api.membership.clone(),
             lost_answers: api.lifecycle.answer_counters(),
             heard,
             standings: stand,
@@ -118,7 +138,8 @@ impl Snapshot {
             link_open: *api.link_open.borrow(),
             connections: api.connections.open(),
             turned_away: api.connections.turned(),
-        }
+        };
+        (snapshot, own)
     }
 }
 
@@ -132,8 +153,8 @@ impl Collector for Snapshot {
         self.encode_store(out)?;
         self.encode_alerts(out)?;
         self.encode_webhooks(out)?;
-        self.encode_robots(out)?;
-        self.encode_each_robot(out)
+        cluster::encode(out, &self.membership)?;
+        self.encode_robots(out)
     }
 }
 
@@ -209,14 +230,11 @@ impl Snapshot {
     /// Everything that was lost or not used: one family, every reason from the start on.
     fn encode_dropped(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
         let fleet = &self.fleet;
-        let of_robots = self.robots.iter().map(|robot| &robot.counters);
-        let mailbox_full =
-            of_robots.map(|of| of.dropped_wheel_odometry + of.dropped_scans + of.dropped_notes);
         let by_reason = [
             ("unknown_key", fleet.foreign_keys),
             ("oversized", fleet.oversized),
             ("robot_limit", fleet.beyond_robots_max),
-            ("mailbox_full", mailbox_full.sum()),
+            ("mailbox_full", self.mailbox_full),
             ("missing", fleet.missing),
             ("two_senders", fleet.of_two_senders),
             ("note_budget", fleet.notes_beyond_budget),
@@ -352,81 +370,9 @@ impl Snapshot {
             help,
             "connection",
             heard,
-        )?;
-        let beyond = self.robots.len().saturating_sub(limits::METRICS_ROBOTS_MAX);
-        let help = "Robots without own counters";
-        gauge(out, "fleetcal_robots_beyond_metrics", help, beyond as f64)
-    }
-
-    fn encode_each_robot(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
-        let shown = || self.robots.iter().take(limits::METRICS_ROBOTS_MAX);
-        let help = "Messages of each robot, by what became of them";
-        let name = "fleetcal_robot_messages";
-        let mut family = out.encode_descriptor(name, help, None, MetricType::Counter)?;
-        for robot in shown() {
-            for (outcome, count) in outcomes(&robot.counters) {
-                let labels = [("robot", robot.id.as_str()), ("outcome", outcome)];
-                ConstCounter::new(count).encode(family.encode_family(&labels)?)?;
-            }
-        }
-        for (name, help, value) in ROBOT_COUNTERS {
-            let values = shown().map(|robot| ([("robot", robot.id.as_str())], value(robot)));
-            counters(out, name, help, values)?;
-        }
-        self.encode_detection(out)
-    }
-
-    /// One series for each robot and cause; what its detection waits for is a label.
-    fn encode_detection(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
-        let help = "1 while a change of this cause would be detected, 0 while detection waits";
-        let name = "fleetcal_robot_change_detection";
-        let mut family = out.encode_descriptor(name, help, None, MetricType::Gauge)?;
-        for robot in self.robots.iter().take(limits::METRICS_ROBOTS_MAX) {
-            let estimate = robot.estimate.as_deref();
-            let Some(detection) = estimate.and_then(|estimate| estimate.detection) else {
-                continue;
-            };
-            for (cause, state) in detection.of_causes() {
-                let labels = [
-                    ("robot", robot.id.as_str()),
-                    ("cause", cause.into()),
-                    ("state", state.into()),
-                ];
-                let watching = u32::from(state == DetectionState::Watching);
-                ConstGauge::new(f64::from(watching)).encode(family.encode_family(&labels)?)?;
-            }
-        }
-        Ok(())
+        )
     }
 }
-
-/// What became of a robot's messages; those that wait are the difference to those received.
-const fn outcomes(counters: &Counters) -> [(&'static str, u64); 6] {
-    [
-        ("processed", counters.processed),
-        ("refused", counters.refused),
-        ("ignored", counters.ignored),
-        ("dropped_wheel_odometry", counters.dropped_wheel_odometry),
-        ("dropped_scan", counters.dropped_scans),
-        ("dropped_note", counters.dropped_notes),
-    ]
-}
-
-/// Name, meaning and value of a robot's counter.
-type RobotCounter = (&'static str, &'static str, fn(&RobotView) -> u64);
-
-const ROBOT_COUNTERS: [RobotCounter; 2] = [
-    (
-        "fleetcal_robot_unpaired",
-        "Speeds without a steering angle near enough",
-        |robot| robot.pairing.map_or(0, |pairing| pairing.unpaired),
-    ),
-    (
-        "fleetcal_robot_estimator_restarts",
-        "Restarts of its estimator",
-        |robot| u64::from(robot.estimator_restarts),
-    ),
-];
 
 fn gauges<'a>(
     out: &mut DescriptorEncoder<'_>,

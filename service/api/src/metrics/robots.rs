@@ -1,0 +1,222 @@
+//! What `/metrics` says of each robot, as text that is made piece by piece.
+
+use std::fmt::{self, Write};
+use std::sync::Arc;
+
+use fleetcal_domain::limits;
+use fleetcal_domain::robot::{Counters, RobotView};
+use fleetcal_model::{Detection, DetectionState};
+use fleetcal_proto::RobotId;
+
+/// The figures of one robot at one time: a fiftieth of their text.
+#[derive(Debug)]
+pub(super) struct RobotFigures {
+    robot: RobotId,
+    /// What became of its messages, in the order of [`OUTCOMES`].
+    outcomes: [u64; OUTCOMES.len()],
+    unpaired: u64,
+    restarts: u64,
+    detection: Option<Detection>,
+}
+
+/// What can become of a message; those that wait are the difference to those received.
+const OUTCOMES: [&str; 6] = [
+    "processed",
+    "refused",
+    "ignored",
+    "dropped_wheel_odometry",
+    "dropped_scan",
+    "dropped_note",
+];
+
+impl RobotFigures {
+    /// The figures of a robot.
+    pub(super) fn of(view: &RobotView) -> Self {
+        let Counters {
+            processed,
+            refused,
+            ignored,
+            dropped_wheel_odometry,
+            dropped_scans,
+            dropped_notes,
+            ..
+        } = view.counters;
+        Self {
+            robot: view.id.clone(),
+            outcomes: [
+                processed,
+                refused,
+                ignored,
+                dropped_wheel_odometry,
+                dropped_scans,
+                dropped_notes,
+            ],
+            unpaired: view.pairing.map_or(0, |pairing| pairing.unpaired),
+            restarts: u64::from(view.estimator_restarts),
+            detection: view
+                .estimate
+                .as_ref()
+                .and_then(|estimate| estimate.detection),
+        }
+    }
+
+    /// Messages that found a full mailbox.
+    pub(super) fn mailbox_full(&self) -> u64 {
+        let [_, _, _, dropped @ ..] = self.outcomes;
+        dropped.iter().sum()
+    }
+}
+
+/// Samples of one name.
+struct Family {
+    name: &'static str,
+    help: &'static str,
+    kind: &'static str,
+    /// Writes a robot's samples.
+    write: fn(&mut String, &RobotFigures) -> fmt::Result,
+}
+
+const FAMILIES: [Family; 4] = [
+    Family {
+        name: "fleetcal_robot_messages",
+        help: "Messages of each robot, by what became of them",
+        kind: "counter",
+        write: messages,
+    },
+    Family {
+        name: "fleetcal_robot_unpaired",
+        help: "Speeds without a steering angle near enough",
+        kind: "counter",
+        write: unpaired,
+    },
+    Family {
+        name: "fleetcal_robot_estimator_restarts",
+        help: "Restarts of its estimator",
+        kind: "counter",
+        write: restarts,
+    },
+    Family {
+        name: "fleetcal_robot_change_detection",
+        help: "1 while a change of this cause would be detected, 0 while detection waits",
+        kind: "gauge",
+        write: detection,
+    },
+];
+
+/// The text of these robots' figures, of a few robots at a time.
+pub(super) fn pieces(robots: Vec<RobotFigures>) -> impl Iterator<Item = String> + Send + 'static {
+    let robots: Arc<[RobotFigures]> = robots.into();
+    FAMILIES.iter().flat_map(move |family| {
+        let robots = Arc::clone(&robots);
+        let firsts = (0..robots.len()).step_by(limits::METRICS_ROBOTS_AT_ONCE);
+        std::iter::once(head(family)).chain(firsts.map(move |first| {
+            let mut written = String::new();
+            let some = robots.iter().skip(first);
+            let some = some.take(limits::METRICS_ROBOTS_AT_ONCE);
+            // To write into a `String` cannot fail.
+            let whole = some
+                .map(|robot| (family.write)(&mut written, robot))
+                .all(|one| one.is_ok());
+            debug_assert!(whole, "{}", family.name);
+            written
+        }))
+    })
+}
+
+fn head(family: &Family) -> String {
+    let Family {
+        name, help, kind, ..
+    } = family;
+    format!("# HELP {name} {help}\n# TYPE {name} {kind}\n")
+}
+
+// Values of labels are ids and words of letters, digits, `_` and `-`: none needs an escape.
+
+fn messages(out: &mut String, robot: &RobotFigures) -> fmt::Result {
+    let id = robot.robot.as_str();
+    for (outcome, count) in OUTCOMES.iter().zip(robot.outcomes) {
+        let labels = format_args!("robot=\"{id}\",outcome=\"{outcome}\"");
+        writeln!(out, "fleetcal_robot_messages_total{{{labels}}} {count}")?;
+    }
+    Ok(())
+}
+
+fn unpaired(out: &mut String, robot: &RobotFigures) -> fmt::Result {
+    let (id, count) = (robot.robot.as_str(), robot.unpaired);
+    writeln!(
+        out,
+        "fleetcal_robot_unpaired_total{{robot=\"{id}\"}} {count}"
+    )
+}
+
+fn restarts(out: &mut String, robot: &RobotFigures) -> fmt::Result {
+    let (id, count) = (robot.robot.as_str(), robot.restarts);
+    let name = "fleetcal_robot_estimator_restarts_total";
+    writeln!(out, "{name}{{robot=\"{id}\"}} {count}")
+}
+
+/// One series for each robot and cause; what its detection waits for is a label.
+fn detection(out: &mut String, robot: &RobotFigures) -> fmt::Result {
+    let id = robot.robot.as_str();
+    let of_causes = robot.detection.map(|detection| detection.of_causes());
+    for (cause, state) in of_causes.into_iter().flatten() {
+        let (cause, word): (&str, &str) = (cause.into(), state.into());
+        let labels = format_args!("robot=\"{id}\",cause=\"{cause}\",state=\"{word}\"");
+        let watching = u32::from(state == DetectionState::Watching);
+        writeln!(
+            out,
+            "fleetcal_robot_change_detection{{{labels}}} {watching}"
+        )?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::{Duration, Instant};
+
+    use super::*;
+
+    fn figures(number: usize) -> RobotFigures {
+        RobotFigures {
+            robot: RobotId::parse(&format!("warehouse_tugger_{number:04}")).unwrap(),
+            outcomes: [1_000_000_000, 1, 2, 3, 4, 5],
+            unpaired: 6,
+            restarts: 7,
+            detection: Some(Detection::of_all(DetectionState::Watching)),
+        }
+    }
+
+    #[test]
+    fn each_piece_has_some_robots_of_one_family() {
+        let all: String = pieces(vec![figures(1)]).collect();
+        let lines: Vec<&str> = all.lines().collect();
+        assert_eq!(lines.len(), 4 * 2 + 6 + 1 + 1 + 3);
+        assert_eq!(
+            lines[..3],
+            [
+                "# HELP fleetcal_robot_messages Messages of each robot, by what became of them",
+                "# TYPE fleetcal_robot_messages counter",
+                "fleetcal_robot_messages_total{robot=\"warehouse_tugger_0001\",\
+                 outcome=\"processed\"} 1000000000",
+            ]
+        );
+        assert_eq!(figures(1).mailbox_full(), 12);
+    }
+
+    #[test]
+    fn as_many_robots_as_there_can_be_are_written_a_little_at_a_time() {
+        let all = (0..limits::ROBOTS_MAX).map(figures).collect();
+        let began = Instant::now();
+        let (mut bytes, mut longest) = (0, 0);
+        for piece in pieces(all) {
+            longest = longest.max(piece.len());
+            bytes += piece.len();
+        }
+        let took = began.elapsed();
+        println!("{bytes} bytes in {took:?}, {longest} at once");
+        assert!(bytes > 1 << 20 && longest < 128 << 10, "{bytes}, {longest}");
+        assert!(took < Duration::from_secs(1), "{took:?}");
+        assert!(size_of::<RobotFigures>() <= 128);
+    }
+}

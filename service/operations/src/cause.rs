@@ -1,0 +1,12 @@
+//! What an error came from.
+
+/// An error with what it came from.
+pub(crate) fn whole(error: &dyn std::error::Error) -> String {
+    let mut words = error.to_string();
+    let mut source = error.source();
+    while let Some(error) = source {
+        words = format!("{words}: {error}");
+        source = error.source();
+    }
+    words
+}
