@@ -421,3 +421,10 @@ pub const CLUSTER_SUBSCRIBED_WITHIN: Duration = Duration::from_secs(2);
 pub const CLUSTER_FOLLOW_EVERY: Duration = Duration::from_millis(500);
 /// Decisions of others that an instance takes at once.
 pub const CLUSTER_FOLLOWED_MAX: u32 = 1_000;
+/// A statement about the rows of the cluster has ended within this time, or its connection is given
+/// up: a lease is renewed twice before it ends.
+pub const CLUSTER_STATEMENT_TIMEOUT: Duration = Duration::from_millis(1_500);
+/// An instance that was taken for dead is shown for so long.
+pub const CLUSTER_DEAD_SHOWN_FOR: Duration = Duration::from_hours(24);
+/// Robots that an instance has begun to estimate whose history is looked at in one transaction.
+pub const CLUSTER_ADOPTED_AT_ONCE_MAX: usize = 256;
