@@ -437,3 +437,10 @@ pub const PEER_ADDRESSES_EVERY: Duration = Duration::from_secs(30);
 pub const PEERS_MAX: usize = 64;
 /// Robots without an instance that one answer names.
 pub const CLUSTER_ROBOTS_TOLD_MAX: usize = 100;
+/// A statement about the rows of the cluster has ended within this time, or its connection is given
+/// up: a lease is renewed twice before it ends.
+pub const CLUSTER_STATEMENT_TIMEOUT: Duration = Duration::from_millis(1_500);
+/// An instance that was taken for dead is shown for so long.
+pub const CLUSTER_DEAD_SHOWN_FOR: Duration = Duration::from_hours(24);
+/// Robots that an instance has begun to estimate whose history is looked at in one transaction.
+pub const CLUSTER_ADOPTED_AT_ONCE_MAX: usize = 256;

@@ -136,6 +136,9 @@ impl From<StoreError> for Problem {
                 detail,
             )
             .of_field("Idempotency-Key"),
+            StoreError::Fenced(_) => {
+                Self::new(StatusCode::SERVICE_UNAVAILABLE, "robot_moved", detail).retry_after(1)
+            }
             StoreError::Account(refused) => refused.into(),
             StoreError::Refused(refused) => refused.into(),
             StoreError::Alert(refused) => refused.into(),
