@@ -105,6 +105,7 @@ impl Service {
             allow_anonymous: config.allow_anonymous,
             keys: Keys::new(config.root.clone()),
             ros2: config.ros2.clone(),
+            ..LinkSetup::default()
         };
         link_setup.check()?;
         let refused = |source| ServiceError::Http {
@@ -332,5 +333,6 @@ async fn start_fleet(
         cross_tracks,
         checkpoints,
         last_heard,
+        membership: fleetcal_cluster::Membership::alone(),
     }))
 }
