@@ -269,6 +269,9 @@ impl From<FleetRefused> for Problem {
             FleetRefused::NoteTooLong(_) => {
                 Self::new(StatusCode::BAD_REQUEST, "value_refused", detail).of_field("note")
             }
+            FleetRefused::Elsewhere(_) => {
+                Self::new(StatusCode::SERVICE_UNAVAILABLE, "robot_elsewhere", detail)
+            }
             FleetRefused::NotesMax(_) | FleetRefused::TopViewAskersMax(_) => {
                 Self::new(StatusCode::SERVICE_UNAVAILABLE, "robot_busy", detail)
             }
