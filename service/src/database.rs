@@ -132,5 +132,10 @@ pub async fn open(config: &Config, clock: SharedClock) -> Result<Store, StoreErr
         url: url.clone(),
         password_file: config.database_password_file.clone(),
     };
-    fleetcal_postgres::open(setup, Box::new(held), clock).await
+    match config.cluster.instance.clone() {
+        Some(instance) => {
+            fleetcal_postgres::open_instance(setup, Box::new(held), clock, instance).await
+        }
+        None => fleetcal_postgres::open(setup, Box::new(held), clock).await,
+    }
 }

@@ -6,6 +6,7 @@
 //! estimator asks for is done: history to `fleetcal-store`, live updates to the event stream of
 //! `fleetcal-api`, the estimate to `fleetcal-link`.
 
+mod cluster;
 pub mod command;
 mod database;
 pub mod environment;

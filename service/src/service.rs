@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use fleetcal_api::{AccessSetup, ApiSetup, BuildInfo, router, serve};
 use fleetcal_clock::SharedClock;
-use fleetcal_cluster::Membership;
+use fleetcal_cluster::{InstanceId, Membership};
 use fleetcal_config::Config;
 use fleetcal_domain::access::{Actor, SetupCode};
 use fleetcal_domain::limits;
@@ -20,8 +20,10 @@ use fleetcal_model::{Generation, WallTime};
 use fleetcal_operations::accounts::KeepSetupCode;
 use fleetcal_operations::alert_evaluator::{AlertEvaluator, AlertEvaluatorSetup};
 use fleetcal_operations::entropy::{self, NoEntropy};
+use fleetcal_operations::following::{Following, FollowingSetup};
 use fleetcal_operations::lifecycle::{Lifecycle, LifecycleSetup};
-use fleetcal_operations::peers::Peers;
+use fleetcal_operations::ownership::{Ownership, OwnershipSetup};
+use fleetcal_operations::peers::PeersError;
 use fleetcal_operations::robots::configure;
 use fleetcal_operations::webhook_dispatcher::{WebhookDispatcher, WebhookDispatcherSetup};
 use fleetcal_proto::{Keys, RobotId};
@@ -31,7 +33,7 @@ use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
-use crate::database;
+use crate::{cluster, database};
 
 /// What this program was built from. A build says its commit in the variable `FLEETCAL_COMMIT`.
 const BUILD: BuildInfo = BuildInfo {
@@ -65,6 +67,19 @@ pub enum ServiceError {
     /// The system has no randomness.
     #[error("the system gives no random bytes: {0}")]
     Entropy(#[from] NoEntropy),
+    /// An instance has no database that it could share.
+    #[error(
+        "cluster.instance: got {}, expected none without a database that several can share: name \
+         it with --database postgres://…",
+        instance.as_str()
+    )]
+    NothingShared {
+        /// The instance.
+        instance: InstanceId,
+    },
+    /// The certificates by which peers are authenticated cannot be used.
+    #[error(transparent)]
+    Peers(#[from] PeersError),
     /// More robots are configured than there is room for.
     #[error(
         "{configured} robots are configured, expected {} at most",
@@ -91,6 +106,8 @@ pub struct Service {
     public_url: Option<PublicUrl>,
     /// The text of the code that makes the first administrator, while there is nobody.
     setup_code: Option<String>,
+    /// Its place in the cluster, and what follows the other instances.
+    part: Option<(Ownership, Following)>,
     stop: CancellationToken,
 }
 
@@ -100,19 +117,53 @@ impl Service {
     /// # Errors
     /// When an address is in use, the store cannot be opened, or Zenoh refuses its configuration.
     pub async fn start(config: Config, clock: SharedClock) -> Result<Self, ServiceError> {
-        let link_setup = link_setup(&config);
+        let instance = config.cluster.instance.clone();
+        let membership = instance.map_or_else(Membership::alone, Membership::of);
+        let link_setup = link_setup(&config, membership.clone());
         link_setup.check()?;
         let refused = |source| ServiceError::Http {
             address: config.http,
             source,
         };
+        if let (Some(instance), None) = (&config.cluster.instance, &config.database) {
+            let instance = instance.clone();
+            return Err(ServiceError::NothingShared { instance });
+        }
         let listener = fleetcal_http::listen(config.http).map_err(refused)?;
         let http_address = listener.local_addr().map_err(refused)?;
         let store = database::open(&config, Arc::clone(&clock)).await?;
-        let fleet = start_fleet(&config, &store, Arc::clone(&clock)).await?;
-        let (lifecycle, evaluator, dispatcher) =
-            start_workers(&config, &store, &fleet, &clock).await?;
+        // Before anything is read: what others decide from here on is followed.
+        let last_decided = store.audit_last().await?;
+        let fleet = start_fleet(&config, &store, &membership, Arc::clone(&clock)).await?;
+        let workers = start_workers(&config, &store, &fleet, &membership, &clock).await?;
+        let Workers {
+            lifecycle,
+            evaluator,
+            dispatcher,
+        } = workers;
         let stop = CancellationToken::new();
+        let peers = cluster::peers(&config, http_address, stop.clone())?;
+        let joining = cluster::joining(&config, &lifecycle, http_address);
+        let ownership = Ownership::start(OwnershipSetup {
+            store: store.clone(),
+            fleet: fleet.clone(),
+            lifecycle: lifecycle.clone(),
+            membership: membership.clone(),
+            clock: Arc::clone(&clock),
+            joining,
+            link: link_setup.report.subscribe(),
+            fast_takeover: config.cluster.fast_takeover,
+            draw: entropy::number,
+        })
+        .await?;
+        let following = FollowingSetup {
+            store: store.clone(),
+            fleet: fleet.clone(),
+            lifecycle: lifecycle.clone(),
+            evaluator: evaluator.clone(),
+            membership: membership.clone(),
+        };
+        let part = ownership.map(|own| (own, Following::start(following, last_decided)));
         let (link_open, link_is_open) = watch::channel(false);
         let setup_code = setup_code(&store, clock.now()).await?;
         let connections = Connections::new(Arc::clone(&clock), config.trusted_proxies.clone());
@@ -125,12 +176,12 @@ impl Service {
             store: store.clone(),
             clock: Arc::clone(&clock),
             link_open: link_is_open,
-            membership: Membership::alone(),
-            peers: Peers::default(),
             access: AccessSetup {
                 public_url: config.public_url.clone(),
             },
             connections: connections.clone(),
+            membership,
+            peers,
             stop: stop.clone(),
         });
         let serving = serve(listener, routes, connections, stop.clone()).map_err(refused)?;
@@ -139,6 +190,10 @@ impl Service {
             Ok(link) => link,
             Err(error) => {
                 stop.cancel();
+                if let Some((ownership, following)) = part {
+                    following.stop().await;
+                    ownership.leave().await;
+                }
                 evaluator.stop().await;
                 dispatcher.stop().await;
                 lifecycle.stop().await;
@@ -160,8 +215,16 @@ impl Service {
             http_address,
             public_url: config.public_url,
             setup_code,
+            part,
             stop,
         })
+    }
+
+    /// Gives its robots to the other instances, where there are any.
+    pub async fn leave_cluster(&self) {
+        if let Some((ownership, _)) = &self.part {
+            ownership.leave().await;
+        }
     }
 
     /// Where the API and the dashboard are.
@@ -207,6 +270,9 @@ impl Service {
         self.link_open.send_replace(false);
         self.stop.cancel();
         self.link.close().await;
+        if let Some((_, following)) = &self.part {
+            following.stop().await;
+        }
         self.evaluator.stop().await;
         self.dispatcher.stop().await;
         self.lifecycle.stop().await;
@@ -219,14 +285,16 @@ impl Service {
     }
 }
 
-fn link_setup(config: &Config) -> LinkSetup {
+fn link_setup(config: &Config, membership: Membership) -> LinkSetup {
     LinkSetup {
+        membership,
         listen: config.listen.clone(),
         connect: config.connect.clone(),
         zenoh_config: config.zenoh_config.clone(),
         allow_anonymous: config.allow_anonymous,
         keys: Keys::new(config.root.clone()),
         ros2: config.ros2.clone(),
+        ..LinkSetup::default()
     }
 }
 
@@ -242,21 +310,31 @@ async fn setup_code(store: &Store, now: WallTime) -> Result<Option<String>, Serv
 
 /// Those who look after the fleet: the lifecycle for its calibrations, the alert evaluator for what is wrong
 /// with it, and the webhook dispatcher for who is told of that.
+struct Workers {
+    lifecycle: Lifecycle,
+    evaluator: AlertEvaluator,
+    dispatcher: WebhookDispatcher,
+}
+
 async fn start_workers(
     config: &Config,
     store: &Store,
     fleet: &FleetHandle,
+    membership: &Membership,
     clock: &SharedClock,
-) -> Result<(Lifecycle, AlertEvaluator, WebhookDispatcher), ServiceError> {
-    let (key, key_is_new) = signing_key::load_or_make(&config.data, || {
-        entropy::secret().map_err(|error| std::io::Error::other(error.to_string()))
-    })?;
+) -> Result<Workers, ServiceError> {
+    let draw = || entropy::secret().map_err(|error| std::io::Error::other(error.to_string()));
+    let (key, key_is_new) = match &config.cluster.signing_key {
+        Some(path) => signing_key::load_or_make_at(path, draw)?,
+        None => signing_key::load_or_make(&config.data, draw)?,
+    };
     let lifecycle = Lifecycle::start(LifecycleSetup {
         store: store.clone(),
         fleet: fleet.clone(),
         clock: Arc::clone(clock),
         policy: config.approval,
         key,
+        membership: membership.clone(),
     })
     .await?;
     if key_is_new && lifecycle.has_given_out() {
@@ -272,14 +350,20 @@ async fn start_workers(
         lifecycle: lifecycle.clone(),
         clock: Arc::clone(clock),
         policy: config.alerts.clone(),
+        membership: membership.clone(),
     })
     .await?;
     let dispatcher = WebhookDispatcher::start(WebhookDispatcherSetup {
         store: store.clone(),
         clock: Arc::clone(clock),
         jitter: entropy::jitter,
+        membership: membership.clone(),
     });
-    Ok((lifecycle, evaluator, dispatcher))
+    Ok(Workers {
+        lifecycle,
+        evaluator,
+        dispatcher,
+    })
 }
 
 async fn close_store(store: &Store) {
@@ -289,10 +373,11 @@ async fn close_store(store: &Store) {
 }
 
 /// The fleet as it was stored, and as the configuration file has it: of a robot that is in both,
-/// the file's vehicle counts.
+/// the file's vehicle counts; of several instances, the stored one.
 async fn start_fleet(
     config: &Config,
     store: &Store,
+    membership: &Membership,
     clock: SharedClock,
 ) -> Result<FleetHandle, ServiceError> {
     let mut robots: BTreeMap<RobotId, RobotConfig> = BTreeMap::new();
@@ -301,14 +386,27 @@ async fn start_fleet(
             robots.insert(record.id, stored);
         }
     }
+    let are_several = membership.cluster().is_some();
     for entry in &config.robots {
+        if are_several && robots.contains_key(&entry.id) {
+            continue;
+        }
         let mut wanted = entry.config.clone();
         if let Some(stored) = robots.get(&entry.id) {
             wanted.streams.keep_former_topic(&stored.streams);
         }
         if robots.get(&entry.id) != Some(&wanted) {
             let actor = Actor::service();
-            configure(store, &entry.id, &wanted, Expected::Any, actor).await?;
+            let expected = if are_several {
+                Expected::Absent
+            } else {
+                Expected::Any
+            };
+            match configure(store, &entry.id, &wanted, expected, actor).await {
+                // Another instance was faster: it is followed.
+                Err(StoreError::VersionConflict { .. }) if are_several => {}
+                done => drop(done?),
+            }
             robots.insert(entry.id.clone(), wanted);
         }
     }
@@ -322,7 +420,12 @@ async fn start_fleet(
         let of_robot = cross_tracks.entry(record.robot).or_default();
         of_robot.insert(record.generation, record.errors);
     }
-    let checkpoints = store.load_checkpoints().await?;
+    // An instance reads those of the robots that it gets.
+    let checkpoints = if are_several {
+        Vec::new()
+    } else {
+        store.load_checkpoints().await?
+    };
     let checkpoints = checkpoints
         .into_iter()
         .map(|record| (record.robot, record.state))
@@ -340,6 +443,6 @@ async fn start_fleet(
         cross_tracks,
         checkpoints,
         last_heard,
-        membership: fleetcal_cluster::Membership::alone(),
+        membership: membership.clone(),
     }))
 }

@@ -74,7 +74,7 @@ pub const CRATES: [Member; 23] = [
     member(
         "fleetcal-operations",
         "service/operations",
-        "clock domain estimator fleet model proto robot store",
+        "clock cluster domain estimator fleet model proto robot store",
     ),
     member(
         "fleetcal-link",
@@ -95,7 +95,7 @@ pub const CRATES: [Member; 23] = [
     member(
         "fleetcal-config",
         "service/config",
-        "domain estimator http proto store",
+        "cluster domain estimator http proto store",
     ),
     member(
         "fleetcal-command",

@@ -42,6 +42,7 @@ async fn decide(
         actor: person(by),
         given_policy: Arc::new(Policy::default()),
         key: Arc::new(SigningKey::from_bytes(&[7; 32])),
+        tenure: None,
         now: WallTime(1_763_700_000_000_000_000),
         idempotency: None,
         rear_axle_in_base_link: None,

@@ -109,6 +109,7 @@ async fn run(order: &Order, session: u64) {
         clock: Arc::clone(&clock),
         policy,
         key: key(),
+        membership: fleetcal_cluster::Membership::alone(),
     });
     let lifecycle = lifecycle.await.unwrap();
     say(&Said::Opened);

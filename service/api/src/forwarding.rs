@@ -2,7 +2,7 @@
 //! them, and has that one answer.
 
 use axum::body::Body;
-use axum::extract::{FromRequestParts, MatchedPath};
+use axum::extract::{FromRequestParts, MatchedPath, OriginalUri};
 use axum::http::StatusCode;
 use axum::http::request::Parts;
 use axum::response::{IntoResponse, Response};
@@ -59,7 +59,10 @@ fn no_instance(id: &RobotId) -> Problem {
 /// The answer of the instance `to`.
 async fn forwarded(api: &ApiState, parts: &Parts, to: &InstanceId) -> Result<Response, Problem> {
     let PeerAddress(client) = parts.extensions.get().copied().unwrap_or(PeerAddress(None));
-    let target = parts.uri.path_and_query();
+    // Of the request's own path a nested router has taken the beginning off.
+    let uri = parts.extensions.get::<OriginalUri>();
+    let target = uri.map_or(&parts.uri, |original| &original.0);
+    let target = target.path_and_query();
     let request = Forwarded {
         method: &parts.method,
         target: target.map_or("/", |target| target.as_str()),

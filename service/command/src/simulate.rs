@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use fleetcal_clock::SharedClock;
 use fleetcal_config::line_of;
+use fleetcal_model::{Pose2, VehicleModel};
 use fleetcal_proto::signing::{PublicKey, TrustedKeys};
 use fleetcal_proto::{KeyRoot, Keys};
 use fleetcal_robot::Connection;
@@ -29,13 +30,16 @@ pub struct Arguments {
         short = 'e',
         long,
         value_name = "ENDPOINT",
-        required_unless_present_any = ["zenoh_config", "record"]
+        required_unless_present_any = ["zenoh_config", "record", "configuration"]
     )]
     pub connect: Vec<String>,
     /// A native Zenoh configuration for each robot, taken as it is; --connect replaces the endpoints
     /// in it
     #[arg(short = 'c', long, env = "ZENOH_CONFIG", value_name = "FILE")]
     pub zenoh_config: Option<PathBuf>,
+    /// Print what fleetcal.toml says of these robots instead: as they are drawn, not as they are
+    #[arg(long, conflicts_with_all = ["connect", "record"])]
+    pub configuration: bool,
     /// Record one robot instead, with its truth beside it
     #[arg(long, value_name = "OUT.mcap", conflicts_with = "connect")]
     pub record: Option<PathBuf>,
@@ -77,10 +81,28 @@ async fn perform(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
     if let Some(path) = &arguments.imperfections {
         make_imperfect(&mut robots, path)?;
     }
+    if arguments.configuration {
+        return Ok(print_text(&robots.iter().map(entry).collect::<String>())?);
+    }
     match &arguments.record {
         Some(path) => record_one(&robots, arguments.duration, path.clone()).await,
         None => drive(robots, arguments, clock).await,
     }
+}
+
+/// A robot's part of `fleetcal.toml`.
+fn entry(robot: &SimulatedRobot) -> String {
+    let Pose2 { x_m, y_m, yaw_rad } = robot.nominal();
+    let model = match robot.model() {
+        VehicleModel::Bicycle => "bicycle",
+        VehicleModel::Tricycle => "tricycle",
+    };
+    format!(
+        "[[robot]]\nid = \"{}\"\nmodel = \"{model}\"\nwheelbase_m = {:?}\n\
+         nominal_extrinsics = {{ x_m = {x_m:?}, y_m = {y_m:?}, yaw_rad = {yaw_rad:?} }}\n\n",
+        robot.id,
+        robot.wheelbase_m(),
+    )
 }
 
 /// Gives every robot the imperfections of a file.

@@ -1,7 +1,11 @@
 //! What an operator configures: `fleetcal.toml`, and each robot in it or in the API.
 
+mod cluster;
+
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
+
+pub use cluster::ClusterConfig;
 
 use fleetcal_domain::alert::AlertPolicy;
 use fleetcal_domain::approval::Policy;
@@ -14,6 +18,7 @@ use fleetcal_proto::{KeyRoot, RobotId};
 use fleetcal_store::database_url::PostgresUrl;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
+use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 /// Settings that an estimator can work with.
@@ -101,6 +106,8 @@ pub struct Config {
     /// What operators are called for, and after how long.
     #[serde(deserialize_with = "checked_alerts")]
     pub alerts: AlertPolicy,
+    /// This service as one instance of several.
+    pub cluster: ClusterConfig,
     /// Robots that are known beforehand.
     #[serde(rename = "robot")]
     pub robots: Vec<RobotEntry>,
@@ -124,6 +131,7 @@ impl Default for Config {
             estimator: EstimatorSettings::default(),
             approval: Policy::default(),
             alerts: AlertPolicy::default(),
+            cluster: ClusterConfig::default(),
             robots: Vec::new(),
         }
     }
@@ -176,6 +184,7 @@ impl Config {
             let message = error.message().replace('\n', ", ");
             format!("line {line}: {message}")
         })?;
+        config.cluster.check()?;
         let mut seen = std::collections::BTreeSet::new();
         for robot in &config.robots {
             if !seen.insert(&robot.id) {
@@ -196,6 +205,24 @@ impl Config {
             }
         }
         Ok(config)
+    }
+}
+
+impl Config {
+    /// SHA-256 of what all instances of a cluster have to agree in: how robots are estimated, what is
+    /// approved, what alerts, and which robots are known beforehand.
+    pub fn agreed_sha256(&self) -> Vec<u8> {
+        let robots = self.robots.iter().map(|robot| (&robot.id, &robot.config));
+        let robots: std::collections::BTreeMap<_, _> = robots.collect();
+        let agreed = serde_json::json!({
+            "root": self.root,
+            "ros2": self.ros2,
+            "estimator": self.estimator,
+            "approval": self.approval,
+            "alerts": self.alerts,
+            "robots": robots,
+        });
+        Sha256::digest(agreed.to_string()).to_vec()
     }
 }
 
@@ -271,6 +298,11 @@ mod tests {
             .replace("# zenoh_config", "zenoh_config")
             .replace("# public_url", "public_url")
             .replace("# approve_within", "approve_within")
+            .replace("# instance", "instance")
+            .replace("# url", "url")
+            .replace("# peers", "peers")
+            .replace("# peer_root", "peer_root")
+            .replace("# signing_key", "signing_key")
             .replace("# [[robot]]", "[[robot]]")
             .replace("# [robot.estimator]", "[robot.estimator]");
         let keys = [

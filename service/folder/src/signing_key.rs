@@ -40,7 +40,18 @@ pub fn load_or_make(
     folder: &Path,
     draw: impl FnOnce() -> Result<[u8; KEY_BYTES], Error>,
 ) -> Result<(SigningKey, bool), KeyError> {
-    let path = folder.join(KEY_FILE);
+    load_or_make_at(&folder.join(KEY_FILE), draw)
+}
+
+/// The same of a key's own file.
+///
+/// # Errors
+/// [`KeyError`].
+pub fn load_or_make_at(
+    path: &Path,
+    draw: impl FnOnce() -> Result<[u8; KEY_BYTES], Error>,
+) -> Result<(SigningKey, bool), KeyError> {
+    let path = path.to_owned();
     let failed = |source| KeyError::File {
         path: path.clone(),
         source,
@@ -56,7 +67,7 @@ pub fn load_or_make(
         }
         Err(error) if error.kind() == ErrorKind::NotFound => {
             let secret = draw().map_err(failed)?;
-            write(folder, &path, &secret).map_err(failed)?;
+            write(&path, &secret).map_err(failed)?;
             bytes.extend(secret);
             made = true;
         }
@@ -69,7 +80,8 @@ pub fn load_or_make(
 }
 
 /// Whole or not at all, and durable before anything is signed with it.
-fn write(folder: &Path, path: &Path, secret: &[u8]) -> Result<(), Error> {
+fn write(path: &Path, secret: &[u8]) -> Result<(), Error> {
+    let folder = path.parent().unwrap_or(Path::new("."));
     let unfinished = path.with_extension("new");
     let mut options = OpenOptions::new();
     options.write(true).create(true).truncate(true);

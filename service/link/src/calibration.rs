@@ -123,9 +123,11 @@ async fn reply_confirmed(lifecycle: Lifecycle, keys: Keys, query: Query) {
     let Ok(Key::Stream { robot, .. }) = keys.parse(query.key_expr().as_str()) else {
         return;
     };
-    if let Some(confirmed) = lifecycle.confirmed(&robot) {
-        let kind = StreamKind::CalibrationConfirmed;
-        reply(&query, &keys, &robot, kind, &confirmed);
+    let kind = StreamKind::CalibrationConfirmed;
+    match lifecycle.latest_confirmed(&robot).await {
+        Ok(Some(confirmed)) => reply(&query, &keys, &robot, kind, &confirmed),
+        Ok(None) => {}
+        Err(error) => tracing::error!(robot.id = %robot, %error, "a question was not answered"),
     }
 }
 

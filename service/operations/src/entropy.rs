@@ -35,6 +35,16 @@ pub fn jitter() -> Result<f64, NoEntropy> {
     Ok(f64::from(u32::from_le_bytes(bytes)) / f64::from(u32::MAX))
 }
 
+/// A number of all that there are: what bears it is told from everything else.
+///
+/// # Errors
+/// When the system gives none.
+pub fn number() -> Result<i64, NoEntropy> {
+    let mut bytes = [0; 8];
+    getrandom::fill(&mut bytes)?;
+    Ok(i64::from_le_bytes(bytes))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -5,15 +5,20 @@
 //! people ask for alone. [`lifecycle`] takes decisions to the store, one at a time for each robot,
 //! and does each second what is due; [`alert_evaluator`] compares every robot with the rules for
 //! alerts; [`webhook_dispatcher`] sends webhooks; [`recording_export`] writes a recording of a robot
-//! as MCAP; [`peers`] has other instances of a cluster answer for their own robots. What they decide by is pure and is in `fleetcal-domain`. [`entropy`] is where randomness
+//! as MCAP. What they decide by is pure and is in `fleetcal-domain`. [`entropy`] is where randomness
 //! enters.
+//!
+//! Of an instance of a cluster [`ownership`] keeps the place, [`following`] hears what others
+//! decide, and [`peers`] has them answer for their own robots.
 
 pub mod accounts;
 pub mod alert_evaluator;
 mod answers;
 mod cause;
 pub mod entropy;
+pub mod following;
 pub mod lifecycle;
+pub mod ownership;
 pub mod peers;
 pub mod recording_export;
 pub mod robots;

@@ -100,6 +100,9 @@ pub enum CommandError {
     /// The URL of a database is refused.
     #[error("--database: {0}")]
     DatabaseUrl(#[from] DatabaseUrlRefused),
+    /// An instance may not ask another one as it is told.
+    #[error("--peer: {0}")]
+    Cluster(String),
     /// The URL of a copy is refused.
     #[error("--to: {0}")]
     CopyTo(DatabaseUrlRefused),
@@ -197,6 +200,8 @@ impl CommandError {
                 | DatabaseError::Store(StoreError::Missing { .. }),
             )
             | Self::DatabaseUrl(_)
+            | Self::Cluster(_)
+            | Self::Service(ServiceError::NothingShared { .. } | ServiceError::Peers(_))
             | Self::CopyTo(_)
             | Self::NoPostgres
             | Self::ServiceIsRobot(_)

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use clap::Args;
 use fleetcal_clock::SharedClock;
+use fleetcal_cluster::InstanceId;
 use fleetcal_command::output::print_text;
 use fleetcal_command::signals::Signals;
 use fleetcal_config::Config;
@@ -15,6 +16,15 @@ use crate::command::CommandError;
 use crate::command::stopping::stop_in_time;
 use crate::database::DatabaseArguments;
 use crate::service::Service;
+
+/// An instance and where it is.
+fn peer(text: &str) -> Result<(InstanceId, PublicUrl), String> {
+    let (name, url) = text
+        .split_once('=')
+        .ok_or_else(|| "expected NAME=URL".to_owned())?;
+    let name = InstanceId::parse(name).map_err(|refused| refused.to_string())?;
+    Ok((name, PublicUrl::try_from(url.to_owned())?))
+}
 
 /// What stands below the flags of `fleetcal serve --help`.
 const LONG_HELP: &str = "\
@@ -52,6 +62,16 @@ pub struct Arguments {
     /// router with its access list; --listen and --connect replace the endpoints in it
     #[arg(short = 'c', long, env = "ZENOH_CONFIG", value_name = "FILE")]
     pub zenoh_config: Option<PathBuf>,
+    /// Name of this process as one instance of several on the same --database
+    #[arg(long, value_name = "NAME", value_parser = InstanceId::parse)]
+    pub instance: Option<InstanceId>,
+    /// Another instance, as NAME=URL, which is asked for what it alone knows of its robots; may be
+    /// repeated
+    #[arg(long, value_name = "NAME=URL", value_parser = peer)]
+    pub peer: Vec<(InstanceId, PublicUrl)>,
+    /// Lets other instances be asked without TLS: whoever is on the network reads along
+    #[arg(long)]
+    pub plaintext_peers: bool,
     /// Lets everybody who reaches a Zenoh endpoint beyond this machine connect without password or
     /// certificate: any of them can be any robot, and stop all others' data
     #[arg(long)]
@@ -81,6 +101,12 @@ impl Arguments {
             config.zenoh_config = Some(path.clone());
         }
         config.allow_anonymous |= self.allow_anonymous;
+        if let Some(instance) = &self.instance {
+            config.cluster.instance = Some(instance.clone());
+        }
+        config.cluster.plaintext_peers |= self.plaintext_peers;
+        config.cluster.peers.extend(self.peer.iter().cloned());
+        config.cluster.check().map_err(CommandError::Cluster)?;
         if config.zenoh_config.is_some() {
             config.listen = Vec::new();
             config.connect = Vec::new();

@@ -16,6 +16,11 @@ const EXIT_INTERRUPTED: i32 = 130;
 /// [`StoreError::RowsLost`] when not everything could be stored, or the database's failure.
 pub async fn stop_in_time(service: Service, mut signals: Signals) -> Result<(), StoreError> {
     let store = service.store().clone();
+    // Its robots go to the other instances first, which takes its own time.
+    tokio::select! {
+        () = service.leave_cluster() => {}
+        () = signals.stop() => std::process::exit(EXIT_INTERRUPTED),
+    }
     tokio::select! {
         stopped = service.stop() => stopped,
         () = signals.stop() => std::process::exit(EXIT_INTERRUPTED),

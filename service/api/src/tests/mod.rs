@@ -122,6 +122,7 @@ async fn bench_of(robots: &[&str], last_heard: BTreeMap<RobotId, WallTime>) -> B
         clock: clock.clone(),
         policy: Policy::default(),
         key: SigningKey::from_bytes(&[7; 32]),
+        membership: Membership::alone(),
     })
     .await
     .unwrap();
@@ -178,11 +179,13 @@ async fn watchers(
         lifecycle: lifecycle.clone(),
         clock: clock.clone(),
         policy: AlertPolicy::default(),
+        membership: Membership::alone(),
     });
     let dispatcher = WebhookDispatcher::start(WebhookDispatcherSetup {
         store: store.clone(),
         clock: clock.clone(),
         jitter: fleetcal_operations::entropy::jitter,
+        membership: Membership::alone(),
     });
     (evaluator.await.unwrap(), dispatcher)
 }

@@ -60,8 +60,12 @@ impl FleetHandle {
     /// Returns once the link is subscribed to a robot.
     pub async fn subscribed(&self, id: &RobotId) {
         let mut subscribed = self.fleet.subscribed.subscribe();
-        let stands = subscribed.wait_for(|robots| robots.contains(id)).await;
-        if stands.is_err() {
+        // What it gives is a lock, which ends with the statement.
+        let stands = subscribed
+            .wait_for(|robots| robots.contains(id))
+            .await
+            .is_ok();
+        if !stands {
             // The fleet is gone, and the link with it.
             std::future::pending::<()>().await;
         }

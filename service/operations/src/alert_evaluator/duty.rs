@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
+use fleetcal_cluster::{Duty, cluster_sightings};
 use fleetcal_domain::alert::{
     AlertKind, Sighting, Situation, Step, Subject, group_silent, sightings, step,
 };
@@ -43,6 +44,11 @@ pub(super) async fn watch(evaluator: AlertEvaluator, mut live: broadcast::Receiv
             _ = ticks.tick() => {}
         }
         memory.hear(&mut live, evaluator.inner.clock.now());
+        let inner = &evaluator.inner;
+        let is_own = inner.membership.does(Duty::Alerts);
+        if !is_own || !inner.membership.may_act(inner.clock.uptime()) {
+            continue;
+        }
         if let Err(error) = evaluator.look(&mut memory).await {
             tracing::error!(%error, "the alerts could not be brought up to date");
         }
@@ -109,6 +115,9 @@ impl AlertEvaluator {
             standing.insert(view.id.clone(), standings.basis(&view, &ledger));
         }
         self.group(&mut seen, set_up);
+        if let Some(cluster) = self.inner.membership.cluster() {
+            seen.extend(cluster_sightings(&cluster.snapshot(), &self.inner.policy));
+        }
         seen.retain(|(subject, one)| self.is_news(subject, one, now));
         seen.truncate(limits::ALERTS_AT_ONCE_MAX);
         if seen.is_empty() {

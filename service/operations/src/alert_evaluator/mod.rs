@@ -15,6 +15,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use fleetcal_clock::SharedClock;
+use fleetcal_cluster::Membership;
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::alert::{Alert, AlertKind, AlertPolicy, Condition, ConditionName, Subject};
 use fleetcal_fleet::FleetHandle;
@@ -39,6 +40,8 @@ pub struct AlertEvaluatorSetup {
     pub clock: SharedClock,
     /// What is alerted, and after how long.
     pub policy: AlertPolicy,
+    /// Whether another instance may have this duty.
+    pub membership: Membership,
 }
 
 #[derive(Debug)]
@@ -48,6 +51,7 @@ struct Inner {
     lifecycle: Lifecycle,
     clock: SharedClock,
     policy: Arc<AlertPolicy>,
+    membership: Membership,
     active: Mutex<BTreeMap<(Subject, AlertKind), Alert>>,
     since_ns: WallTime,
     stop: CancellationToken,
@@ -82,6 +86,7 @@ impl AlertEvaluator {
                 lifecycle: setup.lifecycle,
                 clock: setup.clock,
                 policy: Arc::new(setup.policy),
+                membership: setup.membership,
                 active: Mutex::new(active.collect()),
                 since_ns,
                 stop: CancellationToken::new(),
@@ -102,6 +107,35 @@ impl AlertEvaluator {
         self.inner.stop.cancel();
         self.inner.tasks.close();
         self.inner.tasks.wait().await;
+    }
+
+    /// Reads the active alerts, of which another instance takes care, and tells listeners what has
+    /// changed.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn read_again(&self) -> Result<(), StoreError> {
+        let stored = self.inner.store.active_alerts().await?;
+        let now = self.inner.clock.now();
+        let of_subject = |alert: Alert| ((alert.robot.clone(), alert.kind), alert);
+        let stored: BTreeMap<_, _> = stored.into_iter().map(of_subject).collect();
+        let mut left = std::mem::replace(&mut *self.active(), stored.clone());
+        let is_news = |(key, alert): (_, Alert)| {
+            (left.remove(&key).as_ref() != Some(&alert)).then_some(alert)
+        };
+        let mut news: Vec<_> = stored.into_iter().filter_map(is_news).collect();
+        news.extend(left.into_values().map(|alert| ended(alert, now)));
+        for alert in news {
+            self.announce(alert);
+        }
+        Ok(())
+    }
+
+    fn announce(&self, alert: Alert) {
+        self.inner.fleet.announce(LiveUpdate::Alert {
+            robot: alert.robot.robot().cloned(),
+            alert: Arc::new(alert),
+        });
     }
 
     /// How many alerts of each kind stand in each condition.
@@ -150,19 +184,10 @@ impl AlertEvaluator {
                 }
                 AlertChange::Dropped(alert) => {
                     self.forget(alert);
-                    let since_ns = self.inner.clock.now();
-                    Alert {
-                        version: alert.version.next(),
-                        condition: Condition::Normal { since_ns },
-                        ended_ns: Some(since_ns),
-                        ..Alert::clone(alert)
-                    }
+                    ended(Alert::clone(alert), self.inner.clock.now())
                 }
             };
-            self.inner.fleet.announce(LiveUpdate::Alert {
-                robot: told.robot.robot().cloned(),
-                alert: Arc::new(told),
-            });
+            self.announce(told);
         }
     }
 
@@ -198,6 +223,16 @@ impl AlertEvaluator {
             .active
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// An alert that came to its end at this time.
+fn ended(alert: Alert, since_ns: WallTime) -> Alert {
+    Alert {
+        version: alert.version.next(),
+        condition: Condition::Normal { since_ns },
+        ended_ns: Some(since_ns),
+        ..alert
     }
 }
 

@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use async_trait::async_trait;
+use fleetcal_cluster::Tenure;
 use fleetcal_domain::access::{Actor, Authentication, Role};
 use fleetcal_domain::alert::{AlertKind, Subject};
 use fleetcal_domain::approval::{
@@ -34,6 +35,9 @@ pub struct Decide {
     pub command: Command,
     /// Who asks.
     pub actor: Actor,
+    /// The tenure by which the service asks by itself, where there are several instances: without
+    /// it, it decides nothing.
+    pub tenure: Option<Tenure>,
     /// The rules of the configuration file, which count where none were set.
     pub given_policy: Arc<Policy>,
     /// What documents are signed with.
@@ -64,6 +68,11 @@ impl Job for Decide {
     type Done = Decided;
 
     async fn run(&self, records: &mut dyn Records) -> Result<Decided, StoreError> {
+        if let Some(tenure) = &self.tenure
+            && !records.holds_tenure(tenure).await?
+        {
+            return Err(StoreError::Fenced(self.robot.clone()));
+        }
         if let Some(proposal) = self.answered(records).await? {
             return Ok(Decided::Repeated(Box::new(proposal)));
         }

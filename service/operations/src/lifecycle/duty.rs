@@ -31,7 +31,11 @@ impl Lifecycle {
     /// Looks once at every robot's records and does what is due.
     pub(super) async fn look(&self) {
         let now = self.inner.clock.now();
+        let membership = &self.inner.membership;
         for view in self.inner.fleet.robots() {
+            if !membership.has(&view.id) || !membership.may_act(self.inner.clock.uptime()) {
+                continue;
+            }
             let Some(command) = self.due(&view, now) else {
                 continue;
             };
@@ -39,7 +43,7 @@ impl Lifecycle {
             match done {
                 Ok(_) => {}
                 // Somebody was faster; the next look sees what is due then.
-                Err(StoreError::Refused(refused)) => {
+                Err(refused @ (StoreError::Refused(_) | StoreError::Fenced(_))) => {
                     tracing::debug!(robot.id = %view.id, %refused, "what was due does not fit");
                 }
                 Err(error) => {

@@ -5,6 +5,7 @@
 //! store. This is the part between them that waits.
 
 mod answers;
+mod cluster;
 mod decide;
 mod duty;
 mod freeze;
@@ -26,6 +27,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, PoisonError, RwLock};
 
 use fleetcal_clock::SharedClock;
+use fleetcal_cluster::Membership;
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::approval::{
     Command, DeploymentState, Policy, Present, RobotLedger, values_and_sigmas,
@@ -58,6 +60,8 @@ pub struct LifecycleSetup {
     pub policy: Policy,
     /// What documents are signed with.
     pub key: SigningKey,
+    /// Whether other instances decide as well.
+    pub membership: Membership,
 }
 
 /// One robot's records, and whose turn it is to change them.
@@ -74,6 +78,7 @@ struct Inner {
     clock: SharedClock,
     rules: Rules,
     key: Arc<SigningKey>,
+    membership: Membership,
     locks: RwLock<BTreeMap<RobotId, Arc<RobotLock>>>,
     freeze: RwLock<DeploymentFreeze>,
     answers: Inbox,
@@ -113,6 +118,7 @@ impl Lifecycle {
                 clock: setup.clock,
                 rules: Rules::new(setup.policy, policy),
                 key: Arc::new(setup.key),
+                membership: setup.membership,
                 locks: RwLock::default(),
                 freeze: RwLock::new(freeze),
                 answers: Inbox::default(),
@@ -238,10 +244,12 @@ impl Lifecycle {
     ) -> Result<Decided, StoreError> {
         let lock = self.lock(robot);
         let _turn = lock.turn.lock().await;
+        let tenure = self.tenure_for(robot, &command, &actor)?;
         let decision = Decide {
             robot: robot.clone(),
             command,
             actor,
+            tenure,
             given_policy: self.given_policy(),
             key: Arc::clone(&self.inner.key),
             now: self.inner.clock.now(),

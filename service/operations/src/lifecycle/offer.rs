@@ -27,7 +27,7 @@ impl Lifecycle {
     /// # Errors
     /// The database's failure.
     pub async fn approved(&self, robot: &RobotId) -> Result<Option<Envelope>, StoreError> {
-        let ledger = self.ledger(robot);
+        let ledger = self.latest_ledger(robot).await?;
         let Some(mut generation) = self.shown(&ledger) else {
             return Ok(None);
         };
@@ -54,7 +54,16 @@ impl Lifecycle {
         self.inner.store.envelope(robot, desired.generation).await
     }
 
-    /// What a robot is told of its latest stored answer.
+    /// What a robot that asks is told of its latest stored answer.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn latest_confirmed(&self, robot: &RobotId) -> Result<Option<Confirmed>, StoreError> {
+        self.latest_ledger(robot).await?;
+        Ok(self.confirmed(robot))
+    }
+
+    /// The same by what this process knows.
     pub fn confirmed(&self, robot: &RobotId) -> Option<Confirmed> {
         let ledger = self.ledger(robot);
         let reported = ledger.shadow.reported.as_ref()?;

@@ -73,6 +73,17 @@ impl Rules {
         }
     }
 
+    /// Takes what is stored, unless something newer is known; whether it was news.
+    pub(super) fn take(&self, stored: StoredPolicy) -> bool {
+        let known = self.stored.write();
+        let mut known = known.unwrap_or_else(PoisonError::into_inner);
+        let is_news = known.version < stored.version;
+        if is_news {
+            *known = stored;
+        }
+        is_news
+    }
+
     fn stored(&self) -> StoredPolicy {
         let stored = self.stored.read().unwrap_or_else(PoisonError::into_inner);
         stored.clone()
@@ -126,12 +137,7 @@ impl Lifecycle {
 
     async fn take_policy(&self, write: SetPolicy) -> Result<StoredPolicy, StoreError> {
         let stored = self.inner.store.transact(write).await?;
-        let rules = &self.inner.rules;
-        let mut known = rules.stored.write().unwrap_or_else(PoisonError::into_inner);
-        if known.version < stored.version {
-            *known = stored.clone();
-        }
-        drop(known);
+        self.inner.rules.take(stored.clone());
         self.inner.fleet.announce(LiveUpdate::Policy);
         Ok(stored)
     }

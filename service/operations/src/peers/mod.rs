@@ -58,6 +58,9 @@ pub enum PeersError {
         /// Its address.
         url: String,
     },
+    /// An address that is none.
+    #[error("cluster.peers: {0}")]
+    Url(String),
     /// Too many of them.
     #[error(
         "cluster.peers: got {count} instances, expected {} at most",

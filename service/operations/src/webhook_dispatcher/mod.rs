@@ -16,6 +16,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use fleetcal_clock::SharedClock;
+use fleetcal_cluster::{Duty, Membership};
 use fleetcal_domain::limits;
 use fleetcal_domain::webhook::{Attempt, DeliveryState};
 use fleetcal_model::WebhookId;
@@ -39,6 +40,8 @@ pub struct WebhookDispatcherSetup {
     pub clock: SharedClock,
     /// Where chance comes from: a number from 0 to 1.
     pub jitter: fn() -> Result<f64, NoEntropy>,
+    /// Whether another instance may have this duty.
+    pub membership: Membership,
 }
 
 /// What a webhook dispatcher has done since it was started.
@@ -64,6 +67,7 @@ struct Inner {
     store: Store,
     clock: SharedClock,
     jitter: fn() -> Result<f64, NoEntropy>,
+    membership: Membership,
     post: Post,
     counts: Counts,
     stop: CancellationToken,
@@ -84,6 +88,7 @@ impl WebhookDispatcher {
                 store: setup.store,
                 clock: setup.clock,
                 jitter: setup.jitter,
+                membership: setup.membership,
                 post: Post::new(),
                 counts: Counts::default(),
                 stop: CancellationToken::new(),
@@ -134,6 +139,11 @@ impl WebhookDispatcher {
                     }
                 },
                 _ = ticks.tick() => {}
+            }
+            let membership = &self.inner.membership;
+            let is_own = membership.does(Duty::Webhooks);
+            if !is_own || !membership.may_act(self.inner.clock.uptime()) {
+                continue;
             }
             let now = self.inner.clock.now();
             let due = match self.inner.store.due_deliveries(now).await {

@@ -77,6 +77,7 @@ impl Bench {
             store: self.store.clone(),
             clock: self.clock.clone(),
             jitter: || Ok(0.0),
+            membership: fleetcal_cluster::Membership::alone(),
         })
     }
 

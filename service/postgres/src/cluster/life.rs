@@ -90,16 +90,18 @@ async fn lock_former(
     }))
 }
 
-/// Renews a lease; gives the database's time, or `None` when the seat has ended.
+/// Renews a lease; gives the database's time and the least number in an order that it gives out now,
+/// or `None` when the seat has ended.
 pub(super) async fn renew(
     session: &mut Session,
     seat: &Seat,
     renewal: Renewal,
-) -> Result<Option<WallTime>, StoreError> {
+) -> Result<Option<(WallTime, i64)>, StoreError> {
     const RENEWED: &str = "
         UPDATE instance SET lease_ends_ns = clock_ns() + $3, linked = $4, draining = $5,
             clock_ahead_ns = $6 - clock_ns()
-        WHERE id = $1 AND incarnation = $2 AND ended_ns IS NULL RETURNING clock_ns()";
+        WHERE id = $1 AND incarnation = $2 AND ended_ns IS NULL
+        RETURNING clock_ns(), order_floor()";
     let query = sqlx::query_as(RENEWED)
         .bind(seat.instance.as_str())
         .bind(seat.incarnation.0)
@@ -107,11 +109,26 @@ pub(super) async fn renew(
         .bind(renewal.linked)
         .bind(renewal.draining)
         .bind(renewal.now.0);
-    let renewed: Vec<(i64,)> = session
+    let renewed: Vec<(i64, i64)> = session
         .fetch(query)
         .await
         .map_err(StoreError::database("renew a lease"))?;
-    Ok(renewed.first().map(|(now,)| WallTime(*now)))
+    Ok(renewed.first().map(|(now, floor)| (WallTime(*now), *floor)))
+}
+
+/// Brings the epochs of own robots behind everything that a promotion of the database has forgotten:
+/// others may have heard a higher one that the rows do not know any more.
+pub(super) async fn raise_epochs(session: &mut Session, seat: &Seat) -> Result<(), StoreError> {
+    const RAISED: &str = "
+        UPDATE robot_owner SET epoch = order_floor()
+        WHERE instance = $1 AND incarnation = $2 AND epoch < order_floor()";
+    let query = sqlx::query(RAISED)
+        .bind(seat.instance.as_str())
+        .bind(seat.incarnation.0);
+    let raised = session.execute_query(query).await;
+    raised
+        .map(drop)
+        .map_err(StoreError::database("raise epochs"))
 }
 
 /// Ends seats of others and frees what they had; gives those that were ended.

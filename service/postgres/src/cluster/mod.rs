@@ -15,6 +15,7 @@ mod seat;
 mod transaction;
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicI64, Ordering};
 
 use async_trait::async_trait;
 use fleetcal_cluster::{ClaimId, Duty, InstanceId, Seat, Tenure};
@@ -43,6 +44,9 @@ pub(crate) struct Registry {
     servers: Arc<Servers>,
     lease: Mutex<Line>,
     ownership: Mutex<Line>,
+    /// The least number in an order that the database gave out when a lease was renewed last: it
+    /// moves with each promotion.
+    floor: AtomicI64,
 }
 
 impl Registry {
@@ -53,6 +57,7 @@ impl Registry {
         Self {
             lease: line(Purpose::Lease, Some(lock)),
             ownership: line(Purpose::Ownership, None),
+            floor: AtomicI64::new(0),
             servers,
         }
     }
@@ -68,8 +73,17 @@ impl ClusterRegistry for Registry {
 
     async fn renew(&self, seat: &Seat, renewal: Renewal) -> Result<Option<WallTime>, StoreError> {
         let mut renewed = Transaction::begin(&self.lease, BEGIN).await?;
-        let now = life::renew(renewed.session(), seat, renewal).await;
-        renewed.end(now).await
+        let granted = life::renew(renewed.session(), seat, renewal).await;
+        let Some((now, floor)) = renewed.end(granted).await? else {
+            return Ok(None);
+        };
+        if self.floor.load(Ordering::Relaxed) != floor {
+            let mut raised = Transaction::begin(&self.ownership, BEGIN).await?;
+            let done = life::raise_epochs(raised.session(), seat).await;
+            raised.end(done).await?;
+            self.floor.store(floor, Ordering::Relaxed);
+        }
+        Ok(Some(now))
     }
 
     async fn look(&self, known: Option<RowsVersion>) -> Result<Look, StoreError> {

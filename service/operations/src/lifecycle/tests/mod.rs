@@ -92,6 +92,7 @@ impl Bench {
             clock: clock.clone(),
             policy,
             key: SigningKey::from_bytes(&[7; 32]),
+            membership: fleetcal_cluster::Membership::alone(),
         });
         let lifecycle = lifecycle.await.unwrap();
         Self {

@@ -1,0 +1,235 @@
+//! Follows what other instances have decided. Each decision, configuration and note leaves a row in
+//! the audit, whose numbers have no gap and go up in the order of commits: the audit is the feed of
+//! changes.
+
+use std::collections::BTreeSet;
+
+use fleetcal_cluster::{Duty, Membership};
+use fleetcal_domain::limits;
+use fleetcal_fleet::FleetHandle;
+use fleetcal_model::{AuditId, NoteKind, RobotTime};
+use fleetcal_proto::RobotId;
+use fleetcal_proto::event::RobotEvent;
+use fleetcal_store::{AuditRow, Store, StoreError};
+use serde::Deserialize;
+use tokio::time::MissedTickBehavior;
+use tokio_util::sync::CancellationToken;
+use tokio_util::task::TaskTracker;
+
+use crate::alert_evaluator::AlertEvaluator;
+use crate::lifecycle::Lifecycle;
+
+/// What is followed for whom.
+#[derive(Debug, Clone)]
+pub struct FollowingSetup {
+    /// Where the audit is.
+    pub store: Store,
+    /// The robots.
+    pub fleet: FleetHandle,
+    /// Their records.
+    pub lifecycle: Lifecycle,
+    /// What is wrong with them.
+    pub evaluator: AlertEvaluator,
+    /// This process's place in the cluster.
+    pub membership: Membership,
+}
+
+/// The task that follows.
+#[derive(Debug, Clone)]
+pub struct Following {
+    stop: CancellationToken,
+    tasks: TaskTracker,
+}
+
+impl Following {
+    /// Follows what is decided after `last`, the newest row before the records were first read.
+    pub fn start(setup: FollowingSetup, last: AuditId) -> Self {
+        let following = Self {
+            stop: CancellationToken::new(),
+            tasks: TaskTracker::new(),
+        };
+        let stop = following.stop.clone();
+        following.tasks.spawn(follow(setup, last, stop));
+        following
+    }
+
+    /// Ends it.
+    pub async fn stop(&self) {
+        self.stop.cancel();
+        self.tasks.close();
+        self.tasks.wait().await;
+    }
+}
+
+async fn follow(setup: FollowingSetup, mut last: AuditId, stop: CancellationToken) {
+    let mut ticks = tokio::time::interval(limits::CLUSTER_FOLLOW_EVERY);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut failing = false;
+    loop {
+        tokio::select! {
+            () = stop.cancelled() => return,
+            _ = ticks.tick() => {}
+        }
+        let followed = setup.step(&mut last).await;
+        match (&followed, failing) {
+            (Err(error), false) => tracing::error!(%error, "what others decide is not seen"),
+            (Ok(()), true) => tracing::info!("what others decide is seen again"),
+            _ => {}
+        }
+        failing = followed.is_err();
+    }
+}
+
+/// What rows of the audit make out of date.
+#[derive(Debug, Default, PartialEq, Eq)]
+struct Outdated {
+    ledgers: BTreeSet<RobotId>,
+    configurations: BTreeSet<RobotId>,
+    freeze: bool,
+    policy: bool,
+    notes: Vec<(RobotId, RobotEvent)>,
+}
+
+/// A note as the audit has it.
+#[derive(Debug, Deserialize)]
+struct Noted {
+    kind: NoteKind,
+    stamp_ns: RobotTime,
+    note: String,
+}
+
+impl Outdated {
+    fn of(rows: &[AuditRow]) -> Self {
+        let mut outdated = Self::default();
+        for row in rows {
+            let robot = row.robot.as_deref();
+            let robot = robot.and_then(|robot| RobotId::parse(robot).ok());
+            match (row.subject.as_str(), robot) {
+                ("proposal" | "deployment" | "shadow", Some(robot)) => {
+                    outdated.ledgers.insert(robot);
+                }
+                ("robot", Some(robot)) => {
+                    outdated.configurations.insert(robot);
+                }
+                ("event", Some(robot)) => outdated.notes.extend(noted(row, robot)),
+                ("freeze", _) => outdated.freeze = true,
+                ("policy", _) => outdated.policy = true,
+                _ => {}
+            }
+        }
+        outdated
+    }
+}
+
+fn noted(row: &AuditRow, robot: RobotId) -> Option<(RobotId, RobotEvent)> {
+    let after = row.after.clone()?;
+    let Noted {
+        kind,
+        stamp_ns,
+        note,
+    } = serde_json::from_value(after).ok()?;
+    let event = RobotEvent {
+        kind,
+        stamp_ns,
+        note,
+    };
+    Some((robot, event))
+}
+
+impl FollowingSetup {
+    /// Reads what has come, and takes it.
+    async fn step(&self, last: &mut AuditId) -> Result<(), StoreError> {
+        let rows = self
+            .store
+            .audit_after(*last, limits::CLUSTER_FOLLOWED_MAX)
+            .await?;
+        if let Some(newest) = rows.last() {
+            self.take(Outdated::of(&rows)).await?;
+            *last = newest.id;
+        }
+        if !self.membership.does(Duty::Alerts) {
+            self.evaluator.read_again().await?;
+        }
+        Ok(())
+    }
+
+    async fn take(&self, outdated: Outdated) -> Result<(), StoreError> {
+        for robot in &outdated.configurations {
+            let record = self.store.load_robot(robot).await?;
+            if let Some(config) = record.and_then(|record| record.config)
+                && let Err(refused) = self.fleet.configure(robot, config)
+            {
+                tracing::error!(robot.id = %robot, %refused, "a robot finds no room here");
+            }
+        }
+        let ledgers: Vec<_> = outdated.ledgers.into_iter().collect();
+        self.lifecycle.reload(&ledgers).await?;
+        if outdated.freeze {
+            self.lifecycle.reload_freeze().await?;
+        }
+        if outdated.policy {
+            self.lifecycle.reload_policy().await?;
+        }
+        for (robot, note) in outdated.notes {
+            if self.membership.has(&robot)
+                && let Err(refused) = self.fleet.note(&robot, &note)
+            {
+                tracing::error!(robot.id = %robot, %refused, "a note did not reach the estimator");
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fleetcal_model::WallTime;
+
+    use super::*;
+
+    fn row(subject: &str, robot: Option<&str>, after: Option<serde_json::Value>) -> AuditRow {
+        AuditRow {
+            id: AuditId(1),
+            at_ns: WallTime(0),
+            actor: "ana".to_owned(),
+            authentication: "session".to_owned(),
+            role: None,
+            request: None,
+            address: None,
+            action: String::new(),
+            subject: subject.to_owned(),
+            subject_id: "1".to_owned(),
+            robot: robot.map(str::to_owned),
+            before: None,
+            after,
+            reason: None,
+        }
+    }
+
+    #[test]
+    fn rows_say_what_is_out_of_date() {
+        let a = RobotId::parse("a").unwrap();
+        let note = serde_json::json!({"kind": "reassembled", "stamp_ns": 7, "note": "LiDAR"});
+        let outdated = Outdated::of(&[
+            row("user", None, None),
+            row("deployment", Some("a"), None),
+            row("robot", Some("a"), None),
+            row("event", Some("a"), Some(note)),
+            row("event", Some("a"), None),
+            row("policy", None, None),
+        ]);
+        let event = RobotEvent {
+            kind: NoteKind::Reassembled,
+            stamp_ns: RobotTime(7),
+            note: "LiDAR".to_owned(),
+        };
+        let expected = Outdated {
+            ledgers: BTreeSet::from([a.clone()]),
+            configurations: BTreeSet::from([a.clone()]),
+            freeze: false,
+            policy: true,
+            notes: vec![(a, event)],
+        };
+        assert_eq!(outdated, expected);
+    }
+}

@@ -1,0 +1,85 @@
+//! The lease.
+
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use fleetcal_cluster::Seat;
+use fleetcal_domain::limits;
+use fleetcal_store::StoreError;
+use fleetcal_store::cluster::Renewal;
+use tokio::time::MissedTickBehavior;
+
+use super::Ownership;
+
+/// Renews the lease until the cluster is left.
+pub(super) async fn renew(ownership: Ownership) {
+    let mut ticks = tokio::time::interval(limits::CLUSTER_RENEW_EVERY);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut draining = ownership.inner.draining.subscribe();
+    let mut link = ownership.inner.setup.link.clone();
+    loop {
+        // What others have to know at once does not wait for the next renewal.
+        tokio::select! {
+            () = ownership.inner.stop.cancelled() => return,
+            _ = ticks.tick() => {}
+            changed = draining.changed() => if changed.is_err() { return },
+            changed = link.changed() => if changed.is_err() { return },
+        }
+        let Some(seat) = ownership.inner.cluster.seat() else {
+            continue;
+        };
+        if let Err(error) = ownership.renew_once(&seat).await {
+            ownership.note_connected(None);
+            tracing::warn!(%error, "the lease was not renewed");
+        }
+    }
+}
+
+impl Ownership {
+    async fn renew_once(&self, seat: &Seat) -> Result<(), StoreError> {
+        let setup = &self.inner.setup;
+        let asked_at = setup.clock.uptime();
+        let now = setup.clock.now();
+        let renewal = Renewal {
+            // Robots' times are compared with wall time: who has it wrong is of no use to them.
+            linked: setup.link.borrow().linked && self.has_right_time(),
+            draining: *self.inner.draining.borrow(),
+            now,
+        };
+        match self.inner.registry.renew(seat, renewal).await? {
+            Some(database_now) => {
+                self.note_clock(now.ns_since(database_now));
+                self.inner.cluster.answered(asked_at);
+                self.note_connected(Some(asked_at));
+                if self.inner.cluster.seat().as_ref() == Some(seat) {
+                    self.inner.cluster.lease().renewed(asked_at);
+                }
+            }
+            None => {
+                self.inner.cluster.lease().lost();
+                self.inner.seat_lost.notify_one();
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Ownership {
+    fn note_clock(&self, ahead_ns: i64) {
+        let before_ns = self.inner.clock_ahead_ns.swap(ahead_ns, Ordering::Relaxed);
+        let is_off = |ns: i64| ns.unsigned_abs() > nanoseconds(limits::CLUSTER_CLOCK_WARNED_BEYOND);
+        if is_off(ahead_ns) && !is_off(before_ns) {
+            let ahead_s = ahead_ns as f64 / 1e9;
+            tracing::warn!(ahead_s, "the clock differs from the database's");
+        }
+    }
+
+    fn has_right_time(&self) -> bool {
+        let ahead_ns = self.inner.clock_ahead_ns.load(Ordering::Relaxed);
+        ahead_ns.unsigned_abs() <= nanoseconds(limits::CLUSTER_CLOCK_USED_UP_TO)
+    }
+}
+
+fn nanoseconds(duration: Duration) -> u64 {
+    u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
+}
