@@ -108,10 +108,11 @@ build-for-tests: dashboard rust
 test-rust: build-for-tests strace python ## Rust tests, end-to-end ones included
 	if $(CARGO) nextest --version >/dev/null 2>&1; then \
 	  env -u FLEETCAL_DATA FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) \
-	    $(CARGO) nextest run --release --locked --workspace -E 'not binary(recordings)'; \
+	    $(CARGO) nextest run --release --locked --workspace -E 'not binary(recordings) and not binary(cluster)'; \
 	else \
 	  env -u FLEETCAL_DATA FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) \
-	    $(CARGO) test --release --locked --workspace -- --test-threads 2; \
+	    $(CARGO) test --release --locked --workspace -- --test-threads 2 \
+	    --skip instances_share_the_robots --skip who_does_not_fit_does_not_start; \
 	fi
 
 .PHONY: test-recordings
@@ -134,6 +135,19 @@ test-postgres: build-for-tests python ## Unit tests and end-to-end tests with al
 	  tests/postgres/with_server.sh $(CARGO) test --release --locked --workspace --no-fail-fast \
 	  --lib --test store --test postgres --test service --test http --test agent --test zenoh \
 	  --test plain_robots -- --test-threads 2
+
+# Each test has the machine to itself.
+CLUSTER_TEST = FLEETCAL_BIN=$(abspath $(BIN)) tests/postgres/with_server.sh \
+  $(CARGO) test --release --locked --workspace --test cluster -- --nocapture --test-threads 1
+
+.PHONY: cluster-smoke
+cluster-smoke: build-for-tests ## Two instances on PostgreSQL and two routers: joined, frozen, killed, stopped (installs PostgreSQL where it is missing, as root)
+	$(CLUSTER_TEST) smoke::
+
+.PHONY: cluster
+cluster: build-for-tests ## Starts a cluster on this machine: two instances, two routers, PostgreSQL and 24 simulated robots
+	FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_ROUTER=$(dir $(BIN))fleetcal-router \
+	  tests/postgres/with_server.sh tests/cluster/run.sh
 
 .PHONY: store-load
 store-load: ## What 1,000 robots' telemetry costs SQLite and PostgreSQL, dropping a day, copying: 25 minutes

@@ -1,0 +1,13 @@
+//! Several instances on one PostgreSQL and two Zenoh routers, as processes that are killed, frozen,
+//! stopped and cut off.
+//!
+//! `make cluster-smoke` and `make cluster-test` start the server that `FLEETCAL_TEST_POSTGRES` names.
+#![expect(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test ends where it finds something wrong"
+)]
+
+mod cluster;
+mod smoke;
+mod watch;

@@ -1,0 +1,130 @@
+//! Somebody who listens to all robots' estimates.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use fleetcal_proto::estimate::EstimateDocument;
+use fleetcal_tests::service::now;
+use zenoh::pubsub::Subscriber;
+use zenoh::{Config, Session};
+
+/// An estimate that came.
+#[derive(Debug, Clone)]
+pub struct Heard {
+    /// When.
+    pub at: Instant,
+    /// Of which robot.
+    pub robot: String,
+    /// From which instance.
+    pub instance: String,
+    /// In which epoch.
+    pub epoch: i64,
+    /// Message time, ns.
+    pub stamp_ns: i64,
+    /// Drive samples that the estimator has taken.
+    pub drive_samples: u64,
+}
+
+/// See the module.
+#[derive(Debug)]
+pub struct Watch {
+    heard: Arc<Mutex<Vec<Heard>>>,
+    _session: Session,
+    _subscriber: Subscriber<()>,
+}
+
+impl Watch {
+    /// Listens at some of these routers.
+    pub async fn start(routers: &[String]) -> Self {
+        let mut config = Config::default();
+        for (key, value) in [
+            ("mode", serde_json::json!("client")),
+            ("connect/endpoints", serde_json::json!(routers)),
+            ("scouting/multicast/enabled", serde_json::json!(false)),
+        ] {
+            config.insert_json5(key, &value.to_string()).unwrap();
+        }
+        let session = zenoh::open(config).await.unwrap();
+        let heard = Arc::new(Mutex::new(Vec::new()));
+        let list = Arc::clone(&heard);
+        let subscriber = session
+            .declare_subscriber("fleet/*/estimate")
+            .callback(move |sample| {
+                let document: EstimateDocument =
+                    serde_json::from_slice(&sample.payload().to_bytes()).unwrap();
+                let by = document.estimated_by.unwrap();
+                list.lock().unwrap().push(Heard {
+                    at: now(),
+                    robot: document.robot.to_string(),
+                    instance: by.instance,
+                    epoch: by.epoch,
+                    stamp_ns: document.stamp_ns.0,
+                    drive_samples: document.counts.drive_samples,
+                });
+            })
+            .await
+            .unwrap();
+        Self {
+            heard,
+            _session: session,
+            _subscriber: subscriber,
+        }
+    }
+
+    /// What came since, in its order.
+    pub fn since(&self, then: Instant) -> Vec<Heard> {
+        let heard = self.heard.lock().unwrap();
+        heard.iter().filter(|one| one.at >= then).cloned().collect()
+    }
+
+    /// Which instances each robot's estimates came from since.
+    pub fn owners(&self, then: Instant) -> BTreeMap<String, BTreeSet<String>> {
+        let mut owners: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+        for one in self.since(then) {
+            owners.entry(one.robot).or_default().insert(one.instance);
+        }
+        owners
+    }
+
+    /// For each robot, how long after `then` its first estimate from another instance than `gone`
+    /// came; `None` while one has none.
+    pub fn taken_over(&self, then: Instant, gone: &str, of: &[String]) -> Option<Vec<Duration>> {
+        let since = self.since(then);
+        let first = |robot: &String| {
+            let mut others = since
+                .iter()
+                .filter(|one| one.robot == *robot && one.instance != gone);
+            others.next().map(|one| one.at - then)
+        };
+        of.iter().map(first).collect()
+    }
+
+    /// Estimates that came after one of the same robot with a higher epoch, by robot.
+    pub fn stale(&self, then: Instant) -> BTreeMap<String, usize> {
+        let mut highest: BTreeMap<String, i64> = BTreeMap::new();
+        let mut stale = BTreeMap::new();
+        for one in self.since(then) {
+            let known = highest.entry(one.robot.clone()).or_insert(one.epoch);
+            if one.epoch < *known {
+                *stale.entry(one.robot).or_insert(0) += 1;
+            } else {
+                *known = one.epoch;
+            }
+        }
+        stale
+    }
+
+    /// The longest time between two estimates of each robot since.
+    pub fn gaps(&self, then: Instant) -> BTreeMap<String, Duration> {
+        let mut last: BTreeMap<String, Instant> = BTreeMap::new();
+        let mut gaps: BTreeMap<String, Duration> = BTreeMap::new();
+        for one in self.since(then) {
+            if let Some(before) = last.insert(one.robot.clone(), one.at) {
+                let gap = gaps.entry(one.robot).or_default();
+                *gap = (*gap).max(one.at - before);
+            }
+        }
+        gaps
+    }
+}
