@@ -273,6 +273,20 @@ impl StrictRouter {
         rules
     }
 
+    fn of_all(&self, kinds: &[StreamKind]) -> Vec<String> {
+        let of_all = |&kind| self.keys.stream_of_all(kind);
+        kinds.iter().map(of_all).collect()
+    }
+
+    fn streams_of_all(&self) -> Vec<String> {
+        let mut streams = self.of_all(&FROM_ROBOTS);
+        streams.push(self.keys.former_wheel_odometry_of_all());
+        streams.push(self.keys.stream_of_all_kinds());
+        let further = self.streams.iter();
+        streams.extend(further.map(|stream| stream.replace("{robot}", "*")));
+        streams
+    }
+
     /// What passes to and from another router of the fleet: everything under the root. Who may send
     /// what was asked where it came in.
     fn rules_of_router(&self, router: &str) -> [Value; 2] {
@@ -297,20 +311,6 @@ impl StrictRouter {
             let named = format!("router {router}: {flow}");
             rule(&named, flow, &PASSED_ON, &keys)
         })
-    }
-
-    fn of_all(&self, kinds: &[StreamKind]) -> Vec<String> {
-        let of_all = |&kind| self.keys.stream_of_all(kind);
-        kinds.iter().map(of_all).collect()
-    }
-
-    fn streams_of_all(&self) -> Vec<String> {
-        let mut streams = self.of_all(&FROM_ROBOTS);
-        streams.push(self.keys.former_wheel_odometry_of_all());
-        streams.push(self.keys.stream_of_all_kinds());
-        let further = self.streams.iter();
-        streams.extend(further.map(|stream| stream.replace("{robot}", "*")));
-        streams
     }
 }
 
