@@ -33,6 +33,7 @@ pub use fleetcal_model::Pose2;
 /// Poses in the plane, SE(2).
 pub use fleetcal_model::plane as geometry;
 pub use lidar_odometry::LidarOdometry;
+pub use merge::{JUMP_BACK_MIN_S, MergerPosition};
 pub use occupancy_grid::OccupancyGrid;
 pub use settings::{EstimatorSettings, Freedom, Measurement};
 pub use stream::{DriveSample, Effect, Event, LidarPose, Note, NoteKind, RobotTime, Scan};

@@ -7,7 +7,9 @@
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
-use crate::stream::{Dropped, Event, RobotTime};
+use serde::{Deserialize, Serialize};
+
+use crate::stream::{Dropped, Event, Note, RobotTime};
 
 /// How long a message is held, in message time, s.
 pub const WINDOW_S: f64 = 0.5;
@@ -18,12 +20,19 @@ pub const JUMP_AHEAD_MIN_S: f64 = 60.0;
 /// Most messages held at once. Beyond it the oldest leaves before its time.
 pub const HELD_MAX: usize = 4096;
 
+/// Most notes that are stored of those that are held: a person writes one now and then.
+const NOTES_STORED_MAX: usize = 8;
+
 /// Order of messages with one stamp, and their place in the queue.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Stream {
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub enum Stream {
+    /// Notes.
     Note,
+    /// Drive samples.
     WheelOdometry,
+    /// Scans.
     Scan,
+    /// LiDAR poses.
     LidarPose,
 }
 
@@ -49,12 +58,60 @@ pub struct Merger {
     suspect: Option<(RobotTime, Stream, Event)>,
 }
 
+/// Up to where a robot's messages have left a merger: what is not behind that is taken already, by
+/// this merger or by the one that it goes on from.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct MergerPosition {
+    left: Option<(RobotTime, Stream)>,
+    notes: Vec<RobotTime>,
+}
+
+impl MergerPosition {
+    /// Whether a message has left already, or is a note that is held.
+    pub fn covers(&self, event: &Event) -> bool {
+        let Some(place) = place(event) else {
+            return false;
+        };
+        let is_note = place.1 == Stream::Note;
+        self.left.is_some_and(|left| place <= left) || is_note && self.notes.contains(&place.0)
+    }
+}
+
 impl Merger {
-    /// A merger that goes on where another one was at this stamp.
-    pub fn resuming(now: RobotTime) -> Self {
+    /// A merger that goes on where another one was at this stamp: of what had left it, the last was
+    /// of the stream `left`, and it held `notes`. What was sent it has to be sent again.
+    pub fn resuming(now: RobotTime, left: Option<Stream>, notes: &[Note]) -> Self {
+        let held = notes.iter().map(|note| {
+            let place = (note.stamp, Stream::Note);
+            (place, Event::Note(note.clone()))
+        });
         Self {
             newest: Some(now),
+            left: left.map(|stream| (now, stream)),
+            held: held.collect(),
             ..Self::default()
+        }
+    }
+
+    /// Stream of the last message that left.
+    pub fn left(&self) -> Option<Stream> {
+        self.left.map(|(_, stream)| stream)
+    }
+
+    /// The notes that are held: nobody sends them again.
+    pub fn notes(&self) -> Vec<Note> {
+        let notes = self.held.values().filter_map(|event| match event {
+            Event::Note(note) => Some(note.clone()),
+            _ => None,
+        });
+        notes.take(NOTES_STORED_MAX).collect()
+    }
+
+    /// Up to where messages have left.
+    pub fn position(&self) -> MergerPosition {
+        MergerPosition {
+            left: self.left,
+            notes: self.notes().iter().map(|note| note.stamp).collect(),
         }
     }
 

@@ -1,7 +1,8 @@
 //! Key expressions: what is sent where. Built and parsed here and nowhere else.
 //!
 //! A key is `{root}/{robot}/{stream}`, or `{root}/@alive/{robot}` and `{root}/@service/{instance}`
-//! for liveliness tokens. A chunk that begins with `@` is not matched by `*` or `**`.
+//! for liveliness tokens, or `{root}/@digest/{instance}` for what instances of one cluster tell each
+//! other. A chunk that begins with `@` is not matched by `*` or `**`.
 
 use std::fmt;
 use std::sync::Arc;
@@ -20,6 +21,7 @@ pub const KEY_BYTES_MAX: usize = 255;
 const FORMER_WHEEL_ODOMETRY: &str = "drive";
 const ALIVE: &str = "@alive";
 const SERVICE: &str = "@service";
+const DIGEST: &str = "@digest";
 
 /// What a key under a robot carries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -241,6 +243,8 @@ pub enum Key {
     Alive(RobotId),
     /// `{root}/@service/{instance}`: the token of a service that is there.
     Service(ServiceInstance),
+    /// `{root}/@digest/{instance}`: what an instance of a cluster tells the others of its robots.
+    Digest(ServiceInstance),
 }
 
 /// Builds and parses the keys under one root.
@@ -305,6 +309,21 @@ impl Keys {
         format!("{}/{SERVICE}/*", self.root.as_str())
     }
 
+    /// Key of what an instance tells the others of its robots, `fleet/@digest/a`.
+    pub fn digest(&self, instance: &ServiceInstance) -> String {
+        format!("{}/{DIGEST}/{}", self.root.as_str(), instance.as_str())
+    }
+
+    /// Key expression of what every instance tells, `fleet/@digest/*`.
+    pub fn digest_of_all(&self) -> String {
+        format!("{}/{DIGEST}/*", self.root.as_str())
+    }
+
+    /// Key expression of every stream of one robot whose name is one chunk, `fleet/tugger_01/*`.
+    pub fn stream_of_any_kind(&self, robot: &RobotId) -> String {
+        format!("{}/{robot}/*", self.root.as_str())
+    }
+
     /// Everything under the root but the `@` chunks, `fleet/**`.
     pub fn everything(&self) -> String {
         format!("{}/**", self.root.as_str())
@@ -348,6 +367,7 @@ impl Keys {
         match first {
             ALIVE => robot(rest).map(Key::Alive),
             SERVICE => ServiceInstance::parse(rest).map(Key::Service),
+            DIGEST => ServiceInstance::parse(rest).map(Key::Digest),
             _ => {
                 let robot = robot(first)?;
                 if rest == FORMER_WHEEL_ODOMETRY {
@@ -392,8 +412,10 @@ mod tests {
             let instance = ServiceInstance::parse("a1b2").unwrap();
             assert_eq!(
                 keys.parse(&keys.service(&instance)),
-                Ok(Key::Service(instance))
+                Ok(Key::Service(instance.clone()))
             );
+            let digest = keys.digest(&instance);
+            assert_eq!(keys.parse(&digest), Ok(Key::Digest(instance)));
         }
     }
 
@@ -411,6 +433,8 @@ mod tests {
         assert_eq!(keys.stream_of_all(StreamKind::Scan), "fleet/*/scan");
         assert_eq!(keys.alive(&robot()), "fleet/@alive/tugger_01");
         assert_eq!(keys.service_of_all(), "fleet/@service/*");
+        assert_eq!(keys.digest_of_all(), "fleet/@digest/*");
+        assert_eq!(keys.stream_of_any_kind(&robot()), "fleet/tugger_01/*");
     }
 
     #[test]
@@ -432,6 +456,7 @@ mod tests {
             ("fleet/@alive/@a", "contains '@'"),
             ("fleet/@alive/a/b", "contains '/'"),
             ("fleet/@service/a b", "contains ' '"),
+            ("fleet/@digest/a/b", "contains '/'"),
             ("fleet/a/camera", "ends in \"camera\""),
             (
                 "fleet/a/wheel_odometry/raw",

@@ -340,5 +340,6 @@ async fn start_fleet(
         cross_tracks,
         checkpoints,
         last_heard,
+        membership: fleetcal_cluster::Membership::alone(),
     }))
 }

@@ -12,7 +12,8 @@ use crate::change::long_run::LongRunVariance;
 use crate::filter::Filter;
 use crate::filter::follow::Follower;
 use crate::lidar_odometry::LearntScanner;
-use crate::merge::Merger;
+use crate::merge::{Merger, Stream};
+use crate::stream::Note;
 use crate::trust::Trust;
 
 /// Version of the checkpoint's layout.
@@ -33,6 +34,13 @@ pub struct Checkpoint {
     baseline: Option<Baseline>,
     #[serde(default)]
     scanner: Option<LearntScanner>,
+    /// The stream of the last message that left the merger, which has the stamp of the session: what
+    /// goes on from here has taken that message, and those before it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    left: Option<Stream>,
+    /// Notes that the merger held.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    notes: Vec<Note>,
 }
 
 /// Why a checkpoint could not be used.
@@ -70,7 +78,8 @@ impl Calibrator {
             restored = restored.with_scanner(learnt);
         }
         if checkpoint.session.began.is_some() {
-            restored.merger = Merger::resuming(checkpoint.session.now);
+            let (left, notes) = (checkpoint.left, &checkpoint.notes);
+            restored.merger = Merger::resuming(checkpoint.session.now, left, notes);
         }
         restored.follower = checkpoint.filter.clone().map(|mut filter| {
             if is_older {
@@ -104,6 +113,8 @@ impl Calibrator {
             comparison: self.comparison.clone(),
             baseline: self.baseline.clone(),
             scanner: Some(self.learnt_scanner()),
+            left: self.merger.left(),
+            notes: self.merger.notes(),
         }
     }
 }

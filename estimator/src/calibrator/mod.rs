@@ -34,7 +34,7 @@ use crate::filter::prior::Prior;
 use crate::filter::{Filter, OdometryReading, ParameterCovariance, Values};
 use crate::geometry::Pose2;
 use crate::lidar_odometry::{LearntScanner, LidarOdometry, ScannerReport};
-use crate::merge::{Merged, Merger};
+use crate::merge::{Merged, Merger, MergerPosition};
 use crate::stream::{DriveSample, Dropped, Effect, Event, LidarPose, Note, NoteKind, RobotTime};
 use crate::trust::{Grounds, Trust, reported_covariance};
 
@@ -152,6 +152,11 @@ impl Calibrator {
             self.tell(&mut effects);
         }
         effects
+    }
+
+    /// Up to where it has taken the robot's messages.
+    pub fn position(&self) -> MergerPosition {
+        self.merger.position()
     }
 
     /// The estimate now.

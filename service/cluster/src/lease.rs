@@ -17,10 +17,15 @@ pub struct Lease {
 }
 
 impl Lease {
+    /// Until when a renewal is trusted that was asked for at `asked_at`, both running time.
+    pub const fn trusted_after(asked_at: Duration) -> Duration {
+        asked_at.saturating_add(CLUSTER_LEASE.saturating_sub(CLUSTER_LEASE_MARGIN))
+    }
+
     /// Takes that a renewal, which was asked for at `asked_at`, was granted.
     pub fn renewed(&self, asked_at: Duration) {
-        let until = asked_at + CLUSTER_LEASE.saturating_sub(CLUSTER_LEASE_MARGIN);
-        let until_ns = u64::try_from(until.as_nanos()).unwrap_or(u64::MAX);
+        let until_ns = Self::trusted_after(asked_at).as_nanos();
+        let until_ns = u64::try_from(until_ns).unwrap_or(u64::MAX);
         self.trusted_until_ns.fetch_max(until_ns, Ordering::SeqCst);
     }
 

@@ -10,6 +10,7 @@
 mod assignment;
 mod duty;
 mod lease;
+mod link_report;
 mod member;
 mod membership;
 mod plan;
@@ -19,6 +20,7 @@ mod tenure;
 pub use assignment::{Assignment, assign};
 pub use duty::Duty;
 pub use lease::Lease;
+pub use link_report::LinkReport;
 pub use member::{Member, Seat};
 pub use membership::{Cluster, Membership, Takeover, Whereabouts};
 pub use plan::{DutyOwnership, Handover, Ownership, Plan, Snapshot, plan};

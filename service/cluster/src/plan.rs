@@ -247,3 +247,172 @@ fn handover(robot: &RobotId, to: &Seat) -> Handover {
         to: to.clone(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::InstanceId;
+    use crate::tenure::Incarnation;
+
+    const NOW: WallTime = WallTime(1_000_000_000_000);
+
+    fn seat(name: &str) -> Seat {
+        Seat {
+            instance: InstanceId::parse(name).unwrap(),
+            incarnation: Incarnation(3),
+        }
+    }
+
+    fn robot(number: usize) -> RobotId {
+        RobotId::parse(&format!("tugger_{number}")).unwrap()
+    }
+
+    fn member(name: &str) -> Member {
+        Member {
+            seat: seat(name),
+            lease_left: Duration::from_secs(4),
+            capacity: 1,
+            draining: false,
+            linked: true,
+            url: String::new(),
+            program: String::new(),
+            checkpoint_format: 2,
+            config_sha256: Vec::new(),
+            clock_ahead_ns: 0,
+            joined_ns: 0,
+        }
+    }
+
+    fn ago(duration: Duration) -> Option<WallTime> {
+        Some(NOW.minus(duration))
+    }
+
+    fn owned(by: Option<&str>) -> Ownership {
+        Ownership {
+            owner: by.map(seat),
+            epoch: Epoch(7),
+            claim: ClaimId(1),
+            heir: None,
+            heir_ready: None,
+            free_since: by.is_none().then_some(NOW),
+            checkpoint_format: 2,
+        }
+    }
+
+    /// A cluster in which the robots of each number are those of the instance at that place.
+    fn cluster(members: &[&str], owners: &[Option<&str>]) -> Snapshot {
+        let robots = owners.iter().enumerate();
+        Snapshot {
+            now: NOW,
+            members: members.iter().map(|name| member(name)).collect(),
+            robots: robots
+                .map(|(number, owner)| (robot(number), owned(*owner)))
+                .collect(),
+            duties: BTreeMap::new(),
+        }
+    }
+
+    fn row(snapshot: &mut Snapshot, number: usize) -> &mut Ownership {
+        snapshot.robots.get_mut(&robot(number)).unwrap()
+    }
+
+    #[test]
+    fn free_robots_are_claimed_once() {
+        let snapshot = cluster(&["a", "b"], &[None; 10]);
+        let (of_a, of_b) = (plan(&seat("a"), &snapshot), plan(&seat("b"), &snapshot));
+        assert_eq!((of_a.claim.len(), of_b.claim.len()), (5, 5));
+        assert!(of_a.claim.iter().all(|one| !of_b.claim.contains(one)));
+        // Whoever should have taken it does not: another one does.
+        let mut late = snapshot;
+        for row in late.robots.values_mut() {
+            row.free_since = ago(CLUSTER_CLAIM_OTHERS_AFTER);
+        }
+        assert_eq!(plan(&seat("a"), &late).claim.len(), 10);
+    }
+
+    #[test]
+    fn a_robot_is_handed_over_after_both_have_heard_it() {
+        let mut snapshot = cluster(&["a", "b"], &[Some("a"); 2]);
+        let offered = plan(&seat("a"), &snapshot).offer;
+        assert_eq!(offered.len(), 1);
+        assert_eq!(offered[0].to, seat("b"));
+        assert_eq!(plan(&seat("b"), &snapshot), Plan::default());
+        let given = offered[0].robot.clone();
+        let number = usize::from(given == robot(1));
+        row(&mut snapshot, number).heir = Some(seat("b"));
+        assert_eq!(plan(&seat("b"), &snapshot).prepare, [given.clone()]);
+        row(&mut snapshot, number).heir_ready = Some(NOW);
+        assert_eq!(plan(&seat("b"), &snapshot), Plan::default());
+        assert_eq!(plan(&seat("a"), &snapshot), Plan::default());
+        row(&mut snapshot, number).heir_ready = ago(CLUSTER_OVERLAP);
+        assert_eq!(plan(&seat("a"), &snapshot).hand_over, offered);
+        // The heir is gone: it stays.
+        snapshot.members[1].lease_left = Duration::ZERO;
+        assert_eq!(plan(&seat("a"), &snapshot).withdraw, [given]);
+    }
+
+    #[test]
+    fn so_many_move_at_once_and_no_more() {
+        let owners = vec![Some("a"); 4 * CLUSTER_MOVES_AT_ONCE_MAX];
+        let snapshot = cluster(&["a", "b"], &owners);
+        let plan = plan(&seat("a"), &snapshot);
+        assert_eq!(plan.offer.len(), CLUSTER_MOVES_AT_ONCE_MAX);
+    }
+
+    #[test]
+    fn who_drains_gives_everything_away() {
+        let mut snapshot = cluster(&["a", "b"], &[Some("a"), Some("b")]);
+        snapshot.members[0].draining = true;
+        let offered = plan(&seat("a"), &snapshot).offer;
+        assert_eq!(offered, [handover(&robot(0), &seat("b"))]);
+        // Alone, it keeps what nobody takes.
+        snapshot.members.truncate(1);
+        assert_eq!(plan(&seat("a"), &snapshot), Plan::default());
+    }
+
+    #[test]
+    fn who_hears_no_robot_gives_up_its_own_where_another_one_does() {
+        let mut snapshot = cluster(&["a", "b"], &[Some("a"), Some("b")]);
+        snapshot.members[0].linked = false;
+        assert_eq!(plan(&seat("a"), &snapshot).give_up, [robot(0)]);
+        snapshot.members[1].linked = false;
+        assert_eq!(plan(&seat("a"), &snapshot), Plan::default());
+    }
+
+    #[test]
+    fn nobody_claims_what_it_cannot_read() {
+        let mut snapshot = cluster(&["a"], &[None]);
+        row(&mut snapshot, 0).checkpoint_format = 3;
+        row(&mut snapshot, 0).free_since = ago(Duration::from_mins(1));
+        assert_eq!(plan(&seat("a"), &snapshot), Plan::default());
+    }
+
+    #[test]
+    fn who_was_taken_for_dead_does_nothing() {
+        let snapshot = cluster(&["b"], &[None, Some("a")]);
+        assert_eq!(plan(&seat("a"), &snapshot), Plan::default());
+        let mut former = seat("b");
+        former.incarnation = Incarnation(2);
+        assert_eq!(plan(&former, &snapshot), Plan::default());
+    }
+
+    #[test]
+    fn a_duty_has_one_holder() {
+        let mut snapshot = cluster(&["a", "b"], &[]);
+        let free = DutyOwnership {
+            owner: None,
+            free_since: Some(NOW),
+        };
+        for duty in Duty::ALL {
+            snapshot.duties.insert(*duty, free.clone());
+        }
+        let both = ["a", "b"].map(|name| plan(&seat(name), &snapshot).claim_duties);
+        assert_eq!(both[0].len() + both[1].len(), Duty::ALL.len());
+        for row in snapshot.duties.values_mut() {
+            row.owner = Some(seat("a"));
+        }
+        snapshot.members[0].draining = true;
+        let given_up = plan(&seat("a"), &snapshot).give_up_duties;
+        assert_eq!(given_up, Duty::ALL);
+    }
+}

@@ -437,3 +437,36 @@ pub const PEER_ADDRESSES_EVERY: Duration = Duration::from_secs(30);
 pub const PEERS_MAX: usize = 64;
 /// Robots without an instance that one answer names.
 pub const CLUSTER_ROBOTS_TOLD_MAX: usize = 100;
+/// A statement about the rows of the cluster has ended within this time, or its connection is given
+/// up: a lease is renewed twice before it ends.
+pub const CLUSTER_STATEMENT_TIMEOUT: Duration = Duration::from_millis(1_500);
+/// An instance that was taken for dead is shown for so long.
+pub const CLUSTER_DEAD_SHOWN_FOR: Duration = Duration::from_hours(24);
+/// Robots that an instance has begun to estimate whose history is looked at in one transaction.
+pub const CLUSTER_ADOPTED_AT_ONCE_MAX: usize = 256;
+/// Wheel odometry of a robot that an instance is about to have, while the robot is another's.
+pub const HEARD_WHEEL_ODOMETRY_MAX: usize = 8_192;
+/// Scans (or LiDAR poses) of such a robot.
+pub const HEARD_SCANS_MAX: usize = 512;
+/// Notes and other rare messages of such a robot.
+pub const HEARD_NOTES_MAX: usize = MAILBOX_NOTES_MAX;
+/// Bytes of its messages: a second of the largest clouds.
+pub const HEARD_BYTES_MAX: usize = 16 * 1024 * 1024;
+/// What an instance tells the others of its robots, it tells this often.
+pub const DIGEST_EVERY: Duration = Duration::from_secs(1);
+/// What it tells has at most so many bytes in one message.
+pub const DIGEST_BYTES_MAX: usize = 256 * 1024;
+/// All there is to tell of a robot is told this often, and what has changed in between.
+pub const REPORT_WHOLE_EVERY: Duration = Duration::from_secs(5);
+/// Events of a robot that are told at once; further ones are seen in its history alone.
+pub const REPORT_EVENTS_MAX: usize = 32;
+/// Messages of other instances that wait to be read.
+pub const DIGESTS_WAITING_MAX: usize = 64;
+/// A robot of which its instance tells nothing for so long is shown as stale.
+pub const REPORTS_STALE_AFTER: Duration = Duration::from_secs(3);
+/// Robots that nobody has registered are listened to for so long.
+pub const DISCOVERY_FOR: Duration = Duration::from_secs(2);
+/// And this often.
+pub const DISCOVERY_EVERY: Duration = Duration::from_mins(1);
+/// A peer of a cluster's Zenoh session is gone after so long without a sign of it.
+pub const CLUSTER_ZENOH_LEASE: Duration = Duration::from_secs(3);

@@ -1,10 +1,13 @@
 //! The fleet as the API, the link and the commands hold it.
 
-use std::collections::BTreeMap;
+mod cluster;
+
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, PoisonError, RwLock};
 
 use fleetcal_clock::SharedClock;
+use fleetcal_cluster::Membership;
 use fleetcal_domain::approval::Policy;
 use fleetcal_domain::limits;
 use fleetcal_domain::robot::{
@@ -31,11 +34,11 @@ use crate::cross_track::{self, UsedValues};
 use crate::decode;
 use crate::live::LiveUpdate;
 use crate::mailbox::Message;
-use crate::registry::{Counts, Fleet, FleetCounters, Step, scan_durations};
+use crate::registry::{Counts, Fleet, FleetCounters, Step, new_robot, scan_durations};
 use crate::robot::Robot;
 use crate::senders::LinkId;
 use crate::tap::{TapReader, Tapped};
-use crate::{task, watch};
+use crate::watch;
 
 /// How a message came.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,6 +67,9 @@ pub enum FleetRefused {
     /// Nobody has registered it.
     #[error("robot {0} is not registered, expected a robot with a vehicle")]
     Unregistered(RobotId),
+    /// Another instance estimates it, or none does at this moment.
+    #[error("robot {0} is not estimated by this instance")]
+    Elsewhere(RobotId),
     /// The fleet is full.
     #[error("{} robots are configured, which is the limit", limits::ROBOTS_MAX)]
     RobotsMax,
@@ -95,6 +101,8 @@ pub struct FleetSetup {
     pub checkpoints: BTreeMap<RobotId, Vec<u8>>,
     /// When robots were last heard before this start, wall time, ns.
     pub last_heard: BTreeMap<RobotId, WallTime>,
+    /// Whether this process has all robots, or those that it adopts.
+    pub membership: Membership,
 }
 
 /// The fleet, cheap to clone.
@@ -117,7 +125,10 @@ impl FleetHandle {
         let robots = setup
             .robots
             .into_iter()
-            .map(|(id, config)| (id.clone(), Arc::new(Robot::new(id, Some(config)))))
+            .map(|(id, config)| {
+                let robot = new_robot(&setup.membership, &id, Some(config));
+                (id, robot)
+            })
             .collect();
         let fleet = Arc::new(Fleet {
             clock: setup.clock,
@@ -131,6 +142,9 @@ impl FleetHandle {
             scan_durations: scan_durations(),
             tasks: TaskTracker::new(),
             configured: watch_channel::Sender::new(0),
+            membership: setup.membership,
+            heard: watch_channel::Sender::new(0),
+            subscribed: watch_channel::Sender::new(BTreeSet::new()),
         });
         let handle = Self { fleet };
         handle
@@ -145,15 +159,11 @@ impl FleetHandle {
                 robot.restore_last_heard(*heard);
             }
             let stored = checkpoints.remove(&robot.id);
-            handle.spawn(robot, stored);
+            if handle.fleet.membership.cluster().is_none() {
+                handle.spawn(robot, stored);
+            }
         }
         handle
-    }
-
-    fn spawn(&self, robot: Arc<Robot>, stored: Option<Vec<u8>>) {
-        self.fleet
-            .tasks
-            .spawn(task::run(Arc::clone(&self.fleet), robot, stored));
     }
 
     /// Works through what waits, stores the estimators' states, and ends every task. The link has
@@ -180,7 +190,7 @@ impl FleetHandle {
 
     /// Gives a robot its vehicle; it may be unknown, unregistered or configured already. A
     /// configuration other than the one it has begins its estimate from nothing. To store the
-    /// configuration is the caller's part.
+    /// configuration is the caller's part. Of a robot that another instance has it is taken note of.
     ///
     /// # Errors
     /// When [`limits::ROBOTS_MAX`] others are configured.
@@ -199,11 +209,11 @@ impl FleetHandle {
             if !known && configured >= limits::ROBOTS_MAX {
                 return Err(FleetRefused::RobotsMax);
             }
-            let robot = || Arc::new(Robot::new(id.clone(), None));
+            let robot = || new_robot(&self.fleet.membership, id, None);
             Arc::clone(robots.entry(id.clone()).or_insert_with(robot))
         };
         if robot.set_config(config).is_none() {
-            self.spawn(robot, None);
+            self.begin_configured(robot);
         } else {
             robot.mailbox.wake();
         }
@@ -212,7 +222,7 @@ impl FleetHandle {
     }
 
     /// Tells a robot's estimator, in its turn, and every listener what a person noted. To store
-    /// the note is the caller's part.
+    /// the note is the caller's part. Nothing is done about a robot that another instance has.
     ///
     /// # Errors
     /// When the robot is unknown, the text too long, or too many notes wait.
@@ -225,6 +235,10 @@ impl FleetHandle {
             .fleet
             .find(id.as_str())
             .ok_or_else(|| FleetRefused::UnknownRobot(id.clone()))?;
+        if robot.is_configured() && !robot.is_here() {
+            // Its instance follows what is noted, and tells of it.
+            return Ok(());
+        }
         if !robot.mailbox.push_note(decode::note(note)) {
             return Err(FleetRefused::NotesMax(id.clone()));
         }
@@ -267,7 +281,7 @@ impl FleetHandle {
     /// threads. Robots that are not registered are not listened to.
     pub fn take_cross_track_error(&self, id: &RobotId, encoding: Encoding, payload: &[u8]) {
         let robot = self.fleet.find(id.as_str());
-        let Some(robot) = robot.filter(|robot| robot.is_configured()) else {
+        let Some(robot) = robot.filter(|robot| robot.is_configured() && robot.is_here()) else {
             return;
         };
         match cross_track::read(encoding, payload) {
@@ -297,7 +311,7 @@ impl FleetHandle {
     pub async fn top_view(&self, id: &RobotId) -> Result<Option<Arc<TopView>>, FleetRefused> {
         let unknown = || FleetRefused::UnknownRobot(id.clone());
         let robot = self.fleet.find(id.as_str()).ok_or_else(unknown)?;
-        if !robot.is_configured() {
+        if !robot.is_configured() || !robot.is_here() {
             return Ok(None);
         }
         let busy = || FleetRefused::TopViewAskersMax(id.clone());
@@ -312,12 +326,16 @@ impl FleetHandle {
     /// Reads along with the robot's session from now on.
     ///
     /// # Errors
-    /// When the robot is unknown, or has no estimator since nobody has registered it.
+    /// When the robot is unknown, has no estimator since nobody has registered it, or has it in
+    /// another instance.
     pub fn tap(&self, id: &RobotId) -> Result<TapReader, FleetRefused> {
         let unknown = || FleetRefused::UnknownRobot(id.clone());
         let robot = self.fleet.find(id.as_str()).ok_or_else(unknown)?;
         if !robot.is_configured() {
             return Err(FleetRefused::Unregistered(id.clone()));
+        }
+        if !robot.is_here() {
+            return Err(FleetRefused::Elsewhere(id.clone()));
         }
         Ok(robot.taps.open())
     }
@@ -380,7 +398,7 @@ impl FleetHandle {
             let name = stream.name();
             let reason = format!("{name}: got {bytes} bytes, expected {limit} at most");
             robot.mailbox.refuse(stream, &reason);
-        } else if !robot.is_configured() {
+        } else if !robot.is_configured() && !robot.is_awaited() {
             robot.mailbox.ignore(stream);
         } else {
             let Arrived { form, link } = arrived.into();
@@ -410,8 +428,12 @@ impl FleetHandle {
         }
     }
 
-    /// Counts a message and finds its robot; `None` when there is no room for another one.
+    /// Counts a message and finds its robot; `None` when there is no room for another one, or
+    /// another instance has it.
     fn admit(&self, id: &RobotId, stream: Stream) -> Option<Arc<Robot>> {
+        if self.is_elsewhere(id) {
+            return None;
+        }
         let counts = &self.fleet.counts;
         counts.received.fetch_add(1, Ordering::Relaxed);
         if let Some(by_stream) = counts.by_stream.get(stream.index()) {

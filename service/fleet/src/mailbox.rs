@@ -3,6 +3,13 @@
 //! At most [`fleetcal_domain::limits::MAILBOX_SCANS_MAX`] scans wait; a further one pushes the
 //! oldest out. A drive sample that finds the mailbox full pushes out the oldest scan, and only when
 //! there is none the oldest drive sample. Nothing is lost without being counted.
+//!
+//! Where several instances carry the fleet, a robot's messages are kept for a task that is to begin
+//! here while another instance still has the robot; more of them, since nobody works them off.
+
+mod heard;
+#[cfg(test)]
+mod tests;
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -18,6 +25,7 @@ use fleetcal_proto::progress::Progress;
 use tokio::sync::Notify;
 
 use crate::senders::LinkId;
+use heard::{Class, Heard};
 
 /// Slots that drive samples and scans share.
 const SLOTS_MAX: usize = MAILBOX_WHEEL_ODOMETRY_MAX + MAILBOX_SCANS_MAX;
@@ -40,6 +48,8 @@ pub struct Message {
 pub enum Item {
     /// A message of the robot.
     Message(Message),
+    /// One that came before the task began: it may be taken already by the task before.
+    Heard(Message),
     /// A note that came over the API: it is in the history already.
     Note(Note),
     /// The robot's session has ended.
@@ -58,17 +68,41 @@ pub enum Outcome {
     },
     /// It was refused, for this reason.
     Refused(String),
+    /// The estimator had it already: it is in the state that the task began with.
+    Known,
+}
+
+/// For whom a mailbox takes messages.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Recipient {
+    /// The robot's task, which works them off.
+    #[default]
+    Task,
+    /// A task that is to begin. Another instance has the robot.
+    Heir,
+    /// Nobody: another instance has the robot.
+    Nobody,
 }
 
 #[derive(Debug, Default)]
 struct Queue {
+    recipient: Recipient,
     items: VecDeque<Item>,
     wheel_odometry: usize,
     scans: usize,
     notes: usize,
-    in_hand: Option<Stream>,
+    /// What of `items` was heard before the task began.
+    heard: Heard,
+    in_hand: Option<InHand>,
     counters: Counters,
     progress: Progress,
+}
+
+/// The message that the task works on.
+#[derive(Debug, Clone, Copy)]
+struct InHand {
+    stream: Stream,
+    was_heard: bool,
 }
 
 /// See the module.
@@ -170,8 +204,21 @@ impl Mailbox {
     pub fn push(&self, message: Message) -> bool {
         let kept = {
             let mut queue = self.lock();
-            queue.counters.received += 1;
+            match queue.recipient {
+                Recipient::Nobody => return false,
+                Recipient::Heir => {
+                    queue.push_heard(message);
+                    return true;
+                }
+                Recipient::Task => queue.counters.received += 1,
+            }
+            // The task has not caught up yet.
+            let is_behind = queue.heard.len() > 0;
             match message.stream {
+                _ if is_behind => {
+                    queue.push_heard(message);
+                    true
+                }
                 Stream::WheelOdometry | Stream::Steering | Stream::Speed => {
                     queue.push_wheel_odometry(message);
                     true
@@ -256,8 +303,18 @@ impl Mailbox {
     pub fn take(&self) -> Option<Item> {
         let mut queue = self.lock();
         let item = queue.items.pop_front()?;
+        if let Item::Heard(message) = &item {
+            queue.in_hand = Some(InHand {
+                stream: message.stream,
+                was_heard: true,
+            });
+            queue.heard.left(message);
+        }
         if let Item::Message(message) = &item {
-            queue.in_hand = Some(message.stream);
+            queue.in_hand = Some(InHand {
+                stream: message.stream,
+                was_heard: false,
+            });
             match message.stream {
                 Stream::WheelOdometry | Stream::Steering | Stream::Speed => {
                     queue.wheel_odometry -= 1;
@@ -275,7 +332,10 @@ impl Mailbox {
     /// Says what became of the message that was taken last.
     pub fn finish(&self, outcome: Outcome) {
         let mut queue = self.lock();
-        if let Some(stream) = queue.in_hand.take() {
+        if let Some(InHand { stream, was_heard }) = queue.in_hand.take() {
+            if was_heard {
+                queue.judge_pushed_out(Class::of(stream), outcome == Outcome::Known);
+            }
             queue.count_outcome(stream, outcome);
         }
     }
@@ -289,11 +349,13 @@ impl Mailbox {
     /// What became of the messages so far.
     pub fn counters(&self) -> Counters {
         let queue = self.lock();
-        let waiting = queue
-            .items
-            .iter()
-            .filter(|item| matches!(item, Item::Message(_)))
-            .count();
+        let is_own = queue.recipient != Recipient::Heir;
+        let counts = |item: &&Item| match item {
+            Item::Message(_) => true,
+            Item::Heard(_) => is_own,
+            _ => false,
+        };
+        let waiting = queue.items.iter().filter(counts).count();
         Counters {
             waiting: waiting as u64 + u64::from(queue.in_hand.is_some()),
             ..queue.counters.clone()
@@ -303,6 +365,59 @@ impl Mailbox {
     /// How far the task has come.
     pub fn progress(&self) -> Progress {
         self.lock().progress
+    }
+
+    /// For whom it takes messages.
+    pub fn recipient(&self) -> Recipient {
+        self.lock().recipient
+    }
+
+    /// Takes messages for a task that is to begin. `false` when it does so already, or there is a
+    /// task.
+    pub fn hear(&self) -> bool {
+        let mut queue = self.lock();
+        let begins = queue.recipient == Recipient::Nobody;
+        if begins {
+            queue.recipient = Recipient::Heir;
+        }
+        begins
+    }
+
+    /// Drops what was heard: no task is to begin. `false` when nothing was to be heard.
+    pub fn unhear(&self) -> bool {
+        let mut queue = self.lock();
+        let ends = queue.recipient == Recipient::Heir;
+        if ends {
+            queue.recipient = Recipient::Nobody;
+            queue.clear(false);
+        }
+        ends
+    }
+
+    /// Takes messages for the task that begins. `false` when there is one.
+    pub fn open(&self) -> bool {
+        let mut queue = self.lock();
+        let opens = queue.recipient != Recipient::Task;
+        if opens {
+            queue.recipient = Recipient::Task;
+            queue.counters.received += queue.heard.len() as u64;
+        }
+        opens
+    }
+
+    /// Takes no further message. `false` when it took none for a task.
+    pub fn close(&self) -> bool {
+        let mut queue = self.lock();
+        let closes = queue.recipient == Recipient::Task;
+        if closes {
+            queue.recipient = Recipient::Nobody;
+        }
+        closes
+    }
+
+    /// Drops what waits, which is another instance's by now.
+    pub fn clear(&self) {
+        self.lock().clear(true);
     }
 }
 
@@ -320,6 +435,7 @@ impl Queue {
                     Stream::Event => {}
                 }
             }
+            Outcome::Known => self.counters.received = self.counters.received.saturating_sub(1),
             Outcome::Refused(mut reason) => {
                 self.progress.dropped += u64::from(stream != Stream::Event);
                 if let Some((cut, _)) = reason.char_indices().nth(REFUSAL_CHARS_MAX) {
@@ -328,142 +444,6 @@ impl Queue {
                 self.counters.refused += 1;
                 self.counters.last_refusal = Some(reason);
             }
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use fleetcal_proto::Encoding;
-    use proptest::prelude::*;
-
-    use super::*;
-
-    fn message(stream: Stream, number: u32) -> Message {
-        Message {
-            stream,
-            form: Encoding::Cdr.into(),
-            link: None,
-            payload: number.to_le_bytes().to_vec(),
-        }
-    }
-
-    fn taken(mailbox: &Mailbox) -> Vec<(Stream, u32)> {
-        let mut all = Vec::new();
-        while let Some(item) = mailbox.take() {
-            if let Item::Message(message) = item {
-                let bytes: [u8; 4] = message.payload.try_into().expect("four bytes");
-                all.push((message.stream, u32::from_le_bytes(bytes)));
-                mailbox.finish(Outcome::Processed {
-                    stamp_ns: RobotTime(1),
-                });
-            }
-        }
-        all
-    }
-
-    #[test]
-    fn a_ninth_scan_pushes_out_the_oldest() {
-        let mailbox = Mailbox::default();
-        for number in 0..10 {
-            mailbox.push(message(Stream::Scan, number));
-        }
-        let numbers: Vec<u32> = taken(&mailbox)
-            .into_iter()
-            .map(|(_, number)| number)
-            .collect();
-        assert_eq!(numbers, (2..10).collect::<Vec<_>>());
-        assert_eq!(mailbox.counters().dropped_scans, 2);
-    }
-
-    #[test]
-    fn drive_samples_push_out_scans_before_each_other() {
-        let mailbox = Mailbox::default();
-        mailbox.push(message(Stream::Scan, 0));
-        for number in 0..1_024 {
-            mailbox.push(message(Stream::WheelOdometry, number));
-        }
-        assert_eq!(
-            (
-                mailbox.counters().dropped_scans,
-                mailbox.counters().dropped_wheel_odometry
-            ),
-            (0, 0)
-        );
-        mailbox.push(message(Stream::WheelOdometry, 1_024));
-        assert_eq!(
-            (
-                mailbox.counters().dropped_scans,
-                mailbox.counters().dropped_wheel_odometry
-            ),
-            (1, 0)
-        );
-        for number in 1_025..1_040 {
-            mailbox.push(message(Stream::WheelOdometry, number));
-        }
-        assert_eq!(
-            (
-                mailbox.counters().dropped_scans,
-                mailbox.counters().dropped_wheel_odometry
-            ),
-            (1, 8)
-        );
-    }
-
-    #[test]
-    fn a_long_reason_is_cut_between_characters() {
-        let mailbox = Mailbox::default();
-        mailbox.refuse(Stream::WheelOdometry, &"ä".repeat(REFUSAL_CHARS_MAX + 7));
-        let kept = mailbox.counters().last_refusal.expect("a reason");
-        assert_eq!(kept.chars().count(), REFUSAL_CHARS_MAX);
-    }
-
-    proptest! {
-        /// Whatever comes and goes: the order of arrival stays, the limits hold, no message
-        /// vanishes uncounted, and no drive sample is dropped while a scan waits.
-        #[test]
-        fn nothing_is_lost_uncounted(
-            steps in prop::collection::vec((0_u8..12, 1_usize..300), 1..60)
-        ) {
-            let mailbox = Mailbox::default();
-            let mut number = 0;
-            let mut seen = Vec::new();
-            for (what, times) in steps {
-                for _ in 0..times {
-                    let stream = match what {
-                        0..=4 => Stream::WheelOdometry,
-                        5..=7 => Stream::Scan,
-                        8 => Stream::LidarOdometry,
-                        9 => Stream::Event,
-                        _ => {
-                            if let Some(Item::Message(message)) = mailbox.take() {
-                                let bytes = message.payload.try_into().expect("four bytes");
-                                seen.push(u32::from_le_bytes(bytes));
-                                mailbox.finish(Outcome::Processed { stamp_ns: RobotTime(1) });
-                            }
-                            continue;
-                        }
-                    };
-                    let before = mailbox.counters();
-                    let scans_waited = mailbox.lock().scans;
-                    mailbox.push(message(stream, number));
-                    number += 1;
-                    let after = mailbox.counters();
-                    let queue = mailbox.lock();
-                    prop_assert!(queue.wheel_odometry + queue.scans <= SLOTS_MAX);
-                    prop_assert!(queue.scans <= MAILBOX_SCANS_MAX);
-                    prop_assert!(queue.notes <= MAILBOX_NOTES_MAX);
-                    prop_assert!(after.dropped_wheel_odometry == before.dropped_wheel_odometry || scans_waited == 0);
-                }
-            }
-            seen.extend(taken(&mailbox).into_iter().map(|(_, number)| number));
-            prop_assert!(seen.is_sorted());
-            let counters = mailbox.counters();
-            let dropped = counters.dropped_wheel_odometry + counters.dropped_scans + counters.dropped_notes;
-            prop_assert_eq!(counters.received, u64::from(number));
-            prop_assert_eq!(counters.processed, seen.len() as u64);
-            prop_assert_eq!(counters.received, counters.processed + dropped);
-            prop_assert_eq!(counters.waiting, 0);
         }
     }
 }

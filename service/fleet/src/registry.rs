@@ -1,13 +1,14 @@
 //! The robots of the fleet, and what all of its tasks share.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, PoisonError, RwLock};
 use std::time::Duration;
 
 use fleetcal_clock::SharedClock;
+use fleetcal_cluster::Membership;
 use fleetcal_domain::limits;
-use fleetcal_domain::robot::{HistoryEvent, Journal};
+use fleetcal_domain::robot::{HistoryEvent, Journal, RobotConfig};
 use fleetcal_estimator::{Calibrator, Effect, EstimatorSettings, Event};
 use fleetcal_model::{RobotId, Stream};
 use prometheus_client::metrics::histogram::Histogram;
@@ -96,6 +97,25 @@ pub(crate) struct Fleet {
     pub(super) tasks: TaskTracker,
     /// Moves with every change of a robot's configuration.
     pub(super) configured: watch_channel::Sender<u64>,
+    /// Whether this process has all robots, or those that it adopts.
+    pub(super) membership: Membership,
+    /// Moves when other robots' messages are wanted.
+    pub(super) heard: watch_channel::Sender<u64>,
+    /// The robots that the link is subscribed to.
+    pub(super) subscribed: watch_channel::Sender<BTreeSet<RobotId>>,
+}
+
+/// A robot that has sent nothing yet. An instance of a cluster has none until it adopts it.
+pub(super) fn new_robot(
+    membership: &Membership,
+    id: &RobotId,
+    config: Option<RobotConfig>,
+) -> Arc<Robot> {
+    let robot = Robot::new(id.clone(), config);
+    if membership.cluster().is_some() {
+        robot.mailbox.close();
+    }
+    Arc::new(robot)
 }
 
 impl Fleet {
@@ -183,7 +203,23 @@ impl Fleet {
             let gone = longest.id.clone();
             robots.remove(&gone);
         }
-        let robot = Arc::new(Robot::new(id.clone(), None));
+        let robot = new_robot(&self.membership, id, None);
         Some(Arc::clone(robots.entry(id.clone()).or_insert(robot)))
+    }
+
+    /// The robot of this id, of which the cluster's rows say that it is registered; its
+    /// configuration may come later.
+    pub(super) fn find_or_add(&self, id: &RobotId) -> Arc<Robot> {
+        let mut robots = self.robots.write().unwrap_or_else(PoisonError::into_inner);
+        let robot = || new_robot(&self.membership, id, None);
+        Arc::clone(robots.entry(id.clone()).or_insert_with(robot))
+    }
+
+    /// Stores how well a robot follows its path.
+    pub(crate) fn save_cross_tracks(&self, robot: &Robot) {
+        for (generation, errors) in robot.unsaved_cross_tracks() {
+            self.journal
+                .save_cross_track(&robot.id, generation, &errors);
+        }
     }
 }

@@ -1,5 +1,8 @@
 //! One robot's place in the fleet: its mailbox, its connection, and what its task last said.
 
+mod mirror;
+mod used;
+
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -22,9 +25,12 @@ use fleetcal_proto::estimate::EstimateDocument;
 
 use crate::candidate::Candidate;
 use crate::cross_track::{CrossTracks, UsedValues};
-use crate::mailbox::Mailbox;
+use crate::mailbox::{Mailbox, Recipient};
 use crate::tap::Taps;
+use crate::task::Tenancy;
 use crate::top_view::TopViewAskers;
+use mirror::Estimators;
+use used::Used;
 
 /// Seconds over which a stream's rate is taken.
 const RATE_WINDOW_S: usize = 5;
@@ -103,58 +109,6 @@ struct Status {
     warnings: Vec<Warning>,
 }
 
-/// Values that a robot compensates with, and from which of its messages on.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct InForce {
-    used: UsedValues,
-    /// From this stamp on, ns since 1970 by the clock of its messages.
-    from_stamp: RobotTime,
-}
-
-impl InForce {
-    /// As the agent says it, until its answer has come up among the messages.
-    const fn as_told(used: UsedValues) -> Self {
-        Self {
-            used,
-            from_stamp: used.since,
-        }
-    }
-}
-
-/// What a robot compensates with, as far as it has said.
-#[derive(Debug, Clone, PartialEq, Default)]
-struct Used {
-    /// Values, oldest first.
-    values: Vec<InForce>,
-    /// The generation to be verified, and since when it is in use by the agent's clock.
-    in_verification: Option<(Generation, RobotTime)>,
-    /// Answers that have not come up among the messages yet.
-    unheard: u32,
-}
-
-impl Used {
-    /// What the robot says now; of what it said before, the stamps are known. `true` when that is
-    /// something new.
-    fn follow(
-        &mut self,
-        values: &[UsedValues],
-        in_verification: Option<(Generation, RobotTime)>,
-    ) -> bool {
-        let known = |used: &UsedValues| {
-            let mut known = self.values.iter();
-            let known = known.find(|known| known.used == *used).copied();
-            known.unwrap_or(InForce::as_told(*used))
-        };
-        let values: Vec<InForce> = values.iter().map(known).collect();
-        let latest = |values: &[InForce]| values.last().map(|latest| latest.used);
-        let is_new =
-            latest(&values) != latest(&self.values) || in_verification != self.in_verification;
-        self.values = values;
-        self.in_verification = in_verification;
-        is_new
-    }
-}
-
 /// One robot of the fleet.
 #[derive(Debug)]
 pub struct Robot {
@@ -166,9 +120,13 @@ pub struct Robot {
     pub top_view_askers: TopViewAskers,
     /// Those who record it.
     pub taps: Taps,
+    /// Its task.
+    pub tenancy: Mutex<Tenancy>,
     link: Mutex<Link>,
     status: Mutex<Status>,
     cross_tracks: Mutex<CrossTracks>,
+    /// Which instance estimates it, and what that says.
+    estimators: Mutex<Estimators>,
 }
 
 /// The values behind the locks are whole after every statement, so the panic of another thread
@@ -216,6 +174,8 @@ impl Robot {
                 warnings: Vec::new(),
             }),
             cross_tracks: Mutex::default(),
+            tenancy: Mutex::default(),
+            estimators: Mutex::default(),
         }
     }
 
@@ -288,7 +248,8 @@ impl Robot {
                 && quiet >= SESSION_ENDS_AFTER_TOKEN
         });
         let over = gone || quiet >= SESSION_ENDS_AFTER;
-        let ends = link.session == Session::Open && over && self.mailbox.is_idle();
+        let is_here = self.mailbox.recipient() == Recipient::Task;
+        let ends = link.session == Session::Open && over && is_here && self.mailbox.is_idle();
         if ends {
             link.session = Session::Ended;
         }
@@ -316,6 +277,9 @@ impl Robot {
     }
 
     fn is_stale(&self, clock: &dyn Clock) -> bool {
+        if let Some(stale) = self.is_mirror_stale(clock) {
+            return stale;
+        }
         self.quiet_for(clock)
             .is_none_or(|quiet| quiet >= STALE_AFTER)
     }
@@ -570,8 +534,9 @@ impl Robot {
                     .collect(),
             }
         };
-        let counters = self.mailbox.counters();
+        let (connection, counters) = self.mirrored(connection, self.mailbox.counters());
         let former_key = self.warning_of_former_key(clock);
+        let estimated_by = self.estimated_by();
         let status = lock(&self.status);
         RobotView {
             id: self.id.clone(),
@@ -585,6 +550,7 @@ impl Robot {
             pairing: status.pairing,
             warnings: status.warnings.iter().cloned().chain(former_key).collect(),
             topics,
+            estimated_by,
         }
     }
 }

@@ -1,6 +1,11 @@
 //! One robot's task: takes what waits in the mailbox, feeds the pure estimator, and does what the
 //! estimator asks for.
 
+mod heard;
+mod running;
+
+pub use running::{Keep, Running, Tenancy};
+
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -38,6 +43,7 @@ use crate::stored::{self, Restored, Stored};
 use crate::tap::Tapped;
 use crate::top_view;
 use crate::verification_run::VerificationRun;
+use heard::Known;
 
 /// The parameters that have to be known for a robot to be called calibrated.
 const CALIBRATED: [Parameter; 4] = [
@@ -46,33 +52,6 @@ const CALIBRATED: [Parameter; 4] = [
     Parameter::LidarY,
     Parameter::LidarYaw,
 ];
-
-/// Runs until the fleet stops and the mailbox is empty.
-pub async fn run(fleet: Arc<Fleet>, robot: Arc<Robot>, stored: Option<Vec<u8>>) {
-    let Some((version, config)) = robot.versioned_config() else {
-        return;
-    };
-    let mut task = RobotTask::start(fleet, robot, version, &config, stored.as_deref());
-    loop {
-        while let Some(item) = task.robot.mailbox.take() {
-            task.take(item);
-            task.answer_top_view_askers();
-            // A scan takes a millisecond: let the API and the other robots have theirs.
-            tokio::task::yield_now().await;
-        }
-        if task.fleet.stop.is_cancelled() {
-            break;
-        }
-        tokio::select! {
-            () = task.robot.mailbox.arrived() => {}
-            () = task.fleet.stop.cancelled() => {}
-        }
-        task.follow_config();
-        task.answer_top_view_askers();
-    }
-    task.save_checkpoint();
-    drop(task.robot.top_view_askers.take());
-}
 
 /// What the estimator is doing.
 #[derive(Debug)]
@@ -112,6 +91,8 @@ struct RobotTask {
     changed: bool,
     /// What proves the values that the robot has begun to use.
     verification_run: Option<VerificationRun>,
+    /// What of the messages that were heard before is known already.
+    known: Option<Known>,
 }
 
 impl RobotTask {
@@ -131,6 +112,7 @@ impl RobotTask {
         let config = config.calibrator_config(&fleet.estimator);
         let restored = stored.and_then(|bytes| stored::restore(&robot.id, &config, bytes));
         let last_good = restored.as_ref().map(|one| one.calibrator.checkpoint());
+        let known = restored.as_ref().map(|one| Known::by(&one.calibrator));
         let restored = restored.unwrap_or_else(|| Restored::nothing(&config));
         let task = Self {
             fleet,
@@ -152,6 +134,7 @@ impl RobotTask {
             top_view: None,
             changed: restored.changed,
             verification_run: restored.verification_run,
+            known,
         };
         if task.last_good.is_some() {
             task.show_restored(restored.candidate);
@@ -192,14 +175,10 @@ impl RobotTask {
         self.follow_config();
         match item {
             Item::Message(message) => {
-                let began = self.fleet.clock.elapsed();
-                let outcome = self.take_message(&message);
-                self.fleet.took(message.stream, began);
-                if let Outcome::Refused(reason) = &outcome {
-                    tracing::debug!(robot.id = %self.robot.id, reason, "message refused");
-                }
-                self.robot.mailbox.finish(outcome);
+                self.known = None;
+                self.take_and_count(&message);
             }
+            Item::Heard(message) => self.take_and_count(&message),
             Item::Note(note) => {
                 self.step(Event::Note(note));
             }
@@ -214,6 +193,16 @@ impl RobotTask {
                 }
             }
         }
+    }
+
+    fn take_and_count(&mut self, message: &Message) {
+        let began = self.fleet.clock.elapsed();
+        let outcome = self.take_message(message);
+        self.fleet.took(message.stream, began);
+        if let Outcome::Refused(reason) = &outcome {
+            tracing::debug!(robot.id = %self.robot.id, reason, "message refused");
+        }
+        self.robot.mailbox.finish(outcome);
     }
 
     fn take_message(&mut self, message: &Message) -> Outcome {
@@ -241,7 +230,17 @@ impl RobotTask {
         if let Some(pairing) = self.intake.pairing() {
             self.robot.set_pairing(pairing);
         }
-        for decoded in taken.events {
+        let mut events = taken.events;
+        if let Some(known) = &mut self.known {
+            known.hear(taken.stamp);
+            let nothing_follows = events.is_empty() && known.has_half(taken.stamp);
+            let count = events.len();
+            events.retain(|decoded| !known.has(&decoded.event));
+            if nothing_follows || events.is_empty() && count > 0 {
+                return Outcome::Known;
+            }
+        }
+        for decoded in events {
             let outcome = self.take_decoded(decoded);
             if let Outcome::Refused(_) = outcome {
                 return outcome;

@@ -95,6 +95,7 @@ fn bench_of(
         robots,
         checkpoints,
         last_heard: BTreeMap::new(),
+        membership: fleetcal_cluster::Membership::alone(),
     };
     Bench {
         fleet: FleetHandle::start_with(setup, step),

@@ -39,11 +39,7 @@ pub async fn run(fleet: Arc<Fleet>) {
 
 fn save_cross_tracks(fleet: &Fleet) {
     for robot in fleet.all() {
-        for (generation, errors) in robot.unsaved_cross_tracks() {
-            fleet
-                .journal
-                .save_cross_track(&robot.id, generation, &errors);
-        }
+        fleet.save_cross_tracks(&robot);
     }
 }
 

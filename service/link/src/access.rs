@@ -93,6 +93,24 @@ pub fn list(keys: &Keys, more: &[Value]) -> Value {
     })
 }
 
+/// The same where several instances carry the fleet, each with an embedded router, and pass on to
+/// each other what robots send, ask and hear: every rule holds in both directions. Such a router
+/// cannot tell instances from robots; one that can has the list of `fleetcal acl generate`.
+pub fn list_of_cluster(keys: &Keys, more: &[Value]) -> Value {
+    let digests = [keys.digest_of_all()];
+    let told = ["put", "declare_subscriber"];
+    let mut more = more.to_vec();
+    more.push(rule("digests", "ingress", &told, &digests));
+    let mut list = list(keys, &more);
+    let rules = list.get_mut("rules").and_then(Value::as_array_mut);
+    for rule in rules.into_iter().flatten() {
+        if let Some(flows) = rule.get_mut("flows") {
+            *flows = json!(["ingress", "egress"]);
+        }
+    }
+    list
+}
+
 /// One rule that allows `messages` in one direction.
 pub fn rule(id: &str, flow: &str, messages: &[&str], key_exprs: &[String]) -> Value {
     json!({

@@ -14,21 +14,28 @@ use zenoh::query::{Query, Queryable};
 use zenoh::sample::{Locality, Sample, SampleKind};
 use zenoh::{Result, Session, Wait};
 
+use crate::gate::Gate;
 use crate::questions::Questions;
 use crate::ros2::{self, Ros2};
 
-/// Hears what robots answer. The callback runs on Zenoh's receiving threads and never blocks.
+/// Hears what robots answer. The callback runs on Zenoh's receiving threads and never blocks. Of
+/// several instances, the one that has the robot takes the answer; what comes while none has it, the
+/// robot says again.
 pub async fn hear_answers(
     session: &Session,
     keys: &Keys,
+    answers: String,
     lifecycle: Lifecycle,
+    gate: Gate,
 ) -> Result<Subscriber<()>> {
     let own_keys = keys.clone();
     session
-        .declare_subscriber(keys.stream_of_all(StreamKind::CalibrationApplied))
+        .declare_subscriber(answers)
         .allowed_origin(Locality::Remote)
         .callback(move |sample| {
-            if let Ok(Key::Stream { robot, .. }) = own_keys.parse(sample.key_expr().as_str()) {
+            if let Ok(Key::Stream { robot, .. }) = own_keys.parse(sample.key_expr().as_str())
+                && gate.has(&robot)
+            {
                 take_answer(&lifecycle, &robot, &sample);
             }
         })
@@ -51,39 +58,55 @@ fn take_answer(lifecycle: &Lifecycle, robot: &RobotId, sample: &Sample) {
     }
 }
 
-/// Answers what a robot should hold, from the database.
-pub async fn answer_approved(
-    session: &Session,
-    keys: &Keys,
-    lifecycle: Lifecycle,
-    questions: &Questions,
-) -> Result<Queryable<()>> {
-    let own_keys = keys.clone();
-    let questions = questions.clone();
-    session
-        .declare_queryable(keys.stream_of_all(StreamKind::CalibrationApproved))
-        .complete(true)
-        .callback(move |query| {
-            let (lifecycle, keys) = (lifecycle.clone(), own_keys.clone());
-            questions.answer(async move { reply_approved(&lifecycle, &keys, &query).await });
-        })
-        .await
+/// What answers robots.
+#[derive(Debug, Clone, Copy)]
+pub struct Asked<'a> {
+    /// The session.
+    pub session: &'a Session,
+    /// The keys under the configured root.
+    pub keys: &'a Keys,
+    /// Who knows the answers.
+    pub lifecycle: &'a Lifecycle,
+    /// Where questions wait.
+    pub questions: &'a Questions,
+    /// Whether nobody else has to be asked.
+    pub complete: bool,
 }
 
-async fn reply_approved(lifecycle: &Lifecycle, keys: &Keys, query: &Query) {
+impl Asked<'_> {
+    /// Declares what answers questions of a kind by `answer`.
+    async fn declare<A: Future<Output = ()> + Send + 'static>(
+        &self,
+        kind: StreamKind,
+        answer: fn(Lifecycle, Keys, Query) -> A,
+    ) -> Result<Queryable<()>> {
+        let (lifecycle, keys) = (self.lifecycle.clone(), self.keys.clone());
+        let questions = self.questions.clone();
+        self.session
+            .declare_queryable(self.keys.stream_of_all(kind))
+            .complete(self.complete)
+            .callback(move |query| {
+                questions.answer(answer(lifecycle.clone(), keys.clone(), query));
+            })
+            .await
+    }
+}
+
+/// Answers what a robot should hold, from the database.
+pub async fn answer_approved(asked: &Asked<'_>) -> Result<Queryable<()>> {
+    let kind = StreamKind::CalibrationApproved;
+    asked.declare(kind, reply_approved).await
+}
+
+async fn reply_approved(lifecycle: Lifecycle, keys: Keys, query: Query) {
     let Ok(Key::Stream { robot, .. }) = keys.parse(query.key_expr().as_str()) else {
         // A question about all robots at once is nobody's own.
         return;
     };
     match lifecycle.approved(&robot).await {
         Ok(Some(envelope)) => {
-            reply(
-                query,
-                keys,
-                &robot,
-                StreamKind::CalibrationApproved,
-                &envelope,
-            );
+            let kind = StreamKind::CalibrationApproved;
+            reply(&query, &keys, &robot, kind, &envelope);
         }
         Ok(None) => {}
         Err(error) => tracing::error!(robot.id = %robot, %error, "a question was not answered"),
@@ -91,24 +114,19 @@ async fn reply_approved(lifecycle: &Lifecycle, keys: &Keys, query: &Query) {
 }
 
 /// Answers which of a robot's answers is stored.
-pub async fn answer_confirmed(
-    session: &Session,
-    keys: &Keys,
-    lifecycle: Lifecycle,
-) -> Result<Queryable<()>> {
-    let own_keys = keys.clone();
-    session
-        .declare_queryable(keys.stream_of_all(StreamKind::CalibrationConfirmed))
-        .complete(true)
-        .callback(move |query| {
-            if let Ok(Key::Stream { robot, .. }) = own_keys.parse(query.key_expr().as_str())
-                && let Some(confirmed) = lifecycle.confirmed(&robot)
-            {
-                let kind = StreamKind::CalibrationConfirmed;
-                reply(&query, &own_keys, &robot, kind, &confirmed);
-            }
-        })
-        .await
+pub async fn answer_confirmed(asked: &Asked<'_>) -> Result<Queryable<()>> {
+    let kind = StreamKind::CalibrationConfirmed;
+    asked.declare(kind, reply_confirmed).await
+}
+
+async fn reply_confirmed(lifecycle: Lifecycle, keys: Keys, query: Query) {
+    let Ok(Key::Stream { robot, .. }) = keys.parse(query.key_expr().as_str()) else {
+        return;
+    };
+    if let Some(confirmed) = lifecycle.confirmed(&robot) {
+        let kind = StreamKind::CalibrationConfirmed;
+        reply(&query, &keys, &robot, kind, &confirmed);
+    }
 }
 
 fn reply<T: Serialize>(query: &Query, keys: &Keys, robot: &RobotId, kind: StreamKind, said: &T) {
@@ -121,91 +139,108 @@ fn reply<T: Serialize>(query: &Query, keys: &Keys, robot: &RobotId, kind: Stream
     }
 }
 
-/// Sends what was decided, until `stop`. What is not sent stays in the outbox.
-pub async fn send_outbox(
-    session: Session,
-    keys: Keys,
-    lifecycle: Lifecycle,
-    ros2: Ros2,
-    stop: CancellationToken,
-) {
-    loop {
-        let pause = if send_all(&session, &keys, &lifecycle, &ros2).await {
-            limits::POST_EVERY
-        } else {
-            limits::POST_RETRY
-        };
-        tokio::select! {
-            () = stop.cancelled() => return,
-            () = lifecycle.post_comes() => {}
-            () = tokio::time::sleep(pause) => {}
-        }
-    }
+/// What sends what was decided.
+#[derive(Debug)]
+pub struct Post {
+    /// The session.
+    pub session: Session,
+    /// The keys under the configured root.
+    pub keys: Keys,
+    /// Who has decided.
+    pub lifecycle: Lifecycle,
+    /// Where robots have their ROS 2 topics.
+    pub ros2: Ros2,
+    /// What may leave.
+    pub gate: Gate,
 }
 
-/// Sends what waits; whether all of it went.
-async fn send_all(session: &Session, keys: &Keys, lifecycle: &Lifecycle, ros2: &Ros2) -> bool {
-    let entries = match lifecycle.outbox().await {
-        Ok(entries) => entries,
-        Err(error) => {
-            tracing::error!(%error, "the outbox cannot be read");
-            return false;
-        }
-    };
-    let mut all = true;
-    for (robot, entry) in entries {
-        let put = match lifecycle.message(&robot, entry).await {
-            Ok(None) => continue,
-            Ok(Some(message)) => {
-                let put = put(session, keys, &robot, &message).await;
-                also_to_ros2(session, ros2, &robot, &message).await;
-                put
+impl Post {
+    /// Sends what was decided, until `stop`. What is not sent stays in the outbox.
+    pub async fn send_outbox(self, stop: CancellationToken) {
+        loop {
+            let pause = if self.send_all().await {
+                limits::POST_EVERY
+            } else {
+                limits::POST_RETRY
+            };
+            tokio::select! {
+                () = stop.cancelled() => return,
+                () = self.lifecycle.post_comes() => {}
+                () = tokio::time::sleep(pause) => {}
             }
-            Err(error) => Err(error.into()),
-        };
-        let sent = match put {
-            Ok(()) => lifecycle.sent(&robot, entry).await.map_err(Into::into),
-            Err(error) => Err(error),
-        };
-        if let Err(error) = sent {
-            all = false;
-            tracing::warn!(robot.id = %robot, ?entry, error, "not sent, and tried again");
         }
     }
-    all
-}
 
-/// On the robot's ROS 2 topic too. Who does not get it there asks for it.
-async fn also_to_ros2(session: &Session, ros2: &Ros2, robot: &RobotId, message: &OutboxMessage) {
-    let OutboxMessage::Approved(envelope) = message else {
-        return;
-    };
-    if let Err(error) = ros2::calibration::publish(session, ros2, robot, envelope).await {
-        tracing::warn!(robot.id = %robot, error, "not sent to the robot's ROS 2 topic");
+    /// Sends what waits for robots that this process has; whether all of it went.
+    async fn send_all(&self) -> bool {
+        let entries = match self.lifecycle.outbox().await {
+            Ok(entries) => entries,
+            Err(error) => {
+                tracing::error!(%error, "the outbox cannot be read");
+                return false;
+            }
+        };
+        let own = |(robot, _): &(RobotId, _)| self.gate.has(robot);
+        let mut all = true;
+        for (robot, entry) in entries.into_iter().filter(own) {
+            let put = match self.lifecycle.message(&robot, entry).await {
+                Ok(None) => continue,
+                Ok(Some(_)) if !self.gate.lets(&robot) => return false,
+                Ok(Some(message)) => {
+                    let put = self.put(&robot, &message).await;
+                    self.also_to_ros2(&robot, &message).await;
+                    put
+                }
+                Err(error) => Err(error.into()),
+            };
+            let sent = match put {
+                Ok(()) => {
+                    let sent = self.lifecycle.sent(&robot, entry).await;
+                    sent.map_err(Into::into)
+                }
+                Err(error) => Err(error),
+            };
+            if let Err(error) = sent {
+                all = false;
+                tracing::warn!(robot.id = %robot, ?entry, error, "not sent, and tried again");
+            }
+        }
+        all
     }
-}
 
-/// Waits for room instead of dropping: a calibration is no estimate that comes again in a second.
-async fn put(
-    session: &Session,
-    keys: &Keys,
-    robot: &RobotId,
-    message: &OutboxMessage,
-) -> Result<()> {
-    let (kind, json) = match message {
-        OutboxMessage::Approved(envelope) => (
-            StreamKind::CalibrationApproved,
-            serde_json::to_vec(envelope)?,
-        ),
-        OutboxMessage::Confirmed(confirmed) => (
-            StreamKind::CalibrationConfirmed,
-            serde_json::to_vec(confirmed)?,
-        ),
-    };
-    session
-        .put(keys.stream(robot, kind), json)
-        .encoding(Encoding::APPLICATION_JSON)
-        .congestion_control(CongestionControl::Block)
-        .priority(Priority::InteractiveHigh)
-        .await
+    /// On the robot's ROS 2 topic too. Who does not get it there asks for it.
+    async fn also_to_ros2(&self, robot: &RobotId, message: &OutboxMessage) {
+        let OutboxMessage::Approved(envelope) = message else {
+            return;
+        };
+        let told = ros2::calibration::publish(&self.session, &self.ros2, robot, envelope);
+        if let Err(error) = told.await {
+            tracing::warn!(robot.id = %robot, error, "not sent to the robot's ROS 2 topic");
+        }
+    }
+
+    /// Waits for room instead of dropping: a calibration is no estimate that comes again in a
+    /// second.
+    async fn put(&self, robot: &RobotId, message: &OutboxMessage) -> Result<()> {
+        let (kind, json) = match message {
+            OutboxMessage::Approved(envelope) => (
+                StreamKind::CalibrationApproved,
+                serde_json::to_vec(envelope)?,
+            ),
+            OutboxMessage::Confirmed(confirmed) => (
+                StreamKind::CalibrationConfirmed,
+                serde_json::to_vec(confirmed)?,
+            ),
+        };
+        let put = self
+            .session
+            .put(self.keys.stream(robot, kind), json)
+            .encoding(Encoding::APPLICATION_JSON)
+            .congestion_control(CongestionControl::Block)
+            .priority(Priority::InteractiveHigh);
+        if !self.gate.lets(robot) {
+            return Err("the robot is another instance's by now".into());
+        }
+        put.await
+    }
 }

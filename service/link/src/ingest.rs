@@ -13,19 +13,43 @@ use zenoh::pubsub::Subscriber;
 use zenoh::sample::{Locality, Sample, SampleKind};
 use zenoh::{Result, Session};
 
-/// Subscribes to every robot's streams with one callback: a queue for each stream would lose the
-/// order in which a robot has sent. The callback runs on Zenoh's receiving threads and never
+/// Subscribes to robots' streams, of every kind, with one callback: a queue for each stream would
+/// lose the order in which a robot has sent. The callback runs on Zenoh's receiving threads and never
 /// blocks.
 pub async fn subscribe(
     session: &Session,
     keys: &Keys,
+    streams: String,
     fleet: FleetHandle,
 ) -> Result<Subscriber<()>> {
     let own_keys = keys.clone();
     session
-        .declare_subscriber(keys.stream_of_all_kinds())
+        .declare_subscriber(streams)
         .allowed_origin(Locality::Remote)
         .callback(move |sample| take(&fleet, &own_keys, &sample))
+        .await
+}
+
+/// Subscribes to the streams of robots of which those count that nobody has registered: the others
+/// have subscribers of their own.
+pub async fn subscribe_strangers(
+    session: &Session,
+    keys: &Keys,
+    streams: String,
+    fleet: FleetHandle,
+) -> Result<Subscriber<()>> {
+    let own_keys = keys.clone();
+    session
+        .declare_subscriber(streams)
+        .allowed_origin(Locality::Remote)
+        .callback(move |sample| {
+            let key = own_keys.parse(sample.key_expr().as_str());
+            if let Ok(Key::Stream { robot, .. }) = key
+                && !fleet.is_registered(&robot)
+            {
+                take(&fleet, &own_keys, &sample);
+            }
+        })
         .await
 }
 

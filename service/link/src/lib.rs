@@ -3,6 +3,8 @@
 mod access;
 mod anonymous;
 mod calibration;
+mod cluster;
+mod gate;
 mod ingest;
 mod outgoing;
 mod questions;
@@ -14,11 +16,13 @@ use std::path::PathBuf;
 use std::pin::Pin;
 
 use fleetcal_clock::SharedClock;
+use fleetcal_cluster::{LinkReport, Membership};
 use fleetcal_domain::limits;
 use fleetcal_domain::streams::Ros2Settings;
 use fleetcal_fleet::FleetHandle;
-use fleetcal_proto::key::{KeyRefused, Keys, ServiceInstance};
+use fleetcal_proto::key::{KeyRefused, Keys, ServiceInstance, StreamKind};
 use thiserror::Error;
+use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 use zenoh::Session;
@@ -26,9 +30,11 @@ use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Subscriber;
 use zenoh::query::Queryable;
 
+use cluster::{ClusterLink, ClusterParts, HeardStreams};
 use fleetcal_operations::lifecycle::Lifecycle;
+use gate::Gate;
 use questions::Questions;
-use ros2::{Ros2Link, RouteTable};
+use ros2::{Ros2, Ros2Link, RouteTable};
 
 pub use strict::{Identity, RouterCertificate, StrictRouter, is_robots_own};
 
@@ -48,6 +54,10 @@ pub struct LinkSetup {
     pub keys: Keys,
     /// Where ROS 2 robots' topics are.
     pub ros2: Ros2Settings,
+    /// This process's place in a cluster.
+    pub membership: Membership,
+    /// Where the link of an instance of a cluster says how it is.
+    pub report: watch::Sender<LinkReport>,
 }
 
 /// Why the link could not be opened.
@@ -101,17 +111,32 @@ pub type Boxed<T> = Pin<Box<dyn Future<Output = T> + Send>>;
 #[derive(Debug)]
 pub struct Link {
     session: Session,
-    streams: Subscriber<()>,
     presence: Subscriber<()>,
     progress: Queryable<()>,
-    token: LivelinessToken,
-    approved: Queryable<()>,
-    confirmed: Queryable<()>,
-    answers: Subscriber<()>,
+    /// Of a service that has all robots.
+    all: Option<AllRobots>,
+    /// Of an instance of a cluster.
+    cluster: Option<ClusterLink>,
     ros2: Ros2Link,
     publisher: JoinHandle<()>,
     poster: JoinHandle<()>,
     stop: CancellationToken,
+}
+
+/// What a service has declared that has all robots.
+#[derive(Debug)]
+struct AllRobots {
+    token: LivelinessToken,
+    declared: DeclaredForAll,
+}
+
+/// The same without the token.
+#[derive(Debug)]
+struct DeclaredForAll {
+    streams: Subscriber<()>,
+    approved: Queryable<()>,
+    confirmed: Queryable<()>,
+    answers: Subscriber<()>,
 }
 
 impl LinkSetup {
@@ -145,69 +170,20 @@ impl Link {
         clock: SharedClock,
     ) -> Result<Self, LinkError> {
         let table = RouteTable::new(&setup.ros2, setup.keys.root(), fleet.streams());
-        let session = session::open(&setup, &ros2::access::rules(&table)).await?;
+        let opened = session::open(&setup, &ros2::access::rules(&table)).await?;
+        let session = opened.session;
         let stop = CancellationToken::new();
-        let keys = setup.keys;
-        let declared = |what| {
-            move |error: zenoh::Error| LinkError::Declare {
-                what,
-                reason: error.to_string(),
-            }
-        };
-        let presence = ingest::watch_presence(&session, &keys, fleet.clone())
-            .await
-            .map_err(declared("the subscriber of liveliness tokens"))?;
-        let progress = outgoing::answer_progress(&session, &keys, fleet.clone())
-            .await
-            .map_err(declared("the queryable of progress"))?;
-        let questions = Questions::new(fleet.clone());
-        let approved = calibration::answer_approved(&session, &keys, lifecycle.clone(), &questions)
-            .await
-            .map_err(declared("the queryable of approved calibrations"))?;
-        let confirmed = calibration::answer_confirmed(&session, &keys, lifecycle.clone())
-            .await
-            .map_err(declared("the queryable of confirmations"))?;
-        let answers = calibration::hear_answers(&session, &keys, lifecycle.clone())
-            .await
-            .map_err(declared("the subscriber of robots' answers"))?;
-        let streams = ingest::subscribe(&session, &keys, fleet.clone())
-            .await
-            .map_err(declared("the subscriber of robots' streams"))?;
-        let surroundings = ros2::Surroundings {
-            fleet: fleet.clone(),
-            lifecycle: lifecycle.clone(),
-            clock,
-            questions,
-        };
-        let ros2 = Ros2Link::open(&session, table, surroundings, stop.clone())
-            .await
-            .map_err(declared("what ROS 2 robots need"))?;
-        // Last: a robot that sees the token finds everything else there.
-        let instance = ServiceInstance::parse(&session.zid().to_string())?;
-        let token = session
-            .liveliness()
-            .declare_token(keys.service(&instance))
-            .await
-            .map_err(declared("the service's liveliness token"))?;
-        let (own, own_keys, to_ros2) = (session.clone(), keys.clone(), ros2.shared());
-        let posting = calibration::send_outbox(own, own_keys, lifecycle, to_ros2, stop.clone());
-        let poster = tokio::spawn(posting);
-        let publishing = outgoing::publish_estimates(session.clone(), keys, fleet, stop.clone());
-        let publisher = tokio::spawn(publishing);
-        Ok(Self {
+        let parts = Parts {
+            keys: setup.keys.clone(),
+            gate: Gate::new(setup.membership.clone(), clock.clone()),
+            questions: Questions::new(fleet.clone()),
             session,
-            streams,
-            presence,
-            progress,
-            token,
-            approved,
-            confirmed,
-            answers,
-            ros2,
-            publisher,
-            poster,
+            fleet,
+            lifecycle,
+            clock,
             stop,
-        })
+        };
+        parts.linked(table, setup, opened.listens).await
     }
 
     /// Whether the session is open.
@@ -222,18 +198,17 @@ impl Link {
 
     async fn closed(self) {
         self.stop.cancel();
+        if let Some(declared) = self.all {
+            declared.undeclare().await;
+        }
+        if let Some(cluster) = self.cluster {
+            cluster.close().await;
+        }
         for undeclared in [
-            self.token.undeclare().await,
-            self.streams.undeclare().await,
             self.presence.undeclare().await,
             self.progress.undeclare().await,
-            self.approved.undeclare().await,
-            self.confirmed.undeclare().await,
-            self.answers.undeclare().await,
         ] {
-            if let Err(error) = undeclared {
-                tracing::warn!(error, "Zenoh refused to undeclare");
-            }
+            warn_if_refused(undeclared);
         }
         self.ros2.close().await;
         if let Err(error) = self.publisher.await {
@@ -243,5 +218,175 @@ impl Link {
             tracing::error!(%error, "the sender of calibrations failed");
         }
         session::close(self.session).await;
+    }
+}
+
+impl AllRobots {
+    async fn undeclare(self) {
+        let declared = self.declared;
+        for undeclared in [
+            self.token.undeclare().await,
+            declared.streams.undeclare().await,
+            declared.approved.undeclare().await,
+            declared.confirmed.undeclare().await,
+            declared.answers.undeclare().await,
+        ] {
+            warn_if_refused(undeclared);
+        }
+    }
+}
+
+/// What every part of the link works with.
+#[derive(Debug, Clone)]
+struct Parts {
+    session: Session,
+    keys: Keys,
+    fleet: FleetHandle,
+    lifecycle: Lifecycle,
+    clock: SharedClock,
+    gate: Gate,
+    questions: Questions,
+    stop: CancellationToken,
+}
+
+impl Parts {
+    async fn linked(
+        self,
+        table: RouteTable,
+        setup: LinkSetup,
+        listens: bool,
+    ) -> Result<Link, LinkError> {
+        let (session, keys, fleet) = (&self.session, &self.keys, &self.fleet);
+        let cluster = setup.membership.cluster().cloned();
+        let presence = ingest::watch_presence(session, keys, fleet.clone())
+            .await
+            .map_err(refused("the subscriber of liveliness tokens"))?;
+        let progress = outgoing::answer_progress(session, keys, fleet.clone(), self.gate.clone())
+            .await
+            .map_err(refused("the queryable of progress"))?;
+        let streams = match &cluster {
+            None => Some(self.declare_for_all().await?),
+            Some(_) => None,
+        };
+        let heard = cluster.is_some().then(|| HeardStreams::new(&self));
+        let surroundings = ros2::Surroundings {
+            fleet: fleet.clone(),
+            lifecycle: self.lifecycle.clone(),
+            clock: self.clock.clone(),
+            questions: self.questions.clone(),
+            gate: self.gate.clone(),
+            heard,
+        };
+        let ros2 = Ros2Link::open(session, table, surroundings, self.stop.clone())
+            .await
+            .map_err(refused("what ROS 2 robots need"))?;
+        // Last: a robot that sees the token finds everything else there.
+        let all = match streams {
+            Some(streams) => Some(self.declare_token(streams).await?),
+            None => None,
+        };
+        let cluster = match cluster {
+            Some(cluster) => {
+                let parts = ClusterParts {
+                    parts: self.clone(),
+                    cluster,
+                    listens,
+                    report: setup.report,
+                };
+                let opened = ClusterLink::open(parts).await;
+                Some(opened.map_err(refused("what instances tell each other"))?)
+            }
+            None => None,
+        };
+        let (publisher, poster) = self.begin_to_send(ros2.shared());
+        Ok(Link {
+            session: self.session,
+            presence,
+            progress,
+            all,
+            cluster,
+            ros2,
+            publisher,
+            poster,
+            stop: self.stop,
+        })
+    }
+
+    /// Declares what is there for all robots.
+    async fn declare_for_all(&self) -> Result<DeclaredForAll, LinkError> {
+        let (session, keys) = (&self.session, &self.keys);
+        let asked = calibration::Asked {
+            session,
+            keys,
+            lifecycle: &self.lifecycle,
+            questions: &self.questions,
+            complete: true,
+        };
+        let approved = calibration::answer_approved(&asked)
+            .await
+            .map_err(refused("the queryable of approved calibrations"))?;
+        let confirmed = calibration::answer_confirmed(&asked)
+            .await
+            .map_err(refused("the queryable of confirmations"))?;
+        let key = keys.stream_of_all(StreamKind::CalibrationApplied);
+        let (lifecycle, gate) = (self.lifecycle.clone(), self.gate.clone());
+        let answers = calibration::hear_answers(session, keys, key, lifecycle, gate)
+            .await
+            .map_err(refused("the subscriber of robots' answers"))?;
+        let key = keys.stream_of_all_kinds();
+        let streams = ingest::subscribe(session, keys, key, self.fleet.clone())
+            .await
+            .map_err(refused("the subscriber of robots' streams"))?;
+        Ok(DeclaredForAll {
+            streams,
+            approved,
+            confirmed,
+            answers,
+        })
+    }
+
+    async fn declare_token(&self, declared: DeclaredForAll) -> Result<AllRobots, LinkError> {
+        let instance = ServiceInstance::parse(&self.session.zid().to_string())?;
+        let token = self
+            .session
+            .liveliness()
+            .declare_token(self.keys.service(&instance))
+            .await
+            .map_err(refused("the service's liveliness token"))?;
+        Ok(AllRobots { token, declared })
+    }
+
+    fn begin_to_send(&self, ros2: Ros2) -> (JoinHandle<()>, JoinHandle<()>) {
+        let parts = self.clone();
+        let post = calibration::Post {
+            session: parts.session,
+            keys: parts.keys,
+            lifecycle: parts.lifecycle,
+            ros2,
+            gate: parts.gate,
+        };
+        let poster = tokio::spawn(post.send_outbox(parts.stop));
+        let parts = self.clone();
+        let publishing = outgoing::publish_estimates(
+            parts.session,
+            parts.keys,
+            parts.fleet,
+            parts.gate,
+            parts.stop,
+        );
+        (tokio::spawn(publishing), poster)
+    }
+}
+
+fn refused(what: &'static str) -> impl Fn(zenoh::Error) -> LinkError {
+    move |error| LinkError::Declare {
+        what,
+        reason: error.to_string(),
+    }
+}
+
+fn warn_if_refused(undeclared: zenoh::Result<()>) {
+    if let Err(error) = undeclared {
+        tracing::warn!(error, "Zenoh refused to undeclare");
     }
 }

@@ -66,6 +66,7 @@ mod tests {
             cross_tracks: BTreeMap::new(),
             checkpoints: BTreeMap::new(),
             last_heard: BTreeMap::new(),
+            membership: fleetcal_cluster::Membership::alone(),
         })
     }
 

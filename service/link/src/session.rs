@@ -9,10 +9,28 @@ use zenoh::{Config, Session, Wait};
 
 use crate::{LinkError, LinkSetup, access, anonymous};
 
+/// A session that was opened.
+#[derive(Debug)]
+pub struct Opened {
+    /// The session.
+    pub session: Session,
+    /// Whether it is a router to which robots can connect; else they are reached over others.
+    pub listens: bool,
+}
+
+fn is_router_that_listens(config: &Config) -> bool {
+    let is_router = config
+        .get_json("mode")
+        .is_ok_and(|mode| mode.contains("router"));
+    let endpoints = config.get_json("listen/endpoints");
+    is_router && endpoints.is_ok_and(|endpoints| endpoints.contains('/'))
+}
+
 /// Opens the session on a thread of its own: `zenoh::open` may block for ever.
 /// The embedded router's access list has `more` rules beside those of our own keys.
-pub async fn open(setup: &LinkSetup, more: &[Value]) -> Result<Session, LinkError> {
+pub async fn open(setup: &LinkSetup, more: &[Value]) -> Result<Opened, LinkError> {
     let config = configuration(setup, more)?;
+    let listens = is_router_that_listens(&config);
     let endpoints = match &setup.zenoh_config {
         Some(path) => path.display().to_string(),
         None => [setup.listen.join(" "), setup.connect.join(" ")].join(" "),
@@ -21,7 +39,7 @@ pub async fn open(setup: &LinkSetup, more: &[Value]) -> Result<Session, LinkErro
     warn_without_list(&config, setup);
     let opened = on_own_thread("zenoh-open", move || zenoh::open(config).wait());
     match tokio::time::timeout(limits::ZENOH_OPEN_TIMEOUT, opened).await {
-        Ok(Some(Ok(session))) => Ok(session),
+        Ok(Some(Ok(session))) => Ok(Opened { session, listens }),
         Ok(Some(Err(error))) => Err(LinkError::Open {
             endpoints,
             reason: error.to_string(),
@@ -33,10 +51,19 @@ pub async fn open(setup: &LinkSetup, more: &[Value]) -> Result<Session, LinkErro
 /// The session's configuration, which lets nobody beyond this machine connect without showing who it
 /// is unless that is allowed.
 pub fn configuration(setup: &LinkSetup, more: &[Value]) -> Result<Config, LinkError> {
-    let config = match &setup.zenoh_config {
+    let mut config = match &setup.zenoh_config {
         Some(path) => native(path, setup)?,
         None => embedded(setup, more)?,
     };
+    if setup.membership.cluster().is_some() {
+        // Others have to notice soon that this instance is gone.
+        let lease_ms = limits::CLUSTER_ZENOH_LEASE.as_millis() as u64;
+        set(
+            &mut config,
+            "transport/link/tx/lease",
+            &serde_json::json!(lease_ms),
+        )?;
+    }
     match anonymous::open_endpoint(&config) {
         Some(endpoint) if !setup.allow_anonymous => Err(LinkError::Anonymous { endpoint }),
         _ => Ok(config),
@@ -117,6 +144,10 @@ fn set(config: &mut Config, key: &str, value: &serde_json::Value) -> Result<(), 
 /// than [`limits::PAYLOAD_BYTES_MAX`], and lets through what the access list names.
 fn embedded(setup: &LinkSetup, more: &[Value]) -> Result<Config, LinkError> {
     let mut config = Config::default();
+    let list = match setup.membership.cluster() {
+        None => access::list(&setup.keys, more),
+        Some(_) => access::list_of_cluster(&setup.keys, more),
+    };
     let settings = [
         ("mode", serde_json::json!("router")),
         ("listen/endpoints", serde_json::json!(setup.listen)),
@@ -139,7 +170,7 @@ fn embedded(setup: &LinkSetup, more: &[Value]) -> Result<Config, LinkError> {
             "transport/unicast/accept_timeout",
             serde_json::json!(limits::ZENOH_HANDSHAKE_TIMEOUT.as_millis() as u64),
         ),
-        ("access_control", access::list(&setup.keys, more)),
+        ("access_control", list),
     ];
     for (key, value) in settings {
         set(&mut config, key, &value)?;

@@ -270,7 +270,31 @@ impl StrictRouter {
             ),
         ];
         rules.extend(self.wanted(&named(""), "ingress"));
+        rules.extend(self.rules_among_services());
         rules
+    }
+
+    /// What several instances of a service tell each other.
+    fn rules_among_services(&self) -> [Value; 4] {
+        let (digests, tokens) = ([self.keys.digest_of_all()], [self.keys.service_of_all()]);
+        let named = |what: &str| format!("the service: {what}");
+        let told = ["put", "declare_subscriber"];
+        [
+            rule(&named("digests"), "ingress", &told, &digests),
+            rule(&named("others' digests"), "egress", &told, &digests),
+            rule(
+                &named("others' presence asked for"),
+                "ingress",
+                &["declare_liveliness_subscriber", "liveliness_query"],
+                &tokens,
+            ),
+            rule(
+                &named("others' presence"),
+                "egress",
+                &["liveliness_token", "reply"],
+                &tokens,
+            ),
+        ]
     }
 
     fn of_all(&self, kinds: &[StreamKind]) -> Vec<String> {
@@ -360,7 +384,7 @@ mod tests {
         let puts = rules.filter(|rule| {
             names.contains(&rule["id"])
                 && rule["flows"] == json!(["ingress"])
-                && rule["messages"] == json!(["put"])
+                && rule["messages"].as_array().unwrap().contains(&json!("put"))
         });
         let keys = puts.flat_map(|rule| rule["key_exprs"].as_array().unwrap());
         keys.map(|key| key.as_str().unwrap().to_owned()).collect()
@@ -377,8 +401,10 @@ mod tests {
             keys.iter().all(|key| key.contains("/tugger_01/")),
             "{keys:?}"
         );
+        assert!(!keys.iter().any(|key| key.contains("@digest")), "{keys:?}");
         let keys = may_put(&list, "fleetcal");
         assert!(keys.contains(&"fleet/*/estimate".to_owned()));
+        assert!(keys.contains(&"fleet/@digest/*".to_owned()));
         assert!(
             !keys.contains(&"fleet/*/wheel_odometry".to_owned()),
             "{keys:?}"

@@ -7,8 +7,8 @@ use fleetcal_domain::limits;
 use fleetcal_sql::{Connection, Dialect, Pool, Row, Statement, StatementError, Value};
 use fleetcal_store::StoreError;
 use sqlx::postgres::{PgArguments, PgConnection, PgPool, PgRow, PgValueRef, Postgres};
-use sqlx::query::QueryScalar;
-use sqlx::{AssertSqlSafe, Decode, Executor, Row as _, TypeInfo as _, ValueRef as _};
+use sqlx::query::{QueryAs, QueryScalar};
+use sqlx::{AssertSqlSafe, Decode, Executor, FromRow, Row as _, TypeInfo as _, ValueRef as _};
 
 use crate::failure::{Fate, TimedOut};
 
@@ -17,13 +17,21 @@ use crate::failure::{Fate, TimedOut};
 pub(crate) struct Session {
     connection: PgConnection,
     fate: Fate,
+    /// Time that a statement has.
+    within: Duration,
 }
 
 impl Session {
     pub(crate) fn new(connection: PgConnection) -> Self {
+        Self::within(limits::POSTGRES_STATEMENT_TIMEOUT, connection)
+    }
+
+    /// One whose statements have this time.
+    pub(crate) fn within(within: Duration, connection: PgConnection) -> Self {
         Self {
             connection,
             fate: Fate::Well,
+            within,
         }
     }
 
@@ -66,7 +74,7 @@ impl Session {
 
     /// Runs a statement without values and rows.
     pub(crate) async fn run(&mut self, sql: &'static str) -> Result<(), StatementError> {
-        let ended = in_time(self.connection.execute(sql)).await;
+        let ended = in_time_of(self.within, self.connection.execute(sql)).await;
         self.noted(ended).map(drop)
     }
 
@@ -75,8 +83,20 @@ impl Session {
         &mut self,
         query: sqlx::query::Query<'_, Postgres, PgArguments>,
     ) -> Result<u64, StatementError> {
-        let ended = in_time(query.execute(&mut self.connection)).await;
+        let ended = in_time_of(self.within, query.execute(&mut self.connection)).await;
         Ok(self.noted(ended)?.rows_affected())
+    }
+
+    /// Runs a query whose values may be arrays; gives its rows, each as `T`.
+    pub(crate) async fn fetch<T>(
+        &mut self,
+        query: QueryAs<'_, Postgres, T, PgArguments>,
+    ) -> Result<Vec<T>, StatementError>
+    where
+        T: for<'r> FromRow<'r, PgRow> + Send + Unpin,
+    {
+        let ended = in_time_of(self.within, query.fetch_all(&mut self.connection)).await;
+        self.noted(ended)
     }
 
     /// Undoes what came after a savepoint, whose name the statement has; the transaction goes on.
@@ -131,12 +151,20 @@ impl Connection for Session {
     }
 
     async fn rows(&mut self, statement: Statement) -> Result<Vec<Row>, StatementError> {
-        let ended = in_time(prepared(statement).fetch_all(&mut self.connection)).await;
+        let ended = in_time_of(
+            self.within,
+            prepared(statement).fetch_all(&mut self.connection),
+        )
+        .await;
         rows_of(&self.noted(ended)?)
     }
 
     async fn execute(&mut self, statement: Statement) -> Result<u64, StatementError> {
-        let ended = in_time(prepared(statement).execute(&mut self.connection)).await;
+        let ended = in_time_of(
+            self.within,
+            prepared(statement).execute(&mut self.connection),
+        )
+        .await;
         Ok(self.noted(ended)?.rows_affected())
     }
 }

@@ -33,25 +33,37 @@ pub(crate) struct History {
 }
 
 impl History {
+    /// One that has nothing to do yet.
+    pub(crate) fn new() -> Self {
+        Self {
+            days: BTreeSet::new(),
+            minutes: BTreeSet::new(),
+            rolled_up_at: Instant::now(),
+        }
+    }
+
     /// Looks for seconds that were not rolled up.
     ///
     /// # Errors
     /// The database's failure.
     pub(crate) async fn open(session: &mut Session) -> Result<Self, StoreError> {
-        let rows = session
-            .rows(Statement {
-                sql: NOT_ROLLED_UP.into(),
-                values: Vec::new(),
-            })
-            .await
-            .map_err(StoreError::database("look for history to roll up"))?;
-        let minutes = rows
-            .iter()
-            .filter_map(|row| row.integer(0).zip(row.integer(1)));
-        Ok(Self {
+        let mut history = Self::new();
+        history.minutes = not_rolled_up(session, NOT_ROLLED_UP, None).await?;
+        Ok(history)
+    }
+
+    /// Looks for seconds of robots, by their keys, that were not rolled up.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub(crate) async fn not_rolled_up(
+        session: &mut Session,
+        robots: &[i64],
+    ) -> Result<Written, StoreError> {
+        let asked = format!("{NOT_ROLLED_UP} WHERE r.key = ANY($1)");
+        Ok(Written {
             days: BTreeSet::new(),
-            minutes: minutes.collect(),
-            rolled_up_at: Instant::now(),
+            minutes: not_rolled_up(session, &asked, Some(robots)).await?,
         })
     }
 
@@ -128,11 +140,26 @@ impl History {
     }
 }
 
-/// What one transaction wrote.
+/// What one transaction wrote, or found written.
 #[derive(Debug, Default)]
 pub(crate) struct Written {
     days: BTreeSet<i64>,
     minutes: BTreeSet<(i64, i64)>,
+}
+
+/// Minutes of which seconds were not rolled up; `asked` takes the robots.
+async fn not_rolled_up(
+    session: &mut Session,
+    asked: &str,
+    robots: Option<&[i64]>,
+) -> Result<BTreeSet<(i64, i64)>, StoreError> {
+    let mut query = sqlx::query_as(sqlx::AssertSqlSafe(asked.to_owned()));
+    if let Some(robots) = robots {
+        query = query.bind(robots);
+    }
+    let rows = session.fetch(query).await;
+    let rows = rows.map_err(StoreError::database("look for history to roll up"))?;
+    Ok(rows.into_iter().collect())
 }
 
 /// First second of the stretch of this length that `t_s` is in.

@@ -5,11 +5,13 @@
 //! not wait for the disk. Every statement has a time limit here; the connection that decides has
 //! none at the server, because a commit that is cancelled there may have been made.
 
+mod advisory;
+mod cluster;
 mod connection;
 mod copy;
-mod exclusive;
 mod failure;
 mod history;
+mod line;
 mod old_days;
 mod schema;
 mod servers;
@@ -21,17 +23,20 @@ use std::pin::Pin;
 use std::sync::Arc;
 
 use fleetcal_clock::SharedClock;
+use fleetcal_cluster::InstanceId;
 use fleetcal_sql::{SqlReader, telemetry};
 use fleetcal_store::backend::Database;
+use fleetcal_store::cluster::ClusterRegistry;
 use fleetcal_store::database_url::PostgresUrl;
 use fleetcal_store::{Administration, Store, StoreError};
 
-use connection::Session;
-use exclusive::ExclusiveLock;
+use advisory::{AdvisoryLock, Locked};
+use cluster::{Fence, Registry};
 use history::History;
 use servers::{Purpose, Servers};
 use writer::{Records, Telemetry};
 
+pub use cluster::Fencing;
 pub use copy::copy;
 pub use schema::migrate;
 #[doc(hidden)]
@@ -54,6 +59,8 @@ pub struct PostgresSetup {
 #[derive(Debug)]
 struct Open {
     servers: Arc<Servers>,
+    /// Of an instance of a cluster.
+    registry: Option<Arc<Registry>>,
     /// Held as long as the store.
     _held: Box<dyn std::fmt::Debug + Send + Sync>,
 }
@@ -66,6 +73,11 @@ impl Database for Open {
     fn write_once(&self) -> Boxed<'static, Result<(), StoreError>> {
         let servers = Arc::clone(&self.servers);
         Box::pin(async move { servers.write_once().await })
+    }
+
+    fn registry(&self) -> Option<Arc<dyn ClusterRegistry>> {
+        let registry = self.registry.as_ref().map(Arc::clone);
+        registry.map(|registry| registry as _)
     }
 }
 
@@ -83,14 +95,42 @@ pub fn open(
     open_with(setup, held, clock, JobRuns::Once, Sharing::Alone)
 }
 
+/// Opens the store for an instance of a cluster, beside other instances and not beside a service
+/// that is alone. It has no robots yet: what is handed over of one is written once the store's claims
+/// have its tenure. `held` goes with the store.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_instance(
+    setup: PostgresSetup,
+    held: Box<dyn std::fmt::Debug + Send + Sync>,
+    clock: SharedClock,
+    instance: InstanceId,
+) -> Boxed<'static, Result<Store, StoreError>> {
+    let sharing = Sharing::Instance(instance, Fencing::Locked);
+    open_with(setup, held, clock, JobRuns::Once, sharing)
+}
+
 /// Who may have a database open.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 #[doc(hidden)]
 pub enum Sharing {
     /// One service.
     Alone,
+    /// Instances of a cluster, of which this is one.
+    Instance(InstanceId, Fencing),
     /// Others as well: what a test has.
     WithOthers,
+}
+
+impl Sharing {
+    fn lock(&self) -> Option<AdvisoryLock> {
+        match self {
+            Self::Alone => Some(AdvisoryLock::new(Locked::Alone)),
+            Self::Instance(..) => Some(AdvisoryLock::new(Locked::Beside)),
+            Self::WithOthers => None,
+        }
+    }
 }
 
 /// The same, with jobs that may be run twice, and beside others.
@@ -108,22 +148,32 @@ pub fn open_with(
     Box::pin(async move {
         let servers = Arc::new(Servers::new(setup)?);
         schema::bring(&servers).await?;
-        let records = Session::new(servers.connect(Purpose::Records).await?);
-        let mut telemetry = Session::new(servers.connect(Purpose::Telemetry).await?);
-        let mut lock = (sharing == Sharing::Alone).then(ExclusiveLock::default);
+        let records = servers.session(Purpose::Records).await?;
+        let mut telemetry = servers.session(Purpose::Telemetry).await?;
+        let mut lock = sharing.lock();
         if let Some(lock) = &mut lock {
             lock.take(&servers, &mut telemetry).await?;
         }
-        telemetry::note_start(&mut telemetry, clock.now()).await?;
-        let history = History::open(&mut telemetry).await?;
+        let (history, fence, registry) = match sharing {
+            Sharing::Instance(instance, fencing) => {
+                let registry = Registry::new(Arc::clone(&servers), &instance);
+                let fence = Fence::new(instance, fencing);
+                (History::new(), Some(fence), Some(Arc::new(registry)))
+            }
+            Sharing::Alone | Sharing::WithOthers => {
+                telemetry::note_start(&mut telemetry, clock.now()).await?;
+                (History::open(&mut telemetry).await?, None, None)
+            }
+        };
         let reader = SqlReader::new(servers.read_pool().await?);
         let database = Arc::new(Open {
             servers: Arc::clone(&servers),
+            registry,
             _held: held,
         });
         Ok(Store::start(
             Records::new(Arc::clone(&servers), records, jobs),
-            Telemetry::new(servers, telemetry, history, lock),
+            Telemetry::new(servers, telemetry, history, lock, fence),
             reader,
             database,
             clock,
@@ -139,7 +189,7 @@ pub fn open_with(
 pub fn administration(setup: PostgresSetup) -> Boxed<'static, Result<Administration, StoreError>> {
     Box::pin(async move {
         let servers = Arc::new(Servers::new(setup)?);
-        let mut records = Session::new(servers.connect(Purpose::Records).await?);
+        let mut records = servers.session(Purpose::Records).await?;
         let (found, known) = (schema::found(&mut records).await?, schema::known());
         if found != Some(known) {
             let found = found.unwrap_or(0);

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
+use std::time::Duration;
 
 use fleetcal_domain::limits;
 use fleetcal_store::StoreError;
@@ -25,6 +26,11 @@ pub(crate) enum Purpose {
     Records,
     /// Telemetry. A commit does not wait for the disk: what is lost with the machine is a second.
     Telemetry,
+    /// An instance's lease: what is lost of it with the machine makes it shorter.
+    Lease,
+    /// Who estimates what. A commit waits for the disk, since an epoch that was given out must not be
+    /// given again, and not for a standby: a promotion raises the next epoch by itself.
+    Ownership,
     /// Dropping old days. Whoever reads them is waited for shortly, since others wait behind.
     Retention,
     /// Reading.
@@ -34,6 +40,14 @@ pub(crate) enum Purpose {
 }
 
 impl Purpose {
+    /// Time that a statement has.
+    const fn within(self) -> Duration {
+        match self {
+            Self::Lease | Self::Ownership => limits::CLUSTER_STATEMENT_TIMEOUT,
+            _ => limits::POSTGRES_STATEMENT_TIMEOUT,
+        }
+    }
+
     /// What is set when such a connection is opened. A client that died in the middle of a
     /// statement holds no lock for long.
     const fn settings(self) -> &'static str {
@@ -45,9 +59,20 @@ impl Purpose {
             // A client whose machine is gone holds its lock for some ten seconds.
             Self::Telemetry => {
                 "SET synchronous_commit = off; SET statement_timeout = '10s'; \
-                 SET lock_timeout = '2s'; SET idle_in_transaction_session_timeout = '5s'; \
+                 SET lock_timeout = '2s'; SET idle_in_transaction_session_timeout = '2s'; \
                  SET client_connection_check_interval = '2s'; SET tcp_keepalives_idle = 4; \
                  SET tcp_keepalives_interval = 2; SET tcp_keepalives_count = 3"
+            }
+            Self::Lease => {
+                "SET synchronous_commit = off; SET statement_timeout = '2s'; \
+                 SET lock_timeout = '1s'; SET idle_in_transaction_session_timeout = '2s'; \
+                 SET client_connection_check_interval = '2s'; SET tcp_keepalives_idle = 4; \
+                 SET tcp_keepalives_interval = 2; SET tcp_keepalives_count = 3"
+            }
+            Self::Ownership => {
+                "SET synchronous_commit = local; SET statement_timeout = '2s'; \
+                 SET lock_timeout = '1s'; SET idle_in_transaction_session_timeout = '2s'; \
+                 SET client_connection_check_interval = '2s'"
             }
             Self::Retention => "SET synchronous_commit = off; SET lock_timeout = '100ms'",
             Self::Reading => {
@@ -151,6 +176,15 @@ impl Servers {
             database: self.name(),
             reason: format!("cannot be used: {}", reasons.join("; ")),
         })
+    }
+
+    /// The same, as a session.
+    ///
+    /// # Errors
+    /// As [`Self::connect`].
+    pub(crate) async fn session(&self, purpose: Purpose) -> Result<Session, StoreError> {
+        let connection = self.connect(purpose).await?;
+        Ok(Session::within(purpose.within(), connection))
     }
 
     /// Notes which server can be written; readers go there from now on.

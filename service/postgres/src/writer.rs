@@ -1,20 +1,23 @@
 //! The connections that write: one for jobs, one for telemetry.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::mem;
 use std::sync::Arc;
 
 use async_trait::async_trait;
 use fleetcal_domain::limits;
+use fleetcal_model::{RobotId, WallTime};
 use fleetcal_sql::{Keys, SqlRecords, StatementError, telemetry};
 use fleetcal_store::StoreError;
 use fleetcal_store::backend::{Aged, Batch, RecordWriter, TelemetryWriter};
 use fleetcal_store::transaction::Waiting;
-use tokio::time::Instant;
 
+use crate::advisory::AdvisoryLock;
+use crate::cluster::{Fence, adoption};
 use crate::connection::Session;
-use crate::exclusive::ExclusiveLock;
 use crate::failure::Fate;
 use crate::history::{self, History, Written};
+use crate::line::Line;
 use crate::old_days::OldDays;
 use crate::servers::{Purpose, Servers};
 
@@ -22,81 +25,6 @@ use crate::servers::{Purpose, Servers};
 const BEGIN_JOB: &str = "BEGIN ISOLATION LEVEL SERIALIZABLE";
 /// Telemetry only adds and overwrites.
 const BEGIN_TELEMETRY: &str = "BEGIN ISOLATION LEVEL READ COMMITTED";
-
-/// A connection that is opened again after it was lost.
-#[derive(Debug)]
-struct Line {
-    servers: Arc<Servers>,
-    purpose: Purpose,
-    session: Option<Session>,
-    /// What every connection of this line holds.
-    lock: Option<ExclusiveLock>,
-    /// Keys of the robots of committed transactions.
-    keys: Keys,
-}
-
-impl Line {
-    fn new(
-        servers: Arc<Servers>,
-        purpose: Purpose,
-        session: Session,
-        lock: Option<ExclusiveLock>,
-    ) -> Self {
-        Self {
-            servers,
-            purpose,
-            session: Some(session),
-            lock,
-            keys: Keys::new(),
-        }
-    }
-
-    /// Begins a transaction; gives its connection, with what else it needs. A connection that was
-    /// lost while nobody used it is opened again.
-    async fn begin(
-        &mut self,
-        begin: &'static str,
-    ) -> Result<(&mut Session, &mut Keys), StoreError> {
-        let session = match self.session.take() {
-            Some(session) => begun(session, begin).await?,
-            None => None,
-        };
-        let session = if let Some(session) = session {
-            session
-        } else {
-            // A server that crashed, or a standby that was behind, may have lost the rows that
-            // these are of, and gives their numbers again.
-            self.keys.clear();
-            let mut session = Session::new(self.servers.connect(self.purpose).await?);
-            if let Some(lock) = &mut self.lock {
-                lock.take(&self.servers, &mut session).await?;
-            }
-            session.begin(begin).await?;
-            session
-        };
-        Ok((self.session.insert(session), &mut self.keys))
-    }
-
-    async fn close(self) {
-        if let Some(session) = self.session {
-            session.close().await;
-        }
-    }
-}
-
-/// Begins a transaction on a connection; gives none when it was lost before.
-async fn begun(mut session: Session, begin: &'static str) -> Result<Option<Session>, StoreError> {
-    if session.fate() == Fate::Lost {
-        return Ok(None);
-    }
-    let asked_at = Instant::now();
-    match session.begin(begin).await {
-        Ok(()) => Ok(Some(session)),
-        // Who waits has no time for a second server that does not answer.
-        Err(error) if asked_at.elapsed() > limits::POSTGRES_CONNECT_TIMEOUT => Err(error),
-        Err(_) => Ok(None),
-    }
-}
 
 /// The connection of jobs.
 #[derive(Debug)]
@@ -127,7 +55,7 @@ enum Attempted {
 impl Records {
     pub(crate) fn new(servers: Arc<Servers>, session: Session, jobs: JobRuns) -> Self {
         Self {
-            line: Line::new(servers, Purpose::Records, session, None),
+            line: Line::new(servers, Purpose::Records, Some(session), None),
             jobs,
         }
     }
@@ -259,6 +187,10 @@ fn beside(error: StoreError) -> StoreError {
 #[derive(Debug)]
 pub(crate) struct Telemetry {
     line: Line,
+    /// What an instance of a cluster writes behind.
+    fence: Option<Fence>,
+    /// Robots whose history this instance has yet to look at, and since when it estimates them.
+    adopted: BTreeMap<RobotId, WallTime>,
     history: History,
     old_days: OldDays,
 }
@@ -268,10 +200,13 @@ impl Telemetry {
         servers: Arc<Servers>,
         session: Session,
         history: History,
-        lock: Option<ExclusiveLock>,
+        lock: Option<AdvisoryLock>,
+        fence: Option<Fence>,
     ) -> Self {
         Self {
-            line: Line::new(servers, Purpose::Telemetry, session, lock),
+            line: Line::new(servers, Purpose::Telemetry, Some(session), lock),
+            fence,
+            adopted: BTreeMap::new(),
             history,
             old_days: OldDays::default(),
         }
@@ -280,7 +215,8 @@ impl Telemetry {
     /// Does some work in a transaction.
     async fn transact(&mut self, work: Work<'_>) -> Result<Done, StoreError> {
         let (session, keys) = self.line.begin(BEGIN_TELEMETRY).await?;
-        let done = work.run(session, keys, &mut self.history).await;
+        let fence = self.fence.as_ref();
+        let done = work.run(session, keys, &mut self.history, fence).await;
         let done = match done {
             Ok(mut done) => match session.commit().await {
                 Ok(()) => {
@@ -300,8 +236,9 @@ impl Telemetry {
 
 /// What a transaction of telemetry does.
 enum Work<'b> {
-    Write(&'b Batch),
+    Write(&'b mut Batch),
     RollUp(&'b [(i64, i64)]),
+    Adopt(&'b BTreeMap<RobotId, WallTime>),
     Prune(Aged, i64),
 }
 
@@ -320,14 +257,32 @@ impl Work<'_> {
         session: &mut Session,
         keys: &mut Keys,
         history: &mut History,
+        fence: Option<&Fence>,
     ) -> Result<Done, StoreError> {
         let mut done = Done::default();
         match self {
             Work::Write(batch) => {
+                if let Some(fence) = fence {
+                    fence.hold_back(session, batch).await?;
+                }
                 done.written = history.write(session, keys, &batch.history).await?;
                 telemetry::write_beside_history(session, keys, batch).await?;
             }
-            Work::RollUp(minutes) => history::roll_up(session, minutes).await?,
+            Work::RollUp(minutes) => match fence {
+                Some(fence) => {
+                    let own = fence.own_minutes(session, minutes).await?;
+                    history::roll_up(session, &own).await?;
+                }
+                None => history::roll_up(session, minutes).await?,
+            },
+            Work::Adopt(robots) => {
+                if let Some(fence) = fence {
+                    let own = fence.own_robots(session, robots).await?;
+                    adoption::note_start(session, &own).await?;
+                    let own: Vec<i64> = own.iter().map(|(key, _)| *key).collect();
+                    done.written = History::not_rolled_up(session, &own).await?;
+                }
+            }
             Work::Prune(Aged::Seconds, before_s) => {
                 done.old_days = OldDays::are_there(session, before_s).await?;
                 done.pruned = telemetry::prune_seconds_beside_days(session, before_s).await?;
@@ -342,11 +297,25 @@ impl Work<'_> {
 
 #[async_trait]
 impl TelemetryWriter for Telemetry {
-    async fn write(&mut self, batch: &Batch) -> Result<(), StoreError> {
+    async fn write(&mut self, batch: &mut Batch) -> Result<(), StoreError> {
         self.transact(Work::Write(batch)).await.map(drop)
     }
 
+    fn adopt(&mut self, robots: BTreeSet<RobotId>, now: WallTime) {
+        self.adopted
+            .extend(robots.into_iter().map(|robot| (robot, now)));
+    }
+
     async fn catch_up(&mut self, everything: bool) -> Result<(), StoreError> {
+        while !self.adopted.is_empty() {
+            let part = self
+                .adopted
+                .iter()
+                .take(limits::CLUSTER_ADOPTED_AT_ONCE_MAX);
+            let part = part.map(|(robot, now)| (robot.clone(), *now)).collect();
+            self.transact(Work::Adopt(&part)).await?;
+            self.adopted.retain(|robot, _| !part.contains_key(robot));
+        }
         while let Some(minutes) = self.history.next_part(everything) {
             self.transact(Work::RollUp(&minutes)).await?;
             self.history.rolled_up(&minutes);
@@ -360,7 +329,7 @@ impl TelemetryWriter for Telemetry {
             self.catch_up(true).await?;
         }
         let done = self.transact(Work::Prune(aged, before_s)).await?;
-        let servers = &self.line.servers;
+        let servers = self.line.servers();
         let days = &mut self.old_days;
         let dropped = days.drop_next(servers, done.old_days, before_s).await?;
         Ok(done.pruned + dropped)

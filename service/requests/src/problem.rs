@@ -136,6 +136,9 @@ impl From<StoreError> for Problem {
                 detail,
             )
             .of_field("Idempotency-Key"),
+            StoreError::Fenced(_) => {
+                Self::new(StatusCode::SERVICE_UNAVAILABLE, "robot_moved", detail).retry_after(1)
+            }
             StoreError::Account(refused) => refused.into(),
             StoreError::Refused(refused) => refused.into(),
             StoreError::Alert(refused) => refused.into(),
@@ -265,6 +268,9 @@ impl From<FleetRefused> for Problem {
             FleetRefused::RobotsMax => Self::new(StatusCode::CONFLICT, "fleet_full", detail),
             FleetRefused::NoteTooLong(_) => {
                 Self::new(StatusCode::BAD_REQUEST, "value_refused", detail).of_field("note")
+            }
+            FleetRefused::Elsewhere(_) => {
+                Self::new(StatusCode::SERVICE_UNAVAILABLE, "robot_elsewhere", detail)
             }
             FleetRefused::NotesMax(_) | FleetRefused::TopViewAskersMax(_) => {
                 Self::new(StatusCode::SERVICE_UNAVAILABLE, "robot_busy", detail)

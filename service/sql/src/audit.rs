@@ -1,11 +1,13 @@
 //! Audit rows, and with them all that a job may do.
 
 use async_trait::async_trait;
+use fleetcal_cluster::Tenure;
 use fleetcal_model::WallTime;
 use fleetcal_store::{AuditEntry, Records, StoreError};
 
 use super::connection::Connection;
-use super::query::query_scalar;
+use super::dialect::Dialect;
+use super::query::{query, query_scalar};
 use super::telemetry;
 use super::transaction::SqlRecords;
 
@@ -43,6 +45,28 @@ async fn append(connection: &mut dyn Connection, entry: &AuditEntry) -> Result<i
 impl Records for SqlRecords<'_> {
     async fn append_audit(&mut self, entry: &AuditEntry) -> Result<(), StoreError> {
         append(self.connection, entry).await.map(drop)
+    }
+
+    async fn holds_tenure(&mut self, tenure: &Tenure) -> Result<bool, StoreError> {
+        match self.connection.dialect() {
+            // One service has all robots.
+            Dialect::Sqlite => Ok(true),
+            // Whoever ends the tenure changes this row, waits for this transaction, and lets it run
+            // again when it was faster: a snapshot alone would show what was.
+            Dialect::Postgres => query(
+                "SELECT 1 FROM robot_owner
+                 WHERE robot = (SELECT key FROM robot WHERE id = $1)
+                     AND instance = $2 AND incarnation = $3 AND claim = $4 FOR SHARE",
+            )
+            .bind(tenure.robot.as_str())
+            .bind(tenure.seat.instance.as_str())
+            .bind(tenure.seat.incarnation.0)
+            .bind(tenure.claim.0)
+            .fetch_optional(self.connection)
+            .await
+            .map(|found| found.is_some())
+            .map_err(StoreError::database("say who estimates a robot")),
+        }
     }
 
     async fn prove_writable(&mut self, now: WallTime) -> Result<(), StoreError> {

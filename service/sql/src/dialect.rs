@@ -20,4 +20,12 @@ impl Dialect {
             Self::Postgres => "json_array_elements_text(record::json -> 'robots') AS named (value)",
         }
     }
+
+    /// The elements of `$1`, a list of texts as JSON, as rows with a column `value`.
+    pub(crate) const fn elements(self) -> &'static str {
+        match self {
+            Self::Sqlite => "json_each($1)",
+            Self::Postgres => "json_array_elements_text($1::json) AS named (value)",
+        }
+    }
 }

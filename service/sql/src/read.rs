@@ -8,7 +8,7 @@ use fleetcal_domain::approval::{
     Deployment, DeploymentState, OutboxEntry, Proposal, Revision, RobotLedger,
 };
 use fleetcal_domain::webhook::{Delivery, Webhook};
-use fleetcal_model::{AlertId, Generation, Parameter, ProposalId, WallTime, WebhookId};
+use fleetcal_model::{AlertId, AuditId, Generation, Parameter, ProposalId, WallTime, WebhookId};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
 use fleetcal_store::backend::{Cell, Reader, Stretch, Tier};
@@ -21,10 +21,14 @@ use fleetcal_store::{
 use super::connection::{Connection, Pool, StatementError};
 use super::dialect::Dialect;
 use super::query::{query, query_scalar};
-use super::row::{column, corrupt, parsed, robot_id, robot_time, wall_time};
+use super::row::{column, corrupt, json, parsed, robot_id, robot_time, wall_time};
 use super::statement::Statement;
 use super::value::Row;
 use super::{alerts, events, history, policy, records, robots, webhooks};
+
+/// Estimators' states, for [`checkpoint_of`].
+const CHECKPOINTS: &str = "SELECT r.id, c.stamp_ns, c.received_ns, c.state
+    FROM checkpoint AS c JOIN robot AS r ON r.key = c.robot";
 
 /// What reads, over a pool of connections.
 #[derive(Debug)]
@@ -100,23 +104,26 @@ impl Reader for SqlReader {
     }
 
     async fn checkpoints(&self) -> Result<Vec<CheckpointRecord>, StoreError> {
-        let rows = query(
-            "SELECT r.id, c.stamp_ns, c.received_ns, c.state
-             FROM checkpoint AS c JOIN robot AS r ON r.key = c.robot ORDER BY r.id",
-        )
-        .fetch_all(&mut self.connection())
-        .await
-        .map_err(StoreError::database("read the estimators' states"))?;
-        rows.iter()
-            .map(|row| {
-                Ok(CheckpointRecord {
-                    robot: robot_id(row, "checkpoint", 0)?,
-                    stamp_ns: robot_time(row, "checkpoint", 1)?,
-                    received_ns: wall_time(row, "checkpoint", 2)?,
-                    state: column(row, "checkpoint", 3)?,
-                })
-            })
-            .collect()
+        let rows = query(format!("{CHECKPOINTS} ORDER BY r.id"))
+            .fetch_all(&mut self.connection())
+            .await
+            .map_err(StoreError::database("read the estimators' states"))?;
+        rows.iter().map(checkpoint_of).collect()
+    }
+
+    async fn checkpoints_of(
+        &self,
+        robots: &[RobotId],
+    ) -> Result<Vec<CheckpointRecord>, StoreError> {
+        let elements = self.pool.dialect().elements();
+        let asked =
+            format!("{CHECKPOINTS} WHERE r.id IN (SELECT value FROM {elements}) ORDER BY r.id");
+        let rows = query(asked)
+            .bind(json("robot", &robots)?)
+            .fetch_all(&mut self.connection())
+            .await
+            .map_err(StoreError::database("read estimators' states"))?;
+        rows.iter().map(checkpoint_of).collect()
     }
 
     async fn cross_tracks(&self) -> Result<Vec<CrossTrackRecord>, StoreError> {
@@ -292,6 +299,18 @@ impl Reader for SqlReader {
         records::audit_rows(&mut self.connection(), filter).await
     }
 
+    async fn audit_after(&self, after: AuditId, limit: u32) -> Result<Vec<AuditRow>, StoreError> {
+        records::audit_rows_after(&mut self.connection(), after, limit).await
+    }
+
+    async fn audit_last(&self) -> Result<AuditId, StoreError> {
+        query_scalar("SELECT coalesce(max(id), 0) FROM audit")
+            .fetch_one(&mut self.connection())
+            .await
+            .map(AuditId)
+            .map_err(StoreError::database("read the audit"))
+    }
+
     async fn active_alerts(&self) -> Result<Vec<Alert>, StoreError> {
         alerts::active_alerts(&mut self.connection()).await
     }
@@ -339,6 +358,15 @@ pub async fn schema_version(connection: &mut dyn Connection) -> Result<i64, Stor
         .fetch_one(connection)
         .await
         .map_err(StoreError::database("read its schema's version"))
+}
+
+fn checkpoint_of(row: &Row) -> Result<CheckpointRecord, StoreError> {
+    Ok(CheckpointRecord {
+        robot: robot_id(row, "checkpoint", 0)?,
+        stamp_ns: robot_time(row, "checkpoint", 1)?,
+        received_ns: wall_time(row, "checkpoint", 2)?,
+        state: column(row, "checkpoint", 3)?,
+    })
 }
 
 fn stretch_of(row: &Row, tier: Tier, parameters: usize) -> Result<Stretch, StoreError> {

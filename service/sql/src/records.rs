@@ -223,15 +223,30 @@ fn site_of(row: &Row) -> Result<DeploymentFreeze, StoreError> {
     })
 }
 
+/// Rows of the audit, for [`audit_row`].
+const AUDIT: &str = "SELECT id, at_ns, actor, authentication, role, request, action, subject,
+    subject_id, robot, before, after, reason, address FROM audit";
+
+/// Rows of the audit after a number, oldest first.
+pub(super) async fn audit_rows_after(
+    connection: &mut dyn Connection,
+    after: AuditId,
+    limit: u32,
+) -> Result<Vec<AuditRow>, StoreError> {
+    let audit = query(AUDIT).push(" WHERE id > $1 ORDER BY id LIMIT $2");
+    let rows = audit.bind(after.0).bind(limit).fetch_all(connection).await;
+    rows.map_err(StoreError::database("read the audit"))?
+        .iter()
+        .map(audit_row)
+        .collect()
+}
+
 /// Rows of the audit, newest first.
 pub(super) async fn audit_rows(
     connection: &mut dyn Connection,
     filter: &AuditFilter,
 ) -> Result<Vec<AuditRow>, StoreError> {
-    let mut audit = query(
-        "SELECT id, at_ns, actor, authentication, role, request, action, subject, subject_id,
-             robot, before, after, reason, address FROM audit WHERE true",
-    );
+    let mut audit = query(AUDIT).push(" WHERE true");
     if let Some(robot) = &filter.robot {
         audit = audit.push(" AND robot = ").push_bind(robot.as_str());
     }

@@ -180,7 +180,7 @@ impl RecordWriter for SharedWriter {
 
 #[async_trait]
 impl TelemetryWriter for SharedWriter {
-    async fn write(&mut self, batch: &Batch) -> Result<(), StoreError> {
+    async fn write(&mut self, batch: &mut Batch) -> Result<(), StoreError> {
         let mut writer = self.0.lock().await;
         writer.commit(Work::Telemetry(batch)).await.map(drop)
     }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::pin::Pin;
+use std::sync::Arc;
 
 use async_trait::async_trait;
 use fleetcal_domain::access::{SecretHash, SetupCode};
@@ -10,13 +11,16 @@ use fleetcal_domain::approval::{
     Deployment, DeploymentState, OutboxEntry, Proposal, Revision, RobotLedger,
 };
 use fleetcal_domain::webhook::{Delivery, Webhook};
-use fleetcal_model::{AlertId, Generation, Parameter, ProposalId, UserId, WallTime, WebhookId};
+use fleetcal_model::{
+    AlertId, AuditId, Generation, Parameter, ProposalId, UserId, WallTime, WebhookId,
+};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
 
 use super::accounts::{SessionRecord, TokenRecord, UserRecord};
 use super::alerts::{AlertFilter, AlertMoment};
 use super::approvals::{AuditFilter, AuditRow, DeploymentFreeze, ProposalFilter};
+use super::cluster::ClusterRegistry;
 use super::error::StoreError;
 use super::policy::StoredPolicy;
 use super::record::{CheckpointRecord, CrossTrackRecord, CurrentRecord, EventRecord, RobotRecord};
@@ -35,6 +39,11 @@ pub trait Database: std::fmt::Debug + Send + Sync + 'static {
     /// # Errors
     /// [`StoreError::Database`].
     fn write_once(&self) -> Pin<Box<dyn Future<Output = Result<(), StoreError>> + Send>>;
+
+    /// The rows by which several instances agree; `None` where one service has the database.
+    fn registry(&self) -> Option<Arc<dyn ClusterRegistry>> {
+        None
+    }
 }
 
 /// How finely the history is kept.
@@ -136,6 +145,10 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
     /// The state of every estimator.
     async fn checkpoints(&self) -> Result<Vec<CheckpointRecord>, StoreError>;
 
+    /// The states of these robots' estimators, of those that have one.
+    async fn checkpoints_of(&self, robots: &[RobotId])
+    -> Result<Vec<CheckpointRecord>, StoreError>;
+
     /// How well every robot follows its path.
     async fn cross_tracks(&self) -> Result<Vec<CrossTrackRecord>, StoreError>;
 
@@ -210,6 +223,12 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
 
     /// Rows of the audit, newest first.
     async fn audit(&self, filter: &AuditFilter) -> Result<Vec<AuditRow>, StoreError>;
+
+    /// Rows of the audit after number `after`, oldest first, at most `limit`.
+    async fn audit_after(&self, after: AuditId, limit: u32) -> Result<Vec<AuditRow>, StoreError>;
+
+    /// The number of the latest row of the audit; 0 while there is none.
+    async fn audit_last(&self) -> Result<AuditId, StoreError>;
 
     /// Every alert that is not over.
     async fn active_alerts(&self) -> Result<Vec<Alert>, StoreError>;

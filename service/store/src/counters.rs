@@ -60,6 +60,7 @@ pub(crate) struct TelemetryCounters {
     /// Those of `lost` that were seconds of history.
     pub(crate) lost_history: AtomicU64,
     pub(crate) pruned_rows: AtomicU64,
+    pub(crate) fenced: AtomicU64,
 }
 
 /// Rows that were lost.
@@ -71,6 +72,11 @@ pub(crate) struct Lost {
 }
 
 impl TelemetryCounters {
+    /// Counts rows that were not written because another instance has their robots by now.
+    pub(crate) fn fence(&self, rows: u64) {
+        self.fenced.fetch_add(rows, Ordering::Relaxed);
+    }
+
     /// Counts rows that are lost, and says so.
     pub(crate) fn lose(&self, lost: Lost) {
         if lost.rows == 0 {

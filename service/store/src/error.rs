@@ -184,6 +184,7 @@ impl StoreError {
             Self::VersionConflict { .. }
                 | Self::KeyReused
                 | Self::Late
+                | Self::Fenced(_)
                 | Self::Account(_)
                 | Self::Refused(_)
                 | Self::Alert(_)

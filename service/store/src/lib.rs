@@ -55,11 +55,12 @@ pub use webhooks::DueDelivery;
 use fleetcal_clock::SharedClock;
 
 use backend::{Database, EventWrite, Reader, RecordWriter, Repetition, TelemetryWriter};
+use cluster::{Claimed, Claims};
 use counters::{Counters, PathCounters};
 use fleetcal_domain::limits;
 use liveness::{Liveness, Watched};
 use prometheus_client::metrics::histogram::Histogram;
-use telemetry::{Offered, Telemetry, TelemetryTask};
+use telemetry::{Offered, Part, Telemetry, TelemetryTask};
 use transaction::{Asked, JobsTask, Waiting};
 
 /// A future that is compiled in this crate, and not in each that awaits it.
@@ -82,6 +83,8 @@ pub struct StoreCounters {
     pub lost_history: u64,
     /// Rows deleted because of their age.
     pub pruned_rows: u64,
+    /// Rows that were not written because another instance has their robots by now.
+    pub fenced: u64,
     /// Writes that wait in memory now, those of the commit under way included.
     pub waiting: u64,
 }
@@ -100,6 +103,8 @@ struct Shared {
     clock: SharedClock,
     counters: Counters,
     refused: AtomicU64,
+    claims: Claims,
+    part: Arc<Part>,
     /// Held as long as the store.
     database: Arc<dyn Database>,
 }
@@ -116,6 +121,12 @@ impl Store {
         let (jobs, asked) = mpsc::channel(limits::STORE_JOBS_MAX);
         let (telemetry_in, offered) = mpsc::channel(limits::STORE_QUEUE_MAX);
         let counters = Counters::default();
+        let is_alone = database.registry().is_none();
+        let part = Arc::new(Part::new(is_alone));
+        let claims = Claims::default();
+        if !is_alone {
+            claims.begin_cluster();
+        }
         let (of_records, of_telemetry) = (&counters.records, &counters.telemetry);
         let run_jobs = JobsTask::new(records, Arc::clone(of_records));
         let write = TelemetryTask::new(
@@ -123,6 +134,7 @@ impl Store {
             Arc::clone(&clock),
             Arc::clone(of_telemetry),
             Arc::clone(&counters.rows),
+            Arc::clone(&part),
         );
         let liveness = Liveness::new(
             Watched::new(Arc::clone(of_records), jobs.downgrade()),
@@ -151,6 +163,8 @@ impl Store {
             clock,
             counters,
             refused: AtomicU64::new(0),
+            claims,
+            part,
             database,
         };
         Self {
@@ -354,6 +368,7 @@ impl Store {
             lost: load(&rows.lost),
             lost_history: load(&rows.lost_history),
             pruned_rows: load(&rows.pruned_rows),
+            fenced: load(&rows.fenced),
             waiting: self.queued_jobs() as u64
                 + self.queued_telemetry() as u64
                 + both(|path| &path.pending),
@@ -387,9 +402,16 @@ impl Store {
         telemetry.max_capacity() - telemetry.capacity()
     }
 
-    /// Queues what nobody waits for.
+    /// Queues what nobody waits for, with the tenure in which it is handed over.
     fn offer(&self, telemetry: Telemetry) {
-        let offered = Offered::Keep(telemetry);
+        let robot = telemetry.robot();
+        let claimed = robot.map_or(Claimed::Alone, |robot| self.shared.claims.of(robot));
+        let claim = match claimed {
+            Claimed::Alone => None,
+            Claimed::Under(claim) => Some(claim),
+            Claimed::Not => return self.shared.counters.rows.fence(1),
+        };
+        let offered = Offered::Keep(telemetry, claim);
         if self.shared.telemetry.try_send(offered).is_err() {
             let refused = self.shared.refused.fetch_add(1, Ordering::Relaxed) + 1;
             // Lost data is an error, but one line for each row would be a second loss.

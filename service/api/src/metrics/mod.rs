@@ -282,6 +282,11 @@ impl Snapshot {
                 store.lost_history,
             ),
             (
+                "fleetcal_store_fenced",
+                "Rows not written because another instance has their robots by now",
+                store.fenced,
+            ),
+            (
                 "fleetcal_store_pruned_rows",
                 "Rows deleted for their age",
                 store.pruned_rows,

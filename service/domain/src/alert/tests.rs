@@ -198,6 +198,7 @@ pub(crate) fn view() -> RobotView {
         pairing: None,
         warnings: Vec::new(),
         topics: Arc::from([]),
+        estimated_by: None,
     }
 }
 

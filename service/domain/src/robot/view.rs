@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use fleetcal_model::{Generation, RobotId, Stream, WallTime};
-use fleetcal_proto::estimate::EstimateDocument;
+use fleetcal_proto::estimate::{EstimateDocument, EstimatedBy};
 use fleetcal_proto::ros2_key::KeyLayout;
 use serde::{Deserialize, Serialize};
 use strum::{IntoStaticStr, VariantArray};
@@ -40,7 +40,7 @@ impl RobotState {
 }
 
 /// What has come in on one stream.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StreamView {
     /// Which stream.
     pub stream: Stream,
@@ -76,7 +76,7 @@ impl Connection {
 
 /// What became of a robot's messages:
 /// `received = processed + dropped_… + refused + ignored + waiting`, always.
-#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Counters {
     /// Messages that came in.
@@ -100,7 +100,7 @@ pub struct Counters {
 }
 
 /// How well steering and speed fit together.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[cfg_attr(feature = "openapi", schema(as = Pairing))]
 pub struct PairingReport {
@@ -187,6 +187,9 @@ pub struct RobotView {
     pub warnings: Vec<Warning>,
     /// The ROS 2 topics that it has announced, by name.
     pub topics: Arc<[AnnouncedTopic]>,
+    /// Which instance of a cluster estimates it; `None` while none does, and where one service has
+    /// all robots.
+    pub estimated_by: Option<EstimatedBy>,
 }
 
 /// A ROS 2 topic that a robot has announced.
@@ -205,7 +208,7 @@ pub struct AnnouncedTopic {
 }
 
 /// Something that looks wrong with what a robot sends.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum WarningKind {
@@ -220,7 +223,7 @@ pub enum WarningKind {
 }
 
 /// A warning, with words for people.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[cfg_attr(feature = "openapi", schema(as = RobotWarning))]
 pub struct Warning {

@@ -104,13 +104,16 @@ pub async fn publish(
         return Ok(());
     }
     for home in ros2.homes(robot) {
-        session
+        let put = session
             .put(home.key(), payload(envelope)?)
             .encoding(Encoding::APPLICATION_CDR)
             .attachment(ros2.attachment(session))
             .congestion_control(CongestionControl::Block)
-            .priority(Priority::InteractiveHigh)
-            .await?;
+            .priority(Priority::InteractiveHigh);
+        if !ros2.shared.gate.lets(robot) {
+            return Ok(());
+        }
+        put.await?;
     }
     Ok(())
 }

@@ -23,13 +23,15 @@ use fleetcal_fleet::FleetHandle;
 use fleetcal_operations::lifecycle::Lifecycle;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::ros2_key::KeyLayout;
-use tokio::sync::{Notify, mpsc};
+use tokio::sync::{Notify, mpsc, watch};
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 use zenoh::pubsub::Subscriber;
 use zenoh::query::Queryable;
 use zenoh::{Result, Session};
 
+use crate::cluster::HeardStreams;
+use crate::gate::Gate;
 use crate::questions::Questions;
 use calibration::Home;
 use discovery::Discovery;
@@ -45,6 +47,7 @@ pub struct Ros2 {
 struct Shared {
     fleet: FleetHandle,
     clock: SharedClock,
+    gate: Gate,
     table: RwLock<RouteTable>,
     discovery: Mutex<Discovery>,
     homes: Mutex<BTreeMap<RobotId, BTreeSet<Home>>>,
@@ -83,10 +86,13 @@ impl Ros2 {
         homes.get(robot).cloned().unwrap_or_default()
     }
 
-    /// All of these.
+    /// All of these, of robots that this process has.
     fn all_homes(&self) -> BTreeSet<Home> {
         let homes = lock(&self.shared.homes);
-        homes.values().flatten().cloned().collect()
+        let own = homes
+            .iter()
+            .filter(|(robot, _)| self.shared.gate.has(robot));
+        own.flat_map(|(_, homes)| homes).cloned().collect()
     }
 
     /// Forgets where a robot's topics were, since it announces none any more.
@@ -146,6 +152,10 @@ pub struct Surroundings {
     pub clock: SharedClock,
     /// Where questions wait.
     pub questions: Questions,
+    /// What may leave.
+    pub gate: Gate,
+    /// Of several instances, the streams of robots that this one hears beside their ROS 2 topics.
+    pub heard: Option<HeardStreams>,
 }
 
 /// The part of the link that serves ROS 2 robots.
@@ -173,14 +183,17 @@ impl Ros2Link {
             lifecycle,
             clock,
             questions,
+            gate,
+            heard,
         } = surroundings;
         let publishes = table.settings().publish_calibration;
         let (came, comers) = mpsc::channel(limits::ROBOTS_MAX);
-        let mut configured = fleet.configured();
+        let changes = [fleet.configured(), fleet.heard_changed()];
         let ros2 = Ros2 {
             shared: Arc::new(Shared {
                 fleet,
                 clock,
+                gate,
                 table: RwLock::new(table),
                 discovery: Mutex::default(),
                 homes: Mutex::default(),
@@ -189,8 +202,12 @@ impl Ros2Link {
                 sent: AtomicI64::new(1),
             }),
         };
-        let mut subscriptions = Subscriptions::default();
-        subscriptions.follow(session, &ros2).await?;
+        let mut hearing = Hearing {
+            ros2: ros2.clone(),
+            topics: Subscriptions::default(),
+            streams: heard,
+        };
+        hearing.follow(session).await?;
         let tokens = discovery::watch_tokens(session, &ros2).await?;
         let mut history = Vec::new();
         let mut tasks = Vec::new();
@@ -208,20 +225,8 @@ impl Ros2Link {
             let announcing = graph::announce(session.clone(), ros2.clone(), stop.clone());
             tasks.push(tokio::spawn(announcing));
         }
-        let (own, session) = (ros2.clone(), session.clone());
-        tasks.push(tokio::spawn(async move {
-            loop {
-                tokio::select! {
-                    () = stop.cancelled() => break,
-                    changed = configured.changed() => if changed.is_err() { break },
-                }
-                own.robots_changed();
-                if let Err(error) = subscriptions.follow(&session, &own).await {
-                    tracing::error!(error, "a robot's topics are not subscribed to");
-                }
-            }
-            subscriptions.close().await;
-        }));
+        let following = follow(session.clone(), hearing, changes, stop);
+        tasks.push(tokio::spawn(following));
         Ok(Self {
             ros2,
             tokens,
@@ -251,6 +256,60 @@ impl Ros2Link {
     }
 }
 
+/// What robots are heard by.
+#[derive(Debug)]
+struct Hearing {
+    ros2: Ros2,
+    topics: Subscriptions,
+    streams: Option<HeardStreams>,
+}
+
+impl Hearing {
+    /// Subscribes to what is wanted now, and to nothing else.
+    async fn follow(&mut self, session: &Session) -> Result<()> {
+        let fleet = &self.ros2.shared.fleet;
+        let heard = fleet.heard();
+        self.ros2.robots_changed(heard.clone());
+        if let (Some(streams), Some(heard)) = (&mut self.streams, &heard) {
+            streams.follow(session, heard).await?;
+        }
+        self.topics.follow(session, &self.ros2).await?;
+        if let Some(heard) = heard {
+            fleet.set_subscribed(heard);
+            self.ros2.shared.homes_changed.notify_one();
+        }
+        Ok(())
+    }
+}
+
+/// Follows which robots there are, and which are to be heard, until `stop`.
+async fn follow(
+    session: Session,
+    mut hearing: Hearing,
+    changes: [watch::Receiver<u64>; 2],
+    stop: CancellationToken,
+) {
+    let [mut configured, mut heard] = changes;
+    let mut all_stand = true;
+    loop {
+        tokio::select! {
+            () = stop.cancelled() => break,
+            changed = configured.changed() => if changed.is_err() { break },
+            changed = heard.changed() => if changed.is_err() { break },
+            () = tokio::time::sleep(limits::POST_RETRY), if !all_stand => {}
+        }
+        let followed = hearing.follow(&session).await;
+        all_stand = followed.is_ok();
+        if let Err(error) = followed {
+            tracing::error!(error, "a robot's topics are not subscribed to");
+        }
+    }
+    hearing.topics.close().await;
+    if let Some(streams) = hearing.streams {
+        streams.close().await;
+    }
+}
+
 fn warn_if_refused(undeclared: Result<()>) {
     if let Err(error) = undeclared {
         tracing::warn!(error, "Zenoh refused to undeclare");
@@ -259,9 +318,12 @@ fn warn_if_refused(undeclared: Result<()>) {
 
 impl Ros2 {
     /// Takes the robots' topics again, and looks again whose the announced ones are.
-    fn robots_changed(&self) {
+    fn robots_changed(&self, heard: Option<BTreeSet<RobotId>>) {
         let robots = self.shared.fleet.streams();
-        self.change_table(|table| table.set_robots(robots));
+        self.change_table(|table| {
+            table.set_robots(robots);
+            table.set_heard(heard);
+        });
         discovery::place_anew(self);
     }
 }
@@ -282,6 +344,9 @@ async fn tell(
         let Some(robot) = robot else {
             return;
         };
+        if !ros2.shared.gate.has(&robot) {
+            continue;
+        }
         match lifecycle.approved(&robot).await {
             Ok(Some(envelope)) => {
                 let put = calibration::publish(&session, &ros2, &robot, &envelope).await;

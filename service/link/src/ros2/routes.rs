@@ -40,6 +40,8 @@ pub struct RouteTable {
     prefixes: BTreeMap<String, RobotId>,
     /// Types that tokens of the bridge announced, by path.
     announced: BTreeMap<String, MessageType>,
+    /// The robots to hear; `None` for all.
+    heard: Option<BTreeSet<RobotId>>,
 }
 
 impl RouteTable {
@@ -56,6 +58,7 @@ impl RouteTable {
             roles: BTreeMap::new(),
             prefixes: BTreeMap::new(),
             announced: BTreeMap::new(),
+            heard: None,
         };
         table.set_robots(robots);
         table
@@ -72,6 +75,11 @@ impl RouteTable {
             }
             self.roles.insert(robot, streams.roles(&self.settings));
         }
+    }
+
+    /// Takes which robots to hear; `None` for all. Each of them has its own key expressions then.
+    pub fn set_heard(&mut self, heard: Option<BTreeSet<RobotId>>) {
+        self.heard = heard;
     }
 
     /// Takes what a token of the bridge says about a path; `None` once it is gone.
@@ -110,7 +118,8 @@ impl RouteTable {
         let path = match template {
             None => format!("{}/{}", matched.prefix, matched.topic),
             Some(template) => {
-                let own = (!self.usual.contains(role)).then_some(&matched.robot);
+                let is_usual = self.heard.is_none() && self.usual.contains(role);
+                let own = (!is_usual).then_some(&matched.robot);
                 template.path_expression(own, matched.topic)
             }
         };
@@ -188,6 +197,20 @@ impl RouteTable {
             .find(|role| role.topic.as_str() == matched.topic)
     }
 
+    /// Key expressions of what is to be heard.
+    pub fn wanted_expressions(&self) -> BTreeSet<String> {
+        let Some(heard) = &self.heard else {
+            let mut all = self.usual_expressions();
+            all.extend(self.robot_expressions());
+            return all;
+        };
+        let of_robot = |robot| {
+            let roles = self.roles.get(robot).unwrap_or(&self.usual);
+            self.expressions_of_robot(robot, roles)
+        };
+        heard.iter().flat_map(of_robot).collect()
+    }
+
     /// Key expressions of the usual topics of all robots.
     pub fn usual_expressions(&self) -> BTreeSet<String> {
         self.expressions_of(None, &self.usual)
@@ -197,14 +220,26 @@ impl RouteTable {
     pub fn robot_expressions(&self) -> BTreeSet<String> {
         let of_robot = |(robot, roles): (&RobotId, &Vec<TopicRole>)| {
             let other = |role: &&TopicRole| !self.usual.contains(role);
-            let by_prefix = self.prefixes.iter().find(|(_, of)| *of == robot);
-            if let Some((prefix, _)) = by_prefix {
-                return expressions_under(prefix, roles);
+            if self.prefix(robot).is_some() {
+                return self.expressions_of_robot(robot, roles);
             }
             let others: Vec<TopicRole> = roles.iter().filter(other).cloned().collect();
-            self.expressions_of(Some(robot), &others)
+            self.expressions_of_robot(robot, &others)
         };
         self.roles.iter().flat_map(of_robot).collect()
+    }
+
+    fn prefix(&self, robot: &RobotId) -> Option<&str> {
+        let mut prefixes = self.prefixes.iter();
+        let (prefix, _) = prefixes.find(|(_, of)| *of == robot)?;
+        Some(prefix.as_str())
+    }
+
+    fn expressions_of_robot(&self, robot: &RobotId, roles: &[TopicRole]) -> BTreeSet<String> {
+        match self.prefix(robot) {
+            Some(prefix) => expressions_under(prefix, roles),
+            None => self.expressions_of(Some(robot), roles),
+        }
     }
 
     /// Key expressions that the bridge's topics may have: what is known now, and what the settings
@@ -413,6 +448,40 @@ wheel_odometry = { topic = '3/wheel_odometry' }",
                 .route(&format!("7/left/front/scan/{drive}/RIHS01_64c1"))
                 .is_none()
         );
+    }
+
+    #[test]
+    fn of_several_instances_each_hears_the_topics_of_its_robots() {
+        let mut table = table(&[
+            ("tugger_01", ""),
+            ("tugger_02", "prefix = '7'"),
+            ("tugger_03", ""),
+        ]);
+        let heard = ["tugger_01", "tugger_02"].map(|id| RobotId::parse(id).unwrap());
+        table.set_heard(Some(heard.into()));
+        let wanted = table.wanted_expressions();
+        let is_heard = |key: &str| {
+            let key = KeyExpr::try_from(key).unwrap();
+            let mut wanted = wanted.iter();
+            wanted.any(|text| KeyExpr::try_from(text.as_str()).unwrap().includes(&key))
+        };
+        for (key, wanted) in [
+            (format!("0/tugger_01/scan/{SCAN}/RIHS01_64c1"), true),
+            ("tugger_01/scan".to_owned(), true),
+            (format!("7/scan/{SCAN}/RIHS01_64c1"), true),
+            (format!("0/tugger_03/scan/{SCAN}/RIHS01_64c1"), false),
+            ("tugger_03/scan".to_owned(), false),
+        ] {
+            assert_eq!(is_heard(&key), wanted, "{key}");
+            let expression = table.route(&key).unwrap().expression;
+            assert_eq!(
+                table.wanted_expressions().contains(&expression),
+                wanted,
+                "{key}"
+            );
+        }
+        table.set_heard(Some(BTreeSet::new()));
+        assert!(table.wanted_expressions().is_empty());
     }
 
     #[test]

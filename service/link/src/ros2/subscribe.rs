@@ -21,12 +21,7 @@ pub struct Subscriptions {
 impl Subscriptions {
     /// Subscribes to what the table wants now, and to nothing else.
     pub async fn follow(&mut self, session: &Session, ros2: &Ros2) -> Result<()> {
-        let wanted = {
-            let table = ros2.table();
-            let mut wanted = table.usual_expressions();
-            wanted.extend(table.robot_expressions());
-            wanted
-        };
+        let wanted = ros2.table().wanted_expressions();
         self.declare(session, ros2, &wanted).await?;
         let gone: Vec<String> = self
             .declared

@@ -3,5 +3,6 @@
 mod accounts;
 mod alerts;
 mod approvals;
+mod cluster;
 mod policy;
 mod webhooks;

@@ -1,28 +1,38 @@
 //! The path of telemetry: what the fleet tells of itself, gathered for a second and written in
 //! batches. Nobody waits for it, and what finds no room or cannot be written is lost and counted.
 
+mod part;
 mod pending;
 mod retention;
 mod task;
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use async_trait::async_trait;
+use fleetcal_cluster::ClaimId;
 use fleetcal_model::WallTime;
+use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::EstimateDocument;
 
 use crate::accounts::CredentialUse;
 use crate::error::StoreError;
 use crate::record::{CheckpointRecord, CrossTrackRecord, HistoryRow, NewEvent};
 
+pub(crate) use part::Part;
 pub(crate) use task::{Offered, TelemetryTask};
 
 /// Where telemetry is written.
 #[async_trait]
 pub trait TelemetryWriter: std::fmt::Debug + Send + 'static {
-    /// Writes all of a batch or nothing of it, in one transaction.
+    /// Writes all of a batch or nothing of it, in one transaction. What bears a tenure that has
+    /// ended is taken out of it before, however the transaction ends.
     ///
     /// # Errors
     /// [`StoreError::Database`] when nothing was written.
-    async fn write(&mut self, batch: &Batch) -> Result<(), StoreError>;
+    async fn write(&mut self, batch: &mut Batch) -> Result<(), StoreError>;
+
+    /// Takes that this instance has begun to estimate robots, whose history it has to go on with.
+    fn adopt(&mut self, _robots: BTreeSet<RobotId>, _now: WallTime) {}
 
     /// Deletes rows that are older than `before_s`, wall time since the Unix epoch: at most
     /// [`fleetcal_domain::limits::RETENTION_ROWS_MAX`] of each table. Gives their number.
@@ -62,6 +72,19 @@ pub(crate) enum Telemetry {
     Use(CredentialUse),
 }
 
+impl Telemetry {
+    /// The robot that it is about; `None` of what no robot has told.
+    pub(crate) fn robot(&self) -> Option<&RobotId> {
+        match self {
+            Self::History(estimate, _) => Some(&estimate.robot),
+            Self::Checkpoint(record) => Some(&record.robot),
+            Self::CrossTrack(record) => Some(&record.robot),
+            Self::Event(write) => Some(&write.event.robot),
+            Self::Use(_) => None,
+        }
+    }
+}
+
 /// How an event that comes again is recognised, so that it is not written twice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Repetition {
@@ -99,6 +122,8 @@ pub struct Batch {
     pub events: Vec<EventWrite>,
     /// Sessions and tokens that were used.
     pub uses: Vec<CredentialUse>,
+    /// The tenures in which rows of robots were handed over; none where one service has all robots.
+    pub claims: BTreeMap<RobotId, ClaimId>,
 }
 
 impl Batch {
@@ -117,6 +142,26 @@ impl Batch {
         self.rows() == 0
     }
 
+    /// The robots that its rows are about, one for each row.
+    fn robots(&self) -> impl Iterator<Item = &RobotId> {
+        let history = self.history.iter().map(|row| &row.robot);
+        let current = self.current.iter().map(|(estimate, _)| &estimate.robot);
+        let checkpoints = self.checkpoints.iter().map(|record| &record.robot);
+        let cross_tracks = self.cross_tracks.iter().map(|record| &record.robot);
+        let events = self.events.iter().map(|write| &write.event.robot);
+        let of_estimators = history.chain(current).chain(checkpoints);
+        of_estimators.chain(cross_tracks).chain(events)
+    }
+
+    /// Takes out the rows of robots that are not to be `kept`.
+    pub fn retain(&mut self, kept: impl Fn(&RobotId) -> bool) {
+        self.history.retain(|row| kept(&row.robot));
+        self.current.retain(|(estimate, _)| kept(&estimate.robot));
+        self.checkpoints.retain(|record| kept(&record.robot));
+        self.cross_tracks.retain(|record| kept(&record.robot));
+        self.events.retain(|write| kept(&write.event.robot));
+    }
+
     /// Takes out its first rows, at most `rows_max`.
     fn take_first(&mut self, rows_max: usize) -> Self {
         let mut room = rows_max;
@@ -127,6 +172,7 @@ impl Batch {
             cross_tracks: first(&mut self.cross_tracks, &mut room),
             events: first(&mut self.events, &mut room),
             uses: first(&mut self.uses, &mut room),
+            claims: BTreeMap::new(),
         }
     }
 

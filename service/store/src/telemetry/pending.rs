@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use fleetcal_cluster::ClaimId;
 use fleetcal_domain::limits;
 use fleetcal_model::{ParameterStatus, WallTime};
 use fleetcal_proto::RobotId;
@@ -20,10 +21,35 @@ pub(super) struct Pending {
     current: HashMap<RobotId, (EstimateDocument, WallTime)>,
     /// When the stored estimate of each robot was last written, receipt time.
     current_written_ns: HashMap<RobotId, WallTime>,
+    /// The tenure in which each robot's rows were handed over.
+    claims: HashMap<RobotId, ClaimId>,
 }
 
 impl Pending {
-    pub(super) fn take(&mut self, telemetry: Telemetry) {
+    /// Takes what was handed over under `claim`. Gives the rows of the robot's former tenures, which
+    /// have ended with this one's beginning and are not written any more.
+    pub(super) fn take(&mut self, telemetry: Telemetry, claim: Option<ClaimId>) -> u64 {
+        let dropped = match (telemetry.robot(), claim) {
+            (Some(robot), Some(claim)) => self.begin(robot, claim),
+            _ => 0,
+        };
+        self.keep(telemetry);
+        dropped
+    }
+
+    /// Takes out rows of a robot's tenures before this one; gives their number.
+    fn begin(&mut self, robot: &RobotId, claim: ClaimId) -> u64 {
+        let former = self.claims.insert(robot.clone(), claim);
+        if former.is_none_or(|former| former == claim) {
+            return 0;
+        }
+        let before = self.rows();
+        self.batch.retain(|other| other != robot);
+        self.current.remove(robot);
+        before - self.rows()
+    }
+
+    fn keep(&mut self, telemetry: Telemetry) {
         match telemetry {
             Telemetry::History(estimate, received_ns) => self.take_second(*estimate, received_ns),
             Telemetry::Checkpoint(record) => {
@@ -84,13 +110,21 @@ impl Pending {
 
     /// Takes out what one transaction writes; `None` when nothing waits.
     pub(super) fn next(&mut self) -> Option<Batch> {
-        let batch = self.batch.take_first(limits::STORE_TELEMETRY_ROWS_MAX);
+        let mut batch = self.batch.take_first(limits::STORE_TELEMETRY_ROWS_MAX);
+        if !self.claims.is_empty() {
+            let claims = batch.robots().filter_map(|robot| {
+                let claim = self.claims.get(robot)?;
+                Some((robot.clone(), *claim))
+            });
+            batch.claims = claims.collect();
+        }
         (!batch.is_empty()).then_some(batch)
     }
 
     /// Takes back what could not be written, and keeps the newest when there is too much. Gives the
     /// rows that were lost.
-    pub(super) fn take_back(&mut self, batch: Batch) -> Lost {
+    pub(super) fn take_back(&mut self, mut batch: Batch) -> Lost {
+        batch.claims.clear();
         self.batch.put_back(batch);
         for (estimate, received_ns) in self.batch.current.drain(..) {
             self.current_written_ns.remove(&estimate.robot);

@@ -6,10 +6,12 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use fleetcal_clock::SharedClock;
+use fleetcal_cluster::ClaimId;
 use fleetcal_domain::limits;
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::{Instant, MissedTickBehavior};
 
+use super::part::Part;
 use super::pending::Pending;
 use super::retention::Retention;
 use super::{Aged, Telemetry, TelemetryWriter};
@@ -23,8 +25,8 @@ type Reply = oneshot::Sender<Result<(), StoreError>>;
 /// What the task is asked.
 #[derive(Debug)]
 pub(crate) enum Offered {
-    /// To keep something.
-    Keep(Telemetry),
+    /// To keep something, with the tenure in which it was handed over.
+    Keep(Telemetry, Option<ClaimId>),
     /// To write everything that was offered before.
     Flush(Reply),
     /// The same, then to end.
@@ -41,6 +43,7 @@ pub(crate) struct TelemetryTask<W> {
     pending: Pending,
     retry: Retry,
     retention: Retention,
+    part: Arc<Part>,
     /// Rows taken since a commit was last tried.
     taken: usize,
     flushes: Vec<Reply>,
@@ -53,6 +56,7 @@ impl<W: TelemetryWriter> TelemetryTask<W> {
         clock: SharedClock,
         path: Arc<PathCounters>,
         counters: Arc<TelemetryCounters>,
+        part: Arc<Part>,
     ) -> Self {
         Self {
             writer: Box::new(writer),
@@ -62,6 +66,7 @@ impl<W: TelemetryWriter> TelemetryTask<W> {
             pending: Pending::default(),
             retry: Retry::default(),
             retention: Retention::default(),
+            part,
             taken: 0,
             flushes: Vec::new(),
             closers: Vec::new(),
@@ -103,8 +108,9 @@ impl<W: TelemetryWriter> TelemetryTask<W> {
     fn take(&mut self, offered: impl Iterator<Item = Offered>) {
         for one in offered {
             match one {
-                Offered::Keep(telemetry) => {
-                    self.pending.take(telemetry);
+                Offered::Keep(telemetry, claim) => {
+                    let dropped = self.pending.take(telemetry, claim);
+                    self.counters.fence(dropped);
                     self.taken += 1;
                 }
                 Offered::Flush(reply) => self.flushes.push(reply),
@@ -123,19 +129,24 @@ impl<W: TelemetryWriter> TelemetryTask<W> {
     /// and is the result.
     async fn write(&mut self) -> Option<StoreError> {
         self.taken = 0;
+        let adopted = self.part.take_adopted();
+        if !adopted.is_empty() {
+            self.writer.adopt(adopted, self.clock.now());
+        }
         let everything = !self.flushes.is_empty() || !self.closers.is_empty();
         self.pending.choose_current(everything);
         let mut failure = None;
-        while let Some(batch) = self.pending.next() {
-            let history = batch.history.len() as u64;
+        while let Some(mut batch) = self.pending.next() {
+            let rows = batch.rows();
             let began = Instant::now();
-            let written = self.writer.write(&batch).await;
+            let written = self.writer.write(&mut batch).await;
             self.path.took(began.elapsed());
+            self.counters.fence((rows - batch.rows()) as u64);
             match written {
                 Ok(()) => {
                     self.path.committed();
                     let written = &self.counters.history_rows;
-                    written.fetch_add(history, Ordering::Relaxed);
+                    written.fetch_add(batch.history.len() as u64, Ordering::Relaxed);
                     self.note_pending();
                 }
                 Err(error) => {
@@ -167,6 +178,9 @@ impl<W: TelemetryWriter> TelemetryTask<W> {
 
     /// Deletes what is too old, one kind of row after another.
     async fn prune(&mut self) {
+        if !self.part.deletes() {
+            return;
+        }
         let now = self.clock.now();
         if !self.retention.may_delete(now, self.clock.elapsed()) {
             return;

@@ -13,6 +13,7 @@ mod task;
 mod webhooks;
 
 use async_trait::async_trait;
+use fleetcal_cluster::Tenure;
 use fleetcal_model::WallTime;
 
 pub use accounts::{AccountRecords, SessionRecords, TokenRecords};
@@ -48,6 +49,11 @@ pub trait Records:
 {
     /// Appends a row to the audit.
     async fn append_audit(&mut self, entry: &AuditEntry) -> Result<(), StoreError>;
+
+    /// Whether a tenure has not ended, which it does not before the transaction has: so what an
+    /// instance decides about its robot by itself is not written behind another one's back. Always
+    /// where one service has the database.
+    async fn holds_tenure(&mut self, tenure: &Tenure) -> Result<bool, StoreError>;
 
     /// Writes a row that nothing reads, to prove that the database can be written.
     async fn prove_writable(&mut self, now: WallTime) -> Result<(), StoreError>;

@@ -6,7 +6,9 @@ use fleetcal_contract::NOW_S;
 use fleetcal_domain::access::SecretHash;
 use fleetcal_domain::alert::ConditionName;
 use fleetcal_domain::approval::ProposalState;
-use fleetcal_model::{AlertId, Generation, Parameter, ProposalId, UserId, WallTime, WebhookId};
+use fleetcal_model::{
+    AlertId, AuditId, Generation, Parameter, ProposalId, UserId, WallTime, WebhookId,
+};
 use fleetcal_store::backend::Stretch;
 use fleetcal_store::{
     AlertFilter, AlertSelection, AuditFilter, HistoryQuery, ProposalFilter, Store,
@@ -88,6 +90,9 @@ impl Export<'_> {
         ask!(self, "current", load_current());
         ask!(self, "checkpoints", load_checkpoints());
         ask!(self, "cross_tracks", load_cross_tracks());
+        let some: Vec<_> = robots().skip(1).collect();
+        ask!(self, "checkpoints_of", load_checkpoints_of(&some));
+        ask!(self, "checkpoints_of", load_checkpoints_of(&[]));
         for robot in robots() {
             ask!(self, "robot", load_robot(&robot));
             ask!(self, "last_second", last_second(&robot));
@@ -203,6 +208,9 @@ impl Export<'_> {
             ..AuditFilter::default()
         };
         ask!(self, "audit", audit(&between));
+        ask!(self, "audit_last", audit_last());
+        ask!(self, "audit_after", audit_after(AuditId(0), MANY));
+        ask!(self, "audit_after", audit_after(AuditId(3), 2));
     }
 
     async fn alerts(&mut self) {

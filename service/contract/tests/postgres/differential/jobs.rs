@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use async_trait::async_trait;
+use fleetcal_cluster::{ClaimId, Epoch, Incarnation, InstanceId, Seat, Tenure};
 use fleetcal_contract::config;
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::approval::{Policy, ProposalAction};
@@ -298,6 +299,21 @@ impl Run<'_> {
         };
         ask!(self, append_audit(&entry));
         ask!(self, prove_writable(now));
+        // One service of a folder holds every tenure, and a server knows none here.
+        self.records.holds_tenure(&tenure()).await?;
+        self.calls.note("records.holds_tenure");
         Ok(())
+    }
+}
+
+fn tenure() -> Tenure {
+    Tenure {
+        robot: fleetcal_contract::robot("a"),
+        seat: Seat {
+            instance: InstanceId::parse("here").unwrap(),
+            incarnation: Incarnation(1),
+        },
+        epoch: Epoch(1),
+        claim: ClaimId(1),
     }
 }

@@ -84,6 +84,7 @@ impl Bench {
             cross_tracks: BTreeMap::new(),
             checkpoints: stored.collect(),
             last_heard: BTreeMap::new(),
+            membership: fleetcal_cluster::Membership::alone(),
         });
         let lifecycle = Lifecycle::start(LifecycleSetup {
             store: store.clone(),

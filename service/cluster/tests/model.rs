@@ -1,0 +1,446 @@
+//! A model of lease, epoch and fence, explored state by state: instances are frozen, cut off from
+//! the database and killed at any step, and the database forgets its latest commits in a failover.
+//!
+//! One step of time is two seconds. What the database does in one transaction is one action here, as
+//! `service/postgres` has it; what an instance does in two is two, so that it can be frozen between.
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use std::time::Duration;
+
+use fleetcal_cluster::Lease;
+use fleetcal_domain::limits::CLUSTER_LEASE;
+use stateright::{Checker as _, HasDiscoveries, Model, Property};
+
+const INSTANCES: usize = 2;
+const STEP_S: u64 = 2;
+/// Bits of an epoch below the database's timeline.
+const EPOCHS: u64 = 16;
+
+type Incarnation = u8;
+
+/// A robot's row.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
+struct Row {
+    owner: Option<(usize, Incarnation)>,
+    epoch: u64,
+}
+
+/// What the database holds.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
+struct Database {
+    incarnations: [Incarnation; INSTANCES],
+    expires_at_s: [u64; INSTANCES],
+    row: Row,
+    /// The epoch of the latest accepted write.
+    written: u64,
+    /// Who was accepted in which epoch.
+    writers: Vec<(u64, usize)>,
+}
+
+/// An instance's memory.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
+struct Instance {
+    incarnation: Option<Incarnation>,
+    trusted_until_s: u64,
+    /// The epoch in which it has the robot.
+    tenure: Option<u64>,
+    /// A write on its way to the database, by its tenure.
+    writing: Option<(Incarnation, u64)>,
+    /// A put that has passed the gate and is not made yet, by its tenure.
+    putting: Option<u64>,
+    frozen: bool,
+    cut_off: bool,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
+struct World {
+    now_s: u64,
+    timeline: u64,
+    database: Database,
+    /// What a standby has, and how many failovers may still come.
+    standby: Database,
+    failovers_left: u8,
+    freezes_left: u8,
+    cuts_left: u8,
+    instances: [Instance; INSTANCES],
+    /// The epoch of the latest put.
+    put: u64,
+    /// Writes that were accepted after one of a later tenure.
+    late_writes: u8,
+    /// Puts after one of a later tenure by an instance that does not have the robot any more.
+    late_puts: u8,
+    /// Who has put in which epoch.
+    putters: Vec<(u64, usize)>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+enum Action {
+    Time,
+    Join(usize),
+    Renew(usize),
+    TakeForDead {
+        by: usize,
+        whom: usize,
+    },
+    Claim(usize),
+    /// Brings an own robot's epoch to the database's timeline.
+    Restamp(usize),
+    BeginWrite(usize),
+    EndWrite(usize),
+    PassGate(usize),
+    Put(usize),
+    Freeze(usize),
+    Thaw(usize),
+    CutOff(usize),
+    Heal(usize),
+    Replicate,
+    FailOver,
+}
+
+/// What is left out of the mechanism, to see that it is needed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Planted {
+    Nothing,
+    /// A write is accepted whatever its tenure.
+    NoFence,
+    /// A put asks nobody.
+    NoGate,
+    /// An epoch is the last one and one more, whatever a failover forgot.
+    EpochWithoutTimeline,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Cluster {
+    planted: Planted,
+    seconds_max: u64,
+}
+
+impl World {
+    fn lease_s() -> u64 {
+        CLUSTER_LEASE.as_secs()
+    }
+
+    /// Whether an instance gets an answer of the database.
+    fn reaches(&self, i: usize) -> bool {
+        !self.instances[i].frozen && !self.instances[i].cut_off
+    }
+
+    fn has_seat(&self, i: usize) -> bool {
+        self.instances[i].incarnation == Some(self.database.incarnations[i])
+    }
+
+    fn join(&mut self, i: usize) {
+        self.database.incarnations[i] += 1;
+        self.free(i);
+        self.database.expires_at_s[i] = self.now_s + Self::lease_s();
+        let incarnation = self.database.incarnations[i];
+        let trusted = Lease::trusted_after(Duration::from_secs(self.now_s));
+        let instance = &mut self.instances[i];
+        instance.incarnation = Some(incarnation);
+        instance.tenure = None;
+        instance.trusted_until_s = trusted.as_secs();
+    }
+
+    /// Whatever an instance had is nobody's.
+    fn free(&mut self, i: usize) {
+        if self.database.row.owner.is_some_and(|(owner, _)| owner == i) {
+            self.database.row.owner = None;
+        }
+    }
+
+    fn renew(&mut self, i: usize) {
+        if self.has_seat(i) {
+            self.database.expires_at_s[i] = self.now_s + Self::lease_s();
+            let trusted = Lease::trusted_after(Duration::from_secs(self.now_s));
+            self.instances[i].trusted_until_s = trusted.as_secs();
+        } else {
+            let instance = &mut self.instances[i];
+            (instance.incarnation, instance.tenure) = (None, None);
+            instance.trusted_until_s = 0;
+        }
+    }
+
+    fn may_take_for_dead(&self, by: usize, whom: usize) -> bool {
+        by != whom
+            && self.reaches(by)
+            && self.has_seat(by)
+            && self.database.incarnations[whom] > 0
+            && self.database.expires_at_s[whom] <= self.now_s
+            && self
+                .database
+                .row
+                .owner
+                .is_some_and(|(owner, _)| owner == whom)
+    }
+
+    fn claim(&mut self, i: usize, planted: Planted) {
+        let least = match planted {
+            Planted::EpochWithoutTimeline => 0,
+            _ => self.timeline * EPOCHS,
+        };
+        let row = &mut self.database.row;
+        row.epoch = (row.epoch + 1).max(least);
+        row.owner = self.instances[i].incarnation.map(|own| (i, own));
+        self.instances[i].tenure = Some(row.epoch);
+    }
+
+    fn owns(&self, i: usize) -> bool {
+        let own = self.instances[i].incarnation;
+        own.is_some_and(|own| self.database.row.owner == Some((i, own))) && self.has_seat(i)
+    }
+
+    /// Whether the database takes a write of this tenure: the seat is its instance's, and the robot
+    /// that seat's, in this epoch.
+    fn accepts(&self, i: usize, (incarnation, epoch): (Incarnation, u64)) -> bool {
+        self.database.incarnations[i] == incarnation
+            && self.database.row.owner == Some((i, incarnation))
+            && self.database.row.epoch == epoch
+    }
+
+    fn accept(&mut self, i: usize, epoch: u64) {
+        let kept = &mut self.database;
+        self.late_writes += u8::from(epoch < kept.written);
+        kept.written = kept.written.max(epoch);
+        if !kept.writers.contains(&(epoch, i)) {
+            kept.writers.push((epoch, i));
+        }
+    }
+
+    /// A standby takes the primary's place. What it does not have is forgotten.
+    fn fail_over(&mut self) {
+        self.failovers_left -= 1;
+        self.timeline += 1;
+        self.database = self.standby.clone();
+    }
+
+    /// What comes of this world when nothing is hurt any more: whether the robot has an owner in
+    /// the end that knows it.
+    fn recovers(&self, planted: Planted) -> bool {
+        let mut world = self.clone();
+        for instance in &mut world.instances {
+            (instance.frozen, instance.cut_off) = (false, false);
+        }
+        for _ in 0..Self::lease_s() {
+            for i in 0..INSTANCES {
+                if world.instances[i].incarnation.is_none() {
+                    world.join(i);
+                }
+                world.renew(i);
+                for whom in 0..INSTANCES {
+                    if world.may_take_for_dead(i, whom) {
+                        world.database.incarnations[whom] += 1;
+                        world.free(whom);
+                    }
+                }
+                if world.has_seat(i) && world.database.row.owner.is_none() {
+                    world.claim(i, planted);
+                }
+                // What the rows say is its own, and it does not know, it takes on.
+                if world.owns(i) {
+                    world.instances[i].tenure = Some(world.database.row.epoch);
+                }
+            }
+            world.now_s += STEP_S;
+        }
+        let owner = world.database.row.owner;
+        owner.is_some_and(|(i, _)| {
+            world.has_seat(i) && world.instances[i].tenure == Some(world.database.row.epoch)
+        })
+    }
+}
+
+impl Model for Cluster {
+    type State = World;
+    type Action = Action;
+
+    fn init_states(&self) -> Vec<World> {
+        let mut world = World {
+            failovers_left: 1,
+            freezes_left: 1,
+            cuts_left: 1,
+            timeline: 1,
+            ..World::default()
+        };
+        for i in 0..INSTANCES {
+            world.join(i);
+        }
+        world.claim(0, self.planted);
+        world.standby = world.database.clone();
+        vec![world]
+    }
+
+    fn actions(&self, world: &World, actions: &mut Vec<Action>) {
+        if world.now_s < self.seconds_max {
+            actions.push(Action::Time);
+        }
+        if world.failovers_left > 0 {
+            actions.push(Action::FailOver);
+            if world.standby != world.database {
+                actions.push(Action::Replicate);
+            }
+        }
+        for i in 0..INSTANCES {
+            let instance = &world.instances[i];
+            if instance.frozen {
+                actions.push(Action::Thaw(i));
+                continue;
+            }
+            if world.freezes_left > 0 {
+                actions.push(Action::Freeze(i));
+            }
+            if instance.cut_off {
+                actions.push(Action::Heal(i));
+            } else if world.cuts_left > 0 {
+                actions.push(Action::CutOff(i));
+            }
+            let trusts = world.now_s < instance.trusted_until_s;
+            if instance.putting.is_some() {
+                actions.push(Action::Put(i));
+            } else if instance.tenure.is_some() && (trusts || self.planted == Planted::NoGate) {
+                actions.push(Action::PassGate(i));
+            }
+            if !world.reaches(i) {
+                continue;
+            }
+            match instance.incarnation {
+                None => actions.push(Action::Join(i)),
+                Some(_) => actions.push(Action::Renew(i)),
+            }
+            if instance.writing.is_some() {
+                actions.push(Action::EndWrite(i));
+            } else if instance.tenure.is_some() {
+                actions.push(Action::BeginWrite(i));
+            }
+            if world.has_seat(i) && world.database.row.owner.is_none() {
+                actions.push(Action::Claim(i));
+            }
+            if world.owns(i) && world.database.row.epoch < world.timeline * EPOCHS {
+                actions.push(Action::Restamp(i));
+            }
+            for whom in 0..INSTANCES {
+                if world.may_take_for_dead(i, whom) {
+                    actions.push(Action::TakeForDead { by: i, whom });
+                }
+            }
+        }
+    }
+
+    fn next_state(&self, last: &World, action: Action) -> Option<World> {
+        let mut world = last.clone();
+        match action {
+            Action::Time => world.now_s += STEP_S,
+            Action::Join(i) => world.join(i),
+            Action::Renew(i) => world.renew(i),
+            Action::TakeForDead { whom, .. } => {
+                world.database.incarnations[whom] += 1;
+                world.free(whom);
+            }
+            Action::Claim(i) | Action::Restamp(i) => world.claim(i, self.planted),
+            Action::BeginWrite(i) => {
+                let instance = &mut world.instances[i];
+                instance.writing = instance.incarnation.zip(instance.tenure);
+            }
+            Action::EndWrite(i) => {
+                let write = world.instances[i].writing.take()?;
+                if self.planted == Planted::NoFence || world.accepts(i, write) {
+                    world.accept(i, write.1);
+                }
+            }
+            Action::PassGate(i) => world.instances[i].putting = world.instances[i].tenure,
+            Action::Put(i) => {
+                let epoch = world.instances[i].putting.take()?;
+                world.late_puts += u8::from(epoch < world.put && !world.owns(i));
+                world.put = world.put.max(epoch);
+                if !world.putters.contains(&(epoch, i)) {
+                    world.putters.push((epoch, i));
+                }
+            }
+            Action::Freeze(i) => {
+                world.freezes_left -= 1;
+                world.instances[i].frozen = true;
+            }
+            Action::Thaw(i) => world.instances[i].frozen = false,
+            Action::CutOff(i) => {
+                world.cuts_left -= 1;
+                world.instances[i].cut_off = true;
+            }
+            Action::Heal(i) => world.instances[i].cut_off = false,
+            Action::Replicate => world.standby = world.database.clone(),
+            Action::FailOver => world.fail_over(),
+        }
+        (world != *last).then_some(world)
+    }
+
+    fn properties(&self) -> Vec<Property<Self>> {
+        vec![
+            Property::always(
+                "no write after one of a later tenure",
+                |_, world: &World| world.late_writes == 0,
+            ),
+            Property::always("one instance an epoch", |_, world: &World| {
+                is_one_an_epoch(&world.putters) && is_one_an_epoch(&world.database.writers)
+            }),
+            Property::always("one late put at the most", |_, world: &World| {
+                world.late_puts <= 1
+            }),
+            Property::always("an owner in the end", |model: &Self, world: &World| {
+                world.recovers(model.planted)
+            }),
+            Property::sometimes("the robot changes hands", |_, world: &World| {
+                world.database.writers.iter().any(|(_, by)| *by != 0)
+            }),
+        ]
+    }
+}
+
+fn is_one_an_epoch(seen: &[(u64, usize)]) -> bool {
+    let other = |(epoch, by): &(u64, usize)| seen.iter().any(|(of, i)| of == epoch && i != by);
+    !seen.iter().any(other)
+}
+
+/// Explores to a depth, until something is wrong; gives the names of what was found, with the number of states.
+fn explore(planted: Planted, depth: usize) -> (Vec<&'static str>, usize) {
+    let model = Cluster {
+        planted,
+        seconds_max: 12,
+    };
+    let checker = model.checker().threads(2).target_max_depth(depth);
+    let checker = checker.finish_when(HasDiscoveries::AnyFailures);
+    let checked = checker.spawn_bfs().join();
+    let mut found: Vec<_> = checked.discoveries().into_keys().collect();
+    found.sort_unstable();
+    (found, checked.unique_state_count())
+}
+
+/// Steps to which everything is explored, unless the variable says otherwise.
+fn depth() -> usize {
+    let depth = std::env::var("CLUSTER_MODEL_DEPTH");
+    depth.map_or(12, |depth| depth.parse().unwrap())
+}
+
+#[test]
+fn there_are_never_two_accepted_writers_and_always_an_owner_in_the_end() {
+    let (found, states) = explore(Planted::Nothing, depth());
+    println!("{states} states to depth {}: {found:?}", depth());
+    assert!(states > 10_000, "{states} states");
+    let wrong: Vec<_> = found
+        .iter()
+        .filter(|name| **name != "the robot changes hands")
+        .collect();
+    assert!(wrong.is_empty(), "{wrong:?}");
+}
+
+#[test]
+fn each_part_of_the_mechanism_is_needed() {
+    for (planted, expected) in [
+        (Planted::NoFence, "no write after one of a later tenure"),
+        (Planted::NoGate, "one late put at the most"),
+        (Planted::EpochWithoutTimeline, "one instance an epoch"),
+    ] {
+        let (found, states) = explore(planted, 14);
+        assert!(
+            found.contains(&expected),
+            "{planted:?}: {found:?} in {states} states"
+        );
+    }
+}

@@ -1,0 +1,296 @@
+//! What instances of a cluster ask of the fleet: to begin and end estimating robots, to hear those
+//! that are to come, and to mirror those of others.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Arc, PoisonError};
+use std::time::Duration;
+
+use fleetcal_cluster::{Duty, Epoch, InstanceId};
+use fleetcal_domain::limits::REPORT_WHOLE_EVERY;
+use fleetcal_domain::robot::{HistoryEvent, RobotState, RobotView};
+use fleetcal_proto::RobotId;
+use fleetcal_proto::estimate::EstimatedBy;
+use tokio::sync::watch;
+
+use super::FleetHandle;
+use crate::live::LiveUpdate;
+use crate::mailbox::Recipient;
+use crate::report::{ReportDetails, Reported, RobotReport, Sender, Told};
+use crate::robot::Robot;
+use crate::task::{Keep, Running, Tenancy};
+
+impl FleetHandle {
+    /// Begins to keep the messages of robots that this instance is to have, for their tasks. Those
+    /// that it has or hears already are left as they are.
+    pub fn hear(&self, robots: &[RobotId]) {
+        let mut begins = false;
+        for id in robots {
+            begins |= self.fleet.find_or_add(id).mailbox.hear();
+        }
+        self.heard_has_changed(begins);
+    }
+
+    /// Keeps the messages of robots no more that this instance was to have.
+    pub fn unhear(&self, robots: &[RobotId]) {
+        let mut ends = false;
+        for robot in robots.iter().filter_map(|id| self.fleet.find(id.as_str())) {
+            ends |= robot.mailbox.unhear();
+        }
+        self.heard_has_changed(ends);
+    }
+
+    /// The robots whose messages are wanted; `None` where one service has all robots.
+    pub fn heard(&self) -> Option<BTreeSet<RobotId>> {
+        self.fleet.membership.cluster()?;
+        let robots = self.fleet.all().into_iter();
+        let heard = robots.filter(|robot| robot.mailbox.recipient() != Recipient::Nobody);
+        Some(heard.map(|robot| robot.id.clone()).collect())
+    }
+
+    /// Tells of every change of [`FleetHandle::heard`] from now on.
+    pub fn heard_changed(&self) -> watch::Receiver<u64> {
+        self.fleet.heard.subscribe()
+    }
+
+    /// Takes to which robots the link is subscribed.
+    pub fn set_subscribed(&self, robots: BTreeSet<RobotId>) {
+        self.fleet.subscribed.send_replace(robots);
+    }
+
+    /// Returns once the link is subscribed to a robot.
+    pub async fn subscribed(&self, id: &RobotId) {
+        let mut subscribed = self.fleet.subscribed.subscribe();
+        let stands = subscribed.wait_for(|robots| robots.contains(id)).await;
+        if stands.is_err() {
+            // The fleet is gone, and the link with it.
+            std::future::pending::<()>().await;
+        }
+    }
+
+    /// Begins to estimate a robot, from what an instance before has stored. The robot's messages
+    /// that were heard meanwhile follow, but for those that the state has taken. One that is
+    /// estimated here already goes on as it is.
+    pub fn adopt(&self, id: &RobotId, stored: Option<Vec<u8>>) {
+        let robot = self.fleet.find_or_add(id);
+        if !robot.mailbox.open() {
+            return;
+        }
+        let tenure = self.fleet.membership.tenure(id);
+        robot.begins_here(tenure.map(|tenure| EstimatedBy {
+            instance: tenure.seat.instance.as_str().to_owned(),
+            epoch: tenure.epoch.0,
+        }));
+        if robot.is_configured() {
+            self.spawn(robot, stored);
+        } else {
+            *tenancy(&robot) = Tenancy::Awaited(stored);
+        }
+        self.heard_has_changed(true);
+    }
+
+    /// Ends to estimate a robot: its task has ended when this returns, and another instance may go
+    /// on. It is mirrored from now on.
+    pub async fn release(&self, id: &RobotId, keep: Keep) {
+        let Some(robot) = self.fleet.find(id.as_str()) else {
+            return;
+        };
+        if !robot.mailbox.close() {
+            self.unhear(std::slice::from_ref(id));
+            return;
+        }
+        if keep == Keep::Nothing {
+            robot.mailbox.clear();
+        }
+        let was = std::mem::take(&mut *tenancy(&robot));
+        if let Tenancy::Running(running) = was {
+            running.end(&robot, keep).await;
+        }
+        // Of a robot whose configuration never came.
+        robot.mailbox.clear();
+        robot.ended_here();
+        if keep == Keep::State {
+            self.fleet.save_cross_tracks(&robot);
+        }
+        self.heard_has_changed(true);
+    }
+
+    fn heard_has_changed(&self, has_changed: bool) {
+        if has_changed {
+            self.fleet.heard.send_modify(|changes| *changes += 1);
+        }
+    }
+
+    /// Begins the task of a robot.
+    pub(super) fn spawn(&self, robot: Arc<Robot>, stored: Option<Vec<u8>>) {
+        let running = Running::begin(&self.fleet, Arc::clone(&robot), stored);
+        *tenancy(&robot) = Tenancy::Running(running);
+    }
+
+    /// Begins the task of a robot that was configured for the first time, unless another instance
+    /// has it.
+    pub(super) fn begin_configured(&self, robot: Arc<Robot>) {
+        if self.fleet.membership.cluster().is_none() {
+            self.spawn(robot, None);
+            return;
+        }
+        let awaited = std::mem::take(&mut *tenancy(&robot));
+        match awaited {
+            Tenancy::Awaited(stored) => self.spawn(robot, stored),
+            other => *tenancy(&robot) = other,
+        }
+    }
+
+    /// Whether a robot has its vehicle.
+    pub fn is_registered(&self, id: &RobotId) -> bool {
+        let robot = self.fleet.find(id.as_str());
+        robot.is_some_and(|robot| robot.is_configured())
+    }
+
+    /// Whether another instance has the robot, and this one is not to have it.
+    pub(super) fn is_elsewhere(&self, id: &RobotId) -> bool {
+        self.fleet.membership.cluster().is_some()
+            && self.fleet.find(id.as_str()).is_some_and(|robot| {
+                robot.is_configured() && robot.mailbox.recipient() == Recipient::Nobody
+            })
+    }
+
+    /// What other instances should hear of this one's robots since this was last asked; to be asked
+    /// every [`fleetcal_domain::limits::DIGEST_EVERY`]. Robots that nobody has registered are told
+    /// by the instance that listens to them.
+    pub fn reports(&self, told: &mut Reported) -> Vec<RobotReport> {
+        told.live.get_or_insert_with(|| self.live());
+        let mut events = told.take_events();
+        let discovers = self.fleet.membership.does(Duty::Discovery);
+        let is_own = |robot: &Arc<Robot>| match robot.is_configured() {
+            true => robot.is_here(),
+            false => discovers,
+        };
+        let robots: Vec<_> = self.fleet.all().into_iter().filter(is_own).collect();
+        told.robots
+            .retain(|id, _| robots.iter().any(|robot| robot.id == *id));
+        let reports = robots.iter().filter_map(|robot| {
+            let events = events.remove(&robot.id).unwrap_or_default();
+            self.report(robot, events, &mut told.robots)
+        });
+        reports.collect()
+    }
+
+    fn report(
+        &self,
+        robot: &Robot,
+        events: Vec<HistoryEvent>,
+        told: &mut BTreeMap<RobotId, Told>,
+    ) -> Option<RobotReport> {
+        let now = self.fleet.clock.elapsed();
+        let view = robot.view(&*self.fleet.clock);
+        let epoch = match view.config {
+            Some(_) => robot.epoch(),
+            None => Epoch::default(),
+        };
+        let connection = &view.connection;
+        let latest = (epoch, view.state, connection.stale, connection.last_seen_ns);
+        let urgent = robot.urgent();
+        let before = told.get(&robot.id);
+        let whole_since = before.map(|before| before.whole_at);
+        let is_due = whole_since.is_none_or(|then| now.saturating_sub(then) >= REPORT_WHOLE_EVERY);
+        let is_whole = is_due || before.is_none_or(|before| before.urgent != urgent);
+        let is_same = |before: &&Told| match (&before.estimate, &view.estimate) {
+            (Some(before), Some(now)) => Arc::ptr_eq(before, now),
+            (before, now) => before.is_none() && now.is_none(),
+        };
+        let told_estimate = before.filter(is_same).is_some();
+        let changed = before.is_none_or(|before| before.latest != latest) || !told_estimate;
+        if !changed && !is_whole && events.is_empty() {
+            return None;
+        }
+        let whole_at = match whole_since {
+            // All robots were taken on at once: not all of them are due at once.
+            None => now.saturating_sub(spread(&robot.id)),
+            Some(then) if !is_whole => then,
+            Some(_) => now,
+        };
+        let now_told = Told {
+            whole_at,
+            latest,
+            estimate: view.estimate.clone(),
+            urgent,
+        };
+        told.insert(robot.id.clone(), now_told);
+        let estimate = view.estimate.as_deref();
+        let estimate = estimate.filter(|_| is_whole || !told_estimate);
+        Some(RobotReport {
+            robot: robot.id.clone(),
+            epoch,
+            state: view.state,
+            stale: connection.stale,
+            last_seen_ns: connection.last_seen_ns,
+            estimate: estimate.cloned().map(Box::new),
+            details: is_whole.then(|| Box::new(details(robot, &view))),
+            events,
+        })
+    }
+
+    /// Takes what another instance says of its robots, and tells listeners what is new. What it
+    /// says of a robot that is estimated here, or of which a later tenure was heard, is left out.
+    pub fn take_reports(&self, from: &InstanceId, reports: Vec<RobotReport>) {
+        let sender = Sender {
+            instance: from,
+            at: self.fleet.clock.elapsed(),
+        };
+        for mut report in reports {
+            let robot = match self.fleet.find(report.robot.as_str()) {
+                None if report.state == RobotState::Unregistered => {
+                    self.fleet.find_or_admit(&report.robot)
+                }
+                known => known,
+            };
+            let is_of_registered = report.state != RobotState::Unregistered;
+            // One that was registered just now is not known everywhere at once.
+            let Some(robot) = robot.filter(|robot| robot.is_configured() == is_of_registered)
+            else {
+                continue;
+            };
+            let events = std::mem::take(&mut report.events);
+            let Some(estimate) = robot.take_report(sender, report) else {
+                continue;
+            };
+            let id = || robot.id.clone();
+            if let Some(document) = estimate {
+                let robot = id();
+                self.announce(LiveUpdate::Estimate { robot, document });
+            }
+            for event in events {
+                let (robot, event) = (id(), Arc::new(event));
+                self.announce(LiveUpdate::Event { robot, event });
+            }
+        }
+    }
+}
+
+/// All that is told of a robot now and then.
+fn details(robot: &Robot, view: &RobotView) -> ReportDetails {
+    let verification = view.verification.as_ref();
+    let verification =
+        verification.map(|(of, estimate)| (*of, Box::new(estimate.as_ref().clone())));
+    ReportDetails {
+        heard_before_ns: view.connection.heard_before_ns,
+        streams: view.connection.streams.clone(),
+        counters: view.counters.clone(),
+        estimator_restarts: view.estimator_restarts,
+        pairing: view.pairing,
+        warnings: view.warnings.clone(),
+        verification,
+        cross_tracks: robot.cross_tracks().into_iter().collect(),
+    }
+}
+
+/// A part of [`REPORT_WHOLE_EVERY`], by a robot's id.
+fn spread(id: &RobotId) -> Duration {
+    let sum: u64 = id.as_str().bytes().map(u64::from).sum();
+    let whole_ms = u64::try_from(REPORT_WHOLE_EVERY.as_millis()).unwrap_or(u64::MAX);
+    Duration::from_millis((sum * 617) % whole_ms)
+}
+
+fn tenancy(robot: &Robot) -> std::sync::MutexGuard<'_, Tenancy> {
+    robot.tenancy.lock().unwrap_or_else(PoisonError::into_inner)
+}

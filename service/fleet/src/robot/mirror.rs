@@ -1,0 +1,207 @@
+//! A robot that another instance estimates, as that instance reports it.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use fleetcal_clock::Clock;
+use fleetcal_cluster::Epoch;
+use fleetcal_domain::limits::REPORTS_STALE_AFTER;
+use fleetcal_domain::robot::{Connection, Counters, RobotState, StreamView};
+use fleetcal_model::WallTime;
+use fleetcal_proto::estimate::{EstimateDocument, EstimatedBy};
+
+use super::{Robot, lock};
+use crate::mailbox::Recipient;
+use crate::report::{ReportDetails, RobotReport, Sender, Urgent};
+use crate::task::Tenancy;
+
+/// Which instance estimates a robot, and what it says where that is another one.
+#[derive(Debug, Default)]
+pub(super) struct Estimators {
+    /// The highest epoch that was heard of: what comes with a lower one is of an instance that was
+    /// replaced.
+    epoch: Epoch,
+    /// Who estimates it, as far as is known here.
+    by: Option<EstimatedBy>,
+    mirror: Option<Mirror>,
+}
+
+/// What another instance reported last.
+#[derive(Debug)]
+struct Mirror {
+    /// When, running time.
+    at: Duration,
+    stale: bool,
+    last_seen_ns: Option<WallTime>,
+    heard_before_ns: Option<WallTime>,
+    streams: Vec<StreamView>,
+    counters: Counters,
+}
+
+impl Robot {
+    /// Whether its task is here, or is to be.
+    pub fn is_here(&self) -> bool {
+        self.mailbox.recipient() == Recipient::Task
+    }
+
+    /// Whether its messages are kept although its configuration is not known yet.
+    pub fn is_awaited(&self) -> bool {
+        let is_awaited = matches!(*lock(&self.tenancy), Tenancy::Awaited(_));
+        is_awaited || self.mailbox.recipient() == Recipient::Heir
+    }
+
+    /// Takes that this instance has begun to estimate it.
+    pub fn begins_here(&self, by: Option<EstimatedBy>) {
+        let mut estimators = lock(&self.estimators);
+        if let Some(by) = &by {
+            estimators.epoch = estimators.epoch.max(Epoch(by.epoch));
+        }
+        estimators.by = by;
+        let mirror = estimators.mirror.take();
+        drop(estimators);
+        if let Some(mirror) = mirror {
+            let mut link = lock(&self.link);
+            let before = mirror.last_seen_ns.max(mirror.heard_before_ns);
+            link.heard_before_ns = link.heard_before_ns.max(before);
+        }
+    }
+
+    /// Takes that this instance estimates it no more.
+    pub fn ended_here(&self) {
+        lock(&self.estimators).by = None;
+        let mut link = lock(&self.link);
+        link.session = super::Session::Ended;
+    }
+
+    /// In which tenure it is estimated here.
+    pub fn epoch(&self) -> Epoch {
+        lock(&self.estimators).epoch
+    }
+
+    /// Which instance estimates it.
+    pub fn estimated_by(&self) -> Option<EstimatedBy> {
+        lock(&self.estimators).by.clone()
+    }
+
+    /// Nothing is known of it: its task begins from nothing.
+    pub fn show_nothing(&self) {
+        let mut status = lock(&self.status);
+        status.state = RobotState::NoData;
+        status.estimate = None;
+        status.candidate = super::Candidate::default();
+    }
+
+    /// Takes what the instance that has it says. `None` when it is of one that was replaced, or the
+    /// robot is estimated here; else the estimate, if that is a new one.
+    pub fn take_report(
+        &self,
+        sender: Sender<'_>,
+        report: RobotReport,
+    ) -> Option<Option<Arc<EstimateDocument>>> {
+        let is_whole = report.details.is_some();
+        {
+            let mut estimators = lock(&self.estimators);
+            if self.is_here() || report.epoch < estimators.epoch {
+                return None;
+            }
+            estimators.epoch = report.epoch;
+            estimators.by = (report.state != RobotState::Unregistered).then(|| EstimatedBy {
+                instance: sender.instance.as_str().to_owned(),
+                epoch: report.epoch.0,
+            });
+            let before = estimators.mirror.take();
+            estimators.mirror = Some(Mirror::of(sender.at, &report, before));
+        }
+        if let Some(details) = report.details.as_deref() {
+            self.take_cross_tracks(details);
+        }
+        let mut status = lock(&self.status);
+        status.state = report.state;
+        let estimate = report.estimate.map(|estimate| Arc::new(*estimate));
+        if estimate.is_some() || is_whole {
+            status.estimate.clone_from(&estimate);
+        }
+        if let Some(details) = report.details {
+            status.estimator_restarts = details.estimator_restarts;
+            status.pairing = details.pairing;
+            status.warnings = details.warnings;
+            let verification = details.verification;
+            status.verification = verification.map(|(of, estimate)| (of, Arc::new(*estimate)));
+        }
+        Some(estimate)
+    }
+
+    fn take_cross_tracks(&self, details: &ReportDetails) {
+        let stored = details.cross_tracks.iter().cloned().collect();
+        *lock(&self.cross_tracks) = super::CrossTracks::of(stored);
+    }
+
+    /// Whether what is mirrored is stale; `None` of a robot that is not.
+    pub(super) fn is_mirror_stale(&self, clock: &dyn Clock) -> Option<bool> {
+        if self.is_here() {
+            return None;
+        }
+        let estimators = lock(&self.estimators);
+        let mirror = estimators.mirror.as_ref()?;
+        let age = clock.elapsed().saturating_sub(mirror.at);
+        Some(mirror.stale || age >= REPORTS_STALE_AFTER)
+    }
+
+    /// Connection and counters as they are shown: what the robot's instance says, or as they are
+    /// here where no other one has said anything.
+    pub(super) fn mirrored(&self, own: Connection, counters: Counters) -> (Connection, Counters) {
+        if self.is_here() {
+            return (own, counters);
+        }
+        match &lock(&self.estimators).mirror {
+            None => (own, counters),
+            Some(mirror) => {
+                let connection = Connection {
+                    last_seen_ns: mirror.last_seen_ns,
+                    heard_before_ns: mirror.heard_before_ns,
+                    streams: mirror.streams.clone(),
+                    ..own
+                };
+                (connection, mirror.counters.clone())
+            }
+        }
+    }
+
+    /// What is told of it at once when it changes.
+    pub(crate) fn urgent(&self) -> Urgent {
+        let status = lock(&self.status);
+        Urgent {
+            warnings: status.warnings.clone(),
+            verification: status.verification.clone(),
+            restarts: status.estimator_restarts,
+        }
+    }
+}
+
+impl Mirror {
+    fn of(at: Duration, report: &RobotReport, before: Option<Self>) -> Self {
+        let mirror = Self {
+            at,
+            stale: report.stale,
+            last_seen_ns: report.last_seen_ns,
+            heard_before_ns: None,
+            streams: Vec::new(),
+            counters: Counters::default(),
+        };
+        match (&report.details, before) {
+            (Some(details), _) => Self {
+                heard_before_ns: details.heard_before_ns,
+                streams: details.streams.clone(),
+                counters: details.counters.clone(),
+                ..mirror
+            },
+            (None, Some(before)) => Self {
+                heard_before_ns: before.heard_before_ns,
+                streams: before.streams,
+                counters: before.counters,
+                ..mirror
+            },
+            (None, None) => mirror,
+        }
+    }
+}

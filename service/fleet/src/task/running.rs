@@ -1,0 +1,115 @@
+//! From where a robot's task begins to where it ends.
+
+use std::sync::Arc;
+
+use fleetcal_domain::limits::CLUSTER_OVERLAP;
+use fleetcal_estimator::Event;
+use tokio::sync::watch;
+use tokio::task::JoinHandle;
+
+use super::RobotTask;
+use crate::registry::Fleet;
+use crate::robot::Robot;
+
+/// What is kept of a robot that another instance gets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Keep {
+    /// What waits is worked through, and the estimator's state is stored.
+    State,
+    /// Nothing: another instance has the robot already.
+    Nothing,
+}
+
+/// Whether a robot has a task.
+#[derive(Debug, Default)]
+pub enum Tenancy {
+    /// It has none.
+    #[default]
+    None,
+    /// It is to have one that goes on from this, once its configuration is known.
+    Awaited(Option<Vec<u8>>),
+    /// It has one.
+    Running(Running),
+}
+
+/// A robot's task.
+#[derive(Debug)]
+pub struct Running {
+    /// Tells it to end.
+    leave: watch::Sender<Option<Keep>>,
+    ended: JoinHandle<()>,
+}
+
+impl Running {
+    /// Begins the task of a robot, which goes on from what was stored.
+    pub fn begin(fleet: &Arc<Fleet>, robot: Arc<Robot>, stored: Option<Vec<u8>>) -> Self {
+        let (leave, told) = watch::channel(None);
+        let ended = fleet
+            .tasks
+            .spawn(run(Arc::clone(fleet), robot, stored, told));
+        Self { leave, ended }
+    }
+
+    /// Ends the task; it has ended when this returns. The mailbox has to be closed before.
+    pub async fn end(self, robot: &Robot, keep: Keep) {
+        self.leave.send_replace(Some(keep));
+        robot.mailbox.wake();
+        if let Err(error) = self.ended.await {
+            tracing::error!(robot.id = %robot.id, %error, "the robot's task failed");
+        }
+    }
+}
+
+/// Runs until the fleet stops or the robot is another instance's, and the mailbox is empty.
+async fn run(
+    fleet: Arc<Fleet>,
+    robot: Arc<Robot>,
+    stored: Option<Vec<u8>>,
+    mut leave: watch::Receiver<Option<Keep>>,
+) {
+    let Some((version, config)) = robot.versioned_config() else {
+        return;
+    };
+    let mut task = RobotTask::start(fleet, robot, version, &config, stored.as_deref());
+    if task.last_good.is_none() {
+        task.robot.show_nothing();
+    }
+    loop {
+        while let Some(item) = task.robot.mailbox.take() {
+            task.take(item);
+            task.answer_top_view_askers();
+            // A scan takes a millisecond: let the API and the other robots have theirs.
+            tokio::task::yield_now().await;
+        }
+        if task.fleet.stop.is_cancelled() || leave.borrow().is_some() {
+            break;
+        }
+        tokio::select! {
+            () = task.robot.mailbox.arrived() => {}
+            () = task.fleet.stop.cancelled() => {}
+            Ok(()) = leave.changed() => {}
+        }
+        task.follow_config();
+        task.answer_top_view_askers();
+    }
+    let keep = *leave.borrow();
+    if keep == Some(Keep::State) {
+        task.let_out_what_nobody_else_heard();
+    }
+    if keep != Some(Keep::Nothing) {
+        task.save_checkpoint();
+    }
+    drop(task.robot.top_view_askers.take());
+}
+
+impl RobotTask {
+    /// The next instance hears the robot for [`CLUSTER_OVERLAP`] before. What a robot sent last that
+    /// has been silent for half of that may be older: it leaves the merger, as at the end of a
+    /// session.
+    fn let_out_what_nobody_else_heard(&mut self) {
+        let quiet = self.robot.quiet_for(&*self.fleet.clock);
+        if quiet.is_some_and(|quiet| quiet >= CLUSTER_OVERLAP / 2) {
+            self.step(Event::EndOfSession);
+        }
+    }
+}

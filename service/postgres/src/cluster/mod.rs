@@ -1,0 +1,150 @@
+//! The rows by which instances of a cluster agree who estimates which robot.
+//!
+//! Who ends a life or a tenure locks the instance's row FOR UPDATE first; who writes on the strength
+//! of one holds it FOR KEY SHARE until the transaction ends. So nothing of an ended tenure is
+//! committed behind its end. Rows are locked in this order, which excludes deadlocks: the caller's
+//! instance, other instances by their names, robots by their keys, duties.
+
+pub(crate) mod adoption;
+mod duties;
+mod fence;
+mod life;
+mod look;
+mod robots;
+mod seat;
+mod transaction;
+
+use std::sync::Arc;
+
+use async_trait::async_trait;
+use fleetcal_cluster::{ClaimId, Duty, InstanceId, Seat, Tenure};
+use fleetcal_model::{RobotId, WallTime};
+use fleetcal_store::StoreError;
+use fleetcal_store::cluster::{ClusterRegistry, Joining, Look, Renewal, RowsVersion, TakeForDead};
+use tokio::sync::Mutex;
+
+use crate::advisory::{AdvisoryLock, Locked};
+use crate::line::Line;
+use crate::servers::{Purpose, Servers};
+use transaction::Transaction;
+
+pub(crate) use fence::Fence;
+pub use fence::Fencing;
+
+/// Each statement sees what was committed before it.
+const BEGIN: &str = "BEGIN ISOLATION LEVEL READ COMMITTED";
+/// All statements see one moment.
+const BEGIN_LOOK: &str = "BEGIN ISOLATION LEVEL REPEATABLE READ, READ ONLY";
+
+/// The rows over two connections, so that nothing keeps a renewal waiting: one for the lease, which
+/// holds the lock of the instance's name as well, one for all else.
+#[derive(Debug)]
+pub(crate) struct Registry {
+    servers: Arc<Servers>,
+    lease: Mutex<Line>,
+    ownership: Mutex<Line>,
+}
+
+impl Registry {
+    /// That of an instance of this name; it connects when it is used.
+    pub(crate) fn new(servers: Arc<Servers>, instance: &InstanceId) -> Self {
+        let lock = AdvisoryLock::new(Locked::Name(instance.clone()));
+        let line = |purpose, lock| Mutex::new(Line::new(Arc::clone(&servers), purpose, None, lock));
+        Self {
+            lease: line(Purpose::Lease, Some(lock)),
+            ownership: line(Purpose::Ownership, None),
+            servers,
+        }
+    }
+}
+
+#[async_trait]
+impl ClusterRegistry for Registry {
+    async fn join(&self, joining: &Joining) -> Result<Seat, StoreError> {
+        let mut joined = Transaction::begin(&self.lease, BEGIN).await?;
+        let seat = life::join(joined.session(), joining, &self.servers.name()).await;
+        joined.end(seat).await
+    }
+
+    async fn renew(&self, seat: &Seat, renewal: Renewal) -> Result<Option<WallTime>, StoreError> {
+        let mut renewed = Transaction::begin(&self.lease, BEGIN).await?;
+        let now = life::renew(renewed.session(), seat, renewal).await;
+        renewed.end(now).await
+    }
+
+    async fn look(&self, known: Option<RowsVersion>) -> Result<Look, StoreError> {
+        let mut looked = Transaction::begin(&self.ownership, BEGIN_LOOK).await?;
+        let look = look::look(looked.session(), known).await;
+        looked.end(look).await
+    }
+
+    async fn take_for_dead(
+        &self,
+        by: &Seat,
+        which: TakeForDead<'_>,
+    ) -> Result<Vec<Seat>, StoreError> {
+        let mut taken = Transaction::begin(&self.ownership, BEGIN).await?;
+        let seats = life::take_for_dead(taken.session(), by, which).await;
+        taken.end(seats).await
+    }
+
+    async fn claim(
+        &self,
+        seat: &Seat,
+        robots: &[(RobotId, ClaimId)],
+    ) -> Result<Vec<Tenure>, StoreError> {
+        let mut claimed = Transaction::begin(&self.ownership, BEGIN).await?;
+        let tenures = robots::claim(claimed.session(), seat, robots).await;
+        claimed.end(tenures).await
+    }
+
+    async fn name_heirs(
+        &self,
+        seat: &Seat,
+        robots: &[(RobotId, Option<Seat>)],
+    ) -> Result<(), StoreError> {
+        let mut named = Transaction::begin(&self.ownership, BEGIN).await?;
+        let done = robots::name_heirs(named.session(), seat, robots).await;
+        named.end(done).await
+    }
+
+    async fn note_ready(&self, seat: &Seat, robots: &[RobotId]) -> Result<(), StoreError> {
+        let mut noted = Transaction::begin(&self.ownership, BEGIN).await?;
+        let done = robots::note_ready(noted.session(), seat, robots).await;
+        noted.end(done).await
+    }
+
+    async fn hand_over(
+        &self,
+        seat: &Seat,
+        robots: &[(RobotId, Seat, ClaimId)],
+    ) -> Result<Vec<RobotId>, StoreError> {
+        let mut handed = Transaction::begin(&self.ownership, BEGIN).await?;
+        let went = robots::hand_over(handed.session(), seat, robots).await;
+        handed.end(went).await
+    }
+
+    async fn free(&self, seat: &Seat, robots: &[RobotId]) -> Result<(), StoreError> {
+        let mut freed = Transaction::begin(&self.ownership, BEGIN).await?;
+        let done = robots::free(freed.session(), seat, robots).await;
+        freed.end(done).await
+    }
+
+    async fn claim_duties(&self, seat: &Seat, duties: &[Duty]) -> Result<Vec<Duty>, StoreError> {
+        let mut claimed = Transaction::begin(&self.ownership, BEGIN).await?;
+        let got = duties::claim(claimed.session(), seat, duties).await;
+        claimed.end(got).await
+    }
+
+    async fn free_duties(&self, seat: &Seat, duties: &[Duty]) -> Result<(), StoreError> {
+        let mut freed = Transaction::begin(&self.ownership, BEGIN).await?;
+        let done = duties::free(freed.session(), seat, duties).await;
+        freed.end(done).await
+    }
+
+    async fn leave(&self, seat: &Seat) -> Result<(), StoreError> {
+        let mut left = Transaction::begin(&self.ownership, BEGIN).await?;
+        let done = life::leave(left.session(), seat).await;
+        left.end(done).await
+    }
+}

@@ -1,0 +1,94 @@
+//! What an instance of a cluster asks the store.
+
+use std::sync::Arc;
+
+use async_trait::async_trait;
+use fleetcal_domain::approval::RobotLedger;
+use fleetcal_model::AuditId;
+use fleetcal_proto::RobotId;
+
+use crate::Store;
+use crate::approvals::AuditRow;
+use crate::cluster::{Claims, ClusterRegistry};
+use crate::error::StoreError;
+use crate::record::CheckpointRecord;
+use crate::transaction::{Job, Records};
+
+impl Store {
+    /// The rows by which several instances agree; `None` where one service has the database.
+    pub fn registry(&self) -> Option<Arc<dyn ClusterRegistry>> {
+        self.shared.database.registry()
+    }
+
+    /// The tenures under which telemetry is written from now on.
+    pub fn claims(&self) -> &Claims {
+        &self.shared.claims
+    }
+
+    /// Whether rows are deleted here because of their age, which one instance does for all.
+    pub fn set_retention(&self, deletes: bool) {
+        self.shared.part.set_deletes(deletes);
+    }
+
+    /// Takes that this instance has begun to estimate robots: the start is put into their histories,
+    /// and what another one has not rolled up of them is rolled up here.
+    pub fn adopted(&self, robots: &[RobotId]) {
+        self.shared.part.adopt(robots);
+    }
+
+    /// The states of these robots' estimators, of those that have one.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn load_checkpoints_of(
+        &self,
+        robots: &[RobotId],
+    ) -> Result<Vec<CheckpointRecord>, StoreError> {
+        self.shared.reader.checkpoints_of(robots).await
+    }
+
+    /// A robot's records as they are at one moment; empty ones of a robot that has none.
+    ///
+    /// # Errors
+    /// As of [`Store::transact`].
+    pub async fn load_ledger(&self, robot: &RobotId) -> Result<RobotLedger, StoreError> {
+        let robot = robot.clone();
+        self.transact(LoadLedger { robot }).await
+    }
+
+    /// Rows of the audit after number `after`, oldest first, at most `limit`. Their numbers have no
+    /// gaps and are in the order of the commits.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn audit_after(
+        &self,
+        after: AuditId,
+        limit: u32,
+    ) -> Result<Vec<AuditRow>, StoreError> {
+        self.shared.reader.audit_after(after, limit).await
+    }
+
+    /// The number of the latest row of the audit; 0 while there is none.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn audit_last(&self) -> Result<AuditId, StoreError> {
+        self.shared.reader.audit_last().await
+    }
+}
+
+/// Reads a robot's records, which are in several tables, as of one moment.
+#[derive(Debug)]
+struct LoadLedger {
+    robot: RobotId,
+}
+
+#[async_trait]
+impl Job for LoadLedger {
+    type Done = RobotLedger;
+
+    async fn run(&self, records: &mut dyn Records) -> Result<RobotLedger, StoreError> {
+        records.ledger(&self.robot, None).await
+    }
+}
