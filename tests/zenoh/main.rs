@@ -17,6 +17,7 @@ mod lists;
 mod native;
 mod robot;
 mod router;
+mod routers;
 mod senders;
 mod session;
 mod soak;

@@ -54,7 +54,14 @@ pub struct StrictRouter {
     pub certificate: Option<RouterCertificate>,
     /// Where it listens.
     pub listen: Vec<String>,
+    /// The names that other routers of the fleet have in their certificates.
+    pub routers: Vec<String>,
+    /// Where these are.
+    pub connect: Vec<String>,
 }
+
+/// A router before several instances takes a session for gone that is silent for so long, ms.
+const LEASE_MS: u32 = 3_000;
 
 /// Whether a key expression with `{robot}` for the id has that as one whole chunk, so that no robot
 /// gets the keys of another whose id begins as its own does.
@@ -73,6 +80,9 @@ impl StrictRouter {
         if let (Some(tls), Some(link)) = (&self.certificate, link.as_object_mut()) {
             link.insert("tls".to_owned(), self.tls(tls));
         }
+        if let (true, Some(link)) = (self.service.is_some(), link.as_object_mut()) {
+            link.insert("tx".to_owned(), json!({ "lease": LEASE_MS }));
+        }
         let mut transport = json!({
             "unicast": {
                 "max_sessions": limits::ROBOTS_MAX,
@@ -90,6 +100,10 @@ impl StrictRouter {
         json!({
             "mode": "router",
             "listen": { "endpoints": self.listen },
+            // Each router tries until the other is there.
+            "connect": {
+                "endpoints": self.connect, "timeout_ms": -1, "exit_on_failure": false,
+            },
             "scouting": { "multicast": { "enabled": false }, "gossip": { "enabled": false } },
             "transport": transport,
             "access_control": self.list(),
@@ -105,6 +119,10 @@ impl StrictRouter {
         if let (Some(ca), Some(settings)) = (&tls.ca, settings.as_object_mut()) {
             settings.insert("root_ca_certificate".to_owned(), json!(ca));
         }
+        if let (false, Some(settings)) = (self.connect.is_empty(), settings.as_object_mut()) {
+            settings.insert("connect_certificate".to_owned(), json!(tls.certificate));
+            settings.insert("connect_private_key".to_owned(), json!(tls.key));
+        }
         settings
     }
 
@@ -116,6 +134,9 @@ impl StrictRouter {
         }
         if let Some(service) = &self.service {
             list.add(self.subject(service), &self.rules_of_service());
+        }
+        for router in &self.routers {
+            list.add(self.subject(router), &self.rules_of_router(router));
         }
         json!({
             "enabled": true,
@@ -289,6 +310,32 @@ impl StrictRouter {
         streams.extend(further.map(|stream| stream.replace("{robot}", "*")));
         streams
     }
+
+    /// What passes to and from another router of the fleet: everything under the root. Who may send
+    /// what was asked where it came in.
+    fn rules_of_router(&self, router: &str) -> [Value; 2] {
+        const PASSED_ON: [&str; 9] = [
+            "put",
+            "delete",
+            "query",
+            "reply",
+            "declare_subscriber",
+            "declare_queryable",
+            "liveliness_token",
+            "liveliness_query",
+            "declare_liveliness_subscriber",
+        ];
+        let mut keys = self.streams_of_all();
+        keys.push(self.keys.everything());
+        // `**` holds no chunk that begins with `@`.
+        keys.push(self.keys.alive_of_all());
+        keys.push(self.keys.service_of_all());
+        keys.push(format!("{}/@digest/*", self.keys.root().as_str()));
+        ["ingress", "egress"].map(|flow| {
+            let named = format!("router {router}: {flow}");
+            rule(&named, flow, &PASSED_ON, &keys)
+        })
+    }
 }
 
 /// An access list in the making.
@@ -323,6 +370,8 @@ mod tests {
             identity: Identity::Certificate,
             certificate: None,
             listen: vec!["tls/0.0.0.0:7447".to_owned()],
+            routers: vec!["other.example.com".to_owned()],
+            connect: vec!["tls/other.example.com:7447".to_owned()],
         }
     }
 
@@ -382,6 +431,9 @@ mod tests {
         });
         let written = router.configuration().to_string();
         zenoh::Config::from_json5(&written).unwrap();
+        for part in ["connect_certificate", "tls/other.example.com:7447", "3000"] {
+            assert!(written.contains(part), "{part}");
+        }
         router.identity = Identity::User {
             passwords: "passwords.txt".into(),
         };

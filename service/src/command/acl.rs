@@ -88,6 +88,13 @@ pub struct GenerateArguments {
     /// tcp/0.0.0.0:7447]
     #[arg(short = 'l', long, value_name = "ENDPOINT")]
     pub listen: Vec<String>,
+    /// Another router of the fleet, by the common name of its certificate: everything that came in
+    /// there passes; may be repeated
+    #[arg(long, value_name = "NAME", requires = "tls_ca")]
+    pub router: Vec<String>,
+    /// Where another router is; may be repeated
+    #[arg(short = 'e', long, value_name = "ENDPOINT", requires = "router")]
+    pub connect: Vec<String>,
     /// First chunk of every key [default: fleet, or what --config says]
     #[arg(long, value_name = "CHUNK", value_parser = KeyRoot::parse)]
     pub root: Option<KeyRoot>,
@@ -132,6 +139,10 @@ fn router(arguments: &GenerateArguments) -> Result<StrictRouter, CommandError> {
     {
         return Err(CommandError::ServiceIsRobot(service.clone()));
     }
+    let is_robot = |name: &&String| robots.iter().any(|robot| robot.as_str() == name.as_str());
+    if let Some(router) = arguments.router.iter().find(is_robot) {
+        return Err(CommandError::RouterIsRobot(router.clone()));
+    }
     let keys = Keys::new(arguments.root.clone().unwrap_or(file.root));
     // A robot of the root's name would have every robot's keys by a stream that begins with it.
     let of_root = robots
@@ -162,6 +173,8 @@ fn router(arguments: &GenerateArguments) -> Result<StrictRouter, CommandError> {
         identity: identity(arguments)?,
         certificate,
         listen,
+        routers: arguments.router.clone(),
+        connect: arguments.connect.clone(),
     })
 }
 

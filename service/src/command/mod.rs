@@ -139,6 +139,9 @@ pub enum CommandError {
     /// A robot would have the service's rights.
     #[error("--service: got {0}, expected the name of no robot")]
     ServiceIsRobot(RobotId),
+    /// A robot would have the rights of another router.
+    #[error("--router: got {0}, expected the name of no robot")]
+    RouterIsRobot(String),
     /// What a router would know robots by is not there.
     #[error("--identity is {identity}, which needs {needs}")]
     Identity {
@@ -205,6 +208,7 @@ impl CommandError {
             | Self::CopyTo(_)
             | Self::NoPostgres
             | Self::ServiceIsRobot(_)
+            | Self::RouterIsRobot(_)
             | Self::StreamOfAll(_)
             | Self::Identity { .. } => EXIT_USAGE,
             Self::Service(_) | Self::Store(_) | Self::Database(_) => EXIT_IO,

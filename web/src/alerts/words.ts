@@ -4,7 +4,10 @@ import type { Alert, AlertKind, AlertState, Robot } from '../api/types';
 import { STANDINGS } from '../fleet/standing';
 import { type Face, faceOf } from '../ui/face';
 
-/** A kind is a way for a robot to stand, and looks like that. No kind has the word of a state. */
+/**
+ * A kind that is about robots is a way for a robot to stand, and looks like that. No kind has the
+ * word of a state.
+ */
 export const KINDS: Record<AlertKind, Face> = {
   rollback_failed: STANDINGS.rollback_failed,
   drift: STANDINGS.drift,
@@ -13,10 +16,23 @@ export const KINDS: Record<AlertKind, Face> = {
   former_key: STANDINGS.former_key,
   false_report: STANDINGS.false_report,
   estimator_failed: STANDINGS.estimator_failed,
+  no_instance: STANDINGS.no_instance,
   not_applied: STANDINGS.not_applied,
   out_of_sync: STANDINGS.out_of_sync,
   no_data: STANDINGS.no_data,
   fault: STANDINGS.fault,
+  configurations_differ: {
+    word: 'Configurations differ',
+    shape: 'not-equal',
+    tone: 'warn',
+    meaning: 'Instances of the service are configured differently.',
+  },
+  clock_off: {
+    word: 'Clock off',
+    shape: 'clock-off',
+    tone: 'warn',
+    meaning: 'The clock of an instance is more than 1 s from that of the database.',
+  },
 };
 
 export const STATES: Record<AlertState, Face> = {
@@ -52,6 +68,13 @@ export const STATES: Record<AlertState, Face> = {
     meaning: 'Its condition has cleared.',
   },
 };
+
+/** Whose alert it is: a robot's, that of several, or that of the service's instances. */
+export function subjectOf({ robot, robots }: Pick<Alert, 'robot' | 'robots'>): string {
+  if (robot != null) return robot;
+  if (robots.length === 0) return 'Instances of the service';
+  return robots.length === 1 ? '1 robot' : `${robots.length} robots`;
+}
 
 /** What an alert is about, by the name that the fleet's list has for it. */
 export function kindFace({ kind }: Pick<Alert, 'kind'>, robot: Robot | undefined): Face {

@@ -79,4 +79,6 @@ export type WebhookWithSecret = Schemas['WebhookWithSecret'];
 export type WebhookDelivery = Schemas['WebhookDelivery'];
 export type SigningKey = Schemas['SigningKeyDocument'];
 export type Readiness = Schemas['Readiness'];
+export type Cluster = Schemas['Cluster'];
+export type Instance = Schemas['Instance'];
 export type WebhookDeliveryPage = Schemas['DeliveryPage'];

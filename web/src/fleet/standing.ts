@@ -47,6 +47,12 @@ export const STANDINGS: Record<Standing, Face> = {
     tone: 'bad',
     meaning: 'The estimator failed too often and was stopped. Its last values stand.',
   },
+  no_instance: {
+    word: 'No instance',
+    shape: 'square-dash',
+    tone: 'bad',
+    meaning: 'No instance of the service estimates this robot. Its last values stand.',
+  },
   not_applied: {
     word: 'Robot did not apply',
     shape: 'cross',

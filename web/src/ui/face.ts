@@ -21,6 +21,9 @@ export type Shape =
   | 'twins'
   | 'signpost'
   | 'square-cross'
+  | 'square-dash'
+  | 'not-equal'
+  | 'clock-off'
   | 'dash'
   | 'signal';
 export type Tone = 'bad' | 'warn' | 'active' | 'good' | 'quiet';

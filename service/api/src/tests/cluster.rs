@@ -100,7 +100,7 @@ impl Bench {
         let peers = PeersSetup {
             instance: instance(name),
             url: format!("https://{name}.example.com").parse().unwrap(),
-            peers: urls.into_iter().collect(),
+            urls: urls.into_iter().collect(),
             root_certificates: None,
             plaintext: true,
         };
@@ -176,8 +176,8 @@ async fn an_instance_tells_of_all() {
     });
     assert_json_snapshot!(bench.get("/api/v1/cluster").await.json());
     let list = bench.get("/api/v1/robots").await.json();
-    let owners: Vec<_> = list["items"].as_array().unwrap().iter();
-    let owners: Vec<_> = owners.map(|one| one["instance"].as_str()).collect();
+    let items = list["items"].as_array().unwrap().iter();
+    let owners: Vec<_> = items.map(|one| one["instance"].as_str()).collect();
     assert_eq!(owners, [Some("a"), Some("b"), None]);
     let one = bench.get("/api/v1/robots/agv_2").await.json();
     assert_eq!(one["instance"], "b");

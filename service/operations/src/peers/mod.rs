@@ -36,7 +36,7 @@ pub struct PeersSetup {
     /// Where others reach it.
     pub url: PeerUrl,
     /// Where it reaches the others, by their names. Its own name may be among them.
-    pub peers: BTreeMap<ServiceInstance, PeerUrl>,
+    pub urls: BTreeMap<ServiceInstance, PeerUrl>,
     /// Certificates (PEM) of the authorities that others' certificates come from; those that the
     /// machine trusts without it.
     pub root_certificates: Option<PathBuf>,
@@ -134,13 +134,12 @@ impl PeersSetup {
     /// # Errors
     /// [`PeersError::Plaintext`], [`PeersError::TooMany`].
     pub fn check(&self) -> Result<(), PeersError> {
-        let count = self.peers.len();
+        let count = self.urls.len();
         if count > limits::PEERS_MAX {
             return Err(PeersError::TooMany { count });
         }
-        let own = [(&self.instance, &self.url)];
-        let mut all = self.peers.iter().chain(own);
-        match all.find(|(_, url)| !url.is_https() && !self.plaintext) {
+        let mut urls = self.urls.iter();
+        match urls.find(|(_, url)| !url.is_https() && !self.plaintext) {
             None => Ok(()),
             Some((name, url)) => Err(PeersError::Plaintext {
                 name: name.as_str().to_owned(),
@@ -162,7 +161,7 @@ impl Peers {
             plaintext: setup.plaintext,
         };
         let client = HttpClient::new(&trust)?;
-        let mut urls = setup.peers;
+        let mut urls = setup.urls;
         urls.remove(&setup.instance);
         let hosts = urls.values().cloned().collect();
         let inner = Inner {

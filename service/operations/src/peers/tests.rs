@@ -25,7 +25,7 @@ fn setup(url: String, root_certificates: Option<PathBuf>) -> PeersSetup {
     PeersSetup {
         instance: named("a"),
         url: "https://a.example.com".parse().unwrap(),
-        peers: BTreeMap::from([(named("b"), url.parse().unwrap())]),
+        urls: BTreeMap::from([(named("b"), url.parse().unwrap())]),
         root_certificates,
         plaintext: true,
     }

@@ -1,0 +1,97 @@
+//! Two routers before the service, each with the generated list: a robot at one, the service at the
+//! other.
+
+use std::fs;
+use std::net::SocketAddr;
+use std::path::Path;
+use std::time::Duration;
+
+use fleetcal_tests::service::{Service, free_port};
+use serde_json::json;
+use tempfile::TempDir;
+
+use super::certificates::Authority;
+use super::lists::{generated, received, wait_until_received};
+use super::robot;
+use super::router::Router;
+
+/// Starts the router of a name, which lets the other one in and connects to it.
+async fn started(
+    authority: &Authority,
+    folder: &Path,
+    [own, other]: [(&str, SocketAddr); 2],
+) -> Router {
+    let folder = folder.join(own.0);
+    fs::create_dir(&folder).unwrap();
+    let path = |ending: &str| authority.path(&format!("{}{ending}", own.0));
+    let (certificate, key, ca) = (path(".pem"), path(".key.pem"), authority.path("ca.pem"));
+    let (listen, connect) = (format!("tls/{}", own.1), format!("tls/{}", other.1));
+    let robots = [
+        "--robot",
+        "robot_a",
+        "--robot",
+        "robot_b",
+        "--service",
+        "fleetcal",
+    ];
+    let files = [
+        "--tls-certificate",
+        &certificate,
+        "--tls-key",
+        &key,
+        "--tls-ca",
+        &ca,
+    ];
+    let mesh = [
+        "--router",
+        other.0,
+        "--connect",
+        &connect,
+        "--listen",
+        &listen,
+    ];
+    let config = generated(&folder, &[robots, files, mesh].concat());
+    Router::start(Path::new(&config)).await
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn robots_at_one_router_reach_the_service_at_the_other_under_their_own_names_alone() {
+    let folder = TempDir::new().unwrap();
+    let authority = Authority::new(folder.path());
+    for name in ["router_1", "router_2", "fleetcal", "robot_a"] {
+        authority.sign(name);
+    }
+    let (first, second) = (("router_1", free_port()), ("router_2", free_port()));
+    let one = started(&authority, folder.path(), [first, second]).await;
+    let two = started(&authority, folder.path(), [second, first]).await;
+
+    let client = |endpoint: SocketAddr, name| {
+        robot::client(&format!("tls/{endpoint}"), &authority.transport(Some(name)))
+    };
+    let own = folder.path().join("service.json5");
+    fs::write(&own, client(second.1, "fleetcal").to_string()).unwrap();
+    let entry = |id| format!("[[robot]]\nid = \"{id}\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n");
+    let known: String = ["robot_a", "robot_b"].into_iter().map(entry).collect();
+    let service = Service::start_on(second.1, &known, &["-c", own.to_str().unwrap()]);
+
+    let a = robot::open(client(first.1, "robot_a")).await.unwrap();
+    let token = a.liveliness().declare_token("fleet/@alive/robot_a").await;
+    let token = token.unwrap();
+    let estimates = a.declare_subscriber("fleet/robot_a/estimate").await;
+    let estimates = estimates.unwrap();
+    let forged = tokio::time::timeout(Duration::from_secs(5), robot::stream(&a, "robot_b"));
+    if let Ok(as_b) = forged.await {
+        robot::send(&as_b, 1_000).await;
+    }
+    robot::send(&robot::stream(&a, "robot_a").await, 500).await;
+    wait_until_received(&service, "robot_a", 500);
+    assert_eq!(received(&service, "robot_b"), 0, "of 1,000 forged samples");
+    assert_eq!(robot::answers(&a, "fleet/robot_a/progress").await, 1);
+    assert_eq!(robot::answers(&a, "fleet/robot_b/progress").await, 0);
+    assert_eq!(service.robot("robot_a")["alive"], json!(true));
+    let estimate = tokio::time::timeout(Duration::from_secs(30), estimates.recv_async());
+    assert!(estimate.await.is_ok(), "no estimate came back");
+    token.undeclare().await.unwrap();
+    one.stop().await;
+    two.stop().await;
+}

@@ -1,0 +1,68 @@
+/** How an instance of the service does, in words and shapes. */
+
+import type { Cluster, Instance } from '../api/types';
+import type { Face } from '../ui/face';
+import { signed } from '../units/format';
+
+/** A clock that is further from the database's raises an alert, s. */
+const CLOCK_WARNED_BEYOND_S = 1;
+
+const FACES = {
+  ended: {
+    word: 'Lease ended',
+    shape: 'octagon',
+    tone: 'bad',
+    meaning: 'It has not renewed its lease: others take its robots over.',
+  },
+  unlinked: {
+    word: 'No router',
+    shape: 'ring-broken',
+    tone: 'bad',
+    meaning: 'It reaches no Zenoh router: no robot reaches it.',
+  },
+  draining: {
+    word: 'Draining',
+    shape: 'arrow',
+    tone: 'active',
+    meaning: 'It is about to end and hands its robots over.',
+  },
+  serving: {
+    word: 'Serving',
+    shape: 'check',
+    tone: 'good',
+    meaning: 'It renews its lease and reaches a Zenoh router.',
+  },
+} satisfies Record<string, Face>;
+
+/** How an instance stands: the worst that is so. */
+export function instanceFace(
+  instance: Pick<Instance, 'lease_left_s' | 'linked' | 'draining'>,
+): Face {
+  if (instance.lease_left_s <= 0) return FACES.ended;
+  if (!instance.linked) return FACES.unlinked;
+  return instance.draining ? FACES.draining : FACES.serving;
+}
+
+/** What of an instance asks for a person, each in some words. */
+export function concerns(instance: Pick<Instance, 'clock_ahead_s' | 'config_differs'>): string[] {
+  return [
+    ...(Math.abs(instance.clock_ahead_s) > CLOCK_WARNED_BEYOND_S ? ['clock off'] : []),
+    ...(instance.config_differs ? ['configuration differs'] : []),
+  ];
+}
+
+/** By how much a clock is ahead of the database's: `+0.012`, in seconds. */
+export function clockAhead(instance: Pick<Instance, 'clock_ahead_s'>): string {
+  return signed(instance.clock_ahead_s, 3);
+}
+
+/** What an instance does for all. */
+export function dutiesOf(cluster: Pick<Cluster, 'duties'>, name: string): string {
+  const own = cluster.duties.filter(({ instance }) => instance === name);
+  return own.map(({ duty }) => duty).join(', ') || 'none';
+}
+
+/** Duties that nobody does. */
+export function vacant(cluster: Pick<Cluster, 'duties'>): string[] {
+  return cluster.duties.filter(({ instance }) => instance == null).map(({ duty }) => duty);
+}
