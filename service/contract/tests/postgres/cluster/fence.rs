@@ -137,7 +137,7 @@ async fn takeover_in_the_midst(fencing: Fencing) -> Met {
         flushing.await.unwrap().unwrap();
         (before, at_once.unwrap().unwrap())
     };
-    assert_eq!(taken.unwrap(), [a.seat.clone()]);
+    assert_eq!(taken.unwrap(), std::slice::from_ref(&a.seat));
     b.claim(&robots, 10).await;
     tell(&a, &robots[0], NOW_S + 2);
     a.store.flush().await.unwrap();
@@ -199,7 +199,7 @@ async fn a_frozen_transaction_keeps_nobody_waiting_for_long() {
         }
     };
     println!("taken for dead after {:?}, {tries} tries", began.elapsed());
-    assert_eq!(taken, [a.seat.clone()]);
+    assert_eq!(taken, std::slice::from_ref(&a.seat));
     drop(frozen);
 }
 

@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use fleetcal_cluster::{ClaimId, Duty, Seat};
 use fleetcal_contract::robot;
 use fleetcal_model::{RobotId, RobotTime};
+use tokio::time::Instant as Time;
 
 use super::instance::{Instance, database, end_lease};
 use crate::server::psql;
@@ -43,10 +44,10 @@ async fn two_that_claim_the_same_robots_get_different_ones() {
 async fn four_thousand_robots_are_claimed_and_looked_at_within_a_statement_s_time() {
     let (url, robots) = database(4_096).await;
     let a = Instance::join(&url, "a").await;
-    let began = std::time::Instant::now();
+    let began = Time::now();
     assert_eq!(a.claim(&robots, 1).await.len(), robots.len());
     let claimed = began.elapsed();
-    let began = std::time::Instant::now();
+    let began = Time::now();
     let look = a.look().await;
     assert!(look.is_whole && look.snapshot.robots.len() == robots.len());
     println!(
@@ -152,7 +153,7 @@ async fn a_robot_is_handed_over_to_its_heir_alone_and_only_while_that_one_lives(
     end_lease(&url, "b");
     let dead = fleetcal_store::cluster::TakeForDead::LeaseEnded;
     let taken = c.registry.take_for_dead(&c.seat, dead).await.unwrap();
-    assert_eq!(taken, [b.seat.clone()]);
+    assert_eq!(taken, std::slice::from_ref(&b.seat));
     let rows = a.look().await.snapshot.robots;
     assert_eq!(rows[&robots[3]].heir, None);
     assert_eq!(rows[&robots[0]].owner, None);

@@ -117,7 +117,7 @@ async fn who_is_gone_is_taken_for_dead_at_once_and_who_is_connected_is_not() {
         }
         tokio::time::sleep(std::time::Duration::from_millis(20)).await;
     }
-    assert_eq!(taken, [former.clone()]);
+    assert_eq!(taken, std::slice::from_ref(&former));
     let snapshot = a.look().await.snapshot;
     assert!(snapshot.robots.values().all(|row| row.owner.is_none()));
     assert!(snapshot.member(&former).is_none());
@@ -150,7 +150,7 @@ async fn only_the_database_s_clock_ends_a_lease_and_only_a_live_one_takes() {
     assert!(a.renew().await, "late, and nobody has taken it");
     assert!(b.renew().await);
     end_lease(&url, "a");
-    assert_eq!(take(&b).await, [a.seat.clone()]);
+    assert_eq!(take(&b).await, std::slice::from_ref(&a.seat));
     assert_eq!(take(&b).await, [], "once");
     assert!(!a.renew().await);
     assert_eq!(a.claim(&robots, 10).await, []);

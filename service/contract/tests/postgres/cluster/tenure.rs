@@ -44,7 +44,7 @@ async fn a_job_of_an_ended_tenure_is_refused() {
     assert!(matches!(add("bob").await, Err(StoreError::Fenced(_))));
     end_lease(&url, "a");
     let taken = b.registry.take_for_dead(&b.seat, TakeForDead::LeaseEnded);
-    assert_eq!(taken.await.unwrap(), [a.seat.clone()]);
+    assert_eq!(taken.await.unwrap(), std::slice::from_ref(&a.seat));
     let other = AddUnder(tenures[1].clone(), "bob");
     assert!(matches!(
         a.store.transact(other).await,
