@@ -49,7 +49,11 @@ pub const CRATES: [Member; 23] = [
         "service/store",
         "clock cluster domain model proto",
     ),
-    member("fleetcal-sql", "service/sql", "domain model proto store"),
+    member(
+        "fleetcal-sql",
+        "service/sql",
+        "cluster domain model proto store",
+    ),
     member("fleetcal-folder", "service/folder", "proto store"),
     member(
         "fleetcal-sqlite",
@@ -59,12 +63,12 @@ pub const CRATES: [Member; 23] = [
     member(
         "fleetcal-postgres",
         "service/postgres",
-        "clock domain model sql store",
+        "clock cluster domain model sql store",
     ),
     member(
         "fleetcal-contract",
         "service/contract",
-        "clock domain model postgres proto sqlite store",
+        "clock cluster domain model postgres proto sqlite store",
     ),
     member(
         "fleetcal-fleet",

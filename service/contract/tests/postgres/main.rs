@@ -9,6 +9,7 @@
 )]
 
 mod backup;
+mod cluster;
 mod commit;
 mod copy;
 mod decision;

@@ -1,9 +1,10 @@
 //! Servers: the one that is named, and those that a test starts to stop or kill them.
 
 use std::fs;
+use std::io::{BufRead as _, BufReader, Write as _};
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Child, ChildStdout, Command, Output, Stdio};
 use std::time::Duration;
 
 use fleetcal_contract::SERVER;
@@ -39,6 +40,47 @@ pub fn psql(url: &PostgresUrl, sql: &str) -> String {
     let text = url.to_string();
     // psql reads the same URL; what is after `?` are parameters that it knows.
     done(program("psql").args(["--dbname", &text, "-XAtqc", sql]))
+}
+
+/// A connection of psql beside those of the test. What it has not committed is undone when this goes.
+#[derive(Debug)]
+pub struct Beside {
+    psql: Child,
+    told: BufReader<ChildStdout>,
+}
+
+impl Beside {
+    /// Connects, and runs statements.
+    pub fn run(url: &PostgresUrl, sql: &str) -> Self {
+        let mut psql = program("psql");
+        psql.args(["--dbname", &url.to_string(), "-XAtq"]);
+        psql.stdin(Stdio::piped()).stdout(Stdio::piped());
+        let mut psql = psql.spawn().unwrap();
+        let told = BufReader::new(psql.stdout.take().unwrap());
+        let mut beside = Self { psql, told };
+        beside.go_on(sql);
+        beside
+    }
+
+    /// Runs more statements.
+    pub fn go_on(&mut self, sql: &str) {
+        let asked = format!("{sql};\n\\echo it is done\n");
+        let statements = self.psql.stdin.as_mut().unwrap();
+        statements.write_all(asked.as_bytes()).unwrap();
+        let mut line = String::new();
+        while line.trim() != "it is done" {
+            line.clear();
+            let read = self.told.read_line(&mut line).unwrap();
+            assert!(read > 0, "psql has ended");
+        }
+    }
+}
+
+impl Drop for Beside {
+    fn drop(&mut self) {
+        self.psql.kill().unwrap();
+        self.psql.wait().unwrap();
+    }
 }
 
 /// Copies a database into a new one on the same server as `docs/postgresql.md` says.

@@ -1,0 +1,149 @@
+//! An instance as a test has it: its store, and its life.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::time::Duration;
+
+use fleetcal_cluster::{ClaimId, InstanceId, Seat, Tenure};
+use fleetcal_contract::{NOW_S, NS, clock, config, robot};
+use fleetcal_model::{RobotId, Version, WallTime};
+use fleetcal_postgres::{Fencing, JobRuns, PostgresSetup, Sharing, open_with};
+use fleetcal_store::cluster::{ClusterRegistry, Joining, Look, Renewal};
+use fleetcal_store::database_url::PostgresUrl;
+use fleetcal_store::{Job, Records, Store, StoreError};
+
+use crate::server::{named, psql, setup};
+
+/// An instance that has joined.
+#[derive(Debug)]
+pub struct Instance {
+    pub store: Store,
+    pub registry: Arc<dyn ClusterRegistry>,
+    pub seat: Seat,
+}
+
+impl Instance {
+    /// One of this name, which has joined.
+    pub async fn join(url: &PostgresUrl, name: &str) -> Self {
+        Self::join_with(url, name, Fencing::Locked).await
+    }
+
+    /// The same, with a fence that may be broken.
+    pub async fn join_with(url: &PostgresUrl, name: &str, fencing: Fencing) -> Self {
+        let store = open(setup(url), name, fencing).await.unwrap();
+        let registry = store.registry().unwrap();
+        let seat = registry.join(&joining(name)).await.unwrap();
+        let instance = Self {
+            store,
+            registry,
+            seat,
+        };
+        assert!(instance.renew().await);
+        instance
+    }
+
+    /// Whether a renewal is granted.
+    pub async fn renew(&self) -> bool {
+        let renewal = Renewal {
+            linked: true,
+            draining: false,
+            now: WallTime(NOW_S * NS),
+        };
+        let renewed = self.registry.renew(&self.seat, renewal).await.unwrap();
+        renewed.is_some()
+    }
+
+    /// What the rows say.
+    pub async fn look(&self) -> Look {
+        self.registry.look(None).await.unwrap()
+    }
+
+    /// Claims robots and takes the tenures that it got; claims are numbered from `first` on.
+    pub async fn claim(&self, robots: &[RobotId], first: i64) -> Vec<Tenure> {
+        let numbered = robots.iter().cloned().zip((first..).map(ClaimId));
+        let wanted: Vec<_> = numbered.collect();
+        let tenures = self.registry.claim(&self.seat, &wanted).await.unwrap();
+        for tenure in &tenures {
+            self.store.claims().set(tenure);
+        }
+        tenures
+    }
+
+    /// The robots that the rows say it has.
+    pub async fn robots(&self) -> BTreeSet<RobotId> {
+        let rows = self.look().await.snapshot.robots.into_iter();
+        rows.filter(|(_, row)| row.owner.as_ref() == Some(&self.seat))
+            .map(|(robot, _)| robot)
+            .collect()
+    }
+}
+
+/// Opens the store of an instance.
+pub async fn open(setup: PostgresSetup, name: &str, fencing: Fencing) -> Result<Store, StoreError> {
+    let sharing = Sharing::Instance(instance(name), fencing);
+    open_with(setup, Box::new(()), clock() as _, JobRuns::Once, sharing).await
+}
+
+pub fn instance(name: &str) -> InstanceId {
+    InstanceId::parse(name).unwrap()
+}
+
+/// What an instance says of itself.
+pub fn joining(name: &str) -> Joining {
+    Joining {
+        instance: instance(name),
+        url: format!("http://{name}:8080"),
+        capacity: 1,
+        program: "0.2.0".to_owned(),
+        checkpoint_format: 2,
+        config_sha256: vec![7; 32],
+        signing_key: "key of the site".to_owned(),
+    }
+}
+
+/// Keeps the configurations of robots.
+#[derive(Debug)]
+struct KeepRobots(Vec<RobotId>);
+
+#[async_trait::async_trait]
+impl Job for KeepRobots {
+    type Done = ();
+
+    async fn run(&self, records: &mut dyn Records) -> Result<(), StoreError> {
+        let now = WallTime(NOW_S * NS);
+        for robot in &self.0 {
+            records
+                .save_config(robot, &config(1.2), Version(1), now)
+                .await?;
+        }
+        Ok(())
+    }
+}
+
+/// A new database with so many robots; gives their ids, `robot_000` first.
+pub async fn database(robots: usize) -> (PostgresUrl, Vec<RobotId>) {
+    let url = fleetcal_postgres::create_for_test(&named()).await.unwrap();
+    (url.clone(), fill(&url, robots).await)
+}
+
+/// Makes so many robots in a database.
+pub async fn fill(url: &PostgresUrl, robots: usize) -> Vec<RobotId> {
+    let store = fleetcal_postgres::open(setup(url), Box::new(()), clock() as _)
+        .await
+        .unwrap();
+    let robots: Vec<_> = (0..robots)
+        .map(|number| robot(&format!("robot_{number:03}")))
+        .collect();
+    store.transact(KeepRobots(robots.clone())).await.unwrap();
+    store.close().await.unwrap();
+    robots
+}
+
+/// Lets the lease of an instance end now.
+pub fn end_lease(url: &PostgresUrl, name: &str) {
+    let sql = format!("UPDATE instance SET lease_ends_ns = clock_ns() - 1 WHERE id = '{name}'");
+    psql(url, &sql);
+}
+
+/// A moment in which what is wrongly not kept waiting would be over.
+pub const MOMENT: Duration = Duration::from_millis(300);
