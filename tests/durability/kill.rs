@@ -17,9 +17,15 @@ const ROUNDS: u64 = 300;
 /// Rounds that go on with the same database.
 const ROUNDS_OF_A_DATABASE: u64 = 15;
 
+/// A process is killed within this time after it has opened its database.
+const KILLED_WITHIN: Duration = Duration::from_millis(60);
+/// The same on a server, where a decision takes several times as long.
+const KILLED_WITHIN_ON_SERVER: Duration = Duration::from_millis(400);
+
 /// A database of its own: on a server where `FLEETCAL_TEST_POSTGRES` names one.
 struct Database {
     address: String,
+    killed_within: Duration,
     /// Kept where something is wrong with it.
     folder: TempDir,
 }
@@ -27,14 +33,18 @@ struct Database {
 impl Database {
     async fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let address = match fleetcal_contract::server() {
-            Some(server) => fleetcal_postgres::create_for_test(&server)
-                .await
-                .unwrap()
-                .to_string(),
-            None => folder.path().display().to_string(),
+        let (address, killed_within) = match fleetcal_contract::server() {
+            Some(server) => {
+                let url = fleetcal_postgres::create_for_test(&server).await.unwrap();
+                (url.to_string(), KILLED_WITHIN_ON_SERVER)
+            }
+            None => (folder.path().display().to_string(), KILLED_WITHIN),
         };
-        Self { address, folder }
+        Self {
+            address,
+            killed_within,
+            folder,
+        }
     }
 }
 
@@ -50,13 +60,13 @@ fn decider(database: &str, seed: u64) -> Child {
 }
 
 /// Lets the process decide until it is killed at a random moment, and hears all that it said.
-fn one_round(database: &str, seed: u64, witness: &mut Witness) {
+fn one_round(database: &Database, seed: u64, witness: &mut Witness) {
     let mut random = StdRng::seed_from_u64(seed);
-    let mut child = decider(database, seed);
+    let mut child = decider(&database.address, seed);
     let out = BufReader::new(child.stdout.take().unwrap());
     // Some die before they are open, too.
     let early = random.random_range(0..10) == 0;
-    let delay = Duration::from_micros(random.random_range(0..60_000));
+    let delay = random.random_range(Duration::ZERO..database.killed_within);
     let (opened, is_open) = std::sync::mpsc::sync_channel(1);
     let listener = std::thread::spawn(move || {
         let mut heard = Vec::new();
@@ -101,7 +111,7 @@ async fn a_killed_service_loses_nothing_that_it_acknowledged() {
             witness = Witness::default();
         }
         let seed = base + round;
-        one_round(&database.address, seed, &mut witness);
+        one_round(&database, seed, &mut witness);
         match witness.check(&Place::of(&database.address)).await {
             Ok(records) => {
                 acknowledged += witness.acknowledged;

@@ -89,6 +89,21 @@ impl Comparison {
         }
     }
 
+    /// The same without the uncertainties that [`Self::verdict`] does not ask for.
+    #[must_use]
+    pub fn of_compared_alone(mut self) -> Self {
+        let all = self.covariance;
+        self.covariance.fill(0.0);
+        for (one, other) in COMPARED
+            .iter()
+            .flat_map(|one| COMPARED.map(|other| (one, other)))
+        {
+            let at = (one.index(), other.index());
+            self.covariance[at] = all[at];
+        }
+        self
+    }
+
     /// Compares with what the new session has found.
     pub fn verdict(
         &self,

@@ -63,8 +63,9 @@ impl Calibrator {
             return;
         }
         let values = known.values;
+        let calibration = Comparison::new(Occasion::NewSession, values, &covariance, settings);
         let newest = Baseline {
-            calibration: Comparison::new(Occasion::NewSession, values, &covariance, settings),
+            calibration: calibration.of_compared_alone(),
             since: now,
             compared: now,
         };

@@ -31,7 +31,8 @@ pub(super) struct Session {
     pub distance_m: f64,
     pub counts: Counts,
     pub excitation: Excitation,
-    recent_nis: VecDeque<f64>,
+    /// In single precision, which is plenty for a mean: they are a tenth of a checkpoint.
+    recent_nis: VecDeque<f32>,
     pub changes: Vec<Change>,
     pub segments: Vec<Segment>,
     /// The parameters before the last change, to say how far they moved.
@@ -105,7 +106,7 @@ impl Session {
 
     pub fn count_update(&mut self, moved: &Moved) {
         self.excitation.add(moved.distance_m, moved.turn_rad);
-        self.recent_nis.push_back(moved.innovation.nis);
+        self.recent_nis.push_back(moved.innovation.nis as f32);
         if self.recent_nis.len() > NIS_WINDOW {
             self.recent_nis.pop_front();
         }
@@ -113,7 +114,7 @@ impl Session {
 
     pub fn consistency(&self) -> Consistency {
         let samples = self.recent_nis.len() as u64;
-        let sum: f64 = self.recent_nis.iter().sum();
+        let sum: f64 = self.recent_nis.iter().copied().map(f64::from).sum();
         Consistency {
             nis_mean: if samples == 0 {
                 0.0

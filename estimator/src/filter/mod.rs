@@ -257,10 +257,25 @@ impl Filter {
         }
     }
 
-    /// Gives up the anchor: what comes next does not compare with what was (a gap, a new map).
+    /// Gives up the anchor, and with it what is known of the motion since: what comes next does not
+    /// compare with what was (a gap, a new map).
     pub fn lose_anchor(&mut self) {
         self.anchor = None;
+        self.body_in_anchor = Pose2::IDENTITY;
         self.predicted = PredictedMotion::none();
+        self.since_anchor_m = 0.0;
+        self.since_anchor_rad = 0.0;
+        self.by_time_shift = ByTimeShift::default();
+        self.covariance = self.covariance_of_parameters_alone();
+    }
+
+    /// The covariance of a state whose motion and anchor are exact.
+    fn covariance_of_parameters_alone(&self) -> Covariance {
+        let mut covariance = Covariance::zeros();
+        covariance
+            .fixed_view_mut::<PARAMETERS, PARAMETERS>(CALIBRATION, CALIBRATION)
+            .copy_from(&self.parameter_covariance());
+        covariance
     }
 
     /// Makes a reading the first anchor, or the one after a loss. `drive` is the reading then.
@@ -268,10 +283,7 @@ impl Filter {
         let drive = drive.without_noise().unwrap_or(drive);
         self.predicted.twist = twist(&self.vehicle.motion(drive, &self.drive_parameters()));
         self.place_anchor(reading.lidar_in_odom);
-        let mut covariance = Covariance::zeros();
-        covariance
-            .fixed_view_mut::<PARAMETERS, PARAMETERS>(CALIBRATION, CALIBRATION)
-            .copy_from(&self.parameter_covariance());
+        let mut covariance = self.covariance_of_parameters_alone();
         if self.form == Form::Clone {
             covariance
                 .fixed_view_mut::<3, 3>(ANCHOR, ANCHOR)

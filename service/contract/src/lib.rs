@@ -4,12 +4,14 @@
 //! [`SERVER`] names a server that may be filled with databases.
 #![expect(
     clippy::missing_panics_doc,
+    clippy::panic,
     clippy::unwrap_used,
     reason = "only tests use it"
 )]
 
 mod database;
 mod jobs;
+pub mod own_server;
 
 use std::sync::Arc;
 

@@ -6,7 +6,7 @@ use fleetcal_store::Store;
 use fleetcal_store::database_url::PostgresUrl;
 
 use crate::differential::{Calls, export, filled};
-use crate::server::{dump_and_restore, named, psql, setup};
+use fleetcal_contract::own_server::{dump_and_restore, named, psql, setup};
 
 /// What a database holds: rows and hash of every table.
 fn contents(url: &PostgresUrl) -> Vec<String> {

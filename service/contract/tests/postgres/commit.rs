@@ -10,7 +10,7 @@ use tokio::time::Instant;
 
 use crate::decision::{Decide, times_decided};
 use crate::proxy::{Cut, Proxy};
-use crate::server::{named, number, psql, setup, url_of};
+use fleetcal_contract::own_server::{named, number, psql, setup, url_of};
 
 /// The store writes again within this time after a cut.
 const AGAIN_WITHIN: Duration = Duration::from_secs(5);

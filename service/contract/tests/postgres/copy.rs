@@ -3,12 +3,14 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use fleetcal_contract::own_server::psql;
 use fleetcal_contract::{
     AddUser, KeepRobot, NOW_S, TestDatabase, clock, config, event, query, record, robot, server,
 };
 use fleetcal_model::RobotTime;
 use fleetcal_sqlite::Source;
 use fleetcal_store::Store;
+use tokio::sync::Notify;
 
 /// Seconds of each of two robots.
 const SECONDS: i64 = 5_000;
@@ -77,4 +79,37 @@ async fn a_copy_says_the_same_and_goes_on_from_there() {
     assert_eq!(next.0, 3, "numbers go on");
     let checkpoints = store.load_checkpoints().await.unwrap();
     assert_eq!(checkpoints[0].state, (0..=255).collect::<Vec<u8>>());
+}
+
+#[tokio::test]
+async fn a_copy_that_is_broken_off_leaves_nothing_and_can_be_run_again() {
+    let here = TestDatabase::in_sqlite();
+    let store = here.open(clock()).await;
+    fill(&store).await;
+    store.close().await.unwrap();
+    drop(store);
+    let there = TestDatabase::on(&server().unwrap()).await;
+    let setup = there.postgres().unwrap();
+    let address = here.address();
+    let mut source = Source::open(Path::new(&address)).await.unwrap();
+    let (copied, half) = (AtomicU64::new(0), Notify::new());
+    let count = |more| {
+        if copied.fetch_add(more, Ordering::Relaxed) + more > SECONDS as u64 {
+            half.notify_one();
+        }
+    };
+    tokio::select! {
+        ended = fleetcal_postgres::copy(&mut source, setup.clone(), &count) => {
+            panic!("it ended before it was broken off: {ended:?}");
+        }
+        () = half.notified() => {}
+    }
+    let seconds = "SELECT count(*) FROM history_second";
+    assert_eq!(psql(&setup.url, seconds).trim(), "0");
+    drop(source);
+    let mut source = Source::open(Path::new(&address)).await.unwrap();
+    let again = fleetcal_postgres::copy(&mut source, setup.clone(), &|_| {}).await;
+    again.unwrap();
+    let all = (2 * SECONDS).to_string();
+    assert_eq!(psql(&setup.url, seconds).trim(), all);
 }

@@ -11,7 +11,7 @@ use tokio::net::TcpListener;
 use tokio::time::Instant;
 
 use crate::decision::{Decide, times_decided};
-use crate::server::{OwnServer, psql, setup, url_of};
+use fleetcal_contract::own_server::{OwnServer, psql, setup, url_of};
 
 /// The store works again within this time after another server can be written.
 const AGAIN_WITHIN: Duration = Duration::from_secs(5);

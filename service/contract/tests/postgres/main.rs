@@ -18,5 +18,5 @@ mod failover;
 mod postmaster;
 mod proxy;
 mod races;
-mod server;
+
 mod startup;

@@ -13,7 +13,7 @@ use tokio::task::JoinHandle;
 use tokio::time::Instant;
 
 use crate::decision::{Decide, times_decided};
-use crate::server::{OwnServer, number, setup};
+use fleetcal_contract::own_server::{OwnServer, number, setup};
 
 /// The store writes again within this time after the server's return.
 const AGAIN_WITHIN: Duration = Duration::from_secs(5);

@@ -7,7 +7,7 @@ use fleetcal_model::{Version, WallTime};
 use fleetcal_store::{DeploymentFreeze, Job, Records, Store, StoreError};
 
 use crate::differential::lifecycle::propose;
-use crate::server::{named, number};
+use fleetcal_contract::own_server::{named, number};
 
 /// Freezes or thaws, if nobody did since `expected`.
 #[derive(Debug)]

@@ -11,7 +11,7 @@ use fleetcal_store::database_url::PostgresUrl;
 use fleetcal_store::{Job, Records, Store, StoreError};
 
 use crate::decision::{Decide, times_decided};
-use crate::server::{OwnServer, named, psql, setup, url_of};
+use fleetcal_contract::own_server::{OwnServer, named, psql, setup, url_of};
 
 async fn opened(setup: PostgresSetup) -> Result<Store, StoreError> {
     open(setup, Box::new(()), clock() as _).await
@@ -217,11 +217,11 @@ async fn a_role_with_fewer_rights_serves_and_leaves_the_audit_alone() {
             "permission denied for schema public",
         ),
     ] {
-        let error = crate::server::psql_refused(&serving, sql);
+        let error = fleetcal_contract::own_server::psql_refused(&serving, sql);
         assert!(error.contains(told), "{sql}: {error}");
     }
     // Not even who owns it changes a row of the audit by mistake.
-    let error = crate::server::psql_refused(&url, "DELETE FROM audit");
+    let error = fleetcal_contract::own_server::psql_refused(&url, "DELETE FROM audit");
     assert!(error.contains("never changed and never deleted"), "{error}");
     let rows = psql(&url, "SELECT count(*) FROM audit");
     assert_eq!(rows.trim(), "1");

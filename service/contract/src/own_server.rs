@@ -7,17 +7,18 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Output, Stdio};
 use std::time::Duration;
 
-use fleetcal_contract::SERVER;
 use fleetcal_postgres::PostgresSetup;
 use fleetcal_store::database_url::PostgresUrl;
 use tempfile::TempDir;
+
+use crate::database::{SERVER, server};
 
 /// The role that owns everything on a server of a test.
 const OWNER: &str = "fleetcal";
 
 /// The server that [`SERVER`] names.
 pub fn named() -> PostgresUrl {
-    fleetcal_contract::server().unwrap_or_else(|| {
+    server().unwrap_or_else(|| {
         panic!("{SERVER} is not set, expected the URL of a PostgreSQL that may be filled with databases")
     })
 }
