@@ -198,6 +198,16 @@ false-alarms: rust ## 3,000 simulated robot-hours without a change at the real t
 starts-in-motion: rust ## 600 drives that are cut at 30 moments: claims, changes and convergence, two minutes
 	$(CARGO) test --release --locked -p fleetcal-estimator --test calibration -- --nocapture --ignored cut_at_30
 
+.PHONY: published-errors
+published-errors: rust ## The mean NEES of what is published, 200 vehicles drawn from the priors: a minute
+	$(CARGO) test --release --locked -p fleetcal-estimator --test calibration -- --nocapture --ignored of_200_vehicles
+
+# Another commit to compare with: make cost-ratio OLD=main
+OLD ?= e58c1a8
+.PHONY: cost-ratio
+cost-ratio: rust ## CPU time of odometry, filter and detection against the commit OLD, in the same run
+	estimator/benches/cost_ratio.sh $(OLD) HEAD
+
 .PHONY: evaluation
 evaluation: rust ## The paper's evaluation and more: writes docs/evaluation.md, half an hour on two cores
 	$(CARGO) build --release --locked -p fleetcal --bin fleetcal

@@ -1,6 +1,6 @@
 //! The recent drive samples of a robot, cut to any interval of drive time.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -14,6 +14,10 @@ pub const GAP_MIN_S: f64 = 0.5;
 const SAME_READING_RAD: f64 = 1e-6;
 /// Largest step of a steering encoder that is believed, rad (2 degrees).
 const ENCODER_STEP_MAX_RAD: f64 = 0.035;
+/// A reading that stays for longer is no wheel's that trembles, m.
+const HELD_LONG_M: f64 = 0.5;
+/// Steering this close to its zero tells where that is, rad.
+const ALMOST_STRAIGHT_RAD: f64 = 0.1;
 /// Two points with mean 0, variance 1 and the skewness 2 of a first-order lag: `-LATE` with the weight
 /// `LATE_SHARE = (2 - sqrt 2) / 4`, and `EARLY`.
 const LATE_SHARE: f64 = 0.146_446_609_406_726_24;
@@ -113,6 +117,35 @@ impl DriveHistory {
         } else {
             0.0
         }
+    }
+
+    /// Variance of the steering's zero that no driving takes away, rad^2: a reading that stays for longer than
+    /// a trembling wheel's errs by one number, up to half a step, wherever it comes back. With the shares `w`
+    /// of the recent way almost straight ahead that were driven on each such reading, it is `step^2 / 12`
+    /// times the sum of `w^2`.
+    pub fn repeated_reading_variance_rad2(&self, straight_rad: f64) -> f64 {
+        let step_rad = self.steering_step_rad();
+        if step_rad <= 0.0 {
+            return 0.0;
+        }
+        let mut ways_m: BTreeMap<i64, f64> = BTreeMap::new();
+        let mut all_m = 0.0;
+        let mut before: Option<RobotTime> = None;
+        for Kept { sample, held_m, .. } in &self.samples {
+            let interval_s = before.map_or(0.0, |before| sample.stamp().seconds_since(before));
+            before = Some(sample.stamp());
+            if (sample.steering_rad() - straight_rad).abs() > ALMOST_STRAIGHT_RAD {
+                continue;
+            }
+            let way_m = sample.speed_mps().abs() * interval_s.min(GAP_MIN_S);
+            all_m += way_m;
+            if *held_m > HELD_LONG_M {
+                let reading = (sample.steering_rad() / step_rad).round() as i64;
+                *ways_m.entry(reading).or_default() += way_m;
+            }
+        }
+        let squares_m2: f64 = ways_m.values().map(|way_m| way_m * way_m).sum();
+        step_rad.powi(2) / 12.0 * squares_m2 / (all_m * all_m).max(f64::MIN_POSITIVE)
     }
 
     /// Forgets everything: a new session begins.
@@ -284,6 +317,23 @@ impl DriveHistory {
             }
         }
         previous >= to
+    }
+
+    /// Way of the wheels over `(from, to]`, m, counted without sign.
+    pub fn driven_m(&self, from: RobotTime, to: RobotTime) -> f64 {
+        let first = self
+            .samples
+            .partition_point(|kept| kept.sample.stamp() <= from);
+        let (mut begin, mut driven_m) = (from, 0.0);
+        for Kept { sample, .. } in self.samples.range(first..) {
+            let end = sample.stamp().min(to);
+            driven_m += sample.speed_mps().abs() * end.seconds_since(begin);
+            if end == to {
+                break;
+            }
+            begin = end;
+        }
+        driven_m
     }
 
     /// The readings over `(from, to]`, cut at both ends, for a wheel that follows its sensor so. Covers

@@ -31,7 +31,7 @@ use crate::estimate::{
 use crate::excitation::Excitation;
 use crate::filter::follow::Follower;
 use crate::filter::prior::Prior;
-use crate::filter::{Filter, OdometryReading, ParameterCovariance, Values};
+use crate::filter::{Filter, OdometryReading, ParameterCovariance, STEERING_PLAY, Values};
 use crate::geometry::Pose2;
 use crate::lidar_odometry::{LearntScanner, LidarOdometry, ScannerReport};
 use crate::merge::{Merged, Merger, MergerPosition};
@@ -44,6 +44,9 @@ const HISTORY_S: f64 = 60.0;
 const WAITING_MAX: usize = 64;
 /// A robot that was silent for longer has been out of sight, and may come back another, s.
 const NEW_SESSION_GAP_S: f64 = 600.0;
+/// Share of half the play by which the steering's zero may be off: which side of it the wheel stands on is
+/// known by where it was sent to, not by where it went.
+const PLAY_SHARE: f64 = 0.1;
 /// An estimate is told once in this much message time, s.
 const TELL_EVERY_S: f64 = 1.0;
 
@@ -427,9 +430,16 @@ impl Calibrator {
 
     /// What may be told of a filter's parameters.
     fn told_of(&self, filter: &Filter) -> (Values, ParameterCovariance) {
-        let mut known = self.watch.long_run().known(filter);
-        known.covariance = self.watch.long_run().publish(&known.covariance);
-        let told = known.with_encoder(&self.config.vehicle);
+        let long_run = self.watch.long_run();
+        let mut known = long_run.known(filter);
+        let scatter = long_run.ratios(&filter.parameter_covariance());
+        known.covariance = long_run.publish(&known.covariance);
+        let mut told = known.with_encoder(filter, &self.config.vehicle, &scatter);
+        let offset = Parameter::SteeringOffset.index();
+        let straight_rad = told.values[offset];
+        told.covariance[(offset, offset)] +=
+            self.drive.repeated_reading_variance_rad2(straight_rad)
+                + (PLAY_SHARE * told.values[STEERING_PLAY]).powi(2);
         (told.values, told.covariance)
     }
 

@@ -140,10 +140,7 @@ impl WindowCutter {
             .lidar_in_odom
             .between(&reading.lidar_in_odom)
             .wrapped();
-        let driven_m: f64 = drive
-            .segments(from, to, response)
-            .map(|segment| segment.drive.speed_mps.abs() * segment.duration_s)
-            .sum();
+        let driven_m = drive.driven_m(from, to);
         let long = driven_m.max(moved.translation().norm()) >= WINDOW_M;
         if !long && moved.yaw_rad.abs() < WINDOW_RAD {
             return None;

@@ -9,6 +9,7 @@
 //! Perturbations of poses are right (local) ones: `pose_true = pose * exp(error)`.
 
 pub mod constraint;
+mod encoder;
 pub mod follow;
 pub mod padded;
 mod parameters;

@@ -16,13 +16,13 @@ pub(super) const ASYMMETRY_SIGMA: f64 = 0.01;
 /// the curve departs by 0.3 degrees at 20 degrees, 1/rad
 pub(super) const QUADRATIC_SIGMA_PER_RAD: f64 = 0.043;
 /// or 1/rad^2.
-const CUBIC_SIGMA_PER_RAD2: f64 = 0.12;
+pub(super) const CUBIC_SIGMA_PER_RAD2: f64 = 0.12;
 /// The wheel is a tenth of a second behind its sensor, or before it, s.
-const STEERING_LAG_SIGMA_S: f64 = 0.1;
+pub(super) const STEERING_LAG_SIGMA_S: f64 = 0.1;
 /// And its response as wide as that of a first-order lag of a tenth of a second, s^2.
-const STEERING_SPREAD_SIGMA_S2: f64 = 0.01;
+pub(super) const STEERING_SPREAD_SIGMA_S2: f64 = 0.01;
 /// Half of the play is a quarter of a degree, rad.
-const STEERING_PLAY_SIGMA_RAD: f64 = 0.0044;
+pub(super) const STEERING_PLAY_SIGMA_RAD: f64 = 0.0044;
 
 /// Values, uncertainties and freedoms of the parameters at a filter's start.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

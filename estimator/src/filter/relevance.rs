@@ -16,17 +16,14 @@ use nalgebra::{SMatrix, SVector};
 use super::prior::{ASYMMETRY_SIGMA, QUADRATIC_SIGMA_PER_RAD};
 use super::{ASYMMETRY, Filter, PARAMETERS, ParameterCovariance, QUADRATIC, Values};
 use crate::estimate::Parameter;
-use crate::vehicle::{SpeedMeasuredAt, Vehicle};
 
-/// Share of a quadratic term that a speed measured beside the axle's middle may explain.
-const ENCODER_SHARE: f64 = 0.4;
 /// An explanation is as good as the best one when the data are less probable by no more than this:
 /// twice the logarithm.
 const AS_GOOD: f64 = 6.0;
 /// Share of its prior that a part has while it is small.
-const SHARE: f64 = 0.2;
+pub(super) const SHARE: f64 = 0.2;
 /// The default prior of the gain.
-const GAIN_SIGMA: f64 = 0.02;
+pub(super) const GAIN_SIGMA: f64 = 0.02;
 /// Number of parts that may be small.
 const PARTS: usize = 3;
 
@@ -73,7 +70,7 @@ pub struct Known {
     /// Their covariance.
     pub covariance: ParameterCovariance,
     /// The quadratic term, or the largest one in an explanation that is as good.
-    quadratic_per_rad: f64,
+    pub(super) quadratic_per_rad: f64,
 }
 
 /// The parts of one choice: their `A^-1 + V` and means, the places of the others holding a one and a
@@ -122,22 +119,6 @@ impl Filter {
 }
 
 impl Known {
-    /// What may be told of them. A speed that is measured `y_e` beside the axle's middle shifts `y_off`
-    /// by `y_e`, and all that shows of it is a quadratic term of `-y_e / wheelbase`: a share of such a
-    /// term may be that. One that is measured at the steered wheel, or beside the axle by a distance
-    /// that is known, does no such thing.
-    #[must_use]
-    pub fn with_encoder(self, vehicle: &Vehicle) -> Self {
-        let mut told = self;
-        if vehicle.speed_measured_at != SpeedMeasuredAt::RearAxle {
-            return told;
-        }
-        let square = self.quadratic_per_rad.powi(2) + self.covariance[(QUADRATIC, QUADRATIC)];
-        let y = Parameter::LidarY.index();
-        told.covariance[(y, y)] += (ENCODER_SHARE * vehicle.wheelbase_m).powi(2) * square;
-        told
-    }
-
     /// `None` where a part that would be small is none of the filter's.
     fn choose(&self, choice: usize, scatter: &Values) -> Option<Choice> {
         let mut innovation = Parts::identity();

@@ -28,4 +28,5 @@ mod starts_in_motion;
 #[expect(dead_code, reason = "an example measures each cause alone")]
 mod synthetic_windows;
 mod top_view;
+mod typical;
 mod unchanged;
