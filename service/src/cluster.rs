@@ -41,7 +41,7 @@ pub fn peers(
     let setup = PeersSetup {
         instance,
         url: peer_url(own_url(cluster, http))?,
-        peers: urls
+        urls: urls
             .map(|(name, url)| Ok((name.clone(), peer_url(url.as_str().to_owned())?)))
             .collect::<Result<_, PeersError>>()?,
         root_certificates: cluster.peer_root_certificates.clone(),
