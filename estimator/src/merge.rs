@@ -27,12 +27,16 @@ const NOTES_STORED_MAX: usize = 8;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Stream {
     /// Notes.
+    #[serde(rename = "n")]
     Note,
     /// Drive samples.
+    #[serde(rename = "d")]
     WheelOdometry,
     /// Scans.
+    #[serde(rename = "s")]
     Scan,
     /// LiDAR poses.
+    #[serde(rename = "p")]
     LidarPose,
 }
 
@@ -260,6 +264,37 @@ mod tests {
             }
             prop_assert_eq!(order(&mixed), order(&straight));
         }
+    }
+
+    #[test]
+    fn what_goes_on_from_a_stamp_takes_nothing_twice_and_keeps_notes() {
+        let mut out = Vec::new();
+        let mut before = Merger::default();
+        let note = Note {
+            stamp: RobotTime(1_000_000_000_000 + 650_000_000),
+            kind: crate::stream::NoteKind::Reassembled,
+        };
+        for event in [drive(0), drive(10), drive(600), drive(700)] {
+            before.push(event, &mut out);
+        }
+        before.push(Event::Note(note.clone()), &mut out);
+        let position = before.position();
+        assert!(position.covers(&drive(0)) && position.covers(&drive(10)));
+        assert!(!position.covers(&drive(600)) && !position.covers(&drive(700)));
+        assert!(position.covers(&Event::Note(note.clone())), "it is held");
+
+        let now = RobotTime(1_000_000_000_000 + 10_000_000);
+        let mut after = Merger::resuming(now, before.left(), &before.notes());
+        out.clear();
+        for event in [drive(10), drive(600), drive(700), drive(1_300)] {
+            after.push(event, &mut out);
+        }
+        after.flush(&mut out);
+        let left = |event: Event| Merged::Event(place(&event).unwrap().0, event);
+        let events = [drive(600), Event::Note(note), drive(700), drive(1_300)];
+        let mut expected = vec![Merged::Dropped(Dropped::Duplicate)];
+        expected.extend(events.map(left));
+        assert_eq!(out, expected);
     }
 
     #[test]

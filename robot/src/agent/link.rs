@@ -3,10 +3,15 @@
 //! The subscribers stand before the first question, so that nothing falls between the two. What is
 //! pushed is a hint: whatever is lost comes with the next question.
 
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use fleetcal_proto::calibration::{Applied, Confirmed, Envelope};
+use fleetcal_proto::signing::TrustedKeys;
 use fleetcal_proto::{Encoding, Keys, RobotId, StreamKind};
+use tokio::runtime::Handle;
 use tokio::sync::mpsc;
 use tracing::{debug, warn};
 use zenoh::Session;
@@ -14,11 +19,13 @@ use zenoh::pubsub::{Publisher, Subscriber};
 use zenoh::sample::{Sample, SampleKind};
 
 use super::event::Event;
+use super::question::Asker;
 use crate::session::{at_key, publisher};
 use crate::session_error::SessionError;
 
-/// How long an agent waits for an answer.
-const PULL_TIMEOUT: Duration = Duration::from_secs(5);
+/// Where a service was there before, a robot turns to one that comes up within this time: not all
+/// robots at once.
+const TURN_WITHIN: Duration = Duration::from_secs(10);
 /// Messages that wait for the agent; one that finds no room comes again with the next pull.
 const INCOMING_MAX: usize = 8;
 /// Longest confirmation that is read, bytes.
@@ -27,21 +34,22 @@ const CONFIRMED_BYTES_MAX: usize = 4096;
 /// A robot's calibration keys, declared.
 #[derive(Debug)]
 pub(crate) struct CalibrationLink {
-    session: Session,
+    asker: Asker,
     applied: Publisher<'static>,
     approved_key: String,
     confirmed_key: String,
-    sender: mpsc::Sender<Event>,
     /// Held for what they do while they live.
     _subscribers: [Subscriber<()>; 3],
 }
 
 impl CalibrationLink {
-    /// Declares them. What comes in arrives in the receiver.
+    /// Declares them. What comes in arrives in the receiver. Of several answers to one question the
+    /// newest counts that a trusted key has signed.
     pub async fn declare(
         session: &Session,
         keys: &Keys,
         robot: &RobotId,
+        trusted: Option<&TrustedKeys>,
     ) -> Result<(Self, mpsc::Receiver<Event>), SessionError> {
         let (sender, incoming) = mpsc::channel(INCOMING_MAX);
         let approved_key = keys.stream(robot, StreamKind::CalibrationApproved);
@@ -52,12 +60,15 @@ impl CalibrationLink {
             _subscribers: [
                 subscribe(session, &approved_key, sender.clone(), offered).await?,
                 subscribe(session, &confirmed_key, sender.clone(), confirmed).await?,
-                watch_services(session, &keys.service_of_all(), sender.clone()).await?,
+                watch_services(session, &keys.service_of_all(), robot, sender.clone()).await?,
             ],
-            session: session.clone(),
+            asker: Asker {
+                session: session.clone(),
+                sender,
+                trusted: trusted.cloned(),
+            },
             approved_key,
             confirmed_key,
-            sender,
         };
         Ok((link, incoming))
     }
@@ -74,28 +85,17 @@ impl CalibrationLink {
 
     /// Asks for the approved document; it arrives as [`Event::Offered`].
     pub async fn ask_approved(&self) -> Result<(), SessionError> {
-        self.ask(&self.approved_key, offered).await
+        self.asker.ask(&self.approved_key, offered).await
     }
 
     /// Asks which answer is stored; it arrives as [`Event::Confirmed`].
     pub async fn ask_confirmed(&self) -> Result<(), SessionError> {
-        self.ask(&self.confirmed_key, confirmed).await
-    }
-
-    async fn ask(&self, key: &str, read: Read) -> Result<(), SessionError> {
-        let sender = self.sender.clone();
-        let asked = self.session.get(key).timeout(PULL_TIMEOUT);
-        let asked = asked.callback(move |reply| {
-            if let Ok(sample) = reply.result() {
-                hand_on(&sender, read(sample));
-            }
-        });
-        asked.await.map_err(at_key(key))
+        self.asker.ask(&self.confirmed_key, confirmed).await
     }
 }
 
 /// Reads a message, or says why it cannot be read.
-type Read = fn(&Sample) -> Result<Event, String>;
+pub(super) type Read = fn(&Sample) -> Result<Event, String>;
 
 fn offered(sample: &Sample) -> Result<Event, String> {
     let envelope = Envelope::from_json(&sample.payload().to_bytes());
@@ -133,22 +133,47 @@ async fn subscribe(
     subscribed.await.map_err(at_key(key))
 }
 
+/// Says when a service comes up: at once of the first, and in the robot's turn of those that come up
+/// later, as all robots hear of them.
 async fn watch_services(
     session: &Session,
     key: &str,
+    robot: &RobotId,
     sender: mpsc::Sender<Event>,
 ) -> Result<Subscriber<()>, SessionError> {
     let tokens = session.liveliness().declare_subscriber(key.to_owned());
+    let (runtime, robot) = (Handle::current(), robot.clone());
+    let was_there = AtomicBool::new(false);
+    let waits = Arc::new(AtomicBool::new(false));
     let watched = tokens.history(true).callback(move |sample| {
-        if sample.kind() == SampleKind::Put {
+        if sample.kind() != SampleKind::Put {
+            return;
+        }
+        if !was_there.swap(true, Ordering::Relaxed) {
             hand_on(&sender, Ok(Event::ServiceUp));
+        } else if !waits.swap(true, Ordering::Relaxed) {
+            let turn = turn(&robot, sample.key_expr().as_str());
+            let (sender, waits) = (sender.clone(), Arc::clone(&waits));
+            runtime.spawn(async move {
+                tokio::time::sleep(turn).await;
+                waits.store(false, Ordering::Relaxed);
+                hand_on(&sender, Ok(Event::ServiceUp));
+            });
         }
     });
     watched.await.map_err(at_key(key))
 }
 
+/// When a robot turns to a service that came up, from then on: another time for each robot.
+fn turn(robot: &RobotId, token: &str) -> Duration {
+    let mut hasher = DefaultHasher::new();
+    (robot.as_str(), token).hash(&mut hasher);
+    let within_ms = u64::try_from(TURN_WITHIN.as_millis()).unwrap_or(u64::MAX);
+    Duration::from_millis(hasher.finish() % within_ms)
+}
+
 /// Zenoh's threads must never wait.
-fn hand_on(sender: &mpsc::Sender<Event>, read: Result<Event, String>) {
+pub(super) fn hand_on(sender: &mpsc::Sender<Event>, read: Result<Event, String>) {
     match read {
         Ok(event) => {
             if sender.try_send(event).is_err() {
@@ -156,5 +181,26 @@ fn hand_on(sender: &mpsc::Sender<Event>, read: Result<Event, String>) {
             }
         }
         Err(reason) => warn!(reason, "a message on a calibration key cannot be read"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn robots_turn_to_a_service_one_after_another() {
+        let turns = (0..1_000).map(|number| {
+            let robot = RobotId::parse(&format!("tugger_{number}")).unwrap();
+            turn(&robot, "fleet/@service/a").as_secs()
+        });
+        let mut in_second = [0; 10];
+        for second in turns {
+            in_second[second as usize] += 1;
+        }
+        assert!(
+            in_second.iter().all(|robots| (60..140).contains(robots)),
+            "{in_second:?}"
+        );
     }
 }

@@ -14,6 +14,7 @@ mod machine;
 mod offer;
 mod options;
 mod outputs;
+mod question;
 mod run;
 mod state;
 #[cfg(test)]

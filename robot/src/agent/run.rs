@@ -65,11 +65,16 @@ struct Connected {
 type Opening = Result<Option<(Connected, mpsc::Receiver<Event>)>, SessionError>;
 
 async fn connect(options: AgentOptions, client: ClientConfig, stop: CancellationToken) -> Opening {
-    let AgentOptions { robot, keys, .. } = &options;
+    let AgentOptions {
+        robot,
+        keys,
+        trusted,
+        ..
+    } = &options;
     let Some(session) = client.open(robot, &stop).await? else {
         return Ok(None);
     };
-    let (link, incoming) = CalibrationLink::declare(&session, keys, robot).await?;
+    let (link, incoming) = CalibrationLink::declare(&session, keys, robot, Some(trusted)).await?;
     let mut token = None;
     if options.holds_alive_token {
         let alive = keys.alive(robot);

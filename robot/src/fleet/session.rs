@@ -1,5 +1,6 @@
 //! The only place of the fleet that knows Zenoh: one client session for each robot.
 
+use fleetcal_proto::signing::TrustedKeys;
 use fleetcal_proto::{Encoding, Keys, RobotId, StreamKind};
 use tokio::sync::mpsc;
 use tokio_util::sync::CancellationToken;
@@ -30,12 +31,14 @@ impl RobotSession {
         config: &ClientConfig,
         keys: &Keys,
         robot: &RobotId,
+        trusted: Option<&TrustedKeys>,
         stop: &CancellationToken,
     ) -> Result<Option<(Self, mpsc::Receiver<Event>)>, SessionError> {
         let Some(session) = config.open(robot, stop).await? else {
             return Ok(None);
         };
-        let (calibration, incoming) = CalibrationLink::declare(&session, keys, robot).await?;
+        let (calibration, incoming) =
+            CalibrationLink::declare(&session, keys, robot, trusted).await?;
         let publisher = |kind, encoding| publisher(&session, keys, robot, kind, encoding);
         let alive = keys.alive(robot);
         let token = session.liveliness().declare_token(alive.clone()).await;

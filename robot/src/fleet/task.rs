@@ -51,7 +51,7 @@ pub(super) async fn run(
     stop: CancellationToken,
 ) -> Result<RobotSummary, FleetError> {
     let id = robot.id.clone();
-    let opened = RobotSession::open(client, keys, &id, &stop).await?;
+    let opened = RobotSession::open(client, keys, &id, trusted, &stop).await?;
     robot.config.start_stamp_ns = epoch.now().0;
     let agent = trusted.map(|trusted| {
         let nominal = robot.config.applied;

@@ -160,7 +160,7 @@ impl FleetHandle {
             }
             let stored = checkpoints.remove(&robot.id);
             if handle.fleet.membership.cluster().is_none() {
-                handle.spawn(robot, stored);
+                handle.spawn(&robot, stored);
             }
         }
         handle
@@ -213,7 +213,7 @@ impl FleetHandle {
             Arc::clone(robots.entry(id.clone()).or_insert_with(robot))
         };
         if robot.set_config(config).is_none() {
-            self.begin_configured(robot);
+            self.begin_configured(&robot);
         } else {
             robot.mailbox.wake();
         }

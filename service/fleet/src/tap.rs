@@ -125,6 +125,13 @@ impl Taps {
         TapReader { items, counts }
     }
 
+    /// Ends all readers after what waits: the robot is another instance's.
+    pub fn end(&self) {
+        let mut open = self.lock();
+        open.clear();
+        self.count.store(0, Ordering::Release);
+    }
+
     /// Whether anybody reads.
     pub fn is_open(&self) -> bool {
         self.count.load(Ordering::Acquire) > 0
@@ -160,7 +167,8 @@ pub struct TapReader {
 }
 
 impl TapReader {
-    /// The next thing that happened; `None` after [`Self::close`] and what waited then.
+    /// The next thing that happened; `None` after [`Self::close`] and what waited
+    /// then, and once the robot is another instance's.
     pub async fn next(&mut self) -> Option<Tapped> {
         let item = self.items.recv().await?;
         let bytes = item.bytes();

@@ -1,6 +1,7 @@
 //! The fleet as a whole, without a network and without a database.
 
 use fleetcal_clock::MockClock;
+use fleetcal_cluster::Membership;
 use fleetcal_domain::limits;
 use fleetcal_domain::robot::{
     Counters, CrossTrack, HistoryEvent, Journal, RobotConfig, RobotState, RobotView,
@@ -23,6 +24,8 @@ use fleetcal_model::{Generation, NoteKind, RobotTime, Stream};
 use super::registry::Step;
 use super::*;
 mod checkpoints;
+mod cluster;
+mod moves;
 mod restarts;
 
 use crate::live::LiveUpdate;
@@ -85,6 +88,15 @@ fn bench_of(
     checkpoints: BTreeMap<RobotId, Vec<u8>>,
     step: Step,
 ) -> Bench {
+    bench_in(&Membership::alone(), robots, checkpoints, step)
+}
+
+fn bench_in(
+    membership: &Membership,
+    robots: BTreeMap<RobotId, RobotConfig>,
+    checkpoints: BTreeMap<RobotId, Vec<u8>>,
+    step: Step,
+) -> Bench {
     let kept = Arc::new(Kept::default());
     let clock = MockClock::at(BEGIN_NS);
     let setup = FleetSetup {
@@ -95,7 +107,7 @@ fn bench_of(
         robots,
         checkpoints,
         last_heard: BTreeMap::new(),
-        membership: fleetcal_cluster::Membership::alone(),
+        membership: membership.clone(),
     };
     Bench {
         fleet: FleetHandle::start_with(setup, step),

@@ -40,14 +40,15 @@ pub async fn publish_estimates(
         let mut estimates = fleet.estimates();
         estimates.retain(|robot, _| gate.has(robot));
         for (robot, document) in &estimates {
-            if sent
-                .get(robot)
-                .is_none_or(|last| !Arc::ptr_eq(last, document))
-            {
+            let last = sent.get(robot);
+            if last.is_none_or(|last| !Arc::ptr_eq(last, document)) {
                 put(&session, &keys, document, &gate).await;
             }
         }
-        sent = estimates;
+        // What was held back leaves when the lease is renewed.
+        if gate.may_act() {
+            sent = estimates;
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! The agent alone, then over a real router.
 
+mod instances;
 mod sequences;
 mod service;
 mod transitions;

@@ -31,7 +31,7 @@ fn shell(script: String) -> Hook {
 }
 
 /// A robot's disk, and the agent that runs on it.
-struct Robot {
+pub(super) struct Robot {
     folder: TempDir,
     options: AgentOptions,
     running: Option<(
@@ -41,7 +41,7 @@ struct Robot {
 }
 
 impl Robot {
-    fn new(endpoint: &str) -> Self {
+    pub fn new(endpoint: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let options = AgentOptions {
             outputs: Outputs::default(),
@@ -73,13 +73,13 @@ impl Robot {
         self
     }
 
-    fn start(&mut self) {
+    pub fn start(&mut self) {
         let stop = CancellationToken::new();
         let task = tokio::spawn(run_agent(self.options.clone(), stop.clone()));
         self.running = Some((stop, task));
     }
 
-    async fn stop(&mut self) -> u64 {
+    pub async fn stop(&mut self) -> u64 {
         let (stop, task) = self.running.take().unwrap();
         stop.cancel();
         task.await.unwrap().unwrap().0
@@ -109,7 +109,7 @@ impl Robot {
         serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
     }
 
-    async fn settles(&self) {
+    pub async fn settles(&self) {
         let settled = Phase::Resting(Rest::Settled);
         until("it is settled", || self.memory().phase == settled).await;
     }

@@ -84,10 +84,9 @@ impl FleetHandle {
             instance: tenure.seat.instance.as_str().to_owned(),
             epoch: tenure.epoch.0,
         }));
+        *tenancy(&robot) = Tenancy::Awaited(stored);
         if robot.is_configured() {
-            self.spawn(robot, stored);
-        } else {
-            *tenancy(&robot) = Tenancy::Awaited(stored);
+            self.begin_configured(&robot);
         }
         self.heard_has_changed(true);
     }
@@ -112,6 +111,7 @@ impl FleetHandle {
         // Of a robot whose configuration never came.
         robot.mailbox.clear();
         robot.ended_here();
+        robot.taps.end();
         if keep == Keep::State {
             self.fleet.save_cross_tracks(&robot);
         }
@@ -125,23 +125,23 @@ impl FleetHandle {
     }
 
     /// Begins the task of a robot.
-    pub(super) fn spawn(&self, robot: Arc<Robot>, stored: Option<Vec<u8>>) {
-        let running = Running::begin(&self.fleet, Arc::clone(&robot), stored);
-        *tenancy(&robot) = Tenancy::Running(running);
+    pub(super) fn spawn(&self, robot: &Arc<Robot>, stored: Option<Vec<u8>>) {
+        let running = Running::begin(&self.fleet, Arc::clone(robot), stored);
+        *tenancy(robot) = Tenancy::Running(running);
     }
 
-    /// Begins the task of a robot that was configured for the first time, unless another instance
-    /// has it.
-    pub(super) fn begin_configured(&self, robot: Arc<Robot>) {
+    /// Begins the task of a robot whose configuration is known, unless another instance has it.
+    pub(super) fn begin_configured(&self, robot: &Arc<Robot>) {
         if self.fleet.membership.cluster().is_none() {
             self.spawn(robot, None);
             return;
         }
-        let awaited = std::mem::take(&mut *tenancy(&robot));
-        match awaited {
-            Tenancy::Awaited(stored) => self.spawn(robot, stored),
-            other => *tenancy(&robot) = other,
-        }
+        let mut tenancy = tenancy(robot);
+        let awaited = match &mut *tenancy {
+            Tenancy::Awaited(stored) => stored.take(),
+            Tenancy::None | Tenancy::Running(_) => return,
+        };
+        *tenancy = Tenancy::Running(Running::begin(&self.fleet, Arc::clone(robot), awaited));
     }
 
     /// Whether a robot has its vehicle.
@@ -165,9 +165,12 @@ impl FleetHandle {
         told.live.get_or_insert_with(|| self.live());
         let mut events = told.take_events();
         let discovers = self.fleet.membership.does(Duty::Discovery);
-        let is_own = |robot: &Arc<Robot>| match robot.is_configured() {
-            true => robot.is_here(),
-            false => discovers,
+        let is_own = |robot: &Arc<Robot>| {
+            if robot.is_configured() {
+                robot.is_here()
+            } else {
+                discovers
+            }
         };
         let robots: Vec<_> = self.fleet.all().into_iter().filter(is_own).collect();
         told.robots
@@ -198,11 +201,11 @@ impl FleetHandle {
         let whole_since = before.map(|before| before.whole_at);
         let is_due = whole_since.is_none_or(|then| now.saturating_sub(then) >= REPORT_WHOLE_EVERY);
         let is_whole = is_due || before.is_none_or(|before| before.urgent != urgent);
-        let is_same = |before: &&Told| match (&before.estimate, &view.estimate) {
+        let is_same = |before: &Told| match (&before.estimate, &view.estimate) {
             (Some(before), Some(now)) => Arc::ptr_eq(before, now),
             (before, now) => before.is_none() && now.is_none(),
         };
-        let told_estimate = before.filter(is_same).is_some();
+        let told_estimate = before.is_some_and(is_same);
         let changed = before.is_none_or(|before| before.latest != latest) || !told_estimate;
         if !changed && !is_whole && events.is_empty() {
             return None;
@@ -255,7 +258,7 @@ impl FleetHandle {
                 continue;
             };
             let events = std::mem::take(&mut report.events);
-            let Some(estimate) = robot.take_report(sender, report) else {
+            let Ok(estimate) = robot.take_report(sender, report) else {
                 continue;
             };
             let id = || robot.id.clone();

@@ -26,6 +26,10 @@ pub(super) struct Estimators {
     mirror: Option<Mirror>,
 }
 
+/// A report is of an instance that was replaced: the robot is estimated here, or by a later one.
+#[derive(Debug, Clone, Copy)]
+pub struct Replaced;
+
 /// What another instance reported last.
 #[derive(Debug)]
 struct Mirror {
@@ -91,18 +95,20 @@ impl Robot {
         status.candidate = super::Candidate::default();
     }
 
-    /// Takes what the instance that has it says. `None` when it is of one that was replaced, or the
-    /// robot is estimated here; else the estimate, if that is a new one.
+    /// Takes what the instance that has it says; gives the estimate, if that is a new one.
+    ///
+    /// # Errors
+    /// When it is of an instance that was replaced.
     pub fn take_report(
         &self,
         sender: Sender<'_>,
         report: RobotReport,
-    ) -> Option<Option<Arc<EstimateDocument>>> {
+    ) -> Result<Option<Arc<EstimateDocument>>, Replaced> {
         let is_whole = report.details.is_some();
         {
             let mut estimators = lock(&self.estimators);
             if self.is_here() || report.epoch < estimators.epoch {
-                return None;
+                return Err(Replaced);
             }
             estimators.epoch = report.epoch;
             estimators.by = (report.state != RobotState::Unregistered).then(|| EstimatedBy {
@@ -128,7 +134,7 @@ impl Robot {
             let verification = details.verification;
             status.verification = verification.map(|(of, estimate)| (of, Arc::new(*estimate)));
         }
-        Some(estimate)
+        Ok(estimate)
     }
 
     fn take_cross_tracks(&self, details: &ReportDetails) {

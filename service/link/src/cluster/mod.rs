@@ -6,6 +6,8 @@ mod digests;
 mod discovery;
 mod heard;
 mod presence;
+#[cfg(test)]
+mod tests;
 
 use std::collections::BTreeSet;
 use std::sync::Arc;

@@ -22,9 +22,12 @@ pub async fn watch_services(of: &ClusterParts) -> Result<Subscriber<()>> {
             // What is left of the process before it.
             return;
         }
-        report.send_if_modified(|report| match stands {
-            true => report.present.insert(instance),
-            false => report.present.remove(&instance),
+        report.send_if_modified(|report| {
+            if stands {
+                report.present.insert(instance)
+            } else {
+                report.present.remove(&instance)
+            }
         });
     };
     let tokens = of.parts.session.liveliness();

@@ -1,0 +1,378 @@
+//! Instances of a cluster and a robot, over a real router.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use fleetcal_clock::{Clock, MockClock};
+use fleetcal_cluster::{
+    ClaimId, Epoch, Incarnation, InstanceId, LinkReport, Membership, Seat, Tenure,
+};
+use fleetcal_contract::TestDatabase;
+use fleetcal_domain::approval::Policy;
+use fleetcal_domain::limits;
+use fleetcal_domain::robot::{RobotConfig, Wheelbase};
+use fleetcal_domain::streams::Ros2Settings;
+use fleetcal_estimator::EstimatorSettings;
+use fleetcal_fleet::{FleetHandle, FleetSetup, Keep};
+use fleetcal_model::VehicleModel;
+use fleetcal_operations::lifecycle::{Lifecycle, LifecycleSetup};
+use fleetcal_proto::RobotId;
+use fleetcal_proto::estimate::{EstimateDocument, EstimatedBy};
+use fleetcal_proto::key::{Keys, StreamKind};
+use fleetcal_proto::ros::{AckermannDrive, AckermannDriveStamped, Header, RosMessage, Time};
+use fleetcal_proto::signing::SigningKey;
+use fleetcal_store::Store;
+use tokio::sync::watch;
+use zenoh::Session;
+use zenoh::bytes::Encoding;
+
+use crate::{Link, LinkSetup};
+
+/// Longest time anything may take.
+const PATIENCE: Duration = Duration::from_secs(20);
+/// Message time at which the tests begin, ns since 1970.
+const BEGIN_NS: i64 = 1_700_000_000_000_000_000;
+const ROBOTS: [&str; 2] = ["tugger_01", "tugger_02"];
+
+fn id(name: &str) -> RobotId {
+    RobotId::parse(name).unwrap()
+}
+
+fn free_endpoint() -> String {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    format!("tcp/{}", listener.local_addr().unwrap())
+}
+
+async fn until(what: &str, mut done: impl AsyncFnMut() -> bool) {
+    let waited = tokio::time::timeout(PATIENCE, async {
+        while !done().await {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    });
+    assert!(waited.await.is_ok(), "waited in vain until {what}");
+}
+
+async fn session(mode: &str, key: &str, endpoint: &str) -> Session {
+    let mut config = zenoh::Config::default();
+    for (key, value) in [
+        ("mode", format!("\"{mode}\"")),
+        ("listen/endpoints", "[]".to_owned()),
+        (key, format!("[\"{endpoint}\"]")),
+        ("scouting/multicast/enabled", "false".to_owned()),
+        ("scouting/gossip/enabled", "false".to_owned()),
+    ] {
+        config.insert_json5(key, &value).unwrap();
+    }
+    zenoh::open(config).await.unwrap()
+}
+
+/// One instance, whose place in the cluster the test says.
+struct Instance {
+    membership: Membership,
+    clock: Arc<MockClock>,
+    fleet: FleetHandle,
+    lifecycle: Lifecycle,
+    store: Store,
+    link: Link,
+    report: watch::Receiver<LinkReport>,
+    _database: TestDatabase,
+}
+
+impl Instance {
+    async fn join(name: &str, router: &str) -> Self {
+        let name = InstanceId::parse(name).unwrap();
+        let membership = Membership::of(name);
+        let clock = MockClock::at(BEGIN_NS);
+        let database = TestDatabase::new().await;
+        let store = database.open(clock.clone()).await;
+        let wheelbase = Wheelbase::try_from(1.2).unwrap();
+        let vehicle = RobotConfig::of_vehicle(VehicleModel::Bicycle, wheelbase);
+        let fleet = FleetHandle::start(FleetSetup {
+            clock: clock.clone(),
+            journal: Arc::new(store.clone()),
+            estimator: EstimatorSettings::default(),
+            robots: ROBOTS.map(|name| (id(name), vehicle.clone())).into(),
+            cross_tracks: BTreeMap::new(),
+            checkpoints: BTreeMap::new(),
+            last_heard: BTreeMap::new(),
+            membership: membership.clone(),
+        });
+        let lifecycle = Lifecycle::start(LifecycleSetup {
+            store: store.clone(),
+            fleet: fleet.clone(),
+            clock: clock.clone(),
+            policy: Policy::default(),
+            key: SigningKey::from_bytes(&[7; 32]),
+        });
+        let lifecycle = lifecycle.await.unwrap();
+        let (sender, report) = watch::channel(LinkReport::default());
+        let setup = LinkSetup {
+            connect: vec![router.to_owned()],
+            ros2: Ros2Settings::default(),
+            membership: membership.clone(),
+            report: sender,
+            ..LinkSetup::default()
+        };
+        let link = Link::open(setup, fleet.clone(), lifecycle.clone(), clock.clone());
+        let link = link.await.unwrap();
+        let instance = Self {
+            membership,
+            clock,
+            fleet,
+            lifecycle,
+            store,
+            link,
+            report,
+            _database: database,
+        };
+        instance.renew();
+        instance
+    }
+
+    /// The database answers at this moment, and the lease is renewed.
+    fn renew(&self) {
+        let cluster = self.membership.cluster().unwrap();
+        cluster.lease().renewed(self.clock.uptime());
+        cluster.answered(self.clock.uptime());
+    }
+
+    fn name(&self) -> InstanceId {
+        self.membership.cluster().unwrap().instance().clone()
+    }
+
+    async fn adopt(&self, robot: &str, epoch: i64) {
+        self.membership.cluster().unwrap().began(Tenure {
+            robot: id(robot),
+            seat: Seat {
+                instance: self.name(),
+                incarnation: Incarnation(1),
+            },
+            epoch: Epoch(epoch),
+            claim: ClaimId(epoch),
+        });
+        self.fleet.adopt(&id(robot), None);
+        let robot = id(robot);
+        let subscribed = tokio::time::timeout(PATIENCE, self.fleet.subscribed(&robot));
+        subscribed.await.unwrap();
+    }
+
+    async fn leave(self) {
+        self.link.close().await;
+        self.lifecycle.stop().await;
+        self.fleet.stop().await;
+        self.store.close().await.unwrap();
+    }
+
+    fn processed(&self, robot: &str) -> u64 {
+        self.fleet.robot(&id(robot)).unwrap().counters.processed
+    }
+}
+
+/// The robots, each a second of whose messages is sent at once, and what is heard of them.
+struct Robots {
+    session: Session,
+    sent: Mutex<i64>,
+    estimates: Arc<Mutex<Vec<EstimateDocument>>>,
+}
+
+impl Robots {
+    async fn connect(router: &str) -> Self {
+        let session = session("client", "connect/endpoints", router).await;
+        let estimates: Arc<Mutex<Vec<EstimateDocument>>> = Arc::default();
+        let heard = Arc::clone(&estimates);
+        let key = Keys::default().stream_of_all(StreamKind::Estimate);
+        let subscriber = session.declare_subscriber(key).callback(move |sample| {
+            let document = serde_json::from_slice(&sample.payload().to_bytes()).unwrap();
+            heard.lock().unwrap().push(document);
+        });
+        subscriber.background().await.unwrap();
+        Self {
+            session,
+            sent: Mutex::new(0),
+            estimates,
+        }
+    }
+
+    /// Sends two seconds of wheel odometry of every robot.
+    async fn drive(&self) {
+        let from = std::mem::replace(&mut *self.sent.lock().unwrap(), 0);
+        for number in from..from + 100 {
+            let stamp = Time::from_ns(BEGIN_NS + number * 20_000_000).unwrap();
+            let payload = AckermannDriveStamped {
+                header: Header {
+                    stamp,
+                    frame_id: String::new(),
+                },
+                drive: AckermannDrive {
+                    speed: 1.0,
+                    ..AckermannDrive::default()
+                },
+            }
+            .to_cdr();
+            for robot in ROBOTS {
+                let key = Keys::default().stream(&id(robot), StreamKind::WheelOdometry);
+                let put = self.session.put(key, payload.clone());
+                put.encoding(Encoding::APPLICATION_CDR).await.unwrap();
+            }
+        }
+        *self.sent.lock().unwrap() = from + 100;
+    }
+
+    /// Who has put estimates of a robot since this was last asked.
+    fn estimated_by(&self, robot: &str) -> Vec<Option<EstimatedBy>> {
+        let mut estimates = self.estimates.lock().unwrap();
+        let of_robot = |document: &EstimateDocument| document.robot == id(robot);
+        let by = estimates.iter().filter(|document| of_robot(document));
+        let by = by.map(|document| document.estimated_by.clone()).collect();
+        estimates.retain(|document| !of_robot(document));
+        by
+    }
+
+    /// How many answer a question.
+    async fn answers(&self, kind: StreamKind, robot: &str) -> usize {
+        let key = Keys::default().stream(&id(robot), kind);
+        let asked = self.session.get(key).target(zenoh::query::QueryTarget::All);
+        let asked = asked.consolidation(zenoh::query::ConsolidationMode::None);
+        let replies = asked.timeout(Duration::from_secs(2)).await.unwrap();
+        let mut count = 0;
+        while let Ok(reply) = replies.recv_async().await {
+            count += usize::from(reply.result().is_ok());
+        }
+        count
+    }
+}
+
+fn by(instance: &str, epoch: i64) -> Option<EstimatedBy> {
+    Some(EstimatedBy {
+        instance: instance.to_owned(),
+        epoch,
+    })
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 4)]
+async fn each_instance_hears_its_robots_and_tells_the_others_of_them() {
+    let endpoint = free_endpoint();
+    let router = session("router", "listen/endpoints", &endpoint).await;
+    let [a, b] = [
+        Instance::join("a", &endpoint).await,
+        Instance::join("b", &endpoint).await,
+    ];
+    let robots = Robots::connect(&endpoint).await;
+    for (instance, other) in [(&a, &b), (&b, &a)] {
+        until("the other one is seen", async || {
+            let report = instance.report.borrow();
+            report.linked && report.present.contains(&other.name())
+        })
+        .await;
+    }
+    a.adopt("tugger_01", 3).await;
+    b.adopt("tugger_02", 4).await;
+    robots.drive().await;
+    until("both have theirs", async || {
+        a.processed("tugger_01") == 100 && b.processed("tugger_02") == 100
+    })
+    .await;
+    until("both are told of the other's", async || {
+        let told = |one: &Instance, robot| {
+            let view = one.fleet.robot(&id(robot)).unwrap();
+            view.counters.processed == 100 && view.estimate.is_some()
+        };
+        told(&a, "tugger_02") && told(&b, "tugger_01")
+    })
+    .await;
+    let mirrored = b.fleet.robot(&id("tugger_01")).unwrap();
+    assert_eq!(mirrored.estimated_by, by("a", 3));
+    until("estimates are put", async || {
+        !robots.estimates.lock().unwrap().is_empty()
+    })
+    .await;
+    tokio::time::sleep(Duration::from_millis(1_500)).await;
+    let (first, second) = (
+        robots.estimated_by("tugger_01"),
+        robots.estimated_by("tugger_02"),
+    );
+    assert!(
+        !first.is_empty() && first.iter().all(|one| *one == by("a", 3)),
+        "{first:?}"
+    );
+    assert!(
+        !second.is_empty() && second.iter().all(|one| *one == by("b", 4)),
+        "{second:?}"
+    );
+    assert_eq!(robots.answers(StreamKind::Progress, "tugger_01").await, 1);
+    // One is moved.
+    a.fleet.release(&id("tugger_01"), Keep::State).await;
+    a.membership.cluster().unwrap().ended(&id("tugger_01"));
+    b.adopt("tugger_01", 4).await;
+    robots.drive().await;
+    until("the other one has it", async || {
+        b.processed("tugger_01") == 100
+    })
+    .await;
+    assert_eq!(
+        a.processed("tugger_01"),
+        100,
+        "it is mirrored, or its own of before"
+    );
+    b.leave().await;
+    until("the other one is gone", async || {
+        let name = InstanceId::parse("b").unwrap();
+        !a.report.borrow().present.contains(&name)
+    })
+    .await;
+    a.leave().await;
+    drop(router);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 4)]
+async fn nothing_leaves_after_the_lease_has_ended() {
+    let endpoint = free_endpoint();
+    let router = session("router", "listen/endpoints", &endpoint).await;
+    let a = Instance::join("a", &endpoint).await;
+    let b = Instance::join("b", &endpoint).await;
+    let robots = Robots::connect(&endpoint).await;
+    a.adopt("tugger_01", 1).await;
+    robots.drive().await;
+    let put = async || !robots.estimated_by("tugger_01").is_empty();
+    until("an estimate is put", put).await;
+    until("the other one is told", async || {
+        b.fleet.robot(&id("tugger_01")).unwrap().estimate.is_some()
+    })
+    .await;
+    // The process is held up until its lease is over, and goes on as if nothing had been.
+    a.clock.advance(limits::CLUSTER_LEASE);
+    tokio::time::sleep(Duration::from_millis(1_200)).await;
+    robots.estimated_by("tugger_01");
+    let told = b.fleet.robot(&id("tugger_01")).unwrap().estimate;
+    robots.drive().await;
+    until("its estimator goes on", async || {
+        a.processed("tugger_01") == 200
+    })
+    .await;
+    tokio::time::sleep(Duration::from_millis(2_500)).await;
+    assert_eq!(robots.estimated_by("tugger_01"), []);
+    assert_eq!(b.fleet.robot(&id("tugger_01")).unwrap().estimate, told);
+    a.renew();
+    until("it acts again", put).await;
+    a.leave().await;
+    b.leave().await;
+    drop(router);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 4)]
+async fn who_does_not_reach_the_database_leaves_robots_to_others() {
+    let endpoint = free_endpoint();
+    let router = session("router", "listen/endpoints", &endpoint).await;
+    let a = Instance::join("a", &endpoint).await;
+    let key = Keys::default().stream(&id("tugger_01"), StreamKind::CalibrationApproved);
+    let querier = router.declare_querier(key).await.unwrap();
+    let is_answered = async || querier.matching_status().await.unwrap().matching();
+    until("it answers", is_answered).await;
+    a.clock.advance(limits::CLUSTER_UNANSWERED_AFTER);
+    until("it leaves them", async || !is_answered().await).await;
+    a.renew();
+    until("it answers again", is_answered).await;
+    a.leave().await;
+    drop(router);
+}
