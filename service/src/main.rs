@@ -14,8 +14,8 @@ use fleetcal::command::{
 use fleetcal::environment;
 use fleetcal_clock::{Clock as _, SharedClock, SystemClock};
 use fleetcal_command::{agent, calibrate, odometry, replay, schema, simulate};
-use fleetcal_domain::budget::Budget;
 use fleetcal_domain::limits::ZENOH_LOG_LINES_PER_HOUR_MAX;
+use fleetcal_fleet::budget::Budget;
 use tracing_subscriber::filter::{EnvFilter, FilterExt as _, dynamic_filter_fn};
 use tracing_subscriber::layer::{Layer as _, SubscriberExt as _};
 use tracing_subscriber::util::SubscriberInitExt as _;

@@ -36,7 +36,7 @@ const fn member(package: &'static str, folder: &'static str, uses: &'static str)
 }
 
 /// The crates, lowest first.
-pub const CRATES: [Member; 23] = [
+pub const CRATES: [Member; 24] = [
     member("fleetcal-model", "proto/model", ""),
     member("fleetcal-proto", "proto", "model"),
     member("fleetcal-estimator", "estimator", "model"),
@@ -92,9 +92,14 @@ pub const CRATES: [Member; 23] = [
         "domain fleet model proto store",
     ),
     member(
+        "fleetcal-metrics",
+        "service/metrics",
+        "cluster domain model proto",
+    ),
+    member(
         "fleetcal-api",
         "service/api",
-        "clock cluster domain estimator fleet http model operations proto requests store",
+        "clock cluster domain estimator fleet http metrics model operations proto requests store",
     ),
     member(
         "fleetcal-config",

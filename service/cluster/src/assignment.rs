@@ -7,7 +7,7 @@ use fleetcal_proto::RobotId;
 use sha2::{Digest, Sha256};
 
 use crate::InstanceId;
-use crate::member::Seat;
+use crate::tenure::Seat;
 
 /// Who should estimate which robot.
 pub type Assignment = BTreeMap<RobotId, Seat>;

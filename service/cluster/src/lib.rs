@@ -21,10 +21,10 @@ pub use assignment::{Assignment, assign};
 pub use duty::Duty;
 pub use lease::Lease;
 pub use link_report::LinkReport;
-pub use member::{Member, Seat};
+pub use member::Member;
 pub use membership::{Cluster, Membership, Takeover, Whereabouts};
 pub use plan::{DutyOwnership, Handover, Ownership, Plan, Snapshot, plan};
 pub use sightings::{cluster_sightings, homeless};
-pub use tenure::{ClaimId, Epoch, Incarnation, Tenure};
+pub use tenure::{ClaimId, Epoch, Incarnation, Seat, Tenure};
 
 pub use fleetcal_proto::key::ServiceInstance as InstanceId;

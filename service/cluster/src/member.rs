@@ -2,17 +2,7 @@
 
 use std::time::Duration;
 
-use crate::InstanceId;
-use crate::tenure::Incarnation;
-
-/// One life of an instance.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Seat {
-    /// Which instance.
-    pub instance: InstanceId,
-    /// Which of its lives.
-    pub incarnation: Incarnation,
-}
+use crate::tenure::Seat;
 
 /// An instance as its row says.
 #[derive(Debug, Clone, PartialEq)]

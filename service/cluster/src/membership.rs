@@ -10,9 +10,9 @@ use fleetcal_proto::RobotId;
 use crate::InstanceId;
 use crate::duty::Duty;
 use crate::lease::Lease;
-use crate::member::{Member, Seat};
+use crate::member::Member;
 use crate::plan::Snapshot;
-use crate::tenure::Tenure;
+use crate::tenure::{Seat, Tenure};
 
 /// Whether this process is alone, or one instance of several. Cheap to clone.
 #[derive(Debug, Clone, Default)]

@@ -11,8 +11,8 @@ use fleetcal_proto::RobotId;
 
 use crate::assignment::{Assignment, Candidate, assign, score};
 use crate::duty::Duty;
-use crate::member::{Member, Seat};
-use crate::tenure::{ClaimId, Epoch};
+use crate::member::Member;
+use crate::tenure::{ClaimId, Epoch, Seat};
 
 /// Who has a robot, as its row says.
 #[derive(Debug, Clone, PartialEq, Eq)]

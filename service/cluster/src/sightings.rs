@@ -156,8 +156,7 @@ mod tests {
 
     use super::*;
     use crate::InstanceId;
-    use crate::member::Seat;
-    use crate::tenure::{ClaimId, Epoch, Incarnation};
+    use crate::tenure::{ClaimId, Epoch, Incarnation, Seat};
 
     const S: i64 = 1_000_000_000;
 

@@ -5,7 +5,7 @@ use std::fmt;
 use fleetcal_proto::RobotId;
 use serde::{Deserialize, Serialize};
 
-use crate::member::Seat;
+use crate::InstanceId;
 
 /// The life of an instance: goes up when it joins, and when it is taken for dead.
 #[derive(
@@ -13,6 +13,15 @@ use crate::member::Seat;
 )]
 #[serde(transparent)]
 pub struct Incarnation(pub i64);
+
+/// One life of an instance.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Seat {
+    /// Which instance.
+    pub instance: InstanceId,
+    /// Which of its lives.
+    pub incarnation: Incarnation,
+}
 
 /// Orders the tenures of a robot: a later one has a higher epoch, also after a failover that forgot
 /// the latest. Readers of estimates go by it.

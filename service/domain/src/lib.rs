@@ -10,7 +10,6 @@ pub mod access;
 pub mod alert;
 pub mod approval;
 pub mod audit;
-pub mod budget;
 pub mod limits;
 pub mod robot;
 pub mod standing;

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use fleetcal_domain::budget::Budget;
+use crate::budget::Budget;
 use fleetcal_domain::limits::{EVENTS_PER_HOUR_MAX, NOTE_BYTES_PER_HOUR_MAX, NOTES_PER_HOUR_MAX};
 use fleetcal_domain::robot::HistoryEvent;
 use fleetcal_proto::RobotId;

@@ -1,5 +1,6 @@
 //! The fleet: one mailbox and one estimator task per robot.
 
+pub mod budget;
 mod budgets;
 mod candidate;
 mod cloud;

@@ -164,29 +164,20 @@ impl Connections {
     }
 
     /// No connections yet, of one instance of several.
-    pub fn of_cluster(
-        clock: SharedClock,
-        trusted: TrustedProxies,
-        instances: InstanceAddresses,
-    ) -> Self {
+    pub fn of_cluster(clock: SharedClock, trusted: TrustedProxies, of: InstanceAddresses) -> Self {
         Self(Arc::new(Inner {
             clock,
             trusted,
-            instances,
+            instances: of,
             table: Mutex::default(),
             requests: Shares::new(limits::HTTP_REQUESTS_PER_ADDRESS_MAX),
             turned: std::array::from_fn(|_| AtomicU64::new(0)),
         }))
     }
 
-    /// The proxies whose word about a client's address counts.
-    pub(crate) fn trusted(&self) -> &TrustedProxies {
-        &self.0.trusted
-    }
-
-    /// The other instances, whose word counts of what they pass on.
-    pub(crate) fn instances(&self) -> &InstanceAddresses {
-        &self.0.instances
+    /// The proxies and the other instances, whose word about a client's address may count.
+    pub(crate) fn believed(&self) -> (&TrustedProxies, &InstanceAddresses) {
+        (&self.0.trusted, &self.0.instances)
     }
 
     /// Counts what was turned away.

@@ -137,8 +137,7 @@ async fn answer(
 ) -> Response {
     let progress = Arc::clone(place.progress());
     let (mut parts, body) = request.into_parts();
-    let connections = place.connections();
-    let (trusted, instances) = (connections.trusted(), connections.instances());
+    let (trusted, instances) = place.connections().believed();
     let client = place.peer().behind(&parts.headers, trusted, instances);
     progress.request_begins(!body.is_end_stream());
     let under_way = match place.begin(client, (served.is_probe)(parts.uri.path())) {

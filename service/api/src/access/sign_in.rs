@@ -4,9 +4,9 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use axum::http::StatusCode;
-use fleetcal_domain::access::{Familiar, PasswordHash, Throttle};
+use fleetcal_domain::access::PasswordHash;
 use fleetcal_domain::limits;
-use fleetcal_http::PeerAddress;
+use fleetcal_http::{Familiar, PeerAddress, Throttle};
 use fleetcal_store::UserRecord;
 
 use super::caller::unauthorised;

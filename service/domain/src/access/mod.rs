@@ -2,7 +2,6 @@
 
 mod account;
 mod actor;
-mod familiar;
 mod grant;
 mod name;
 mod password;
@@ -11,7 +10,6 @@ mod role;
 mod secret;
 mod session;
 mod setup;
-mod throttle;
 mod token;
 
 pub use account::{
@@ -19,7 +17,6 @@ pub use account::{
     ended_before,
 };
 pub use actor::{Actor, Authentication, FORWARDED_BY, HttpRequest};
-pub use familiar::Familiar;
 pub use grant::{Grant, GrantRefused};
 pub use name::{AccountName, NameRefused};
 pub use password::{HashFailed, Password, PasswordHash, PasswordRefused};
@@ -28,5 +25,4 @@ pub use role::Role;
 pub use secret::{Random, SecretHash};
 pub use session::{SessionSpan, SessionValue};
 pub use setup::SetupCode;
-pub use throttle::Throttle;
 pub use token::{TokenSpan, TokenState, TokenValue};

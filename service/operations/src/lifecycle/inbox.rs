@@ -6,10 +6,10 @@ use std::ops::Bound;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use fleetcal_domain::budget::Budget;
 use fleetcal_domain::limits::{
     ANSWERS_HEARD_PER_HOUR_MAX, ANSWERS_OF_ROBOT_MAX, ANSWERS_PER_HOUR_MAX,
 };
+use fleetcal_fleet::budget::Budget;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Applied;
 use tokio::sync::Notify;

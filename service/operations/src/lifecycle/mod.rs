@@ -32,8 +32,8 @@ use fleetcal_domain::access::Actor;
 use fleetcal_domain::approval::{
     Command, DeploymentState, Policy, Present, RobotLedger, values_and_sigmas,
 };
-use fleetcal_domain::budget::LossLog;
 use fleetcal_domain::robot::RobotState;
+use fleetcal_fleet::budget::LossLog;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::signing::{PublicKey, SigningKey};
 use fleetcal_store::{DeploymentFreeze, IdempotencyKey, Store, StoreError};

@@ -1,9 +1,6 @@
 //! `/metrics`: what Prometheus reads, by its conventions: names end in their unit, counters in
 //! `_total`, and what is one thing is one family with labels.
 
-mod cluster;
-mod robots;
-
 use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::fmt;
@@ -19,13 +16,14 @@ use fleetcal_domain::robot::ConnectionState;
 use fleetcal_domain::standing::Standing;
 use fleetcal_fleet::FleetCounters;
 use fleetcal_http::Turned;
+use fleetcal_metrics::robots::{self, RobotFigures};
+use fleetcal_metrics::{cluster, counter, counters, gauge, gauges};
 use fleetcal_operations::webhook_dispatcher::WebhookDispatcherCounters;
 use fleetcal_store::StoreCounters;
 use futures::stream;
 use prometheus_client::collector::Collector;
 use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric, text};
 use prometheus_client::metrics::MetricType;
-use prometheus_client::metrics::counter::ConstCounter;
 use prometheus_client::metrics::gauge::ConstGauge;
 use prometheus_client::metrics::histogram::Histogram;
 use prometheus_client::metrics::info::Info;
@@ -36,8 +34,6 @@ use super::extract::{NoParameters, Parameters};
 use super::problem::Problem;
 use super::robots::connection_state;
 use super::{ApiState, BuildInfo};
-
-use robots::RobotFigures;
 
 /// Counters of the service and of each robot, in the text format that Prometheus reads.
 #[utoipa::path(get, path = "/metrics", tag = "service",
@@ -377,43 +373,6 @@ impl Snapshot {
             heard,
         )
     }
-}
-
-fn gauges<'a>(
-    out: &mut DescriptorEncoder<'_>,
-    name: &str,
-    help: &str,
-    label: &str,
-    values: impl Iterator<Item = (&'a str, u64)>,
-) -> fmt::Result {
-    let mut family = out.encode_descriptor(name, help, None, MetricType::Gauge)?;
-    for (value, count) in values {
-        ConstGauge::new(count as f64).encode(family.encode_family(&[(label, value)])?)?;
-    }
-    Ok(())
-}
-
-fn counter(out: &mut DescriptorEncoder<'_>, name: &str, help: &str, value: u64) -> fmt::Result {
-    let counter = ConstCounter::new(value);
-    counter.encode(out.encode_descriptor(name, help, None, MetricType::Counter)?)
-}
-
-fn gauge(out: &mut DescriptorEncoder<'_>, name: &str, help: &str, value: f64) -> fmt::Result {
-    let gauge = ConstGauge::new(value);
-    gauge.encode(out.encode_descriptor(name, help, None, MetricType::Gauge)?)
-}
-
-fn counters<'a>(
-    out: &mut DescriptorEncoder<'_>,
-    name: &str,
-    help: &str,
-    values: impl Iterator<Item = ([(&'a str, &'a str); 1], u64)>,
-) -> fmt::Result {
-    let mut family = out.encode_descriptor(name, help, None, MetricType::Counter)?;
-    for (labels, value) in values {
-        ConstCounter::new(value).encode(family.encode_family(&labels)?)?;
-    }
-    Ok(())
 }
 
 /// Resident memory of this process; `None` where the system does not say.

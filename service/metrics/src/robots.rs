@@ -10,7 +10,7 @@ use fleetcal_proto::RobotId;
 
 /// The figures of one robot at one time: a fiftieth of their text.
 #[derive(Debug)]
-pub(super) struct RobotFigures {
+pub struct RobotFigures {
     robot: RobotId,
     /// What became of its messages, in the order of [`OUTCOMES`].
     outcomes: [u64; OUTCOMES.len()],
@@ -31,7 +31,7 @@ const OUTCOMES: [&str; 6] = [
 
 impl RobotFigures {
     /// The figures of a robot.
-    pub(super) fn of(view: &RobotView) -> Self {
+    pub fn of(view: &RobotView) -> Self {
         let Counters {
             processed,
             refused,
@@ -61,7 +61,7 @@ impl RobotFigures {
     }
 
     /// Messages that found a full mailbox.
-    pub(super) fn mailbox_full(&self) -> u64 {
+    pub fn mailbox_full(&self) -> u64 {
         let [_, _, _, dropped @ ..] = self.outcomes;
         dropped.iter().sum()
     }
@@ -104,7 +104,7 @@ const FAMILIES: [Family; 4] = [
 ];
 
 /// The text of these robots' figures, of a few robots at a time.
-pub(super) fn pieces(robots: Vec<RobotFigures>) -> impl Iterator<Item = String> + Send + 'static {
+pub fn pieces(robots: Vec<RobotFigures>) -> impl Iterator<Item = String> + Send + 'static {
     let robots: Arc<[RobotFigures]> = robots.into();
     FAMILIES.iter().flat_map(move |family| {
         let robots = Arc::clone(&robots);

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use fleetcal_model::RobotId;
 
-use crate::limits::{LOSSES_LOGGED_EVERY, LOSSES_LOGGED_MAX};
+use fleetcal_domain::limits::{LOSSES_LOGGED_EVERY, LOSSES_LOGGED_MAX};
 
 /// A budget for an hour, full at first, which fills up again evenly.
 #[derive(Debug, Clone, Copy, PartialEq)]

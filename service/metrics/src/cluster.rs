@@ -8,10 +8,13 @@ use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric};
 use prometheus_client::metrics::MetricType;
 use prometheus_client::metrics::gauge::ConstGauge;
 
-use super::{counter, gauge};
+use crate::{counter, gauge};
 
 /// Writes the families of a cluster; nothing of a service that is alone.
-pub(super) fn encode(out: &mut DescriptorEncoder<'_>, membership: &Membership) -> fmt::Result {
+///
+/// # Errors
+/// When the text cannot be written.
+pub fn encode(out: &mut DescriptorEncoder<'_>, membership: &Membership) -> fmt::Result {
     let Some(cluster) = membership.cluster() else {
         return Ok(());
     };
