@@ -149,11 +149,25 @@ cluster: build-for-tests ## Starts a cluster on this machine: two instances, two
 	FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_ROUTER=$(dir $(BIN))fleetcal-router \
 	  tests/postgres/with_server.sh tests/cluster/run.sh
 
+.PHONY: kill-rounds-postgres
+kill-rounds-postgres: rust ## Kills the deciding process 150 times, and PostgreSQL under it 150 times: nothing acknowledged may be lost
+	KILL_ROUNDS=150 tests/postgres/with_server.sh $(CARGO) test --release --locked --workspace \
+	  --test durability -- --nocapture kill::
+	CONTRACT_KILLS=150 tests/postgres/with_server.sh $(CARGO) test --release --locked --workspace \
+	  --test postgres -- --nocapture postmaster::
+
+.PHONY: hardening-postgres
+hardening-postgres: rust ## 1,000 random sequences on both databases, 2,000 races of two stores, 200 cuts at COMMIT
+	CONTRACT_SEQUENCES=1000 CONTRACT_RACES=2000 CONTRACT_CUTS=200 \
+	  tests/postgres/with_server.sh $(CARGO) test --release --locked --workspace \
+	  --test postgres -- --nocapture --test-threads 1 differential:: races:: commit::
+
 .PHONY: store-load
-store-load: ## What 1,000 robots' telemetry costs SQLite and PostgreSQL, dropping a day, copying: 25 minutes
+store-load: rust ## What 1,000 robots' telemetry costs SQLite and PostgreSQL, dropping a day, copying: 25 minutes
+	$(CARGO) build --release --locked --workspace \
+	  --example store_load --example drop_day --example copy_load
 	for example in store_load drop_day copy_load; do \
-	  tests/postgres/with_server.sh --durable $(CARGO) run --release --locked -p fleetcal-contract \
-	    --example $$example || exit 1; \
+	  tests/postgres/with_server.sh --durable $(abspath $(BUILT))/release/examples/$$example || exit 1; \
 	done
 
 .PHONY: test-web

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use fleetcal_contract::server;
+use fleetcal_store::database_url::PostgresUrl;
 
 /// The variable by which a service is told of its PostgreSQL.
 const VARIABLE: &str = "FLEETCAL_DATABASE";
@@ -18,6 +19,14 @@ fn note(data: &Path) -> PathBuf {
 pub fn variable(data: &Path) -> Option<(String, String)> {
     let url = fs::read_to_string(note(data)).ok()?;
     Some((VARIABLE.to_owned(), url))
+}
+
+/// Names the database of the service on a data folder.
+///
+/// # Panics
+/// When nothing can be written beside the folder.
+pub fn name(data: &Path, url: &PostgresUrl) {
+    fs::write(note(data), url.to_string()).expect("a note");
 }
 
 /// Creates an empty database for a data folder that has none, where tests run on a server.
@@ -37,6 +46,5 @@ pub fn create(data: &Path) {
         runtime.block_on(fleetcal_postgres::create_for_test(&server))
     };
     let created = std::thread::spawn(create).join().expect("it ends");
-    let url = created.expect("a database").to_string();
-    fs::write(note(data), url).expect("a note");
+    name(data, &created.expect("a database"));
 }

@@ -1,5 +1,6 @@
 //! Statements of the store on sqlx's connections to PostgreSQL, each within its time.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use async_trait::async_trait;
@@ -11,6 +12,7 @@ use sqlx::query::{QueryAs, QueryScalar};
 use sqlx::{AssertSqlSafe, Decode, Executor, FromRow, Row as _, TypeInfo as _, ValueRef as _};
 
 use crate::failure::{Fate, TimedOut};
+use crate::servers::Servers;
 
 /// A connection with what its transaction has come to.
 #[derive(Debug)]
@@ -75,6 +77,16 @@ impl Session {
     /// Runs a statement without values and rows.
     pub(crate) async fn run(&mut self, sql: &'static str) -> Result<(), StatementError> {
         let ended = in_time_of(self.within, self.connection.execute(sql)).await;
+        self.noted(ended).map(drop)
+    }
+
+    /// Runs a statement that may take long.
+    pub(crate) async fn run_within(
+        &mut self,
+        within: Duration,
+        sql: String,
+    ) -> Result<(), StatementError> {
+        let ended = in_time_of(within, self.connection.execute(AssertSqlSafe(sql))).await;
         self.noted(ended).map(drop)
     }
 
@@ -171,7 +183,10 @@ impl Connection for Session {
 
 /// The connections that only read.
 #[derive(Debug)]
-pub(crate) struct ReadPool(pub(crate) PgPool);
+pub(crate) struct ReadPool {
+    pub(crate) pool: PgPool,
+    pub(crate) servers: Arc<Servers>,
+}
 
 #[async_trait]
 impl Pool for ReadPool {
@@ -180,7 +195,11 @@ impl Pool for ReadPool {
     }
 
     async fn rows(&self, statement: Statement) -> Result<Vec<Row>, StatementError> {
-        let mut connection = self.0.acquire().await.map_err(StatementError::new)?;
+        let acquired = tokio::select! {
+            acquired = self.pool.acquire() => acquired,
+            () = self.servers.until_away() => Err(sqlx::Error::PoolTimedOut),
+        };
+        let mut connection = acquired.map_err(StatementError::new)?;
         let reading = prepared(statement).fetch_all(&mut *connection);
         let read = in_time_of(limits::POSTGRES_READ_TIMEOUT, reading).await;
         if let Err(error) = &read
@@ -194,7 +213,7 @@ impl Pool for ReadPool {
 
     async fn close(&self) {
         if in_time_of(limits::POSTGRES_STATEMENT_TIMEOUT, async {
-            self.0.close().await;
+            self.pool.close().await;
             Ok(())
         })
         .await

@@ -10,7 +10,9 @@ use fleetcal_store::StoreError;
 use fleetcal_store::database_url::{PostgresUrl, Server, TlsMode};
 use sqlx::postgres::{PgConnectOptions, PgConnection, PgPool, PgPoolOptions, PgSslMode};
 use sqlx::{ConnectOptions as _, Executor as _, Row as _};
+use tokio::sync::watch;
 use tokio::task::JoinSet;
+use tokio::time::Instant;
 
 use crate::PostgresSetup;
 use crate::connection::{ReadPool, Session, in_time, in_time_of};
@@ -18,6 +20,11 @@ use crate::failure::Unusable;
 
 /// The oldest PostgreSQL, as its `server_version_num`.
 const VERSION_MIN: i32 = 150_000;
+
+/// For so long after a vain attempt the database counts as away; telemetry makes one each second.
+const AWAY_FOR: Duration = limits::POSTGRES_CONNECT_TIMEOUT.saturating_mul(2);
+/// Who reads meanwhile waits so long for a connection: one that is open is there at once.
+const WAIT_WHILE_AWAY: Duration = limits::POSTGRES_NEXT_HOST_AFTER;
 
 /// What a connection is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -93,6 +100,8 @@ pub(crate) struct Servers {
     options: Vec<PgConnectOptions>,
     current: AtomicUsize,
     readers: OnceLock<PgPool>,
+    /// Until when the database counts as away.
+    away_until: watch::Sender<Option<Instant>>,
 }
 
 impl Servers {
@@ -123,6 +132,7 @@ impl Servers {
             options,
             current: AtomicUsize::new(0),
             readers: OnceLock::new(),
+            away_until: watch::Sender::new(None),
         })
     }
 
@@ -162,6 +172,7 @@ impl Servers {
             match answer {
                 Some(Ok((index, Ok(connection)))) => {
                     self.found(index);
+                    self.away_until.send_replace(None);
                     return Ok(connection);
                 }
                 Some(Ok((index, Err(reason)))) => {
@@ -172,6 +183,8 @@ impl Servers {
             }
         }
         let reasons: Vec<String> = reasons.into_values().collect();
+        self.away_until
+            .send_replace(Some(Instant::now() + AWAY_FOR));
         Err(StoreError::Server {
             database: self.name(),
             reason: format!("cannot be used: {}", reasons.join("; ")),
@@ -185,6 +198,16 @@ impl Servers {
     pub(crate) async fn session(&self, purpose: Purpose) -> Result<Session, StoreError> {
         let connection = self.connect(purpose).await?;
         Ok(Session::within(purpose.within(), connection))
+    }
+
+    /// Ends shortly after it is known that no server can be used: sqlx's pool tries again and again,
+    /// and who reads would wait for seconds.
+    pub(crate) async fn until_away(&self) {
+        let mut away_until = self.away_until.subscribe();
+        let is_away = |until: &Option<Instant>| until.is_some_and(|until| until > Instant::now());
+        // The sender is here as long as this waits.
+        drop(away_until.wait_for(is_away).await);
+        tokio::time::sleep(WAIT_WHILE_AWAY).await;
     }
 
     /// Notes which server can be written; readers go there from now on.
@@ -221,7 +244,10 @@ impl Servers {
             .await
             .map_err(StoreError::database("be opened for reading"))?;
         let pool = self.readers.get_or_init(|| pool);
-        Ok(ReadPool(pool.clone()))
+        Ok(ReadPool {
+            pool: pool.clone(),
+            servers: Arc::clone(self),
+        })
     }
 
     /// Writes over a connection of its own, to find out whether the database takes writes at all.
@@ -253,16 +279,24 @@ async fn connect_to(options: &PgConnectOptions, purpose: Purpose) -> Result<PgCo
     let (connection, row) = connected.map_err(unusable)?;
     let version: i32 = row.try_get(0).map_err(unusable)?;
     let is_standby: bool = row.try_get(1).map_err(unusable)?;
+    match unsuited(version, is_standby) {
+        Some(reason) => Err(reason),
+        None => Ok(connection),
+    }
+}
+
+/// Why a server of this `server_version_num` cannot be used; a clause behind its name.
+fn unsuited(version: i32, is_standby: bool) -> Option<String> {
+    let (found, expected) = (version / 10_000, VERSION_MIN / 10_000);
     if version < VERSION_MIN {
-        let (found, expected) = (version / 10_000, VERSION_MIN / 10_000);
-        return Err(format!(
+        Some(format!(
             "is PostgreSQL {found}, expected {expected} or newer"
-        ));
+        ))
+    } else if is_standby {
+        Some("is a standby, which cannot be written".to_owned())
+    } else {
+        None
     }
-    if is_standby {
-        return Err("is a standby, which cannot be written".to_owned());
-    }
-    Ok(connection)
 }
 
 async fn is_writable(connection: &mut PgConnection) -> Result<bool, sqlx::Error> {
@@ -327,5 +361,19 @@ const fn ssl_mode(mode: TlsMode) -> PgSslMode {
         TlsMode::Require => PgSslMode::Require,
         TlsMode::VerifyCa => PgSslMode::VerifyCa,
         TlsMode::VerifyFull => PgSslMode::VerifyFull,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_old_server_and_a_standby_are_told() {
+        let old = "is PostgreSQL 14, expected 15 or newer";
+        assert_eq!(unsuited(140_013, false).as_deref(), Some(old));
+        assert_eq!(unsuited(150_000, false), None);
+        let standby = "is a standby, which cannot be written";
+        assert_eq!(unsuited(170_002, true).as_deref(), Some(standby));
     }
 }

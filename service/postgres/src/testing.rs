@@ -2,6 +2,7 @@
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
+use fleetcal_domain::limits;
 use fleetcal_sql::{Connection as _, Statement};
 use fleetcal_store::StoreError;
 use fleetcal_store::database_url::PostgresUrl;
@@ -35,13 +36,9 @@ pub async fn create_for_test(server: &PostgresUrl) -> Result<PostgresUrl, StoreE
 
 /// Runs a statement that only a test has.
 async fn run_for_test(session: &mut Session, sql: String) -> Result<(), StoreError> {
-    let statement = Statement {
-        sql: sql.into(),
-        values: Vec::new(),
-    };
-    let done = session.execute(statement).await;
-    done.map(drop)
-        .map_err(StoreError::database("do what a test asks"))
+    // A busy machine takes seconds to create a database.
+    let done = session.run_within(limits::POSTGRES_BULK_TIMEOUT, sql).await;
+    done.map_err(StoreError::database("do what a test asks"))
 }
 
 /// The process of the server of `setup`, which is on this machine, and the bytes of write-ahead log
