@@ -38,7 +38,7 @@ async fn empty() -> PostgresUrl {
 }
 
 /// A new role on the server that is named, which may sign in and nothing else.
-fn new_role(name: &str) -> String {
+pub fn new_role(name: &str) -> String {
     let role = format!("fleetcal_{name}_{}", std::process::id());
     psql(&named(), &format!("CREATE ROLE {role} LOGIN"));
     role

@@ -1,12 +1,14 @@
 //! Who may be an instance of a cluster, and under which name.
 
-use fleetcal_contract::clock;
+use fleetcal_contract::{NOW_S, clock, record};
 use fleetcal_postgres::Fencing;
 use fleetcal_store::StoreError;
 use fleetcal_store::cluster::{Joining, TakeForDead};
+use fleetcal_store::database_url::PostgresUrl;
 
 use super::instance::{Instance, database, end_lease, instance, joining, open};
 use crate::server::{psql, setup};
+use crate::startup::new_role;
 
 fn told<T: std::fmt::Debug>(refused: Result<T, StoreError>) -> String {
     refused.unwrap_err().to_string()
@@ -74,6 +76,30 @@ async fn a_service_that_is_alone_and_an_instance_exclude_each_other() {
     let refused = told(open(setup(&url), "a", Fencing::Locked).await);
     assert!(refused.contains("is no instance of a cluster"), "{refused}");
     store.close().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_role_with_fewer_rights_is_an_instance() {
+    let (url, robots) = database(2).await;
+    let role = new_role("instance");
+    let migrated = fleetcal_postgres::migrate(setup(&url), Some(&role)).await;
+    migrated.unwrap();
+    let serving = PostgresUrl {
+        user: role,
+        ..url.clone()
+    };
+    let a = Instance::join(&serving, "a").await;
+    let b = Instance::join(&serving, "b").await;
+    let tenures = a.claim(&robots, 1).await;
+    assert_eq!(tenures.len(), 2);
+    record(&a.store, robots[0].as_str(), NOW_S, 0.1);
+    a.store.flush().await.unwrap();
+    assert_eq!(a.store.counters().history_rows, 1);
+    a.registry.free(&a.seat, &robots[..1]).await.unwrap();
+    end_lease(&url, "a");
+    let taken = b.registry.take_for_dead(&b.seat, TakeForDead::LeaseEnded);
+    assert_eq!(taken.await.unwrap(), std::slice::from_ref(&a.seat));
+    b.registry.leave(&b.seat).await.unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
