@@ -45,11 +45,11 @@ least() {
 }
 read -r old_odometry old_rest old_all < <(least old)
 read -r new_odometry new_rest new_all < <(least new)
-awk -v old="$old" -v new="$new" -v oo="$old_odometry" -v or="$old_rest" -v oa="$old_all" \
-  -v no="$new_odometry" -v nr="$new_rest" -v na="$new_all" -v most="$ratio_max" 'BEGIN {
+awk -v old="$old" -v new="$new" -v o_odo="$old_odometry" -v o_rest="$old_rest" -v o_all="$old_all" \
+  -v n_odo="$new_odometry" -v n_rest="$new_rest" -v n_all="$new_all" -v most="$ratio_max" 'BEGIN {
   printf "µs for each scan   odometry   filter and detection    both\n"
-  printf "%-18s %8.1f   %20.1f  %6.1f\n", old, oo, or, oa
-  printf "%-18s %8.1f   %20.1f  %6.1f\n", new, no, nr, na
-  printf "ratio              %8.2f   %20.2f  %6.2f (at most %s)\n", no / oo, nr / or, na / oa, most
-  exit na / oa > most
+  printf "%-18s %8.1f   %20.1f  %6.1f\n", old, o_odo, o_rest, o_all
+  printf "%-18s %8.1f   %20.1f  %6.1f\n", new, n_odo, n_rest, n_all
+  printf "ratio              %8.2f   %20.2f  %6.2f (at most %s)\n", n_odo / o_odo, n_rest / o_rest, n_all / o_all, most
+  exit n_all / o_all > most
 }'

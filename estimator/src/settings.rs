@@ -158,7 +158,7 @@ impl Default for EstimatorSettings {
                 lidar_yaw: 0.000_15,
                 speed_scale: 0.000_3,
                 wheelbase: 0.0,
-                time_offset: 0.04,
+                time_offset: 0.01,
                 steering_gain: 0.0,
             },
             systematic_sigma: PerParameter {
