@@ -104,6 +104,7 @@ impl Instance {
             clock: clock.clone(),
             policy: Policy::default(),
             key: SigningKey::from_bytes(&[7; 32]),
+            membership: membership.clone(),
         });
         let lifecycle = lifecycle.await.unwrap();
         let (sender, report) = watch::channel(LinkReport::default());
@@ -251,11 +252,11 @@ impl Robots {
     }
 }
 
-fn by(instance: &str, epoch: i64) -> Option<EstimatedBy> {
-    Some(EstimatedBy {
+fn by(instance: &str, epoch: i64) -> EstimatedBy {
+    EstimatedBy {
         instance: instance.to_owned(),
         epoch,
-    })
+    }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 4)]
@@ -293,7 +294,7 @@ async fn each_instance_hears_its_robots_and_tells_the_others_of_them() {
     })
     .await;
     let mirrored = b.fleet.robot(&id("tugger_01")).unwrap();
-    assert_eq!(mirrored.estimated_by, by("a", 3));
+    assert_eq!(mirrored.estimated_by, Some(by("a", 3)));
     until("estimates are put", async || {
         !robots.estimates.lock().unwrap().is_empty()
     })
@@ -304,11 +305,11 @@ async fn each_instance_hears_its_robots_and_tells_the_others_of_them() {
         robots.estimated_by("tugger_02"),
     );
     assert!(
-        !first.is_empty() && first.iter().all(|one| *one == by("a", 3)),
+        !first.is_empty() && first.iter().all(|one| *one == Some(by("a", 3))),
         "{first:?}"
     );
     assert!(
-        !second.is_empty() && second.iter().all(|one| *one == by("b", 4)),
+        !second.is_empty() && second.iter().all(|one| *one == Some(by("b", 4))),
         "{second:?}"
     );
     assert_eq!(robots.answers(StreamKind::Progress, "tugger_01").await, 1);
