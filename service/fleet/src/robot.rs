@@ -1,5 +1,6 @@
 //! One robot's place in the fleet: its mailbox, its connection, and what its task last said.
 
+mod estimators;
 mod mirror;
 mod used;
 
@@ -29,7 +30,7 @@ use crate::mailbox::{Mailbox, Recipient};
 use crate::tap::Taps;
 use crate::tenancy::Tenancy;
 use crate::top_view::TopViewAskers;
-use mirror::Estimators;
+use estimators::Estimators;
 use used::Used;
 
 /// Seconds over which a stream's rate is taken.

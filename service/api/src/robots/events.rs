@@ -185,7 +185,10 @@ pub(super) async fn post_event(
         details: None,
     };
     let record = robots::note(&api.store, event, caller.actor, key).await?;
-    if !record.repeated
+    // Of several instances, the one that has the robot takes it from the audit.
+    let is_alone = api.membership.cluster().is_none();
+    if is_alone
+        && !record.repeated
         && let Err(refused) = api.fleet.note(&id, &note)
     {
         // It is stored, so the client must not send it again.

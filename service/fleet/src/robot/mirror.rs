@@ -1,46 +1,18 @@
 //! A robot that another instance estimates, as that instance reports it.
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use fleetcal_clock::Clock;
 use fleetcal_cluster::Epoch;
 use fleetcal_domain::limits::REPORTS_STALE_AFTER;
-use fleetcal_domain::robot::{Connection, Counters, RobotState, StreamView};
-use fleetcal_model::WallTime;
+use fleetcal_domain::robot::{Connection, Counters, RobotState};
 use fleetcal_proto::estimate::{EstimateDocument, EstimatedBy};
 
+use super::estimators::{Mirror, Replaced};
 use super::{Robot, lock};
 use crate::mailbox::Recipient;
 use crate::report::{ReportDetails, RobotReport, Sender, Urgent};
 use crate::tenancy::Tenancy;
-
-/// Which instance estimates a robot, and what it says where that is another one.
-#[derive(Debug, Default)]
-pub(super) struct Estimators {
-    /// The highest epoch that was heard of: what comes with a lower one is of an instance that was
-    /// replaced.
-    epoch: Epoch,
-    /// Who estimates it, as far as is known here.
-    by: Option<EstimatedBy>,
-    mirror: Option<Mirror>,
-}
-
-/// A report is of an instance that was replaced: the robot is estimated here, or by a later one.
-#[derive(Debug, Clone, Copy)]
-pub struct Replaced;
-
-/// What another instance reported last.
-#[derive(Debug)]
-struct Mirror {
-    /// When, running time.
-    at: Duration,
-    stale: bool,
-    last_seen_ns: Option<WallTime>,
-    heard_before_ns: Option<WallTime>,
-    streams: Vec<StreamView>,
-    counters: Counters,
-}
 
 impl Robot {
     /// Whether its task is here, or is to be.
@@ -180,34 +152,6 @@ impl Robot {
             warnings: status.warnings.clone(),
             verification: status.verification.clone(),
             restarts: status.estimator_restarts,
-        }
-    }
-}
-
-impl Mirror {
-    fn of(at: Duration, report: &RobotReport, before: Option<Self>) -> Self {
-        let mirror = Self {
-            at,
-            stale: report.stale,
-            last_seen_ns: report.last_seen_ns,
-            heard_before_ns: None,
-            streams: Vec::new(),
-            counters: Counters::default(),
-        };
-        match (&report.details, before) {
-            (Some(details), _) => Self {
-                heard_before_ns: details.heard_before_ns,
-                streams: details.streams.clone(),
-                counters: details.counters.clone(),
-                ..mirror
-            },
-            (None, Some(before)) => Self {
-                heard_before_ns: before.heard_before_ns,
-                streams: before.streams,
-                counters: before.counters,
-                ..mirror
-            },
-            (None, None) => mirror,
         }
     }
 }

@@ -176,6 +176,16 @@ impl Ownership {
         };
         let gone: Vec<_> = present.keys().filter(|robot| !is_own(robot)).collect();
         self.drop_robots(&gone).await;
+        let is_to_be = |robot: &RobotId| {
+            let row = snapshot.robots.get(robot);
+            row.is_some_and(|row| row.heir.as_ref() == Some(seat))
+        };
+        let mut unneeded = self.inner.setup.fleet.heard().unwrap_or_default();
+        unneeded.retain(|robot| !is_own(robot) && !is_to_be(robot));
+        let unneeded: Vec<_> = unneeded.into_iter().collect();
+        if !unneeded.is_empty() {
+            self.inner.setup.fleet.unhear(&unneeded);
+        }
         self.adopt(begun).await
     }
 
