@@ -56,17 +56,6 @@ impl Process {
         wait_for("its end", || self.child.try_wait().unwrap()).code()
     }
 
-    /// CPU time that it has used, s.
-    pub fn cpu_s(&self) -> f64 {
-        let stat = fs::read_to_string(format!("/proc/{}/stat", self.child.id())).unwrap();
-        let (_, fields) = stat.rsplit_once(')').unwrap();
-        let ticks = |at: usize| -> f64 {
-            let field = fields.split_whitespace().nth(at);
-            field.unwrap().parse().unwrap()
-        };
-        (ticks(11) + ticks(12)) / 100.0
-    }
-
     /// What it has said.
     pub fn said(&self) -> String {
         fs::read_to_string(&self.log).unwrap_or_default()
@@ -114,11 +103,6 @@ impl Instance {
         let (status, body) = (answer.status, answer.body);
         assert_eq!(status, 200, "{}: {path}: {body}", self.name);
         serde_json::from_str(&body).unwrap()
-    }
-
-    /// The answer to a request with a body in JSON.
-    pub fn send(&self, request: &str, headers: &str, json: &str) -> Option<http::Answer> {
-        http::send(self.http, request, Some(&self.token), Some((headers, json)))
     }
 
     /// How many robots each instance has, as this one sees it.
@@ -194,13 +178,6 @@ impl Cluster {
         let beside = test.ancestors().nth(2).unwrap().join("fleetcal-router");
         let log = self.folder.path().join(format!("router_{number}.log"));
         Process::start(Command::new(beside).arg(own).args(others), log)
-    }
-
-    /// Kills a router and starts it again after the pause.
-    pub fn restart_router(&mut self, number: usize, pause: std::time::Duration) {
-        self.router_processes[number].kill();
-        std::thread::sleep(pause);
-        self.router_processes[number] = self.router(number);
     }
 
     /// A Zenoh configuration of a client of one router.

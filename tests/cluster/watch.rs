@@ -20,10 +20,6 @@ pub struct Heard {
     pub instance: String,
     /// In which epoch.
     pub epoch: i64,
-    /// Message time, ns.
-    pub stamp_ns: i64,
-    /// Drive samples that the estimator has taken.
-    pub drive_samples: u64,
 }
 
 /// See the module.
@@ -59,8 +55,6 @@ impl Watch {
                     robot: document.robot.to_string(),
                     instance: by.instance,
                     epoch: by.epoch,
-                    stamp_ns: document.stamp_ns.0,
-                    drive_samples: document.counts.drive_samples,
                 });
             })
             .await

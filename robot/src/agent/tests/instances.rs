@@ -1,11 +1,12 @@
 //! A robot that asks several instances of the service, of which one is behind and one is frozen.
 
 use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use fleetcal_model::Generation;
-use fleetcal_proto::calibration::AppliedStatus;
+use fleetcal_proto::calibration::{Applied, AppliedStatus};
 use fleetcal_proto::{Keys, StreamKind};
+use tokio::time::Instant;
 use zenoh::Wait;
 use zenoh::query::{Query, Queryable};
 
@@ -82,9 +83,8 @@ async fn of_what_several_instances_say_the_newest_counts() {
     .await;
     tokio::time::sleep(Duration::from_secs(2)).await;
     let answers = service.answers();
-    let is_of_old =
-        |answer: &&fleetcal_proto::calibration::Applied| answer.generation == Generation(4);
-    assert!(answers.iter().find(is_of_old).is_none(), "{answers:?}");
+    let is_of_old = |answer: &Applied| answer.generation == Generation(4);
+    assert!(!answers.iter().any(is_of_old), "{answers:?}");
     assert_eq!(robot.stop().await, 5);
 }
 
