@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use fleetcal_api::{AccessSetup, ApiSetup, BuildInfo, router, serve};
 use fleetcal_clock::SharedClock;
-use fleetcal_cluster::{InstanceId, Membership};
+use fleetcal_cluster::{InstanceId, LinkReport, Membership};
 use fleetcal_config::Config;
 use fleetcal_domain::access::{Actor, SetupCode};
 use fleetcal_domain::limits;
@@ -16,7 +16,7 @@ use fleetcal_folder::signing_key::{self, KeyError};
 use fleetcal_http::Connections;
 use fleetcal_http::PublicUrl;
 use fleetcal_link::{Link, LinkError, LinkSetup};
-use fleetcal_model::{Generation, WallTime};
+use fleetcal_model::{AuditId, Generation, WallTime};
 use fleetcal_operations::accounts::KeepSetupCode;
 use fleetcal_operations::alert_evaluator::{AlertEvaluator, AlertEvaluatorSetup};
 use fleetcal_operations::entropy::{self, NoEntropy};
@@ -95,9 +95,7 @@ pub enum ServiceError {
 #[derive(Debug)]
 pub struct Service {
     fleet: FleetHandle,
-    lifecycle: Lifecycle,
-    evaluator: AlertEvaluator,
-    dispatcher: WebhookDispatcher,
+    workers: Workers,
     store: Store,
     link: Link,
     link_open: watch::Sender<bool>,
@@ -117,18 +115,12 @@ impl Service {
     /// # Errors
     /// When an address is in use, the store cannot be opened, or Zenoh refuses its configuration.
     pub async fn start(config: Config, clock: SharedClock) -> Result<Self, ServiceError> {
-        let instance = config.cluster.instance.clone();
-        let membership = instance.map_or_else(Membership::alone, Membership::of);
-        let link_setup = link_setup(&config, membership.clone());
-        link_setup.check()?;
+        let link_setup = link_setup(&config)?;
+        let membership = link_setup.membership.clone();
         let refused = |source| ServiceError::Http {
             address: config.http,
             source,
         };
-        if let (Some(instance), None) = (&config.cluster.instance, &config.database) {
-            let instance = instance.clone();
-            return Err(ServiceError::NothingShared { instance });
-        }
         let listener = fleetcal_http::listen(config.http).map_err(refused)?;
         let http_address = listener.local_addr().map_err(refused)?;
         let store = database::open(&config, Arc::clone(&clock)).await?;
@@ -136,43 +128,26 @@ impl Service {
         let last_decided = store.audit_last().await?;
         let fleet = start_fleet(&config, &store, &membership, Arc::clone(&clock)).await?;
         let workers = start_workers(&config, &store, &fleet, &membership, &clock).await?;
-        let Workers {
-            lifecycle,
-            evaluator,
-            dispatcher,
-        } = workers;
         let stop = CancellationToken::new();
         let peers = cluster::peers(&config, http_address, stop.clone())?;
-        let joining = cluster::joining(&config, &lifecycle, http_address);
-        let ownership = Ownership::start(OwnershipSetup {
-            store: store.clone(),
-            fleet: fleet.clone(),
-            lifecycle: lifecycle.clone(),
-            membership: membership.clone(),
-            clock: Arc::clone(&clock),
-            joining,
-            link: link_setup.report.subscribe(),
-            fast_takeover: config.cluster.fast_takeover,
-            draw: entropy::number,
-        })
-        .await?;
-        let following = FollowingSetup {
-            store: store.clone(),
-            fleet: fleet.clone(),
-            lifecycle: lifecycle.clone(),
-            evaluator: evaluator.clone(),
-            membership: membership.clone(),
+        let part = Part {
+            store: &store,
+            fleet: &fleet,
+            workers: &workers,
+            membership: &membership,
+            clock: &clock,
+            report: link_setup.report.subscribe(),
         };
-        let part = ownership.map(|own| (own, Following::start(following, last_decided)));
+        let part = part.join(&config, http_address, last_decided).await?;
         let (link_open, link_is_open) = watch::channel(false);
         let setup_code = setup_code(&store, clock.now()).await?;
         let connections = Connections::new(Arc::clone(&clock), config.trusted_proxies.clone());
         let routes = router(ApiSetup {
             build: BUILD,
             fleet: fleet.clone(),
-            lifecycle: lifecycle.clone(),
-            evaluator: evaluator.clone(),
-            dispatcher: dispatcher.clone(),
+            lifecycle: workers.lifecycle.clone(),
+            evaluator: workers.evaluator.clone(),
+            dispatcher: workers.dispatcher.clone(),
             store: store.clone(),
             clock: Arc::clone(&clock),
             link_open: link_is_open,
@@ -186,28 +161,19 @@ impl Service {
         });
         let serving = serve(listener, routes, connections, stop.clone()).map_err(refused)?;
         let http = tokio::spawn(serving);
-        let link = match Link::open(link_setup, fleet.clone(), lifecycle.clone(), clock).await {
+        let lifecycle = workers.lifecycle.clone();
+        let link = match Link::open(link_setup, fleet.clone(), lifecycle, clock).await {
             Ok(link) => link,
             Err(error) => {
                 stop.cancel();
-                if let Some((ownership, following)) = part {
-                    following.stop().await;
-                    ownership.leave().await;
-                }
-                evaluator.stop().await;
-                dispatcher.stop().await;
-                lifecycle.stop().await;
-                fleet.stop().await;
-                close_store(&store).await;
+                end_without_link(part, &workers, &fleet, &store).await;
                 return Err(error.into());
             }
         };
         link_open.send_replace(true);
         Ok(Self {
             fleet,
-            lifecycle,
-            evaluator,
-            dispatcher,
+            workers,
             store,
             link,
             link_open,
@@ -259,7 +225,7 @@ impl Service {
 
     /// The life cycle of calibrations.
     pub fn lifecycle(&self) -> &Lifecycle {
-        &self.lifecycle
+        &self.workers.lifecycle
     }
 
     /// Takes no further message, works through what waits, stores it, and ends.
@@ -273,9 +239,7 @@ impl Service {
         if let Some((_, following)) = &self.part {
             following.stop().await;
         }
-        self.evaluator.stop().await;
-        self.dispatcher.stop().await;
-        self.lifecycle.stop().await;
+        self.workers.stop().await;
         self.fleet.stop().await;
         let closed = self.store.close().await;
         if let Err(error) = self.http.await {
@@ -285,9 +249,15 @@ impl Service {
     }
 }
 
-fn link_setup(config: &Config, membership: Membership) -> LinkSetup {
-    LinkSetup {
-        membership,
+/// What the link is made with, and what it would refuse before it opens anything.
+fn link_setup(config: &Config) -> Result<LinkSetup, ServiceError> {
+    if let (Some(instance), None) = (&config.cluster.instance, &config.database) {
+        let instance = instance.clone();
+        return Err(ServiceError::NothingShared { instance });
+    }
+    let instance = config.cluster.instance.clone();
+    let setup = LinkSetup {
+        membership: instance.map_or_else(Membership::alone, Membership::of),
         listen: config.listen.clone(),
         connect: config.connect.clone(),
         zenoh_config: config.zenoh_config.clone(),
@@ -295,7 +265,9 @@ fn link_setup(config: &Config, membership: Membership) -> LinkSetup {
         keys: Keys::new(config.root.clone()),
         ros2: config.ros2.clone(),
         ..LinkSetup::default()
-    }
+    };
+    setup.check()?;
+    Ok(setup)
 }
 
 /// The text of a new code for the first administrator, when there is no user.
@@ -310,10 +282,64 @@ async fn setup_code(store: &Store, now: WallTime) -> Result<Option<String>, Serv
 
 /// Those who look after the fleet: the lifecycle for its calibrations, the alert evaluator for what is wrong
 /// with it, and the webhook dispatcher for who is told of that.
+#[derive(Debug)]
 struct Workers {
     lifecycle: Lifecycle,
     evaluator: AlertEvaluator,
     dispatcher: WebhookDispatcher,
+}
+
+impl Workers {
+    async fn stop(&self) {
+        self.evaluator.stop().await;
+        self.dispatcher.stop().await;
+        self.lifecycle.stop().await;
+    }
+}
+
+/// What an instance takes its place in the cluster with.
+struct Part<'a> {
+    store: &'a Store,
+    fleet: &'a FleetHandle,
+    workers: &'a Workers,
+    membership: &'a Membership,
+    clock: &'a SharedClock,
+    report: watch::Receiver<LinkReport>,
+}
+
+impl Part<'_> {
+    /// Joins the cluster, and follows what others decide after `last_decided`; `None` of a service
+    /// that is alone.
+    async fn join(
+        self,
+        config: &Config,
+        http: SocketAddr,
+        last_decided: AuditId,
+    ) -> Result<Option<(Ownership, Following)>, ServiceError> {
+        let lifecycle = &self.workers.lifecycle;
+        let ownership = Ownership::start(OwnershipSetup {
+            store: self.store.clone(),
+            fleet: self.fleet.clone(),
+            lifecycle: lifecycle.clone(),
+            membership: self.membership.clone(),
+            clock: Arc::clone(self.clock),
+            joining: cluster::joining(config, lifecycle, http),
+            link: self.report,
+            fast_takeover: config.cluster.fast_takeover,
+            draw: entropy::number,
+        });
+        let Some(ownership) = ownership.await? else {
+            return Ok(None);
+        };
+        let following = FollowingSetup {
+            store: self.store.clone(),
+            fleet: self.fleet.clone(),
+            lifecycle: lifecycle.clone(),
+            evaluator: self.workers.evaluator.clone(),
+            membership: self.membership.clone(),
+        };
+        Ok(Some((ownership, Following::start(following, last_decided))))
+    }
 }
 
 async fn start_workers(
@@ -364,6 +390,22 @@ async fn start_workers(
         evaluator,
         dispatcher,
     })
+}
+
+/// Ends what was started before the link could not be opened.
+async fn end_without_link(
+    part: Option<(Ownership, Following)>,
+    workers: &Workers,
+    fleet: &FleetHandle,
+    store: &Store,
+) {
+    if let Some((ownership, following)) = part {
+        following.stop().await;
+        ownership.leave().await;
+    }
+    workers.stop().await;
+    fleet.stop().await;
+    close_store(store).await;
 }
 
 async fn close_store(store: &Store) {

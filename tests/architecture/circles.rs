@@ -73,7 +73,7 @@ pub const CRATES: [Member; 24] = [
     member(
         "fleetcal-fleet",
         "service/fleet",
-        "clock domain estimator model proto",
+        "clock cluster domain estimator model proto",
     ),
     member(
         "fleetcal-operations",
@@ -83,7 +83,7 @@ pub const CRATES: [Member; 24] = [
     member(
         "fleetcal-link",
         "service/link",
-        "clock domain fleet model operations proto",
+        "clock cluster domain fleet model operations proto",
     ),
     member("fleetcal-http", "service/http", "clock domain"),
     member(

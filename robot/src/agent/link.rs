@@ -13,13 +13,12 @@ use fleetcal_proto::signing::TrustedKeys;
 use fleetcal_proto::{Encoding, Keys, RobotId, StreamKind};
 use tokio::runtime::Handle;
 use tokio::sync::mpsc;
-use tracing::{debug, warn};
 use zenoh::Session;
 use zenoh::pubsub::{Publisher, Subscriber};
 use zenoh::sample::{Sample, SampleKind};
 
 use super::event::Event;
-use super::question::Asker;
+use super::question::{Asker, Read, hand_on};
 use crate::session::{at_key, publisher};
 use crate::session_error::SessionError;
 
@@ -94,9 +93,6 @@ impl CalibrationLink {
     }
 }
 
-/// Reads a message, or says why it cannot be read.
-pub(super) type Read = fn(&Sample) -> Result<Event, String>;
-
 fn offered(sample: &Sample) -> Result<Event, String> {
     let envelope = Envelope::from_json(&sample.payload().to_bytes());
     envelope
@@ -170,18 +166,6 @@ fn turn(robot: &RobotId, token: &str) -> Duration {
     (robot.as_str(), token).hash(&mut hasher);
     let within_ms = u64::try_from(TURN_WITHIN.as_millis()).unwrap_or(u64::MAX);
     Duration::from_millis(hasher.finish() % within_ms)
-}
-
-/// Zenoh's threads must never wait.
-pub(super) fn hand_on(sender: &mpsc::Sender<Event>, read: Result<Event, String>) {
-    match read {
-        Ok(event) => {
-            if sender.try_send(event).is_err() {
-                debug!("a message found no room: the next pull brings it again");
-            }
-        }
-        Err(reason) => warn!(reason, "a message on a calibration key cannot be read"),
-    }
 }
 
 #[cfg(test)]

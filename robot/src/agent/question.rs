@@ -7,11 +7,12 @@ use fleetcal_model::Generation;
 use fleetcal_proto::signing::TrustedKeys;
 use tokio::sync::mpsc;
 use tokio::time::{Instant, sleep_until};
+use tracing::{debug, warn};
 use zenoh::Session;
 use zenoh::query::{ConsolidationMode, QueryTarget};
+use zenoh::sample::Sample;
 
 use super::event::Event;
-use super::link::{Read, hand_on};
 use crate::session::at_key;
 use crate::session_error::SessionError;
 
@@ -21,6 +22,9 @@ const PULL_TIMEOUT: Duration = Duration::from_secs(5);
 const OTHERS_WITHIN: Duration = Duration::from_millis(500);
 /// Answers that wait to be compared.
 const ANSWERS_MAX: usize = 16;
+
+/// Reads a message, or says why it cannot be read.
+pub(super) type Read = fn(&Sample) -> Result<Event, String>;
 
 /// What an instance said, or why that cannot be read.
 type Answer = Result<Event, String>;
@@ -97,5 +101,17 @@ fn generation(answer: &Answer, trusted: Option<&TrustedKeys>) -> Option<Generati
         Event::Offered(envelope) => Some(envelope.open(trusted?).ok()?.generation),
         Event::Confirmed(confirmed) => Some(confirmed.generation),
         _ => None,
+    }
+}
+
+/// Zenoh's threads must never wait.
+pub(super) fn hand_on(sender: &mpsc::Sender<Event>, read: Result<Event, String>) {
+    match read {
+        Ok(event) => {
+            if sender.try_send(event).is_err() {
+                debug!("a message found no room: the next pull brings it again");
+            }
+        }
+        Err(reason) => warn!(reason, "a message on a calibration key cannot be read"),
     }
 }

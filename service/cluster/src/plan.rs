@@ -283,8 +283,8 @@ mod tests {
         }
     }
 
-    fn ago(duration: Duration) -> Option<WallTime> {
-        Some(NOW.minus(duration))
+    fn ago(duration: Duration) -> WallTime {
+        NOW.minus(duration)
     }
 
     fn owned(by: Option<&str>) -> Ownership {
@@ -325,7 +325,7 @@ mod tests {
         // Whoever should have taken it does not: another one does.
         let mut late = snapshot;
         for row in late.robots.values_mut() {
-            row.free_since = ago(CLUSTER_CLAIM_OTHERS_AFTER);
+            row.free_since = Some(ago(CLUSTER_CLAIM_OTHERS_AFTER));
         }
         assert_eq!(plan(&seat("a"), &late).claim.len(), 10);
     }
@@ -340,11 +340,12 @@ mod tests {
         let given = offered[0].robot.clone();
         let number = usize::from(given == robot(1));
         row(&mut snapshot, number).heir = Some(seat("b"));
-        assert_eq!(plan(&seat("b"), &snapshot).prepare, [given.clone()]);
+        let prepared = plan(&seat("b"), &snapshot).prepare;
+        assert_eq!(prepared, std::slice::from_ref(&given));
         row(&mut snapshot, number).heir_ready = Some(NOW);
         assert_eq!(plan(&seat("b"), &snapshot), Plan::default());
         assert_eq!(plan(&seat("a"), &snapshot), Plan::default());
-        row(&mut snapshot, number).heir_ready = ago(CLUSTER_OVERLAP);
+        row(&mut snapshot, number).heir_ready = Some(ago(CLUSTER_OVERLAP));
         assert_eq!(plan(&seat("a"), &snapshot).hand_over, offered);
         // The heir is gone: it stays.
         snapshot.members[1].lease_left = Duration::ZERO;
@@ -383,7 +384,7 @@ mod tests {
     fn nobody_claims_what_it_cannot_read() {
         let mut snapshot = cluster(&["a"], &[None]);
         row(&mut snapshot, 0).checkpoint_format = 3;
-        row(&mut snapshot, 0).free_since = ago(Duration::from_mins(1));
+        row(&mut snapshot, 0).free_since = Some(ago(Duration::from_mins(1)));
         assert_eq!(plan(&seat("a"), &snapshot), Plan::default());
     }
 

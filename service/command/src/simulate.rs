@@ -82,7 +82,7 @@ async fn perform(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
         make_imperfect(&mut robots, path)?;
     }
     if arguments.configuration {
-        return Ok(print_text(&robots.iter().map(entry).collect::<String>())?);
+        return print_text(&robots.iter().map(entry).collect::<String>());
     }
     match &arguments.record {
         Some(path) => record_one(&robots, arguments.duration, path.clone()).await,

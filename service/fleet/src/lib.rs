@@ -19,10 +19,12 @@ mod reading;
 mod registry;
 mod report;
 mod robot;
+mod running;
 mod senders;
 mod stored;
 mod tap;
 mod task;
+mod tenancy;
 #[cfg(test)]
 mod tests;
 mod top_view;
@@ -40,4 +42,4 @@ pub use registry::FleetCounters;
 pub use report::{Digest, ReportDetails, Reported, RobotReport};
 pub use senders::LinkId;
 pub use tap::{TapReader, Tapped, Taps};
-pub use task::Keep;
+pub use tenancy::Keep;

@@ -8,6 +8,7 @@
 //! here while another instance still has the robot; more of them, since nobody works them off.
 
 mod heard;
+mod message;
 #[cfg(test)]
 mod tests;
 
@@ -15,74 +16,21 @@ use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use fleetcal_domain::limits::{
-    MAILBOX_NOTES_MAX, MAILBOX_SCANS_MAX, MAILBOX_WHEEL_ODOMETRY_MAX, REFUSAL_CHARS_MAX,
+    HEARD_BYTES_MAX, MAILBOX_NOTES_MAX, MAILBOX_SCANS_MAX, MAILBOX_WHEEL_ODOMETRY_MAX,
+    REFUSAL_CHARS_MAX,
 };
 use fleetcal_domain::robot::Counters;
 use fleetcal_estimator::Note;
-use fleetcal_model::{RobotTime, Stream};
-use fleetcal_proto::message_type::Form;
+use fleetcal_model::Stream;
 use fleetcal_proto::progress::Progress;
 use tokio::sync::Notify;
 
-use crate::senders::LinkId;
 use heard::{Class, Heard};
+
+pub use message::{Item, Message, Outcome, Recipient};
 
 /// Slots that drive samples and scans share.
 const SLOTS_MAX: usize = MAILBOX_WHEEL_ODOMETRY_MAX + MAILBOX_SCANS_MAX;
-
-/// A message as it came in, not decoded yet.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Message {
-    /// The stream it came on.
-    pub stream: Stream,
-    /// How it is written.
-    pub form: Form,
-    /// The connection that it came over, where that is known.
-    pub link: Option<LinkId>,
-    /// Its bytes.
-    pub payload: Vec<u8>,
-}
-
-/// What waits for a robot's task.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Item {
-    /// A message of the robot.
-    Message(Message),
-    /// One that came before the task began: it may be taken already by the task before.
-    Heard(Message),
-    /// A note that came over the API: it is in the history already.
-    Note(Note),
-    /// The robot's session has ended.
-    EndOfSession,
-    /// The robot has said what it uses: what stands behind this was sent later, or is in flight.
-    ValuesHeard,
-}
-
-/// What became of a message that the task took.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Outcome {
-    /// The estimator has it.
-    Processed {
-        /// Its header stamp, ns since 1970.
-        stamp_ns: RobotTime,
-    },
-    /// It was refused, for this reason.
-    Refused(String),
-    /// The estimator had it already: it is in the state that the task began with.
-    Known,
-}
-
-/// For whom a mailbox takes messages.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Recipient {
-    /// The robot's task, which works them off.
-    #[default]
-    Task,
-    /// A task that is to begin. Another instance has the robot.
-    Heir,
-    /// Nobody: another instance has the robot.
-    Nobody,
-}
 
 #[derive(Debug, Default)]
 struct Queue {
@@ -189,6 +137,76 @@ impl Queue {
         self.notes += 1;
         self.items.push_back(Item::Message(message));
         true
+    }
+}
+
+impl Queue {
+    /// Takes a message in for a task that has not begun, or not caught up.
+    fn push_heard(&mut self, message: Message) {
+        let class = Class::of(message.stream);
+        let waiting = |queue: &Self| queue.heard.waiting.get(class as usize).copied();
+        if waiting(self) >= Some(class.heard_max()) {
+            let of_class = |stream| Class::of(stream) == class;
+            self.push_out_heard(of_class);
+        }
+        while self.heard.bytes + message.payload.len() > HEARD_BYTES_MAX
+            && self.push_out_heard(|_| true)
+        {}
+        self.heard.bytes += message.payload.len();
+        if let Some(waiting) = self.heard.waiting.get_mut(class as usize) {
+            *waiting += 1;
+        }
+        self.items.push_back(Item::Heard(message));
+    }
+
+    /// Pushes out the oldest of such streams that was heard; whether there is one.
+    fn push_out_heard(&mut self, of: impl Fn(Stream) -> bool) -> bool {
+        let oldest = |item: &Item| matches!(item, Item::Heard(message) if of(message.stream));
+        let at = self.items.iter().position(oldest);
+        let Some(Item::Heard(message)) = at.and_then(|at| self.items.remove(at)) else {
+            return false;
+        };
+        self.heard.left(&message);
+        let class = Class::of(message.stream);
+        if let Some(pushed_out) = self.heard.pushed_out.get_mut(class as usize) {
+            *pushed_out += 1;
+        }
+        if self.recipient == Recipient::Task {
+            // It is counted again with those that were pushed out, if it was lost.
+            self.counters.received = self.counters.received.saturating_sub(1);
+        }
+        true
+    }
+
+    /// What was pushed out was older than a message that the task before had taken, and so taken
+    /// too; or older than one that it had not, and is lost.
+    fn judge_pushed_out(&mut self, class: Class, is_known: bool) {
+        let Some(pushed_out) = self.heard.pushed_out.get_mut(class as usize) else {
+            return;
+        };
+        let lost = if is_known { 0 } else { *pushed_out };
+        *pushed_out = 0;
+        self.counters.received += lost;
+        self.progress.dropped += lost;
+        match class {
+            Class::WheelOdometry => self.counters.dropped_wheel_odometry += lost,
+            Class::Scan => self.counters.dropped_scans += lost,
+            Class::Note => self.counters.dropped_notes += lost,
+        }
+    }
+
+    /// Drops all but the places at which the robot said what it uses: they are counted elsewhere.
+    fn clear(&mut self, heard_are_counted: bool) {
+        let is_counted = |item: &&Item| match item {
+            Item::Message(_) => true,
+            Item::Heard(_) => heard_are_counted,
+            _ => false,
+        };
+        let gone = self.items.iter().filter(is_counted).count() as u64;
+        self.counters.received = self.counters.received.saturating_sub(gone);
+        self.items.retain(|item| *item == Item::ValuesHeard);
+        (self.wheel_odometry, self.scans, self.notes) = (0, 0, 0);
+        self.heard = Heard::default();
     }
 }
 

@@ -27,7 +27,7 @@ use crate::candidate::Candidate;
 use crate::cross_track::{CrossTracks, UsedValues};
 use crate::mailbox::{Mailbox, Recipient};
 use crate::tap::Taps;
-use crate::task::Tenancy;
+use crate::tenancy::Tenancy;
 use crate::top_view::TopViewAskers;
 use mirror::Estimators;
 use used::Used;

@@ -2,9 +2,6 @@
 //! estimator asks for.
 
 mod heard;
-mod running;
-
-pub use running::{Keep, Running, Tenancy};
 
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -63,9 +60,9 @@ enum Engine {
 }
 
 #[derive(Debug)]
-struct RobotTask {
-    fleet: Arc<Fleet>,
-    robot: Arc<Robot>,
+pub struct RobotTask {
+    pub(crate) fleet: Arc<Fleet>,
+    pub(crate) robot: Arc<Robot>,
     version: Version,
     signal: WheelOdometrySignal,
     intake: Intake,
@@ -73,7 +70,7 @@ struct RobotTask {
     config: CalibratorConfig,
     engine: Engine,
     /// The last state that was stored, to go on from after a panic.
-    last_good: Option<Checkpoint>,
+    pub(crate) last_good: Option<Checkpoint>,
     /// The one before that: when two senders are told apart, the last may hold something of both.
     earlier_good: Option<Checkpoint>,
     /// Whether one sender uses the robot's id.
@@ -96,7 +93,7 @@ struct RobotTask {
 }
 
 impl RobotTask {
-    fn start(
+    pub(crate) fn start(
         fleet: Arc<Fleet>,
         robot: Arc<Robot>,
         version: Version,
@@ -159,7 +156,7 @@ impl RobotTask {
     }
 
     /// Begins again when the robot was configured otherwise.
-    fn follow_config(&mut self) {
+    pub(crate) fn follow_config(&mut self) {
         if self.robot.config_version() == self.version {
             return;
         }
@@ -171,7 +168,7 @@ impl RobotTask {
         }
     }
 
-    fn take(&mut self, item: Item) {
+    pub(crate) fn take(&mut self, item: Item) {
         self.follow_config();
         match item {
             Item::Message(message) => {
@@ -334,7 +331,7 @@ impl RobotTask {
     }
 
     /// Draws up the robot's top view for those who have asked.
-    fn answer_top_view_askers(&mut self) {
+    pub(crate) fn answer_top_view_askers(&mut self) {
         let askers = self.robot.top_view_askers.take();
         if askers.is_empty() {
             return;
@@ -407,7 +404,7 @@ impl RobotTask {
     }
 
     /// Feeds the estimator, and the one of the values in verification. `false` when it is stopped, or failed on this event.
-    fn step(&mut self, event: Event) -> bool {
+    pub(crate) fn step(&mut self, event: Event) -> bool {
         let scanner = || match &self.engine {
             Engine::Running(calibrator) => Some(calibrator.learnt_scanner()),
             Engine::Stopped => None,
@@ -553,7 +550,7 @@ impl RobotTask {
         }
     }
 
-    fn save_checkpoint(&mut self) {
+    pub(crate) fn save_checkpoint(&mut self) {
         let Engine::Running(calibrator) = &self.engine else {
             return;
         };

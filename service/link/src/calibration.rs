@@ -3,60 +3,17 @@
 use fleetcal_domain::limits;
 use fleetcal_operations::lifecycle::{Lifecycle, OutboxMessage};
 use fleetcal_proto::RobotId;
-use fleetcal_proto::calibration::Applied;
 use fleetcal_proto::key::{Key, Keys, StreamKind};
 use serde::Serialize;
 use tokio_util::sync::CancellationToken;
 use zenoh::bytes::Encoding;
-use zenoh::pubsub::Subscriber;
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::query::{Query, Queryable};
-use zenoh::sample::{Locality, Sample, SampleKind};
 use zenoh::{Result, Session, Wait};
 
 use crate::gate::Gate;
 use crate::questions::Questions;
 use crate::ros2::{self, Ros2};
-
-/// Hears what robots answer. The callback runs on Zenoh's receiving threads and never blocks. Of
-/// several instances, the one that has the robot takes the answer; what comes while none has it, the
-/// robot says again.
-pub async fn hear_answers(
-    session: &Session,
-    keys: &Keys,
-    answers: String,
-    lifecycle: Lifecycle,
-    gate: Gate,
-) -> Result<Subscriber<()>> {
-    let own_keys = keys.clone();
-    session
-        .declare_subscriber(answers)
-        .allowed_origin(Locality::Remote)
-        .callback(move |sample| {
-            if let Ok(Key::Stream { robot, .. }) = own_keys.parse(sample.key_expr().as_str())
-                && gate.has(&robot)
-            {
-                take_answer(&lifecycle, &robot, &sample);
-            }
-        })
-        .await
-}
-
-fn take_answer(lifecycle: &Lifecycle, robot: &RobotId, sample: &Sample) {
-    let payload = sample.payload();
-    if sample.kind() != SampleKind::Put || payload.len() > limits::ANSWER_BYTES_MAX {
-        let bytes = payload.len();
-        lifecycle.refuse_answer(
-            robot,
-            &format!("no message of an accepted size: {bytes} bytes"),
-        );
-        return;
-    }
-    match serde_json::from_slice::<Applied>(&payload.to_bytes()) {
-        Ok(applied) => lifecycle.take_answer(robot, applied),
-        Err(error) => lifecycle.refuse_answer(robot, &error.to_string()),
-    }
-}
 
 /// What answers robots.
 #[derive(Debug, Clone, Copy)]

@@ -2,9 +2,11 @@
 
 mod access;
 mod anonymous;
+mod answers;
 mod calibration;
 mod cluster;
 mod gate;
+mod heard;
 mod ingest;
 mod outgoing;
 mod questions;
@@ -30,9 +32,10 @@ use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Subscriber;
 use zenoh::query::Queryable;
 
-use cluster::{ClusterLink, ClusterParts, HeardStreams};
+use cluster::{ClusterLink, ClusterParts};
 use fleetcal_operations::lifecycle::Lifecycle;
 use gate::Gate;
+use heard::HeardStreams;
 use questions::Questions;
 use ros2::{Ros2, Ros2Link, RouteTable};
 
@@ -330,7 +333,7 @@ impl Parts {
             .map_err(refused("the queryable of confirmations"))?;
         let key = keys.stream_of_all(StreamKind::CalibrationApplied);
         let (lifecycle, gate) = (self.lifecycle.clone(), self.gate.clone());
-        let answers = calibration::hear_answers(session, keys, key, lifecycle, gate)
+        let answers = answers::hear(session, keys, key, lifecycle, gate)
             .await
             .map_err(refused("the subscriber of robots' answers"))?;
         let key = keys.stream_of_all_kinds();

@@ -204,6 +204,7 @@ mod tests {
         assert_eq!(figures(1).mailbox_full(), 12);
     }
 
+    #[expect(clippy::disallowed_methods, reason = "the test says how long it took")]
     #[test]
     fn as_many_robots_as_there_can_be_are_written_a_little_at_a_time() {
         let all = (0..limits::ROBOTS_MAX).map(figures).collect();

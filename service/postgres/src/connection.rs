@@ -1,6 +1,5 @@
 //! Statements of the store on sqlx's connections to PostgreSQL, each within its time.
 
-use std::sync::Arc;
 use std::time::Duration;
 
 use async_trait::async_trait;
@@ -10,9 +9,10 @@ use fleetcal_store::StoreError;
 use sqlx::postgres::{PgArguments, PgConnection, PgPool, PgRow, PgValueRef, Postgres};
 use sqlx::query::{QueryAs, QueryScalar};
 use sqlx::{AssertSqlSafe, Decode, Executor, FromRow, Row as _, TypeInfo as _, ValueRef as _};
+use tokio::sync::watch;
+use tokio::time::Instant;
 
 use crate::failure::{Fate, TimedOut};
-use crate::servers::Servers;
 
 /// A connection with what its transaction has come to.
 #[derive(Debug)]
@@ -185,7 +185,23 @@ impl Connection for Session {
 #[derive(Debug)]
 pub(crate) struct ReadPool {
     pub(crate) pool: PgPool,
-    pub(crate) servers: Arc<Servers>,
+    /// Until when no server can be used, as far as is known.
+    pub(crate) away_until: watch::Receiver<Option<Instant>>,
+}
+
+impl ReadPool {
+    /// Ends shortly after it is known that no server can be used: sqlx's pool tries again and again,
+    /// and who reads would wait for seconds.
+    async fn until_away(&self) {
+        let mut away_until = self.away_until.clone();
+        let is_away = |until: &Option<Instant>| until.is_some_and(|until| until > Instant::now());
+        if away_until.wait_for(is_away).await.is_err() {
+            // The servers are gone, and the pool with them.
+            return;
+        }
+        // A connection that is open is there at once.
+        tokio::time::sleep(limits::POSTGRES_NEXT_HOST_AFTER).await;
+    }
 }
 
 #[async_trait]
@@ -197,7 +213,7 @@ impl Pool for ReadPool {
     async fn rows(&self, statement: Statement) -> Result<Vec<Row>, StatementError> {
         let acquired = tokio::select! {
             acquired = self.pool.acquire() => acquired,
-            () = self.servers.until_away() => Err(sqlx::Error::PoolTimedOut),
+            () = self.until_away() => Err(sqlx::Error::PoolTimedOut),
         };
         let mut connection = acquired.map_err(StatementError::new)?;
         let reading = prepared(statement).fetch_all(&mut *connection);

@@ -1,8 +1,8 @@
 //! The servers that a database may be on, and connections to the one that can be written.
 
 use std::collections::BTreeMap;
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use fleetcal_domain::limits;
@@ -23,8 +23,6 @@ const VERSION_MIN: i32 = 150_000;
 
 /// For so long after a vain attempt the database counts as away; telemetry makes one each second.
 const AWAY_FOR: Duration = limits::POSTGRES_CONNECT_TIMEOUT.saturating_mul(2);
-/// Who reads meanwhile waits so long for a connection: one that is open is there at once.
-const WAIT_WHILE_AWAY: Duration = limits::POSTGRES_NEXT_HOST_AFTER;
 
 /// What a connection is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -200,16 +198,6 @@ impl Servers {
         Ok(Session::within(purpose.within(), connection))
     }
 
-    /// Ends shortly after it is known that no server can be used: sqlx's pool tries again and again,
-    /// and who reads would wait for seconds.
-    pub(crate) async fn until_away(&self) {
-        let mut away_until = self.away_until.subscribe();
-        let is_away = |until: &Option<Instant>| until.is_some_and(|until| until > Instant::now());
-        // The sender is here as long as this waits.
-        drop(away_until.wait_for(is_away).await);
-        tokio::time::sleep(WAIT_WHILE_AWAY).await;
-    }
-
     /// Notes which server can be written; readers go there from now on.
     fn found(&self, index: usize) {
         if self.current.swap(index, Ordering::Relaxed) != index {
@@ -224,7 +212,7 @@ impl Servers {
     ///
     /// # Errors
     /// [`StoreError::Database`].
-    pub(crate) async fn read_pool(self: &Arc<Self>) -> Result<ReadPool, StoreError> {
+    pub(crate) async fn read_pool(&self) -> Result<ReadPool, StoreError> {
         let settings = Purpose::Reading.settings();
         let several = self.options.len() > 1;
         let pool = PgPoolOptions::new()
@@ -246,7 +234,7 @@ impl Servers {
         let pool = self.readers.get_or_init(|| pool);
         Ok(ReadPool {
             pool: pool.clone(),
-            servers: Arc::clone(self),
+            away_until: self.away_until.subscribe(),
         })
     }
 

@@ -184,7 +184,9 @@ impl CommandError {
             Self::WithoutData(error) => error.exit_status(),
             Self::Service(
                 ServiceError::Link(LinkError::Config(_) | LinkError::Anonymous { .. })
-                | ServiceError::TooManyRobots { .. },
+                | ServiceError::TooManyRobots { .. }
+                | ServiceError::NothingShared { .. }
+                | ServiceError::Peers(_),
             )
             | Self::Store(
                 StoreError::Account(_) | StoreError::Missing { .. } | StoreError::Restore { .. },
@@ -204,7 +206,6 @@ impl CommandError {
             )
             | Self::DatabaseUrl(_)
             | Self::Cluster(_)
-            | Self::Service(ServiceError::NothingShared { .. } | ServiceError::Peers(_))
             | Self::CopyTo(_)
             | Self::NoPostgres
             | Self::ServiceIsRobot(_)

@@ -288,7 +288,8 @@ async fn the_owner_decides_what_the_credential_permits() {
     assert_snapshot!(answer.told(), @"401 token_unknown: the token is unknown");
     // Nobody is asked for a caller without a credential.
     let answer = a.send("GET", TOP_VIEW, &[("authorization", "")]).await;
-    assert!(answer.told().starts_with("401 setup_required"));
+    let told = answer.told();
+    assert!(told.starts_with("401 setup_required"), "{told}");
     drop(b);
 }
 

@@ -17,7 +17,8 @@ use crate::live::LiveUpdate;
 use crate::mailbox::Recipient;
 use crate::report::{ReportDetails, Reported, RobotReport, Sender, Told};
 use crate::robot::Robot;
-use crate::task::{Keep, Running, Tenancy};
+use crate::running;
+use crate::tenancy::{Keep, Tenancy};
 
 impl FleetHandle {
     /// Begins to keep the messages of robots that this instance is to have, for their tasks. Those
@@ -106,7 +107,8 @@ impl FleetHandle {
         }
         let was = std::mem::take(&mut *tenancy(&robot));
         if let Tenancy::Running(running) = was {
-            running.end(&robot, keep).await;
+            let wake = || robot.mailbox.wake();
+            running.end(&robot.id, keep, wake).await;
         }
         // Of a robot whose configuration never came.
         robot.mailbox.clear();
@@ -126,7 +128,7 @@ impl FleetHandle {
 
     /// Begins the task of a robot.
     pub(super) fn spawn(&self, robot: &Arc<Robot>, stored: Option<Vec<u8>>) {
-        let running = Running::begin(&self.fleet, Arc::clone(robot), stored);
+        let running = running::begin(&self.fleet, Arc::clone(robot), stored);
         *tenancy(robot) = Tenancy::Running(running);
     }
 
@@ -141,7 +143,7 @@ impl FleetHandle {
             Tenancy::Awaited(stored) => stored.take(),
             Tenancy::None | Tenancy::Running(_) => return,
         };
-        *tenancy = Tenancy::Running(Running::begin(&self.fleet, Arc::clone(robot), awaited));
+        *tenancy = Tenancy::Running(running::begin(&self.fleet, Arc::clone(robot), awaited));
     }
 
     /// Whether a robot has its vehicle.

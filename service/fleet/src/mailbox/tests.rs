@@ -1,5 +1,6 @@
 //! What a mailbox keeps, drops and counts.
 
+use fleetcal_model::RobotTime;
 use fleetcal_proto::Encoding;
 use proptest::prelude::*;
 

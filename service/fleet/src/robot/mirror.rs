@@ -13,7 +13,7 @@ use fleetcal_proto::estimate::{EstimateDocument, EstimatedBy};
 use super::{Robot, lock};
 use crate::mailbox::Recipient;
 use crate::report::{ReportDetails, RobotReport, Sender, Urgent};
-use crate::task::Tenancy;
+use crate::tenancy::Tenancy;
 
 /// Which instance estimates a robot, and what it says where that is another one.
 #[derive(Debug, Default)]

@@ -4,16 +4,13 @@
 mod answering;
 mod digests;
 mod discovery;
-mod heard;
 mod presence;
 #[cfg(test)]
 mod tests;
 
-use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use fleetcal_cluster::{Cluster, LinkReport};
-use fleetcal_proto::RobotId;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use zenoh::Result;
@@ -21,8 +18,6 @@ use zenoh::pubsub::Subscriber;
 use zenoh::query::Queryable;
 
 use crate::{Parts, warn_if_refused};
-
-pub use heard::HeardStreams;
 
 /// What the part of the link works with that serves a cluster.
 #[derive(Debug, Clone)]
@@ -82,9 +77,6 @@ impl ClusterLink {
         }
     }
 }
-
-/// The robots to hear.
-pub type HeardRobots = BTreeSet<RobotId>;
 
 async fn undeclare_all(queryables: Vec<Queryable<()>>) {
     for queryable in queryables {

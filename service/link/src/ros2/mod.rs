@@ -30,8 +30,8 @@ use zenoh::pubsub::Subscriber;
 use zenoh::query::Queryable;
 use zenoh::{Result, Session};
 
-use crate::cluster::HeardStreams;
 use crate::gate::Gate;
+use crate::heard::HeardStreams;
 use crate::questions::Questions;
 use calibration::Home;
 use discovery::Discovery;

@@ -46,19 +46,16 @@ impl Ownership {
             draining: *self.inner.draining.borrow(),
             now,
         };
-        match self.inner.registry.renew(seat, renewal).await? {
-            Some(database_now) => {
-                self.note_clock(now.ns_since(database_now));
-                self.inner.cluster.answered(asked_at);
-                self.note_connected(Some(asked_at));
-                if self.inner.cluster.seat().as_ref() == Some(seat) {
-                    self.inner.cluster.lease().renewed(asked_at);
-                }
+        if let Some(database_now) = self.inner.registry.renew(seat, renewal).await? {
+            self.note_clock(now.ns_since(database_now));
+            self.inner.cluster.answered(asked_at);
+            self.note_connected(Some(asked_at));
+            if self.inner.cluster.seat().as_ref() == Some(seat) {
+                self.inner.cluster.lease().renewed(asked_at);
             }
-            None => {
-                self.inner.cluster.lease().lost();
-                self.inner.seat_lost.notify_one();
-            }
+        } else {
+            self.inner.cluster.lease().lost();
+            self.inner.seat_lost.notify_one();
         }
         Ok(())
     }

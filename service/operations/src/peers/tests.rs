@@ -21,7 +21,7 @@ fn named(name: &str) -> ServiceInstance {
     ServiceInstance::parse(name).unwrap()
 }
 
-fn setup(url: String, root_certificates: Option<PathBuf>) -> PeersSetup {
+fn setup(url: &str, root_certificates: Option<PathBuf>) -> PeersSetup {
     PeersSetup {
         instance: named("a"),
         url: "https://a.example.com".parse().unwrap(),
@@ -69,7 +69,7 @@ async fn ask(peers: &Peers, to: &str) -> Result<Response<Incoming>, ForwardError
 async fn the_credential_and_the_callers_address_are_passed_on_and_nothing_else() {
     let (listener, address) = listener().await;
     let peers = Peers::start(
-        setup(format!("http://{address}"), None),
+        setup(&format!("http://{address}"), None),
         CancellationToken::new(),
     );
     let peers = peers.unwrap();
@@ -97,7 +97,7 @@ async fn the_credential_and_the_callers_address_are_passed_on_and_nothing_else()
 
 #[tokio::test]
 async fn only_configured_instances_are_asked() {
-    let peers = setup("http://127.0.0.1:9".to_owned(), None);
+    let peers = setup("http://127.0.0.1:9", None);
     let peers = Peers::start(peers, CancellationToken::new()).unwrap();
     let unknown = ask(&peers, "c").await.unwrap_err().to_string();
     assert_eq!(
@@ -116,7 +116,7 @@ async fn only_configured_instances_are_asked() {
 async fn plaintext_has_to_be_named() {
     let refused = PeersSetup {
         plaintext: false,
-        ..setup("http://b.example.com:8080".to_owned(), None)
+        ..setup("http://b.example.com:8080", None)
     };
     let refused = Peers::start(refused, CancellationToken::new());
     let words = refused.unwrap_err().to_string();
@@ -126,7 +126,7 @@ async fn plaintext_has_to_be_named() {
     );
     let encrypted = PeersSetup {
         plaintext: false,
-        ..setup("https://b.example.com:8080".to_owned(), None)
+        ..setup("https://b.example.com:8080", None)
     };
     assert!(encrypted.check().is_ok());
 }
@@ -139,7 +139,7 @@ async fn an_authority_that_cannot_be_read_is_refused() {
         if let Some(text) = text {
             std::fs::write(&path, text).unwrap();
         }
-        let refused = setup("https://b".to_owned(), Some(path.clone()));
+        let refused = setup("https://b", Some(path.clone()));
         let refused = Peers::start(refused, CancellationToken::new()).unwrap_err();
         let words = refused.to_string();
         assert!(
@@ -179,7 +179,7 @@ async fn over_tls(trusted: &str, server: TlsAcceptor, host: &str) -> Result<u16,
     let url = format!("https://{host}:{}", address.port());
     let peers = PeersSetup {
         plaintext: false,
-        ..setup(url, Some(path))
+        ..setup(&url, Some(path))
     };
     let peers = Peers::start(peers, CancellationToken::new()).unwrap();
     let serving = tokio::spawn(async move {

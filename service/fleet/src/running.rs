@@ -5,59 +5,19 @@ use std::sync::Arc;
 use fleetcal_domain::limits::CLUSTER_OVERLAP;
 use fleetcal_estimator::Event;
 use tokio::sync::watch;
-use tokio::task::JoinHandle;
 
-use super::RobotTask;
 use crate::registry::Fleet;
 use crate::robot::Robot;
+use crate::task::RobotTask;
+use crate::tenancy::{Keep, Running};
 
-/// What is kept of a robot that another instance gets.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Keep {
-    /// What waits is worked through, and the estimator's state is stored.
-    State,
-    /// Nothing: another instance has the robot already.
-    Nothing,
-}
-
-/// Whether a robot has a task.
-#[derive(Debug, Default)]
-pub enum Tenancy {
-    /// It has none.
-    #[default]
-    None,
-    /// It is to have one that goes on from this, once its configuration is known.
-    Awaited(Option<Vec<u8>>),
-    /// It has one.
-    Running(Running),
-}
-
-/// A robot's task.
-#[derive(Debug)]
-pub struct Running {
-    /// Tells it to end.
-    leave: watch::Sender<Option<Keep>>,
-    ended: JoinHandle<()>,
-}
-
-impl Running {
-    /// Begins the task of a robot, which goes on from what was stored.
-    pub fn begin(fleet: &Arc<Fleet>, robot: Arc<Robot>, stored: Option<Vec<u8>>) -> Self {
-        let (leave, told) = watch::channel(None);
-        let ended = fleet
-            .tasks
-            .spawn(run(Arc::clone(fleet), robot, stored, told));
-        Self { leave, ended }
-    }
-
-    /// Ends the task; it has ended when this returns. The mailbox has to be closed before.
-    pub async fn end(self, robot: &Robot, keep: Keep) {
-        self.leave.send_replace(Some(keep));
-        robot.mailbox.wake();
-        if let Err(error) = self.ended.await {
-            tracing::error!(robot.id = %robot.id, %error, "the robot's task failed");
-        }
-    }
+/// Begins the task of a robot, which goes on from what was stored.
+pub fn begin(fleet: &Arc<Fleet>, robot: Arc<Robot>, stored: Option<Vec<u8>>) -> Running {
+    let (leave, told) = watch::channel(None);
+    let ended = fleet
+        .tasks
+        .spawn(run(Arc::clone(fleet), robot, stored, told));
+    Running::new(leave, ended)
 }
 
 /// Runs until the fleet stops or the robot is another instance's, and the mailbox is empty.

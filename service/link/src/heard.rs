@@ -1,7 +1,7 @@
 //! One subscriber for the streams of each robot that is heard, and one for its answers. All have the
 //! same callback, which Zenoh calls in the order in which a robot has sent.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use fleetcal_fleet::FleetHandle;
 use fleetcal_operations::lifecycle::Lifecycle;
@@ -10,9 +10,11 @@ use fleetcal_proto::key::{Keys, StreamKind};
 use zenoh::pubsub::Subscriber;
 use zenoh::{Result, Session};
 
-use super::HeardRobots;
 use crate::gate::Gate;
-use crate::{Parts, calibration, ingest, warn_if_refused};
+use crate::{Parts, answers, ingest, warn_if_refused};
+
+/// The robots to hear.
+pub type HeardRobots = BTreeSet<RobotId>;
 
 /// The subscribers that there are.
 #[derive(Debug)]
@@ -65,7 +67,7 @@ impl HeardStreams {
         let (lifecycle, gate) = (self.lifecycle.clone(), self.gate.clone());
         Ok([
             ingest::subscribe(session, keys, streams, fleet).await?,
-            calibration::hear_answers(session, keys, answers, lifecycle, gate).await?,
+            answers::hear(session, keys, answers, lifecycle, gate).await?,
         ])
     }
 
