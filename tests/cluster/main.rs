@@ -1,7 +1,7 @@
 //! Several instances on one PostgreSQL and two Zenoh routers, as processes that are killed, frozen,
 //! stopped and cut off.
 //!
-//! `make cluster-smoke` and `make cluster-test` start the server that `FLEETCAL_TEST_POSTGRES` names.
+//! `make cluster-smoke` starts the server that `FLEETCAL_TEST_POSTGRES` names.
 #![expect(
     clippy::unwrap_used,
     clippy::expect_used,
