@@ -13,7 +13,7 @@ use serde_json::Value;
 use thiserror::Error;
 
 /// The format that is written, which is the first byte.
-pub const FORMAT: u8 = 3;
+pub const FORMAT: u8 = 4;
 /// The one before: each fraction by itself. Format 1 was JSON text without a number.
 const FORMAT_BEFORE: u8 = 2;
 /// What checkpoints of format 1 begin with: no later format may have its number.
@@ -240,8 +240,8 @@ mod tests {
             "checkpoint: got no bytes, expected the number of its format"
         );
         assert_eq!(
-            refusal(&[4, 1, 2]),
-            "checkpoint: got format 4, expected format 3, 2 or JSON text"
+            refusal(&[5, 1, 2]),
+            "checkpoint: got format 5, expected format 4, 2 or JSON text"
         );
         let garbage = refusal(&[FORMAT, 1, 2, 3]);
         assert!(
