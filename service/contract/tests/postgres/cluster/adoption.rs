@@ -5,7 +5,7 @@ use fleetcal_model::{AuditId, RobotTime};
 use fleetcal_store::EventKind;
 
 use super::instance::{Instance, database};
-use crate::server::psql;
+use fleetcal_contract::own_server::psql;
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn minutes_that_a_dead_owner_left_are_rolled_up_by_the_next() {

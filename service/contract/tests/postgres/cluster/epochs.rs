@@ -3,7 +3,7 @@
 use fleetcal_model::RobotId;
 
 use super::instance::{Instance, fill};
-use crate::server::{OwnServer, url_of};
+use fleetcal_contract::own_server::{OwnServer, url_of};
 
 async fn epoch_of_next(instance: &Instance, robots: &[RobotId], claim: i64) -> i64 {
     instance

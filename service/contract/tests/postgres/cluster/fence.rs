@@ -11,7 +11,7 @@ use fleetcal_store::database_url::PostgresUrl;
 use tokio::time::{Instant as Time, timeout};
 
 use super::instance::{Instance, MOMENT, database, end_lease};
-use crate::server::{Beside, psql};
+use fleetcal_contract::own_server::{Beside, psql};
 
 /// Seconds of a robot's history that are there.
 async fn seconds(instance: &Instance, robot: &RobotId) -> usize {

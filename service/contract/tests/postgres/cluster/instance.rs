@@ -12,7 +12,7 @@ use fleetcal_store::cluster::{ClusterRegistry, Joining, Look, Renewal};
 use fleetcal_store::database_url::PostgresUrl;
 use fleetcal_store::{Job, Records, Store, StoreError};
 
-use crate::server::{named, psql, setup};
+use fleetcal_contract::own_server::{named, psql, setup};
 
 /// An instance that has joined.
 #[derive(Debug)]

@@ -8,7 +8,7 @@ use fleetcal_model::{RobotId, RobotTime};
 use tokio::time::Instant as Time;
 
 use super::instance::{Instance, database, end_lease};
-use crate::server::psql;
+use fleetcal_contract::own_server::psql;
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn two_that_claim_the_same_robots_get_different_ones() {

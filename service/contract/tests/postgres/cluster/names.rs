@@ -7,8 +7,8 @@ use fleetcal_store::cluster::{Joining, TakeForDead};
 use fleetcal_store::database_url::PostgresUrl;
 
 use super::instance::{Instance, database, end_lease, instance, joining, open};
-use crate::server::{psql, setup};
 use crate::startup::new_role;
+use fleetcal_contract::own_server::{psql, setup};
 
 fn told<T: std::fmt::Debug>(refused: Result<T, StoreError>) -> String {
     refused.unwrap_err().to_string()

@@ -8,7 +8,7 @@ use fleetcal_store::{Job, Records, StoreError};
 use tokio::time::timeout;
 
 use super::instance::{Instance, MOMENT, database, end_lease};
-use crate::server::Beside;
+use fleetcal_contract::own_server::Beside;
 
 /// Adds a user on the strength of a tenure.
 #[derive(Debug)]
