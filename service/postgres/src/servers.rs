@@ -61,9 +61,11 @@ impl Purpose {
                 "SET lock_timeout = '2s'; SET idle_in_transaction_session_timeout = '5s'; \
                  SET client_connection_check_interval = '2s'"
             }
-            // A client whose machine is gone holds its lock for some ten seconds.
+            // A client whose machine is gone holds its lock for some ten seconds. What a server that
+            // died at once had acknowledged is not written again: so it waits for the server's own
+            // disk, though for no standby.
             Self::Telemetry => {
-                "SET synchronous_commit = off; SET statement_timeout = '10s'; \
+                "SET synchronous_commit = local; SET statement_timeout = '10s'; \
                  SET lock_timeout = '2s'; SET idle_in_transaction_session_timeout = '2s'; \
                  SET client_connection_check_interval = '2s'; SET tcp_keepalives_idle = 4; \
                  SET tcp_keepalives_interval = 2; SET tcp_keepalives_count = 3"
