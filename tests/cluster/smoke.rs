@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use fleetcal_tests::http;
 use fleetcal_tests::service::{now, wait_for};
 
 use crate::cluster::{Cluster, Instance};
@@ -69,6 +70,7 @@ async fn instances_share_the_robots_and_take_over_from_each_other() {
     assert_eq!(watch.stale(joined), BTreeMap::new());
 
     any_instance_answers(&a, &b, &of_a, &of_b);
+    tries_to_sign_in_count_at_both(&a, &b);
     a_frozen_instance_is_fenced(&cluster, &watch, &a, &b, &of_a);
 
     // Killed: the other one goes on.
@@ -117,6 +119,24 @@ fn any_instance_answers(a: &Instance, b: &Instance, of_a: &[String], of_b: &[Str
             assert_eq!(estimate["robot"], *robot);
         }
     }
+}
+
+/// Ten wrong passwords for a name are too many, though each instance has seen half of them.
+fn tries_to_sign_in_count_at_both(a: &Instance, b: &Instance) {
+    let try_at = |instance: &Instance| {
+        let wrong = r#"{"name": "nobody", "password": "not the password"}"#;
+        let answer = http::send(
+            instance.http,
+            "POST /api/v1/session",
+            None,
+            Some(("", wrong)),
+        );
+        answer.unwrap().status
+    };
+    for instance in [a, b].repeat(5) {
+        assert_eq!(try_at(instance), 401, "{}", instance.name);
+    }
+    assert_eq!([try_at(a), try_at(b)], [429, 429]);
 }
 
 /// Frozen for longer than its lease, it loses its robots and knows it when it thaws.

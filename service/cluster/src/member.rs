@@ -11,6 +11,8 @@ pub struct Member {
     pub seat: Seat,
     /// Time until its lease ends, by the database's clock; zero once it has ended.
     pub lease_left: Duration,
+    /// Whether it has left, or was taken for dead: what it had is free.
+    pub is_ended: bool,
     /// Its share of the robots against that of others.
     pub capacity: u32,
     /// Whether it gives its robots away, because it is about to end.

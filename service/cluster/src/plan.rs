@@ -271,6 +271,7 @@ mod tests {
         Member {
             seat: seat(name),
             lease_left: Duration::from_secs(4),
+            is_ended: false,
             capacity: 1,
             draining: false,
             linked: true,

@@ -171,6 +171,7 @@ mod tests {
         Member {
             seat: seat(name),
             lease_left: Duration::from_secs(5),
+            is_ended: false,
             capacity: 1,
             draining: false,
             linked: true,

@@ -120,9 +120,10 @@ pub const STALE_AFTER: Duration = Duration::from_secs(3);
 pub const SESSION_ENDS_AFTER: Duration = Duration::from_secs(10);
 /// A robot's session ends this long after its liveliness token went, with nothing more to come.
 pub const SESSION_ENDS_AFTER_TOKEN: Duration = Duration::from_millis(500);
-/// Message time between two checkpoints of a robot that learns, verifies or has a candidate, s.
+/// Message time between two checkpoints of a robot that learns, verifies or has a candidate, and of
+/// every robot of a cluster, s.
 pub const CHECKPOINT_EVERY_S: f64 = 10.0;
-/// Message time between two checkpoints of a calibrated robot, s.
+/// Message time between two checkpoints of a calibrated robot of a service that is alone, s.
 pub const CHECKPOINT_CALIBRATED_EVERY_S: f64 = 60.0;
 /// Bytes of a checkpoint once it is decompressed; those of a robot that verifies are some 50 KiB.
 pub const CHECKPOINT_BYTES_MAX: usize = 1024 * 1024;

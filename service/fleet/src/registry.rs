@@ -98,7 +98,7 @@ pub(crate) struct Fleet {
     /// Moves with every change of a robot's configuration.
     pub(super) configured: watch_channel::Sender<u64>,
     /// Whether this process has all robots, or those that it adopts.
-    pub(super) membership: Membership,
+    pub(crate) membership: Membership,
     /// Moves when other robots' messages are wanted.
     pub(super) heard: watch_channel::Sender<u64>,
     /// The robots that the link is subscribed to.

@@ -541,9 +541,11 @@ impl RobotTask {
             .record(&self.fleet, &self.robot.id, HistoryEvent::Service(event));
     }
 
-    /// Message time between two checkpoints now, s.
+    /// Message time between two checkpoints now, s. What an instance of a cluster has not stored is
+    /// lost to the next one.
     fn checkpoint_every_s(&self) -> f64 {
-        if self.robot.is_settled() && self.verification_run.is_none() {
+        let is_alone = self.fleet.membership.cluster().is_none();
+        if is_alone && self.robot.is_settled() && self.verification_run.is_none() {
             CHECKPOINT_CALIBRATED_EVERY_S
         } else {
             CHECKPOINT_EVERY_S

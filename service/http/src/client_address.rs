@@ -39,6 +39,11 @@ impl PeerAddress {
         }
     }
 
+    /// What a name at this address is counted under: no name has a line break.
+    pub fn with_name(self, name: &str) -> String {
+        format!("{}\n{name}", self.key())
+    }
+
     /// The address that a request comes from, whose connection comes from `self`: the last hop
     /// that is no trusted proxy and, of a request that an instance passes on, no other instance.
     /// Without these headers say nothing.

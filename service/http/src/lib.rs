@@ -13,6 +13,7 @@ mod progress;
 mod public_url;
 mod server;
 mod shares;
+mod sign_in;
 mod throttle;
 mod trusted_proxies;
 
@@ -25,5 +26,6 @@ pub use progress::WritePatience;
 pub use public_url::PublicUrl;
 pub use server::{LocalAddress, Served, Serving, serve};
 pub use shares::{Share, Shares};
+pub use sign_in::{SignInLimits, Whose};
 pub use throttle::Throttle;
 pub use trusted_proxies::TrustedProxies;

@@ -1,8 +1,8 @@
 //! The store's database in PostgreSQL, on one server or on several of which one can be written.
 //!
 //! Jobs run in serializable transactions of their own, and are run again when PostgreSQL could not
-//! bring them into an order with others. Telemetry has a connection of its own, whose commits do
-//! not wait for the disk. Every statement has a time limit here; the connection that decides has
+//! bring them into an order with others. Telemetry has a connection of its own, whose commits wait
+//! for the server's disk and for no standby. Every statement has a time limit here; the connection that decides has
 //! none at the server, because a commit that is cancelled there may have been made.
 
 mod advisory;
@@ -59,6 +59,8 @@ pub struct PostgresSetup {
 #[derive(Debug)]
 struct Open {
     servers: Arc<Servers>,
+    /// The newest migration when it was opened: this program's, or a newer one that it may use.
+    schema: i64,
     /// Of an instance of a cluster.
     registry: Option<Arc<Registry>>,
     /// Held as long as the store.
@@ -67,7 +69,7 @@ struct Open {
 
 impl Database for Open {
     fn schema_known(&self) -> i64 {
-        schema::known()
+        self.schema
     }
 
     fn write_once(&self) -> Boxed<'static, Result<(), StoreError>> {
@@ -147,7 +149,7 @@ pub fn open_with(
 ) -> Boxed<'static, Result<Store, StoreError>> {
     Box::pin(async move {
         let servers = Arc::new(Servers::new(setup)?);
-        schema::bring(&servers).await?;
+        let schema = schema::bring(&servers).await?;
         let records = servers.session(Purpose::Records).await?;
         let mut telemetry = servers.session(Purpose::Telemetry).await?;
         let mut lock = sharing.lock();
@@ -168,6 +170,7 @@ pub fn open_with(
         let reader = SqlReader::new(servers.read_pool().await?);
         let database = Arc::new(Open {
             servers: Arc::clone(&servers),
+            schema,
             registry,
             _held: held,
         });
@@ -181,7 +184,7 @@ pub fn open_with(
     })
 }
 
-/// Opens the database for administration. The schema must be this program's.
+/// Opens the database for administration. The schema must be one that this program may use.
 ///
 /// # Errors
 /// [`StoreError::Server`] when no server can be used, [`StoreError::OtherSchema`] when the database
@@ -190,9 +193,9 @@ pub fn administration(setup: PostgresSetup) -> Boxed<'static, Result<Administrat
     Box::pin(async move {
         let servers = Arc::new(Servers::new(setup)?);
         let mut records = servers.session(Purpose::Records).await?;
-        let (found, known) = (schema::found(&mut records).await?, schema::known());
-        if found != Some(known) {
-            let found = found.unwrap_or(0);
+        let found = schema::found(&mut records).await?.unwrap_or(0);
+        if !schema::may_use(&mut records, found).await? {
+            let known = schema::known();
             return Err(StoreError::OtherSchema { found, known });
         }
         let reader = SqlReader::new(servers.read_pool().await?);

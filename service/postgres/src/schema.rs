@@ -1,4 +1,5 @@
-//! The schema: brought up to date by the first process that may, never back.
+//! The schema: brought up to date by the first process that may, never back. A program goes on with
+//! a newer schema whose migration says that it may.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -37,20 +38,39 @@ pub(crate) async fn found(session: &mut Session) -> Result<Option<i64>, StoreErr
     schema_version(session).await.map(Some)
 }
 
-/// Brings the database to this program's schema, unless it has it: so a role that may not change
-/// tables serves a database that another role has brought up to date.
+/// Whether this program may use a database whose newest migration is `found`.
+pub(crate) async fn may_use(session: &mut Session, found: i64) -> Result<bool, StoreError> {
+    if found <= known() {
+        return Ok(found == known());
+    }
+    let asked = Statement {
+        sql: "SELECT oldest FROM schema_compatible WHERE version = $1".into(),
+        values: vec![found.into()],
+    };
+    let rows = session.rows(asked).await;
+    let rows = rows.map_err(StoreError::database("read who may use its schema"))?;
+    let oldest = rows.first().and_then(|row| row.0.first());
+    Ok(matches!(oldest, Some(Value::Integer(Some(oldest))) if *oldest <= known()))
+}
+
+/// Brings the database to this program's schema, unless it has one that this program may use: so a
+/// role that may not change tables serves a database that another role has brought up to date. Gives
+/// its newest migration.
 ///
 /// # Errors
 /// [`StoreError::NewerSchema`], [`StoreError::Migration`], or that of connecting.
-pub(crate) async fn bring(servers: &Servers) -> Result<(), StoreError> {
+pub(crate) async fn bring(servers: &Servers) -> Result<i64, StoreError> {
     let mut session = Session::new(servers.connect(Purpose::Records).await?);
-    let found = found(&mut session).await?;
+    let found = found(&mut session).await?.unwrap_or(0);
+    let may_use = may_use(&mut session, found).await?;
     session.close().await;
-    match found {
-        Some(found) if found == known() => Ok(()),
-        Some(found) if found > known() => Err(newer(servers, found)),
-        _ => run(servers).await.map(drop),
+    if may_use {
+        return Ok(found);
     }
+    if found > known() {
+        return Err(newer(servers, found));
+    }
+    run(servers).await.map(|_| known())
 }
 
 /// Brings the database of `setup` to this program's schema and lets the role `serve_as` use it.
@@ -141,7 +161,7 @@ async fn grant(servers: &Servers, session: &mut Session, role: &str) -> Result<(
         ),
         format!("REVOKE UPDATE, DELETE ON audit, revision FROM {role}"),
         format!("REVOKE UPDATE ON envelope FROM {role}"),
-        format!("REVOKE INSERT, UPDATE, DELETE ON _sqlx_migrations FROM {role}"),
+        format!("REVOKE INSERT, UPDATE, DELETE ON _sqlx_migrations, schema_compatible FROM {role}"),
     ] {
         let statement = Statement {
             sql: sql.into(),

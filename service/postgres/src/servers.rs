@@ -29,7 +29,8 @@ const AWAY_FOR: Duration = limits::POSTGRES_CONNECT_TIMEOUT.saturating_mul(2);
 pub(crate) enum Purpose {
     /// Jobs. No time limit at the server: a commit that is cancelled there may have been made.
     Records,
-    /// Telemetry. A commit does not wait for the disk: what is lost with the machine is a second.
+    /// Telemetry. A commit waits for the server's disk and for no standby: what is lost with the
+    /// machine is a second.
     Telemetry,
     /// An instance's lease: what is lost of it with the machine makes it shorter.
     Lease,
@@ -38,6 +39,8 @@ pub(crate) enum Purpose {
     Ownership,
     /// Dropping old days. Whoever reads them is waited for shortly, since others wait behind.
     Retention,
+    /// Counting tries to sign in over all instances.
+    Tries,
     /// Reading.
     Reading,
     /// Bringing the schema up to date.
@@ -48,7 +51,7 @@ impl Purpose {
     /// Time that a statement has.
     const fn within(self) -> Duration {
         match self {
-            Self::Lease | Self::Ownership => limits::CLUSTER_STATEMENT_TIMEOUT,
+            Self::Lease | Self::Ownership | Self::Tries => limits::CLUSTER_STATEMENT_TIMEOUT,
             _ => limits::POSTGRES_STATEMENT_TIMEOUT,
         }
     }
@@ -81,6 +84,7 @@ impl Purpose {
                  SET lock_timeout = '1s'; SET idle_in_transaction_session_timeout = '2s'; \
                  SET client_connection_check_interval = '2s'"
             }
+            Self::Tries => "SET synchronous_commit = off; SET lock_timeout = '1s'",
             Self::Retention => "SET synchronous_commit = off; SET lock_timeout = '100ms'",
             Self::Reading => {
                 "SET default_transaction_read_only = on; SET statement_timeout = '10s'; \

@@ -31,7 +31,7 @@ pub use super::transaction::RecordWriter;
 
 /// An open database. Whatever keeps others from it goes with this value.
 pub trait Database: std::fmt::Debug + Send + Sync + 'static {
-    /// The newest migration that this program knows.
+    /// The newest migration that this program knows, or knows that it may use.
     fn schema_known(&self) -> i64;
 
     /// Writes over a connection of its own, to find out whether the database takes writes at all.

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::sync::{PoisonError, RwLock};
+use std::time::Duration;
 
 use async_trait::async_trait;
 use fleetcal_cluster::{ClaimId, Duty, InstanceId, Seat, Snapshot, Tenure};
@@ -66,6 +67,17 @@ pub enum TakeForDead<'a> {
     Gone(&'a [InstanceId]),
 }
 
+/// One of several things that a try to sign in counts as.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Try {
+    /// Those of one key count together.
+    pub key: String,
+    /// After so long one more is let through.
+    pub every: Duration,
+    /// So many are let through at once.
+    pub burst: u32,
+}
+
 /// Where the rows are. Each method is one transaction; what it changes, it changes only for a seat
 /// that is still that of its instance.
 ///
@@ -126,6 +138,13 @@ pub trait ClusterRegistry: std::fmt::Debug + Send + Sync + 'static {
 
     /// Gives up own duties.
     async fn free_duties(&self, seat: &Seat, duties: &[Duty]) -> Result<(), StoreError>;
+
+    /// Counts a try to sign in over all instances, as each of `tries` in this order until one of them
+    /// was too many; gives how long to wait then.
+    async fn count_tries(&self, tries: &[Try]) -> Result<Option<Duration>, StoreError>;
+
+    /// Forgets tries under these keys, since the last one was right.
+    async fn forget_tries(&self, keys: &[String]) -> Result<(), StoreError>;
 
     /// Ends the seat and frees what it has.
     async fn leave(&self, seat: &Seat) -> Result<(), StoreError>;

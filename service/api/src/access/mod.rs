@@ -22,9 +22,8 @@ use utoipa_axum::routes;
 
 use super::ApiState;
 use cookie::CookiePolicy;
-use fleetcal_http::PublicUrl;
+use fleetcal_http::{PublicUrl, SignInLimits};
 use password::PasswordWork;
-use sign_in::SignInLimits;
 
 pub(super) use caller::{Caller, permission_ended};
 pub(super) use guard::{authorise, cross_origin_refused};

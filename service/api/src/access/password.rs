@@ -5,19 +5,11 @@ use std::sync::Arc;
 use axum::http::StatusCode;
 use fleetcal_domain::access::{Password, PasswordHash};
 use fleetcal_domain::limits;
+use fleetcal_http::Whose;
 use fleetcal_operations::entropy;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use crate::problem::Problem;
-
-/// Whose password it is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Whose {
-    /// Of somebody whose address has signed in under the name, or who is signed in.
-    Known,
-    /// Of anybody else.
-    Stranger,
-}
 
 /// Hashes passwords on threads of their own. Each takes 19 MiB and a core for a while, so a flood
 /// of them waits in a short queue and is then refused. Strangers never take the last thread, nor

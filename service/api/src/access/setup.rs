@@ -10,6 +10,7 @@ use serde::Deserialize;
 
 use super::document::SessionDocument;
 use super::session::{OfRequest, begun, new_session};
+use super::sign_in::too_many;
 use super::users::checked_name;
 use crate::ApiState;
 use crate::extract::{Body, NoParameters, Parameters};
@@ -54,7 +55,8 @@ pub(super) async fn set_up(
     Body { value: body, .. }: Body<SetupDocument>,
 ) -> Result<Response, Problem> {
     let access = &api.access;
-    access.limits.count_address(peer, api.clock.elapsed())?;
+    let counted = access.limits.count_address(peer, api.clock.elapsed());
+    counted.map_err(too_many)?;
     if access.has_users(&api.store).await? {
         return Err(fleetcal_store::StoreError::from(AccountRefused::AlreadySetUp).into());
     }

@@ -34,6 +34,7 @@ fn member(name: &str) -> Member {
     Member {
         seat: seat(name),
         lease_left: Duration::from_millis(4_500),
+        is_ended: false,
         capacity: 1,
         draining: false,
         linked: true,

@@ -121,6 +121,37 @@ async fn a_newer_schema_is_refused() {
         .await
         .unwrap_err();
     assert!(matches!(error, StoreError::OtherSchema { .. }), "{error:?}");
+
+    // One that takes away what this program needs is refused as well.
+    let known = psql(&url, "SELECT max(version) FROM schema_compatible");
+    let known = known.trim();
+    psql(
+        &url,
+        "INSERT INTO schema_compatible VALUES (29991231235959, 29991231235959)",
+    );
+    refused(setup(&url), &named).await;
+
+    // One that only adds is not in the way.
+    psql(
+        &url,
+        &format!("UPDATE schema_compatible SET oldest = {known} WHERE version = 29991231235959"),
+    );
+    let store = opened(setup(&url)).await.unwrap();
+    store.probe().await.unwrap();
+    store.close().await.unwrap();
+    fleetcal_postgres::administration(setup(&url))
+        .await
+        .unwrap();
+}
+
+#[tokio::test]
+async fn every_migration_says_which_programs_may_use_it() {
+    let url = empty().await;
+    let store = opened(setup(&url)).await.unwrap();
+    store.close().await.unwrap();
+    let silent = "SELECT version FROM _sqlx_migrations
+        WHERE version >= 20261124160000 AND version NOT IN (SELECT version FROM schema_compatible)";
+    assert_eq!(psql(&url, silent).trim(), "");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

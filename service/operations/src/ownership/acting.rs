@@ -106,7 +106,7 @@ impl Ownership {
                 .filter(|member| member.seat != *seat)
         };
         let mut ended = Vec::new();
-        if self.may_judge_others() && others().any(|member| !member.is_live()) {
+        if self.may_judge_others() && others().any(|member| !member.is_live() && !member.is_ended) {
             let which = TakeForDead::LeaseEnded;
             ended.extend(self.inner.registry.take_for_dead(seat, which).await?);
         }

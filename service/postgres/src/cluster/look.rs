@@ -50,6 +50,7 @@ struct MemberRow {
     id: String,
     incarnation: i64,
     lease_left_ns: i64,
+    is_ended: bool,
     capacity: i64,
     draining: bool,
     linked: bool,
@@ -66,7 +67,7 @@ async fn members(session: &mut Session) -> Result<Vec<Member>, StoreError> {
         SELECT id, incarnation, capacity, draining, linked, url, program, checkpoint_format,
             config_sha256, clock_ahead_ns, joined_ns, CASE
                 WHEN ended_ns IS NULL THEN greatest(lease_ends_ns - clock_ns(), 0) ELSE 0
-            END AS lease_left_ns
+            END AS lease_left_ns, ended_ns IS NOT NULL AS is_ended
         FROM instance WHERE ended_ns IS NULL OR ended_ns > clock_ns() - $1 ORDER BY id";
     let query = sqlx::query_as(MEMBERS).bind(ns(limits::CLUSTER_DEAD_SHOWN_FOR));
     let rows: Vec<MemberRow> = session
@@ -83,6 +84,7 @@ fn member(row: MemberRow) -> Result<Member, StoreError> {
             incarnation: Incarnation(row.incarnation),
         },
         lease_left: Duration::from_nanos(row.lease_left_ns.unsigned_abs()),
+        is_ended: row.is_ended,
         capacity: u32::try_from(row.capacity).unwrap_or(1),
         draining: row.draining,
         linked: row.linked,

@@ -13,15 +13,19 @@ mod look;
 mod robots;
 mod seat;
 mod transaction;
+mod tries;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
+use std::time::Duration;
 
 use async_trait::async_trait;
 use fleetcal_cluster::{ClaimId, Duty, InstanceId, Seat, Tenure};
 use fleetcal_model::{RobotId, WallTime};
 use fleetcal_store::StoreError;
-use fleetcal_store::cluster::{ClusterRegistry, Joining, Look, Renewal, RowsVersion, TakeForDead};
+use fleetcal_store::cluster::{
+    ClusterRegistry, Joining, Look, Renewal, RowsVersion, TakeForDead, Try,
+};
 use tokio::sync::Mutex;
 
 use crate::advisory::{AdvisoryLock, Locked};
@@ -37,13 +41,15 @@ const BEGIN: &str = "BEGIN ISOLATION LEVEL READ COMMITTED";
 /// All statements see one moment.
 const BEGIN_LOOK: &str = "BEGIN ISOLATION LEVEL REPEATABLE READ, READ ONLY";
 
-/// The rows over two connections, so that nothing keeps a renewal waiting: one for the lease, which
-/// holds the lock of the instance's name as well, one for all else.
+/// The rows over three connections, so that nothing keeps a renewal waiting: one for the lease, which
+/// holds the lock of the instance's name as well, one for tries to sign in, one for all else.
 #[derive(Debug)]
 pub(crate) struct Registry {
     servers: Arc<Servers>,
     lease: Mutex<Line>,
     ownership: Mutex<Line>,
+    /// For tries to sign in, of which anybody may make many.
+    tries: Mutex<Line>,
     /// The least number in an order that the database gave out when a lease was renewed last: it
     /// moves with each promotion.
     floor: AtomicI64,
@@ -57,6 +63,7 @@ impl Registry {
         Self {
             lease: line(Purpose::Lease, Some(lock)),
             ownership: line(Purpose::Ownership, None),
+            tries: line(Purpose::Tries, None),
             floor: AtomicI64::new(0),
             servers,
         }
@@ -154,6 +161,18 @@ impl ClusterRegistry for Registry {
         let mut freed = Transaction::begin(&self.ownership, BEGIN).await?;
         let done = duties::free(freed.session(), seat, duties).await;
         freed.end(done).await
+    }
+
+    async fn count_tries(&self, tries: &[Try]) -> Result<Option<Duration>, StoreError> {
+        let mut counted = Transaction::begin(&self.tries, BEGIN).await?;
+        let wait = tries::count(counted.session(), tries).await;
+        counted.end(wait).await
+    }
+
+    async fn forget_tries(&self, keys: &[String]) -> Result<(), StoreError> {
+        let mut forgotten = Transaction::begin(&self.tries, BEGIN).await?;
+        let done = tries::forget(forgotten.session(), keys).await;
+        forgotten.end(done).await
     }
 
     async fn leave(&self, seat: &Seat) -> Result<(), StoreError> {

@@ -8,3 +8,4 @@ mod instance;
 mod moves;
 mod names;
 mod tenure;
+mod tries;
