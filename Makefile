@@ -112,7 +112,7 @@ test-rust: build-for-tests strace python ## Rust tests, end-to-end ones included
 	else \
 	  env -u FLEETCAL_DATA FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) \
 	    $(CARGO) test --release --locked --workspace -- --test-threads 2 \
-	    --skip instances_share_the_robots --skip who_does_not_fit_does_not_start; \
+	    --skip instances_share_the_robots --skip instances_are_upgraded --skip who_does_not_fit_does_not_start; \
 	fi
 
 .PHONY: test-recordings
@@ -143,6 +143,11 @@ CLUSTER_TEST = FLEETCAL_BIN=$(abspath $(BIN)) tests/postgres/with_server.sh \
 .PHONY: cluster-smoke
 cluster-smoke: build-for-tests ## Two instances on PostgreSQL and two routers: joined, frozen, killed, stopped (installs PostgreSQL where it is missing, as root)
 	$(CLUSTER_TEST) smoke::
+
+.PHONY: cluster-upgrade
+cluster-upgrade: build-for-tests ## Builds a next version and changes instances to it and back, under robots that drive: 15 minutes
+	next="$$(CARGO=$(CARGO) tests/cluster/next_version.sh $(abspath $(BUILT))/next $(abspath $(BUILT)))"; \
+	  FLEETCAL_NEXT="$$next" $(CLUSTER_TEST) upgrade::
 
 .PHONY: cluster
 cluster: build-for-tests ## Starts a cluster on this machine: two instances, two routers, PostgreSQL and 24 simulated robots

@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 
 use fleetcal_config::{ClusterConfig, Config};
-use fleetcal_fleet::CHECKPOINT_FORMAT;
+use fleetcal_fleet::CHECKPOINT_FORMAT_READ_MAX;
 use fleetcal_operations::lifecycle::Lifecycle;
 use fleetcal_operations::peers::{PeerUrl, Peers, PeersError, PeersSetup};
 use fleetcal_store::cluster::Joining;
@@ -17,7 +17,7 @@ pub fn joining(config: &Config, lifecycle: &Lifecycle, http: SocketAddr) -> Opti
         url: own_url(cluster, http),
         capacity: cluster.capacity,
         program: env!("CARGO_PKG_VERSION").to_owned(),
-        checkpoint_format: i64::from(CHECKPOINT_FORMAT),
+        checkpoint_format: i64::from(CHECKPOINT_FORMAT_READ_MAX),
         config_sha256: config.agreed_sha256(),
         signing_key: lifecycle.public_key().to_string(),
     })

@@ -89,6 +89,11 @@ pub struct Instance {
 }
 
 impl Instance {
+    /// What it lets an administrator in with.
+    pub fn token(&self) -> &str {
+        &self.token
+    }
+
     /// The answer of `GET path` with a token of an administrator; `None` when nobody answers, or
     /// not with 200.
     pub fn try_get(&self, path: &str) -> Option<Value> {
@@ -119,6 +124,8 @@ impl Instance {
 pub struct Cluster {
     folder: TempDir,
     database: String,
+    /// What is started as an instance.
+    pub program: PathBuf,
     /// Where its routers listen.
     pub routers: Vec<String>,
     router_processes: Vec<Process>,
@@ -153,6 +160,7 @@ impl Cluster {
         );
         let mut cluster = Self {
             database: database.to_string(),
+            program: binary::path().into(),
             routers: (0..2).map(|_| format!("tcp/{}", free_port())).collect(),
             router_processes: Vec::new(),
             config,
@@ -198,7 +206,7 @@ impl Cluster {
         fs::create_dir_all(&folder).unwrap();
         let config = folder.join("fleetcal.toml");
         fs::write(&config, &self.config).unwrap();
-        let mut command = Command::new(binary::path());
+        let mut command = Command::new(&self.program);
         command
             .arg("serve")
             .arg("--config")

@@ -11,4 +11,5 @@
 
 mod cluster;
 mod smoke;
+mod upgrade;
 mod watch;

@@ -35,7 +35,7 @@ pub mod words;
 pub use cross_track::UsedValues;
 pub use handle::{Arrived, FleetHandle, FleetRefused, FleetSetup};
 pub use intake::{Intake, Taken};
-pub use packed::FORMAT as CHECKPOINT_FORMAT;
+pub use packed::FORMAT_READ_MAX as CHECKPOINT_FORMAT_READ_MAX;
 pub use pose::LatestPose;
 pub use reading::ReadingSettings;
 pub use registry::FleetCounters;

@@ -14,6 +14,10 @@ use thiserror::Error;
 
 /// The format that is written, which is the first byte.
 pub const FORMAT: u8 = 4;
+/// The newest format that is read. A version that brings one reads it and goes on writing the former,
+/// and the version after it writes it: so robots go on from their states when instances are taken
+/// back to the version before.
+pub const FORMAT_READ_MAX: u8 = FORMAT;
 /// The one before: each fraction by itself. Format 1 was JSON text without a number.
 const FORMAT_BEFORE: u8 = 2;
 /// What checkpoints of format 1 begin with: no later format may have its number.

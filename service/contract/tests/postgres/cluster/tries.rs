@@ -66,7 +66,8 @@ async fn tries_at_the_same_time_let_no_more_through() {
 async fn tries_that_are_remembered_are_bounded() {
     let (url, _) = database(1).await;
     let a = Instance::join(&url, "a").await;
-    let many = "INSERT INTO sign_in_try SELECT 'key ' || number, clock_ns() + number::bigint * 1000000000
+    let many =
+        "INSERT INTO sign_in_try SELECT 'key ' || number, clock_ns() + number::bigint * 1000000000
         FROM generate_series(1, 10000) AS number";
     psql(&url, many);
     let wait = a.registry.count_tries(&[of("10.0.0.1", 1)]).await.unwrap();
