@@ -33,5 +33,6 @@ sed -i 's/env!("CARGO_PKG_VERSION").to_owned()/concat!(env!("CARGO_PKG_VERSION")
 grep -q 'FORMAT_READ_MAX: u8 = 8' "$packed"
 grep -q '&FORMAT | &FORMAT_READ_MAX' "$packed"
 grep -q '+next' service/src/cluster.rs
-CARGO_TARGET_DIR="$folder/target" "${CARGO:-cargo}" build --release --locked --workspace --bins >&2
+# With a test, for the features of the builds of dependencies.
+CARGO_TARGET_DIR="$folder/target" "${CARGO:-cargo}" build --release --locked --workspace --bins --test cluster >&2
 echo "$folder/target/release/fleetcal"
