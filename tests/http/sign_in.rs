@@ -17,6 +17,8 @@ const ADDRESSES: usize = 250;
 /// Checks at once, and what they may cost: growth of resident memory, and how long it lasts.
 const CHECKS: usize = 2_000;
 const GROWTH_MAX: u64 = 48 << 20;
+/// The same where PostgreSQL's answers are read beside them.
+const GROWTH_POSTGRES_MAX: u64 = 56 << 20;
 const LASTS_MAX: Duration = Duration::from_secs(30);
 /// A hash takes 19 MiB: when the checks cost less than this, the measurement sees nothing.
 const GROWTH_MIN: u64 = 15 << 20;
@@ -99,7 +101,11 @@ async fn two_thousand_checks_at_once_take_little_memory_and_give_it_back() {
     for _ in 0..2 {
         let cost = check_many(&service).await;
         assert!(cost.growth >= GROWTH_MIN, "{cost:?}");
-        assert!(cost.growth <= GROWTH_MAX, "{cost:?}");
+        let growth_max = match fleetcal_contract::server() {
+            Some(_) => GROWTH_POSTGRES_MAX,
+            None => GROWTH_MAX,
+        };
+        assert!(cost.growth <= growth_max, "{cost:?}");
         assert!(cost.stays <= STAYS_MAX, "{cost:?}");
     }
 }

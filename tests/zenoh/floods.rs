@@ -10,8 +10,9 @@ use std::path::Path;
 use std::process::{Child, ChildStdout, Command, Stdio};
 use std::time::Duration;
 
-use fleetcal_tests::recording;
+use fleetcal_contract::own_server::psql;
 use fleetcal_tests::service::{Service, free_port, now, wait_for};
+use fleetcal_tests::{database, recording};
 use serde_json::{Value, json};
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions, Connection};
@@ -136,6 +137,13 @@ pub struct Figures {
 /// Bytes of a service's database, with what is in its write-ahead log alone so far. That file itself
 /// keeps the size it had once.
 pub fn database_bytes(service: &Service) -> u64 {
+    if let Some((_, url)) = database::variable(service.data()) {
+        let bytes = psql(
+            &url.parse().unwrap(),
+            "SELECT pg_database_size(current_database())",
+        );
+        return bytes.trim().parse().unwrap();
+    }
     let options = SqliteConnectOptions::new().filename(service.data().join("fleetcal.db"));
     let runtime = tokio::runtime::Builder::new_current_thread().build();
     runtime.unwrap().block_on(async {

@@ -67,18 +67,23 @@ async fn audit(store: &Store) -> Vec<String> {
     rows.iter().map(line).collect()
 }
 
-/// A sign-in of user 1, whose password was right at `version`.
-fn sign_in(version: Version) -> UserChange {
+/// The number of a user: PostgreSQL does not give one again when a transaction is undone.
+async fn id_of(store: &Store, name: &str) -> UserId {
+    store.user_named(name).await.unwrap().unwrap().id
+}
+
+/// A sign-in of a user whose password was right at `version`.
+fn sign_in(id: UserId, version: Version) -> UserChange {
     UserChange::SignIn {
-        id: UserId(1),
+        id,
         version,
         session: SecretHash::of("cookie"),
     }
 }
 
-fn edit(version: Version, edit: UserEdit) -> UserChange {
+fn edit(id: UserId, version: Version, edit: UserEdit) -> UserChange {
     UserChange::Edit {
-        id: UserId(1),
+        id,
         expected: Expected::Version(version),
         edit,
         keep: None,
@@ -99,15 +104,13 @@ async fn every_change_leaves_its_audit_row_without_secrets() {
     let user = async |change| change_user(&store, actor(), change).await.unwrap();
     let session = SecretHash::of("cookie");
     user(new_user("ann", Role::Admin)).await;
-    user(sign_in(Version(1))).await;
+    let ann = id_of(&store, "ann").await;
+    user(sign_in(ann, Version(1))).await;
     let found = store.session_of(session).await.unwrap().unwrap();
-    assert_eq!(
-        (found.user.id, found.span.used_ns),
-        (UserId(1), WallTime(NOW_NS))
-    );
+    assert_eq!((found.user.id, found.span.used_ns), (ann, WallTime(NOW_NS)));
     user(UserChange::SignOut { session }).await;
     assert_eq!(store.session_of(session).await.unwrap(), None);
-    user(edit(Version(1), password())).await;
+    user(edit(ann, Version(1), password())).await;
     let token = change_token(&store, actor(), new_token("ci", Role::Viewer));
     let id = token.await.unwrap().record.id;
     for _ in 0..2 {
@@ -115,12 +118,12 @@ async fn every_change_leaves_its_audit_row_without_secrets() {
         revoked.await.unwrap();
     }
     let wanted = [
-        "user.create user 1 root",
-        "session.sign_in user 1 root",
-        "session.sign_out user 1 root",
-        "user.password user 1 root",
-        "token.create token 1 root",
-        "token.revoke token 1 root",
+        format!("user.create user {ann} root"),
+        format!("session.sign_in user {ann} root"),
+        format!("session.sign_out user {ann} root"),
+        format!("user.password user {ann} root"),
+        format!("token.create token {id} root"),
+        format!("token.revoke token {id} root"),
     ];
     assert_eq!(audit(&store).await, wanted);
     let secrets = audit_rows(&store).await.iter().any(|row| {
@@ -137,19 +140,20 @@ async fn a_refused_change_leaves_no_audit_row() {
     let user = async |change| change_user(&store, actor(), change).await;
     let session = SecretHash::of("cookie");
     user(new_user("ann", Role::Admin)).await.unwrap();
-    user(edit(Version(1), password())).await.unwrap();
+    let ann = id_of(&store, "ann").await;
+    user(edit(ann, Version(1), password())).await.unwrap();
     let viewer = UserEdit {
         grant: Some(Grant::of_person(Role::Viewer).unwrap()),
         ..UserEdit::default()
     };
     let changes = [
         new_user("ANN", Role::Viewer),
-        sign_in(Version(1)),
+        sign_in(ann, Version(1)),
         UserChange::SignOut { session },
-        edit(Version(1), viewer.clone()),
-        edit(Version(2), viewer),
+        edit(ann, Version(1), viewer.clone()),
+        edit(ann, Version(2), viewer),
         UserChange::Remove {
-            id: UserId(1),
+            id: ann,
             expected: Expected::Any,
         },
         UserChange::SetUp {
@@ -165,7 +169,10 @@ async fn a_refused_change_leaves_no_audit_row() {
             "{refused:?}"
         );
     }
-    let wanted = ["user.create user 1 root", "user.password user 1 root"];
+    let wanted = [
+        format!("user.create user {ann} root"),
+        format!("user.password user {ann} root"),
+    ];
     assert_eq!(audit(&store).await, wanted);
 }
 
@@ -177,16 +184,13 @@ async fn of_many_who_remove_the_last_administrators_one_is_refused() {
         let made = change_user(&store, actor(), new_user(admin, Role::Admin)).await;
         made.unwrap();
     }
-    let removals = (1..=3).map(|id| {
+    let mut admins = Vec::new();
+    for admin in ["a", "b", "c"] {
+        admins.push(id_of(&store, admin).await);
+    }
+    let removals = admins.into_iter().map(|id| {
         let expected = Expected::Version(Version(1));
-        change_user(
-            &store,
-            actor(),
-            UserChange::Remove {
-                id: UserId(id),
-                expected,
-            },
-        )
+        change_user(&store, actor(), UserChange::Remove { id, expected })
     });
     let done = futures::future::join_all(removals).await;
     let refused: Vec<_> = done.into_iter().filter_map(Result::err).collect();
