@@ -16,6 +16,9 @@ const REPORTED: usize = Parameter::ALL.len();
 const UNOBSERVABLE_SHARE: f64 = 0.5;
 /// What is said where no single manoeuvre would help much.
 const MORE_DRIVING: &str = "more driving with turns to both sides";
+/// What is said of a LiDAR's `y` that no driving tells from the place where the speed is measured.
+const SPEED_PLACE: &str = "speed_measured_at in the configuration with a rear_wheel and its lateral_m (0 for \
+    the axle's middle): no driving tells where the speed is measured";
 /// An instruction stands for this long before it is worked out again, s of message time.
 const ADVICE_HOLDS_S: f64 = 10.0;
 /// What is said of a value that no vehicle has.
@@ -58,6 +61,32 @@ pub struct Grounds<'a> {
     pub blind: [bool; REPORTED],
     /// Whether steering angles are sent that the vehicle cannot have.
     pub has_impossible_steering: bool,
+    /// What of the variance of the LiDAR's `y` no driving takes away, because nobody said where the speed
+    /// is measured, m².
+    pub encoder_variance_m2: f64,
+}
+
+impl Grounds<'_> {
+    /// Covariance of what driving tells.
+    fn driven_covariance(&self) -> ParameterCovariance {
+        let mut covariance = *self.knowledge.covariance;
+        let y = Parameter::LidarY.index();
+        covariance[(y, y)] -= self.encoder_variance_m2;
+        covariance
+    }
+
+    /// Whether a parameter is as open as it is mostly because nobody said where the speed is measured.
+    fn waits_for_speed_place(&self, parameter: Parameter) -> bool {
+        let y = Parameter::LidarY.index();
+        let limit_m = *self
+            .knowledge
+            .settings
+            .converged_sigma
+            .get(Parameter::LidarY);
+        parameter == Parameter::LidarY
+            && self.encoder_variance_m2 > limit_m * limit_m
+            && self.encoder_variance_m2 > 0.5 * self.knowledge.covariance[(y, y)]
+    }
 }
 
 impl Trust {
@@ -116,8 +145,12 @@ impl Trust {
         }
         let open = |status: &Status| matches!(status, Status::Learning | Status::Unobservable);
         // What to drive is worked out only for a robot that still has to learn something.
+        let covariance = grounds.driven_covariance();
         let advice = if statuses.iter().any(open) {
-            advise(&grounds.knowledge)
+            advise(&Knowledge {
+                covariance: &covariance,
+                ..grounds.knowledge
+            })
         } else {
             Vec::new()
         };
@@ -130,7 +163,10 @@ impl Trust {
             if !believed {
                 return Some(CHECK_VEHICLE.to_owned());
             }
-            let sigma_now = grounds.knowledge.covariance[(i, i)].sqrt();
+            if grounds.waits_for_speed_place(parameter) {
+                return Some(SPEED_PLACE.to_owned());
+            }
+            let sigma_now = covariance[(i, i)].sqrt();
             let best = best_for(parameter, sigma_now, &advice);
             Some(best.map_or_else(
                 || MORE_DRIVING.to_owned(),
@@ -286,6 +322,7 @@ mod tests {
                 prior_sigma: &prior_sigma,
                 blind: [false; REPORTED],
                 has_impossible_steering: false,
+                encoder_variance_m2: 0.0,
                 knowledge: Knowledge {
                     vehicle: &vehicle,
                     values: &values,

@@ -50,6 +50,25 @@ const PLAY_SHARE: f64 = 0.1;
 /// An estimate is told once in this much message time, s.
 const TELL_EVERY_S: f64 = 1.0;
 
+/// What may be told of the parameters.
+#[derive(Debug, Clone, Copy)]
+struct Told {
+    values: Values,
+    covariance: ParameterCovariance,
+    /// What of the variance of the LiDAR's `y` no driving takes away, m².
+    encoder_variance_m2: f64,
+}
+
+impl Told {
+    fn new(values: Values, covariance: ParameterCovariance) -> Self {
+        Self {
+            values,
+            covariance,
+            encoder_variance_m2: 0.0,
+        }
+    }
+}
+
 /// A LiDAR pose waiting for its drive samples.
 #[derive(Debug, Clone)]
 struct Waiting {
@@ -358,20 +377,20 @@ impl Calibrator {
     /// unless somebody said that the vehicle was taken apart.
     fn judged(&self) -> (Trust, Estimate) {
         let mut trust = self.trust.clone();
-        let (values, covariance) = match (self.held(), self.filter()) {
-            (Some(held), _) => (held.values, held.covariance),
+        let told = match (self.held(), self.filter()) {
+            (Some(held), _) => Told::new(held.values, held.covariance),
             // Errors that last for metres: the filter takes them as independent.
             (None, Some(filter)) => self.told_of(filter),
-            (None, None) => (self.prior.values, self.prior.covariance),
+            (None, None) => Told::new(self.prior.values, self.prior.covariance),
         };
-        let parameters = self.judge(&mut trust, &values, &covariance);
+        let parameters = self.judge(&mut trust, &told);
         let now = self.drive.now();
         let base_in_odom = self.filter().and_then(Filter::base_in_odom);
         let estimate = Estimate {
             stamp: self.session.now,
             time_s: self.session.duration_s(),
             distance_m: self.session.distance_m,
-            covariance: reported_covariance(&parameters, &covariance),
+            covariance: reported_covariance(&parameters, &told.covariance),
             parameters,
             detection: self.detection(),
             consistency: self.session.consistency(),
@@ -382,22 +401,18 @@ impl Calibrator {
         (trust, estimate)
     }
 
-    fn judge(
-        &self,
-        trust: &mut Trust,
-        values: &Values,
-        covariance: &ParameterCovariance,
-    ) -> ParameterEstimates {
+    fn judge(&self, trust: &mut Trust, told: &Told) -> ParameterEstimates {
         let prior_sigma = Values::from_fn(|i, _| self.prior.covariance[(i, i)].sqrt());
         trust.judge(&Grounds {
             now: self.session.now,
             prior_sigma: &prior_sigma,
             blind: self.blind(),
             has_impossible_steering: self.session.has_impossible_steering(),
+            encoder_variance_m2: told.encoder_variance_m2,
             knowledge: Knowledge {
                 vehicle: &self.config.vehicle,
-                values,
-                covariance,
+                values: &told.values,
+                covariance: &told.covariance,
                 settings: &self.config.settings,
             },
         })
@@ -424,23 +439,25 @@ impl Calibrator {
 
     /// The parameters as a filter of this session saw them.
     fn judge_filter(&self, filter: &Filter) -> ParameterEstimates {
-        let (values, covariance) = self.told_of(filter);
-        self.judge(&mut self.trust.clone(), &values, &covariance)
+        self.judge(&mut self.trust.clone(), &self.told_of(filter))
     }
 
     /// What may be told of a filter's parameters.
-    fn told_of(&self, filter: &Filter) -> (Values, ParameterCovariance) {
+    fn told_of(&self, filter: &Filter) -> Told {
         let long_run = self.watch.long_run();
         let mut known = long_run.known(filter);
         let scatter = long_run.ratios(&filter.parameter_covariance());
         known.covariance = long_run.publish(&known.covariance);
-        let mut told = known.with_encoder(filter, &self.config.vehicle, &scatter);
-        let offset = Parameter::SteeringOffset.index();
+        let mut told = Told::new(known.values, known.covariance);
+        told.encoder_variance_m2 =
+            known.encoder_variance_m2(filter, &self.config.vehicle, &scatter);
+        let [offset, y] = [Parameter::SteeringOffset, Parameter::LidarY].map(Parameter::index);
+        told.covariance[(y, y)] += told.encoder_variance_m2;
         let straight_rad = told.values[offset];
         told.covariance[(offset, offset)] +=
             self.drive.repeated_reading_variance_rad2(straight_rad)
                 + (PLAY_SHARE * told.values[STEERING_PLAY]).powi(2);
-        (told.values, told.covariance)
+        told
     }
 
     /// Stored values, with the uncertainty of now.
@@ -448,6 +465,6 @@ impl Calibrator {
         let covariance = self
             .filter()
             .map_or(self.prior.covariance, Filter::parameter_covariance);
-        self.judge(&mut self.trust.clone(), values, &covariance)
+        self.judge(&mut self.trust.clone(), &Told::new(*values, covariance))
     }
 }

@@ -57,21 +57,16 @@ const ALL: [Term; TERMS] = [
 ];
 
 impl Known {
-    /// What may be told of them by the filter that knows them, whose data scatter so many times more (as
-    /// variances) than it says. A speed that is measured at the steered wheel, or beside the axle by a
-    /// distance that is known, moves nothing.
-    #[must_use]
-    pub fn with_encoder(self, filter: &Filter, vehicle: &Vehicle, scatter: &Values) -> Self {
-        let mut told = self;
+    /// Variance of the LiDAR's `y`, m², that no driving takes away from the filter that knows them, whose
+    /// data scatter so many times more (as variances) than it says. A speed that is measured at the steered
+    /// wheel, or beside the axle by a distance that is known, moves nothing.
+    pub fn encoder_variance_m2(&self, filter: &Filter, vehicle: &Vehicle, scatter: &Values) -> f64 {
         if vehicle.speed_measured_at != SpeedMeasuredAt::RearAxle {
-            return told;
+            return 0.0;
         }
         let square = self.quadratic_per_rad.powi(2) + self.covariance[(QUADRATIC, QUADRATIC)];
         let seen_m2 = (ENCODER_SHARE * vehicle.wheelbase_m).powi(2) * square;
-        let hidden_m2 = filter.hidden_encoder_m2(vehicle.wheelbase_m, scatter);
-        let y = Parameter::LidarY.index();
-        told.covariance[(y, y)] += seen_m2.max(hidden_m2);
-        told
+        seen_m2.max(filter.hidden_encoder_m2(vehicle.wheelbase_m, scatter))
     }
 }
 

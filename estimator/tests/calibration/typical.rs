@@ -1,7 +1,7 @@
 //! Robots of which everything is imperfect at once, as on a robot in good order.
 
-use fleetcal_estimator::Status;
 use fleetcal_estimator::calibrator::CalibratorConfig;
+use fleetcal_estimator::{Parameter, Status};
 use fleetcal_robot::simulator::{
     ImperfectionKind, Imperfections, Point, Route, SimulationConfig, Strength, VehicleImperfections,
 };
@@ -124,6 +124,19 @@ fn a_robot_with_all_typical_imperfections_makes_no_false_claim() {
             assert_true(&run, &format!("{route_name}, seed {seed}"));
         }
     }
+}
+
+/// No driving tells where the speed is measured, so none is asked for: the owner has to say it.
+#[test]
+fn a_robot_whose_y_waits_for_the_place_of_its_speed_encoder_says_so() {
+    let (route_name, route) = routes()[0].clone();
+    let imperfections = Imperfections::all_typical(1, false);
+    let run = drive_on(route, imperfections, 1, 240.0);
+    let (estimate, _) = run.last();
+    let lidar_y = estimate.parameter(Parameter::LidarY);
+    assert_eq!(lidar_y.status, Status::Learning, "{route_name}");
+    let needs = lidar_y.needs.clone().unwrap_or_default();
+    assert!(needs.contains("speed_measured_at"), "{lidar_y:?}");
 }
 
 /// 100 ppm between the clocks of wheel odometry and LiDAR.
