@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 use std::env;
 use std::fs::{self, File};
-use std::net::{SocketAddr, TcpStream};
+use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicU16, Ordering};
 
 use fleetcal_contract::own_server::{OwnServer, url_of};
 use fleetcal_contract::server;
@@ -206,7 +207,7 @@ impl Cluster {
     fn on(database: &PostgresUrl, parts: &Parts) -> Self {
         let (names, robots) = (&parts.names, parts.robots);
         let folder = TempDir::new().unwrap();
-        let addresses: BTreeMap<_, _> = names.iter().map(|&name| (name, free_port())).collect();
+        let addresses: BTreeMap<_, _> = names.iter().map(|&name| (name, kept_port())).collect();
         let entry = |one: &SimulatedRobot| {
             let model = serde_json::to_value(one.model()).unwrap();
             let (id, wheelbase_m) = (&one.id, one.wheelbase_m());
@@ -383,6 +384,17 @@ impl Cluster {
     pub fn database(&self) -> &str {
         &self.database
     }
+}
+
+/// A loopback address that nobody listens on and that stays free while its instance is away: no
+/// connection is given a port below those that the system takes by itself.
+fn kept_port() -> SocketAddr {
+    static NEXT: AtomicU16 = AtomicU16::new(0);
+    let first = 16_000 + (std::process::id() % 800) as u16 * 16;
+    let ports = std::iter::from_fn(|| Some(first + NEXT.fetch_add(1, Ordering::Relaxed)));
+    let free = ports.map(|port| SocketAddr::from(([127, 0, 0, 1], port)));
+    let mut free = free.filter(|address| TcpListener::bind(address).is_ok());
+    free.next().unwrap()
 }
 
 fn wait_until_ready(http: SocketAddr) {

@@ -1,6 +1,9 @@
 //! What the database has seen: who had which robot, and who wrote what, each with the moment of its
 //! commit. Triggers note both in the transaction itself; an instance is known by its role.
 
+use std::fs;
+use std::process::Command;
+
 use fleetcal_contract::own_server::{OwnServer, psql};
 use fleetcal_store::database_url::PostgresUrl;
 
@@ -23,6 +26,29 @@ pub fn server() -> OwnServer {
     server.stop();
     server.start();
     server
+}
+
+/// Kills the postmaster and all of its processes at once: what is in its memory alone is gone.
+pub fn kill_processes(url: &PostgresUrl) {
+    let postmaster = psql(
+        url,
+        "SELECT split_part(pg_read_file('postmaster.pid'), E'\\n', 1)",
+    );
+    let postmaster = postmaster.trim();
+    let is_process = |entry: &fs::DirEntry| {
+        // Field 4 of proc(5) stat is the parent; the second field may hold spaces.
+        let stat = fs::read_to_string(entry.path().join("stat")).unwrap_or_default();
+        let parent = stat
+            .rsplit_once(')')
+            .and_then(|(_, rest)| rest.split(' ').nth(2));
+        parent == Some(postmaster)
+    };
+    let entries = fs::read_dir("/proc").unwrap().filter_map(Result::ok);
+    let processes = entries.filter(is_process);
+    let mut pids: Vec<_> = processes.map(|entry| entry.file_name()).collect();
+    pids.insert(0, postmaster.into());
+    let killed = Command::new("kill").arg("-9").args(&pids).status();
+    assert!(killed.unwrap().success() && pids.len() > 5, "{pids:?}");
 }
 
 /// Makes a role for each instance and notes from now on what is owned and written. The schema has to
@@ -114,12 +140,13 @@ pub fn read(url: &PostgresUrl, into: &mut Evidence) {
         .collect();
 }
 
-/// Kinds of alerts that were raised after the change of this number, and the number of the last
+/// Kinds of alerts that nobody's decision explains and that were raised after the change of this number, and the number of the last
 /// change now.
 pub fn alerts_after(url: &PostgresUrl, change: i64) -> (Vec<String>, i64) {
     let raised = format!(
         "SELECT DISTINCT a.kind || ' of ' || a.robot FROM alert_change AS c
-        JOIN alert AS a ON a.id = c.alert WHERE c.id > {change} AND c.state = 'alerting'"
+        JOIN alert AS a ON a.id = c.alert WHERE c.id > {change} AND c.state = 'alerting'
+            AND a.kind <> 'not_applied'"
     );
     let raised = rows(url, &raised).into_iter().map(|row| row[0].clone());
     let raised = raised.collect();

@@ -1,6 +1,7 @@
 //! Faults that are planted beside the product: the checker has to find each, or its silence in a
 //! campaign says nothing.
 
+use std::process::Command;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -173,25 +174,26 @@ async fn an_instance_whose_gate_does_not_close_is_found() {
     assert!(!found.is_empty() && found.iter().all(is_late), "{found:?}");
 }
 
-/// Commits do not wait for the disk, and the server forgets with its memory what it acknowledged.
+/// Commits do not wait for the disk, and the server, whose processes are all killed, forgets with its
+/// memory what it acknowledged.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn an_asynchronous_commit_is_found() {
     let trial = Trial::start(true, 7, Duration::from_millis(20)).await;
-    for setting in [
-        "synchronous_commit = off",
-        "wal_writer_delay = '10s'",
-        "wal_writer_flush_after = '1GB'",
-    ] {
-        psql(&trial.url(), &format!("ALTER SYSTEM SET {setting}"));
-    }
+    psql(&trial.url(), "ALTER SYSTEM SET synchronous_commit = off");
     psql(&trial.url(), "SELECT pg_reload_conf()");
-    std::thread::sleep(Duration::from_secs(3));
+    // It would write full pages soon: what an asynchronous commit leaves to it stays in memory.
+    let writer = "SELECT pid FROM pg_stat_activity WHERE backend_type = 'walwriter'";
+    let stopped = Command::new("kill")
+        .args(["-s", "STOP", psql(&trial.url(), writer).trim()])
+        .status();
+    assert!(stopped.unwrap().success());
+    std::thread::sleep(Duration::from_secs(1));
     let server = trial.cluster.server.as_ref().unwrap();
     let before = trial.decider.acknowledged();
     wait_for("decisions", || {
         (trial.decider.acknowledged() >= before + 20).then_some(())
     });
-    server.kill();
+    records::kill_processes(&trial.url());
     std::thread::sleep(Duration::from_secs(1));
     server.start();
     let back = now();
@@ -200,5 +202,5 @@ async fn an_asynchronous_commit_is_found() {
     let is_lost = |one: &&Violation| matches!(one, Violation::Lost { .. });
     let lost = found.iter().filter(is_lost).count();
     println!("with asynchronous commits: {lost} acknowledged decisions lost");
-    assert!(lost > 0, "{found:?}");
+    assert!(lost > 5, "{found:?}");
 }

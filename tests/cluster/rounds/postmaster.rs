@@ -8,6 +8,7 @@ use rand::{Rng, SeedableRng};
 
 use crate::figures::{quantile, spread, told};
 use crate::progress::Progress;
+use crate::records;
 use crate::trial::Trial;
 
 /// The pause between two decisions: some twenty a second.
@@ -15,14 +16,19 @@ const PAUSE: Duration = Duration::from_millis(30);
 /// Decisions are taken again within this time after the server's return, s.
 const AGAIN_WITHIN_S: f64 = 5.0;
 
-/// Kills the postmaster and starts the server again; gives how long nothing was decided after that,
+/// Kills the postmaster, every second time with all of its processes, and starts the server again; gives how long nothing was decided after that,
 /// s, and how many decisions were acknowledged in the round.
 fn kill(trial: &Trial, seed: u64) -> [f64; 2] {
     let mut random = StdRng::seed_from_u64(seed);
     let before = trial.decider.acknowledged();
     std::thread::sleep(Duration::from_millis(random.random_range(3_000..6_000)));
     let server = trial.cluster.server.as_ref().unwrap();
-    server.kill();
+    let whole = seed.is_multiple_of(2);
+    if whole {
+        records::kill_processes(&trial.url());
+    } else {
+        server.kill();
+    }
     std::thread::sleep(Duration::from_millis(random.random_range(0..4_000)));
     server.start();
     let back = now();
