@@ -108,11 +108,12 @@ build-for-tests: dashboard rust
 test-rust: build-for-tests strace python ## Rust tests, end-to-end ones included
 	if $(CARGO) nextest --version >/dev/null 2>&1; then \
 	  env -u FLEETCAL_DATA FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) \
-	    $(CARGO) nextest run --release --locked --workspace -E 'not binary(recordings) and not binary(cluster)'; \
+	    $(CARGO) nextest run --release --locked --workspace -E 'not binary(recordings) and (not binary(cluster) or test(/^(checker|figures)::/))'; \
 	else \
 	  env -u FLEETCAL_DATA FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) \
 	    $(CARGO) test --release --locked --workspace -- --test-threads 2 \
-	    --skip instances_share_the_robots --skip instances_are_upgraded --skip who_does_not_fit_does_not_start; \
+	    --skip instances_share_the_robots --skip who_does_not_fit_does_not_start --skip rounds:: \
+	    --skip two_instances_cost --skip instances_are_upgraded; \
 	fi
 
 .PHONY: test-recordings
@@ -150,6 +151,35 @@ cluster-smoke: build-for-tests ## Two instances on PostgreSQL and two routers: j
 cluster-upgrade: build-for-tests ## Builds a next version and changes instances to it and back, under robots that drive: 15 minutes
 	next="$$(CARGO=$(CARGO) tests/cluster/next_version.sh $(abspath $(BUILT))/next $(abspath $(BUILT)))"; \
 	  FLEETCAL_NEXT="$$next" $(CLUSTER_TEST) upgrade::
+
+# Rounds of a cluster that is hurt, after each of which all that was decided, written and heard is
+# checked; and faults beside the product that the check has to find.
+CLUSTER_ROUNDS = checker:: figures:: rounds::
+
+.PHONY: cluster-test
+cluster-test: build-for-tests ## A few rounds of each kind on a cluster: killed, frozen, cut off, raced, without its database: at most 15 minutes
+	$(CLUSTER_TEST) $(CLUSTER_ROUNDS)
+
+.PHONY: cluster-campaign
+cluster-campaign: build-for-tests ## The same as often as a proof needs, for hours; goes on where it stopped (CLUSTER_PROGRESS, CLUSTER_ROUNDS_...)
+	CLUSTER_PROGRESS="$${CLUSTER_PROGRESS:-$(abspath $(BUILT))/cluster-campaign}" \
+	CLUSTER_ROUNDS_TAKEOVER="$${CLUSTER_ROUNDS_TAKEOVER:-50}" \
+	CLUSTER_ROUNDS_TAKEOVER_BY_LEASE="$${CLUSTER_ROUNDS_TAKEOVER_BY_LEASE:-20}" \
+	CLUSTER_ROUNDS_FREEZE="$${CLUSTER_ROUNDS_FREEZE:-100}" \
+	CLUSTER_ROUNDS_PLANNED="$${CLUSTER_ROUNDS_PLANNED:-20}" \
+	CLUSTER_ROUNDS_CUT_DATABASE="$${CLUSTER_ROUNDS_CUTS:-30}" \
+	CLUSTER_ROUNDS_CUT_TO_DATABASE="$${CLUSTER_ROUNDS_CUTS:-30}" \
+	CLUSTER_ROUNDS_CUT_OF_DATABASE="$${CLUSTER_ROUNDS_CUTS:-30}" \
+	CLUSTER_ROUNDS_CUT_ROUTER="$${CLUSTER_ROUNDS_CUTS:-30}" \
+	CLUSTER_ROUNDS_CUT_TO_ROUTER="$${CLUSTER_ROUNDS_CUTS:-30}" \
+	CLUSTER_ROUNDS_CUT_OF_ROUTER="$${CLUSTER_ROUNDS_CUTS:-30}" \
+	CLUSTER_ROUNDS_RACES="$${CLUSTER_RACES:-2000}" \
+	CLUSTER_ROUNDS_POSTMASTER="$${CLUSTER_ROUNDS_POSTMASTER:-20}" \
+	$(CLUSTER_TEST) $(CLUSTER_ROUNDS)
+
+.PHONY: cluster-cost
+cluster-cost: build-for-tests ## CPU a robot-second of one service and of two instances, in one run: 6 minutes
+	$(CLUSTER_TEST) cost::
 
 .PHONY: cluster
 cluster: build-for-tests ## Starts a cluster on this machine: two instances, two routers, PostgreSQL and 24 simulated robots

@@ -3,16 +3,22 @@
 use std::collections::BTreeMap;
 use std::env;
 use std::fs::{self, File};
-use std::net::{SocketAddr, TcpStream};
+use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicU16, Ordering};
 
+use fleetcal_contract::own_server::{OwnServer, url_of};
 use fleetcal_contract::server;
 use fleetcal_robot::fleet::{SimulatedRobot, simulated_robots};
+use fleetcal_store::database_url::PostgresUrl;
 use fleetcal_tests::service::{free_port, wait_for};
 use fleetcal_tests::{binary, http};
 use serde_json::{Value, json};
 use tempfile::TempDir;
+
+use crate::network::Proxy;
+use crate::records;
 
 /// A process that ends with this value.
 #[derive(Debug)]
@@ -43,6 +49,16 @@ impl Process {
             .args(["-s", name, &self.child.id().to_string()])
             .status();
         assert!(sent.unwrap().success(), "SIG{name}");
+    }
+
+    /// CPU time that it has used, s.
+    pub fn cpu_s(&self) -> f64 {
+        // Fields 14 and 15 of proc(5) stat, in ticks of 10 ms; the second field may hold spaces.
+        let stat = fs::read_to_string(format!("/proc/{}/stat", self.child.id())).unwrap();
+        let (_, fields) = stat.rsplit_once(')').unwrap();
+        let fields: Vec<_> = fields.split_whitespace().collect();
+        let ticks = |at: usize| fields[at].parse::<f64>().unwrap();
+        (ticks(11) + ticks(12)) / 100.0
     }
 
     /// Ends it without warning.
@@ -119,13 +135,38 @@ impl Instance {
     }
 }
 
+/// What a cluster is made of.
+#[derive(Debug, Clone)]
+pub struct Parts {
+    /// The instances that there may be.
+    pub names: Vec<&'static str>,
+    /// Robots that drive.
+    pub robots: usize,
+    /// Registered robots that do not.
+    pub parked: usize,
+    /// As in `[cluster]`.
+    pub fast_takeover: bool,
+}
+
+/// What lies between an instance and the others.
+#[derive(Debug)]
+pub struct Lines {
+    /// To the database.
+    pub database: Proxy,
+    /// To its router.
+    pub router: Proxy,
+}
+
 /// A cluster.
 #[derive(Debug)]
 pub struct Cluster {
     folder: TempDir,
+    /// The PostgreSQL that is this cluster's own; the named one without.
+    pub server: Option<OwnServer>,
     database: String,
     /// What is started as an instance.
     pub program: PathBuf,
+    lines: BTreeMap<&'static str, Lines>,
     /// Where its routers listen.
     pub routers: Vec<String>,
     router_processes: Vec<Process>,
@@ -139,8 +180,41 @@ impl Cluster {
     pub async fn new(names: &[&'static str], robots: usize) -> Self {
         let server = server().expect("FLEETCAL_TEST_POSTGRES names a server: make cluster-smoke");
         let database = fleetcal_postgres::create_for_test(&server).await.unwrap();
+        let names = names.to_vec();
+        let parts = Parts {
+            names,
+            robots,
+            parked: 0,
+            fast_takeover: true,
+        };
+        Self::on(&database, &parts)
+    }
+
+    /// The same on a server of its own that notes who writes what, with a proxy on each line.
+    pub async fn watched(parts: &Parts) -> Self {
+        let server = records::server();
+        let url = server.url("postgres");
+        let mut cluster = Self::on(&url, parts);
+        let migrated = binary::run(["store", "migrate", "--database", &cluster.database]);
+        assert!(migrated.status.success(), "{migrated:?}");
+        records::watch(&url, &parts.names);
+        for (number, &name) in parts.names.iter().enumerate() {
+            let router = &cluster.routers[number % cluster.routers.len()];
+            let router = router.trim_start_matches("tcp/").to_owned();
+            let lines = Lines {
+                database: Proxy::before(server.host()).await,
+                router: Proxy::before(router).await,
+            };
+            cluster.lines.insert(name, lines);
+        }
+        cluster.server = Some(server);
+        cluster
+    }
+
+    fn on(database: &PostgresUrl, parts: &Parts) -> Self {
+        let (names, robots) = (&parts.names, parts.robots);
         let folder = TempDir::new().unwrap();
-        let addresses: BTreeMap<_, _> = names.iter().map(|&name| (name, free_port())).collect();
+        let addresses: BTreeMap<_, _> = names.iter().map(|&name| (name, kept_port())).collect();
         let entry = |one: &SimulatedRobot| {
             let model = serde_json::to_value(one.model()).unwrap();
             let (id, wheelbase_m) = (&one.id, one.wheelbase_m());
@@ -152,13 +226,23 @@ impl Cluster {
             .map(|(name, http)| format!("{name} = \"http://{http}\""));
         let peers: Vec<_> = peers.collect();
         let key = folder.path().join("signing.key");
+        let parked = (1..=parts.parked).map(|number| {
+            format!(
+                "[[robot]]\nid = \"parked_{number}\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n\n"
+            )
+        });
         let config = format!(
-            "[cluster]\nplaintext_peers = true\npeers = {{ {} }}\nsigning_key = {:?}\n\n{}",
+            "[cluster]\nplaintext_peers = true\nfast_takeover = {}\npeers = {{ {} }}\n\
+             signing_key = {:?}\n\n{}{}",
+            parts.fast_takeover,
             peers.join(", "),
             key.display().to_string(),
             simulated.iter().map(entry).collect::<String>(),
+            parked.collect::<String>(),
         );
         let mut cluster = Self {
+            server: None,
+            lines: BTreeMap::new(),
             database: database.to_string(),
             program: binary::path().into(),
             routers: (0..2).map(|_| format!("tcp/{}", free_port())).collect(),
@@ -200,6 +284,33 @@ impl Cluster {
         path
     }
 
+    fn router_of(&self, name: &str, router: usize) -> String {
+        let line = self.lines.get(name);
+        line.map_or_else(
+            || self.routers[router].clone(),
+            |line| format!("tcp/{}", line.router.address()),
+        )
+    }
+
+    /// The database as an instance reaches it: by its own line and in its own role.
+    fn database_of(&self, name: &str) -> String {
+        let line = self.lines.get(name);
+        line.map_or_else(
+            || self.database.clone(),
+            |line| url_of(&[&line.database.address()], name, "postgres").to_string(),
+        )
+    }
+
+    /// What lies between an instance and the others.
+    pub fn lines(&self, name: &str) -> &Lines {
+        &self.lines[name]
+    }
+
+    /// Where an instance's API is.
+    pub fn http(&self, name: &str) -> SocketAddr {
+        self.addresses[name]
+    }
+
     /// Starts an instance at a router, with further arguments.
     pub fn spawn(&self, name: &str, router: usize, arguments: &[&str]) -> Process {
         let folder = self.folder.path().join(name);
@@ -214,10 +325,18 @@ impl Cluster {
             .arg("--data")
             .arg(folder.join("data"))
             .arg("-c")
-            .arg(self.client(name, &self.routers[router]))
-            .args(["--database", &self.database])
+            .arg(self.client(name, &self.router_of(name, router)))
+            .args(["--database", &self.database_of(name)])
             .args(arguments);
         Process::start(&mut command, self.folder.path().join(format!("{name}.log")))
+    }
+
+    /// Starts a service that has all robots and waits until it is ready.
+    pub fn start_alone(&self) -> Process {
+        let http = free_port();
+        let process = self.spawn("alone", 0, &["--http", &http.to_string()]);
+        wait_until_ready(http);
+        process
     }
 
     /// Starts an instance and waits until it is ready.
@@ -225,9 +344,7 @@ impl Cluster {
         let http = self.addresses[name];
         let address = http.to_string();
         let process = self.spawn(name, router, &["--instance", name, "--http", &address]);
-        wait_for("readiness", || {
-            http::get(http, "/readyz", None).filter(|answer| answer.status == 200)
-        });
+        wait_until_ready(http);
         let token = self.token(name);
         Instance {
             process,
@@ -238,10 +355,14 @@ impl Cluster {
     }
 
     fn token(&self, name: &str) -> String {
+        self.token_of(&format!("{name}-{}", free_port().port()))
+    }
+
+    /// A token of an administrator of this name.
+    pub fn token_of(&self, name: &str) -> String {
         let made = Command::new(binary::path())
             .args(["token", "create", "--database", &self.database])
-            .args(["--role", "admin", "--name"])
-            .arg(format!("{name}-{}", free_port().port()))
+            .args(["--role", "admin", "--name", name])
             .output()
             .unwrap();
         let errors = String::from_utf8_lossy(&made.stderr);
@@ -271,4 +392,21 @@ impl Cluster {
     pub fn database(&self) -> &str {
         &self.database
     }
+}
+
+/// A loopback address that nobody listens on and that stays free while its instance is away: no
+/// connection is given a port below those that the system takes by itself.
+fn kept_port() -> SocketAddr {
+    static NEXT: AtomicU16 = AtomicU16::new(0);
+    let first = 16_000 + (std::process::id() % 800) as u16 * 16;
+    let ports = std::iter::from_fn(|| Some(first + NEXT.fetch_add(1, Ordering::Relaxed)));
+    let free = ports.map(|port| SocketAddr::from(([127, 0, 0, 1], port)));
+    let mut free = free.filter(|address| TcpListener::bind(address).is_ok());
+    free.next().unwrap()
+}
+
+fn wait_until_ready(http: SocketAddr) {
+    wait_for("readiness", || {
+        http::get(http, "/readyz", None).filter(|answer| answer.status == 200)
+    });
 }

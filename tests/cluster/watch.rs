@@ -4,10 +4,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
+use fleetcal_proto::calibration::Envelope;
 use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_tests::service::now;
+use serde_json::Value;
 use zenoh::pubsub::Subscriber;
 use zenoh::{Config, Session};
+
+use crate::checker::{Estimated, Evidence, Offered};
 
 /// An estimate that came.
 #[derive(Debug, Clone)]
@@ -26,8 +30,9 @@ pub struct Heard {
 #[derive(Debug)]
 pub struct Watch {
     heard: Arc<Mutex<Vec<Heard>>>,
+    offered: Arc<Mutex<Vec<Offered>>>,
     _session: Session,
-    _subscriber: Subscriber<()>,
+    _subscribers: [Subscriber<()>; 2],
 }
 
 impl Watch {
@@ -59,11 +64,40 @@ impl Watch {
             })
             .await
             .unwrap();
+        let offered = Arc::new(Mutex::new(Vec::new()));
+        let list = Arc::clone(&offered);
+        let approved = session
+            .declare_subscriber("fleet/*/calibration/approved")
+            .callback(move |sample| {
+                let envelope: Envelope =
+                    serde_json::from_slice(&sample.payload().to_bytes()).unwrap();
+                let document: Value = serde_json::from_str(&envelope.document).unwrap();
+                list.lock().unwrap().push(Offered {
+                    robot: document["robot"].as_str().unwrap().to_owned(),
+                    generation: document["generation"].as_u64().unwrap(),
+                    sha256: envelope.sha256,
+                });
+            })
+            .await
+            .unwrap();
         Self {
             heard,
+            offered,
             _session: session,
-            _subscriber: subscriber,
+            _subscribers: [subscriber, approved],
         }
+    }
+
+    /// Puts all that came into the evidence.
+    pub fn read(&self, into: &mut Evidence) {
+        let heard = self.heard.lock().unwrap();
+        let estimated = heard.iter().map(|one| Estimated {
+            robot: one.robot.clone(),
+            by: one.instance.clone(),
+            epoch: one.epoch,
+        });
+        into.estimates = estimated.collect();
+        into.documents = self.offered.lock().unwrap().clone();
     }
 
     /// What came since, in its order.

@@ -1,0 +1,74 @@
+//! What a cluster costs above one service: CPU of its processes a second and robot.
+
+use std::time::Duration;
+
+use fleetcal_contract::own_server::number;
+use fleetcal_tests::service::wait_for;
+
+use crate::cluster::{Cluster, Process};
+use crate::watch::Watch;
+
+/// What a robot may cost more, ms of CPU a second.
+const MORE_MS_MAX: f64 = 0.5;
+/// Robots drive for so long before it counts.
+const WARM_UP: Duration = Duration::from_secs(20);
+
+/// CPU of processes a second and robot, ms.
+fn measured(processes: &[&Process], robots: usize, seconds: usize) -> f64 {
+    let used = || processes.iter().map(|one| one.cpu_s()).sum::<f64>();
+    std::thread::sleep(WARM_UP);
+    let before = used();
+    std::thread::sleep(Duration::from_secs(seconds as u64));
+    (used() - before) * 1e3 / (robots * seconds) as f64
+}
+
+async fn of_one(robots: usize, seconds: usize) -> f64 {
+    let cluster = Cluster::new(&["a"], robots).await;
+    let service = cluster.start_alone();
+    let _robots = cluster.drive();
+    measured(&[&service], robots, seconds)
+}
+
+async fn of_two(robots: usize, seconds: usize) -> f64 {
+    let cluster = Cluster::new(&["a", "b"], robots).await;
+    let instances = [cluster.start("a", 0), cluster.start("b", 1)];
+    let half = (robots / 2) as u64;
+    wait_for("even shares", || {
+        let shares = instances[1].shares()?;
+        (shares.len() == 2 && shares.values().all(|share| *share == half)).then_some(())
+    });
+    let _robots = cluster.drive();
+    let watch = Watch::start(&cluster.routers).await;
+    let cost = measured(
+        &[&instances[0].process, &instances[1].process],
+        robots,
+        seconds,
+    );
+    let heard = watch.owners(fleetcal_tests::service::now() - Duration::from_secs(3));
+    assert_eq!(heard.len(), robots, "not all robots are estimated");
+    cost
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn two_instances_cost_little_more_than_one_service() {
+    let robots = number("CLUSTER_COST_ROBOTS", 24);
+    let seconds = number("CLUSTER_COST_SECONDS", 60);
+    let rounds = number("CLUSTER_COST_ROUNDS", 2);
+    let mut more = Vec::new();
+    for round in 1..=rounds {
+        let one = of_one(robots, seconds).await;
+        let two = of_two(robots, seconds).await;
+        more.push(two - one);
+        println!(
+            "round {round}: one service {one:.2} ms, two instances {two:.2} ms a robot-second, \
+             {:+.2} ms",
+            two - one
+        );
+    }
+    let mean = more.iter().sum::<f64>() / more.len() as f64;
+    println!(
+        "{robots} robots for {seconds} s, {rounds} times: two instances cost {mean:+.2} ms of CPU a \
+         robot-second (at most {MORE_MS_MAX} ms)"
+    );
+    assert!(mean <= MORE_MS_MAX, "{more:?}");
+}

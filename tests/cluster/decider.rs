@@ -1,0 +1,240 @@
+//! Somebody who decides all the time over any instance: proposes, approves and takes back for
+//! robots that do not drive, and notes how each decision ended.
+
+use std::net::SocketAddr;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use fleetcal_tests::http::{self, Answer};
+use fleetcal_tests::service::now;
+use rand::rngs::StdRng;
+use rand::{Rng, SeedableRng};
+use serde_json::{Value, json};
+
+use crate::checker::{Decision, Outcome};
+
+/// How often a decision that nobody answered is asked for once more.
+const TRIES_MAX: u32 = 8;
+/// The pause before that.
+const AGAIN_AFTER: Duration = Duration::from_millis(200);
+
+/// Where and as whom one decides.
+#[derive(Debug, Clone)]
+pub struct Desk {
+    /// Where the instances' APIs are.
+    pub instances: Vec<SocketAddr>,
+    /// Who proposes and takes back.
+    pub proposer: String,
+    /// Who approves.
+    pub approver: String,
+}
+
+/// A proposal that waits.
+#[derive(Debug, Clone)]
+pub struct Waiting {
+    id: u64,
+    sha256: String,
+}
+
+/// The values that are proposed.
+fn values() -> Value {
+    json!({"steering_offset_rad": 0.02, "lidar_x_m": 0.43, "lidar_y_m": 0.01, "lidar_yaw_rad": 0.01})
+}
+
+/// What an answer says of a decision. One that the database may have taken is 503.
+fn outcome(answer: Option<&Answer>) -> Outcome {
+    match answer.map(|answer| answer.status) {
+        Some(200..300) => Outcome::Acknowledged,
+        Some(400..500) => Outcome::Refused,
+        _ => Outcome::Unknown,
+    }
+}
+
+impl Desk {
+    /// Proposes at an instance; the key makes a repetition harmless.
+    pub fn propose(&self, at: SocketAddr, robot: &str, reason: &str) -> Option<Answer> {
+        let body = json!({"robot": robot, "values": values(), "reason": reason}).to_string();
+        let key = format!("Idempotency-Key: {}\r\n", reason.replace(' ', "-"));
+        let content = Some((key.as_str(), body.as_str()));
+        http::send(at, "POST /api/v1/proposals", Some(&self.proposer), content)
+    }
+
+    /// Approves a proposal at an instance, as somebody.
+    pub fn approve(
+        &self,
+        at: SocketAddr,
+        token: &str,
+        one: &Waiting,
+        reason: &str,
+    ) -> Option<Answer> {
+        let request = format!("POST /api/v1/proposals/{}/approve", one.id);
+        let body = json!({"sha256": one.sha256, "reason": reason}).to_string();
+        http::send(
+            at,
+            &request,
+            Some(token),
+            Some(("If-Match: \"1\"\r\n", &body)),
+        )
+    }
+
+    /// Takes back what is under way.
+    pub fn roll_back(&self, at: SocketAddr, robot: &str, reason: &str) -> Option<Answer> {
+        let token = Some(self.proposer.as_str());
+        let shadow = http::get(at, &format!("/api/v1/robots/{robot}/shadow"), token)?;
+        let shadow: Value = serde_json::from_str(&shadow.body).ok()?;
+        let version = format!("If-Match: \"{}\"\r\n", shadow["version"]);
+        let body = json!({"reason": reason}).to_string();
+        let request = format!("POST /api/v1/robots/{robot}/rollback");
+        http::send(at, &request, token, Some((&version, &body)))
+    }
+
+    /// The proposal that an answer shows.
+    pub fn proposed(answer: &Answer) -> Option<Waiting> {
+        let proposal: Value = serde_json::from_str(&answer.body).ok()?;
+        Some(Waiting {
+            id: proposal["id"].as_u64()?,
+            sha256: proposal["revision"]["sha256"].as_str()?.to_owned(),
+        })
+    }
+}
+
+/// What was decided so far, and when it was acknowledged.
+#[derive(Debug, Default)]
+struct Log {
+    decisions: Vec<Decision>,
+    acknowledged_at: Vec<Instant>,
+    refusals: Vec<String>,
+}
+
+/// A thread that decides until this value goes.
+#[derive(Debug)]
+pub struct Decider {
+    log: Arc<Mutex<Log>>,
+    stop: Arc<AtomicBool>,
+}
+
+impl Decider {
+    /// Begins to decide, one decision after another with this pause, about so many parked robots.
+    pub fn start(desk: Desk, parked: usize, seed: u64, pause: Duration) -> Self {
+        let (log, stop) = (Arc::<Mutex<Log>>::default(), Arc::<AtomicBool>::default());
+        let (to, ended) = (Arc::clone(&log), Arc::clone(&stop));
+        let mut work = Work {
+            desk,
+            seed,
+            random: StdRng::seed_from_u64(seed),
+            log: to,
+            count: 0,
+            stop: ended,
+        };
+        std::thread::spawn(move || {
+            for robot in (1..=parked).cycle() {
+                if work.stop.load(Ordering::Relaxed) {
+                    return;
+                }
+                work.decide_about(&format!("parked_{robot}"), pause);
+            }
+        });
+        Self { log, stop }
+    }
+
+    /// What was decided so far.
+    pub fn decisions(&self) -> Vec<Decision> {
+        self.log.lock().unwrap().decisions.clone()
+    }
+
+    /// How many decisions were acknowledged so far.
+    pub fn acknowledged(&self) -> usize {
+        self.log.lock().unwrap().acknowledged_at.len()
+    }
+
+    /// The first acknowledgement since then.
+    pub fn acknowledged_since(&self, then: Instant) -> Option<Instant> {
+        let log = self.log.lock().unwrap();
+        log.acknowledged_at.iter().copied().find(|at| *at >= then)
+    }
+
+    /// Why decisions were refused, the latest ones.
+    pub fn refusals(&self) -> Vec<String> {
+        let log = self.log.lock().unwrap();
+        let latest = log.refusals.len().saturating_sub(5);
+        log.refusals[latest..].to_vec()
+    }
+}
+
+impl Drop for Decider {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
+}
+
+#[derive(Debug)]
+struct Work {
+    desk: Desk,
+    seed: u64,
+    random: StdRng,
+    log: Arc<Mutex<Log>>,
+    count: u64,
+    stop: Arc<AtomicBool>,
+}
+
+impl Work {
+    /// A proposal, its approval, and the way back, each at any instance.
+    fn decide_about(&mut self, robot: &str, pause: Duration) {
+        std::thread::sleep(pause);
+        let asked = |work: &Self, at, reason: &str| work.desk.propose(at, robot, reason);
+        let proposed = self.decide("propose", true, asked);
+        let Some(waiting) = proposed.as_ref().and_then(Desk::proposed) else {
+            return self.give_way(robot, pause);
+        };
+        std::thread::sleep(pause);
+        let approver = self.desk.approver.clone();
+        let asked =
+            |work: &Self, at, reason: &str| work.desk.approve(at, &approver, &waiting, reason);
+        self.decide("approve", false, asked);
+        self.give_way(robot, pause);
+    }
+
+    fn give_way(&mut self, robot: &str, pause: Duration) {
+        std::thread::sleep(pause);
+        let asked = |work: &Self, at, reason: &str| work.desk.roll_back(at, robot, reason);
+        self.decide("roll back", false, asked);
+    }
+
+    /// Asks until somebody answers, if that is harmless; notes how it ended, and gives the answer of
+    /// what was taken.
+    fn decide(
+        &mut self,
+        what: &str,
+        repeats: bool,
+        ask: impl Fn(&Self, SocketAddr, &str) -> Option<Answer>,
+    ) -> Option<Answer> {
+        self.count += 1;
+        let reason = format!("{what} {} {}", self.seed, self.count);
+        let mut tries = 0;
+        let answer = loop {
+            let chosen = self.random.random_range(0..self.desk.instances.len());
+            let answer = ask(self, self.desk.instances[chosen], &reason);
+            tries += 1;
+            let is_open = outcome(answer.as_ref()) == Outcome::Unknown;
+            let stops = self.stop.load(Ordering::Relaxed);
+            if !is_open || !repeats || tries >= TRIES_MAX || stops {
+                break answer;
+            }
+            std::thread::sleep(AGAIN_AFTER);
+        };
+        let mut outcome = outcome(answer.as_ref());
+        // What was asked for twice may have been taken by the first.
+        if tries > 1 && outcome == Outcome::Refused {
+            outcome = Outcome::Unknown;
+        }
+        let mut log = self.log.lock().unwrap();
+        match (&answer, outcome) {
+            (_, Outcome::Acknowledged) => log.acknowledged_at.push(now()),
+            (Some(answer), _) => log.refusals.push(format!("{reason}: {}", answer.body)),
+            (None, _) => log.refusals.push(format!("{reason}: no answer")),
+        }
+        log.decisions.push(Decision { reason, outcome });
+        answer.filter(|_| outcome == Outcome::Acknowledged)
+    }
+}

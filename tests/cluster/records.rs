@@ -1,0 +1,161 @@
+//! What the database has seen: who had which robot, and who wrote what, each with the moment of its
+//! commit. Triggers note both in the transaction itself; an instance is known by its role.
+
+use std::fs;
+use std::process::Command;
+
+use fleetcal_contract::own_server::{OwnServer, psql};
+use fleetcal_store::database_url::PostgresUrl;
+
+use crate::checker::{Audited, Evidence, Owned, Written};
+
+/// Tables of telemetry that an instance writes of its own robots alone.
+const TABLES: [&str; 4] = [
+    "history_second",
+    "history_minute",
+    "robot_current",
+    "checkpoint",
+];
+
+/// A server that knows when each transaction was committed.
+pub fn server() -> OwnServer {
+    let server = OwnServer::start_new("trust");
+    // Each instance has some ten connections, and those of a former life stay for a moment.
+    let url = server.url("postgres");
+    psql(&url, "ALTER SYSTEM SET track_commit_timestamp = on");
+    server.stop();
+    server.start();
+    server
+}
+
+/// Kills the postmaster and all of its processes at once: what is in its memory alone is gone.
+pub fn kill_processes(url: &PostgresUrl) {
+    let postmaster = psql(
+        url,
+        "SELECT split_part(pg_read_file('postmaster.pid'), E'\\n', 1)",
+    );
+    let postmaster = postmaster.trim();
+    let is_process = |entry: &fs::DirEntry| {
+        // Field 4 of proc(5) stat is the parent; the second field may hold spaces.
+        let stat = fs::read_to_string(entry.path().join("stat")).unwrap_or_default();
+        let parent = stat
+            .rsplit_once(')')
+            .and_then(|(_, rest)| rest.split(' ').nth(2));
+        parent == Some(postmaster)
+    };
+    let entries = fs::read_dir("/proc").unwrap().filter_map(Result::ok);
+    let processes = entries.filter(is_process);
+    let mut pids: Vec<_> = processes.map(|entry| entry.file_name()).collect();
+    pids.insert(0, postmaster.into());
+    let killed = Command::new("kill").arg("-9").args(&pids).status();
+    assert!(killed.unwrap().success() && pids.len() > 5, "{pids:?}");
+}
+
+/// Makes a role for each instance and notes from now on what is owned and written. The schema has to
+/// be there.
+pub fn watch(url: &PostgresUrl, instances: &[&str]) {
+    for name in instances {
+        psql(url, &format!("CREATE ROLE {name} SUPERUSER LOGIN"));
+    }
+    psql(
+        url,
+        "CREATE TABLE seen_owner (n BIGINT GENERATED ALWAYS AS IDENTITY, robot BIGINT,
+            instance TEXT, epoch BIGINT);
+        CREATE FUNCTION see_owner() RETURNS trigger LANGUAGE plpgsql AS $$
+        BEGIN
+            INSERT INTO seen_owner (robot, instance, epoch)
+                VALUES (NEW.robot, NEW.instance, NEW.epoch);
+            RETURN NULL;
+        END $$;
+        CREATE TRIGGER owner_is_seen AFTER UPDATE ON robot_owner FOR EACH ROW
+            WHEN ((OLD.instance, OLD.incarnation, OLD.epoch)
+                IS DISTINCT FROM (NEW.instance, NEW.incarnation, NEW.epoch))
+            EXECUTE FUNCTION see_owner();
+        CREATE TABLE seen_write (robot BIGINT, name TEXT, writer TEXT);
+        CREATE FUNCTION see_write() RETURNS trigger LANGUAGE plpgsql AS $$
+        BEGIN
+            INSERT INTO seen_write VALUES (NEW.robot, TG_ARGV[0], session_user);
+            RETURN NULL;
+        END $$;",
+    );
+    for table in TABLES {
+        psql(
+            url,
+            &format!(
+                "CREATE TRIGGER write_is_seen AFTER INSERT OR UPDATE ON {table} FOR EACH ROW
+                    EXECUTE FUNCTION see_write('{table}')"
+            ),
+        );
+    }
+}
+
+/// Puts what the database knows into the evidence.
+pub fn read(url: &PostgresUrl, into: &mut Evidence) {
+    const COMMITTED: &str = "(extract(epoch FROM pg_xact_commit_timestamp(s.xmin)) * 1e6)::bigint";
+    let owners = rows(
+        url,
+        &format!(
+            "SELECT r.id, coalesce(s.instance, ''), s.epoch, {COMMITTED}
+            FROM seen_owner AS s JOIN robot AS r ON r.key = s.robot ORDER BY 4, s.n"
+        ),
+    );
+    into.owners = owners
+        .into_iter()
+        .map(|row| Owned {
+            robot: row[0].clone(),
+            owner: Some(row[1].clone()).filter(|name| !name.is_empty()),
+            epoch: row[2].parse().unwrap(),
+            committed_us: row[3].parse().unwrap(),
+        })
+        .collect();
+    let written = rows(
+        url,
+        &format!(
+            "SELECT r.id, s.name, s.writer, {COMMITTED}
+            FROM seen_write AS s JOIN robot AS r ON r.key = s.robot"
+        ),
+    );
+    into.written = written
+        .into_iter()
+        .map(|row| Written {
+            robot: row[0].clone(),
+            table: row[1].clone(),
+            by: row[2].clone(),
+            committed_us: row[3].parse().unwrap(),
+        })
+        .collect();
+    let audit = rows(
+        url,
+        "SELECT id, action, subject || ' ' || subject_id, coalesce(reason, '') FROM audit
+        ORDER BY id",
+    );
+    into.audit = audit
+        .into_iter()
+        .map(|row| Audited {
+            id: row[0].parse().unwrap(),
+            action: row[1].clone(),
+            subject: row[2].clone(),
+            reason: row[3].clone(),
+        })
+        .collect();
+}
+
+/// Kinds of alerts that nobody's decision explains and that were raised after the change of this number, and the number of the last
+/// change now.
+pub fn alerts_after(url: &PostgresUrl, change: i64) -> (Vec<String>, i64) {
+    let raised = format!(
+        "SELECT DISTINCT a.kind || ' of ' || a.robot FROM alert_change AS c
+        JOIN alert AS a ON a.id = c.alert WHERE c.id > {change} AND c.state = 'alerting'
+            AND a.kind <> 'not_applied'"
+    );
+    let raised = rows(url, &raised).into_iter().map(|row| row[0].clone());
+    let raised = raised.collect();
+    let last = psql(url, "SELECT coalesce(max(id), 0) FROM alert_change");
+    (raised, last.trim().parse().unwrap())
+}
+
+fn rows(url: &PostgresUrl, sql: &str) -> Vec<Vec<String>> {
+    let told = psql(url, sql);
+    let fields = |line: &str| line.split('|').map(str::to_owned).collect();
+    told.lines().map(fields).collect()
+}

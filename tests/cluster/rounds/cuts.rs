@@ -1,0 +1,115 @@
+//! Instances that are cut off from the database or from their router, in both directions or in one.
+
+use std::time::Duration;
+
+use fleetcal_tests::service::now;
+use rand::rngs::StdRng;
+use rand::{Rng, SeedableRng};
+
+use crate::figures::{quantile, spread, told};
+use crate::network::{Cut, Proxy};
+use crate::progress::Progress;
+use crate::trial::{BALANCED_WITHIN, SERVED_WITHIN, Trial};
+
+const PAUSE: Duration = Duration::from_millis(200);
+
+/// From what an instance is cut off.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum From {
+    Database,
+    Router,
+}
+
+/// Cuts an instance off and connects it again; gives how long its robots had no estimate from
+/// another one, and how long it took until all was even again, s.
+fn cut(trial: &mut Trial, seed: u64, from: From, direction: Cut) -> [f64; 2] {
+    let mut random = StdRng::seed_from_u64(seed);
+    let name = if random.random() { "a" } else { "b" };
+    let robots = trial.of_instance(name);
+    std::thread::sleep(Duration::from_millis(random.random_range(0..2_000)));
+    let lasts = Duration::from_millis(random.random_range(9_000..15_000));
+    let lines = trial.cluster.lines(name);
+    let line: Proxy = match from {
+        From::Database => lines.database.clone(),
+        From::Router => lines.router.clone(),
+    };
+    let began = now();
+    line.cut(direction);
+    let took = trial.taken_over(began, name, &robots);
+    std::thread::sleep(lasts.saturating_sub(began.elapsed()));
+    line.heal();
+    let balanced = trial.balanced();
+    trial.owners();
+    trial.check(seed);
+    let alerts = trial.alerts();
+    println!(
+        "round {seed}: {name} cut off from {from:?}, {direction:?}, for {lasts:.1?}: \
+         robots served after {took:.2?} s, even after {balanced:.1?}, alerts {alerts:?}"
+    );
+    assert!(balanced < BALANCED_WITHIN, "balanced after {balanced:?}");
+    assert!(alerts.is_empty(), "{alerts:?}");
+    let slowest = quantile(&took, 1.0);
+    assert!(slowest <= SERVED_WITHIN.as_secs_f64(), "{took:?}");
+    [slowest, balanced.as_secs_f64()]
+}
+
+async fn cuts(kind: &str, from: From, direction: Cut) {
+    let mut progress = Progress::of(kind, 1);
+    let open = progress.open();
+    if !open.is_empty() {
+        let mut trial = Trial::start(true, open[0], PAUSE).await;
+        trial.alerts();
+        for seed in open {
+            let took = cut(&mut trial, seed, from, direction);
+            progress.passed(seed, took.to_vec());
+        }
+        println!(
+            "{kind}: {}; {}",
+            trial.seen(),
+            progress.told(&trial.server())
+        );
+    }
+    let rounds = progress.len();
+    println!(
+        "{kind}: robots served by another instance: {}",
+        spread(&progress.figures(0))
+    );
+    println!(
+        "  even shares after the end: {}",
+        spread(&progress.figures(1))
+    );
+    println!(
+        "  false alerts, stale rows or documents, later than 9 s or 30 s: {}",
+        told(0, rounds)
+    );
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn from_the_database() {
+    cuts("cut_database", From::Database, Cut::Both).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn from_the_database_for_what_it_sends() {
+    cuts("cut_to_database", From::Database, Cut::FromInstance).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn from_the_database_for_what_it_is_sent() {
+    cuts("cut_of_database", From::Database, Cut::ToInstance).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn from_its_router() {
+    cuts("cut_router", From::Router, Cut::Both).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn from_its_router_for_what_it_sends() {
+    cuts("cut_to_router", From::Router, Cut::FromInstance).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn from_its_router_for_what_it_is_sent() {
+    cuts("cut_of_router", From::Router, Cut::ToInstance).await;
+}

@@ -1,0 +1,8 @@
+//! Rounds of a cluster that is hurt, with a check of all that was decided, written and heard after
+//! each.
+
+mod cuts;
+mod planted;
+mod postmaster;
+mod races;
+mod takeovers;

@@ -1,0 +1,206 @@
+//! Faults that are planted beside the product: the checker has to find each, or its silence in a
+//! campaign says nothing.
+
+use std::process::Command;
+use std::sync::Arc;
+use std::time::Duration;
+
+use fleetcal_cluster::{ClaimId, InstanceId, Seat};
+use fleetcal_contract::own_server::{Beside, OwnServer, psql, setup, url_of};
+use fleetcal_contract::{KeepRobot, NOW_S, NS, clock, config, event, record, robot};
+use fleetcal_model::{RobotTime, WallTime};
+use fleetcal_postgres::{Fencing, JobRuns, Sharing, open_with};
+use fleetcal_store::Store;
+use fleetcal_store::cluster::{ClusterRegistry, Joining, Renewal, TakeForDead};
+use fleetcal_tests::service::{now, wait_for};
+
+use crate::checker::{Evidence, Violation};
+use crate::network::Cut;
+use crate::records;
+use crate::trial::Trial;
+
+/// A moment in which what is wrongly not kept waiting would be over.
+const MOMENT: Duration = Duration::from_millis(500);
+
+/// The store of an instance, and its life.
+struct Writer {
+    store: Store,
+    registry: Arc<dyn ClusterRegistry>,
+    seat: Seat,
+}
+
+impl Writer {
+    async fn join(server: &OwnServer, name: &str, fencing: Fencing) -> Self {
+        let url = url_of(&[&server.host()], name, "postgres");
+        let instance = InstanceId::parse(name).unwrap();
+        let sharing = Sharing::Instance(instance.clone(), fencing);
+        let opened = open_with(
+            setup(&url),
+            Box::new(()),
+            clock() as _,
+            JobRuns::Once,
+            sharing,
+        );
+        let store = opened.await.unwrap();
+        let registry = store.registry().unwrap();
+        let joining = Joining {
+            instance,
+            url: format!("http://{name}:8080"),
+            capacity: 1,
+            program: "0.2.0".to_owned(),
+            checkpoint_format: 2,
+            config_sha256: vec![7; 32],
+            signing_key: "key of the site".to_owned(),
+        };
+        let seat = registry.join(&joining).await.unwrap();
+        let renewal = Renewal {
+            linked: true,
+            draining: false,
+            now: WallTime(NOW_S * NS),
+        };
+        assert!(registry.renew(&seat, renewal).await.unwrap().is_some());
+        Self {
+            store,
+            registry,
+            seat,
+        }
+    }
+
+    async fn claim(&self, claim: i64) {
+        let wanted = [(robot("a"), ClaimId(claim))];
+        for tenure in self.registry.claim(&self.seat, &wanted).await.unwrap() {
+            self.store.claims().set(&tenure);
+        }
+    }
+
+    /// Hands over to the store what the robot's estimator tells in second `t_s`.
+    fn tell(&self, t_s: i64) {
+        record(&self.store, "a", t_s, 0.1);
+        let state = vec![2, t_s as u8];
+        self.store
+            .save_checkpoint(&robot("a"), RobotTime(t_s), state);
+    }
+}
+
+/// Takes an instance for dead that is between its fence and its rows, as one that is frozen there;
+/// gives what was seen.
+async fn frozen_in_the_midst_of_a_write(fencing: Fencing) -> Evidence {
+    let server = records::server();
+    let url = server.url("postgres");
+    let opened = fleetcal_postgres::open(setup(&url), Box::new(()), clock() as _);
+    let store = opened.await.unwrap();
+    let keep = KeepRobot(config(1.2), event("kept"));
+    store.transact(keep).await.unwrap();
+    store.close().await.unwrap();
+    records::watch(&url, &["one", "two"]);
+    let one = Writer::join(&server, "one", fencing).await;
+    let two = Writer::join(&server, "two", Fencing::Locked).await;
+    one.claim(1).await;
+    one.tell(NOW_S);
+    one.store.flush().await.unwrap();
+
+    let frozen = Beside::run(&url, "BEGIN; LOCK TABLE checkpoint IN EXCLUSIVE MODE");
+    one.tell(NOW_S + 1);
+    let store = one.store.clone();
+    let writing = tokio::spawn(async move { store.flush().await });
+    wait_for("a write that waits", || {
+        let waiting = "SELECT count(*) FROM pg_locks
+            WHERE relation = 'checkpoint'::regclass AND NOT granted";
+        (psql(&url, waiting).trim() == "1").then_some(())
+    });
+    psql(
+        &url,
+        "UPDATE instance SET lease_ends_ns = clock_ns() - 1 WHERE id = 'one'",
+    );
+    let taking = async {
+        let taken = two
+            .registry
+            .take_for_dead(&two.seat, TakeForDead::LeaseEnded);
+        assert_eq!(taken.await.unwrap().len(), 1);
+        two.claim(2).await;
+    };
+    let mut taking = std::pin::pin!(taking);
+    let waits = tokio::time::timeout(MOMENT, &mut taking).await.is_err();
+    drop(frozen);
+    writing.await.unwrap().unwrap();
+    if waits {
+        taking.await;
+    }
+    two.tell(NOW_S + 2);
+    two.store.flush().await.unwrap();
+    let mut evidence = Evidence::default();
+    records::read(&url, &mut evidence);
+    assert!(evidence.written.iter().any(|row| row.by == "two"));
+    one.store.close().await.unwrap();
+    two.store.close().await.unwrap();
+    evidence
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_fence_without_its_row_lock_is_found() {
+    let in_order = frozen_in_the_midst_of_a_write(Fencing::Locked).await;
+    assert_eq!(in_order.violations(), []);
+    let found = frozen_in_the_midst_of_a_write(Fencing::Unlocked)
+        .await
+        .violations();
+    println!("without the row lock: {found:?}");
+    let is_late = |one: &Violation| matches!(one, Violation::StaleRow { by, .. } if by == "one");
+    assert!(!found.is_empty() && found.iter().all(is_late), "{found:?}");
+}
+
+/// The database ends the lease while the instance, which cannot reach it, trusts it for seconds:
+/// what an instance without a gate does whose lease has ended.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_instance_whose_gate_does_not_close_is_found() {
+    let trial = Trial::start(true, 7, Duration::from_millis(200)).await;
+    assert_eq!(trial.evidence().violations(), []);
+    let robots = trial.of_instance("a");
+    wait_for("a renewal", || {
+        let left = "SELECT lease_ends_ns - clock_ns() > 5700000000 FROM instance WHERE id = 'a'";
+        (psql(&trial.url(), left).trim() == "t").then_some(())
+    });
+    let began = now();
+    trial.cluster.lines("a").database.cut(Cut::Both);
+    let ended = "UPDATE instance SET lease_ends_ns = clock_ns() - 1 WHERE id = 'a'";
+    psql(&trial.url(), ended);
+    trial.taken_over(began, "a", &robots);
+    std::thread::sleep(Duration::from_secs(5).saturating_sub(began.elapsed()));
+    trial.cluster.lines("a").database.heal();
+    trial.balanced();
+    let found = trial.evidence().violations();
+    println!("without a gate: {found:?}");
+    let is_late =
+        |one: &Violation| matches!(one, Violation::StaleEstimates { by, .. } if by == "a");
+    assert!(!found.is_empty() && found.iter().all(is_late), "{found:?}");
+}
+
+/// Commits do not wait for the disk, and the server, whose processes are all killed, forgets with its
+/// memory what it acknowledged.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_asynchronous_commit_is_found() {
+    let trial = Trial::start(true, 7, Duration::from_millis(20)).await;
+    psql(&trial.url(), "ALTER SYSTEM SET synchronous_commit = off");
+    psql(&trial.url(), "SELECT pg_reload_conf()");
+    // It would write full pages soon: what an asynchronous commit leaves to it stays in memory.
+    let writer = "SELECT pid FROM pg_stat_activity WHERE backend_type = 'walwriter'";
+    let stopped = Command::new("kill")
+        .args(["-s", "STOP", psql(&trial.url(), writer).trim()])
+        .status();
+    assert!(stopped.unwrap().success());
+    std::thread::sleep(Duration::from_secs(1));
+    let server = trial.cluster.server.as_ref().unwrap();
+    let before = trial.decider.acknowledged();
+    wait_for("decisions", || {
+        (trial.decider.acknowledged() >= before + 20).then_some(())
+    });
+    records::kill_processes(&trial.url());
+    std::thread::sleep(Duration::from_secs(1));
+    server.start();
+    let back = now();
+    wait_for("a decision", || trial.decider.acknowledged_since(back));
+    let found = trial.evidence().violations();
+    let is_lost = |one: &&Violation| matches!(one, Violation::Lost { .. });
+    let lost = found.iter().filter(is_lost).count();
+    println!("with asynchronous commits: {lost} acknowledged decisions lost");
+    assert!(lost > 5, "{found:?}");
+}

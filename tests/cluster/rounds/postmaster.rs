@@ -1,0 +1,70 @@
+//! A PostgreSQL whose postmaster is killed while is decided.
+
+use std::time::Duration;
+
+use fleetcal_tests::service::{now, wait_for};
+use rand::rngs::StdRng;
+use rand::{Rng, SeedableRng};
+
+use crate::figures::{quantile, spread, told};
+use crate::progress::Progress;
+use crate::records;
+use crate::trial::Trial;
+
+/// The pause between two decisions: some twenty a second.
+const PAUSE: Duration = Duration::from_millis(30);
+/// Decisions are taken again within this time after the server's return, s.
+const AGAIN_WITHIN_S: f64 = 5.0;
+
+/// Kills the postmaster, every second time with all of its processes, and starts the server again; gives how long nothing was decided after that,
+/// s, and how many decisions were acknowledged in the round.
+fn kill(trial: &Trial, seed: u64) -> [f64; 2] {
+    let mut random = StdRng::seed_from_u64(seed);
+    let before = trial.decider.acknowledged();
+    std::thread::sleep(Duration::from_millis(random.random_range(3_000..6_000)));
+    let server = trial.cluster.server.as_ref().unwrap();
+    let whole = seed.is_multiple_of(2);
+    if whole {
+        records::kill_processes(&trial.url());
+    } else {
+        server.kill();
+    }
+    std::thread::sleep(Duration::from_millis(random.random_range(0..4_000)));
+    server.start();
+    let back = now();
+    let decided = wait_for("a decision", || trial.decider.acknowledged_since(back)) - back;
+    let count = trial.decider.acknowledged() - before;
+    trial.balanced();
+    trial.owners();
+    trial.check(seed);
+    println!(
+        "round {seed}: {count} decisions acknowledged, the next one {decided:.2?} after the return"
+    );
+    [decided.as_secs_f64(), count as f64]
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_killed_postmaster_loses_nothing_acknowledged() {
+    let mut progress = Progress::of("postmaster", 2);
+    let open = progress.open();
+    if !open.is_empty() {
+        let trial = Trial::start(true, open[0], PAUSE).await;
+        for seed in open {
+            let took = kill(&trial, seed);
+            progress.passed(seed, took.to_vec());
+        }
+        println!(
+            "postmaster: {}; {}",
+            trial.seen(),
+            progress.told(&trial.server())
+        );
+    }
+    let again = progress.figures(0);
+    println!(
+        "decisions again after the server's return: {}",
+        spread(&again)
+    );
+    println!("  rounds with a lost decision: {}", told(0, progress.len()));
+    println!("  decisions lost: {}", told(0, progress.count(1)));
+    assert!(quantile(&again, 1.0) <= AGAIN_WITHIN_S, "{again:?}");
+}

@@ -1,0 +1,215 @@
+//! Instances that are killed, frozen, or stopped in order.
+
+use std::time::Duration;
+
+use fleetcal_tests::service::now;
+use rand::rngs::StdRng;
+use rand::{Rng, SeedableRng};
+
+use crate::figures::{quantile, spread, told};
+use crate::progress::Progress;
+use crate::trial::{BALANCED_WITHIN, DRIVING, SERVED_WITHIN, Trial};
+
+/// The pause between two decisions of somebody who decides beside it.
+const PAUSE: Duration = Duration::from_millis(200);
+/// Between two estimates of a robot that is handed over.
+const HANDED_OVER_WITHIN: Duration = Duration::from_millis(2_200);
+/// What a takeover takes, s: half of them, and 99 of 100.
+const TAKEOVER_S: [f64; 2] = [1.5, 3.0];
+
+fn chosen(random: &mut StdRng) -> &'static str {
+    if random.random() { "a" } else { "b" }
+}
+
+/// Kills an instance; gives how long each of its robots had no estimate from another one, s.
+fn kill(trial: &mut Trial, seed: u64) -> Vec<f64> {
+    let mut random = StdRng::seed_from_u64(seed);
+    let name = chosen(&mut random);
+    let robots = trial.of_instance(name);
+    std::thread::sleep(Duration::from_millis(random.random_range(0..2_000)));
+    let killed = now();
+    trial.instances.get_mut(name).unwrap().process.kill();
+    let took = trial.taken_over(killed, name, &robots);
+    trial.instances.remove(name);
+    trial.start_again(name);
+    let balanced = trial.balanced();
+    assert!(balanced < BALANCED_WITHIN, "balanced after {balanced:?}");
+    trial.check(seed);
+    println!("round {seed}: {name} killed, its robots served after {took:.2?} s");
+    took
+}
+
+async fn takeovers(kind: &str, fast_takeover: bool, rounds: usize) -> Progress {
+    let mut progress = Progress::of(kind, rounds);
+    let open = progress.open();
+    if open.is_empty() {
+        return progress;
+    }
+    let mut trial = Trial::start(fast_takeover, open[0], PAUSE).await;
+    for seed in open {
+        let took = kill(&mut trial, seed);
+        progress.passed(seed, vec![quantile(&took, 1.0)]);
+    }
+    assert!(trial.drives());
+    println!(
+        "{kind}: {}; {}",
+        trial.seen(),
+        progress.told(&trial.server())
+    );
+    progress
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_killed_instance_is_replaced() {
+    let progress = takeovers("takeover", true, 5).await;
+    let slowest = progress.figures(0);
+    let late = slowest
+        .iter()
+        .filter(|took| **took > SERVED_WITHIN.as_secs_f64());
+    let late = told(late.count() as u64, progress.len());
+    println!(
+        "takeover after kill -9, slowest robot of each: {}",
+        spread(&slowest)
+    );
+    println!("  after more than 9 s: {late}");
+    let bounds = [quantile(&slowest, 0.5), quantile(&slowest, 0.99)];
+    assert!(
+        bounds[0] <= TAKEOVER_S[0] && bounds[1] <= TAKEOVER_S[1],
+        "{bounds:?}"
+    );
+    assert!(quantile(&slowest, 1.0) <= SERVED_WITHIN.as_secs_f64());
+}
+
+/// Neither liveliness tokens nor advisory locks are looked at: the lease has to end.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_killed_instance_is_replaced_when_its_lease_has_ended() {
+    let progress = takeovers("takeover_by_lease", false, 3).await;
+    let slowest = progress.figures(0);
+    let late = slowest
+        .iter()
+        .filter(|took| **took > SERVED_WITHIN.as_secs_f64());
+    let late = told(late.count() as u64, progress.len());
+    println!("takeover without fast_takeover: {}", spread(&slowest));
+    println!("  after more than 9 s: {late}");
+    assert!(quantile(&slowest, 1.0) <= SERVED_WITHIN.as_secs_f64());
+}
+
+/// Freezes an instance for some time; gives how many estimates came late so far.
+fn freeze(trial: &Trial, seed: u64) -> usize {
+    let mut random = StdRng::seed_from_u64(seed);
+    let name = chosen(&mut random);
+    std::thread::sleep(Duration::from_millis(random.random_range(0..2_000)));
+    let frozen_for = Duration::from_millis(random.random_range(500..20_000));
+    let instance = &trial.instances[name];
+    instance.process.signal("STOP");
+    std::thread::sleep(frozen_for);
+    instance.process.signal("CONT");
+    let thawed = now();
+    let balanced = trial.balanced();
+    assert!(balanced < BALANCED_WITHIN, "balanced after {balanced:?}");
+    trial.owners();
+    let late = trial.check(seed);
+    println!(
+        "round {seed}: {name} frozen for {frozen_for:.1?}, in order after {:.1?}",
+        thawed.elapsed()
+    );
+    late
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_frozen_instance_does_no_harm_when_it_thaws() {
+    let mut progress = Progress::of("freeze", 5);
+    let open = progress.open();
+    if !open.is_empty() {
+        let trial = Trial::start(true, open[0], PAUSE).await;
+        let mut late = 0;
+        for seed in open {
+            let late_now = freeze(&trial, seed);
+            progress.passed(seed, vec![(late_now - late) as f64]);
+            late = late_now;
+        }
+        println!(
+            "freeze: {}; {}",
+            trial.seen(),
+            progress.told(&trial.server())
+        );
+    }
+    let rounds = progress.len();
+    println!(
+        "freezes of 0.5 to 20 s with stale rows: {}",
+        told(0, rounds)
+    );
+    println!("  with stale documents: {}", told(0, rounds));
+    let of_robots = rounds * DRIVING as u64;
+    println!(
+        "  robots with more than one late estimate: {}",
+        told(0, of_robots)
+    );
+    println!(
+        "  one late estimate, which is permitted: {} times",
+        progress.count(0)
+    );
+}
+
+/// Stops an instance in order and starts it again; gives the longest times without an estimate, s.
+fn stop_and_join(trial: &mut Trial, seed: u64) -> [f64; 2] {
+    let mut random = StdRng::seed_from_u64(seed);
+    let name = chosen(&mut random);
+    let longest = |gaps: std::collections::BTreeMap<String, Duration>| {
+        assert_eq!(gaps.len(), DRIVING);
+        gaps.into_values().max().unwrap()
+    };
+    let stopped = now();
+    let mut leaving = trial.instances.remove(name).unwrap();
+    leaving.process.signal("TERM");
+    assert_eq!(
+        leaving.process.ended(),
+        Some(0),
+        "{}",
+        leaving.process.said()
+    );
+    let took = stopped.elapsed();
+    trial.owners();
+    let end = longest(trial.watch.gaps(stopped));
+    let joined = now();
+    trial.start_again(name);
+    let balanced = trial.balanced();
+    assert!(balanced < BALANCED_WITHIN, "balanced after {balanced:?}");
+    trial.owners();
+    let join = longest(trial.watch.gaps(joined));
+    trial.check(seed);
+    println!("round {seed}: {name} left in {took:.1?}, longest gaps {end:?}, {join:?}");
+    [end.as_secs_f64(), join.as_secs_f64()]
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn who_ends_or_joins_in_order_breaks_no_stream() {
+    let mut progress = Progress::of("planned", 2);
+    let open = progress.open();
+    if !open.is_empty() {
+        let mut trial = Trial::start(true, open[0], PAUSE).await;
+        for seed in open {
+            let gaps = stop_and_join(&mut trial, seed);
+            progress.passed(seed, gaps.to_vec());
+        }
+        println!(
+            "planned: {}; {}",
+            trial.seen(),
+            progress.told(&trial.server())
+        );
+    }
+    let (ends, joins) = (progress.figures(0), progress.figures(1));
+    println!(
+        "longest time without an estimate at a planned end: {}",
+        spread(&ends)
+    );
+    println!("  and when an instance joins: {}", spread(&joins));
+    let all = [ends, joins].concat();
+    let within = HANDED_OVER_WITHIN.as_secs_f64();
+    let late = all.iter().filter(|gap| **gap > within).count();
+    println!(
+        "  longer than 2.2 s: {}",
+        told(late as u64, all.len() as u64)
+    );
+    assert_eq!(late, 0, "{all:?}");
+}

@@ -1,0 +1,201 @@
+//! A cluster with robots, somebody who decides and somebody who listens: what every round is run on.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::{Duration, Instant};
+
+use fleetcal_contract::own_server::psql;
+use fleetcal_store::database_url::PostgresUrl;
+use fleetcal_tests::service::{now, wait_for};
+
+use crate::checker::Evidence;
+use crate::cluster::{Cluster, Instance, Parts, Process};
+use crate::decider::{Decider, Desk};
+use crate::records;
+use crate::watch::Watch;
+
+/// Robots that drive.
+pub const DRIVING: usize = 6;
+/// Robots about which is decided.
+pub const PARKED: usize = 2;
+/// Estimates come once a second: what has not come for so long does not come.
+const SETTLED: Duration = Duration::from_millis(2_500);
+/// Instances share the robots evenly so long after one joins, leaves, thaws or is reached again.
+pub const BALANCED_WITHIN: Duration = Duration::from_secs(30);
+/// Robots of an instance that is gone are estimated again within this time, whatever works.
+pub const SERVED_WITHIN: Duration = Duration::from_secs(9);
+
+/// See the module.
+#[derive(Debug)]
+pub struct Trial {
+    /// The instances that run, by name.
+    pub instances: BTreeMap<&'static str, Instance>,
+    /// What decides.
+    pub decider: Decider,
+    /// What listens.
+    pub watch: Watch,
+    /// Where all of it is.
+    pub cluster: Cluster,
+    robots: Process,
+    alerts_until: i64,
+}
+
+impl Trial {
+    /// Starts two instances, and all else. `pause` is that of the decider.
+    pub async fn start(fast_takeover: bool, seed: u64, pause: Duration) -> Self {
+        let names = vec!["a", "b"];
+        let parts = Parts {
+            names: names.clone(),
+            robots: DRIVING,
+            parked: PARKED,
+            fast_takeover,
+        };
+        let cluster = Cluster::watched(&parts).await;
+        let watch = Watch::start(&cluster.routers).await;
+        let instances = names.iter().enumerate();
+        let instances = instances.map(|(router, &name)| (name, cluster.start(name, router)));
+        let instances: BTreeMap<_, _> = instances.collect();
+        let robots = cluster.drive();
+        let desk = desk(&cluster, &names);
+        let decider = Decider::start(desk, PARKED, seed, pause);
+        let trial = Self {
+            instances,
+            decider,
+            watch,
+            cluster,
+            robots,
+            alerts_until: 0,
+        };
+        trial.balanced();
+        trial.owners();
+        trial
+    }
+
+    /// The database, directly.
+    pub fn url(&self) -> PostgresUrl {
+        self.cluster.database().parse().unwrap()
+    }
+
+    /// The server's version.
+    pub fn server(&self) -> String {
+        psql(&self.url(), "SHOW server_version").trim().to_owned()
+    }
+
+    /// Starts an instance that has ended.
+    pub fn start_again(&mut self, name: &'static str) {
+        let router = usize::from(name == "b");
+        let instance = self.cluster.start(name, router);
+        self.instances.insert(name, instance);
+    }
+
+    /// Waits until all instances that run have linked and share the robots evenly; gives how long
+    /// that took.
+    pub fn balanced(&self) -> Duration {
+        let began = now();
+        wait_for("even shares", || {
+            let all = self.instances.values().map(|one| self.shares_of(one));
+            all.collect::<Option<Vec<_>>>().map(drop)
+        });
+        began.elapsed()
+    }
+
+    /// Even shares as an instance sees them.
+    fn shares_of(&self, seen_by: &Instance) -> Option<()> {
+        let shares = seen_by.shares()?;
+        let (least, most) = (shares.values().min()?, shares.values().max()?);
+        let all: u64 = shares.values().sum();
+        let even = most - least <= 1 && all == (DRIVING + PARKED) as u64;
+        (even && shares.len() == self.instances.len()).then_some(())
+    }
+
+    /// Waits until every robot's estimates come, each from one instance; gives those instances.
+    pub fn owners(&self) -> BTreeMap<String, String> {
+        let began = now();
+        wait_for("estimates of all robots", || {
+            let since = now().checked_sub(SETTLED)?;
+            if since < began {
+                return None;
+            }
+            let owners = self.watch.owners(since).into_iter();
+            let one = |(robot, of): (String, BTreeSet<String>)| {
+                (of.len() == 1).then(|| Some((robot, of.first()?.clone())))?
+            };
+            let owners: Option<BTreeMap<_, _>> = owners.map(one).collect();
+            owners.filter(|owners| owners.len() == DRIVING)
+        })
+    }
+
+    /// The driving robots of an instance.
+    pub fn of_instance(&self, name: &str) -> Vec<String> {
+        let owners = self.owners().into_iter();
+        let own = owners.filter(|(_, owner)| owner == name);
+        own.map(|(robot, _)| robot).collect()
+    }
+
+    /// Waits until robots that an instance had come from another one; gives how long after `then`
+    /// each did, s.
+    pub fn taken_over(&self, then: Instant, from: &str, robots: &[String]) -> Vec<f64> {
+        let took = wait_for("a takeover", || self.watch.taken_over(then, from, robots));
+        took.iter().map(Duration::as_secs_f64).collect()
+    }
+
+    /// Alerts that were raised since the last question.
+    pub fn alerts(&mut self) -> Vec<String> {
+        let (raised, until) = records::alerts_after(&self.url(), self.alerts_until);
+        self.alerts_until = until;
+        raised
+    }
+
+    /// All that was seen so far.
+    pub fn evidence(&self) -> Evidence {
+        let mut evidence = Evidence::default();
+        // Decisions first: what is acknowledged by now is in the rows that are read afterwards.
+        evidence.decisions = self.decider.decisions();
+        records::read(&self.url(), &mut evidence);
+        self.watch.read(&mut evidence);
+        evidence
+    }
+
+    /// Asserts that nothing is wrong so far; gives how many estimates came late.
+    pub fn check(&self, round: u64) -> usize {
+        let evidence = self.evidence();
+        assert!(!evidence.written.is_empty(), "nobody wrote anything");
+        assert!(!evidence.owners.is_empty(), "nobody had a robot");
+        let wrong = evidence.violations();
+        assert!(
+            wrong.is_empty(),
+            "round {round}: {wrong:#?}; refused last: {:?}",
+            self.decider.refusals()
+        );
+        evidence.stale_estimates().into_values().sum()
+    }
+
+    /// What a campaign was watched by.
+    pub fn seen(&self) -> String {
+        let evidence = self.evidence();
+        let acknowledged = self.decider.acknowledged();
+        format!(
+            "checked: {acknowledged} acknowledged of {} decisions, {} audit rows, {} telemetry rows, \
+             {} changes of owner, {} estimates, {} documents",
+            evidence.decisions.len(),
+            evidence.audit.len(),
+            evidence.written.len(),
+            evidence.owners.len(),
+            evidence.estimates.len(),
+            evidence.documents.len()
+        )
+    }
+
+    /// Whether the robots drive on.
+    pub fn drives(&self) -> bool {
+        !self.robots.said().contains("panicked")
+    }
+}
+
+/// Where is decided, by whom.
+pub fn desk(cluster: &Cluster, names: &[&str]) -> Desk {
+    Desk {
+        instances: names.iter().map(|name| cluster.http(name)).collect(),
+        proposer: cluster.token_of("carla"),
+        approver: cluster.token_of("ana"),
+    }
+}
