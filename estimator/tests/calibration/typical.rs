@@ -3,7 +3,8 @@
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::{Parameter, Status};
 use fleetcal_robot::simulator::{
-    ImperfectionKind, Imperfections, Point, Route, SimulationConfig, Strength, VehicleImperfections,
+    ImperfectionKind, Imperfections, LidarOutput, LidarSettings, Point, Route,
+    ScannerImperfections, SimulationConfig, Strength, VehicleImperfections,
 };
 use rand::{Rng, SeedableRng, rngs::StdRng};
 use rand_distr::StandardNormal;
@@ -13,8 +14,10 @@ use crate::drive::{Driven, FOUR, drive, error_of, poses, published_nees, vehicle
 
 /// A tugger of which everything is drawn from the priors that docs/assumptions.md publishes, on the eight or
 /// in aisles by its seed. Asymmetry and quadratic curve are small on every other vehicle, as the filter takes
-/// them to be until the data ask for more.
-fn drawn_from_all_priors(seed: u64) -> (SimulationConfig, CalibratorConfig) {
+/// them to be until the data ask for more. With the sensors' priors too, every other one has an encoder that
+/// nothing makes tremble, and of every 32 vehicles 16 send raw scans of biased ranges, four of them without
+/// saying when their beams are taken.
+fn drawn_from_priors(seed: u64, sensors_too: bool) -> (SimulationConfig, CalibratorConfig) {
     let (mut config, calibrator) = drawn(seed);
     // Another stream than that of `drawn`, whose vehicles stay the same.
     let mut random = StdRng::seed_from_u64(seed + 1_000_000);
@@ -35,6 +38,19 @@ fn drawn_from_all_priors(seed: u64) -> (SimulationConfig, CalibratorConfig) {
         speed_encoder_y_m: normal(0.05),
         ..VehicleImperfections::default()
     };
+    let is = |bit: u64| sensors_too && seed & bit != 0;
+    if is(8) {
+        config.imperfections.vehicle.undithered_step_rad = 0.25f64.to_radians();
+    }
+    if is(16) {
+        config.lidar = LidarOutput::Scans(LidarSettings::default());
+        config.imperfections.scanner = ScannerImperfections {
+            range_bias_m: normal(0.03),
+            incidence_bias_m: normal(0.01),
+            untimed_beams: is(2) && is(4),
+            ..ScannerImperfections::default()
+        };
+    }
     config.imperfections.lidar.range_scale = normal(0.005);
     config.imperfections.clocks.drive_drift = normal(1e-4);
     if seed.is_multiple_of(2) {
@@ -43,12 +59,12 @@ fn drawn_from_all_priors(seed: u64) -> (SimulationConfig, CalibratorConfig) {
     (config, calibrator)
 }
 
-/// The mean over vehicles that are drawn from all published priors, at each of `times_s`.
-fn published(vehicles: u64, times_s: &[f64]) -> Vec<f64> {
+/// The mean over vehicles that are drawn from published priors, at each of `times_s`.
+fn published(vehicles: u64, sensors_too: bool, times_s: &[f64]) -> Vec<f64> {
     let last_s = times_s.iter().copied().fold(0.0, f64::max);
     let mut means = vec![0.0; times_s.len()];
     for seed in 1..=vehicles {
-        let (config, calibrator) = drawn_from_all_priors(seed);
+        let (config, calibrator) = drawn_from_priors(seed, sensors_too);
         let run = drive(config, calibrator, last_s);
         for (mean, at_s) in means.iter_mut().zip(times_s) {
             let (estimate, truth) = run.at(*at_s);
@@ -63,7 +79,7 @@ fn published(vehicles: u64, times_s: &[f64]) -> Vec<f64> {
 /// deviation of 0.41.
 #[test]
 fn published_errors_of_vehicles_drawn_from_the_priors_lie_inside_their_band() {
-    for nees in published(48, &[60.0, 120.0]) {
+    for nees in published(48, false, &[60.0, 120.0]) {
         assert!((2.4..=5.6).contains(&nees), "mean NEES {nees}");
     }
 }
@@ -71,8 +87,17 @@ fn published_errors_of_vehicles_drawn_from_the_priors_lie_inside_their_band() {
 #[test]
 #[ignore = "200 drives of 300 s; make published-errors"]
 fn published_errors_of_200_vehicles_lie_inside_their_band() {
-    for nees in published(200, &[60.0, 120.0, 300.0]) {
+    for nees in published(200, false, &[60.0, 120.0, 300.0]) {
         assert!((3.0..=5.0).contains(&nees), "mean NEES {nees}");
+    }
+}
+
+/// Not reached: 2.39 and 2.69, too careful.
+#[test]
+#[ignore = "fails: what is published is too careful where the sensors are drawn too"]
+fn published_errors_with_sensors_drawn_too_lie_inside_their_band() {
+    for nees in published(48, true, &[60.0, 120.0]) {
+        assert!((2.4..=5.6).contains(&nees), "mean NEES {nees}");
     }
 }
 
