@@ -137,7 +137,7 @@ pub struct Figures {
 /// Bytes of a service's database, with what is in its write-ahead log alone so far. That file itself
 /// keeps the size it had once.
 pub fn database_bytes(service: &Service) -> u64 {
-    if let Some((_, url)) = database::variable(service.data()) {
+    if let Some((_, url)) = database::variable(&service.data()) {
         let bytes = psql(
             &url.parse().unwrap(),
             "SELECT pg_database_size(current_database())",
