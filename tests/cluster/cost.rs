@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use fleetcal_contract::own_server::number;
-use fleetcal_tests::service::wait_for;
+use fleetcal_tests::service::{now, wait_for};
 
 use crate::cluster::{Cluster, Process};
 use crate::watch::Watch;
@@ -44,7 +44,8 @@ async fn of_two(robots: usize, seconds: usize) -> f64 {
         robots,
         seconds,
     );
-    let heard = watch.owners(fleetcal_tests::service::now() - Duration::from_secs(3));
+    let since = now().checked_sub(Duration::from_secs(3)).unwrap();
+    let heard = watch.owners(since);
     assert_eq!(heard.len(), robots, "not all robots are estimated");
     cost
 }

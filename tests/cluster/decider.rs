@@ -61,13 +61,7 @@ impl Desk {
     }
 
     /// Approves a proposal at an instance, as somebody.
-    pub fn approve(
-        &self,
-        at: SocketAddr,
-        token: &str,
-        one: &Waiting,
-        reason: &str,
-    ) -> Option<Answer> {
+    pub fn approve(at: SocketAddr, token: &str, one: &Waiting, reason: &str) -> Option<Answer> {
         let request = format!("POST /api/v1/proposals/{}/approve", one.id);
         let body = json!({"sha256": one.sha256, "reason": reason}).to_string();
         http::send(
@@ -107,7 +101,7 @@ struct Log {
     refusals: Vec<String>,
 }
 
-/// A thread that decides until this value goes.
+/// Threads that decide until this value goes.
 #[derive(Debug)]
 pub struct Decider {
     log: Arc<Mutex<Log>>,
@@ -115,26 +109,26 @@ pub struct Decider {
 }
 
 impl Decider {
-    /// Begins to decide, one decision after another with this pause, about so many parked robots.
-    pub fn start(desk: Desk, parked: usize, seed: u64, pause: Duration) -> Self {
+    /// Begins to decide about so many parked robots, for each one decision after another with this
+    /// pause.
+    pub fn start(desk: &Desk, parked: usize, seed: u64, pause: Duration) -> Self {
         let (log, stop) = (Arc::<Mutex<Log>>::default(), Arc::<AtomicBool>::default());
-        let (to, ended) = (Arc::clone(&log), Arc::clone(&stop));
-        let mut work = Work {
-            desk,
-            seed,
-            random: StdRng::seed_from_u64(seed),
-            log: to,
-            count: 0,
-            stop: ended,
-        };
-        std::thread::spawn(move || {
-            for robot in (1..=parked).cycle() {
-                if work.stop.load(Ordering::Relaxed) {
-                    return;
+        for robot in 1..=parked {
+            let seed = seed * 100 + robot as u64;
+            let mut work = Work {
+                desk: desk.clone(),
+                seed,
+                random: StdRng::seed_from_u64(seed),
+                log: Arc::clone(&log),
+                count: 0,
+                stop: Arc::clone(&stop),
+            };
+            std::thread::spawn(move || {
+                while !work.stop.load(Ordering::Relaxed) {
+                    work.decide_about(&format!("parked_{robot}"), pause);
                 }
-                work.decide_about(&format!("parked_{robot}"), pause);
-            }
-        });
+            });
+        }
         Self { log, stop }
     }
 
@@ -189,8 +183,7 @@ impl Work {
         };
         std::thread::sleep(pause);
         let approver = self.desk.approver.clone();
-        let asked =
-            |work: &Self, at, reason: &str| work.desk.approve(at, &approver, &waiting, reason);
+        let asked = |_: &Self, at, reason: &str| Desk::approve(at, &approver, &waiting, reason);
         self.decide("approve", false, asked);
         self.give_way(robot, pause);
     }

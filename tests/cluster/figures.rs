@@ -10,7 +10,7 @@ pub fn bound_95(seen: u64, rounds: u64) -> f64 {
     // The number seen or fewer is as probable as 5 % at the bound; that falls as the probability grows.
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..100 {
-        let middle = (low + high) / 2.0;
+        let middle = f64::midpoint(low, high);
         if at_most(seen, rounds, middle) > 0.05 {
             low = middle;
         } else {

@@ -2,10 +2,12 @@
 //! commit. Triggers note both in the transaction itself; an instance is known by its role.
 
 use std::fs;
+use std::path::Path;
 use std::process::Command;
 
 use fleetcal_contract::own_server::{OwnServer, psql};
 use fleetcal_store::database_url::PostgresUrl;
+use fleetcal_tests::service::wait_for;
 
 use crate::checker::{Audited, Evidence, Owned, Written};
 
@@ -47,8 +49,12 @@ pub fn kill_processes(url: &PostgresUrl) {
     let processes = entries.filter(is_process);
     let mut pids: Vec<_> = processes.map(|entry| entry.file_name()).collect();
     pids.insert(0, postmaster.into());
-    let killed = Command::new("kill").arg("-9").args(&pids).status();
-    assert!(killed.unwrap().success() && pids.len() > 5, "{pids:?}");
+    assert!(pids.len() > 5, "{pids:?}");
+    // One that has ended meanwhile is no failure.
+    let killed = Command::new("kill").arg("-9").args(&pids).output();
+    drop(killed.unwrap());
+    let left = Path::new("/proc").join(postmaster);
+    wait_for("the end of the server", || (!left.exists()).then_some(()));
 }
 
 /// Makes a role for each instance and notes from now on what is owned and written. The schema has to
@@ -71,6 +77,15 @@ pub fn watch(url: &PostgresUrl, instances: &[&str]) {
             WHEN ((OLD.instance, OLD.incarnation, OLD.epoch)
                 IS DISTINCT FROM (NEW.instance, NEW.incarnation, NEW.epoch))
             EXECUTE FUNCTION see_owner();
+        CREATE TABLE seen_duty (n BIGINT GENERATED ALWAYS AS IDENTITY, name TEXT, instance TEXT,
+            at_ns BIGINT);
+        CREATE FUNCTION see_duty() RETURNS trigger LANGUAGE plpgsql AS $$
+        BEGIN
+            INSERT INTO seen_duty (name, instance, at_ns)
+                VALUES (NEW.name, NEW.instance, clock_ns());
+            RETURN NULL;
+        END $$;
+        CREATE TRIGGER duty_is_seen AFTER UPDATE ON duty FOR EACH ROW EXECUTE FUNCTION see_duty();
         CREATE TABLE seen_write (robot BIGINT, name TEXT, writer TEXT);
         CREATE FUNCTION see_write() RETURNS trigger LANGUAGE plpgsql AS $$
         BEGIN
@@ -140,16 +155,28 @@ pub fn read(url: &PostgresUrl, into: &mut Evidence) {
         .collect();
 }
 
-/// Kinds of alerts that nobody's decision explains and that were raised after the change of this number, and the number of the last
-/// change now.
+/// Alerts that nobody's decision explains and that were raised after the change of this number, each
+/// with how it went, and the number of the last change now.
 pub fn alerts_after(url: &PostgresUrl, change: i64) -> (Vec<String>, i64) {
+    const AT: &str = "to_char(to_timestamp(at_ns / 1e9), 'HH24:MI:SS.MS')";
     let raised = format!(
-        "SELECT DISTINCT a.kind || ' of ' || a.robot FROM alert_change AS c
-        JOIN alert AS a ON a.id = c.alert WHERE c.id > {change} AND c.state = 'alerting'
-            AND a.kind <> 'not_applied'"
+        "SELECT a.kind || ' of ' || a.robot || ':' ||
+            (SELECT string_agg(' ' || {AT} || ' ' || h.state || ' ' || h.what, ';' ORDER BY h.id)
+            FROM alert_change AS h WHERE h.alert = a.id)
+        FROM alert AS a WHERE a.kind <> 'not_applied' AND EXISTS (SELECT FROM alert_change AS c
+            WHERE c.alert = a.id AND c.id > {change} AND c.state = 'alerting')"
     );
-    let raised = rows(url, &raised).into_iter().map(|row| row[0].clone());
-    let raised = raised.collect();
+    let mut raised: Vec<_> = rows(url, &raised)
+        .into_iter()
+        .map(|row| row.join("|"))
+        .collect();
+    if !raised.is_empty() {
+        let duties = format!(
+            "SELECT {AT} || ' ' || name || ' of ' || coalesce(instance, 'nobody') FROM seen_duty ORDER BY n"
+        );
+        let duties = rows(url, &duties).into_iter().map(|row| row.join("|"));
+        raised.extend(duties);
+    }
     let last = psql(url, "SELECT coalesce(max(id), 0) FROM alert_change");
     (raised, last.trim().parse().unwrap())
 }

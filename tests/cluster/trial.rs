@@ -56,7 +56,7 @@ impl Trial {
         let instances: BTreeMap<_, _> = instances.collect();
         let robots = cluster.drive();
         let desk = desk(&cluster, &names);
-        let decider = Decider::start(desk, PARKED, seed, pause);
+        let decider = Decider::start(&desk, PARKED, seed, pause);
         let trial = Self {
             instances,
             decider,
@@ -147,9 +147,11 @@ impl Trial {
 
     /// All that was seen so far.
     pub fn evidence(&self) -> Evidence {
-        let mut evidence = Evidence::default();
         // Decisions first: what is acknowledged by now is in the rows that are read afterwards.
-        evidence.decisions = self.decider.decisions();
+        let mut evidence = Evidence {
+            decisions: self.decider.decisions(),
+            ..Evidence::default()
+        };
         records::read(&self.url(), &mut evidence);
         self.watch.read(&mut evidence);
         evidence

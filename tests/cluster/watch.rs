@@ -97,7 +97,7 @@ impl Watch {
             epoch: one.epoch,
         });
         into.estimates = estimated.collect();
-        into.documents = self.offered.lock().unwrap().clone();
+        into.documents.clone_from(&self.offered.lock().unwrap());
     }
 
     /// What came since, in its order.

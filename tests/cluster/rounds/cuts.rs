@@ -44,7 +44,7 @@ fn cut(trial: &mut Trial, seed: u64, from: From, direction: Cut) -> [f64; 2] {
     let alerts = trial.alerts();
     println!(
         "round {seed}: {name} cut off from {from:?}, {direction:?}, for {lasts:.1?}: \
-         robots served after {took:.2?} s, even after {balanced:.1?}, alerts {alerts:?}"
+         robots served after {took:.2?} s, even after {balanced:.1?}, alerts {alerts:#?}"
     );
     assert!(balanced < BALANCED_WITHIN, "balanced after {balanced:?}");
     assert!(alerts.is_empty(), "{alerts:?}");

@@ -41,8 +41,8 @@ impl Race<'_> {
         let reason = |of: &str| format!("approve race {} at {of}", self.seed);
         let answers: Vec<Answer> = std::thread::scope(|scope| {
             let ask = |(at, token, of)| {
-                let (waiting, desk) = (&waiting, self.desk);
-                scope.spawn(move || desk.approve(at, token, waiting, &reason(of)).unwrap())
+                let waiting = &waiting;
+                scope.spawn(move || Desk::approve(at, token, waiting, &reason(of)).unwrap())
             };
             let asked = attempts.map(ask);
             asked.map(|one| one.join().unwrap()).into()

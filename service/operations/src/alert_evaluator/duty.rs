@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use fleetcal_cluster::{Duty, cluster_sightings};
+use fleetcal_cluster::{Cluster, Duty, cluster_sightings};
 use fleetcal_domain::alert::{
     AlertKind, Sighting, Situation, Step, Subject, group_silent, sightings, step,
 };
@@ -24,6 +24,10 @@ use super::{AlertEvaluator, Observe};
 /// How often the robots are looked at.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 
+/// After the duty has come to this instance the alerts are read again so often: what the one before
+/// was about to write would stay pending, and alert by its age when robots are silent the next time.
+const LOOKS_READ_AGAIN: u32 = 5;
+
 /// What the alert evaluator remembers between two looks.
 #[derive(Debug, Default)]
 struct Memory {
@@ -38,18 +42,25 @@ pub(super) async fn watch(evaluator: AlertEvaluator, mut live: broadcast::Receiv
     let mut ticks = tokio::time::interval(LOOK_EVERY);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut memory = Memory::default();
+    let mut looks = 0_u32;
     loop {
         tokio::select! {
             () = evaluator.inner.stop.cancelled() => return,
             _ = ticks.tick() => {}
         }
         memory.hear(&mut live, evaluator.inner.clock.now());
-        let inner = &evaluator.inner;
-        let is_own = inner.membership.does(Duty::Alerts);
-        if !is_own || !inner.membership.may_act(inner.clock.uptime()) {
+        if !evaluator.may_look() {
+            looks = 0;
             continue;
         }
-        if let Err(error) = evaluator.look(&mut memory).await {
+        looks = looks.saturating_add(1);
+        let seen = async {
+            if looks <= LOOKS_READ_AGAIN {
+                evaluator.read_again().await?;
+            }
+            evaluator.look(&mut memory).await
+        };
+        if let Err(error) = seen.await {
             tracing::error!(%error, "the alerts could not be brought up to date");
         }
     }
@@ -87,7 +98,27 @@ const fn words(cause: Cause) -> &'static str {
     }
 }
 
+/// Whether robots reach this instance, as its row said last.
+fn is_linked(cluster: &Cluster) -> bool {
+    let snapshot = cluster.snapshot();
+    let seat = cluster.seat();
+    let own = seat.as_ref().and_then(|seat| snapshot.member(seat));
+    own.is_some_and(|own| own.linked)
+}
+
 impl AlertEvaluator {
+    /// Whether the duty is this instance's and it sees the robots: one that no robot reaches would
+    /// take all of them for silent.
+    fn may_look(&self) -> bool {
+        let inner = &self.inner;
+        let membership = &inner.membership;
+        membership.does(Duty::Alerts)
+            && membership
+                .cluster()
+                .is_none_or(|cluster| is_linked(cluster))
+            && membership.may_act(inner.clock.uptime())
+    }
+
     /// Looks once at every robot and takes to the store what has changed.
     async fn look(&self, memory: &mut Memory) -> Result<(), StoreError> {
         let now = self.inner.clock.now();
