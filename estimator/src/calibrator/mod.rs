@@ -60,10 +60,10 @@ struct Told {
 }
 
 impl Told {
-    fn new(values: Values, covariance: ParameterCovariance) -> Self {
+    fn new(values: Values, covariance: &ParameterCovariance) -> Self {
         Self {
             values,
-            covariance,
+            covariance: *covariance,
             encoder_variance_m2: 0.0,
         }
     }
@@ -378,10 +378,10 @@ impl Calibrator {
     fn judged(&self) -> (Trust, Estimate) {
         let mut trust = self.trust.clone();
         let told = match (self.held(), self.filter()) {
-            (Some(held), _) => Told::new(held.values, held.covariance),
+            (Some(held), _) => Told::new(held.values, &held.covariance),
             // Errors that last for metres: the filter takes them as independent.
             (None, Some(filter)) => self.told_of(filter),
-            (None, None) => Told::new(self.prior.values, self.prior.covariance),
+            (None, None) => Told::new(self.prior.values, &self.prior.covariance),
         };
         let parameters = self.judge(&mut trust, &told);
         let now = self.drive.now();
@@ -448,7 +448,7 @@ impl Calibrator {
         let mut known = long_run.known(filter);
         let scatter = long_run.ratios(&filter.parameter_covariance());
         known.covariance = long_run.publish(&known.covariance);
-        let mut told = Told::new(known.values, known.covariance);
+        let mut told = Told::new(known.values, &known.covariance);
         told.encoder_variance_m2 =
             known.encoder_variance_m2(filter, &self.config.vehicle, &scatter);
         let [offset, y] = [Parameter::SteeringOffset, Parameter::LidarY].map(Parameter::index);
@@ -465,6 +465,6 @@ impl Calibrator {
         let covariance = self
             .filter()
             .map_or(self.prior.covariance, Filter::parameter_covariance);
-        self.judge(&mut self.trust.clone(), &Told::new(*values, covariance))
+        self.judge(&mut self.trust.clone(), &Told::new(*values, &covariance))
     }
 }

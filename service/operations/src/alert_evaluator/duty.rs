@@ -55,7 +55,7 @@ pub(super) async fn watch(evaluator: AlertEvaluator, mut live: broadcast::Receiv
         }
         looks = looks.saturating_add(1);
         let seen = async {
-            if looks <= LOOKS_READ_AGAIN {
+            if looks <= LOOKS_READ_AGAIN && evaluator.inner.membership.cluster().is_some() {
                 evaluator.read_again().await?;
             }
             evaluator.look(&mut memory).await

@@ -1,6 +1,7 @@
 //! The service stops and starts again while something is under way.
 
-use fleetcal_domain::robot::RobotState;
+use fleetcal_domain::robot::{RobotState, RobotView};
+
 use fleetcal_robot::simulator::{Change, Pose2, ScheduledChange};
 
 use super::driven::Driver;
@@ -25,13 +26,18 @@ async fn drive_until(bench: &Bench, driver: &mut Driver, state: RobotState) {
 
 /// Waits until the robot shows the estimate that was stored.
 async fn restored(bench: &Bench) {
+    shown(bench, |view| view.estimate.as_ref().map(drop)).await;
+}
+
+/// Waits until the robot shows something.
+async fn shown<T>(bench: &Bench, what: impl Fn(&RobotView) -> Option<T>) -> T {
     for _ in 0..2_000 {
-        if bench.fleet.robot(&robot()).unwrap().estimate.is_some() {
-            return;
+        if let Some(found) = what(&bench.fleet.robot(&robot()).unwrap()) {
+            return found;
         }
         tokio::time::sleep(Duration::from_millis(1)).await;
     }
-    panic!("the robot shows no estimate");
+    panic!("the robot does not show it");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -49,12 +55,9 @@ async fn a_verification_run_goes_on() {
     let stored = bench.store.load_checkpoints().await.unwrap();
     let sizes: Vec<_> = stored.iter().map(|record| record.state.len()).collect();
     assert!(matches!(sizes[..], [1..=20_000]), "{sizes:?} bytes");
-    restored(&bench).await;
-    let view = bench.fleet.robot(&robot()).unwrap();
-    let (shown, estimate) = view
-        .verification
-        .expect("it is shown before anything comes");
-    assert_eq!(shown, generation);
+    // Before anything comes.
+    let (of, estimate) = shown(&bench, |view| view.verification.clone()).await;
+    assert_eq!(of, generation);
     assert!(estimate.distance_m > 45.0, "{} m", estimate.distance_m);
     // One that begins from nothing would have to drive 60 m again.
     driver.metres(&bench, 40.0).await;
