@@ -244,7 +244,7 @@ impl Cluster {
             server: None,
             lines: BTreeMap::new(),
             database: database.to_string(),
-            program: binary::path().into(),
+            program: binary::path(),
             routers: (0..2).map(|_| format!("tcp/{}", free_port())).collect(),
             router_processes: Vec::new(),
             config,

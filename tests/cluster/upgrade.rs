@@ -108,7 +108,7 @@ fn version(instance: &Instance) -> String {
 async fn instances_are_upgraded_and_taken_back_under_robots_that_drive() {
     let next = env::var_os("FLEETCAL_NEXT").map(PathBuf::from);
     let next = next.expect("FLEETCAL_NEXT names the next version: make cluster-upgrade");
-    let this = PathBuf::from(binary::path());
+    let this = binary::path();
     let mut cluster = Cluster::new(&["a", "b"], ROBOTS).await;
     let watch = Watch::start(&cluster.routers).await;
     let mut a = cluster.start("a", 0);
