@@ -94,6 +94,8 @@ test: check test-rust test-web ## Runs all checks and tests
 check: dashboard rust doc ## Format, lints, types, documentation and the crate graph
 	$(CARGO) fmt --check
 	$(CARGO) clippy --release --locked --workspace --all-targets -- -D warnings
+	@# Tests that need a server are no target of the others.
+	$(CARGO) clippy --release --locked --workspace --test postgres -- -D warnings
 	cd web && npm run check --silent
 	@# Shows the crates and what each may use; fails on a circle.
 	$(CARGO) test --release --locked -p fleetcal-architecture -- --nocapture --test-threads 1
@@ -131,7 +133,7 @@ test-postgres-contract: build-for-tests ## What PostgreSQL has to do, as SQLite 
 
 # All but what looks into SQLite's files, or copies them.
 .PHONY: test-postgres
-test-postgres: build-for-tests python ## Unit tests and end-to-end tests with all services on PostgreSQL: half an hour
+test-postgres: build-for-tests python ## Unit tests and end-to-end tests with all services on PostgreSQL: 10 minutes
 	env -u FLEETCAL_DATA FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) \
 	  tests/postgres/with_server.sh $(CARGO) test --release --locked --workspace --no-fail-fast \
 	  --lib --test store --test postgres --test service --test http --test agent --test zenoh \
