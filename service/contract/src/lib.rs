@@ -10,6 +10,7 @@
 )]
 
 mod database;
+mod instance;
 mod jobs;
 pub mod own_server;
 
@@ -23,6 +24,7 @@ use fleetcal_proto::estimate::{EstimateDocument, ParameterDocument, Parameters};
 use fleetcal_store::{EventKind, EventSource, HistoryQuery, NewEvent, Store};
 
 pub use database::{SERVER, TestDatabase, server};
+pub use instance::{instance, joining, open_instance};
 pub use jobs::{AddUser, IsThere, KeepRobot};
 
 /// Wall time at which the tests begin, s: 2026-01-01.

@@ -5,13 +5,15 @@ use std::process::Command;
 use std::sync::Arc;
 use std::time::Duration;
 
-use fleetcal_cluster::{ClaimId, InstanceId, Seat};
+use fleetcal_cluster::{ClaimId, Seat};
 use fleetcal_contract::own_server::{Beside, OwnServer, psql, setup, url_of};
-use fleetcal_contract::{KeepRobot, NOW_S, NS, clock, config, event, record, robot};
+use fleetcal_contract::{
+    KeepRobot, NOW_S, NS, clock, config, event, joining, open_instance, record, robot,
+};
 use fleetcal_model::{RobotTime, WallTime};
-use fleetcal_postgres::{Fencing, JobRuns, Sharing, open_with};
+use fleetcal_postgres::Fencing;
 use fleetcal_store::Store;
-use fleetcal_store::cluster::{ClusterRegistry, Joining, Renewal, TakeForDead};
+use fleetcal_store::cluster::{ClusterRegistry, Renewal, TakeForDead};
 use fleetcal_tests::service::{now, wait_for};
 
 use crate::checker::{Evidence, Violation};
@@ -32,27 +34,9 @@ struct Writer {
 impl Writer {
     async fn join(server: &OwnServer, name: &str, fencing: Fencing) -> Self {
         let url = url_of(&[&server.host()], name, "postgres");
-        let instance = InstanceId::parse(name).unwrap();
-        let sharing = Sharing::Instance(instance.clone(), fencing);
-        let opened = open_with(
-            setup(&url),
-            Box::new(()),
-            clock() as _,
-            JobRuns::Once,
-            sharing,
-        );
-        let store = opened.await.unwrap();
+        let store = open_instance(setup(&url), name, fencing).await.unwrap();
         let registry = store.registry().unwrap();
-        let joining = Joining {
-            instance,
-            url: format!("http://{name}:8080"),
-            capacity: 1,
-            program: "0.2.0".to_owned(),
-            checkpoint_format: 2,
-            config_sha256: vec![7; 32],
-            signing_key: "key of the site".to_owned(),
-        };
-        let seat = registry.join(&joining).await.unwrap();
+        let seat = registry.join(&joining(name)).await.unwrap();
         let renewal = Renewal {
             linked: true,
             draining: false,

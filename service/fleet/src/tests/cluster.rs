@@ -21,10 +21,15 @@ impl Instance {
     }
 
     pub fn of(name: &str, robots: BTreeMap<RobotId, RobotConfig>) -> Self {
+        Self::stepping(name, robots, Calibrator::step)
+    }
+
+    /// One whose estimators do something else.
+    pub fn stepping(name: &str, robots: BTreeMap<RobotId, RobotConfig>, step: Step) -> Self {
         let name = InstanceId::parse(name).unwrap();
         let membership = Membership::of(name.clone());
         Self {
-            bench: bench_in(&membership, robots, BTreeMap::new(), Calibrator::step),
+            bench: bench_in(&membership, robots, BTreeMap::new(), step),
             name,
             membership,
         }

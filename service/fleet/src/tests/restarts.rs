@@ -1,9 +1,11 @@
 //! What a robot's task stores, how often, and what another one goes on from.
 
 use fleetcal_domain::approval::Policy;
+use fleetcal_domain::robot::RobotState;
 use fleetcal_estimator::Status;
 use fleetcal_estimator::estimate::{Cause, Change, ChangeKind};
 
+use super::cluster::Instance;
 use super::*;
 
 const CALIBRATED: Status = Status::Converged;
@@ -107,6 +109,19 @@ async fn checkpoints_are_stored_every_10_s_until_all_is_known_and_decided() {
     assert!(stored_s(&bench).is_empty(), "nothing is under way");
     bench.fleet.stop().await;
     assert_eq!(stored_s(&bench), [729], "the service stops");
+}
+
+/// What an instance has not stored is lost to the one that takes over from it.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_instance_of_a_cluster_stores_a_calibrated_robot_every_10_s_too() {
+    let robots = BTreeMap::from([(id("robot"), vehicle())]);
+    let a = Instance::stepping("a", robots, calibrated_after_100_s);
+    a.adopt("robot", 1, None);
+    seconds(&a.bench, 0, 200).await;
+    assert_eq!(a.bench.view("robot").state, RobotState::Calibrated);
+    stored_s(&a.bench);
+    seconds(&a.bench, 200, 240).await;
+    assert_eq!(stored_s(&a.bench).len(), 4);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

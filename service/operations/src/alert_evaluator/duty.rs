@@ -26,6 +26,7 @@ const LOOK_EVERY: Duration = Duration::from_secs(1);
 
 /// After the duty has come to this instance the alerts are read again so often: what the one before
 /// was about to write would stay pending, and alert by its age when robots are silent the next time.
+/// A statement of the one before has 3 s to come, and a transaction of it that stands still 5 s.
 const LOOKS_READ_AGAIN: u32 = 5;
 
 /// What the alert evaluator remembers between two looks.

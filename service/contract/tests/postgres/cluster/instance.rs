@@ -4,11 +4,11 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use fleetcal_cluster::{ClaimId, InstanceId, Seat, Tenure};
-use fleetcal_contract::{NOW_S, NS, clock, config, robot};
+use fleetcal_cluster::{ClaimId, Seat, Tenure};
+use fleetcal_contract::{NOW_S, NS, clock, config, joining, open_instance, robot};
 use fleetcal_model::{RobotId, Version, WallTime};
-use fleetcal_postgres::{Fencing, JobRuns, PostgresSetup, Sharing, open_with};
-use fleetcal_store::cluster::{ClusterRegistry, Joining, Look, Renewal};
+use fleetcal_postgres::Fencing;
+use fleetcal_store::cluster::{ClusterRegistry, Look, Renewal};
 use fleetcal_store::database_url::PostgresUrl;
 use fleetcal_store::{Job, Records, Store, StoreError};
 
@@ -30,7 +30,7 @@ impl Instance {
 
     /// The same, with a fence that may be broken.
     pub async fn join_with(url: &PostgresUrl, name: &str, fencing: Fencing) -> Self {
-        let store = open(setup(url), name, fencing).await.unwrap();
+        let store = open_instance(setup(url), name, fencing).await.unwrap();
         let registry = store.registry().unwrap();
         let seat = registry.join(&joining(name)).await.unwrap();
         let instance = Self {
@@ -75,29 +75,6 @@ impl Instance {
         rows.filter(|(_, row)| row.owner.as_ref() == Some(&self.seat))
             .map(|(robot, _)| robot)
             .collect()
-    }
-}
-
-/// Opens the store of an instance.
-pub async fn open(setup: PostgresSetup, name: &str, fencing: Fencing) -> Result<Store, StoreError> {
-    let sharing = Sharing::Instance(instance(name), fencing);
-    open_with(setup, Box::new(()), clock() as _, JobRuns::Once, sharing).await
-}
-
-pub fn instance(name: &str) -> InstanceId {
-    InstanceId::parse(name).unwrap()
-}
-
-/// What an instance says of itself.
-pub fn joining(name: &str) -> Joining {
-    Joining {
-        instance: instance(name),
-        url: format!("http://{name}:8080"),
-        capacity: 1,
-        program: "0.2.0".to_owned(),
-        checkpoint_format: 2,
-        config_sha256: vec![7; 32],
-        signing_key: "key of the site".to_owned(),
     }
 }
 

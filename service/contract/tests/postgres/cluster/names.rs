@@ -1,12 +1,12 @@
 //! Who may be an instance of a cluster, and under which name.
 
-use fleetcal_contract::{NOW_S, clock, record};
+use fleetcal_contract::{NOW_S, clock, instance, joining, open_instance, record};
 use fleetcal_postgres::Fencing;
 use fleetcal_store::StoreError;
 use fleetcal_store::cluster::{Joining, TakeForDead};
 use fleetcal_store::database_url::PostgresUrl;
 
-use super::instance::{Instance, database, end_lease, instance, joining, open};
+use super::instance::{Instance, database, end_lease};
 use crate::startup::new_role;
 use fleetcal_contract::own_server::{psql, setup};
 
@@ -19,7 +19,9 @@ async fn a_name_is_one_processs_until_it_ends() {
     let (url, robots) = database(3).await;
     let first = Instance::join(&url, "a").await;
     assert_eq!(first.claim(&robots, 1).await.len(), 3);
-    let second = open(setup(&url), "a", Fencing::Locked).await.unwrap();
+    let second = open_instance(setup(&url), "a", Fencing::Locked)
+        .await
+        .unwrap();
     let told = told(second.registry().unwrap().join(&joining("a")).await);
     assert!(
         told.contains("has an instance a already, from 127.0.0.1"),
@@ -73,7 +75,7 @@ async fn a_service_that_is_alone_and_an_instance_exclude_each_other() {
     }
     let store = alone().await.unwrap();
     assert!(store.registry().is_none());
-    let refused = told(open(setup(&url), "a", Fencing::Locked).await);
+    let refused = told(open_instance(setup(&url), "a", Fencing::Locked).await);
     assert!(refused.contains("is no instance of a cluster"), "{refused}");
     store.close().await.unwrap();
 }
@@ -99,6 +101,9 @@ async fn a_role_with_fewer_rights_is_an_instance() {
     end_lease(&url, "a");
     let taken = b.registry.take_for_dead(&b.seat, TakeForDead::LeaseEnded);
     assert_eq!(taken.await.unwrap(), std::slice::from_ref(&a.seat));
+    let members = b.look().await.snapshot.members;
+    let ended: Vec<_> = members.iter().map(|member| member.is_ended).collect();
+    assert_eq!(ended, [true, false], "{members:?}");
     b.registry.leave(&b.seat).await.unwrap();
 }
 
@@ -106,7 +111,9 @@ async fn a_role_with_fewer_rights_is_an_instance() {
 async fn who_signs_with_another_key_is_refused() {
     let (url, _) = database(1).await;
     let a = Instance::join(&url, "a").await;
-    let store = open(setup(&url), "b", Fencing::Locked).await.unwrap();
+    let store = open_instance(setup(&url), "b", Fencing::Locked)
+        .await
+        .unwrap();
     let registry = store.registry().unwrap();
     let other = Joining {
         signing_key: "another key".to_owned(),

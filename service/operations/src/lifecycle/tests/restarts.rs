@@ -1,7 +1,6 @@
 //! The service stops and starts again while something is under way.
 
 use fleetcal_domain::robot::{RobotState, RobotView};
-
 use fleetcal_robot::simulator::{Change, Pose2, ScheduledChange};
 
 use super::driven::Driver;
