@@ -7,6 +7,7 @@ use fleetcal_fleet::FleetHandle;
 use fleetcal_operations::lifecycle::Lifecycle;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::key::{Keys, StreamKind};
+use zenoh::key_expr::KeyExpr;
 use zenoh::pubsub::Subscriber;
 use zenoh::{Result, Session};
 
@@ -16,6 +17,22 @@ use crate::{Parts, answers, ingest, warn_if_refused};
 /// The robots to hear.
 pub type HeardRobots = BTreeSet<RobotId>;
 
+/// The streams that bring many messages a second.
+const FREQUENT: [StreamKind; 3] = [
+    StreamKind::WheelOdometry,
+    StreamKind::Scan,
+    StreamKind::LidarOdometry,
+];
+
+/// What is declared for a robot. Zenoh compares a message whose key is not declared with each
+/// subscriber of the session, which would cost each message more the more robots an instance has.
+#[derive(Debug)]
+struct Heard {
+    subscribers: [Subscriber<()>; 2],
+    /// They are undeclared with this value.
+    _frequent: Vec<KeyExpr<'static>>,
+}
+
 /// The subscribers that there are.
 #[derive(Debug)]
 pub struct HeardStreams {
@@ -23,7 +40,7 @@ pub struct HeardStreams {
     fleet: FleetHandle,
     lifecycle: Lifecycle,
     gate: Gate,
-    declared: BTreeMap<RobotId, [Subscriber<()>; 2]>,
+    declared: BTreeMap<RobotId, Heard>,
 }
 
 impl HeardStreams {
@@ -46,35 +63,47 @@ impl HeardStreams {
     pub async fn follow(&mut self, session: &Session, wanted: &HeardRobots) -> Result<()> {
         for robot in wanted {
             if !self.declared.contains_key(robot) {
-                let subscribers = self.declare(session, robot).await?;
-                self.declared.insert(robot.clone(), subscribers);
+                let heard = self.declare(session, robot).await?;
+                self.declared.insert(robot.clone(), heard);
             }
         }
         let is_gone = |robot: &&RobotId| !wanted.contains(*robot);
         let gone: Vec<_> = self.declared.keys().filter(is_gone).cloned().collect();
         for robot in gone {
-            for subscriber in self.declared.remove(&robot).into_iter().flatten() {
-                subscriber.undeclare().await?;
+            if let Some(heard) = self.declared.remove(&robot) {
+                for subscriber in heard.subscribers {
+                    subscriber.undeclare().await?;
+                }
             }
         }
         Ok(())
     }
 
-    async fn declare(&self, session: &Session, robot: &RobotId) -> Result<[Subscriber<()>; 2]> {
+    async fn declare(&self, session: &Session, robot: &RobotId) -> Result<Heard> {
         let (keys, fleet) = (&self.keys, self.fleet.clone());
         let streams = keys.stream_of_any_kind(robot);
         let answers = keys.stream(robot, StreamKind::CalibrationApplied);
         let (lifecycle, gate) = (self.lifecycle.clone(), self.gate.clone());
-        Ok([
-            ingest::subscribe(session, keys, streams, fleet).await?,
-            answers::hear(session, keys, answers, lifecycle, gate).await?,
-        ])
+        let mut frequent = Vec::with_capacity(FREQUENT.len());
+        for kind in FREQUENT {
+            let key = keys.stream(robot, kind);
+            frequent.push(session.declare_keyexpr(key).await?);
+        }
+        Ok(Heard {
+            subscribers: [
+                ingest::subscribe(session, keys, streams, fleet).await?,
+                answers::hear(session, keys, answers, lifecycle, gate).await?,
+            ],
+            _frequent: frequent,
+        })
     }
 
     /// Ends all of them.
     pub async fn close(self) {
-        for subscriber in self.declared.into_values().flatten() {
-            warn_if_refused(subscriber.undeclare().await);
+        for heard in self.declared.into_values() {
+            for subscriber in heard.subscribers {
+                warn_if_refused(subscriber.undeclare().await);
+            }
         }
     }
 }
