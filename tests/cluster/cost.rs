@@ -13,20 +13,25 @@ const MORE_MS_MAX: f64 = 0.5;
 /// Robots drive for so long before it counts.
 const WARM_UP: Duration = Duration::from_secs(20);
 
-/// CPU of processes a second and robot, ms.
-fn measured(processes: &[&Process], robots: usize, seconds: usize) -> f64 {
+/// CPU of processes a second and robot, ms, while somebody listens to all estimates.
+async fn measured(cluster: &Cluster, processes: &[&Process], robots: usize, seconds: usize) -> f64 {
+    let _robots = cluster.drive();
+    let watch = Watch::start(&cluster.routers).await;
     let used = || processes.iter().map(|one| one.cpu_s()).sum::<f64>();
     std::thread::sleep(WARM_UP);
     let before = used();
     std::thread::sleep(Duration::from_secs(seconds as u64));
-    (used() - before) * 1e3 / (robots * seconds) as f64
+    let cost = (used() - before) * 1e3 / (robots * seconds) as f64;
+    let since = now().checked_sub(Duration::from_secs(3)).unwrap();
+    let heard = watch.owners(since);
+    assert_eq!(heard.len(), robots, "not all robots are estimated");
+    cost
 }
 
 async fn of_one(robots: usize, seconds: usize) -> f64 {
     let cluster = Cluster::new(&["a"], robots).await;
     let service = cluster.start_alone();
-    let _robots = cluster.drive();
-    measured(&[&service], robots, seconds)
+    measured(&cluster, &[&service], robots, seconds).await
 }
 
 async fn of_two(robots: usize, seconds: usize) -> f64 {
@@ -37,17 +42,8 @@ async fn of_two(robots: usize, seconds: usize) -> f64 {
         let shares = instances[1].shares()?;
         (shares.len() == 2 && shares.values().all(|share| *share == half)).then_some(())
     });
-    let _robots = cluster.drive();
-    let watch = Watch::start(&cluster.routers).await;
-    let cost = measured(
-        &[&instances[0].process, &instances[1].process],
-        robots,
-        seconds,
-    );
-    let since = now().checked_sub(Duration::from_secs(3)).unwrap();
-    let heard = watch.owners(since);
-    assert_eq!(heard.len(), robots, "not all robots are estimated");
-    cost
+    let processes = [&instances[0].process, &instances[1].process];
+    measured(&cluster, &processes, robots, seconds).await
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

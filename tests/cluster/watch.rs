@@ -20,9 +20,9 @@ pub struct Heard {
     pub at: Instant,
     /// Of which robot.
     pub robot: String,
-    /// From which instance.
+    /// From which instance; empty from a service that is alone.
     pub instance: String,
-    /// In which epoch.
+    /// In which epoch; 0 from a service that is alone.
     pub epoch: i64,
 }
 
@@ -54,12 +54,13 @@ impl Watch {
             .callback(move |sample| {
                 let document: EstimateDocument =
                     serde_json::from_slice(&sample.payload().to_bytes()).unwrap();
-                let by = document.estimated_by.unwrap();
+                let by = document.estimated_by.map(|by| (by.instance, by.epoch));
+                let (instance, epoch) = by.unwrap_or_default();
                 list.lock().unwrap().push(Heard {
                     at: now(),
                     robot: document.robot.to_string(),
-                    instance: by.instance,
-                    epoch: by.epoch,
+                    instance,
+                    epoch,
                 });
             })
             .await
