@@ -178,16 +178,20 @@ pub struct Cluster {
 impl Cluster {
     /// A database and two routers; nobody serves yet. `names` are the instances that there may be.
     pub async fn new(names: &[&'static str], robots: usize) -> Self {
-        let server = server().expect("FLEETCAL_TEST_POSTGRES names a server: make cluster-smoke");
-        let database = fleetcal_postgres::create_for_test(&server).await.unwrap();
-        let names = names.to_vec();
-        let parts = Parts {
-            names,
+        Self::of(&Parts {
+            names: names.to_vec(),
             robots,
             parked: 0,
             fast_takeover: true,
-        };
-        Self::on(&database, &parts)
+        })
+        .await
+    }
+
+    /// The same of these parts.
+    pub async fn of(parts: &Parts) -> Self {
+        let server = server().expect("FLEETCAL_TEST_POSTGRES names a server: make cluster-smoke");
+        let database = fleetcal_postgres::create_for_test(&server).await.unwrap();
+        Self::on(&database, parts)
     }
 
     /// The same on a server of its own that notes who writes what, with a proxy on each line.

@@ -48,9 +48,9 @@ async fn of_two(robots: usize, seconds: usize) -> f64 {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn two_instances_cost_little_more_than_one_service() {
-    let robots = number("CLUSTER_COST_ROBOTS", 24);
+    let robots = number("CLUSTER_COST_ROBOTS", 60);
     let seconds = number("CLUSTER_COST_SECONDS", 60);
-    let rounds = number("CLUSTER_COST_ROUNDS", 2);
+    let rounds = number("CLUSTER_COST_ROUNDS", 3);
     let mut more = Vec::new();
     for round in 1..=rounds {
         let one = of_one(robots, seconds).await;

@@ -12,6 +12,7 @@
     reason = "a test ends where it finds something wrong"
 )]
 
+mod cell;
 mod checker;
 mod cluster;
 mod cost;

@@ -29,9 +29,16 @@ fn a_configuration_is_checked_before_it_is_used() {
 }
 
 #[test]
-fn the_example_configuration_is_valid() {
-    let example = concat!(env!("CARGO_MANIFEST_DIR"), "/../fleetcal.example.toml");
-    assert!(binary::run(["check-config", example]).status.success());
+fn the_example_configurations_are_valid() {
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+    for example in [
+        "fleetcal.example.toml",
+        "examples/deploy/cluster/fleetcal.toml",
+    ] {
+        let checked = binary::run(["check-config", &format!("{root}/{example}")]);
+        let said = String::from_utf8_lossy(&checked.stderr).into_owned();
+        assert!(checked.status.success(), "{example}: {said}");
+    }
 }
 
 #[test]

@@ -25,15 +25,6 @@ pub const MAILBOX_WHEEL_ODOMETRY_MAX: usize = 1_024;
 pub const MAILBOX_SCANS_MAX: usize = 8;
 /// Notes and other rare messages that wait in a robot's mailbox.
 pub const MAILBOX_NOTES_MAX: usize = 64;
-/// A robot that sends has what has come worked off in rounds: waking its task for each message would
-/// cost more than the message. All robots have their rounds at the same moments.
-pub const TASK_ROUND: Duration = Duration::from_millis(20);
-/// Rounds without a message after which a robot's task waits for the next one.
-pub const TASK_IDLE_ROUNDS: u32 = 5;
-/// Drive samples and scans that wait until the next round; further ones are worked off at once.
-pub const TASK_ROUND_WHEEL_ODOMETRY_MAX: usize = 64;
-/// See [`TASK_ROUND_WHEEL_ODOMETRY_MAX`].
-pub const TASK_ROUND_SCANS_MAX: usize = 1;
 /// Robots that are configured.
 pub const ROBOTS_MAX: usize = 4_096;
 /// Robots that send without being configured; further ones are counted and forgotten.
@@ -414,6 +405,10 @@ pub const CLUSTER_MOVES_AT_ONCE_MAX: usize = 64;
 /// For so long both instances hear a robot that is handed over: longer than messages wait for each
 /// other in the estimator.
 pub const CLUSTER_OVERLAP: Duration = Duration::from_secs(1);
+/// How often an instance declares the keys of robots that have begun to send.
+pub const KEYS_DECLARED_EVERY: Duration = Duration::from_secs(1);
+/// A robot of which something came within this time is one that sends.
+pub const SENDING_WITHIN: Duration = Duration::from_secs(5);
 /// An instance takes others for dead only after its own renewals have worked for so long: after an
 /// outage of the database all leases are over at once.
 pub const CLUSTER_CONNECTED_FOR: Duration = CLUSTER_LEASE;

@@ -108,7 +108,7 @@ pub struct FleetSetup {
 /// The fleet, cheap to clone.
 #[derive(Debug, Clone)]
 pub struct FleetHandle {
-    pub(crate) fleet: Arc<Fleet>,
+    fleet: Arc<Fleet>,
 }
 
 impl FleetHandle {
@@ -349,6 +349,13 @@ impl FleetHandle {
     /// Counters of the whole service.
     pub fn counters(&self) -> FleetCounters {
         self.fleet.counters()
+    }
+
+    /// Whether a robot is sending.
+    pub fn is_sending(&self, id: &RobotId) -> bool {
+        let robot = self.fleet.find(id.as_str());
+        let quiet = robot.and_then(|robot| robot.quiet_for(&*self.fleet.clock));
+        quiet.is_some_and(|quiet| quiet < limits::SENDING_WITHIN)
     }
 
     /// How long estimators took for a scan, all robots together.

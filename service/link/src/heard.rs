@@ -1,5 +1,6 @@
-//! One subscriber for the streams of each robot that is heard, and one for its answers. All have the
-//! same callback, which Zenoh calls in the order in which a robot has sent.
+//! One subscriber for the streams of each robot that is heard, and one for all robots' answers, which
+//! are rare. Those of streams have one callback, which Zenoh calls in the order in which a robot has
+//! sent.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -23,14 +24,17 @@ const FREQUENT: [StreamKind; 3] = [
     StreamKind::Scan,
     StreamKind::LidarOdometry,
 ];
+/// Robots whose keys are declared at once: each declaration is compared with all others.
+const KEYS_AT_ONCE_MAX: usize = 32;
 
-/// What is declared for a robot. Zenoh compares a message whose key is not declared with each
-/// subscriber of the session, which would cost each message more the more robots an instance has.
+/// What is declared for a robot.
 #[derive(Debug)]
 struct Heard {
-    subscribers: [Subscriber<()>; 2],
-    /// They are undeclared with this value.
-    _frequent: Vec<KeyExpr<'static>>,
+    streams: Subscriber<()>,
+    /// Keys of a robot that sends. Zenoh compares a message whose key is not declared with each
+    /// subscriber of the session, which costs the more the more robots an instance has. They are
+    /// undeclared with this value.
+    frequent: Vec<KeyExpr<'static>>,
 }
 
 /// The subscribers that there are.
@@ -40,6 +44,8 @@ pub struct HeardStreams {
     fleet: FleetHandle,
     lifecycle: Lifecycle,
     gate: Gate,
+    /// Of all robots; the gate lets through what those of this instance say.
+    answers: Option<Subscriber<()>>,
     declared: BTreeMap<RobotId, Heard>,
 }
 
@@ -52,6 +58,7 @@ impl HeardStreams {
             fleet: parts.fleet,
             lifecycle: parts.lifecycle,
             gate: parts.gate,
+            answers: None,
             declared: BTreeMap::new(),
         }
     }
@@ -61,6 +68,9 @@ impl HeardStreams {
     /// # Errors
     /// When Zenoh refuses to declare or undeclare something.
     pub async fn follow(&mut self, session: &Session, wanted: &HeardRobots) -> Result<()> {
+        if self.answers.is_none() {
+            self.answers = Some(self.hear_answers(session).await?);
+        }
         for robot in wanted {
             if !self.declared.contains_key(robot) {
                 let heard = self.declare(session, robot).await?;
@@ -71,39 +81,51 @@ impl HeardStreams {
         let gone: Vec<_> = self.declared.keys().filter(is_gone).cloned().collect();
         for robot in gone {
             if let Some(heard) = self.declared.remove(&robot) {
-                for subscriber in heard.subscribers {
-                    subscriber.undeclare().await?;
-                }
+                heard.streams.undeclare().await?;
             }
         }
         Ok(())
     }
 
+    async fn hear_answers(&self, session: &Session) -> Result<Subscriber<()>> {
+        let keys = &self.keys;
+        let answers = keys.stream_of_all(StreamKind::CalibrationApplied);
+        let (lifecycle, gate) = (self.lifecycle.clone(), self.gate.clone());
+        answers::hear(session, keys, answers, lifecycle, gate).await
+    }
+
     async fn declare(&self, session: &Session, robot: &RobotId) -> Result<Heard> {
         let (keys, fleet) = (&self.keys, self.fleet.clone());
         let streams = keys.stream_of_any_kind(robot);
-        let answers = keys.stream(robot, StreamKind::CalibrationApplied);
-        let (lifecycle, gate) = (self.lifecycle.clone(), self.gate.clone());
-        let mut frequent = Vec::with_capacity(FREQUENT.len());
-        for kind in FREQUENT {
-            let key = keys.stream(robot, kind);
-            frequent.push(session.declare_keyexpr(key).await?);
-        }
         Ok(Heard {
-            subscribers: [
-                ingest::subscribe(session, keys, streams, fleet).await?,
-                answers::hear(session, keys, answers, lifecycle, gate).await?,
-            ],
-            _frequent: frequent,
+            streams: ingest::subscribe(session, keys, streams, fleet).await?,
+            frequent: Vec::new(),
         })
+    }
+
+    /// Declares the keys of some robots that have begun to send.
+    ///
+    /// # Errors
+    /// When Zenoh refuses to declare one.
+    pub async fn declare_frequent(&mut self, session: &Session) -> Result<()> {
+        let (keys, fleet) = (&self.keys, &self.fleet);
+        let open = self.declared.iter_mut();
+        let open =
+            open.filter(|(robot, heard)| heard.frequent.is_empty() && fleet.is_sending(robot));
+        for (robot, heard) in open.take(KEYS_AT_ONCE_MAX) {
+            for kind in FREQUENT {
+                let key = keys.stream(robot, kind);
+                heard.frequent.push(session.declare_keyexpr(key).await?);
+            }
+        }
+        Ok(())
     }
 
     /// Ends all of them.
     pub async fn close(self) {
-        for heard in self.declared.into_values() {
-            for subscriber in heard.subscribers {
-                warn_if_refused(subscriber.undeclare().await);
-            }
+        let streams = self.declared.into_values().map(|heard| heard.streams);
+        for subscriber in streams.chain(self.answers) {
+            warn_if_refused(subscriber.undeclare().await);
         }
     }
 }

@@ -282,6 +282,17 @@ impl Hearing {
     }
 }
 
+impl Hearing {
+    /// Declares keys of robots that have begun to send.
+    async fn declare_frequent(&mut self, session: &Session) {
+        if let Some(streams) = &mut self.streams
+            && let Err(error) = streams.declare_frequent(session).await
+        {
+            tracing::warn!(error, "Zenoh refused to declare a robot's keys");
+        }
+    }
+}
+
 /// Follows which robots there are, and which are to be heard, until `stop`.
 async fn follow(
     session: Session,
@@ -297,6 +308,10 @@ async fn follow(
             changed = configured.changed() => if changed.is_err() { break },
             changed = heard.changed() => if changed.is_err() { break },
             () = tokio::time::sleep(limits::POST_RETRY), if !all_stand => {}
+            () = tokio::time::sleep(limits::KEYS_DECLARED_EVERY), if hearing.streams.is_some() => {
+                hearing.declare_frequent(&session).await;
+                continue;
+            }
         }
         let followed = hearing.follow(&session).await;
         all_stand = followed.is_ok();
