@@ -37,4 +37,5 @@ pub use merge::{JUMP_BACK_MIN_S, MergerPosition};
 pub use occupancy_grid::OccupancyGrid;
 pub use settings::{EstimatorSettings, Freedom, Measurement};
 pub use stream::{DriveSample, Effect, Event, LidarPose, Note, NoteKind, RobotTime, Scan};
+pub use trust::without_range_scale;
 pub use vehicle::{Vehicle, VehicleModel};

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::advice::{Knowledge, advise, best_for};
 use crate::estimate::{
-    CalibrationCovariance, Parameter, ParameterEstimate, ParameterEstimates, Status,
+    CalibrationCovariance, Estimate, Parameter, ParameterEstimate, ParameterEstimates, Status,
 };
 use crate::filter::{ParameterCovariance, Values};
 use crate::settings::{EstimatorSettings, Freedom};
@@ -280,6 +280,27 @@ fn scale_sigma(parameter: Parameter, value: f64) -> f64 {
         Parameter::LidarX | Parameter::LidarY => RANGE_SCALE_SIGMA * value.abs(),
         _ => 0.0,
     }
+}
+
+/// An estimate as it is compared with values that the same LiDAR has measured. The scale of its ranges
+/// (1 sigma: 0.5 % of the mount's x and y, m) is off alike in both, and no part of their difference.
+#[must_use]
+pub fn without_range_scale(mut estimate: Estimate) -> Estimate {
+    for parameter in [Parameter::LidarX, Parameter::LidarY] {
+        let one = &mut estimate.parameters[parameter.index()];
+        let scale_sigma = scale_sigma(parameter, one.value);
+        let variance = (one.sigma * one.sigma - scale_sigma * scale_sigma).max(0.0);
+        one.sigma = variance.sqrt();
+    }
+    let told = estimate.covariance;
+    estimate.covariance = CalibrationCovariance::from_fn(|row, column| {
+        if row == column {
+            estimate.parameters[row.index()].sigma.powi(2)
+        } else {
+            told.rows()[row.index()][column.index()]
+        }
+    });
+    estimate
 }
 
 /// The covariance that leaves the estimator: that of the errors as they go together, with each

@@ -13,7 +13,9 @@ use std::sync::Arc;
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::calibrator::CheckpointRefused;
 use fleetcal_estimator::lidar_odometry::LearntScanner;
-use fleetcal_estimator::{Calibrator, Checkpoint, Effect, Estimate, Event, RobotTime};
+use fleetcal_estimator::{
+    Calibrator, Checkpoint, Effect, Estimate, Event, RobotTime, without_range_scale,
+};
 use fleetcal_model::Generation;
 use serde::{Deserialize, Serialize};
 
@@ -108,7 +110,9 @@ impl VerificationRun {
     }
 
     fn tell(&self, robot: &Robot, estimate: &Estimate) {
-        let document = document::estimate_document(&robot.id, estimate);
+        // The values were measured by the LiDAR that they are compared with.
+        let compared = without_range_scale(estimate.clone());
+        let document = document::estimate_document(&robot.id, &compared);
         if document::is_finite(&document) {
             robot.set_fresh(self.generation, Arc::new(document));
         }

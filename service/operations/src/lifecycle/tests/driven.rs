@@ -163,6 +163,25 @@ async fn a_robot_keeps_what_a_person_rolled_it_back_to_over_200_m() {
     assert_eq!(ledger.shadow.in_use.as_ref().unwrap().values, factory);
 }
 
+/// The scale of a LiDAR's ranges leaves its distance to the axle open by 0.5 %, but alike for the
+/// values in use and for those that prove them: more than the tolerance holds must not stop a proof.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn values_of_a_lidar_far_from_the_axle_are_verified() {
+    let bench = Bench::open(Policy::default()).await;
+    let mut config = configuration(bench.clock.now().0);
+    config.vehicle.lidar_in_base.x_m = 1.2;
+    let mut driver = Driver::of(config);
+    driver.second(&bench).await;
+    bench.propose_values(driver.right_values(), None).await;
+    bench.take(bench.approval(), person("ana")).await.unwrap();
+    bench.drive_in_verification().await;
+    driver.metres(&bench, 90.0).await;
+    let latest = bench.latest().await;
+    assert_eq!(latest.state, DeploymentState::Verified);
+    let [_, sigma_x_m, ..] = latest.verification.unwrap().sigma;
+    assert!((1e-4..5e-3).contains(&sigma_x_m), "{sigma_x_m}");
+}
+
 /// A year of nanoseconds.
 const YEAR_NS: i64 = 365 * 86_400 * 1_000_000_000;
 
