@@ -113,19 +113,24 @@ impl HeardStreams {
         let open =
             open.filter(|(robot, heard)| heard.frequent.is_empty() && fleet.is_sending(robot));
         for (robot, heard) in open.take(KEYS_AT_ONCE_MAX) {
+            let mut frequent = Vec::with_capacity(FREQUENT.len());
             for kind in FREQUENT {
                 let key = keys.stream(robot, kind);
-                heard.frequent.push(session.declare_keyexpr(key).await?);
+                frequent.push(session.declare_keyexpr(key).await?);
             }
+            heard.frequent = frequent;
         }
         Ok(())
     }
 
     /// Ends all of them.
     pub async fn close(self) {
-        let streams = self.declared.into_values().map(|heard| heard.streams);
-        for subscriber in streams.chain(self.answers) {
-            warn_if_refused(subscriber.undeclare().await);
+        // A robot's keys go after its subscriber, which messages reach by them.
+        for heard in self.declared.into_values() {
+            warn_if_refused(heard.streams.undeclare().await);
+        }
+        if let Some(answers) = self.answers {
+            warn_if_refused(answers.undeclare().await);
         }
     }
 }

@@ -20,6 +20,7 @@ use fleetcal_operations::lifecycle::{Lifecycle, LifecycleSetup};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::estimate::{EstimateDocument, EstimatedBy};
 use fleetcal_proto::key::{Keys, StreamKind};
+use fleetcal_proto::message_type::MessageType;
 use fleetcal_proto::ros::{AckermannDrive, AckermannDriveStamped, Header, RosMessage, Time};
 use fleetcal_proto::signing::SigningKey;
 use fleetcal_store::Store;
@@ -205,6 +206,13 @@ impl Robots {
 
     /// Sends two seconds of wheel odometry of every robot.
     async fn drive(&self) {
+        let keys = Keys::default();
+        let key = |robot| keys.stream(&id(robot), StreamKind::WheelOdometry);
+        self.drive_on(&ROBOTS.map(key)).await;
+    }
+
+    /// The same on these keys.
+    async fn drive_on(&self, keys: &[String]) {
         let from = std::mem::replace(&mut *self.sent.lock().unwrap(), 0);
         for number in from..from + 100 {
             let stamp = Time::from_ns(BEGIN_NS + number * 20_000_000).unwrap();
@@ -219,8 +227,7 @@ impl Robots {
                 },
             }
             .to_cdr();
-            for robot in ROBOTS {
-                let key = Keys::default().stream(&id(robot), StreamKind::WheelOdometry);
+            for key in keys {
                 let put = self.session.put(key, payload.clone());
                 put.encoding(Encoding::APPLICATION_CDR).await.unwrap();
             }
@@ -331,6 +338,56 @@ async fn each_instance_hears_its_robots_and_tells_the_others_of_them() {
     })
     .await;
     a.leave().await;
+    drop(router);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 4)]
+async fn a_robot_on_ros_2_is_heard_by_the_instance_that_has_it() {
+    let endpoint = free_endpoint();
+    let router = session("router", "listen/endpoints", &endpoint).await;
+    let a = Instance::join("a", &endpoint).await;
+    let b = Instance::join("b", &endpoint).await;
+    a.adopt("tugger_01", 1).await;
+    let robots = Robots::connect(&endpoint).await;
+    let topic = format!(
+        "{}/RIHS01_64c1",
+        MessageType::AckermannDriveStamped.dds_type()
+    );
+    let token =
+        format!("@ros2_lv/0/aa/1/11/MP/%/%/node/%tugger_01%wheel_odometry/{topic}/::,10:,:,:,,");
+    let _token = robots
+        .session
+        .liveliness()
+        .declare_token(token)
+        .await
+        .unwrap();
+    let announced = async |one: &Instance| {
+        let view = one.fleet.robot(&id("tugger_01")).unwrap();
+        !view.topics.is_empty()
+    };
+    until("its topic is known", async || {
+        announced(&a).await && announced(&b).await
+    })
+    .await;
+    tokio::time::sleep(limits::CLUSTER_OVERLAP).await;
+    let key = format!("0/tugger_01/wheel_odometry/{topic}");
+    robots.drive_on(std::slice::from_ref(&key)).await;
+    until("its owner hears it", async || {
+        a.processed("tugger_01") == 100
+    })
+    .await;
+    assert_eq!(b.processed("tugger_01"), 0);
+    // It is moved: the next owner has known the token all the time.
+    a.fleet.release(&id("tugger_01"), Keep::State).await;
+    a.membership.cluster().unwrap().ended(&id("tugger_01"));
+    b.adopt("tugger_01", 2).await;
+    robots.drive_on(&[key]).await;
+    until("the other one hears it", async || {
+        b.processed("tugger_01") == 100
+    })
+    .await;
+    a.leave().await;
+    b.leave().await;
     drop(router);
 }
 

@@ -93,6 +93,7 @@ pub fn place_anew(ros2: &Ros2) {
         tell(ros2, &mut discovery, &robot, topics);
         // One that was registered just now.
         if let Some((prefix, layout)) = home {
+            ros2.announces(&robot);
             ros2.seen_at(&robot, &prefix, layout);
         }
     }
@@ -213,6 +214,7 @@ fn tell(ros2: &Ros2, discovery: &mut Discovery, robot: &RobotId, topics: Topics)
     if let Some((prefix, layout)) = topics.home
         && came
     {
+        ros2.announces(robot);
         ros2.moved(robot, &prefix, layout);
         ros2.came(robot);
     }

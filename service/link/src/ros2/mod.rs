@@ -25,6 +25,7 @@ use fleetcal_proto::RobotId;
 use fleetcal_proto::ros2_key::KeyLayout;
 use tokio::sync::{Notify, mpsc, watch};
 use tokio::task::JoinHandle;
+use tokio::time::{Instant, MissedTickBehavior};
 use tokio_util::sync::CancellationToken;
 use zenoh::pubsub::Subscriber;
 use zenoh::query::Queryable;
@@ -55,6 +56,8 @@ struct Shared {
     came: mpsc::Sender<RobotId>,
     /// `homes` changed.
     homes_changed: Notify,
+    /// A robot has announced a topic, and is to be heard by it.
+    announcing: Notify,
     /// Messages sent to ROS 2 robots.
     sent: AtomicI64,
 }
@@ -74,9 +77,9 @@ impl Ros2 {
             .unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn change_table(&self, change: impl FnOnce(&mut RouteTable)) {
+    fn change_table<T>(&self, change: impl FnOnce(&mut RouteTable) -> T) -> T {
         let table = self.shared.table.write();
-        change(&mut table.unwrap_or_else(PoisonError::into_inner));
+        change(&mut table.unwrap_or_else(PoisonError::into_inner))
     }
 
     /// Where a robot's topics are, as far as that is known: one that speaks by two middlewares has
@@ -93,6 +96,13 @@ impl Ros2 {
             .iter()
             .filter(|(robot, _)| self.shared.gate.has(robot));
         own.flat_map(|(_, homes)| homes).cloned().collect()
+    }
+
+    /// Notes that a robot has announced a topic.
+    fn announces(&self, robot: &RobotId) {
+        if self.change_table(|table| table.note_announcing(robot)) {
+            self.shared.announcing.notify_one();
+        }
     }
 
     /// Forgets where a robot's topics were, since it announces none any more.
@@ -199,6 +209,7 @@ impl Ros2Link {
                 homes: Mutex::default(),
                 came,
                 homes_changed: Notify::new(),
+                announcing: Notify::new(),
                 sent: AtomicI64::new(1),
             }),
         };
@@ -301,20 +312,27 @@ async fn follow(
     stop: CancellationToken,
 ) {
     let [mut configured, mut heard] = changes;
+    let ros2 = hearing.ros2.clone();
     let mut all_stand = true;
+    // Both times go on over the turns of the loop: a retry comes after several of them.
+    let mut declaring = tokio::time::interval(limits::KEYS_DECLARED_EVERY);
+    declaring.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut retry_at = Instant::now();
     loop {
         tokio::select! {
             () = stop.cancelled() => break,
             changed = configured.changed() => if changed.is_err() { break },
             changed = heard.changed() => if changed.is_err() { break },
-            () = tokio::time::sleep(limits::POST_RETRY), if !all_stand => {}
-            () = tokio::time::sleep(limits::KEYS_DECLARED_EVERY), if hearing.streams.is_some() => {
+            () = ros2.shared.announcing.notified() => {}
+            () = tokio::time::sleep_until(retry_at), if !all_stand => {}
+            _ = declaring.tick(), if hearing.streams.is_some() => {
                 hearing.declare_frequent(&session).await;
                 continue;
             }
         }
         let followed = hearing.follow(&session).await;
         all_stand = followed.is_ok();
+        retry_at = Instant::now() + limits::POST_RETRY;
         if let Err(error) = followed {
             tracing::error!(error, "a robot's topics are not subscribed to");
         }

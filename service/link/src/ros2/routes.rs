@@ -38,6 +38,10 @@ pub struct RouteTable {
     roles: BTreeMap<RobotId, Vec<TopicRole>>,
     /// Robots whose keys follow no template, by what stands before their topics.
     prefixes: BTreeMap<String, RobotId>,
+    /// The same by robot.
+    prefix_of: BTreeMap<RobotId, String>,
+    /// Configured robots that have announced a topic since this process began.
+    announcing: BTreeSet<RobotId>,
     /// Types that tokens of the bridge announced, by path.
     announced: BTreeMap<String, MessageType>,
     /// The robots to hear; `None` for all.
@@ -57,6 +61,8 @@ impl RouteTable {
             usual: RobotStreams::default().roles(settings),
             roles: BTreeMap::new(),
             prefixes: BTreeMap::new(),
+            prefix_of: BTreeMap::new(),
+            announcing: BTreeSet::new(),
             announced: BTreeMap::new(),
             heard: None,
         };
@@ -68,16 +74,27 @@ impl RouteTable {
     pub fn set_robots(&mut self, robots: BTreeMap<RobotId, RobotStreams>) {
         self.roles.clear();
         self.prefixes.clear();
+        self.prefix_of.clear();
         for (robot, streams) in robots {
             if let Some(prefix) = &streams.fields().prefix {
                 let prefix = prefix.as_str().to_owned();
-                self.prefixes.insert(prefix, robot.clone());
+                self.prefixes.insert(prefix.clone(), robot.clone());
+                self.prefix_of.insert(robot.clone(), prefix);
             }
             self.roles.insert(robot, streams.roles(&self.settings));
         }
+        let roles = &self.roles;
+        self.announcing.retain(|robot| roles.contains_key(robot));
     }
 
-    /// Takes which robots to hear; `None` for all. Each of them has its own key expressions then.
+    /// Takes that a robot has announced a topic; whether more is to be heard by that.
+    pub fn note_announcing(&mut self, robot: &RobotId) -> bool {
+        self.knows(robot) && self.announcing.insert(robot.clone()) && self.heard.is_some()
+    }
+
+    /// Takes which robots to hear; `None` for all. Each of them has its own key expressions then, once
+    /// it has announced a topic or when its configuration names one: one key expression for each
+    /// topic and type of robots that are not on ROS 2 would cost Zenoh more than the robots do.
     pub fn set_heard(&mut self, heard: Option<BTreeSet<RobotId>>) {
         self.heard = heard;
     }
@@ -162,8 +179,7 @@ impl RouteTable {
             .iter()
             .filter_map(|template| Some((template.matched(path)?, Some(template))));
         // One that has a prefix is found by that alone.
-        let has_prefix = |robot: &RobotId| self.prefixes.values().any(|of| of == robot);
-        let by_template = by_template.filter(|(matched, _)| !has_prefix(&matched.robot));
+        let by_template = by_template.filter(|(matched, _)| self.prefix(&matched.robot).is_none());
         let by_prefix = self.by_prefix(path).map(|matched| (matched, None));
         let mut first = None;
         for found in by_prefix.chain(by_template) {
@@ -206,9 +222,11 @@ impl RouteTable {
         };
         let of_robot = |robot| {
             let roles = self.roles.get(robot).unwrap_or(&self.usual);
-            self.expressions_of_robot(robot, roles)
+            let is_configured = *roles != self.usual || self.prefix(robot).is_some();
+            let is_on_ros2 = is_configured || self.announcing.contains(robot);
+            is_on_ros2.then(|| self.expressions_of_robot(robot, roles))
         };
-        heard.iter().flat_map(of_robot).collect()
+        heard.iter().filter_map(of_robot).flatten().collect()
     }
 
     /// Key expressions of the usual topics of all robots.
@@ -230,9 +248,7 @@ impl RouteTable {
     }
 
     fn prefix(&self, robot: &RobotId) -> Option<&str> {
-        let mut prefixes = self.prefixes.iter();
-        let (prefix, _) = prefixes.find(|(_, of)| *of == robot)?;
-        Some(prefix.as_str())
+        self.prefix_of.get(robot).map(String::as_str)
     }
 
     fn expressions_of_robot(&self, robot: &RobotId, roles: &[TopicRole]) -> BTreeSet<String> {
@@ -458,7 +474,11 @@ wheel_odometry = { topic = '3/wheel_odometry' }",
             ("tugger_03", ""),
         ]);
         let heard = ["tugger_01", "tugger_02"].map(|id| RobotId::parse(id).unwrap());
-        table.set_heard(Some(heard.into()));
+        table.set_heard(Some(heard.clone().into()));
+        let of_tugger_01 = |text: &String| text.contains("tugger_01");
+        assert!(!table.wanted_expressions().iter().any(of_tugger_01));
+        assert!(table.note_announcing(&heard[0]));
+        assert!(!table.note_announcing(&heard[0]), "for the second time");
         let wanted = table.wanted_expressions();
         let is_heard = |key: &str| {
             let key = KeyExpr::try_from(key).unwrap();
