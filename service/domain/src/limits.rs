@@ -25,6 +25,15 @@ pub const MAILBOX_WHEEL_ODOMETRY_MAX: usize = 1_024;
 pub const MAILBOX_SCANS_MAX: usize = 8;
 /// Notes and other rare messages that wait in a robot's mailbox.
 pub const MAILBOX_NOTES_MAX: usize = 64;
+/// A robot that sends has what has come worked off in rounds: waking its task for each message would
+/// cost more than the message. All robots have their rounds at the same moments.
+pub const TASK_ROUND: Duration = Duration::from_millis(20);
+/// Rounds without a message after which a robot's task waits for the next one.
+pub const TASK_IDLE_ROUNDS: u32 = 5;
+/// Drive samples and scans that wait until the next round; further ones are worked off at once.
+pub const TASK_ROUND_WHEEL_ODOMETRY_MAX: usize = 64;
+/// See [`TASK_ROUND_WHEEL_ODOMETRY_MAX`].
+pub const TASK_ROUND_SCANS_MAX: usize = 1;
 /// Robots that are configured.
 pub const ROBOTS_MAX: usize = 4_096;
 /// Robots that send without being configured; further ones are counted and forgotten.

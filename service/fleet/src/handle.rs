@@ -108,7 +108,7 @@ pub struct FleetSetup {
 /// The fleet, cheap to clone.
 #[derive(Debug, Clone)]
 pub struct FleetHandle {
-    fleet: Arc<Fleet>,
+    pub(crate) fleet: Arc<Fleet>,
 }
 
 impl FleetHandle {

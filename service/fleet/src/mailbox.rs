@@ -17,7 +17,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use fleetcal_domain::limits::{
     HEARD_BYTES_MAX, MAILBOX_NOTES_MAX, MAILBOX_SCANS_MAX, MAILBOX_WHEEL_ODOMETRY_MAX,
-    REFUSAL_CHARS_MAX,
+    REFUSAL_CHARS_MAX, TASK_ROUND_SCANS_MAX, TASK_ROUND_WHEEL_ODOMETRY_MAX,
 };
 use fleetcal_domain::robot::Counters;
 use fleetcal_estimator::Note;
@@ -58,6 +58,8 @@ struct InHand {
 pub struct Mailbox {
     queue: Mutex<Queue>,
     arrived: Notify,
+    /// What has come does not wait for the task's next round.
+    pressing: Notify,
 }
 
 /// The class of a stream: what is dropped together.
@@ -94,6 +96,13 @@ impl Queue {
             self.counters.dropped_wheel_odometry += 1;
             self.progress.dropped += 1;
         }
+    }
+
+    /// Whether what waits is to be worked off at once.
+    fn is_pressing(&self) -> bool {
+        self.notes > 0
+            || self.scans > TASK_ROUND_SCANS_MAX
+            || self.wheel_odometry > TASK_ROUND_WHEEL_ODOMETRY_MAX
     }
 
     fn count_dropped_scan(&mut self) {
@@ -220,7 +229,7 @@ impl Mailbox {
     /// Takes a message in and drops what no longer fits. `false` when it is the message itself
     /// that was dropped.
     pub fn push(&self, message: Message) -> bool {
-        let kept = {
+        let (kept, is_pressing) = {
             let mut queue = self.lock();
             match queue.recipient {
                 Recipient::Nobody => return false,
@@ -232,7 +241,7 @@ impl Mailbox {
             }
             // The task has not caught up yet.
             let is_behind = queue.heard.len() > 0;
-            match message.stream {
+            let kept = match message.stream {
                 _ if is_behind => {
                     queue.push_heard(message);
                     true
@@ -247,9 +256,13 @@ impl Mailbox {
                     queue.counters.dropped_scans == dropped_before
                 }
                 Stream::Event => queue.push_note(message),
-            }
+            };
+            (kept, is_behind || queue.is_pressing())
         };
         self.arrived.notify_one();
+        if is_pressing {
+            self.pressing.notify_one();
+        }
         kept
     }
 
@@ -278,7 +291,7 @@ impl Mailbox {
             queue.notes += 1;
             queue.items.push_back(Item::Note(note));
         }
-        self.arrived.notify_one();
+        self.wake();
         true
     }
 
@@ -290,7 +303,7 @@ impl Mailbox {
                 queue.items.push_back(Item::EndOfSession);
             }
         }
-        self.arrived.notify_one();
+        self.wake();
     }
 
     /// Puts the robot's answer about what it uses behind what waits; `false` when one stands there.
@@ -303,18 +316,24 @@ impl Mailbox {
             }
             is_new
         };
-        self.arrived.notify_one();
+        self.wake();
         is_new
     }
 
-    /// Wakes the task without a message.
+    /// Wakes the task, with or without a message, without waiting for its next round.
     pub fn wake(&self) {
         self.arrived.notify_one();
+        self.pressing.notify_one();
     }
 
     /// Waits until something may have come.
     pub async fn arrived(&self) {
         self.arrived.notified().await;
+    }
+
+    /// Waits until something has come that does not wait for the next round.
+    pub async fn pressing(&self) {
+        self.pressing.notified().await;
     }
 
     /// Takes the oldest item; [`Mailbox::finish`] must follow for a message.

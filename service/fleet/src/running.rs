@@ -1,8 +1,9 @@
 //! From where a robot's task begins to where it ends.
 
 use std::sync::Arc;
+use std::time::Duration;
 
-use fleetcal_domain::limits::CLUSTER_OVERLAP;
+use fleetcal_domain::limits::{CLUSTER_OVERLAP, TASK_IDLE_ROUNDS, TASK_ROUND};
 use fleetcal_estimator::Event;
 use tokio::sync::watch;
 
@@ -34,8 +35,11 @@ async fn run(
     if task.last_good.is_none() {
         task.robot.show_nothing();
     }
+    let mut idle_rounds = TASK_IDLE_ROUNDS;
     loop {
+        idle_rounds = idle_rounds.saturating_add(1);
         while let Some(item) = task.robot.mailbox.take() {
+            idle_rounds = 0;
             task.take(item);
             task.answer_top_view_askers();
             // A scan takes a millisecond: let the API and the other robots have theirs.
@@ -45,7 +49,7 @@ async fn run(
             break;
         }
         tokio::select! {
-            () = task.robot.mailbox.arrived() => {}
+            () = task.next_round(idle_rounds) => {}
             () = task.fleet.stop.cancelled() => {}
             Ok(()) = leave.changed() => {}
         }
@@ -63,6 +67,21 @@ async fn run(
 }
 
 impl RobotTask {
+    /// Waits for the next round, or for what does not wait for it; after some rounds without a
+    /// message, for the next message.
+    async fn next_round(&self, idle_rounds: u32) {
+        if idle_rounds > TASK_IDLE_ROUNDS {
+            self.robot.mailbox.arrived().await;
+            return;
+        }
+        let round_ns = TASK_ROUND.as_nanos() as u64;
+        let since_ns = self.fleet.clock.elapsed().as_nanos() as u64 % round_ns;
+        tokio::select! {
+            () = tokio::time::sleep(Duration::from_nanos(round_ns - since_ns)) => {}
+            () = self.robot.mailbox.pressing() => {}
+        }
+    }
+
     /// The next instance hears the robot for [`CLUSTER_OVERLAP`] before. What a robot sent last that
     /// has been silent for half of that may be older: it leaves the merger, as at the end of a
     /// session.

@@ -181,6 +181,9 @@ impl Bench {
     }
 
     async fn worked_off(&self, robot: &str) {
+        if let Some(robot) = self.fleet.fleet.find(robot) {
+            robot.mailbox.wake();
+        }
         for _ in 0..2_000 {
             if self.view(robot).counters.waiting == 0 {
                 return;
