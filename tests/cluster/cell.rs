@@ -37,7 +37,9 @@ fn after(since: Instant, what: &str, is_there: impl Fn() -> Option<bool>) -> Dur
 /// Waits until so many instances share all robots evenly; gives how long that took since.
 fn shared(seen_by: &Instance, instances: usize, robots: usize, since: Instant) -> Duration {
     after(since, "even shares", || {
-        let shares = seen_by.shares()?;
+        let mut shares = seen_by.shares()?;
+        // One that has ended is shown for a while.
+        shares.retain(|_, share| *share > 0);
         let (least, most) = (shares.values().min()?, shares.values().max()?);
         let all: u64 = shares.values().sum();
         Some(most - least <= 1 && all == robots as u64 && shares.len() == instances)

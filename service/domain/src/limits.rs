@@ -410,7 +410,7 @@ pub const CLUSTER_LOOK_EVERY: Duration = Duration::from_millis(250);
 /// What the instance that should have taken something has not taken by then, another one takes.
 pub const CLUSTER_CLAIM_OTHERS_AFTER: Duration = Duration::from_secs(2);
 /// Robots that an instance hands over at once.
-pub const CLUSTER_MOVES_AT_ONCE_MAX: usize = 64;
+pub const CLUSTER_MOVES_AT_ONCE_MAX: usize = 256;
 /// For so long both instances hear a robot that is handed over: longer than messages wait for each
 /// other in the estimator.
 pub const CLUSTER_OVERLAP: Duration = Duration::from_secs(1);
@@ -428,7 +428,7 @@ pub const CLUSTER_CLOCK_WARNED_BEYOND: Duration = Duration::from_secs(1);
 /// An instance whose clock is further from the database's gives up its robots.
 pub const CLUSTER_CLOCK_USED_UP_TO: Duration = Duration::from_secs(10);
 /// An instance that ends waits for so long for others to take its robots over.
-pub const CLUSTER_DRAIN_TIMEOUT: Duration = Duration::from_secs(10);
+pub const CLUSTER_DRAIN_TIMEOUT: Duration = Duration::from_secs(20);
 /// An instance that is to have a robot next has subscribed to it within this time.
 pub const CLUSTER_SUBSCRIBED_WITHIN: Duration = Duration::from_secs(2);
 /// How often an instance looks for what others have decided.
