@@ -146,8 +146,8 @@ CLUSTER_TEST = FLEETCAL_BIN=$(abspath $(BIN)) tests/postgres/with_server.sh \
   $(CARGO) test --release --locked --workspace --test cluster -- --nocapture --test-threads 1
 
 .PHONY: cluster-smoke
-cluster-smoke: build-for-tests ## Two instances on PostgreSQL and two routers: joined, frozen, killed, stopped (installs PostgreSQL where it is missing, as root)
-	$(CLUSTER_TEST) smoke::
+cluster-smoke: build-for-tests ## Two instances on PostgreSQL and two routers: joined, frozen, killed, stopped; a cell of 4,096 robots (installs PostgreSQL where it is missing, as root)
+	$(CLUSTER_TEST) smoke:: cell::
 
 .PHONY: cluster-upgrade
 cluster-upgrade: build-for-tests ## Builds a next version and changes instances to it and back, under robots that drive: 15 minutes
@@ -156,7 +156,7 @@ cluster-upgrade: build-for-tests ## Builds a next version and changes instances 
 
 # Rounds of a cluster that is hurt, after each of which all that was decided, written and heard is
 # checked; and faults beside the product that the check has to find.
-CLUSTER_ROUNDS = checker:: figures:: rounds::
+CLUSTER_ROUNDS = checker:: figures:: rounds:: --skip rounds::failover
 
 .PHONY: cluster-test
 cluster-test: build-for-tests ## A few rounds of each kind on a cluster: killed, frozen, cut off, raced, without its database: at most 15 minutes
@@ -178,13 +178,23 @@ cluster-campaign: build-for-tests ## The same as often as a proof needs, for hou
 	CLUSTER_ROUNDS_RACES="$${CLUSTER_RACES:-2000}" \
 	CLUSTER_ROUNDS_POSTMASTER="$${CLUSTER_ROUNDS_POSTMASTER:-20}" \
 	$(CLUSTER_TEST) $(CLUSTER_ROUNDS)
+	CLUSTER_PROGRESS="$${CLUSTER_PROGRESS:-$(abspath $(BUILT))/cluster-campaign}" $(MAKE) cluster-failover
+
+.PHONY: cluster-failover
+cluster-failover: build-for-tests ## Three servers under Patroni: primary moved, killed, frozen, its etcd gone, three times each (installs etcd and Patroni where they are missing, as root): 12 minutes
+	FLEETCAL_PATRONI="$$(tests/cluster/patroni_tools.sh $(abspath $(BUILT)) 4.1.5)" && \
+	export FLEETCAL_PATRONI && \
+	for kind in SWITCHOVER PRIMARY_KILLED PRIMARY_FROZEN POSTMASTER_OF_PATRONI ETCD_GONE; do \
+	  export CLUSTER_ROUNDS_$$kind="$${CLUSTER_ROUNDS_FAILOVERS:-3}"; \
+	done && \
+	$(CLUSTER_TEST) rounds::failover
 
 .PHONY: cluster-cost
 cluster-cost: build-for-tests ## CPU a robot-second of one service and of two instances, in one run: 9 minutes
 	$(CLUSTER_TEST) cost::
 
 .PHONY: cluster-cell
-cluster-cell: build-for-tests ## 4,096 robots, of which 60 drive, on two instances; a third joins and one dies: 5 minutes
+cluster-cell: build-for-tests ## 4,096 robots, of which 60 drive, on two instances; a third joins and one dies: 1 minute
 	$(CLUSTER_TEST) cell::
 
 .PHONY: cluster

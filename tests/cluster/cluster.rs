@@ -18,6 +18,7 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use crate::network::Proxy;
+use crate::patroni::Patroni;
 use crate::records;
 
 /// A process that ends with this value.
@@ -28,7 +29,8 @@ pub struct Process {
 }
 
 impl Process {
-    fn start(command: &mut Command, log: PathBuf) -> Self {
+    /// Starts it; what it says goes into a file.
+    pub fn start(command: &mut Command, log: PathBuf) -> Self {
         let file = File::options()
             .create(true)
             .append(true)
@@ -41,6 +43,11 @@ impl Process {
             .spawn()
             .unwrap();
         Self { child, log }
+    }
+
+    /// Its number.
+    pub fn id(&self) -> u32 {
+        self.child.id()
     }
 
     /// Sends it a signal by its name, such as `STOP`.
@@ -163,6 +170,8 @@ pub struct Cluster {
     folder: TempDir,
     /// The PostgreSQL that is this cluster's own; the named one without.
     pub server: Option<OwnServer>,
+    /// The servers under Patroni instead.
+    pub patroni: Option<Patroni>,
     database: String,
     /// What is started as an instance.
     pub program: PathBuf,
@@ -215,6 +224,16 @@ impl Cluster {
         cluster
     }
 
+    /// The same on servers under Patroni, without proxies.
+    pub fn under_patroni(patroni: Patroni, parts: &Parts) -> Self {
+        let mut cluster = Self::on(&patroni.url(), parts);
+        let migrated = binary::run(["store", "migrate", "--database", &cluster.database]);
+        assert!(migrated.status.success(), "{migrated:?}");
+        records::watch(&patroni.primary_url(), &parts.names);
+        cluster.patroni = Some(patroni);
+        cluster
+    }
+
     fn on(database: &PostgresUrl, parts: &Parts) -> Self {
         let (names, robots) = (&parts.names, parts.robots);
         let folder = TempDir::new().unwrap();
@@ -246,6 +265,7 @@ impl Cluster {
         );
         let mut cluster = Self {
             server: None,
+            patroni: None,
             lines: BTreeMap::new(),
             database: database.to_string(),
             program: binary::path(),
@@ -298,11 +318,17 @@ impl Cluster {
 
     /// The database as an instance reaches it: by its own line and in its own role.
     fn database_of(&self, name: &str) -> String {
-        let line = self.lines.get(name);
-        line.map_or_else(
-            || self.database.clone(),
-            |line| url_of(&[&line.database.address()], name, "postgres").to_string(),
-        )
+        match (&self.patroni, self.lines.get(name)) {
+            (Some(patroni), _) => patroni.url_for(name).to_string(),
+            (None, Some(line)) => url_of(&[&line.database.address()], name, "postgres").to_string(),
+            (None, None) => self.database.clone(),
+        }
+    }
+
+    /// The server that has the records now.
+    pub fn records(&self) -> PostgresUrl {
+        let patroni = self.patroni.as_ref();
+        patroni.map_or_else(|| self.database.parse().unwrap(), Patroni::primary_url)
     }
 
     /// What lies between an instance and the others.
@@ -317,6 +343,14 @@ impl Cluster {
 
     /// Starts an instance at a router, with further arguments.
     pub fn spawn(&self, name: &str, router: usize, arguments: &[&str]) -> Process {
+        let mut command = self.serve(name, &self.client(name, &self.router_of(name, router)));
+        command.args(["--database", &self.database_of(name)]);
+        command.args(arguments);
+        Process::start(&mut command, self.folder.path().join(format!("{name}.log")))
+    }
+
+    /// `fleetcal serve` with a Zenoh configuration and data of its own.
+    fn serve(&self, name: &str, zenoh: &Path) -> Command {
         let folder = self.folder.path().join(name);
         fs::create_dir_all(&folder).unwrap();
         let config = folder.join("fleetcal.toml");
@@ -329,10 +363,26 @@ impl Cluster {
             .arg("--data")
             .arg(folder.join("data"))
             .arg("-c")
-            .arg(self.client(name, &self.router_of(name, router)))
-            .args(["--database", &self.database_of(name)])
-            .args(arguments);
-        Process::start(&mut command, self.folder.path().join(format!("{name}.log")))
+            .arg(zenoh);
+        command
+    }
+
+    /// Starts a service at the first router with a database of its own and further settings of Zenoh,
+    /// and waits until it is ready; gives its folder too.
+    pub fn start_beside(&self, name: &str, settings: &[(&str, Value)]) -> (Process, PathBuf) {
+        let http = free_port();
+        let zenoh = self.client(name, &self.routers[0]);
+        let mut config: Value = serde_json::from_slice(&fs::read(&zenoh).unwrap()).unwrap();
+        for (key, value) in settings {
+            config[*key] = value.clone();
+        }
+        fs::write(&zenoh, config.to_string()).unwrap();
+        let mut command = self.serve(name, &zenoh);
+        command.args(["--http", &http.to_string()]);
+        let log = self.folder.path().join(format!("{name}.log"));
+        let process = Process::start(&mut command, log);
+        wait_until_ready(http);
+        (process, self.folder.path().join(name).join("data"))
     }
 
     /// Starts a service that has all robots and waits until it is ready.

@@ -148,6 +148,23 @@ impl Decider {
         log.acknowledged_at.iter().copied().find(|at| *at >= then)
     }
 
+    /// The longest time since then without an acknowledgement.
+    pub fn longest_pause(&self, then: Instant) -> Duration {
+        let log = self.log.lock().unwrap();
+        let since = log.acknowledged_at.iter().filter(|at| **at >= then);
+        let moments: Vec<_> = [&then]
+            .into_iter()
+            .chain(since)
+            .copied()
+            .chain([now()])
+            .collect();
+        let pauses = moments.iter().zip(&moments[1..]);
+        pauses
+            .map(|(one, next)| next.saturating_duration_since(*one))
+            .max()
+            .unwrap_or_default()
+    }
+
     /// Why decisions were refused, the latest ones.
     pub fn refusals(&self) -> Vec<String> {
         let log = self.log.lock().unwrap();

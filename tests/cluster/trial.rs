@@ -36,43 +36,51 @@ pub struct Trial {
     /// Where all of it is.
     pub cluster: Cluster,
     robots: Process,
+    parked: usize,
     alerts_until: i64,
 }
 
 impl Trial {
     /// Starts two instances, and all else. `pause` is that of the decider.
     pub async fn start(fast_takeover: bool, seed: u64, pause: Duration) -> Self {
-        let names = vec!["a", "b"];
         let parts = Parts {
-            names: names.clone(),
+            names: vec!["a", "b"],
             robots: DRIVING,
             parked: PARKED,
             fast_takeover,
         };
         let cluster = Cluster::watched(&parts).await;
+        Self::on(cluster, &parts, seed, pause).await
+    }
+
+    /// The same on a cluster of these parts.
+    pub async fn on(cluster: Cluster, parts: &Parts, seed: u64, pause: Duration) -> Self {
+        let names = &parts.names;
         let watch = Watch::start(&cluster.routers).await;
         let instances = names.iter().enumerate();
         let instances = instances.map(|(router, &name)| (name, cluster.start(name, router)));
         let instances: BTreeMap<_, _> = instances.collect();
+        // No robot moves after it has begun to drive: a scan matcher's map does not move with it.
+        wait_until_even(&instances, DRIVING + parts.parked);
         let robots = cluster.drive();
-        let desk = desk(&cluster, &names);
-        let decider = Decider::start(&desk, PARKED, seed, pause);
+        let desk = desk(&cluster, names);
+        let decider = Decider::start(&desk, parts.parked, seed, pause);
         let trial = Self {
             instances,
             decider,
             watch,
             cluster,
             robots,
+            parked: parts.parked,
             alerts_until: 0,
         };
-        trial.balanced();
         trial.owners();
         trial
     }
 
     /// The database, directly.
     pub fn url(&self) -> PostgresUrl {
-        self.cluster.database().parse().unwrap()
+        self.cluster.records()
     }
 
     /// The server's version.
@@ -91,20 +99,8 @@ impl Trial {
     /// that took.
     pub fn balanced(&self) -> Duration {
         let began = now();
-        wait_for("even shares", || {
-            let all = self.instances.values().map(|one| self.shares_of(one));
-            all.collect::<Option<Vec<_>>>().map(drop)
-        });
+        wait_until_even(&self.instances, DRIVING + self.parked);
         began.elapsed()
-    }
-
-    /// Even shares as an instance sees them.
-    fn shares_of(&self, seen_by: &Instance) -> Option<()> {
-        let shares = seen_by.shares()?;
-        let (least, most) = (shares.values().min()?, shares.values().max()?);
-        let all: u64 = shares.values().sum();
-        let even = most - least <= 1 && all == (DRIVING + PARKED) as u64;
-        (even && shares.len() == self.instances.len()).then_some(())
     }
 
     /// Waits until every robot's estimates come, each from one instance; gives those instances.
@@ -187,10 +183,41 @@ impl Trial {
         )
     }
 
+    /// Stops the robots, then the instances one after the other, in order; gives the cluster.
+    pub fn end(mut self) -> Cluster {
+        self.robots.signal("TERM");
+        self.robots.ended();
+        std::thread::sleep(SETTLED);
+        for instance in self.instances.values_mut() {
+            instance.process.signal("TERM");
+            assert_eq!(
+                instance.process.ended(),
+                Some(0),
+                "{}",
+                instance.process.said()
+            );
+        }
+        self.cluster
+    }
+
     /// Whether the robots drive on.
     pub fn drives(&self) -> bool {
         !self.robots.said().contains("panicked")
     }
+}
+
+/// Waits until instances share so many robots evenly, as each of them sees it.
+fn wait_until_even(instances: &BTreeMap<&'static str, Instance>, robots: usize) {
+    let is_even = |seen_by: &Instance| {
+        let shares = seen_by.shares()?;
+        let (least, most) = (shares.values().min()?, shares.values().max()?);
+        let all: u64 = shares.values().sum();
+        Some(most - least <= 1 && all == robots as u64 && shares.len() == instances.len())
+    };
+    wait_for("even shares", || {
+        let mut seen = instances.values().map(is_even);
+        seen.all(|even| even == Some(true)).then_some(())
+    });
 }
 
 /// Where is decided, by whom.

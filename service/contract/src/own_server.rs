@@ -43,6 +43,16 @@ pub fn psql(url: &PostgresUrl, sql: &str) -> String {
     done(program("psql").args(["--dbname", &text, "-XAtqc", sql]))
 }
 
+/// The same of a server that may be none: `None` when it does not answer within 2 s, or refuses.
+pub fn try_psql(url: &PostgresUrl, sql: &str) -> Option<String> {
+    let mut command = program("psql");
+    command.env("PGCONNECT_TIMEOUT", "2");
+    command.args(["--dbname", &url.to_string(), "-XAtqc", sql]);
+    let output = command.output().ok()?;
+    let told = String::from_utf8(output.stdout).ok()?;
+    output.status.success().then_some(told)
+}
+
 /// A connection of psql beside those of the test. What it has not committed is undone when this goes.
 #[derive(Debug)]
 pub struct Beside {
@@ -155,9 +165,7 @@ impl OwnServer {
 
     fn prepared() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        if is_root() {
-            done(Command::new("chown").arg("postgres").arg(folder.path()));
-        }
+        own_by_server_user(folder.path());
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let port = listener.local_addr().unwrap().port();
         Self { folder, port }
@@ -169,13 +177,7 @@ impl OwnServer {
 
     /// A program of PostgreSQL as the user who may run a server.
     fn program(&self, name: &str) -> Command {
-        let mut command = if is_root() {
-            let mut command = Command::new("runuser");
-            command.args(["-u", "postgres", "--"]).arg(path_of(name));
-            command
-        } else {
-            program(name)
-        };
+        let mut command = as_server_user(&path_of(name));
         command.current_dir(self.folder.path());
         command
     }
@@ -264,6 +266,29 @@ pub fn url_of(hosts: &[&str], user: &str, database: &str) -> PostgresUrl {
     let hosts = hosts.join(",");
     let url = format!("postgres://{user}@{hosts}/{database}?sslmode=disable");
     url.parse().unwrap()
+}
+
+/// A program as the user who may run a server: PostgreSQL refuses root.
+pub fn as_server_user(program: &Path) -> Command {
+    if !is_root() {
+        return Command::new(program);
+    }
+    let mut command = Command::new("runuser");
+    command.args(["-u", "postgres", "--"]).arg(program);
+    command
+}
+
+/// Lets that user write into a folder.
+pub fn own_by_server_user(folder: &Path) {
+    if is_root() {
+        done(Command::new("chown").arg("postgres").arg(folder));
+    }
+}
+
+/// Where the programs of the newest PostgreSQL are.
+pub fn program_folder() -> PathBuf {
+    let initdb = path_of("initdb");
+    initdb.parent().unwrap_or(Path::new("/")).to_owned()
 }
 
 fn is_root() -> bool {

@@ -41,5 +41,6 @@ pub use reading::ReadingSettings;
 pub use registry::FleetCounters;
 pub use report::{Digest, ReportDetails, Reported, RobotReport};
 pub use senders::LinkId;
+pub use stored::estimator_of;
 pub use tap::{TapReader, Tapped, Taps};
 pub use tenancy::Keep;

@@ -38,6 +38,14 @@ impl Stored {
     }
 }
 
+/// The part of a stored state that is the robot's estimator, which is equal to the bit where two
+/// estimators were; `None` of bytes that this version cannot read. The rest also depends on when
+/// somebody looked at the estimate.
+pub fn estimator_of(stored: &[u8]) -> Option<Vec<u8>> {
+    let stored: Stored = packed::unpack(stored).ok()?;
+    packed::pack(&stored.calibrator).ok()
+}
+
 /// What a robot's task begins with.
 #[derive(Debug)]
 pub struct Restored {

@@ -2,6 +2,7 @@
 //! each.
 
 mod cuts;
+mod failover;
 mod planted;
 mod postmaster;
 mod races;

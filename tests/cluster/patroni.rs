@@ -1,0 +1,368 @@
+//! Three servers of PostgreSQL under Patroni and etcd, on this machine's loopback, set as
+//! `examples/deploy/cluster/patroni.yml` sets them.
+
+use std::fs::{self, File};
+use std::io::Read as _;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+use fleetcal_contract::own_server::{
+    as_server_user, own_by_server_user, program_folder, psql, try_psql, url_of,
+};
+use fleetcal_store::database_url::PostgresUrl;
+use fleetcal_tests::http;
+use fleetcal_tests::service::{free_port, now, wait_for};
+use tempfile::TempDir;
+
+use crate::cluster::Process;
+
+/// The settings that people are told to use.
+const EXAMPLE: &str = include_str!("../../examples/deploy/cluster/patroni.yml");
+const NAMES: [&str; 3] = ["n1", "n2", "n3"];
+/// The owner of the records.
+const OWNER: &str = "fleetcal";
+
+/// One server and the Patroni that runs it.
+#[derive(Debug)]
+struct Node {
+    name: &'static str,
+    folder: PathBuf,
+    postgres: SocketAddr,
+    rest: SocketAddr,
+    patroni: Option<Process>,
+}
+
+/// See the module.
+#[derive(Debug)]
+pub struct Patroni {
+    folder: TempDir,
+    program: PathBuf,
+    etcd_client: SocketAddr,
+    etcd_peer: SocketAddr,
+    etcd: Option<Process>,
+    nodes: Vec<Node>,
+}
+
+impl Patroni {
+    /// A new cluster with a primary and a standby that commits with it. `program` is a `patroni`.
+    pub fn start(program: &Path) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        own_by_server_user(folder.path());
+        let node = |name: &'static str| Node {
+            name,
+            folder: folder.path().join(name),
+            postgres: free_port(),
+            rest: free_port(),
+            patroni: None,
+        };
+        let mut patroni = Self {
+            nodes: NAMES.map(node).into(),
+            program: program.to_owned(),
+            etcd_client: free_port(),
+            etcd_peer: free_port(),
+            etcd: None,
+            folder,
+        };
+        patroni.start_etcd();
+        for number in 0..patroni.nodes.len() {
+            patroni.start_node(number);
+        }
+        patroni.wait_until_whole();
+        let as_superuser = url_of(
+            &[&patroni.primary().postgres.to_string()],
+            "postgres",
+            "postgres",
+        );
+        psql(
+            &as_superuser,
+            &format!("CREATE ROLE {OWNER} SUPERUSER LOGIN"),
+        );
+        patroni
+    }
+
+    /// What Patroni and etcd say they are.
+    pub fn versions(&self) -> String {
+        let said = |program: &Path, argument: &str| {
+            let output = Command::new(program).arg(argument).output().unwrap();
+            let text = String::from_utf8_lossy(&output.stdout).into_owned();
+            text.lines().next().unwrap_or_default().trim().to_owned()
+        };
+        let (own, etcd) = (
+            said(&self.program, "--version"),
+            said(Path::new("etcd"), "--version"),
+        );
+        format!("{own}; {etcd}")
+    }
+
+    /// The database on all of them, for a role.
+    pub fn url_for(&self, role: &str) -> PostgresUrl {
+        let hosts: Vec<_> = self
+            .nodes
+            .iter()
+            .map(|node| node.postgres.to_string())
+            .collect();
+        let hosts: Vec<_> = hosts.iter().map(String::as_str).collect();
+        url_of(&hosts, role, "postgres")
+    }
+
+    /// The same for the owner.
+    pub fn url(&self) -> PostgresUrl {
+        self.url_for(OWNER)
+    }
+
+    /// The database on the primary of now.
+    pub fn primary_url(&self) -> PostgresUrl {
+        url_of(&[&self.primary().postgres.to_string()], OWNER, "postgres")
+    }
+
+    /// The name of the primary of now.
+    pub fn primary_name(&self) -> &'static str {
+        self.primary().name
+    }
+
+    fn primary(&self) -> &Node {
+        let mut found = None;
+        wait_for("a primary", || {
+            found = self.nodes.iter().position(Node::can_be_written);
+            found.map(drop)
+        });
+        &self.nodes[found.unwrap()]
+    }
+
+    /// Waits until a server other than this one is the primary; gives when that was seen.
+    pub fn next_primary(&self, former: &str) -> Instant {
+        wait_for("the next primary", || {
+            let mut others = self.nodes.iter().filter(|node| node.name != former);
+            others.any(Node::can_be_written).then(now)
+        })
+    }
+
+    /// Waits until some server is the primary; gives when that was seen.
+    pub fn any_primary(&self) -> Instant {
+        wait_for("a primary", || {
+            self.nodes.iter().any(Node::can_be_written).then(now)
+        })
+    }
+
+    /// Waits until there is a primary, the others follow it, and one of them commits with it.
+    pub fn wait_until_whole(&self) {
+        wait_for("a whole cluster", || {
+            let count = |path: &str| self.nodes.iter().filter(|node| node.is(path)).count();
+            let is_whole = count("/primary") == 1 && count("/replica") == 2;
+            (is_whole && count("/sync") == 1).then_some(())
+        });
+    }
+
+    /// Moves the primary to another server in order.
+    pub fn switch_over(&self) {
+        let primary = self.primary();
+        let body = serde_json::json!({"leader": primary.name}).to_string();
+        let answer = http::send(primary.rest, "POST /switchover", None, Some(("", &body)));
+        let answer = answer.unwrap();
+        assert!(answer.status < 300, "{}: {}", answer.status, answer.body);
+    }
+
+    /// Kills a server and its Patroni, as the loss of their machine does.
+    pub fn kill(&mut self, name: &str) {
+        let number = self.number(name);
+        let node = &mut self.nodes[number];
+        signal("KILL", &node.processes());
+        node.patroni = None;
+        node.wait_until_gone();
+    }
+
+    /// Kills the postmaster alone.
+    pub fn kill_postmaster(&self, name: &str) {
+        let node = &self.nodes[self.number(name)];
+        signal("KILL", node.postmaster().as_slice());
+    }
+
+    /// Stops a server and its Patroni where they are.
+    pub fn freeze(&self, name: &str) {
+        signal("STOP", &self.nodes[self.number(name)].processes());
+    }
+
+    /// Lets them go on.
+    pub fn thaw(&self, name: &str) {
+        signal("CONT", &self.nodes[self.number(name)].processes());
+    }
+
+    /// Starts a server that was killed.
+    pub fn start_again(&mut self, name: &str) {
+        self.start_node(self.number(name));
+    }
+
+    /// Kills etcd.
+    pub fn kill_etcd(&mut self) {
+        self.etcd.take().unwrap().kill();
+    }
+
+    /// Starts etcd, with what it knew.
+    pub fn start_etcd(&mut self) {
+        let (client, peer) = (self.etcd_client, self.etcd_peer);
+        let mut command = Command::new("etcd");
+        command
+            .arg("--data-dir")
+            .arg(self.folder.path().join("etcd"));
+        for (option, value) in [
+            ("--listen-client-urls", client.to_string()),
+            ("--advertise-client-urls", client.to_string()),
+            ("--listen-peer-urls", peer.to_string()),
+            ("--initial-advertise-peer-urls", peer.to_string()),
+        ] {
+            command.arg(option).arg(format!("http://{value}"));
+        }
+        command
+            .arg("--initial-cluster")
+            .arg(format!("default=http://{peer}"));
+        self.etcd = Some(Process::start(
+            &mut command,
+            self.folder.path().join("etcd.log"),
+        ));
+    }
+
+    fn number(&self, name: &str) -> usize {
+        self.nodes
+            .iter()
+            .position(|node| node.name == name)
+            .unwrap()
+    }
+
+    fn start_node(&mut self, number: usize) {
+        let config = self.config(&self.nodes[number]);
+        let node = &mut self.nodes[number];
+        if !node.folder.exists() {
+            fs::create_dir(&node.folder).unwrap();
+            own_by_server_user(&node.folder);
+        }
+        let file = node.folder.join("patroni.yml");
+        fs::write(&file, config).unwrap();
+        let mut command = as_server_user(&self.program);
+        command.arg(&file).current_dir(&node.folder);
+        let log = self.folder.path().join(format!("{}.log", node.name));
+        node.patroni = Some(Process::start(&mut command, log));
+    }
+
+    /// The example's settings of the cluster, and where this server is.
+    fn config(&self, node: &Node) -> String {
+        let (_, from_bootstrap) = EXAMPLE.split_once("\nbootstrap:\n").unwrap();
+        let (bootstrap, _) = from_bootstrap.split_once("\npostgresql:\n").unwrap();
+        // All servers know when each transaction was committed, which Patroni takes here alone.
+        const PARAMETERS: &str = "      parameters:\n";
+        let known = format!("{PARAMETERS}        track_commit_timestamp: 'on'\n");
+        let bootstrap = bootstrap.replace(PARAMETERS, &known);
+        let Node {
+            name,
+            folder,
+            postgres,
+            rest,
+            ..
+        } = node;
+        let (etcd, programs) = (self.etcd_client, program_folder());
+        format!(
+            "scope: fleetcal\nname: {name}\n\
+             restapi: {{ listen: '{rest}', connect_address: '{rest}' }}\n\
+             etcd3: {{ hosts: '{etcd}' }}\n\
+             bootstrap:\n{bootstrap}\n\
+             postgresql:\n  listen: '{postgres}'\n  connect_address: '{postgres}'\n  \
+             data_dir: {data}\n  bin_dir: {programs}\n  pgpass: {pgpass}\n  \
+             authentication:\n    \
+             superuser: {{ username: postgres, password: one }}\n    \
+             replication: {{ username: replicator, password: two }}\n    \
+             rewind: {{ username: rewinder, password: three }}\n  \
+             parameters: {{ unix_socket_directories: {folder}, fsync: 'off' }}\n  \
+             pg_hba:\n  - local all all trust\n  - host all all 127.0.0.1/32 trust\n  \
+             - host replication all 127.0.0.1/32 trust\n",
+            data = node.data().display(),
+            programs = programs.display(),
+            pgpass = folder.join("pgpass").display(),
+            folder = folder.display(),
+        )
+    }
+}
+
+impl Drop for Patroni {
+    fn drop(&mut self) {
+        for node in &mut self.nodes {
+            signal("CONT", &node.processes());
+            signal("KILL", &node.processes());
+            node.patroni = None;
+        }
+    }
+}
+
+impl Node {
+    fn data(&self) -> PathBuf {
+        self.folder.join("data")
+    }
+
+    /// Whether it is the primary, as it says itself.
+    fn can_be_written(&self) -> bool {
+        let url = url_of(&[&self.postgres.to_string()], "postgres", "postgres");
+        let told = try_psql(&url, "SELECT NOT pg_is_in_recovery()");
+        told.is_some_and(|told| told.trim() == "t")
+    }
+
+    /// Whether Patroni says that the server is this.
+    fn is(&self, path: &str) -> bool {
+        http::get(self.rest, path, None).is_some_and(|answer| answer.status == 200)
+    }
+
+    fn postmaster(&self) -> Option<u32> {
+        let text = fs::read_to_string(self.data().join("postmaster.pid")).ok()?;
+        text.lines().next()?.trim().parse().ok()
+    }
+
+    /// Patroni, the postmaster, and what descends from them.
+    fn processes(&self) -> Vec<u32> {
+        let own = self.patroni.as_ref().map(Process::id);
+        let mut all: Vec<u32> = own.into_iter().chain(self.postmaster()).collect();
+        let parents = parents();
+        let mut at = 0;
+        while at < all.len() {
+            let children = parents.iter().filter(|(_, parent)| *parent == all[at]);
+            let children: Vec<_> = children.map(|(child, _)| *child).collect();
+            all.extend(
+                children
+                    .into_iter()
+                    .filter(|child| !all.contains(child))
+                    .collect::<Vec<_>>(),
+            );
+            at += 1;
+        }
+        all
+    }
+
+    fn wait_until_gone(&self) {
+        let left = self
+            .postmaster()
+            .map(|pid| Path::new("/proc").join(pid.to_string()));
+        wait_for("the end of a server", || {
+            let is_there = left.as_ref().is_some_and(|path| path.exists());
+            (!is_there).then_some(())
+        });
+    }
+}
+
+/// Each process and its parent.
+fn parents() -> Vec<(u32, u32)> {
+    let entries = fs::read_dir("/proc").unwrap().filter_map(Result::ok);
+    let pair = |entry: fs::DirEntry| {
+        let pid = entry.file_name().to_str()?.parse().ok()?;
+        let mut stat = String::new();
+        let mut file = File::open(entry.path().join("stat")).ok()?;
+        file.read_to_string(&mut stat).ok()?;
+        // Field 4 of proc(5) stat is the parent; the second field may hold spaces.
+        let (_, rest) = stat.rsplit_once(')')?;
+        Some((pid, rest.split(' ').nth(2)?.parse().ok()?))
+    };
+    entries.filter_map(pair).collect()
+}
+
+/// Sends a signal to processes; one that has ended meanwhile is no failure.
+fn signal(name: &str, processes: &[u32]) {
+    let pids = processes.iter().map(u32::to_string);
+    drop(Command::new("kill").args(["-s", name]).args(pids).output());
+}

@@ -1,0 +1,73 @@
+//! A service that is alone, hears what the cluster's robots send, and says nothing: its estimators are
+//! what the cluster's have to be, to the bit.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use fleetcal_clock::SystemClock;
+use fleetcal_contract::own_server::psql;
+use fleetcal_fleet::estimator_of;
+use serde_json::json;
+
+use crate::cluster::{Cluster, Process};
+
+/// Each robot's estimator as it is stored.
+pub type States = BTreeMap<String, Vec<u8>>;
+
+/// See the module.
+#[derive(Debug)]
+pub struct Twin {
+    process: Process,
+    data: PathBuf,
+}
+
+impl Twin {
+    /// Starts it at the first router of a cluster, with a database of its own.
+    pub fn start(cluster: &Cluster) -> Self {
+        let mute = json!({
+            "enabled": true,
+            "default_permission": "allow",
+            "rules": [{
+                "id": "mute",
+                "messages": ["put", "delete", "declare_queryable"],
+                "flows": ["egress"],
+                "permission": "deny",
+                "key_exprs": ["fleet/**"],
+            }],
+            "subjects": [{"id": "all"}],
+            "policies": [{"rules": ["mute"], "subjects": ["all"]}],
+        });
+        let (process, data) = cluster.start_beside("twin", &[("access_control", mute)]);
+        Self { process, data }
+    }
+
+    /// Ends it; gives its robots' states.
+    pub async fn end(mut self) -> States {
+        self.process.signal("TERM");
+        assert_eq!(self.process.ended(), Some(0), "{}", self.process.said());
+        let store = fleetcal_sqlite::open(&self.data, Arc::new(SystemClock::start())).await;
+        let store = store.unwrap();
+        let stored = store.load_checkpoints().await.unwrap().into_iter();
+        let states = stored
+            .map(|one| (one.robot.to_string(), estimator_of(&one.state).unwrap()))
+            .collect();
+        store.close().await.unwrap();
+        states
+    }
+}
+
+/// The states of a cluster's robots, as the last instance has stored them.
+pub fn states(cluster: &Cluster) -> States {
+    let told = psql(
+        &cluster.records(),
+        "SELECT r.id, encode(c.state, 'hex') FROM checkpoint AS c JOIN robot AS r ON r.key = c.robot",
+    );
+    let byte = |hex: &[u8]| u8::from_str_radix(str::from_utf8(hex).unwrap(), 16).unwrap();
+    let state = |line: &str| {
+        let (robot, hex) = line.split_once('|')?;
+        let bytes: Vec<u8> = hex.as_bytes().chunks(2).map(byte).collect();
+        Some((robot.to_owned(), estimator_of(&bytes).unwrap()))
+    };
+    told.lines().filter_map(state).collect()
+}
