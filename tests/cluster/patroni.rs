@@ -21,6 +21,8 @@ use crate::cluster::Process;
 /// The settings that people are told to use.
 const EXAMPLE: &str = include_str!("../../examples/deploy/cluster/patroni.yml");
 const NAMES: [&str; 3] = ["n1", "n2", "n3"];
+/// What stands before the settings that all servers share.
+const PARAMETERS: &str = "      parameters:\n";
 /// The owner of the records.
 const OWNER: &str = "fleetcal";
 
@@ -250,7 +252,6 @@ impl Patroni {
         let (_, from_bootstrap) = EXAMPLE.split_once("\nbootstrap:\n").unwrap();
         let (bootstrap, _) = from_bootstrap.split_once("\npostgresql:\n").unwrap();
         // All servers know when each transaction was committed, which Patroni takes here alone.
-        const PARAMETERS: &str = "      parameters:\n";
         let known = format!("{PARAMETERS}        track_commit_timestamp: 'on'\n");
         let bootstrap = bootstrap.replace(PARAMETERS, &known);
         let Node {
