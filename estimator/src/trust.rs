@@ -27,10 +27,6 @@ const CHECK_VEHICLE: &str = "a look at the vehicle and its configuration: this c
 const RELEASE_SHARE: f64 = 0.93;
 /// Standard deviation of the scale of a LiDAR's ranges, which docs/assumptions.md takes for typical.
 const RANGE_SCALE_SIGMA: f64 = 0.005;
-/// Standard deviation that a loop to one side leaves of the yaw, rad: slip and the curve of the steering
-/// turn into it, for as long as it is driven (0.06° and 0.08° in 2 of 150 vehicles with all typical
-/// imperfections after 600 s).
-const ONE_SIDED_YAW_SIGMA_RAD: f64 = 0.000_26;
 /// A converged parameter stays so until its sigma exceeds its limit by this factor.
 const HYSTERESIS: f64 = 1.2;
 
@@ -123,7 +119,7 @@ impl Trust {
                 (neutral(parameter, values[i]), 0.0)
             } else {
                 let sigma = reported_sigma(parameter, covariance, settings);
-                (values[i], sigma.hypot(untold_sigma(parameter, values[i])))
+                (values[i], sigma.hypot(scale_sigma(parameter, values[i])))
             };
             ParameterEstimate {
                 value,
@@ -277,20 +273,13 @@ fn reported_sigma(
         .hypot(*settings.systematic_sigma.get(parameter))
 }
 
-/// What the robot's own driving does not tell, so that nothing waits for it to be converged, and no
-/// change shows in it.
-fn untold_sigma(parameter: Parameter, value: f64) -> f64 {
+/// The scale of the LiDAR's ranges passes for that of the speed on the straight, and stretches the mount
+/// in turns. No driving tells it, so that nothing has to wait for it to be converged.
+fn scale_sigma(parameter: Parameter, value: f64) -> f64 {
     match parameter {
-        Parameter::LidarX | Parameter::LidarY => scale_sigma(value),
-        Parameter::LidarYaw => ONE_SIDED_YAW_SIGMA_RAD,
+        Parameter::LidarX | Parameter::LidarY => RANGE_SCALE_SIGMA * value.abs(),
         _ => 0.0,
     }
-}
-
-/// The scale of the LiDAR's ranges passes for that of the speed on the straight, and stretches a mount
-/// of so many metres in turns.
-fn scale_sigma(mount_m: f64) -> f64 {
-    RANGE_SCALE_SIGMA * mount_m.abs()
 }
 
 /// An estimate as it is compared with values that the same LiDAR has measured. The scale of its ranges
@@ -299,7 +288,7 @@ fn scale_sigma(mount_m: f64) -> f64 {
 pub fn without_range_scale(mut estimate: Estimate) -> Estimate {
     for parameter in [Parameter::LidarX, Parameter::LidarY] {
         let one = &mut estimate.parameters[parameter.index()];
-        let scale_sigma = scale_sigma(one.value);
+        let scale_sigma = scale_sigma(parameter, one.value);
         let variance = (one.sigma * one.sigma - scale_sigma * scale_sigma).max(0.0);
         one.sigma = variance.sqrt();
     }
