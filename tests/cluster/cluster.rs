@@ -79,6 +79,12 @@ impl Process {
         wait_for("its end", || self.child.try_wait().unwrap()).code()
     }
 
+    /// Asks it to end, and waits until it has, as one does that had time for it.
+    pub fn end_in_order(&mut self) {
+        self.signal("TERM");
+        assert_eq!(self.ended(), Some(0), "{}", self.said());
+    }
+
     /// What it has said.
     pub fn said(&self) -> String {
         fs::read_to_string(&self.log).unwrap_or_default()

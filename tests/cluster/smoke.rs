@@ -91,8 +91,7 @@ async fn instances_share_the_robots_and_take_over_from_each_other() {
     assert!(balanced(&b, 2) < BALANCED_WITHIN);
     owners(&watch);
     let stopped = now();
-    a.process.signal("TERM");
-    assert_eq!(a.process.ended(), Some(0), "{}", a.process.said());
+    a.process.end_in_order();
     let all = owners(&watch);
     assert_eq!(of_instance(&all, "b").len(), ROBOTS);
     let gap = watch.gaps(stopped).into_values().max().unwrap();

@@ -189,13 +189,7 @@ impl Trial {
         self.robots.ended();
         std::thread::sleep(SETTLED);
         for instance in self.instances.values_mut() {
-            instance.process.signal("TERM");
-            assert_eq!(
-                instance.process.ended(),
-                Some(0),
-                "{}",
-                instance.process.said()
-            );
+            instance.process.end_in_order();
         }
         self.cluster
     }

@@ -44,8 +44,7 @@ impl Twin {
 
     /// Ends it; gives its robots' states.
     pub async fn end(mut self) -> States {
-        self.process.signal("TERM");
-        assert_eq!(self.process.ended(), Some(0), "{}", self.process.said());
+        self.process.end_in_order();
         let store = fleetcal_sqlite::open(&self.data, Arc::new(SystemClock::start())).await;
         let store = store.unwrap();
         let stored = store.load_checkpoints().await.unwrap().into_iter();

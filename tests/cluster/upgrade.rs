@@ -143,13 +143,7 @@ async fn instances_are_upgraded_and_taken_back_under_robots_that_drive() {
             let began = now();
             program.clone_into(&mut cluster.program);
             for instance in [&mut a, &mut b] {
-                instance.process.signal("TERM");
-                assert_eq!(
-                    instance.process.ended(),
-                    Some(0),
-                    "{}",
-                    instance.process.said()
-                );
+                instance.process.end_in_order();
                 let router = usize::from(instance.name == "b");
                 *instance = cluster.start(instance.name, router);
                 let seen_by = &*instance;

@@ -161,13 +161,7 @@ fn stop_and_join(trial: &mut Trial, seed: u64) -> [f64; 2] {
     };
     let stopped = now();
     let mut leaving = trial.instances.remove(name).unwrap();
-    leaving.process.signal("TERM");
-    assert_eq!(
-        leaving.process.ended(),
-        Some(0),
-        "{}",
-        leaving.process.said()
-    );
+    leaving.process.end_in_order();
     let took = stopped.elapsed();
     trial.owners();
     let end = longest(trial.watch.gaps(stopped));
