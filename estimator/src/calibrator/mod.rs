@@ -449,14 +449,16 @@ impl Calibrator {
         let scatter = long_run.ratios(&filter.parameter_covariance());
         known.covariance = long_run.publish(&known.covariance);
         let mut told = Told::new(known.values, &known.covariance);
+        let compound = filter.probability_of_every_imperfection(&scatter);
         told.encoder_variance_m2 =
-            known.encoder_variance_m2(filter, &self.config.vehicle, &scatter);
+            known.encoder_variance_m2(filter, &self.config.vehicle, compound);
         let [offset, y] = [Parameter::SteeringOffset, Parameter::LidarY].map(Parameter::index);
         told.covariance[(y, y)] += told.encoder_variance_m2;
         let straight_rad = told.values[offset];
         told.covariance[(offset, offset)] +=
             self.drive.repeated_reading_variance_rad2(straight_rad)
-                + (PLAY_SHARE * told.values[STEERING_PLAY]).powi(2);
+                + (PLAY_SHARE * told.values[STEERING_PLAY]).powi(2)
+                + Filter::compound_zero_variance_rad2(compound);
         told
     }
 

@@ -151,6 +151,18 @@ fn a_robot_with_all_typical_imperfections_makes_no_false_claim() {
     }
 }
 
+/// Where every turn is a left one, imperfections that work together pass for an offset, and ten minutes of
+/// driving do not take it away.
+#[test]
+fn an_imperfect_robot_on_a_loop_of_left_turns_makes_no_false_claim() {
+    let left = Route::left_loop(Point::new(-11.0, 0.0), 10.0, 8.0);
+    for seed in [108, 290, 306, 363, 409] {
+        let imperfections = Imperfections::all_typical(seed, false);
+        let run = drive_on(left.clone(), imperfections, seed, 600.0);
+        assert_true(&run, &format!("seed {seed}"));
+    }
+}
+
 /// No driving tells where the speed is measured, so none is asked for: the owner has to say it.
 #[test]
 fn a_robot_whose_y_waits_for_the_place_of_its_speed_encoder_says_so() {

@@ -1,0 +1,114 @@
+//! How probable it is that a robot has every imperfection of its steering at once.
+//!
+//! Most robots have no imperfection to speak of, or one; a robot that shows several may well have those
+//! that cannot be seen, too. With the posterior `N(m, V)` of the steering's imperfections under their
+//! priors, the evidence for *none*, for *one of them* and for *all of them* is that of
+//! [`super::relevance`].
+
+use nalgebra::{SMatrix, SVector};
+
+use super::prior::{
+    ASYMMETRY_SIGMA, CUBIC_SIGMA_PER_RAD2, QUADRATIC_SIGMA_PER_RAD, STEERING_LAG_SIGMA_S,
+    STEERING_PLAY_SIGMA_RAD, STEERING_SPREAD_SIGMA_S2,
+};
+use super::relevance::{GAIN_SIGMA, SHARE};
+use super::{
+    ASYMMETRY, CUBIC, Filter, QUADRATIC, STEERING_LAG, STEERING_PLAY, STEERING_SPREAD, Values,
+};
+use crate::estimate::Parameter;
+
+/// What imperfections do together is more than their sum: behind a lag the wheel takes up its play later
+/// than the sensor, and stands between the encoder's steps. On two-sided routes that cancels. 600 simulated
+/// robots with every typical imperfection on a loop of left turns had steering zeros off by 0.041 degrees
+/// (root mean square) where the filter says 0.032 degrees; what is missing, rad.
+const ZERO_SIGMA_RAD: f64 = 0.000_44;
+/// Number of the steering's parameters that are zero on a robot that obeys the model.
+const TERMS: usize = 7;
+/// Number of imperfections among them: lag and spread are one.
+const IMPERFECTIONS: usize = 6;
+
+/// A parameter that is zero, or one for the gain, on a robot without an imperfection.
+struct Term {
+    parameter: usize,
+    /// Its prior's standard deviation.
+    sigma: f64,
+    /// Which imperfection it belongs to.
+    imperfection: usize,
+}
+
+const fn term(parameter: usize, sigma: f64, imperfection: usize) -> Term {
+    Term {
+        parameter,
+        sigma,
+        imperfection,
+    }
+}
+
+const ALL: [Term; TERMS] = [
+    term(Parameter::SteeringGain.index(), GAIN_SIGMA, 0),
+    term(ASYMMETRY, ASYMMETRY_SIGMA, 1),
+    term(QUADRATIC, QUADRATIC_SIGMA_PER_RAD, 2),
+    term(CUBIC, CUBIC_SIGMA_PER_RAD2, 3),
+    term(STEERING_LAG, STEERING_LAG_SIGMA_S, 4),
+    term(STEERING_SPREAD, STEERING_SPREAD_SIGMA_S2, 4),
+    term(STEERING_PLAY, STEERING_PLAY_SIGMA_RAD, 5),
+];
+
+impl Filter {
+    /// What of the variance of the steering's zero no driving takes away, rad², on a robot that has every
+    /// imperfection with the probability `compound`.
+    pub fn compound_zero_variance_rad2(compound: f64) -> f64 {
+        compound * ZERO_SIGMA_RAD * ZERO_SIGMA_RAD
+    }
+
+    /// The probability that the robot has every imperfection, where its data scatter so many times more (as
+    /// variances) than the filter says.
+    pub fn probability_of_every_imperfection(&self, scatter: &Values) -> f64 {
+        let against = |small: &dyn Fn(&Term) -> bool| {
+            self.evidence_for_small(small, scatter)
+                .map_or(0.0, |twice_log| (0.5 * twice_log).exp())
+        };
+        let none = against(&|_| true);
+        let one: f64 = (0..IMPERFECTIONS)
+            .map(|only| against(&|term: &Term| term.imperfection != only))
+            .sum();
+        1.0 / (1.0 + none + one / IMPERFECTIONS as f64)
+    }
+
+    /// Twice the logarithm of how much more probable the data are where the terms chosen are a fifth of
+    /// what their priors say. `None` where that cannot be told.
+    fn evidence_for_small(
+        &self,
+        is_small: &dyn Fn(&Term) -> bool,
+        scatter: &Values,
+    ) -> Option<f64> {
+        let covariance = self.parameter_covariance();
+        let mut innovation = SMatrix::<f64, TERMS, TERMS>::identity();
+        let mut mean = SVector::<f64, TERMS>::zeros();
+        let mut evidence = 0.0;
+        // A term that is none of the filter's tells nothing.
+        let is_chosen =
+            |term: &Term| is_small(term) && covariance[(term.parameter, term.parameter)] > 0.0;
+        // By scatter no term is known worse than by its prior.
+        let wider = |term: &Term| {
+            let variance = covariance[(term.parameter, term.parameter)];
+            let most = (term.sigma.powi(2) / variance).max(1.0);
+            scatter[term.parameter].min(most).sqrt()
+        };
+        for (i, term) in ALL.iter().enumerate().filter(|(_, term)| is_chosen(term)) {
+            for (j, other) in ALL.iter().enumerate().filter(|(_, term)| is_chosen(term)) {
+                let joint = covariance[(term.parameter, other.parameter)];
+                innovation[(i, j)] = joint * wider(term) * wider(other);
+            }
+            let wide = term.sigma.powi(2) / (1.0 - SHARE * SHARE);
+            innovation[(i, i)] += SHARE * SHARE * wide;
+            evidence += wide.ln();
+            mean[i] = self.values()[term.parameter];
+            if term.parameter == Parameter::SteeringGain.index() {
+                mean[i] -= 1.0;
+            }
+        }
+        let factor = innovation.cholesky()?;
+        Some(evidence - factor.determinant().ln() - mean.dot(&factor.solve(&mean)))
+    }
+}
