@@ -2,7 +2,9 @@
 //!
 //! Zenoh handles a declaration (of a key, a token, a subscriber) on the thread that has read it, under
 //! a lock that all sessions share, and for longer the more keys there are. On its own two threads, four
-//! sessions that go on declaring leave none to read the other robots' data.
+//! sessions that go on declaring leave none to read the other robots' data. They are the threads, too,
+//! that accept and open connections: the system wakes the threads on which a connection began, and those
+//! would have to wake another one for each message.
 //!
 //! jemalloc keeps freed pages for 10 s unless told otherwise; at 1 s a flood leaves nothing behind. Its
 //! background threads, which see to that while the service is idle, do not work with musl: there pages
@@ -32,7 +34,9 @@ const JEMALLOC: (&str, &str) = (
 /// # Errors
 /// Returns only when it did not begin again: with the reason, or `Ok` when there was no need.
 pub fn ensure() -> io::Result<()> {
-    let threads = format!("(rx:(worker_threads:{ZENOH_RECEIVING_THREADS}))");
+    let threads = format!(
+        "(app:(worker_threads:{ZENOH_RECEIVING_THREADS}),rx:(handover:app),acc:(handover:app))"
+    );
     let mut missing = [(ZENOH, threads.as_str()), JEMALLOC]
         .into_iter()
         .filter(|(variable, _)| std::env::var_os(variable).is_none())
