@@ -374,8 +374,12 @@ impl Cluster {
     }
 
     /// Starts a service at the first router with a database of its own and further settings of Zenoh,
-    /// and waits until it is ready; gives its folder too.
-    pub fn start_beside(&self, name: &str, settings: &[(&str, Value)]) -> (Process, PathBuf) {
+    /// and waits until it is ready; gives where its API is and its folder too.
+    pub fn start_beside(
+        &self,
+        name: &str,
+        settings: &[(&str, Value)],
+    ) -> (Process, SocketAddr, PathBuf) {
         let http = free_port();
         let zenoh = self.client(name, &self.routers[0]);
         let mut config: Value = serde_json::from_slice(&fs::read(&zenoh).unwrap()).unwrap();
@@ -388,7 +392,7 @@ impl Cluster {
         let log = self.folder.path().join(format!("{name}.log"));
         let process = Process::start(&mut command, log);
         wait_until_ready(http);
-        (process, self.folder.path().join(name).join("data"))
+        (process, http, self.folder.path().join(name).join("data"))
     }
 
     /// Starts a service that has all robots and waits until it is ready.
@@ -420,17 +424,7 @@ impl Cluster {
 
     /// A token of an administrator of this name.
     pub fn token_of(&self, name: &str) -> String {
-        let made = Command::new(binary::path())
-            .args(["token", "create", "--database", &self.database])
-            .args(["--role", "admin", "--name", name])
-            .output()
-            .unwrap();
-        let errors = String::from_utf8_lossy(&made.stderr);
-        assert!(made.status.success(), "{errors}");
-        String::from_utf8(made.stdout)
-            .unwrap()
-            .trim_end()
-            .to_owned()
+        token_in(&["--database", &self.database], name)
     }
 
     /// Drives the robots, which know both routers.
@@ -452,6 +446,22 @@ impl Cluster {
     pub fn database(&self) -> &str {
         &self.database
     }
+}
+
+/// A token of an administrator of this name where the records are.
+pub fn token_in(place: &[&str], name: &str) -> String {
+    let made = Command::new(binary::path())
+        .args(["token", "create"])
+        .args(place)
+        .args(["--role", "admin", "--name", name])
+        .output()
+        .unwrap();
+    let errors = String::from_utf8_lossy(&made.stderr);
+    assert!(made.status.success(), "{errors}");
+    String::from_utf8(made.stdout)
+        .unwrap()
+        .trim_end()
+        .to_owned()
 }
 
 /// A loopback address that nobody listens on and that stays free while its instance is away: no

@@ -3,9 +3,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
-use fleetcal_contract::own_server::psql;
+use fleetcal_contract::own_server::{number, psql};
 use fleetcal_store::database_url::PostgresUrl;
 use fleetcal_tests::service::{now, wait_for};
+use rand::Rng;
+use rand::rngs::StdRng;
 
 use crate::checker::Evidence;
 use crate::cluster::{Cluster, Instance, Parts, Process};
@@ -13,6 +15,8 @@ use crate::decider::{Decider, Desk};
 use crate::records;
 use crate::watch::Watch;
 
+/// Names of as many instances as there may be.
+const INSTANCES: [&str; 3] = ["a", "b", "c"];
 /// Robots that drive.
 pub const DRIVING: usize = 6;
 /// Robots about which is decided.
@@ -41,16 +45,22 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// Starts two instances, and all else. `pause` is that of the decider.
+    /// Starts the instances, and all else. `pause` is that of the decider.
     pub async fn start(fast_takeover: bool, seed: u64, pause: Duration) -> Self {
+        let (cluster, parts) = Self::parts(fast_takeover).await;
+        Self::on(cluster, &parts, seed, pause).await
+    }
+
+    /// What it is started on, with as many instances as `CLUSTER_INSTANCES` says: nobody serves yet.
+    pub async fn parts(fast_takeover: bool) -> (Cluster, Parts) {
+        let count = number("CLUSTER_INSTANCES", 2);
         let parts = Parts {
-            names: vec!["a", "b"],
+            names: INSTANCES.into_iter().take(count).collect(),
             robots: DRIVING,
             parked: PARKED,
             fast_takeover,
         };
-        let cluster = Cluster::watched(&parts).await;
-        Self::on(cluster, &parts, seed, pause).await
+        (Cluster::watched(&parts).await, parts)
     }
 
     /// The same on a cluster of these parts.
@@ -58,7 +68,8 @@ impl Trial {
         let names = &parts.names;
         let watch = Watch::start(&cluster.routers).await;
         let instances = names.iter().enumerate();
-        let instances = instances.map(|(router, &name)| (name, cluster.start(name, router)));
+        let instances =
+            instances.map(|(place, &name)| (name, cluster.start(name, router_of(place))));
         let instances: BTreeMap<_, _> = instances.collect();
         // No robot moves after it has begun to drive: a scan matcher's map does not move with it.
         wait_until_even(&instances, DRIVING + parts.parked);
@@ -88,10 +99,16 @@ impl Trial {
         psql(&self.url(), "SHOW server_version").trim().to_owned()
     }
 
+    /// One of the instances that run.
+    pub fn chosen(&self, random: &mut StdRng) -> &'static str {
+        let place = random.random_range(0..self.instances.len());
+        self.instances.keys().nth(place).unwrap()
+    }
+
     /// Starts an instance that has ended.
     pub fn start_again(&mut self, name: &'static str) {
-        let router = usize::from(name == "b");
-        let instance = self.cluster.start(name, router);
+        let place = INSTANCES.iter().position(|one| *one == name).unwrap();
+        let instance = self.cluster.start(name, router_of(place));
         self.instances.insert(name, instance);
     }
 
@@ -198,6 +215,11 @@ impl Trial {
     pub fn drives(&self) -> bool {
         !self.robots.said().contains("panicked")
     }
+}
+
+/// The router of the instance at a place: one of two, in turn.
+fn router_of(place: usize) -> usize {
+    place % 2
 }
 
 /// Waits until instances share so many robots evenly, as each of them sees it.

@@ -2,23 +2,39 @@
 //! what the cluster's have to be, to the bit.
 
 use std::collections::BTreeMap;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use fleetcal_clock::SystemClock;
 use fleetcal_contract::own_server::psql;
 use fleetcal_fleet::estimator_of;
-use serde_json::json;
+use fleetcal_model::Parameter;
+use fleetcal_tests::http;
+use serde_json::{Value, json};
 
-use crate::cluster::{Cluster, Process};
+use crate::cluster::{Cluster, Process, token_in};
 
 /// Each robot's estimator as it is stored.
 pub type States = BTreeMap<String, Vec<u8>>;
+
+/// What is published of each robot: the sigmas of its steering offset and of its LiDAR's mount, rad and m.
+pub type Sigmas = BTreeMap<String, Vec<f64>>;
+
+/// The parameters of a calibration.
+const CALIBRATED: [Parameter; 4] = [
+    Parameter::SteeringOffset,
+    Parameter::LidarX,
+    Parameter::LidarY,
+    Parameter::LidarYaw,
+];
 
 /// See the module.
 #[derive(Debug)]
 pub struct Twin {
     process: Process,
+    http: SocketAddr,
+    token: String,
     data: PathBuf,
 }
 
@@ -38,8 +54,23 @@ impl Twin {
             "subjects": [{"id": "all"}],
             "policies": [{"rules": ["mute"], "subjects": ["all"]}],
         });
-        let (process, data) = cluster.start_beside("twin", &[("access_control", mute)]);
-        Self { process, data }
+        let (process, http, data) = cluster.start_beside("twin", &[("access_control", mute)]);
+        let token = token_in(&["--data", data.to_str().unwrap()], "reader");
+        Self {
+            process,
+            http,
+            token,
+            data,
+        }
+    }
+
+    /// What it would publish of robots.
+    pub fn sigmas(&self, robots: &[String]) -> Sigmas {
+        sigmas(robots, |path| {
+            let answer = http::get(self.http, path, Some(&self.token)).unwrap();
+            assert_eq!(answer.status, 200, "{path}: {}", answer.body);
+            serde_json::from_str(&answer.body).unwrap()
+        })
     }
 
     /// Ends it; gives its robots' states.
@@ -54,6 +85,20 @@ impl Twin {
         store.close().await.unwrap();
         states
     }
+}
+
+/// What is published of robots by whom `get` asks.
+pub fn sigmas(robots: &[String], get: impl Fn(&str) -> Value) -> Sigmas {
+    let of = |robot: &String| {
+        let estimate = get(&format!("/api/v1/robots/{robot}/estimate"));
+        let sigma = |one: Parameter| {
+            estimate["parameters"][one.name()]["sigma"]
+                .as_f64()
+                .unwrap()
+        };
+        (robot.clone(), CALIBRATED.map(sigma).to_vec())
+    };
+    robots.iter().map(of).collect()
 }
 
 /// The states of a cluster's robots, as the last instance has stored them.

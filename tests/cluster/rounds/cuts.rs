@@ -24,7 +24,7 @@ enum From {
 /// another one, and how long it took until all was even again, s.
 fn cut(trial: &mut Trial, seed: u64, from: From, direction: Cut) -> [f64; 2] {
     let mut random = StdRng::seed_from_u64(seed);
-    let name = if random.random() { "a" } else { "b" };
+    let name = trial.chosen(&mut random);
     let robots = trial.of_instance(name);
     std::thread::sleep(Duration::from_millis(random.random_range(0..2_000)));
     let lasts = Duration::from_millis(random.random_range(9_000..15_000));

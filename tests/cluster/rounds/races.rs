@@ -1,4 +1,4 @@
-//! Two people who approve one proposal at once over two instances.
+//! People who approve one proposal at once over two to five instances.
 
 use std::net::SocketAddr;
 
@@ -15,7 +15,10 @@ use crate::trial::desk;
 /// Robots about which is decided, one after the other.
 const PARKED: usize = 4;
 
-/// One proposal and the two who approve it.
+/// The instances; two to five of them race.
+const INSTANCES: [&str; 5] = ["a", "b", "c", "d", "e"];
+
+/// One proposal and those who approve it.
 struct Race<'r> {
     desk: &'r Desk,
     second: &'r str,
@@ -33,37 +36,48 @@ impl Race<'_> {
         Desk::proposed(&proposed).unwrap()
     }
 
-    /// Both at once, each at an instance of its own; who won.
-    fn run(&self, decisions: &mut Vec<Decision>) -> usize {
-        let [a, b] = [self.desk.instances[0], self.desk.instances[1]];
-        let waiting = self.propose(if self.seed.is_multiple_of(2) { a } else { b });
-        let attempts = [(a, self.desk.approver.as_str(), "a"), (b, self.second, "b")];
-        let reason = |of: &str| format!("approve race {} at {of}", self.seed);
+    /// At which instances is approved, as places in [`INSTANCES`]: two to five of them, others each time.
+    fn racers(&self) -> Vec<usize> {
+        let count = 2 + self.seed as usize % (INSTANCES.len() - 1);
+        let first = self.seed as usize / (INSTANCES.len() - 1);
+        let place = |racer| (first + racer) % INSTANCES.len();
+        (0..count).map(place).collect()
+    }
+
+    /// All at once, each at an instance of its own and every other one as somebody else; how many there
+    /// were, and which instance won.
+    fn run(&self, decisions: &mut Vec<Decision>) -> [usize; 2] {
+        let racers = self.racers();
+        let waiting = &self.propose(self.desk.instances[racers[0]]);
+        let reason = |at: usize| format!("approve race {} at {}", self.seed, INSTANCES[at]);
         let answers: Vec<Answer> = std::thread::scope(|scope| {
-            let ask = |(at, token, of)| {
-                let waiting = &waiting;
-                scope.spawn(move || Desk::approve(at, token, waiting, &reason(of)).unwrap())
+            let ask = |(racer, &at): (usize, &usize)| {
+                let approver = self.desk.approver.as_str();
+                let token = [approver, self.second][racer % 2];
+                let (instance, reason) = (self.desk.instances[at], reason(at));
+                scope.spawn(move || Desk::approve(instance, token, waiting, &reason).unwrap())
             };
-            let asked = attempts.map(ask);
-            asked.map(|one| one.join().unwrap()).into()
+            let asked: Vec<_> = racers.iter().enumerate().map(ask).collect();
+            asked.into_iter().map(|one| one.join().unwrap()).collect()
         });
-        let won: Vec<_> = answers.iter().map(|answer| answer.status == 200).collect();
-        for (answer, (_, _, of)) in answers.iter().zip(attempts) {
-            let (outcome, reason) = (outcome(answer), reason(of));
+        for (answer, &at) in answers.iter().zip(&racers) {
+            let (outcome, reason) = (outcome(answer), reason(at));
             decisions.push(Decision { reason, outcome });
         }
-        assert_eq!(won.iter().filter(|won| **won).count(), 1, "{answers:?}");
-        let winner = usize::from(won[1]);
+        let won = answers.iter().zip(&racers);
+        let won: Vec<_> = won.filter(|(answer, _)| answer.status == 200).collect();
+        let [(_, winner)] = won[..] else {
+            panic!("race {}: {answers:?}", self.seed);
+        };
         // The instance that took it knows it at once.
-        let back = self
-            .desk
-            .roll_back([a, b][winner], &self.robot, "the next one follows");
+        let at = self.desk.instances[*winner];
+        let back = self.desk.roll_back(at, &self.robot, "the next one follows");
         assert_eq!(
             back.as_ref().map(|answer| answer.status),
             Some(200),
             "{back:?}"
         );
-        winner
+        [racers.len(), *winner]
     }
 }
 
@@ -76,20 +90,21 @@ fn outcome(answer: &Answer) -> Outcome {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn of_two_approvals_at_two_instances_exactly_one_wins() {
+async fn of_approvals_at_two_to_five_instances_exactly_one_wins() {
     let mut progress = Progress::of("races", 50);
     let open = progress.open();
     if !open.is_empty() {
-        let names = vec!["a", "b"];
         let parts = Parts {
-            names: names.clone(),
+            names: INSTANCES.to_vec(),
             robots: 0,
             parked: PARKED,
             fast_takeover: true,
         };
         let cluster = Cluster::watched(&parts).await;
-        let _instances = [cluster.start("a", 0), cluster.start("b", 1)];
-        let desk = desk(&cluster, &names);
+        let instances = INSTANCES.iter().enumerate();
+        let instances = instances.map(|(place, name)| cluster.start(name, place % 2));
+        let _instances: Vec<_> = instances.collect();
+        let desk = desk(&cluster, &INSTANCES);
         let second = cluster.token_of("bruno");
         let mut evidence = Evidence::default();
         for seed in open {
@@ -99,20 +114,27 @@ async fn of_two_approvals_at_two_instances_exactly_one_wins() {
                 robot: format!("parked_{}", seed % PARKED as u64 + 1),
                 seed,
             };
-            let winner = race.run(&mut evidence.decisions);
-            progress.passed(seed, vec![winner as f64]);
+            let [racers, winner] = race.run(&mut evidence.decisions);
+            progress.passed(seed, vec![racers as f64, winner as f64]);
         }
         records::read(&cluster.database().parse().unwrap(), &mut evidence);
         assert_eq!(evidence.violations(), []);
     }
-    let (rounds, by_b) = (progress.len(), progress.count(0));
     println!(
-        "approvals raced by two instances, not exactly one won: {}",
-        told(0, rounds)
+        "approvals raced by 2 to 5 instances, not exactly one won: {}",
+        told(0, progress.len())
     );
+    let winners = progress.figures(1);
+    let of_one = |winner: usize| {
+        winners
+            .iter()
+            .filter(|one| **one as usize == winner)
+            .count()
+    };
+    let each: Vec<_> = (0..INSTANCES.len()).map(of_one).collect();
     println!(
-        "  won by a {}, by b {by_b}; {}",
-        rounds - by_b,
+        "  {} attempts; won by {INSTANCES:?} {each:?} times; {}",
+        progress.count(0),
         progress.told("as above")
     );
 }

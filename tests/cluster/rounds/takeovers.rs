@@ -9,6 +9,7 @@ use rand::{Rng, SeedableRng};
 use crate::figures::{quantile, spread, told};
 use crate::progress::Progress;
 use crate::trial::{BALANCED_WITHIN, DRIVING, SERVED_WITHIN, Trial};
+use crate::twin::{self, Twin};
 
 /// The pause between two decisions of somebody who decides beside it.
 const PAUSE: Duration = Duration::from_millis(200);
@@ -17,14 +18,10 @@ const HANDED_OVER_WITHIN: Duration = Duration::from_millis(2_200);
 /// What a takeover takes, s: half of them, and 99 of 100.
 const TAKEOVER_S: [f64; 2] = [1.5, 3.0];
 
-fn chosen(random: &mut StdRng) -> &'static str {
-    if random.random() { "a" } else { "b" }
-}
-
 /// Kills an instance; gives how long each of its robots had no estimate from another one, s.
 fn kill(trial: &mut Trial, seed: u64) -> Vec<f64> {
     let mut random = StdRng::seed_from_u64(seed);
-    let name = chosen(&mut random);
+    let name = trial.chosen(&mut random);
     let robots = trial.of_instance(name);
     std::thread::sleep(Duration::from_millis(random.random_range(0..2_000)));
     let killed = now();
@@ -94,10 +91,64 @@ async fn a_killed_instance_is_replaced_when_its_lease_has_ended() {
     assert!(quantile(&slowest, 1.0) <= SERVED_WITHIN.as_secs_f64());
 }
 
+/// Robots drive for so long before their instance is killed, and then until they are compared with a twin's.
+const DRIVEN_BEFORE: Duration = Duration::from_secs(40);
+const COMPARED_AFTER: Duration = Duration::from_mins(1);
+/// How much larger a sigma may be than that of a twin which nobody disturbed.
+const LESS_CERTAIN: f64 = 0.05;
+
+/// Kills an instance; gives by how much the sigmas of its robots are then larger than the twin's.
+fn certainty_lost(trial: &mut Trial, twin: &Twin, seed: u64) -> Vec<f64> {
+    let name = trial.chosen(&mut StdRng::seed_from_u64(seed));
+    let robots = trial.of_instance(name);
+    let killed = now();
+    trial.instances.get_mut(name).unwrap().process.kill();
+    trial.taken_over(killed, name, &robots);
+    trial.instances.remove(name);
+    std::thread::sleep(COMPARED_AFTER.saturating_sub(killed.elapsed()));
+    let another = trial.instances.values().next().unwrap();
+    let (taken_over, undisturbed) = (
+        twin::sigmas(&robots, |path| another.get(path)),
+        twin.sigmas(&robots),
+    );
+    trial.check(seed);
+    let pairs = taken_over
+        .values()
+        .flatten()
+        .zip(undisturbed.values().flatten());
+    pairs
+        .map(|(sigma, of_twin)| sigma / of_twin - 1.0)
+        .collect()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_takeover_costs_no_certainty() {
+    let mut progress = Progress::of("certainty", 1);
+    for seed in progress.open() {
+        let (cluster, parts) = Trial::parts(true).await;
+        let twin = Twin::start(&cluster);
+        let mut trial = Trial::on(cluster, &parts, seed, PAUSE).await;
+        std::thread::sleep(DRIVEN_BEFORE);
+        let lost = certainty_lost(&mut trial, &twin, seed);
+        println!(
+            "round {seed}: sigmas of robots taken over, above a twin's after 60 s: {lost:.4?}"
+        );
+        progress.passed(seed, vec![quantile(&lost, 1.0)]);
+    }
+    let most = progress.figures(0);
+    let wider = most.iter().filter(|lost| **lost > LESS_CERTAIN).count();
+    println!(
+        "sigmas of a robot more than 5 % above an undisturbed twin's 60 s after a takeover: {}, at most {:+.2} %",
+        told(wider as u64, progress.len()),
+        quantile(&most, 1.0) * 100.0
+    );
+    assert_eq!(wider, 0, "{most:?}");
+}
+
 /// Freezes an instance for some time; gives how many estimates came late so far.
 fn freeze(trial: &Trial, seed: u64) -> usize {
     let mut random = StdRng::seed_from_u64(seed);
-    let name = chosen(&mut random);
+    let name = trial.chosen(&mut random);
     std::thread::sleep(Duration::from_millis(random.random_range(0..2_000)));
     let frozen_for = Duration::from_millis(random.random_range(500..20_000));
     let instance = &trial.instances[name];
@@ -154,7 +205,7 @@ async fn a_frozen_instance_does_no_harm_when_it_thaws() {
 /// Stops an instance in order and starts it again; gives the longest times without an estimate, s.
 fn stop_and_join(trial: &mut Trial, seed: u64) -> [f64; 2] {
     let mut random = StdRng::seed_from_u64(seed);
-    let name = chosen(&mut random);
+    let name = trial.chosen(&mut random);
     let longest = |gaps: std::collections::BTreeMap<String, Duration>| {
         assert_eq!(gaps.len(), DRIVING);
         gaps.into_values().max().unwrap()
