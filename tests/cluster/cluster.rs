@@ -19,7 +19,7 @@ use tempfile::TempDir;
 
 use crate::network::Proxy;
 use crate::patroni::Patroni;
-use crate::records;
+use crate::{processes, records};
 
 /// A process that ends with this value.
 #[derive(Debug)]
@@ -60,12 +60,7 @@ impl Process {
 
     /// CPU time that it has used, s.
     pub fn cpu_s(&self) -> f64 {
-        // Fields 14 and 15 of proc(5) stat, in ticks of 10 ms; the second field may hold spaces.
-        let stat = fs::read_to_string(format!("/proc/{}/stat", self.child.id())).unwrap();
-        let (_, fields) = stat.rsplit_once(')').unwrap();
-        let fields: Vec<_> = fields.split_whitespace().collect();
-        let ticks = |at: usize| fields[at].parse::<f64>().unwrap();
-        (ticks(11) + ticks(12)) / 100.0
+        processes::cpu_s(self.child.id())
     }
 
     /// Ends it without warning.

@@ -20,6 +20,7 @@ mod decider;
 mod figures;
 mod network;
 mod patroni;
+mod processes;
 mod progress;
 mod records;
 mod rounds;

@@ -1,8 +1,7 @@
 //! Three servers of PostgreSQL under Patroni and etcd, on this machine's loopback, set as
 //! `examples/deploy/cluster/patroni.yml` sets them.
 
-use std::fs::{self, File};
-use std::io::Read as _;
+use std::fs;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -17,6 +16,11 @@ use fleetcal_tests::service::{free_port, now, wait_for};
 use tempfile::TempDir;
 
 use crate::cluster::Process;
+use crate::processes::{parents, signal};
+
+/// How many servers have written and read all but the last of what a primary wrote.
+const FOLLOWING: &str = "SELECT count(*) FROM pg_stat_replication WHERE state = 'streaming'
+    AND pg_wal_lsn_diff(pg_current_wal_lsn(), replay_lsn) < 1000000";
 
 /// The settings that people are told to use.
 const EXAMPLE: &str = include_str!("../../examples/deploy/cluster/patroni.yml");
@@ -148,12 +152,14 @@ impl Patroni {
         })
     }
 
-    /// Waits until there is a primary, the others follow it, and one of them commits with it.
+    /// Waits until there is a primary, the others have all that it wrote, and one of them commits with it.
+    /// One that is being rewound is a replica to Patroni already.
     pub fn wait_until_whole(&self) {
         wait_for("a whole cluster", || {
             let count = |path: &str| self.nodes.iter().filter(|node| node.is(path)).count();
-            let is_whole = count("/primary") == 1 && count("/replica") == 2;
-            (is_whole && count("/sync") == 1).then_some(())
+            let is_whole = count("/primary") == 1 && count("/replica") == 2 && count("/sync") == 1;
+            let follow = || psql(&self.primary_url(), FOLLOWING);
+            (is_whole && follow().trim() == "2").then_some(())
         });
     }
 
@@ -345,25 +351,4 @@ impl Node {
             (!is_there).then_some(())
         });
     }
-}
-
-/// Each process and its parent.
-fn parents() -> Vec<(u32, u32)> {
-    let entries = fs::read_dir("/proc").unwrap().filter_map(Result::ok);
-    let pair = |entry: fs::DirEntry| {
-        let pid = entry.file_name().to_str()?.parse().ok()?;
-        let mut stat = String::new();
-        let mut file = File::open(entry.path().join("stat")).ok()?;
-        file.read_to_string(&mut stat).ok()?;
-        // Field 4 of proc(5) stat is the parent; the second field may hold spaces.
-        let (_, rest) = stat.rsplit_once(')')?;
-        Some((pid, rest.split(' ').nth(2)?.parse().ok()?))
-    };
-    entries.filter_map(pair).collect()
-}
-
-/// Sends a signal to processes; one that has ended meanwhile is no failure.
-fn signal(name: &str, processes: &[u32]) {
-    let pids = processes.iter().map(u32::to_string);
-    drop(Command::new("kill").args(["-s", name]).args(pids).output());
 }

@@ -1,15 +1,14 @@
 //! What the database has seen: who had which robot, and who wrote what, each with the moment of its
 //! commit. Triggers note both in the transaction itself; an instance is known by its role.
 
-use std::fs;
 use std::path::Path;
-use std::process::Command;
 
 use fleetcal_contract::own_server::{OwnServer, psql};
 use fleetcal_store::database_url::PostgresUrl;
 use fleetcal_tests::service::wait_for;
 
 use crate::checker::{Audited, Evidence, Owned, Written};
+use crate::processes;
 
 /// Tables of telemetry that an instance writes of its own robots alone.
 const TABLES: [&str; 4] = [
@@ -36,24 +35,14 @@ pub fn kill_processes(url: &PostgresUrl) {
         url,
         "SELECT split_part(pg_read_file('postmaster.pid'), E'\\n', 1)",
     );
-    let postmaster = postmaster.trim();
-    let is_process = |entry: &fs::DirEntry| {
-        // Field 4 of proc(5) stat is the parent; the second field may hold spaces.
-        let stat = fs::read_to_string(entry.path().join("stat")).unwrap_or_default();
-        let parent = stat
-            .rsplit_once(')')
-            .and_then(|(_, rest)| rest.split(' ').nth(2));
-        parent == Some(postmaster)
-    };
-    let entries = fs::read_dir("/proc").unwrap().filter_map(Result::ok);
-    let processes = entries.filter(is_process);
-    let mut pids: Vec<_> = processes.map(|entry| entry.file_name()).collect();
-    pids.insert(0, postmaster.into());
+    let postmaster: u32 = postmaster.trim().parse().unwrap();
+    let parents = processes::parents().into_iter();
+    let own = parents.filter(|(_, parent)| *parent == postmaster);
+    let mut pids = vec![postmaster];
+    pids.extend(own.map(|(pid, _)| pid));
     assert!(pids.len() > 5, "{pids:?}");
-    // One that has ended meanwhile is no failure.
-    let killed = Command::new("kill").arg("-9").args(&pids).output();
-    drop(killed.unwrap());
-    let left = Path::new("/proc").join(postmaster);
+    processes::signal("KILL", &pids);
+    let left = Path::new("/proc").join(postmaster.to_string());
     wait_for("the end of the server", || (!left.exists()).then_some(()));
 }
 
