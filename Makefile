@@ -164,7 +164,7 @@ cluster-test: build-for-tests ## A few rounds of each kind on a cluster: killed,
 
 .PHONY: cluster-campaign
 cluster-campaign: build-for-tests ## The same as often as a proof needs, for hours; goes on where it stopped (CLUSTER_PROGRESS, CLUSTER_ROUNDS_...)
-	CLUSTER_PROGRESS="$${CLUSTER_PROGRESS:-$(abspath $(BUILT))/cluster-campaign}" \
+	CLUSTER_PROGRESS="$${CLUSTER_PROGRESS:-$(abspath $(BUILT))/cluster-campaign-$${CLUSTER_INSTANCES:-2}}" \
 	CLUSTER_ROUNDS_TAKEOVER="$${CLUSTER_ROUNDS_TAKEOVER:-50}" \
 	CLUSTER_ROUNDS_TAKEOVER_BY_LEASE="$${CLUSTER_ROUNDS_TAKEOVER_BY_LEASE:-20}" \
 	CLUSTER_ROUNDS_FREEZE="$${CLUSTER_ROUNDS_FREEZE:-100}" \
@@ -175,10 +175,10 @@ cluster-campaign: build-for-tests ## The same as often as a proof needs, for hou
 	CLUSTER_ROUNDS_CUT_ROUTER="$${CLUSTER_ROUNDS_CUTS:-30}" \
 	CLUSTER_ROUNDS_CUT_TO_ROUTER="$${CLUSTER_ROUNDS_CUTS:-30}" \
 	CLUSTER_ROUNDS_CUT_OF_ROUTER="$${CLUSTER_ROUNDS_CUTS:-30}" \
-	CLUSTER_ROUNDS_RACES="$${CLUSTER_RACES:-2000}" \
+	CLUSTER_ROUNDS_RACE="$${CLUSTER_RACES:-2000}" \
 	CLUSTER_ROUNDS_POSTMASTER="$${CLUSTER_ROUNDS_POSTMASTER:-20}" \
 	$(CLUSTER_TEST) $(CLUSTER_ROUNDS)
-	CLUSTER_PROGRESS="$${CLUSTER_PROGRESS:-$(abspath $(BUILT))/cluster-campaign}" $(MAKE) cluster-failover
+	CLUSTER_PROGRESS="$${CLUSTER_PROGRESS:-$(abspath $(BUILT))/cluster-campaign-$${CLUSTER_INSTANCES:-2}}" $(MAKE) cluster-failover
 
 .PHONY: cluster-failover
 cluster-failover: build-for-tests ## Three servers under Patroni: primary moved, killed, frozen, its etcd gone, three times each (installs etcd and Patroni where they are missing, as root): 12 minutes

@@ -2,9 +2,10 @@
 //!
 //! Zenoh handles a declaration (of a key, a token, a subscriber) on the thread that has read it, under
 //! a lock that all sessions share, and for longer the more keys there are. On its own two threads, four
-//! sessions that go on declaring leave none to read the other robots' data. They are the threads, too,
-//! that accept and open connections: the system wakes the threads on which a connection began, and those
-//! would have to wake another one for each message.
+//! sessions that go on declaring leave none to read the other robots' data. The same threads
+//! accept connections and open the first ones: what comes on a connection wakes a thread of the pool in
+//! which it began, which would otherwise have to wake one of another pool for each message. (Zenoh
+//! reconnects in its pool `net`.)
 //!
 //! jemalloc keeps freed pages for 10 s unless told otherwise; at 1 s a flood leaves nothing behind. Its
 //! background threads, which see to that while the service is idle, do not work with musl: there pages

@@ -18,7 +18,7 @@ use tempfile::TempDir;
 use crate::cluster::Process;
 use crate::processes::{parents, signal};
 
-/// How many servers have written and read all but the last of what a primary wrote.
+/// How many standbys stream, and have replayed all but the last megabyte of what the primary wrote.
 const FOLLOWING: &str = "SELECT count(*) FROM pg_stat_replication WHERE state = 'streaming'
     AND pg_wal_lsn_diff(pg_current_wal_lsn(), replay_lsn) < 1000000";
 
@@ -76,13 +76,8 @@ impl Patroni {
             patroni.start_node(number);
         }
         patroni.wait_until_whole();
-        let as_superuser = url_of(
-            &[&patroni.primary().postgres.to_string()],
-            "postgres",
-            "postgres",
-        );
         psql(
-            &as_superuser,
+            &patroni.primary().as_superuser(),
             &format!("CREATE ROLE {OWNER} SUPERUSER LOGIN"),
         );
         patroni
@@ -152,14 +147,14 @@ impl Patroni {
         })
     }
 
-    /// Waits until there is a primary, the others have all that it wrote, and one of them commits with it.
+    /// Waits until there is a primary, the others have replayed nearly all that it wrote, and one of them commits with it.
     /// One that is being rewound is a replica to Patroni already.
     pub fn wait_until_whole(&self) {
         wait_for("a whole cluster", || {
             let count = |path: &str| self.nodes.iter().filter(|node| node.is(path)).count();
             let is_whole = count("/primary") == 1 && count("/replica") == 2 && count("/sync") == 1;
-            let follow = || psql(&self.primary_url(), FOLLOWING);
-            (is_whole && follow().trim() == "2").then_some(())
+            let count = is_whole.then(|| try_psql(&self.primary().as_superuser(), FOLLOWING))?;
+            (count?.trim() == "2").then_some(())
         });
     }
 
@@ -307,9 +302,13 @@ impl Node {
 
     /// Whether it is the primary, as it says itself.
     fn can_be_written(&self) -> bool {
-        let url = url_of(&[&self.postgres.to_string()], "postgres", "postgres");
-        let told = try_psql(&url, "SELECT NOT pg_is_in_recovery()");
+        let told = try_psql(&self.as_superuser(), "SELECT NOT pg_is_in_recovery()");
         told.is_some_and(|told| told.trim() == "t")
+    }
+
+    /// Its database, for the role that made it.
+    fn as_superuser(&self) -> PostgresUrl {
+        url_of(&[&self.postgres.to_string()], "postgres", "postgres")
     }
 
     /// Whether Patroni says that the server is this.

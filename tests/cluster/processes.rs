@@ -4,7 +4,7 @@ use std::fs;
 use std::process::Command;
 
 /// The fields of a process's `stat` from the third one on; `None` when it has ended.
-pub fn stat(pid: u32) -> Option<Vec<String>> {
+fn stat(pid: u32) -> Option<Vec<String>> {
     let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
     // The second field may hold spaces.
     let (_, fields) = stat.rsplit_once(')')?;

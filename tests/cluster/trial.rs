@@ -51,9 +51,15 @@ impl Trial {
         Self::on(cluster, &parts, seed, pause).await
     }
 
-    /// What it is started on, with as many instances as `CLUSTER_INSTANCES` says: nobody serves yet.
+    /// The cluster of a trial, with as many instances as `CLUSTER_INSTANCES` says, none of which runs
+    /// yet, and its parts.
     pub async fn parts(fast_takeover: bool) -> (Cluster, Parts) {
         let count = number("CLUSTER_INSTANCES", 2);
+        let possible = 2..=INSTANCES.len();
+        assert!(
+            possible.contains(&count),
+            "CLUSTER_INSTANCES: got {count}, expected 2 or 3"
+        );
         let parts = Parts {
             names: INSTANCES.into_iter().take(count).collect(),
             robots: DRIVING,
@@ -63,7 +69,7 @@ impl Trial {
         (Cluster::watched(&parts).await, parts)
     }
 
-    /// The same on a cluster of these parts.
+    /// Starts the instances, and all else, on a cluster of these parts.
     pub async fn on(cluster: Cluster, parts: &Parts, seed: u64, pause: Duration) -> Self {
         let names = &parts.names;
         let watch = Watch::start(&cluster.routers).await;

@@ -87,7 +87,7 @@ impl Twin {
     }
 }
 
-/// What is published of robots by whom `get` asks.
+/// The sigmas of robots in the API that `get` asks.
 pub fn sigmas(robots: &[String], get: impl Fn(&str) -> Value) -> Sigmas {
     let of = |robot: &String| {
         let estimate = get(&format!("/api/v1/robots/{robot}/estimate"));

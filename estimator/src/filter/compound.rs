@@ -20,7 +20,7 @@ use crate::estimate::Parameter;
 /// What imperfections do together is more than their sum: behind a lag the wheel takes up its play later
 /// than the sensor, and stands between the encoder's steps. On two-sided routes that cancels. 600 simulated
 /// robots with every typical imperfection on a loop of left turns had steering zeros off by 0.041 degrees
-/// (root mean square) where the filter says 0.032 degrees; what is missing, rad.
+/// (root mean square) where the filter says 0.032 degrees; this, in quadrature, is what is missing, rad.
 const ZERO_SIGMA_RAD: f64 = 0.000_44;
 /// Number of the steering's parameters that are zero on a robot that obeys the model.
 const TERMS: usize = 7;
@@ -56,9 +56,9 @@ const ALL: [Term; TERMS] = [
 
 impl Filter {
     /// What of the variance of the steering's zero no driving takes away, rad², on a robot that has every
-    /// imperfection with the probability `compound`.
-    pub fn compound_zero_variance_rad2(compound: f64) -> f64 {
-        compound * ZERO_SIGMA_RAD * ZERO_SIGMA_RAD
+    /// imperfection with this probability.
+    pub fn compound_zero_variance_rad2(probability: f64) -> f64 {
+        probability * ZERO_SIGMA_RAD * ZERO_SIGMA_RAD
     }
 
     /// The probability that the robot has every imperfection, where its data scatter so many times more (as

@@ -17,15 +17,15 @@ const ENCODER_SHARE: f64 = 0.4;
 
 impl Known {
     /// Variance of the LiDAR's `y`, m², that no driving takes away from the filter that knows them, on a
-    /// robot that has every imperfection with the probability `compound`. A speed that is measured at the
+    /// robot that has every imperfection with this probability. A speed that is measured at the
     /// steered wheel, or beside the axle by a distance that is known, moves nothing.
-    pub fn encoder_variance_m2(&self, filter: &Filter, vehicle: &Vehicle, compound: f64) -> f64 {
+    pub fn encoder_variance_m2(&self, filter: &Filter, vehicle: &Vehicle, probability: f64) -> f64 {
         if vehicle.speed_measured_at != SpeedMeasuredAt::RearAxle {
             return 0.0;
         }
         let square = self.quadratic_per_rad.powi(2) + self.covariance[(QUADRATIC, QUADRATIC)];
         let seen_m2 = (ENCODER_SHARE * vehicle.wheelbase_m).powi(2) * square;
-        seen_m2.max(filter.hidden_encoder_m2(vehicle.wheelbase_m) * compound)
+        seen_m2.max(filter.hidden_encoder_m2(vehicle.wheelbase_m) * probability)
     }
 }
 

@@ -8,7 +8,7 @@
 //!
 //! Perturbations of poses are right (local) ones: `pose_true = pose * exp(error)`.
 
-pub mod compound;
+mod compound;
 pub mod constraint;
 mod encoder;
 pub mod follow;

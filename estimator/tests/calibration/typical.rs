@@ -152,7 +152,8 @@ fn a_robot_with_all_typical_imperfections_makes_no_false_claim() {
 }
 
 /// Where every turn is a left one, imperfections that work together pass for an offset, and ten minutes of
-/// driving do not take it away.
+/// driving do not take it away. These seeds were false while the filter's own sigma was told; of 600, two
+/// still are (147 and 346, and here 541).
 #[test]
 fn an_imperfect_robot_on_a_loop_of_left_turns_makes_no_false_claim() {
     let left = Route::left_loop(Point::new(-11.0, 0.0), 10.0, 8.0);
@@ -160,6 +161,10 @@ fn an_imperfect_robot_on_a_loop_of_left_turns_makes_no_false_claim() {
         let imperfections = Imperfections::all_typical(seed, false);
         let run = drive_on(left.clone(), imperfections, seed, 600.0);
         assert_true(&run, &format!("seed {seed}"));
+        let is_claimed = run.estimates.iter().any(|(estimate, _)| {
+            estimate.parameter(Parameter::SteeringOffset).status == Status::Converged
+        });
+        assert!(is_claimed, "seed {seed}");
     }
 }
 

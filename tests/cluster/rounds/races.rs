@@ -1,6 +1,7 @@
 //! People who approve one proposal at once over two to five instances.
 
 use std::net::SocketAddr;
+use std::sync::Barrier;
 
 use fleetcal_tests::http::Answer;
 
@@ -36,10 +37,11 @@ impl Race<'_> {
         Desk::proposed(&proposed).unwrap()
     }
 
-    /// At which instances is approved, as places in [`INSTANCES`]: two to five of them, others each time.
+    /// At which instances is approved, as places in [`INSTANCES`]: two to five of them.
     fn racers(&self) -> Vec<usize> {
-        let count = 2 + self.seed as usize % (INSTANCES.len() - 1);
-        let first = self.seed as usize / (INSTANCES.len() - 1);
+        let seed = self.seed as usize;
+        let count = 2 + seed / PARKED % (INSTANCES.len() - 1);
+        let first = seed % INSTANCES.len();
         let place = |racer| (first + racer) % INSTANCES.len();
         (0..count).map(place).collect()
     }
@@ -49,13 +51,17 @@ impl Race<'_> {
     fn run(&self, decisions: &mut Vec<Decision>) -> [usize; 2] {
         let racers = self.racers();
         let waiting = &self.propose(self.desk.instances[racers[0]]);
+        let start = &Barrier::new(racers.len());
         let reason = |at: usize| format!("approve race {} at {}", self.seed, INSTANCES[at]);
         let answers: Vec<Answer> = std::thread::scope(|scope| {
             let ask = |(racer, &at): (usize, &usize)| {
                 let approver = self.desk.approver.as_str();
                 let token = [approver, self.second][racer % 2];
                 let (instance, reason) = (self.desk.instances[at], reason(at));
-                scope.spawn(move || Desk::approve(instance, token, waiting, &reason).unwrap())
+                scope.spawn(move || {
+                    start.wait();
+                    Desk::approve(instance, token, waiting, &reason).unwrap()
+                })
             };
             let asked: Vec<_> = racers.iter().enumerate().map(ask).collect();
             asked.into_iter().map(|one| one.join().unwrap()).collect()
@@ -91,7 +97,7 @@ fn outcome(answer: &Answer) -> Outcome {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn of_approvals_at_two_to_five_instances_exactly_one_wins() {
-    let mut progress = Progress::of("races", 50);
+    let mut progress = Progress::of("race", 50);
     let open = progress.open();
     if !open.is_empty() {
         let parts = Parts {
