@@ -92,7 +92,7 @@ fn published_errors_of_200_vehicles_lie_inside_their_band() {
     }
 }
 
-/// Not reached: 2.39 and 2.69, too careful.
+/// Not reached: 2.32 and 2.54, too careful.
 #[test]
 #[ignore = "fails: what is published is too careful where the sensors are drawn too"]
 fn published_errors_with_sensors_drawn_too_lie_inside_their_band() {
