@@ -2,10 +2,11 @@
 //!
 //! Zenoh handles a declaration (of a key, a token, a subscriber) on the thread that has read it, under
 //! a lock that all sessions share, and for longer the more keys there are. On its own two threads, four
-//! sessions that go on declaring leave none to read the other robots' data. The same threads
-//! accept connections and open the first ones: what comes on a connection wakes a thread of the pool in
-//! which it began, which would otherwise have to wake one of another pool for each message. (Zenoh
-//! reconnects in its pool `net`.)
+//! sessions that go on declaring leave none to read the other robots' data.
+//!
+//! One pool of threads accepts connections, opens them and reads them. The system wakes a thread of the
+//! pool in which a connection began; were that another pool, each message would wake two threads. Only
+//! what Zenoh opens again after a loss begins in its pool `net`.
 //!
 //! jemalloc keeps freed pages for 10 s unless told otherwise; at 1 s a flood leaves nothing behind. Its
 //! background threads, which see to that while the service is idle, do not work with musl: there pages

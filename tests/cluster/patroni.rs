@@ -147,14 +147,15 @@ impl Patroni {
         })
     }
 
-    /// Waits until there is a primary, the others have replayed nearly all that it wrote, and one of them commits with it.
-    /// One that is being rewound is a replica to Patroni already.
+    /// Waits until there is a primary, the others have replayed nearly all that it wrote, and one of
+    /// them commits with it. A server that is being rewound is a replica to Patroni already.
     pub fn wait_until_whole(&self) {
         wait_for("a whole cluster", || {
             let count = |path: &str| self.nodes.iter().filter(|node| node.is(path)).count();
             let is_whole = count("/primary") == 1 && count("/replica") == 2 && count("/sync") == 1;
-            let count = is_whole.then(|| try_psql(&self.primary().as_superuser(), FOLLOWING))?;
-            (count?.trim() == "2").then_some(())
+            let following =
+                is_whole.then(|| try_psql(&self.primary().as_superuser(), FOLLOWING))?;
+            (following?.trim() == "2").then_some(())
         });
     }
 
