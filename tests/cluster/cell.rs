@@ -74,6 +74,7 @@ async fn a_cell_has_as_many_robots_as_may_be() {
         robots: DRIVING,
         parked: robots - DRIVING,
         fast_takeover: true,
+        in_namespaces: false,
     })
     .await;
     let watch = Watch::start(&cluster.routers).await;

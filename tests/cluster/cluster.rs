@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicU16, Ordering};
 
-use fleetcal_contract::own_server::{OwnServer, url_of};
+use fleetcal_contract::own_server::OwnServer;
 use fleetcal_contract::server;
 use fleetcal_robot::fleet::{SimulatedRobot, simulated_robots};
 use fleetcal_store::database_url::PostgresUrl;
@@ -17,9 +17,13 @@ use fleetcal_tests::{binary, http};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use crate::network::Proxy;
+use crate::namespaces::{Namespaces, Network};
+use crate::network::{Line, Lines, Proxy};
 use crate::patroni::Patroni;
 use crate::{processes, records};
+
+/// Routers of a cluster.
+const ROUTERS: usize = 2;
 
 /// A process that ends with this value.
 #[derive(Debug)]
@@ -154,15 +158,8 @@ pub struct Parts {
     pub parked: usize,
     /// As in `[cluster]`.
     pub fast_takeover: bool,
-}
-
-/// What lies between an instance and the others.
-#[derive(Debug)]
-pub struct Lines {
-    /// To the database.
-    pub database: Proxy,
-    /// To its router.
-    pub router: Proxy,
+    /// Each instance has a network namespace of its own, else they share the loopback.
+    pub in_namespaces: bool,
 }
 
 /// A cluster.
@@ -180,6 +177,8 @@ pub struct Cluster {
     /// Where its routers listen.
     pub routers: Vec<String>,
     router_processes: Vec<Process>,
+    /// Outlives the processes in it.
+    namespaces: Option<Namespaces>,
     config: String,
     addresses: BTreeMap<&'static str, SocketAddr>,
     robots: usize,
@@ -193,6 +192,7 @@ impl Cluster {
             robots,
             parked: 0,
             fast_takeover: true,
+            in_namespaces: false,
         })
         .await
     }
@@ -201,23 +201,32 @@ impl Cluster {
     pub async fn of(parts: &Parts) -> Self {
         let server = server().expect("FLEETCAL_TEST_POSTGRES names a server: make cluster-smoke");
         let database = fleetcal_postgres::create_for_test(&server).await.unwrap();
-        Self::on(&database, parts)
+        Self::on(&database, parts, None)
     }
 
-    /// The same on a server of its own that notes who writes what, with a proxy on each line.
+    /// The same on a server of its own that notes who writes what, with a line between each instance
+    /// and the others that can be cut.
     pub async fn watched(parts: &Parts) -> Self {
-        let server = records::server();
+        let namespaces = parts.in_namespaces.then(|| Namespaces::new(&parts.names));
+        let address = namespaces.as_ref();
+        let server = records::server(address.map(|all| all.own_address(Network::Database)));
         let url = server.url("postgres");
-        let mut cluster = Self::on(&url, parts);
+        let mut cluster = Self::on(&url, parts, namespaces);
         let migrated = binary::run(["store", "migrate", "--database", &cluster.database]);
         assert!(migrated.status.success(), "{migrated:?}");
         records::watch(&url, &parts.names);
         for (number, &name) in parts.names.iter().enumerate() {
             let router = &cluster.routers[number % cluster.routers.len()];
-            let router = router.trim_start_matches("tcp/").to_owned();
-            let lines = Lines {
-                database: Proxy::before(server.host()).await,
-                router: Proxy::before(router).await,
+            let router: SocketAddr = router.trim_start_matches("tcp/").parse().unwrap();
+            let lines = match &cluster.namespaces {
+                Some(all) => Lines {
+                    database: Line::Wire(all.wire(Network::Database, name, server.port())),
+                    router: Line::Wire(all.wire(Network::Router, name, router.port())),
+                },
+                None => Lines {
+                    database: Line::Proxy(Proxy::before(server.host()).await),
+                    router: Line::Proxy(Proxy::before(router.to_string()).await),
+                },
             };
             cluster.lines.insert(name, lines);
         }
@@ -227,7 +236,7 @@ impl Cluster {
 
     /// The same on servers under Patroni, without proxies.
     pub fn under_patroni(patroni: Patroni, parts: &Parts) -> Self {
-        let mut cluster = Self::on(&patroni.url(), parts);
+        let mut cluster = Self::on(&patroni.url(), parts, None);
         let migrated = binary::run(["store", "migrate", "--database", &cluster.database]);
         assert!(migrated.status.success(), "{migrated:?}");
         records::watch(&patroni.primary_url(), &parts.names);
@@ -235,46 +244,34 @@ impl Cluster {
         cluster
     }
 
-    fn on(database: &PostgresUrl, parts: &Parts) -> Self {
-        let (names, robots) = (&parts.names, parts.robots);
+    fn on(database: &PostgresUrl, parts: &Parts, namespaces: Option<Namespaces>) -> Self {
         let folder = TempDir::new().unwrap();
-        let addresses: BTreeMap<_, _> = names.iter().map(|&name| (name, kept_port())).collect();
-        let entry = |one: &SimulatedRobot| {
-            let model = serde_json::to_value(one.model()).unwrap();
-            let (id, wheelbase_m) = (&one.id, one.wheelbase_m());
-            format!("[[robot]]\nid = \"{id}\"\nmodel = {model}\nwheelbase_m = {wheelbase_m}\n\n")
+        let spaces = namespaces.as_ref();
+        let http = |&name| {
+            let http = spaces.map_or_else(kept_port, |all| all.http(name));
+            (name, http)
         };
-        let simulated = simulated_robots(robots, 1).unwrap();
-        let peers = addresses
-            .iter()
-            .map(|(name, http)| format!("{name} = \"http://{http}\""));
-        let peers: Vec<_> = peers.collect();
-        let key = folder.path().join("signing.key");
-        let parked = (1..=parts.parked).map(|number| {
-            format!(
-                "[[robot]]\nid = \"parked_{number}\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n\n"
-            )
+        let addresses: BTreeMap<_, _> = parts.names.iter().map(http).collect();
+        let routers = (0..ROUTERS).map(|_| {
+            let mut router = free_port();
+            if let Some(all) = spaces {
+                router.set_ip(all.own_address(Network::Router));
+            }
+            format!("tcp/{router}")
         });
-        let config = format!(
-            "[cluster]\nplaintext_peers = true\nfast_takeover = {}\npeers = {{ {} }}\n\
-             signing_key = {:?}\n\n{}{}",
-            parts.fast_takeover,
-            peers.join(", "),
-            key.display().to_string(),
-            simulated.iter().map(entry).collect::<String>(),
-            parked.collect::<String>(),
-        );
+        let routers: Vec<_> = routers.collect();
         let mut cluster = Self {
             server: None,
             patroni: None,
             lines: BTreeMap::new(),
             database: database.to_string(),
             program: binary::path(),
-            routers: (0..2).map(|_| format!("tcp/{}", free_port())).collect(),
             router_processes: Vec::new(),
-            config,
+            config: config(parts, &addresses, folder.path()),
+            routers,
+            namespaces,
             addresses,
-            robots,
+            robots: parts.robots,
             folder,
         };
         for number in 0..cluster.routers.len() {
@@ -313,7 +310,7 @@ impl Cluster {
         let line = self.lines.get(name);
         line.map_or_else(
             || self.routers[router].clone(),
-            |line| format!("tcp/{}", line.router.address()),
+            |lines| format!("tcp/{}", lines.router.address()),
         )
     }
 
@@ -321,7 +318,11 @@ impl Cluster {
     fn database_of(&self, name: &str) -> String {
         match (&self.patroni, self.lines.get(name)) {
             (Some(patroni), _) => patroni.url_for(name).to_string(),
-            (None, Some(line)) => url_of(&[&line.database.address()], name, "postgres").to_string(),
+            (None, Some(lines)) => {
+                let address = lines.database.address();
+                // Beyond the loopback an instance expects TLS unless this says otherwise.
+                format!("postgres://{name}@{address}/postgres?sslmode=disable")
+            }
             (None, None) => self.database.clone(),
         }
     }
@@ -344,7 +345,8 @@ impl Cluster {
 
     /// Starts an instance at a router, with further arguments.
     pub fn spawn(&self, name: &str, router: usize, arguments: &[&str]) -> Process {
-        let mut command = self.serve(name, &self.client(name, &self.router_of(name, router)));
+        let zenoh = self.client(name, &self.router_of(name, router));
+        let mut command = self.serve(name, &zenoh);
         command.args(["--database", &self.database_of(name)]);
         command.args(arguments);
         Process::start(&mut command, self.folder.path().join(format!("{name}.log")))
@@ -356,7 +358,14 @@ impl Cluster {
         fs::create_dir_all(&folder).unwrap();
         let config = folder.join("fleetcal.toml");
         fs::write(&config, &self.config).unwrap();
-        let mut command = Command::new(&self.program);
+        let mut command = match &self.namespaces {
+            Some(all) => {
+                let mut command = all.command(name);
+                command.arg(&self.program);
+                command
+            }
+            None => Command::new(&self.program),
+        };
         command
             .arg("serve")
             .arg("--config")
@@ -441,6 +450,33 @@ impl Cluster {
     pub fn database(&self) -> &str {
         &self.database
     }
+}
+
+/// The configuration of every instance of a cluster with these parts.
+fn config(parts: &Parts, addresses: &BTreeMap<&str, SocketAddr>, folder: &Path) -> String {
+    let peers = addresses
+        .iter()
+        .map(|(name, http)| format!("{name} = \"http://{http}\""));
+    let peers: Vec<_> = peers.collect();
+    let key = folder.join("signing.key");
+    let entry = |one: &SimulatedRobot| {
+        let model = serde_json::to_value(one.model()).unwrap();
+        let (id, wheelbase_m) = (&one.id, one.wheelbase_m());
+        format!("[[robot]]\nid = \"{id}\"\nmodel = {model}\nwheelbase_m = {wheelbase_m}\n\n")
+    };
+    let simulated = simulated_robots(parts.robots, 1).unwrap();
+    let parked = (1..=parts.parked).map(|number| {
+        format!("[[robot]]\nid = \"parked_{number}\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n\n")
+    });
+    format!(
+        "[cluster]\nplaintext_peers = true\nfast_takeover = {}\npeers = {{ {} }}\n\
+         signing_key = {:?}\n\n{}{}",
+        parts.fast_takeover,
+        peers.join(", "),
+        key.display().to_string(),
+        simulated.iter().map(entry).collect::<String>(),
+        parked.collect::<String>(),
+    )
 }
 
 /// A token of an administrator of this name where the records are.

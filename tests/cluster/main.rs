@@ -18,6 +18,7 @@ mod cluster;
 mod cost;
 mod decider;
 mod figures;
+mod namespaces;
 mod network;
 mod patroni;
 mod processes;

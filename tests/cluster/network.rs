@@ -1,15 +1,21 @@
-//! A TCP proxy between an instance and its database or its router, which can hold back the bytes of
-//! either direction or of both, as a network does that loses them: what waits goes on when the cut
-//! is healed, and neither side is told that the other one has closed its end before.
+//! What lies between an instance and its database or its router, and how it fails: as a network
+//! that loses the packets of one direction or of both, or as one that is slow.
 
 use std::net::SocketAddr;
+use std::time::Duration;
 
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::watch;
+use tokio::sync::{mpsc, watch};
+use tokio::time::Instant;
 
-/// Which bytes are held back.
+use crate::namespaces::Wire;
+
+/// Pieces of 64 KiB at most that a direction holds while they are on their way.
+const ON_THEIR_WAY_MAX: usize = 256;
+
+/// Which bytes do not arrive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cut {
     /// All of them.
@@ -20,11 +26,64 @@ pub enum Cut {
     ToInstance,
 }
 
-/// A proxy that runs as long as this value's runtime.
+/// A line between an instance and one server.
+#[derive(Debug, Clone)]
+pub enum Line {
+    /// Through a TCP proxy, which holds bytes back instead of losing packets.
+    Proxy(Proxy),
+    /// Over the virtual Ethernet of the instance's own network namespace, where packets are lost.
+    Wire(Wire),
+}
+
+impl Line {
+    /// Where the instance connects to, `HOST:PORT`.
+    pub fn address(&self) -> String {
+        match self {
+            Self::Proxy(proxy) => proxy.address(),
+            Self::Wire(wire) => wire.server.to_string(),
+        }
+    }
+
+    /// Cuts it from now on.
+    pub fn cut(&self, cut: Cut) {
+        match self {
+            Self::Proxy(proxy) => drop(proxy.cut.send_replace(Some(cut))),
+            Self::Wire(wire) => wire.cut(cut),
+        }
+    }
+
+    /// Lets everything through again.
+    pub fn heal(&self) {
+        match self {
+            Self::Proxy(proxy) => drop(proxy.cut.send_replace(None)),
+            Self::Wire(wire) => wire.heal(),
+        }
+    }
+
+    /// Delivers whatever is sent from now on so much later, in either direction. A wire has no delay.
+    pub fn delay(&self, delay: Duration) {
+        match self {
+            Self::Proxy(proxy) => drop(proxy.delay.send_replace(delay)),
+            Self::Wire(_) => panic!("a wire has no delay"),
+        }
+    }
+}
+
+/// What lies between an instance and the others.
+#[derive(Debug)]
+pub struct Lines {
+    /// To the database.
+    pub database: Line,
+    /// To its router.
+    pub router: Line,
+}
+
+/// A proxy that runs as long as the runtime that has started it.
 #[derive(Debug, Clone)]
 pub struct Proxy {
     address: SocketAddr,
     cut: watch::Sender<Option<Cut>>,
+    delay: watch::Sender<Duration>,
 }
 
 impl Proxy {
@@ -32,60 +91,78 @@ impl Proxy {
     pub async fn before(server: String) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
-        let (cut, seen) = watch::channel(None);
+        let proxy = Self {
+            address,
+            cut: watch::Sender::new(None),
+            delay: watch::Sender::new(Duration::ZERO),
+        };
+        let serving = proxy.clone();
         tokio::spawn(async move {
             while let Ok((instance, _)) = listener.accept().await {
-                tokio::spawn(serve(instance, server.clone(), seen.clone()));
+                tokio::spawn(serving.clone().serve(instance, server.clone()));
             }
         });
-        Self { address, cut }
+        proxy
     }
 
     /// Where it listens.
-    pub fn address(&self) -> String {
+    fn address(&self) -> String {
         self.address.to_string()
     }
 
-    /// Holds bytes back from now on.
-    pub fn cut(&self, cut: Cut) {
-        self.cut.send_replace(Some(cut));
+    async fn serve(self, instance: TcpStream, server: String) {
+        // A connection that begins during a cut comes through after it.
+        passes(&mut self.cut.subscribe(), Cut::FromInstance).await;
+        let Ok(server) = TcpStream::connect(server).await else {
+            return;
+        };
+        for side in [&instance, &server] {
+            side.set_nodelay(true).unwrap();
+        }
+        let (from_instance, to_instance) = instance.into_split();
+        let (from_server, to_server) = server.into_split();
+        tokio::select! {
+            () = self.forward(from_instance, to_server, Cut::FromInstance) => {}
+            () = self.forward(from_server, to_instance, Cut::ToInstance) => {}
+        }
     }
 
-    /// Lets everything through again.
-    pub fn heal(&self) {
-        self.cut.send_replace(None);
+    /// Forwards one direction until it ends or the other side is gone.
+    async fn forward(&self, from: OwnedReadHalf, to: OwnedWriteHalf, direction: Cut) {
+        let (way, arrives) = mpsc::channel(ON_THEIR_WAY_MAX);
+        tokio::join!(
+            self.send(from, way),
+            deliver(arrives, to, self.cut.subscribe(), direction)
+        );
+    }
+
+    async fn send(&self, mut from: OwnedReadHalf, way: mpsc::Sender<(Instant, Vec<u8>)>) {
+        let mut bytes = vec![0; 64 * 1_024];
+        loop {
+            let count = tokio::select! {
+                read = from.read(&mut bytes) => read.unwrap_or(0),
+                () = way.closed() => 0,
+            };
+            let arrives_at = Instant::now() + *self.delay.borrow();
+            let sent = way.send((arrives_at, bytes[..count].to_vec())).await;
+            if count == 0 || sent.is_err() {
+                return;
+            }
+        }
     }
 }
 
-async fn serve(instance: TcpStream, server: String, mut cut: watch::Receiver<Option<Cut>>) {
-    // A connection that begins during a cut comes through after it.
-    passes(&mut cut, Cut::FromInstance).await;
-    let Ok(server) = TcpStream::connect(server).await else {
-        return;
-    };
-    for side in [&instance, &server] {
-        side.set_nodelay(true).unwrap();
-    }
-    let (from_instance, to_instance) = instance.into_split();
-    let (from_server, to_server) = server.into_split();
-    tokio::select! {
-        () = forward(from_instance, to_server, cut.clone(), Cut::FromInstance) => {}
-        () = forward(from_server, to_instance, cut, Cut::ToInstance) => {}
-    }
-}
-
-/// Forwards one direction until it ends or the other side is gone.
-async fn forward(
-    mut from: OwnedReadHalf,
+/// Writes what arrives when it is due; no bytes at all are the end.
+async fn deliver(
+    mut arrives: mpsc::Receiver<(Instant, Vec<u8>)>,
     mut to: OwnedWriteHalf,
     mut cut: watch::Receiver<Option<Cut>>,
     direction: Cut,
 ) {
-    let mut bytes = vec![0; 64 * 1_024];
-    loop {
-        let count = from.read(&mut bytes).await.unwrap_or(0);
+    while let Some((at, bytes)) = arrives.recv().await {
+        tokio::time::sleep_until(at).await;
         passes(&mut cut, direction).await;
-        if count == 0 || to.write_all(&bytes[..count]).await.is_err() {
+        if bytes.is_empty() || to.write_all(&bytes).await.is_err() {
             return;
         }
     }

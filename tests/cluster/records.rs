@@ -1,6 +1,7 @@
 //! What the database has seen: who had which robot, and who wrote what, each with the moment of its
 //! commit. Triggers note both in the transaction itself; an instance is known by its role.
 
+use std::net::IpAddr;
 use std::path::Path;
 
 use fleetcal_contract::own_server::{OwnServer, psql};
@@ -18,12 +19,15 @@ const TABLES: [&str; 4] = [
     "checkpoint",
 ];
 
-/// A server that knows when each transaction was committed.
-pub fn server() -> OwnServer {
-    let server = OwnServer::start_new("trust");
+/// A server that knows when each transaction was committed, which listens at a further address, too.
+pub fn server(address: Option<IpAddr>) -> OwnServer {
+    let mut server = OwnServer::start_new("trust");
     // Each instance has some ten connections, and those of a former life stay for a moment.
     let url = server.url("postgres");
     psql(&url, "ALTER SYSTEM SET track_commit_timestamp = on");
+    if let Some(address) = address {
+        server.listen_at(address);
+    }
     server.stop();
     server.start();
     server

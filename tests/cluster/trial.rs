@@ -47,26 +47,25 @@ pub struct Trial {
 impl Trial {
     /// Starts the instances, and all else. `pause` is that of the decider.
     pub async fn start(fast_takeover: bool, seed: u64, pause: Duration) -> Self {
-        let (cluster, parts) = Self::parts(fast_takeover).await;
-        Self::on(cluster, &parts, seed, pause).await
+        let parts = Self::parts(fast_takeover);
+        Self::on(Cluster::watched(&parts).await, &parts, seed, pause).await
     }
 
-    /// The cluster of a trial, with as many instances as `CLUSTER_INSTANCES` says, none of which runs
-    /// yet, and its parts.
-    pub async fn parts(fast_takeover: bool) -> (Cluster, Parts) {
+    /// The parts of a trial's cluster, with as many instances as `CLUSTER_INSTANCES` says.
+    pub fn parts(fast_takeover: bool) -> Parts {
         let count = number("CLUSTER_INSTANCES", 2);
         let possible = 2..=INSTANCES.len();
         assert!(
             possible.contains(&count),
             "CLUSTER_INSTANCES: got {count}, expected 2 or 3"
         );
-        let parts = Parts {
+        Parts {
             names: INSTANCES.into_iter().take(count).collect(),
             robots: DRIVING,
             parked: PARKED,
             fast_takeover,
-        };
-        (Cluster::watched(&parts).await, parts)
+            in_namespaces: false,
+        }
     }
 
     /// Starts the instances, and all else, on a cluster of these parts.

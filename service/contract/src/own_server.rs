@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::io::{BufRead as _, BufReader, Write as _};
-use std::net::TcpListener;
+use std::net::{IpAddr, TcpListener};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Output, Stdio};
 use std::time::Duration;
@@ -120,6 +120,7 @@ pub fn psql_refused(url: &PostgresUrl, sql: &str) -> String {
 pub struct OwnServer {
     folder: TempDir,
     port: u16,
+    addresses: Vec<IpAddr>,
 }
 
 impl OwnServer {
@@ -167,8 +168,21 @@ impl OwnServer {
         let folder = tempfile::tempdir().unwrap();
         own_by_server_user(folder.path());
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-        let port = listener.local_addr().unwrap().port();
-        Self { folder, port }
+        let address = listener.local_addr().unwrap();
+        Self {
+            folder,
+            port: address.port(),
+            addresses: vec![address.ip()],
+        }
+    }
+
+    /// Listens at a further address of this machine from the next start on, where it asks whoever
+    /// connects for nothing.
+    pub fn listen_at(&mut self, address: IpAddr) {
+        self.addresses.push(address);
+        let access = self.data().join("pg_hba.conf");
+        let mut access = fs::File::options().append(true).open(access).unwrap();
+        writeln!(access, "host all all {address}/24 trust").unwrap();
     }
 
     fn data(&self) -> PathBuf {
@@ -190,10 +204,12 @@ impl OwnServer {
 
     /// Starts it and waits until it takes connections.
     pub fn start(&self) {
+        let addresses: Vec<_> = self.addresses.iter().map(IpAddr::to_string).collect();
         let options = format!(
-            "-p {} -k {} -c listen_addresses=127.0.0.1 -c max_connections=50 -c fsync=off",
+            "-p {} -k {} -c listen_addresses={} -c max_connections=50 -c fsync=off",
             self.port,
-            self.folder.path().display()
+            self.folder.path().display(),
+            addresses.join(",")
         );
         let log = self.folder.path().join("log");
         let log = log.to_str().unwrap();
@@ -240,6 +256,11 @@ impl OwnServer {
         let pid = fs::read_to_string(self.data().join("postmaster.pid")).unwrap();
         let pid = pid.lines().next().unwrap();
         done(Command::new("kill").args(["-9", pid]));
+    }
+
+    /// Its port, at each of its addresses.
+    pub fn port(&self) -> u16 {
+        self.port
     }
 
     /// Its place in a URL.

@@ -1,4 +1,8 @@
-//! Instances that are cut off from the database or from their router, in both directions or in one.
+//! Instances that are cut off from the database or from their router, in both directions or in one;
+//! and instances whose lines are slow.
+//!
+//! As root, each instance has a network namespace of its own, and a cut loses its packets. Else a TCP
+//! proxy holds the bytes back.
 
 use std::time::Duration;
 
@@ -6,12 +10,18 @@ use fleetcal_tests::service::now;
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 
+use crate::cluster::{Cluster, Parts};
 use crate::figures::{quantile, spread, told};
-use crate::network::{Cut, Proxy};
+use crate::namespaces;
+use crate::network::Cut;
 use crate::progress::Progress;
 use crate::trial::{BALANCED_WITHIN, SERVED_WITHIN, Trial};
 
 const PAUSE: Duration = Duration::from_millis(200);
+/// A line is at most so much slower, in each direction, ms.
+const DELAY_MAX_MS: u64 = 400;
+/// And for so long.
+const SLOW_FOR: Duration = Duration::from_secs(15);
 
 /// From what an instance is cut off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,7 +39,7 @@ fn cut(trial: &mut Trial, seed: u64, from: From, direction: Cut) -> [f64; 2] {
     std::thread::sleep(Duration::from_millis(random.random_range(0..2_000)));
     let lasts = Duration::from_millis(random.random_range(9_000..15_000));
     let lines = trial.cluster.lines(name);
-    let line: Proxy = match from {
+    let line = match from {
         From::Database => lines.database.clone(),
         From::Router => lines.router.clone(),
     };
@@ -57,7 +67,18 @@ async fn cuts(kind: &str, from: From, direction: Cut) {
     let mut progress = Progress::of(kind, 1);
     let open = progress.open();
     if !open.is_empty() {
-        let mut trial = Trial::start(true, open[0], PAUSE).await;
+        let parts = Parts {
+            in_namespaces: namespaces::may_be_made(),
+            ..Trial::parts(true)
+        };
+        let how = if parts.in_namespaces {
+            "packets lost in network namespaces"
+        } else {
+            "bytes held back by a TCP proxy, because not root"
+        };
+        println!("{kind}: {how}");
+        let cluster = Cluster::watched(&parts).await;
+        let mut trial = Trial::on(cluster, &parts, open[0], PAUSE).await;
         trial.alerts();
         for seed in open {
             let took = cut(&mut trial, seed, from, direction);
@@ -112,4 +133,59 @@ async fn from_its_router_for_what_it_sends() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn from_its_router_for_what_it_is_sent() {
     cuts("cut_of_router", From::Router, Cut::ToInstance).await;
+}
+
+/// Makes both lines of an instance slow for a while, as they are over a bad radio; gives by how much,
+/// and how many decisions were acknowledged meanwhile.
+fn slow(trial: &mut Trial, seed: u64) -> [f64; 2] {
+    let mut random = StdRng::seed_from_u64(seed);
+    let name = trial.chosen(&mut random);
+    let robots = trial.of_instance(name);
+    let delay = Duration::from_millis(random.random_range(50..=DELAY_MAX_MS));
+    let before = trial.decider.acknowledged();
+    let lines = trial.cluster.lines(name);
+    let lines = [lines.database.clone(), lines.router.clone()];
+    let all_slow = |delay| lines.iter().for_each(|line| line.delay(delay));
+    all_slow(delay);
+    std::thread::sleep(SLOW_FOR);
+    all_slow(Duration::ZERO);
+    let acknowledged = trial.decider.acknowledged() - before;
+    let mut kept = trial.of_instance(name);
+    kept.retain(|robot| robots.contains(robot));
+    trial.check(seed);
+    let alerts = trial.alerts();
+    println!(
+        "round {seed}: lines of {name} {delay:?} slower each way: {acknowledged} decisions \
+         acknowledged, kept {} of {} robots, alerts {alerts:#?}",
+        kept.len(),
+        robots.len()
+    );
+    assert_eq!(kept.len(), robots.len(), "robots were taken over");
+    assert!(alerts.is_empty(), "{alerts:?}");
+    assert!(acknowledged > 0, "nothing was decided");
+    [delay.as_secs_f64(), acknowledged as f64]
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn slow_lines_move_no_robot() {
+    let mut progress = Progress::of("slow_lines", 1);
+    let open = progress.open();
+    if !open.is_empty() {
+        let mut trial = Trial::start(true, open[0], PAUSE).await;
+        trial.alerts();
+        for seed in open {
+            let seen = slow(&mut trial, seed);
+            progress.passed(seed, seen.to_vec());
+        }
+        println!(
+            "slow_lines: {}; {}",
+            trial.seen(),
+            progress.told(&trial.server())
+        );
+    }
+    println!(
+        "slow lines, s each way: {}; robots moved, alerts, stale rows: {}",
+        spread(&progress.figures(0)),
+        told(0, progress.len())
+    );
 }

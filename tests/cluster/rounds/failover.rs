@@ -95,6 +95,7 @@ async fn trial(program: PathBuf, seed: u64) -> (Trial, Twin) {
         robots: DRIVING,
         parked: DECIDERS,
         fast_takeover: true,
+        in_namespaces: false,
     };
     let cluster = Cluster::under_patroni(Patroni::start(&program), &parts);
     let twin = Twin::start(&cluster);

@@ -69,7 +69,7 @@ impl Writer {
 /// Takes an instance for dead that is between its fence and its rows, as one that is frozen there;
 /// gives what was seen.
 async fn frozen_in_the_midst_of_a_write(fencing: Fencing) -> Evidence {
-    let server = records::server();
+    let server = records::server(None);
     let url = server.url("postgres");
     let opened = fleetcal_postgres::open(setup(&url), Box::new(()), clock() as _);
     let store = opened.await.unwrap();

@@ -105,6 +105,7 @@ async fn of_approvals_at_two_to_five_instances_exactly_one_wins() {
             robots: 0,
             parked: PARKED,
             fast_takeover: true,
+            in_namespaces: false,
         };
         let cluster = Cluster::watched(&parts).await;
         let instances = INSTANCES.iter().enumerate();

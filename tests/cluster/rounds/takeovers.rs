@@ -6,6 +6,7 @@ use fleetcal_tests::service::now;
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 
+use crate::cluster::Cluster;
 use crate::figures::{quantile, spread, told};
 use crate::progress::Progress;
 use crate::trial::{BALANCED_WITHIN, DRIVING, SERVED_WITHIN, Trial};
@@ -125,7 +126,8 @@ fn certainty_lost(trial: &mut Trial, twin: &Twin, seed: u64) -> Vec<f64> {
 async fn sigmas_after_a_takeover_are_nearly_those_of_a_twin() {
     let mut progress = Progress::of("certainty", 1);
     for seed in progress.open() {
-        let (cluster, parts) = Trial::parts(true).await;
+        let parts = Trial::parts(true);
+        let cluster = Cluster::watched(&parts).await;
         let twin = Twin::start(&cluster);
         let mut trial = Trial::on(cluster, &parts, seed, PAUSE).await;
         std::thread::sleep(DRIVEN_BEFORE);
