@@ -70,6 +70,16 @@ impl SignInLimits {
         Ok(Whose::Stranger)
     }
 
+    /// Whether an address has signed in under a name.
+    pub fn knows(&self, peer: PeerAddress, name: &str) -> bool {
+        open(&self.familiar).knows(&peer.with_name(name))
+    }
+
+    /// Remembers an address that has signed in under a name at another instance.
+    pub fn note_known(&self, peer: PeerAddress, name: &str) {
+        open(&self.familiar).note(peer.with_name(name));
+    }
+
     /// Forgets the tries under a name, since the last one was right, and remembers its address.
     pub fn note_right(&self, peer: PeerAddress, name: &str) {
         let pair = peer.with_name(name);

@@ -143,8 +143,13 @@ pub trait ClusterRegistry: std::fmt::Debug + Send + Sync + 'static {
     /// was too many; gives how long to wait then.
     async fn count_tries(&self, tries: &[Try]) -> Result<Option<Duration>, StoreError>;
 
-    /// Forgets tries under these keys, since the last one was right.
-    async fn forget_tries(&self, keys: &[String]) -> Result<(), StoreError>;
+    /// Forgets tries under these keys, since the last one was right, and remembers the pair of address
+    /// and name that it came with.
+    async fn signed_in(&self, pair: &str, tries: &[String]) -> Result<(), StoreError>;
+
+    /// Whether somebody has signed in at any instance with this pair of address and name, among the
+    /// latest [`SIGN_IN_KNOWN_MAX`](fleetcal_domain::limits::SIGN_IN_KNOWN_MAX) pairs.
+    async fn has_signed_in(&self, pair: &str) -> Result<bool, StoreError>;
 
     /// Ends the seat and frees what it has.
     async fn leave(&self, seat: &Seat) -> Result<(), StoreError>;

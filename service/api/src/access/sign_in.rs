@@ -27,8 +27,15 @@ async fn count(api: &ApiState, peer: PeerAddress, name: &str) -> Result<Whose, P
     let limits = &api.access.limits;
     let now = api.clock.elapsed();
     limits.count_address(peer, now).map_err(too_many)?;
+    let registry = api.store.registry();
+    if let Some(registry) = &registry
+        && !limits.knows(peer, name)
+        && registry.has_signed_in(&peer.with_name(name)).await?
+    {
+        limits.note_known(peer, name);
+    }
     let whose = limits.count_name(peer, name, now).map_err(too_many)?;
-    if let Some(registry) = api.store.registry() {
+    if let Some(registry) = registry {
         let tries = tries(peer, name, whose);
         let wait = registry.count_tries(&tries).await?;
         wait.map_or(Ok(()), |wait| Err(too_many(wait)))?;
@@ -86,9 +93,9 @@ pub(super) async fn verified(
     };
     api.access.limits.note_right(peer, &key);
     if let Some(registry) = api.store.registry() {
-        registry
-            .forget_tries(&[peer.with_name(&key), format!("\n{key}")])
-            .await?;
+        let pair = peer.with_name(&key);
+        let tries = [pair.clone(), format!("\n{key}")];
+        registry.signed_in(&pair, &tries).await?;
     }
     Ok(user)
 }

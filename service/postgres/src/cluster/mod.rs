@@ -169,10 +169,20 @@ impl ClusterRegistry for Registry {
         counted.end(wait).await
     }
 
-    async fn forget_tries(&self, keys: &[String]) -> Result<(), StoreError> {
-        let mut forgotten = Transaction::begin(&self.tries, BEGIN).await?;
-        let done = tries::forget(forgotten.session(), keys).await;
-        forgotten.end(done).await
+    async fn signed_in(&self, pair: &str, tries: &[String]) -> Result<(), StoreError> {
+        let mut noted = Transaction::begin(&self.tries, BEGIN).await?;
+        let done = async {
+            tries::forget(noted.session(), tries).await?;
+            tries::note_pair(noted.session(), pair).await
+        };
+        let done = done.await;
+        noted.end(done).await
+    }
+
+    async fn has_signed_in(&self, pair: &str) -> Result<bool, StoreError> {
+        let mut asked = Transaction::begin(&self.tries, BEGIN).await?;
+        let known = tries::knows_pair(asked.session(), pair).await;
+        asked.end(known).await
     }
 
     async fn leave(&self, seat: &Seat) -> Result<(), StoreError> {

@@ -66,6 +66,36 @@ async fn make_room(session: &mut Session) -> Result<(), StoreError> {
         .map_err(StoreError::database("forget tries to sign in"))
 }
 
+/// Remembers a pair of address and name with which somebody has signed in, and forgets the oldest
+/// beyond the limit. Rows that others work on are left to them.
+pub(super) async fn note_pair(session: &mut Session, pair: &str) -> Result<(), StoreError> {
+    const NOTED: &str = "
+        INSERT INTO sign_in_pair (pair, right_at_ns) VALUES ($1, clock_ns())
+        ON CONFLICT (pair) DO UPDATE SET right_at_ns = excluded.right_at_ns";
+    const DELETED: &str = "
+        DELETE FROM sign_in_pair WHERE pair IN (
+            SELECT pair FROM sign_in_pair ORDER BY right_at_ns DESC OFFSET $1
+            FOR UPDATE SKIP LOCKED
+        )";
+    let failed = || StoreError::database("remember who has signed in from where");
+    let query = sqlx::query(NOTED).bind(pair);
+    session.execute_query(query).await.map_err(failed())?;
+    let max = i64::try_from(limits::SIGN_IN_KNOWN_MAX).unwrap_or(i64::MAX);
+    let query = sqlx::query(DELETED).bind(max);
+    session.execute_query(query).await.map_err(failed())?;
+    Ok(())
+}
+
+/// Whether a pair of address and name is remembered.
+pub(super) async fn knows_pair(session: &mut Session, pair: &str) -> Result<bool, StoreError> {
+    const KNOWN: &str = "SELECT 1::int8 FROM sign_in_pair WHERE pair = $1";
+    let query = sqlx::query_as(KNOWN).bind(pair);
+    let found: Result<Vec<(i64,)>, _> = session.fetch(query).await;
+    found
+        .map(|found| !found.is_empty())
+        .map_err(StoreError::database("say who has signed in from where"))
+}
+
 /// Forgets tries under these keys.
 pub(super) async fn forget(session: &mut Session, keys: &[String]) -> Result<(), StoreError> {
     let query = sqlx::query("DELETE FROM sign_in_try WHERE key = ANY ($1)").bind(keys);

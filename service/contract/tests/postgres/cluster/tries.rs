@@ -38,7 +38,10 @@ async fn tries_at_several_instances_count_together() {
     let other = [of("10.0.0.2", 60), of("10.0.0.2\nana", 3)];
     assert_eq!(b.registry.count_tries(&other).await.unwrap(), None);
     let forgotten = ["10.0.0.1\nana".to_owned()];
-    b.registry.forget_tries(&forgotten).await.unwrap();
+    b.registry
+        .signed_in(&forgotten[0], &forgotten)
+        .await
+        .unwrap();
     assert_eq!(a.registry.count_tries(&tries).await.unwrap(), None);
 }
 
@@ -81,4 +84,28 @@ async fn tries_that_are_remembered_are_bounded() {
     psql(&url, "UPDATE sign_in_try SET worked_off_ns = 1");
     a.registry.count_tries(&[of("10.0.0.2", 1)]).await.unwrap();
     assert_eq!(count(), 1);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn who_has_signed_in_at_one_instance_is_known_to_the_others() {
+    let (url, _) = database(1).await;
+    let a = Instance::join(&url, "a").await;
+    let b = Instance::join(&url, "b").await;
+    let pair = |number: usize| format!("10.0.0.1\nuser {number}");
+    assert!(!b.registry.has_signed_in(&pair(1)).await.unwrap());
+    a.registry.signed_in(&pair(1), &[]).await.unwrap();
+    assert!(b.registry.has_signed_in(&pair(1)).await.unwrap());
+    assert!(!b.registry.has_signed_in(&pair(2)).await.unwrap());
+    // The latest ones are remembered.
+    let many = format!(
+        "INSERT INTO sign_in_pair SELECT '10.0.0.2' || number, number
+        FROM generate_series(1, {}) AS number",
+        limits::SIGN_IN_KNOWN_MAX
+    );
+    psql(&url, &many);
+    b.registry.signed_in(&pair(2), &[]).await.unwrap();
+    let count = psql(&url, "SELECT count(*) FROM sign_in_pair");
+    assert_eq!(count.trim(), limits::SIGN_IN_KNOWN_MAX.to_string());
+    assert!(a.registry.has_signed_in(&pair(1)).await.unwrap());
+    assert!(a.registry.has_signed_in(&pair(2)).await.unwrap());
 }
