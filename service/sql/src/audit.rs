@@ -1,7 +1,7 @@
 //! Audit rows, and with them all that a job may do.
 
 use async_trait::async_trait;
-use fleetcal_cluster::Tenure;
+use fleetcal_cluster::{Duty, Seat, Tenure};
 use fleetcal_model::WallTime;
 use fleetcal_store::{AuditEntry, Records, StoreError};
 
@@ -66,6 +66,25 @@ impl Records for SqlRecords<'_> {
             .await
             .map(|found| found.is_some())
             .map_err(StoreError::database("say who estimates a robot")),
+        }
+    }
+
+    async fn holds_duty(&mut self, seat: &Seat, duty: Duty) -> Result<bool, StoreError> {
+        match self.connection.dialect() {
+            // One service has all duties.
+            Dialect::Sqlite => Ok(true),
+            // As with a tenure.
+            Dialect::Postgres => query(
+                "SELECT 1 FROM duty
+                 WHERE name = $1 AND instance = $2 AND incarnation = $3 FOR SHARE",
+            )
+            .bind(duty.name())
+            .bind(seat.instance.as_str())
+            .bind(seat.incarnation.0)
+            .fetch_optional(self.connection)
+            .await
+            .map(|found| found.is_some())
+            .map_err(StoreError::database("say who has a duty")),
         }
     }
 

@@ -29,6 +29,7 @@ impl Bench {
             sightings: vec![(robot(name).into(), sighting)],
             policy: Arc::new(AlertPolicy::default()),
             standing: BTreeMap::new(),
+            evaluator: None,
             now: WallTime(NOW_NS),
         };
         self.store.transact(write).await.unwrap();

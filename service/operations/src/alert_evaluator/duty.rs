@@ -24,11 +24,6 @@ use super::{AlertEvaluator, Observe};
 /// How often the robots are looked at.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 
-/// After the duty has come to this instance the alerts are read again so often: what the one before
-/// was about to write would stay pending, and alert by its age when robots are silent the next time.
-/// A statement of the one before has 3 s to come, and a transaction of it that stands still 5 s.
-const LOOKS_READ_AGAIN: u32 = 5;
-
 /// What the alert evaluator remembers between two looks.
 #[derive(Debug, Default)]
 struct Memory {
@@ -43,7 +38,7 @@ pub(super) async fn watch(evaluator: AlertEvaluator, mut live: broadcast::Receiv
     let mut ticks = tokio::time::interval(LOOK_EVERY);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut memory = Memory::default();
-    let mut looks = 0_u32;
+    let mut had_duty = false;
     loop {
         tokio::select! {
             () = evaluator.inner.stop.cancelled() => return,
@@ -51,18 +46,19 @@ pub(super) async fn watch(evaluator: AlertEvaluator, mut live: broadcast::Receiv
         }
         memory.hear(&mut live, evaluator.inner.clock.now());
         if !evaluator.may_look() {
-            looks = 0;
+            had_duty = false;
             continue;
         }
-        looks = looks.saturating_add(1);
         let seen = async {
-            if looks <= LOOKS_READ_AGAIN && evaluator.inner.membership.cluster().is_some() {
+            // What the instance before has written is committed, or is refused by its fence.
+            if !had_duty && evaluator.inner.membership.cluster().is_some() {
                 evaluator.read_again().await?;
             }
             evaluator.look(&mut memory).await
         };
-        if let Err(error) = seen.await {
-            tracing::error!(%error, "the alerts could not be brought up to date");
+        match seen.await {
+            Ok(()) => had_duty = true,
+            Err(error) => tracing::error!(%error, "the alerts could not be brought up to date"),
         }
     }
 }
@@ -122,6 +118,12 @@ impl AlertEvaluator {
 
     /// Looks once at every robot and takes to the store what has changed.
     async fn look(&self, memory: &mut Memory) -> Result<(), StoreError> {
+        // Of the life in which it looks: a duty of another one says nothing of what was seen in this.
+        let cluster = self.inner.membership.cluster();
+        let evaluator = cluster.and_then(|cluster| cluster.seat());
+        if cluster.is_some() && evaluator.is_none() {
+            return Ok(());
+        }
         let now = self.inner.clock.now();
         let approval = self.inner.lifecycle.policy();
         let standings = self.standings();
@@ -147,7 +149,7 @@ impl AlertEvaluator {
             standing.insert(view.id.clone(), standings.basis(&view, &ledger));
         }
         self.group(&mut seen, set_up);
-        if let Some(cluster) = self.inner.membership.cluster() {
+        if let Some(cluster) = cluster {
             seen.extend(cluster_sightings(&cluster.snapshot(), &self.inner.policy));
         }
         seen.retain(|(subject, one)| self.is_news(subject, one, now));
@@ -165,6 +167,7 @@ impl AlertEvaluator {
             sightings: seen,
             policy: Arc::clone(&self.inner.policy),
             standing,
+            evaluator,
             now,
         };
         let changes = self.inner.store.transact(write).await?;

@@ -51,6 +51,7 @@ async fn observe(
         sightings: vec![(robot(name).into(), sighting)],
         policy: Arc::new(AlertPolicy::default()),
         standing: BTreeMap::new(),
+        evaluator: None,
         now: WallTime((NOW_S + at_s) * NS),
     };
     store.transact(write).await.unwrap()
@@ -325,6 +326,7 @@ async fn too_many_that_wait_or_are_done_shed_their_oldest() {
             .collect(),
         policy: Arc::new(AlertPolicy::default()),
         standing: BTreeMap::new(),
+        evaluator: None,
         now: WallTime(NOW_S * NS),
     };
     store.transact(write).await.unwrap();

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use async_trait::async_trait;
+use fleetcal_cluster::{Duty, Seat};
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::alert::{
     Acknowledgement, Alert, AlertPolicy, AlertRefused, Notice, Sighting, Step, Subject, step,
@@ -27,6 +28,8 @@ pub struct Observe {
     pub policy: Arc<AlertPolicy>,
     /// How these robots stand apart from their alerts, and what alerts they had before.
     pub standing: BTreeMap<RobotId, (StandingBasis, RobotAlerts)>,
+    /// Who must have the duty of alerts until this is written; `None` where one service has all.
+    pub evaluator: Option<Seat>,
     /// Wall time.
     pub now: WallTime,
 }
@@ -60,6 +63,15 @@ impl Job for Observe {
     type Done = Vec<AlertChange>;
 
     async fn run(&self, records: &mut dyn Records) -> Result<Vec<AlertChange>, StoreError> {
+        if let Some(seat) = &self.evaluator
+            && !records.holds_duty(seat, Duty::Alerts).await?
+        {
+            tracing::info!(
+                instance = seat.instance.as_str(),
+                "another instance watches for alerts now"
+            );
+            return Ok(Vec::new());
+        }
         let mut changes = Vec::new();
         let mut standing = self.standing.clone();
         for (subject, sighting) in &self.sightings {

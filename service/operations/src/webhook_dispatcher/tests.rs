@@ -67,6 +67,7 @@ impl Bench {
             sightings: vec![(RobotId::parse(robot).unwrap().into(), sighting)],
             policy: Arc::new(AlertPolicy::default()),
             standing: BTreeMap::new(),
+            evaluator: None,
             now: self.clock.now(),
         };
         self.store.transact(write).await.unwrap();

@@ -13,7 +13,7 @@ mod task;
 mod webhooks;
 
 use async_trait::async_trait;
-use fleetcal_cluster::Tenure;
+use fleetcal_cluster::{Duty, Seat, Tenure};
 use fleetcal_model::WallTime;
 
 pub use accounts::{AccountRecords, SessionRecords, TokenRecords};
@@ -54,6 +54,11 @@ pub trait Records:
     /// instance decides about its robot by itself is not written behind another one's back. Always
     /// where one service has the database.
     async fn holds_tenure(&mut self, tenure: &Tenure) -> Result<bool, StoreError>;
+
+    /// Whether an instance has a duty in this life, which it keeps until the transaction has ended: so
+    /// what it does for the whole cluster is not written beside what its successor does. Always where
+    /// one service has the database.
+    async fn holds_duty(&mut self, seat: &Seat, duty: Duty) -> Result<bool, StoreError>;
 
     /// Writes a row that nothing reads, to prove that the database can be written.
     async fn prove_writable(&mut self, now: WallTime) -> Result<(), StoreError>;

@@ -1,7 +1,8 @@
-//! Jobs that an instance runs by itself, about a robot that may be another one's by now.
+//! Jobs that an instance runs by itself, on the strength of a robot or of a duty that may be another
+//! one's by now.
 
 use async_trait::async_trait;
-use fleetcal_cluster::Tenure;
+use fleetcal_cluster::{Duty, Seat, Tenure};
 use fleetcal_contract::{AddUser, IsThere};
 use fleetcal_store::cluster::TakeForDead;
 use fleetcal_store::{Job, Records, StoreError};
@@ -26,6 +27,71 @@ impl Job for AddUnder {
         }
         AddUser(self.1).run(records).await.map(drop)
     }
+}
+
+/// Adds a user on the strength of a duty.
+#[derive(Debug)]
+struct AddOnDuty(Seat, &'static str);
+
+#[async_trait]
+impl Job for AddOnDuty {
+    type Done = bool;
+
+    async fn run(&self, records: &mut dyn Records) -> Result<bool, StoreError> {
+        // The snapshot is of this moment, and the duty may go behind it.
+        records.count_users().await?;
+        let held = records.holds_duty(&self.0, Duty::Alerts).await?;
+        if held {
+            AddUser(self.1).run(records).await?;
+        }
+        Ok(held)
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_job_of_a_duty_that_has_gone_is_not_done() {
+    let (url, _) = database(1).await;
+    let a = Instance::join(&url, "a").await;
+    let b = Instance::join(&url, "b").await;
+    let alerts = [Duty::Alerts];
+    let claim = |one: &Instance| {
+        let (registry, seat) = (one.registry.clone(), one.seat.clone());
+        async move { registry.claim_duties(&seat, &alerts).await.unwrap() }
+    };
+    assert_eq!(claim(&a).await, alerts);
+    let add = |of: &Instance, name| a.store.transact(AddOnDuty(of.seat.clone(), name));
+    assert!(add(&a, "ann").await.unwrap());
+    assert!(!add(&b, "bob").await.unwrap());
+    // The duty goes while the job waits for its fence, with a snapshot of before.
+    let mut holder = Beside::run(&url, "BEGIN; SELECT FROM duty FOR UPDATE");
+    let job = add(&a, "bob");
+    let mut job = std::pin::pin!(job);
+    assert!(timeout(MOMENT, &mut job).await.is_err(), "it waits");
+    let free = "UPDATE duty SET instance = NULL, incarnation = NULL, free_since_ns = 1";
+    holder.go_on(&format!("{free}; COMMIT"));
+    assert!(!job.await.unwrap());
+    assert_eq!(claim(&b).await, alerts);
+    assert!(!a.store.transact(IsThere("bob")).await.unwrap());
+}
+
+/// As long as a job of it runs, a duty does not go to another instance.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_duty_waits_for_what_is_written_on_its_strength() {
+    let (url, _) = database(1).await;
+    let a = Instance::join(&url, "a").await;
+    let b = Instance::join(&url, "b").await;
+    let alerts = [Duty::Alerts];
+    let claimed = a.registry.claim_duties(&a.seat, &alerts).await.unwrap();
+    assert_eq!(claimed, alerts);
+    let mut job = Beside::run(&url, "BEGIN; SELECT FROM duty FOR SHARE");
+    end_lease(&url, "a");
+    let taken = b.registry.take_for_dead(&b.seat, TakeForDead::LeaseEnded);
+    let mut taken = std::pin::pin!(taken);
+    assert!(timeout(MOMENT, &mut taken).await.is_err(), "it waits");
+    job.go_on("COMMIT");
+    assert_eq!(taken.await.unwrap(), std::slice::from_ref(&a.seat));
+    let claimed = b.registry.claim_duties(&b.seat, &alerts).await.unwrap();
+    assert_eq!(claimed, alerts);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

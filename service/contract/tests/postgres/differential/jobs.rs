@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use async_trait::async_trait;
-use fleetcal_cluster::{ClaimId, Epoch, Incarnation, InstanceId, Seat, Tenure};
+use fleetcal_cluster::{ClaimId, Duty, Epoch, Incarnation, InstanceId, Seat, Tenure};
 use fleetcal_contract::config;
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::approval::{Policy, ProposalAction};
@@ -302,6 +302,10 @@ impl Run<'_> {
         // One service of a folder holds every tenure, and a server knows none here.
         self.records.holds_tenure(&tenure()).await?;
         self.calls.note("records.holds_tenure");
+        self.records
+            .holds_duty(&tenure().seat, Duty::Alerts)
+            .await?;
+        self.calls.note("records.holds_duty");
         Ok(())
     }
 }
