@@ -197,6 +197,12 @@ cluster-cost: build-for-tests ## CPU a robot-second of one service and of two in
 cluster-cell: build-for-tests ## 4,096 robots, of which 60 drive, on two instances; a third joins and one dies: 1 minute
 	$(CLUSTER_TEST) cell::
 
+.PHONY: cluster-floods
+cluster-floods: build-for-tests ## 8 hostile Zenoh sessions for FLEETCAL_ZENOH_FLOOD_S=15, each kind (or those of FLEETCAL_ZENOH_FLOODS) at one of two routers with the generated list, before two instances: 5 minutes, prints losses
+	FLEETCAL_ZENOH_FLOOD_S="$${FLEETCAL_ZENOH_FLOOD_S:-15}" FLEETCAL_BIN=$(abspath $(BIN)) \
+	  tests/postgres/with_server.sh $(CARGO) test --release --locked --workspace --test zenoh -- \
+	  --ignored --nocapture --test-threads 1 mesh::
+
 .PHONY: cluster
 cluster: build-for-tests ## Starts a cluster on this machine: two instances, two routers, PostgreSQL and 24 simulated robots
 	FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_ROUTER=$(dir $(BIN))fleetcal-router \

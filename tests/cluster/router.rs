@@ -1,5 +1,6 @@
 //! A Zenoh router as a process of its own, which is what `zenohd` is: listens on the first argument
-//! and connects to the others, until it is killed.
+//! and connects to the others, until it is killed. As `zenohd`, it takes `-c FILE` instead, a native
+//! configuration.
 #![expect(
     clippy::expect_used,
     reason = "a test's process ends where it cannot go on"
@@ -11,7 +12,18 @@ use zenoh::Config;
 
 #[tokio::main]
 async fn main() {
-    let endpoints: Vec<String> = env::args().skip(1).collect();
+    let words: Vec<String> = env::args().skip(1).collect();
+    let config = match words.as_slice() {
+        [flag, file] if flag == "-c" => Config::from_file(file).expect("a configuration"),
+        endpoints => of_endpoints(endpoints),
+    };
+    let session = zenoh::open(config).await.expect("a router");
+    std::future::pending::<()>().await;
+    drop(session);
+}
+
+/// A router without a list, which listens on the first endpoint and connects to the others.
+fn of_endpoints(endpoints: &[String]) -> Config {
     let (own, others) = endpoints.split_first().expect("an endpoint to listen on");
     let mut config = Config::default();
     for (key, value) in [
@@ -28,7 +40,5 @@ async fn main() {
             .insert_json5(key, &value.to_string())
             .expect("an accepted value");
     }
-    let session = zenoh::open(config).await.expect("a router");
-    std::future::pending::<()>().await;
-    drop(session);
+    config
 }

@@ -37,6 +37,15 @@ pub fn create(data: &Path) {
     let Some(server) = server().filter(|_| !note(data).exists()) else {
         return;
     };
+    name(data, &created_on(&server));
+}
+
+/// Creates an empty database on a server.
+///
+/// # Panics
+/// When the server creates none.
+pub fn created_on(server: &PostgresUrl) -> PostgresUrl {
+    let server = server.clone();
     // Of its own thread, because a test may be on a runtime already.
     let create = move || {
         let runtime = tokio::runtime::Builder::new_current_thread()
@@ -46,5 +55,5 @@ pub fn create(data: &Path) {
         runtime.block_on(fleetcal_postgres::create_for_test(&server))
     };
     let created = std::thread::spawn(create).join().expect("it ends");
-    name(data, &created.expect("a database"));
+    created.expect("a database")
 }

@@ -12,6 +12,7 @@ pub mod binary;
 pub mod clouds;
 pub mod database;
 pub mod http;
+pub mod memory;
 pub mod odometry;
 pub mod recording;
 pub mod replayed;

@@ -6,10 +6,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
+use fleetcal_store::database_url::PostgresUrl;
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::{binary, database, http};
+use crate::{binary, database, http, memory};
 
 /// Longest wait for anything that a service should do.
 const WAIT_MAX: Duration = Duration::from_secs(90);
@@ -29,6 +30,17 @@ pub struct Service {
     zenoh_flags: Vec<String>,
     data: PathBuf,
     variables: Vec<(String, String)>,
+}
+
+/// An instance of several.
+#[derive(Debug, Clone, Copy)]
+pub struct Instance<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// Where its API is.
+    pub http: SocketAddr,
+    /// Where the records of all are.
+    pub database: &'a PostgresUrl,
 }
 
 /// A loopback address that nobody listens on.
@@ -96,7 +108,26 @@ impl Service {
     pub fn start_on(zenoh: SocketAddr, config: &str, zenoh_flags: &[&str]) -> Self {
         let folder = TempDir::new().expect("a folder");
         let data = folder.path().join("data");
-        Self::start_in(folder, data, zenoh, config, zenoh_flags, Vec::new())
+        let place = (folder, data, free_port());
+        Self::start_in(place, zenoh, config, zenoh_flags, Vec::new())
+    }
+
+    /// The same of an instance.
+    ///
+    /// # Panics
+    /// When it does not become ready.
+    pub fn start_instance(
+        instance: Instance<'_>,
+        zenoh: SocketAddr,
+        config: &str,
+        zenoh_flags: &[&str],
+    ) -> Self {
+        let folder = TempDir::new().expect("a folder");
+        let data = folder.path().join("data");
+        database::name(&data, instance.database);
+        let flags = [zenoh_flags, &["--instance", instance.name]].concat();
+        let place = (folder, data, instance.http);
+        Self::start_in(place, zenoh, config, &flags, Vec::new())
     }
 
     /// Starts a service without robots whose data are in a folder elsewhere.
@@ -123,12 +154,12 @@ impl Service {
         let flags = ["--listen", &format!("tcp/{zenoh}")];
         let own = |&(name, value): &(&str, &str)| (name.to_owned(), value.to_owned());
         let variables = variables.iter().map(own).collect();
-        Self::start_in(folder, data, zenoh, "", &flags, variables)
+        let place = (folder, data, free_port());
+        Self::start_in(place, zenoh, "", &flags, variables)
     }
 
     fn start_in(
-        folder: TempDir,
-        data: PathBuf,
+        (folder, data, http): (TempDir, PathBuf, SocketAddr),
         zenoh: SocketAddr,
         config: &str,
         zenoh_flags: &[&str],
@@ -137,7 +168,6 @@ impl Service {
         database::create(&data);
         variables.extend(database::variable(&data));
         fs::write(folder.path().join("fleetcal.toml"), config).expect("a configuration");
-        let http = free_port();
         let zenoh_flags: Vec<String> = zenoh_flags.iter().map(|&flag| flag.to_owned()).collect();
         let child = spawn(&folder, &data, http, &zenoh_flags, &variables);
         let mut service = Self {
@@ -151,7 +181,9 @@ impl Service {
             data,
         };
         service.wait_until_ready();
-        service.token = service.made_token(&["--role", "admin", "--name", "tests"]);
+        // The names of tokens differ, also those of two instances.
+        let name = format!("{}-tests", http.port());
+        service.token = service.made_token(&["--role", "admin", "--name", &name]);
         service
     }
 
@@ -374,18 +406,7 @@ impl Service {
     /// # Panics
     /// When the system does not tell.
     pub fn memory_bytes(&self) -> u64 {
-        let status = fs::read_to_string(format!("/proc/{}/status", self.pid())).expect("proc");
-        let line = status
-            .lines()
-            .find(|line| line.starts_with("VmRSS:"))
-            .expect("VmRSS");
-        let kib: u64 = line
-            .split_whitespace()
-            .nth(1)
-            .expect("a field")
-            .parse()
-            .expect("a number");
-        kib * 1024
+        memory::of(self.pid()).held_bytes
     }
 
     /// Ends it without warning.

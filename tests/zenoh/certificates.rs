@@ -4,7 +4,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use rcgen::{BasicConstraints, CertificateParams, DnType, IsCa, Issuer, KeyPair};
-use serde_json::{Value, json};
+use serde_json::Value;
+
+use crate::session;
 
 /// Who signs the fleet's certificates.
 pub struct Authority {
@@ -46,12 +48,6 @@ impl Authority {
 
     /// The transport of a client; with a name, one that shows its certificate.
     pub fn transport(&self, name: Option<&str>) -> Value {
-        let mut tls = json!({ "root_ca_certificate": self.path("ca.pem") });
-        if let Some(name) = name {
-            tls["enable_mtls"] = json!(true);
-            tls["connect_certificate"] = json!(self.path(&format!("{name}.pem")));
-            tls["connect_private_key"] = json!(self.path(&format!("{name}.key.pem")));
-        }
-        json!({ "link": { "tls": tls } })
+        session::tls(&self.folder, name)
     }
 }

@@ -1,7 +1,10 @@
 //! Robots and hostile sessions in processes of their own, so that neither's threads are the other's.
 //!
-//! `fleetcal-crowd robots  ENDPOINT SECONDS COUNT RECORDING anonymous|passwords`
-//! `fleetcal-crowd hostile ENDPOINT SECONDS SESSIONS KIND ROBOT|-`
+//! `fleetcal-crowd robots  ENDPOINT[,ENDPOINT]... SECONDS COUNT RECORDING IDENTITY`
+//! `fleetcal-crowd hostile ENDPOINT[,ENDPOINT]... SECONDS SESSIONS KIND IDENTITY`
+//!
+//! Sessions connect to the endpoints in turn. IDENTITY is `anonymous`, `passwords`, or a folder of
+//! certificates; hostile sessions then connect under the name of `robot_50`.
 //!
 //! It says a line of JSON when all are connected, and one with what was sent at the end.
 
@@ -16,7 +19,7 @@ mod session;
 
 use std::collections::BTreeMap;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use serde_json::{Value, json};
@@ -33,8 +36,16 @@ const CONNECT_AT_ONCE: usize = 8;
 
 fn main() {
     let words: Vec<String> = std::env::args().skip(1).collect();
-    let [what, endpoint, seconds, count, kind, who] = words.as_slice() else {
-        panic!("expected robots|hostile ENDPOINT SECONDS COUNT RECORDING|KIND WHO");
+    let [what, endpoints, seconds, count, kind, identity] = words.as_slice() else {
+        panic!("expected robots|hostile ENDPOINTS SECONDS COUNT RECORDING|KIND IDENTITY");
+    };
+    let place = Place {
+        endpoints: endpoints.split(',').map(str::to_owned).collect(),
+        identity: match identity.as_str() {
+            "anonymous" => Identity::Anonymous,
+            "passwords" => Identity::Password,
+            folder => Identity::Certificate(folder.into()),
+        },
     };
     let duration = Duration::from_secs(seconds.parse().unwrap());
     let count = count.parse().unwrap();
@@ -42,8 +53,8 @@ fn main() {
     let runtime = runtime.worker_threads(2).enable_all().build().unwrap();
     runtime.block_on(async {
         match what.as_str() {
-            "robots" => robots(endpoint, duration, count, Path::new(kind), who).await,
-            "hostile" => hostile::sessions(endpoint, duration, count, kind, who).await,
+            "robots" => robots(&place, duration, count, Path::new(kind)).await,
+            "hostile" => hostile::sessions(&place, duration, count, kind).await,
             other => panic!("{other} is neither robots nor hostile"),
         }
     });
@@ -56,31 +67,57 @@ fn say(said: &Value) {
     out.flush().unwrap();
 }
 
-/// A session under a name, which is also its password backwards, or under none.
-async fn connect(endpoint: &str, name: Option<&str>) -> Session {
-    let config = match name {
-        Some(name) => {
-            let password: String = name.chars().rev().collect();
-            session::with_password(endpoint, name, &password)
-        }
-        None => session::client(endpoint, &json!({})),
-    };
-    session::open(config).await.unwrap()
+/// How sessions show whose they are.
+#[derive(Debug, Clone)]
+enum Identity {
+    /// Not at all.
+    Anonymous,
+    /// By the name backwards.
+    Password,
+    /// By the certificate of that name in a folder.
+    Certificate(PathBuf),
+}
+
+/// Where sessions connect, and as whom.
+#[derive(Debug, Clone)]
+struct Place {
+    endpoints: Vec<String>,
+    identity: Identity,
+}
+
+impl Place {
+    /// Opens the session of a number, under a name where there are names.
+    async fn connect(&self, number: usize, name: &str) -> Session {
+        let endpoint = &self.endpoints[number % self.endpoints.len()];
+        let config = match &self.identity {
+            Identity::Anonymous => session::client(endpoint, &json!({})),
+            Identity::Password => {
+                let password: String = name.chars().rev().collect();
+                session::with_password(endpoint, name, &password)
+            }
+            Identity::Certificate(folder) => {
+                session::client(endpoint, &session::tls(folder, Some(name)))
+            }
+        };
+        session::open(config).await.unwrap()
+    }
 }
 
 /// Drives `count` robots `robot_01` and so on through the same recording, each with a session of its
 /// own; what finds no room is dropped, as a robot's own streams do.
-async fn robots(endpoint: &str, duration: Duration, count: usize, recording: &Path, who: &str) {
+async fn robots(place: &Place, duration: Duration, count: usize, recording: &Path) {
     let script = script(recording, duration);
     let mut sessions = Vec::new();
-    let ids: Vec<String> = (1..=count)
-        .map(|number| format!("robot_{number:02}"))
+    let ids: Vec<(usize, String)> = (1..=count)
+        .map(|number| (number, format!("robot_{number:02}")))
         .collect();
     for ids in ids.chunks(CONNECT_AT_ONCE) {
-        let open = ids.iter().map(|id| {
-            let name = (who == "passwords").then(|| id.clone());
-            let (endpoint, id) = (endpoint.to_owned(), id.clone());
-            tokio::spawn(async move { (id, connect(&endpoint, name.as_deref()).await) })
+        let open = ids.iter().cloned().map(|(number, id)| {
+            let place = place.clone();
+            tokio::spawn(async move {
+                let session = place.connect(number, &id).await;
+                (id, session)
+            })
         });
         for opened in open.collect::<Vec<_>>() {
             sessions.push(opened.await.unwrap());

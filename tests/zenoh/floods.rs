@@ -48,22 +48,29 @@ pub enum List {
     Generated,
 }
 
-fn seconds() -> u64 {
+/// Seconds of a flood.
+pub fn seconds() -> u64 {
     let asked = std::env::var("FLEETCAL_ZENOH_FLOOD_S").ok();
     asked.map_or(FLOOD_S, |text| text.parse().unwrap())
 }
 
-fn names() -> Vec<String> {
+/// All robots.
+pub fn names() -> Vec<String> {
     (1..=ROBOTS + 1)
         .map(|number| format!("robot_{number:02}"))
         .collect()
 }
 
-pub fn started(list: List, folder: &Path) -> Service {
+/// Their sections of `fleetcal.toml`.
+pub fn sections() -> String {
     let entry = |id: &String| {
         format!("[[robot]]\nid = \"{id}\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n\n")
     };
-    let config: String = names().iter().map(entry).collect();
+    names().iter().map(entry).collect()
+}
+
+pub fn started(list: List, folder: &Path) -> Service {
+    let config = sections();
     if list == List::Default {
         return Service::start_with(&config);
     }
@@ -120,18 +127,29 @@ impl Drop for Crowd {
 /// What a flood did to the others.
 #[derive(Debug, Default)]
 pub struct Figures {
-    sent: u64,
-    lost: u64,
-    dropped_wheel_odometry: u64,
-    dropped_scans: u64,
+    pub sent: u64,
+    pub lost: u64,
+    pub dropped_wheel_odometry: u64,
+    pub dropped_scans: u64,
     /// Longest time in which nothing came of a robot that sends every 10 ms.
-    stalled: Duration,
-    grown_bytes: u64,
+    pub stalled: Duration,
+    pub grown_bytes: u64,
     pub database_bytes: u64,
     pub log_bytes: u64,
     pub done: u64,
     /// Samples that were sent, and not received yet when all robots had ended.
-    late: u64,
+    pub late: u64,
+}
+
+impl Figures {
+    /// Adds what became of the samples of one more robot.
+    pub fn add(&mut self, robot: &Self) {
+        self.sent += robot.sent;
+        self.lost += robot.lost;
+        self.late += robot.late;
+        self.dropped_wheel_odometry += robot.dropped_wheel_odometry;
+        self.dropped_scans += robot.dropped_scans;
+    }
 }
 
 /// Bytes of a service's database, with what is in its write-ahead log alone so far. That file itself
@@ -158,23 +176,61 @@ pub fn database_bytes(service: &Service) -> u64 {
     })
 }
 
-/// A robot's counters once nothing more of what it sent comes, and how many samples came late: while
-/// the service takes back what hostile sessions had declared, some are still in its sockets.
-fn received_at_last(service: &Service, id: &str, sent: u64) -> (Value, u64) {
-    let received = |counters: &Value| counters["received"].as_u64().unwrap();
-    let mut counters = service.accounts_of(id);
-    let first = received(&counters);
-    let mut last_came = now();
-    while received(&counters) < sent && last_came.elapsed() < NOTHING_COMES {
-        std::thread::sleep(LOOK_EVERY);
-        let next = service.accounts_of(id);
-        if received(&next) > received(&counters) {
-            last_came = now();
-        }
-        counters = next;
+/// A robot that has ended.
+pub struct Ended<'a> {
+    /// Who estimates it.
+    pub service: &'a Service,
+    pub id: &'a str,
+    /// What it sent, by stream.
+    pub of_robot: &'a Value,
+}
+
+impl Ended<'_> {
+    fn sent(&self) -> u64 {
+        let count = |stream: &str| self.of_robot[stream].as_u64().unwrap_or_default();
+        count("wheel_odometry") + count("scan")
     }
-    let late = received(&counters).saturating_sub(first);
-    (counters, late)
+}
+
+/// What became of the samples of robots that have ended, robot by robot, once nothing more of them
+/// comes: while a service takes back what hostile sessions had declared, some are still in its sockets.
+pub fn received_at_last(ended: &[Ended<'_>]) -> Vec<Figures> {
+    let received = |counters: &Value| counters["received"].as_u64().unwrap();
+    let first = ended.iter().map(|one| one.service.accounts_of(one.id));
+    let first: Vec<Value> = first.collect();
+    let mut last = first.clone();
+    let mut last_came = now();
+    loop {
+        let mut is_all = true;
+        for (one, counters) in ended.iter().zip(&mut last) {
+            if received(counters) >= one.sent() {
+                continue;
+            }
+            is_all = false;
+            let next = one.service.accounts_of(one.id);
+            if received(&next) > received(counters) {
+                last_came = now();
+            }
+            *counters = next;
+        }
+        if is_all || last_came.elapsed() >= NOTHING_COMES {
+            break;
+        }
+        std::thread::sleep(LOOK_EVERY);
+    }
+    let counters = first.iter().zip(&last);
+    let figures = ended.iter().zip(counters).map(|(one, (first, last))| {
+        let counted = |name: &str| last[name].as_u64().unwrap();
+        Figures {
+            sent: one.sent(),
+            lost: one.sent().saturating_sub(received(last)),
+            late: received(last).saturating_sub(received(first)),
+            dropped_wheel_odometry: counted("dropped_wheel_odometry"),
+            dropped_scans: counted("dropped_scans"),
+            ..Figures::default()
+        }
+    });
+    figures.collect()
 }
 
 /// Robots drive while `kind` is done to the service; without a kind, nothing is.
@@ -189,10 +245,9 @@ pub fn flooded(list: List, kind: Option<&str>, seconds: u64) -> Figures {
         database_bytes(&service),
         service.logged().len(),
     );
-    let who = if list == List::Default {
-        "anonymous"
-    } else {
-        "passwords"
+    let identity = match list {
+        List::Default => "anonymous",
+        List::Generated => "passwords",
     };
     let (endpoint, drive_s, robots) = (service.endpoint(), drive_s.to_string(), ROBOTS.to_string());
     let mut fleet = Crowd::start(&[
@@ -201,33 +256,27 @@ pub fn flooded(list: List, kind: Option<&str>, seconds: u64) -> Figures {
         &drive_s,
         &robots,
         path.to_str().unwrap(),
-        who,
+        identity,
     ]);
     std::thread::sleep(Duration::from_secs(MARGIN_S));
     let mut figures = Figures::default();
     if let Some(kind) = kind {
-        let name = if list == List::Default {
-            "-"
-        } else {
-            "robot_50"
-        };
         let (seconds, sessions) = (seconds.to_string(), SESSIONS.to_string());
-        let mut hostile = Crowd::start(&["hostile", &endpoint, &seconds, &sessions, kind, name]);
+        let mut hostile =
+            Crowd::start(&["hostile", &endpoint, &seconds, &sessions, kind, identity]);
         let hears = std::thread::spawn(move || hostile.hear()["done"].as_u64().unwrap());
-        figures.stalled = longest_stall(&service, || !hears.is_finished());
+        figures.stalled = longest_stall(&service, "robot_01", || !hears.is_finished());
         figures.done = hears.join().unwrap();
     }
     let sent = fleet.hear();
-    for (id, of_robot) in sent["sent"].as_object().unwrap() {
-        let count = |stream: &str| of_robot[stream].as_u64().unwrap_or_default();
-        let sent = count("wheel_odometry") + count("scan");
-        let (counters, late) = received_at_last(&service, id, sent);
-        figures.late += late;
-        let counted = |name: &str| counters[name].as_u64().unwrap();
-        figures.sent += sent;
-        figures.lost += sent.saturating_sub(counted("received"));
-        figures.dropped_wheel_odometry += counted("dropped_wheel_odometry");
-        figures.dropped_scans += counted("dropped_scans");
+    let sent = sent["sent"].as_object().unwrap();
+    let ended = sent.iter().map(|(id, of_robot)| Ended {
+        service: &service,
+        id,
+        of_robot,
+    });
+    for robot in received_at_last(&ended.collect::<Vec<_>>()) {
+        figures.add(&robot);
     }
     figures.grown_bytes = service.memory_bytes().saturating_sub(memory);
     figures.database_bytes = database_bytes(&service).saturating_sub(database);
@@ -235,15 +284,19 @@ pub fn flooded(list: List, kind: Option<&str>, seconds: u64) -> Figures {
     figures
 }
 
-/// The longest time without a message of a robot, while `goes_on`.
-fn longest_stall(service: &Service, goes_on: impl Fn() -> bool) -> Duration {
-    let received = || service.robot("robot_01")["counters"]["received"].clone();
+/// The longest time without a message of a robot, while `goes_on`. A service that does not answer
+/// shows none.
+pub fn longest_stall(service: &Service, id: &str, goes_on: impl Fn() -> bool) -> Duration {
+    let received = || {
+        let robot = service.try_get(&format!("/api/v1/robots/{id}"));
+        robot.and_then(|robot| robot["counters"]["received"].as_u64())
+    };
     let (mut last, mut since, mut longest) = (received(), now(), Duration::ZERO);
     while goes_on() {
         std::thread::sleep(LOOK_EVERY);
         let next = received();
         longest = longest.max(since.elapsed().saturating_sub(LOOK_EVERY));
-        if next != last {
+        if next.is_some() && next != last {
             (last, since) = (next, now());
         }
     }

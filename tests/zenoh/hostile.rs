@@ -10,7 +10,7 @@ use tokio::time::Instant;
 use zenoh::Session;
 use zenoh::qos::CongestionControl;
 
-use super::{connect, say};
+use super::{Place, say};
 
 /// What is done, in this order when all of it is.
 pub const KINDS: [&str; 6] = [
@@ -21,18 +21,18 @@ pub const KINDS: [&str; 6] = [
     "notes",
     "answers",
 ];
+/// Under whose name is attacked.
+const ATTACKED: &str = "robot_50";
 /// Declarations that a session keeps; it takes back the oldest beyond.
 const KEPT_MAX: usize = 20_000;
 /// What is done between two looks at the clock.
 const AT_ONCE: u64 = 16;
 
-/// Attacks from `count` sessions, one process, in one way or (`all`) each in another; under one
-/// robot's name, or (`-`) none.
-pub async fn sessions(endpoint: &str, duration: Duration, count: usize, kind: &str, who: &str) {
-    let name = (who != "-").then_some(who);
+/// Attacks from `count` sessions, one process, in one way or (`all`) each in another.
+pub async fn sessions(place: &Place, duration: Duration, count: usize, kind: &str) {
     let mut opened = Vec::new();
-    for _ in 0..count {
-        opened.push(connect(endpoint, name).await);
+    for number in 0..count {
+        opened.push(place.connect(number, ATTACKED).await);
     }
     say(&json!({ "ready": opened.len() }));
     let end = Instant::now() + duration;
@@ -43,9 +43,8 @@ pub async fn sessions(endpoint: &str, duration: Duration, count: usize, kind: &s
             "all" => KINDS[number % KINDS.len()],
             one => KINDS.into_iter().find(|kind| *kind == one).unwrap(),
         };
-        let robot = name.unwrap_or("robot_50").to_owned();
         let done = Arc::clone(&done);
-        attacks.spawn(async move { attack(&session, kind, number, &robot, end, &done).await });
+        attacks.spawn(async move { attack(&session, kind, number, end, &done).await });
     }
     // A session that the service has closed, or one that hangs, does not keep the process.
     let grace = end + Duration::from_secs(5);
@@ -56,15 +55,8 @@ pub async fn sessions(endpoint: &str, duration: Duration, count: usize, kind: &s
     std::process::exit(0);
 }
 
-async fn attack(
-    session: &Session,
-    kind: &str,
-    number: usize,
-    robot: &str,
-    end: Instant,
-    done: &AtomicU64,
-) {
-    let mut at = 0_u64;
+async fn attack(session: &Session, kind: &str, number: usize, end: Instant, done: &AtomicU64) {
+    let (mut at, robot) = (0_u64, ATTACKED);
     match kind {
         "tokens" => {
             let mut kept = std::collections::VecDeque::new();

@@ -14,6 +14,7 @@ mod former_key;
 mod growth;
 mod link;
 mod lists;
+mod mesh;
 mod native;
 mod robot;
 mod router;

@@ -2,7 +2,8 @@
 //! router mode, which is what `zenohd` opens.
 
 use std::env;
-use std::path::Path;
+use std::fs::File;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
 use fleetcal_tests::service::{Service, free_port};
@@ -15,33 +16,67 @@ use super::robot;
 
 /// A router that runs.
 pub enum Router {
-    /// `zenohd`.
-    Process(Child),
+    /// `zenohd`, or another process in its place, and where it says what goes wrong.
+    Process(Child, PathBuf),
     /// A session of this process.
     Session(Session),
+}
+
+/// The threads of a router, as the example gives them to it.
+fn deployed_runtime() -> &'static str {
+    let unit = include_str!("../../examples/deploy/cluster/zenohd.service");
+    let mut lines = unit.lines();
+    let value = lines.find_map(|line| line.strip_prefix("Environment=\"ZENOH_RUNTIME="));
+    value.unwrap().trim_end_matches('"')
 }
 
 impl Router {
     /// Starts one with a native configuration.
     pub async fn start(config: &Path) -> Self {
-        if let Some(zenohd) = env::var_os("FLEETCAL_ZENOHD") {
-            let started = Command::new(zenohd)
-                .arg("-c")
-                .arg(config)
-                .stdout(Stdio::null())
-                .stderr(Stdio::null())
-                .spawn();
-            return Self::Process(started.unwrap());
+        if env::var_os("FLEETCAL_ZENOHD").is_some() {
+            return Self::start_process(config);
         }
         let config = Config::from_file(config).unwrap();
         let opened = tokio::task::spawn_blocking(move || zenoh::open(config).wait()).await;
         Self::Session(opened.unwrap().unwrap())
     }
 
+    /// Starts one that shares no process with the test: `zenohd`, or what stands in for it.
+    pub fn start_process(config: &Path) -> Self {
+        let zenohd = env::var_os("FLEETCAL_ZENOHD");
+        let zenohd = zenohd.unwrap_or_else(|| env!("CARGO_BIN_EXE_fleetcal-router").into());
+        let log = config.with_extension("log");
+        let started = Command::new(zenohd)
+            .arg("-c")
+            .arg(config)
+            .env("ZENOH_RUNTIME", deployed_runtime())
+            .stdout(Stdio::null())
+            .stderr(File::create(&log).unwrap())
+            .spawn();
+        Self::Process(started.unwrap(), log)
+    }
+
+    /// The process that it is in.
+    pub fn pid(&self) -> u32 {
+        match self {
+            Self::Process(child, _) => child.id(),
+            Self::Session(_) => std::process::id(),
+        }
+    }
+
+    /// Fails when it has ended by itself, with what it said.
+    pub fn assert_runs(&mut self) {
+        if let Self::Process(child, log) = self {
+            let ended = child.try_wait().unwrap();
+            let said = std::fs::read_to_string(log).unwrap_or_default();
+            assert!(ended.is_none(), "the router has ended: {ended:?}: {said}");
+        }
+    }
+
     /// Ends it.
     pub async fn stop(mut self) {
         match &mut self {
-            Self::Process(child) => {
+            Self::Process(child, _) => {
                 child.kill().unwrap();
                 child.wait().unwrap();
             }
@@ -52,7 +87,7 @@ impl Router {
 
 impl Drop for Router {
     fn drop(&mut self) {
-        if let Self::Process(child) = self
+        if let Self::Process(child, _) = self
             && child.kill().is_ok()
             && child.wait().is_err()
         {

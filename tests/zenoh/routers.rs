@@ -15,26 +15,23 @@ use super::lists::{generated, received, wait_until_received};
 use super::robot;
 use super::router::Router;
 
-/// Starts the router of a name, which lets the other one in and connects to it.
-async fn started(
+/// Writes the configuration of the router of a name, which lets robots and the other router in and
+/// connects to it; gives where it is.
+pub fn configured(
     authority: &Authority,
     folder: &Path,
+    robots: &[&str],
     [own, other]: [(&str, SocketAddr); 2],
-) -> Router {
+) -> String {
     let folder = folder.join(own.0);
     fs::create_dir(&folder).unwrap();
     let path = |ending: &str| authority.path(&format!("{}{ending}", own.0));
     let (certificate, key, ca) = (path(".pem"), path(".key.pem"), authority.path("ca.pem"));
     let (listen, connect) = (format!("tls/{}", own.1), format!("tls/{}", other.1));
-    let robots = [
-        "--robot",
-        "robot_a",
-        "--robot",
-        "robot_b",
+    let robots = robots.iter().flat_map(|name| ["--robot", name]);
+    let files = [
         "--service",
         "fleetcal",
-    ];
-    let files = [
         "--tls-certificate",
         &certificate,
         "--tls-key",
@@ -50,8 +47,8 @@ async fn started(
         "--listen",
         &listen,
     ];
-    let config = generated(&folder, &[robots, files, mesh].concat());
-    Router::start(Path::new(&config)).await
+    let flags: Vec<&str> = robots.chain(files).chain(mesh).collect();
+    generated(&folder, &flags)
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -62,8 +59,9 @@ async fn robots_at_one_router_reach_the_service_at_the_other_under_their_own_nam
         authority.sign(name);
     }
     let (first, second) = (("router_1", free_port()), ("router_2", free_port()));
-    let one = started(&authority, folder.path(), [first, second]).await;
-    let two = started(&authority, folder.path(), [second, first]).await;
+    let config = |pair| configured(&authority, folder.path(), &["robot_a", "robot_b"], pair);
+    let one = Router::start(Path::new(&config([first, second]))).await;
+    let two = Router::start(Path::new(&config([second, first]))).await;
 
     let client = |endpoint: SocketAddr, name| {
         robot::client(&format!("tls/{endpoint}"), &authority.transport(Some(name)))

@@ -1,5 +1,6 @@
 //! A session with the configuration of any Zenoh client.
 
+use std::path::Path;
 use std::time::Duration;
 
 use serde_json::{Value, json};
@@ -22,6 +23,19 @@ pub fn client(endpoint: &str, transport: &Value) -> Value {
 pub fn with_password(endpoint: &str, user: &str, password: &str) -> Value {
     let auth = json!({ "auth": { "usrpwd": { "user": user, "password": password } } });
     client(endpoint, &auth)
+}
+
+/// The transport of a client that knows the authority whose certificate is `ca.pem` in a folder; with
+/// a name, one that shows the certificate of that name in it.
+pub fn tls(folder: &Path, name: Option<&str>) -> Value {
+    let path = |file: &str| folder.join(file).display().to_string();
+    let mut tls = json!({ "root_ca_certificate": path("ca.pem") });
+    if let Some(name) = name {
+        tls["enable_mtls"] = json!(true);
+        tls["connect_certificate"] = json!(path(&format!("{name}.pem")));
+        tls["connect_private_key"] = json!(path(&format!("{name}.key.pem")));
+    }
+    json!({ "link": { "tls": tls } })
 }
 
 /// Opens a session, or says why not.

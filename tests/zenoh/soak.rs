@@ -100,7 +100,7 @@ fn period(service: &Service, recording: &Path, kind: &str, seconds: u64) {
         return;
     }
     let (flood_s, sessions) = ((seconds / 6).max(2).to_string(), SESSIONS.to_string());
-    let mut hostile = Crowd::start(&["hostile", &endpoint, &flood_s, &sessions, kind, "-"]);
+    let mut hostile = Crowd::start(&["hostile", &endpoint, &flood_s, &sessions, kind, "anonymous"]);
     hostile.hear();
     drop(hostile);
     fleet.hear();

@@ -1,0 +1,30 @@
+//! The memory of a process, as proc(5) tells of it.
+
+use std::fs;
+
+/// What a process holds and has held.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Memory {
+    /// Bytes that it holds.
+    pub held_bytes: u64,
+    /// The most that it has held since its start.
+    pub most_bytes: u64,
+}
+
+/// That of a process.
+///
+/// # Panics
+/// When the system does not tell.
+pub fn of(pid: u32) -> Memory {
+    let status = fs::read_to_string(format!("/proc/{pid}/status")).expect("proc");
+    let bytes = |name: &str| {
+        let line = status.lines().find_map(|line| line.strip_prefix(name));
+        let kib = line.and_then(|line| line.split_whitespace().next());
+        let kib: u64 = kib.expect(name).parse().expect("a number");
+        kib * 1024
+    };
+    Memory {
+        held_bytes: bytes("VmRSS:"),
+        most_bytes: bytes("VmHWM:"),
+    }
+}
