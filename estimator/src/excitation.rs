@@ -1,9 +1,16 @@
-//! Which motions a robot has made. It feeds no decision: information decides, this explains.
+//! Which motions a robot has made. Information decides what is known of it; this explains, and tells where
+//! all turns went to one side.
 
 use serde::{Deserialize, Serialize};
 
 /// Curvature below which driving counts as straight, 1/m (a radius of 20 m).
 const STRAIGHT_MAX_PER_M: f64 = 0.05;
+
+/// Turns of which no more than this share went to the other side are to one: a vehicle that follows a path
+/// overshoots.
+const ONE_SIDED_SHARE_MAX: f64 = 0.1;
+/// Turns of which at least this share went to the other side are to both.
+const TWO_SIDED_SHARE_MIN: f64 = 0.2;
 
 /// Distance driven in each kind of motion, m.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -37,5 +44,35 @@ impl Excitation {
         if distance_m < 0.0 {
             self.reverse_m += length_m;
         }
+    }
+
+    /// How far the turns went to one side alone: 1 where nine tenths of their way did or there was none, 0
+    /// where a fifth or more went to the other side.
+    pub fn one_sidedness(&self) -> f64 {
+        let (less_m, turning_m) = (self.left_m.min(self.right_m), self.left_m + self.right_m);
+        if turning_m <= 0.0 {
+            return 1.0;
+        }
+        let missing_share = TWO_SIDED_SHARE_MIN - less_m / turning_m;
+        (missing_share / (TWO_SIDED_SHARE_MIN - ONE_SIDED_SHARE_MAX)).clamp(0.0, 1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn turns_are_to_one_side_until_a_fifth_of_them_went_to_the_other() {
+        let mut driven = Excitation::default();
+        assert!((driven.one_sidedness() - 1.0).abs() < 1e-12);
+        driven.add(80.0, 16.0);
+        driven.add(50.0, 0.0);
+        driven.add(5.0, -1.0);
+        assert!((driven.one_sidedness() - 1.0).abs() < 1e-12);
+        driven.add(-8.0, 1.6);
+        assert!((0.2..0.9).contains(&driven.one_sidedness()));
+        driven.add(7.0, -1.4);
+        assert!(driven.one_sidedness() < 1e-12);
     }
 }

@@ -458,7 +458,10 @@ impl Calibrator {
         told.covariance[(offset, offset)] +=
             self.drive.repeated_reading_variance_rad2(straight_rad)
                 + (PLAY_SHARE * told.values[STEERING_PLAY]).powi(2)
-                + Filter::compound_zero_variance_rad2(compound);
+                + Filter::compound_zero_variance_rad2(
+                    compound,
+                    self.session.excitation.one_sidedness(),
+                );
         told
     }
 

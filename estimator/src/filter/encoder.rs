@@ -23,7 +23,7 @@ impl Known {
         if vehicle.speed_measured_at != SpeedMeasuredAt::RearAxle {
             return 0.0;
         }
-        let square = self.quadratic_per_rad.powi(2) + self.covariance[(QUADRATIC, QUADRATIC)];
+        let square = self.largest_quadratic_square + self.covariance[(QUADRATIC, QUADRATIC)];
         let seen_m2 = (ENCODER_SHARE * vehicle.wheelbase_m).powi(2) * square;
         seen_m2.max(filter.hidden_encoder_m2(vehicle.wheelbase_m) * probability)
     }

@@ -20,6 +20,9 @@ use crate::estimate::Parameter;
 /// An explanation is as good as the best one when the data are less probable by no more than this:
 /// twice the logarithm.
 const AS_GOOD: f64 = 6.0;
+/// What an explanation counts less for, as a share, where it is that much less probable: a term that passes
+/// for 2.5 sigmas in the best explanation passes for 4 in one that is hardly as good.
+const LESS_BEHIND: f64 = 0.375;
 /// Share of its prior that a part has while it is small.
 pub(super) const SHARE: f64 = 0.2;
 /// The default prior of the gain.
@@ -69,8 +72,8 @@ pub struct Known {
     pub values: Values,
     /// Their covariance.
     pub covariance: ParameterCovariance,
-    /// The quadratic term, or the largest one in an explanation that is as good.
-    pub(super) quadratic_per_rad: f64,
+    /// Square of the quadratic term, or the largest one in an explanation that is as good, 1/rad².
+    pub(super) largest_quadratic_square: f64,
 }
 
 /// The parts of one choice: their `A^-1 + V` and means, the places of the others holding a one and a
@@ -88,7 +91,7 @@ impl Filter {
         let all = Known {
             values: *self.values(),
             covariance: self.parameter_covariance(),
-            quadratic_per_rad: self.values()[QUADRATIC],
+            largest_quadratic_square: self.values()[QUADRATIC].powi(2),
         };
         let mut evidences = [f64::NEG_INFINITY; CHOICES];
         for (choice, evidence) in evidences.iter_mut().enumerate() {
@@ -103,16 +106,15 @@ impl Filter {
         let Some(mut known) = all.with_small(choice, scatter) else {
             return all;
         };
-        for (choice, _) in evidences
-            .iter()
-            .enumerate()
-            .filter(|(_, e)| **e > most - AS_GOOD)
-        {
+        for (choice, evidence) in evidences.iter().enumerate() {
+            let behind = (most - evidence).max(0.0) / AS_GOOD;
+            if behind >= 1.0 {
+                continue;
+            }
             let other = all.with_small(choice, scatter);
             let quadratic = other.map_or(0.0, |other| other.values[QUADRATIC]);
-            if quadratic.abs() > known.quadratic_per_rad.abs() {
-                known.quadratic_per_rad = quadratic;
-            }
+            let counted = ((1.0 - LESS_BEHIND * behind) * quadratic).powi(2);
+            known.largest_quadratic_square = known.largest_quadratic_square.max(counted);
         }
         known
     }
@@ -163,7 +165,7 @@ impl Known {
         Some(Self {
             values,
             covariance: (covariance + covariance.transpose()) * 0.5,
-            quadratic_per_rad: values[QUADRATIC],
+            largest_quadratic_square: values[QUADRATIC].powi(2),
         })
     }
 }
