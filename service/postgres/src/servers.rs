@@ -62,27 +62,34 @@ impl Purpose {
         match self {
             Self::Records => {
                 "SET lock_timeout = '2s'; SET idle_in_transaction_session_timeout = '5s'; \
-                 SET client_connection_check_interval = '2s'"
+                 SET client_connection_check_interval = '2s'; SET tcp_keepalives_idle = 2; \
+                 SET tcp_keepalives_interval = 1; SET tcp_keepalives_count = 3; \
+                 SET tcp_user_timeout = '5s'"
             }
-            // A client whose machine is gone holds its lock for some ten seconds. What a server that
+            // A client whose machine is gone in the middle of a statement holds its lock for five
+            // seconds, less than a lease: no statement's time runs while the server reads it. What a server that
             // died at once had acknowledged is not written again: so it waits for the server's own
             // disk, though for no standby.
             Self::Telemetry => {
                 "SET synchronous_commit = local; SET statement_timeout = '10s'; \
                  SET lock_timeout = '2s'; SET idle_in_transaction_session_timeout = '2s'; \
-                 SET client_connection_check_interval = '2s'; SET tcp_keepalives_idle = 4; \
-                 SET tcp_keepalives_interval = 2; SET tcp_keepalives_count = 3"
+                 SET client_connection_check_interval = '2s'; SET tcp_keepalives_idle = 2; \
+                 SET tcp_keepalives_interval = 1; SET tcp_keepalives_count = 3; \
+                 SET tcp_user_timeout = '5s'"
             }
             Self::Lease => {
                 "SET synchronous_commit = off; SET statement_timeout = '2s'; \
                  SET lock_timeout = '1s'; SET idle_in_transaction_session_timeout = '2s'; \
-                 SET client_connection_check_interval = '2s'; SET tcp_keepalives_idle = 4; \
-                 SET tcp_keepalives_interval = 2; SET tcp_keepalives_count = 3"
+                 SET client_connection_check_interval = '2s'; SET tcp_keepalives_idle = 2; \
+                 SET tcp_keepalives_interval = 1; SET tcp_keepalives_count = 3; \
+                 SET tcp_user_timeout = '5s'"
             }
             Self::Ownership => {
                 "SET synchronous_commit = local; SET statement_timeout = '2s'; \
                  SET lock_timeout = '1s'; SET idle_in_transaction_session_timeout = '2s'; \
-                 SET client_connection_check_interval = '2s'"
+                 SET client_connection_check_interval = '2s'; SET tcp_keepalives_idle = 2; \
+                 SET tcp_keepalives_interval = 1; SET tcp_keepalives_count = 3; \
+                 SET tcp_user_timeout = '5s'"
             }
             Self::Tries => "SET synchronous_commit = off; SET lock_timeout = '1s'",
             Self::Retention => "SET synchronous_commit = off; SET lock_timeout = '100ms'",
