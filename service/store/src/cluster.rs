@@ -37,8 +37,8 @@ pub struct Renewal {
     pub linked: bool,
     /// Whether it is about to end.
     pub draining: bool,
-    /// Its wall clock.
-    pub now: WallTime,
+    /// How far its wall clock was ahead of the database's at the renewal before, ns.
+    pub clock_ahead_ns: i64,
 }
 
 /// How far the rows have come that a look has read.

@@ -8,9 +8,9 @@ use std::time::Duration;
 use fleetcal_cluster::{ClaimId, Seat};
 use fleetcal_contract::own_server::{Beside, OwnServer, psql, setup, url_of};
 use fleetcal_contract::{
-    KeepRobot, NOW_S, NS, clock, config, event, joining, open_instance, record, robot,
+    KeepRobot, NOW_S, clock, config, event, joining, open_instance, record, robot,
 };
-use fleetcal_model::{RobotTime, WallTime};
+use fleetcal_model::RobotTime;
 use fleetcal_postgres::Fencing;
 use fleetcal_store::Store;
 use fleetcal_store::cluster::{ClusterRegistry, Renewal, TakeForDead};
@@ -40,7 +40,7 @@ impl Writer {
         let renewal = Renewal {
             linked: true,
             draining: false,
-            now: WallTime(NOW_S * NS),
+            clock_ahead_ns: 0,
         };
         assert!(registry.renew(&seat, renewal).await.unwrap().is_some());
         Self {

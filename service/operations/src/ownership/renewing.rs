@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use fleetcal_cluster::Seat;
 use fleetcal_domain::limits;
+use fleetcal_model::WallTime;
 use fleetcal_store::StoreError;
 use fleetcal_store::cluster::Renewal;
 use tokio::time::MissedTickBehavior;
@@ -44,10 +45,11 @@ impl Ownership {
             // Robots' times are compared with wall time: who has it wrong is of no use to them.
             linked: setup.link.borrow().linked && self.has_right_time(),
             draining: *self.inner.draining.borrow(),
-            now,
+            clock_ahead_ns: self.inner.clock_ahead_ns.load(Ordering::Relaxed),
         };
         if let Some(database_now) = self.inner.registry.renew(seat, renewal).await? {
-            self.note_clock(now.ns_since(database_now));
+            let answered = setup.clock.now();
+            self.note_clock(least_ahead_ns(now, database_now, answered));
             self.inner.cluster.answered(asked_at);
             self.note_connected(Some(asked_at));
             if self.inner.cluster.seat().as_ref() == Some(seat) {
@@ -77,6 +79,34 @@ impl Ownership {
     }
 }
 
+/// How far a wall clock is ahead of the database's at least, ns: the database's time is of some moment
+/// between the question and the answer, which a slow line makes two.
+fn least_ahead_ns(asked: WallTime, database: WallTime, answered: WallTime) -> i64 {
+    let (least, most) = (asked.ns_since(database), answered.ns_since(database));
+    if least > most {
+        // The clock was set back meanwhile.
+        return most;
+    }
+    0_i64.clamp(least, most)
+}
+
 fn nanoseconds(duration: Duration) -> u64 {
     u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slow_line_is_no_wrong_clock() {
+        let ahead = |asked, database, answered| {
+            least_ahead_ns(WallTime(asked), WallTime(database), WallTime(answered))
+        };
+        assert_eq!(ahead(100, 900, 1_000), 0, "the question took long");
+        assert_eq!(ahead(100, 150, 1_000), 0, "the answer did");
+        assert_eq!(ahead(100, 3_000, 200), -2_800);
+        assert_eq!(ahead(5_000, 3_000, 5_100), 2_000);
+        assert_eq!(ahead(5_000, 3_000, 2_000), -1_000, "it was set back");
+    }
 }

@@ -99,7 +99,7 @@ pub(super) async fn renew(
 ) -> Result<Option<(WallTime, i64)>, StoreError> {
     const RENEWED: &str = "
         UPDATE instance SET lease_ends_ns = clock_ns() + $3, linked = $4, draining = $5,
-            clock_ahead_ns = $6 - clock_ns()
+            clock_ahead_ns = $6
         WHERE id = $1 AND incarnation = $2 AND ended_ns IS NULL
         RETURNING clock_ns(), order_floor()";
     let query = sqlx::query_as(RENEWED)
@@ -108,7 +108,7 @@ pub(super) async fn renew(
         .bind(lease_ns())
         .bind(renewal.linked)
         .bind(renewal.draining)
-        .bind(renewal.now.0);
+        .bind(renewal.clock_ahead_ns);
     let renewed: Vec<(i64, i64)> = session
         .fetch(query)
         .await

@@ -49,7 +49,7 @@ async fn an_epoch_only_ascends_also_after_a_failover_that_forgot_the_latest() {
         let renewal = fleetcal_store::cluster::Renewal {
             linked: true,
             draining: false,
-            now: fleetcal_model::WallTime(0),
+            clock_ahead_ns: 0,
         };
         renewed = matches!(a.registry.renew(&a.seat, renewal).await, Ok(Some(_)));
         if renewed {

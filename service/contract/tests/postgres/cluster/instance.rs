@@ -47,7 +47,7 @@ impl Instance {
         let renewal = Renewal {
             linked: true,
             draining: false,
-            now: WallTime(NOW_S * NS),
+            clock_ahead_ns: 0,
         };
         let renewed = self.registry.renew(&self.seat, renewal).await.unwrap();
         renewed.is_some()
