@@ -8,18 +8,29 @@
 //! pool in which a connection began; were that another pool, each message would wake two threads. Only
 //! what Zenoh opens again after a loss begins in its pool `net`.
 //!
+//! Over TLS one thread does all of it: Zenoh 1.10 reads and writes one TLS connection at the same time
+//! on two threads, which corrupts memory (eclipse-zenoh/zenoh#2557). A few sessions that go on declaring
+//! then keep the others' data waiting, which is better than a process that ends.
+//!
 //! jemalloc keeps freed pages for 10 s unless told otherwise; at 1 s a flood leaves nothing behind. Its
 //! background threads, which see to that while the service is idle, do not work with musl: there pages
 //! go back as they are freed.
 
+use std::ffi::OsString;
 use std::io;
 use std::os::unix::process::CommandExt as _;
+use std::path::Path;
 use std::process::Command;
 
-use fleetcal_domain::limits::ZENOH_RECEIVING_THREADS;
+use fleetcal_domain::limits::{CONFIG_BYTES_MAX, ZENOH_RECEIVING_THREADS};
 
 /// Where Zenoh reads how many threads it has.
 const ZENOH: &str = "ZENOH_RUNTIME";
+/// One thread for connections whose bytes two threads may not touch.
+const ONE_THREAD: &str =
+    "(rx:(worker_threads:1),tx:(handover:rx),acc:(handover:rx),net:(handover:rx))";
+/// What the endpoint of a TLS connection begins with.
+const TLS: &[u8] = b"tls/";
 /// Where jemalloc reads when it gives pages back, ms.
 const JEMALLOC: (&str, &str) = (
     "_RJEM_MALLOC_CONF",
@@ -30,17 +41,34 @@ const JEMALLOC: (&str, &str) = (
     },
 );
 
+/// Whom a process connects with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Peers {
+    /// With many sessions that nobody answers for.
+    Many,
+    /// With its service or router.
+    One,
+}
+
 /// Begins the process again, under the same number, with [`ZENOH_RECEIVING_THREADS`] threads and an
-/// allocator that gives memory back soon, unless the environment says otherwise.
+/// allocator that gives memory back soon, unless the environment says otherwise; with one thread where
+/// an argument, or a file that an argument or `ZENOH_CONFIG` names, speaks of TLS.
 ///
 /// # Errors
 /// Returns only when it did not begin again: with the reason, or `Ok` when there was no need.
-pub fn ensure() -> io::Result<()> {
-    let threads = format!(
-        "(app:(worker_threads:{ZENOH_RECEIVING_THREADS}),rx:(handover:app),acc:(handover:app))"
-    );
-    let mut missing = [(ZENOH, threads.as_str()), JEMALLOC]
+pub fn ensure(peers: Peers) -> io::Result<()> {
+    let threads = if speaks_of_tls(std::env::args_os().chain(std::env::var_os("ZENOH_CONFIG"))) {
+        Some(ONE_THREAD.to_owned())
+    } else {
+        (peers == Peers::Many).then(|| {
+            let many = ZENOH_RECEIVING_THREADS;
+            format!("(app:(worker_threads:{many}),rx:(handover:app),acc:(handover:app))")
+        })
+    };
+    let threads = threads.as_deref().map(|threads| (ZENOH, threads));
+    let mut missing = threads
         .into_iter()
+        .chain([JEMALLOC])
         .filter(|(variable, _)| std::env::var_os(variable).is_none())
         .peekable();
     if missing.peek().is_none() {
@@ -54,4 +82,48 @@ pub fn ensure() -> io::Result<()> {
     }
     again.args(arguments).envs(missing);
     Err(again.exec())
+}
+
+/// Whether a word, or the file that it names, holds the endpoint of a TLS connection. One that holds it
+/// for another reason costs a fleet of hundreds some throughput, no more.
+fn speaks_of_tls(mut words: impl Iterator<Item = OsString>) -> bool {
+    words.any(|word| {
+        let has = |bytes: &[u8]| bytes.windows(TLS.len()).any(|part| part == TLS);
+        let is_small = |path: &Path| {
+            let metadata = path.metadata();
+            metadata.is_ok_and(|file| file.is_file() && file.len() <= CONFIG_BYTES_MAX)
+        };
+        // Also as `--option=FILE`.
+        let text = word.to_string_lossy();
+        let named = text.split_once('=').map_or(&*text, |(_, value)| value);
+        let path = Path::new(named);
+        has(word.as_encoded_bytes())
+            || (is_small(path) && std::fs::read(path).is_ok_and(|bytes| has(&bytes)))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_thread_serves_connections_over_tls() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let path = file.path().display();
+        let speaks = |words: &[&str]| speaks_of_tls(words.iter().map(OsString::from));
+        assert!(speaks(&["serve", "--listen", "tls/0.0.0.0:7447"]));
+        assert!(!speaks(&["serve", "--listen", "tcp/0.0.0.0:7447"]));
+        let named = [path.to_string(), format!("--config={path}")];
+        for word in &named {
+            assert!(!speaks(&["serve", word]));
+        }
+        std::fs::write(
+            file.path(),
+            r#"{ connect: { endpoints: ["tls/r1:7447"] } }"#,
+        )
+        .unwrap();
+        for word in &named {
+            assert!(speaks(&["serve", word]));
+        }
+    }
 }

@@ -11,7 +11,7 @@ use fleetcal::command::{
     Cli, Command, CommandError, acl, backup, check_config, completions, demo, man, restore, serve,
     store, token, user,
 };
-use fleetcal::environment;
+use fleetcal::environment::{self, Peers};
 use fleetcal_clock::{Clock as _, SharedClock, SystemClock};
 use fleetcal_command::{agent, calibrate, odometry, replay, schema, simulate};
 use fleetcal_domain::limits::ZENOH_LOG_LINES_PER_HOUR_MAX;
@@ -31,10 +31,15 @@ static ALLOCATOR: tikv_jemallocator::Jemalloc = tikv_jemallocator::Jemalloc;
 fn main() -> ExitCode {
     let cli = Cli::parse();
     log();
-    if matches!(cli.command, Command::Serve(_) | Command::Demo(_))
-        && let Err(error) = environment::ensure()
+    let peers = match cli.command {
+        Command::Serve(_) | Command::Demo(_) => Some(Peers::Many),
+        Command::Agent(_) => Some(Peers::One),
+        _ => None,
+    };
+    if let Some(peers) = peers
+        && let Err(error) = environment::ensure(peers)
     {
-        tracing::warn!(%error, "Zenoh receives on two threads: a few sessions can stop all data");
+        tracing::warn!(%error, "Zenoh has the threads that it takes by itself");
     }
     match run(&cli.command) {
         Ok(()) => ExitCode::SUCCESS,

@@ -328,6 +328,11 @@ pub const READY_PROBE_EVERY: Duration = Duration::from_secs(1);
 /// Threads on which Zenoh receives. Declarations of all sessions wait for one lock there, so as many
 /// sessions as there are threads can keep all others' data waiting; a thread that waits costs nothing.
 pub const ZENOH_RECEIVING_THREADS: usize = 64;
+/// Queries for one of a robot's keys a second that a router with a generated list lets through; an agent
+/// asks for each once in seconds.
+pub const QUERIES_PER_S_MAX: f64 = 10.0;
+/// A configuration file in which the start looks for endpoints.
+pub const CONFIG_BYTES_MAX: u64 = 1024 * 1024;
 /// Connections to the Zenoh port that have not said who they are, at once; one more waits.
 pub const ZENOH_HANDSHAKES_MAX: usize = ROBOTS_MAX;
 /// A connection to the Zenoh port has said who it is within this time.

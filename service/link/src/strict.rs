@@ -107,7 +107,26 @@ impl StrictRouter {
             "scouting": { "multicast": { "enabled": false }, "gossip": { "enabled": false } },
             "transport": transport,
             "access_control": self.list(),
+            "downsampling": self.limits_of_queries(),
         })
+    }
+
+    /// How often each robot may ask: a session that asks without end would keep the router from all
+    /// others. For each robot's keys, since the link between two routers is one session of many robots.
+    fn limits_of_queries(&self) -> Vec<Value> {
+        let limit = |key: String| json!({ "key_expr": key, "freq": limits::QUERIES_PER_S_MAX });
+        let of_robot = |robot| {
+            let keys = ANSWERED.map(|kind| self.keys.stream(robot, kind));
+            keys.map(limit)
+        };
+        let rules: Vec<Value> = self.robots.iter().flat_map(of_robot).collect();
+        // Zenoh takes no list of rules that is empty.
+        if rules.is_empty() {
+            return Vec::new();
+        }
+        vec![json!({
+            "id": "queries of robots", "messages": ["query"], "flows": ["ingress"], "rules": rules,
+        })]
     }
 
     fn tls(&self, tls: &RouterCertificate) -> Value {
