@@ -181,9 +181,10 @@ cluster-campaign: build-for-tests ## The same as often as a proof needs, for hou
 	CLUSTER_PROGRESS="$${CLUSTER_PROGRESS:-$(abspath $(BUILT))/cluster-campaign-$${CLUSTER_INSTANCES:-2}}" $(MAKE) cluster-failover
 
 .PHONY: cluster-failover
-cluster-failover: build-for-tests ## Three servers under Patroni: primary moved, killed, frozen, its etcd gone, three times each (installs etcd and Patroni where they are missing, as root): 12 minutes
+cluster-failover: build-for-tests ## Three servers under Patroni: primary moved, killed, frozen, its etcd gone, three times each, and an old Patroni whose fault has to be found (installs etcd and Patroni where they are missing, as root): 15 minutes
 	FLEETCAL_PATRONI="$$(tests/cluster/patroni_tools.sh $(abspath $(BUILT)) 4.1.5)" && \
-	export FLEETCAL_PATRONI && \
+	FLEETCAL_OLD_PATRONI="$$(tests/cluster/patroni_tools.sh $(abspath $(BUILT)) 3.0.2)" && \
+	export FLEETCAL_PATRONI FLEETCAL_OLD_PATRONI && \
 	for kind in SWITCHOVER PRIMARY_KILLED PRIMARY_FROZEN POSTMASTER_OF_PATRONI ETCD_GONE; do \
 	  export CLUSTER_ROUNDS_$$kind="$${CLUSTER_ROUNDS_FAILOVERS:-3}"; \
 	done && \

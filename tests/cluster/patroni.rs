@@ -5,7 +5,7 @@ use std::fs;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use fleetcal_contract::own_server::{
     as_server_user, own_by_server_user, program_folder, psql, try_psql, url_of,
@@ -16,6 +16,7 @@ use fleetcal_tests::service::{free_port, now, wait_for};
 use tempfile::TempDir;
 
 use crate::cluster::Process;
+use crate::network::{Cut, Proxy};
 use crate::processes::{parents, signal};
 
 /// How many standbys stream, and have replayed all but the last megabyte of what the primary wrote.
@@ -37,6 +38,8 @@ struct Node {
     folder: PathBuf,
     postgres: SocketAddr,
     rest: SocketAddr,
+    /// Between its Patroni and etcd.
+    line: Proxy,
     patroni: Option<Process>,
 }
 
@@ -53,20 +56,25 @@ pub struct Patroni {
 
 impl Patroni {
     /// A new cluster with a primary and a standby that commits with it. `program` is a `patroni`.
-    pub fn start(program: &Path) -> Self {
+    pub async fn start(program: &Path) -> Self {
         let folder = tempfile::tempdir().unwrap();
         own_by_server_user(folder.path());
-        let node = |name: &'static str| Node {
-            name,
-            folder: folder.path().join(name),
-            postgres: free_port(),
-            rest: free_port(),
-            patroni: None,
-        };
+        let etcd_client = free_port();
+        let mut nodes = Vec::new();
+        for name in NAMES {
+            nodes.push(Node {
+                name,
+                folder: folder.path().join(name),
+                postgres: free_port(),
+                rest: free_port(),
+                line: Proxy::before(etcd_client.to_string()).await,
+                patroni: None,
+            });
+        }
         let mut patroni = Self {
-            nodes: NAMES.map(node).into(),
+            nodes,
             program: program.to_owned(),
-            etcd_client: free_port(),
+            etcd_client,
             etcd_peer: free_port(),
             etcd: None,
             folder,
@@ -193,6 +201,23 @@ impl Patroni {
         signal("CONT", &self.nodes[self.number(name)].processes());
     }
 
+    /// Stops the primary in the midst of what it asks etcd for, which arrives only after another
+    /// server has been the primary for a while, and lets it go on then; gives when that was.
+    pub fn freeze_in_a_request(&self, lasts_on: Duration) -> Instant {
+        let former = self.primary_name();
+        let line = &self.nodes[self.number(former)].line;
+        line.cut(Cut::FromInstance);
+        wait_for("a request to etcd", || line.holds().then_some(()));
+        self.freeze(former);
+        self.next_primary(former);
+        std::thread::sleep(lasts_on);
+        line.heal();
+        // Its answer is there when the server goes on, or it would not be waited for.
+        std::thread::sleep(Duration::from_millis(500));
+        self.thaw(former);
+        now()
+    }
+
     /// Starts a server that was killed.
     pub fn start_again(&mut self, name: &str) {
         self.start_node(self.number(name));
@@ -235,7 +260,7 @@ impl Patroni {
     }
 
     fn start_node(&mut self, number: usize) {
-        let config = self.config(&self.nodes[number]);
+        let config = self.nodes[number].config();
         let node = &mut self.nodes[number];
         if !node.folder.exists() {
             fs::create_dir(&node.folder).unwrap();
@@ -247,42 +272,6 @@ impl Patroni {
         command.arg(&file).current_dir(&node.folder);
         let log = self.folder.path().join(format!("{}.log", node.name));
         node.patroni = Some(Process::start(&mut command, log));
-    }
-
-    /// The example's settings of the cluster, and where this server is.
-    fn config(&self, node: &Node) -> String {
-        let (_, from_bootstrap) = EXAMPLE.split_once("\nbootstrap:\n").unwrap();
-        let (bootstrap, _) = from_bootstrap.split_once("\npostgresql:\n").unwrap();
-        // All servers know when each transaction was committed, which Patroni takes here alone.
-        let known = format!("{PARAMETERS}        track_commit_timestamp: 'on'\n");
-        let bootstrap = bootstrap.replace(PARAMETERS, &known);
-        let Node {
-            name,
-            folder,
-            postgres,
-            rest,
-            ..
-        } = node;
-        let (etcd, programs) = (self.etcd_client, program_folder());
-        format!(
-            "scope: fleetcal\nname: {name}\n\
-             restapi: {{ listen: '{rest}', connect_address: '{rest}' }}\n\
-             etcd3: {{ hosts: '{etcd}' }}\n\
-             bootstrap:\n{bootstrap}\n\
-             postgresql:\n  listen: '{postgres}'\n  connect_address: '{postgres}'\n  \
-             data_dir: {data}\n  bin_dir: {programs}\n  pgpass: {pgpass}\n  \
-             authentication:\n    \
-             superuser: {{ username: postgres, password: one }}\n    \
-             replication: {{ username: replicator, password: two }}\n    \
-             rewind: {{ username: rewinder, password: three }}\n  \
-             parameters: {{ unix_socket_directories: {folder}, fsync: 'off' }}\n  \
-             pg_hba:\n  - local all all trust\n  - host all all 127.0.0.1/32 trust\n  \
-             - host replication all 127.0.0.1/32 trust\n",
-            data = node.data().display(),
-            programs = programs.display(),
-            pgpass = folder.join("pgpass").display(),
-            folder = folder.display(),
-        )
     }
 }
 
@@ -297,6 +286,42 @@ impl Drop for Patroni {
 }
 
 impl Node {
+    /// The example's settings of the cluster, and where this server is.
+    fn config(&self) -> String {
+        let (_, from_bootstrap) = EXAMPLE.split_once("\nbootstrap:\n").unwrap();
+        let (bootstrap, _) = from_bootstrap.split_once("\npostgresql:\n").unwrap();
+        // All servers know when each transaction was committed, which Patroni takes here alone.
+        let known = format!("{PARAMETERS}        track_commit_timestamp: 'on'\n");
+        let bootstrap = bootstrap.replace(PARAMETERS, &known);
+        let Node {
+            name,
+            folder,
+            postgres,
+            rest,
+            ..
+        } = self;
+        let (etcd, programs) = (self.line.address(), program_folder());
+        format!(
+            "scope: fleetcal\nname: {name}\n\
+             restapi: {{ listen: '{rest}', connect_address: '{rest}' }}\n\
+             etcd3: {{ hosts: '{etcd}' }}\n\
+             bootstrap:\n{bootstrap}\n\
+             postgresql:\n  listen: '{postgres}'\n  connect_address: '{postgres}'\n  \
+             data_dir: {data}\n  bin_dir: {programs}\n  pgpass: {pgpass}\n  \
+             authentication:\n    \
+             superuser: {{ username: postgres, password: one }}\n    \
+             replication: {{ username: replicator, password: two }}\n    \
+             rewind: {{ username: rewinder, password: three }}\n  \
+             parameters: {{ unix_socket_directories: {folder}, fsync: 'off' }}\n  \
+             pg_hba:\n  - local all all trust\n  - host all all 127.0.0.1/32 trust\n  \
+             - host replication all 127.0.0.1/32 trust\n",
+            data = self.data().display(),
+            programs = programs.display(),
+            pgpass = folder.join("pgpass").display(),
+            folder = folder.display(),
+        )
+    }
+
     fn data(&self) -> PathBuf {
         self.folder.join("data")
     }

@@ -97,13 +97,13 @@ async fn trial(program: PathBuf, seed: u64) -> (Trial, Twin) {
         fast_takeover: true,
         in_namespaces: false,
     };
-    let cluster = Cluster::under_patroni(Patroni::start(&program), &parts);
+    let cluster = Cluster::under_patroni(Patroni::start(&program).await, &parts);
     let twin = Twin::start(&cluster);
     (Trial::on(cluster, &parts, seed, PAUSE).await, twin)
 }
 
 /// Where a `patroni` is.
-fn program() -> PathBuf {
+pub fn program() -> PathBuf {
     let path = std::env::var_os("FLEETCAL_PATRONI");
     let path = path.expect("FLEETCAL_PATRONI names a patroni: make cluster-failover");
     path.into()

@@ -3,6 +3,7 @@
 
 mod cuts;
 mod failover;
+mod failover_lock;
 mod planted;
 mod postmaster;
 mod races;
