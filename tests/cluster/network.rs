@@ -2,8 +2,6 @@
 //! that loses the packets of one direction or of both, or as one that is slow.
 
 use std::net::SocketAddr;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -49,7 +47,7 @@ impl Line {
     /// Cuts it from now on.
     pub fn cut(&self, cut: Cut) {
         match self {
-            Self::Proxy(proxy) => proxy.cut(cut),
+            Self::Proxy(proxy) => drop(proxy.cut.send_replace(Some(cut))),
             Self::Wire(wire) => wire.cut(cut),
         }
     }
@@ -57,7 +55,7 @@ impl Line {
     /// Lets everything through again.
     pub fn heal(&self) {
         match self {
-            Self::Proxy(proxy) => proxy.heal(),
+            Self::Proxy(proxy) => drop(proxy.cut.send_replace(None)),
             Self::Wire(wire) => wire.heal(),
         }
     }
@@ -86,8 +84,6 @@ pub struct Proxy {
     address: SocketAddr,
     cut: watch::Sender<Option<Cut>>,
     delay: watch::Sender<Duration>,
-    /// Connections, and pieces that were sent to the server, which have not been delivered.
-    held: Arc<AtomicUsize>,
 }
 
 impl Proxy {
@@ -99,7 +95,6 @@ impl Proxy {
             address,
             cut: watch::Sender::new(None),
             delay: watch::Sender::new(Duration::ZERO),
-            held: Arc::default(),
         };
         let serving = proxy.clone();
         tokio::spawn(async move {
@@ -110,31 +105,14 @@ impl Proxy {
         proxy
     }
 
-    /// Cuts it from now on.
-    pub fn cut(&self, cut: Cut) {
-        self.cut.send_replace(Some(cut));
-    }
-
-    /// Lets everything through again.
-    pub fn heal(&self) {
-        self.cut.send_replace(None);
-    }
-
-    /// Whether something that was sent to the server is held back.
-    pub fn holds(&self) -> bool {
-        self.held.load(Ordering::Relaxed) > 0
-    }
-
     /// Where it listens.
-    pub fn address(&self) -> String {
+    fn address(&self) -> String {
         self.address.to_string()
     }
 
     async fn serve(self, instance: TcpStream, server: String) {
         // A connection that begins during a cut comes through after it.
-        self.held.fetch_add(1, Ordering::Relaxed);
         passes(&mut self.cut.subscribe(), Cut::FromInstance).await;
-        self.held.fetch_sub(1, Ordering::Relaxed);
         let Ok(server) = TcpStream::connect(server).await else {
             return;
         };
@@ -153,17 +131,12 @@ impl Proxy {
     async fn forward(&self, from: OwnedReadHalf, to: OwnedWriteHalf, direction: Cut) {
         let (way, arrives) = mpsc::channel(ON_THEIR_WAY_MAX);
         tokio::join!(
-            self.send(from, way, direction),
-            self.deliver(arrives, to, direction)
+            self.send(from, way),
+            deliver(arrives, to, self.cut.subscribe(), direction)
         );
     }
 
-    async fn send(
-        &self,
-        mut from: OwnedReadHalf,
-        way: mpsc::Sender<(Instant, Vec<u8>)>,
-        direction: Cut,
-    ) {
+    async fn send(&self, mut from: OwnedReadHalf, way: mpsc::Sender<(Instant, Vec<u8>)>) {
         let mut bytes = vec![0; 64 * 1_024];
         loop {
             let count = tokio::select! {
@@ -171,32 +144,26 @@ impl Proxy {
                 () = way.closed() => 0,
             };
             let arrives_at = Instant::now() + *self.delay.borrow();
-            let is_held = direction == Cut::FromInstance && count > 0;
-            self.held.fetch_add(usize::from(is_held), Ordering::Relaxed);
             let sent = way.send((arrives_at, bytes[..count].to_vec())).await;
             if count == 0 || sent.is_err() {
                 return;
             }
         }
     }
+}
 
-    /// Writes what arrives when it is due; no bytes at all are the end.
-    async fn deliver(
-        &self,
-        mut arrives: mpsc::Receiver<(Instant, Vec<u8>)>,
-        mut to: OwnedWriteHalf,
-        direction: Cut,
-    ) {
-        let mut cut = self.cut.subscribe();
-        while let Some((at, bytes)) = arrives.recv().await {
-            tokio::time::sleep_until(at).await;
-            passes(&mut cut, direction).await;
-            let was_held = direction == Cut::FromInstance && !bytes.is_empty();
-            self.held
-                .fetch_sub(usize::from(was_held), Ordering::Relaxed);
-            if bytes.is_empty() || to.write_all(&bytes).await.is_err() {
-                return;
-            }
+/// Writes what arrives when it is due; no bytes at all are the end.
+async fn deliver(
+    mut arrives: mpsc::Receiver<(Instant, Vec<u8>)>,
+    mut to: OwnedWriteHalf,
+    mut cut: watch::Receiver<Option<Cut>>,
+    direction: Cut,
+) {
+    while let Some((at, bytes)) = arrives.recv().await {
+        tokio::time::sleep_until(at).await;
+        passes(&mut cut, direction).await;
+        if bytes.is_empty() || to.write_all(&bytes).await.is_err() {
+            return;
         }
     }
 }

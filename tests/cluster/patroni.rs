@@ -16,7 +16,6 @@ use fleetcal_tests::service::{free_port, now, wait_for};
 use tempfile::TempDir;
 
 use crate::cluster::Process;
-use crate::network::{Cut, Proxy};
 use crate::processes::{parents, signal};
 
 /// How many standbys stream, and have replayed all but the last megabyte of what the primary wrote.
@@ -31,6 +30,9 @@ const PARAMETERS: &str = "      parameters:\n";
 /// The owner of the records.
 const OWNER: &str = "fleetcal";
 
+/// A Patroni with the example's `loop_wait` has begun its next cycle within this time.
+const CYCLE: Duration = Duration::from_secs(3);
+
 /// One server and the Patroni that runs it.
 #[derive(Debug)]
 struct Node {
@@ -38,8 +40,6 @@ struct Node {
     folder: PathBuf,
     postgres: SocketAddr,
     rest: SocketAddr,
-    /// Between its Patroni and etcd.
-    line: Proxy,
     patroni: Option<Process>,
 }
 
@@ -56,25 +56,20 @@ pub struct Patroni {
 
 impl Patroni {
     /// A new cluster with a primary and a standby that commits with it. `program` is a `patroni`.
-    pub async fn start(program: &Path) -> Self {
+    pub fn start(program: &Path) -> Self {
         let folder = tempfile::tempdir().unwrap();
         own_by_server_user(folder.path());
-        let etcd_client = free_port();
-        let mut nodes = Vec::new();
-        for name in NAMES {
-            nodes.push(Node {
-                name,
-                folder: folder.path().join(name),
-                postgres: free_port(),
-                rest: free_port(),
-                line: Proxy::before(etcd_client.to_string()).await,
-                patroni: None,
-            });
-        }
+        let node = |name: &'static str| Node {
+            name,
+            folder: folder.path().join(name),
+            postgres: free_port(),
+            rest: free_port(),
+            patroni: None,
+        };
         let mut patroni = Self {
-            nodes,
+            nodes: NAMES.map(node).into(),
             program: program.to_owned(),
-            etcd_client,
+            etcd_client: free_port(),
             etcd_peer: free_port(),
             etcd: None,
             folder,
@@ -158,13 +153,17 @@ impl Patroni {
     /// Waits until there is a primary, the others have replayed nearly all that it wrote, and one of
     /// them commits with it. A server that is being rewound is a replica to Patroni already.
     pub fn wait_until_whole(&self) {
-        wait_for("a whole cluster", || {
-            let count = |path: &str| self.nodes.iter().filter(|node| node.is(path)).count();
-            let is_whole = count("/primary") == 1 && count("/replica") == 2 && count("/sync") == 1;
-            let following =
-                is_whole.then(|| try_psql(&self.primary().as_superuser(), FOLLOWING))?;
-            (following?.trim() == "2").then_some(())
-        });
+        wait_for("a whole cluster", || self.is_whole().then_some(()));
+    }
+
+    /// Whether it is so.
+    pub fn is_whole(&self) -> bool {
+        let count = |path: &str| self.nodes.iter().filter(|node| node.is(path)).count();
+        if count("/primary") != 1 || count("/replica") != 2 || count("/sync") != 1 {
+            return false;
+        }
+        let following = try_psql(&self.primary().as_superuser(), FOLLOWING);
+        following.is_some_and(|following| following.trim() == "2")
     }
 
     /// Moves the primary to another server in order.
@@ -201,19 +200,18 @@ impl Patroni {
         signal("CONT", &self.nodes[self.number(name)].processes());
     }
 
-    /// Stops the primary in the midst of what it asks etcd for, which arrives only after another
-    /// server has been the primary for a while, and lets it go on then; gives when that was.
-    pub fn freeze_in_a_request(&self, lasts_on: Duration) -> Instant {
+    /// Stops the primary while its Patroni has read who leads and waits for its server, which it asks
+    /// before it renews its lock, and lets both go on when another server has been the primary for a
+    /// while; gives when that was.
+    pub fn freeze_before_renewal(&self, lasts_on: Duration) -> Instant {
         let former = self.primary_name();
-        let line = &self.nodes[self.number(former)].line;
-        line.cut(Cut::FromInstance);
-        wait_for("a request to etcd", || line.holds().then_some(()));
+        let node = &self.nodes[self.number(former)];
+        let server: Vec<u32> = node.postmaster().into_iter().collect();
+        signal("STOP", &with_descendants(server));
+        std::thread::sleep(CYCLE);
         self.freeze(former);
         self.next_primary(former);
         std::thread::sleep(lasts_on);
-        line.heal();
-        // Its answer is there when the server goes on, or it would not be waited for.
-        std::thread::sleep(Duration::from_millis(500));
         self.thaw(former);
         now()
     }
@@ -260,7 +258,7 @@ impl Patroni {
     }
 
     fn start_node(&mut self, number: usize) {
-        let config = self.nodes[number].config();
+        let config = self.config(&self.nodes[number]);
         let node = &mut self.nodes[number];
         if !node.folder.exists() {
             fs::create_dir(&node.folder).unwrap();
@@ -273,21 +271,9 @@ impl Patroni {
         let log = self.folder.path().join(format!("{}.log", node.name));
         node.patroni = Some(Process::start(&mut command, log));
     }
-}
 
-impl Drop for Patroni {
-    fn drop(&mut self) {
-        for node in &mut self.nodes {
-            signal("CONT", &node.processes());
-            signal("KILL", &node.processes());
-            node.patroni = None;
-        }
-    }
-}
-
-impl Node {
     /// The example's settings of the cluster, and where this server is.
-    fn config(&self) -> String {
+    fn config(&self, node: &Node) -> String {
         let (_, from_bootstrap) = EXAMPLE.split_once("\nbootstrap:\n").unwrap();
         let (bootstrap, _) = from_bootstrap.split_once("\npostgresql:\n").unwrap();
         // All servers know when each transaction was committed, which Patroni takes here alone.
@@ -299,8 +285,8 @@ impl Node {
             postgres,
             rest,
             ..
-        } = self;
-        let (etcd, programs) = (self.line.address(), program_folder());
+        } = node;
+        let (etcd, programs) = (self.etcd_client, program_folder());
         format!(
             "scope: fleetcal\nname: {name}\n\
              restapi: {{ listen: '{rest}', connect_address: '{rest}' }}\n\
@@ -315,13 +301,25 @@ impl Node {
              parameters: {{ unix_socket_directories: {folder}, fsync: 'off' }}\n  \
              pg_hba:\n  - local all all trust\n  - host all all 127.0.0.1/32 trust\n  \
              - host replication all 127.0.0.1/32 trust\n",
-            data = self.data().display(),
+            data = node.data().display(),
             programs = programs.display(),
             pgpass = folder.join("pgpass").display(),
             folder = folder.display(),
         )
     }
+}
 
+impl Drop for Patroni {
+    fn drop(&mut self) {
+        for node in &mut self.nodes {
+            signal("CONT", &node.processes());
+            signal("KILL", &node.processes());
+            node.patroni = None;
+        }
+    }
+}
+
+impl Node {
     fn data(&self) -> PathBuf {
         self.folder.join("data")
     }
@@ -350,21 +348,7 @@ impl Node {
     /// Patroni, the postmaster, and what descends from them.
     fn processes(&self) -> Vec<u32> {
         let own = self.patroni.as_ref().map(Process::id);
-        let mut all: Vec<u32> = own.into_iter().chain(self.postmaster()).collect();
-        let parents = parents();
-        let mut at = 0;
-        while at < all.len() {
-            let children = parents.iter().filter(|(_, parent)| *parent == all[at]);
-            let children: Vec<_> = children.map(|(child, _)| *child).collect();
-            all.extend(
-                children
-                    .into_iter()
-                    .filter(|child| !all.contains(child))
-                    .collect::<Vec<_>>(),
-            );
-            at += 1;
-        }
-        all
+        with_descendants(own.into_iter().chain(self.postmaster()).collect())
     }
 
     fn wait_until_gone(&self) {
@@ -376,4 +360,18 @@ impl Node {
             (!is_there).then_some(())
         });
     }
+}
+
+/// Processes, and all that descend from them.
+fn with_descendants(mut all: Vec<u32>) -> Vec<u32> {
+    let parents = parents();
+    let mut at = 0;
+    while at < all.len() {
+        let children = parents.iter().filter(|(_, parent)| *parent == all[at]);
+        let children = children.map(|(child, _)| *child);
+        let new: Vec<_> = children.filter(|child| !all.contains(child)).collect();
+        all.extend(new);
+        at += 1;
+    }
+    all
 }

@@ -97,7 +97,7 @@ async fn trial(program: PathBuf, seed: u64) -> (Trial, Twin) {
         fast_takeover: true,
         in_namespaces: false,
     };
-    let cluster = Cluster::under_patroni(Patroni::start(&program).await, &parts);
+    let cluster = Cluster::under_patroni(Patroni::start(&program), &parts);
     let twin = Twin::start(&cluster);
     (Trial::on(cluster, &parts, seed, PAUSE).await, twin)
 }
