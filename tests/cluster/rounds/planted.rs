@@ -186,5 +186,5 @@ async fn an_asynchronous_commit_is_found() {
     let is_lost = |one: &&Violation| matches!(one, Violation::Lost { .. });
     let lost = found.iter().filter(is_lost).count();
     println!("with asynchronous commits: {lost} acknowledged decisions lost");
-    assert!(lost > 5, "{found:?}");
+    assert!(lost > 0, "{found:?}");
 }
