@@ -19,7 +19,7 @@ use crate::trial::{BALANCED_WITHIN, SERVED_WITHIN, Trial};
 
 const PAUSE: Duration = Duration::from_millis(200);
 /// A line is at most so much slower, in each direction, ms.
-const DELAY_MAX_MS: u64 = 200;
+const DELAY_MAX_MS: u64 = 400;
 /// And for so long.
 const SLOW_FOR: Duration = Duration::from_secs(15);
 

@@ -14,6 +14,7 @@ use fleetcal_model::RobotTime;
 use fleetcal_postgres::Fencing;
 use fleetcal_store::Store;
 use fleetcal_store::cluster::{ClusterRegistry, Renewal, TakeForDead};
+use fleetcal_store::database_url::PostgresUrl;
 use fleetcal_tests::service::{now, wait_for};
 
 use crate::checker::{Evidence, Violation};
@@ -158,6 +159,9 @@ async fn an_instance_whose_gate_does_not_close_is_found() {
     assert!(!found.is_empty() && found.iter().all(is_late), "{found:?}");
 }
 
+/// How often a server is killed whose commits do not wait for the disk.
+const KILLS_MAX: usize = 5;
+
 /// Commits do not wait for the disk, and the server, whose processes are all killed, forgets with its
 /// memory what it acknowledged.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -165,26 +169,38 @@ async fn an_asynchronous_commit_is_found() {
     let trial = Trial::start(true, 7, Duration::from_millis(20)).await;
     psql(&trial.url(), "ALTER SYSTEM SET synchronous_commit = off");
     psql(&trial.url(), "SELECT pg_reload_conf()");
-    // It would write full pages soon: what an asynchronous commit leaves to it stays in memory.
+    let server = trial.cluster.server.as_ref().unwrap();
+    let (mut found, mut lost) = (Vec::new(), 0);
+    // On a busy machine other commits, which wait for the disk, take most of the decisions with them.
+    for _ in 0..KILLS_MAX {
+        stop_walwriter(&trial.url());
+        let before = trial.decider.acknowledged();
+        wait_for("decisions", || {
+            (trial.decider.acknowledged() >= before + 20).then_some(())
+        });
+        records::kill_processes(&trial.url());
+        std::thread::sleep(Duration::from_secs(1));
+        server.start();
+        let back = now();
+        wait_for("a decision", || trial.decider.acknowledged_since(back));
+        found = trial.evidence().violations();
+        let is_lost = |one: &&Violation| matches!(one, Violation::Lost { .. });
+        lost = found.iter().filter(is_lost).count();
+        if lost > 5 {
+            break;
+        }
+    }
+    println!("with asynchronous commits: {lost} acknowledged decisions lost");
+    assert!(lost > 5, "{found:?}");
+}
+
+/// Stops the process that would write full pages soon: what an asynchronous commit leaves to it stays in
+/// memory.
+fn stop_walwriter(url: &PostgresUrl) {
     let writer = "SELECT pid FROM pg_stat_activity WHERE backend_type = 'walwriter'";
     let stopped = Command::new("kill")
-        .args(["-s", "STOP", psql(&trial.url(), writer).trim()])
+        .args(["-s", "STOP", psql(url, writer).trim()])
         .status();
     assert!(stopped.unwrap().success());
     std::thread::sleep(Duration::from_secs(1));
-    let server = trial.cluster.server.as_ref().unwrap();
-    let before = trial.decider.acknowledged();
-    wait_for("decisions", || {
-        (trial.decider.acknowledged() >= before + 20).then_some(())
-    });
-    records::kill_processes(&trial.url());
-    std::thread::sleep(Duration::from_secs(1));
-    server.start();
-    let back = now();
-    wait_for("a decision", || trial.decider.acknowledged_since(back));
-    let found = trial.evidence().violations();
-    let is_lost = |one: &&Violation| matches!(one, Violation::Lost { .. });
-    let lost = found.iter().filter(is_lost).count();
-    println!("with asynchronous commits: {lost} acknowledged decisions lost");
-    assert!(lost > 0, "{found:?}");
 }
