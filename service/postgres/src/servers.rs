@@ -9,7 +9,7 @@ use fleetcal_domain::limits;
 use fleetcal_store::StoreError;
 use fleetcal_store::database_url::{PostgresUrl, Server, TlsMode};
 use sqlx::postgres::{PgConnectOptions, PgConnection, PgPool, PgPoolOptions, PgSslMode};
-use sqlx::{ConnectOptions as _, Executor as _, Row as _};
+use sqlx::{AssertSqlSafe, ConnectOptions as _, Executor as _, Row as _};
 use tokio::sync::watch;
 use tokio::task::JoinSet;
 use tokio::time::Instant;
@@ -23,6 +23,11 @@ const VERSION_MIN: i32 = 150_000;
 
 /// For so long after a vain attempt the database counts as away; telemetry makes one each second.
 const AWAY_FOR: Duration = limits::POSTGRES_CONNECT_TIMEOUT.saturating_mul(2);
+
+/// A client whose machine is gone in the middle of a statement holds its locks for five seconds, less than a
+/// lease lasts: while the server waits for the rest of a statement, no statement's time runs.
+const LOST_CLIENT: &str = "SET client_connection_check_interval = '2s'; SET tcp_keepalives_idle = 2; \
+     SET tcp_keepalives_interval = 1; SET tcp_keepalives_count = 3; SET tcp_user_timeout = '5s'";
 
 /// What a connection is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -56,40 +61,38 @@ impl Purpose {
         }
     }
 
-    /// What is set when such a connection is opened. A client that died in the middle of a
-    /// statement holds no lock for long.
-    const fn settings(self) -> &'static str {
+    /// What is set when such a connection is opened.
+    fn settings(self) -> String {
+        let lost_client = if self.locks_rows() { LOST_CLIENT } else { "" };
+        format!("{}; {lost_client}", self.own_settings())
+    }
+
+    /// Whether others wait for what a transaction on it has locked.
+    const fn locks_rows(self) -> bool {
+        matches!(
+            self,
+            Self::Records | Self::Telemetry | Self::Lease | Self::Ownership
+        )
+    }
+
+    const fn own_settings(self) -> &'static str {
         match self {
             Self::Records => {
-                "SET lock_timeout = '2s'; SET idle_in_transaction_session_timeout = '5s'; \
-                 SET client_connection_check_interval = '2s'; SET tcp_keepalives_idle = 2; \
-                 SET tcp_keepalives_interval = 1; SET tcp_keepalives_count = 3; \
-                 SET tcp_user_timeout = '5s'"
+                "SET lock_timeout = '2s'; SET idle_in_transaction_session_timeout = '5s'"
             }
-            // A client whose machine is gone in the middle of a statement holds its lock for five
-            // seconds, less than a lease: no statement's time runs while the server reads it. What a server that
-            // died at once had acknowledged is not written again: so it waits for the server's own
-            // disk, though for no standby.
+            // What a server that died at once had acknowledged is not written again: so it waits for the
+            // server's own disk, though for no standby.
             Self::Telemetry => {
                 "SET synchronous_commit = local; SET statement_timeout = '10s'; \
-                 SET lock_timeout = '2s'; SET idle_in_transaction_session_timeout = '2s'; \
-                 SET client_connection_check_interval = '2s'; SET tcp_keepalives_idle = 2; \
-                 SET tcp_keepalives_interval = 1; SET tcp_keepalives_count = 3; \
-                 SET tcp_user_timeout = '5s'"
+                 SET lock_timeout = '2s'; SET idle_in_transaction_session_timeout = '2s'"
             }
             Self::Lease => {
                 "SET synchronous_commit = off; SET statement_timeout = '2s'; \
-                 SET lock_timeout = '1s'; SET idle_in_transaction_session_timeout = '2s'; \
-                 SET client_connection_check_interval = '2s'; SET tcp_keepalives_idle = 2; \
-                 SET tcp_keepalives_interval = 1; SET tcp_keepalives_count = 3; \
-                 SET tcp_user_timeout = '5s'"
+                 SET lock_timeout = '1s'; SET idle_in_transaction_session_timeout = '2s'"
             }
             Self::Ownership => {
                 "SET synchronous_commit = local; SET statement_timeout = '2s'; \
-                 SET lock_timeout = '1s'; SET idle_in_transaction_session_timeout = '2s'; \
-                 SET client_connection_check_interval = '2s'; SET tcp_keepalives_idle = 2; \
-                 SET tcp_keepalives_interval = 1; SET tcp_keepalives_count = 3; \
-                 SET tcp_user_timeout = '5s'"
+                 SET lock_timeout = '1s'; SET idle_in_transaction_session_timeout = '2s'"
             }
             Self::Tries => "SET synchronous_commit = off; SET lock_timeout = '1s'",
             Self::Retention => "SET synchronous_commit = off; SET lock_timeout = '100ms'",
@@ -226,7 +229,7 @@ impl Servers {
     /// # Errors
     /// [`StoreError::Database`].
     pub(crate) async fn read_pool(&self) -> Result<ReadPool, StoreError> {
-        let settings = Purpose::Reading.settings();
+        let settings = Purpose::Reading.own_settings();
         let several = self.options.len() > 1;
         let pool = PgPoolOptions::new()
             .max_connections(limits::STORE_READERS_MAX)
@@ -271,7 +274,9 @@ async fn connect_to(options: &PgConnectOptions, purpose: Purpose) -> Result<PgCo
     let unusable = |error: sqlx::Error| Unusable(&error).to_string();
     let connecting = async {
         let mut connection = options.connect().await?;
-        connection.execute(purpose.settings()).await?;
+        connection
+            .execute(AssertSqlSafe(purpose.settings()))
+            .await?;
         let asked = "SELECT current_setting('server_version_num')::int4, pg_is_in_recovery()";
         let row = sqlx::query(asked).fetch_one(&mut connection).await?;
         Ok((connection, row))
