@@ -129,9 +129,13 @@ pub const STALE_AFTER: Duration = Duration::from_secs(3);
 pub const SESSION_ENDS_AFTER: Duration = Duration::from_secs(10);
 /// A robot's session ends this long after its liveliness token went, with nothing more to come.
 pub const SESSION_ENDS_AFTER_TOKEN: Duration = Duration::from_millis(500);
-/// Message time between two checkpoints of a robot that learns, verifies or has a candidate, and of
-/// every robot of a cluster, s.
+/// Message time between two checkpoints of a robot that learns, verifies or has a candidate, and at most
+/// that of every robot of a cluster, s.
 pub const CHECKPOINT_EVERY_S: f64 = 10.0;
+/// At least that of a robot of a cluster, s,
+pub const CHECKPOINT_OF_CLUSTER_MIN_S: f64 = 3.0;
+/// and this share of its session: a takeover loses no more of what was learnt, and sigmas stay within 5 %.
+pub const CHECKPOINT_OF_CLUSTER_SHARE: f64 = 0.05;
 /// Message time between two checkpoints of a calibrated robot of a service that is alone, s.
 pub const CHECKPOINT_CALIBRATED_EVERY_S: f64 = 60.0;
 /// Bytes of a checkpoint once it is decompressed; those of a robot that verifies are some 50 KiB.

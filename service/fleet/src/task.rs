@@ -1,6 +1,7 @@
 //! One robot's task: takes what waits in the mailbox, feeds the pure estimator, and does what the
 //! estimator asks for.
 
+mod checkpoints;
 mod heard;
 
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
@@ -8,10 +9,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use fleetcal_domain::limits::{
-    ADVICE_EVERY_S, CHECKPOINT_CALIBRATED_EVERY_S, CHECKPOINT_EVERY_S, ESTIMATOR_RESTARTS_MAX,
-    NOTES_PER_HOUR_MAX,
-};
+use fleetcal_domain::limits::{ADVICE_EVERY_S, ESTIMATOR_RESTARTS_MAX, NOTES_PER_HOUR_MAX};
 use fleetcal_domain::robot::{
     HistoryEvent, Mount, RobotConfig, RobotState, ServiceEvent, ServiceEventKind, Warning,
     WheelOdometrySignal,
@@ -36,7 +34,7 @@ use crate::reading::ReadingSettings;
 use crate::registry::Fleet;
 use crate::robot::Robot;
 use crate::senders::{LinkId, Senders};
-use crate::stored::{self, Restored, Stored};
+use crate::stored::{self, Restored};
 use crate::tap::Tapped;
 use crate::top_view;
 use crate::verification_run::VerificationRun;
@@ -539,45 +537,6 @@ impl RobotTask {
         taps.offer(|| Some(Tapped::of_service_event(&event)));
         self.budgets
             .record(&self.fleet, &self.robot.id, HistoryEvent::Service(event));
-    }
-
-    /// Message time between two checkpoints now, s. What an instance of a cluster has not stored is
-    /// lost to the next one.
-    fn checkpoint_every_s(&self) -> f64 {
-        let is_alone = self.fleet.membership.cluster().is_none();
-        if is_alone && self.robot.is_settled() && self.verification_run.is_none() {
-            CHECKPOINT_CALIBRATED_EVERY_S
-        } else {
-            CHECKPOINT_EVERY_S
-        }
-    }
-
-    pub(crate) fn save_checkpoint(&mut self) {
-        let Engine::Running(calibrator) = &self.engine else {
-            return;
-        };
-        if self.newest.0 <= 0 {
-            return;
-        }
-        let checkpoint = calibrator.checkpoint();
-        self.earlier_good = self.last_good.replace(checkpoint.clone());
-        let run = self.verification_run.as_ref();
-        let stored = Stored {
-            config: self.config.clone(),
-            calibrator: checkpoint,
-            changed: self.changed,
-            candidate: self.robot.candidate(),
-            verification_run: run.map(VerificationRun::to_stored),
-        };
-        match stored.to_bytes() {
-            Ok(state) => self
-                .fleet
-                .journal
-                .save_checkpoint(&self.robot.id, self.newest, state),
-            Err(error) => {
-                tracing::error!(robot.id = %self.robot.id, %error, "checkpoint not written");
-            }
-        }
     }
 }
 

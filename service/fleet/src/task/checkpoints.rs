@@ -1,0 +1,58 @@
+//! When a robot's estimator is stored, and what of it.
+
+use fleetcal_domain::limits::{
+    CHECKPOINT_CALIBRATED_EVERY_S, CHECKPOINT_EVERY_S, CHECKPOINT_OF_CLUSTER_MIN_S,
+    CHECKPOINT_OF_CLUSTER_SHARE,
+};
+
+use super::{Engine, RobotTask};
+use crate::stored::Stored;
+use crate::verification_run::VerificationRun;
+
+impl RobotTask {
+    /// Message time between two checkpoints now, s. What an instance of a cluster has not stored is
+    /// lost to the next one.
+    pub(super) fn checkpoint_every_s(&self) -> f64 {
+        if self.fleet.membership.cluster().is_some() {
+            let session_s = match &self.engine {
+                Engine::Running(calibrator) => calibrator.session_duration_s(),
+                _ => 0.0,
+            };
+            return (CHECKPOINT_OF_CLUSTER_SHARE * session_s)
+                .clamp(CHECKPOINT_OF_CLUSTER_MIN_S, CHECKPOINT_EVERY_S);
+        }
+        if self.robot.is_settled() && self.verification_run.is_none() {
+            CHECKPOINT_CALIBRATED_EVERY_S
+        } else {
+            CHECKPOINT_EVERY_S
+        }
+    }
+
+    pub(crate) fn save_checkpoint(&mut self) {
+        let Engine::Running(calibrator) = &self.engine else {
+            return;
+        };
+        if self.newest.0 <= 0 {
+            return;
+        }
+        let checkpoint = calibrator.checkpoint();
+        self.earlier_good = self.last_good.replace(checkpoint.clone());
+        let run = self.verification_run.as_ref();
+        let stored = Stored {
+            config: self.config.clone(),
+            calibrator: checkpoint,
+            changed: self.changed,
+            candidate: self.robot.candidate(),
+            verification_run: run.map(VerificationRun::to_stored),
+        };
+        match stored.to_bytes() {
+            Ok(state) => self
+                .fleet
+                .journal
+                .save_checkpoint(&self.robot.id, self.newest, state),
+            Err(error) => {
+                tracing::error!(robot.id = %self.robot.id, %error, "checkpoint not written");
+            }
+        }
+    }
+}
