@@ -24,6 +24,7 @@ mod nonsense;
 mod observability;
 mod restarts;
 mod restarts_in_motion;
+mod sigmas_after_restarts;
 mod starts_in_motion;
 #[expect(dead_code, reason = "an example measures each cause alone")]
 mod synthetic_windows;
