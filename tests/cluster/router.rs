@@ -12,6 +12,7 @@ use zenoh::Config;
 
 #[tokio::main]
 async fn main() {
+    zenoh::init_log_from_env_or("warn");
     let words: Vec<String> = env::args().skip(1).collect();
     let config = match words.as_slice() {
         [flag, file] if flag == "-c" => Config::from_file(file).expect("a configuration"),

@@ -22,7 +22,7 @@ pub type States = BTreeMap<String, Vec<u8>>;
 pub type Sigmas = BTreeMap<String, Vec<f64>>;
 
 /// The parameters of a calibration.
-const CALIBRATED: [Parameter; 4] = [
+pub const CALIBRATED: [Parameter; 4] = [
     Parameter::SteeringOffset,
     Parameter::LidarX,
     Parameter::LidarY,
