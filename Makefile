@@ -360,7 +360,7 @@ encoders: rust ## 10,000 random messages of each type by rosbags and pycdr2 (PyP
 .PHONY: zenohd
 zenohd: build ## Builds Zenoh's own router from its crate and tests the service behind it
 	$(CARGO) install zenohd --version 1.10.2 --locked --root $(BUILT)/zenohd \
-	  --no-default-features --features zenoh/transport_tcp,zenoh/transport_tls,zenoh/auth_usrpwd
+	  --no-default-features --features zenoh/transport_tcp,zenoh/transport_tls,zenoh/transport_quic,zenoh/auth_usrpwd
 	FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_ZENOHD=$(ZENOHD) $(CARGO) test --release --locked --workspace --test zenoh -- --nocapture --test-threads 1 router:: breaks::
 
 .PHONY: kill-rounds

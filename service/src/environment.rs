@@ -22,7 +22,7 @@ use std::os::unix::process::CommandExt as _;
 use std::path::Path;
 use std::process::Command;
 
-use fleetcal_domain::limits::{CONFIG_BYTES_MAX, ZENOH_RECEIVING_THREADS};
+use fleetcal_domain::limits::{ZENOH_CONFIG_BYTES_MAX, ZENOH_RECEIVING_THREADS};
 
 /// Where Zenoh reads how many threads it has.
 const ZENOH: &str = "ZENOH_RUNTIME";
@@ -52,12 +52,14 @@ pub enum Peers {
 
 /// Begins the process again, under the same number, with [`ZENOH_RECEIVING_THREADS`] threads and an
 /// allocator that gives memory back soon, unless the environment says otherwise; with one thread where
-/// an argument, or a file that an argument or `ZENOH_CONFIG` names, speaks of TLS.
+/// an argument or a word in `more` speaks of TLS, or a file that one of them or `ZENOH_CONFIG` names.
 ///
 /// # Errors
 /// Returns only when it did not begin again: with the reason, or `Ok` when there was no need.
-pub fn ensure(peers: Peers) -> io::Result<()> {
-    let threads = if speaks_of_tls(std::env::args_os().chain(std::env::var_os("ZENOH_CONFIG"))) {
+pub fn ensure(peers: Peers, more: Vec<OsString>) -> io::Result<()> {
+    let words = std::env::args_os().chain(std::env::var_os("ZENOH_CONFIG"));
+    let over_tls = speaks_of_tls(words.chain(more));
+    let threads = if over_tls {
         Some(ONE_THREAD.to_owned())
     } else {
         (peers == Peers::Many).then(|| {
@@ -72,6 +74,10 @@ pub fn ensure(peers: Peers) -> io::Result<()> {
         .filter(|(variable, _)| std::env::var_os(variable).is_none())
         .peekable();
     if missing.peek().is_none() {
+        if over_tls {
+            let threads = std::env::var(ZENOH).unwrap_or_default();
+            tracing::info!(threads, "connections over TLS: Zenoh has few threads");
+        }
         return Ok(());
     }
     let mut arguments = std::env::args_os();
@@ -84,21 +90,24 @@ pub fn ensure(peers: Peers) -> io::Result<()> {
     Err(again.exec())
 }
 
-/// Whether a word, or the file that it names, holds the endpoint of a TLS connection. One that holds it
-/// for another reason costs a fleet of hundreds some throughput, no more.
+/// Whether a word, or the file that it names, holds the endpoint of a TLS connection. Where one holds it for
+/// another reason, one thread serves all: it is told when the process begins.
 fn speaks_of_tls(mut words: impl Iterator<Item = OsString>) -> bool {
     words.any(|word| {
         let has = |bytes: &[u8]| bytes.windows(TLS.len()).any(|part| part == TLS);
         let is_small = |path: &Path| {
             let metadata = path.metadata();
-            metadata.is_ok_and(|file| file.is_file() && file.len() <= CONFIG_BYTES_MAX)
+            metadata.is_ok_and(|file| file.is_file() && file.len() <= ZENOH_CONFIG_BYTES_MAX)
         };
-        // Also as `--option=FILE`.
+        // Also as `--option=FILE` and `-oFILE`.
         let text = word.to_string_lossy();
         let named = text.split_once('=').map_or(&*text, |(_, value)| value);
-        let path = Path::new(named);
+        let behind_letter = text.strip_prefix('-').and_then(|text| text.get(1..));
+        let in_file =
+            |path: &Path| is_small(path) && std::fs::read(path).is_ok_and(|bytes| has(&bytes));
         has(word.as_encoded_bytes())
-            || (is_small(path) && std::fs::read(path).is_ok_and(|bytes| has(&bytes)))
+            || in_file(Path::new(named))
+            || behind_letter.is_some_and(|path| in_file(Path::new(path)))
     })
 }
 
@@ -113,7 +122,11 @@ mod tests {
         let speaks = |words: &[&str]| speaks_of_tls(words.iter().map(OsString::from));
         assert!(speaks(&["serve", "--listen", "tls/0.0.0.0:7447"]));
         assert!(!speaks(&["serve", "--listen", "tcp/0.0.0.0:7447"]));
-        let named = [path.to_string(), format!("--config={path}")];
+        let named = [
+            path.to_string(),
+            format!("--config={path}"),
+            format!("-c{path}"),
+        ];
         for word in &named {
             assert!(!speaks(&["serve", word]));
         }

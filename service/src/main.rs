@@ -31,15 +31,22 @@ static ALLOCATOR: tikv_jemallocator::Jemalloc = tikv_jemallocator::Jemalloc;
 fn main() -> ExitCode {
     let cli = Cli::parse();
     log();
-    let peers = match cli.command {
-        Command::Serve(_) | Command::Demo(_) => Some(Peers::Many),
-        Command::Agent(_) => Some(Peers::One),
+    let peers = match &cli.command {
+        Command::Serve(arguments) => Some((Peers::Many, arguments.zenoh())),
+        Command::Demo(_) => Some((Peers::Many, Vec::new())),
+        Command::Agent(_) | Command::Replay(_) | Command::Simulate(_) => {
+            Some((Peers::One, Vec::new()))
+        }
         _ => None,
     };
-    if let Some(peers) = peers
-        && let Err(error) = environment::ensure(peers)
+    if let Some((peers, zenoh)) = peers
+        && let Err(error) = environment::ensure(peers, zenoh)
     {
-        tracing::warn!(%error, "Zenoh has the threads that it takes by itself");
+        tracing::warn!(
+            %error,
+            "Zenoh has two threads: over TLS the process may end by it, and a few sessions that go on \
+             declaring keys keep the data of all others waiting"
+        );
     }
     match run(&cli.command) {
         Ok(()) => ExitCode::SUCCESS,

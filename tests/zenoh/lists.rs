@@ -5,9 +5,12 @@ use std::fs;
 use std::net::SocketAddr;
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
 
 use fleetcal_tests::binary;
-use fleetcal_tests::service::{Service, free_port, wait_for};
+use fleetcal_tests::service::{Service, free_port, now, wait_for};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 use zenoh::Session;
@@ -17,6 +20,9 @@ use super::robot;
 
 /// Samples that one robot sends under another's name.
 const TRIES: u64 = 10_000;
+
+/// How long a robot asks, faster than the list lets it.
+const ASKED_FOR: Duration = Duration::from_secs(2);
 
 /// Two known robots.
 const KNOWN: &str = "\
@@ -168,13 +174,18 @@ async fn with_passwords_a_robot_is_refused_under_anothers_key_and_one_more_joins
     wait_until_received(&service, "robot_a", 100);
 }
 
-fn start_with_certificates(authority: &Authority, folder: &Path, zenoh: SocketAddr) -> Service {
+fn start_with_certificates(
+    authority: &Authority,
+    folder: &Path,
+    zenoh: SocketAddr,
+    protocol: &str,
+) -> Service {
     for name in ["router", "robot_a", "robot_b", "stranger"] {
         authority.sign(name);
     }
     let [certificate, key, ca] =
         ["router.pem", "router.key.pem", "ca.pem"].map(|f| authority.path(f));
-    let listen = format!("tls/{zenoh}");
+    let listen = format!("{protocol}/{zenoh}");
     let flags = [
         "--robot", "robot_a", "--robot", "robot_b", "--listen", &listen,
     ];
@@ -190,15 +201,14 @@ fn start_with_certificates(authority: &Authority, folder: &Path, zenoh: SocketAd
     Service::start_on(zenoh, KNOWN, &["-c", &config])
 }
 
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn with_certificates_a_robot_is_refused_under_anothers_key() {
+async fn assert_certificates_are_asked_for(protocol: &str) {
     let folder = TempDir::new().unwrap();
     let authority = Authority::new(folder.path());
     let zenoh = free_port();
-    let service = start_with_certificates(&authority, folder.path(), zenoh);
+    let service = start_with_certificates(&authority, folder.path(), zenoh, protocol);
     let client = |name: Option<&str>| {
         let transport = authority.transport(name);
-        robot::open(robot::client(&format!("tls/{zenoh}"), &transport))
+        robot::open(robot::client(&format!("{protocol}/{zenoh}"), &transport))
     };
     let a = client(Some("robot_a")).await.unwrap();
     let b = client(Some("robot_b")).await.unwrap();
@@ -208,6 +218,44 @@ async fn with_certificates_a_robot_is_refused_under_anothers_key() {
     // Signed by the fleet's authority, but in no list.
     let stranger = client(Some("stranger")).await.unwrap();
     assert_eq!(robot::answers(&stranger, "fleet/robot_a/progress").await, 0);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn with_certificates_a_robot_is_refused_under_anothers_key() {
+    assert_certificates_are_asked_for("tls").await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn over_quic_a_robot_is_refused_under_anothers_key() {
+    assert_certificates_are_asked_for("quic").await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_generated_list_lets_ten_queries_a_second_through() {
+    let folder = TempDir::new().unwrap();
+    let zenoh = free_port();
+    let _service = start_with_passwords(folder.path(), zenoh);
+    let config = robot::with_password(&format!("tcp/{zenoh}"), "robot_a", &password("robot_a"));
+    let session = robot::open(config).await.unwrap();
+    let answered = Arc::new(AtomicUsize::new(0));
+    let begun = now();
+    let mut asked = 0;
+    while begun.elapsed() < ASKED_FOR {
+        let answered = Arc::clone(&answered);
+        let query = session
+            .get("fleet/robot_a/progress")
+            .callback(move |reply| {
+                let is_answer = reply.result().is_ok();
+                answered.fetch_add(usize::from(is_answer), Ordering::Relaxed);
+            });
+        query.await.unwrap();
+        asked += 1;
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+    tokio::time::sleep(Duration::from_secs(1)).await;
+    let answered = answered.load(Ordering::Relaxed);
+    assert!(asked >= 100, "{asked} queries were no flood");
+    assert!((15..=25).contains(&answered), "{answered} of {asked}");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 //! the robots of both go on, and none changes its instance. `make cluster-floods`.
 
 use std::collections::BTreeMap;
-use std::net::{SocketAddr, TcpStream};
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::sleep;
@@ -75,10 +75,7 @@ impl Mesh {
             let config = configured(&authority, folder.path(), &robots, pair);
             Router::start_process(Path::new(&config))
         });
-        for address in addresses {
-            wait_for("a router", || TcpStream::connect(address).ok());
-        }
-        let endpoints = addresses.map(|address| format!("tls/{address}"));
+        let endpoints = addresses.map(|address| format!("quic/{address}"));
         let database = database::created_on(&server.unwrap());
         let https = INSTANCES.map(|_| free_port());
         let config = configuration(folder.path(), https) + &sections();

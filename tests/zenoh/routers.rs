@@ -27,7 +27,7 @@ pub fn configured(
     fs::create_dir(&folder).unwrap();
     let path = |ending: &str| authority.path(&format!("{}{ending}", own.0));
     let (certificate, key, ca) = (path(".pem"), path(".key.pem"), authority.path("ca.pem"));
-    let (listen, connect) = (format!("tls/{}", own.1), format!("tls/{}", other.1));
+    let (listen, connect) = (format!("quic/{}", own.1), format!("quic/{}", other.1));
     let robots = robots.iter().flat_map(|name| ["--robot", name]);
     let files = [
         "--service",
@@ -60,14 +60,21 @@ async fn robots_at_one_router_reach_the_service_at_the_other_under_their_own_nam
     }
     let (first, second) = (("router_1", free_port()), ("router_2", free_port()));
     let config = |pair| configured(&authority, folder.path(), &["robot_a", "robot_b"], pair);
-    let one = Router::start(Path::new(&config([first, second]))).await;
-    let two = Router::start(Path::new(&config([second, first]))).await;
+    let one = Router::start_process(Path::new(&config([first, second])));
+    let two = Router::start_process(Path::new(&config([second, first])));
 
     let client = |endpoint: SocketAddr, name| {
-        robot::client(&format!("tls/{endpoint}"), &authority.transport(Some(name)))
+        robot::client(
+            &format!("quic/{endpoint}"),
+            &authority.transport(Some(name)),
+        )
     };
     let own = folder.path().join("service.json5");
-    fs::write(&own, client(second.1, "fleetcal").to_string()).unwrap();
+    let mut config = client(second.1, "fleetcal");
+    // The router may come later.
+    config["connect"]["timeout_ms"] = json!(-1);
+    config["connect"]["exit_on_failure"] = json!(false);
+    fs::write(&own, config.to_string()).unwrap();
     let entry = |id| format!("[[robot]]\nid = \"{id}\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n");
     let known: String = ["robot_a", "robot_b"].into_iter().map(entry).collect();
     let service = Service::start_on(second.1, &known, &["-c", own.to_str().unwrap()]);

@@ -132,9 +132,10 @@ pub const SESSION_ENDS_AFTER_TOKEN: Duration = Duration::from_millis(500);
 /// Message time between two checkpoints of a robot that learns, verifies or has a candidate, and at most
 /// that of every robot of a cluster, s.
 pub const CHECKPOINT_EVERY_S: f64 = 10.0;
-/// At least that of a robot of a cluster, s,
-pub const CHECKPOINT_OF_CLUSTER_MIN_S: f64 = 3.0;
-/// and this share of its session: a takeover loses no more of what was learnt, and sigmas stay within 5 %.
+/// Message time between two checkpoints of a cluster's robot that has just begun, s.
+pub const CHECKPOINT_OF_CLUSTER_MIN_S: f64 = 5.0;
+/// Message time between two checkpoints of a cluster's robot as a share of its session: a takeover loses no
+/// more than that of what was learnt, and the seconds that it takes itself.
 pub const CHECKPOINT_OF_CLUSTER_SHARE: f64 = 0.05;
 /// Message time between two checkpoints of a calibrated robot of a service that is alone, s.
 pub const CHECKPOINT_CALIBRATED_EVERY_S: f64 = 60.0;
@@ -335,8 +336,14 @@ pub const ZENOH_RECEIVING_THREADS: usize = 64;
 /// Queries for one of a robot's keys a second that a router with a generated list lets through; an agent
 /// asks for each once in seconds.
 pub const QUERIES_PER_S_MAX: f64 = 10.0;
-/// A configuration file in which the start looks for endpoints.
-pub const CONFIG_BYTES_MAX: u64 = 1024 * 1024;
+/// Events and acknowledgements of one robot a second that such a router lets through: notes have budgets of
+/// an hour, and a robot acknowledges once for each calibration.
+pub const EVENTS_PER_S_MAX: f64 = 100.0;
+/// A generated list limits how often robots ask and tell up to so many robots: Zenoh keeps the limits of all
+/// for each connection, which takes memory with the square of their number.
+pub const ROBOTS_LIMITED_MAX: usize = 256;
+/// A file in which the start looks for endpoints: a generated list takes some 5 kB for each robot.
+pub const ZENOH_CONFIG_BYTES_MAX: u64 = 64 * 1024 * 1024;
 /// Connections to the Zenoh port that have not said who they are, at once; one more waits.
 pub const ZENOH_HANDSHAKES_MAX: usize = ROBOTS_MAX;
 /// A connection to the Zenoh port has said who it is within this time.

@@ -88,7 +88,7 @@ pub fn list(keys: &Keys, more: &[Value]) -> Value {
         "enabled": true,
         "default_permission": "deny",
         "rules": rules,
-        "subjects": [{ "id": "anybody", "link_protocols": ["tcp", "tls"] }],
+        "subjects": [{ "id": "anybody", "link_protocols": ["tcp", "tls", "quic"] }],
         "policies": [{ "rules": names, "subjects": ["anybody"] }],
     })
 }

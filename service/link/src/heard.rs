@@ -8,8 +8,7 @@ use fleetcal_fleet::FleetHandle;
 use fleetcal_operations::lifecycle::Lifecycle;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::key::{Keys, StreamKind};
-use zenoh::key_expr::KeyExpr;
-use zenoh::pubsub::Subscriber;
+use zenoh::pubsub::{Publisher, Subscriber};
 use zenoh::{Result, Session};
 
 use crate::gate::Gate;
@@ -31,10 +30,12 @@ const KEYS_AT_ONCE_MAX: usize = 32;
 #[derive(Debug)]
 struct Heard {
     streams: Subscriber<()>,
-    /// Keys of a robot that sends. Zenoh compares a message whose key is not declared with each
-    /// subscriber of the session, which costs the more the more robots an instance has. They are
-    /// undeclared with this value.
-    frequent: Vec<KeyExpr<'static>>,
+    /// Of the keys of a robot that sends, to which nothing is ever published. Zenoh compares a message whose
+    /// key nobody has named with all keys that it knows, in this session and in the router before it: that
+    /// costs the more the more robots there are, and a session that goes on naming keys keeps the messages
+    /// of others waiting. A publisher names its key in both, and to no other router. They are undeclared with
+    /// this value.
+    frequent: Vec<Publisher<'static>>,
 }
 
 /// The subscribers that there are.
@@ -116,7 +117,8 @@ impl HeardStreams {
             let mut frequent = Vec::with_capacity(FREQUENT.len());
             for kind in FREQUENT {
                 let key = keys.stream(robot, kind);
-                frequent.push(session.declare_keyexpr(key).await?);
+                let key = session.declare_keyexpr(key).await?;
+                frequent.push(session.declare_publisher(key).await?);
             }
             heard.frequent = frequent;
         }

@@ -62,6 +62,8 @@ pub struct StrictRouter {
 
 /// A router before several instances takes a session for gone that is silent for so long, ms.
 const LEASE_MS: u32 = 3_000;
+/// What a robot says seldom.
+const SELDOM: [StreamKind; 2] = [StreamKind::Event, StreamKind::CalibrationApplied];
 
 /// Whether a key expression with `{robot}` for the id has that as one whole chunk, so that no robot
 /// gets the keys of another whose id begins as its own does.
@@ -107,26 +109,43 @@ impl StrictRouter {
             "scouting": { "multicast": { "enabled": false }, "gossip": { "enabled": false } },
             "transport": transport,
             "access_control": self.list(),
-            "downsampling": self.limits_of_queries(),
+            "downsampling": self.limits_of_robots(),
         })
     }
 
-    /// How often each robot may ask: a session that asks without end would keep the router from all
-    /// others. For each robot's keys, since the link between two routers is one session of many robots.
-    fn limits_of_queries(&self) -> Vec<Value> {
-        let limit = |key: String| json!({ "key_expr": key, "freq": limits::QUERIES_PER_S_MAX });
-        let of_robot = |robot| {
-            let keys = ANSWERED.map(|kind| self.keys.stream(robot, kind));
-            keys.map(limit)
-        };
-        let rules: Vec<Value> = self.robots.iter().flat_map(of_robot).collect();
-        // Zenoh takes no list of rules that is empty.
-        if rules.is_empty() {
+    /// How often each robot may ask, and say what it says seldom: a session that does so without end would
+    /// keep the router from all others. For each robot's keys, since the link between two routers is one
+    /// session of many robots. None for a large fleet: Zenoh keeps all of them for each connection.
+    fn limits_of_robots(&self) -> Vec<Value> {
+        if self.robots.len() > limits::ROBOTS_LIMITED_MAX {
             return Vec::new();
         }
-        vec![json!({
-            "id": "queries of robots", "messages": ["query"], "flows": ["ingress"], "rules": rules,
-        })]
+        [
+            self.limit("query", &ANSWERED, limits::QUERIES_PER_S_MAX),
+            self.limit("put", &SELDOM, limits::EVENTS_PER_S_MAX),
+        ]
+        .into_iter()
+        .flatten()
+        .collect()
+    }
+
+    /// `None` without robots: Zenoh takes no list of rules that is empty.
+    fn limit(&self, message: &str, kinds: &[StreamKind], per_s: f64) -> Option<Value> {
+        let keys = self
+            .robots
+            .iter()
+            .flat_map(|robot| kinds.iter().map(|&kind| self.keys.stream(robot, kind)));
+        let rules: Vec<_> = keys
+            .map(|key| json!({ "key_expr": key, "freq": per_s }))
+            .collect();
+        (!rules.is_empty()).then(|| {
+            json!({
+                "id": format!("{message} of robots"),
+                "messages": [message],
+                "flows": ["ingress"],
+                "rules": rules,
+            })
+        })
     }
 
     fn tls(&self, tls: &RouterCertificate) -> Value {
@@ -459,5 +478,35 @@ mod tests {
         let written = router.configuration().to_string();
         zenoh::Config::from_json5(&written).unwrap();
         assert!(written.contains("passwords.txt") && written.contains("usernames"));
+    }
+
+    #[test]
+    fn how_often_robots_ask_and_tell_is_limited_while_they_are_not_too_many() {
+        let limits_of = |robots: usize| {
+            let ids: Vec<_> = (0..robots)
+                .map(|number| format!("robot_{number}"))
+                .collect();
+            let ids: Vec<_> = ids.iter().map(String::as_str).collect();
+            let configuration = router(&ids).configuration();
+            configuration["downsampling"].as_array().unwrap().clone()
+        };
+        let [queries, puts] = limits_of(2).try_into().unwrap();
+        let keys = |limit: &Value| {
+            let rules = limit["rules"].as_array().unwrap().clone();
+            let keys = rules
+                .iter()
+                .map(|rule| rule["key_expr"].as_str().unwrap().to_owned());
+            keys.collect::<Vec<_>>()
+        };
+        assert_eq!(queries["messages"], json!(["query"]));
+        assert_eq!(keys(&queries).len(), 6);
+        assert_eq!(puts["messages"], json!(["put"]));
+        assert_eq!(
+            keys(&puts)[..2],
+            ["fleet/robot_0/event", "fleet/robot_0/calibration/applied"]
+        );
+        assert_eq!(limits_of(limits::ROBOTS_LIMITED_MAX).len(), 2);
+        assert!(limits_of(limits::ROBOTS_LIMITED_MAX + 1).is_empty());
+        assert!(limits_of(0).is_empty());
     }
 }

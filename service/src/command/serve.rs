@@ -1,5 +1,6 @@
 //! `fleetcal serve`: the service, until it is told to stop.
 
+use std::ffi::OsString;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -79,6 +80,19 @@ pub struct Arguments {
 }
 
 impl Arguments {
+    /// Its Zenoh endpoints, and the file that names them: of a configuration that is refused none, which
+    /// is told when it runs.
+    pub fn zenoh(&self) -> Vec<OsString> {
+        self.config().map_or_else(
+            |_| Vec::new(),
+            |config| {
+                let endpoints = config.listen.into_iter().chain(config.connect);
+                let file = config.zenoh_config.map(PathBuf::into_os_string);
+                endpoints.map(OsString::from).chain(file).collect()
+            },
+        )
+    }
+
     fn config(&self) -> Result<Config, CommandError> {
         let mut config = self
             .config
@@ -145,4 +159,30 @@ pub async fn run(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
     tracing::info!("stopping");
     stop_in_time(service, signals).await?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser as _;
+
+    use super::*;
+
+    #[derive(Debug, clap::Parser)]
+    struct Line {
+        #[command(flatten)]
+        arguments: Arguments,
+    }
+
+    #[test]
+    fn the_zenoh_file_of_a_configuration_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let config = folder.path().join("a.toml");
+        std::fs::write(&config, "zenoh_config = \"/etc/fleetcal/service.json5\"\n").unwrap();
+        let line = ["serve", "--config", config.to_str().unwrap()];
+        let named = Line::parse_from(line).arguments.zenoh();
+        assert_eq!(named, ["/etc/fleetcal/service.json5"]);
+        let line = ["serve", "--listen", "tls/0.0.0.0:7447"];
+        let named = Line::parse_from(line).arguments.zenoh();
+        assert_eq!(named, ["tls/0.0.0.0:7447"]);
+    }
 }
