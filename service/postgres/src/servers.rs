@@ -71,10 +71,11 @@ impl Purpose {
     const fn locks_rows(self) -> bool {
         matches!(
             self,
-            Self::Records | Self::Telemetry | Self::Lease | Self::Ownership
+            Self::Records | Self::Telemetry | Self::Lease | Self::Ownership | Self::Tries
         )
     }
 
+    /// What is set beside [`LOST_CLIENT`].
     const fn own_settings(self) -> &'static str {
         match self {
             Self::Records => {
@@ -94,7 +95,10 @@ impl Purpose {
                 "SET synchronous_commit = local; SET statement_timeout = '2s'; \
                  SET lock_timeout = '1s'; SET idle_in_transaction_session_timeout = '2s'"
             }
-            Self::Tries => "SET synchronous_commit = off; SET lock_timeout = '1s'",
+            Self::Tries => {
+                "SET synchronous_commit = off; SET lock_timeout = '1s'; \
+                 SET idle_in_transaction_session_timeout = '2s'"
+            }
             Self::Retention => "SET synchronous_commit = off; SET lock_timeout = '100ms'",
             Self::Reading => {
                 "SET default_transaction_read_only = on; SET statement_timeout = '10s'; \

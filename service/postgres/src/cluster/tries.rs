@@ -74,14 +74,17 @@ pub(super) async fn note_pair(session: &mut Session, pair: &str) -> Result<(), S
         ON CONFLICT (pair) DO UPDATE SET right_at_ns = excluded.right_at_ns";
     const DELETED: &str = "
         DELETE FROM sign_in_pair WHERE pair IN (
-            SELECT pair FROM sign_in_pair ORDER BY right_at_ns DESC OFFSET $1
+            SELECT pair FROM sign_in_pair
+                WHERE right_at_ns < (SELECT right_at_ns FROM sign_in_pair
+                    ORDER BY right_at_ns DESC OFFSET $1 LIMIT 1)
             FOR UPDATE SKIP LOCKED
         )";
     let failed = || StoreError::database("remember who has signed in from where");
     let query = sqlx::query(NOTED).bind(pair);
     session.execute_query(query).await.map_err(failed())?;
-    let max = i64::try_from(limits::SIGN_IN_KNOWN_MAX).unwrap_or(i64::MAX);
-    let query = sqlx::query(DELETED).bind(max);
+    let newest = limits::SIGN_IN_KNOWN_MAX.saturating_sub(1);
+    let newest = i64::try_from(newest).unwrap_or(i64::MAX);
+    let query = sqlx::query(DELETED).bind(newest);
     session.execute_query(query).await.map_err(failed())?;
     Ok(())
 }
