@@ -186,11 +186,6 @@ impl Calibrator {
         self.judged().1
     }
 
-    /// Message time since the session's first message, s.
-    pub fn session_duration_s(&self) -> f64 {
-        self.session.duration_s()
-    }
-
     /// The body's pose in the LiDAR's odometry frame at the last scan or pose that was used.
     pub fn base_pose(&self) -> Option<(RobotTime, Pose2)> {
         self.follower.as_ref()?.base_pose()

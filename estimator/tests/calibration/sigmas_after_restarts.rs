@@ -20,6 +20,8 @@ const DRIVEN_S: f64 = 60.0;
 const SEEDS: u64 = 12;
 /// How much larger a sigma may be than that of the undisturbed estimator.
 const LESS_CERTAIN: f64 = 0.05;
+/// The same of a `y` whose sigma depends on an estimate.
+const LESS_CERTAIN_BY_ESTIMATE: f64 = 0.5;
 
 /// A robot without an imperfection that sends scans.
 fn robot(seed: u64) -> SimulationConfig {
@@ -81,16 +83,21 @@ fn certainty_lost(seed: u64) -> [f64; 4] {
     std::array::from_fn(|i| restored[i] / undisturbed[i] - 1.0)
 }
 
-/// The sigma of `y` holds what an encoder beside the axle may have moved, by the curve of the steering that
-/// shows: on a loop with its turns mostly to one side that is some of the estimate's own error, and chance.
+/// The sigma of `y` holds what an encoder beside the axle may have moved, by the curve of the steering as it
+/// is estimated: on a loop with its turns mostly to one side much of that is the estimate's own error.
 #[test]
 fn a_minute_after_a_takeover_nearly_nothing_is_less_certain() {
     for seed in 1..=SEEDS {
         let lost = certainty_lost(seed);
         println!("seed {seed}: {lost:+.3?}");
         for (parameter, lost) in FOUR.into_iter().zip(lost) {
-            let is_chance = seed % 3 == 1 && parameter == Parameter::LidarY;
-            assert!(is_chance || lost <= LESS_CERTAIN, "{parameter:?}: {lost}");
+            let is_by_estimate = seed % 3 == 1 && parameter == Parameter::LidarY;
+            let most = if is_by_estimate {
+                LESS_CERTAIN_BY_ESTIMATE
+            } else {
+                LESS_CERTAIN
+            };
+            assert!(lost <= most, "{parameter:?}: {lost}");
         }
     }
 }

@@ -15,7 +15,7 @@ impl RobotTask {
     pub(super) fn checkpoint_every_s(&self) -> f64 {
         if self.fleet.membership.cluster().is_some() {
             let session_s = match &self.engine {
-                Engine::Running(calibrator) => calibrator.session_duration_s(),
+                Engine::Running(calibrator) => calibrator.duration_s(),
                 _ => 0.0,
             };
             return (CHECKPOINT_OF_CLUSTER_SHARE * session_s)
