@@ -16,7 +16,7 @@ impl RobotTask {
         if self.fleet.membership.cluster().is_some() {
             let session_s = match &self.engine {
                 Engine::Running(calibrator) => calibrator.duration_s(),
-                _ => 0.0,
+                Engine::Stopped => 0.0,
             };
             return (CHECKPOINT_OF_CLUSTER_SHARE * session_s)
                 .clamp(CHECKPOINT_OF_CLUSTER_MIN_S, CHECKPOINT_EVERY_S);
