@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use fleetcal_contract::own_server::number;
 use fleetcal_model::Parameter;
 use fleetcal_tests::service::now;
 use rand::rngs::StdRng;
@@ -93,14 +94,12 @@ async fn a_killed_instance_is_replaced_when_its_lease_has_ended() {
     assert!(quantile(&slowest, 1.0) <= SERVED_WITHIN.as_secs_f64());
 }
 
-/// Robots drive for so long before their instance is killed, and then until they are compared with a twin's.
-/// In the first two minutes the seconds that are lost may hold one of three turns.
-const DRIVEN_BEFORE: Duration = Duration::from_mins(2);
+/// Robots drive for so many seconds (or `CLUSTER_DRIVEN_S`) before their instance is killed, and then until
+/// they are compared with a twin's.
+const DRIVEN_BEFORE_S: usize = 40;
 const COMPARED_AFTER: Duration = Duration::from_mins(1);
 /// How much larger a sigma may be than that of a twin which nobody disturbed.
 const LESS_CERTAIN: f64 = 0.05;
-/// The same of a `y` whose sigma depends on an estimate.
-const LESS_CERTAIN_BY_ESTIMATE: f64 = 0.5;
 
 /// How much larger sigmas are than a twin's.
 #[derive(Debug, Default)]
@@ -159,7 +158,8 @@ async fn sigmas_after_a_takeover_are_nearly_those_of_a_twin() {
         let cluster = Cluster::watched(&parts).await;
         let twin = Twin::start(&cluster);
         let mut trial = Trial::on(cluster, &parts, seed, PAUSE).await;
-        std::thread::sleep(DRIVEN_BEFORE);
+        let driven_s = number("CLUSTER_DRIVEN_S", DRIVEN_BEFORE_S);
+        std::thread::sleep(Duration::from_secs(driven_s as u64));
         let lost = certainty_lost(&mut trial, &twin, seed);
         assert!(
             !lost.told.is_empty() && trial.drives(),
@@ -172,18 +172,19 @@ async fn sigmas_after_a_takeover_are_nearly_those_of_a_twin() {
         progress.passed(seed, most.to_vec());
     }
     let [most, by_estimate] = [0, 1].map(|figure| progress.figures(figure));
-    let wider = most.iter().filter(|lost| **lost > LESS_CERTAIN).count();
+    let all = [most.as_slice(), &by_estimate].concat();
+    let wider = all.iter().filter(|lost| **lost > LESS_CERTAIN).count();
     println!(
-        "sigmas more than 5 % above an undisturbed twin's 60 s after a takeover: in {}, at most {:+.2} %",
-        told(wider as u64, progress.len()),
+        "sigmas more than 5 % above an undisturbed twin's 60 s after a takeover: {wider} largest ones of {} \
+         rounds; at most {:+.2} %",
+        progress.len(),
         quantile(&most, 1.0) * 100.0
     );
     println!(
         "  of y on loops with turns to one side, which depend on an estimated curve: at most {:+.2} %",
         quantile(&by_estimate, 1.0) * 100.0
     );
-    assert_eq!(wider, 0, "{most:?}");
-    assert!(quantile(&by_estimate, 1.0) <= LESS_CERTAIN_BY_ESTIMATE);
+    assert_eq!(wider, 0, "{all:?}");
 }
 
 /// Freezes an instance for some time; gives how many estimates came late so far.
