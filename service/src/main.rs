@@ -44,8 +44,8 @@ fn main() -> ExitCode {
     {
         tracing::warn!(
             %error,
-            "Zenoh has two threads: over TLS the process may end by it, and a few sessions that go on \
-             declaring keys keep the data of all others waiting"
+            "Zenoh has two threads: over TLS the process may crash, and a few sessions that declare many \
+             keys can hold up the data of all others"
         );
     }
     match run(&cli.command) {
