@@ -175,8 +175,8 @@ async fn sigmas_after_a_takeover_are_nearly_those_of_a_twin() {
     let all = [most.as_slice(), &by_estimate].concat();
     let wider = all.iter().filter(|lost| **lost > LESS_CERTAIN).count();
     println!(
-        "sigmas more than 5 % above an undisturbed twin's 60 s after a takeover: {wider} largest ones of {} \
-         rounds; at most {:+.2} %",
+        "rounds with sigmas more than 5 % above an undisturbed twin's 60 s after a takeover, of each kind: {wider} \
+         of {}; at most {:+.2} %",
         progress.len(),
         quantile(&most, 1.0) * 100.0
     );
