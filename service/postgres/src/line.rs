@@ -54,7 +54,7 @@ impl Line {
         &mut self,
         begin: &'static str,
     ) -> Result<(&mut Session, &mut Keys), StoreError> {
-        let session = match self.session.take() {
+        let session = match self.take_usable() {
             Some(session) => begun(session, begin).await?,
             None => None,
         };
@@ -74,6 +74,12 @@ impl Line {
         Ok((self.session.insert(session), &mut self.keys))
     }
 
+    /// Takes its connection out, unless it was lost: one that is not put back is opened again.
+    pub(crate) fn take_usable(&mut self) -> Option<Session> {
+        let session = self.session.take();
+        session.filter(|session| session.fate() != Fate::Lost)
+    }
+
     pub(crate) async fn close(self) {
         if let Some(session) = self.session {
             session.close().await;
@@ -83,9 +89,6 @@ impl Line {
 
 /// Begins a transaction on a connection; gives none when it was lost before.
 async fn begun(mut session: Session, begin: &'static str) -> Result<Option<Session>, StoreError> {
-    if session.fate() == Fate::Lost {
-        return Ok(None);
-    }
     let asked_at = Instant::now();
     match session.begin(begin).await {
         Ok(()) => Ok(Some(session)),

@@ -16,37 +16,61 @@ use super::robots::robot;
 use super::seat::{instance, ns};
 use crate::connection::Session;
 
-/// Reads instances, robots and duties; robots and duties only when they have changed since `known`.
-pub(super) async fn look(
-    session: &mut Session,
-    known: Option<RowsVersion>,
-) -> Result<Look, StoreError> {
+/// Reads instances, robots and duties, in one transaction.
+pub(super) async fn look(session: &mut Session) -> Result<Look, StoreError> {
+    let mut look = glance(session).await?;
+    look.snapshot.robots = robots(session).await?;
+    look.snapshot.duties = duties(session).await?;
+    look.is_whole = true;
+    Ok(look)
+}
+
+/// Reads the instances and the version of the rows, in one statement.
+pub(super) async fn glance(session: &mut Session) -> Result<Look, StoreError> {
+    const GLANCE: &str = "
+        SELECT v.version, clock_ns() AS now_ns, i.id, i.incarnation, i.capacity, i.draining, i.linked, i.url,
+            i.program, i.checkpoint_format, i.config_sha256, i.clock_ahead_ns, i.joined_ns, CASE
+                WHEN i.ended_ns IS NULL THEN greatest(i.lease_ends_ns - clock_ns(), 0) ELSE 0
+            END AS lease_left_ns, i.ended_ns IS NOT NULL AS is_ended
+        FROM cluster_rows AS v CROSS JOIN instance AS i
+        WHERE i.ended_ns IS NULL OR i.ended_ns > clock_ns() - $1 ORDER BY i.id";
+    let query = sqlx::query_as(GLANCE).bind(ns(limits::CLUSTER_DEAD_SHOWN_FOR));
+    let rows: Vec<MemberRow> = session
+        .fetch(query)
+        .await
+        .map_err(StoreError::database("read the instances"))?;
+    let (version, now) = match rows.first() {
+        Some(row) => (row.version, row.now_ns),
+        None => version(session).await?,
+    };
+    let members = rows.into_iter().map(member).collect::<Result<_, _>>()?;
+    Ok(Look {
+        version: RowsVersion(version),
+        snapshot: Snapshot {
+            now: WallTime(now),
+            members,
+            ..Snapshot::default()
+        },
+        is_whole: false,
+    })
+}
+
+/// The version of the rows and the database's clock.
+async fn version(session: &mut Session) -> Result<(i64, i64), StoreError> {
     let query = sqlx::query_as("SELECT version, clock_ns() FROM cluster_rows");
     let found: Vec<(i64, i64)> = session
         .fetch(query)
         .await
         .map_err(StoreError::database("read the cluster's version"))?;
-    let (version, now) = found.first().copied().unwrap_or_default();
-    let version = RowsVersion(version);
-    let mut snapshot = Snapshot {
-        now: WallTime(now),
-        members: members(session).await?,
-        ..Snapshot::default()
-    };
-    let is_whole = known != Some(version);
-    if is_whole {
-        snapshot.robots = robots(session).await?;
-        snapshot.duties = duties(session).await?;
-    }
-    Ok(Look {
-        version,
-        snapshot,
-        is_whole,
-    })
+    Ok(found.first().copied().unwrap_or_default())
 }
 
 #[derive(FromRow)]
 struct MemberRow {
+    /// Of all rows.
+    version: i64,
+    /// By the clock of the database.
+    now_ns: i64,
     id: String,
     incarnation: i64,
     lease_left_ns: i64,
@@ -60,21 +84,6 @@ struct MemberRow {
     config_sha256: Vec<u8>,
     clock_ahead_ns: i64,
     joined_ns: i64,
-}
-
-async fn members(session: &mut Session) -> Result<Vec<Member>, StoreError> {
-    const MEMBERS: &str = "
-        SELECT id, incarnation, capacity, draining, linked, url, program, checkpoint_format,
-            config_sha256, clock_ahead_ns, joined_ns, CASE
-                WHEN ended_ns IS NULL THEN greatest(lease_ends_ns - clock_ns(), 0) ELSE 0
-            END AS lease_left_ns, ended_ns IS NOT NULL AS is_ended
-        FROM instance WHERE ended_ns IS NULL OR ended_ns > clock_ns() - $1 ORDER BY id";
-    let query = sqlx::query_as(MEMBERS).bind(ns(limits::CLUSTER_DEAD_SHOWN_FOR));
-    let rows: Vec<MemberRow> = session
-        .fetch(query)
-        .await
-        .map_err(StoreError::database("read the instances"))?;
-    rows.into_iter().map(member).collect()
 }
 
 fn member(row: MemberRow) -> Result<Member, StoreError> {

@@ -21,12 +21,14 @@ use std::time::Duration;
 
 use async_trait::async_trait;
 use fleetcal_cluster::{ClaimId, Duty, InstanceId, Seat, Tenure};
+use fleetcal_domain::limits;
 use fleetcal_model::{RobotId, WallTime};
 use fleetcal_store::StoreError;
 use fleetcal_store::cluster::{
     ClusterRegistry, Joining, Look, Renewal, RowsVersion, TakeForDead, Try,
 };
 use tokio::sync::Mutex;
+use tokio::time::Instant;
 
 use crate::advisory::{AdvisoryLock, Locked};
 use crate::line::Line;
@@ -68,6 +70,25 @@ impl Registry {
             servers,
         }
     }
+
+    /// Looks at the instances alone, in one statement; gives nothing when robots or duties have changed
+    /// as well, or the connection is to be opened again.
+    async fn glance(&self, known: RowsVersion) -> Result<Option<Look>, StoreError> {
+        let mut line = self.ownership.lock().await;
+        let Some(mut session) = line.take_usable() else {
+            return Ok(None);
+        };
+        let asked_at = Instant::now();
+        match look::glance(&mut session).await {
+            Ok(look) => {
+                line.session = Some(session);
+                Ok((look.version == known).then_some(look))
+            }
+            // Who waits has no time for a second server that does not answer.
+            Err(error) if asked_at.elapsed() > limits::POSTGRES_CONNECT_TIMEOUT => Err(error),
+            Err(_) => Ok(None),
+        }
+    }
 }
 
 #[async_trait]
@@ -94,8 +115,13 @@ impl ClusterRegistry for Registry {
     }
 
     async fn look(&self, known: Option<RowsVersion>) -> Result<Look, StoreError> {
+        if let Some(known) = known
+            && let Some(look) = self.glance(known).await?
+        {
+            return Ok(look);
+        }
         let mut looked = Transaction::begin(&self.ownership, BEGIN_LOOK).await?;
-        let look = look::look(looked.session(), known).await;
+        let look = look::look(looked.session()).await;
         looked.end(look).await
     }
 
