@@ -5,12 +5,12 @@ use std::time::Duration;
 use fleetcal_contract::{NOW_S, clock, query, record};
 use fleetcal_postgres::open;
 use fleetcal_store::StoreError;
-use fleetcal_store::database_url::{PostgresUrl, Server};
+use fleetcal_store::database_url::PostgresUrl;
 use tokio::time::Instant;
 
 use crate::decision::{Decide, times_decided};
 use crate::proxy::{Cut, Proxy};
-use fleetcal_contract::own_server::{named, number, psql, setup, url_of};
+use fleetcal_contract::own_server::{named, number, psql, setup};
 
 /// The store writes again within this time after a cut.
 const AGAIN_WITHIN: Duration = Duration::from_secs(5);
@@ -18,12 +18,7 @@ const AGAIN_WITHIN: Duration = Duration::from_secs(5);
 /// A new database behind a proxy.
 async fn behind_proxy() -> (Proxy, PostgresUrl) {
     let direct = fleetcal_postgres::create_for_test(&named()).await.unwrap();
-    let Some(Server::Tcp { host, port }) = direct.servers.first() else {
-        panic!("a proxy needs a server that listens on TCP, got {direct}");
-    };
-    let proxy = Proxy::before(format!("{host}:{port}")).await;
-    let url = url_of(&[&proxy.host()], &direct.user, &direct.database);
-    (proxy, url)
+    Proxy::before_database(&direct).await
 }
 
 /// The server still believes in the former connection, which has the database for itself.

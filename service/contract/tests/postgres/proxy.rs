@@ -5,6 +5,8 @@ use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
+use fleetcal_contract::own_server::url_of;
+use fleetcal_store::database_url::{PostgresUrl, Server};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::net::{TcpListener, TcpStream};
@@ -17,6 +19,9 @@ pub enum Cut {
     BeforeCommit,
     /// The server has committed, and the client never sees the answer.
     AfterCommit,
+    /// The server never sees the COMMIT of the next transaction, a job's or not, and goes on believing in
+    /// its client.
+    NeverCommits,
 }
 
 /// A proxy that runs as long as this value's runtime.
@@ -28,6 +33,16 @@ pub struct Proxy {
 }
 
 impl Proxy {
+    /// One before the server of a database; gives the address of the database behind it, too.
+    pub async fn before_database(direct: &PostgresUrl) -> (Self, PostgresUrl) {
+        let Some(Server::Tcp { host, port }) = direct.servers.first() else {
+            panic!("a proxy needs a server that listens on TCP, got {direct}");
+        };
+        let proxy = Self::before(format!("{host}:{port}")).await;
+        let url = url_of(&[&proxy.host()], &direct.user, &direct.database);
+        (proxy, url)
+    }
+
     /// Begins to forward to a server.
     pub async fn before(server: String) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
@@ -121,10 +136,13 @@ async fn requests(
         if let Some(begin) = asked.filter(|sql| sql.starts_with(b"BEGIN")) {
             is_job = begin.ends_with(b"SERIALIZABLE\0");
         }
-        let commits = is_job && asked == Some(b"COMMIT\0");
-        let cut = commits.then(|| armed.lock().unwrap().take()).flatten();
+        let is_meant = |cut: &mut Cut| is_job || *cut == Cut::NeverCommits;
+        let commits = asked == Some(b"COMMIT\0");
+        let cut = commits.then(|| armed.lock().unwrap().take_if(is_meant));
+        let cut = cut.flatten();
         match cut {
             Some(Cut::BeforeCommit) => return Ok(()),
+            Some(Cut::NeverCommits) => std::future::pending::<()>().await,
             Some(Cut::AfterCommit) => muted.store(true, Ordering::SeqCst),
             None => {}
         }

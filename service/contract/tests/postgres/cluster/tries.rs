@@ -5,8 +5,13 @@ use std::time::Duration;
 use fleetcal_contract::own_server::psql;
 use fleetcal_domain::limits;
 use fleetcal_store::cluster::Try;
+use tokio::time::Instant;
 
 use super::instance::{Instance, database};
+use crate::proxy::{Cut, Proxy};
+
+/// Everybody can sign in again within this time after an instance was lost.
+const AGAIN_WITHIN: Duration = Duration::from_secs(5);
 
 fn of(key: &str, burst: u32) -> Try {
     Try {
@@ -108,4 +113,35 @@ async fn who_has_signed_in_at_one_instance_is_known_to_the_others() {
     assert_eq!(count.trim(), limits::SIGN_IN_KNOWN_MAX.to_string());
     assert!(a.registry.has_signed_in(&pair(1)).await.unwrap());
     assert!(a.registry.has_signed_in(&pair(2)).await.unwrap());
+}
+
+/// One that is lost while it notes who has signed in holds what it has locked until the server gives it up.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_instance_that_is_lost_keeps_nobody_from_signing_in_at_the_others() {
+    let (url, _) = database(1).await;
+    let (proxy, behind_proxy) = Proxy::before_database(&url).await;
+    let a = Instance::join(&behind_proxy, "a").await;
+    let b = Instance::join(&url, "b").await;
+    let pair = |number: usize| format!("10.0.0.1\nuser {number}");
+    for number in 1..=4 {
+        b.registry.signed_in(&pair(number), &[]).await.unwrap();
+    }
+    proxy.cut_next(Cut::NeverCommits);
+    let lost = Instant::now();
+    let last = pair(4);
+    let noted_at_a = a.registry.signed_in(&last, &[]);
+    let at_b = async {
+        while proxy.is_armed() {
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+        for number in 1..=3 {
+            b.registry.signed_in(&pair(number), &[]).await.unwrap();
+        }
+        // The same person at the other instance waits until the server has given up the first one.
+        while let Err(error) = b.registry.signed_in(&last, &[]).await {
+            assert!(lost.elapsed() < AGAIN_WITHIN, "{error}");
+        }
+    };
+    let (noted_at_a, ()) = tokio::join!(noted_at_a, at_b);
+    assert!(noted_at_a.is_err(), "nothing was lost");
 }
