@@ -100,6 +100,9 @@ pub struct ChangeOutcome {
     pub flag: Option<(Flagged, f64)>,
     /// Faults that were flagged afterwards.
     pub faults: Vec<Flagged>,
+    /// Way driven after the change until the robot pointed 45° away from where it pointed then, m.
+    #[serde(default)]
+    pub turned_m: Option<f64>,
     /// Way driven after the change, m.
     pub driven_m: f64,
     /// Estimates told after the change, and how many of them held a false claim.

@@ -1,10 +1,12 @@
 //! One run of a cell.
 
+use std::f64::consts::FRAC_PI_4;
 use std::ops::ControlFlow;
 
 use fleetcal_estimator::Estimate;
 use fleetcal_estimator::estimate::{Change, ChangeKind};
-use fleetcal_robot::simulator::{Simulation, TrueParameters};
+use fleetcal_estimator::geometry::wrap_angle_rad;
+use fleetcal_robot::simulator::{Simulation, TrueParameters, Truth};
 
 use super::cell::{Cell, Scenario, Speed};
 use super::outcome::{ChangeOutcome, ClaimsOutcome, Flagged, Outcome, Snapshot};
@@ -18,6 +20,9 @@ pub const CLAIMS_AT_S: [f64; 4] = [60.0, 120.0, 180.0, 600.0];
 pub const AFTER_CHANGE_M: f64 = 40.0;
 /// From here on after a change the alarm has had its time, m.
 const ALARM_AFTER_M: f64 = 20.0;
+/// A LiDAR that moved shows in turns alone: by so much of one, rad, 20 mm are 15 mm between two poses,
+/// `2 sin(turn / 2)` of it.
+const TURNED_RAD: f64 = FRAC_PI_4;
 /// No run is longer than this after a change, s: a robot that drives slower is stopped.
 const AFTER_CHANGE_MAX_S: f64 = 400.0;
 
@@ -78,6 +83,7 @@ fn changed(robot: Robot, changed_s: f64, speed: Speed) -> Result<ChangeOutcome, 
         too_early: Vec::new(),
         flag: None,
         faults: Vec::new(),
+        turned_m: None,
         driven_m: 0.0,
         told: [0; 2],
         told_late: [0; 2],
@@ -87,8 +93,7 @@ fn changed(robot: Robot, changed_s: f64, speed: Speed) -> Result<ChangeOutcome, 
     let driven = drive_watched(robot, end_s, |time_s, seen, robot| {
         match seen {
             Seen::Message(emitted, _) => {
-                let truth = &emitted.truth_when_sent;
-                way.drive(time_s, truth.speed_mps, changed_s);
+                way.drive(time_s, &emitted.truth_when_sent, changed_s);
             }
             Seen::Estimate(estimate, _) => {
                 watch_claims(&mut outcome, time_s, way.since_change_m, estimate, robot);
@@ -101,6 +106,7 @@ fn changed(robot: Robot, changed_s: f64, speed: Speed) -> Result<ChangeOutcome, 
         }
     })?;
     outcome.driven_m = way.since_change_m;
+    outcome.turned_m = way.turned_m;
     sort_flags(&mut outcome, &driven, &way);
     Ok(outcome)
 }
@@ -146,15 +152,23 @@ struct Way {
     since_change_m: f64,
     /// Time, s, and way since the change, m.
     marks: Vec<(f64, f64)>,
+    /// Where the robot pointed at the change, rad.
+    yaw_rad: Option<f64>,
+    /// The way until it had turned by [`TURNED_RAD`] from there, m.
+    turned_m: Option<f64>,
 }
 
 impl Way {
-    fn drive(&mut self, time_s: f64, speed_mps: f64, changed_s: f64) {
+    fn drive(&mut self, time_s: f64, truth: &Truth, changed_s: f64) {
         let last_s = self.last_s.replace(time_s).unwrap_or(time_s);
         if time_s < changed_s {
             return;
         }
-        self.since_change_m += speed_mps.abs() * (time_s - last_s);
+        self.since_change_m += truth.speed_mps.abs() * (time_s - last_s);
+        let yaw_rad = *self.yaw_rad.get_or_insert(truth.base.yaw_rad);
+        if wrap_angle_rad(truth.base.yaw_rad - yaw_rad).abs() >= TURNED_RAD {
+            self.turned_m.get_or_insert(self.since_change_m);
+        }
         if self
             .marks
             .last()

@@ -164,6 +164,16 @@ impl Summary {
         quantile(&mut ways, share)
     }
 
+    /// Way driven from a change until the robot pointed 45° away from where it pointed then, m: so far drives
+    /// this share of the robots at most. Infinite when fewer turned at all.
+    pub fn turned_after_m(&self, share: f64) -> f64 {
+        let ways = self.changes.iter();
+        let mut ways: Vec<_> = ways
+            .map(|(_, run)| run.turned_m.unwrap_or(f64::INFINITY))
+            .collect();
+        quantile(&mut ways, share)
+    }
+
     /// Runs that still hold a false claim more than 20 m after a change.
     pub fn false_claims_after_change(&self) -> Proportion {
         let driven = self.changes.iter().filter(|(_, run)| run.told_late[0] > 0);
@@ -208,10 +218,12 @@ impl Summary {
 
     fn change_line(&self, cell: Cell) -> String {
         format!(
-            "{cell}: median {:.1}m 95% {:.1}m | missed {} wrong cause {} | false claim >20m later {} \
+            "{cell}: median {:.1}m 95% {:.1}m | turned by 45° {:.1}m {:.1}m | missed {} wrong cause {} | false claim >20m later {} \
              | too early {}",
             self.flagged_after_m(0.5),
             self.flagged_after_m(0.95),
+            self.turned_after_m(0.5),
+            self.turned_after_m(0.95),
             self.missed(),
             self.wrong_cause(),
             self.false_claims_after_change(),

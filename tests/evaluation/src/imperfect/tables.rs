@@ -29,7 +29,7 @@ pub fn unchanged(
     pooled(campaign, flaws, seeds, roads, &[Scenario::Unchanged])
 }
 
-/// The robots of each flaw on which `injected` happens, over all routes and both speeds.
+/// The robots of each flaw on which `injected` happens, over some routes and both speeds.
 ///
 /// # Errors
 /// Whatever a run ends with.
@@ -37,10 +37,11 @@ pub fn changed(
     campaign: &mut Campaign,
     flaws: &[Flaw],
     seeds: &[u64],
+    roads: &[Road],
     injected: InjectedChange,
 ) -> Result<Vec<Row>, EvaluationError> {
     let scenarios = Speed::ALL.map(|speed| Scenario::Changed(injected, speed));
-    pooled(campaign, flaws, seeds, &Road::ALL, &scenarios)
+    pooled(campaign, flaws, seeds, roads, &scenarios)
 }
 
 fn pooled(
@@ -172,6 +173,36 @@ pub fn changes_table(rows: &[Row]) -> Table {
         ]);
     }
     table
+}
+
+/// How far robots without an imperfection drive on each route until the alarm, and until they have turned.
+///
+/// # Errors
+/// Whatever a run ends with.
+pub fn turns_table(
+    campaign: &mut Campaign,
+    seeds: &[u64],
+    injected: InjectedChange,
+) -> Result<Table, EvaluationError> {
+    let mut table = Table::new(&[
+        "route",
+        "flagged: median, m",
+        "95 %, m",
+        "turned by 45°: median, m",
+        "95 %, m",
+    ]);
+    for road in Road::ALL {
+        for Row { summary, .. } in changed(campaign, &[Flaw::Clean], seeds, &[road], injected)? {
+            table.row([
+                road.name().to_owned(),
+                metres(summary.flagged_after_m(0.5)),
+                metres(summary.flagged_after_m(0.95)),
+                metres(summary.turned_after_m(0.5)),
+                metres(summary.turned_after_m(0.95)),
+            ]);
+        }
+    }
+    Ok(table)
 }
 
 fn seconds(value_s: f64) -> String {

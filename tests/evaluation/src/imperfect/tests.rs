@@ -49,6 +49,7 @@ fn change(flag: Option<(Cause, f64)>, false_late: u32) -> Outcome {
         too_early: Vec::new(),
         flag: flag.map(|(cause, way_m)| (flagged(cause), way_m)),
         faults: Vec::new(),
+        turned_m: flag.map(|(_, way_m)| 0.5 * way_m),
         driven_m: 40.0,
         told: [40, false_late],
         told_late: [20, false_late],
@@ -144,6 +145,8 @@ fn a_wrong_cause_is_no_right_flag() {
     let summary = Summary::of(cell(steering), &outcomes);
     assert!((summary.flagged_after_m(0.5) - 5.0).abs() < 1e-12);
     assert!(summary.flagged_after_m(0.95).is_infinite());
+    assert!((summary.turned_after_m(0.5) - 1.0).abs() < 1e-12);
+    assert!(summary.turned_after_m(0.95).is_infinite());
     assert_eq!((summary.missed().count, summary.missed().of), (1, 4));
     assert_eq!(
         (summary.wrong_cause().count, summary.wrong_cause().of),
