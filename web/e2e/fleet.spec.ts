@@ -90,6 +90,23 @@ test('a phone shows the fleet without scrolling sideways', async ({ page }) => {
   expect(sideways).toBe(0);
 });
 
+// The narrowest window with a table, and the usual ones.
+for (const width of [1_121, 1_200, 1_241, 1_280, 1_440, 1_920]) {
+  test(`no heading of a column is cut off, ${width} px`, async ({ page }) => {
+    await page.setViewportSize({ width, height: 800 });
+    await page.goto('/');
+    await expect(page.getByText(/robots? needs? attention|No robots need/)).toBeVisible();
+    const cutOff = await page
+      .locator('thead th')
+      .evaluateAll((heads) =>
+        heads
+          .filter((head) => head.scrollWidth > head.clientWidth)
+          .map((head) => head.textContent),
+      );
+    expect(cutOff).toEqual([]);
+  });
+}
+
 test('an address without a page says so', async ({ page, account }) => {
   await page.goto('/robots/no_such_robot');
   await expect(page.getByRole('heading', { name: 'No robot has this name' })).toBeVisible();

@@ -1,6 +1,6 @@
-/** Whether the page is too narrow for a table of eight columns, which then becomes cards. */
+/** Whether the page is too narrow for the fleet's table of ten columns, which then becomes cards. */
 
-const NARROW = '(max-width: 1120px)';
+const NARROW = '(max-width: 1240px)';
 
 class Viewport {
   narrow = $state(false);
