@@ -97,6 +97,12 @@ pub fn watch(url: &PostgresUrl, instances: &[&str]) {
     }
 }
 
+/// How often a robot was given to an instance, or taken from one, so far.
+pub fn tenures_begun(url: &PostgresUrl) -> usize {
+    let count = psql(url, "SELECT count(*) FROM seen_owner");
+    count.trim().parse().unwrap()
+}
+
 /// Puts what the database knows into the evidence.
 pub fn read(url: &PostgresUrl, into: &mut Evidence) {
     const COMMITTED: &str = "(extract(epoch FROM pg_xact_commit_timestamp(s.xmin)) * 1e6)::bigint";

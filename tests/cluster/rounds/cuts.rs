@@ -15,6 +15,7 @@ use crate::figures::{quantile, spread, told};
 use crate::namespaces;
 use crate::network::Cut;
 use crate::progress::Progress;
+use crate::records;
 use crate::trial::{BALANCED_WITHIN, SERVED_WITHIN, Trial};
 
 const PAUSE: Duration = Duration::from_millis(200);
@@ -142,6 +143,7 @@ fn slow(trial: &mut Trial, seed: u64) -> [f64; 2] {
     let name = trial.chosen(&mut random);
     let robots = trial.of_instance(name);
     let delay = Duration::from_millis(random.random_range(50..=DELAY_MAX_MS));
+    let begun = records::tenures_begun(&trial.url());
     let before = trial.decider.acknowledged();
     let lines = trial.cluster.lines(name);
     let lines = [lines.database.clone(), lines.router.clone()];
@@ -161,6 +163,8 @@ fn slow(trial: &mut Trial, seed: u64) -> [f64; 2] {
         robots.len()
     );
     assert_eq!(kept.len(), robots.len(), "robots were taken over");
+    // Nor did one go and come back meanwhile.
+    assert_eq!(records::tenures_begun(&trial.url()), begun);
     assert!(alerts.is_empty(), "{alerts:?}");
     assert!(acknowledged > 0, "nothing was decided");
     [delay.as_secs_f64(), acknowledged as f64]
