@@ -26,7 +26,7 @@ const FORMAT_BEFORE: u8 = 2;
 /// What checkpoints of format 1 begin with: no later format may have its number.
 const TEXT: u8 = b'{';
 /// Each instance of a cluster stores each robot's state every 5 to 10 s. Level 7 makes 1.5 % less for
-/// half as much CPU again, level 19 makes 5 % less for more than 20 times.
+/// half as much CPU again.
 const LEVEL: i32 = 3;
 /// Bytes of a fraction that its sign and exponent are in.
 const EXPONENT_BYTES: usize = 2;
@@ -104,7 +104,7 @@ pub fn unpack<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Unreadable> {
 }
 
 thread_local! {
-    /// Its tables are some hundred kilobytes, which would be given back and cleared for each checkpoint.
+    /// Its tables are some hundred kilobytes, which would be freed and allocated again for each frame.
     static COMPRESSOR: RefCell<Option<Compressor<'static>>> = const { RefCell::new(None) };
 }
 

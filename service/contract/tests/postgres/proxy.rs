@@ -12,7 +12,7 @@ use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Notify;
 
-/// Where the connection of the next job is cut.
+/// Where the connection of the next job, or transaction, is cut.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cut {
     /// The server never sees the COMMIT.
@@ -90,7 +90,7 @@ impl Proxy {
         self.address.to_string()
     }
 
-    /// Cuts the connection of the next job that commits.
+    /// Cuts the connection of the next job, or transaction, that commits.
     pub fn cut_next(&self, cut: Cut) {
         *self.armed.lock().unwrap() = Some(cut);
     }

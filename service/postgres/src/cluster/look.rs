@@ -25,7 +25,7 @@ pub(super) async fn look(session: &mut Session) -> Result<Look, StoreError> {
     Ok(look)
 }
 
-/// Reads the instances and the version of the rows, in one statement.
+/// Reads the instances and the version of the rows, in one statement where there are any.
 pub(super) async fn glance(session: &mut Session) -> Result<Look, StoreError> {
     const GLANCE: &str = "
         SELECT v.version, clock_ns() AS now_ns, i.id, i.incarnation, i.capacity, i.draining, i.linked, i.url,

@@ -31,6 +31,7 @@ use tokio::sync::Mutex;
 use tokio::time::Instant;
 
 use crate::advisory::{AdvisoryLock, Locked};
+use crate::failure::Fate;
 use crate::line::Line;
 use crate::servers::{Purpose, Servers};
 use transaction::Transaction;
@@ -71,22 +72,25 @@ impl Registry {
         }
     }
 
-    /// Looks at the instances alone, in one statement; gives nothing when robots or duties have changed
-    /// as well, or the connection is to be opened again.
+    /// Looks at the instances alone, in one statement; gives nothing when robots or duties have changed,
+    /// or there is no connection any more.
     async fn glance(&self, known: RowsVersion) -> Result<Option<Look>, StoreError> {
         let mut line = self.ownership.lock().await;
         let Some(mut session) = line.take_usable() else {
             return Ok(None);
         };
         let asked_at = Instant::now();
-        match look::glance(&mut session).await {
-            Ok(look) => {
+        let looked = look::glance(&mut session).await;
+        let is_lost = session.fate() == Fate::Lost;
+        // The next look has time for a second server; this one was asked too long ago.
+        let is_late = asked_at.elapsed() >= limits::CLUSTER_STATEMENT_TIMEOUT;
+        match looked {
+            Err(_) if is_lost && !is_late => Ok(None),
+            Err(error) if is_lost => Err(error),
+            looked => {
                 line.session = Some(session);
-                Ok((look.version == known).then_some(look))
+                looked.map(|look| (look.version == known).then_some(look))
             }
-            // Who waits has no time for a second server that does not answer.
-            Err(error) if asked_at.elapsed() > limits::POSTGRES_CONNECT_TIMEOUT => Err(error),
-            Err(_) => Ok(None),
         }
     }
 }

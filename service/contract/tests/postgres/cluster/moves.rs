@@ -8,6 +8,7 @@ use fleetcal_model::{RobotId, RobotTime};
 use tokio::time::Instant as Time;
 
 use super::instance::{Instance, database, end_lease};
+use crate::proxy::Proxy;
 use fleetcal_contract::own_server::psql;
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -82,6 +83,21 @@ async fn a_look_reads_robots_when_they_have_changed_and_not_for_a_renewal() {
     let added = a.registry.look(Some(changed.version)).await.unwrap();
     let names: Vec<_> = added.snapshot.robots.keys().map(RobotId::as_str).collect();
     assert_eq!(names, ["new", "robot_000", "robot_001", "robot_002"]);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_look_over_a_connection_that_was_lost_reads_all_over_a_new_one() {
+    let (url, _) = database(3).await;
+    let (proxy, behind_proxy) = Proxy::before_database(&url).await;
+    let a = Instance::join(&behind_proxy, "a").await;
+    let first = a.look().await;
+    for _ in 0..3 {
+        proxy.lose_clients();
+        let again = a.registry.look(Some(first.version)).await.unwrap();
+        assert!(again.is_whole && again.snapshot.robots.len() == 3);
+        let third = a.registry.look(Some(first.version)).await.unwrap();
+        assert!(!third.is_whole && third.snapshot.members.len() == 1);
+    }
 }
 
 /// Names the other one as heir of all, and says that it hears them.

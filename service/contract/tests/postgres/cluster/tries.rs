@@ -132,6 +132,7 @@ async fn an_instance_that_is_lost_keeps_nobody_from_signing_in_at_the_others() {
     let noted_at_a = a.registry.signed_in(&last, &[]);
     let at_b = async {
         while proxy.is_armed() {
+            assert!(lost.elapsed() < AGAIN_WITHIN, "nothing was committed");
             tokio::time::sleep(Duration::from_millis(10)).await;
         }
         for number in 1..=3 {
