@@ -101,7 +101,8 @@ pub struct ChangeOutcome {
     /// Faults that were flagged afterwards.
     pub faults: Vec<Flagged>,
     /// Way driven after the change until the robot pointed 45° away from where it pointed then, m.
-    #[serde(default)]
+    // A run of before this was told is run again.
+    #[serde(deserialize_with = "Option::deserialize")]
     pub turned_m: Option<f64>,
     /// Way driven after the change, m.
     pub driven_m: f64,
@@ -120,5 +121,5 @@ pub enum Outcome {
     /// Of an unchanged robot.
     Claims(ClaimsOutcome),
     /// Of a robot that changed.
-    Change(ChangeOutcome),
+    Change(Box<ChangeOutcome>),
 }

@@ -34,7 +34,7 @@ pub fn run(cell: Cell, seed: u64, length_s: f64) -> Result<Outcome, EvaluationEr
     let (robot, change_s) = robot(cell, seed);
     match (cell.scenario, change_s) {
         (Scenario::Changed(_, speed), Some(changed_s)) => {
-            changed(robot, changed_s, speed).map(Outcome::Change)
+            changed(robot, changed_s, speed).map(|outcome| Outcome::Change(Box::new(outcome)))
         }
         _ => unchanged(robot, length_s).map(Outcome::Claims),
     }

@@ -31,7 +31,7 @@ impl Summary {
             match (outcome, cell.scenario) {
                 (Outcome::Claims(claims), _) => self.claims.push(claims.clone()),
                 (Outcome::Change(change), Scenario::Changed(injected, _)) => {
-                    self.changes.push((injected, change.clone()));
+                    self.changes.push((injected, ChangeOutcome::clone(change)));
                 }
                 (Outcome::Change(_), Scenario::Unchanged) => {}
             }
@@ -164,8 +164,8 @@ impl Summary {
         quantile(&mut ways, share)
     }
 
-    /// Way driven from a change until the robot pointed 45° away from where it pointed then, m: so far drives
-    /// this share of the robots at most. Infinite when fewer turned at all.
+    /// Way driven from a change until the robot pointed 45° away from where it pointed then, m: the share of
+    /// robots that have turned by then is `share`. Infinite when fewer turned at all.
     pub fn turned_after_m(&self, share: f64) -> f64 {
         let ways = self.changes.iter();
         let mut ways: Vec<_> = ways

@@ -164,8 +164,8 @@ pub fn changes_table(rows: &[Row]) -> Table {
         table.row([
             flaw.name().to_owned(),
             flaw.strength().to_owned(),
-            metres(summary.flagged_after_m(0.5)),
-            metres(summary.flagged_after_m(0.95)),
+            metres(summary.flagged_after_m(0.5), "missed"),
+            metres(summary.flagged_after_m(0.95), "missed"),
             summary.missed().to_string(),
             summary.wrong_cause().to_string(),
             summary.false_claims_after_change().to_string(),
@@ -195,10 +195,10 @@ pub fn turns_table(
         for Row { summary, .. } in changed(campaign, &[Flaw::Clean], seeds, &[road], injected)? {
             table.row([
                 road.name().to_owned(),
-                metres(summary.flagged_after_m(0.5)),
-                metres(summary.flagged_after_m(0.95)),
-                metres(summary.turned_after_m(0.5)),
-                metres(summary.turned_after_m(0.95)),
+                metres(summary.flagged_after_m(0.5), "missed"),
+                metres(summary.flagged_after_m(0.95), "missed"),
+                metres(summary.turned_after_m(0.5), "never"),
+                metres(summary.turned_after_m(0.95), "never"),
             ]);
         }
     }
@@ -213,10 +213,10 @@ fn seconds(value_s: f64) -> String {
     }
 }
 
-fn metres(value_m: f64) -> String {
+fn metres(value_m: f64, or_else: &str) -> String {
     if value_m.is_finite() {
         format!("{value_m:.1}")
     } else {
-        "missed".to_owned()
+        or_else.to_owned()
     }
 }

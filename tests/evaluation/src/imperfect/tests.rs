@@ -43,7 +43,7 @@ fn change(flag: Option<(Cause, f64)>, false_late: u32) -> Outcome {
         kind: ChangeKind::CalibrationChanged,
         cause,
     };
-    Outcome::Change(ChangeOutcome {
+    Outcome::Change(Box::new(ChangeOutcome {
         changed_s: 120.0,
         before: None,
         too_early: Vec::new(),
@@ -54,7 +54,7 @@ fn change(flag: Option<(Cause, f64)>, false_late: u32) -> Outcome {
         told: [40, false_late],
         told_late: [20, false_late],
         end: None,
-    })
+    }))
 }
 
 #[test]
@@ -173,6 +173,8 @@ fn a_jump_on_a_clean_robot_is_flagged_by_its_name_and_the_way_is_counted_from_it
         "{}",
         outcome.changed_s
     );
+    let turned_m = outcome.turned_m.unwrap();
+    assert!((0.5..6.0).contains(&turned_m), "{turned_m}");
     // At 1 m/s and less in bends.
     let since_s = flag.at_s - outcome.changed_s;
     assert!(
