@@ -1,15 +1,17 @@
-/** Whether the page is too narrow for the fleet's table of ten columns, which then becomes cards. */
+/** Whether the page is too narrow for a table, which then becomes cards. */
 
-const NARROW = '(max-width: 1240px)';
+class Narrow {
+  matches = $state(false);
 
-class Viewport {
-  narrow = $state(false);
-
-  constructor() {
-    const query = matchMedia(NARROW);
-    this.narrow = query.matches;
-    query.addEventListener('change', () => (this.narrow = query.matches));
+  constructor(width_px: number) {
+    const query = matchMedia(`(max-width: ${width_px}px)`);
+    this.matches = query.matches;
+    query.addEventListener('change', () => (this.matches = query.matches));
   }
 }
 
-export const viewport = new Viewport();
+/** For one of eight columns. */
+export const narrow = new Narrow(1_120);
+
+/** For the fleet's, which has ten. */
+export const narrowForFleet = new Narrow(1_259);
