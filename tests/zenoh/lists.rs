@@ -14,12 +14,16 @@ use fleetcal_tests::service::{Service, free_port, now, wait_for};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 use zenoh::Session;
+use zenoh::pubsub::Publisher;
 
 use super::certificates::Authority;
 use super::robot;
 
 /// Samples that one robot sends under another's name.
 const TRIES: u64 = 10_000;
+
+/// What was sent has arrived by then, if it does.
+const UNDER_WAY: Duration = Duration::from_millis(500);
 
 /// How long a robot asks, faster than the list lets it.
 const ASKED_FOR: Duration = Duration::from_secs(2);
@@ -64,22 +68,40 @@ pub fn wait_until_received(service: &Service, id: &str, samples: u64) {
     });
 }
 
+/// The stream of a robot, once its samples arrive, and how many have so far: on a busy machine, what a
+/// session sends over QUIC within milliseconds of its declarations does not arrive.
+async fn arriving(service: &Service, session: &Session, id: &str) -> (Publisher<'static>, u64) {
+    let stream = robot::stream(session, id).await;
+    let begun = now();
+    while received(service, id) == 0 {
+        assert!(begun.elapsed() < robot::PATIENCE, "nothing of {id} arrives");
+        robot::send(&stream, 1).await;
+        tokio::time::sleep(UNDER_WAY).await;
+    }
+    tokio::time::sleep(UNDER_WAY).await;
+    (stream, received(service, id))
+}
+
 /// Robot A's connection: what it sends as itself arrives, what it sends as B does not, and of what
 /// the service says it gets its own alone. `listener` is a second connection of B.
 async fn assert_a_is_a_alone(service: &Service, a: &Session, b: &Session, listener: &Session) {
+    let (as_a, of_a) = arriving(service, a, "robot_a").await;
     let as_b = robot::stream(a, "robot_b").await;
     let estimates_of_b = "fleet/robot_b/estimate";
     let heard_by_b = listener.declare_subscriber(estimates_of_b).await.unwrap();
     let heard = a.declare_subscriber(estimates_of_b).await.unwrap();
+    // The key of the forged ones is declared by then, too.
+    tokio::time::sleep(UNDER_WAY).await;
     robot::send(&as_b, TRIES).await;
     // Behind the forged ones on the same connection: when these are in, those have been decided on.
-    robot::send(&robot::stream(a, "robot_a").await, 100).await;
-    wait_until_received(service, "robot_a", 100);
+    robot::send(&as_a, 100).await;
+    wait_until_received(service, "robot_a", of_a + 100);
     assert_eq!(received(service, "robot_b"), 0, "of {TRIES} forged samples");
-    robot::send(&robot::stream(b, "robot_b").await, 300).await;
-    wait_until_received(service, "robot_b", 300);
-    assert_eq!(received(service, "robot_b"), 300);
-    assert_eq!(received(service, "robot_a"), 100);
+    let (by_b, of_b) = arriving(service, b, "robot_b").await;
+    robot::send(&by_b, 300).await;
+    wait_until_received(service, "robot_b", of_b + 300);
+    assert_eq!(received(service, "robot_b"), of_b + 300);
+    assert_eq!(received(service, "robot_a"), of_a + 100);
     eprintln!("{TRIES} samples of robot A under robot B's key, 0 accepted");
 
     // B's estimate did leave.
