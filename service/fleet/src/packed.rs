@@ -104,7 +104,7 @@ pub fn unpack<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Unreadable> {
 }
 
 thread_local! {
-    /// Its tables are some hundred kilobytes, which would be freed and allocated again for each frame.
+    /// Its tables would be freed and allocated again for each frame.
     static COMPRESSOR: RefCell<Option<Compressor<'static>>> = const { RefCell::new(None) };
 }
 
