@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 use crate::geometry::Pose2;
 use crate::occupancy_grid::{ORIGIN_MAX_M, OccupancyGrid};
 use crate::stream::{FieldRefused, RobotTime, Scan};
-use beam_filter::{BeamFilter, ScanPoints};
+use beam_filter::{BLOCKS_MAX, BeamFilter, LANES, ScanPoints};
 use covariance::OpenDirection;
 use fit::Fit;
 use local_map::LocalMap;
@@ -314,10 +314,12 @@ impl LidarOdometry {
         let mut motion = predicted.clone();
         let mut open = None;
         let mut chi2 = (0.0, 0.0);
+        let mut squares = [[f32::INFINITY; LANES]; BLOCKS_MAX];
+        let mut is_settled = false;
         for iteration in 0..ITERATIONS_MAX {
             let local = LocalMotion::new(&motion, origin);
             let stride = if iteration == 0 { 2 } else { 1 };
-            let mut equations = alignment.linearise(&local, stride);
+            let mut equations = alignment.linearise(&local, stride, &mut squares);
             if let Some(direction) = covariance::suspect_direction(&equations) {
                 let facing = alignment.information_facing(&local, direction);
                 open = covariance::is_open(facing).then_some(OpenDirection { direction });
@@ -330,12 +332,16 @@ impl LidarOdometry {
             predicted.correct(&mut motion, &correction);
             motion.covariance = covariance;
             chi2 = (equations.chi2, equations.on_map);
-            if iteration > 0 && correction.fixed_rows::<3>(0).amax() < STEP_MIN {
+            is_settled = iteration > 0 && correction.fixed_rows::<3>(0).amax() < STEP_MIN;
+            if is_settled {
                 break;
             }
         }
         let local = LocalMotion::new(&motion, origin);
-        let fit = alignment.assess(&local, &self.map.free_space, ASSESS_STRIDE);
+        if !is_settled {
+            alignment.linearise(&local, 1, &mut squares);
+        }
+        let fit = alignment.assess(&local, &self.map.free_space, &squares, ASSESS_STRIDE);
         Some(Solution {
             motion,
             fit,

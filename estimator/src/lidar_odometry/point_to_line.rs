@@ -9,12 +9,12 @@
 
 use nalgebra::{Matrix3, Matrix6, Vector2, Vector6};
 
-use super::beam_filter::{Block, LANES, Point, ScanPoints};
+use super::beam_filter::{BLOCKS_MAX, Block, LANES, ScanPoints};
 use super::fit::Fit;
 use super::motion::Motion;
 use super::normal_equations::NormalEquations;
 use super::range_errors::RangeErrors;
-use super::submap::{FreeSpace, LocalOrigin, Submap};
+use super::submap::{Cell, FreeSpace, LocalOrigin, Submap};
 
 /// Beyond this many of its sigmas a residual loses its weight (Geman-McClure).
 const ROBUST_SIGMAS: f32 = 3.0;
@@ -47,6 +47,10 @@ struct Terms {
     sums: [[f32; LANES]; TERMS],
 }
 
+/// Squared residuals of a scan's points over their variances, block by block; infinite where the map has no
+/// line.
+pub type Squares = [[f32; LANES]; BLOCKS_MAX];
+
 /// A block of points laid over the map, one lane a point.
 pub struct Laid {
     /// The deskewed points in the LiDAR's frame.
@@ -78,6 +82,8 @@ pub struct Seen {
     pub distance: f32,
     /// The residual over its standard deviation, squared.
     normalised2: f32,
+    /// One over the residual's variance, 1/m²; 0 where there is no line.
+    information: f32,
     /// Weight of the residual, 1/m².
     pub weight: f32,
 }
@@ -165,17 +171,6 @@ impl LocalMotion {
     }
 }
 
-/// A point against the line of its cell.
-#[derive(Debug, Clone, Copy)]
-struct Residual {
-    /// The line's normal in the LiDAR's frame.
-    m: (f32, f32),
-    /// Distance from the line, m.
-    distance: f32,
-    /// Variance of the distance, m²: of the range, as the line sees it, and of the line.
-    variance: f32,
-}
-
 /// The points of a scan laid over the map: the one place where residuals come from.
 #[derive(Clone, Copy)]
 pub struct Alignment<'a> {
@@ -190,35 +185,20 @@ pub struct Alignment<'a> {
 }
 
 impl Alignment<'_> {
-    /// The residual of a point, where its cell has a line.
-    #[inline]
-    fn residual(&self, motion: &LocalMotion, point: &Point) -> Option<Residual> {
-        let (qx, qy) = motion.deskew(point.x, point.y, point.tau_s);
-        let (wx, wy) = motion.transform(qx, qy);
-        let (cell, cx, cy) = motion.origin.locate(wx, wy);
-        let line = self.submap.line(cell);
-        if !line.exists() {
-            return None;
-        }
-        let mx = motion.cos * line.nx + motion.sin * line.ny;
-        let my = motion.cos * line.ny - motion.sin * line.nx;
-        let cos = (mx * qx + my * qy) * point.inverse_range;
-        let errors = self.range_errors;
-        let off_m = errors.across_m(cos) - errors.across_m(line.cos);
-        let seen_m = cos * self.range_noise_m;
-        Some(Residual {
-            m: (mx, my),
-            distance: line.nx * cx + line.ny * cy - line.d - off_m,
-            variance: seen_m * seen_m + line.variance + RESIDUAL_FLOOR_M * RESIDUAL_FLOOR_M,
-        })
-    }
-
-    /// One pass over every `stride`-th block of points: residuals, weights and normal equations.
-    pub fn linearise(&self, motion: &LocalMotion, stride: usize) -> NormalEquations {
+    /// One pass over every `stride`-th block of points: residuals, weights and normal equations. Notes the
+    /// squared residuals of these blocks.
+    pub fn linearise(
+        &self,
+        motion: &LocalMotion,
+        stride: usize,
+        squares: &mut Squares,
+    ) -> NormalEquations {
         let mut sums = Sums::default();
-        for block in self.points.blocks().iter().step_by(stride) {
+        let blocks = self.points.blocks().iter().zip(squares);
+        for (block, squares) in blocks.step_by(stride) {
             let laid = self.lay(motion, block);
-            sums.add(&self.weigh(motion, block, &laid), block.mean_tau_s());
+            let terms = self.weigh(motion, block, &laid, squares);
+            sums.add(&terms, block.mean_tau_s());
         }
         sums.into_equations()
     }
@@ -235,18 +215,19 @@ impl Alignment<'_> {
             cos: [0.0; LANES],
             matched: [0.0; LANES],
         };
-        let (mut wx, mut wy) = ([0.0; LANES], [0.0; LANES]);
+        let mut cells = [Cell { x: 0, y: 0 }; LANES];
+        let (mut cx, mut cy) = ([0.0; LANES], [0.0; LANES]);
         for i in 0..LANES {
             let (qx, qy) = motion.deskew(block.x[i], block.y[i], block.tau_s[i]);
-            (wx[i], wy[i]) = motion.transform(qx, qy);
+            let (wx, wy) = motion.transform(qx, qy);
+            (cells[i], cx[i], cy[i]) = motion.origin.locate(wx, wy);
             (laid.qx[i], laid.qy[i]) = (qx, qy);
         }
         for i in 0..block.count().min(LANES) {
-            let (cell, cx, cy) = motion.origin.locate(wx[i], wy[i]);
-            let line = self.submap.line(cell);
+            let line = self.submap.line(cells[i]);
             if line.exists() {
                 (laid.nx[i], laid.ny[i]) = (line.nx, line.ny);
-                laid.distance[i] = line.nx * cx + line.ny * cy - line.d;
+                laid.distance[i] = line.nx * cx[i] + line.ny * cy[i] - line.d;
                 laid.variance[i] = line.variance;
                 laid.cos[i] = line.cos;
                 laid.matched[i] = 1.0;
@@ -256,7 +237,13 @@ impl Alignment<'_> {
     }
 
     /// The terms of the normal equations of a block, lane by lane.
-    fn weigh(&self, motion: &LocalMotion, block: &Block, laid: &Laid) -> Terms {
+    fn weigh(
+        &self,
+        motion: &LocalMotion,
+        block: &Block,
+        laid: &Laid,
+        squares: &mut [f32; LANES],
+    ) -> Terms {
         let mut terms = Terms {
             sums: [[0.0; LANES]; TERMS],
         };
@@ -272,6 +259,11 @@ impl Alignment<'_> {
             } = self.seen(motion, block, laid, i);
             let is_on_map = normalised2 < ON_MAP_SIGMAS * ON_MAP_SIGMAS;
             let on_map = if is_on_map { laid.matched[i] } else { 0.0 };
+            squares[i] = if laid.matched[i] > 0.0 {
+                normalised2
+            } else {
+                f32::INFINITY
+            };
             let pull = -weight * distance;
             let (wx, wy, wt) = (weight * jx, weight * jy, weight * jt);
             terms.sums[0][i] = wx * jx;
@@ -311,6 +303,7 @@ impl Alignment<'_> {
             cos,
             distance,
             normalised2,
+            information,
             weight: robust * robust * information,
         }
     }
@@ -320,47 +313,55 @@ impl Alignment<'_> {
     pub fn information_facing(&self, motion: &LocalMotion, direction: Vector2<f64>) -> f64 {
         let (ex, ey) = (direction.x as f32, direction.y as f32);
         let mut sum = 0.0;
-        for point in self.points.iter() {
-            let Some(residual) = self.residual(motion, &point) else {
-                continue;
-            };
-            let facing = residual.m.0 * ex + residual.m.1 * ey;
-            if facing.abs() > FACING_COS {
-                sum += facing * facing / residual.variance;
+        for block in self.points.blocks() {
+            let laid = self.lay(motion, block);
+            for i in 0..LANES {
+                let seen = self.seen(motion, block, &laid, i);
+                let facing = seen.jx * ex + seen.jy * ey;
+                if facing.abs() > FACING_COS {
+                    sum += facing * facing * seen.information;
+                }
             }
         }
         f64::from(sum)
     }
 
-    /// Sorts every `stride`-th point: on the map, where space was seen free, or neither; and where a
-    /// map was known before, whether it agrees.
-    pub fn assess(&self, motion: &LocalMotion, free_space: &FreeSpace, stride: usize) -> Fit {
+    /// Sorts every `stride`-th point by its squared residual: on the map, where space was seen free, or
+    /// neither; and where a map was known before, whether it agrees.
+    pub fn assess(
+        &self,
+        motion: &LocalMotion,
+        free_space: &FreeSpace,
+        squares: &Squares,
+        stride: usize,
+    ) -> Fit {
         let mut fit = Fit::default();
-        for point in self.points.iter().step_by(stride) {
-            fit.points += 1.0;
-            let cell = || {
-                let (qx, qy) = motion.deskew(point.x, point.y, point.tau_s);
-                let (wx, wy) = motion.transform(qx, qy);
-                motion.origin.locate(wx, wy).0
-            };
-            let normalised2 = self
-                .residual(motion, &point)
-                .map_or(f32::INFINITY, |r| r.distance * r.distance / r.variance);
-            let is_on_map = normalised2 < ON_MAP_SIGMAS * ON_MAP_SIGMAS;
-            let score = 1.0 / (1.0 + normalised2 * (1.0 / (ROBUST_SIGMAS * ROBUST_SIGMAS)));
-            fit.score += score;
-            if is_on_map {
-                fit.on_map += 1.0;
-            } else if free_space.was_free(cell()) {
-                fit.moving += 1.0;
-                fit.score_of_moving += score;
-            }
-            if let Some(known) = self.submap.known() {
-                let cell = cell();
-                if known.line(cell).exists() && is_on_map {
-                    fit.agrees += 1.0;
-                } else if known.is_free(cell) || known.line(cell).exists() {
-                    fit.disagrees += 1.0;
+        for (number, (block, squares)) in self.points.blocks().iter().zip(squares).enumerate() {
+            let before = number * LANES;
+            let first = before.next_multiple_of(stride) - before;
+            for i in (first..block.count().min(LANES)).step_by(stride) {
+                let cell = || {
+                    let (qx, qy) = motion.deskew(block.x[i], block.y[i], block.tau_s[i]);
+                    let (wx, wy) = motion.transform(qx, qy);
+                    motion.origin.locate(wx, wy).0
+                };
+                fit.points += 1.0;
+                let is_on_map = squares[i] < ON_MAP_SIGMAS * ON_MAP_SIGMAS;
+                let score = 1.0 / (1.0 + squares[i] * (1.0 / (ROBUST_SIGMAS * ROBUST_SIGMAS)));
+                fit.score += score;
+                if is_on_map {
+                    fit.on_map += 1.0;
+                } else if free_space.was_free(cell()) {
+                    fit.moving += 1.0;
+                    fit.score_of_moving += score;
+                }
+                if let Some(known) = self.submap.known() {
+                    let cell = cell();
+                    if known.line(cell).exists() && is_on_map {
+                        fit.agrees += 1.0;
+                    } else if known.is_free(cell) || known.line(cell).exists() {
+                        fit.disagrees += 1.0;
+                    }
                 }
             }
         }

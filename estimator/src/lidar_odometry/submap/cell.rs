@@ -10,8 +10,11 @@ pub(super) const TILE_CELLS: i32 = 1 << TILE_SHIFT;
 pub(super) const CELLS_IN_TILE: usize = (TILE_CELLS * TILE_CELLS) as usize;
 /// Edge of the local map's table of tiles.
 pub(super) const TABLE_TILES: i32 = 256;
-/// Added before truncation, so that it rounds down: cells from the local origin to the table's rim.
-const BIAS: i32 = TABLE_TILES / 2 * TILE_CELLS;
+/// Bits of a cell's fraction that are left of a coordinate before it is rounded down: 0.1 mm.
+const FRACTION_BITS: i32 = 10;
+/// Added to a coordinate in cells, which is far smaller: single precision then has so many bits of a fraction,
+/// and numbers follow each other as their bits do.
+const FIXED_POINT: f32 = 13_312.0;
 
 /// A cell of the odometry frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -61,8 +64,7 @@ impl LocalOrigin {
     /// The cell of a point given from this origin, and the point relative to the cell's centre.
     #[inline]
     pub fn locate(self, x: f32, y: f32) -> (Cell, f32, f32) {
-        let column = (x * CELLS_PER_M + BIAS as f32) as i32 - BIAS;
-        let row = (y * CELLS_PER_M + BIAS as f32) as i32 - BIAS;
+        let (column, row) = (rounded_down(x * CELLS_PER_M), rounded_down(y * CELLS_PER_M));
         let cell = Cell {
             x: self.cell.x + column,
             y: self.cell.y + row,
@@ -72,5 +74,30 @@ impl LocalOrigin {
             x - (column as f32 + 0.5) * CELL,
             y - (row as f32 + 0.5) * CELL,
         )
+    }
+}
+
+/// The whole number below `value`, where a point just below a cell's edge lies on it: `floor` and a cast
+/// would take several times as long.
+#[inline]
+fn rounded_down(value: f32) -> i32 {
+    let bits = (value + FIXED_POINT).to_bits() as i32 - FIXED_POINT.to_bits() as i32;
+    bits >> FRACTION_BITS
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cell_reaches_from_its_edge_to_the_next() {
+        for column in [-600, -1, 0, 1, 2, 3, 599] {
+            let edge = column as f32;
+            assert_eq!(rounded_down(edge), column);
+            assert_eq!(rounded_down(edge + 0.999), column);
+            assert_eq!(rounded_down(edge - 0.001), column - 1);
+        }
+        // Only the last bits are off the edge.
+        assert_eq!(rounded_down((0.82 - 0.02) * CELLS_PER_M), 8);
     }
 }

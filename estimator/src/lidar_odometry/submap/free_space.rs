@@ -63,6 +63,7 @@ impl FreeSpace {
         self.evidence.capacity() + self.hit_in.capacity()
     }
 
+    #[inline]
     fn slot(&self, cell: Cell) -> Option<usize> {
         let low = self.low?;
         let (x, y) = (cell.x >> SCALE_SHIFT, cell.y >> SCALE_SHIFT);
@@ -71,6 +72,7 @@ impl FreeSpace {
     }
 
     /// Whether a return in this cell is a moving object's.
+    #[inline]
     pub fn was_free(&self, cell: Cell) -> bool {
         self.slot(cell)
             .and_then(|slot| self.evidence.get(slot))
@@ -128,6 +130,7 @@ impl FreeSpace {
     }
 
     /// A return lies in this cell.
+    #[inline]
     pub fn hit(&mut self, cell: Cell) {
         let Some(slot) = self.slot(cell) else { return };
         if let (Some(e), Some(hit_in)) = (self.evidence.get_mut(slot), self.hit_in.get_mut(slot))

@@ -13,7 +13,7 @@ mod surfel;
 mod tests;
 mod tiles;
 
-use std::ops::RangeInclusive;
+use std::ops::Range;
 use std::sync::Arc;
 
 pub use cell::{CELL_M, Cell, LocalOrigin};
@@ -22,18 +22,19 @@ pub use known_map::KnownMap;
 pub use surfel::{Fitted, Line, LineQuality, Moments, WindowMoments};
 
 use cell::CELL;
-use tiles::TilePool;
+use tiles::{Neighbours, TilePool};
 
 /// A window of cells with fewer points is looked at more widely.
 const SPARSE_POINTS: f32 = 8.0;
 
-/// A window of three by three cells without one of its sides: columns and rows from the middle.
-const WITHOUT_A_SIDE: [(RangeInclusive<i32>, RangeInclusive<i32>); 4] = [
-    (-1..=0, -1..=1),
-    (0..=1, -1..=1),
-    (-1..=1, -1..=0),
-    (-1..=1, 0..=1),
-];
+/// Edge of the window of cells that a line is laid through,
+const NEAR: usize = 3;
+/// and of the wider one.
+const WIDE: usize = 5;
+
+/// A window of three by three cells without one of its sides: columns and rows.
+const WITHOUT_A_SIDE: [(Range<usize>, Range<usize>); 4] =
+    [(0..2, 0..3), (1..3, 0..3), (0..3, 0..2), (0..3, 1..3)];
 
 /// The map.
 #[derive(Debug, Clone)]
@@ -198,19 +199,21 @@ impl Submap {
     }
 
     fn fit(&self, cell: Cell) -> Line {
-        let window = self.gathered(cell, -1..=1, -1..=1);
+        let near = self.tiles.around::<NEAR>(cell);
+        let window = gathered(&near, 0..NEAR, 0..NEAR);
         if window.count() < 0.5 {
             return Line::NONE;
         }
         if let Some(whole) = window.fit(&self.quality) {
-            return self.without_corner(cell, &whole).unwrap_or(whole.line);
+            return self.without_corner(&near, &whole).unwrap_or(whole.line);
         }
         // Clutter or a corner: the cell alone may still show a line. Few points: a wider look may.
         let is_sparse = window.count() < SPARSE_POINTS;
         if is_sparse {
-            self.gathered(cell, -2..=2, -2..=2).line(&self.quality)
+            let wide = self.tiles.around::<WIDE>(cell);
+            gathered(&wide, 0..WIDE, 0..WIDE).line(&self.quality)
         } else {
-            self.gathered(cell, 0..=0, 0..=0).line(&self.quality_alone)
+            gathered(&near, 1..2, 1..2).line(&self.quality_alone)
         }
     }
 
@@ -220,13 +223,13 @@ impl Submap {
     /// Corners of boxes stick out, so that lines laid around them lie too far back, and a scan held
     /// against those looks too small. A rolling scan takes that for a motion to its side: its
     /// turns came out displaced by 0.4 mm a radian.
-    fn without_corner(&self, cell: Cell, whole: &Fitted) -> Option<Line> {
+    fn without_corner(&self, near: &Neighbours<'_, NEAR>, whole: &Fitted) -> Option<Line> {
         if whole.across_m2 < self.quality.noise_m2 {
             return None;
         }
         let (mut best, mut least_m2) = (None, whole.across_m2);
         for (columns, rows) in WITHOUT_A_SIDE {
-            let part = self.gathered(cell, columns, rows);
+            let part = gathered(near, columns, rows);
             if let Some(part) = part.fit(&self.quality)
                 && part.across_at_most_m2() < least_m2
             {
@@ -237,27 +240,6 @@ impl Submap {
         best
     }
 
-    /// The points in the columns and rows of cells around a cell.
-    fn gathered(
-        &self,
-        cell: Cell,
-        columns: RangeInclusive<i32>,
-        rows: RangeInclusive<i32>,
-    ) -> WindowMoments {
-        let mut window = WindowMoments::default();
-        for dy in rows {
-            for dx in columns.clone() {
-                if let Some(moments) = self.tiles.moments(Cell {
-                    x: cell.x + dx,
-                    y: cell.y + dy,
-                }) {
-                    window.add(moments, dx as f32 * CELL, dy as f32 * CELL);
-                }
-            }
-        }
-        window
-    }
-
     /// Calls `visit` with each occupied cell at most `reach` cells from `centre` in x and y, and
     /// perhaps some that lie farther away.
     pub fn for_each_occupied(&self, centre: Cell, reach: i32, mut visit: impl FnMut(Cell)) {
@@ -266,4 +248,23 @@ impl Submap {
         }
         self.tiles.for_each_occupied(visit);
     }
+}
+
+/// The points in some columns and rows of cells around the middle one.
+#[inline]
+fn gathered<const EDGE: usize>(
+    around: &Neighbours<'_, EDGE>,
+    columns: Range<usize>,
+    rows: Range<usize>,
+) -> WindowMoments {
+    let from_middle_m = |index: usize| (index as f32 - (EDGE / 2) as f32) * CELL;
+    let mut window = WindowMoments::default();
+    for y in rows {
+        for x in columns.clone() {
+            if let Some(moments) = around[y][x] {
+                window.add(moments, from_middle_m(x), from_middle_m(y));
+            }
+        }
+    }
+    window
 }

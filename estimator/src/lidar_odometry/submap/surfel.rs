@@ -36,6 +36,7 @@ pub const POINTS_IN_CELL_MAX: f32 = 400.0;
 impl Moments {
     /// Adds a point given relative to the cell's centre, seen in a direction. Returns whether the
     /// line should be fitted again: the first time and each time the points have grown by a quarter.
+    #[inline]
     pub fn add(
         &mut self,
         (x, y): (f32, f32),
@@ -100,6 +101,7 @@ pub struct WindowMoments {
 
 impl WindowMoments {
     /// Adds the moments of a cell whose centre lies at (`ox`, `oy`) from the middle, m.
+    #[inline]
     pub fn add(&mut self, cell: &Moments, ox: f32, oy: f32) {
         self.n += cell.n;
         self.sx += cell.sx + cell.n * ox;

@@ -14,6 +14,9 @@ const TILES_AT_START: usize = 64;
 /// Tiles farther from the LiDAR are dropped, in tiles (80 m).
 const TILE_DISTANCE_MAX: i32 = 100;
 
+/// The points of a square of cells, row by row, where they have any.
+pub type Neighbours<'a, const EDGE: usize> = [[Option<&'a Moments>; EDGE]; EDGE];
+
 #[derive(Debug, Clone, Copy)]
 struct TileHeader {
     x: i32,
@@ -98,22 +101,39 @@ impl TilePool {
         }
     }
 
-    /// The points of a cell, where it has any.
-    pub fn moments(&self, cell: Cell) -> Option<&Moments> {
-        let tile = self.tile_of(cell)?;
-        self.moments
-            .get(tile)?
-            .get(cell.slot())
-            .filter(|moments| moments.n > 0.0)
+    /// The points of a cell and of those around it.
+    pub fn around<const EDGE: usize>(&self, cell: Cell) -> Neighbours<'_, EDGE> {
+        let corner = EDGE as i32 / 2;
+        let mut around = [[None; EDGE]; EDGE];
+        // Most lie in one tile.
+        let mut last = None;
+        for (y, row) in (cell.y - corner..).zip(&mut around) {
+            for (x, moments) in (cell.x - corner..).zip(row) {
+                let tile = (x >> TILE_SHIFT, y >> TILE_SHIFT);
+                let cells = match last {
+                    Some((of, cells)) if of == tile => cells,
+                    _ => self
+                        .tile_of(Cell { x, y })
+                        .and_then(|tile| self.moments.get(tile)),
+                };
+                last = Some((tile, cells));
+                *moments = cells
+                    .and_then(|cells| cells.get(Cell { x, y }.slot()))
+                    .filter(|moments| moments.n > 0.0);
+            }
+        }
+        around
     }
 
     /// What a cell holds, where it has a tile.
+    #[inline]
     pub fn moments_mut(&mut self, cell: Cell) -> Option<&mut Moments> {
         let tile = self.tile_of(cell)?;
         self.moments.get_mut(tile)?.get_mut(cell.slot())
     }
 
     /// What a cell holds, in a new tile if need be; the update is noted on the tile.
+    #[inline]
     pub fn moments_or_new(&mut self, cell: Cell, update: u32) -> Option<&mut Moments> {
         let tile = self.tile_or_new(cell, update)?;
         self.moments.get_mut(tile)?.get_mut(cell.slot())
