@@ -35,6 +35,8 @@ const JUMP_NOISES: f64 = 4.0;
 const PARABOLA_REACH_S: f64 = 0.12;
 /// and from no fewer than so many.
 const PARABOLA_SAMPLES_MIN: f64 = 4.0;
+/// A sample is looked for among so many of the newest first: a quarter of a second at 100 Hz.
+const SEARCH_STEP: usize = 24;
 
 /// Recent drive samples, oldest first. A sample describes the interval that ends at its stamp.
 #[derive(Debug, Clone)]
@@ -43,6 +45,8 @@ pub struct DriveHistory {
     span_s: f64,
     /// Smallest change between two steering readings so far: the step of a quantised encoder.
     smallest_change_rad: f64,
+    /// How many of the samples have a reading that has stayed for long.
+    held_long: usize,
 }
 
 /// A sample and how far the vehicle had driven on its steering reading before it.
@@ -52,6 +56,12 @@ struct Kept {
     held_m: f64,
     /// Where the wheel would be behind that play, rad.
     behind_play_rad: f64,
+}
+
+impl Kept {
+    fn is_held_long(&self) -> bool {
+        self.held_m > HELD_LONG_M
+    }
 }
 
 /// A stretch of drive time with one reading.
@@ -74,6 +84,7 @@ impl DriveHistory {
             samples: VecDeque::new(),
             span_s,
             smallest_change_rad: f64::INFINITY,
+            held_long: 0,
         }
     }
 
@@ -98,14 +109,17 @@ impl DriveHistory {
                 self.smallest_change_rad = self.smallest_change_rad.min(change_rad);
             }
         }
-        self.samples.push_back(Kept {
+        let kept = Kept {
             sample,
             held_m,
             behind_play_rad,
-        });
+        };
+        self.held_long += usize::from(kept.is_held_long());
+        self.samples.push_back(kept);
         while let Some(oldest) = self.samples.front()
             && sample.stamp().seconds_since(oldest.sample.stamp()) > self.span_s
         {
+            self.held_long -= usize::from(oldest.is_held_long());
             self.samples.pop_front();
         }
     }
@@ -125,13 +139,14 @@ impl DriveHistory {
     /// times the sum of `w^2`.
     pub fn repeated_reading_variance_rad2(&self, straight_rad: f64) -> f64 {
         let step_rad = self.steering_step_rad();
-        if step_rad <= 0.0 {
+        if step_rad <= 0.0 || self.held_long == 0 {
             return 0.0;
         }
         let mut ways_m: BTreeMap<i64, f64> = BTreeMap::new();
         let mut all_m = 0.0;
         let mut before: Option<RobotTime> = None;
-        for Kept { sample, held_m, .. } in &self.samples {
+        for kept in &self.samples {
+            let sample = kept.sample;
             let interval_s = before.map_or(0.0, |before| sample.stamp().seconds_since(before));
             before = Some(sample.stamp());
             if (sample.steering_rad() - straight_rad).abs() > ALMOST_STRAIGHT_RAD {
@@ -139,7 +154,7 @@ impl DriveHistory {
             }
             let way_m = sample.speed_mps().abs() * interval_s.min(GAP_MIN_S);
             all_m += way_m;
-            if *held_m > HELD_LONG_M {
+            if kept.is_held_long() {
                 let reading = (sample.steering_rad() / step_rad).round() as i64;
                 *ways_m.entry(reading).or_default() += way_m;
             }
@@ -151,6 +166,7 @@ impl DriveHistory {
     /// Forgets everything: a new session begins.
     pub fn clear(&mut self) {
         self.samples.clear();
+        self.held_long = 0;
     }
 
     /// Time of the newest sample.
@@ -242,8 +258,30 @@ impl DriveHistory {
 
     /// Where the samples from a time on begin.
     fn first_at(&self, stamp: RobotTime) -> usize {
-        self.samples
-            .partition_point(|kept| kept.sample.stamp() < stamp)
+        let is_before = |index: usize| {
+            let kept = self.samples.get(index);
+            kept.is_some_and(|kept| kept.sample.stamp() < stamp)
+        };
+        // What is asked for is recent: from the newest back in ever longer steps, then halving the last one.
+        let (mut low, mut high) = (self.samples.len(), self.samples.len());
+        let mut step = SEARCH_STEP;
+        while low > 0 {
+            high = low;
+            low = low.saturating_sub(step);
+            if is_before(low) {
+                break;
+            }
+            step *= 2;
+        }
+        while low < high {
+            let middle = low.midpoint(high);
+            if is_before(middle) {
+                low = middle + 1;
+            } else {
+                high = middle;
+            }
+        }
+        low
     }
 
     /// Which side of a typical play the steering is on at a time, from -1 to 1.
@@ -259,21 +297,28 @@ impl DriveHistory {
     fn parabola(&self, stamp: RobotTime, of: impl Fn(&DriveSample) -> f64) -> Option<Vector3<f64>> {
         let from = stamp.plus_seconds(-PARABOLA_REACH_S);
         let first = self.first_at(from);
-        let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
         let first_value = of(&self.samples.get(first)?.sample);
+        // Sums of the powers of u, and of the values times them.
+        let [mut n, mut u1, mut u2, mut u3, mut u4] = [0.0; 5];
+        let mut right = Vector3::zeros();
         for Kept { sample, .. } in self.samples.range(first..) {
             // In units of the reach, and from the first value, which keeps the numbers near one.
-            let u = sample.stamp().seconds_since(stamp) / PARABOLA_REACH_S;
+            let u = sample.stamp().seconds_since(stamp) * (1.0 / PARABOLA_REACH_S);
             if u > 1.0 {
                 break;
             }
-            let powers = Vector3::new(1.0, u, u * u);
-            normal += powers * powers.transpose();
-            right += powers * (of(sample) - first_value);
+            let (square, value) = (u * u, of(sample) - first_value);
+            n += 1.0;
+            u1 += u;
+            u2 += square;
+            u3 += square * u;
+            u4 += square * square;
+            right += Vector3::new(value, u * value, square * value);
         }
-        if normal[(0, 0)] < PARABOLA_SAMPLES_MIN {
+        if n < PARABOLA_SAMPLES_MIN {
             return None;
         }
+        let normal = Matrix3::new(n, u1, u2, u1, u2, u3, u2, u3, u4);
         let fitted = normal.cholesky()?.solve(&right);
         Some(Vector3::new(
             first_value + fitted.x,

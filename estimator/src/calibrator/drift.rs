@@ -58,7 +58,7 @@ impl Calibrator {
         };
         let settings = &self.config.settings;
         let known = self.watch.long_run().known(filter);
-        let covariance = self.watch.long_run().claim(&known.covariance);
+        let covariance = self.watch.long_run().scatter(&known.covariance).claim();
         if !knows_enough(&covariance, settings) {
             return;
         }

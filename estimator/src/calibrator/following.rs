@@ -177,7 +177,7 @@ impl Calibrator {
         if let Some(follower) = self.follower.take() {
             let filter = &follower.filter;
             let known = self.watch.long_run().known(filter);
-            let covariance = self.watch.long_run().claim(&known.covariance);
+            let covariance = self.watch.long_run().scatter(&known.covariance).claim();
             let settings = &self.config.settings;
             // An unfinished session has learnt nothing that a comparison could be held to.
             if self.comparison.is_none() && knows_enough(&covariance, settings) {
@@ -206,7 +206,7 @@ impl Calibrator {
         };
         let settings = &self.config.settings;
         let known = self.watch.long_run().known(filter);
-        let covariance = self.watch.long_run().claim(&known.covariance);
+        let covariance = self.watch.long_run().scatter(&known.covariance).claim();
         if !knows_enough(&covariance, settings) {
             return;
         }

@@ -445,11 +445,12 @@ impl Calibrator {
     /// What may be told of a filter's parameters.
     fn told_of(&self, filter: &Filter) -> Told {
         let long_run = self.watch.long_run();
-        let mut known = long_run.known(filter);
-        let scatter = long_run.ratios(&filter.parameter_covariance());
-        known.covariance = long_run.publish(&known.covariance);
+        let covariance = filter.parameter_covariance();
+        let scatter = long_run.scatter(&covariance);
+        let mut known = filter.known(scatter.ratios());
+        known.covariance = long_run.scatter(&known.covariance).publish();
         let mut told = Told::new(known.values, &known.covariance);
-        let compound = filter.probability_of_every_imperfection(&scatter);
+        let compound = filter.probability_of_every_imperfection(scatter.ratios());
         told.encoder_variance_m2 =
             known.encoder_variance_m2(filter, &self.config.vehicle, compound);
         let [offset, y] = [Parameter::SteeringOffset, Parameter::LidarY].map(Parameter::index);

@@ -85,6 +85,14 @@ pub struct LongRunVariance {
     half: Clusters,
 }
 
+/// How far a robot's data scatter against what one covariance says of its parameters.
+#[derive(Debug, Clone, Copy)]
+pub struct Scatter<'a> {
+    long_run: &'a LongRunVariance,
+    covariance: &'a ParameterCovariance,
+    ratios: Values,
+}
+
 /// How blocks of one length scatter.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 struct Clusters {
@@ -137,17 +145,18 @@ impl Clusters {
 
     /// For each parameter, the variance that is seen over the one that the filter's `covariance` says.
     fn seen_over_said(&self, covariance: &ParameterCovariance) -> Values {
-        let along = |sum: &SMatrix<f64, PARAMETERS, PARAMETERS>| {
-            Values::from_fn(|i, _| covariance.column(i).dot(&(sum * covariance.column(i))))
-        };
-        let (scatter, expected) = (along(&self.scatter), along(&self.expected));
-        scatter.zip_map(&expected, |scatter, expected| {
-            if expected > 0.0 {
-                scatter / expected
-            } else {
-                1.0
-            }
-        })
+        Values::from_fn(|i, _| self.seen_over_said_of(i, covariance))
+    }
+
+    /// The same for one parameter.
+    fn seen_over_said_of(&self, i: usize, covariance: &ParameterCovariance) -> f64 {
+        let by = covariance.column(i).into_owned();
+        let [scatter, expected] = [&self.scatter, &self.expected].map(|sum| by.dot(&(sum * by)));
+        if expected > 0.0 {
+            scatter / expected
+        } else {
+            1.0
+        }
     }
 }
 
@@ -171,73 +180,14 @@ impl LongRunVariance {
         self.half.block = None;
     }
 
-    /// For each parameter, how many times larger its variance is than the filter's `covariance`
-    /// says; at least 1.
-    pub fn ratios(&self, covariance: &ParameterCovariance) -> Values {
-        let ratios = self.whole.seen_over_said(covariance);
-        let least = (SHARED * ratios.max()).max(1.0);
-        ratios.map(|ratio| ratio.max(least))
-    }
-
-    /// How many times larger the variance of the speed scale is than by [`Self::ratios`], because
-    /// slip lasts longer than a block: what blocks of `b` windows show falls short by a share of
-    /// `1 / b`, which the half blocks tell: `2 R(b) - R(b/2)` (batch means with a lugsail window, of
-    /// Vats and Flegal).
-    fn lasting_slip(&self, covariance: &ParameterCovariance) -> f64 {
-        let i = Parameter::SpeedScale.index();
-        let whole = self.whole.seen_over_said(covariance)[i];
-        let half = self.half.seen_over_said(covariance)[i];
-        let ratio = self.ratios(covariance)[i];
-        ((2.0 * whole - half) / ratio).clamp(1.0, LASTING_MAX)
-    }
-
-    /// The same with the uncertainty of a scatter that is itself known from a few blocks only.
-    pub fn uncertain_ratios(&self, covariance: &ParameterCovariance) -> Values {
-        let uncertainty = 1.0 + UNCERTAINTY_BLOCKS / self.whole.blocks.max(1.0);
-        self.ratios(covariance)
-            .map(|ratio| 1.0 + uncertainty * (ratio - 1.0))
-    }
-
-    /// By how much the evidence for a change of each parameter has to be larger, before it passes a
-    /// `threshold` that is meant for a scatter which is known well: as [`Self::uncertain_ratios`]. Slip
-    /// looks like another wheel; where it was seen, evidence so rare is Student's, who knows the
-    /// scatter from `n` blocks alone: `t^2 = n (exp(z^2 / n) - 1)`.
-    pub fn alarm_ratios(&self, covariance: &ParameterCovariance, threshold: f64) -> Values {
-        let mut ratios = self.uncertain_ratios(covariance);
-        let i = Parameter::SpeedScale.index();
-        let blocks = self.whole.blocks.max(BLOCKS_MIN);
-        let student = blocks / threshold * (threshold / blocks).exp_m1();
-        let slipping = self.ratios(covariance)[i] - 1.0;
-        ratios[i] = ratios[i].max(1.0 + slipping * student);
-        ratios
+    /// How far the data scatter against what a filter's `covariance` says.
+    pub fn scatter<'a>(&'a self, covariance: &'a ParameterCovariance) -> Scatter<'a> {
+        Scatter::new(self, covariance)
     }
 
     /// What is known of a filter's parameters, given how far its data scatter.
     pub fn known(&self, filter: &Filter) -> Known {
-        filter.known(&self.ratios(&filter.parameter_covariance()))
-    }
-
-    /// The covariance that may be claimed when the filter has this one.
-    pub fn claim(&self, covariance: &ParameterCovariance) -> ParameterCovariance {
-        let least = if self.is_known() { 1.0 } else { UNPROVEN_RATIO };
-        let widths = self
-            .uncertain_ratios(covariance)
-            .map(|ratio| ratio.max(least).sqrt());
-        let widths = ParameterCovariance::from_diagonal(&widths);
-        widths * covariance * widths
-    }
-
-    /// The covariance that may be published: as claimed, with slip that outlasts blocks. Where blocks
-    /// scatter more than the filter says, four sigmas are Student's, who knows them from these blocks
-    /// alone: half a minute of a real tricycle has three of them.
-    pub fn publish(&self, covariance: &ParameterCovariance) -> ParameterCovariance {
-        let mut variances = self.ratios(covariance).map(|ratio| {
-            let scattering = 1.0 - 1.0 / ratio;
-            1.0 + scattering * STUDENT_BLOCKS / self.whole.blocks.max(1.0)
-        });
-        variances[Parameter::SpeedScale.index()] *= self.lasting_slip(covariance);
-        let widths = ParameterCovariance::from_diagonal(&variances.map(f64::sqrt));
-        widths * self.claim(covariance) * widths
+        filter.known(self.scatter(&filter.parameter_covariance()).ratios())
     }
 
     /// Whether enough blocks were seen to tell their scatter from a change.
@@ -251,6 +201,86 @@ impl LongRunVariance {
     }
 }
 
+impl<'a> Scatter<'a> {
+    fn new(long_run: &'a LongRunVariance, covariance: &'a ParameterCovariance) -> Self {
+        let ratios = long_run.whole.seen_over_said(covariance);
+        let least = (SHARED * ratios.max()).max(1.0);
+        Self {
+            long_run,
+            covariance,
+            ratios: ratios.map(|ratio| ratio.max(least)),
+        }
+    }
+
+    fn blocks(&self) -> f64 {
+        self.long_run.whole.blocks
+    }
+
+    /// For each parameter, how many times larger its variance is than the filter says; at least 1.
+    pub fn ratios(&self) -> &Values {
+        &self.ratios
+    }
+
+    /// How many times larger the variance of the speed scale is than by [`Self::ratios`], because
+    /// slip lasts longer than a block: what blocks of `b` windows show falls short by a share of
+    /// `1 / b`, which the half blocks tell: `2 R(b) - R(b/2)` (batch means with a lugsail window, of
+    /// Vats and Flegal).
+    fn lasting_slip(&self) -> f64 {
+        let i = Parameter::SpeedScale.index();
+        let [whole, half] = [&self.long_run.whole, &self.long_run.half]
+            .map(|clusters| clusters.seen_over_said_of(i, self.covariance));
+        ((2.0 * whole - half) / self.ratios[i]).clamp(1.0, LASTING_MAX)
+    }
+
+    /// The ratios with the uncertainty of a scatter that is itself known from a few blocks only.
+    fn uncertain_ratios(&self) -> Values {
+        let uncertainty = 1.0 + UNCERTAINTY_BLOCKS / self.blocks().max(1.0);
+        self.ratios.map(|ratio| 1.0 + uncertainty * (ratio - 1.0))
+    }
+
+    /// By how much the evidence for a change of each parameter has to be larger, before it passes a
+    /// `threshold` that is meant for a scatter which is known well: by the ratios with their uncertainty. Slip
+    /// looks like another wheel; where it was seen, evidence so rare is Student's, who knows the
+    /// scatter from `n` blocks alone: `t^2 = n (exp(z^2 / n) - 1)`.
+    pub fn alarm_ratios(&self, threshold: f64) -> Values {
+        let mut ratios = self.uncertain_ratios();
+        let i = Parameter::SpeedScale.index();
+        let blocks = self.blocks().max(BLOCKS_MIN);
+        let student = blocks / threshold * (threshold / blocks).exp_m1();
+        let slipping = self.ratios[i] - 1.0;
+        ratios[i] = ratios[i].max(1.0 + slipping * student);
+        ratios
+    }
+
+    /// The covariance that may be claimed.
+    pub fn claim(&self) -> ParameterCovariance {
+        let least = if self.long_run.is_known() {
+            1.0
+        } else {
+            UNPROVEN_RATIO
+        };
+        let widths = self.uncertain_ratios().map(|ratio| ratio.max(least).sqrt());
+        widened(self.covariance, &widths)
+    }
+
+    /// The covariance that may be published: as claimed, with slip that outlasts blocks. Where blocks
+    /// scatter more than the filter says, four sigmas are Student's, who knows them from these blocks
+    /// alone: half a minute of a real tricycle has three of them.
+    pub fn publish(&self) -> ParameterCovariance {
+        let mut variances = self.ratios.map(|ratio| {
+            let scattering = 1.0 - 1.0 / ratio;
+            1.0 + scattering * STUDENT_BLOCKS / self.blocks().max(1.0)
+        });
+        variances[Parameter::SpeedScale.index()] *= self.lasting_slip();
+        widened(&self.claim(), &variances.map(f64::sqrt))
+    }
+}
+
+/// The covariance of errors that are so many times larger, each.
+fn widened(covariance: &ParameterCovariance, widths: &Values) -> ParameterCovariance {
+    ParameterCovariance::from_fn(|i, j| widths[i] * covariance[(i, j)] * widths[j])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -259,7 +289,7 @@ mod tests {
 
     fn ratio(error: impl Fn(usize) -> f64) -> f64 {
         let variance = learnt(Parameter::LidarX, error);
-        variance.ratios(&ParameterCovariance::identity())[Parameter::LidarX.index()]
+        variance.scatter(&ParameterCovariance::identity()).ratios()[Parameter::LidarX.index()]
     }
 
     /// Of windows whose poses are exact and whose motion errs along the track as told, where one
@@ -314,8 +344,8 @@ mod tests {
         let published_over_claimed = |error: &dyn Fn(usize) -> f64| {
             let variance = learnt(Parameter::SpeedScale, error);
             let covariance = ParameterCovariance::identity();
-            let published = variance.publish(&covariance).diagonal();
-            let wider = published.component_div(&variance.claim(&covariance).diagonal());
+            let published = variance.scatter(&covariance).publish().diagonal();
+            let wider = published.component_div(&variance.scatter(&covariance).claim().diagonal());
             // What many blocks leave to Student is the same for all.
             wider[Parameter::SpeedScale.index()] / wider[Parameter::LidarX.index()]
         };
@@ -330,7 +360,8 @@ mod tests {
             let variance = learnt_from(windows, Parameter::LidarYaw, |_| error);
             let covariance = ParameterCovariance::identity();
             let i = Parameter::LidarYaw.index();
-            variance.publish(&covariance)[(i, i)] / variance.claim(&covariance)[(i, i)]
+            variance.scatter(&covariance).publish()[(i, i)]
+                / variance.scatter(&covariance).claim()[(i, i)]
         };
         let four_blocks = published_over_claimed(4 * BLOCK, 1.0);
         assert!((2.5..3.0).contains(&four_blocks), "{four_blocks}");
@@ -340,7 +371,9 @@ mod tests {
 
     #[test]
     fn nothing_is_claimed_before_data_have_repeated_it() {
-        let claim = LongRunVariance::default().claim(&ParameterCovariance::identity());
+        let claim = LongRunVariance::default()
+            .scatter(&ParameterCovariance::identity())
+            .claim();
         assert!((claim[(0, 0)] - UNPROVEN_RATIO).abs() < 1e-9);
     }
 }

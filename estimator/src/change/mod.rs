@@ -23,7 +23,7 @@ use detection::{DetectionState, Visibility, known_causes};
 use evidence::{CAUSES, HYPOTHESES, Thresholds};
 use fault::{Fault, FaultWatch};
 use long_run::LongRunVariance;
-use search::{Accusation, ONSET_WINDOWS, Reference, Search, expected_evidence, strongest};
+use search::{Accusation, ONSET_WINDOWS, Reference, Search, expected_evidence, misfit, strongest};
 use window::{Window, WindowCutter};
 
 /// Windows that are looked back over: some 25 m.
@@ -142,7 +142,7 @@ impl ChangeWatch {
         self.unlearnt += 1;
         let known = self.long_run.known(&follower.filter);
         self.learn(follower.filter.values());
-        let claimed = self.long_run.claim(&known.covariance);
+        let claimed = self.long_run.scatter(&known.covariance).claim();
         self.visibility.know(&claimed, settings);
         self.judge(settings)
     }
@@ -209,7 +209,7 @@ impl ChangeWatch {
         }
         let knows = |remembered: &Remembered| {
             let covariance = self.long_run.known(&remembered.filter).covariance;
-            known_causes(&self.long_run.claim(&covariance), settings)
+            known_causes(&self.long_run.scatter(&covariance).claim(), settings)
         };
         let windows = &self.remembered;
         let all = windows.partition_point(|window| knows(window).contains(&false));
@@ -230,14 +230,12 @@ impl ChangeWatch {
         }
         let oldest = &self.remembered.get(begin)?.filter;
         let known_before = self.long_run.known(oldest);
-        let covariance = self.long_run.claim(&known_before.covariance);
+        let scatter = self.long_run.scatter(&known_before.covariance);
+        let covariance = scatter.claim();
         let known = known_causes(&covariance, settings);
         let reference = Reference::new(known_before.values, &covariance)?;
         let thresholds = Thresholds::for_false_alarm_hours(settings.false_alarm_hours);
-        let ratios = self
-            .long_run
-            .alarm_ratios(&known_before.covariance, thresholds.least());
-        let thresholds = thresholds.raised(&ratios);
+        let thresholds = thresholds.raised(&scatter.alarm_ratios(thresholds.least()));
         let windows = || self.remembered.range(begin..).map(|r| &r.window);
         self.since_seen += 1;
         if self.since_seen >= SEE_EVERY {
@@ -266,7 +264,8 @@ impl ChangeWatch {
         search.window_chi2_max = f64::INFINITY;
         search.every_onset = true;
         let accusation = strongest(windows(), &reference, &search, &thresholds)?;
-        let explained = accusation.margin > 0.0 && accusation.misfit < MISFIT_MAX;
+        let explained = accusation.margin > 0.0
+            && misfit(windows(), &reference, &search, &accusation)? < MISFIT_MAX;
         if explained && known[accusation.hypothesis] {
             return self.detected(begin, &accusation, false);
         }

@@ -12,7 +12,7 @@
 //! explains the score than `W` does, `s_c' (M_c + D^-1)^-1 s_c - s_c' (M_c + W^-1)^-1 s_c`; with
 //! much information that is `Delta' (W^-1 - D^-1) Delta`, and small wander is never an alarm.
 
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::evidence::{
     CAUSES, Evidence, HYPOTHESES, Information, Score, Thresholds, change_sigma, least_change,
@@ -111,9 +111,8 @@ pub struct Accusation {
     pub onset: usize,
     /// By how much its threshold is exceeded.
     pub margin: f64,
-    /// Mean squared whitened residual of the windows after the onset, per degree of freedom, once
-    /// the change is allowed for: near 1 when the cause explains what is seen.
-    pub misfit: f64,
+    /// Squared residuals after the onset that it explains.
+    explained: f64,
 }
 
 /// What speaks for a change in one window.
@@ -125,11 +124,8 @@ pub struct Candidate {
     pub ratios: [f64; CAUSES],
     /// Squared residuals that each of them explains.
     explained: [f64; CAUSES],
-    windows_after: usize,
     /// Squared residuals of the onset's own windows, which a change there explains.
     excluded: f64,
-    /// Squared residuals after the onset with the parameters that fit before and after.
-    cost_after: f64,
 }
 
 /// How windows are searched for a change.
@@ -162,13 +158,11 @@ pub fn strongest<'a>(
             if best.is_some_and(|(most, _)| explained <= most) {
                 continue;
             }
-            let freed = HYPOTHESES.get(index).map_or(0, |h| h.parameters.len());
-            let freedom = (3 * candidate.windows_after - freed).max(1) as f64;
             let accusation = Accusation {
                 hypothesis: index,
                 onset: candidate.onset,
                 margin: ratio - threshold,
-                misfit: (candidate.cost_after - after).max(0.0) / freedom,
+                explained: *after,
             };
             best = Some((explained, accusation));
         }
@@ -182,16 +176,8 @@ pub fn candidates<'a>(
     reference: &Reference,
     search: &Search,
 ) -> Vec<Candidate> {
-    // All sums are in units of the noise as configured, and the reference's uncertainty with them.
     let scale = search.noise_scale;
-    let terms: Vec<_> = windows
-        .map(|window| Term::new(window, reference, search.window_chi2_max * scale))
-        .collect();
-    let mut all = Evidence::zero();
-    for term in &terms {
-        all.add(term);
-    }
-    all.information += reference.information * scale;
+    let (terms, all) = summed(windows, reference, search);
     let mut after = Evidence::zero();
     let mut due = WINDOWS_AFTER_MIN;
     let mut candidates = Vec::with_capacity(terms.len());
@@ -211,18 +197,61 @@ pub fn candidates<'a>(
             (windows_after + 1).max((6 * windows_after).div_ceil(5))
         };
         let own = terms.get(onset..first_after).unwrap_or_default();
-        if let Some((compared, cost_after)) = compare(&all.without(own), &after, scale) {
+        if let Some(compared) = compare(&all.without(own), &after, scale) {
             candidates.push(Candidate {
                 onset,
                 ratios: compared.map(|of_cause| of_cause.ratio / scale),
                 explained: compared.map(|of_cause| of_cause.explained / scale),
-                windows_after,
                 excluded: own.iter().map(|term| term.cost).sum::<f64>() / scale,
-                cost_after: cost_after / scale,
             });
         }
     }
     candidates
+}
+
+/// The windows' evidence, and all of it with the reference's: in units of the noise as configured, and the
+/// reference's uncertainty with it.
+fn summed<'a>(
+    windows: impl Iterator<Item = &'a Window>,
+    reference: &Reference,
+    search: &Search,
+) -> (Vec<Term<'a>>, Evidence) {
+    let scale = search.noise_scale;
+    let terms: Vec<_> = windows
+        .map(|window| Term::new(window, reference, search.window_chi2_max * scale))
+        .collect();
+    let mut all = Evidence::zero();
+    for term in &terms {
+        all.add(term);
+    }
+    all.information += reference.information * scale;
+    (terms, all)
+}
+
+/// Mean squared whitened residual of the windows after an accusation's onset, per degree of freedom, once
+/// the change is allowed for: near 1 when the cause explains what is seen.
+pub fn misfit<'a>(
+    windows: impl Iterator<Item = &'a Window>,
+    reference: &Reference,
+    search: &Search,
+    accusation: &Accusation,
+) -> Option<f64> {
+    let (terms, all) = summed(windows, reference, search);
+    let first_after = accusation.onset + ONSET_WINDOWS;
+    let mut after = Evidence::zero();
+    for term in terms.get(first_after..)? {
+        after.add(term);
+    }
+    let both = all.without(terms.get(accusation.onset..first_after)?);
+    // The parameters that fit before and after.
+    let solution = both.information.cholesky()?.solve(&both.score);
+    let by_solution = after.information * solution - 2.0 * after.score;
+    let cost = (after.cost + solution.dot(&by_solution)) / search.noise_scale;
+    let freed = HYPOTHESES
+        .get(accusation.hypothesis)
+        .map_or(0, |h| h.parameters.len());
+    let freedom = (3 * (terms.len() - first_after) - freed).max(1) as f64;
+    Some((cost - accusation.explained).max(0.0) / freedom)
 }
 
 /// Evidence that the smallest change which has to be seen would give for each cause if it had happened
@@ -245,9 +274,7 @@ pub fn expected_evidence<'a>(
             return 0.0;
         };
         let expected = hypothesis.parameters.iter().filter_map(|&parameter| {
-            let mut score = Score::zeros();
-            let column = information.column(parameter.index()) * least_change(parameter)?;
-            score.fixed_rows_mut::<MOVABLE>(0).copy_from(&column);
+            let score = information.column(parameter.index()) * least_change(parameter)?;
             let support = support_of(&score, &information, hypothesis.parameters, scale)?;
             Some(support.ratio / scale)
         });
@@ -275,33 +302,31 @@ struct Support {
     explained: f64,
 }
 
-/// What speaks for each cause at one onset, and the squared residuals after it at the common solution; `both` is the
-/// evidence before and after it.
-fn compare(both: &Evidence, after: &Evidence, scale: f64) -> Option<([Support; CAUSES], f64)> {
+/// What speaks for each cause at one onset; `both` is the evidence before and after it.
+fn compare(both: &Evidence, after: &Evidence, scale: f64) -> Option<[Support; CAUSES]> {
+    // With both = L L', half = L^-1 I_a and forward = L^-1 eta:
     let common = both.information.cholesky()?;
-    let solution = common.solve(&both.score);
-    let fitted = after.information * solution;
-    let score = after.score - fitted;
-    // I_a - I_a (I_a + I_b)^-1 I_a = I_a - (L^-1 I_a)' (L^-1 I_a), where a cause can move things.
+    let factor = common.l_dirty();
     let columns = after.information.fixed_columns::<MOVABLE>(0);
-    let mut half = columns.into_owned();
-    common
-        .l_dirty()
-        .solve_lower_triangular_mut(&mut half)
-        .then_some(())?;
+    let (mut half, mut forward) = (columns.into_owned(), both.score);
+    let is_regular = factor.solve_lower_triangular_mut(&mut half)
+        && factor.solve_lower_triangular_mut(&mut forward);
+    is_regular.then_some(())?;
+    // s = eta_a - I_a (I_a + I_b)^-1 eta = eta_a - half' forward, and
+    // I_a - I_a (I_a + I_b)^-1 I_a = I_a - half' half, where a cause can move things.
+    let score = after.score.fixed_rows::<MOVABLE>(0) - half.tr_mul(&forward);
     let information = columns.fixed_rows::<MOVABLE>(0) - half.tr_mul(&half);
-    let cost_after = after.cost + solution.dot(&(fitted - 2.0 * after.score));
     let mut compared = [Support::default(); CAUSES];
     for (support, hypothesis) in compared.iter_mut().zip(&HYPOTHESES) {
         *support = support_of(&score, &information, hypothesis.parameters, scale)?;
     }
-    Some((compared, cost_after))
+    Some(compared)
 }
 
 /// `s' (M + D^-1)^-1 s`, with and without `s' (M + W^-1)^-1 s`, over a cause's parameters, of which
 /// there are three at most: places that are left over hold a one and no score.
 fn support_of(
-    score: &Score,
+    score: &SVector<f64, MOVABLE>,
     information: &SMatrix<f64, MOVABLE, MOVABLE>,
     parameters: &[Parameter],
     scale: f64,

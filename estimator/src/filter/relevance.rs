@@ -111,8 +111,7 @@ impl Filter {
             if behind >= 1.0 {
                 continue;
             }
-            let other = all.with_small(choice, scatter);
-            let quadratic = other.map_or(0.0, |other| other.values[QUADRATIC]);
+            let quadratic = all.quadratic_with_small(choice, scatter).unwrap_or(0.0);
             let counted = ((1.0 - LESS_BEHIND * behind) * quadratic).powi(2);
             known.largest_quadratic_square = known.largest_quadratic_square.max(counted);
         }
@@ -149,6 +148,19 @@ impl Known {
             mean,
             evidence,
         })
+    }
+
+    /// The quadratic term of [`Self::with_small`].
+    fn quadratic_with_small(&self, choice: usize, scatter: &Values) -> Option<f64> {
+        let Choice {
+            innovation, mean, ..
+        } = self.choose(choice, scatter)?;
+        let mut cross = SVector::<f64, PARTS>::zeros();
+        for (i, part) in ALL.iter().enumerate().filter(|(i, _)| choice >> i & 1 == 1) {
+            cross[i] = self.covariance[(QUADRATIC, part.parameter)];
+        }
+        let pulled = cross.dot(&innovation.cholesky()?.solve(&mean));
+        Some(self.values[QUADRATIC] - pulled)
     }
 
     fn with_small(&self, choice: usize, scatter: &Values) -> Option<Self> {
