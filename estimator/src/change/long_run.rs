@@ -45,6 +45,9 @@ const SQUARE_MAX: f64 = 400.0;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Block {
     end: RobotTime,
+    /// The parameters that the residual is by; a checkpoint of an earlier estimator has none.
+    #[serde(default, deserialize_with = "padded::optional_vector")]
+    values: Option<Values>,
     residual: Vector3<f64>,
     #[serde(deserialize_with = "padded::columns")]
     jacobian: ByParameters,
@@ -54,26 +57,32 @@ struct Block {
 }
 
 impl Block {
-    fn begin(window: &Window, residual: Vector3<f64>) -> Self {
+    /// A block of one window, by these parameters.
+    fn begin(window: &Window, values: &Values) -> Self {
         Self {
             end: window.end,
-            residual,
+            values: Some(*values),
+            residual: window.residual + window.jacobian * apart(&window.values, values),
             jacobian: window.jacobian,
             covariance: window.covariance - window.end_covariance,
             windows: 1,
         }
     }
 
-    /// The LiDAR pose between two windows is in both and cancels.
-    fn extended(&self, window: &Window, residual: Vector3<f64>) -> Self {
+    /// The LiDAR pose between two windows is in both and cancels. All windows are held against the same
+    /// parameters: while these are still found, they move by more than a block errs.
+    fn extended(&self, window: &Window, values: &Values) -> Option<Self> {
+        let before = self.values.filter(|_| self.end == window.begin)?;
+        let residual = self.residual + self.jacobian * apart(&before, values);
+        let own = Self::begin(window, values);
         let carry = window.carry;
-        Self {
-            end: window.end,
-            residual: carry * self.residual + residual,
+        Some(Self {
+            residual: carry * residual + own.residual,
             jacobian: carry * self.jacobian + window.jacobian,
             covariance: carry * self.covariance * carry.transpose() + window.motion_covariance,
             windows: self.windows + 1,
-        }
+            ..own
+        })
     }
 }
 
@@ -109,11 +118,10 @@ struct Clusters {
 impl Clusters {
     /// Takes the next window of a block of `length`.
     fn push(&mut self, window: &Window, length: usize, values: &Values, scale: f64) {
-        let residual = window.residual + window.jacobian * apart(&window.values, values);
-        let block = match self.block.take() {
-            Some(before) if before.end == window.begin => before.extended(window, residual),
-            _ => Block::begin(window, residual),
-        };
+        let before = self.block.take();
+        let block = before
+            .and_then(|before| before.extended(window, values))
+            .unwrap_or_else(|| Block::begin(window, values));
         if block.windows < length {
             self.block = Some(block);
         } else {
@@ -303,6 +311,16 @@ mod tests {
         parameter: Parameter,
         error: impl Fn(usize) -> f64,
     ) -> LongRunVariance {
+        learnt_by(windows, parameter, error, |_| 0.0)
+    }
+
+    /// The same while the parameter, which is zero, is taken for what it is told after each window.
+    fn learnt_by(
+        windows: usize,
+        parameter: Parameter,
+        error: impl Fn(usize) -> f64,
+        taken_for: impl Fn(usize) -> f64,
+    ) -> LongRunVariance {
         let mut variance = LongRunVariance::default();
         let covariance = Matrix3::identity();
         let mut jacobian = ByParameters::zeros();
@@ -328,9 +346,25 @@ mod tests {
                 innovation,
                 evidence: Evidence::of_window(&innovation).unwrap(),
             };
-            variance.push(&window, &Values::zeros(), 1.0);
+            let mut values = Values::zeros();
+            values[parameter.index()] = taken_for(i);
+            variance.push(&window, &values, 1.0);
         }
         variance
+    }
+
+    /// A filter that begins far off gets to the truth within its first block, which it then fits.
+    #[test]
+    fn a_block_is_held_against_what_is_known_at_its_end() {
+        let found = learnt_by(
+            5 * BLOCK,
+            Parameter::LidarY,
+            |_| 0.0,
+            |window| 100.0 / (1.0 + (window + 1) as f64).powi(4),
+        );
+        let ratios = *found.scatter(&ParameterCovariance::identity()).ratios();
+        let scatter = ratios[Parameter::LidarY.index()];
+        assert!(scatter < 1.05, "{scatter}");
     }
 
     #[test]

@@ -9,6 +9,7 @@
 mod changed;
 mod changes;
 mod consistency;
+mod convergence;
 mod delays;
 mod disturbances;
 mod disturbed;
