@@ -38,8 +38,20 @@ const LASTING_MAX: f64 = 2.7;
 /// Four sigmas of `n` blocks are as rare as four of many when the variance is larger by `1 + 14 / n`;
 /// [`UNCERTAINTY_BLOCKS`] has its part of it already.
 const STUDENT_BLOCKS: f64 = 8.0;
-/// Largest squared error of a block, in its variances: a fault is no noise.
+/// Largest squared error of a block or a window, in its variances: a fault is no noise.
 const SQUARE_MAX: f64 = 400.0;
+/// Mean squared residual of a block's windows beyond which the filter strays: of 30 degrees of freedom five
+/// times what is expected.
+const SURPRISE_MAX: f64 = 15.0;
+
+/// What a filter said of a window before it took it.
+#[derive(Debug, Clone, Copy)]
+struct Told {
+    /// How many times larger the noise (as a variance) is than configured.
+    scale: f64,
+    /// [`surprise`].
+    surprise: f64,
+}
 
 /// Windows without a gap between them, as one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -49,6 +61,12 @@ struct Block {
     #[serde(default, deserialize_with = "padded::optional_vector")]
     values: Option<Values>,
     residual: Vector3<f64>,
+    /// The residual by what the filter said at each window.
+    #[serde(default)]
+    residual_as_told: Vector3<f64>,
+    /// Sum of the squared residuals of its windows, each as the filter expected it before it took the window.
+    #[serde(default)]
+    surprise: f64,
     #[serde(deserialize_with = "padded::columns")]
     jacobian: ByParameters,
     /// Of the motion, and of the pose at its beginning.
@@ -58,11 +76,14 @@ struct Block {
 
 impl Block {
     /// A block of one window, by these parameters.
-    fn begin(window: &Window, values: &Values) -> Self {
+    fn begin(window: &Window, values: &Values, surprise: f64) -> Self {
+        let residual = window.residual + window.jacobian * apart(&window.values, values);
         Self {
             end: window.end,
             values: Some(*values),
-            residual: window.residual + window.jacobian * apart(&window.values, values),
+            residual,
+            residual_as_told: residual,
+            surprise,
             jacobian: window.jacobian,
             covariance: window.covariance - window.end_covariance,
             windows: 1,
@@ -71,19 +92,40 @@ impl Block {
 
     /// The LiDAR pose between two windows is in both and cancels. All windows are held against the same
     /// parameters: while these are still found, they move by more than a block errs.
-    fn extended(&self, window: &Window, values: &Values) -> Option<Self> {
+    fn extended(&self, window: &Window, values: &Values, surprise: f64) -> Option<Self> {
         let before = self.values.filter(|_| self.end == window.begin)?;
         let residual = self.residual + self.jacobian * apart(&before, values);
-        let own = Self::begin(window, values);
+        let own = Self::begin(window, values, surprise);
         let carry = window.carry;
         Some(Self {
             residual: carry * residual + own.residual,
+            residual_as_told: carry * self.residual_as_told + own.residual,
+            surprise: self.surprise + surprise,
             jacobian: carry * self.jacobian + window.jacobian,
             covariance: carry * self.covariance * carry.transpose() + window.motion_covariance,
             windows: self.windows + 1,
             ..own
         })
     }
+
+    /// What it errs by. A filter that its windows surprise strays, surer of itself than it may be: then
+    /// what it says changes for no other reason, and that is scatter too.
+    fn error(&self) -> &Vector3<f64> {
+        if self.surprise > SURPRISE_MAX * self.windows as f64 {
+            &self.residual_as_told
+        } else {
+            &self.residual
+        }
+    }
+}
+
+/// The squared residual of a window as a filter expected it before it took the window.
+fn surprise(window: &Window, before: &Filter) -> Option<f64> {
+    let residual = window.residual + window.jacobian * apart(&window.values, before.values());
+    let covariance = window.covariance * before.noise_scale()
+        + window.jacobian * before.parameter_covariance() * window.jacobian.transpose();
+    let square = residual.dot(&covariance.cholesky()?.solve(&residual));
+    Some(square.min(SQUARE_MAX))
 }
 
 /// Learns how far the filter's claims are from what blocks of data repeat.
@@ -117,11 +159,12 @@ struct Clusters {
 
 impl Clusters {
     /// Takes the next window of a block of `length`.
-    fn push(&mut self, window: &Window, length: usize, values: &Values, scale: f64) {
+    fn push(&mut self, window: &Window, length: usize, values: &Values, told: Told) {
+        let Told { scale, surprise } = told;
         let before = self.block.take();
         let block = before
-            .and_then(|before| before.extended(window, values))
-            .unwrap_or_else(|| Block::begin(window, values));
+            .and_then(|before| before.extended(window, values, surprise))
+            .unwrap_or_else(|| Block::begin(window, values, surprise));
         if block.windows < length {
             self.block = Some(block);
         } else {
@@ -134,8 +177,9 @@ impl Clusters {
         let Some(factor) = covariance.cholesky() else {
             return;
         };
-        let weighed = factor.solve(&block.residual);
-        let square = block.residual.dot(&weighed);
+        let error = block.error();
+        let weighed = factor.solve(error);
+        let square = error.dot(&weighed);
         let score: SVector<f64, PARAMETERS> = block.jacobian.tr_mul(&weighed);
         let kept = 1.0 - 1.0 / MEMORY_BLOCKS;
         let weight = SQUARE_MAX / square.max(SQUARE_MAX) / (1.0 - self.leverage());
@@ -175,11 +219,19 @@ fn rounded<const N: usize>(sum: SMatrix<f64, N, N>) -> SMatrix<f64, N, N> {
 }
 
 impl LongRunVariance {
-    /// Takes the next window, by the parameters as they are known now, its noise `scale` times as
-    /// large as configured.
-    pub fn push(&mut self, window: &Window, values: &Values, scale: f64) {
-        self.whole.push(window, BLOCK, values, scale);
-        self.half.push(window, BLOCK / 2, values, scale);
+    /// Takes the next window, by the parameters as they are known now, and with the filter as it was before
+    /// that window.
+    pub fn push(&mut self, window: &Window, values: &Values, before: &Filter) {
+        let told = Told {
+            scale: before.noise_scale(),
+            surprise: surprise(window, before).unwrap_or(0.0),
+        };
+        self.push_told(window, values, told);
+    }
+
+    fn push_told(&mut self, window: &Window, values: &Values, told: Told) {
+        self.whole.push(window, BLOCK, values, told);
+        self.half.push(window, BLOCK / 2, values, told);
     }
 
     /// What comes does not continue what was.
@@ -311,7 +363,7 @@ mod tests {
         parameter: Parameter,
         error: impl Fn(usize) -> f64,
     ) -> LongRunVariance {
-        learnt_by(windows, parameter, error, |_| 0.0)
+        learnt_by(windows, parameter, error, |_| 0.0, 3.0)
     }
 
     /// The same while the parameter, which is zero, is taken for what it is told after each window.
@@ -320,6 +372,7 @@ mod tests {
         parameter: Parameter,
         error: impl Fn(usize) -> f64,
         taken_for: impl Fn(usize) -> f64,
+        surprise_of_each: f64,
     ) -> LongRunVariance {
         let mut variance = LongRunVariance::default();
         let covariance = Matrix3::identity();
@@ -348,23 +401,32 @@ mod tests {
             };
             let mut values = Values::zeros();
             values[parameter.index()] = taken_for(i);
-            variance.push(&window, &values, 1.0);
+            let told = Told {
+                scale: 1.0,
+                surprise: surprise_of_each,
+            };
+            variance.push_told(&window, &values, told);
         }
         variance
     }
 
-    /// A filter that begins far off gets to the truth within its first block, which it then fits.
+    /// A filter that begins far off gets to the truth within its first block, which it then fits. One that
+    /// did not expect to be far off was surer of itself than it may be.
     #[test]
-    fn a_block_is_held_against_what_is_known_at_its_end() {
-        let found = learnt_by(
-            5 * BLOCK,
-            Parameter::LidarY,
-            |_| 0.0,
-            |window| 100.0 / (1.0 + (window + 1) as f64).powi(4),
-        );
-        let ratios = *found.scatter(&ParameterCovariance::identity()).ratios();
-        let scatter = ratios[Parameter::LidarY.index()];
-        assert!(scatter < 1.05, "{scatter}");
+    fn a_block_is_held_against_what_is_known_at_its_end_unless_its_windows_surprised() {
+        let scatter_of = |surprise: f64| {
+            let found = learnt_by(
+                5 * BLOCK,
+                Parameter::LidarY,
+                |_| 0.0,
+                |window| 100.0 / (1.0 + (window + 1) as f64).powi(4),
+                surprise,
+            );
+            let ratios = *found.scatter(&ParameterCovariance::identity()).ratios();
+            ratios[Parameter::LidarY.index()]
+        };
+        assert!(scatter_of(4.0) < 1.05, "{}", scatter_of(4.0));
+        assert!(scatter_of(20.0) > 2.0, "{}", scatter_of(20.0));
     }
 
     #[test]

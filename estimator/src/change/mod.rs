@@ -196,7 +196,7 @@ impl ChangeWatch {
             let next = self.remembered.len().checked_sub(self.unlearnt);
             self.unlearnt -= 1;
             if let Some(Remembered { window, filter }) = next.and_then(|i| self.remembered.get(i)) {
-                self.long_run.push(window, now, filter.noise_scale());
+                self.long_run.push(window, now, filter);
             }
         }
     }

@@ -14,6 +14,10 @@ use crate::vehicle::{SpeedMeasuredAt, Vehicle};
 const ENCODER_SIGMA_M: f64 = 0.05;
 /// Share of a quadratic term that is seen which such an encoder may explain.
 const ENCODER_SHARE: f64 = 0.4;
+/// What of it no curve shows, one standard deviation, m: two wheels whose sizes differ by 0.2 % and whose mean
+/// is taken for the middle of an axle of 0.8 m. Of 900 simulated robots whose wheels differ by five times
+/// as much, 5 claimed a `y` that was off by 4.0 to 4.3 sigmas without it, and others between.
+const UNEQUAL_WHEELS_SIGMA_M: f64 = 0.000_8;
 
 impl Known {
     /// Variance of the LiDAR's `y`, m², that no driving takes away from the filter that knows them, on a
@@ -25,7 +29,8 @@ impl Known {
         }
         let square = self.largest_quadratic_square + self.covariance[(QUADRATIC, QUADRATIC)];
         let seen_m2 = (ENCODER_SHARE * vehicle.wheelbase_m).powi(2) * square;
-        seen_m2.max(filter.hidden_encoder_m2(vehicle.wheelbase_m) * probability)
+        let hidden_m2 = filter.hidden_encoder_m2(vehicle.wheelbase_m) * probability;
+        seen_m2.max(hidden_m2) + UNEQUAL_WHEELS_SIGMA_M.powi(2)
     }
 }
 
