@@ -1,8 +1,8 @@
-//! A proxy before a server, which cuts the connection exactly at COMMIT, or loses clients without the
-//! server's notice.
+//! A proxy before a server, which cuts the connection exactly at COMMIT, loses clients without the server's
+//! notice, or counts how often clients wait for an answer.
 
 use std::net::SocketAddr;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 
 use fleetcal_contract::own_server::url_of;
@@ -30,6 +30,7 @@ pub struct Proxy {
     address: SocketAddr,
     armed: Arc<Mutex<Option<Cut>>>,
     lose_clients: Arc<Notify>,
+    round_trips: Arc<AtomicUsize>,
 }
 
 impl Proxy {
@@ -50,6 +51,7 @@ impl Proxy {
             address: listener.local_addr().unwrap(),
             armed: Arc::default(),
             lose_clients: Arc::default(),
+            round_trips: Arc::default(),
         };
         let here = proxy.clone();
         tokio::spawn(async move {
@@ -71,13 +73,75 @@ impl Proxy {
         let kept = server.try_clone().unwrap();
         let server = TcpStream::from_std(server).unwrap();
         tokio::select! {
-            () = forward(client, server, &self.armed) => {}
+            () = self.forward(client, server) => {}
             () = self.lose_clients.notified() => {
                 // As when a machine is gone: the server hears nothing, until the test ends.
                 std::future::pending::<()>().await;
             }
         }
         drop(kept);
+    }
+
+    /// Forwards until either side or a cut ends it; both connections are closed then.
+    async fn forward(&self, client: TcpStream, server: TcpStream) {
+        // Messages are forwarded one by one, and none waits for the answer to the one before.
+        for side in [&client, &server] {
+            side.set_nodelay(true).unwrap();
+        }
+        let (from_client, to_client) = client.into_split();
+        let (from_server, to_server) = server.into_split();
+        let muted = AtomicBool::new(false);
+        tokio::select! {
+            _ = self.requests(from_client, to_server, &muted) => {}
+            _ = answers(from_server, to_client, &muted) => {}
+        }
+    }
+
+    /// What the client sends, message by message.
+    async fn requests(
+        &self,
+        mut from: OwnedReadHalf,
+        mut to: OwnedWriteHalf,
+        muted: &AtomicBool,
+    ) -> std::io::Result<()> {
+        // The first message has no kind.
+        let length = from.read_u32().await?;
+        to.write_all(&message(None, &body(&mut from, length).await?))
+            .await?;
+        let mut is_job = false;
+        loop {
+            let kind = from.read_u8().await?;
+            let length = from.read_u32().await?;
+            let body = body(&mut from, length).await?;
+            let asked = (kind == b'Q').then_some(body.as_slice());
+            if let Some(begin) = asked.filter(|sql| sql.starts_with(b"BEGIN")) {
+                is_job = begin.ends_with(b"SERIALIZABLE\0");
+            }
+            let is_meant = |cut: &mut Cut| is_job || *cut == Cut::NeverCommits;
+            let commits = asked == Some(b"COMMIT\0");
+            let cut = commits.then(|| self.armed.lock().unwrap().take_if(is_meant));
+            let cut = cut.flatten();
+            match cut {
+                Some(Cut::BeforeCommit) => return Ok(()),
+                Some(Cut::NeverCommits) => std::future::pending::<()>().await,
+                Some(Cut::AfterCommit) => muted.store(true, Ordering::SeqCst),
+                None => {}
+            }
+            // A query of words alone, or the end of a prepared one.
+            if matches!(kind, b'Q' | b'S') {
+                self.round_trips.fetch_add(1, Ordering::SeqCst);
+            }
+            to.write_all(&message(Some(kind), &body)).await?;
+            if cut.is_some() {
+                // The answer's side ends it.
+                std::future::pending::<()>().await;
+            }
+        }
+    }
+
+    /// How often clients have waited for an answer of the server so far.
+    pub fn round_trips(&self) -> usize {
+        self.round_trips.load(Ordering::SeqCst)
     }
 
     /// Ends every client's connection; the server goes on believing in them.
@@ -98,59 +162,6 @@ impl Proxy {
     /// Whether the cut that was asked for has not come yet.
     pub fn is_armed(&self) -> bool {
         self.armed.lock().unwrap().is_some()
-    }
-}
-
-/// Forwards until either side or a cut ends it; both connections are closed then.
-async fn forward(client: TcpStream, server: TcpStream, armed: &Mutex<Option<Cut>>) {
-    // Messages are forwarded one by one, and none waits for the answer to the one before.
-    for side in [&client, &server] {
-        side.set_nodelay(true).unwrap();
-    }
-    let (from_client, to_client) = client.into_split();
-    let (from_server, to_server) = server.into_split();
-    let muted = AtomicBool::new(false);
-    tokio::select! {
-        _ = requests(from_client, to_server, armed, &muted) => {}
-        _ = answers(from_server, to_client, &muted) => {}
-    }
-}
-
-/// What the client sends, message by message.
-async fn requests(
-    mut from: OwnedReadHalf,
-    mut to: OwnedWriteHalf,
-    armed: &Mutex<Option<Cut>>,
-    muted: &AtomicBool,
-) -> std::io::Result<()> {
-    // The first message has no kind.
-    let length = from.read_u32().await?;
-    to.write_all(&message(None, &body(&mut from, length).await?))
-        .await?;
-    let mut is_job = false;
-    loop {
-        let kind = from.read_u8().await?;
-        let length = from.read_u32().await?;
-        let body = body(&mut from, length).await?;
-        let asked = (kind == b'Q').then_some(body.as_slice());
-        if let Some(begin) = asked.filter(|sql| sql.starts_with(b"BEGIN")) {
-            is_job = begin.ends_with(b"SERIALIZABLE\0");
-        }
-        let is_meant = |cut: &mut Cut| is_job || *cut == Cut::NeverCommits;
-        let commits = asked == Some(b"COMMIT\0");
-        let cut = commits.then(|| armed.lock().unwrap().take_if(is_meant));
-        let cut = cut.flatten();
-        match cut {
-            Some(Cut::BeforeCommit) => return Ok(()),
-            Some(Cut::NeverCommits) => std::future::pending::<()>().await,
-            Some(Cut::AfterCommit) => muted.store(true, Ordering::SeqCst),
-            None => {}
-        }
-        to.write_all(&message(Some(kind), &body)).await?;
-        if cut.is_some() {
-            // The answer's side ends it.
-            std::future::pending::<()>().await;
-        }
     }
 }
 

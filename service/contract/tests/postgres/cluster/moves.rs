@@ -100,6 +100,26 @@ async fn a_look_over_a_connection_that_was_lost_reads_all_over_a_new_one() {
     }
 }
 
+/// Each instance looks four times a second: this is what it costs while nothing happens.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_look_at_what_has_not_changed_is_one_round_trip() {
+    let (url, _) = database(3).await;
+    let (proxy, behind_proxy) = Proxy::before_database(&url).await;
+    let a = Instance::join(&behind_proxy, "a").await;
+    let first = a.look().await;
+    let look = async || {
+        let before = proxy.round_trips();
+        let seen = a.registry.look(Some(first.version)).await.unwrap();
+        assert!(!seen.is_whole && seen.snapshot.members.len() == 1);
+        proxy.round_trips() - before
+    };
+    // The first prepares the statement.
+    assert!(look().await <= 2);
+    for _ in 0..20 {
+        assert_eq!(look().await, 1);
+    }
+}
+
 /// Names the other one as heir of all, and says that it hears them.
 async fn name(owner: &Instance, heir: &Instance, robots: &[RobotId]) {
     let named: Vec<_> = robots
