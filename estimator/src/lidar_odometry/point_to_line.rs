@@ -247,7 +247,7 @@ impl Alignment<'_> {
         let mut terms = Terms {
             sums: [[0.0; LANES]; TERMS],
         };
-        for i in 0..LANES {
+        for (i, square) in squares.iter_mut().enumerate() {
             let Seen {
                 jx,
                 jy,
@@ -259,7 +259,7 @@ impl Alignment<'_> {
             } = self.seen(motion, block, laid, i);
             let is_on_map = normalised2 < ON_MAP_SIGMAS * ON_MAP_SIGMAS;
             let on_map = if is_on_map { laid.matched[i] } else { 0.0 };
-            squares[i] = if laid.matched[i] > 0.0 {
+            *square = if laid.matched[i] > 0.0 {
                 normalised2
             } else {
                 f32::INFINITY
