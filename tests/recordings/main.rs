@@ -8,6 +8,8 @@ mod calibrate;
 mod decode;
 mod error;
 mod odometry;
+mod one_sided;
 mod poles;
+mod recorded;
 mod repeatability;
 mod replay;

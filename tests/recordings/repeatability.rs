@@ -1,12 +1,12 @@
 //! Do disjoint blocks of a real drive agree, by the sigmas that they claim?
 
-use std::fs::{self, File};
-use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use fleetcal_tests::{binary, recording};
 use serde_json::Value;
 use tempfile::TempDir;
+
+use crate::recorded::Recorded;
 
 const FOUR: [&str; 4] = ["steering_offset", "lidar_x", "lidar_y", "lidar_yaw"];
 /// Blocks lie within so many of their sigmas of what they say together.
@@ -17,25 +17,12 @@ const MEAN_SQUARE_MAX: f64 = 3.3;
 
 /// A recording in blocks of equal time, as recordings of their own.
 fn blocks(path: &Path, count: u64, folder: &Path) -> Vec<PathBuf> {
-    let bytes = fs::read(path).unwrap();
-    let messages: Vec<_> = mcap::MessageStream::new(&bytes)
-        .unwrap()
-        .map(Result::unwrap)
-        .collect();
-    let first = messages.iter().map(|m| m.log_time).min().unwrap();
-    let last = messages.iter().map(|m| m.log_time).max().unwrap();
-    let length = (last - first) / count + 1;
+    let recorded = Recorded::read(path);
+    let length = recorded.length_ns / count + 1;
     (0..count)
         .map(|block| {
             let path = folder.join(format!("block_{block}_of_{count}.mcap"));
-            let mut writer =
-                mcap::Writer::new(BufWriter::new(File::create(&path).unwrap())).unwrap();
-            for message in &messages {
-                if (message.log_time - first) / length == block {
-                    writer.write(message).unwrap();
-                }
-            }
-            writer.finish().unwrap();
+            recorded.write(&path, block * length..(block + 1) * length);
             path
         })
         .collect()

@@ -69,8 +69,9 @@ pub fn wait_until_received(service: &Service, id: &str, samples: u64) {
 }
 
 /// The stream of a robot, once its samples arrive, and how many have so far: on a busy machine, what a
-/// session sends over QUIC within milliseconds of its declarations does not arrive.
-async fn arriving(service: &Service, session: &Session, id: &str) -> (Publisher<'static>, u64) {
+/// session sends over QUIC within milliseconds of its declarations does not arrive, and a router drops what
+/// comes before it knows of the service.
+pub async fn arriving(service: &Service, session: &Session, id: &str) -> (Publisher<'static>, u64) {
     let stream = robot::stream(session, id).await;
     let begun = now();
     while received(service, id) == 0 {
