@@ -275,7 +275,7 @@ starts-in-motion: rust ## 600 drives that are cut at 30 moments: claims, changes
 	$(CARGO) test --release --locked -p fleetcal-estimator --test calibration -- --nocapture --ignored cut_at_30
 
 .PHONY: published-errors
-published-errors: rust ## The mean NEES of what is published, 200 vehicles drawn from the priors: a minute
+published-errors: rust ## The mean NEES of what is published, 200 vehicles drawn from the priors, and with their sensors: three minutes
 	$(CARGO) test --release --locked -p fleetcal-estimator --test calibration -- --nocapture --ignored of_200_vehicles
 
 # Another commit to compare with: make cost-ratio OLD=main

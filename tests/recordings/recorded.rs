@@ -19,7 +19,7 @@ impl Recorded {
         let bytes = fs::read(path).unwrap();
         let messages: Vec<_> = mcap::MessageStream::new(&bytes)
             .unwrap()
-            .map(|message| message.unwrap().into_owned())
+            .map(Result::unwrap)
             .collect();
         let times = || messages.iter().map(|message| message.log_time);
         let first_ns = times().min().unwrap();

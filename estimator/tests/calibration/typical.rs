@@ -92,12 +92,12 @@ fn published_errors_of_200_vehicles_lie_inside_their_band() {
     }
 }
 
-/// Not reached: 2.32 and 2.54, too careful.
+/// The same with their sensors drawn too.
 #[test]
-#[ignore = "fails: what is published is too careful where the sensors are drawn too"]
-fn published_errors_with_sensors_drawn_too_lie_inside_their_band() {
-    for nees in published(48, true, &[60.0, 120.0]) {
-        assert!((2.4..=5.6).contains(&nees), "mean NEES {nees}");
+#[ignore = "200 drives of 300 s; make published-errors"]
+fn published_errors_of_200_vehicles_with_drawn_sensors_lie_inside_their_band() {
+    for nees in published(200, true, &[60.0, 120.0, 300.0]) {
+        assert!((3.0..=5.0).contains(&nees), "mean NEES {nees}");
     }
 }
 
