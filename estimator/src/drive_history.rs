@@ -35,7 +35,7 @@ const JUMP_NOISES: f64 = 4.0;
 const PARABOLA_REACH_S: f64 = 0.12;
 /// and from no fewer than so many.
 const PARABOLA_SAMPLES_MIN: f64 = 4.0;
-/// A sample is looked for among so many of the newest first: a quarter of a second at 100 Hz.
+/// The search for a sample begins with so many of the newest: a quarter of a second at 100 Hz.
 const SEARCH_STEP: usize = 24;
 
 /// Recent drive samples, oldest first. A sample describes the interval that ends at its stamp.
@@ -473,6 +473,35 @@ mod tests {
             !history.covers(stamp(-5), stamp(5)),
             "before the first sample"
         );
+    }
+
+    #[test]
+    fn a_sample_is_found_however_many_there_are() {
+        for count in [0_i64, 1, 23, 24, 25, 72, 1_000] {
+            let stamps: Vec<i64> = (0..count).map(|i| 7 * i).collect();
+            let history = history(&stamps);
+            for ms in -3..7 * count + 3 {
+                let expected = stamps.iter().filter(|&&at| at < ms).count();
+                assert_eq!(history.first_at(stamp(ms)), expected, "{ms} of {count}");
+            }
+        }
+    }
+
+    #[test]
+    fn readings_that_stay_for_long_are_counted_while_they_are_kept() {
+        let (mut history, mut most) = (DriveHistory::new(2.0), 0);
+        for i in 0..1_000_i64 {
+            // A new reading every 1.5 s at 1 m/s, and after 5 s one for each sample.
+            let reading = if i < 500 { i / 150 } else { i };
+            let sample = DriveSample::new(stamp(10 * i), 1.0, reading as f64 * 1e-3).unwrap();
+            history.push(sample);
+            let kept = history.samples.iter();
+            let long = kept.filter(|kept| kept.held_m > HELD_LONG_M).count();
+            assert_eq!(history.held_long, long, "after {i} samples");
+            most = most.max(long);
+        }
+        assert!(most > 50, "{most}");
+        assert_eq!(history.held_long, 0, "all have left the history");
     }
 
     #[test]

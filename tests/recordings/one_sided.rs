@@ -1,4 +1,4 @@
-//! A real car that turns to one side alone: what it cannot know is not claimed at any time.
+//! A real car that turns to one side alone: what it claims of y and yaw is true at any time.
 
 use fleetcal_tests::{binary, recording};
 use tempfile::TempDir;
@@ -9,7 +9,7 @@ use crate::recorded::Recorded;
 const EVERY_NS: u64 = 5_000_000_000;
 /// A claim may be off by so many of its sigmas.
 const SIGMAS: f64 = 4.0;
-/// What was measured otherwise, and how well that is known: m, rad.
+/// What a tape measure and a fit of the whole recording say, and how far these may be off: m, rad.
 const REFERENCE: [(&str, f64, f64); 2] =
     [("lidar_y", -0.010, 0.005), ("lidar_yaw", -0.0077, 0.004)];
 
@@ -24,7 +24,7 @@ fn a_real_car_that_turns_right_claims_no_false_y_or_yaw() {
     let (mut looked, mut claimed) = (0, 0);
     for until_ns in (EVERY_NS..recorded.length_ns + EVERY_NS).step_by(EVERY_NS as usize) {
         let part = folder.path().join("part.mcap");
-        recorded.write(&part, 0..until_ns);
+        recorded.write(&part, 0..until_ns + 1);
         let part = part.to_str().unwrap();
         let report = binary::run_json(["calibrate", part, "--wheelbase", "0.1735", "--json"]);
         for (name, reference, known_to) in REFERENCE {
@@ -44,5 +44,6 @@ fn a_real_car_that_turns_right_claims_no_false_y_or_yaw() {
         }
     }
     assert!(looked > 50, "looked {looked} times");
+    // None may be: offset, speed scale and y trade off.
     eprintln!("converged at {claimed} of {looked} looks");
 }

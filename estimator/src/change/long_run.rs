@@ -40,13 +40,13 @@ const LASTING_MAX: f64 = 2.7;
 const STUDENT_BLOCKS: f64 = 8.0;
 /// Largest squared error of a block or a window, in its variances: a fault is no noise.
 const SQUARE_MAX: f64 = 400.0;
-/// Mean squared residual of a block's windows beyond which the filter strays: of 30 degrees of freedom five
-/// times what is expected.
+/// Mean squared residual of a block's windows beyond which the filter strays: five times what is expected, of
+/// 30 degrees of freedom (15 in a half block). One wild window is enough.
 const SURPRISE_MAX: f64 = 15.0;
 
-/// What a filter said of a window before it took it.
+/// What a filter expected before it took a window.
 #[derive(Debug, Clone, Copy)]
-struct Told {
+struct Expectation {
     /// How many times larger the noise (as a variance) is than configured.
     scale: f64,
     /// [`surprise`].
@@ -57,11 +57,12 @@ struct Told {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Block {
     end: RobotTime,
-    /// The parameters that the residual is by; a checkpoint of an earlier estimator has none.
+    /// The parameters that the residual is by. A checkpoint holds no unfinished block; one of an earlier
+    /// estimator would not name them.
     #[serde(default, deserialize_with = "padded::optional_vector")]
     values: Option<Values>,
     residual: Vector3<f64>,
-    /// The residual by what the filter said at each window.
+    /// The residual by the parameters as they were known when each window was counted.
     #[serde(default)]
     residual_as_told: Vector3<f64>,
     /// Sum of the squared residuals of its windows, each as the filter expected it before it took the window.
@@ -108,8 +109,8 @@ impl Block {
         })
     }
 
-    /// What it errs by. A filter that its windows surprise strays, surer of itself than it may be: then
-    /// what it says changes for no other reason, and that is scatter too.
+    /// What it errs by. A filter that its windows surprise strays, surer of itself than it may be: that the
+    /// parameters moved while the windows were counted is scatter then, too.
     fn error(&self) -> &Vector3<f64> {
         if self.surprise > SURPRISE_MAX * self.windows as f64 {
             &self.residual_as_told
@@ -159,8 +160,8 @@ struct Clusters {
 
 impl Clusters {
     /// Takes the next window of a block of `length`.
-    fn push(&mut self, window: &Window, length: usize, values: &Values, told: Told) {
-        let Told { scale, surprise } = told;
+    fn push(&mut self, window: &Window, length: usize, values: &Values, expected: Expectation) {
+        let Expectation { scale, surprise } = expected;
         let before = self.block.take();
         let block = before
             .and_then(|before| before.extended(window, values, surprise))
@@ -222,16 +223,16 @@ impl LongRunVariance {
     /// Takes the next window, by the parameters as they are known now, and with the filter as it was before
     /// that window.
     pub fn push(&mut self, window: &Window, values: &Values, before: &Filter) {
-        let told = Told {
+        let expected = Expectation {
             scale: before.noise_scale(),
-            surprise: surprise(window, before).unwrap_or(0.0),
+            surprise: surprise(window, before).unwrap_or(SQUARE_MAX),
         };
-        self.push_told(window, values, told);
+        self.push_expected(window, values, expected);
     }
 
-    fn push_told(&mut self, window: &Window, values: &Values, told: Told) {
-        self.whole.push(window, BLOCK, values, told);
-        self.half.push(window, BLOCK / 2, values, told);
+    fn push_expected(&mut self, window: &Window, values: &Values, expected: Expectation) {
+        self.whole.push(window, BLOCK, values, expected);
+        self.half.push(window, BLOCK / 2, values, expected);
     }
 
     /// What comes does not continue what was.
@@ -346,6 +347,9 @@ mod tests {
     use super::*;
     use crate::change::evidence::{Evidence, Innovation};
     use crate::change::window::Track;
+    use crate::filter::prior::Prior;
+    use crate::settings::EstimatorSettings;
+    use crate::vehicle::{Vehicle, VehicleModel};
 
     fn ratio(error: impl Fn(usize) -> f64) -> f64 {
         let variance = learnt(Parameter::LidarX, error);
@@ -375,39 +379,63 @@ mod tests {
         surprise_of_each: f64,
     ) -> LongRunVariance {
         let mut variance = LongRunVariance::default();
-        let covariance = Matrix3::identity();
         let mut jacobian = ByParameters::zeros();
         jacobian[(0, parameter.index())] = 1.0;
         for i in 0..windows {
-            let residual = Vector3::new(error(i), 0.0, 0.0);
-            let innovation = Innovation {
-                residual,
-                jacobian,
-                covariance,
-            };
-            let window = Window {
-                begin: RobotTime(i as i64),
-                end: RobotTime(i as i64 + 1),
-                residual,
-                jacobian,
-                covariance,
-                carry: Matrix3::identity(),
-                motion_covariance: covariance,
-                end_covariance: Matrix3::zeros(),
-                values: Values::zeros(),
-                track: Track::default(),
-                innovation,
-                evidence: Evidence::of_window(&innovation).unwrap(),
-            };
+            let window = window(i as i64, jacobian, error(i));
             let mut values = Values::zeros();
             values[parameter.index()] = taken_for(i);
-            let told = Told {
+            let expected = Expectation {
                 scale: 1.0,
                 surprise: surprise_of_each,
             };
-            variance.push_told(&window, &values, told);
+            variance.push_expected(&window, &values, expected);
         }
         variance
+    }
+
+    /// A window of unit variance whose motion errs along the track, by parameters that are all zero.
+    fn window(number: i64, jacobian: ByParameters, error: f64) -> Window {
+        let (residual, covariance) = (Vector3::new(error, 0.0, 0.0), Matrix3::identity());
+        let innovation = Innovation {
+            residual,
+            jacobian,
+            covariance,
+        };
+        Window {
+            begin: RobotTime(number),
+            end: RobotTime(number + 1),
+            residual,
+            jacobian,
+            covariance,
+            carry: Matrix3::identity(),
+            motion_covariance: covariance,
+            end_covariance: Matrix3::zeros(),
+            values: Values::zeros(),
+            track: Track::default(),
+            innovation,
+            evidence: Evidence::of_window(&innovation).unwrap(),
+        }
+    }
+
+    #[test]
+    fn a_window_surprises_by_what_the_filter_did_not_expect_of_it() {
+        let vehicle = Vehicle::new(VehicleModel::Bicycle, 1.2);
+        let settings = EstimatorSettings::default();
+        let mut prior = Prior::cold(&vehicle, None, &settings);
+        let y = Parameter::LidarY.index();
+        prior.values = Values::zeros();
+        prior.values[y] = 2.0;
+        prior.covariance.fill(0.0);
+        prior.covariance[(y, y)] = 3.0;
+        let before = Filter::new(vehicle, &settings, &prior);
+        let mut jacobian = ByParameters::zeros();
+        jacobian[(0, y)] = 1.0;
+        let surprise_of = |error: f64| surprise(&window(0, jacobian, error), &before).unwrap();
+        // By zero the window errs by 6, so by 2 of y it errs by 4, of a variance of 1 and the filter's 3.
+        assert!((surprise_of(6.0) - 4.0).abs() < 1e-12);
+        assert!(surprise_of(2.0) < 1e-12);
+        assert!((surprise_of(1e6) - SQUARE_MAX).abs() < 1e-12);
     }
 
     /// A filter that begins far off gets to the truth within its first block, which it then fits. One that

@@ -265,7 +265,8 @@ impl ChangeWatch {
         search.every_onset = true;
         let accusation = strongest(windows(), &reference, &search, &thresholds)?;
         let explained = accusation.margin > 0.0
-            && misfit(windows(), &reference, &search, &accusation)? < MISFIT_MAX;
+            && misfit(windows(), &reference, &search, &accusation)
+                .is_some_and(|misfit| misfit < MISFIT_MAX);
         if explained && known[accusation.hypothesis] {
             return self.detected(begin, &accusation, false);
         }

@@ -306,7 +306,7 @@ impl LidarOdometry {
     }
 
     /// Gauss-Newton from a prediction: each iteration corrects the scan with the velocity found
-    /// by the one before.
+    /// by the one before. The fit is that of the last but one, whose pose is less than [`STEP_MIN`] off.
     fn align(&self, predicted: &Motion) -> Option<Solution> {
         let mut information = predicted.information()?;
         let origin = LocalOrigin::near(predicted.pose.x_m, predicted.pose.y_m);

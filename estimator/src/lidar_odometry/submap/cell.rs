@@ -12,9 +12,9 @@ pub(super) const CELLS_IN_TILE: usize = (TILE_CELLS * TILE_CELLS) as usize;
 pub(super) const TABLE_TILES: i32 = 256;
 /// Bits of a cell's fraction that are left of a coordinate before it is rounded down: 0.1 mm.
 const FRACTION_BITS: i32 = 10;
-/// Added to a coordinate in cells, which is far smaller: single precision then has so many bits of a fraction,
-/// and numbers follow each other as their bits do.
-const FIXED_POINT: f32 = 13_312.0;
+/// Added to a coordinate of up to 4096 cells, single precision has so many bits of a fraction, and numbers
+/// follow each other as their bits do. Beyond, a cell is another's, as the table's are.
+const FIXED_POINT: f32 = 12_288.0;
 
 /// A cell of the odometry frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -81,8 +81,8 @@ impl LocalOrigin {
 /// would take several times as long.
 #[inline]
 fn rounded_down(value: f32) -> i32 {
-    let bits = (value + FIXED_POINT).to_bits() as i32 - FIXED_POINT.to_bits() as i32;
-    bits >> FRACTION_BITS
+    let bits = (value + FIXED_POINT).to_bits() as i32;
+    bits.wrapping_sub(FIXED_POINT.to_bits() as i32) >> FRACTION_BITS
 }
 
 #[cfg(test)]
@@ -91,7 +91,7 @@ mod tests {
 
     #[test]
     fn a_cell_reaches_from_its_edge_to_the_next() {
-        for column in [-600, -1, 0, 1, 2, 3, 599] {
+        for column in [-4_000, -1_023, -600, -1, 0, 1, 2, 3, 599, 1_023, 4_000] {
             let edge = column as f32;
             assert_eq!(rounded_down(edge), column);
             assert_eq!(rounded_down(edge + 0.999), column);

@@ -139,7 +139,7 @@ impl Proxy {
         }
     }
 
-    /// How often clients have waited for an answer of the server so far.
+    /// How many requests that wait for an answer clients have sent so far.
     pub fn round_trips(&self) -> usize {
         self.round_trips.load(Ordering::SeqCst)
     }

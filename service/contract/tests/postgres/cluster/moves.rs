@@ -113,8 +113,6 @@ async fn a_look_at_what_has_not_changed_is_one_round_trip() {
         assert!(!seen.is_whole && seen.snapshot.members.len() == 1);
         proxy.round_trips() - before
     };
-    // The first prepares the statement.
-    assert!(look().await <= 2);
     for _ in 0..20 {
         assert_eq!(look().await, 1);
     }
