@@ -382,7 +382,7 @@ mod tests {
         let mut jacobian = ByParameters::zeros();
         jacobian[(0, parameter.index())] = 1.0;
         for i in 0..windows {
-            let window = window(i as i64, jacobian, error(i));
+            let window = window(i as i64, &jacobian, error(i));
             let mut values = Values::zeros();
             values[parameter.index()] = taken_for(i);
             let expected = Expectation {
@@ -395,18 +395,18 @@ mod tests {
     }
 
     /// A window of unit variance whose motion errs along the track, by parameters that are all zero.
-    fn window(number: i64, jacobian: ByParameters, error: f64) -> Window {
+    fn window(number: i64, jacobian: &ByParameters, error: f64) -> Window {
         let (residual, covariance) = (Vector3::new(error, 0.0, 0.0), Matrix3::identity());
         let innovation = Innovation {
             residual,
-            jacobian,
+            jacobian: *jacobian,
             covariance,
         };
         Window {
             begin: RobotTime(number),
             end: RobotTime(number + 1),
             residual,
-            jacobian,
+            jacobian: *jacobian,
             covariance,
             carry: Matrix3::identity(),
             motion_covariance: covariance,
@@ -431,7 +431,7 @@ mod tests {
         let before = Filter::new(vehicle, &settings, &prior);
         let mut jacobian = ByParameters::zeros();
         jacobian[(0, y)] = 1.0;
-        let surprise_of = |error: f64| surprise(&window(0, jacobian, error), &before).unwrap();
+        let surprise_of = |error: f64| surprise(&window(0, &jacobian, error), &before).unwrap();
         // By zero the window errs by 6, so by 2 of y it errs by 4, of a variance of 1 and the filter's 3.
         assert!((surprise_of(6.0) - 4.0).abs() < 1e-12);
         assert!(surprise_of(2.0) < 1e-12);
