@@ -12,6 +12,11 @@ const ONE_SIDED_SHARE_MAX: f64 = 0.1;
 /// Turns of which at least this share went to the other side are to both.
 const TWO_SIDED_SHARE_MIN: f64 = 0.2;
 
+/// A vehicle of which at least this share of the way was straight has shown how its axle rolls.
+const STRAIGHT_SHARE_MIN: f64 = 0.1;
+/// Before so much of a way it is not told whether a vehicle circles, m.
+const CIRCLING_FROM_M: f64 = 10.0;
+
 /// Distance driven in each kind of motion, m.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Excitation {
@@ -56,11 +61,35 @@ impl Excitation {
         let missing_share = TWO_SIDED_SHARE_MIN - less_m / turning_m;
         (missing_share / (TWO_SIDED_SHARE_MIN - ONE_SIDED_SHARE_MAX)).clamp(0.0, 1.0)
     }
+
+    /// How far it did nothing but turn to one side: 1 where it never drove straight, 0 where a tenth of its
+    /// way was straight, a fifth of its turns went to the other side, or the way is too short to tell.
+    pub fn circling(&self) -> f64 {
+        let way_m = self.left_m + self.straight_m + self.right_m;
+        if way_m < CIRCLING_FROM_M {
+            return 0.0;
+        }
+        let missing_share = STRAIGHT_SHARE_MIN - self.straight_m / way_m;
+        self.one_sidedness() * (missing_share / STRAIGHT_SHARE_MIN).clamp(0.0, 1.0)
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn who_drives_straight_for_a_tenth_of_the_way_does_not_circle() {
+        let mut driven = Excitation::default();
+        driven.add(9.0, -4.5);
+        assert!(driven.circling() < 1e-12, "too short to tell");
+        driven.add(81.0, -40.5);
+        assert!((driven.circling() - 1.0).abs() < 1e-12);
+        driven.add(5.0, 0.0);
+        assert!((0.3..0.6).contains(&driven.circling()));
+        driven.add(5.0, 0.0);
+        assert!(driven.circling() < 1e-12);
+    }
 
     #[test]
     fn turns_are_to_one_side_until_a_fifth_of_them_went_to_the_other() {
