@@ -52,6 +52,21 @@ fn one_circle_leaves_the_mount_open() {
     assert_mount_is_open(&on_route(Route::circle(Point::new(0.0, 0.0), 4.0), 60.0));
 }
 
+/// An oval without a straight tells the other values, but not how the body points against where its rear axle
+/// rolls: yaw is told no surer than that.
+#[test]
+fn turning_to_one_side_alone_leaves_the_yaw_open() {
+    let points: Vec<_> = (0..180)
+        .map(|i| std::f64::consts::TAU * f64::from(i) / 180.0)
+        .map(|around| Point::new(5.0 * around.cos(), 3.0 * around.sin()))
+        .collect();
+    let run = on_route(Route::from_points(&points, true), 240.0);
+    let yaw = run.last().0.parameter(Parameter::LidarYaw);
+    println!("{yaw:?}");
+    assert_ne!(yaw.status, Status::Converged);
+    assert!(yaw.sigma > 0.25f64.to_radians());
+}
+
 #[test]
 fn standing_still_says_nothing() {
     let mut config = SimulationConfig::figure_eight(7);
