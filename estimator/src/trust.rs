@@ -64,6 +64,8 @@ pub struct Grounds<'a> {
     /// What of the variance of the LiDAR's `y` no driving takes away, because nobody said where the speed
     /// is measured, m².
     pub encoder_variance_m2: f64,
+    /// What of the variance of the LiDAR's yaw no turning to one side takes away, rad².
+    pub circling_variance_rad2: f64,
 }
 
 impl Grounds<'_> {
@@ -73,6 +75,13 @@ impl Grounds<'_> {
         let y = Parameter::LidarY.index();
         covariance[(y, y)] -= self.encoder_variance_m2;
         covariance
+    }
+
+    /// Whether a parameter is as open as it is mostly because the vehicle has turned to one side alone.
+    fn waits_for_the_other_side(&self, parameter: Parameter) -> bool {
+        let yaw = Parameter::LidarYaw.index();
+        parameter == Parameter::LidarYaw
+            && self.circling_variance_rad2 > 0.5 * self.knowledge.covariance[(yaw, yaw)]
     }
 
     /// Whether a parameter is as open as it is mostly because nobody said where the speed is measured.
@@ -165,6 +174,9 @@ impl Trust {
             }
             if grounds.waits_for_speed_place(parameter) {
                 return Some(SPEED_PLACE.to_owned());
+            }
+            if grounds.waits_for_the_other_side(parameter) {
+                return Some(MORE_DRIVING.to_owned());
             }
             let sigma_now = covariance[(i, i)].sqrt();
             let best = best_for(parameter, sigma_now, &advice);
@@ -344,6 +356,7 @@ mod tests {
                 blind: [false; REPORTED],
                 has_impossible_steering: false,
                 encoder_variance_m2: 0.0,
+                circling_variance_rad2: 0.0,
                 knowledge: Knowledge {
                     vehicle: &vehicle,
                     values: &values,

@@ -61,6 +61,8 @@ struct Told {
     covariance: ParameterCovariance,
     /// What of the variance of the LiDAR's `y` no driving takes away, m².
     encoder_variance_m2: f64,
+    /// What of the variance of the LiDAR's yaw no turning to one side takes away, rad².
+    circling_variance_rad2: f64,
 }
 
 impl Told {
@@ -69,6 +71,7 @@ impl Told {
             values,
             covariance: *covariance,
             encoder_variance_m2: 0.0,
+            circling_variance_rad2: 0.0,
         }
     }
 }
@@ -413,6 +416,7 @@ impl Calibrator {
             blind: self.blind(),
             has_impossible_steering: self.session.has_impossible_steering(),
             encoder_variance_m2: told.encoder_variance_m2,
+            circling_variance_rad2: told.circling_variance_rad2,
             knowledge: Knowledge {
                 vehicle: &self.config.vehicle,
                 values: &told.values,
@@ -460,8 +464,9 @@ impl Calibrator {
         let [offset, y] = [Parameter::SteeringOffset, Parameter::LidarY].map(Parameter::index);
         told.covariance[(y, y)] += told.encoder_variance_m2;
         let yaw = Parameter::LidarYaw.index();
-        told.covariance[(yaw, yaw)] +=
+        told.circling_variance_rad2 =
             CIRCLING_YAW_SIGMA_RAD.powi(2) * self.session.excitation.circling();
+        told.covariance[(yaw, yaw)] += told.circling_variance_rad2;
         let straight_rad = told.values[offset];
         told.covariance[(offset, offset)] +=
             self.drive.repeated_reading_variance_rad2(straight_rad)

@@ -62,9 +62,10 @@ fn turning_to_one_side_alone_leaves_the_yaw_open() {
         .collect();
     let run = on_route(Route::from_points(&points, true), 240.0);
     let yaw = run.last().0.parameter(Parameter::LidarYaw);
-    println!("{yaw:?}");
     assert_ne!(yaw.status, Status::Converged);
     assert!(yaw.sigma > 0.25f64.to_radians());
+    let needs = yaw.needs.clone().unwrap_or_default();
+    assert!(needs.contains("turns to both sides"), "{needs}");
 }
 
 #[test]
