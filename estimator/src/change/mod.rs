@@ -7,6 +7,7 @@ pub mod detection;
 pub mod evidence;
 pub mod fault;
 pub mod long_run;
+pub mod mean_pose;
 pub mod search;
 pub mod window;
 
@@ -23,8 +24,9 @@ use detection::{DetectionState, Visibility, known_causes};
 use evidence::{CAUSES, HYPOTHESES, Thresholds};
 use fault::{Fault, FaultWatch};
 use long_run::LongRunVariance;
+use mean_pose::Way;
 use search::{Accusation, ONSET_WINDOWS, Reference, Search, expected_evidence, misfit, strongest};
-use window::{Window, WindowCutter};
+use window::{Window, WindowCutter, WindowEnd};
 
 /// Windows that are looked back over: some 25 m.
 pub const WINDOWS_MAX: usize = 60;
@@ -64,10 +66,8 @@ pub struct Detected {
 /// Watches one robot for changes.
 #[derive(Debug, Clone, Default)]
 pub struct ChangeWatch {
-    cutter: WindowCutter,
+    cutter: WindowCutter<Filter>,
     remembered: VecDeque<Remembered>,
-    /// The filter at the beginning of the window that is being cut.
-    filter_at_begin: Option<Filter>,
     long_run: LongRunVariance,
     faults: FaultWatch,
     /// The newest windows that have not told yet how far they err together.
@@ -102,7 +102,6 @@ impl ChangeWatch {
     /// Begins a new window without forgetting: the LiDAR poses before do not compare.
     pub fn break_window(&mut self) {
         self.cutter.restart();
-        self.filter_at_begin = None;
     }
 
     /// Takes the reading that the filter has just followed; says when a change is certain.
@@ -115,36 +114,44 @@ impl ChangeWatch {
         settings: &EstimatorSettings,
     ) -> Option<Detected> {
         let filter = &follower.filter;
-        let window = self.cutter.push(
-            reading,
+        let way = Way {
             drive,
             vehicle,
-            filter.values(),
-            (filter.motion_noise(), filter.noise_scale()),
-        );
-        let Some(window) = window else {
-            if self.filter_at_begin.is_none() {
-                self.filter_at_begin = Some(filter.clone());
-            }
-            return None;
+            values: filter.values(),
+            noise: filter.motion_noise(),
+            noise_scale: filter.noise_scale(),
         };
-        let fault = self.faults.push(&window.track, filter.noise_scale());
-        if self.faults.active().is_some() {
-            return fault.map(|(fault, lasted)| self.failed(fault, lasted, &window, filter));
+        let cut = self.cutter.push(reading, way, || filter.clone());
+        let is_complete = cut.complete.is_some() || cut.complete_at_end.is_some();
+        self.remember(cut.complete);
+        if let Some(end) = cut.end {
+            let fault = self.faults.push(&end.track, filter.noise_scale());
+            if self.has_fault() {
+                self.cutter.leave_out_ended();
+                return fault.map(|(fault, lasted)| self.failed(fault, lasted, &end, filter));
+            }
         }
-        let begin = self.filter_at_begin.replace(filter.clone());
-        let filter = begin.unwrap_or_else(|| filter.clone());
+        self.remember(cut.complete_at_end);
+        if !is_complete {
+            return None;
+        }
+        let known = self.long_run.known(filter);
+        self.learn(filter.values());
+        let claimed = self.long_run.scatter(&known.covariance).claim();
+        self.visibility.know(&claimed, settings);
+        self.judge(settings)
+    }
+
+    fn remember(&mut self, complete: Option<(Window, Filter)>) {
+        let Some((window, filter)) = complete else {
+            return;
+        };
         self.remembered.push_back(Remembered { window, filter });
         if self.remembered.len() > WINDOWS_MAX {
             self.remembered.pop_front();
             self.known_from = self.known_from.map(|from| from.saturating_sub(1));
         }
         self.unlearnt += 1;
-        let known = self.long_run.known(&follower.filter);
-        self.learn(follower.filter.values());
-        let claimed = self.long_run.scatter(&known.covariance).claim();
-        self.visibility.know(&claimed, settings);
-        self.judge(settings)
     }
 
     /// Where detection stands with each cause.
@@ -163,23 +170,22 @@ impl ChangeWatch {
 
     /// A fault has been going on over the last windows: they are forgotten, and the filter is as it
     /// was before.
-    fn failed(&mut self, fault: Fault, lasted: usize, last: &Window, now: &Filter) -> Detected {
+    fn failed(&mut self, fault: Fault, lasted: usize, last: &WindowEnd, now: &Filter) -> Detected {
         // The last window is not remembered yet; the one before the first may be touched too.
         let kept = self.remembered.len().saturating_sub(lasted);
         let (begin, filter_before) = match self.remembered.get(kept) {
             Some(first) => (first.window.begin, first.filter.clone()),
-            None => (last.begin, now.clone()),
+            None => (last.lasts.0, now.clone()),
         };
         self.remembered.truncate(kept);
         self.known_from = self.known_from.filter(|from| *from < kept);
         self.unlearnt = self.unlearnt.min(kept);
         self.long_run.break_block();
-        self.filter_at_begin = None;
         Detected {
             kind: ChangeKind::Fault,
             cause: fault.cause(),
             parameters: Vec::new(),
-            onset: (begin, last.end),
+            onset: (begin, last.lasts.1),
             filter_before,
         }
     }

@@ -1,23 +1,25 @@
 //! Windows of motion: what drive and LiDAR say of the same 0.4 m, and how far they disagree.
 
+use std::collections::VecDeque;
+
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::evidence::{Evidence, Innovation, WINDOW_CHI2_MAX};
-use crate::drive_history::{DriveHistory, DriveSegment};
+use super::mean_pose::{PAIRS_MAX, Way, mean_pose};
 use crate::estimate::Parameter;
 use crate::filter::constraint::{ByParameters, LidarMotion};
 use crate::filter::prediction::PredictedMotion;
-use crate::filter::{
-    OdometryReading, Values, apart, drive_parameters, lidar_in_base, steering_response,
-};
+use crate::filter::{OdometryReading, Values, apart, drive_parameters, lidar_in_base};
+use crate::geometry::wrap_angle_rad;
 use crate::motion_noise::MotionNoise;
 use crate::stream::RobotTime;
-use crate::vehicle::Vehicle;
 
 /// A window ends after this distance, m.
 const WINDOW_M: f64 = 0.4;
 /// Or after this turn, rad.
 const WINDOW_RAD: f64 = 0.2;
+/// Poses later than this are not taken into the mean around an end, s.
+const AROUND_S: f64 = 1.0;
 
 /// Least turn for each radian of steering over a window that says something about the steering.
 const STEERED_MIN: f64 = 0.1;
@@ -98,58 +100,206 @@ impl Innovation {
     }
 }
 
-/// Cuts a robot's readings into windows.
-#[derive(Debug, Clone, Default)]
-pub struct WindowCutter {
-    begin: Option<OdometryReading>,
+/// A window's end, as it is known at once.
+#[derive(Debug, Clone, Copy)]
+pub struct WindowEnd {
+    /// LiDAR time at its beginning and at its end.
+    pub lasts: (RobotTime, RobotTime),
+    /// What drive and LiDAR say of its way.
+    pub track: Track,
+}
+
+/// What a reading does to the windows, in this order.
+#[derive(Debug)]
+pub struct Cut<K> {
+    /// The window that ended before is complete: what was known at its beginning.
+    pub complete: Option<(Window, K)>,
+    /// A window ends with the reading.
+    pub end: Option<WindowEnd>,
+    /// That window, where it is complete at once.
+    pub complete_at_end: Option<(Window, K)>,
+}
+
+/// Where a window begins, and what is known then.
+#[derive(Debug, Clone)]
+struct Begin<K> {
+    reading: OdometryReading,
+    /// The same by the mean of the poses around it.
+    mean: OdometryReading,
+    known: K,
+}
+
+/// A window whose end is known, while poses that follow its end are awaited.
+#[derive(Debug, Clone)]
+struct Ended<K> {
+    begin: Begin<K>,
+    end: OdometryReading,
+    /// The window by the single poses.
+    window: Window,
+    before: VecDeque<OdometryReading>,
+    after: Vec<OdometryReading>,
+    noise: MotionNoise,
+    noise_scale: f64,
+}
+
+impl<K> Ended<K> {
+    /// Whether a reading is still around the end; it is taken in then.
+    fn awaits(&mut self, reading: &OdometryReading, way: Way<'_>) -> bool {
+        let (from, to) = (self.end.stamp, reading.stamp);
+        let turned_rad = self
+            .end
+            .lidar_in_odom
+            .between(&reading.lidar_in_odom)
+            .yaw_rad;
+        let is_around = to.seconds_since(from) < AROUND_S
+            && way.is_covered(from, to)
+            && way.driven_m(from, to) < 0.5 * WINDOW_M
+            && wrap_angle_rad(turned_rad).abs() < 0.5 * WINDOW_RAD;
+        if is_around {
+            self.after.push(*reading);
+        }
+        is_around && self.after.len() < PAIRS_MAX.min(self.before.len())
+    }
+}
+
+/// Cuts a robot's readings into windows, and keeps what is known at the beginning of each.
+#[derive(Debug, Clone)]
+pub struct WindowCutter<K> {
+    begin: Option<Begin<K>>,
+    /// The newest readings.
+    newest: VecDeque<OdometryReading>,
+    ended: Option<Box<Ended<K>>>,
     /// The window before, when it ends where the next one begins and nothing wild was in it.
     before: Option<Window>,
 }
 
-impl WindowCutter {
+impl<K> Default for WindowCutter<K> {
+    fn default() -> Self {
+        Self {
+            begin: None,
+            newest: VecDeque::with_capacity(PAIRS_MAX),
+            ended: None,
+            before: None,
+        }
+    }
+}
+
+impl<K> WindowCutter<K> {
     /// Begins again with the next reading.
     pub fn restart(&mut self) {
         *self = Self::default();
     }
 
-    /// Takes a reading; gives the window that it completes.
+    /// Takes a reading.
     pub fn push(
         &mut self,
         reading: &OdometryReading,
-        drive: &DriveHistory,
-        vehicle: &Vehicle,
-        values: &Values,
-        (noise, noise_scale): (&MotionNoise, f64),
-    ) -> Option<Window> {
-        let Some(begin) = self.begin else {
-            self.begin = Some(*reading);
+        way: Way<'_>,
+        known: impl FnOnce() -> K,
+    ) -> Cut<K> {
+        let mut cut = Cut {
+            complete: None,
+            end: None,
+            complete_at_end: None,
+        };
+        if let Some(ended) = self.ended.as_mut()
+            && !ended.awaits(reading, way)
+        {
+            cut.complete = self.complete(way);
+        }
+        let is_covered = |begin: &Begin<K>| way.is_covered(begin.reading.stamp, reading.stamp);
+        if !self.begin.as_ref().is_some_and(is_covered) {
+            self.restart();
+            self.begin(reading, known());
+        } else if self.ended.is_none()
+            && let Some(begin) = self
+                .begin
+                .take_if(|begin| is_long(&begin.reading, reading, way))
+        {
+            self.begin(reading, known());
+            self.end(begin, reading, way, &mut cut);
+        }
+        if self.newest.len() >= PAIRS_MAX {
+            self.newest.pop_front();
+        }
+        self.newest.push_back(*reading);
+        cut
+    }
+
+    /// Leaves out the window that has ended and is not complete.
+    pub fn leave_out_ended(&mut self) {
+        self.ended = None;
+        self.before = None;
+    }
+
+    fn begin(&mut self, reading: &OdometryReading, known: K) {
+        self.begin = Some(Begin {
+            reading: *reading,
+            mean: *reading,
+            known,
+        });
+    }
+
+    /// Ends a window with a reading. Where its pose is surer than the way of the window it is taken as it
+    /// is; else the poses that follow are awaited.
+    fn end(&mut self, begin: Begin<K>, end: &OdometryReading, way: Way<'_>, cut: &mut Cut<K>) {
+        let Some(window) = measure(&begin.mean, end, way) else {
+            self.before = None;
+            return;
+        };
+        cut.end = Some(WindowEnd {
+            lasts: (window.begin, window.end),
+            track: window.track,
+        });
+        if position_variance_m2(&window.end_covariance)
+            <= position_variance_m2(&window.motion_covariance)
+        {
+            let window = self.whiten(window, way.noise_scale);
+            cut.complete_at_end = window.map(|window| (window, begin.known));
+            return;
+        }
+        self.ended = Some(Box::new(Ended {
+            begin,
+            end: *end,
+            window,
+            before: self.newest.clone(),
+            after: Vec::new(),
+            noise: *way.noise,
+            noise_scale: way.noise_scale,
+        }));
+    }
+
+    /// Measures the window whose end is known by the mean of the poses around it.
+    fn complete(&mut self, way: Way<'_>) -> Option<(Window, K)> {
+        let ended = *self.ended.take()?;
+        let Ended { begin, end, .. } = &ended;
+        let way = Way {
+            values: &ended.window.values,
+            noise: &ended.noise,
+            noise_scale: ended.noise_scale,
+            ..way
+        };
+        let mean = mean_pose(end, &ended.before, &ended.after, way);
+        if let Some(next) = self.begin.as_mut() {
+            next.mean = mean;
+        }
+        let is_covered = way.is_covered(begin.reading.stamp, end.stamp);
+        let measured = is_covered.then(|| measure(&begin.mean, &mean, way));
+        let Some(mut window) = measured.flatten() else {
+            self.before = None;
             return None;
         };
-        let offset_s = values[Parameter::TimeOffset.index()].clamp(-0.25, 0.25);
-        let (from, to) = (
-            begin.stamp.plus_seconds(offset_s),
-            reading.stamp.plus_seconds(offset_s),
-        );
-        let response = steering_response(values);
-        if !drive.covers(from, to) {
-            self.restart();
-            self.begin = Some(*reading);
-            return None;
-        }
-        let moved = begin
-            .lidar_in_odom
-            .between(&reading.lidar_in_odom)
-            .wrapped();
-        let driven_m = drive.driven_m(from, to);
-        let long = driven_m.max(moved.translation().norm()) >= WINDOW_M;
-        if !long && moved.yaw_rad.abs() < WINDOW_RAD {
-            return None;
-        }
-        self.begin = Some(*reading);
-        let ways = drive.segments(from, to, response);
-        let mut window = measure(&begin, reading, ways, vehicle, values, noise)?;
+        // Faults are jumps: a mean would blur them.
+        window.track = ended.window.track;
+        let window = self.whiten(window, way.noise_scale)?;
+        Some((window, ended.begin.known))
+    }
+
+    /// Takes from a window what the one before has told of the pose that they share.
+    fn whiten(&mut self, mut window: Window, noise_scale: f64) -> Option<Window> {
         if let Some(before) = self.before.take()
-            && let Some(new) = Innovation::after(window.innovation, &window.carry, values, &before)
+            && let Some(new) =
+                Innovation::after(window.innovation, &window.carry, &window.values, &before)
         {
             window.innovation = new;
             window.evidence = Evidence::of_window(&new)?;
@@ -157,6 +307,21 @@ impl WindowCutter {
         self.before = Some(window.clone()).filter(|window| !window.innovation.is_wild(noise_scale));
         Some(window)
     }
+}
+
+/// Whether a reading is far enough from where a window begins to end it.
+fn is_long(begin: &OdometryReading, reading: &OdometryReading, way: Way<'_>) -> bool {
+    let moved = begin
+        .lidar_in_odom
+        .between(&reading.lidar_in_odom)
+        .wrapped();
+    let driven_m = way.driven_m(begin.stamp, reading.stamp);
+    driven_m.max(moved.translation().norm()) >= WINDOW_M || moved.yaw_rad.abs() >= WINDOW_RAD
+}
+
+/// Variance of a position, both directions together, m².
+fn position_variance_m2(covariance: &Matrix3<f64>) -> f64 {
+    covariance[(0, 0)] + covariance[(1, 1)]
 }
 
 /// One sigma of a position along the direction it is known least in, m.
@@ -172,19 +337,18 @@ fn distance_from_way_m(end: Vector2<f64>, point: Vector2<f64>) -> f64 {
     (point - end * part).norm()
 }
 
-fn measure(
-    begin: &OdometryReading,
-    end: &OdometryReading,
-    ways: impl Iterator<Item = DriveSegment>,
-    vehicle: &Vehicle,
-    values: &Values,
-    noise: &MotionNoise,
-) -> Option<Window> {
+fn measure(begin: &OdometryReading, end: &OdometryReading, way: Way<'_>) -> Option<Window> {
+    let Way {
+        vehicle,
+        values,
+        noise,
+        ..
+    } = way;
     let parameters = drive_parameters(values);
     let mut motion = PredictedMotion::none();
     let mut twist_at_begin = None;
     let (mut least_rad, mut most_rad) = (f64::INFINITY, f64::NEG_INFINITY);
-    for segment in ways {
+    for segment in way.segments(begin.stamp, end.stamp) {
         least_rad = least_rad.min(segment.drive.steering_rad);
         most_rad = most_rad.max(segment.drive.steering_rad);
         motion.advance(vehicle, &parameters, noise, &segment);

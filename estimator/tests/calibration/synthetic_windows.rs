@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 
 use fleetcal_estimator::change::WINDOWS_MAX;
 use fleetcal_estimator::change::evidence::{CAUSES, Evidence, Thresholds, WINDOW_CHI2_MAX};
+use fleetcal_estimator::change::mean_pose::Way;
 use fleetcal_estimator::change::search::{Reference, Search, candidates, strongest};
 use fleetcal_estimator::change::window::{Window, WindowCutter};
 use fleetcal_estimator::drive_history::DriveHistory;
@@ -86,7 +87,16 @@ pub fn windows_of(route: Route, duration_s: f64) -> Vec<Window> {
                 // A pose waits for the drive samples of its time.
                 if let Some(due) = waiting.replace(reading) {
                     let noise = MotionNoise::default();
-                    windows.extend(cutter.push(&due, &drive, &vehicle, &values, (&noise, 1.0)));
+                    let way = Way {
+                        drive: &drive,
+                        vehicle: &vehicle,
+                        values: &values,
+                        noise: &noise,
+                        noise_scale: 1.0,
+                    };
+                    let cut = cutter.push(&due, way, || ());
+                    let complete = cut.complete.into_iter().chain(cut.complete_at_end);
+                    windows.extend(complete.map(|(window, ())| window));
                 }
             }
             SimulatedMessage::Scan(_) | SimulatedMessage::CrossTrackError(_) => {}
