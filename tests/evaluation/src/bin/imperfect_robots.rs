@@ -30,7 +30,8 @@ struct Arguments {
     /// `claims` for unchanged robots, `changes` for injected changes; both by default.
     #[arg(long, value_parser = ["claims", "changes"])]
     scenario: Option<String>,
-    /// Injected changes: `steering_0.5deg`, `mount_yaw_0.5deg`, `mount_20mm`.
+    /// Injected changes: `steering_0.5deg`, `mount_yaw_0.5deg`, `mount_20mm`,
+    /// `mount_y_10mm`.
     #[arg(long, value_delimiter = ',')]
     change: Vec<InjectedChange>,
     /// What the LiDAR sends; by default poses, and scans for imperfections of single beams and

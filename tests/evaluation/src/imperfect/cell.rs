@@ -140,11 +140,18 @@ pub enum InjectedChange {
     MountYaw,
     /// The LiDAR moves by 20 mm in any direction.
     MountMoved,
+    /// The LiDAR moves by 10 mm to one side.
+    MountSideways,
 }
 
 impl InjectedChange {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Steering, Self::MountYaw, Self::MountMoved];
+    pub const ALL: [Self; 4] = [
+        Self::Steering,
+        Self::MountYaw,
+        Self::MountMoved,
+        Self::MountSideways,
+    ];
 
     /// Its name.
     pub const fn name(self) -> &'static str {
@@ -152,6 +159,7 @@ impl InjectedChange {
             Self::Steering => "steering_0.5deg",
             Self::MountYaw => "mount_yaw_0.5deg",
             Self::MountMoved => "mount_20mm",
+            Self::MountSideways => "mount_y_10mm",
         }
     }
 }

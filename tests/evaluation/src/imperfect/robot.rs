@@ -98,5 +98,6 @@ fn injected(change: InjectedChange, turn: f64) -> Change {
         InjectedChange::MountMoved => {
             Change::Mount(Pose2::new(0.02 * turn.cos(), 0.02 * turn.sin(), 0.0))
         }
+        InjectedChange::MountSideways => Change::Mount(Pose2::new(0.0, 0.01 * turn.signum(), 0.0)),
     }
 }

@@ -236,7 +236,9 @@ impl Summary {
 fn is_right(injected: InjectedChange, flag: &Flagged) -> bool {
     let expected = match injected {
         InjectedChange::Steering => Cause::Steering,
-        InjectedChange::MountYaw | InjectedChange::MountMoved => Cause::LidarMount,
+        InjectedChange::MountYaw | InjectedChange::MountMoved | InjectedChange::MountSideways => {
+            Cause::LidarMount
+        }
     };
     flag.kind == ChangeKind::CalibrationChanged && flag.cause == expected
 }

@@ -183,3 +183,23 @@ fn a_jump_on_a_clean_robot_is_flagged_by_its_name_and_the_way_is_counted_from_it
     );
     assert!(outcome.driven_m > 40.0 && outcome.told[0] > outcome.told_late[0]);
 }
+
+#[test]
+fn a_lidar_that_moves_by_20_mm_on_a_loop_to_one_side_is_flagged_by_noisy_poses() {
+    // Three of ten that nothing flagged while single poses, of 3 mm, ended windows.
+    for seed in [4, 8, 9] {
+        let cell = Cell {
+            flaw: Flaw::Clean,
+            road: Road::Left,
+            sensor: Sensor::Poses,
+            scenario: Scenario::Changed(InjectedChange::MountMoved, Speed::Slow),
+        };
+        let Outcome::Change(outcome) = run(cell, seed, 600.0).unwrap() else {
+            panic!("a change was asked for");
+        };
+        let (flag, way_m) = outcome.flag.unwrap();
+        assert_eq!(flag.cause, Cause::LidarMount, "seed {seed}");
+        assert!(way_m < 20.0, "seed {seed}: {way_m} m");
+        assert_eq!(outcome.told_late[1], 0, "seed {seed}");
+    }
+}
