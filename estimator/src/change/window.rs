@@ -10,7 +10,6 @@ use crate::estimate::Parameter;
 use crate::filter::constraint::{ByParameters, LidarMotion};
 use crate::filter::prediction::PredictedMotion;
 use crate::filter::{OdometryReading, Values, apart, drive_parameters, lidar_in_base};
-use crate::geometry::wrap_angle_rad;
 use crate::motion_noise::MotionNoise;
 use crate::stream::RobotTime;
 
@@ -146,15 +145,9 @@ impl<K> Ended<K> {
     /// Whether a reading is still around the end; it is taken in then.
     fn awaits(&mut self, reading: &OdometryReading, way: Way<'_>) -> bool {
         let (from, to) = (self.end.stamp, reading.stamp);
-        let turned_rad = self
-            .end
-            .lidar_in_odom
-            .between(&reading.lidar_in_odom)
-            .yaw_rad;
         let is_around = to.seconds_since(from) < AROUND_S
             && way.is_covered(from, to)
-            && way.driven_m(from, to) < 0.5 * WINDOW_M
-            && wrap_angle_rad(turned_rad).abs() < 0.5 * WINDOW_RAD;
+            && windows_between(&self.end, reading, way) < 0.5;
         if is_around {
             self.after.push(*reading);
         }
@@ -214,7 +207,7 @@ impl<K> WindowCutter<K> {
         } else if self.ended.is_none()
             && let Some(begin) = self
                 .begin
-                .take_if(|begin| is_long(&begin.reading, reading, way))
+                .take_if(|begin| windows_between(&begin.reading, reading, way) >= 1.0)
         {
             self.begin(reading, known());
             self.end(begin, reading, way, &mut cut);
@@ -309,14 +302,12 @@ impl<K> WindowCutter<K> {
     }
 }
 
-/// Whether a reading is far enough from where a window begins to end it.
-fn is_long(begin: &OdometryReading, reading: &OdometryReading, way: Way<'_>) -> bool {
-    let moved = begin
-        .lidar_in_odom
-        .between(&reading.lidar_in_odom)
-        .wrapped();
-    let driven_m = way.driven_m(begin.stamp, reading.stamp);
-    driven_m.max(moved.translation().norm()) >= WINDOW_M || moved.yaw_rad.abs() >= WINDOW_RAD
+/// How far a reading is from another one, in windows.
+fn windows_between(from: &OdometryReading, to: &OdometryReading, way: Way<'_>) -> f64 {
+    let moved = from.lidar_in_odom.between(&to.lidar_in_odom).wrapped();
+    let driven_m = way.driven_m(from.stamp, to.stamp);
+    let moved_m = driven_m.max(moved.translation().norm());
+    (moved_m / WINDOW_M).max(moved.yaw_rad.abs() / WINDOW_RAD)
 }
 
 /// Variance of a position, both directions together, m².
