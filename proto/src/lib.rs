@@ -7,6 +7,7 @@
 pub mod calibration;
 pub mod cdr;
 pub mod encoding;
+pub mod endpoint;
 pub mod estimate;
 pub mod event;
 pub mod key;

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use fleetcal_proto::endpoint;
+
 use crate::session_error::SessionError;
 
 /// Largest message a robot reads, bytes.
@@ -36,8 +38,8 @@ impl std::fmt::Display for Connection {
 }
 
 impl Connection {
-    /// The session's configuration. Opening a client of [`Connection::endpoints`] alone fails after
-    /// `timeout_ms`.
+    /// The session's configuration, with QUIC in one stream. Opening a client of [`Connection::endpoints`]
+    /// alone fails after `timeout_ms`.
     ///
     /// # Errors
     /// When the file cannot be read or used, or an endpoint is none.
@@ -52,6 +54,12 @@ impl Connection {
         if !self.endpoints.is_empty() {
             let endpoints = serde_json::Value::from(self.endpoints.clone());
             set(&mut config, "connect/endpoints", endpoints.to_string())?;
+        }
+        for field in endpoint::FIELDS {
+            let text = config.get_json(field).unwrap_or_default();
+            if let Some(endpoints) = endpoint::field_in_order(&text) {
+                set(&mut config, field, endpoints.to_string())?;
+            }
         }
         Ok(config)
     }
@@ -112,6 +120,14 @@ mod tests {
         let endpoints = written(&connection, "connect/endpoints");
         assert_eq!(endpoints, "[\"tcp/192.0.2.2:7447\"]");
         assert_eq!(written(&connection, "mode"), "\"peer\"");
+    }
+
+    #[test]
+    fn over_quic_nothing_overtakes_what_was_sent_before() {
+        let connection =
+            Connection::from(vec!["quic/n1:7447".to_owned(), "tcp/n2:7447".to_owned()]);
+        let endpoints = written(&connection, "connect/endpoints");
+        assert_eq!(endpoints, r#"["quic/n1:7447?multistream=0","tcp/n2:7447"]"#);
     }
 
     #[test]

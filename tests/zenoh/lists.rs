@@ -68,9 +68,8 @@ pub fn wait_until_received(service: &Service, id: &str, samples: u64) {
     });
 }
 
-/// The stream of a robot, once its samples arrive, and how many have so far: on a busy machine, what a
-/// session sends over QUIC within milliseconds of its declarations does not arrive, and a router drops what
-/// comes before it knows of the service.
+/// The stream of a robot, once its samples arrive, and how many have so far: a router drops what comes before
+/// it knows of the service.
 pub async fn arriving(service: &Service, session: &Session, id: &str) -> (Publisher<'static>, u64) {
     let stream = robot::stream(session, id).await;
     let begun = now();
@@ -197,7 +196,7 @@ async fn with_passwords_a_robot_is_refused_under_anothers_key_and_one_more_joins
     wait_until_received(&service, "robot_a", 100);
 }
 
-fn start_with_certificates(
+pub fn start_with_certificates(
     authority: &Authority,
     folder: &Path,
     zenoh: SocketAddr,

@@ -16,6 +16,7 @@ mod link;
 mod lists;
 mod mesh;
 mod native;
+mod quic_streams;
 mod robot;
 mod router;
 mod routers;

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use fleetcal_domain::limits;
+use fleetcal_proto::endpoint;
 use serde_json::Value;
 use tokio::sync::oneshot;
 use zenoh::{Config, Session, Wait};
@@ -63,6 +64,12 @@ pub fn configuration(setup: &LinkSetup, more: &[Value]) -> Result<Config, LinkEr
             "transport/link/tx/lease",
             &serde_json::json!(lease_ms),
         )?;
+    }
+    for key in endpoint::FIELDS {
+        let text = config.get_json(key).unwrap_or_default();
+        if let Some(endpoints) = endpoint::field_in_order(&text) {
+            set(&mut config, key, &endpoints)?;
+        }
     }
     match anonymous::open_endpoint(&config) {
         Some(endpoint) if !setup.allow_anonymous => Err(LinkError::Anonymous { endpoint }),

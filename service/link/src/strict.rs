@@ -8,8 +8,8 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use fleetcal_domain::limits;
-use fleetcal_proto::RobotId;
 use fleetcal_proto::key::{Keys, StreamKind};
+use fleetcal_proto::{RobotId, endpoint};
 use serde_json::{Value, json};
 
 use crate::access::{ANSWERED, FROM_ROBOTS, FROM_SERVICE, rule};
@@ -75,6 +75,12 @@ pub fn is_robots_own(stream: &str) -> bool {
         && zenoh::key_expr::KeyExpr::try_from(stream.replace("{robot}", "robot")).is_ok()
 }
 
+/// Endpoints, with QUIC in one stream.
+fn in_order(endpoints: &[String]) -> Vec<String> {
+    let endpoints = endpoints.iter();
+    endpoints.map(|one| endpoint::in_order(one)).collect()
+}
+
 impl StrictRouter {
     /// The whole configuration as Zenoh reads it. What the list does not name is denied.
     pub fn configuration(&self) -> Value {
@@ -101,10 +107,10 @@ impl StrictRouter {
         }
         json!({
             "mode": "router",
-            "listen": { "endpoints": self.listen },
+            "listen": { "endpoints": in_order(&self.listen) },
             // Each router tries until the other is there.
             "connect": {
-                "endpoints": self.connect, "timeout_ms": -1, "exit_on_failure": false,
+                "endpoints": in_order(&self.connect), "timeout_ms": -1, "exit_on_failure": false,
             },
             "scouting": { "multicast": { "enabled": false }, "gossip": { "enabled": false } },
             "transport": transport,

@@ -1,0 +1,87 @@
+//! Endpoints of Zenoh: `quic/host:7447?metadata#settings`.
+
+use serde_json::Value;
+
+/// What keeps a QUIC connection's messages in their order.
+const IN_ORDER: &str = "multistream=0";
+/// The same by its name.
+const STREAMS: &str = "multistream=";
+
+/// A QUIC endpoint of one stream; any other endpoint, and one that says how many streams it has, as it is.
+///
+/// Zenoh 1.10 gives a QUIC connection a stream for each priority, and nothing orders them: data overtake the
+/// declaration of their key, and whoever receives them drops what has no key. One side of a connection is
+/// enough to have one stream on both.
+pub fn in_order(endpoint: &str) -> String {
+    let is_quic = endpoint.starts_with("quic/");
+    let (address, settings) = match endpoint.split_once('#') {
+        Some((address, settings)) => (address, format!("#{settings}")),
+        None => (endpoint, String::new()),
+    };
+    if !is_quic || address.contains(STREAMS) {
+        return endpoint.to_owned();
+    }
+    let separator = match address.split_once('?') {
+        None => "?",
+        Some((_, "")) => "",
+        Some(_) => ";",
+    };
+    format!("{address}{separator}{IN_ORDER}{settings}")
+}
+
+/// Where a Zenoh configuration has endpoints.
+pub const FIELDS: [&str; 2] = ["listen/endpoints", "connect/endpoints"];
+
+/// One of [`FIELDS`], as JSON text, with every endpoint [`in_order`]; `None` where that changes nothing, or
+/// the text is no JSON.
+pub fn field_in_order(text: &str) -> Option<Value> {
+    let given: Value = serde_json::from_str(text).ok()?;
+    let mut endpoints = given.clone();
+    put_in_order(&mut endpoints);
+    (endpoints != given).then_some(endpoints)
+}
+
+/// Endpoints stand in a list, or in lists by mode.
+fn put_in_order(endpoints: &mut Value) {
+    match endpoints {
+        Value::String(endpoint) => *endpoint = in_order(endpoint),
+        Value::Array(list) => list.iter_mut().for_each(put_in_order),
+        Value::Object(by_mode) => by_mode.values_mut().for_each(put_in_order),
+        Value::Null | Value::Bool(_) | Value::Number(_) => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quic_has_one_stream_unless_somebody_says_otherwise() {
+        for (given, wanted) in [
+            ("quic/h:1", "quic/h:1?multistream=0"),
+            ("quic/[::1]:1?rel=1", "quic/[::1]:1?rel=1;multistream=0"),
+            ("quic/h:1?", "quic/h:1?multistream=0"),
+            ("quic/h:1#iface=eth0", "quic/h:1?multistream=0#iface=eth0"),
+            ("quic/h:1?multistream=1", "quic/h:1?multistream=1"),
+            ("tls/h:1", "tls/h:1"),
+            ("tcp/h:1?prio=6-7", "tcp/h:1?prio=6-7"),
+        ] {
+            assert_eq!(in_order(given), wanted);
+        }
+    }
+
+    #[test]
+    fn endpoints_are_found_in_lists_by_mode() {
+        let by_mode = serde_json::json!({
+            "router": ["quic/h:1", "tcp/h:2"], "peer": [["quic/h:3"]], "client": null,
+        });
+        let wanted = serde_json::json!({
+            "router": ["quic/h:1?multistream=0", "tcp/h:2"],
+            "peer": [["quic/h:3?multistream=0"]],
+            "client": null,
+        });
+        assert_eq!(field_in_order(&by_mode.to_string()), Some(wanted));
+        assert_eq!(field_in_order(r#"["tcp/h:2"]"#), None);
+        assert_eq!(field_in_order("no JSON"), None);
+    }
+}
