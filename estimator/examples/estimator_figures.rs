@@ -296,7 +296,9 @@ fn steps() {
                 yaw_rad: wrap_angle_rad(pose.lidar_in_odom.yaw_rad),
                 ..pose.lidar_in_odom
             };
-            Event::LidarPose(LidarPose::new(pose.stamp, lidar_in_odom, None).unwrap())
+            // As sure as the estimator takes the poses of its own odometry for.
+            let covariance = Some(pose.covariance);
+            Event::LidarPose(LidarPose::new(pose.stamp, lidar_in_odom, covariance).unwrap())
         } else {
             event
         };
