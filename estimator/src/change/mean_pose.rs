@@ -2,8 +2,8 @@
 //!
 //! A sensor that sends poses has as much noise in the pose that ends a window as in any other, and there
 //! are several for each window. Those around the end are carried there by the wheels and their mean is
-//! taken. It is taken of pairs, one before and one after: what wrong parameters do to the way there
-//! cancels.
+//! taken. It is taken of pairs, one before and one after by the same motion: what wrong parameters do to the
+//! way there cancels.
 
 use std::collections::VecDeque;
 
@@ -24,6 +24,10 @@ pub(super) const PAIRS_MAX: usize = 8;
 /// A pose whose squared distance from the one at the end, normalised, is above this (four sigmas) is not
 /// taken in: the LiDAR jumped between them, or the wheels slipped.
 const APART_CHI2_MAX: f64 = 16.0;
+/// Two motions are the same when they differ by less than this, m,
+const SAME_WAY_M: f64 = 0.02;
+/// and this, rad: a twentieth of a window.
+const SAME_TURN_RAD: f64 = 0.01;
 
 /// What the wheels and the parameters say of the way between two poses.
 #[derive(Debug, Clone, Copy)]
@@ -36,7 +40,7 @@ pub struct Way<'a> {
     pub values: &'a Values,
     /// How far a driven metre can go astray, as configured.
     pub noise: &'a MotionNoise,
-    /// How much of that this robot really goes astray, as a variance.
+    /// How many times larger this robot's noise is, of its motion and of its poses, as a variance.
     pub noise_scale: f64,
 }
 
@@ -85,6 +89,8 @@ impl Way<'_> {
 /// A pose that was carried to the time of another one.
 #[derive(Debug, Clone, Copy)]
 struct Carried {
+    /// The body's motion in between, in the direction of time.
+    body: Pose2,
     /// How far it is from that one, as that one's right perturbation.
     apart: Vector3<f64>,
     /// Covariance of the pose, carried along.
@@ -94,26 +100,47 @@ struct Carried {
 }
 
 impl Carried {
-    fn of(
-        at: &OdometryReading,
-        seen: Pose2,
-        reading: &OdometryReading,
-        carry: Matrix3<f64>,
-        way: Matrix3<f64>,
-    ) -> Self {
-        Self {
-            apart: at.lidar_in_odom.between(&seen).log(),
-            pose: carry * reading.covariance * carry.transpose(),
-            way,
-        }
-    }
-
     fn is_near(&self, at: &OdometryReading, noise_scale: f64) -> bool {
-        let covariance = at.covariance + self.pose + self.way * noise_scale;
+        let covariance = (at.covariance + self.pose + self.way) * noise_scale;
         covariance
             .cholesky()
             .is_some_and(|factor| self.apart.dot(&factor.solve(&self.apart)) <= APART_CHI2_MAX)
     }
+
+    fn is_by_the_same_motion(&self, other: &Self) -> bool {
+        let (one, other) = (&self.body, &other.body);
+        (one.x_m - other.x_m).abs() < SAME_WAY_M
+            && (one.yaw_rad - other.yaw_rad).abs() < SAME_TURN_RAD
+    }
+
+    /// How far the body has moved, in the units of [`Self::is_by_the_same_motion`].
+    fn extent(&self) -> f64 {
+        (self.body.x_m / SAME_WAY_M).abs() + (self.body.yaw_rad / SAME_TURN_RAD).abs()
+    }
+}
+
+/// Pairs of poses by the same motion, of two rows that begin with the nearest.
+fn pairs(
+    before: impl Iterator<Item = Carried>,
+    after: impl Iterator<Item = Carried>,
+) -> Vec<[Carried; 2]> {
+    let (mut before, mut after) = (before.peekable(), after.peekable());
+    let mut pairs = Vec::with_capacity(PAIRS_MAX);
+    while let (Some(&one), Some(&other)) = (before.peek(), after.peek()) {
+        let is_pair = one.is_by_the_same_motion(&other);
+        if is_pair {
+            pairs.push([one, other]);
+        }
+        // The one that has moved less finds its like further away.
+        let less = one.extent() < other.extent();
+        if is_pair || less {
+            before.next();
+        }
+        if is_pair || !less {
+            after.next();
+        }
+    }
+    pairs
 }
 
 /// Poses before `at`, nearest first, carried forwards to it.
@@ -132,8 +159,12 @@ fn carried_from_before<'a>(
         body = step.end_in_begin.compose(&body);
         let moved = LidarMotion::new(&mount, &body);
         let seen = reading.lidar_in_odom.compose(&moved.end_in_begin);
-        let lost = moved.by_body * noise * moved.by_body.transpose();
-        Some(Carried::of(at, seen, reading, moved.carry, lost))
+        Some(Carried {
+            body,
+            apart: at.lidar_in_odom.between(&seen).log(),
+            pose: moved.carry * reading.covariance * moved.carry.transpose(),
+            way: moved.by_body * noise * moved.by_body.transpose(),
+        })
     })
 }
 
@@ -154,8 +185,13 @@ fn carried_from_after<'a>(
         let moved = LidarMotion::new(&mount, &body);
         let seen = reading.lidar_in_odom.compose(&moved.end_in_begin.inverse());
         let back = moved.end_in_begin.adjoint();
-        let lost = back * moved.by_body * noise * (back * moved.by_body).transpose();
-        Some(Carried::of(at, seen, reading, back, lost))
+        let by_body = back * moved.by_body;
+        Some(Carried {
+            body,
+            apart: at.lidar_in_odom.between(&seen).log(),
+            pose: back * reading.covariance * back.transpose(),
+            way: by_body * noise * by_body.transpose(),
+        })
     })
 }
 
@@ -167,14 +203,15 @@ pub(super) fn mean_pose(
     after: &[OdometryReading],
     way: Way<'_>,
 ) -> OdometryReading {
-    let pairs = carried_from_before(at, before, way).zip(carried_from_after(at, after, way));
-    let near = pairs.filter(|(before, after)| {
-        before.is_near(at, way.noise_scale) && after.is_near(at, way.noise_scale)
-    });
+    let mut pairs = pairs(
+        carried_from_before(at, before, way),
+        carried_from_after(at, after, way),
+    );
+    pairs.retain(|pair| pair.iter().all(|one| one.is_near(at, way.noise_scale)));
     let mut count = 1.0;
     let mut apart = Vector3::zeros();
     let (mut poses, mut ways) = (at.covariance, Matrix3::zeros());
-    for carried in near.flat_map(|(before, after)| [before, after]) {
+    for carried in pairs.iter().flatten() {
         count += 1.0;
         apart += carried.apart;
         poses += carried.pose;
@@ -185,7 +222,9 @@ pub(super) fn mean_pose(
         lidar_in_odom: at.lidar_in_odom.compose(&Pose2::exp(&(apart / count))),
         // The poses err each on its own. The ways share what the wheels err by: each is a random walk away
         // from `at`, and the mean over a random walk has a third of its end's variance on either side, a
-        // third of the mean variance over both.
+        // third of the mean variance over both. These are errors of the windows' own ways as well; taken
+        // for others', they make one window up to half its way's variance less sure, and sums over many no
+        // less.
         covariance: poses / (count * count) + ways / (3.0 * count),
     }
 }
@@ -202,11 +241,12 @@ mod tests {
 
     const WHEELBASE_M: f64 = 1.2;
     const STEERING_RAD: f64 = 0.2;
-    const SPEED_MPS: f64 = 0.5;
     const SIGMA_M: f64 = 0.003;
     /// Between poses, ns.
     const PERIOD_NS: i64 = 50_000_000;
     const BEGIN_NS: i64 = 1_800_000_000_000_000_000;
+    /// The pose that ends the window.
+    const AT: i64 = 20;
 
     fn values() -> Values {
         let mut values = Values::zeros();
@@ -221,56 +261,78 @@ mod tests {
         values
     }
 
-    /// Two seconds of a circle at 50 Hz.
-    fn drive() -> DriveHistory {
-        let mut drive = DriveHistory::new(10.0);
-        for number in 0..=100 {
-            let stamp = RobotTime(BEGIN_NS + number * PERIOD_NS / 2);
-            drive.push(DriveSample::new(stamp, SPEED_MPS, STEERING_RAD).unwrap());
+    fn wrong_values() -> Values {
+        let mut wrong = values();
+        wrong[Parameter::SteeringOffset.index()] = 0.02;
+        wrong[Parameter::LidarX.index()] += 0.02;
+        wrong
+    }
+
+    /// A robot on a circle, with its speed before that pose and behind it, m/s.
+    #[derive(Clone, Copy)]
+    struct Robot(f64, f64);
+
+    const STEADY: Robot = Robot(0.5, 0.5);
+
+    impl Robot {
+        /// Two seconds at 50 Hz.
+        fn drive(self) -> DriveHistory {
+            let mut drive = DriveHistory::new(10.0);
+            for number in 0..=4 * AT {
+                let speed_mps = if number <= 2 * AT { self.0 } else { self.1 };
+                let stamp = RobotTime(BEGIN_NS + number * PERIOD_NS / 2);
+                drive.push(DriveSample::new(stamp, speed_mps, STEERING_RAD).unwrap());
+            }
+            drive
         }
-        drive
-    }
 
-    /// The LiDAR's pose there, off by a draw.
-    fn reading(number: i64, random: Option<&mut StdRng>) -> OdometryReading {
-        let time_s = (number * PERIOD_NS) as f64 * 1e-9;
-        let yaw_rate_radps = SPEED_MPS * STEERING_RAD.tan() / WHEELBASE_M;
-        let body = Pose2::exp(&(Vector3::new(SPEED_MPS, 0.0, yaw_rate_radps) * time_s));
-        let sigmas = Vector3::new(SIGMA_M, SIGMA_M, 5e-4);
-        let off = random.map_or(Vector3::zeros(), |random| {
-            sigmas.map(|sigma| sigma * random.sample::<f64, _>(StandardNormal))
-        });
-        OdometryReading {
-            stamp: RobotTime(BEGIN_NS + number * PERIOD_NS),
-            lidar_in_odom: body
-                .compose(&lidar_in_base(&values()))
-                .compose(&Pose2::exp(&off)),
-            covariance: Matrix3::from_diagonal(&sigmas.map(|sigma| sigma * sigma)),
+        /// The LiDAR's pose there, off by a draw.
+        fn reading(self, number: i64, random: Option<&mut StdRng>) -> OdometryReading {
+            let seconds = |periods: i64| (periods * PERIOD_NS) as f64 * 1e-9;
+            let way_m = self.0 * seconds(number.min(AT)) + self.1 * seconds((number - AT).max(0));
+            let arc = Vector3::new(1.0, 0.0, STEERING_RAD.tan() / WHEELBASE_M) * way_m;
+            let sigmas = Vector3::new(SIGMA_M, SIGMA_M, 5e-4);
+            let off = random.map_or(Vector3::zeros(), |random| {
+                sigmas.map(|sigma| sigma * random.sample::<f64, _>(StandardNormal))
+            });
+            OdometryReading {
+                stamp: RobotTime(BEGIN_NS + number * PERIOD_NS),
+                lidar_in_odom: Pose2::exp(&arc)
+                    .compose(&lidar_in_base(&values()))
+                    .compose(&Pose2::exp(&off)),
+                covariance: Matrix3::from_diagonal(&sigmas.map(|sigma| sigma * sigma)),
+            }
+        }
+
+        /// The mean at the pose of the end, of as many poses as are taken in on either side.
+        fn mean_of(
+            self,
+            readings: impl Fn(i64) -> OdometryReading,
+            values: &Values,
+            noise_scale: f64,
+        ) -> OdometryReading {
+            let pairs = PAIRS_MAX as i64;
+            let before = (AT - pairs..AT).map(&readings).collect();
+            let after: Vec<_> = (AT + 1..=AT + pairs).map(&readings).collect();
+            let way = Way {
+                drive: &self.drive(),
+                vehicle: &Vehicle::new(VehicleModel::Bicycle, WHEELBASE_M),
+                values,
+                noise: &MotionNoise::default(),
+                noise_scale,
+            };
+            mean_pose(&readings(AT), &before, &after, way)
+        }
+
+        fn off(self, mean: &OdometryReading) -> Vector3<f64> {
+            let right = self.reading(AT, None).lidar_in_odom;
+            right.between(&mean.lidar_in_odom).log()
         }
     }
 
-    const AT: i64 = 20;
-
-    /// The mean at the middle, of as many poses as are taken in on either side.
-    fn mean_of(readings: impl Fn(i64) -> OdometryReading, values: &Values) -> OdometryReading {
-        let pairs = PAIRS_MAX as i64;
-        let before = (AT - pairs..AT).map(&readings).collect();
-        let after: Vec<_> = (AT + 1..=AT + pairs).map(&readings).collect();
-        let way = Way {
-            drive: &drive(),
-            vehicle: &Vehicle::new(VehicleModel::Bicycle, WHEELBASE_M),
-            values,
-            noise: &MotionNoise::default(),
-            noise_scale: 1.0,
-        };
-        mean_pose(&readings(AT), &before, &after, way)
-    }
-
-    fn off(mean: &OdometryReading) -> Vector3<f64> {
-        reading(AT, None)
-            .lidar_in_odom
-            .between(&mean.lidar_in_odom)
-            .log()
+    /// How many times less sure a single pose is than this mean, as a variance.
+    fn gain(mean: &OdometryReading) -> f64 {
+        SIGMA_M * SIGMA_M / mean.covariance[(1, 1)]
     }
 
     #[test]
@@ -280,10 +342,10 @@ mod tests {
         for seed in 0..RUNS {
             let mut random = StdRng::seed_from_u64(seed);
             let all: Vec<_> = (0..2 * AT)
-                .map(|number| reading(number, Some(&mut random)))
+                .map(|number| STEADY.reading(number, Some(&mut random)))
                 .collect();
-            let mean = mean_of(|number| all[number as usize], &values());
-            squares += off(&mean).map(|error| error * error) / RUNS as f64;
+            let mean = STEADY.mean_of(|number| all[number as usize], &values(), 1.0);
+            squares += STEADY.off(&mean).map(|error| error * error) / RUNS as f64;
             variance = mean.covariance.diagonal();
         }
         // Wheels err by nothing here, so that their share of the covariance is left over.
@@ -301,36 +363,73 @@ mod tests {
 
     #[test]
     fn wrong_parameters_do_not_move_the_mean() {
-        let mut wrong = values();
-        wrong[Parameter::SteeringOffset.index()] = 0.02;
-        wrong[Parameter::LidarX.index()] += 0.02;
-        let mean = mean_of(|number| reading(number, None), &wrong);
-        let single = {
-            let way = Way {
-                drive: &drive(),
-                vehicle: &Vehicle::new(VehicleModel::Bicycle, WHEELBASE_M),
-                values: &wrong,
-                noise: &MotionNoise::default(),
-                noise_scale: 1.0,
-            };
-            let before = [reading(AT - 8, None)].into();
-            let at = reading(AT, None);
-            carried_from_before(&at, &before, way).next().unwrap().apart
+        // At a steady speed, in braking, in starting, in turning back, and at a stop.
+        for robot in [
+            STEADY,
+            Robot(1.0, 0.1),
+            Robot(0.1, 1.0),
+            Robot(0.5, -0.5),
+            Robot(1.0, 0.0),
+        ] {
+            let mean = robot.mean_of(|number| robot.reading(number, None), &wrong_values(), 1.0);
+            let off = robot.off(&mean);
+            // What is left of a degree and more: by less than a pair's two ways may differ.
+            assert!(
+                off.xy().norm() < 1e-4 && off.z.abs() < 2e-4,
+                "{} m/s, then {}: {off}",
+                robot.0,
+                robot.1
+            );
+        }
+        // 0.2 m of way alone carry a pose by as much:
+        let way = Way {
+            drive: &STEADY.drive(),
+            vehicle: &Vehicle::new(VehicleModel::Bicycle, WHEELBASE_M),
+            values: &wrong_values(),
+            noise: &MotionNoise::default(),
+            noise_scale: 1.0,
         };
-        assert!(single.norm() > 2e-3, "{single}");
-        assert!(off(&mean).norm() < 0.03 * single.norm(), "{}", off(&mean));
+        let before = [STEADY.reading(AT - 8, None)].into();
+        let at = STEADY.reading(AT, None);
+        let single = carried_from_before(&at, &before, way).next().unwrap();
+        assert!(single.apart.norm() > 2e-3, "{}", single.apart);
     }
 
     #[test]
-    fn poses_beyond_a_jump_are_left_out() {
-        let jumped = |number: i64| {
-            let mut reading = reading(number, None);
-            if number > AT {
-                reading.lidar_in_odom = reading.lidar_in_odom.compose(&Pose2::new(0.0, 0.03, 0.0));
+    fn poses_beyond_a_jump_are_left_out_and_those_before_it_are_not() {
+        let jumped = |from: i64| {
+            move |number: i64| {
+                let mut reading = STEADY.reading(number, None);
+                if number >= from {
+                    let pose = reading.lidar_in_odom;
+                    reading.lidar_in_odom = pose.compose(&Pose2::new(0.0, 0.03, 0.0));
+                }
+                reading
             }
-            reading
         };
-        let mean = mean_of(jumped, &values());
-        assert_eq!(mean, reading(AT, None));
+        let at_once = STEADY.mean_of(jumped(AT + 1), &values(), 1.0);
+        assert_eq!(at_once, STEADY.reading(AT, None));
+        let later = STEADY.mean_of(jumped(AT + 5), &values(), 1.0);
+        assert!((8.0..9.0).contains(&gain(&later)), "{}", gain(&later));
+        assert!(STEADY.off(&later).norm() < 1e-9, "{}", STEADY.off(&later));
+    }
+
+    #[test]
+    fn a_sensor_with_more_noise_than_it_says_is_averaged_all_the_same() {
+        // Three times the noise that is told: nine times, as a variance.
+        let mut random = StdRng::seed_from_u64(1);
+        let all: Vec<_> = (0..2 * AT)
+            .map(|number| {
+                let noisy = STEADY.reading(number, Some(&mut random));
+                let right = STEADY.reading(number, None).lidar_in_odom;
+                let off = 3.0 * right.between(&noisy.lidar_in_odom).log();
+                OdometryReading {
+                    lidar_in_odom: right.compose(&Pose2::exp(&off)),
+                    ..noisy
+                }
+            })
+            .collect();
+        let mean = STEADY.mean_of(|number| all[number as usize], &values(), 9.0);
+        assert!(gain(&mean) > 12.0, "{}", gain(&mean));
     }
 }

@@ -101,7 +101,8 @@ impl ChangeWatch {
 
     /// Begins a new window without forgetting: the LiDAR poses before do not compare.
     pub fn break_window(&mut self) {
-        self.cutter.restart();
+        let ended = self.cutter.restart();
+        self.remember(ended);
     }
 
     /// Takes the reading that the filter has just followed; says when a change is certain.

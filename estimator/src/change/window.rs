@@ -178,9 +178,13 @@ impl<K> Default for WindowCutter<K> {
 }
 
 impl<K> WindowCutter<K> {
-    /// Begins again with the next reading.
-    pub fn restart(&mut self) {
-        *self = Self::default();
+    /// Begins again with the next reading; gives the window that has ended and still waited for poses, by
+    /// its single ones.
+    pub fn restart(&mut self) -> Option<(Window, K)> {
+        let mut former = std::mem::take(self);
+        let ended = former.ended.take()?;
+        let window = former.whiten(ended.window, ended.noise_scale)?;
+        Some((window, ended.begin.known))
     }
 
     /// Takes a reading.
@@ -202,7 +206,8 @@ impl<K> WindowCutter<K> {
         }
         let is_covered = |begin: &Begin<K>| way.is_covered(begin.reading.stamp, reading.stamp);
         if !self.begin.as_ref().is_some_and(is_covered) {
-            self.restart();
+            let ended = self.restart();
+            cut.complete = cut.complete.or(ended);
             self.begin(reading, known());
         } else if self.ended.is_none()
             && let Some(begin) = self
@@ -272,19 +277,20 @@ impl<K> WindowCutter<K> {
             noise_scale: ended.noise_scale,
             ..way
         };
-        let mean = mean_pose(end, &ended.before, &ended.after, way);
-        if let Some(next) = self.begin.as_mut() {
-            next.mean = mean;
-        }
+        // The drive's readings of a long window may be gone by now; its single poses are measured already.
         let is_covered = way.is_covered(begin.reading.stamp, end.stamp);
-        let measured = is_covered.then(|| measure(&begin.mean, &mean, way));
-        let Some(mut window) = measured.flatten() else {
-            self.before = None;
-            return None;
-        };
-        // Faults are jumps: a mean would blur them.
-        window.track = ended.window.track;
-        let window = self.whiten(window, way.noise_scale)?;
+        let mean = is_covered.then(|| mean_pose(end, &ended.before, &ended.after, way));
+        let measured = mean.and_then(|mean| Some((mean, measure(&begin.mean, &mean, way)?)));
+        let mut window = ended.window;
+        if let Some((mean, by_means)) = measured {
+            if let Some(next) = self.begin.as_mut() {
+                next.mean = mean;
+            }
+            // Faults are jumps: a mean would blur them.
+            let track = window.track;
+            window = Window { track, ..by_means };
+        }
+        let window = self.whiten(window, ended.noise_scale)?;
         Some((window, ended.begin.known))
     }
 
@@ -393,4 +399,114 @@ fn measure(begin: &OdometryReading, end: &OdometryReading, way: Way<'_>) -> Opti
         innovation,
         evidence: Evidence::of_window(&innovation)?,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::drive_history::DriveHistory;
+    use crate::geometry::Pose2;
+    use crate::stream::DriveSample;
+    use crate::vehicle::{Vehicle, VehicleModel};
+
+    const PERIOD_NS: i64 = 50_000_000;
+    const BEGIN_NS: i64 = 1_800_000_000_000_000_000;
+    /// Between poses, m: sixteen make a window.
+    const STEP_M: f64 = 0.025;
+
+    fn stamp(number: i64) -> RobotTime {
+        RobotTime(BEGIN_NS + number * PERIOD_NS)
+    }
+
+    fn at(number: i64, sigma_m: f64) -> OdometryReading {
+        OdometryReading {
+            stamp: stamp(number),
+            lidar_in_odom: Pose2::new(number as f64 * STEP_M, 0.0, 0.0),
+            covariance: Matrix3::identity() * (sigma_m * sigma_m),
+        }
+    }
+
+    /// Cuts so many poses of a straight way; gives the numbers at which windows end, and of each that is
+    /// complete the numbers of its begin, its end and the one that was known at its begin.
+    fn cut(
+        cutter: &mut WindowCutter<i64>,
+        poses: i64,
+        sigma_m: impl Fn(i64) -> f64,
+        leave_out: bool,
+    ) -> (Vec<i64>, Vec<[i64; 3]>) {
+        let mut values = Values::zeros();
+        for one in [Parameter::SpeedScale, Parameter::Wheelbase] {
+            values[one.index()] = 1.0;
+        }
+        let mut drive = DriveHistory::new(60.0);
+        for number in 0..=poses {
+            let speed_mps = STEP_M / (PERIOD_NS as f64 * 1e-9);
+            drive.push(DriveSample::new(stamp(number), speed_mps, 0.0).unwrap());
+        }
+        let way = Way {
+            drive: &drive,
+            vehicle: &Vehicle::new(VehicleModel::Bicycle, 1.0),
+            values: &values,
+            noise: &MotionNoise::default(),
+            noise_scale: 1.0,
+        };
+        let (mut ends, mut windows) = (Vec::new(), Vec::new());
+        for number in 0..poses {
+            let cut = cutter.push(&at(number, sigma_m(number)), way, || number);
+            windows.extend(cut.complete.map(numbers));
+            if cut.end.is_some() {
+                ends.push(number);
+                if leave_out {
+                    cutter.leave_out_ended();
+                }
+            }
+            windows.extend(cut.complete_at_end.map(numbers));
+        }
+        (ends, windows)
+    }
+
+    fn numbers((window, known): (Window, i64)) -> [i64; 3] {
+        let number = |stamp: RobotTime| (stamp.0 - BEGIN_NS) / PERIOD_NS;
+        [number(window.begin), number(window.end), known]
+    }
+
+    const NOISY_M: f64 = 0.003;
+    const SURE_M: f64 = 1e-4;
+
+    #[test]
+    fn every_end_gives_one_window_that_begins_where_the_one_before_ended() {
+        let mixed = |number: i64| if number % 50 < 25 { NOISY_M } else { SURE_M };
+        let sensors: [&dyn Fn(i64) -> f64; 3] = [&|_| NOISY_M, &|_| SURE_M, &mixed];
+        for sigma_m in sensors {
+            let mut cutter = WindowCutter::default();
+            let (ends, mut windows) = cut(&mut cutter, 400, sigma_m, false);
+            // One may still wait for the poses behind its end.
+            windows.extend(cutter.restart().map(numbers));
+            assert!(ends.len() >= 23, "{ends:?}");
+            let begins = std::iter::once(&0).chain(&ends);
+            let wanted: Vec<_> = begins
+                .zip(&ends)
+                .map(|(begin, end)| [*begin, *end, *begin])
+                .collect();
+            assert_eq!(windows, wanted);
+        }
+    }
+
+    #[test]
+    fn a_window_that_is_left_out_while_it_waits_is_not_given_later() {
+        let mut cutter = WindowCutter::default();
+        let (ends, windows) = cut(&mut cutter, 400, |_| NOISY_M, true);
+        assert!(ends.len() >= 23 && windows.is_empty(), "{windows:?}");
+        assert!(cutter.restart().is_none());
+    }
+
+    #[test]
+    fn the_mean_of_poses_makes_a_window_surer() {
+        let mut cutter = WindowCutter::<i64>::default();
+        let (ends, _) = cut(&mut cutter, 30, |_| NOISY_M, false);
+        let single = cutter.ended.map(|ended| ended.window.end_covariance);
+        assert!(single.is_none(), "complete eight poses behind {ends:?}");
+        let by_mean = cutter.before.unwrap().end_covariance[(0, 0)];
+        assert!(by_mean < NOISY_M * NOISY_M / 8.0, "{by_mean}");
+    }
 }
