@@ -4,22 +4,27 @@ use serde_json::Value;
 
 /// What keeps a QUIC connection's messages in their order.
 const IN_ORDER: &str = "multistream=0";
-/// The same by its name.
+/// What leaves it to the other end, as an endpoint does that does not say.
+const UNDECIDED: &str = "multistream=auto";
+/// What either begins with.
 const STREAMS: &str = "multistream=";
 
 /// A QUIC endpoint of one stream; any other endpoint, and one that says how many streams it has, as it is.
 ///
 /// Zenoh 1.10 gives a QUIC connection a stream for each priority, and nothing orders them: data overtake the
-/// declaration of their key, and whoever receives them drops what has no key. One side of a connection is
-/// enough to have one stream on both.
+/// declaration of their key, and whoever receives them drops what has no key. One end of a connection is
+/// enough, unless the other insists on `multistream=1`: these two cannot connect.
 pub fn in_order(endpoint: &str) -> String {
     let is_quic = endpoint.starts_with("quic/");
     let (address, settings) = match endpoint.split_once('#') {
         Some((address, settings)) => (address, format!("#{settings}")),
         None => (endpoint, String::new()),
     };
-    if !is_quic || address.contains(STREAMS) {
+    if !is_quic {
         return endpoint.to_owned();
+    }
+    if address.contains(STREAMS) {
+        return format!("{}{settings}", address.replace(UNDECIDED, IN_ORDER));
     }
     let separator = match address.split_once('?') {
         None => "?",
@@ -63,6 +68,10 @@ mod tests {
             ("quic/h:1?", "quic/h:1?multistream=0"),
             ("quic/h:1#iface=eth0", "quic/h:1?multistream=0#iface=eth0"),
             ("quic/h:1?multistream=1", "quic/h:1?multistream=1"),
+            (
+                "quic/h:1?multistream=auto#a=b",
+                "quic/h:1?multistream=0#a=b",
+            ),
             ("tls/h:1", "tls/h:1"),
             ("tcp/h:1?prio=6-7", "tcp/h:1?prio=6-7"),
         ] {

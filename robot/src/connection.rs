@@ -14,7 +14,8 @@ const MESSAGE_BYTES_MAX: usize = 4 * 1024 * 1024;
 pub struct Connection {
     /// Endpoints of the service's router, `tcp/127.0.0.1:7447`; the first that answers is taken.
     pub endpoints: Vec<String>,
-    /// A native Zenoh configuration (JSON5 or YAML by its ending), taken as it is; `endpoints`
+    /// A native Zenoh configuration (JSON5 or YAML by its ending), taken as it is but for the
+    /// streams of QUIC endpoints; `endpoints`
     /// replace those in it when there are any. Without it, a client that finds nobody by itself.
     pub zenoh_config: Option<PathBuf>,
 }

@@ -48,7 +48,8 @@ pub struct LinkSetup {
     pub listen: Vec<String>,
     /// Routers to connect to.
     pub connect: Vec<String>,
-    /// A native Zenoh configuration file, taken as it is instead of the embedded router; `listen` and
+    /// A native Zenoh configuration file, taken as it is (but for QUIC endpoints, see
+    /// [`fleetcal_proto::endpoint`]) instead of the embedded router; `listen` and
     /// `connect` replace the endpoints in it when there are any.
     pub zenoh_config: Option<PathBuf>,
     /// Whether peers beyond this machine may connect without showing who they are.
