@@ -25,6 +25,11 @@ const MEMORY_BLOCKS: f64 = 60.0;
 const BLOCKS_MIN: f64 = 5.0;
 /// Blocks before a change is told from scatter.
 const JUDGE_BLOCKS: f64 = 8.0;
+/// Up to so many blocks a change takes [`FEW_BLOCKS_CAUTION`] times the evidence: on one lap of its route a robot
+/// that does not obey its model has not shown yet by how much.
+const FEW_BLOCKS: f64 = 10.0;
+/// See [`FEW_BLOCKS`].
+const FEW_BLOCKS_CAUTION: f64 = 2.0;
 /// The ratio until then: five times the standard deviation.
 const UNPROVEN_RATIO: f64 = 25.0;
 /// Share of the worst ratio that every parameter has at least: what lasts is seldom one's alone.
@@ -254,6 +259,15 @@ impl LongRunVariance {
     /// Whether enough blocks were seen to tell their scatter from a change.
     pub fn is_well_known(&self) -> bool {
         self.whole.blocks > JUDGE_BLOCKS
+    }
+
+    /// How many times the evidence a change takes because only few blocks have shown their scatter yet.
+    pub fn caution(&self) -> f64 {
+        if self.whole.blocks > FEW_BLOCKS {
+            1.0
+        } else {
+            FEW_BLOCKS_CAUTION
+        }
     }
 
     /// Whether enough blocks were seen.

@@ -250,6 +250,7 @@ impl ChangeWatch {
             let expected = expected_evidence(windows(), &reference, oldest.noise_scale());
             self.visibility.see(windows().len(), &expected, &thresholds);
         }
+        let thresholds = thresholds.raised(&Values::repeat(self.long_run.caution()));
         let mut search = Search {
             noise_scale: oldest.noise_scale(),
             window_chi2_max: thresholds.window_chi2_max(),

@@ -186,20 +186,47 @@ fn a_jump_on_a_clean_robot_is_flagged_by_its_name_and_the_way_is_counted_from_it
 
 #[test]
 fn a_lidar_that_moves_by_20_mm_on_a_loop_to_one_side_is_flagged_by_noisy_poses() {
-    // Three of ten that nothing flagged while single poses, of 3 mm, ended windows.
-    for seed in [4, 8, 9] {
-        let cell = Cell {
-            flaw: Flaw::Clean,
-            road: Road::Left,
-            sensor: Sensor::Poses,
-            scenario: Scenario::Changed(InjectedChange::MountMoved, Speed::Slow),
-        };
+    let cell = Cell {
+        flaw: Flaw::Clean,
+        road: Road::Left,
+        sensor: Sensor::Poses,
+        scenario: Scenario::Changed(InjectedChange::MountMoved, Speed::Slow),
+    };
+    let mut unflagged = Vec::new();
+    for seed in 1..=10 {
         let Outcome::Change(outcome) = run(cell, seed, 600.0).unwrap() else {
             panic!("a change was asked for");
         };
-        let (flag, way_m) = outcome.flag.unwrap();
+        assert_eq!(outcome.told_late[1], 0, "seed {seed}");
+        let Some((flag, way_m)) = outcome.flag else {
+            unflagged.push(seed);
+            continue;
+        };
         assert_eq!(flag.cause, Cause::LidarMount, "seed {seed}");
         assert!(way_m < 20.0, "seed {seed}: {way_m} m");
-        assert_eq!(outcome.told_late[1], 0, "seed {seed}");
+    }
+    // Three of them, 4, 8 and 9, while single poses, of 3 mm, ended windows.
+    assert!(unflagged.len() <= 1, "{unflagged:?}");
+}
+
+#[test]
+fn strong_understeer_is_not_taken_for_a_steering_zero_that_moved_on_the_first_lap() {
+    let cell = Cell {
+        flaw: Flaw::One(ImperfectionKind::Understeer, Strength::Strong),
+        road: Road::Eight,
+        sensor: Sensor::Poses,
+        scenario: Scenario::Unchanged,
+    };
+    // They claimed a zero that was off by five sigmas and more.
+    for seed in [16, 24, 29, 35, 36, 42, 56, 58] {
+        let Outcome::Claims(outcome) = run(cell, seed, 64.0).unwrap() else {
+            panic!("an unchanged robot was asked for");
+        };
+        assert_eq!(outcome.flagged, [], "seed {seed}");
+        assert!(
+            outcome.worst_claim < 4.0,
+            "seed {seed}: {}",
+            outcome.worst_claim
+        );
     }
 }
