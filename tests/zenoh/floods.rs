@@ -54,6 +54,13 @@ pub fn seconds() -> u64 {
     asked.map_or(FLOOD_S, |text| text.parse().unwrap())
 }
 
+/// The kinds of a campaign, as the environment says: each, and all at once.
+pub fn kinds() -> String {
+    let every = "tokens subscribers queryables queries liveliness_queries liveliness_subscribers notes \
+                 answers all";
+    std::env::var("FLEETCAL_ZENOH_FLOODS").unwrap_or_else(|_| every.to_owned())
+}
+
 /// All robots.
 pub fn names() -> Vec<String> {
     (1..=ROBOTS + 1)
@@ -348,8 +355,7 @@ fn under_a_list_of_names_no_robot_takes_a_sample_from_another() {
 #[test]
 #[ignore = "half an hour; make hardening-zenoh"]
 fn every_flood_against_either_list() {
-    let all = "tokens subscribers queryables queries notes answers all";
-    let kinds = std::env::var("FLEETCAL_ZENOH_FLOODS").unwrap_or_else(|_| all.to_owned());
+    let kinds = kinds();
     let mut missed = Vec::new();
     for list in [List::Default, List::Generated] {
         let control = flooded(list, None, seconds());

@@ -13,14 +13,18 @@ use zenoh::qos::CongestionControl;
 use super::{Place, say};
 
 /// What is done, in this order when all of it is.
-pub const KINDS: [&str; 6] = [
+pub const KINDS: [&str; 8] = [
     "tokens",
     "subscribers",
     "queryables",
     "queries",
+    "liveliness_queries",
+    "liveliness_subscribers",
     "notes",
     "answers",
 ];
+/// Tokens that every robot may ask for.
+const SERVICES: &str = "fleet/@service/*";
 /// Under whose name is attacked.
 const ATTACKED: &str = "robot_50";
 /// Declarations that a session keeps; it takes back the oldest beyond.
@@ -91,6 +95,21 @@ async fn attack(session: &Session, kind: &str, number: usize, end: Instant, done
                     let asked = session.get(format!("fleet/{robot}/{key}"));
                     drop(asked.callback(|_| {}).await);
                 }
+                tick(&mut at, done).await;
+            }
+        }
+        "liveliness_queries" => {
+            while Instant::now() < end {
+                drop(session.liveliness().get(SERVICES).callback(|_| {}).await);
+                tick(&mut at, done).await;
+            }
+        }
+        "liveliness_subscribers" => {
+            let mut kept = std::collections::VecDeque::new();
+            while Instant::now() < end {
+                let subscriber = session.liveliness().declare_subscriber(SERVICES);
+                let declared = subscriber.history(true).callback(|_| {}).await;
+                keep(&mut kept, declared);
                 tick(&mut at, done).await;
             }
         }

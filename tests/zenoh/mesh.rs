@@ -19,8 +19,8 @@ use tempfile::TempDir;
 
 use super::certificates::Authority;
 use super::floods::{
-    Crowd, Ended, Figures, ROBOTS, SESSIONS, longest_stall, names, received_at_last, seconds,
-    sections,
+    Crowd, Ended, Figures, ROBOTS, SESSIONS, kinds, longest_stall, names, received_at_last,
+    seconds, sections,
 };
 use super::robot;
 use super::router::Router;
@@ -365,8 +365,7 @@ fn wrongs(kind: &str, hurt: &Hurt, control: &Hurt) -> Vec<String> {
 #[test]
 #[ignore = "needs PostgreSQL, five minutes; make cluster-floods"]
 fn no_flood_at_a_router_moves_a_robot_or_takes_samples_from_others() {
-    let all = "tokens subscribers queryables queries notes answers all";
-    let kinds = std::env::var("FLEETCAL_ZENOH_FLOODS").unwrap_or_else(|_| all.to_owned());
+    let kinds = kinds();
     let control = flooded(None, seconds());
     report("nothing", &control);
     let mut wrong = Vec::new();
