@@ -146,8 +146,8 @@ CLUSTER_TEST = FLEETCAL_BIN=$(abspath $(BIN)) tests/postgres/with_server.sh \
   $(CARGO) test --release --locked --workspace --test cluster -- --nocapture --test-threads 1
 
 .PHONY: cluster-smoke
-cluster-smoke: build-for-tests ## Two instances on PostgreSQL and two routers: joined, frozen, killed, stopped; a cell of 4,096 robots (installs PostgreSQL where it is missing, as root)
-	$(CLUSTER_TEST) smoke:: cell::
+cluster-smoke: build-for-tests ## Two instances on PostgreSQL and two routers: joined, frozen, killed, stopped; a lost machine; a cell of 4,096 robots (installs PostgreSQL where it is missing, as root)
+	$(CLUSTER_TEST) smoke:: lost_machine:: cell::
 
 .PHONY: cluster-upgrade
 cluster-upgrade: build-for-tests ## Builds a next version and changes instances to it and back, under robots that drive: 15 minutes

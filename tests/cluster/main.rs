@@ -18,6 +18,7 @@ mod cluster;
 mod cost;
 mod decider;
 mod figures;
+mod lost_machine;
 mod namespaces;
 mod network;
 mod patroni;
