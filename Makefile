@@ -146,7 +146,7 @@ CLUSTER_TEST = FLEETCAL_BIN=$(abspath $(BIN)) tests/postgres/with_server.sh \
   $(CARGO) test --release --locked --workspace --test cluster -- --nocapture --test-threads 1
 
 .PHONY: cluster-smoke
-cluster-smoke: build-for-tests ## Two instances on PostgreSQL and two routers: joined, frozen, killed, stopped; a lost machine; a cell of 4,096 robots (installs PostgreSQL where it is missing, as root)
+cluster-smoke: build-for-tests ## Two instances on PostgreSQL and two routers: joined, frozen, killed, stopped; a lost machine (as root alone, in a network namespace); a cell of 4,096 robots (installs PostgreSQL where it is missing, as root)
 	$(CLUSTER_TEST) smoke:: lost_machine:: cell::
 
 .PHONY: cluster-upgrade
@@ -335,7 +335,7 @@ hardening-zenoh: build-for-tests ## 8 hostile Zenoh sessions for a minute, each 
 	FLEETCAL_ZENOH_FLOOD_S=60 FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked --workspace --test zenoh -- --include-ignored --nocapture --test-threads 1 floods::
 
 .PHONY: hardening-growth
-hardening-growth: build-for-tests ## GROWTH_MINUTES=60 of each flood and of none: prints what database and log grow by, seven hours
+hardening-growth: build-for-tests ## GROWTH_MINUTES=60 of each flood and of none: prints what database and log grow by, nine hours
 	FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked --workspace --test zenoh -- --ignored --nocapture growth::
 
 .PHONY: hardening-process

@@ -11,8 +11,8 @@ use crate::cluster::{Cluster, Parts};
 use crate::namespaces;
 use crate::network::Cut;
 
-/// An instance's lease.
-const LEASE: Duration = Duration::from_secs(6);
+/// What is promised, less than the six seconds of a lease.
+const HELD_MAX: Duration = Duration::from_secs(5);
 /// Nobody was held up for less than this: the locks were free already.
 const HELD_MIN: Duration = Duration::from_secs(1);
 
@@ -64,5 +64,5 @@ async fn a_machine_that_is_gone_in_the_middle_of_a_statement_lets_its_locks_go()
     let held = waited_for_its_row(&url);
     println!("a lost machine held its locks for {held:.1?}");
     assert!(held > HELD_MIN, "{held:?}: it held none");
-    assert!(held < LEASE, "{held:?}");
+    assert!(held < HELD_MAX, "{held:?}");
 }

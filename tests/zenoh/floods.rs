@@ -23,6 +23,17 @@ use super::robot;
 
 /// Robots that drive, and one more under whose name is attacked.
 pub const ROBOTS: usize = 49;
+/// What hostile sessions do.
+pub const KINDS: [&str; 8] = [
+    "tokens",
+    "subscribers",
+    "queryables",
+    "queries",
+    "liveliness_queries",
+    "liveliness_subscribers",
+    "notes",
+    "answers",
+];
 /// Hostile sessions.
 pub const SESSIONS: usize = 8;
 /// Seconds of a flood unless the environment says otherwise.
@@ -56,9 +67,8 @@ pub fn seconds() -> u64 {
 
 /// The kinds of a campaign, as the environment says: each, and all at once.
 pub fn kinds() -> String {
-    let every = "tokens subscribers queryables queries liveliness_queries liveliness_subscribers notes \
-                 answers all";
-    std::env::var("FLEETCAL_ZENOH_FLOODS").unwrap_or_else(|_| every.to_owned())
+    let asked = std::env::var("FLEETCAL_ZENOH_FLOODS").ok();
+    asked.unwrap_or_else(|| format!("{} all", KINDS.join(" ")))
 }
 
 /// All robots.

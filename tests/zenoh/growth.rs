@@ -1,8 +1,7 @@
 //! What a flood of each kind adds to database and log, beside what the fleet itself writes.
 //! `make hardening-growth`; `GROWTH_MINUTES` and `GROWTH_KINDS` shorten it.
 
-use super::floods::{List, flooded};
-use super::soak::KINDS;
+use super::floods::{KINDS, List, flooded};
 
 /// Minutes of each flood unless `GROWTH_MINUTES` says otherwise.
 const MINUTES: u64 = 60;
@@ -11,7 +10,7 @@ const MINUTES: u64 = 60;
 const BEYOND_MAX_BYTES: u64 = 1_000_000;
 
 #[test]
-#[ignore = "seven hours; make hardening-growth"]
+#[ignore = "nine hours; make hardening-growth"]
 fn floods_add_little_to_database_and_log() {
     let asked = std::env::var("GROWTH_MINUTES").ok();
     let minutes = asked.map_or(MINUTES, |text| text.parse().unwrap());

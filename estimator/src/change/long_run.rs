@@ -25,8 +25,9 @@ const MEMORY_BLOCKS: f64 = 60.0;
 const BLOCKS_MIN: f64 = 5.0;
 /// Blocks before a change is told from scatter.
 const JUDGE_BLOCKS: f64 = 8.0;
-/// Up to so many blocks a change takes [`FEW_BLOCKS_CAUTION`] times the evidence: on one lap of its route a robot
-/// that does not obey its model has not shown yet by how much.
+/// Up to so many blocks a change takes [`FEW_BLOCKS_CAUTION`] times the evidence: on one lap of its route a
+/// robot that does not obey its model has not shown yet by how much. Blocks are counted as they are
+/// remembered, so that this is the ninth and the tenth: before, nothing is judged.
 const FEW_BLOCKS: f64 = 10.0;
 /// See [`FEW_BLOCKS`].
 const FEW_BLOCKS_CAUTION: f64 = 2.0;
@@ -430,6 +431,14 @@ mod tests {
             innovation,
             evidence: Evidence::of_window(&innovation).unwrap(),
         }
+    }
+
+    #[test]
+    fn caution_lasts_for_two_blocks_from_the_first_judgement_on() {
+        let of_blocks = |blocks| learnt_from(blocks * BLOCK, Parameter::LidarX, |_| 0.0);
+        assert!(!of_blocks(8).is_well_known() && of_blocks(9).is_well_known());
+        let cautions = [9, 10, 11].map(|blocks| of_blocks(blocks).caution());
+        assert_eq!(cautions, [2.0, 2.0, 1.0]);
     }
 
     #[test]

@@ -250,6 +250,7 @@ impl ChangeWatch {
             let expected = expected_evidence(windows(), &reference, oldest.noise_scale());
             self.visibility.see(windows().len(), &expected, &thresholds);
         }
+        // Not before it is asked whether changes would be seen: caution ends after some metres.
         let thresholds = thresholds.raised(&Values::repeat(self.long_run.caution()));
         let mut search = Search {
             noise_scale: oldest.noise_scale(),

@@ -24,8 +24,8 @@ const VERSION_MIN: i32 = 150_000;
 /// For so long after a vain attempt the database counts as away; telemetry makes one each second.
 const AWAY_FOR: Duration = limits::POSTGRES_CONNECT_TIMEOUT.saturating_mul(2);
 
-/// A client whose machine is gone in the middle of a statement holds its locks for five seconds at most, less than a
-/// lease lasts: while the server waits for the rest of a statement, no statement's time runs.
+/// A client whose machine is gone in the middle of a statement holds its locks for five seconds at most,
+/// less than a lease lasts: while the server waits for the rest of a statement, no statement's time runs.
 const LOST_CLIENT: &str = "SET client_connection_check_interval = '2s'; SET tcp_keepalives_idle = 2; \
      SET tcp_keepalives_interval = 1; SET tcp_keepalives_count = 3; SET tcp_user_timeout = '4s'";
 

@@ -205,8 +205,8 @@ fn a_lidar_that_moves_by_20_mm_on_a_loop_to_one_side_is_flagged_by_noisy_poses()
         assert_eq!(flag.cause, Cause::LidarMount, "seed {seed}");
         assert!(way_m < 20.0, "seed {seed}: {way_m} m");
     }
-    // Three of them, 4, 8 and 9, while single poses, of 3 mm, ended windows.
-    assert!(unflagged.len() <= 1, "{unflagged:?}");
+    // While single poses, of 3 mm, ended windows, 4, 8 and 9 were not flagged. 8 stands at the threshold.
+    assert!(unflagged.iter().all(|seed| *seed == 8), "{unflagged:?}");
 }
 
 #[test]
@@ -217,14 +217,15 @@ fn strong_understeer_is_not_taken_for_a_steering_zero_that_moved_on_the_first_la
         sensor: Sensor::Poses,
         scenario: Scenario::Unchanged,
     };
-    // They claimed a zero that was off by five sigmas and more.
+    // Before a change took twice the evidence of few blocks, each of these was flagged and claimed a zero
+    // that was off by more than four sigmas.
     for seed in [16, 24, 29, 35, 36, 42, 56, 58] {
         let Outcome::Claims(outcome) = run(cell, seed, 64.0).unwrap() else {
             panic!("an unchanged robot was asked for");
         };
         assert_eq!(outcome.flagged, [], "seed {seed}");
         assert!(
-            outcome.worst_claim < 4.0,
+            (0.1..4.0).contains(&outcome.worst_claim),
             "seed {seed}: {}",
             outcome.worst_claim
         );
