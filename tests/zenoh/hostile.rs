@@ -98,20 +98,8 @@ async fn attack(session: &Session, kind: &str, number: usize, end: Instant, done
                 tick(&mut at, done).await;
             }
         }
-        "liveliness_queries" => {
-            while Instant::now() < end {
-                drop(session.liveliness().get(SERVICES).callback(|_| {}).await);
-                tick(&mut at, done).await;
-            }
-        }
-        "liveliness_subscribers" => {
-            let mut kept = std::collections::VecDeque::new();
-            while Instant::now() < end {
-                let subscriber = session.liveliness().declare_subscriber(SERVICES);
-                let declared = subscriber.history(true).callback(|_| {}).await;
-                keep(&mut kept, declared);
-                tick(&mut at, done).await;
-            }
+        "liveliness_queries" | "liveliness_subscribers" => {
+            ask_for_services(session, kind, end, done).await;
         }
         "notes" => {
             let key = format!("fleet/{robot}/event");
@@ -128,6 +116,21 @@ async fn attack(session: &Session, kind: &str, number: usize, end: Instant, done
             }
         }
         other => unreachable!("{other}"),
+    }
+}
+
+/// Asks who serves, once for each question or to hear of all changes.
+async fn ask_for_services(session: &Session, kind: &str, end: Instant, done: &AtomicU64) {
+    let (mut at, mut kept) = (0_u64, std::collections::VecDeque::new());
+    while Instant::now() < end {
+        let tokens = session.liveliness();
+        if kind == "liveliness_queries" {
+            drop(tokens.get(SERVICES).callback(|_| {}).await);
+        } else {
+            let subscriber = tokens.declare_subscriber(SERVICES).history(true);
+            keep(&mut kept, subscriber.callback(|_| {}).await);
+        }
+        tick(&mut at, done).await;
     }
 }
 
