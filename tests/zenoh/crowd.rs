@@ -14,6 +14,7 @@
     reason = "a process for a test, whose failure is to be seen"
 )]
 
+mod flood_kinds;
 mod hostile;
 mod session;
 

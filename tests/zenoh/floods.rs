@@ -18,22 +18,12 @@ use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions, Connection};
 use tempfile::TempDir;
 
+use super::flood_kinds::KINDS;
 use super::lists::{generated, password, passwords};
 use super::robot;
 
 /// Robots that drive, and one more under whose name is attacked.
 pub const ROBOTS: usize = 49;
-/// What hostile sessions do.
-pub const KINDS: [&str; 8] = [
-    "tokens",
-    "subscribers",
-    "queryables",
-    "queries",
-    "liveliness_queries",
-    "liveliness_subscribers",
-    "notes",
-    "answers",
-];
 /// Hostile sessions.
 pub const SESSIONS: usize = 8;
 /// Seconds of a flood unless the environment says otherwise.

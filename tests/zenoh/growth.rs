@@ -1,7 +1,8 @@
 //! What a flood of each kind adds to database and log, beside what the fleet itself writes.
 //! `make hardening-growth`; `GROWTH_MINUTES` and `GROWTH_KINDS` shorten it.
 
-use super::floods::{KINDS, List, flooded};
+use super::flood_kinds::KINDS;
+use super::floods::{List, flooded};
 
 /// Minutes of each flood unless `GROWTH_MINUTES` says otherwise.
 const MINUTES: u64 = 60;

@@ -10,19 +10,9 @@ use tokio::time::Instant;
 use zenoh::Session;
 use zenoh::qos::CongestionControl;
 
+use super::flood_kinds::KINDS;
 use super::{Place, say};
 
-/// What is done, in this order when all of it is.
-pub const KINDS: [&str; 8] = [
-    "tokens",
-    "subscribers",
-    "queryables",
-    "queries",
-    "liveliness_queries",
-    "liveliness_subscribers",
-    "notes",
-    "answers",
-];
 /// Tokens that every robot may ask for.
 const SERVICES: &str = "fleet/@service/*";
 /// Under whose name is attacked.
@@ -119,7 +109,7 @@ async fn attack(session: &Session, kind: &str, number: usize, end: Instant, done
     }
 }
 
-/// Asks who serves, once for each question or to hear of all changes.
+/// Asks for the services' tokens: with a query each time, or with a subscriber that is told of changes.
 async fn ask_for_services(session: &Session, kind: &str, end: Instant, done: &AtomicU64) {
     let (mut at, mut kept) = (0_u64, std::collections::VecDeque::new());
     while Instant::now() < end {

@@ -9,6 +9,7 @@
 
 mod breaks;
 mod certificates;
+mod flood_kinds;
 mod floods;
 mod former_key;
 mod growth;

@@ -8,12 +8,13 @@ use fleetcal_tests::recording;
 use fleetcal_tests::service::{Service, wait_for};
 use tempfile::TempDir;
 
-use super::floods::{Crowd, KINDS, List, ROBOTS, SESSIONS, database_bytes, started};
+use super::flood_kinds::KINDS;
+use super::floods::{Crowd, List, ROBOTS, SESSIONS, database_bytes, started};
 
 /// Minutes unless `SOAK_MINUTES` says otherwise.
 const MINUTES: u64 = 120;
-/// Parts of the whole: twice one without a flood, and one with each.
-const PERIODS: u64 = 18;
+/// Parts of the whole: one without a flood and one with each kind, twice.
+const PERIODS: u64 = 2 * (1 + KINDS.len() as u64);
 /// The period beside which the others' growth of database and log is seen.
 const NOTHING: &str = "nothing";
 /// What is asked of the process.
