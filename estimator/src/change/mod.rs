@@ -250,7 +250,8 @@ impl ChangeWatch {
             let expected = expected_evidence(windows(), &reference, oldest.noise_scale());
             self.visibility.see(windows().len(), &expected, &thresholds);
         }
-        // Not before it is asked whether changes would be seen: caution ends after some metres.
+        // After it was asked whether changes would be seen, since caution ends after some metres. The limit of
+        // a single window grows with the thresholds, as it does with scatter.
         let thresholds = thresholds.raised(&Values::repeat(self.long_run.caution()));
         let mut search = Search {
             noise_scale: oldest.noise_scale(),
