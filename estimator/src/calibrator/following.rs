@@ -1,9 +1,10 @@
 //! From LiDAR poses to the filter: its start, its way, and its return to before a change.
 
 use super::comparison::{COMPARED, Comparison, Occasion, SESSIONS, Verdict, knows_enough};
-use super::{Calibrator, CalibratorConfig, Waiting};
-use crate::change::Detected;
+use super::{AT_REST_MPS, Calibrator, CalibratorConfig, Waiting};
 use crate::change::evidence::change_sigma;
+use crate::change::{ChangeWatch, Detected};
+
 use crate::estimate::{Cause, Change, ChangeKind, Parameter, ParameterEstimates, Status};
 use crate::excitation::Excitation;
 use crate::filter::follow::{Followed, Follower};
@@ -11,6 +12,8 @@ use crate::filter::prior::Prior;
 use crate::filter::{Filter, OdometryReading, Values};
 use crate::initial_guess::{agrees_with, initial_guess};
 use crate::stream::{Effect, RobotTime};
+use crate::trust::Trust;
+use crate::vehicle::SteeringResponse;
 
 /// Most LiDAR poses kept: an hour of them is not needed for a first guess.
 const READINGS_MAX: usize = 1200;
@@ -99,6 +102,33 @@ impl Calibrator {
         self.watch.restart();
     }
 
+    /// The poses before were misled: nothing that was learnt from them counts.
+    pub(super) fn unlearn(&mut self) {
+        self.former_values = self.filter().map(|filter| *filter.values());
+        self.waiting.clear();
+        self.session.excitation = Excitation::default();
+        self.give_up();
+        self.watch = ChangeWatch::default();
+        self.trust = Trust::default();
+    }
+
+    /// A guess with the values that a filter had before, where the two agree: these are no evidence, but
+    /// nearer to linearise at.
+    fn with_former(&self, guess: Prior) -> Prior {
+        let Some(values) = self.former_values else {
+            return guess;
+        };
+        let former = Prior {
+            values,
+            ..guess.clone()
+        };
+        if agrees_with(&former, &guess) {
+            former
+        } else {
+            guess
+        }
+    }
+
     fn follow_reading(&mut self, reading: &OdometryReading) {
         let Some(follower) = self.follower.as_mut() else {
             return;
@@ -122,9 +152,22 @@ impl Calibrator {
         let Some(guess) = initial_guess(vehicle, &self.prior, readings, &self.drive) else {
             return;
         };
-        let prior = with_nominal(config, guess);
+        let prior = with_nominal(config, self.with_former(guess));
         let filter = Filter::new(*vehicle, &config.settings, &prior);
+        self.former_values = None;
+        self.session.began_in_motion = self.drove_throughout();
         self.follow_again(Follower::new(filter), None);
+    }
+
+    /// Whether the robot has driven ever since the first of the readings.
+    fn drove_throughout(&self) -> bool {
+        let speed_mps = |reading: &OdometryReading| {
+            let response = SteeringResponse::default();
+            self.drive.at(reading.stamp, response).speed_mps
+        };
+        self.readings
+            .iter()
+            .all(|reading| speed_mps(reading).abs() > AT_REST_MPS)
     }
 
     /// Starts a follower and takes it through the readings from a time on.

@@ -63,6 +63,9 @@ impl Calibrator {
             self.drop_message(Dropped::UnusableScan, effects);
             return;
         };
+        if pose.floor_found {
+            self.unlearn();
+        }
         let reading = OdometryReading {
             stamp: pose.stamp,
             lidar_in_odom: pose.lidar_in_odom,

@@ -41,6 +41,9 @@ pub(super) struct Session {
     /// Whether it was not said yet how far the last change went.
     #[serde(default)]
     pub unsized_change: bool,
+    /// Whether the robot drove when the filter began, and has not stood since.
+    #[serde(default)]
+    pub began_in_motion: bool,
     /// Share of recent drive samples with a steering angle that the vehicle cannot have.
     #[serde(default)]
     impossible_steering_share: f64,

@@ -1,5 +1,6 @@
 //! From beams to points: which returns are used, where they lie and when they were taken.
 
+use super::floor::FloorLine;
 use crate::stream::{Scan, ScanShape};
 
 /// Most points of a scan that are used; of more, an evenly spread part is taken.
@@ -180,15 +181,25 @@ struct Return {
     range: f32,
     beside_edge: bool,
     joined: bool,
+    is_floor: bool,
 }
 
 impl BeamFilter {
     /// Puts the usable returns of `scan`, whose beams follow each other after `time_increment_s`,
-    /// into `points`.
-    pub fn filter(&mut self, scan: &Scan, time_increment_s: f64, points: &mut ScanPoints) {
+    /// into `points`, but for those of the floor, where its line is known.
+    pub fn filter(
+        &mut self,
+        scan: &Scan,
+        time_increment_s: f64,
+        floor: Option<FloorLine>,
+        points: &mut ScanPoints,
+    ) {
         self.prepare_directions(scan.shape(), scan.ranges_m().len());
         self.collect_returns(scan);
         self.mark_edges(scan.shape().angle_increment_rad.abs() as f32);
+        if let Some(line) = floor {
+            self.leave_out(line);
+        }
         self.emit(scan, time_increment_s as f32, points);
     }
 
@@ -224,6 +235,7 @@ impl BeamFilter {
                     range,
                     beside_edge: false,
                     joined: false,
+                    is_floor: false,
                 });
             }
         }
@@ -247,6 +259,30 @@ impl BeamFilter {
             }
             rest = tail;
         }
+    }
+
+    /// Leaves the returns of the floor out; the surface before one does not go on behind it.
+    fn leave_out(&mut self, floor: FloorLine) {
+        let Self {
+            returns, cos, sin, ..
+        } = self;
+        let mut was_left_out = false;
+        for index in (0..returns.len()).rev() {
+            let Some(one) = returns.get_mut(index) else {
+                continue;
+            };
+            one.joined &= !was_left_out;
+            let beam = one.beam as usize;
+            let direction = cos.get(beam).zip(sin.get(beam));
+            was_left_out = direction.is_some_and(|(&c, &s)| floor.drops(c, s, one.range));
+            one.is_floor = was_left_out;
+        }
+        returns.retain(|one| !one.is_floor);
+    }
+
+    /// Cosines and sines of the beams' angles, of the last scan.
+    pub fn directions(&self) -> (&[f32], &[f32]) {
+        (&self.cos, &self.sin)
     }
 
     fn emit(&self, scan: &Scan, time_increment: f32, points: &mut ScanPoints) {
@@ -316,7 +352,7 @@ mod tests {
         };
         let scan = Scan::new(RobotTime(1), shape, ranges.to_vec().into()).unwrap();
         let mut points = ScanPoints::default();
-        BeamFilter::default().filter(&scan, time_increment_s, &mut points);
+        BeamFilter::default().filter(&scan, time_increment_s, None, &mut points);
         points
     }
 

@@ -314,7 +314,7 @@ mod tests {
         };
         let scan = Scan::new(RobotTime(1), shape, ranges.into()).unwrap();
         let mut points = ScanPoints::default();
-        BeamFilter::default().filter(&scan, scan.shape().time_increment_s, &mut points);
+        BeamFilter::default().filter(&scan, scan.shape().time_increment_s, None, &mut points);
         points
     }
 

@@ -7,6 +7,7 @@ mod beam_filter;
 mod correlative_search;
 mod covariance;
 mod fit;
+mod floor;
 mod local_map;
 mod motion;
 mod normal_equations;
@@ -29,6 +30,7 @@ use crate::stream::{FieldRefused, RobotTime, Scan};
 use beam_filter::{BLOCKS_MAX, BeamFilter, LANES, ScanPoints};
 use covariance::OpenDirection;
 use fit::Fit;
+use floor::FloorWatch;
 use local_map::LocalMap;
 use motion::Motion;
 use point_to_line::{Alignment, LocalMotion};
@@ -36,6 +38,7 @@ use scanner::Scanner;
 use submap::{KnownMap, LocalOrigin};
 use tracking::Track;
 
+pub use floor::FloorLine;
 pub use scanner::{BeamTimes, ScannerReport};
 pub use surroundings::Surroundings;
 pub use tracking::Tracking;
@@ -57,6 +60,8 @@ pub struct OdometryPose {
     pub tracking: Tracking,
     /// Whether the map was begun again with this scan: poses before and after do not compare.
     pub map_restarted: bool,
+    /// Whether that is so because returns of the floor misled the poses before.
+    pub floor_found: bool,
 }
 
 /// Fewest usable returns of a scan.
@@ -84,6 +89,8 @@ const REPEATED_MOTION: f64 = 0.01;
 pub struct LearntScanner {
     scanner: Scanner,
     range_noise_m: f32,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    floor: Option<FloorLine>,
 }
 
 /// LiDAR odometry of one robot.
@@ -100,6 +107,7 @@ pub struct LidarOdometry {
     first_scan: Option<(ScanPoints, RobotTime, Pose2)>,
     range_noise_m: f32,
     scanner: Scanner,
+    floor: FloorWatch,
     track: Track,
 }
 
@@ -125,6 +133,7 @@ impl Default for LidarOdometry {
             first_scan: None,
             range_noise_m: RANGE_NOISE_AT_START_M,
             scanner: Scanner::default(),
+            floor: FloorWatch::default(),
             track: Track::default(),
         }
     }
@@ -198,10 +207,13 @@ impl LidarOdometry {
             self.learn_noise(solution.chi2);
         }
         let is_due = self.map.is_due(&solution.motion.pose, stamp);
-        if (is_due || self.scanner.asks_at_once(&solution.motion)) && self.learn_scanner(&solution)
-        {
+        let floor_found = self.learn_floor(scan, &solution);
+        if self.learn_scanner(is_due, &solution) || floor_found {
             let stamp = self.read(scan);
-            return Some(self.begin_map(solution.motion, stamp, tracking));
+            return Some(OdometryPose {
+                floor_found,
+                ..self.begin_map(solution.motion, stamp, tracking)
+            });
         }
         if is_due {
             self.map
@@ -222,6 +234,7 @@ impl LidarOdometry {
             fitness: solution.fit.fitness(),
             tracking,
             map_restarted: false,
+            floor_found: false,
         })
     }
 
@@ -229,7 +242,7 @@ impl LidarOdometry {
     fn read(&mut self, scan: &Scan) -> RobotTime {
         let time_increment_s = self.scanner.time_increment_s(scan);
         self.beam_filter
-            .filter(scan, time_increment_s, &mut self.points);
+            .filter(scan, time_increment_s, self.floor.line(), &mut self.points);
         scan.middle_stamp(time_increment_s)
     }
 
@@ -238,6 +251,7 @@ impl LidarOdometry {
         self.map.memory_bytes()
             + self.points.memory_bytes()
             + self.beam_filter.memory_bytes()
+            + self.floor.memory_bytes()
             + self.last_ranges.capacity() * size_of::<f32>()
             + self
                 .first_scan
@@ -245,9 +259,10 @@ impl LidarOdometry {
                 .map_or(0, |(points, _, _)| points.memory_bytes())
     }
 
-    /// What is known of the scanner: when its beams are taken, and how far its ranges are off.
+    /// What is known of the scanner: when its beams are taken, how far its ranges are off, and where
+    /// it sees the floor.
     pub fn scanner(&self) -> ScannerReport {
-        self.scanner.report()
+        self.scanner.report(self.floor.line())
     }
 
     /// What was learnt of the scanner, to begin another odometry with.
@@ -255,6 +270,7 @@ impl LidarOdometry {
         LearntScanner {
             scanner: self.scanner.without_map(),
             range_noise_m: self.range_noise_m,
+            floor: self.floor.line(),
         }
     }
 
@@ -263,6 +279,7 @@ impl LidarOdometry {
     pub fn with_scanner(mut self, learnt: LearntScanner) -> Self {
         self.scanner = learnt.scanner;
         self.range_noise_m = learnt.range_noise_m;
+        self.floor = FloorWatch::knowing(learnt.floor);
         self
     }
 
@@ -276,6 +293,7 @@ impl LidarOdometry {
         let pose = motion.pose;
         self.scanner.note_map();
         self.map.clear();
+        self.floor.break_off();
         self.map
             .update(&self.points, &motion, stamp, self.range_noise_m);
         // A scan whose motion is known is corrected for it already.
@@ -292,6 +310,7 @@ impl LidarOdometry {
             fitness: 1.0,
             tracking,
             map_restarted: true,
+            floor_found: false,
         }
     }
 
@@ -361,7 +380,10 @@ impl LidarOdometry {
 
     /// Learns of the scanner from the scan as it is aligned. Whether the map has to be begun again.
     /// A known map is off by its own cells, and an open direction would be learnt from noise.
-    fn learn_scanner(&mut self, solution: &Solution) -> bool {
+    fn learn_scanner(&mut self, is_due: bool, solution: &Solution) -> bool {
+        if !is_due && !self.scanner.asks_at_once(&solution.motion) {
+            return false;
+        }
         let submap = &self.map.submap;
         let is_young = submap.updates() < ASKED_FROM_UPDATE;
         let is_poor = solution.open.is_some() || !solution.fit.is_good();
@@ -374,6 +396,17 @@ impl LidarOdometry {
         let phase = self.map.submap.updates() as usize;
         let equations = self.alignment().ask_scanner(&local, phase);
         self.scanner.learn(&equations, motion)
+    }
+
+    /// Looks for the floor in the scan as it is aligned. Whether the map has to be begun again: it
+    /// holds what the floor seemed to be, and so does what was learnt of the ranges in it.
+    fn learn_floor(&mut self, scan: &Scan, solution: &Solution) -> bool {
+        let directions = self.beam_filter.directions();
+        let found = self.floor.take(&solution.motion.pose, directions, scan);
+        if found {
+            self.scanner.doubt();
+        }
+        found && self.map.submap.known().is_none()
     }
 
     /// Looks for a better pose than `solution` around the prediction, and where the last scan was:
@@ -405,6 +438,7 @@ impl LidarOdometry {
         stamp: RobotTime,
     ) -> OdometryPose {
         let tracking = self.track.lost();
+        self.floor.break_off();
         if self.track.gives_up() && self.map.submap.known().is_some() {
             // What was seen may have misled it; the known map has not changed.
             self.map.clear();
@@ -423,6 +457,7 @@ impl LidarOdometry {
             fitness: solution.fit.fitness(),
             tracking,
             map_restarted: false,
+            floor_found: false,
         };
         self.motion = Some(motion);
         pose

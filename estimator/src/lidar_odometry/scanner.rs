@@ -12,6 +12,7 @@ use std::f64::consts::TAU;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 use serde::{Deserialize, Serialize};
 
+use super::floor::FloorLine;
 use super::motion::Motion;
 use super::range_errors::RangeErrors;
 use super::sensitivity::ScannerEquations;
@@ -50,7 +51,8 @@ const REMAP_PART: f64 = 0.04;
 const REMAP_SIGMAS: f64 = 4.0;
 /// and so many scans on the move were asked since.
 const REMAP_SCANS: u32 = 60;
-/// What is kept then of the evidence: it came from a map that was distorted.
+/// What is kept then of the evidence, and when the floor is found in it: it came from a map that was
+/// distorted.
 const KEPT_BY_REMAP: f64 = 0.1;
 /// No duration is looked for beyond this many times what the time between scans leaves.
 const DURATION_MAX: f64 = 1.1;
@@ -89,6 +91,8 @@ pub struct ScannerReport {
     /// How much longer they are on a surface that is met at a grazing incidence, m, and the standard
     /// deviation of that.
     pub incidence_bias_m: (f64, f64),
+    /// Where it sees the floor, if it does: its plane is tilted.
+    pub floor: Option<FloorLine>,
 }
 
 /// Where the judgement on a scanner's beam times stands.
@@ -163,8 +167,8 @@ impl Scanner {
         self.duration_in_use_s() / beams
     }
 
-    /// What is known of it.
-    pub fn report(&self) -> ScannerReport {
+    /// What is known of it, with where it sees the floor.
+    pub fn report(&self, floor: Option<FloorLine>) -> ScannerReport {
         let sigma = self.sigmas();
         ScannerReport {
             beam_times: match self.timing {
@@ -178,6 +182,7 @@ impl Scanner {
             },
             range_bias_m: (self.values[1], sigma[1]),
             incidence_bias_m: (self.values[2], sigma[2]),
+            floor,
         }
     }
 
@@ -341,6 +346,20 @@ impl Scanner {
     /// Notes that a map is begun, with the duration in use.
     pub fn note_map(&mut self) {
         self.mapped_s = self.duration_in_use_s();
+    }
+
+    /// Doubts what was learnt: part of it came from what is no wall. Whether it turns is judged again.
+    pub fn doubt(&mut self) {
+        self.information *= KEPT_BY_REMAP;
+        self.asked = 0;
+        if self.timing == Timing::AtOnce {
+            self.timing = Timing::Unknown;
+        }
+        if self.is_unknown() {
+            self.values[0] = 0.0;
+            self.information.row_mut(0).fill(0.0);
+            self.information.column_mut(0).fill(0.0);
+        }
     }
 
     /// Asks for a map drawn with scans of another duration.

@@ -13,6 +13,9 @@ use rand_distr::{Distribution, Normal};
 /// First stamp of every run.
 pub const START: RobotTime = RobotTime(1_790_000_000_000_000_000);
 
+/// Height of the LiDAR above the floor, m.
+const HEIGHT_M: f64 = 0.2;
+
 /// A person: a disc that walks to and fro.
 #[derive(Debug, Clone, Copy)]
 pub struct Person {
@@ -151,6 +154,13 @@ pub struct Scanner {
     pub range_bias_m: f64,
     /// Added to a range as the surface turns away from the beam, m: all of it at a grazing beam.
     pub incidence_bias_m: f64,
+    /// Tilt of its plane, and the direction it is tilted towards, rad.
+    pub tilt_rad: f64,
+    pub tilt_direction_rad: f64,
+    /// By so much the floor is uneven, m.
+    pub uneven_m: f64,
+    /// By so much the plane's tilt swings as the robot drives, rad.
+    pub pitch_rad: f64,
 }
 
 impl Default for Scanner {
@@ -167,6 +177,10 @@ impl Default for Scanner {
             untimed: false,
             range_bias_m: 0.0,
             incidence_bias_m: 0.0,
+            tilt_rad: 0.0,
+            tilt_direction_rad: 0.0,
+            uneven_m: 0.0,
+            pitch_rad: 0.0,
         }
     }
 }
@@ -187,6 +201,21 @@ impl Scanner {
             range_min_m: 0.1,
             range_max_m: self.range_max_m,
         }
+    }
+
+    /// Range of a beam on the floor, and the cosine of its incidence there. `angle_rad` is that of
+    /// the beam in the LiDAR's frame, `t` its time, s.
+    fn on_floor(&self, pose: &Pose2, angle_rad: f64, t: f64) -> (f64, f64) {
+        let tilt_rad = self.tilt_rad + self.pitch_rad * (2.1 * t).sin();
+        let down = (angle_rad - self.tilt_direction_rad).cos() * tilt_rad.sin();
+        if down <= 0.0 {
+            return (f64::INFINITY, 1.0);
+        }
+        let level_m = HEIGHT_M / down;
+        let (s, c) = (pose.yaw_rad + angle_rad).sin_cos();
+        let (x, y) = (pose.x_m + level_m * c, pose.y_m + level_m * s);
+        let height_m = HEIGHT_M - self.uneven_m * (1.3 * x).sin() * (1.7 * y).cos();
+        (height_m / down, down)
     }
 
     /// The scan that begins `t` seconds after [`START`], and the LiDAR's true pose at its middle.
@@ -210,10 +239,11 @@ impl Scanner {
                     at_middle
                 };
                 let people: Vec<_> = scene.people.iter().map(|p| p.position(beam_t)).collect();
-                let angle =
-                    pose.yaw_rad + shape.angle_min_rad + beam as f64 * shape.angle_increment_rad;
+                let own_rad = shape.angle_min_rad + beam as f64 * shape.angle_increment_rad;
                 let origin = [pose.x_m, pose.y_m];
-                let (range, cos) = scene.seen_from(origin, angle, &people);
+                let seen = scene.seen_from(origin, pose.yaw_rad + own_rad, &people);
+                let floor = self.on_floor(&pose, own_rad, beam_t);
+                let (range, cos) = if floor.0 < seen.0 { floor } else { seen };
                 let bias_m = self.range_bias_m + self.incidence_bias_m * (1.0 - cos);
                 let measured = range + bias_m + noise.sample(rng);
                 let is_lost = range > self.range_max_m || rng.random_bool(self.dropped);
