@@ -371,7 +371,16 @@ impl<'a> Run<'a> {
                     .to_owned(),
             );
         }
-        if let BeamTimes::Turning { duration_s, .. } = self.calibrator.scanner().beam_times {
+        let scanner = self.calibrator.scanner();
+        if let Some(floor) = scanner.floor {
+            remarks.push(format!(
+                "the LiDAR sees the floor {:.1} m away, at {:.0} degrees of its frame: its scanning \
+                 plane is tilted; returns from the floor are left out",
+                floor.distance_m(),
+                floor.direction_rad().to_degrees()
+            ));
+        }
+        if let BeamTimes::Turning { duration_s, .. } = scanner.beam_times {
             remarks.push(format!(
                 "the scans have time_increment 0, but the scanner turns: a scan takes {:.1} ms by \
                  its motion; set time_increment in the scanner's driver",

@@ -370,10 +370,15 @@ impl RobotTask {
         if self.senders.are_two() {
             warnings.push(Warning::two_senders());
         }
-        if let Engine::Running(calibrator) = &self.engine
-            && matches!(calibrator.scanner().beam_times, BeamTimes::Turning { .. })
-        {
-            warnings.push(Warning::scan_beam_times_missing());
+        if let Engine::Running(calibrator) = &self.engine {
+            let scanner = calibrator.scanner();
+            if matches!(scanner.beam_times, BeamTimes::Turning { .. }) {
+                warnings.push(Warning::scan_beam_times_missing());
+            }
+            if let Some(floor) = scanner.floor {
+                let (distance_m, direction_rad) = (floor.distance_m(), floor.direction_rad());
+                warnings.push(Warning::scanner_sees_floor(distance_m, direction_rad));
+            }
         }
         let kinds: Vec<_> = warnings.iter().map(|warning| warning.kind).collect();
         if self.robot.set_warnings(warnings) && !kinds.is_empty() {

@@ -216,6 +216,8 @@ pub enum WarningKind {
     SteeringLooksCommanded,
     /// The scans state no beam times, and the scanner turns.
     ScanBeamTimesMissing,
+    /// The LiDAR's scanning plane is tilted: it sees the floor.
+    ScannerSeesFloor,
     /// Two senders use the robot's id.
     TwoSenders,
     /// It sends on a key that is no longer used.
@@ -263,6 +265,20 @@ impl Warning {
             text: format!(
                 "The robot sends its wheel odometry on the former key, which is no longer used. \
                  Send it on {key}."
+            ),
+        }
+    }
+
+    /// The warning of [`WarningKind::ScannerSeesFloor`]; where it sees the floor: how far from the
+    /// LiDAR, m, and in which direction of its frame, rad.
+    pub fn scanner_sees_floor(distance_m: f64, direction_rad: f64) -> Self {
+        Self {
+            kind: WarningKind::ScannerSeesFloor,
+            text: format!(
+                "The LiDAR sees the floor {distance_m:.1} m away, at {:.0}° of its frame (left \
+                 positive): its scanning plane is tilted towards there. Returns from the floor are \
+                 left out. Level the LiDAR.",
+                direction_rad.to_degrees()
             ),
         }
     }
