@@ -16,7 +16,7 @@ use crate::records;
 use crate::watch::Watch;
 
 /// Names of as many instances as there may be.
-const INSTANCES: [&str; 3] = ["a", "b", "c"];
+const INSTANCES: [&str; 5] = ["a", "b", "c", "d", "e"];
 /// Robots that drive.
 pub const DRIVING: usize = 6;
 /// Robots about which is decided.
@@ -57,7 +57,7 @@ impl Trial {
         let possible = 2..=INSTANCES.len();
         assert!(
             possible.contains(&count),
-            "CLUSTER_INSTANCES: got {count}, expected 2 or 3"
+            "CLUSTER_INSTANCES: got {count}, expected 2 to 5"
         );
         Parts {
             names: INSTANCES.into_iter().take(count).collect(),

@@ -206,7 +206,7 @@ impl OwnServer {
     pub fn start(&self) {
         let addresses: Vec<_> = self.addresses.iter().map(IpAddr::to_string).collect();
         let options = format!(
-            "-p {} -k {} -c listen_addresses={} -c max_connections=50 -c fsync=off",
+            "-p {} -k {} -c listen_addresses={} -c max_connections=200 -c fsync=off",
             self.port,
             self.folder.path().display(),
             addresses.join(",")
