@@ -1,7 +1,8 @@
 //! From LiDAR poses to the filter: its start, its way, and its return to before a change.
 
 use super::comparison::{COMPARED, Comparison, Occasion, SESSIONS, Verdict, knows_enough};
-use super::{AT_REST_MPS, Calibrator, CalibratorConfig, Waiting};
+use super::session::AT_REST_MPS;
+use super::{Calibrator, CalibratorConfig, Waiting};
 use crate::change::evidence::change_sigma;
 use crate::change::{ChangeWatch, Detected};
 
@@ -22,6 +23,8 @@ const GUESS_EVERY: usize = 5;
 /// But not before this share of all readings is new: a robot that only circles tells no more by a few.
 const GUESS_SHARE: usize = 16;
 
+/// Where the floor is in view it is found within some 100 m: who has driven farther did not see it at first, m.
+const MISLED_FROM_START_M: f64 = 200.0;
 /// No LiDAR is farther from the rear axle than this many wheelbases,
 const MOUNT_REACH_WHEELBASES: f64 = 2.0;
 /// and this, m.
@@ -102,26 +105,35 @@ impl Calibrator {
         self.watch.restart();
     }
 
-    /// The poses before were misled: nothing that was learnt from them counts.
+    /// The poses of late were misled. A filter that has not learnt for long begins from nothing; one that has
+    /// is held against the next, for its LiDAR may have been knocked just now.
     pub(super) fn unlearn(&mut self) {
-        self.former_values = self.filter().map(|filter| *filter.values());
         self.waiting.clear();
-        self.session.excitation = Excitation::default();
-        self.give_up();
+        if self.session.distance_m > MISLED_FROM_START_M {
+            self.begin_comparison(Occasion::NewSession);
+            return;
+        }
+        self.former_mount = self.filter().map(|filter| {
+            let x = Parameter::LidarX.index();
+            filter.values().fixed_rows::<3>(x).into_owned()
+        });
+        self.follower = None;
+        self.baseline = None;
+        self.readings.clear();
+        self.session.unlearn();
         self.watch = ChangeWatch::default();
         self.trust = Trust::default();
     }
 
-    /// A guess with the values that a filter had before, where the two agree: these are no evidence, but
-    /// nearer to linearise at.
+    /// A guess with the mount that a filter had before, where the two agree: no evidence, but nearer to
+    /// linearise at.
     fn with_former(&self, guess: Prior) -> Prior {
-        let Some(values) = self.former_values else {
+        let Some(mount) = self.former_mount else {
             return guess;
         };
-        let former = Prior {
-            values,
-            ..guess.clone()
-        };
+        let mut former = guess.clone();
+        let x = Parameter::LidarX.index();
+        former.values.fixed_rows_mut::<3>(x).copy_from(&mount);
         if agrees_with(&former, &guess) {
             former
         } else {
@@ -154,7 +166,7 @@ impl Calibrator {
         };
         let prior = with_nominal(config, self.with_former(guess));
         let filter = Filter::new(*vehicle, &config.settings, &prior);
-        self.former_values = None;
+        self.former_mount = None;
         self.session.began_in_motion = self.drove_throughout();
         self.follow_again(Follower::new(filter), None);
     }

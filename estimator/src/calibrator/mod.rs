@@ -51,8 +51,6 @@ const PLAY_SHARE: f64 = 0.1;
 /// standard deviation, rad (0.25 degrees): tyres drift, and no circle tells that from the LiDAR's yaw. A real
 /// car that turned right for 142 s claimed a yaw that was 0.87 degrees off.
 const CIRCLING_YAW_SIGMA_RAD: f64 = 0.004_4;
-/// A robot slower than this stands, m/s.
-const AT_REST_MPS: f64 = 0.02;
 /// An estimate is told once in this much message time, s.
 const TELL_EVERY_S: f64 = 1.0;
 
@@ -105,8 +103,8 @@ pub struct Calibrator {
     since_guess: usize,
     watch: ChangeWatch,
     follower: Option<Follower>,
-    /// Where a filter was that began again, because its poses had been misled.
-    former_values: Option<Values>,
+    /// Mount (x, y, yaw) of a filter that began again, because its poses had been misled.
+    former_mount: Option<nalgebra::Vector3<f64>>,
     /// The stored calibration, while a new session has not been held against it.
     comparison: Option<Comparison>,
     /// What the calibration of now is held against, to see slow drift.
@@ -130,7 +128,7 @@ impl Calibrator {
             since_guess: 0,
             watch: ChangeWatch::default(),
             follower: None,
-            former_values: None,
+            former_mount: None,
             comparison: None,
             baseline: None,
             session: Session::default(),
@@ -208,7 +206,8 @@ impl Calibrator {
         self.follower.as_ref().map(|follower| &follower.filter)
     }
 
-    /// What is known of the scanner: when its beams are taken, and how far its ranges are off.
+    /// What is known of the scanner: when its beams are taken, how far its ranges are off, and where it
+    /// sees the floor.
     pub fn scanner(&self) -> ScannerReport {
         self.lidar_odometry.scanner()
     }
@@ -293,7 +292,6 @@ impl Calibrator {
         let last = self.drive.newest();
         let vehicle = &self.config.vehicle;
         self.session.count_drive(&sample, vehicle, last);
-        self.session.began_in_motion &= sample.speed_mps().abs() > AT_REST_MPS;
         if last.is_some_and(|last| sample.stamp().seconds_since(last) > NEW_SESSION_GAP_S) {
             self.begin_comparison(Occasion::NewSession);
         }

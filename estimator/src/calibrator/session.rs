@@ -12,6 +12,10 @@ use crate::filter::{Values, apart, padded};
 use crate::stream::{DriveSample, Dropped, RobotTime};
 use crate::vehicle::Vehicle;
 
+/// A robot slower than this stands, m/s.
+pub(super) const AT_REST_MPS: f64 = 0.02;
+/// A start is one after so long a rest, s: a speed of zero in between is a glitch of the encoder.
+const REST_MIN_S: f64 = 0.15;
 /// Samples over which the share of impossible steering angles is averaged: 10 s at 50 Hz.
 const IMPOSSIBLE_STEERING_WINDOW: f64 = 500.0;
 /// Above this share nothing is believed: a single sample, a fault of the encoder, stays below it.
@@ -41,9 +45,12 @@ pub(super) struct Session {
     /// Whether it was not said yet how far the last change went.
     #[serde(default)]
     pub unsized_change: bool,
-    /// Whether the robot drove when the filter began, and has not stood since.
+    /// Whether the robot drove when the filter began, and has not started from rest since.
     #[serde(default)]
     pub began_in_motion: bool,
+    /// Since when it stands.
+    #[serde(default)]
+    at_rest_since: Option<RobotTime>,
     /// Share of recent drive samples with a steering angle that the vehicle cannot have.
     #[serde(default)]
     impossible_steering_share: f64,
@@ -92,11 +99,24 @@ impl Session {
         let impossible = f64::from(!vehicle.can_steer(sample.steering_rad()));
         self.impossible_steering_share +=
             (impossible - self.impossible_steering_share) / IMPOSSIBLE_STEERING_WINDOW;
+        if sample.speed_mps().abs() <= AT_REST_MPS {
+            self.at_rest_since.get_or_insert(sample.stamp());
+        } else if let Some(since) = self.at_rest_since.take() {
+            self.began_in_motion &= sample.stamp().seconds_since(since) < REST_MIN_S;
+        }
         let Some(last) = last else { return };
         let interval_s = sample.stamp().seconds_since(last);
         if interval_s < GAP_MIN_S {
             self.distance_m += sample.speed_mps().abs() * interval_s;
         }
+    }
+
+    /// What the filter learnt does not count, and neither does what was counted or told of it.
+    pub fn unlearn(&mut self) {
+        self.excitation = Excitation::default();
+        self.recent_nis.clear();
+        self.values_before = None;
+        self.unsized_change = false;
     }
 
     pub fn count_dropped(&mut self, dropped: Dropped) {

@@ -10,7 +10,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::Pose2;
-use crate::stream::Scan;
+use crate::stream::{Scan, ScanShape};
 
 /// Two scans are compared when the LiDAR has moved by so much between them, m,
 const STEP_M: f64 = 0.4;
@@ -26,14 +26,15 @@ const NEAR_M: f32 = 0.05;
 const NEAR_PART: f32 = 0.015;
 /// Beside the line so many times farther off returns are taken for the floor's as well.
 const DROPPED_NEAR: f32 = 2.0;
-/// A line is seen by so many beams at least,
+/// A line is seen by so many beams at least.
 const SEEN_MIN: usize = 8;
-/// and by this part of those that are compared.
-const SEEN_PART: f32 = 0.02;
 /// Were it a wall, at most this part of them would fit as well.
 const AS_WALL_MAX: f32 = 0.25;
 /// No beam reaches through the floor: beyond the line is at most this part of those that reach it.
 const BEYOND_MAX: f32 = 0.2;
+/// The floor is everywhere: of the beams that meet the line within the scanner's range and reach it, at
+/// most this part has no return. Behind a vehicle in the open that has the same speed, most have none.
+const MISSING_MAX: f32 = 0.5;
 /// A wall that bends towards the robot leaves its tangent beam by beam, what stands on the floor leaves
 /// the floor at once: of the returns up to so many times farther off on the near side
 const BENDS_WITHIN: f32 = 4.0;
@@ -43,6 +44,8 @@ const BENDS_MAX: f32 = 0.4;
 const FOUND_VOTES: u32 = 3;
 /// More are not counted, so that a line that is gone is forgotten.
 const VOTES_MAX: u32 = 6;
+/// A line that is sought is given up after so many motions that say nothing of it.
+const SILENT_MAX: u32 = 12;
 /// No line is looked for nearer than the first, which is the robot's own, or farther than the second, m.
 const DISTANCE_M: [f64; 2] = [0.5, 40.0];
 /// Pairs of beams that a line is laid through.
@@ -51,6 +54,9 @@ const PAIRS: usize = 24;
 const PAIRS_APART: [usize; 3] = [3, 6, 12];
 /// Two beams nearer to each other than this tell no line, rad.
 const APART_MIN_RAD: f32 = 0.02;
+/// Returns within so small an angle tell no line either: 4 degrees have more of the determinant of their
+/// moments, over the square of its trace.
+const NARROW: f32 = 4e-4;
 /// Gain of the line's place.
 const GAIN: f32 = 0.3;
 
@@ -72,6 +78,15 @@ struct Beam {
     before_m: f32,
 }
 
+/// The beams of two scans, and what lies between these.
+struct Compared {
+    beams: Vec<Beam>,
+    /// The later scan's LiDAR in the earlier one's frame.
+    moved: Pose2,
+    /// The scanner's longest range, m.
+    range_max_m: f32,
+}
+
 /// How the beams of two scans lie to a line.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sight {
@@ -85,6 +100,8 @@ struct Sight {
     beyond: usize,
     /// Not far before it in the later one.
     before: usize,
+    /// Without a return in the later one, though the line is within range.
+    missing: usize,
 }
 
 /// What one motion says of a line.
@@ -100,21 +117,39 @@ enum Vote {
 #[derive(Debug, Clone)]
 struct Before {
     pose: Pose2,
-    /// 0 where there was no return.
+    shape: ScanShape,
+    /// Every so many beams one is kept: 0 where there was no return.
     ranges_m: Vec<f32>,
     /// The steps after which a scan is compared with it.
     due_steps: f64,
 }
 
+/// A line, and what speaks for it.
+#[derive(Debug, Clone, Copy)]
+struct Voted {
+    line: FloorLine,
+    votes: u32,
+    /// Motions in a row that said nothing.
+    silent: u32,
+}
+
 /// Looks for the floor's line.
 #[derive(Debug, Clone, Default)]
 pub struct FloorWatch {
-    line: Option<FloorLine>,
-    votes: u32,
-    is_found: bool,
-    /// Whether one was found before: the poses of then were misled, and that is told once.
+    found: Option<Voted>,
+    /// One that may be it, while none is found or that one is hidden.
+    sought: Option<Voted>,
+    /// Whether one was ever found: the poses before were misled, and that is told once.
     was_found: bool,
     before: Option<Before>,
+}
+
+/// What a floor watch has learnt of the scanner.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct LearntFloor {
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    line: Option<FloorLine>,
+    was_found: bool,
 }
 
 impl FloorLine {
@@ -190,7 +225,7 @@ impl FloorLine {
             }
         }
         let det = xx * yy - xy * xy;
-        if det <= 1e-3 * xx * yy {
+        if det <= NARROW * (xx + yy) * (xx + yy) {
             return None;
         }
         Self {
@@ -209,11 +244,13 @@ impl FloorLine {
 }
 
 impl Sight {
-    fn of(line: FloorLine, beams: &[Beam], moved: &Pose2) -> Self {
-        let wall = line.as_wall_after(moved);
+    fn of(line: FloorLine, compared: &Compared) -> Self {
+        let wall = line.as_wall_after(&compared.moved);
         let mut sight = Self::default();
-        for beam in beams {
+        for beam in &compared.beams {
             let Some(beside) = line.beside(beam.cos, beam.sin, beam.range_m) else {
+                let is_near = line.beside(beam.cos, beam.sin, compared.range_max_m);
+                sight.missing += usize::from(is_near.is_some_and(|beside| beside > 1.0));
                 continue;
             };
             if beside.abs() < 1.0 {
@@ -231,20 +268,19 @@ impl Sight {
         sight
     }
 
-    /// What it says of a line, where so many beams are compared.
-    fn vote(self, beams: usize) -> Vote {
+    fn vote(self) -> Vote {
         let is_part = |some: usize, part: f32, of: usize| some as f32 > part * of as f32;
-        let seen_min = SEEN_MIN.max((SEEN_PART * beams as f32) as usize);
         if is_part(self.beyond, BEYOND_MAX, self.on + self.beyond) {
-            return if self.beyond >= seen_min {
+            return if self.beyond >= SEEN_MIN {
                 Vote::Against
             } else {
                 Vote::Silent
             };
         }
         let is_wall = is_part(self.as_wall, AS_WALL_MAX, self.stayed)
-            || is_part(self.before, BENDS_MAX, self.on);
-        if self.stayed >= seen_min && !is_wall {
+            || is_part(self.before, BENDS_MAX, self.on)
+            || is_part(self.missing, MISSING_MAX, self.on + self.missing);
+        if self.stayed >= SEEN_MIN && !is_wall {
             Vote::For
         } else {
             Vote::Silent
@@ -253,30 +289,73 @@ impl Sight {
 }
 
 impl Before {
-    fn new(pose: &Pose2, ranges_m: impl Iterator<Item = f32>) -> Self {
+    fn new(pose: &Pose2, scan: &Scan) -> Self {
         Self {
             pose: *pose,
-            ranges_m: ranges_m.collect(),
+            shape: *scan.shape(),
+            ranges_m: compared_ranges(scan).collect(),
             due_steps: 1.0,
         }
+    }
+
+    /// Whether a scan has the same beams.
+    fn has_beams_of(&self, scan: &Scan) -> bool {
+        self.shape == *scan.shape() && self.ranges_m.len() == compared_ranges(scan).count()
+    }
+}
+
+impl Voted {
+    fn new(line: FloorLine, votes: u32) -> Self {
+        Self {
+            line,
+            votes,
+            silent: 0,
+        }
+    }
+
+    /// Takes what a motion says of it.
+    fn take(&mut self, compared: &Compared) -> Vote {
+        let vote = Sight::of(self.line, compared).vote();
+        self.silent = if vote == Vote::Silent {
+            self.silent + 1
+        } else {
+            0
+        };
+        match vote {
+            Vote::For => {
+                self.votes = (self.votes + 1).min(VOTES_MAX);
+                if let Some(fitted) = self.line.fitted(&compared.beams) {
+                    self.line = self.line.towards(fitted);
+                }
+            }
+            Vote::Against => self.votes = self.votes.saturating_sub(1),
+            Vote::Silent => {}
+        }
+        vote
     }
 }
 
 impl FloorWatch {
-    /// One that knows the line of the scanner already.
-    pub fn knowing(line: Option<FloorLine>) -> Self {
+    /// One that knows the scanner already.
+    pub fn knowing(learnt: LearntFloor) -> Self {
         Self {
-            line,
-            votes: if line.is_some() { VOTES_MAX } else { 0 },
-            is_found: line.is_some(),
-            was_found: line.is_some(),
-            before: None,
+            found: learnt.line.map(|line| Voted::new(line, VOTES_MAX)),
+            was_found: learnt.was_found,
+            ..Self::default()
+        }
+    }
+
+    /// What it has learnt of the scanner.
+    pub fn learnt(&self) -> LearntFloor {
+        LearntFloor {
+            line: self.line(),
+            was_found: self.was_found,
         }
     }
 
     /// The floor's line, once it is found.
     pub fn line(&self) -> Option<FloorLine> {
-        self.line.filter(|_| self.is_found)
+        self.found.map(|found| found.line)
     }
 
     /// Bytes held.
@@ -293,20 +372,12 @@ impl FloorWatch {
     /// Takes a scan that was taken at `pose`, with cosines and sines of its beams. Whether the floor's
     /// line has been found with it, for the first time.
     pub fn take(&mut self, pose: &Pose2, (cos, sin): (&[f32], &[f32]), scan: &Scan) -> bool {
-        let stride = scan.ranges_m().len().div_ceil(BEAMS_MAX).max(1);
-        let returned_m = (scan.shape().range_min_m as f32)..(scan.shape().range_max_m as f32);
-        let ranges = || {
-            let every = scan.ranges_m().iter().step_by(stride);
-            every.map(|range_m| {
-                if returned_m.contains(range_m) {
-                    *range_m
-                } else {
-                    0.0
-                }
-            })
-        };
-        let Some(before) = &mut self.before else {
-            self.before = Some(Before::new(pose, ranges()));
+        let with_same_beams = self
+            .before
+            .as_mut()
+            .filter(|before| before.has_beams_of(scan));
+        let Some(before) = with_same_beams else {
+            self.before = Some(Before::new(pose, scan));
             return false;
         };
         let moved = before.pose.between(pose);
@@ -315,81 +386,108 @@ impl FloorWatch {
             return false;
         }
         before.due_steps = steps + 1.0;
-        let directions = cos.iter().zip(sin).step_by(stride);
-        let beams: Vec<Beam> = directions
-            .zip(ranges().zip(before.ranges_m.iter()))
+        let directions = cos.iter().zip(sin).step_by(stride(scan));
+        let ranges = compared_ranges(scan).zip(before.ranges_m.iter());
+        let beams = directions
+            .zip(ranges)
             .map(|((&cos, &sin), (range_m, &before_m))| Beam {
                 cos,
                 sin,
                 range_m,
                 before_m,
-            })
-            .collect();
-        let vote = self.judge(&beams, &moved);
-        if vote != Vote::Silent || steps > STEPS_MAX {
-            self.before = Some(Before::new(pose, ranges()));
+            });
+        let compared = Compared {
+            beams: beams.collect(),
+            moved,
+            range_max_m: scan.shape().range_max_m as f32,
+        };
+        if self.judge(&compared) != Vote::Silent || steps > STEPS_MAX {
+            self.before = Some(Before::new(pose, scan));
         }
-        let is_first = self.is_found && !self.was_found;
-        self.was_found |= self.is_found;
+        let is_first = self.found.is_some() && !self.was_found;
+        self.was_found |= self.found.is_some();
         is_first
     }
 
-    fn judge(&mut self, beams: &[Beam], moved: &Pose2) -> Vote {
-        let Some(line) = self.line else {
-            self.line = candidate(beams, moved);
-            self.votes = u32::from(self.line.is_some());
-            return self.line.map_or(Vote::Silent, |_| Vote::For);
-        };
-        let vote = Sight::of(line, beams, moved).vote(beams.len());
-        match vote {
-            Vote::For => {
-                self.votes = (self.votes + 1).min(VOTES_MAX);
-                if let Some(fitted) = line.fitted(beams) {
-                    self.line = Some(line.towards(fitted));
-                }
+    /// Takes a motion: of the line that was found, and where that is hidden or there is none, of the one
+    /// that is sought.
+    fn judge(&mut self, compared: &Compared) -> Vote {
+        if let Some(found) = &mut self.found {
+            let vote = found.take(compared);
+            if vote != Vote::Silent {
+                self.found = self.found.filter(|found| found.votes > 0);
+                self.sought = None;
+                return vote;
             }
-            Vote::Against => self.votes = self.votes.saturating_sub(1),
-            Vote::Silent => {}
         }
-        if self.votes == 0 {
-            self.line = None;
+        let Some(sought) = &mut self.sought else {
+            self.sought = candidate(compared).map(|line| Voted::new(line, 1));
+            return self.sought.map_or(Vote::Silent, |_| Vote::For);
+        };
+        let vote = sought.take(compared);
+        if sought.votes >= FOUND_VOTES {
+            self.found = self.sought.take();
+        } else if sought.votes == 0 || sought.silent >= SILENT_MAX {
+            self.sought = None;
         }
-        self.is_found = self.line.is_some() && (self.is_found || self.votes >= FOUND_VOTES);
         vote
     }
 }
 
-/// The line on which most returns stayed that no wall explains.
-fn candidate(beams: &[Beam], moved: &Pose2) -> Option<FloorLine> {
-    let stayed: Vec<Beam> = beams
+/// From one beam that is compared to the next.
+fn stride(scan: &Scan) -> usize {
+    scan.ranges_m().len().div_ceil(BEAMS_MAX).max(1)
+}
+
+/// The ranges of the beams that are compared, m; 0 where there is no return.
+fn compared_ranges(scan: &Scan) -> impl Iterator<Item = f32> {
+    let shape = scan.shape();
+    let returned_m = (shape.range_min_m as f32)..(shape.range_max_m as f32);
+    scan.ranges_m()
         .iter()
-        .filter(|beam| {
-            let near_m = NEAR_M + NEAR_PART * beam.range_m;
-            beam.range_m > 0.0 && (beam.range_m - beam.before_m).abs() < near_m
+        .step_by(stride(scan))
+        .map(move |range_m| {
+            if returned_m.contains(range_m) {
+                *range_m
+            } else {
+                0.0
+            }
         })
-        .copied()
-        .collect();
-    if stayed.len() < SEEN_MIN {
+}
+
+/// The line on which most returns stayed that no wall explains.
+fn candidate(compared: &Compared) -> Option<FloorLine> {
+    let has_stayed = |beam: &&Beam| {
+        let near_m = NEAR_M + NEAR_PART * beam.range_m;
+        beam.range_m > 0.0 && (beam.range_m - beam.before_m).abs() < near_m
+    };
+    let stayed = Compared {
+        beams: compared.beams.iter().filter(has_stayed).copied().collect(),
+        ..*compared
+    };
+    let beams = &stayed.beams;
+    if beams.len() < SEEN_MIN {
         return None;
     }
     let mut best = None;
     for pair in 0..PAIRS {
-        let first = pair * stayed.len() / PAIRS;
+        let first = pair * beams.len() / PAIRS;
         let parts = PAIRS_APART[pair % PAIRS_APART.len()];
-        let second = (first + (stayed.len() / parts).max(1)) % stayed.len();
-        let through = match (stayed.get(first), stayed.get(second)) {
+        let second = (first + (beams.len() / parts).max(1)) % beams.len();
+        let through = match (beams.get(first), beams.get(second)) {
             (Some(a), Some(b)) => FloorLine::through(a, b),
             _ => None,
         };
         let Some(line) = through else {
             continue;
         };
-        let stays = Sight::of(line, &stayed, moved).stayed;
-        if best.is_none_or(|(most, _)| stays > most) {
-            best = Some((stays, line));
+        let sight = Sight::of(line, &stayed);
+        let unexplained = sight.stayed - sight.as_wall;
+        if best.is_none_or(|(most, _)| unexplained > most) {
+            best = Some((unexplained, line));
         }
     }
     let (_, line) = best?;
-    let line = line.fitted(&stayed)?;
-    (Sight::of(line, beams, moved).vote(beams.len()) == Vote::For).then_some(line)
+    let line = line.fitted(beams)?;
+    (Sight::of(line, compared).vote() == Vote::For).then_some(line)
 }

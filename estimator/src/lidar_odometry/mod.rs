@@ -30,7 +30,7 @@ use crate::stream::{FieldRefused, RobotTime, Scan};
 use beam_filter::{BLOCKS_MAX, BeamFilter, LANES, ScanPoints};
 use covariance::OpenDirection;
 use fit::Fit;
-use floor::FloorWatch;
+use floor::{FloorWatch, LearntFloor};
 use local_map::LocalMap;
 use motion::Motion;
 use point_to_line::{Alignment, LocalMotion};
@@ -60,7 +60,7 @@ pub struct OdometryPose {
     pub tracking: Tracking,
     /// Whether the map was begun again with this scan: poses before and after do not compare.
     pub map_restarted: bool,
-    /// Whether that is so because returns of the floor misled the poses before.
+    /// Whether the floor was found with this scan: returns of it misled the poses before.
     pub floor_found: bool,
 }
 
@@ -89,8 +89,8 @@ const REPEATED_MOTION: f64 = 0.01;
 pub struct LearntScanner {
     scanner: Scanner,
     range_noise_m: f32,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    floor: Option<FloorLine>,
+    #[serde(default)]
+    floor: LearntFloor,
 }
 
 /// LiDAR odometry of one robot.
@@ -208,7 +208,8 @@ impl LidarOdometry {
         }
         let is_due = self.map.is_due(&solution.motion.pose, stamp);
         let floor_found = self.learn_floor(scan, &solution);
-        if self.learn_scanner(is_due, &solution) || floor_found {
+        let begins_again = floor_found && self.map.submap.known().is_none();
+        if begins_again || self.learn_scanner(is_due, &solution) {
             let stamp = self.read(scan);
             return Some(OdometryPose {
                 floor_found,
@@ -234,7 +235,7 @@ impl LidarOdometry {
             fitness: solution.fit.fitness(),
             tracking,
             map_restarted: false,
-            floor_found: false,
+            floor_found,
         })
     }
 
@@ -270,7 +271,7 @@ impl LidarOdometry {
         LearntScanner {
             scanner: self.scanner.without_map(),
             range_noise_m: self.range_noise_m,
-            floor: self.floor.line(),
+            floor: self.floor.learnt(),
         }
     }
 
@@ -398,15 +399,22 @@ impl LidarOdometry {
         self.scanner.learn(&equations, motion)
     }
 
-    /// Looks for the floor in the scan as it is aligned. Whether the map has to be begun again: it
-    /// holds what the floor seemed to be, and so does what was learnt of the ranges in it.
+    /// Looks for the floor in the scan as it is aligned. Whether it is found: what was seen so far held
+    /// the floor, and so does what was learnt of the ranges in it. Along an open direction the LiDAR's way
+    /// is not known.
     fn learn_floor(&mut self, scan: &Scan, solution: &Solution) -> bool {
+        if solution.open.is_some() {
+            self.floor.break_off();
+            return false;
+        }
         let directions = self.beam_filter.directions();
         let found = self.floor.take(&solution.motion.pose, directions, scan);
-        if found {
+        if found && self.map.submap.known().is_some() {
+            self.map.clear();
+        } else if found {
             self.scanner.doubt();
         }
-        found && self.map.submap.known().is_none()
+        found
     }
 
     /// Looks for a better pose than `solution` around the prediction, and where the last scan was:
