@@ -64,39 +64,49 @@ fn a_file_with_a_key_that_is_not_one_is_refused_in_one_sentence() {
     }
 }
 
+/// What `calibrate` says beside the result of a minute's recording of a robot with these imperfections.
+fn told(imperfections: &str) -> String {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("recorded.mcap");
+    let file = folder.path().join("imperfections.toml");
+    fs::write(&file, imperfections).unwrap();
+    let [recorded, given] = [&path, &file].map(|path| path.to_str().unwrap());
+    let flags = ["simulate", "--record", recorded, "--imperfections", given];
+    let output = binary::run(flags.iter().chain(&["--duration", "60"]));
+    assert!(output.status.success(), "{output:?}");
+    let output = calibrate(&path, &["--wheelbase", "1.2", "--json"]);
+    assert!(output.status.success(), "{output:?}");
+    String::from_utf8(output.stderr).unwrap()
+}
+
+/// The number that follows a phrase.
+fn number_after(said: &str, phrase: &str) -> f64 {
+    let rest = said.split(phrase).nth(1);
+    let number = rest.and_then(|rest| rest.split(' ').next());
+    number.expect(phrase).parse().unwrap()
+}
+
 #[test]
 fn a_turning_scanner_without_beam_times_is_told_and_estimated() {
-    let folder = TempDir::new().unwrap();
-    let path = folder.path().join("untimed.mcap");
-    let file = folder.path().join("imperfections.toml");
-    let told = |untimed_beams: bool| {
-        fs::write(
-            &file,
-            format!("[scanner]\nuntimed_beams = {untimed_beams}\n"),
-        )
-        .unwrap();
-        let [recorded, given] = [&path, &file].map(|path| path.to_str().unwrap());
-        let _gone = fs::remove_file(&path);
-        let flags = ["simulate", "--record", recorded, "--imperfections", given];
-        let output = binary::run(flags.iter().chain(&["--duration", "60"]));
-        assert!(output.status.success(), "{output:?}");
-        let output = calibrate(&path, &["--wheelbase", "1.2", "--json"]);
-        assert!(output.status.success(), "{output:?}");
-        String::from_utf8(output.stderr).unwrap()
-    };
-    let said = told(true);
+    let said = told("[scanner]\nuntimed_beams = true\n");
     assert!(
         said.contains("time_increment 0, but the scanner turns"),
         "{said}"
     );
-    let duration = said
-        .split("a scan takes ")
-        .nth(1)
-        .and_then(|rest| rest.split(' ').next());
-    let duration_ms: f64 = duration.expect("a duration").parse().unwrap();
+    let duration_ms = number_after(&said, "a scan takes ");
     assert!(
         (duration_ms - 100.0).abs() < 5.0,
         "{duration_ms} ms of 100 ms"
     );
-    assert!(!told(false).contains("time_increment"));
+    let said = told("[scanner]\nuntimed_beams = false\n");
+    assert!(!said.contains("time_increment"), "{said}");
+    assert!(!said.contains("the LiDAR sees the floor"), "{said}");
+}
+
+#[test]
+fn where_a_tilted_scanner_sees_the_floor_is_told() {
+    let said = told("[scanner]\ntilt_rad = 0.02\ntilt_direction_rad = 0.5236\n");
+    let distance_m = number_after(&said, "the LiDAR sees the floor ");
+    assert!((distance_m - 10.0).abs() < 0.2, "{said}");
+    assert!(said.contains("30 degrees in its frame"), "{said}");
 }

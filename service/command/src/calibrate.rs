@@ -374,10 +374,10 @@ impl<'a> Run<'a> {
         let scanner = self.calibrator.scanner();
         if let Some(floor) = scanner.floor {
             remarks.push(format!(
-                "the LiDAR sees the floor {:.1} m away, at {:.0} degrees of its frame: its scanning \
-                 plane is tilted; returns from the floor are left out",
+                "the LiDAR sees the floor {:.1} m away, at {} degrees in its frame: its scanning \
+                 plane is probably tilted; these returns are left out",
                 floor.distance_m(),
-                floor.direction_rad().to_degrees()
+                floor.direction_rad().to_degrees().round() as i64
             ));
         }
         if let BeamTimes::Turning { duration_s, .. } = scanner.beam_times {

@@ -17,8 +17,8 @@ pub struct ConnectionArguments {
         required_unless_present = "zenoh_config"
     )]
     pub connect: Vec<String>,
-    /// A native Zenoh configuration (.json5, .json, .yaml), taken as it is; --connect replaces the
-    /// endpoints in it
+    /// A native Zenoh configuration (.json5, .json, .yaml), whose QUIC endpoints get one
+    /// stream; --connect replaces the endpoints in it
     #[arg(short = 'c', long, env = "ZENOH_CONFIG", value_name = "FILE")]
     pub zenoh_config: Option<PathBuf>,
 }

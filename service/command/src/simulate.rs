@@ -33,8 +33,8 @@ pub struct Arguments {
         required_unless_present_any = ["zenoh_config", "record", "configuration"]
     )]
     pub connect: Vec<String>,
-    /// A native Zenoh configuration for each robot, taken as it is; --connect replaces the endpoints
-    /// in it
+    /// A native Zenoh configuration for each robot, whose QUIC endpoints get one stream; --connect
+    /// replaces the endpoints in it
     #[arg(short = 'c', long, env = "ZENOH_CONFIG", value_name = "FILE")]
     pub zenoh_config: Option<PathBuf>,
     /// Print what fleetcal.toml says of these robots instead: as they are drawn, not as they are

@@ -89,7 +89,8 @@ pub struct Config {
     pub listen: Vec<String>,
     /// Zenoh routers to connect to.
     pub connect: Vec<String>,
-    /// A native Zenoh configuration file, taken as it is instead of `listen` and `connect`.
+    /// A native Zenoh configuration file, used instead of `listen` and `connect`; its QUIC endpoints get
+    /// one stream.
     pub zenoh_config: Option<PathBuf>,
     /// Whether peers beyond this machine may connect to Zenoh without showing who they are.
     pub allow_anonymous: bool,

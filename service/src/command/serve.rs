@@ -59,8 +59,9 @@ pub struct Arguments {
     /// Zenoh router to connect to; may be repeated
     #[arg(short = 'e', long, value_name = "ENDPOINT")]
     pub connect: Vec<String>,
-    /// A native Zenoh configuration (.json5, .json, .yaml), taken as it is instead of the embedded
-    /// router with its access list; --listen and --connect replace the endpoints in it
+    /// A native Zenoh configuration (.json5, .json, .yaml), used instead of the embedded
+    /// router with its access list; --listen and --connect replace the endpoints in it, and QUIC
+    /// endpoints get one stream
     #[arg(short = 'c', long, env = "ZENOH_CONFIG", value_name = "FILE")]
     pub zenoh_config: Option<PathBuf>,
     /// Name of this process as one instance of several on the same --database

@@ -270,15 +270,18 @@ impl Warning {
     }
 
     /// The warning of [`WarningKind::ScannerSeesFloor`]; where it sees the floor: how far from the
-    /// LiDAR, m, and in which direction of its frame, rad.
+    /// LiDAR, m, and in which direction of its frame, rad. It is told to half a metre and 5°, so that the
+    /// text stays the same while the place is known ever better.
     pub fn scanner_sees_floor(distance_m: f64, direction_rad: f64) -> Self {
+        let distance_m = 0.5 * (2.0 * distance_m).round();
+        let direction_deg = 5 * (direction_rad.to_degrees() / 5.0).round() as i64;
         Self {
             kind: WarningKind::ScannerSeesFloor,
             text: format!(
-                "The LiDAR sees the floor {distance_m:.1} m away, at {:.0}° of its frame (left \
-                 positive): its scanning plane is tilted towards there. Returns from the floor are \
-                 left out. Level the LiDAR.",
-                direction_rad.to_degrees()
+                "The LiDAR sees the floor some {distance_m:.1} m away, at {direction_deg}° in its frame \
+                 (positive to the left): its scanning plane is probably tilted in that direction. \
+                 These returns are left out. Level the LiDAR; if it is level, look for an edge that \
+                 the robot carries or follows."
             ),
         }
     }
