@@ -412,7 +412,7 @@ impl LidarOdometry {
         if found && self.map.submap.known().is_some() {
             self.map.clear();
         } else if found {
-            self.scanner.doubt();
+            self.scanner.widen();
         }
         found
     }

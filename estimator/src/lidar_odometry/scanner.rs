@@ -348,8 +348,8 @@ impl Scanner {
         self.mapped_s = self.duration_in_use_s();
     }
 
-    /// Doubts what was learnt: part of it came from what is no wall. Whether it turns is judged again.
-    pub fn doubt(&mut self) {
+    /// Widens what was learnt: part of it came from what is no wall. Whether it turns is judged again.
+    pub fn widen(&mut self) {
         self.information *= KEPT_BY_REMAP;
         self.asked = 0;
         if self.timing == Timing::AtOnce {
