@@ -83,7 +83,9 @@ fn told(imperfections: &str) -> String {
 fn number_after(said: &str, phrase: &str) -> f64 {
     let rest = said.split(phrase).nth(1);
     let number = rest.and_then(|rest| rest.split(' ').next());
-    number.expect(phrase).parse().unwrap()
+    number
+        .and_then(|number| number.parse().ok())
+        .unwrap_or_else(|| panic!("no number after {phrase}: {said}"))
 }
 
 #[test]

@@ -64,6 +64,17 @@ pub(super) struct Comparison {
     /// Its covariance, with what averaging cannot take away.
     #[serde(serialize_with = "padded::half", deserialize_with = "padded::square")]
     pub covariance: ParameterCovariance,
+    /// Variances that are told on top of it: what no driving shows, as it was when this was stored.
+    #[serde(default = "undriven_of_older", deserialize_with = "padded::vector")]
+    pub undriven: Values,
+}
+
+/// What earlier checkpoints did not say: the speed may have been measured beside the axle's middle by the
+/// standard deviation of `docs/assumptions.md`, 5 cm, which is `y` to the estimator.
+fn undriven_of_older() -> Values {
+    let mut variances = Values::zeros();
+    variances[Parameter::LidarY.index()] = 0.05 * 0.05;
+    variances
 }
 
 /// The outcome.
@@ -86,7 +97,21 @@ impl Comparison {
             occasion,
             values,
             covariance: with_systematic(covariance, settings),
+            undriven: Values::zeros(),
         }
+    }
+
+    /// The same, told with no smaller variances than these.
+    #[must_use]
+    pub fn told_with(mut self, covariance: &ParameterCovariance) -> Self {
+        let more = covariance.diagonal() - self.covariance.diagonal();
+        self.undriven = more.map(|variance| variance.max(0.0));
+        self
+    }
+
+    /// The covariance that is told of it.
+    pub fn told_covariance(&self) -> ParameterCovariance {
+        self.covariance + ParameterCovariance::from_diagonal(&self.undriven)
     }
 
     /// The same without the uncertainties that [`Self::verdict`] does not ask for.

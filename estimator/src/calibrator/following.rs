@@ -236,8 +236,8 @@ impl Calibrator {
             let settings = &self.config.settings;
             // An unfinished session has learnt nothing that a comparison could be held to.
             if self.comparison.is_none() && knows_enough(&covariance, settings) {
-                let values = known.values;
-                self.comparison = Some(Comparison::new(occasion, values, &covariance, settings));
+                let stored = Comparison::new(occasion, known.values, &covariance, settings);
+                self.comparison = Some(stored.told_with(&self.told_of(filter).covariance));
             }
         }
         if let Some(comparison) = self.comparison.as_mut()

@@ -389,7 +389,10 @@ impl Calibrator {
     fn judged(&self) -> (Trust, Estimate) {
         let mut trust = self.trust.clone();
         let told = match (self.held(), self.filter()) {
-            (Some(held), _) => Told::new(held.values, &held.covariance),
+            (Some(held), _) => Told {
+                encoder_variance_m2: held.undriven[Parameter::LidarY.index()],
+                ..Told::new(held.values, &held.told_covariance())
+            },
             // Errors that last for metres: the filter takes them as independent.
             (None, Some(filter)) => self.told_of(filter),
             (None, None) => Told::new(self.prior.values, &self.prior.covariance),

@@ -3,11 +3,13 @@
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::estimate::{Cause, Change, ChangeKind};
 use fleetcal_estimator::{
-    Calibrator, Checkpoint, Effect, Event, Note, NoteKind, Parameter, RobotTime,
+    Calibrator, Checkpoint, Effect, Event, Note, NoteKind, Parameter, RobotTime, Status,
 };
-use fleetcal_robot::simulator::{Pose2, Simulation, SimulationConfig, VehicleTruth};
+use fleetcal_robot::simulator::{
+    ImperfectionKind, Imperfections, Pose2, Simulation, SimulationConfig, VehicleTruth,
+};
 
-use crate::drive::{drive, event_of, poses, vehicle_of};
+use crate::drive::{FOUR, drive, error_of, event_of, poses, vehicle_of};
 
 #[test]
 fn a_checkpoint_comes_back_bit_for_bit_and_is_small() {
@@ -108,4 +110,48 @@ fn another_vehicle_on_the_next_day_is_told_from_the_stored_one() {
     assert_eq!(changes[0].cause, Cause::LidarMount);
     let yaw = calibrator.estimate().parameter(Parameter::LidarYaw).value;
     assert!((yaw - 2.5).abs() < 1e-3, "{yaw}");
+}
+
+/// A speed encoder 5 cm beside the axle is `y` to the estimator, and no driving shows it: `y` is told wide. A
+/// power cycle teaches nothing, so it stays so while the stored calibration holds.
+#[test]
+fn what_no_driving_shows_is_no_narrower_after_a_power_cycle() {
+    for seed in 1..=4 {
+        let mut config = SimulationConfig::figure_eight(seed);
+        config.lidar = poses();
+        config.imperfections = Imperfections::single(ImperfectionKind::SpeedEncoder, 1.0);
+        let start_ns = config.start_stamp_ns;
+        let vehicle = vehicle_of(&config.vehicle, config.vehicle.wheelbase_m);
+        let mut calibrator = Calibrator::new(CalibratorConfig::of(vehicle));
+        let mut simulation = Simulation::new(config).unwrap();
+        let mut is_on_again = false;
+        loop {
+            let emitted = simulation.advance();
+            let time_s = (emitted.sent_ns - start_ns) as f64 * 1e-9;
+            if time_s > 170.0 {
+                break;
+            }
+            let note = (time_s > 120.0 && !is_on_again).then(|| {
+                is_on_again = true;
+                Event::Note(Note {
+                    stamp: RobotTime(emitted.sent_ns),
+                    kind: NoteKind::PowerOn,
+                })
+            });
+            for event in note.into_iter().chain(event_of(emitted.message)) {
+                calibrator.step(event);
+            }
+            let (estimate, truth) = (calibrator.estimate(), simulation.parameters());
+            for parameter in FOUR {
+                let found = estimate.parameter(parameter);
+                let sigmas = error_of(parameter, &estimate, &truth).abs() / found.sigma;
+                assert!(
+                    found.status != Status::Converged || sigmas < 4.0,
+                    "seed {seed} at {time_s} s: {} is {sigmas:.1} sigma off",
+                    parameter.name()
+                );
+            }
+        }
+        assert!(is_on_again);
+    }
 }
