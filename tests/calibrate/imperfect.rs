@@ -81,11 +81,8 @@ fn told(imperfections: &str) -> String {
 
 /// The number that follows a phrase.
 fn number_after(said: &str, phrase: &str) -> f64 {
-    let rest = said.split(phrase).nth(1);
-    let number = rest.and_then(|rest| rest.split(' ').next());
-    number
-        .and_then(|number| number.parse().ok())
-        .unwrap_or_else(|| panic!("no number after {phrase}: {said}"))
+    let (_, rest) = said.split_once(phrase).unwrap();
+    rest.split(' ').next().unwrap().parse().unwrap()
 }
 
 #[test]

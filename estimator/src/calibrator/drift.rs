@@ -57,12 +57,10 @@ impl Calibrator {
             return;
         };
         let settings = &self.config.settings;
-        let known = self.watch.long_run().known(filter);
-        let covariance = self.watch.long_run().scatter(&known.covariance).claim();
+        let (values, covariance) = self.known_of(filter);
         if !knows_enough(&covariance, settings) {
             return;
         }
-        let values = known.values;
         let calibration = Comparison::new(Occasion::NewSession, values, &covariance, settings);
         let newest = Baseline {
             calibration: calibration.of_compared_alone(),

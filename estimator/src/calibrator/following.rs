@@ -10,7 +10,7 @@ use crate::estimate::{Cause, Change, ChangeKind, Parameter, ParameterEstimates, 
 use crate::excitation::Excitation;
 use crate::filter::follow::{Followed, Follower};
 use crate::filter::prior::Prior;
-use crate::filter::{Filter, OdometryReading, Values};
+use crate::filter::{Filter, OdometryReading, ParameterCovariance, Values};
 use crate::initial_guess::{agrees_with, initial_guess};
 use crate::stream::{Effect, RobotTime};
 use crate::trust::Trust;
@@ -23,8 +23,6 @@ const GUESS_EVERY: usize = 5;
 /// But not before this share of all readings is new: a robot that only circles tells no more by a few.
 const GUESS_SHARE: usize = 16;
 
-/// Where the floor is in view it is found within some 100 m: who has driven farther did not see it at first, m.
-const MISLED_FROM_START_M: f64 = 200.0;
 /// No LiDAR is farther from the rear axle than this many wheelbases,
 const MOUNT_REACH_WHEELBASES: f64 = 2.0;
 /// and this, m.
@@ -105,11 +103,12 @@ impl Calibrator {
         self.watch.restart();
     }
 
-    /// The poses of late were misled. A filter that has not learnt for long begins from nothing; one that has
-    /// is held against the next, for its LiDAR may have been knocked just now.
+    /// The poses of late were misled. A filter that did not know its calibration yet begins from nothing;
+    /// that of one that did is held against the next: its LiDAR may have been knocked just now.
     pub(super) fn unlearn(&mut self) {
         self.waiting.clear();
-        if self.session.distance_m > MISLED_FROM_START_M {
+        let knows = |filter| knows_enough(&self.known_of(filter).1, &self.config.settings);
+        if self.filter().is_some_and(knows) {
             self.begin_comparison(Occasion::NewSession);
             return;
         }
@@ -123,6 +122,13 @@ impl Calibrator {
         self.session.unlearn();
         self.watch = ChangeWatch::default();
         self.trust = Trust::default();
+    }
+
+    /// What a filter knows: its values, and the covariance that they are compared by.
+    pub(super) fn known_of(&self, filter: &Filter) -> (Values, ParameterCovariance) {
+        let known = self.watch.long_run().known(filter);
+        let scatter = self.watch.long_run().scatter(&known.covariance);
+        (known.values, scatter.claim())
     }
 
     /// A guess with the mount that a filter had before, where the two agree: no evidence, but nearer to
@@ -231,12 +237,11 @@ impl Calibrator {
     pub(super) fn begin_comparison(&mut self, occasion: Occasion) {
         if let Some(follower) = self.follower.take() {
             let filter = &follower.filter;
-            let known = self.watch.long_run().known(filter);
-            let covariance = self.watch.long_run().scatter(&known.covariance).claim();
+            let (values, covariance) = self.known_of(filter);
             let settings = &self.config.settings;
             // An unfinished session has learnt nothing that a comparison could be held to.
             if self.comparison.is_none() && knows_enough(&covariance, settings) {
-                let stored = Comparison::new(occasion, known.values, &covariance, settings);
+                let stored = Comparison::new(occasion, values, &covariance, settings);
                 self.comparison = Some(stored.told_with(&self.told_of(filter).covariance));
             }
         }
@@ -260,12 +265,11 @@ impl Calibrator {
             return;
         };
         let settings = &self.config.settings;
-        let known = self.watch.long_run().known(filter);
-        let covariance = self.watch.long_run().scatter(&known.covariance).claim();
+        let (values, covariance) = self.known_of(filter);
         if !knows_enough(&covariance, settings) {
             return;
         }
-        let verdict = comparison.verdict(&known.values, &covariance, settings, &SESSIONS);
+        let verdict = comparison.verdict(&values, &covariance, settings, &SESSIONS);
         let Some(stored) = self.comparison.take() else {
             return;
         };
