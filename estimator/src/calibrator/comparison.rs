@@ -8,6 +8,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use crate::estimate::{Cause, Parameter};
+use crate::filter::encoder::ENCODER_SIGMA_M;
 use crate::filter::{ParameterCovariance, Values, padded};
 use crate::geometry::wrap_angle_rad;
 use crate::settings::EstimatorSettings;
@@ -69,11 +70,11 @@ pub(super) struct Comparison {
     pub undriven: Values,
 }
 
-/// What earlier checkpoints did not say: the speed may have been measured beside the axle's middle by the
-/// standard deviation of `docs/assumptions.md`, 5 cm, which is `y` to the estimator.
+/// What earlier checkpoints did not say: the speed may have been measured beside the axle's middle, which is
+/// `y` to the estimator.
 fn undriven_of_older() -> Values {
     let mut variances = Values::zeros();
-    variances[Parameter::LidarY.index()] = 0.05 * 0.05;
+    variances[Parameter::LidarY.index()] = ENCODER_SIGMA_M.powi(2);
     variances
 }
 

@@ -5,7 +5,6 @@ use super::session::AT_REST_MPS;
 use super::{Calibrator, CalibratorConfig, Waiting};
 use crate::change::evidence::change_sigma;
 use crate::change::{ChangeWatch, Detected};
-
 use crate::estimate::{Cause, Change, ChangeKind, Parameter, ParameterEstimates, Status};
 use crate::excitation::Excitation;
 use crate::filter::follow::{Followed, Follower};

@@ -11,7 +11,7 @@ use super::{Filter, QUADRATIC};
 use crate::vehicle::{SpeedMeasuredAt, Vehicle};
 
 /// How far beside the axle's middle the speed may be measured where nobody said, one standard deviation, m.
-const ENCODER_SIGMA_M: f64 = 0.05;
+pub const ENCODER_SIGMA_M: f64 = 0.05;
 /// Share of a quadratic term that is seen which such an encoder may explain.
 const ENCODER_SHARE: f64 = 0.4;
 /// What of it no curve shows, m, chosen so that what robots claim whose rear wheels are 1 % too large and too

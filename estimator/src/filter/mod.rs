@@ -10,7 +10,7 @@
 
 mod compound;
 pub mod constraint;
-mod encoder;
+pub mod encoder;
 pub mod follow;
 pub mod padded;
 mod parameters;
