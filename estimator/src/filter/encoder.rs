@@ -2,7 +2,7 @@
 //!
 //! An encoder `y_e` beside the middle shifts `y_off` by `y_e`, and all that shows of it is a quadratic term
 //! of the steering's curve, `-y_e / L`: no motion tells the two apart, and where they cancel nothing shows
-//! at all. What is told instead is how probable that is: a robot with [every imperfection](super::compound)
+//! at all. What is told instead is how probable that is: a robot with every imperfection (`filter::compound`)
 //! may well have these two as well.
 
 use super::prior::QUADRATIC_SIGMA_PER_RAD;
