@@ -6,6 +6,7 @@ use crate::advice::{Knowledge, advise, best_for};
 use crate::estimate::{
     CalibrationCovariance, Estimate, Parameter, ParameterEstimate, ParameterEstimates, Status,
 };
+use crate::filter::encoder::EncoderVariance;
 use crate::filter::{ParameterCovariance, Values};
 use crate::settings::{EstimatorSettings, Freedom};
 use crate::stream::RobotTime;
@@ -19,6 +20,11 @@ const MORE_DRIVING: &str = "more driving with turns to both sides";
 /// What is said of a LiDAR's `y` that no driving tells from the place where the speed is measured.
 const SPEED_PLACE: &str = "speed_measured_at in the configuration with a rear_wheel and its lateral_m (0 for \
     the axle's middle): no driving tells where the speed is measured";
+/// The same while the vehicle has turned to one side alone, where the steering's curve hides it.
+const OTHER_SIDE_OR_SPEED_PLACE: &str = "more driving with turns to both sides, or speed_measured_at in the \
+    configuration with a rear_wheel and its lateral_m (0 for the axle's middle)";
+/// A vehicle has turned to one side alone from this much of [`crate::excitation::Excitation::one_sidedness`] on.
+const ONE_SIDED: f64 = 0.5;
 /// An instruction stands for this long before it is worked out again, s of message time.
 const ADVICE_HOLDS_S: f64 = 10.0;
 /// What is said of a value that no vehicle has.
@@ -61,11 +67,12 @@ pub struct Grounds<'a> {
     pub blind: [bool; REPORTED],
     /// Whether steering angles are sent that the vehicle cannot have.
     pub has_impossible_steering: bool,
-    /// What of the variance of the LiDAR's `y` no driving takes away, because nobody said where the speed
-    /// is measured, m².
-    pub encoder_variance_m2: f64,
+    /// What of the variance of the LiDAR's `y` is there because nobody said where the speed is measured.
+    pub encoder_variance: EncoderVariance,
     /// What of the variance of the LiDAR's yaw no turning to one side takes away, rad².
     pub circling_variance_rad2: f64,
+    /// How far its turns went to one side alone, 0 to 1.
+    pub one_sidedness: f64,
 }
 
 impl Grounds<'_> {
@@ -73,28 +80,38 @@ impl Grounds<'_> {
     fn driven_covariance(&self) -> ParameterCovariance {
         let mut covariance = *self.knowledge.covariance;
         let y = Parameter::LidarY.index();
-        covariance[(y, y)] -= self.encoder_variance_m2;
+        covariance[(y, y)] -= self.encoder_variance.told_m2;
         covariance
     }
 
-    /// Whether a parameter is as open as it is mostly because the vehicle has turned to one side alone.
-    fn waits_for_the_other_side(&self, parameter: Parameter) -> bool {
+    /// What a parameter waits for that no single manoeuvre shows; `None` where one does.
+    fn waits_for(&self, parameter: Parameter) -> Option<&'static str> {
         let yaw = Parameter::LidarYaw.index();
-        parameter == Parameter::LidarYaw
-            && self.circling_variance_rad2 > 0.5 * self.knowledge.covariance[(yaw, yaw)]
+        let has_circled = self.circling_variance_rad2 > 0.5 * self.knowledge.covariance[(yaw, yaw)];
+        match parameter {
+            Parameter::LidarYaw if has_circled => Some(MORE_DRIVING),
+            Parameter::LidarY if self.is_open_by(self.encoder_variance.told_m2) => {
+                Some(if self.one_sidedness > ONE_SIDED {
+                    OTHER_SIDE_OR_SPEED_PLACE
+                } else if self.is_open_by(self.encoder_variance.undriven_m2) {
+                    SPEED_PLACE
+                } else {
+                    MORE_DRIVING
+                })
+            }
+            _ => None,
+        }
     }
 
-    /// Whether a parameter is as open as it is mostly because nobody said where the speed is measured.
-    fn waits_for_speed_place(&self, parameter: Parameter) -> bool {
+    /// Whether this much of the variance of the LiDAR's `y`, m², is most of it, and too much by itself.
+    fn is_open_by(&self, variance_m2: f64) -> bool {
         let y = Parameter::LidarY.index();
         let limit_m = *self
             .knowledge
             .settings
             .converged_sigma
             .get(Parameter::LidarY);
-        parameter == Parameter::LidarY
-            && self.encoder_variance_m2 > limit_m * limit_m
-            && self.encoder_variance_m2 > 0.5 * self.knowledge.covariance[(y, y)]
+        variance_m2 > limit_m * limit_m && variance_m2 > 0.5 * self.knowledge.covariance[(y, y)]
     }
 }
 
@@ -172,11 +189,8 @@ impl Trust {
             if !believed {
                 return Some(CHECK_VEHICLE.to_owned());
             }
-            if grounds.waits_for_speed_place(parameter) {
-                return Some(SPEED_PLACE.to_owned());
-            }
-            if grounds.waits_for_the_other_side(parameter) {
-                return Some(MORE_DRIVING.to_owned());
+            if let Some(waits_for) = grounds.waits_for(parameter) {
+                return Some(waits_for.to_owned());
             }
             let sigma_now = covariance[(i, i)].sqrt();
             let best = best_for(parameter, sigma_now, &advice);
@@ -355,8 +369,9 @@ mod tests {
                 prior_sigma: &prior_sigma,
                 blind: [false; REPORTED],
                 has_impossible_steering: false,
-                encoder_variance_m2: 0.0,
+                encoder_variance: EncoderVariance::default(),
                 circling_variance_rad2: 0.0,
+                one_sidedness: 0.0,
                 knowledge: Knowledge {
                     vehicle: &vehicle,
                     values: &values,

@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use crate::estimate::{Cause, Parameter};
-use crate::filter::encoder::ENCODER_SIGMA_M;
+use crate::filter::encoder::{ENCODER_SIGMA_M, EncoderVariance};
 use crate::filter::{ParameterCovariance, Values, padded};
 use crate::geometry::wrap_angle_rad;
 use crate::settings::EstimatorSettings;
@@ -113,6 +113,15 @@ impl Comparison {
     /// The covariance that is told of it.
     pub fn told_covariance(&self) -> ParameterCovariance {
         self.covariance + ParameterCovariance::from_diagonal(&self.undriven)
+    }
+
+    /// What of the variance of the LiDAR's `y` is told for an encoder beside the axle's middle.
+    pub fn encoder_variance(&self) -> EncoderVariance {
+        let undriven_m2 = self.undriven[Parameter::LidarY.index()];
+        EncoderVariance {
+            told_m2: undriven_m2,
+            undriven_m2,
+        }
     }
 
     /// The same without the uncertainties that [`Self::verdict`] does not ask for.

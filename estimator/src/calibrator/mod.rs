@@ -29,6 +29,7 @@ use crate::estimate::{
     Change, Detection, DetectionState, Estimate, Parameter, ParameterEstimates, Segment,
 };
 use crate::excitation::Excitation;
+use crate::filter::encoder::EncoderVariance;
 use crate::filter::follow::Follower;
 use crate::filter::prior::Prior;
 use crate::filter::{Filter, OdometryReading, ParameterCovariance, STEERING_PLAY, Values};
@@ -59,8 +60,8 @@ const TELL_EVERY_S: f64 = 1.0;
 struct Told {
     values: Values,
     covariance: ParameterCovariance,
-    /// What of the variance of the LiDAR's `y` no driving takes away, m².
-    encoder_variance_m2: f64,
+    /// What of the variance of the LiDAR's `y` an encoder beside the axle's middle is told for.
+    encoder_variance: EncoderVariance,
     /// What of the variance of the LiDAR's yaw no turning to one side takes away, rad².
     circling_variance_rad2: f64,
 }
@@ -70,7 +71,7 @@ impl Told {
         Self {
             values,
             covariance: *covariance,
-            encoder_variance_m2: 0.0,
+            encoder_variance: EncoderVariance::default(),
             circling_variance_rad2: 0.0,
         }
     }
@@ -390,7 +391,7 @@ impl Calibrator {
         let mut trust = self.trust.clone();
         let told = match (self.held(), self.filter()) {
             (Some(held), _) => Told {
-                encoder_variance_m2: held.undriven[Parameter::LidarY.index()],
+                encoder_variance: held.encoder_variance(),
                 ..Told::new(held.values, &held.told_covariance())
             },
             // Errors that last for metres: the filter takes them as independent.
@@ -422,8 +423,9 @@ impl Calibrator {
             prior_sigma: &prior_sigma,
             blind: self.blind(),
             has_impossible_steering: self.session.has_impossible_steering(),
-            encoder_variance_m2: told.encoder_variance_m2,
+            encoder_variance: told.encoder_variance,
             circling_variance_rad2: told.circling_variance_rad2,
+            one_sidedness: self.session.excitation.one_sidedness(),
             knowledge: Knowledge {
                 vehicle: &self.config.vehicle,
                 values: &told.values,
@@ -466,10 +468,9 @@ impl Calibrator {
         known.covariance = long_run.scatter(&known.covariance).publish();
         let mut told = Told::new(known.values, &known.covariance);
         let compound = filter.probability_of_every_imperfection(scatter.ratios());
-        told.encoder_variance_m2 =
-            known.encoder_variance_m2(filter, &self.config.vehicle, compound);
+        told.encoder_variance = known.encoder_variance(filter, &self.config.vehicle, compound);
         let [offset, y] = [Parameter::SteeringOffset, Parameter::LidarY].map(Parameter::index);
-        told.covariance[(y, y)] += told.encoder_variance_m2;
+        told.covariance[(y, y)] += told.encoder_variance.told_m2;
         let yaw = Parameter::LidarYaw.index();
         told.circling_variance_rad2 =
             CIRCLING_YAW_SIGMA_RAD.powi(2) * self.session.excitation.circling();

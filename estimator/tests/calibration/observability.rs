@@ -1,6 +1,7 @@
 //! What a motion cannot show is not called known, and what is missing is said.
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
+use fleetcal_estimator::vehicle::SpeedMeasuredAt;
 use fleetcal_estimator::{Measurement, Parameter, Pose2 as Pose, Status};
 use fleetcal_robot::simulator::{Point, Pose2, Route, SimulationConfig};
 
@@ -66,6 +67,47 @@ fn turning_to_one_side_alone_leaves_the_yaw_open() {
     assert!(yaw.sigma > 0.25f64.to_radians());
     let needs = yaw.needs.clone().unwrap_or_default();
     assert!(needs.contains("turns to both sides"), "{needs}");
+}
+
+/// Six laps to the left, then four to the right.
+fn left_laps_then_right_laps() -> Route {
+    let lap = |side_m: f64| {
+        [(0.0, 0.0), (10.0, 0.0), (10.0, side_m), (0.0, side_m)]
+            .map(|(x_m, y_m)| Point::new(x_m, y_m))
+    };
+    let (left, right) = (lap(8.0).repeat(6), lap(-8.0).repeat(4));
+    Route::through(&[left, right].concat(), 1.8, true)
+}
+
+/// Laps to one side never tell the steering's curve, behind which an encoder beside the axle may hide: `y` waits
+/// for turns to the other side, or for its owner to say where the speed is measured.
+#[test]
+fn y_waits_for_turns_to_the_other_side() {
+    const LEFT_LAPS_M: f64 = 190.0;
+    for seed in 1..=6 {
+        let mut config = SimulationConfig::figure_eight(seed);
+        config.route = left_laps_then_right_laps();
+        config.lidar = poses();
+        let vehicle = vehicle_of(&config.vehicle, config.vehicle.wheelbase_m);
+        let mut named = CalibratorConfig::of(vehicle);
+        named.vehicle.speed_measured_at = SpeedMeasuredAt::RearWheel { lateral_m: 0.0 };
+        let run = drive(config.clone(), CalibratorConfig::of(vehicle), 420.0);
+        let laps = |run: &Driven| {
+            let mut estimates = run.estimates.iter().rev();
+            let (estimate, _) = estimates.find(|(e, _)| e.distance_m < LEFT_LAPS_M).unwrap();
+            estimate.parameter(Parameter::LidarY).clone()
+        };
+        let y = laps(&run);
+        assert_eq!(y.status, Status::Learning, "seed {seed}: {y:?}");
+        let needs = y.needs.clone().unwrap_or_default();
+        for remedy in ["turns to both sides", "speed_measured_at"] {
+            assert!(needs.contains(remedy), "seed {seed}: {needs}");
+        }
+        let y = run.last().0.parameter(Parameter::LidarY);
+        assert_eq!(y.status, Status::Converged, "seed {seed}: {y:?}");
+        let y = laps(&drive(config, named, 300.0));
+        assert_eq!(y.status, Status::Converged, "seed {seed}: {y:?}");
+    }
 }
 
 #[test]

@@ -95,16 +95,17 @@ fn a_minute_after_a_takeover_nearly_nothing_is_less_certain() {
 }
 
 /// The sigma of `y` holds what an encoder beside the axle may have moved, by the curve of the steering: on a
-/// loop with its turns mostly to one side that must not be the error of the curve's estimate, which is another
-/// one with a new local map.
+/// loop with its turns mostly to one side that must not be the error of the curve's estimate, which changes
+/// with each new local map.
 #[test]
 fn a_restart_that_loses_no_message_leaves_y_as_certain_on_loops_to_one_side() {
     for number in 0..ONE_SIDED_SEEDS {
+        // Every third robot drives around the aisles.
         let seed = 3 * number + 1;
         let lost = certainty_lost(seed, 0.0);
         println!("seed {seed}: {lost:+.3?}");
         for (parameter, lost) in FOUR.into_iter().zip(lost) {
-            assert!(lost <= LESS_CERTAIN, "{parameter:?}, {seed}: {lost}");
+            assert!(lost.abs() <= LESS_CERTAIN, "{parameter:?}, {seed}: {lost}");
         }
     }
 }

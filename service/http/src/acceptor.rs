@@ -14,7 +14,8 @@ use tokio::sync::mpsc;
 use tokio_util::sync::CancellationToken;
 
 use super::client_address::PeerAddress;
-use super::connections::{Connections, Place, Turned};
+use super::connections::{Connections, Place};
+use super::refusal::Turned;
 
 /// Wait after a failed accept, which mostly means that the process has no file left to open.
 const ACCEPT_RETRY: Duration = Duration::from_millis(100);

@@ -24,8 +24,9 @@ use tokio_util::sync::CancellationToken;
 use tower::ServiceExt;
 
 use super::acceptor::{self, Accepted};
-use super::connections::{Connections, Place, Turned};
+use super::connections::{Connections, Place};
 use super::progress::{BodyAwaited, Held, Watched, WritePatience};
+use super::refusal::Turned;
 
 /// Connections whose peer is overdue are looked for this often.
 const OVERDUE_EVERY: Duration = Duration::from_millis(500);

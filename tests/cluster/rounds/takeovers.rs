@@ -100,8 +100,16 @@ const COMPARED_AFTER: Duration = Duration::from_mins(1);
 /// How much larger a sigma may be than that of a twin which nobody disturbed.
 const LESS_CERTAIN: f64 = 0.05;
 
-/// Kills an instance; gives by how much the sigmas of its robots are larger than the twin's, robot by robot.
-fn certainty_lost(trial: &mut Trial, twin: &Twin, seed: u64) -> Vec<f64> {
+/// By how much a sigma of a robot that was taken over is larger than the twin's.
+#[derive(Debug)]
+struct CertaintyLost {
+    robot: String,
+    parameter: &'static str,
+    part: f64,
+}
+
+/// Kills an instance and compares the sigmas of its robots with the twin's.
+fn certainty_lost(trial: &mut Trial, twin: &Twin, seed: u64) -> Vec<CertaintyLost> {
     let name = trial.chosen(&mut StdRng::seed_from_u64(seed));
     let robots = trial.of_instance(name);
     let killed = now();
@@ -115,12 +123,17 @@ fn certainty_lost(trial: &mut Trial, twin: &Twin, seed: u64) -> Vec<f64> {
         twin.sigmas(&robots),
     );
     trial.check(seed);
-    let pairs = taken_over
-        .iter()
-        .flat_map(|(robot, sigmas)| sigmas.iter().zip(&undisturbed[robot]));
-    pairs
-        .map(|(sigma, of_twin)| sigma / of_twin - 1.0)
-        .collect()
+    let of_robot = |(robot, sigmas): (&String, &Vec<f64>)| {
+        let pairs = sigmas.iter().zip(&undisturbed[robot]);
+        let lost = twin::CALIBRATED.iter().zip(pairs);
+        let lost = lost.map(|(parameter, (sigma, of_twin))| CertaintyLost {
+            robot: robot.clone(),
+            parameter: parameter.name(),
+            part: sigma / of_twin - 1.0,
+        });
+        lost.collect::<Vec<_>>()
+    };
+    taken_over.iter().flat_map(of_robot).collect()
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -135,10 +148,18 @@ async fn sigmas_after_a_takeover_are_nearly_those_of_a_twin() {
         std::thread::sleep(Duration::from_secs(driven_s as u64));
         let lost = certainty_lost(&mut trial, &twin, seed);
         assert!(!lost.is_empty() && trial.drives(), "nothing was compared");
-        println!(
-            "round {seed}: sigmas of robots taken over, above a twin's after 60 s: {lost:.4?}"
-        );
-        progress.passed(seed, vec![quantile(&lost, 1.0)]);
+        println!("round {seed}: sigmas of robots taken over, above a twin's after 60 s:");
+        for CertaintyLost {
+            robot,
+            parameter,
+            part,
+        } in &lost
+        {
+            println!("  {robot} {parameter}: {:+.2} %", part * 100.0);
+        }
+        let parts: Vec<_> = lost.iter().map(|one| one.part).collect();
+        assert!(parts.iter().all(|part| part.is_finite()), "{lost:?}");
+        progress.passed(seed, vec![quantile(&parts, 1.0)]);
     }
     let most = progress.figures(0);
     let wider = most.iter().filter(|lost| **lost > LESS_CERTAIN).count();

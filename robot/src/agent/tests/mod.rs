@@ -1,6 +1,7 @@
 //! The agent alone, then over a real router.
 
 mod instances;
+mod restarts;
 mod sequences;
 mod service;
 mod transitions;

@@ -14,12 +14,9 @@ use tokio_util::sync::CancellationToken;
 
 use super::service::{Link, Service, free_endpoint, until};
 use super::*;
-use crate::agent::{
-    AgentError, AgentOptions, Ending, Fallback, Hook, Offer, Outcome, OutputKind, Outputs, Phase,
-    Rest, Trial, run_agent,
-};
+use crate::agent::{AgentError, AgentOptions, Hook, OutputKind, Outputs, Phase, Rest, run_agent};
 
-const BY_HAND: &str =
+pub(super) const BY_HAND: &str =
     "# by hand\nsteering_offset_rad: 0.01\nlidar_x_m: 0.4\nlidar_y_m: 0\nlidar_yaw_rad: 0.0\n";
 
 fn shell(script: String) -> Hook {
@@ -33,7 +30,7 @@ fn shell(script: String) -> Hook {
 /// A robot's disk, and the agent that runs on it.
 pub(super) struct Robot {
     folder: TempDir,
-    options: AgentOptions,
+    pub(super) options: AgentOptions,
     running: Option<(
         CancellationToken,
         JoinHandle<Result<Generation, AgentError>>,
@@ -64,7 +61,7 @@ impl Robot {
 
     /// With a hook that notes its calls and is busy while a file `busy_` and the call's name
     /// is there.
-    fn with_hook(mut self) -> Self {
+    pub(super) fn with_hook(mut self) -> Self {
         let folder = self.folder.path().display();
         self.options.hook = Some(shell(format!(
             "cat > {folder}/last_document; echo $FLEETCAL_CALL $FLEETCAL_GENERATION >> {folder}/calls; \
@@ -89,7 +86,7 @@ impl Robot {
         self.folder.path().join(name)
     }
 
-    fn file(&self) -> String {
+    pub(super) fn file(&self) -> String {
         fs::read_to_string(&self.options.apply).unwrap_or_default()
     }
 
@@ -99,12 +96,12 @@ impl Robot {
         text.contains(&format!("steering_offset_rad: {offset_rad:.9}\n"))
     }
 
-    fn calls(&self) -> Vec<String> {
+    pub(super) fn calls(&self) -> Vec<String> {
         let calls = fs::read_to_string(self.path("calls")).unwrap_or_default();
         calls.lines().map(str::to_owned).collect()
     }
 
-    fn memory(&self) -> Memory {
+    pub(super) fn memory(&self) -> Memory {
         let path = self.path("calibration.yaml.agent.json");
         serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
     }
@@ -114,30 +111,18 @@ impl Robot {
         until("it is settled", || self.memory().phase == settled).await;
     }
 
-    fn remember(&self, memory: &Memory) {
+    pub(super) fn remember(&self, memory: &Memory) {
         let text = serde_json::to_string(memory).unwrap();
         fs::write(self.path("calibration.yaml.agent.json"), text).unwrap();
     }
 }
 
-fn text_of(generation: u64) -> String {
+pub(super) fn text_of(generation: u64) -> String {
     let offset_rad = values(generation).steering_offset_rad;
     format!(
         "steering_offset_rad: {offset_rad}\nlidar_x_m: 0.434\nlidar_y_m: -0.016\n\
          lidar_yaw_rad: 0.0133\nspeed_scale: 1.002\n"
     )
-}
-
-fn offer(generation: u64) -> Offer {
-    let envelope = sealed(&document(generation));
-    Offer {
-        generation: Generation(generation),
-        sha256: envelope.sha256,
-        confirm_within_s: 600,
-        values: values(generation),
-        rear_axle_in_base_link: None,
-        document: envelope.document,
-    }
 }
 
 fn with_deadline(generation: u64, confirm_within_s: u32) -> Envelope {
@@ -454,104 +439,6 @@ async fn what_the_robots_software_cannot_work_with_is_taken_back() {
     assert_eq!(failed.values, Some(values(1)));
     assert_eq!(robot.file(), text_of(1));
     assert_eq!(robot.stop().await, 1);
-}
-
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn what_was_written_when_the_agent_was_killed_is_acknowledged_by_the_next() {
-    let service = Service::start().await;
-    let mut robot = Robot::new(&service.endpoint).with_hook();
-    let writing = Phase::Writing {
-        offer: offer(1),
-        rest: Rest::Settled,
-        before: Some(BY_HAND.to_owned()),
-    };
-    let memory = Memory {
-        phase: writing,
-        ..first_memory()
-    };
-    robot.remember(&memory);
-    fs::write(&robot.options.apply, text_of(1)).unwrap();
-    robot.start();
-    service.wait_for(1, AppliedStatus::Applied).await;
-    assert_eq!(robot.stop().await, 1);
-    assert_eq!(robot.calls(), ["applied 1"], "the hook had agreed before");
-
-    // Killed before the file was replaced: the document comes again, and so does the question.
-    let mut robot = Robot::new(&service.endpoint).with_hook();
-    robot.remember(&memory);
-    fs::write(&robot.options.apply, BY_HAND).unwrap();
-    service.store(&sealed(&document(1)));
-    robot.start();
-    until("it is in use", || {
-        robot.memory().held.generation == Generation(1)
-    })
-    .await;
-    assert_eq!(robot.file(), text_of(1));
-    assert_eq!(robot.stop().await, 1);
-    assert_eq!(robot.calls(), ["check 1", "applied 1"]);
-}
-
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_deadline_survives_a_restart_without_any_service() {
-    let mut robot = Robot::new(&free_endpoint()).with_hook();
-    let held = Held {
-        generation: Generation(1),
-        sha256: offer(1).sha256,
-        applied_at_ns: RobotTime(START_NS),
-        values: Some(values(1)),
-        rear_axle_in_base_link: None,
-    };
-    let trial = Trial {
-        until_ns: RobotTime(START_NS + SECOND_NS),
-        confirm_within_s: 600,
-        put_off: true,
-        document: offer(1).document,
-        fallback: Fallback {
-            held: Held::factory(None, RobotTime(START_NS)),
-            file: None,
-        },
-    };
-    let memory = Memory {
-        held,
-        phase: Phase::Resting(Rest::Unconfirmed(trial)),
-        highest: Generation(1),
-        ..first_memory()
-    };
-    robot.remember(&memory);
-    fs::write(&robot.options.apply, text_of(1)).unwrap();
-    robot.start();
-    until("it goes back", || !robot.options.apply.exists()).await;
-    robot.settles().await;
-    assert_eq!(robot.calls(), ["reverted 1"]);
-    assert_eq!(robot.stop().await, 0);
-
-    // Killed on its way back it goes on there.
-    let ending = Ending {
-        generation: Generation(1),
-        sha256: offer(1).sha256,
-        outcome: Outcome::Answered {
-            status: AppliedStatus::Reverted,
-            reason: "no confirmation within 600 s".to_owned(),
-        },
-        document: offer(1).document,
-    };
-    let restoring = Phase::Restoring {
-        fallback: Fallback {
-            held: Held::factory(None, RobotTime(START_NS)),
-            file: Some(BY_HAND.to_owned()),
-        },
-        rest: Rest::Settled,
-        ending,
-    };
-    fs::write(&robot.options.apply, text_of(1)).unwrap();
-    robot.remember(&Memory {
-        phase: restoring,
-        ..memory
-    });
-    robot.start();
-    robot.settles().await;
-    assert_eq!(robot.file(), BY_HAND);
-    assert_eq!(robot.stop().await, 0);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
