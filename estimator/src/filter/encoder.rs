@@ -16,8 +16,8 @@ pub const ENCODER_SIGMA_M: f64 = 0.05;
 const ENCODER_SHARE: f64 = 0.4;
 /// A quadratic term that is smaller than this many of its sigmas counts as one of that size. An estimate below is
 /// another one with each new local map, and made `y`'s sigma up to 20 % wider, or 10 % narrower, after a restart
-/// that had lost no message. With 2 one of 20 such restarts still made it 8 % wider; with 3 fewer than
-/// nine of ten robots with another steering were `converged` after three minutes of aisles.
+/// that had lost no message. With 2 one of 20 such restarts still made it 8 % wider; with 3 none of
+/// ten robots with an asymmetric steering was `converged` after three minutes of aisles, with 2.5 all were.
 const UNSEEN_SIGMAS: f64 = 2.5;
 /// What of it no curve shows, m, chosen so that what robots claim whose rear wheels are 1 % too large and too
 /// small stays within 4 sigmas at any moment: that moves `y` by 4.8 mm in the simulator, and was up to 4.7

@@ -105,7 +105,8 @@ const LESS_CERTAIN: f64 = 0.05;
 struct CertaintyLost {
     robot: String,
     parameter: &'static str,
-    part: f64,
+    /// As a share of the twin's.
+    share: f64,
 }
 
 /// Kills an instance and compares the sigmas of its robots with the twin's.
@@ -129,7 +130,7 @@ fn certainty_lost(trial: &mut Trial, twin: &Twin, seed: u64) -> Vec<CertaintyLos
         let lost = lost.map(|(parameter, (sigma, of_twin))| CertaintyLost {
             robot: robot.clone(),
             parameter: parameter.name(),
-            part: sigma / of_twin - 1.0,
+            share: sigma / of_twin - 1.0,
         });
         lost.collect::<Vec<_>>()
     };
@@ -152,14 +153,14 @@ async fn sigmas_after_a_takeover_are_nearly_those_of_a_twin() {
         for CertaintyLost {
             robot,
             parameter,
-            part,
+            share,
         } in &lost
         {
-            println!("  {robot} {parameter}: {:+.2} %", part * 100.0);
+            println!("  {robot} {parameter}: {:+.2} %", share * 100.0);
         }
-        let parts: Vec<_> = lost.iter().map(|one| one.part).collect();
-        assert!(parts.iter().all(|part| part.is_finite()), "{lost:?}");
-        progress.passed(seed, vec![quantile(&parts, 1.0)]);
+        let shares: Vec<_> = lost.iter().map(|one| one.share).collect();
+        assert!(shares.iter().all(|share| share.is_finite()), "{lost:?}");
+        progress.passed(seed, vec![quantile(&shares, 1.0)]);
     }
     let most = progress.figures(0);
     let wider = most.iter().filter(|lost| **lost > LESS_CERTAIN).count();
