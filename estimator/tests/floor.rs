@@ -2,7 +2,7 @@
 
 mod scene;
 
-use fleetcal_estimator::lidar_odometry::{FloorLine, LidarOdometry};
+use fleetcal_estimator::lidar_odometry::{FloorLine, LidarOdometry, MisledBy};
 use fleetcal_estimator::{Pose2, Scan};
 use scene::{Scanner, Scene, figure_eight, seeded, straight};
 use std::f64::consts::TAU;
@@ -44,7 +44,7 @@ fn follow(
         let t = scanner.period_s * f64::from(index);
         let (scan, _) = scanner.scan(scene, route, t, &mut rng);
         let pose = odometry.process(&scan);
-        found += usize::from(pose.is_some_and(|pose| pose.floor_found));
+        found += usize::from(pose.is_some_and(|pose| pose.misled_by == Some(MisledBy::Floor)));
     }
     found
 }

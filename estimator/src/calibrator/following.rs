@@ -11,6 +11,7 @@ use crate::filter::follow::{Followed, Follower};
 use crate::filter::prior::Prior;
 use crate::filter::{Filter, OdometryReading, ParameterCovariance, Values};
 use crate::initial_guess::{agrees_with, initial_guess};
+use crate::lidar_odometry::MisledBy;
 use crate::stream::{Effect, RobotTime};
 use crate::trust::Trust;
 use crate::vehicle::SteeringResponse;
@@ -102,12 +103,12 @@ impl Calibrator {
         self.watch.restart();
     }
 
-    /// The poses of late were misled. A filter that did not know its calibration yet begins from nothing;
-    /// that of one that did is held against the next: its LiDAR may have been knocked just now.
-    pub(super) fn unlearn(&mut self) {
+    /// The poses of late were misled: the filter begins from nothing. Where that was by the floor, a
+    /// calibration that was known is held against the next: its LiDAR may have been knocked just now.
+    pub(super) fn unlearn(&mut self, by: MisledBy) {
         self.waiting.clear();
         let knows = |filter| knows_enough(&self.known_of(filter).1, &self.config.settings);
-        if self.filter().is_some_and(knows) {
+        if by == MisledBy::Floor && self.filter().is_some_and(knows) {
             self.begin_comparison(Occasion::NewSession);
             return;
         }

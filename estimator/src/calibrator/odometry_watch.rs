@@ -63,8 +63,8 @@ impl Calibrator {
             self.drop_message(Dropped::UnusableScan, effects);
             return;
         };
-        if pose.floor_found {
-            self.unlearn();
+        if let Some(by) = pose.misled_by {
+            self.unlearn(by);
         }
         let reading = OdometryReading {
             stamp: pose.stamp,

@@ -34,7 +34,7 @@ use floor::{FloorWatch, LearntFloor};
 use local_map::LocalMap;
 use motion::Motion;
 use point_to_line::{Alignment, LocalMotion};
-use scanner::Scanner;
+use scanner::{Remap, Scanner};
 use submap::{KnownMap, LocalOrigin};
 use tracking::Track;
 
@@ -60,8 +60,17 @@ pub struct OdometryPose {
     pub tracking: Tracking,
     /// Whether the map was begun again with this scan: poses before and after do not compare.
     pub map_restarted: bool,
-    /// Whether the floor was found with this scan: returns of it misled the poses before.
-    pub floor_found: bool,
+    /// What the poses before were misled by, as this scan shows.
+    pub misled_by: Option<MisledBy>,
+}
+
+/// What misled the poses before a scan that shows it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MisledBy {
+    /// Returns of the floor were taken for a wall's.
+    Floor,
+    /// The scanner turns within a scan, and was taken for one that does not.
+    BeamTimes,
 }
 
 /// Fewest usable returns of a scan.
@@ -207,12 +216,11 @@ impl LidarOdometry {
             self.learn_noise(solution.chi2);
         }
         let is_due = self.map.is_due(&solution.motion.pose, stamp);
-        let floor_found = self.learn_floor(scan, &solution);
-        let begins_again = floor_found && self.map.submap.known().is_none();
-        if begins_again || self.learn_scanner(is_due, &solution) {
+        let (misled_by, begins_again) = self.learn_of_scanner(scan, is_due, &solution);
+        if begins_again {
             let stamp = self.read(scan);
             return Some(OdometryPose {
-                floor_found,
+                misled_by,
                 ..self.begin_map(solution.motion, stamp, tracking)
             });
         }
@@ -235,7 +243,7 @@ impl LidarOdometry {
             fitness: solution.fit.fitness(),
             tracking,
             map_restarted: false,
-            floor_found,
+            misled_by,
         })
     }
 
@@ -311,7 +319,7 @@ impl LidarOdometry {
             fitness: 1.0,
             tracking,
             map_restarted: true,
-            floor_found: false,
+            misled_by: None,
         }
     }
 
@@ -379,17 +387,36 @@ impl LidarOdometry {
         }
     }
 
-    /// Learns of the scanner from the scan as it is aligned. Whether the map has to be begun again.
+    /// Learns of the scanner from the scan as it is aligned: what misled the poses before, and whether the map
+    /// has to be begun again.
+    fn learn_of_scanner(
+        &mut self,
+        scan: &Scan,
+        is_due: bool,
+        solution: &Solution,
+    ) -> (Option<MisledBy>, bool) {
+        if self.learn_floor(scan, solution) {
+            return (Some(MisledBy::Floor), self.map.submap.known().is_none());
+        }
+        let remap = self.learn_beam_times_and_ranges(is_due, solution);
+        let turns_after_all = remap == Some(Remap::TurnsAfterAll);
+        (
+            turns_after_all.then_some(MisledBy::BeamTimes),
+            remap.is_some(),
+        )
+    }
+
+    /// Learns of beam times and ranges. Says why the map has to be begun again, if so.
     /// A known map is off by its own cells, and an open direction would be learnt from noise.
-    fn learn_scanner(&mut self, is_due: bool, solution: &Solution) -> bool {
+    fn learn_beam_times_and_ranges(&mut self, is_due: bool, solution: &Solution) -> Option<Remap> {
         if !is_due && !self.scanner.asks_at_once(&solution.motion) {
-            return false;
+            return None;
         }
         let submap = &self.map.submap;
         let is_young = submap.updates() < ASKED_FROM_UPDATE;
         let is_poor = solution.open.is_some() || !solution.fit.is_good();
         if submap.known().is_some() || is_young || is_poor {
-            return false;
+            return None;
         }
         let motion = &solution.motion;
         let origin = LocalOrigin::near(motion.pose.x_m, motion.pose.y_m);
@@ -465,7 +492,7 @@ impl LidarOdometry {
             fitness: solution.fit.fitness(),
             tracking,
             map_restarted: false,
-            floor_found: false,
+            misled_by: None,
         };
         self.motion = Some(motion);
         pose

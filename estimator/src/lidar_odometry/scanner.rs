@@ -43,6 +43,13 @@ const JUDGED_SIGMA: f64 = 0.06;
 const TURNING_MIN: f64 = 0.15;
 /// and this many sigmas.
 const TURNING_SIGMAS: f64 = 6.0;
+/// One that was taken for a scanner that does not turn is asked again after so many scans on the move: what it
+/// was judged by may have held the floor, and a map drawn without beam times hides most of a duration.
+const ASKED_AGAIN_SCANS: u32 = 60;
+/// It turns after all when its duration is more than this part of the time between scans,
+const HIDDEN_MIN: f64 = 0.05;
+/// and this many sigmas.
+const HIDDEN_SIGMAS: f64 = 3.5;
 /// A duration this near to the time between scans, or to a whole part of it, is taken for that.
 const WHOLE_PART: f64 = 0.08;
 /// The map is begun again when the duration has moved by more than this part since it was begun,
@@ -104,6 +111,15 @@ enum Timing {
     Unknown,
     AtOnce,
     Turning,
+}
+
+/// Why a map has to be begun again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Remap {
+    /// The duration of a scan is known better now; the poses so far were given with what was not known of it.
+    Better,
+    /// The scanner turns although it was taken for one that does not: the poses so far were misled.
+    TurnsAfterAll,
 }
 
 /// Learns what a scanner gets wrong. The order of its three unknowns: duration, `b`, `c`.
@@ -207,13 +223,13 @@ impl Scanner {
         self.timing == Timing::Unknown
     }
 
-    /// Learns from a scan held against the map. Whether the map has to be begun again: it was drawn
+    /// Learns from a scan held against the map. Says why the map has to be begun again, if so: it was drawn
     /// with other beam times.
     ///
     /// With the residuals `r` of the aligned scan, their derivatives `D` by the unknowns and `J` by
     /// pose and velocity, whose covariance is `P`, the unknowns' own information is
     /// `A = D'WD - D'WJ P J'WD`, and the Gauss-Newton step `-(A + prior)⁻¹ D'Wr`.
-    pub fn learn(&mut self, equations: &ScannerEquations, motion: &Motion) -> bool {
+    pub fn learn(&mut self, equations: &ScannerEquations, motion: &Motion) -> Option<Remap> {
         let by_motion: &SMatrix<f64, 3, 6> = &equations.with_motion;
         let eliminated = by_motion * motion.covariance * by_motion.transpose();
         let mut new = equations.information - eliminated;
@@ -229,13 +245,11 @@ impl Scanner {
         }
         new = 0.5 * (new + new.transpose());
         if new.symmetric_eigenvalues().min() < -1e-6 * new.amax() {
-            return false;
+            return None;
         }
         self.information = self.information * KEPT + new * NEW_PART;
         let prior = self.prior_information();
-        let Some(covariance) = (self.information + prior).try_inverse() else {
-            return false;
-        };
+        let covariance = (self.information + prior).try_inverse()?;
         // The scan was laid out with the duration in use, not with the one estimated so far.
         pull -= new.column(0) * (self.values[0] - self.duration_in_use_s());
         // What fades of the evidence, the prior pulls back.
@@ -310,16 +324,24 @@ impl Scanner {
         self.interval_s * self.part_of_turn
     }
 
-    fn judge_timing(&mut self) -> bool {
+    fn judge_timing(&mut self) -> Option<Remap> {
         let (sigma_s, longest_s) = (self.sigmas()[0], self.longest_s());
-        let turns = self.values[0] > (TURNING_MIN * longest_s).max(TURNING_SIGMAS * sigma_s);
+        let takes =
+            |part: f64, sigmas: f64| self.values[0] > (part * longest_s).max(sigmas * sigma_s);
+        let turns = takes(TURNING_MIN, TURNING_SIGMAS)
+            || self.asked >= ASKED_AGAIN_SCANS && takes(HIDDEN_MIN, HIDDEN_SIGMAS);
         let is_known = self.asked >= JUDGED_SCANS && sigma_s < JUDGED_SIGMA * longest_s;
         match self.timing {
             Timing::Unknown if is_known && !turns => self.timing = Timing::AtOnce,
             Timing::Unknown | Timing::AtOnce if is_known && turns => {
+                let why = match self.timing {
+                    Timing::AtOnce => Remap::TurnsAfterAll,
+                    _ => Remap::Better,
+                };
                 // The map hides a part of it. Most likely the scanner never stops.
                 self.timing = Timing::Turning;
-                return self.remap(longest_s);
+                self.remap(longest_s);
+                return Some(why);
             }
             Timing::Turning => {
                 self.values[0] = self.values[0].clamp(0.0, DURATION_MAX * longest_s);
@@ -327,12 +349,13 @@ impl Scanner {
                 let off_s = (duration_s - self.mapped_s).abs();
                 let is_off = off_s > (REMAP_PART * longest_s).max(REMAP_SIGMAS * sigma_s);
                 if is_off && self.asked >= REMAP_SCANS {
-                    return self.remap(duration_s);
+                    self.remap(duration_s);
+                    return Some(Remap::Better);
                 }
             }
             Timing::Stated | Timing::Unknown | Timing::AtOnce => {}
         }
-        false
+        None
     }
 
     /// What of it holds in any map.
@@ -362,12 +385,11 @@ impl Scanner {
         }
     }
 
-    /// Asks for a map drawn with scans of another duration.
-    fn remap(&mut self, duration_s: f64) -> bool {
+    /// Begins to learn in a map that is drawn with scans of another duration.
+    fn remap(&mut self, duration_s: f64) {
         self.values[0] = duration_s;
         self.information *= KEPT_BY_REMAP;
         self.asked = 0;
-        true
     }
 }
 
