@@ -134,17 +134,16 @@ fn a_turning_scanner_that_tells_no_times_is_seen_to_turn() {
     }
 }
 
-/// Until the floor is found, its returns tell a wrong duration, and the map that is drawn with it hides most
-/// of the right one: these were taken for scanners that do not turn.
-#[test]
-fn a_turning_scanner_that_sees_the_floor_is_seen_to_turn_after_all() {
-    for (rate_hz, tilt_deg, tilt_direction_rad, seed) in [
+/// Scanners without beam times that see the floor, each with the seed of its drive.
+fn untimed_and_tilted() -> [(Scanner, u64); 5] {
+    [
         (5.0, 1.0_f64, 2.4, 1),
         (5.0, 1.0, 2.4, 2),
         (5.0, 1.4, -1.2, 1),
         (5.0, 1.4, -1.2, 2),
         (5.5, 1.4, -2.5, 2),
-    ] {
+    ]
+    .map(|(rate_hz, tilt_deg, tilt_direction_rad, seed)| {
         let scanner = Scanner {
             tilt_rad: tilt_deg.to_radians(),
             tilt_direction_rad,
@@ -153,6 +152,20 @@ fn a_turning_scanner_that_sees_the_floor_is_seen_to_turn_after_all() {
             range_bias_m: -0.015,
             ..untimed(rate_hz)
         };
+        (scanner, seed)
+    })
+}
+
+fn times_misled_by_beam_times(poses: &[Pair]) -> usize {
+    let is_told = |(pose, _): &&Pair| pose.misled_by == Some(MisledBy::BeamTimes);
+    poses.iter().filter(is_told).count()
+}
+
+/// Until the floor is found, its returns tell a wrong duration, and the map that is drawn with it hides most
+/// of the right one: these were taken for scanners that do not turn, for good.
+#[test]
+fn a_turning_scanner_that_sees_the_floor_is_seen_to_turn_after_all() {
+    for (scanner, seed) in untimed_and_tilted() {
         let (poses, odometry) = drive(&scanner, seed);
         let report = odometry.scanner();
         let BeamTimes::Turning { duration_s, .. } = report.beam_times else {
@@ -160,8 +173,21 @@ fn a_turning_scanner_that_sees_the_floor_is_seen_to_turn_after_all() {
         };
         let off_s = duration_s - scanner.period_s;
         assert!(off_s.abs() < 0.02 * scanner.period_s, "{duration_s} s");
-        let told = |(pose, _): &&Pair| pose.misled_by == Some(MisledBy::BeamTimes);
-        assert_eq!(poses.iter().filter(told).count(), 1, "{scanner:?}");
+        assert_eq!(times_misled_by_beam_times(&poses), 1, "{scanner:?}");
+    }
+}
+
+#[test]
+fn a_scanner_that_takes_all_beams_at_once_and_sees_the_floor_is_left_alone() {
+    for (turning, seed) in untimed_and_tilted() {
+        let scanner = Scanner {
+            rolling: false,
+            ..turning
+        };
+        let (poses, odometry) = drive(&scanner, seed);
+        let beam_times = odometry.scanner().beam_times;
+        assert_eq!(beam_times, BeamTimes::AtOnce, "{scanner:?}");
+        assert_eq!(times_misled_by_beam_times(&poses), 0, "{scanner:?}");
     }
 }
 

@@ -112,6 +112,11 @@ impl Calibrator {
             self.begin_comparison(Occasion::NewSession);
             return;
         }
+        if by == MisledBy::BeamTimes {
+            // What was stored was learnt with the same beam times.
+            let is_kept = |stored: &mut Comparison| stored.occasion == Occasion::Reassembled;
+            self.comparison = self.comparison.take_if(is_kept);
+        }
         self.former_mount = self.filter().map(|filter| {
             let x = Parameter::LidarX.index();
             filter.values().fixed_rows::<3>(x).into_owned()

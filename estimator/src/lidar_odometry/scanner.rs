@@ -43,11 +43,13 @@ const JUDGED_SIGMA: f64 = 0.06;
 const TURNING_MIN: f64 = 0.15;
 /// and this many sigmas.
 const TURNING_SIGMAS: f64 = 6.0;
-/// One that was taken for a scanner that does not turn is asked again after so many scans on the move: what it
-/// was judged by may have held the floor, and a map drawn without beam times hides most of a duration.
-const ASKED_AGAIN_SCANS: u32 = 60;
+/// One that was taken for a scanner that does not turn is judged again from so many scans asked on,
+const ASKED_AGAIN_FROM: u32 = 60;
+/// up to so many: what it was judged by may have held the floor, and a map that is drawn without beam times
+/// hides most of a duration.
+const ASKED_AGAIN_TO: u32 = 500;
 /// It turns after all when its duration is more than this part of the time between scans,
-const HIDDEN_MIN: f64 = 0.05;
+const HIDDEN_MIN: f64 = 0.02;
 /// and this many sigmas.
 const HIDDEN_SIGMAS: f64 = 3.5;
 /// A duration this near to the time between scans, or to a whole part of it, is taken for that.
@@ -67,8 +69,10 @@ const DURATION_MAX: f64 = 1.1;
 const DURATION_SIGMA_MIN_S: f64 = 1e-3;
 /// Of so many times between scans the mean is taken.
 const INTERVALS: f64 = 500.0;
-/// A time between scans longer than this many of the mean is a loss.
+/// A time between scans longer than this many of the mean is a loss,
 const LOSS_INTERVALS: f64 = 1.5;
+/// unless losses outnumber the other times by so many: then the first times were too short.
+const LOSSES_MAX: u32 = 10;
 
 /// When the beams of a scan are taken.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -130,11 +134,17 @@ pub struct Scanner {
     timing: Timing,
     /// Scans on the move that were asked for their duration.
     asked: u32,
+    /// Whether it was ever taken for a scanner that does not turn: poses were given as sure then.
+    #[serde(default)]
+    was_at_once: bool,
     /// The duration that the map was begun with, s.
     mapped_s: f64,
     /// Mean time between scans, s, and over how many.
     interval_s: f64,
     intervals: f64,
+    /// By how many the losses of late outnumber the other times between scans.
+    #[serde(default)]
+    losses: u32,
     /// What a scan covers of a turn.
     part_of_turn: f64,
     /// By how much the pose of the last scan moves with each of the unknowns, in this map.
@@ -149,9 +159,11 @@ impl Default for Scanner {
             information: Matrix3::zeros(),
             timing: Timing::default(),
             asked: 0,
+            was_at_once: false,
             mapped_s: 0.0,
             interval_s: 0.0,
             intervals: 0.0,
+            losses: 0,
             part_of_turn: 1.0,
             pose_by: Matrix3::zeros(),
         }
@@ -205,10 +217,13 @@ impl Scanner {
     /// Notes the time between two scans, s. Losses make it longer now and then.
     pub fn note_interval(&mut self, interval_s: f64) {
         if self.intervals > 0.0 && interval_s > LOSS_INTERVALS * self.interval_s {
-            // Were they all losses, the first was none.
-            self.interval_s *= 1.02;
-            return;
+            self.losses += 1;
+            if self.losses < LOSSES_MAX {
+                return;
+            }
+            (self.intervals, self.losses) = (0.0, 0);
         }
+        self.losses = self.losses.saturating_sub(1);
         self.intervals = (self.intervals + 1.0).min(INTERVALS);
         self.interval_s += (interval_s - self.interval_s) / self.intervals;
     }
@@ -328,20 +343,26 @@ impl Scanner {
         let (sigma_s, longest_s) = (self.sigmas()[0], self.longest_s());
         let takes =
             |part: f64, sigmas: f64| self.values[0] > (part * longest_s).max(sigmas * sigma_s);
+        let is_asked_again = self.timing == Timing::AtOnce
+            && (ASKED_AGAIN_FROM..ASKED_AGAIN_TO).contains(&self.asked);
         let turns = takes(TURNING_MIN, TURNING_SIGMAS)
-            || self.asked >= ASKED_AGAIN_SCANS && takes(HIDDEN_MIN, HIDDEN_SIGMAS);
+            || is_asked_again && takes(HIDDEN_MIN, HIDDEN_SIGMAS);
         let is_known = self.asked >= JUDGED_SCANS && sigma_s < JUDGED_SIGMA * longest_s;
         match self.timing {
-            Timing::Unknown if is_known && !turns => self.timing = Timing::AtOnce,
+            Timing::Unknown if is_known && !turns => {
+                self.timing = Timing::AtOnce;
+                self.was_at_once = true;
+            }
             Timing::Unknown | Timing::AtOnce if is_known && turns => {
-                let why = match self.timing {
-                    Timing::AtOnce => Remap::TurnsAfterAll,
-                    _ => Remap::Better,
-                };
+                let was_at_once = std::mem::take(&mut self.was_at_once);
                 // The map hides a part of it. Most likely the scanner never stops.
                 self.timing = Timing::Turning;
                 self.remap(longest_s);
-                return Some(why);
+                return Some(if was_at_once {
+                    Remap::TurnsAfterAll
+                } else {
+                    Remap::Better
+                });
             }
             Timing::Turning => {
                 self.values[0] = self.values[0].clamp(0.0, DURATION_MAX * longest_s);
@@ -396,4 +417,36 @@ impl Scanner {
 /// Whether a motion would show within a scan.
 fn is_on_the_move(motion: &Motion) -> bool {
     motion.velocity.xy().norm() > 0.1 || motion.velocity.z.abs() > 0.1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn after(intervals_s: impl Iterator<Item = f64>) -> f64 {
+        let mut scanner = Scanner::default();
+        intervals_s.for_each(|interval_s| scanner.note_interval(interval_s));
+        scanner.longest_s()
+    }
+
+    #[test]
+    fn losses_do_not_lengthen_the_time_between_scans() {
+        for every in [4, 7, 13] {
+            let lossy = (1..5000).map(|scan| if scan % every == 0 { 0.368 } else { 0.184 });
+            let found_s = after(lossy);
+            assert!(
+                (found_s - 0.184).abs() < 1e-9,
+                "{found_s} s, every {every}th"
+            );
+        }
+    }
+
+    #[test]
+    fn a_burst_at_the_beginning_is_forgotten() {
+        let found_s = after([0.01, 0.02].into_iter().chain([0.1; 100]));
+        assert!((found_s - 0.1).abs() < 1e-3, "{found_s} s");
+        // And so is a loss.
+        let found_s = after([0.2].into_iter().chain([0.1; 100]));
+        assert!((found_s - 0.1).abs() < 2e-3, "{found_s} s");
+    }
 }
