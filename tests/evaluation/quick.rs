@@ -42,6 +42,7 @@ fn as_registered(robot: SimulatedRobot) -> Robot {
     Robot {
         simulation: robot.config,
         calibrator,
+        heard_from_s: 0.0,
     }
 }
 

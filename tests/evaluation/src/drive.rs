@@ -32,6 +32,8 @@ pub struct Robot {
     pub simulation: SimulationConfig,
     /// As it is known.
     pub calibrator: CalibratorConfig,
+    /// From when on its calibrator takes its messages, s: it may begin while the robot drives.
+    pub heard_from_s: f64,
 }
 
 /// What came of a drive.
@@ -73,6 +75,7 @@ pub fn drive_watched(
     mut watch: impl FnMut(f64, Seen, &mut Simulation) -> ControlFlow<()>,
 ) -> Result<Driven, EvaluationError> {
     let start_ns = robot.simulation.start_stamp_ns;
+    let heard_from_s = robot.heard_from_s;
     let mut simulation = Simulation::new(robot.simulation)?;
     let mut calibrator = Calibrator::new(robot.calibrator);
     let (mut estimates, mut changes) = (Vec::new(), Vec::new());
@@ -87,7 +90,8 @@ pub fn drive_watched(
         if watch(time_s, message, &mut simulation).is_break() {
             break;
         }
-        let effects = event.map(|event| calibrator.step(event));
+        let heard = event.filter(|_| time_s >= heard_from_s);
+        let effects = heard.map(|event| calibrator.step(event));
         let mut ends = false;
         for effect in effects.into_iter().flatten() {
             match effect {

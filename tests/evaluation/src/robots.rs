@@ -43,6 +43,7 @@ pub fn tugger(seed: u64, lidar_in_base: TruePose, steering_offset_deg: f64) -> R
     Robot {
         simulation,
         calibrator: CalibratorConfig::of(vehicle),
+        heard_from_s: 0.0,
     }
 }
 

@@ -7,7 +7,7 @@ use clap::Parser;
 use fleetcal_evaluation::error::EvaluationError;
 use fleetcal_evaluation::imperfect::ImperfectExtent;
 use fleetcal_evaluation::imperfect::{
-    Campaign, Cell, Flaw, InjectedChange, Road, Scenario, Sensor, Summary,
+    Campaign, Cell, Flaw, InjectedChange, Road, Scenario, Sensor, Summary, Watch,
 };
 use fleetcal_evaluation::study::imperfect_robots;
 use fleetcal_robot::simulator::Strength;
@@ -50,16 +50,27 @@ struct Arguments {
     /// Length of an unchanged robot's run, s: claims are looked at after 60, 120, 180 and 600 s.
     #[arg(long, default_value_t = 600.0)]
     length: f64,
+    /// From when on the estimator takes the robots' messages, s: later than 0 it begins while they drive. All
+    /// other times count from the robots' start on.
+    #[arg(long, default_value_t = 0.0, value_parser = seconds)]
+    heard_from: f64,
     /// Results file: runs in it are not run again, new ones are appended. It belongs to one
     /// state of the estimator.
     #[arg(long)]
     results: Option<PathBuf>,
     /// Writes the tables of every imperfection and route into this file, as Markdown.
-    #[arg(long, conflicts_with_all = ["only", "strength", "route", "scenario", "change", "sensor", "first_seed", "list"])]
+    #[arg(long, conflicts_with_all = ["only", "strength", "route", "scenario", "change", "sensor", "first_seed", "heard_from", "list"])]
     report: Option<PathBuf>,
     /// Lists the cells and runs none.
     #[arg(long)]
     list: bool,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(seconds) if (0.0..=600.0).contains(&seconds) => Ok(seconds),
+        _ => Err(format!("got {text:?}, expected seconds from 0 to 600")),
+    }
 }
 
 impl Arguments {
@@ -158,9 +169,13 @@ fn main() -> ExitCode {
 }
 
 fn campaign(arguments: &Arguments, cells: &[Cell]) -> Result<(), EvaluationError> {
+    let watch = Watch {
+        length_s: arguments.length,
+        heard_from_s: arguments.heard_from,
+    };
     let mut campaign = match &arguments.results {
-        Some(path) => Campaign::resumed(arguments.length, path)?,
-        None => Campaign::new(arguments.length),
+        Some(path) => Campaign::resumed(watch, path)?,
+        None => Campaign::new(watch),
     };
     for &cell in cells {
         if arguments.list {

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::cell::Cell;
 use super::outcome::Outcome;
-use super::run::run;
+use super::run::{Watch, run};
 use crate::error::EvaluationError;
 
 /// One finished run, as a line of a results file.
@@ -20,8 +20,9 @@ pub struct Finished {
     pub cell: Cell,
     /// By the robot of which seed.
     pub seed: u64,
-    /// Length of an unchanged robot's run, s.
-    pub length_s: f64,
+    /// How long it was driven and watched.
+    #[serde(flatten)]
+    pub watch: Watch,
     /// What it ended with.
     pub outcome: Outcome,
 }
@@ -29,38 +30,38 @@ pub struct Finished {
 /// Cells and seeds, and the results of those that were run already.
 #[derive(Debug, Default)]
 pub struct Campaign {
-    length_s: f64,
+    watch: Watch,
     finished: BTreeMap<(Cell, u64), Outcome>,
     results: Option<(PathBuf, File)>,
 }
 
 impl Campaign {
-    /// A campaign whose unchanged robots drive for `length_s`, without a results file.
-    pub fn new(length_s: f64) -> Self {
+    /// A campaign whose robots are watched like this, without a results file.
+    pub fn new(watch: Watch) -> Self {
         Self {
-            length_s,
+            watch,
             ..Self::default()
         }
     }
 
-    /// The same with a results file: its runs are taken over, and new ones are appended. Runs of
-    /// another length are left alone. A last line that was cut off is run again.
+    /// The same with a results file: its runs are taken over, and new ones are appended. Runs that were
+    /// watched otherwise are left alone. A last line that was cut off is run again.
     ///
     /// # Errors
     /// When the file can neither be read nor made.
-    pub fn resumed(length_s: f64, path: &Path) -> Result<Self, EvaluationError> {
+    pub fn resumed(watch: Watch, path: &Path) -> Result<Self, EvaluationError> {
         let failed = |source| EvaluationError::Written {
             path: path.to_owned(),
             source,
         };
-        let mut campaign = Self::new(length_s);
+        let mut campaign = Self::new(watch);
         if path.exists() {
             for line in BufReader::new(File::open(path).map_err(failed)?).lines() {
                 let line = line.map_err(failed)?;
                 let Ok(run) = serde_json::from_str::<Finished>(&line) else {
                     continue;
                 };
-                if run.length_s.total_cmp(&length_s).is_eq() {
+                if run.watch == watch {
                     campaign.finished.insert((run.cell, run.seed), run.outcome);
                 }
             }
@@ -76,6 +77,11 @@ impl Campaign {
         Ok(campaign)
     }
 
+    /// How many runs it knows the outcome of.
+    pub fn finished_runs(&self) -> usize {
+        self.finished.len()
+    }
+
     /// The outcomes of a cell, one for each seed in order; those not known yet are run.
     ///
     /// # Errors
@@ -87,15 +93,15 @@ impl Campaign {
             .filter(|seed| !self.finished.contains_key(&(cell, *seed)))
             .collect();
         let results = self.results.as_ref();
-        let length_s = self.length_s;
+        let watch = self.watch;
         let new: Result<Vec<_>, EvaluationError> = missing
             .into_par_iter()
             .map(|seed| {
-                let outcome = run(cell, seed, length_s)?;
+                let outcome = run(cell, seed, watch)?;
                 let run = Finished {
                     cell,
                     seed,
-                    length_s,
+                    watch,
                     outcome,
                 };
                 results.map_or(Ok(()), |(path, file)| append(path, file, &run))?;

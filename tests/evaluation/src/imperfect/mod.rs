@@ -18,5 +18,5 @@ pub use campaign::{Campaign, Finished};
 pub use cell::{Cell, Flaw, InjectedChange, Road, Scenario, Sensor, Speed};
 pub use extent::ImperfectExtent;
 pub use outcome::{ChangeOutcome, ClaimsOutcome, Flagged, Outcome, Snapshot};
-pub use run::run;
+pub use run::{Watch, run};
 pub use summary::Summary;

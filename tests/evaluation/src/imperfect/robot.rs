@@ -70,6 +70,7 @@ pub fn robot(cell: Cell, seed: u64) -> (Robot, Option<f64>) {
         Robot {
             simulation,
             calibrator,
+            heard_from_s: 0.0,
         },
         change_s,
     )

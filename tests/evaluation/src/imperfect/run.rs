@@ -7,11 +7,12 @@ use fleetcal_estimator::Estimate;
 use fleetcal_estimator::estimate::{Change, ChangeKind};
 use fleetcal_estimator::geometry::wrap_angle_rad;
 use fleetcal_robot::simulator::{Simulation, TrueParameters, Truth};
+use serde::{Deserialize, Serialize};
 
 use super::cell::{Cell, Scenario, Speed};
 use super::outcome::{ChangeOutcome, ClaimsOutcome, Flagged, Outcome, Snapshot};
 use super::robot::robot;
-use crate::drive::{Driven, Robot, Seen, drive_watched};
+use crate::drive::{Robot, Seen, drive_watched};
 use crate::error::EvaluationError;
 
 /// When an unchanged robot's claims are looked at, s.
@@ -26,29 +27,52 @@ const TURNED_RAD: f64 = FRAC_PI_4;
 /// No run is longer than this after a change, s: a robot that drives slower is stopped.
 const AFTER_CHANGE_MAX_S: f64 = 400.0;
 
-/// Drives the robot of a seed. `length_s` is that of an unchanged robot's run.
+/// How long robots are driven, and watched.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Watch {
+    /// Length of an unchanged robot's run, s.
+    pub length_s: f64,
+    /// From when on the estimator takes the robot's messages, s: 0 from its start at rest on.
+    #[serde(default)]
+    pub heard_from_s: f64,
+}
+
+impl Watch {
+    /// From the robot's start on.
+    pub fn whole(length_s: f64) -> Self {
+        Self {
+            length_s,
+            heard_from_s: 0.0,
+        }
+    }
+}
+
+/// Drives the robot of a seed.
 ///
 /// # Errors
 /// Names the setting or message that is refused.
-pub fn run(cell: Cell, seed: u64, length_s: f64) -> Result<Outcome, EvaluationError> {
-    let (robot, change_s) = robot(cell, seed);
+pub fn run(cell: Cell, seed: u64, watch: Watch) -> Result<Outcome, EvaluationError> {
+    let (mut robot, change_s) = robot(cell, seed);
+    robot.heard_from_s = watch.heard_from_s;
     match (cell.scenario, change_s) {
         (Scenario::Changed(_, speed), Some(changed_s)) => {
             changed(robot, changed_s, speed).map(|outcome| Outcome::Change(Box::new(outcome)))
         }
-        _ => unchanged(robot, length_s).map(Outcome::Claims),
+        _ => unchanged(robot, watch.length_s).map(Outcome::Claims),
     }
 }
 
-fn flagged(change: &Change) -> Flagged {
+/// What an estimator flagged that began this late: it counts from its first message on.
+fn flagged(change: &Change, heard_from_s: f64) -> Flagged {
     Flagged {
-        at_s: change.time_s,
+        at_s: heard_from_s + change.time_s,
         kind: change.kind,
         cause: change.cause,
     }
 }
 
 fn unchanged(robot: Robot, length_s: f64) -> Result<ClaimsOutcome, EvaluationError> {
+    let heard_from_s = robot.heard_from_s;
     let mut outcome = ClaimsOutcome {
         snapshots: Vec::new(),
         worst_claim: 0.0,
@@ -71,12 +95,14 @@ fn unchanged(robot: Robot, length_s: f64) -> Result<ClaimsOutcome, EvaluationErr
         }
         ControlFlow::Continue(())
     })?;
+    let flagged = |change| flagged(change, heard_from_s);
     outcome.flagged = driven.changes.iter().map(flagged).collect();
     Ok(outcome)
 }
 
 fn changed(robot: Robot, changed_s: f64, speed: Speed) -> Result<ChangeOutcome, EvaluationError> {
     let mut way = Way::default();
+    let heard_from_s = robot.heard_from_s;
     let mut outcome = ChangeOutcome {
         changed_s,
         before: None,
@@ -107,7 +133,8 @@ fn changed(robot: Robot, changed_s: f64, speed: Speed) -> Result<ChangeOutcome, 
     })?;
     outcome.driven_m = way.since_change_m;
     outcome.turned_m = way.turned_m;
-    sort_flags(&mut outcome, &driven, &way);
+    let flagged = |change| flagged(change, heard_from_s);
+    sort_flags(&mut outcome, driven.changes.iter().map(flagged), &way);
     Ok(outcome)
 }
 
@@ -133,8 +160,8 @@ fn watch_claims(
 }
 
 /// Sorts what was flagged: before the change, the first change after it, and faults.
-fn sort_flags(outcome: &mut ChangeOutcome, driven: &Driven, way: &Way) {
-    for flagged in driven.changes.iter().map(flagged) {
+fn sort_flags(outcome: &mut ChangeOutcome, flags: impl Iterator<Item = Flagged>, way: &Way) {
+    for flagged in flags {
         if flagged.at_s < outcome.changed_s {
             outcome.too_early.push(flagged);
         } else if flagged.kind == ChangeKind::Fault {

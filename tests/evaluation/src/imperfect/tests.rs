@@ -86,10 +86,12 @@ fn every_cell_has_its_own_name_and_survives_its_results_file() {
 #[test]
 fn an_interrupted_campaign_goes_on_where_it_stopped_and_ends_the_same() {
     let cell = cell(Scenario::Unchanged);
-    let whole = Campaign::new(6.0).outcomes(cell, &[1, 2, 3]).unwrap();
+    let whole = Campaign::new(Watch::whole(6.0))
+        .outcomes(cell, &[1, 2, 3])
+        .unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("results.jsonl");
-    let first = Campaign::resumed(6.0, &path)
+    let first = Campaign::resumed(Watch::whole(6.0), &path)
         .unwrap()
         .outcomes(cell, &[1, 2])
         .unwrap();
@@ -98,16 +100,57 @@ fn an_interrupted_campaign_goes_on_where_it_stopped_and_ends_the_same() {
     let text = fs::read_to_string(&path).unwrap();
     let cut = text.trim_end().len() - 20;
     fs::write(&path, &text[..cut]).unwrap();
-    let mut again = Campaign::resumed(6.0, &path).unwrap();
+    let mut again = Campaign::resumed(Watch::whole(6.0), &path).unwrap();
     assert_eq!(again.outcomes(cell, &[1, 2, 3]).unwrap(), whole);
     let kept = fs::read_to_string(&path).unwrap();
     let runs = kept
         .lines()
         .filter(|line| serde_json::from_str::<Finished>(line).is_ok());
     assert_eq!(runs.count(), 3);
-    // Runs of another length are others.
-    let longer = Campaign::resumed(7.0, &path).unwrap();
-    assert_ne!(format!("{longer:?}"), format!("{again:?}"));
+    // Runs of another length are others, and so are those of an estimator that begins later.
+    let late = Watch {
+        heard_from_s: 2.0,
+        ..Watch::whole(6.0)
+    };
+    for other in [Watch::whole(7.0), late] {
+        let others = Campaign::resumed(other, &path).unwrap();
+        assert_eq!(others.finished_runs(), 0);
+    }
+    assert_eq!(again.finished_runs(), 3);
+}
+
+#[test]
+fn a_change_is_flagged_by_the_robots_time_whenever_the_estimator_begins() {
+    let cell = Cell {
+        flaw: Flaw::Clean,
+        road: Road::Eight,
+        ..cell(Scenario::Changed(InjectedChange::MountYaw, Speed::Fast))
+    };
+    for heard_from_s in [0.0, 30.0] {
+        let watch = Watch {
+            heard_from_s,
+            ..Watch::whole(600.0)
+        };
+        let Outcome::Change(outcome) = run(cell, 1, watch).unwrap() else {
+            panic!("no change was driven");
+        };
+        assert!(outcome.too_early.is_empty(), "{outcome:?}");
+        let (flagged, way_m) = outcome.flag.unwrap();
+        assert!(flagged.at_s > outcome.changed_s && (0.5..10.0).contains(&way_m));
+    }
+}
+
+#[test]
+fn an_estimator_that_begins_late_knows_nothing_before() {
+    let cell = cell(Scenario::Unchanged);
+    let told = |heard_from_s: f64| {
+        let (mut robot, _) = super::robot::robot(cell, 1);
+        robot.heard_from_s = heard_from_s;
+        let driven = crate::drive::drive(robot, 8.0).unwrap();
+        driven.estimates.len()
+    };
+    assert!(told(5.0) < told(0.0));
+    assert_eq!(told(9.0), 0);
 }
 
 #[test]
@@ -163,7 +206,7 @@ fn a_jump_on_a_clean_robot_is_flagged_by_its_name_and_the_way_is_counted_from_it
         sensor: Sensor::Poses,
         scenario: Scenario::Changed(InjectedChange::Steering, Speed::Fast),
     };
-    let Outcome::Change(outcome) = run(cell, 1, 600.0).unwrap() else {
+    let Outcome::Change(outcome) = run(cell, 1, Watch::whole(600.0)).unwrap() else {
         panic!("a change was asked for");
     };
     let (flag, way_m) = outcome.flag.unwrap();
@@ -194,7 +237,7 @@ fn a_lidar_that_moves_by_20_mm_on_a_loop_to_one_side_is_flagged_by_noisy_poses()
     };
     let mut unflagged = Vec::new();
     for seed in 1..=10 {
-        let Outcome::Change(outcome) = run(cell, seed, 600.0).unwrap() else {
+        let Outcome::Change(outcome) = run(cell, seed, Watch::whole(600.0)).unwrap() else {
             panic!("a change was asked for");
         };
         assert_eq!(outcome.told_late[1], 0, "seed {seed}");
@@ -220,7 +263,7 @@ fn strong_understeer_is_not_taken_for_a_steering_zero_that_moved_on_the_first_la
     // Before a change took twice the evidence of few blocks, each of these was flagged and claimed a zero
     // that was off by more than four sigmas.
     for seed in [16, 24, 29, 35, 36, 42, 56, 58] {
-        let Outcome::Claims(outcome) = run(cell, seed, 64.0).unwrap() else {
+        let Outcome::Claims(outcome) = run(cell, seed, Watch::whole(64.0)).unwrap() else {
             panic!("an unchanged robot was asked for");
         };
         assert_eq!(outcome.flagged, [], "seed {seed}");
@@ -245,7 +288,7 @@ fn who_has_every_imperfection_and_sees_the_floor_claims_no_false_steering_zero()
     // Before the floor was left out 34 and 53 were false, and 27 and 45 reported more than 100 faults; before
     // a start on the way counted, 24, 49 and 53.
     for seed in [24, 27, 34, 45, 49, 53] {
-        let Outcome::Claims(outcome) = run(cell, seed, 300.0).unwrap() else {
+        let Outcome::Claims(outcome) = run(cell, seed, Watch::whole(300.0)).unwrap() else {
             panic!("an unchanged robot was asked for");
         };
         assert_eq!(outcome.flagged, [], "seed {seed}");

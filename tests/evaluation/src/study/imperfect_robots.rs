@@ -7,7 +7,9 @@ use crate::extent::Extent;
 use crate::imperfect::tables::{
     Row, changed, changes_table, claims_table, errors_table, sensor_of, turns_table, unchanged,
 };
-use crate::imperfect::{Campaign, Flaw, ImperfectExtent, InjectedChange, Road, Sensor, Summary};
+use crate::imperfect::{
+    Campaign, Flaw, ImperfectExtent, InjectedChange, Road, Sensor, Summary, Watch,
+};
 use crate::report::Section;
 use crate::statistics::Proportion;
 
@@ -16,7 +18,7 @@ use crate::statistics::Proportion;
 /// # Errors
 /// Whatever a run ends with.
 pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
-    let mut campaign = Campaign::new(extent.imperfect.length_s);
+    let mut campaign = Campaign::new(Watch::whole(extent.imperfect.length_s));
     section(&extent.imperfect, &mut campaign)
 }
 
