@@ -114,8 +114,8 @@ impl Calibrator {
         }
         if by == MisledBy::BeamTimes {
             // What was stored was learnt with the same beam times.
-            let is_kept = |stored: &mut Comparison| stored.occasion == Occasion::Reassembled;
-            self.comparison = self.comparison.take_if(is_kept);
+            let is_reassembled = |stored: &Comparison| stored.occasion == Occasion::Reassembled;
+            self.comparison = self.comparison.take().filter(is_reassembled);
         }
         self.former_mount = self.filter().map(|filter| {
             let x = Parameter::LidarX.index();
@@ -370,4 +370,28 @@ fn with_nominal(config: &CalibratorConfig, guess: Prior) -> Prior {
         .fixed_view_mut::<3, 3>(x, x)
         .copy_from(&nominal.covariance.fixed_view::<3, 3>(x, x));
     joined
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vehicle::{Vehicle, VehicleModel};
+
+    #[test]
+    fn what_was_stored_is_dropped_where_beam_times_misled_and_kept_where_the_floor_did() {
+        let vehicle = Vehicle::new(VehicleModel::Bicycle, 1.2);
+        let is_kept = |occasion: Occasion, by: MisledBy| {
+            let mut calibrator = Calibrator::new(CalibratorConfig::of(vehicle));
+            let settings = calibrator.config.settings.clone();
+            let covariance = ParameterCovariance::identity() * 1e-8;
+            let stored = Comparison::new(occasion, Values::zeros(), &covariance, &settings);
+            calibrator.comparison = Some(stored);
+            calibrator.unlearn(by);
+            calibrator.comparison.is_some()
+        };
+        assert!(!is_kept(Occasion::NewSession, MisledBy::BeamTimes));
+        // A person said that parts were off: the scanner may be another one.
+        assert!(is_kept(Occasion::Reassembled, MisledBy::BeamTimes));
+        assert!(is_kept(Occasion::NewSession, MisledBy::Floor));
+    }
 }

@@ -78,6 +78,7 @@ impl Campaign {
     }
 
     /// How many runs it knows the outcome of.
+    #[cfg(test)]
     pub fn finished_runs(&self) -> usize {
         self.finished.len()
     }
