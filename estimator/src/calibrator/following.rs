@@ -104,12 +104,19 @@ impl Calibrator {
     }
 
     /// The poses of late were misled: the filter begins from nothing. Where that was by the floor, a
-    /// calibration that was known is held against the next: its LiDAR may have been knocked just now.
+    /// calibration that was known is found again and held against what it was: its LiDAR may have been
+    /// knocked just now. What the vehicle does beyond its calibration was learnt over all its way and stays:
+    /// a filter that begins while the robot drives often finds other values, and stays with them.
     pub(super) fn unlearn(&mut self, by: MisledBy) {
         self.waiting.clear();
-        let knows = |filter| knows_enough(&self.known_of(filter).1, &self.config.settings);
-        if by == MisledBy::Floor && self.filter().is_some_and(knows) {
+        let knows =
+            |filter: &&Filter| knows_enough(&self.known_of(filter).1, &self.config.settings);
+        let known = self.filter().filter(knows).cloned();
+        if let Some(mut filter) = known.filter(|_| by == MisledBy::Floor) {
             self.begin_comparison(Occasion::NewSession);
+            filter.lose_anchor();
+            filter.reopen(&COMPARED, change_sigma);
+            self.follower = Some(Follower::new(filter));
             return;
         }
         if by == MisledBy::BeamTimes {
