@@ -169,6 +169,11 @@ impl DriveHistory {
         self.held_long = 0;
     }
 
+    /// The oldest sample that is kept.
+    pub fn oldest(&self) -> Option<DriveSample> {
+        self.samples.front().map(|kept| kept.sample)
+    }
+
     /// Time of the newest sample.
     pub fn newest(&self) -> Option<RobotTime> {
         self.samples.back().map(|kept| kept.sample.stamp())

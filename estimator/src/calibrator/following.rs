@@ -2,7 +2,7 @@
 
 use super::comparison::{COMPARED, Comparison, Occasion, SESSIONS, Verdict, knows_enough};
 use super::session::AT_REST_MPS;
-use super::{Calibrator, CalibratorConfig, Waiting};
+use super::{Calibrator, CalibratorConfig};
 use crate::change::evidence::change_sigma;
 use crate::change::{ChangeWatch, Detected};
 use crate::estimate::{Cause, Change, ChangeKind, Parameter, ParameterEstimates, Status};
@@ -12,6 +12,7 @@ use crate::filter::prior::Prior;
 use crate::filter::{Filter, OdometryReading, ParameterCovariance, Values};
 use crate::initial_guess::{agrees_with, initial_guess};
 use crate::lidar_odometry::MisledBy;
+use crate::settings::Measurement;
 use crate::stream::{Effect, RobotTime};
 use crate::trust::Trust;
 use crate::vehicle::SteeringResponse;
@@ -28,11 +29,23 @@ const MOUNT_REACH_WHEELBASES: f64 = 2.0;
 /// and this, m.
 const MOUNT_REACH_M: f64 = 2.0;
 
+/// A LiDAR pose waiting for its drive samples.
+#[derive(Debug, Clone)]
+pub(super) struct Waiting {
+    pub reading: OdometryReading,
+    /// Whether the odometry does not know its way there.
+    pub is_guess: bool,
+    /// Whether poses before it do not compare with it.
+    pub restarted: bool,
+    /// Whether that is so because the map is a new one.
+    pub in_new_map: bool,
+}
+
 impl Calibrator {
     /// The filter begins again from the next pose. In a new map poses before do not compare with
     /// those to come; found again in the same one, they tell whether the robot was carried away.
     pub(super) fn begin_again(&mut self, in_new_map: bool) {
-        self.readings.clear();
+        self.forget_readings();
         if in_new_map {
             self.watch.break_window();
         }
@@ -48,7 +61,10 @@ impl Calibrator {
         }
         if self.follower.is_none() && waiting.is_guess {
             // No filter begins on guesses.
-            self.readings.clear();
+            self.forget_readings();
+            return;
+        }
+        if self.follower.is_none() && !self.knows_steering_before(waiting.reading.stamp) {
             return;
         }
         if self.readings.len() >= READINGS_MAX {
@@ -61,6 +77,7 @@ impl Calibrator {
         }
         if !self.watch.has_fault() {
             self.follow_reading(&waiting.reading);
+            self.take_second_pass();
         }
         let watched = self.follower.as_ref().and_then(|follower| {
             self.watch.watch(
@@ -99,7 +116,7 @@ impl Calibrator {
     fn give_up(&mut self) {
         self.follower = None;
         self.baseline = None;
-        self.readings.clear();
+        self.forget_readings();
         self.watch.restart();
     }
 
@@ -130,7 +147,7 @@ impl Calibrator {
         });
         self.follower = None;
         self.baseline = None;
-        self.readings.clear();
+        self.forget_readings();
         self.session.unlearn();
         self.watch = ChangeWatch::default();
         self.trust = Trust::default();
@@ -186,6 +203,10 @@ impl Calibrator {
         let filter = Filter::new(*vehicle, &config.settings, &prior);
         self.former_mount = None;
         self.session.began_in_motion = self.drove_throughout();
+        let is_papers = config.settings.measurement == Measurement::Anchored;
+        if self.session.began_in_motion && !is_papers {
+            self.plan_second_pass(prior);
+        }
         self.follow_again(Follower::new(filter), None);
     }
 
@@ -219,7 +240,7 @@ impl Calibrator {
         let mut filter = detected.filter_before.clone();
         filter.lose_anchor();
         self.follower = Some(Follower::new(filter));
-        self.readings.clear();
+        self.forget_readings();
         if detected.cause == Cause::Odometry && self.odometry_watch.is_told() {
             return;
         }
@@ -232,6 +253,7 @@ impl Calibrator {
     fn change(&mut self, detected: &Detected, effects: &mut Vec<Effect>) {
         let (onset, after_onset) = detected.onset;
         self.baseline = None;
+        self.second_pass = None;
         let onset_s = self.session.seconds_to(onset);
         let before = self.judge_filter(&detected.filter_before);
         self.session.close_segment(onset_s, before);
@@ -267,7 +289,7 @@ impl Calibrator {
         }
         self.session.excitation = Excitation::default();
         self.baseline = None;
-        self.readings.clear();
+        self.forget_readings();
         self.watch.restart();
     }
 

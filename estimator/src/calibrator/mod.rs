@@ -6,6 +6,7 @@ mod config;
 mod drift;
 mod following;
 mod odometry_watch;
+mod second_pass;
 mod session;
 mod top_view;
 
@@ -17,7 +18,9 @@ pub use top_view::{TopView, TopViewLimits, TrajectoryPoint};
 
 use comparison::{Comparison, Occasion};
 use drift::Baseline;
+use following::Waiting;
 use odometry_watch::OdometryWatch;
+use second_pass::SecondPass;
 use session::Session;
 
 use crate::advice::ranking::{Floor, Ranked, rank};
@@ -77,18 +80,6 @@ impl Told {
     }
 }
 
-/// A LiDAR pose waiting for its drive samples.
-#[derive(Debug, Clone)]
-struct Waiting {
-    reading: OdometryReading,
-    /// Whether the odometry does not know its way there.
-    is_guess: bool,
-    /// Whether poses before it do not compare with it.
-    restarted: bool,
-    /// Whether that is so because the map is a new one.
-    in_new_map: bool,
-}
-
 /// One robot's estimator.
 #[derive(Debug, Clone)]
 pub struct Calibrator {
@@ -104,6 +95,7 @@ pub struct Calibrator {
     since_guess: usize,
     watch: ChangeWatch,
     follower: Option<Follower>,
+    second_pass: Option<Box<SecondPass>>,
     /// Mount (x, y, yaw) of a filter that began again, because its poses had been misled.
     former_mount: Option<nalgebra::Vector3<f64>>,
     /// The stored calibration, while a new session has not been held against it.
@@ -129,6 +121,7 @@ impl Calibrator {
             since_guess: 0,
             watch: ChangeWatch::default(),
             follower: None,
+            second_pass: None,
             former_mount: None,
             comparison: None,
             baseline: None,

@@ -3,7 +3,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Calibrator, Waiting};
+use super::Calibrator;
+use super::following::Waiting;
 use crate::estimate::{Cause, ChangeKind};
 use crate::filter::OdometryReading;
 use crate::lidar_odometry::{OdometryPose, Tracking};

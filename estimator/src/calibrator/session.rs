@@ -27,6 +27,11 @@ const CHANGES_MAX: usize = 64;
 /// Most of them in a checkpoint, the latest: each takes some 190 bytes, and 10 kB are there for all.
 const CHANGES_STORED_MAX: usize = 5;
 
+/// Whether a robot stands by a sample.
+pub(super) fn is_at_rest(sample: &DriveSample) -> bool {
+    sample.speed_mps().abs() <= AT_REST_MPS
+}
+
 /// A stretch of one robot's life over which its clock went on.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub(super) struct Session {
@@ -99,7 +104,7 @@ impl Session {
         let impossible = f64::from(!vehicle.can_steer(sample.steering_rad()));
         self.impossible_steering_share +=
             (impossible - self.impossible_steering_share) / IMPOSSIBLE_STEERING_WINDOW;
-        if sample.speed_mps().abs() <= AT_REST_MPS {
+        if is_at_rest(sample) {
             self.at_rest_since.get_or_insert(sample.stamp());
         } else if let Some(since) = self.at_rest_since.take() {
             self.began_in_motion &= sample.stamp().seconds_since(since) < REST_MIN_S;

@@ -331,3 +331,37 @@ fn the_floor_that_is_found_after_minutes_is_no_change() {
         );
     }
 }
+
+/// Lag, play and curve of the steering are wrong all at once when a filter begins on the way. Taken once,
+/// the first readings left the filter with other values, and the robot scattered.
+#[test]
+fn a_change_is_seen_on_a_robot_with_every_imperfection_whose_filter_began_on_the_way() {
+    let cell = Cell {
+        flaw: Flaw::AllTypical,
+        road: Road::Eight,
+        sensor: Sensor::Poses,
+        scenario: Scenario::Changed(InjectedChange::MountMoved, Speed::Fast),
+    };
+    // None of these was flagged within 40 m.
+    for (seed, heard_from_s) in [
+        (1, 6.0),
+        (23, 6.0),
+        (37, 6.0),
+        (9, 9.5),
+        (23, 9.5),
+        (35, 9.5),
+    ] {
+        let watch = Watch {
+            length_s: 600.0,
+            heard_from_s,
+        };
+        let Outcome::Change(outcome) = run(cell, seed, watch).unwrap() else {
+            panic!("a change was asked for");
+        };
+        let (flag, way_m) = outcome.flag.expect("the change is flagged");
+        assert_eq!(flag.cause, Cause::LidarMount, "seed {seed}");
+        assert!(way_m < 20.0, "seed {seed}: {way_m} m");
+        assert!(outcome.too_early.is_empty(), "seed {seed}");
+        assert_eq!(outcome.told_late[1], 0, "seed {seed}");
+    }
+}

@@ -1,0 +1,141 @@
+//! A filter that begins while the robot drives takes its first readings twice.
+//!
+//! From rest, lag, play and curve of the steering show one after the other as the robot sets off. On the way
+//! all of them are wrong at once: the filter linearises far from where it arrives and stays with what it
+//! found there, so that the data of a robot with every imperfection scatter and its changes go unseen. After
+//! some metres it therefore begins once more, where it has arrived and as unsure as it was at first: the
+//! second step of Gauss-Newton over these readings.
+
+use super::Calibrator;
+use super::session::is_at_rest;
+use crate::change::ChangeWatch;
+use crate::change::long_run::LongRunVariance;
+use crate::filter::follow::Follower;
+use crate::filter::prior::Prior;
+use crate::filter::{Filter, STEERING_PLAY, apart};
+use crate::stream::RobotTime;
+
+/// The pass is due after this way, m: 40 s at 0.3 m/s, less than the drive's history.
+const WAY_M: f64 = 12.0;
+/// The wheels follow what was steered up to so long before, s: a strong lag, and the spread of its
+/// response.
+const STEERED_BEFORE_S: f64 = 1.0;
+
+/// A pass that is due when the robot has driven some way.
+#[derive(Debug, Clone)]
+pub(super) struct SecondPass {
+    /// What the first pass began with.
+    prior: Prior,
+    /// How far windows erred together before it.
+    long_run: LongRunVariance,
+    /// Way of the session at which it is due, m.
+    due_m: f64,
+}
+
+impl Calibrator {
+    /// Whether the drive says how the wheels were steered before a time. Of a robot that drove already when
+    /// its first sample came nothing is known from before that.
+    pub(super) fn knows_steering_before(&self, stamp: RobotTime) -> bool {
+        self.drive.oldest().is_some_and(|oldest| {
+            let since_s = stamp.seconds_since(oldest.stamp());
+            is_at_rest(&oldest) || since_s >= STEERED_BEFORE_S
+        })
+    }
+
+    /// Plans the second pass of a filter that begins with this prior, at the first of the readings.
+    pub(super) fn plan_second_pass(&mut self, prior: Prior) {
+        let newest = self.drive.newest();
+        let since_first_m = self
+            .readings
+            .front()
+            .zip(newest)
+            .map_or(0.0, |(first, newest)| {
+                self.drive.driven_m(first.stamp, newest)
+            });
+        self.second_pass = Some(Box::new(SecondPass {
+            prior,
+            long_run: self.watch.long_run().clone(),
+            due_m: self.session.distance_m - since_first_m + WAY_M,
+        }));
+    }
+
+    /// Takes the second pass when it is due, and stays with the first where that fits better.
+    pub(super) fn take_second_pass(&mut self) {
+        let distance_m = self.session.distance_m;
+        let due = self
+            .second_pass
+            .take_if(|pass| distance_m >= pass.due_m)
+            .zip(self.follower.as_ref());
+        let Some((pass, first)) = due else {
+            return;
+        };
+        let prior = as_far_as_learnt(&pass.prior, &first.filter);
+        let settings = &self.config.settings;
+        let mut second = Follower::new(Filter::new(self.config.vehicle, settings, &prior));
+        for reading in &self.readings {
+            second.follow(reading, &self.drive, settings);
+        }
+        if second.filter.noise_scale() > first.filter.noise_scale() {
+            return;
+        }
+        self.follower = Some(second);
+        // The windows so far were held against values that are given up.
+        self.watch = ChangeWatch::with_long_run(pass.long_run);
+    }
+
+    /// Forgets the readings, and with them the second pass over them.
+    pub(super) fn forget_readings(&mut self) {
+        self.readings.clear();
+        self.second_pass = None;
+    }
+}
+
+/// A prior whose values are those that a filter has found from it, each by the share of its variance that is
+/// gone: what no reading shows yet only wanders, and would wander on. No play is negative.
+fn as_far_as_learnt(prior: &Prior, filter: &Filter) -> Prior {
+    let before = prior.covariance.diagonal();
+    let left = filter.parameter_covariance().diagonal();
+    let learnt = before.zip_map(&left, |before, left| {
+        if before > 0.0 {
+            (1.0 - left / before).clamp(0.0, 1.0)
+        } else {
+            0.0
+        }
+    });
+    let mut values = prior.values + learnt.component_mul(&apart(filter.values(), &prior.values));
+    values[STEERING_PLAY] = values[STEERING_PLAY].max(0.0);
+    Prior {
+        values,
+        ..prior.clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::estimate::Parameter;
+    use crate::settings::EstimatorSettings;
+    use crate::vehicle::{Vehicle, VehicleModel};
+
+    #[test]
+    fn the_second_pass_begins_as_far_away_as_was_learnt() {
+        let vehicle = Vehicle::new(VehicleModel::Bicycle, 1.2);
+        let settings = EstimatorSettings::default();
+        let prior = Prior::cold(&vehicle, None, &settings);
+        let mut found = prior.clone();
+        let [offset, scale] =
+            [Parameter::SteeringOffset, Parameter::SpeedScale].map(Parameter::index);
+        found.values[offset] = 0.02;
+        found.covariance[(offset, offset)] *= 0.25;
+        // Nothing was learnt of the speed scale, and a negative play cannot be.
+        found.values[scale] += 0.01;
+        found.values[STEERING_PLAY] = -0.002;
+        found.covariance[(STEERING_PLAY, STEERING_PLAY)] *= 0.01;
+
+        let begin = as_far_as_learnt(&prior, &Filter::new(vehicle, &settings, &found));
+        let is_at = |i: usize, value: f64| (begin.values[i] - value).abs() < 1e-12;
+        assert!(is_at(offset, 0.015) && is_at(scale, prior.values[scale]));
+        assert!(is_at(STEERING_PLAY, 0.0));
+        assert_eq!(begin.covariance, prior.covariance);
+    }
+}
