@@ -1,6 +1,7 @@
 //! Is this still the vehicle that was calibrated? A new session against the stored calibration.
 //!
-//! After a power cycle or a reassembly the filter starts from scratch and knows nothing of what is stored.
+//! After a power cycle or a reassembly the filter starts from scratch and knows nothing of what is stored; once
+//! the floor was found in its scans, it knows nothing of the four parameters that are compared.
 //! Once it has converged the two are compared, `d' (P_new + P_stored)^-1 d` with four degrees of
 //! freedom, *before* they are fused: a stored calibration that is fused first hides the change.
 

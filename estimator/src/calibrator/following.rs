@@ -97,8 +97,11 @@ impl Calibrator {
         if self.filter().is_some_and(|filter| !self.can_be(filter)) {
             self.give_up();
         }
-        self.compare(effects);
-        self.check_drift(effects);
+        // Nothing is held against values that are about to be found once more.
+        if self.second_pass.is_none() {
+            self.compare(effects);
+            self.check_drift(effects);
+        }
     }
 
     /// Whether a filter's mount is one that a robot can have.
@@ -267,7 +270,8 @@ impl Calibrator {
         self.report(kind, detected.cause, onset_s, &detected.parameters, effects);
     }
 
-    /// Starts the filter from scratch, to be compared with what is known so far.
+    /// Starts the filter from scratch, to be compared with what is known so far. The floor's caller puts the
+    /// filter back in its place, with what is compared opened.
     pub(super) fn begin_comparison(&mut self, occasion: Occasion) {
         if let Some(follower) = self.follower.take() {
             let filter = &follower.filter;

@@ -179,8 +179,8 @@ fn assert_turns(run: &Driven, scan_s: f64, name: &str) {
     );
 }
 
-/// A LiDAR that has long been known is turned and tilted by a degree at once: the floor in its view takes away
-/// what was learnt, but not the word of what has changed.
+/// A LiDAR that has long been known is turned by half a degree, or put to another place, and tilted by one degree
+/// at once: the floor in its view takes away what was learnt, but not the word of what has changed.
 #[test]
 fn a_lidar_that_is_knocked_out_of_level_after_minutes_is_flagged_as_moved() {
     let by_half_a_degree = Pose2::new(0.0, 0.0, 0.5_f64.to_radians());
