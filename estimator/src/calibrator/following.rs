@@ -206,8 +206,9 @@ impl Calibrator {
         let filter = Filter::new(*vehicle, &config.settings, &prior);
         self.former_mount = None;
         self.session.began_in_motion = self.drove_throughout();
-        let is_papers = config.settings.measurement == Measurement::Anchored;
-        if self.session.began_in_motion && !is_papers {
+        // The paper's filter knows none of what goes wrong on the way, and keeps its first anchor for ever.
+        let is_clone = config.settings.measurement == Measurement::Clone;
+        if self.session.began_in_motion && is_clone {
             self.plan_second_pass(prior);
         }
         self.follow_again(Follower::new(filter), None);

@@ -47,11 +47,10 @@ impl Calibrator {
 
     /// Plans the second pass of a filter that begins with this prior, at the first of the readings.
     pub(super) fn plan_second_pass(&mut self, prior: Prior) {
-        let since_first_m = self.known_way_m();
         self.second_pass = Some(Box::new(SecondPass {
             prior,
             long_run: self.watch.long_run().clone(),
-            due_m: self.session.distance_m - since_first_m + WAY_M,
+            due_m: self.session.distance_m - self.known_way_m() + WAY_M,
         }));
     }
 
@@ -88,7 +87,6 @@ impl Calibrator {
             return;
         }
         self.follower = Some(second);
-        self.baseline = None;
         // The windows so far were held against values that are given up.
         self.watch = ChangeWatch::with_long_run(pass.long_run);
     }

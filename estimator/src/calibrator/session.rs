@@ -27,7 +27,7 @@ const CHANGES_MAX: usize = 64;
 /// Most of them in a checkpoint, the latest: each takes some 190 bytes, and 10 kB are there for all.
 const CHANGES_STORED_MAX: usize = 5;
 
-/// Whether a robot stands by a sample.
+/// Whether a sample says that the robot stands.
 pub(super) fn is_at_rest(sample: &DriveSample) -> bool {
     sample.speed_mps().abs() <= AT_REST_MPS
 }
