@@ -44,8 +44,8 @@ web/node_modules/.package-lock.json: web/package.json web/package-lock.json | no
 
 .PHONY: node
 node:
-	@node -e 'process.exit(Number(process.versions.node.split(".")[0]) < 20 ? 1 : 0)' 2>/dev/null \
-	  || { echo "Node.js 20 or newer is missing: install it with npm, then run make again." >&2; exit 1; }
+	@node -e 'const [major, minor] = process.versions.node.split(".").map(Number); process.exit(major > 20 || (major === 20 && minor >= 19) ? 0 : 1)' 2>/dev/null \
+	  || { echo "Node.js 20.19 or newer is missing: install it with npm, then run make again." >&2; exit 1; }
 
 .PHONY: rust
 rust:
@@ -332,8 +332,8 @@ STOPPED_S ?= 60
 hardening: hardening-store hardening-http hardening-zenoh hardening-process kill-rounds hardening-growth ## Every fault of docs/reliability.md: hours; goes on where it stopped
 
 .PHONY: hardening-zenoh
-hardening-zenoh: build-for-tests ## 8 hostile Zenoh sessions for a minute, each kind (or those of FLEETCAL_ZENOH_FLOODS) against either access list: half an hour, prints losses
-	FLEETCAL_ZENOH_FLOOD_S=60 FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked --workspace --test zenoh -- --include-ignored --nocapture --test-threads 1 floods::
+hardening-zenoh: build-for-tests ## 8 hostile Zenoh sessions for FLEETCAL_ZENOH_FLOOD_S=60, each kind (or those of FLEETCAL_ZENOH_FLOODS) against either access list: half an hour, prints losses
+	FLEETCAL_ZENOH_FLOOD_S="$${FLEETCAL_ZENOH_FLOOD_S:-60}" FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked --workspace --test zenoh -- --include-ignored --nocapture --test-threads 1 floods::
 
 .PHONY: hardening-growth
 hardening-growth: build-for-tests ## GROWTH_MINUTES=60 of each flood and of none: prints what database and log grow by, nine hours

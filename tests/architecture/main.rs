@@ -257,7 +257,13 @@ fn one_module_knows_each_outside_world_within_a_crate() {
 
 #[test]
 fn pure_crates_touch_no_outside_world() {
-    for folder in ["estimator", "proto", "proto/model", "service/domain"] {
+    for folder in [
+        "estimator",
+        "proto",
+        "proto/model",
+        "service/cluster",
+        "service/domain",
+    ] {
         for word in [
             "std::fs",
             "std::net",

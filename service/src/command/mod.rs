@@ -68,7 +68,7 @@ pub enum Command {
     Backup(backup::Arguments),
     /// Puts a backup into an empty data folder, and the signing key with it
     Restore(restore::Arguments),
-    /// Brings a PostgreSQL up to date
+    /// Brings a PostgreSQL up to date, or fills it from a data folder
     Store(store::Arguments),
     /// Generates access lists of Zenoh routers
     Acl(acl::Arguments),

@@ -55,7 +55,7 @@ pub fn study(extent: &Extent) -> Result<Section, EvaluationError> {
         "A tugger whose steering is right follows the figure-eight while it believes in a wrong mount. \
          *Misplaced* is how far its rear axle is from where it believes it to be. *Motion* is how far \
          the LiDAR's motion over one second lies from what body motion and believed mount foretell, \
-         which is what a localiser that fuses wheels and scans has to swallow. The yaw matters most: \
+         which is the contradiction that a localiser that fuses wheels and scans has to absorb. The yaw matters most: \
          the robot drives crabwise, and its controller turns it into an offset.",
     );
     let mut table = Table::new(&[
