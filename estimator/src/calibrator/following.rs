@@ -76,6 +76,9 @@ impl Calibrator {
             return;
         }
         if !self.watch.has_fault() {
+            if std::mem::take(&mut self.failed_unproven) {
+                self.give_up();
+            }
             self.follow_reading(&waiting.reading);
             self.take_second_pass();
         }
@@ -205,6 +208,7 @@ impl Calibrator {
         let prior = with_nominal(config, self.with_former(guess));
         let filter = Filter::new(*vehicle, &config.settings, &prior);
         self.former_mount = None;
+        self.failed_unproven = false;
         self.session.began_in_motion = self.drove_throughout();
         // The paper's filter knows none of what goes wrong on the way, and keeps its first anchor for ever.
         let is_clone = config.settings.measurement == Measurement::Clone;
@@ -244,6 +248,7 @@ impl Calibrator {
         let mut filter = detected.filter_before.clone();
         filter.lose_anchor();
         self.follower = Some(Follower::new(filter));
+        self.failed_unproven |= self.second_pass.is_some();
         self.forget_readings();
         if detected.cause == Cause::Odometry && self.odometry_watch.is_told() {
             return;
@@ -388,7 +393,7 @@ fn are_known(change: &Change, now: &ParameterEstimates) -> bool {
 }
 
 /// A guess joined with the nominal mount, where the two agree: the nominal mount is evidence too.
-fn with_nominal(config: &CalibratorConfig, guess: Prior) -> Prior {
+pub(super) fn with_nominal(config: &CalibratorConfig, guess: Prior) -> Prior {
     let Some(nominal) = config.nominal_lidar_in_base else {
         return guess;
     };

@@ -96,6 +96,8 @@ pub struct Calibrator {
     watch: ChangeWatch,
     follower: Option<Follower>,
     second_pass: Option<Box<SecondPass>>,
+    /// Whether a fault came before the filter's second pass: it begins from nothing when that is over.
+    failed_unproven: bool,
     /// Mount (x, y, yaw) of a filter that began again, because its poses had been misled.
     former_mount: Option<nalgebra::Vector3<f64>>,
     /// The stored calibration, while a new session has not been held against it.
@@ -122,6 +124,7 @@ impl Calibrator {
             watch: ChangeWatch::default(),
             follower: None,
             second_pass: None,
+            failed_unproven: false,
             former_mount: None,
             comparison: None,
             baseline: None,
