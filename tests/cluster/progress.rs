@@ -1,13 +1,19 @@
 //! Rounds that are kept: each one that has passed stands in a file with its figures, so that a
-//! campaign goes on where it stopped.
+//! campaign goes on where it stopped, and each that was begun, so that those that failed are counted.
 
 use std::collections::BTreeMap;
 use std::fs::{self, OpenOptions};
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+use std::process::Command;
 
 use fleetcal_contract::own_server::number;
 use fleetcal_tests::binary;
+
+use crate::figures::told;
+
+/// What stands in the file instead of figures when a round begins.
+const BEGUN: &str = "begun";
 
 /// Figures of the rounds of a kind, by seed.
 #[derive(Debug)]
@@ -17,6 +23,8 @@ pub struct Progress {
     wanted: u64,
     /// What each round that has passed has found.
     pub rounds: BTreeMap<u64, Vec<f64>>,
+    /// Rounds of former runs that failed or were broken off.
+    pub failed: u64,
 }
 
 impl Progress {
@@ -28,11 +36,13 @@ impl Progress {
             fs::create_dir_all(&folder).unwrap();
             PathBuf::from(folder).join(format!("{kind}.rounds"))
         });
-        let rounds = file.as_deref().map(read).unwrap_or_default();
+        let text = file.as_deref().map(fs::read_to_string);
+        let (rounds, failed) = read(&text.and_then(Result::ok).unwrap_or_default());
         Self {
             file,
             wanted,
             rounds,
+            failed,
         }
     }
 
@@ -44,14 +54,28 @@ impl Progress {
             .collect()
     }
 
+    /// Notes that a round begins: unless it passes, it counts as failed from the next run on.
+    pub fn begin(&self, seed: u64) {
+        self.note(seed, BEGUN);
+    }
+
     /// Notes a round that has passed: the seed, its figures, and what it was run with.
     pub fn passed(&mut self, seed: u64, figures: Vec<f64>) {
         let told: Vec<_> = figures.iter().map(|one| format!("{one:.4}")).collect();
+        self.note(seed, &told.join(" "));
+        self.rounds.insert(seed, figures);
+    }
+
+    fn note(&self, seed: u64, what: &str) {
         if let Some(file) = &self.file {
             let opened = OpenOptions::new().create(true).append(true).open(file);
-            writeln!(opened.unwrap(), "{seed} {} # {}", told.join(" "), program()).unwrap();
+            writeln!(opened.unwrap(), "{seed} {what} # {}", program()).unwrap();
         }
-        self.rounds.insert(seed, figures);
+    }
+
+    /// How many rounds failed for any reason, of all that were begun.
+    pub fn told_failed(&self) -> String {
+        told(self.failed, self.len() + self.failed)
     }
 
     /// The figure at a place in every round.
@@ -77,30 +101,56 @@ impl Progress {
         let seeds = self.rounds.keys();
         let (first, last) = (seeds.clone().next(), seeds.clone().next_back());
         format!(
-            "seeds {} to {}; {}; PostgreSQL {server}; Zenoh {}",
+            "seeds {} to {}; failed or broken off before: {}; {}; PostgreSQL {server}; Zenoh {}",
             first.copied().unwrap_or_default(),
             last.copied().unwrap_or_default(),
+            self.failed,
             program(),
             zenoh(),
         )
     }
 }
 
-fn read(file: &Path) -> BTreeMap<u64, Vec<f64>> {
-    let text = fs::read_to_string(file).unwrap_or_default();
-    let round = |line: &str| {
-        let line = line.split('#').next()?;
-        let mut words = line.split_whitespace();
-        let seed = words.next()?.parse().ok()?;
-        Some((seed, words.map(|word| word.parse().unwrap()).collect()))
-    };
-    text.lines().filter_map(round).collect()
+/// The rounds that have passed, and how many others were begun.
+fn read(text: &str) -> (BTreeMap<u64, Vec<f64>>, u64) {
+    let mut rounds = BTreeMap::new();
+    let mut open = BTreeMap::<u64, u64>::new();
+    for line in text.lines() {
+        let mut words = line
+            .split('#')
+            .next()
+            .unwrap_or_default()
+            .split_whitespace();
+        let Some(seed) = words.next().and_then(|word| word.parse().ok()) else {
+            continue;
+        };
+        let words: Vec<_> = words.collect();
+        let begun = open.entry(seed).or_default();
+        if words == [BEGUN] {
+            *begun += 1;
+        } else {
+            *begun = begun.saturating_sub(1);
+            let figures = words.iter().map(|word| word.parse().unwrap()).collect();
+            rounds.insert(seed, figures);
+        }
+    }
+    (rounds, open.values().sum())
 }
 
-/// What `fleetcal --version` says.
+/// What `fleetcal --version` says, and the commit that is checked out.
 fn program() -> String {
     let said = binary::run(["--version"]);
-    String::from_utf8_lossy(&said.stdout).trim().to_owned()
+    let version = String::from_utf8_lossy(&said.stdout).trim().to_owned();
+    let git = Command::new("git")
+        .args(["rev-parse", "--short", "HEAD"])
+        .output();
+    match git {
+        Ok(git) if git.status.success() => {
+            let commit = String::from_utf8_lossy(&git.stdout).trim().to_owned();
+            format!("{version} of {commit}")
+        }
+        _ => version,
+    }
 }
 
 /// The version of Zenoh that this is built with.
@@ -112,4 +162,19 @@ fn zenoh() -> String {
         .nth(1)
         .and_then(|line| line.strip_prefix("version = "));
     version.unwrap_or("unknown").trim_matches('"').to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_round_that_was_begun_and_has_not_passed_counts_as_failed() {
+        let text = "1 begun # v\n1 0.5 3 # v\n2 begun # v\n2 begun # v\n2 0.7 4 # v\n3 begun # v\n";
+        let (rounds, failed) = read(text);
+        assert_eq!(rounds.keys().copied().collect::<Vec<_>>(), [1, 2]);
+        assert_eq!((rounds[&2].clone(), failed), (vec![0.7, 4.0], 2));
+        // Files of former versions hold no beginnings.
+        assert_eq!(read("7 0.5 # v\n").1, 0);
+    }
 }

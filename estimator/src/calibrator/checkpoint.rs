@@ -16,10 +16,8 @@ use crate::merge::{Merger, Stream};
 use crate::stream::Note;
 use crate::trust::Trust;
 
-/// Version of the checkpoint's layout.
-const VERSION: u32 = 9;
-/// Those before, which can be read as well: 8 knew nothing of the steering's lag, 7 knew nothing of the steering's curve, 6 nothing of the
-/// scanner either.
+/// Versions of the layout before the one that is written, which can be read as well: 8 knew nothing of the
+/// steering's lag, 7 nothing of the steering's curve, 6 nothing of the scanner either.
 const VERSIONS_BEFORE: [u32; 3] = [6, 7, 8];
 
 /// A calibrator's state, to be stored and restored. The local map is not in it: it is rebuilt.
@@ -56,6 +54,12 @@ pub enum CheckpointRefused {
     },
 }
 
+impl Checkpoint {
+    /// Version of the layout that is written. A program that raises it has to store it as a new format as well:
+    /// an instance of the version before would else claim a robot whose state it cannot read.
+    pub const VERSION: u32 = 9;
+}
+
 impl Calibrator {
     /// An estimator that goes on from a checkpoint, under a new anchor and local map. Its session
     /// goes on too, unless the robot's clock says otherwise.
@@ -67,10 +71,10 @@ impl Calibrator {
         checkpoint: &Checkpoint,
     ) -> Result<Self, CheckpointRefused> {
         let is_older = VERSIONS_BEFORE.contains(&checkpoint.version);
-        if checkpoint.version != VERSION && !is_older {
+        if checkpoint.version != Checkpoint::VERSION && !is_older {
             return Err(CheckpointRefused::Version {
                 found: checkpoint.version,
-                wanted: VERSION,
+                wanted: Checkpoint::VERSION,
             });
         }
         let mut restored = Self::new(config);
@@ -101,7 +105,7 @@ impl Calibrator {
         let mut long_run = self.watch.long_run().clone();
         long_run.break_block();
         Checkpoint {
-            version: VERSION,
+            version: Checkpoint::VERSION,
             filter: self.filter().map(|filter| {
                 let mut filter = filter.clone();
                 filter.lose_anchor();

@@ -141,6 +141,12 @@ fn zenoh(api: &ApiState) -> Result<(), String> {
         return Err("the Zenoh session is not open".to_owned());
     }
     match own_member(&api.membership) {
+        Some(member) if !Member::has_right_time(member.clock_ahead_ns) => {
+            let ahead_s = member.clock_ahead_ns as f64 / 1e9;
+            Err(format!(
+                "robots are given up: the clock is {ahead_s:.1} s ahead of the database's, at most 10 s are permitted"
+            ))
+        }
         Some(member) if !member.linked => Err("no Zenoh router is reached".to_owned()),
         _ => Ok(()),
     }

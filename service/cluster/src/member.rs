@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use fleetcal_domain::limits::CLUSTER_CLOCK_USED_UP_TO;
+
 use crate::tenure::Seat;
 
 /// An instance as its row says.
@@ -17,7 +19,7 @@ pub struct Member {
     pub capacity: u32,
     /// Whether it gives its robots away, because it is about to end.
     pub draining: bool,
-    /// Whether it reaches a Zenoh router, so that robots reach it.
+    /// Whether it reaches a Zenoh router, so that robots reach it, and its clock is right enough.
     pub linked: bool,
     /// Where other instances reach its HTTP API.
     pub url: String,
@@ -34,8 +36,30 @@ pub struct Member {
 }
 
 impl Member {
+    /// Whether a wall clock that is so far ahead of the database's, ns, is right enough to estimate robots by:
+    /// their times are compared with it.
+    pub fn has_right_time(clock_ahead_ns: i64) -> bool {
+        u128::from(clock_ahead_ns.unsigned_abs()) <= CLUSTER_CLOCK_USED_UP_TO.as_nanos()
+    }
+
     /// Whether its lease has not ended.
     pub fn is_live(&self) -> bool {
         !self.lease_left.is_zero()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_clock_may_be_ten_seconds_off_to_either_side() {
+        const LIMIT_NS: i64 = 10_000_000_000;
+        for right in [0, LIMIT_NS, -LIMIT_NS] {
+            assert!(Member::has_right_time(right));
+        }
+        for wrong in [LIMIT_NS + 1, -LIMIT_NS - 1, i64::MIN] {
+            assert!(!Member::has_right_time(wrong));
+        }
     }
 }

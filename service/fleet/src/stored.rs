@@ -1,9 +1,10 @@
 //! What a robot's task goes on from after a restart of the service.
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
-use fleetcal_estimator::{Calibrator, Checkpoint};
+use fleetcal_estimator::{Calibrator, Checkpoint, Pose2, Vehicle};
 use fleetcal_model::RobotId;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::candidate::Candidate;
 use crate::packed::{self, Unreadable};
@@ -14,7 +15,7 @@ use crate::verification_run::{StoredRun, VerificationRun};
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Stored {
     /// What the estimators were made with.
-    pub config: CalibratorConfig,
+    pub config: StoredConfig,
     /// The robot's own estimator.
     pub calibrator: Checkpoint,
     /// Whether a change was seen and the new values are not known yet.
@@ -35,6 +36,48 @@ impl Stored {
     /// When it cannot be packed.
     pub fn to_bytes(&self) -> Result<Vec<u8>, Unreadable> {
         packed::pack(self)
+    }
+}
+
+/// The configuration of estimators, as the version that stored it had it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StoredConfig {
+    vehicle: Vehicle,
+    nominal_lidar_in_base: Option<Pose2>,
+    settings: Value,
+}
+
+impl StoredConfig {
+    /// This configuration, to be stored.
+    ///
+    /// # Errors
+    /// When it cannot be written as JSON.
+    pub fn of(config: &CalibratorConfig) -> Result<Self, Unreadable> {
+        Ok(Self {
+            vehicle: config.vehicle,
+            nominal_lidar_in_base: config.nominal_lidar_in_base,
+            settings: serde_json::to_value(&config.settings)?,
+        })
+    }
+
+    /// Whether an estimator of this configuration goes on from the state. Settings that only one of the two
+    /// versions knows do not count: instances of both may serve while a cluster is upgraded.
+    fn agrees_with(&self, config: &CalibratorConfig) -> bool {
+        self.vehicle == config.vehicle
+            && self.nominal_lidar_in_base == config.nominal_lidar_in_base
+            && serde_json::to_value(&config.settings).is_ok_and(|own| agree(&self.settings, &own))
+    }
+}
+
+/// Whether settings are equal in all fields that both have.
+fn agree(stored: &Value, own: &Value) -> bool {
+    match (stored, own) {
+        (Value::Object(stored), Value::Object(own)) => stored
+            .iter()
+            .filter_map(|(key, stored)| own.get(key).map(|own| (stored, own)))
+            .all(|(stored, own)| agree(stored, own)),
+        (Value::Number(stored), Value::Number(own)) => stored.as_f64() == own.as_f64(),
+        _ => stored == own,
     }
 }
 
@@ -81,7 +124,7 @@ pub fn restore(robot: &RobotId, config: &CalibratorConfig, bytes: &[u8]) -> Opti
             return None;
         }
     };
-    if stored.config != *config {
+    if !stored.config.agrees_with(config) {
         tracing::info!(robot.id = %robot, "configured otherwise: estimator begins from nothing");
         return None;
     }

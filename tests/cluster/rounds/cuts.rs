@@ -11,7 +11,7 @@ use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 
 use crate::cluster::{Cluster, Parts};
-use crate::figures::{quantile, spread, told};
+use crate::figures::{quantile, spread};
 use crate::namespaces;
 use crate::network::Cut;
 use crate::progress::Progress;
@@ -82,6 +82,7 @@ async fn cuts(kind: &str, from: From, direction: Cut) {
         let mut trial = Trial::on(cluster, &parts, open[0], PAUSE).await;
         trial.alerts();
         for seed in open {
+            progress.begin(seed);
             let took = cut(&mut trial, seed, from, direction);
             progress.passed(seed, took.to_vec());
         }
@@ -91,7 +92,6 @@ async fn cuts(kind: &str, from: From, direction: Cut) {
             progress.told(&trial.server())
         );
     }
-    let rounds = progress.len();
     println!(
         "{kind}: robots served by another instance: {}",
         spread(&progress.figures(0))
@@ -102,7 +102,7 @@ async fn cuts(kind: &str, from: From, direction: Cut) {
     );
     println!(
         "  false alerts, stale rows or documents, later than 9 s or 30 s: {}",
-        told(0, rounds)
+        progress.told_failed()
     );
 }
 
@@ -178,6 +178,7 @@ async fn slow_lines_move_no_robot() {
         let mut trial = Trial::start(true, open[0], PAUSE).await;
         trial.alerts();
         for seed in open {
+            progress.begin(seed);
             let seen = slow(&mut trial, seed);
             progress.passed(seed, seen.to_vec());
         }
@@ -190,6 +191,6 @@ async fn slow_lines_move_no_robot() {
     println!(
         "slow lines, s each way: {}; robots moved, alerts, stale rows: {}",
         spread(&progress.figures(0)),
-        told(0, progress.len())
+        progress.told_failed()
     );
 }

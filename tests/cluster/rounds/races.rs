@@ -8,7 +8,6 @@ use fleetcal_tests::http::Answer;
 use crate::checker::{Decision, Evidence, Outcome};
 use crate::cluster::{Cluster, Parts};
 use crate::decider::{Desk, Waiting};
-use crate::figures::told;
 use crate::progress::Progress;
 use crate::records;
 use crate::trial::desk;
@@ -115,6 +114,7 @@ async fn of_approvals_at_two_to_five_instances_exactly_one_wins() {
         let second = cluster.token_of("bruno");
         let mut evidence = Evidence::default();
         for seed in open {
+            progress.begin(seed);
             let race = Race {
                 desk: &desk,
                 second: &second,
@@ -129,7 +129,7 @@ async fn of_approvals_at_two_to_five_instances_exactly_one_wins() {
     }
     println!(
         "approvals raced by 2 to 5 instances, not exactly one won: {}",
-        told(0, progress.len())
+        progress.told_failed()
     );
     let winners = progress.figures(1);
     let of_one = |winner: usize| {

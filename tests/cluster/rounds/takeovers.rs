@@ -46,6 +46,7 @@ async fn takeovers(kind: &str, fast_takeover: bool, rounds: usize) -> Progress {
     }
     let mut trial = Trial::start(fast_takeover, open[0], PAUSE).await;
     for seed in open {
+        progress.begin(seed);
         let took = kill(&mut trial, seed);
         progress.passed(seed, vec![quantile(&took, 1.0)]);
     }
@@ -141,6 +142,7 @@ fn certainty_lost(trial: &mut Trial, twin: &Twin, seed: u64) -> Vec<CertaintyLos
 async fn sigmas_after_a_takeover_are_nearly_those_of_a_twin() {
     let mut progress = Progress::of("certainty", 1);
     for seed in progress.open() {
+        progress.begin(seed);
         let parts = Trial::parts(true);
         let cluster = Cluster::watched(&parts).await;
         let twin = Twin::start(&cluster);
@@ -203,6 +205,7 @@ async fn a_frozen_instance_does_no_harm_when_it_thaws() {
         let trial = Trial::start(true, open[0], PAUSE).await;
         let mut late = 0;
         for seed in open {
+            progress.begin(seed);
             let late_now = freeze(&trial, seed);
             progress.passed(seed, vec![(late_now - late) as f64]);
             late = late_now;
@@ -213,16 +216,14 @@ async fn a_frozen_instance_does_no_harm_when_it_thaws() {
             progress.told(&trial.server())
         );
     }
-    let rounds = progress.len();
     println!(
         "freezes of 0.5 to 20 s with stale rows: {}",
-        told(0, rounds)
+        progress.told_failed()
     );
-    println!("  with stale documents: {}", told(0, rounds));
-    let of_robots = rounds * DRIVING as u64;
+    println!("  with stale documents: {}", progress.told_failed());
     println!(
-        "  robots with more than one late estimate: {}",
-        told(0, of_robots)
+        "  in which a robot had more than one late estimate: {}",
+        progress.told_failed()
     );
     println!(
         "  one late estimate, which is permitted: {} times",
@@ -262,6 +263,7 @@ async fn who_ends_or_joins_in_order_breaks_no_stream() {
     if !open.is_empty() {
         let mut trial = Trial::start(true, open[0], PAUSE).await;
         for seed in open {
+            progress.begin(seed);
             let gaps = stop_and_join(&mut trial, seed);
             progress.passed(seed, gaps.to_vec());
         }

@@ -1,13 +1,14 @@
 import { describe, expect, it } from 'vitest';
 import { clockAhead, concerns, dutiesOf, instanceFace, vacant } from './instances';
 
-const well = { lease_left_s: 4.5, linked: true, draining: false };
+const well = { lease_left_s: 4.5, linked: true, draining: false, clock_ahead_s: 0.1 };
 
 describe('an instance', () => {
   it('stands as the worst that is so', () => {
     expect(instanceFace(well).word).toBe('Serving');
     expect(instanceFace({ ...well, draining: true }).word).toBe('Draining');
     expect(instanceFace({ ...well, draining: true, linked: false }).word).toBe('No router');
+    expect(instanceFace({ ...well, linked: false, clock_ahead_s: -10.1 }).word).toBe('Clock off');
     expect(instanceFace({ ...well, linked: false, lease_left_s: 0 }).word).toBe('Lease ended');
   });
 

@@ -6,6 +6,8 @@ import { signed } from '../units/format';
 
 /** A clock that is further from the database's raises an alert, s. */
 const CLOCK_WARNED_BEYOND_S = 1;
+/** An instance whose clock is further from the database's gives up its robots, s. */
+const CLOCK_USED_UP_TO_S = 10;
 
 const FACES = {
   ended: {
@@ -19,6 +21,12 @@ const FACES = {
     shape: 'ring-broken',
     tone: 'bad',
     meaning: 'It reaches no Zenoh router: no robot reaches it.',
+  },
+  clock: {
+    word: 'Clock off',
+    shape: 'ring-broken',
+    tone: 'bad',
+    meaning: 'Its clock is more than 10 s from the database’s: it has given up its robots.',
   },
   draining: {
     word: 'Draining',
@@ -36,9 +44,10 @@ const FACES = {
 
 /** How an instance stands: the worst that is so. */
 export function instanceFace(
-  instance: Pick<Instance, 'lease_left_s' | 'linked' | 'draining'>,
+  instance: Pick<Instance, 'lease_left_s' | 'linked' | 'draining' | 'clock_ahead_s'>,
 ): Face {
   if (instance.lease_left_s <= 0) return FACES.ended;
+  if (Math.abs(instance.clock_ahead_s) > CLOCK_USED_UP_TO_S) return FACES.clock;
   if (!instance.linked) return FACES.unlinked;
   return instance.draining ? FACES.draining : FACES.serving;
 }

@@ -255,6 +255,11 @@ async fn readiness_is_that_of_the_instance() {
     unlinked.members[0].linked = false;
     let answer = told(&bench, &unlinked).await;
     assert_eq!(answer["zenoh"]["detail"], "no Zenoh router is reached");
+    let mut late = unlinked.clone();
+    late.members[0].clock_ahead_ns = -12_500_000_000;
+    let answer = told(&bench, &late).await;
+    let detail = answer["zenoh"]["detail"].as_str().unwrap();
+    assert!(detail.contains("the clock is -12.5 s ahead"), "{detail}");
     let mut draining = rows.clone();
     draining.members[0].draining = true;
     let answer = told(&bench, &draining).await;

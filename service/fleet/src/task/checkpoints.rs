@@ -6,7 +6,7 @@ use fleetcal_domain::limits::{
 };
 
 use super::{Engine, RobotTask};
-use crate::stored::Stored;
+use crate::stored::{Stored, StoredConfig};
 use crate::verification_run::VerificationRun;
 
 impl RobotTask {
@@ -38,14 +38,17 @@ impl RobotTask {
         let checkpoint = calibrator.checkpoint();
         self.earlier_good = self.last_good.replace(checkpoint.clone());
         let run = self.verification_run.as_ref();
-        let stored = Stored {
-            config: self.config.clone(),
-            calibrator: checkpoint,
-            changed: self.changed,
-            candidate: self.robot.candidate(),
-            verification_run: run.map(VerificationRun::to_stored),
-        };
-        match stored.to_bytes() {
+        let bytes = StoredConfig::of(&self.config).and_then(|config| {
+            let stored = Stored {
+                config,
+                calibrator: checkpoint,
+                changed: self.changed,
+                candidate: self.robot.candidate(),
+                verification_run: run.map(VerificationRun::to_stored),
+            };
+            stored.to_bytes()
+        });
+        match bytes {
             Ok(state) => self
                 .fleet
                 .journal

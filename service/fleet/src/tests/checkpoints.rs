@@ -2,7 +2,7 @@
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::stream::ScanShape;
-use fleetcal_estimator::{DriveSample, LidarPose, Note, NoteKind, Pose2, Scan};
+use fleetcal_estimator::{Checkpoint, DriveSample, LidarPose, Note, NoteKind, Pose2, Scan};
 use fleetcal_robot::simulator::{
     self, LidarOutput, PoseSettings, ScheduledChange, SimulatedMessage, Simulation,
     SimulationConfig,
@@ -13,7 +13,7 @@ use super::*;
 use crate::candidate::Candidate;
 use crate::packed;
 use crate::robot::Robot;
-use crate::stored::{self, Restored, Stored};
+use crate::stored::{self, Restored, Stored, StoredConfig};
 use crate::verification_run::VerificationRun;
 
 /// Most bytes of a checkpoint.
@@ -82,7 +82,7 @@ impl Drive {
     fn stored(&self) -> Stored {
         let run = self.restored.verification_run.as_ref();
         Stored {
-            config: self.config.clone(),
+            config: StoredConfig::of(&self.config).unwrap(),
             calibrator: self.restored.calibrator.checkpoint(),
             changed: self.restored.changed,
             candidate: self.restored.candidate.clone(),
@@ -249,4 +249,29 @@ fn another_format_or_configuration_begins_from_nothing() {
     };
     let longer = longer.calibrator_config(&EstimatorSettings::default());
     assert!(!restore(&longer, &bytes));
+    let mut unsure = drive.config.clone();
+    unsure.settings.false_alarm_hours *= 2.0;
+    assert!(!restore(&unsure, &bytes));
+}
+
+/// While a cluster is upgraded, a robot moves between versions of which one knows a setting that the other does
+/// not.
+#[test]
+fn a_setting_that_one_version_alone_knows_loses_no_state() {
+    let mut drive = Drive::new(poses());
+    drive.drive(10.0);
+    let mut content = serde_json::to_value(drive.stored()).unwrap();
+    let settings = content["config"]["settings"].as_object_mut().unwrap();
+    assert!(settings.remove("false_alarm_hours").is_some());
+    settings.insert("of_the_next_version".to_owned(), 0.5.into());
+    let bytes = packed::pack(&content).unwrap();
+    let restored = stored::restore(&id("robot"), &drive.config, &bytes).unwrap();
+    assert!(restored.calibrator.filter().is_some());
+}
+
+/// An instance claims a robot by the format of its state: a layout that it cannot read needs a format that it
+/// does not know.
+#[test]
+fn a_new_layout_of_the_estimators_state_is_a_new_format() {
+    assert_eq!((Checkpoint::VERSION, packed::FORMAT), (9, 4));
 }

@@ -310,7 +310,7 @@ impl Ownership {
         self.end(&robots).await?;
         tracing::warn!(
             robots = robots.len(),
-            "robots given up: no router is reached"
+            "robots given up: no router is reached, or the clock is too far from the database's"
         );
         self.inner.registry.free(seat, &robots).await
     }

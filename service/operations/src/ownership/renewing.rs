@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use fleetcal_cluster::Seat;
+use fleetcal_cluster::{Member, Seat};
 use fleetcal_domain::limits;
 use fleetcal_model::WallTime;
 use fleetcal_store::StoreError;
@@ -74,8 +74,7 @@ impl Ownership {
     }
 
     fn has_right_time(&self) -> bool {
-        let ahead_ns = self.inner.clock_ahead_ns.load(Ordering::Relaxed);
-        ahead_ns.unsigned_abs() <= nanoseconds(limits::CLUSTER_CLOCK_USED_UP_TO)
+        Member::has_right_time(self.inner.clock_ahead_ns.load(Ordering::Relaxed))
     }
 }
 
