@@ -86,6 +86,7 @@ impl Calibrator {
             restored.merger = Merger::resuming(checkpoint.session.now, left, notes);
         }
         restored.follower = checkpoint.filter.clone().map(|mut filter| {
+            filter.set_motion_noise(&restored.config.settings);
             if is_older {
                 filter.open_curve(&restored.prior);
             }
@@ -106,11 +107,14 @@ impl Calibrator {
         long_run.break_block();
         Checkpoint {
             version: Checkpoint::VERSION,
-            filter: self.filter().map(|filter| {
-                let mut filter = filter.clone();
-                filter.lose_anchor();
-                filter
-            }),
+            filter: self
+                .filter()
+                .filter(|_| self.failed_pass.is_none())
+                .map(|filter| {
+                    let mut filter = filter.clone();
+                    filter.lose_anchor();
+                    filter
+                }),
             session: self.session.stored(),
             trust: self.trust.clone(),
             long_run,

@@ -76,9 +76,7 @@ impl Calibrator {
             return;
         }
         if !self.watch.has_fault() {
-            if std::mem::take(&mut self.failed_unproven) {
-                self.give_up();
-            }
+            self.give_up_unproven();
             self.follow_reading(&waiting.reading);
             self.take_second_pass();
         }
@@ -101,7 +99,7 @@ impl Calibrator {
             self.give_up();
         }
         // Nothing is held against values that are about to be found once more.
-        if self.second_pass.is_none() {
+        if self.is_proven() {
             self.compare(effects);
             self.check_drift(effects);
         }
@@ -119,7 +117,7 @@ impl Calibrator {
     }
 
     /// What was learnt cannot be: the filter begins from nothing.
-    fn give_up(&mut self) {
+    pub(super) fn give_up(&mut self) {
         self.follower = None;
         self.baseline = None;
         self.forget_readings();
@@ -135,7 +133,8 @@ impl Calibrator {
         let knows =
             |filter: &&Filter| knows_enough(&self.known_of(filter).1, &self.config.settings);
         let known = self.filter().filter(knows).cloned();
-        if let Some(mut filter) = known.filter(|_| by == MisledBy::Floor) {
+        let is_kept = by == MisledBy::Floor && self.is_proven();
+        if let Some(mut filter) = known.filter(|_| is_kept) {
             self.begin_comparison(Occasion::NewSession);
             filter.lose_anchor();
             filter.reopen(&COMPARED, change_sigma);
@@ -208,7 +207,7 @@ impl Calibrator {
         let prior = with_nominal(config, self.with_former(guess));
         let filter = Filter::new(*vehicle, &config.settings, &prior);
         self.former_mount = None;
-        self.failed_unproven = false;
+        self.failed_pass = None;
         self.session.began_in_motion = self.drove_throughout();
         // The paper's filter knows none of what goes wrong on the way, and keeps its first anchor for ever.
         let is_clone = config.settings.measurement == Measurement::Clone;
@@ -248,7 +247,9 @@ impl Calibrator {
         let mut filter = detected.filter_before.clone();
         filter.lose_anchor();
         self.follower = Some(Follower::new(filter));
-        self.failed_unproven |= self.second_pass.is_some();
+        if let Some(pass) = self.second_pass.take() {
+            self.failed_pass = Some(pass);
+        }
         self.forget_readings();
         if detected.cause == Cause::Odometry && self.odometry_watch.is_told() {
             return;
@@ -284,7 +285,8 @@ impl Calibrator {
             let (values, covariance) = self.known_of(filter);
             let settings = &self.config.settings;
             // An unfinished session has learnt nothing that a comparison could be held to.
-            if self.comparison.is_none() && knows_enough(&covariance, settings) {
+            let is_worth_it = self.is_proven() && knows_enough(&covariance, settings);
+            if self.comparison.is_none() && is_worth_it {
                 let stored = Comparison::new(occasion, values, &covariance, settings);
                 self.comparison = Some(stored.told_with(&self.told_of(filter).covariance));
             }

@@ -96,8 +96,8 @@ pub struct Calibrator {
     watch: ChangeWatch,
     follower: Option<Follower>,
     second_pass: Option<Box<SecondPass>>,
-    /// Whether a fault came before the filter's second pass: it begins from nothing when that is over.
-    failed_unproven: bool,
+    /// The pass that a fault came before: the filter begins from nothing when the fault is over.
+    failed_pass: Option<Box<SecondPass>>,
     /// Mount (x, y, yaw) of a filter that began again, because its poses had been misled.
     former_mount: Option<nalgebra::Vector3<f64>>,
     /// The stored calibration, while a new session has not been held against it.
@@ -124,7 +124,7 @@ impl Calibrator {
             watch: ChangeWatch::default(),
             follower: None,
             second_pass: None,
-            failed_unproven: false,
+            failed_pass: None,
             former_mount: None,
             comparison: None,
             baseline: None,

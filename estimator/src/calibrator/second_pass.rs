@@ -10,7 +10,8 @@
 //! The first guess was made of the first few readings. Where the odometry had not found its way by then, as may
 //! be with a scanner that sees the floor, the mount came out metres away, and the filter does not come back from
 //! there. So the pass also begins at a guess by the later readings, where that is another mount, and the filter
-//! begins from nothing where wheels and LiDAR were taken to disagree, a fault, before it was passed twice.
+//! begins from nothing where wheels and LiDAR were taken to disagree, a fault, before it was passed twice. A map
+//! that begins again, or a restart, loses the pass.
 
 use super::following::with_nominal;
 use super::session::is_at_rest;
@@ -71,7 +72,7 @@ impl Calibrator {
     }
 
     /// Takes the second pass when it is due, and stays with the first where that fits as well: the change test
-    /// begins again with another filter, and is blind for some 34 m.
+    /// begins again with another filter, and is blind for some 36 m.
     pub(super) fn take_second_pass(&mut self) {
         let distance_m = self.session.distance_m;
         let due = self
@@ -84,25 +85,30 @@ impl Calibrator {
         if self.known_way_m() < WAY_MIN_M {
             return;
         }
-        let fit = |follower: &Follower| follower.filter.noise_scale();
         let readings: Vec<_> = self.readings.iter().copied().collect();
-        let near = self.followed(&as_far_as_learnt(&pass.prior, &first.filter), &readings);
-        let second = match self.guessed_elsewhere(&first.filter, &readings) {
-            Some(elsewhere) if fit(&elsewhere) < fit(&near) => elsewhere,
-            _ => near,
-        };
-        if fit(&second) >= fit(first) {
+        let near = as_far_as_learnt(&pass.prior, &first.filter);
+        let elsewhere = self.guessed_elsewhere(&near, &first.filter, &readings);
+        let is_elsewhere = elsewhere.is_some();
+        let second = elsewhere.unwrap_or_else(|| self.followed(&near, &readings));
+        if !is_elsewhere && misfit(&second) >= misfit(first) {
             return;
         }
+        // What was steered before the later readings is no start from rest.
+        self.session.began_in_motion |= is_elsewhere;
         self.follower = Some(second);
         // The windows so far were held against values that are given up.
         self.watch = ChangeWatch::with_long_run(pass.long_run);
     }
 
     /// A filter from a guess by the later half of the readings, and over them, where the guess is another mount
-    /// than a filter has found: that one began with the first few, and the odometry may not have found its way
-    /// by then.
-    fn guessed_elsewhere(&self, filter: &Filter, readings: &[OdometryReading]) -> Option<Follower> {
+    /// than a filter has found, and fits them better than one that begins near it: that one began with the first
+    /// few, and the odometry may not have found its way by then.
+    fn guessed_elsewhere(
+        &self,
+        near: &Prior,
+        filter: &Filter,
+        readings: &[OdometryReading],
+    ) -> Option<Follower> {
         let Self { config, drive, .. } = self;
         let later = readings.get(readings.len() / 2..)?;
         let guess = initial_guess(&config.vehicle, &self.prior, later, drive)?;
@@ -111,7 +117,11 @@ impl Calibrator {
             covariance: filter.parameter_covariance(),
             ..self.prior.clone()
         };
-        (!agrees_with(&found, &guess)).then(|| self.followed(&with_nominal(config, guess), later))
+        if agrees_with(&found, &guess) {
+            return None;
+        }
+        let elsewhere = self.followed(&with_nominal(config, guess), later);
+        (misfit(&elsewhere) < misfit(&self.followed(near, later))).then_some(elsewhere)
     }
 
     /// A filter that has followed these readings from a prior on.
@@ -126,11 +136,30 @@ impl Calibrator {
         follower
     }
 
+    /// Whether the filter is one that others may be held against: it has been passed twice, or need not be.
+    pub(super) fn is_proven(&self) -> bool {
+        self.second_pass.is_none() && self.failed_pass.is_none()
+    }
+
+    /// A filter that met a fault before its second pass is given up, with what windows told of its scatter.
+    pub(super) fn give_up_unproven(&mut self) {
+        if let Some(pass) = self.failed_pass.take() {
+            self.give_up();
+            self.session.unlearn();
+            self.watch = ChangeWatch::with_long_run(pass.long_run);
+        }
+    }
+
     /// Forgets the readings, and with them the second pass over them.
     pub(super) fn forget_readings(&mut self) {
         self.readings.clear();
         self.second_pass = None;
     }
+}
+
+/// How badly a filter fits what it followed: how many times larger the noise (as a variance) turned out.
+fn misfit(follower: &Follower) -> f64 {
+    follower.filter.noise_scale()
 }
 
 /// A prior whose values lie between its own and those that a filter has found from it, each by the share of its

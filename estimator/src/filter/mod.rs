@@ -19,7 +19,8 @@ pub mod prior;
 pub mod relevance;
 
 use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, Vector3, Vector4};
-use serde::{Deserialize, Serialize};
+use serde::de::IgnoredAny;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::drive_history::DriveSegment;
 use crate::estimate::Parameter;
@@ -132,6 +133,8 @@ impl Form {
 pub struct Filter {
     vehicle: Vehicle,
     form: Form,
+    /// As configured. A stored one is not read: a version may know settings that another does not.
+    #[serde(deserialize_with = "as_configured")]
     noise: MotionNoise,
     #[serde(deserialize_with = "padded::vector")]
     values: Values,
@@ -157,6 +160,11 @@ pub struct Filter {
     noise_scale: f64,
 }
 
+fn as_configured<'de, D: Deserializer<'de>>(stored: D) -> Result<MotionNoise, D::Error> {
+    IgnoredAny::deserialize(stored)?;
+    Ok(MotionNoise::default())
+}
+
 impl Filter {
     /// A filter that starts from a prior.
     pub fn new(vehicle: Vehicle, settings: &EstimatorSettings, prior: &Prior) -> Self {
@@ -180,6 +188,11 @@ impl Filter {
             by_time_shift: ByTimeShift::default(),
             noise_scale: 1.0,
         }
+    }
+
+    /// Takes the noise of the motion from the settings: a stored filter has none.
+    pub fn set_motion_noise(&mut self, settings: &EstimatorSettings) {
+        self.noise = settings.motion_noise;
     }
 
     /// How much larger the noise (as a variance) has turned out than configured, at least 1.

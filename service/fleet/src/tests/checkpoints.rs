@@ -264,6 +264,10 @@ fn a_setting_that_one_version_alone_knows_loses_no_state() {
     let settings = content["config"]["settings"].as_object_mut().unwrap();
     assert!(settings.remove("false_alarm_hours").is_some());
     settings.insert("of_the_next_version".to_owned(), 0.5.into());
+    for noise in ["/config/settings/motion_noise", "/calibrator/filter/noise"] {
+        let noise = content.pointer_mut(noise).unwrap();
+        noise["of_the_next_version"] = 0.5.into();
+    }
     let bytes = packed::pack(&content).unwrap();
     let restored = stored::restore(&id("robot"), &drive.config, &bytes).unwrap();
     assert!(restored.calibrator.filter().is_some());
