@@ -44,8 +44,8 @@ web/node_modules/.package-lock.json: web/package.json web/package-lock.json | no
 
 .PHONY: node
 node:
-	@node -e 'const [major, minor] = process.versions.node.split(".").map(Number); process.exit(major > 20 || (major === 20 && minor >= 19) ? 0 : 1)' 2>/dev/null \
-	  || { echo "Node.js 20.19 or newer is missing: install it with npm, then run make again." >&2; exit 1; }
+	@node -e 'const [major, minor] = process.versions.node.split(".").map(Number); process.exit((major === 20 && minor >= 19) || (major === 22 && minor >= 13) || major >= 24 ? 0 : 1)' 2>/dev/null \
+	  || { echo "Node.js 20.19, 22.13 or 24 and newer is missing: install it with npm, then run make again." >&2; exit 1; }
 
 .PHONY: rust
 rust:
@@ -110,7 +110,7 @@ build-for-tests: dashboard rust
 test-rust: build-for-tests strace python ## Rust tests, end-to-end ones included
 	if $(CARGO) nextest --version >/dev/null 2>&1; then \
 	  env -u FLEETCAL_DATA FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) \
-	    $(CARGO) nextest run --release --locked --workspace -E 'not binary(recordings) and (not binary(cluster) or test(/^(checker|figures)::/))'; \
+	    $(CARGO) nextest run --release --locked --workspace -E 'not binary(recordings) and (not binary(cluster) or test(/^(checker|figures|progress)::/))'; \
 	else \
 	  env -u FLEETCAL_DATA FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) \
 	    $(CARGO) test --release --locked --workspace -- --test-threads 2 \
@@ -157,7 +157,7 @@ cluster-upgrade: build-for-tests ## Builds a next version and changes instances 
 
 # Rounds of a cluster that is hurt, after each of which all that was decided, written and heard is
 # checked; and faults beside the product that the check has to find.
-CLUSTER_ROUNDS = checker:: figures:: rounds:: --skip rounds::failover
+CLUSTER_ROUNDS = checker:: figures:: progress:: rounds:: --skip rounds::failover
 
 .PHONY: cluster-test
 cluster-test: build-for-tests ## A few rounds of each kind on a cluster: killed, frozen, cut off, raced, without its database: at most 15 minutes

@@ -73,7 +73,7 @@ impl Progress {
         }
     }
 
-    /// How many rounds failed for any reason, of all that were begun.
+    /// How many rounds of former runs failed for any reason, or were broken off, of all that were begun.
     pub fn told_failed(&self) -> String {
         told(self.failed, self.len() + self.failed)
     }
@@ -137,12 +137,12 @@ fn read(text: &str) -> (BTreeMap<u64, Vec<f64>>, u64) {
     (rounds, open.values().sum())
 }
 
-/// What `fleetcal --version` says, and the commit that is checked out.
+/// What `fleetcal --version` says, and the commit that is checked out, with a mark of changes.
 fn program() -> String {
     let said = binary::run(["--version"]);
     let version = String::from_utf8_lossy(&said.stdout).trim().to_owned();
     let git = Command::new("git")
-        .args(["rev-parse", "--short", "HEAD"])
+        .args(["describe", "--always", "--dirty"])
         .output();
     match git {
         Ok(git) if git.status.success() => {

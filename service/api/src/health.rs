@@ -142,9 +142,15 @@ fn zenoh(api: &ApiState) -> Result<(), String> {
     }
     match own_member(&api.membership) {
         Some(member) if !Member::has_right_time(member.clock_ahead_ns) => {
-            let ahead_s = member.clock_ahead_ns as f64 / 1e9;
+            let off_s = member.clock_ahead_ns.unsigned_abs() as f64 / 1e9;
+            let side = if member.clock_ahead_ns < 0 {
+                "behind"
+            } else {
+                "ahead of"
+            };
+            let most_s = limits::CLUSTER_CLOCK_USED_UP_TO.as_secs();
             Err(format!(
-                "robots are given up: the clock is {ahead_s:.1} s ahead of the database's, at most 10 s are permitted"
+                "the clock is {off_s:.1} s {side} the database's, more than {most_s} s: other instances take the robots"
             ))
         }
         Some(member) if !member.linked => Err("no Zenoh router is reached".to_owned()),

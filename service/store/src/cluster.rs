@@ -33,7 +33,7 @@ pub struct Joining {
 /// What an instance says of itself with each renewal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Renewal {
-    /// Whether it reaches a Zenoh router.
+    /// Whether it reaches a Zenoh router, and its clock is right enough.
     pub linked: bool,
     /// Whether it is about to end.
     pub draining: bool,

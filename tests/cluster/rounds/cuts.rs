@@ -101,7 +101,7 @@ async fn cuts(kind: &str, from: From, direction: Cut) {
         spread(&progress.figures(1))
     );
     println!(
-        "  false alerts, stale rows or documents, later than 9 s or 30 s: {}",
+        "  with false alerts, stale rows or documents, later than 9 s or 30 s, or other faults: {}",
         progress.told_failed()
     );
 }
@@ -189,7 +189,7 @@ async fn slow_lines_move_no_robot() {
         );
     }
     println!(
-        "slow lines, s each way: {}; robots moved, alerts, stale rows: {}",
+        "slow lines, s each way: {}; with robots moved, alerts or stale rows: {}",
         spread(&progress.figures(0)),
         progress.told_failed()
     );

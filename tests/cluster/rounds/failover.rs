@@ -143,7 +143,7 @@ fn tell(failure: Failure, progress: &Progress) {
         spread(&progress.figures(1))
     );
     println!(
-        "  rounds with a lost decision or a stale row: {}",
+        "  with a lost decision, a stale row or other faults: {}",
         progress.told_failed()
     );
     println!(

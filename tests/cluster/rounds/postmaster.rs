@@ -65,7 +65,10 @@ async fn a_killed_postmaster_loses_nothing_acknowledged() {
         "decisions again after the server's return: {}",
         spread(&again)
     );
-    println!("  rounds with a lost decision: {}", progress.told_failed());
+    println!(
+        "  with a lost decision or other faults: {}",
+        progress.told_failed()
+    );
     println!(
         "  decisions lost in rounds that passed: {}",
         told(0, progress.count(1))

@@ -128,7 +128,7 @@ async fn of_approvals_at_two_to_five_instances_exactly_one_wins() {
         assert_eq!(evidence.violations(), []);
     }
     println!(
-        "approvals raced by 2 to 5 instances, not exactly one won: {}",
+        "approvals raced by 2 to 5 instances, with not exactly one that won, or other faults: {}",
         progress.told_failed()
     );
     let winners = progress.figures(1);

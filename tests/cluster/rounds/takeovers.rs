@@ -72,6 +72,7 @@ async fn a_killed_instance_is_replaced() {
         spread(&slowest)
     );
     println!("  after more than 9 s: {late}");
+    println!("  failed or broken off: {}", progress.told_failed());
     let bounds = [quantile(&slowest, 0.5), quantile(&slowest, 0.99)];
     assert!(
         bounds[0] <= TAKEOVER_S[0] && bounds[1] <= TAKEOVER_S[1],
@@ -91,6 +92,7 @@ async fn a_killed_instance_is_replaced_when_its_lease_has_ended() {
     let late = told(late.count() as u64, progress.len());
     println!("takeover without fast_takeover: {}", spread(&slowest));
     println!("  after more than 9 s: {late}");
+    println!("  failed or broken off: {}", progress.told_failed());
     assert!(quantile(&slowest, 1.0) <= SERVED_WITHIN.as_secs_f64());
 }
 
@@ -172,6 +174,7 @@ async fn sigmas_after_a_takeover_are_nearly_those_of_a_twin() {
         progress.len(),
         quantile(&most, 1.0) * 100.0
     );
+    println!("  failed or broken off: {}", progress.told_failed());
     assert_eq!(wider, 0, "{most:?}");
 }
 
@@ -217,12 +220,8 @@ async fn a_frozen_instance_does_no_harm_when_it_thaws() {
         );
     }
     println!(
-        "freezes of 0.5 to 20 s with stale rows: {}",
-        progress.told_failed()
-    );
-    println!("  with stale documents: {}", progress.told_failed());
-    println!(
-        "  in which a robot had more than one late estimate: {}",
+        "freezes of 0.5 to 20 s, with stale rows or documents, more than one late estimate of a robot, or other \
+         faults: {}",
         progress.told_failed()
     );
     println!(
@@ -286,5 +285,6 @@ async fn who_ends_or_joins_in_order_breaks_no_stream() {
         "  longer than 2.2 s: {}",
         told(late as u64, all.len() as u64)
     );
+    println!("  failed or broken off: {}", progress.told_failed());
     assert_eq!(late, 0, "{all:?}");
 }

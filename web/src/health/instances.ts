@@ -26,7 +26,7 @@ const FACES = {
     word: 'Clock off',
     shape: 'ring-broken',
     tone: 'bad',
-    meaning: 'Its clock is more than 10 s from the database’s: it has given up its robots.',
+    meaning: 'Its clock is more than 10 s from the database’s: other instances take its robots.',
   },
   draining: {
     word: 'Draining',

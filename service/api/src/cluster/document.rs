@@ -58,7 +58,7 @@ struct InstanceDocument {
     capacity: u32,
     /// Time until its lease ends unless it is renewed, s; 0 once it has ended.
     lease_left_s: f64,
-    /// Whether it reaches a Zenoh router.
+    /// Whether it reaches a Zenoh router, and its clock is right enough.
     linked: bool,
     /// Whether it gives its robots away, because it is about to end.
     draining: bool,
