@@ -87,18 +87,22 @@ $(BUILT)/python/ready: tests/requirements.txt
 	  || { echo "The packages of $< could not be installed: PyPI has to be reachable once for the Python example's test." >&2; exit 1; }
 	@touch $@
 
+# The crate graph is among the Rust tests.
 .PHONY: test
-test: check test-rust test-web ## Runs all checks and tests
+test: lint test-rust test-web ## Runs all checks and tests
 
 .PHONY: check
-check: dashboard rust doc ## Format, lints, types, documentation and the crate graph
+check: lint ## Format, lints, types, documentation and the crate graph
+	@# Shows the crates and what each may use; fails on a circle.
+	$(CARGO) test --release --locked -p fleetcal-architecture -- --nocapture --test-threads 1
+
+.PHONY: lint
+lint: dashboard rust doc ## Format, lints, types and documentation
 	$(CARGO) fmt --check
 	$(CARGO) clippy --release --locked --workspace --all-targets -- -D warnings
 	@# Tests that need a server are no target of the others.
 	$(CARGO) clippy --release --locked --workspace --test postgres -- -D warnings
 	cd web && npm run check --silent
-	@# Shows the crates and what each may use; fails on a circle.
-	$(CARGO) test --release --locked -p fleetcal-architecture -- --nocapture --test-threads 1
 
 .PHONY: build-for-tests
 build-for-tests: dashboard rust
@@ -116,7 +120,7 @@ test-rust: build-for-tests strace python ## Rust tests, end-to-end ones included
 	    $(CARGO) test --release --locked --workspace -- --test-threads 2 \
 	    --skip instances_share_the_robots --skip who_does_not_fit_does_not_start --skip rounds:: \
 	    --skip two_instances_cost --skip instances_are_upgraded --skip a_cell_has_as_many \
-	    --skip a_machine_that_is_gone; \
+	    --skip a_machine_that_is_gone --skip requests_pass_haproxy; \
 	fi
 
 .PHONY: test-recordings
@@ -160,11 +164,12 @@ cluster-upgrade: build-for-tests ## Builds a next version and changes instances 
 CLUSTER_ROUNDS = checker:: figures:: progress:: rounds:: --skip rounds::failover
 
 .PHONY: cluster-test
-cluster-test: build-for-tests ## A few rounds of each kind on a cluster: killed, frozen, cut off, raced, without its database: at most 15 minutes
-	$(CLUSTER_TEST) $(CLUSTER_ROUNDS)
+cluster-test: build-for-tests ## A few rounds of each kind on a cluster: killed, frozen, cut off, raced, without its database, while webhooks are told and calibrations verified; and one behind HAProxy (installs it where it is missing, as root)
+	FLEETCAL_HAPROXY="$$(tests/cluster/haproxy.sh)" && export FLEETCAL_HAPROXY && \
+	$(CLUSTER_TEST) $(CLUSTER_ROUNDS) balancer::
 
 .PHONY: cluster-campaign
-cluster-campaign: build-for-tests ## The same as often as a proof needs, for hours; goes on where it stopped (CLUSTER_PROGRESS, CLUSTER_ROUNDS_...)
+cluster-campaign: build-for-tests ## The rounds as often as a proof needs, failovers and upgrades included, for hours; goes on where it stopped (CLUSTER_PROGRESS, CLUSTER_ROUNDS_...)
 	CLUSTER_PROGRESS="$${CLUSTER_PROGRESS:-$(abspath $(BUILT))/cluster-campaign-$${CLUSTER_INSTANCES:-2}}" \
 	CLUSTER_ROUNDS_TAKEOVER="$${CLUSTER_ROUNDS_TAKEOVER:-50}" \
 	CLUSTER_ROUNDS_TAKEOVER_BY_LEASE="$${CLUSTER_ROUNDS_TAKEOVER_BY_LEASE:-20}" \
@@ -180,8 +185,11 @@ cluster-campaign: build-for-tests ## The same as often as a proof needs, for hou
 	CLUSTER_ROUNDS_SLOW_LINES="$${CLUSTER_ROUNDS_SLOW_LINES:-10}" \
 	CLUSTER_ROUNDS_CERTAINTY="$${CLUSTER_ROUNDS_CERTAINTY:-3}" \
 	CLUSTER_ROUNDS_POSTMASTER="$${CLUSTER_ROUNDS_POSTMASTER:-20}" \
+	CLUSTER_ROUNDS_ROUTER_KILLED="$${CLUSTER_ROUNDS_ROUTER_KILLED:-20}" \
+	CLUSTER_ROUNDS_VERIFICATION="$${CLUSTER_ROUNDS_VERIFICATION:-3}" \
+	CLUSTER_ROUNDS_WEBHOOKS="$${CLUSTER_ROUNDS_WEBHOOKS:-20}" \
 	$(CLUSTER_TEST) $(CLUSTER_ROUNDS)
-	CLUSTER_PROGRESS="$${CLUSTER_PROGRESS:-$(abspath $(BUILT))/cluster-campaign-$${CLUSTER_INSTANCES:-2}}" $(MAKE) cluster-failover
+	CLUSTER_PROGRESS="$${CLUSTER_PROGRESS:-$(abspath $(BUILT))/cluster-campaign-$${CLUSTER_INSTANCES:-2}}" $(MAKE) cluster-failover cluster-upgrade
 
 .PHONY: cluster-failover
 cluster-failover: build-for-tests ## Three servers under Patroni: primary moved, killed, frozen, its etcd gone, three times each, and an old Patroni whose fault has to be found (installs etcd and Patroni where they are missing, as root): 15 minutes

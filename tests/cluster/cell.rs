@@ -73,6 +73,7 @@ async fn a_cell_has_as_many_robots_as_may_be() {
         names: vec!["a", "b", "c"],
         robots: DRIVING,
         parked: robots - DRIVING,
+        robots_apply: false,
         fast_takeover: true,
         in_namespaces: false,
     })

@@ -156,6 +156,8 @@ pub struct Parts {
     pub robots: usize,
     /// Registered robots that do not.
     pub parked: usize,
+    /// Whether robots that drive apply and prove their approved calibration.
+    pub robots_apply: bool,
     /// As in `[cluster]`.
     pub fast_takeover: bool,
     /// Each instance has a network namespace of its own, else they share the loopback.
@@ -179,9 +181,12 @@ pub struct Cluster {
     router_processes: Vec<Process>,
     /// Outlives the processes in it.
     namespaces: Option<Namespaces>,
+    /// The lines of `[cluster]` that name the peers.
+    pub peers: String,
     config: String,
     addresses: BTreeMap<&'static str, SocketAddr>,
     robots: usize,
+    robots_apply: bool,
 }
 
 impl Cluster {
@@ -191,6 +196,7 @@ impl Cluster {
             names: names.to_vec(),
             robots,
             parked: 0,
+            robots_apply: false,
             fast_takeover: true,
             in_namespaces: false,
         })
@@ -253,7 +259,8 @@ impl Cluster {
         };
         let addresses: BTreeMap<_, _> = parts.names.iter().map(http).collect();
         let routers = (0..ROUTERS).map(|_| {
-            let mut router = free_port();
+            // A router that is killed finds its port free when it starts again.
+            let mut router = kept_port();
             if let Some(all) = spaces {
                 router.set_ip(all.own_address(Network::Router));
             }
@@ -267,11 +274,13 @@ impl Cluster {
             database: database.to_string(),
             program: binary::path(),
             router_processes: Vec::new(),
-            config: config(parts, &addresses, folder.path()),
+            peers: plaintext_peers(&addresses),
+            config: config(parts, folder.path()),
             routers,
             namespaces,
             addresses,
             robots: parts.robots,
+            robots_apply: parts.robots_apply,
             folder,
         };
         for number in 0..cluster.routers.len() {
@@ -294,24 +303,38 @@ impl Cluster {
         Process::start(Command::new(beside).arg(own).args(others), log)
     }
 
-    /// A Zenoh configuration of a client of one router.
-    fn client(&self, name: &str, router: &str) -> PathBuf {
+    /// A Zenoh configuration of a client of the first of these routers that answers.
+    fn client(&self, name: &str, routers: &[String]) -> PathBuf {
         let path = self.folder.path().join(format!("{name}.json5"));
         let config = json!({
             "mode": "client",
-            "connect": { "endpoints": [router], "timeout_ms": -1, "exit_on_failure": false },
+            "connect": { "endpoints": routers, "timeout_ms": -1, "exit_on_failure": false },
             "scouting": { "multicast": { "enabled": false }, "gossip": { "enabled": false } },
         });
         fs::write(&path, config.to_string()).unwrap();
         path
     }
 
-    fn router_of(&self, name: &str, router: usize) -> String {
-        let line = self.lines.get(name);
-        line.map_or_else(
-            || self.routers[router].clone(),
-            |lines| format!("tcp/{}", lines.router.address()),
-        )
+    /// The routers of an instance: both, its own first, unless it has a line that can be cut.
+    fn routers_of(&self, name: &str, router: usize) -> Vec<String> {
+        if let Some(lines) = self.lines.get(name) {
+            return vec![format!("tcp/{}", lines.router.address())];
+        }
+        let mut both = self.routers.clone();
+        both.rotate_left(router);
+        both
+    }
+
+    /// Ends a router without warning.
+    pub fn kill_router(&mut self, router: usize) {
+        self.router_processes[router].kill();
+    }
+
+    /// Starts a router that was killed.
+    pub fn start_router(&mut self, router: usize) {
+        self.router_processes[router] = self.router(router);
+        let address = self.routers[router].trim_start_matches("tcp/");
+        wait_for("a router", || TcpStream::connect(address).ok());
     }
 
     /// The database as an instance reaches it: by its own line and in its own role.
@@ -345,7 +368,7 @@ impl Cluster {
 
     /// Starts an instance at a router, with further arguments.
     pub fn spawn(&self, name: &str, router: usize, arguments: &[&str]) -> Process {
-        let zenoh = self.client(name, &self.router_of(name, router));
+        let zenoh = self.client(name, &self.routers_of(name, router));
         let mut command = self.serve(name, &zenoh);
         command.args(["--database", &self.database_of(name)]);
         command.args(arguments);
@@ -357,7 +380,7 @@ impl Cluster {
         let folder = self.folder.path().join(name);
         fs::create_dir_all(&folder).unwrap();
         let config = folder.join("fleetcal.toml");
-        fs::write(&config, &self.config).unwrap();
+        fs::write(&config, format!("[cluster]\n{}{}", self.peers, self.config)).unwrap();
         let mut command = match &self.namespaces {
             Some(all) => {
                 let mut command = all.command(name);
@@ -385,7 +408,7 @@ impl Cluster {
         settings: &[(&str, Value)],
     ) -> (Process, SocketAddr, PathBuf) {
         let http = free_port();
-        let zenoh = self.client(name, &self.routers[0]);
+        let zenoh = self.client(name, &self.routers[..1]);
         let mut config: Value = serde_json::from_slice(&fs::read(&zenoh).unwrap()).unwrap();
         for (key, value) in settings {
             config[*key] = value.clone();
@@ -438,7 +461,18 @@ impl Cluster {
         for router in &self.routers {
             command.args(["-e", router]);
         }
+        if self.robots_apply {
+            command.args(["--service-key", &self.service_key()]);
+        }
         Process::start(&mut command, self.folder.path().join("robots.log"))
+    }
+
+    /// The public key of the service, from any instance that runs.
+    fn service_key(&self) -> String {
+        let mut all = self.addresses.values();
+        let answer = all.find_map(|http| http::get(*http, "/api/v1/signing-key", None));
+        let key: Value = serde_json::from_str(&answer.unwrap().body).unwrap();
+        key["public_key"].as_str().unwrap().to_owned()
     }
 
     /// A folder for what a test writes.
@@ -452,12 +486,18 @@ impl Cluster {
     }
 }
 
-/// The configuration of every instance of a cluster with these parts.
-fn config(parts: &Parts, addresses: &BTreeMap<&str, SocketAddr>, folder: &Path) -> String {
+/// Peers reached at their own APIs, without TLS.
+fn plaintext_peers(addresses: &BTreeMap<&str, SocketAddr>) -> String {
     let peers = addresses
         .iter()
         .map(|(name, http)| format!("{name} = \"http://{http}\""));
     let peers: Vec<_> = peers.collect();
+    let peers = peers.join(", ");
+    format!("plaintext_peers = true\npeers = {{ {peers} }}\n")
+}
+
+/// The configuration of every instance of a cluster with these parts, from the rest of `[cluster]` on.
+fn config(parts: &Parts, folder: &Path) -> String {
     let key = folder.join("signing.key");
     let entry = |one: &SimulatedRobot| {
         let model = serde_json::to_value(one.model()).unwrap();
@@ -469,10 +509,8 @@ fn config(parts: &Parts, addresses: &BTreeMap<&str, SocketAddr>, folder: &Path) 
         format!("[[robot]]\nid = \"parked_{number}\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n\n")
     });
     format!(
-        "[cluster]\nplaintext_peers = true\nfast_takeover = {}\npeers = {{ {} }}\n\
-         signing_key = {:?}\n\n{}{}",
+        "fast_takeover = {}\nsigning_key = {:?}\n\n{}{}",
         parts.fast_takeover,
-        peers.join(", "),
         key.display().to_string(),
         simulated.iter().map(entry).collect::<String>(),
         parked.collect::<String>(),
@@ -497,7 +535,7 @@ pub fn token_in(place: &[&str], name: &str) -> String {
 
 /// A loopback address that nobody listens on and that stays free while its instance is away: no
 /// connection is given a port below those that the system takes by itself.
-fn kept_port() -> SocketAddr {
+pub fn kept_port() -> SocketAddr {
     static NEXT: AtomicU16 = AtomicU16::new(0);
     let first = 16_000 + (std::process::id() % 800) as u16 * 16;
     let ports = std::iter::from_fn(|| Some(first + NEXT.fetch_add(1, Ordering::Relaxed)));

@@ -34,6 +34,7 @@ pub struct Desk {
 #[derive(Debug, Clone)]
 pub struct Waiting {
     id: u64,
+    version: u64,
     sha256: String,
 }
 
@@ -64,12 +65,8 @@ impl Desk {
     pub fn approve(at: SocketAddr, token: &str, one: &Waiting, reason: &str) -> Option<Answer> {
         let request = format!("POST /api/v1/proposals/{}/approve", one.id);
         let body = json!({"sha256": one.sha256, "reason": reason}).to_string();
-        http::send(
-            at,
-            &request,
-            Some(token),
-            Some(("If-Match: \"1\"\r\n", &body)),
-        )
+        let version = format!("If-Match: \"{}\"\r\n", one.version);
+        http::send(at, &request, Some(token), Some((&version, &body)))
     }
 
     /// Takes back what is under way.
@@ -85,9 +82,14 @@ impl Desk {
 
     /// The proposal that an answer shows.
     pub fn proposed(answer: &Answer) -> Option<Waiting> {
-        let proposal: Value = serde_json::from_str(&answer.body).ok()?;
+        Self::waiting(&serde_json::from_str(&answer.body).ok()?)
+    }
+
+    /// A proposal as the API shows it.
+    pub fn waiting(proposal: &Value) -> Option<Waiting> {
         Some(Waiting {
             id: proposal["id"].as_u64()?,
+            version: proposal["version"].as_u64()?,
             sha256: proposal["revision"]["sha256"].as_str()?.to_owned(),
         })
     }

@@ -40,6 +40,7 @@ async fn a_machine_that_is_gone_in_the_middle_of_a_statement_lets_its_locks_go()
         names: vec!["a"],
         robots: 2,
         parked: 0,
+        robots_apply: false,
         fast_takeover: true,
         in_namespaces: true,
     })

@@ -12,6 +12,7 @@
     reason = "a test ends where it finds something wrong"
 )]
 
+mod balancer;
 mod cell;
 mod checker;
 mod cluster;
@@ -24,9 +25,11 @@ mod network;
 mod patroni;
 mod processes;
 mod progress;
+mod receiver;
 mod records;
 mod rounds;
 mod smoke;
+mod stream;
 mod trial;
 mod twin;
 mod upgrade;

@@ -160,7 +160,10 @@ async fn deliver(
     direction: Cut,
 ) {
     while let Some((at, bytes)) = arrives.recv().await {
-        tokio::time::sleep_until(at).await;
+        // Even a moment that has passed costs a tick of the timer.
+        if at > Instant::now() {
+            tokio::time::sleep_until(at).await;
+        }
         passes(&mut cut, direction).await;
         if bytes.is_empty() || to.write_all(&bytes).await.is_err() {
             return;

@@ -97,6 +97,13 @@ pub fn watch(url: &PostgresUrl, instances: &[&str]) {
     }
 }
 
+/// Which instance has a duty.
+pub fn holder(url: &PostgresUrl, duty: &str) -> Option<String> {
+    let sql = format!("SELECT coalesce(instance, '') FROM duty WHERE name = '{duty}'");
+    let instance = psql(url, &sql).trim().to_owned();
+    (!instance.is_empty()).then_some(instance)
+}
+
 /// How often a robot was given to an instance, or taken from one, so far.
 pub fn tenures_begun(url: &PostgresUrl) -> usize {
     let count = psql(url, "SELECT count(*) FROM seen_owner");

@@ -7,6 +7,7 @@ use fleetcal_tests::http;
 use fleetcal_tests::service::{now, wait_for};
 
 use crate::cluster::{Cluster, Instance};
+use crate::stream;
 use crate::watch::Watch;
 
 const ROBOTS: usize = 6;
@@ -102,7 +103,7 @@ async fn instances_share_the_robots_and_take_over_from_each_other() {
     );
 }
 
-/// Lists show all robots on either, and what one alone knows is asked of it.
+/// Lists and live updates show all robots on either, and what one alone knows is asked of it.
 fn any_instance_answers(a: &Instance, b: &Instance, of_a: &[String], of_b: &[String]) {
     for instance in [a, b] {
         wait_for("all robots on one page", || {
@@ -111,6 +112,8 @@ fn any_instance_answers(a: &Instance, b: &Instance, of_a: &[String], of_b: &[Str
             let fresh = robots.iter().filter(|robot| robot["stale"] == false);
             (fresh.count() == ROBOTS).then_some(())
         });
+        let told = stream::robots_told(instance, ROBOTS);
+        assert_eq!(told.len(), ROBOTS, "{}: {told:?}", instance.name);
         for robot in of_a.iter().chain(of_b) {
             let view = instance.get(&format!("/api/v1/robots/{robot}/top-view"));
             assert!(view["returns_m"].as_array().is_some(), "{robot}: {view}");

@@ -21,10 +21,18 @@ const INSTANCES: [&str; 5] = ["a", "b", "c", "d", "e"];
 pub const DRIVING: usize = 6;
 /// Robots about which is decided.
 pub const PARKED: usize = 2;
+/// Robots about which is decided where the database is hurt, each by somebody of their own, and the pause
+/// of each between two decisions: more than twenty decisions a second.
+pub const DECIDERS: usize = 8;
+pub const DECIDERS_PAUSE: Duration = Duration::from_millis(150);
+/// So many decisions a second are to be acknowledged before the database is hurt.
+pub const DECISIONS_PER_S_MIN: f64 = 20.0;
 /// Estimates come once a second: what has not come for so long does not come.
 const SETTLED: Duration = Duration::from_millis(2_500);
 /// Instances share the robots evenly so long after one joins, leaves, thaws or is reached again.
 pub const BALANCED_WITHIN: Duration = Duration::from_secs(30);
+/// Between two estimates of a robot that is handed over.
+pub const HANDED_OVER_WITHIN: Duration = Duration::from_millis(2_200);
 /// Robots of an instance that is gone are estimated again within this time, whatever works.
 pub const SERVED_WITHIN: Duration = Duration::from_secs(9);
 
@@ -63,6 +71,7 @@ impl Trial {
             names: INSTANCES.into_iter().take(count).collect(),
             robots: DRIVING,
             parked: PARKED,
+            robots_apply: false,
             fast_takeover,
             in_namespaces: false,
         }
@@ -110,6 +119,14 @@ impl Trial {
         self.instances.keys().nth(place).unwrap()
     }
 
+    /// Kills an instance; gives when.
+    pub fn kill(&mut self, name: &str) -> Instant {
+        let mut instance = self.instances.remove(name).unwrap();
+        let killed = now();
+        instance.process.kill();
+        killed
+    }
+
     /// Starts an instance that has ended.
     pub fn start_again(&mut self, name: &'static str) {
         let place = INSTANCES.iter().position(|one| *one == name).unwrap();
@@ -154,6 +171,13 @@ impl Trial {
     pub fn taken_over(&self, then: Instant, from: &str, robots: &[String]) -> Vec<f64> {
         let took = wait_for("a takeover", || self.watch.taken_over(then, from, robots));
         took.iter().map(Duration::as_secs_f64).collect()
+    }
+
+    /// How many decisions a second are acknowledged, over this time.
+    pub fn decisions_per_s(&self, over: Duration) -> f64 {
+        let (began, before) = (now(), self.decider.acknowledged());
+        std::thread::sleep(over);
+        (self.decider.acknowledged() - before) as f64 / began.elapsed().as_secs_f64()
     }
 
     /// Alerts that were raised since the last question.
@@ -239,6 +263,19 @@ fn wait_until_even(instances: &BTreeMap<&'static str, Instance>, robots: usize) 
         let mut seen = instances.values().map(is_even);
         seen.all(|even| even == Some(true)).then_some(())
     });
+}
+
+/// Whether a robot only has decisions made about it.
+pub fn is_parked(robot: &str) -> bool {
+    robot.starts_with("parked_")
+}
+
+/// Asserts that enough was decided a second for a round to count.
+pub fn assert_rate(per_s: f64) {
+    assert!(
+        per_s >= DECISIONS_PER_S_MIN,
+        "{per_s:.1} decisions a second"
+    );
 }
 
 /// Where is decided, by whom.

@@ -1,4 +1,5 @@
-//! Versions change under robots that drive: one instance after the other, and back again.
+//! Versions change under robots that drive and somebody who decides: one instance after the other,
+//! and back again.
 
 use std::collections::BTreeMap;
 use std::env;
@@ -11,16 +12,16 @@ use std::time::Duration;
 use fleetcal_tests::service::{now, wait_for};
 use fleetcal_tests::{binary, http};
 
-use crate::cluster::{Cluster, Instance};
-use crate::watch::Watch;
+use crate::cluster::Instance;
+use crate::figures::spread;
+use crate::progress::Progress;
+use crate::trial::{BALANCED_WITHIN, DRIVING, HANDED_OVER_WITHIN, Trial, is_parked};
 
-const ROBOTS: usize = 6;
-/// Estimates come once a second, and one may be missing.
-const GAP_MAX: Duration = Duration::from_millis(2_200);
+/// The pause between two decisions of somebody who decides beside it.
+const PAUSE: Duration = Duration::from_millis(200);
 /// No estimator begins from nothing: its distance would begin at 0, and a sigma would be ten times as
 /// large; of a robot that has just converged it goes up and down by a half.
 const SIGMA_RISE_MAX: f64 = 2.0;
-const ROUNDS: usize = 3;
 /// The parameters of a calibration.
 const PARAMETERS: [&str; 4] = ["steering_offset", "lidar_x", "lidar_y", "lidar_yaw"];
 
@@ -32,13 +33,15 @@ struct Reader {
 }
 
 impl Reader {
-    fn start(a: &Instance, b: &Instance) -> Self {
+    fn start(trial: &Trial) -> Self {
         let reader = Self {
             stop: Arc::default(),
             reads: Arc::default(),
             failed: Arc::default(),
         };
-        let (token, addresses) = (a.token().to_owned(), [a.http, b.http]);
+        let all = trial.instances.values();
+        let addresses: Vec<_> = all.clone().map(|instance| instance.http).collect();
+        let token = all.map(Instance::token).next().unwrap().to_owned();
         let (stop, reads, failed) = (
             Arc::clone(&reader.stop),
             Arc::clone(&reader.reads),
@@ -58,6 +61,13 @@ impl Reader {
         });
         reader
     }
+
+    fn assert_none_failed(&self) {
+        let [reads, failed] =
+            [&self.reads, &self.failed].map(|count| count.load(Ordering::Relaxed));
+        println!("{failed} of {reads} reads failed");
+        assert!(reads > 100 && failed == 0, "{failed} of {reads}");
+    }
 }
 
 impl Drop for Reader {
@@ -76,7 +86,11 @@ struct Standing {
 fn standing(seen_by: &Instance) -> BTreeMap<String, Standing> {
     wait_for("converged estimates of all robots", || {
         let list = seen_by.try_get("/api/v1/robots?limit=100")?;
-        let robots = list["items"].as_array()?;
+        let driving = |robot: &&serde_json::Value| {
+            let id = robot["id"].as_str();
+            id.is_some_and(|id| !is_parked(id))
+        };
+        let robots = list["items"].as_array()?.iter().filter(driving);
         let one = |robot: &serde_json::Value| {
             let id = robot["id"].as_str()?.to_owned();
             let estimate = seen_by.try_get(&format!("/api/v1/robots/{id}/estimate"))?;
@@ -92,8 +106,8 @@ fn standing(seen_by: &Instance) -> BTreeMap<String, Standing> {
             };
             Some((id, standing))
         };
-        let standing: Option<BTreeMap<_, _>> = robots.iter().map(one).collect();
-        standing.filter(|standing| standing.len() == ROBOTS)
+        let standing: Option<BTreeMap<_, _>> = robots.map(one).collect();
+        standing.filter(|standing| standing.len() == DRIVING)
     })
 }
 
@@ -122,51 +136,73 @@ fn version(instance: &Instance) -> String {
     own.unwrap()["program"].as_str().unwrap().to_owned()
 }
 
+/// Changes all instances to a program, one after the other; gives the longest time without an estimate
+/// of a robot, s.
+fn change(trial: &mut Trial, program: &Path, has_changed: impl Fn(&Instance) -> bool) -> f64 {
+    let any = |trial: &Trial| standing(trial.instances.values().next().unwrap());
+    let (before, began) = (any(trial), now());
+    program.clone_into(&mut trial.cluster.program);
+    let names: Vec<_> = trial.instances.keys().copied().collect();
+    for name in names {
+        let mut instance = trial.instances.remove(name).unwrap();
+        instance.process.end_in_order();
+        trial.start_again(name);
+        let balanced = trial.balanced();
+        assert!(balanced < BALANCED_WITHIN, "balanced after {balanced:?}");
+        assert!(has_changed(&trial.instances[name]), "{name}");
+    }
+    assert_goes_on(&before, &any(trial));
+    trial.owners();
+    let gaps = trial.watch.gaps(began);
+    assert_eq!(gaps.len(), DRIVING);
+    let gap = gaps.into_values().max().unwrap();
+    assert!(gap <= HANDED_OVER_WITHIN, "{gap:?} without an estimate");
+    assert_eq!(trial.watch.stale(began), BTreeMap::new());
+    gap.as_secs_f64()
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn instances_are_upgraded_and_taken_back_under_robots_that_drive() {
     let next = env::var_os("FLEETCAL_NEXT").map(PathBuf::from);
     let next = next.expect("FLEETCAL_NEXT names the next version: make cluster-upgrade");
     let this = binary::path();
-    let mut cluster = Cluster::new(&["a", "b"], ROBOTS).await;
-    let watch = Watch::start(&cluster.routers).await;
-    let mut a = cluster.start("a", 0);
-    let mut b = cluster.start("b", 1);
-    let _robots = cluster.drive();
-    standing(&a);
-    let reader = Reader::start(&a, &b);
-    let of_this = version(&a);
-    for round in 0..ROUNDS {
-        // The older instances go on while the newer version migrates.
-        migrate(&next, cluster.database());
-        for (program, is_next) in [(&next, true), (&this, false)] {
-            let before = standing(&a);
-            let began = now();
-            program.clone_into(&mut cluster.program);
-            for instance in [&mut a, &mut b] {
-                instance.process.end_in_order();
-                let router = usize::from(instance.name == "b");
-                *instance = cluster.start(instance.name, router);
-                let seen_by = &*instance;
-                wait_for("even shares", || {
-                    let shares = seen_by.shares()?;
-                    let even = shares.values().all(|share| *share == (ROBOTS / 2) as u64);
-                    (shares.len() == 2 && even).then_some(())
-                });
-                assert_eq!(version(instance) != of_this, is_next);
-            }
-            assert_goes_on(&before, &standing(&a));
-            let gap = watch.gaps(began).into_values().max().unwrap();
-            println!("round {round}, next {is_next}: {gap:?} without an estimate at most");
-            assert!(gap <= GAP_MAX, "{gap:?}");
-            assert_eq!(watch.stale(began), BTreeMap::new());
+    let mut progress = Progress::of("upgrade", 3);
+    let open = progress.open();
+    if let Some(&first) = open.first() {
+        let mut trial = Trial::start(true, first, PAUSE).await;
+        standing(trial.instances.values().next().unwrap());
+        let of_this = version(trial.instances.values().next().unwrap());
+        let reader = Reader::start(&trial);
+        for seed in open {
+            progress.begin(seed);
+            let decided = trial.decider.acknowledged();
+            // The older instances go on while the newer version migrates.
+            migrate(&next, &trial.url().to_string());
+            let there = change(&mut trial, &next, |one| version(one) != of_this);
+            trial.check(seed);
+            let back = change(&mut trial, &this, |one| version(one) == of_this);
+            trial.check(seed);
+            let decided = trial.decider.acknowledged() - decided;
+            println!(
+                "round {seed}: at most {there:.2} s between two estimates on the way there, {back:.2} s \
+                 back; {decided} decisions acknowledged"
+            );
+            assert!(decided > 0, "nothing was decided");
+            reader.assert_none_failed();
+            progress.passed(seed, vec![there, back]);
         }
+        println!(
+            "upgrade: {}; {}",
+            trial.seen(),
+            progress.told(&trial.server())
+        );
     }
-    let (reads, failed) = (
-        reader.reads.load(Ordering::Relaxed),
-        reader.failed.load(Ordering::Relaxed),
+    let gaps = [progress.figures(0), progress.figures(1)].concat();
+    println!(
+        "longest time between two estimates while a version changes: {}",
+        spread(&gaps)
     );
-    println!("{failed} of {reads} reads failed");
-    assert!(reads > 100 && failed == 0, "{failed} of {reads}");
+    println!("  failed or broken off: {}", progress.told_failed());
 }
 
 /// Brings the database to a version's schema beside the instances that serve.

@@ -107,6 +107,15 @@ impl Watch {
         heard.iter().filter(|one| one.at >= then).cloned().collect()
     }
 
+    /// When the first estimate of each robot came since.
+    pub fn first_since(&self, then: Instant) -> BTreeMap<String, Instant> {
+        let mut first = BTreeMap::new();
+        for one in self.since(then) {
+            first.entry(one.robot).or_insert(one.at);
+        }
+        first
+    }
+
     /// Which instances each robot's estimates came from since.
     pub fn owners(&self, then: Instant) -> BTreeMap<String, BTreeSet<String>> {
         let mut owners: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();

@@ -9,6 +9,7 @@
 )]
 
 pub mod binary;
+pub mod certificates;
 pub mod clouds;
 pub mod database;
 pub mod http;

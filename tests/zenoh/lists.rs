@@ -10,14 +10,14 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use fleetcal_tests::binary;
+use fleetcal_tests::certificates::Authority;
 use fleetcal_tests::service::{Service, free_port, now, wait_for};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 use zenoh::Session;
 use zenoh::pubsub::Publisher;
 
-use super::certificates::Authority;
-use super::robot;
+use super::{robot, session};
 
 /// Samples that one robot sends under another's name.
 const TRIES: u64 = 10_000;
@@ -229,7 +229,7 @@ async fn assert_certificates_are_asked_for(protocol: &str) {
     let zenoh = free_port();
     let service = start_with_certificates(&authority, folder.path(), zenoh, protocol);
     let client = |name: Option<&str>| {
-        let transport = authority.transport(name);
+        let transport = session::tls(authority.folder(), name);
         robot::open(robot::client(&format!("{protocol}/{zenoh}"), &transport))
     };
     let a = client(Some("robot_a")).await.unwrap();

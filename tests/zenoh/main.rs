@@ -8,7 +8,6 @@
 )]
 
 mod breaks;
-mod certificates;
 mod flood_kinds;
 mod floods;
 mod former_key;

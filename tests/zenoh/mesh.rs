@@ -11,13 +11,13 @@ use std::time::Duration;
 use fleetcal_contract::own_server::psql;
 use fleetcal_contract::server;
 use fleetcal_store::database_url::PostgresUrl;
+use fleetcal_tests::certificates::Authority;
 use fleetcal_tests::memory::{self, Memory};
 use fleetcal_tests::service::{Instance, Service, free_port, wait_for};
 use fleetcal_tests::{database, recording};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::certificates::Authority;
 use super::floods::{
     Crowd, Ended, Figures, ROBOTS, SESSIONS, kinds, longest_stall, names, received_at_last,
     seconds, sections,
@@ -25,6 +25,7 @@ use super::floods::{
 use super::robot;
 use super::router::Router;
 use super::routers::configured;
+use super::session;
 
 /// Names of instances, and of the routers that they connect to first.
 const INSTANCES: [&str; 2] = ["a", "b"];
@@ -199,7 +200,7 @@ fn service_client(
     number: usize,
 ) -> PathBuf {
     let (own, other) = (&endpoints[number], &endpoints[1 - number]);
-    let mut config = robot::client(own, &authority.transport(Some("fleetcal")));
+    let mut config = robot::client(own, &session::tls(authority.folder(), Some("fleetcal")));
     config["connect"] = json!({
         "endpoints": [own, other], "timeout_ms": -1, "exit_on_failure": false,
     });

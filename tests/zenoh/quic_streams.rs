@@ -1,13 +1,13 @@
 //! Zenoh gives a QUIC connection a stream for each priority, and nothing orders them: data may overtake
 //! the declaration of its key, and the router drops what has no key. Ours has one stream.
 
+use fleetcal_tests::certificates::Authority;
 use fleetcal_tests::service::free_port;
 use tempfile::TempDir;
 use zenoh::qos::CongestionControl;
 
-use crate::certificates::Authority;
 use crate::lists::{start_with_certificates, wait_until_received};
-use crate::robot;
+use crate::{robot, session};
 
 /// Sessions that send at once: with a stream for each priority, of one in six nothing arrived.
 const SESSIONS: u64 = 40;
@@ -23,7 +23,7 @@ async fn over_quic_what_follows_its_declaration_at_once_arrives() {
     // Any client: it does not say how many streams it has.
     let client = robot::client(
         &format!("quic/{zenoh}"),
-        &authority.transport(Some("robot_a")),
+        &session::tls(authority.folder(), Some("robot_a")),
     );
     let mut sessions = Vec::new();
     for number in 0..SESSIONS {

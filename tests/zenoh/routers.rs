@@ -6,14 +6,15 @@ use std::net::SocketAddr;
 use std::path::Path;
 use std::time::Duration;
 
+use fleetcal_tests::certificates::Authority;
 use fleetcal_tests::service::{Service, free_port};
 use serde_json::json;
 use tempfile::TempDir;
 
-use super::certificates::Authority;
 use super::lists::{arriving, generated, received, wait_until_received};
 use super::robot;
 use super::router::Router;
+use super::session;
 
 /// Writes the configuration of the router of a name, which lets robots and the other router in and
 /// connects to it; gives where it is.
@@ -66,7 +67,7 @@ async fn robots_at_one_router_reach_the_service_at_the_other_under_their_own_nam
     let client = |endpoint: SocketAddr, name| {
         robot::client(
             &format!("quic/{endpoint}"),
-            &authority.transport(Some(name)),
+            &session::tls(authority.folder(), Some(name)),
         )
     };
     let own = folder.path().join("service.json5");

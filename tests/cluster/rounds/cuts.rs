@@ -38,7 +38,8 @@ fn cut(trial: &mut Trial, seed: u64, from: From, direction: Cut) -> [f64; 2] {
     let name = trial.chosen(&mut random);
     let robots = trial.of_instance(name);
     std::thread::sleep(Duration::from_millis(random.random_range(0..2_000)));
-    let lasts = Duration::from_millis(random.random_range(9_000..15_000));
+    // Up to twice as long as it takes to alert of a robot that sends nothing.
+    let lasts = Duration::from_millis(random.random_range(9_000..26_000));
     let lines = trial.cluster.lines(name);
     let line = match from {
         From::Database => lines.database.clone(),

@@ -12,13 +12,9 @@ use crate::cluster::{Cluster, Parts};
 use crate::figures::{quantile, spread, told};
 use crate::patroni::Patroni;
 use crate::progress::Progress;
-use crate::trial::{DRIVING, Trial};
+use crate::trial::{DECIDERS, DECIDERS_PAUSE, DRIVING, Trial, assert_rate};
 use crate::twin::{self, Twin};
 
-/// Robots about which is decided, each by somebody of their own, and the pause of each between two
-/// decisions: more than twenty decisions a second.
-const DECIDERS: usize = 8;
-const PAUSE: Duration = Duration::from_millis(150);
 /// Decisions are taken again within this time after there is a primary, s.
 const AGAIN_WITHIN_S: f64 = 5.0;
 const ETCD_GONE_FOR: Duration = Duration::from_mins(1);
@@ -94,12 +90,13 @@ async fn trial(program: PathBuf, seed: u64) -> (Trial, Twin) {
         names: vec!["a", "b"],
         robots: DRIVING,
         parked: DECIDERS,
+        robots_apply: false,
         fast_takeover: true,
         in_namespaces: false,
     };
     let cluster = Cluster::under_patroni(Patroni::start(&program), &parts);
     let twin = Twin::start(&cluster);
-    (Trial::on(cluster, &parts, seed, PAUSE).await, twin)
+    (Trial::on(cluster, &parts, seed, DECIDERS_PAUSE).await, twin)
 }
 
 /// Where a `patroni` is.
@@ -110,10 +107,11 @@ pub fn program() -> PathBuf {
 }
 
 /// One failure; gives how long nothing was decided after there was a primary, the longest time without
-/// a decision, s, and how many decisions were acknowledged.
-fn fail(trial: &mut Trial, failure: Failure, seed: u64) -> [f64; 3] {
+/// a decision, s, how many decisions were acknowledged, and how many a second before.
+fn fail(trial: &mut Trial, failure: Failure, seed: u64) -> [f64; 4] {
     let mut random = StdRng::seed_from_u64(seed);
-    std::thread::sleep(Duration::from_millis(random.random_range(3_000..6_000)));
+    let rate = trial.decisions_per_s(Duration::from_millis(random.random_range(3_000..6_000)));
+    assert_rate(rate);
     let (began, before) = (now(), trial.decider.acknowledged());
     let patroni = trial.cluster.patroni.as_mut().unwrap();
     let primary = failure.happen(patroni, &mut random);
@@ -127,9 +125,9 @@ fn fail(trial: &mut Trial, failure: Failure, seed: u64) -> [f64; 3] {
     trial.check(seed);
     println!(
         "round {seed}, {failure:?}: {count} decisions acknowledged, none for {pause:.2?}, the next one \
-         {again:.2?} after there was a primary"
+         {again:.2?} after there was a primary; {rate:.0} a second before"
     );
-    [again.as_secs_f64(), pause.as_secs_f64(), count as f64]
+    [again.as_secs_f64(), pause.as_secs_f64(), count as f64, rate]
 }
 
 fn tell(failure: Failure, progress: &Progress) {

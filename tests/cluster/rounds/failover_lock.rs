@@ -28,6 +28,7 @@ async fn violations(program: &Path, tries: usize) -> Vec<Violation> {
         names: vec!["a", "b"],
         robots: DRIVING,
         parked: PARKED,
+        robots_apply: false,
         fast_takeover: true,
         in_namespaces: false,
     };

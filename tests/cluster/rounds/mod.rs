@@ -1,5 +1,5 @@
 //! Rounds of a cluster that is hurt, with a check of all that was decided, written and heard after
-//! each.
+//! each; in `routers` of what was heard.
 
 mod cuts;
 mod failover;
@@ -7,4 +7,7 @@ mod failover_lock;
 mod planted;
 mod postmaster;
 mod races;
+mod routers;
 mod takeovers;
+mod verification;
+mod webhooks;

@@ -1,4 +1,4 @@
-//! A PostgreSQL whose postmaster is killed while is decided.
+//! A PostgreSQL whose postmaster is killed under decisions.
 
 use std::time::Duration;
 
@@ -6,22 +6,24 @@ use fleetcal_tests::service::{now, wait_for};
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 
+use crate::cluster::{Cluster, Parts};
 use crate::figures::{quantile, spread, told};
+use crate::namespaces;
 use crate::progress::Progress;
 use crate::records;
-use crate::trial::Trial;
+use crate::trial::{DECIDERS, DECIDERS_PAUSE, Trial, assert_rate};
 
-/// The pause between two decisions: some twenty a second.
-const PAUSE: Duration = Duration::from_millis(30);
 /// Decisions are taken again within this time after the server's return, s.
 const AGAIN_WITHIN_S: f64 = 5.0;
 
-/// Kills the postmaster, every second time with all of its processes, and starts the server again; gives how long nothing was decided after that,
-/// s, and how many decisions were acknowledged in the round.
-fn kill(trial: &Trial, seed: u64) -> [f64; 2] {
+/// Kills the postmaster, every second time with all of its processes, and starts the server again; gives
+/// how long nothing was decided after that, s, how many decisions were acknowledged in the round, and how
+/// many a second before.
+fn kill(trial: &Trial, seed: u64) -> [f64; 3] {
     let mut random = StdRng::seed_from_u64(seed);
     let before = trial.decider.acknowledged();
-    std::thread::sleep(Duration::from_millis(random.random_range(3_000..6_000)));
+    let rate = trial.decisions_per_s(Duration::from_millis(random.random_range(3_000..6_000)));
+    assert_rate(rate);
     let server = trial.cluster.server.as_ref().unwrap();
     let whole = seed.is_multiple_of(2);
     if whole {
@@ -38,9 +40,10 @@ fn kill(trial: &Trial, seed: u64) -> [f64; 2] {
     trial.owners();
     trial.check(seed);
     println!(
-        "round {seed}: {count} decisions acknowledged, the next one {decided:.2?} after the return"
+        "round {seed}: {rate:.0} decisions a second before, {count} acknowledged, the next one {decided:.2?} \
+         after the return"
     );
-    [decided.as_secs_f64(), count as f64]
+    [decided.as_secs_f64(), count as f64, rate]
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -48,7 +51,13 @@ async fn a_killed_postmaster_loses_nothing_acknowledged() {
     let mut progress = Progress::of("postmaster", 2);
     let open = progress.open();
     if !open.is_empty() {
-        let trial = Trial::start(true, open[0], PAUSE).await;
+        let parts = Parts {
+            parked: DECIDERS,
+            in_namespaces: namespaces::may_be_made(),
+            ..Trial::parts(true)
+        };
+        let cluster = Cluster::watched(&parts).await;
+        let trial = Trial::on(cluster, &parts, open[0], DECIDERS_PAUSE).await;
         for seed in open {
             progress.begin(seed);
             let took = kill(&trial, seed);

@@ -103,6 +103,7 @@ async fn of_approvals_at_two_to_five_instances_exactly_one_wins() {
             names: INSTANCES.to_vec(),
             robots: 0,
             parked: PARKED,
+            robots_apply: false,
             fast_takeover: true,
             in_namespaces: false,
         };

@@ -10,13 +10,11 @@ use rand::{Rng, SeedableRng};
 use crate::cluster::Cluster;
 use crate::figures::{quantile, spread, told};
 use crate::progress::Progress;
-use crate::trial::{BALANCED_WITHIN, DRIVING, SERVED_WITHIN, Trial};
+use crate::trial::{BALANCED_WITHIN, DRIVING, HANDED_OVER_WITHIN, SERVED_WITHIN, Trial};
 use crate::twin::{self, Twin};
 
 /// The pause between two decisions of somebody who decides beside it.
 const PAUSE: Duration = Duration::from_millis(200);
-/// Between two estimates of a robot that is handed over.
-const HANDED_OVER_WITHIN: Duration = Duration::from_millis(2_200);
 /// What a takeover takes, s: half of them, and 99 of 100.
 const TAKEOVER_S: [f64; 2] = [1.5, 3.0];
 
@@ -26,10 +24,8 @@ fn kill(trial: &mut Trial, seed: u64) -> Vec<f64> {
     let name = trial.chosen(&mut random);
     let robots = trial.of_instance(name);
     std::thread::sleep(Duration::from_millis(random.random_range(0..2_000)));
-    let killed = now();
-    trial.instances.get_mut(name).unwrap().process.kill();
+    let killed = trial.kill(name);
     let took = trial.taken_over(killed, name, &robots);
-    trial.instances.remove(name);
     trial.start_again(name);
     let balanced = trial.balanced();
     assert!(balanced < BALANCED_WITHIN, "balanced after {balanced:?}");
@@ -116,10 +112,8 @@ struct CertaintyLost {
 fn certainty_lost(trial: &mut Trial, twin: &Twin, seed: u64) -> Vec<CertaintyLost> {
     let name = trial.chosen(&mut StdRng::seed_from_u64(seed));
     let robots = trial.of_instance(name);
-    let killed = now();
-    trial.instances.get_mut(name).unwrap().process.kill();
+    let killed = trial.kill(name);
     trial.taken_over(killed, name, &robots);
-    trial.instances.remove(name);
     std::thread::sleep(COMPARED_AFTER.saturating_sub(killed.elapsed()));
     let another = trial.instances.values().next().unwrap();
     let (taken_over, undisturbed) = (
@@ -182,13 +176,21 @@ async fn sigmas_after_a_takeover_are_nearly_those_of_a_twin() {
 fn freeze(trial: &Trial, seed: u64) -> usize {
     let mut random = StdRng::seed_from_u64(seed);
     let name = trial.chosen(&mut random);
+    let robots = trial.of_instance(name);
     std::thread::sleep(Duration::from_millis(random.random_range(0..2_000)));
     let frozen_for = Duration::from_millis(random.random_range(500..20_000));
     let instance = &trial.instances[name];
+    let frozen = now();
     instance.process.signal("STOP");
     std::thread::sleep(frozen_for);
+    // One that is frozen for less may have kept its robots.
+    let took = trial.watch.taken_over(frozen, name, &robots);
     instance.process.signal("CONT");
     let thawed = now();
+    if frozen_for > SERVED_WITHIN {
+        let took = took.expect("other instances' estimates of all its robots");
+        assert!(took.iter().all(|took| *took <= SERVED_WITHIN), "{took:?}");
+    }
     let balanced = trial.balanced();
     assert!(balanced < BALANCED_WITHIN, "balanced after {balanced:?}");
     trial.owners();
