@@ -11,7 +11,8 @@ use fleetcal_tests::certificates::Authority;
 use fleetcal_tests::http;
 use fleetcal_tests::service::wait_for;
 
-use crate::cluster::{Cluster, Instance, Process, kept_port};
+use crate::cluster::{Cluster, Instance, kept_port};
+use crate::process::Process;
 
 const INSTANCES: [&str; 2] = ["a", "b"];
 const ROBOTS: usize = 4;
@@ -100,6 +101,13 @@ fn status(at: SocketAddr, path: &str, token: &str) -> Option<u16> {
     http::get(at, path, Some(token)).map(|answer| answer.status)
 }
 
+/// Waits until an instance gives what another one alone knows.
+fn wait_until_forwarded(asked: &Instance, path: &str) {
+    wait_for("another instance's answer", || {
+        (status(asked.http, path, asked.token()) == Some(200)).then_some(())
+    });
+}
+
 /// A driving robot of an instance, as it is shown there.
 fn robot_of(instance: &Instance) -> String {
     wait_for("a robot of the instance", || {
@@ -143,8 +151,7 @@ async fn requests_pass_haproxy_and_instances_ask_each_other_over_tls() {
     let path = format!("/api/v1/robots/{}/top-view", robot_of(&b));
 
     // What b alone knows, asked of a: over TLS, checked against b's certificate.
-    let forwarded = || (status(a.http, &path, a.token()) == Some(200)).then_some(());
-    wait_for("b's answer from a", forwarded);
+    wait_until_forwarded(&a, &path);
     // And through HAProxy, at whichever instance.
     std::thread::sleep(CHECKED_WITHIN);
     all_answer(&all, &path, a.token());
@@ -156,9 +163,7 @@ async fn requests_pass_haproxy_and_instances_ask_each_other_over_tls() {
 
     let b = cluster.start("b", 1);
     let path = format!("/api/v1/robots/{}/top-view", robot_of(&b));
-    wait_for("b's answer from a", || {
-        (status(a.http, &path, a.token()) == Some(200)).then_some(())
-    });
+    wait_until_forwarded(&a, &path);
     a_certificate_of_another_authority_is_refused(
         &program,
         &cluster,

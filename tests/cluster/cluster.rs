@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 use std::env;
-use std::fs::{self, File};
+use std::fs;
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
 use std::sync::atomic::{AtomicU16, Ordering};
 
 use fleetcal_contract::own_server::OwnServer;
@@ -20,89 +20,11 @@ use tempfile::TempDir;
 use crate::namespaces::{Namespaces, Network};
 use crate::network::{Line, Lines, Proxy};
 use crate::patroni::Patroni;
-use crate::{processes, records};
+use crate::process::Process;
+use crate::records;
 
 /// Routers of a cluster.
 const ROUTERS: usize = 2;
-
-/// A process that ends with this value.
-#[derive(Debug)]
-pub struct Process {
-    child: Child,
-    log: PathBuf,
-}
-
-impl Process {
-    /// Starts it; what it says goes into a file.
-    pub fn start(command: &mut Command, log: PathBuf) -> Self {
-        let file = File::options()
-            .create(true)
-            .append(true)
-            .open(&log)
-            .unwrap();
-        let child = command
-            .stdin(Stdio::null())
-            .stdout(file.try_clone().unwrap())
-            .stderr(file)
-            .spawn()
-            .unwrap();
-        Self { child, log }
-    }
-
-    /// Its number.
-    pub fn id(&self) -> u32 {
-        self.child.id()
-    }
-
-    /// Sends it a signal by its name, such as `STOP`.
-    pub fn signal(&self, name: &str) {
-        let sent = Command::new("kill")
-            .args(["-s", name, &self.child.id().to_string()])
-            .status();
-        assert!(sent.unwrap().success(), "SIG{name}");
-    }
-
-    /// CPU time that it has used, s.
-    pub fn cpu_s(&self) -> f64 {
-        processes::cpu_s(self.child.id())
-    }
-
-    /// Ends it without warning.
-    pub fn kill(&mut self) {
-        self.child.kill().unwrap();
-        self.child.wait().unwrap();
-    }
-
-    /// Waits until it has ended by itself; gives its exit status.
-    pub fn ended(&mut self) -> Option<i32> {
-        wait_for("its end", || self.child.try_wait().unwrap()).code()
-    }
-
-    /// Asks it to end, and waits until it has, as one does that had time for it.
-    pub fn end_in_order(&mut self) {
-        self.signal("TERM");
-        assert_eq!(self.ended(), Some(0), "{}", self.said());
-    }
-
-    /// What it has said.
-    pub fn said(&self) -> String {
-        fs::read_to_string(&self.log).unwrap_or_default()
-    }
-}
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        if matches!(self.child.try_wait(), Ok(None)) && self.child.kill().is_ok() {
-            drop(self.child.wait());
-        }
-        if std::thread::panicking() {
-            let said = self.said();
-            let lines: Vec<_> = said.lines().collect();
-            let last = &lines[lines.len().saturating_sub(40)..];
-            eprintln!("--- {}\n{}", self.log.display(), last.join("\n"));
-        }
-    }
-}
 
 /// One instance.
 #[derive(Debug)]

@@ -5,7 +5,8 @@ use std::time::Duration;
 use fleetcal_contract::own_server::number;
 use fleetcal_tests::service::{now, wait_for};
 
-use crate::cluster::{Cluster, Process};
+use crate::cluster::Cluster;
+use crate::process::Process;
 use crate::watch::Watch;
 
 /// What a robot may cost more, ms of CPU a second.

@@ -23,6 +23,7 @@ mod lost_machine;
 mod namespaces;
 mod network;
 mod patroni;
+mod process;
 mod processes;
 mod progress;
 mod receiver;

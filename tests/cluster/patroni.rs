@@ -15,7 +15,7 @@ use fleetcal_tests::http;
 use fleetcal_tests::service::{free_port, now, wait_for};
 use tempfile::TempDir;
 
-use crate::cluster::Process;
+use crate::process::Process;
 use crate::processes::{parents, signal};
 
 /// How many standbys stream, and have replayed all but the last megabyte of what the primary wrote.

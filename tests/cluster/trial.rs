@@ -10,8 +10,9 @@ use rand::Rng;
 use rand::rngs::StdRng;
 
 use crate::checker::Evidence;
-use crate::cluster::{Cluster, Instance, Parts, Process};
+use crate::cluster::{Cluster, Instance, Parts};
 use crate::decider::{Decider, Desk};
+use crate::process::Process;
 use crate::records;
 use crate::watch::Watch;
 

@@ -13,7 +13,8 @@ use fleetcal_model::Parameter;
 use fleetcal_tests::http;
 use serde_json::{Value, json};
 
-use crate::cluster::{Cluster, Process, token_in};
+use crate::cluster::{Cluster, token_in};
+use crate::process::Process;
 
 /// Each robot's estimator as it is stored.
 pub type States = BTreeMap<String, Vec<u8>>;
