@@ -23,11 +23,9 @@ const BLOCK: usize = 10;
 const MEMORY_BLOCKS: f64 = 60.0;
 /// Fewest blocks, some 20 m, before the scatter is believed to be small.
 const BLOCKS_MIN: f64 = 5.0;
-/// Blocks before a change is told from scatter.
-const JUDGE_BLOCKS: f64 = 8.0;
 /// Up to so many blocks a change takes [`FEW_BLOCKS_CAUTION`] times the evidence: on one lap of its route a
 /// robot that does not obey its model has not shown yet by how much. Blocks are counted as they are
-/// remembered, so that this is the ninth and the tenth: before, nothing is judged.
+/// remembered, so that the tenth is the last; before the fifth nothing is claimed, and nothing judged.
 const FEW_BLOCKS: f64 = 10.0;
 /// See [`FEW_BLOCKS`].
 const FEW_BLOCKS_CAUTION: f64 = 2.0;
@@ -257,11 +255,6 @@ impl LongRunVariance {
         filter.known(self.scatter(&filter.parameter_covariance()).ratios())
     }
 
-    /// Whether enough blocks were seen to tell their scatter from a change.
-    pub fn is_well_known(&self) -> bool {
-        self.whole.blocks > JUDGE_BLOCKS
-    }
-
     /// How many times the evidence a change takes because only few blocks have shown their scatter yet.
     pub fn caution(&self) -> f64 {
         if self.whole.blocks > FEW_BLOCKS {
@@ -271,7 +264,7 @@ impl LongRunVariance {
         }
     }
 
-    /// Whether enough blocks were seen.
+    /// Whether enough blocks were seen to tell their scatter from a change, and to claim anything.
     pub fn is_known(&self) -> bool {
         self.whole.blocks > BLOCKS_MIN - 0.5
     }
@@ -434,10 +427,10 @@ mod tests {
     }
 
     #[test]
-    fn caution_lasts_for_two_blocks_from_the_first_judgement_on() {
+    fn changes_are_judged_from_the_fifth_block_on_and_with_caution_up_to_the_tenth() {
         let of_blocks = |blocks| learnt_from(blocks * BLOCK, Parameter::LidarX, |_| 0.0);
-        assert!(!of_blocks(8).is_well_known() && of_blocks(9).is_well_known());
-        let is_cautious = [9, 10, 11].map(|blocks| of_blocks(blocks).caution() > 1.0);
+        assert!(!of_blocks(4).is_known() && of_blocks(5).is_known());
+        let is_cautious = [5, 10, 11].map(|blocks| of_blocks(blocks).caution() > 1.0);
         assert_eq!(is_cautious, [true, true, false]);
     }
 

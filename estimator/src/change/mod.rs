@@ -36,6 +36,11 @@ const WINDOWS_MIN: usize = 8;
 const SEE_EVERY: usize = 5;
 /// Windows that the long-run variance is behind: a change is flagged before it counts as noise.
 const SETTLED_WINDOWS: usize = 25;
+/// The same while a change is suspected, where it takes longer: by the few blocks of a robot that has just set
+/// off, or of one that scatters, a change of half a degree was noise before it was flagged.
+const SUSPECTED_WINDOWS: usize = 45;
+/// A change is suspected from this share of the evidence on.
+const SUSPECTED_SHARE: f64 = 0.5;
 /// A cause explains what is seen when the misfit stays below this.
 const MISFIT_MAX: f64 = 3.0;
 /// After this many windows without a cause that explains it, the change is called unknown.
@@ -72,6 +77,7 @@ pub struct ChangeWatch {
     faults: FaultWatch,
     /// The newest windows that have not told yet how far they err together.
     unlearnt: usize,
+    is_suspected: bool,
     visibility: Visibility,
     /// The first window before which the parameters of every cause were known.
     known_from: Option<usize>,
@@ -194,10 +200,11 @@ impl ChangeWatch {
     /// Windows that have settled tell how far they err together. While the filter still learns,
     /// nothing can be taken for a change and all are settled.
     fn learn(&mut self, now: &Values) {
-        let unsettled = if self.long_run.is_known() && self.visibility.knows_any() {
-            SETTLED_WINDOWS
-        } else {
-            0
+        let may_be_judged = self.long_run.is_known() && self.visibility.knows_any();
+        let unsettled = match (may_be_judged, self.is_suspected) {
+            (false, _) => 0,
+            (true, false) => SETTLED_WINDOWS,
+            (true, true) => SUSPECTED_WINDOWS,
         };
         while self.unlearnt > unsettled {
             let next = self.remembered.len().checked_sub(self.unlearnt);
@@ -228,7 +235,7 @@ impl ChangeWatch {
     }
 
     fn judge(&mut self, settings: &EstimatorSettings) -> Option<Detected> {
-        if !self.long_run.is_well_known() {
+        if !self.long_run.is_known() {
             return None;
         }
         let begin = self.reference_window(settings);
@@ -242,7 +249,9 @@ impl ChangeWatch {
         let known = known_causes(&covariance, settings);
         let reference = Reference::new(known_before.values, &covariance)?;
         let thresholds = Thresholds::for_false_alarm_hours(settings.false_alarm_hours);
-        let thresholds = thresholds.raised(&scatter.alarm_ratios(thresholds.least()));
+        let usual = thresholds.raised(&scatter.alarm_ratios(thresholds.least()));
+        // The limit of a single window grows with the thresholds, as it does with scatter.
+        let thresholds = usual.raised(&Values::repeat(self.long_run.caution()));
         let windows = || self.remembered.range(begin..).map(|r| &r.window);
         self.since_seen += 1;
         if self.since_seen >= SEE_EVERY {
@@ -250,9 +259,6 @@ impl ChangeWatch {
             let expected = expected_evidence(windows(), &reference, oldest.noise_scale());
             self.visibility.see(windows().len(), &expected, &thresholds);
         }
-        // After it was asked whether changes would be seen, since caution ends after some metres. The limit of
-        // a single window grows with the thresholds, as it does with scatter.
-        let thresholds = thresholds.raised(&Values::repeat(self.long_run.caution()));
         let mut search = Search {
             noise_scale: oldest.noise_scale(),
             window_chi2_max: thresholds.window_chi2_max(),
@@ -260,6 +266,8 @@ impl ChangeWatch {
         };
         // 1. Has anything happened? No single wild window may say so.
         let alarm = strongest(windows(), &reference, &search, &thresholds)?;
+        let evidence = alarm.margin + thresholds.values()[alarm.hypothesis];
+        self.is_suspected = evidence > SUSPECTED_SHARE * usual.values()[alarm.hypothesis];
         if alarm.margin < 0.0 || !known[alarm.hypothesis] {
             return None;
         }

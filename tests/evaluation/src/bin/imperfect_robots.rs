@@ -54,12 +54,15 @@ struct Arguments {
     /// other times count from the robots' start on.
     #[arg(long, default_value_t = 0.0, value_parser = seconds)]
     heard_from: f64,
+    /// Ways between which changes happen, m, as `22,46`; after two to five minutes by default.
+    #[arg(long, value_parser = ways)]
+    changed_within: Option<(f64, f64)>,
     /// Results file: runs in it are not run again, new ones are appended. It belongs to one
     /// state of the estimator.
     #[arg(long)]
     results: Option<PathBuf>,
     /// Writes the tables of every imperfection and route into this file, as Markdown.
-    #[arg(long, conflicts_with_all = ["only", "strength", "route", "scenario", "change", "sensor", "first_seed", "heard_from", "list"])]
+    #[arg(long, conflicts_with_all = ["only", "strength", "route", "scenario", "change", "sensor", "first_seed", "heard_from", "changed_within", "list"])]
     report: Option<PathBuf>,
     /// Lists the cells and runs none.
     #[arg(long)]
@@ -70,6 +73,21 @@ fn seconds(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(seconds) if (0.0..=600.0).contains(&seconds) => Ok(seconds),
         _ => Err(format!("got {text:?}, expected seconds from 0 to 600")),
+    }
+}
+
+fn ways(text: &str) -> Result<(f64, f64), String> {
+    let ways = text.split_once(',').and_then(|(first, last)| {
+        let [first_m, last_m] = [first, last].map(|way| way.trim().parse::<f64>().ok());
+        Some((first_m?, last_m?))
+    });
+    match ways {
+        Some((first_m, last_m)) if 0.0 <= first_m && first_m < last_m && last_m <= 300.0 => {
+            Ok((first_m, last_m))
+        }
+        _ => Err(format!(
+            "got {text:?}, expected two ways in m of 0 to 300, the shorter one first, as 22,46"
+        )),
     }
 }
 
@@ -172,6 +190,7 @@ fn campaign(arguments: &Arguments, cells: &[Cell]) -> Result<(), EvaluationError
     let watch = Watch {
         length_s: arguments.length,
         heard_from_s: arguments.heard_from,
+        changed_within_m: arguments.changed_within,
     };
     let mut campaign = match &arguments.results {
         Some(path) => Campaign::resumed(watch, path)?,

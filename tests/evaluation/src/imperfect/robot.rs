@@ -12,6 +12,7 @@ use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 
 use super::cell::{Cell, InjectedChange, Scenario, Sensor, Speed};
+use super::run::Watch;
 use crate::drive::Robot;
 
 /// Beams of a scan.
@@ -21,7 +22,7 @@ const BEFORE_CHANGE_S: [(Speed, f64, f64); 2] =
     [(Speed::Slow, 180.0, 90.0), (Speed::Fast, 120.0, 40.0)];
 
 /// The robot, and when its change is due (s).
-pub fn robot(cell: Cell, seed: u64) -> (Robot, Option<f64>) {
+pub fn robot(cell: Cell, seed: u64, watch: Watch) -> (Robot, Option<f64>) {
     let mut random = StdRng::seed_from_u64(seed);
     let mut simulation = SimulationConfig::figure_eight(seed);
     let mut around = |half: f64| random.random_range(-half..half);
@@ -54,7 +55,7 @@ pub fn robot(cell: Cell, seed: u64) -> (Robot, Option<f64>) {
     let change_s = match cell.scenario {
         Scenario::Unchanged => None,
         Scenario::Changed(change, speed) => {
-            let at_s = change_at_s(speed, part);
+            let at_s = change_at_s(speed, part, watch);
             simulation.speed = steady(speed);
             simulation.changes = vec![ScheduledChange {
                 at_s,
@@ -70,7 +71,7 @@ pub fn robot(cell: Cell, seed: u64) -> (Robot, Option<f64>) {
         Robot {
             simulation,
             calibrator,
-            heard_from_s: 0.0,
+            heard_from_s: watch.heard_from_s,
         },
         change_s,
     )
@@ -84,8 +85,11 @@ fn steady(speed: Speed) -> SpeedProfile {
     }
 }
 
-/// When the change happens, s: anywhere on the lap, `part` of 0 to 1.
-fn change_at_s(speed: Speed, part: f64) -> f64 {
+/// When the change happens, s: anywhere on the lap, or between two ways, `part` of 0 to 1.
+fn change_at_s(speed: Speed, part: f64, watch: Watch) -> f64 {
+    if let Some((first_m, last_m)) = watch.changed_within_m {
+        return (first_m + part * (last_m - first_m)) / speed.mps();
+    }
     let of_speed = BEFORE_CHANGE_S.iter().find(|(of, ..)| *of == speed);
     of_speed.map_or(120.0, |(_, first_s, lap_s)| first_s + part * lap_s)
 }

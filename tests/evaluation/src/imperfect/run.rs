@@ -35,6 +35,9 @@ pub struct Watch {
     /// From when on the estimator takes the robot's messages, s: 0 from its start at rest on.
     #[serde(default)]
     pub heard_from_s: f64,
+    /// Ways between which a change happens, m; `None` after two to five minutes.
+    #[serde(default)]
+    pub changed_within_m: Option<(f64, f64)>,
 }
 
 impl Watch {
@@ -43,6 +46,7 @@ impl Watch {
         Self {
             length_s,
             heard_from_s: 0.0,
+            changed_within_m: None,
         }
     }
 }
@@ -52,8 +56,7 @@ impl Watch {
 /// # Errors
 /// Names the setting or message that is refused.
 pub fn run(cell: Cell, seed: u64, watch: Watch) -> Result<Outcome, EvaluationError> {
-    let (mut robot, change_s) = robot(cell, seed);
-    robot.heard_from_s = watch.heard_from_s;
+    let (robot, change_s) = robot(cell, seed, watch);
     match (cell.scenario, change_s) {
         (Scenario::Changed(_, speed), Some(changed_s)) => {
             changed(robot, changed_s, speed).map(|outcome| Outcome::Change(Box::new(outcome)))

@@ -144,8 +144,11 @@ fn a_change_is_flagged_by_the_robots_time_whenever_the_estimator_begins() {
 fn an_estimator_that_begins_late_knows_nothing_before() {
     let cell = cell(Scenario::Unchanged);
     let told = |heard_from_s: f64| {
-        let (mut robot, _) = super::robot::robot(cell, 1);
-        robot.heard_from_s = heard_from_s;
+        let watch = Watch {
+            heard_from_s,
+            ..Watch::whole(600.0)
+        };
+        let (robot, _) = super::robot::robot(cell, 1, watch);
         let driven = crate::drive::drive(robot, 8.0).unwrap();
         driven.estimates.len()
     };
@@ -252,6 +255,38 @@ fn a_lidar_that_moves_by_20_mm_on_a_loop_to_one_side_is_flagged_by_noisy_poses()
     assert!(unflagged.iter().all(|seed| *seed == 8), "{unflagged:?}");
 }
 
+/// While nine blocks of windows had to be known, nothing was judged for 46 m: each of these changes went
+/// unseen, and was claimed away.
+#[test]
+fn what_moves_before_a_robot_has_driven_46_m_is_flagged() {
+    for (road, change, speed, seed) in [
+        (Road::Eight, InjectedChange::MountYaw, Speed::Fast, 8),
+        (Road::Aisles, InjectedChange::MountYaw, Speed::Slow, 8),
+        (Road::Left, InjectedChange::MountYaw, Speed::Fast, 7),
+        (Road::Aisles, InjectedChange::Steering, Speed::Fast, 10),
+    ] {
+        let cell = Cell {
+            flaw: Flaw::Clean,
+            road,
+            sensor: Sensor::Poses,
+            scenario: Scenario::Changed(change, speed),
+        };
+        let watch = Watch {
+            changed_within_m: Some((22.0, 46.0)),
+            ..Watch::whole(600.0)
+        };
+        let Outcome::Change(outcome) = run(cell, seed, watch).unwrap() else {
+            panic!("a change was asked for");
+        };
+        let changed_m = outcome.changed_s * speed.mps();
+        assert!((22.0..46.0).contains(&changed_m), "{changed_m} m");
+        assert_eq!(outcome.told_late[1], 0, "{cell}: {outcome:?}");
+        let (flag, way_m) = outcome.flag.expect("a flag");
+        let is_right = (flag.cause == Cause::Steering) == (change == InjectedChange::Steering);
+        assert!(is_right && way_m < 7.0, "{cell}: {flag:?} after {way_m} m");
+    }
+}
+
 #[test]
 fn strong_understeer_is_not_taken_for_a_steering_zero_that_moved_on_the_first_lap() {
     let cell = Cell {
@@ -352,8 +387,8 @@ fn a_change_is_seen_on_a_robot_with_every_imperfection_whose_filter_began_on_the
         (35, 9.5),
     ] {
         let watch = Watch {
-            length_s: 600.0,
             heard_from_s,
+            ..Watch::whole(600.0)
         };
         let Outcome::Change(outcome) = run(cell, seed, watch).unwrap() else {
             panic!("a change was asked for");
