@@ -1,5 +1,6 @@
 //! A model of lease, epoch and fence, explored state by state: instances are frozen, cut off from
-//! the database and killed at any step, and the database forgets its latest commits in a failover.
+//! the database and killed at any step, a robot is handed over meanwhile, and the database forgets its latest
+//! commits in a failover.
 //!
 //! One step of time is two seconds. What the database does in one transaction is one action here, as
 //! `service/postgres` has it; what an instance does in two is two, so that it can be frozen between.
@@ -11,25 +12,29 @@ use fleetcal_cluster::Lease;
 use fleetcal_domain::limits::CLUSTER_LEASE;
 use stateright::{Checker as _, HasDiscoveries, Model, Property};
 
-const INSTANCES: usize = 2;
 const STEP_S: u64 = 2;
 /// Bits of an epoch below the database's timeline.
 const EPOCHS: u64 = 16;
 
 type Incarnation = u8;
 
+/// A life of an instance.
+type Seat = (usize, Incarnation);
+
 /// A robot's row.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
 struct Row {
-    owner: Option<(usize, Incarnation)>,
+    owner: Option<Seat>,
     epoch: u64,
+    /// Who is to have the robot next, by the owner's word, and whether it hears the robot.
+    heir: Option<(Seat, bool)>,
 }
 
 /// What the database holds.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
 struct Database {
-    incarnations: [Incarnation; INSTANCES],
-    expires_at_s: [u64; INSTANCES],
+    incarnations: Vec<Incarnation>,
+    expires_at_s: Vec<u64>,
     row: Row,
     /// The epoch of the latest accepted write.
     written: u64,
@@ -48,6 +53,8 @@ struct Instance {
     writing: Option<(Incarnation, u64)>,
     /// A put that has passed the gate and is not made yet, by its tenure.
     putting: Option<u64>,
+    /// Whether it has ended its tenure in order to hand the robot over.
+    handing_over: bool,
     frozen: bool,
     cut_off: bool,
 }
@@ -62,7 +69,9 @@ struct World {
     failovers_left: u8,
     freezes_left: u8,
     cuts_left: u8,
-    instances: [Instance; INSTANCES],
+    /// How many heirs may still be named.
+    moves_left: u8,
+    instances: Vec<Instance>,
     /// The epoch of the latest put.
     put: u64,
     /// Writes that were accepted after one of a later tenure.
@@ -85,6 +94,18 @@ enum Action {
     Claim(usize),
     /// Brings an own robot's epoch to the database's timeline.
     Restamp(usize),
+    /// Says who is to have an own robot next.
+    NameHeir {
+        by: usize,
+        whom: usize,
+    },
+    /// Says that it hears the robot that it is to have next.
+    NoteReady(usize),
+    /// Ends its tenure because the heir hears the robot.
+    EndTenure(usize),
+    HandOver(usize),
+    /// Takes on a robot that is its own by the rows, and drops one that is not.
+    Follow(usize),
     BeginWrite(usize),
     EndWrite(usize),
     PassGate(usize),
@@ -107,11 +128,16 @@ enum Planted {
     NoGate,
     /// An epoch is the last one and one more, whatever a failover forgot.
     EpochWithoutTimeline,
+    /// Who hands a robot over goes on with it, and leaves its epoch to the heir.
+    HandedOverWithItsEpoch,
 }
 
+/// What is explored: so many instances of which one has the robot, and so many hand-overs at most.
 #[derive(Debug, Clone, Copy)]
 struct Cluster {
     planted: Planted,
+    instances: usize,
+    moves: u8,
     seconds_max: u64,
 }
 
@@ -137,14 +163,15 @@ impl World {
         let trusted = Lease::trusted_after(Duration::from_secs(self.now_s));
         let instance = &mut self.instances[i];
         instance.incarnation = Some(incarnation);
-        instance.tenure = None;
+        (instance.tenure, instance.handing_over) = (None, false);
         instance.trusted_until_s = trusted.as_secs();
     }
 
     /// Whatever an instance had is nobody's.
     fn free(&mut self, i: usize) {
-        if self.database.row.owner.is_some_and(|(owner, _)| owner == i) {
-            self.database.row.owner = None;
+        let row = &mut self.database.row;
+        if row.owner.is_some_and(|(owner, _)| owner == i) {
+            (row.owner, row.heir) = (None, None);
         }
     }
 
@@ -156,6 +183,7 @@ impl World {
         } else {
             let instance = &mut self.instances[i];
             (instance.incarnation, instance.tenure) = (None, None);
+            instance.handing_over = false;
             instance.trusted_until_s = 0;
         }
     }
@@ -174,14 +202,59 @@ impl World {
     }
 
     fn claim(&mut self, i: usize, planted: Planted) {
+        self.raise_epoch(planted);
+        let row = &mut self.database.row;
+        row.owner = self.instances[i].incarnation.map(|own| (i, own));
+        row.heir = None;
+        self.instances[i].tenure = Some(row.epoch);
+    }
+
+    fn raise_epoch(&mut self, planted: Planted) {
         let least = match planted {
             Planted::EpochWithoutTimeline => 0,
             _ => self.timeline * EPOCHS,
         };
         let row = &mut self.database.row;
         row.epoch = (row.epoch + 1).max(least);
-        row.owner = self.instances[i].incarnation.map(|own| (i, own));
-        self.instances[i].tenure = Some(row.epoch);
+    }
+
+    /// The life of an instance that others may hand a robot to.
+    fn live(&self, i: usize) -> Option<Seat> {
+        let lives = self.database.incarnations[i] > 0 && self.database.expires_at_s[i] > self.now_s;
+        lives.then_some((i, self.database.incarnations[i]))
+    }
+
+    /// Whether the rows name it as the heir of the robot, and it has said that it hears it.
+    fn is_heir(&self, i: usize) -> Option<bool> {
+        let own = self.instances[i].incarnation?;
+        let (heir, ready) = self.database.row.heir?;
+        (heir == (i, own) && self.has_seat(i)).then_some(ready)
+    }
+
+    /// Whether it can hand its robot over to an heir that hears it.
+    fn has_ready_heir(&self, i: usize) -> bool {
+        self.owns(i) && matches!(self.database.row.heir, Some((_, true)))
+    }
+
+    /// Passes the robot on to its heir, if that one is alive.
+    fn hand_over(&mut self, i: usize, planted: Planted) {
+        self.instances[i].handing_over = false;
+        let Some((heir, _)) = self.database.row.heir.filter(|_| self.owns(i)) else {
+            return;
+        };
+        if self.live(heir.0) == Some(heir) {
+            if planted != Planted::HandedOverWithItsEpoch {
+                self.raise_epoch(planted);
+            }
+            (self.database.row.owner, self.database.row.heir) = (Some(heir), None);
+        }
+    }
+
+    /// Takes on the robot if it is its own by the rows, in the epoch that they say, and drops it if not.
+    fn follow(&mut self, i: usize) {
+        let tenure = self.owns(i).then_some(self.database.row.epoch);
+        let instance = &mut self.instances[i];
+        (instance.tenure, instance.handing_over) = (tenure, false);
     }
 
     fn owns(&self, i: usize) -> bool {
@@ -221,12 +294,12 @@ impl World {
             (instance.frozen, instance.cut_off) = (false, false);
         }
         for _ in 0..Self::lease_s() {
-            for i in 0..INSTANCES {
+            for i in 0..world.instances.len() {
                 if world.instances[i].incarnation.is_none() {
                     world.join(i);
                 }
                 world.renew(i);
-                for whom in 0..INSTANCES {
+                for whom in 0..world.instances.len() {
                     if world.may_take_for_dead(i, whom) {
                         world.database.incarnations[whom] += 1;
                         world.free(whom);
@@ -249,6 +322,37 @@ impl World {
     }
 }
 
+impl Cluster {
+    /// What an instance that reaches the database can do to hand the robot over, or to take it on.
+    fn moves_of(&self, world: &World, i: usize, actions: &mut Vec<Action>) {
+        if self.moves == 0 {
+            return;
+        }
+        let instance = &world.instances[i];
+        let others = (0..self.instances).filter(|whom| *whom != i && world.live(*whom).is_some());
+        if world.moves_left > 0 && world.owns(i) && world.database.row.heir.is_none() {
+            actions.extend(others.map(|whom| Action::NameHeir { by: i, whom }));
+        }
+        if world.is_heir(i) == Some(false) {
+            actions.push(Action::NoteReady(i));
+        }
+        if instance.handing_over {
+            actions.push(Action::HandOver(i));
+        } else if world.has_ready_heir(i)
+            && instance.tenure.is_some()
+            && instance.writing.is_none()
+            && instance.putting.is_none()
+        {
+            // Its estimator has ended and all is written by then.
+            actions.push(Action::EndTenure(i));
+        }
+        let own = world.owns(i).then_some(world.database.row.epoch);
+        if instance.incarnation.is_some() && instance.tenure != own {
+            actions.push(Action::Follow(i));
+        }
+    }
+}
+
 impl Model for Cluster {
     type State = World;
     type Action = Action;
@@ -258,10 +362,14 @@ impl Model for Cluster {
             failovers_left: 1,
             freezes_left: 1,
             cuts_left: 1,
+            moves_left: self.moves,
             timeline: 1,
+            instances: vec![Instance::default(); self.instances],
             ..World::default()
         };
-        for i in 0..INSTANCES {
+        world.database.incarnations = vec![0; self.instances];
+        world.database.expires_at_s = vec![0; self.instances];
+        for i in 0..self.instances {
             world.join(i);
         }
         world.claim(0, self.planted);
@@ -279,7 +387,7 @@ impl Model for Cluster {
                 actions.push(Action::Replicate);
             }
         }
-        for i in 0..INSTANCES {
+        for i in 0..self.instances {
             let instance = &world.instances[i];
             if instance.frozen {
                 actions.push(Action::Thaw(i));
@@ -317,11 +425,12 @@ impl Model for Cluster {
             if world.owns(i) && world.database.row.epoch < world.timeline * EPOCHS {
                 actions.push(Action::Restamp(i));
             }
-            for whom in 0..INSTANCES {
+            for whom in 0..self.instances {
                 if world.may_take_for_dead(i, whom) {
                     actions.push(Action::TakeForDead { by: i, whom });
                 }
             }
+            self.moves_of(world, i, actions);
         }
     }
 
@@ -336,6 +445,22 @@ impl Model for Cluster {
                 world.free(whom);
             }
             Action::Claim(i) | Action::Restamp(i) => world.claim(i, self.planted),
+            Action::NameHeir { whom, .. } => {
+                world.moves_left -= 1;
+                world.database.row.heir = world.live(whom).map(|heir| (heir, false));
+            }
+            Action::NoteReady(_) => {
+                world.database.row.heir = world.database.row.heir.map(|(heir, _)| (heir, true));
+            }
+            Action::EndTenure(i) => {
+                let instance = &mut world.instances[i];
+                instance.handing_over = true;
+                if self.planted != Planted::HandedOverWithItsEpoch {
+                    instance.tenure = None;
+                }
+            }
+            Action::HandOver(i) => world.hand_over(i, self.planted),
+            Action::Follow(i) => world.follow(i),
             Action::BeginWrite(i) => {
                 let instance = &mut world.instances[i];
                 instance.writing = instance.incarnation.zip(instance.tenure);
@@ -400,11 +525,7 @@ fn is_one_an_epoch(seen: &[(u64, usize)]) -> bool {
 
 /// Explores all that so many steps lead to, until something is wrong; gives the names of what was found, with the
 /// number of states.
-fn explore(planted: Planted, steps: usize) -> (Vec<&'static str>, usize) {
-    let model = Cluster {
-        planted,
-        seconds_max: 12,
-    };
+fn explore(model: Cluster, steps: usize) -> (Vec<&'static str>, usize) {
     // The initial state is at depth 1, and states at the largest depth are not looked at.
     let checker = model.checker().threads(2).target_max_depth(steps + 2);
     let checker = checker.finish_when(HasDiscoveries::AnyFailures);
@@ -414,17 +535,25 @@ fn explore(planted: Planted, steps: usize) -> (Vec<&'static str>, usize) {
     (found, checked.unique_state_count())
 }
 
-/// Steps to which everything is explored, unless the variable says otherwise. A second late put, which the gate
-/// prevents, takes 11.
-fn steps() -> usize {
+/// Steps to which everything is explored, unless the variable says otherwise.
+fn steps(or: usize) -> usize {
     let steps = std::env::var("CLUSTER_MODEL_STEPS");
-    steps.map_or(12, |steps| steps.parse().unwrap())
+    steps.map_or(or, |steps| steps.parse().unwrap())
 }
 
-#[test]
-fn there_are_never_two_accepted_writers_and_always_an_owner_in_the_end() {
-    let (found, states) = explore(Planted::Nothing, steps());
-    println!("{states} states in {} steps: {found:?}", steps());
+/// Two instances, without hand-overs.
+fn pair(planted: Planted) -> Cluster {
+    Cluster {
+        planted,
+        instances: 2,
+        moves: 0,
+        seconds_max: 12,
+    }
+}
+
+fn assert_nothing_goes_wrong(model: Cluster, steps: usize) {
+    let (found, states) = explore(model, steps);
+    println!("{model:?}: {states} states in {steps} steps: {found:?}");
     assert!(states > 10_000, "{states} states");
     let wrong: Vec<_> = found
         .iter()
@@ -433,17 +562,50 @@ fn there_are_never_two_accepted_writers_and_always_an_owner_in_the_end() {
     assert!(wrong.is_empty(), "{wrong:?}");
 }
 
+/// A second late put, which the gate prevents, takes 11 steps.
+#[test]
+fn there_are_never_two_accepted_writers_and_always_an_owner_in_the_end() {
+    assert_nothing_goes_wrong(pair(Planted::Nothing), steps(12));
+}
+
+#[test]
+fn nor_while_a_robot_is_handed_over() {
+    let model = Cluster {
+        moves: 1,
+        ..pair(Planted::Nothing)
+    };
+    assert_nothing_goes_wrong(model, steps(10));
+}
+
+#[test]
+fn nor_among_three() {
+    let model = Cluster {
+        instances: 3,
+        moves: 1,
+        ..pair(Planted::Nothing)
+    };
+    assert_nothing_goes_wrong(model, steps(8));
+}
+
 #[test]
 fn each_part_of_the_mechanism_is_needed() {
-    for (planted, expected) in [
-        (Planted::NoFence, "no write after one of a later tenure"),
-        (Planted::NoGate, "one late put at the most"),
-        (Planted::EpochWithoutTimeline, "one instance an epoch"),
+    let with_its_epoch = Cluster {
+        moves: 1,
+        ..pair(Planted::HandedOverWithItsEpoch)
+    };
+    for (model, expected) in [
+        (
+            pair(Planted::NoFence),
+            "no write after one of a later tenure",
+        ),
+        (pair(Planted::NoGate), "one late put at the most"),
+        (pair(Planted::EpochWithoutTimeline), "one instance an epoch"),
+        (with_its_epoch, "one instance an epoch"),
     ] {
-        let (found, states) = explore(planted, 12);
+        let (found, states) = explore(model, 12);
         assert!(
             found.contains(&expected),
-            "{planted:?}: {found:?} in {states} states"
+            "{model:?}: {found:?} in {states} states"
         );
     }
 }
