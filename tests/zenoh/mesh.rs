@@ -1,22 +1,25 @@
 //! Hostile sessions at one of two routers with the generated list, before two instances of a service:
-//! the robots of both go on, and none changes its instance. `make cluster-floods`.
+//! the robots of both go on, and none changes its instance. And one instance killed there: the other one takes
+//! its robots over. `make cluster-floods`.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::sleep;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use fleetcal_contract::own_server::psql;
 use fleetcal_contract::server;
 use fleetcal_store::database_url::PostgresUrl;
 use fleetcal_tests::certificates::Authority;
 use fleetcal_tests::memory::{self, Memory};
-use fleetcal_tests::service::{Instance, Service, free_port, wait_for};
+use fleetcal_tests::service::{Instance, Service, free_port, now, wait_for};
 use fleetcal_tests::{database, recording};
 use serde_json::{Value, json};
 use tempfile::TempDir;
+use tokio::task::JoinSet;
+use zenoh::Session;
 
 use super::floods::{
     Crowd, Ended, Figures, ROBOTS, SESSIONS, kinds, longest_stall, names, received_at_last,
@@ -42,6 +45,10 @@ const LOST_AT_MOST_ONE_IN: u64 = 2_000;
 const LEASE_LEFT_MIN_S: f64 = 2.0;
 /// A flood of some seconds adds at most so much to a process, beside what one without adds.
 const GROWN_MAX_BYTES: u64 = 256 << 20;
+/// Robots whose estimates are heard while their instance is killed.
+const HEARD: usize = 6;
+/// They are estimated again after so long.
+const SERVED_WITHIN: Duration = Duration::from_secs(9);
 
 /// Which instance has a robot: its name, and the epoch since which it has.
 type Owners = BTreeMap<String, (String, u64)>;
@@ -134,6 +141,13 @@ impl Mesh {
                       JOIN alert_change AS c ON c.alert = a.id WHERE c.state = 'alerting' ORDER BY 1";
         let told = psql(&self.database, raised);
         told.lines().map(str::to_owned).collect()
+    }
+
+    /// A robot's own session at its router.
+    async fn robot(&self, id: &str) -> Session {
+        let identity = session::tls(self.folder.path(), Some(id));
+        let config = robot::client(&self.endpoints[router_of(id)], &identity);
+        robot::open(config).await.unwrap()
     }
 
     /// What the instances hold, then the routers.
@@ -268,6 +282,12 @@ fn flooded(kind: Option<&str>, seconds: u64) -> Hurt {
     }
 }
 
+/// Robots connect to the routers in turn, by their numbers.
+fn router_of(id: &str) -> usize {
+    let (_, number) = id.rsplit_once('_').unwrap();
+    number.parse::<usize>().unwrap() % ROUTERS.len()
+}
+
 /// What became of the samples of the robots at each router.
 fn at_routers(mesh: &Mesh, owners: &Owners, sent: &Value) -> [Figures; 2] {
     let sent = sent["sent"].as_object().unwrap();
@@ -279,10 +299,7 @@ fn at_routers(mesh: &Mesh, owners: &Owners, sent: &Value) -> [Figures; 2] {
     let ended: Vec<Ended<'_>> = ended.collect();
     let mut figures = [Figures::default(), Figures::default()];
     for (one, robot) in ended.iter().zip(received_at_last(&ended)) {
-        // Robots connect to the routers in turn, by their numbers.
-        let (_, number) = one.id.rsplit_once('_').unwrap();
-        let number: usize = number.parse().unwrap();
-        figures[number % figures.len()].add(&robot);
+        figures[router_of(one.id)].add(&robot);
     }
     figures
 }
@@ -376,4 +393,56 @@ fn no_flood_at_a_router_moves_a_robot_or_takes_samples_from_others() {
         wrong.extend(wrongs(kind, &hurt, &control));
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// Hears a robot's estimates until one of this instance comes; gives its epoch, and how long after `began` it
+/// came.
+async fn estimated(own: &Session, id: &str, by: &str, began: Instant) -> (u64, Duration) {
+    let estimates = own.declare_subscriber(format!("fleet/{id}/estimate"));
+    let estimates = estimates.await.unwrap();
+    let heard = async {
+        loop {
+            let sample = estimates.recv_async().await.unwrap();
+            let estimate: Value = serde_json::from_slice(&sample.payload().to_bytes()).unwrap();
+            let estimated_by = &estimate["estimated_by"];
+            if estimated_by["instance"] == by {
+                return (estimated_by["epoch"].as_u64().unwrap(), began.elapsed());
+            }
+        }
+    };
+    let heard = tokio::time::timeout(session::PATIENCE, heard).await;
+    heard.unwrap_or_else(|_| panic!("{by} sends no estimate of {id}"))
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+#[ignore = "needs PostgreSQL, a minute; make cluster-floods"]
+async fn an_instance_takes_robots_over_by_certificate_and_list() {
+    let mut mesh = Mesh::start();
+    let path = mesh.folder.path().join("robot.mcap");
+    let drive_s = 2 * session::PATIENCE.as_secs();
+    recording::simulated(&path, drive_s as f64);
+    let _fleet = mesh.robots(&path, drive_s);
+    let owners = mesh.owners();
+    let [killed, other] = INSTANCES;
+    let of_killed = owners
+        .iter()
+        .filter(|(id, (owner, _))| *id != ATTACKED && owner == killed);
+    let mut robots = Vec::new();
+    for (id, _) in of_killed.take(HEARD) {
+        let own = mesh.robot(id).await;
+        let (epoch, _) = estimated(&own, id, killed, now()).await;
+        robots.push((id.clone(), own, epoch));
+    }
+    assert_eq!(robots.len(), HEARD);
+    mesh.instances[0].kill();
+    let began = now();
+    let taken_over = robots.into_iter().map(|(id, own, epoch)| async move {
+        let (later, took) = estimated(&own, &id, other, began).await;
+        assert!(later > epoch, "{id}: epoch {later} after {epoch}");
+        took
+    });
+    let took = taken_over.collect::<JoinSet<_>>().join_all().await;
+    println!("{HEARD} robots of {killed} are estimated by {other} after {took:.2?}");
+    assert!(took.iter().all(|took| *took <= SERVED_WITHIN), "{took:?}");
+    mesh.routers.iter_mut().for_each(Router::assert_runs);
 }
