@@ -574,7 +574,7 @@ fn nor_while_a_robot_is_handed_over() {
         moves: 1,
         ..pair(Planted::Nothing)
     };
-    assert_nothing_goes_wrong(model, steps(10));
+    assert_nothing_goes_wrong(model, steps(11));
 }
 
 #[test]
@@ -584,7 +584,7 @@ fn nor_among_three() {
         moves: 1,
         ..pair(Planted::Nothing)
     };
-    assert_nothing_goes_wrong(model, steps(8));
+    assert_nothing_goes_wrong(model, steps(9));
 }
 
 #[test]
