@@ -72,7 +72,7 @@ impl Calibrator {
     }
 
     /// Takes the second pass when it is due, and stays with the first where that fits as well: the change test
-    /// begins again with another filter, and is blind for some 36 m.
+    /// begins again with another filter, and judges and claims nothing for some 20 m.
     pub(super) fn take_second_pass(&mut self) {
         let distance_m = self.session.distance_m;
         let due = self

@@ -23,6 +23,8 @@ const BLOCK: usize = 10;
 const MEMORY_BLOCKS: f64 = 60.0;
 /// Fewest blocks, some 20 m, before the scatter is believed to be small.
 const BLOCKS_MIN: f64 = 5.0;
+/// Blocks before it is asked whether changes would be seen: fewer tell too little of the scatter.
+const SEE_BLOCKS: f64 = 8.0;
 /// Up to so many blocks a change takes [`FEW_BLOCKS_CAUTION`] times the evidence: on one lap of its route a
 /// robot that does not obey its model has not shown yet by how much. Blocks are counted as they are
 /// remembered, so that the tenth is the last; before the fifth nothing is claimed, and nothing judged.
@@ -253,6 +255,11 @@ impl LongRunVariance {
     /// What is known of a filter's parameters, given how far its data scatter.
     pub fn known(&self, filter: &Filter) -> Known {
         filter.known(self.scatter(&filter.parameter_covariance()).ratios())
+    }
+
+    /// Whether enough blocks were seen to tell if a change would stand out from their scatter.
+    pub fn is_well_known(&self) -> bool {
+        self.whole.blocks > SEE_BLOCKS
     }
 
     /// How many times the evidence a change takes because only few blocks have shown their scatter yet.

@@ -36,11 +36,9 @@ const WINDOWS_MIN: usize = 8;
 const SEE_EVERY: usize = 5;
 /// Windows that the long-run variance is behind: a change is flagged before it counts as noise.
 const SETTLED_WINDOWS: usize = 25;
-/// The same while a change is suspected, where it takes longer: by the few blocks of a robot that has just set
-/// off, or of one that scatters, a change of half a degree was noise before it was flagged.
+/// The same while a change is suspected, which a robot that has just set off takes longer to show: it counted
+/// as noise before it was flagged.
 const SUSPECTED_WINDOWS: usize = 45;
-/// A change is suspected from this share of the evidence on.
-const SUSPECTED_SHARE: f64 = 0.5;
 /// A cause explains what is seen when the misfit stays below this.
 const MISFIT_MAX: f64 = 3.0;
 /// After this many windows without a cause that explains it, the change is called unknown.
@@ -77,6 +75,7 @@ pub struct ChangeWatch {
     faults: FaultWatch,
     /// The newest windows that have not told yet how far they err together.
     unlearnt: usize,
+    /// Whether there is evidence enough for a change, but for the caution that few blocks ask for or a cause.
     is_suspected: bool,
     visibility: Visibility,
     /// The first window before which the parameters of every cause were known.
@@ -254,10 +253,11 @@ impl ChangeWatch {
         let thresholds = usual.raised(&Values::repeat(self.long_run.caution()));
         let windows = || self.remembered.range(begin..).map(|r| &r.window);
         self.since_seen += 1;
-        if self.since_seen >= SEE_EVERY {
+        if self.since_seen >= SEE_EVERY && self.long_run.is_well_known() {
             self.since_seen = 0;
             let expected = expected_evidence(windows(), &reference, oldest.noise_scale());
-            self.visibility.see(windows().len(), &expected, &thresholds);
+            // Caution ends after some metres.
+            self.visibility.see(windows().len(), &expected, &usual);
         }
         let mut search = Search {
             noise_scale: oldest.noise_scale(),
@@ -267,7 +267,7 @@ impl ChangeWatch {
         // 1. Has anything happened? No single wild window may say so.
         let alarm = strongest(windows(), &reference, &search, &thresholds)?;
         let evidence = alarm.margin + thresholds.values()[alarm.hypothesis];
-        self.is_suspected = evidence > SUSPECTED_SHARE * usual.values()[alarm.hypothesis];
+        self.is_suspected = evidence > usual.values()[alarm.hypothesis];
         if alarm.margin < 0.0 || !known[alarm.hypothesis] {
             return None;
         }

@@ -88,7 +88,8 @@ async fn a_difference_that_stood_still_need_not_do_so_again() {
     seconds(&bench, &mut driver, 5).await;
     assert!(!is_proposed(&bench), "it stood still for 25 s");
     seconds(&bench, &mut driver, 10).await;
-    assert!(is_proposed(&bench), "it stood still for 35 s");
+    let state = standing(&bench);
+    assert!(is_proposed(&bench), "it stood still for 35 s: {state:?}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
