@@ -12,7 +12,6 @@ use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 
 use super::cell::{Cell, InjectedChange, Scenario, Sensor, Speed};
-use super::run::Watch;
 use crate::drive::Robot;
 
 /// Beams of a scan.
@@ -21,8 +20,8 @@ const BEAMS: u32 = 720;
 const BEFORE_CHANGE_S: [(Speed, f64, f64); 2] =
     [(Speed::Slow, 180.0, 90.0), (Speed::Fast, 120.0, 40.0)];
 
-/// The robot, and when its change is due (s).
-pub fn robot(cell: Cell, seed: u64, watch: Watch) -> (Robot, Option<f64>) {
+/// The robot, and when its change is due (s): between two ways (m), where these are told.
+pub fn robot(cell: Cell, seed: u64, changed_within_m: Option<(f64, f64)>) -> (Robot, Option<f64>) {
     let mut random = StdRng::seed_from_u64(seed);
     let mut simulation = SimulationConfig::figure_eight(seed);
     let mut around = |half: f64| random.random_range(-half..half);
@@ -55,7 +54,7 @@ pub fn robot(cell: Cell, seed: u64, watch: Watch) -> (Robot, Option<f64>) {
     let change_s = match cell.scenario {
         Scenario::Unchanged => None,
         Scenario::Changed(change, speed) => {
-            let at_s = change_at_s(speed, part, watch);
+            let at_s = change_at_s(speed, part, changed_within_m);
             simulation.speed = steady(speed);
             simulation.changes = vec![ScheduledChange {
                 at_s,
@@ -71,7 +70,7 @@ pub fn robot(cell: Cell, seed: u64, watch: Watch) -> (Robot, Option<f64>) {
         Robot {
             simulation,
             calibrator,
-            heard_from_s: watch.heard_from_s,
+            heard_from_s: 0.0,
         },
         change_s,
     )
@@ -86,8 +85,8 @@ fn steady(speed: Speed) -> SpeedProfile {
 }
 
 /// When the change happens, s: anywhere on the lap, or between two ways, `part` of 0 to 1.
-fn change_at_s(speed: Speed, part: f64, watch: Watch) -> f64 {
-    if let Some((first_m, last_m)) = watch.changed_within_m {
+fn change_at_s(speed: Speed, part: f64, within_m: Option<(f64, f64)>) -> f64 {
+    if let Some((first_m, last_m)) = within_m {
         return (first_m + part * (last_m - first_m)) / speed.mps();
     }
     let of_speed = BEFORE_CHANGE_S.iter().find(|(of, ..)| *of == speed);

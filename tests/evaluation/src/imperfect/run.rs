@@ -56,7 +56,8 @@ impl Watch {
 /// # Errors
 /// Names the setting or message that is refused.
 pub fn run(cell: Cell, seed: u64, watch: Watch) -> Result<Outcome, EvaluationError> {
-    let (robot, change_s) = robot(cell, seed, watch);
+    let (mut robot, change_s) = robot(cell, seed, watch.changed_within_m);
+    robot.heard_from_s = watch.heard_from_s;
     match (cell.scenario, change_s) {
         (Scenario::Changed(_, speed), Some(changed_s)) => {
             changed(robot, changed_s, speed).map(|outcome| Outcome::Change(Box::new(outcome)))

@@ -144,11 +144,8 @@ fn a_change_is_flagged_by_the_robots_time_whenever_the_estimator_begins() {
 fn an_estimator_that_begins_late_knows_nothing_before() {
     let cell = cell(Scenario::Unchanged);
     let told = |heard_from_s: f64| {
-        let watch = Watch {
-            heard_from_s,
-            ..Watch::whole(600.0)
-        };
-        let (robot, _) = super::robot::robot(cell, 1, watch);
+        let (mut robot, _) = super::robot::robot(cell, 1, None);
+        robot.heard_from_s = heard_from_s;
         let driven = crate::drive::drive(robot, 8.0).unwrap();
         driven.estimates.len()
     };
