@@ -411,7 +411,8 @@ async fn estimated(own: &Session, id: &str, by: &str, began: Instant) -> (u64, D
         }
     };
     let heard = tokio::time::timeout(session::PATIENCE, heard).await;
-    heard.unwrap_or_else(|_| panic!("{by} sends no estimate of {id}"))
+    assert!(heard.is_ok(), "{by} sends no estimate of {id}");
+    heard.unwrap()
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

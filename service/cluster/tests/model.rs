@@ -4,7 +4,11 @@
 //!
 //! One step of time is two seconds. What the database does in one transaction is one action here, as
 //! `service/postgres` has it; what an instance does in two is two, so that it can be frozen between.
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+#![expect(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test that cannot go on fails, and says what it has counted"
+)]
 
 use std::time::Duration;
 
