@@ -256,7 +256,7 @@ impl ChangeWatch {
         if self.since_seen >= SEE_EVERY && self.long_run.is_well_known() {
             self.since_seen = 0;
             let expected = expected_evidence(windows(), &reference, oldest.noise_scale());
-            // Caution ends after some metres.
+            // By the usual thresholds, since caution ends after some metres.
             self.visibility.see(windows().len(), &expected, &usual);
         }
         let mut search = Search {

@@ -1,0 +1,103 @@
+//! A model of lease, epoch and fence, explored state by state: instances are frozen, cut off from
+//! the database and killed at any step, a robot is handed over meanwhile, and the database forgets its latest
+//! commits in a failover.
+//!
+//! One step of time is two seconds. What the database does in one transaction is one action here, as
+//! `service/postgres` has it; what an instance does in two is two, so that it can be frozen between.
+#![expect(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test that cannot go on fails, and says what it has counted"
+)]
+
+mod cluster;
+mod world;
+
+use stateright::{Checker as _, HasDiscoveries, Model as _};
+
+use crate::cluster::Cluster;
+use crate::world::Planted;
+
+/// Explores all that so many steps lead to, until something is wrong; gives the names of what was found, with the
+/// number of states.
+fn explore(model: Cluster, steps: usize) -> (Vec<&'static str>, usize) {
+    // The initial state is at depth 1, and states at the largest depth are not looked at.
+    let checker = model.checker().threads(2).target_max_depth(steps + 2);
+    let checker = checker.finish_when(HasDiscoveries::AnyFailures);
+    let checked = checker.spawn_bfs().join();
+    let mut found: Vec<_> = checked.discoveries().into_keys().collect();
+    found.sort_unstable();
+    (found, checked.unique_state_count())
+}
+
+/// Steps to which everything is explored, unless the variable says otherwise.
+fn steps(or: usize) -> usize {
+    let steps = std::env::var("CLUSTER_MODEL_STEPS");
+    steps.map_or(or, |steps| steps.parse().unwrap())
+}
+
+/// Two instances, without hand-overs.
+fn pair(planted: Planted) -> Cluster {
+    Cluster {
+        planted,
+        instances: 2,
+        moves: 0,
+        seconds_max: 12,
+    }
+}
+
+/// So many instances, where the robot may be handed over once.
+fn with_a_move(instances: usize, planted: Planted) -> Cluster {
+    Cluster {
+        instances,
+        moves: 1,
+        ..pair(planted)
+    }
+}
+
+fn assert_nothing_goes_wrong(model: Cluster, steps: usize) {
+    let (found, states) = explore(model, steps);
+    println!("{model:?}: {states} states in {steps} steps: {found:?}");
+    assert!(states > 10_000, "{states} states");
+    let wrong: Vec<_> = found
+        .iter()
+        .filter(|name| **name != "the robot changes hands")
+        .collect();
+    assert!(wrong.is_empty(), "{wrong:?}");
+}
+
+/// A second late put, which the gate prevents, takes 11 steps.
+#[test]
+fn there_are_never_two_accepted_writers_and_always_an_owner_in_the_end() {
+    assert_nothing_goes_wrong(pair(Planted::Nothing), steps(12));
+}
+
+#[test]
+fn nor_while_a_robot_is_handed_over() {
+    assert_nothing_goes_wrong(with_a_move(2, Planted::Nothing), steps(11));
+}
+
+#[test]
+fn nor_among_three() {
+    assert_nothing_goes_wrong(with_a_move(3, Planted::Nothing), steps(9));
+}
+
+#[test]
+fn each_part_of_the_mechanism_is_needed() {
+    let with_its_epoch = with_a_move(2, Planted::HandedOverWithItsEpoch);
+    for (model, expected) in [
+        (
+            pair(Planted::NoFence),
+            "no write after one of a later tenure",
+        ),
+        (pair(Planted::NoGate), "one late put at the most"),
+        (pair(Planted::EpochWithoutTimeline), "one instance an epoch"),
+        (with_its_epoch, "one instance an epoch"),
+    ] {
+        let (found, states) = explore(model, 12);
+        assert!(
+            found.contains(&expected),
+            "{model:?}: {found:?} in {states} states"
+        );
+    }
+}
