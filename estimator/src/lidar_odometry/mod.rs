@@ -92,6 +92,9 @@ const ASKED_FROM_UPDATE: u32 = 8;
 /// A scan whose ranges all repeat the last one's was sent twice, when the LiDAR has moved by more
 /// than this, m or rad.
 const REPEATED_MOTION: f64 = 0.01;
+/// Scans this far apart, s, are bent by acceleration where their pose is searched for. Shorter ones are bent by
+/// a quarter of that or less, and the velocity of one that the floor made fit poorly is not to be trusted.
+const BENT_FROM_S: f64 = 0.15;
 
 /// What LiDAR odometry has learnt of its scanner: it holds as long as the scanner does, in any map.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -166,7 +169,7 @@ impl LidarOdometry {
         }
         Ok(Self {
             map: LocalMap::knowing(Arc::new(KnownMap::new(grid))),
-            motion: Some(Motion::searched(lidar_in_map)),
+            motion: Some(Motion::searched(lidar_in_map, None)),
             track: Track::in_known_map(),
             ..Self::default()
         })
@@ -456,8 +459,11 @@ impl LidarOdometry {
             self.track.window(dt),
         );
         let last = self.motion.as_ref().map(|motion| motion.pose);
+        // The velocity at a map's first scan is not known.
+        let is_tracked = !self.track.is_lost() && self.first_scan.is_none();
+        let tracked = (is_tracked && dt >= BENT_FROM_S).then_some(predicted);
         for pose in last.into_iter().chain(poses) {
-            if let Some(found) = self.align(&Motion::searched(pose))
+            if let Some(found) = self.align(&Motion::searched(pose, tracked))
                 && found.fit.beats(&solution.fit)
             {
                 *solution = found;
