@@ -47,8 +47,9 @@ const LEASE_LEFT_MIN_S: f64 = 2.0;
 const GROWN_MAX_BYTES: u64 = 256 << 20;
 /// Robots whose estimates are heard while their instance is killed.
 const HEARD: usize = 6;
-/// They are estimated again after so long.
-const SERVED_WITHIN: Duration = Duration::from_secs(9);
+/// They are estimated again after so long: earlier than Zenoh takes the killed instance for gone, and
+/// than its lease ends.
+const SERVED_WITHIN: Duration = Duration::from_secs(3);
 
 /// Which instance has a robot: its name, and the epoch since which it has.
 type Owners = BTreeMap<String, (String, u64)>;

@@ -20,7 +20,7 @@ mod tenure;
 pub use assignment::{Assignment, assign};
 pub use duty::Duty;
 pub use lease::Lease;
-pub use link_report::LinkReport;
+pub use link_report::{HEARTBEAT_EVERY, HEARTBEATS_MISSING_AFTER, LinkReport, Silence};
 pub use member::Member;
 pub use membership::{Cluster, Membership, Takeover, Whereabouts};
 pub use plan::{DutyOwnership, Handover, Ownership, Plan, Snapshot, plan};

@@ -1,8 +1,19 @@
-//! What an instance's link to Zenoh says of itself.
+//! What an instance's link to Zenoh says of itself and of the other instances.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use fleetcal_domain::limits::{CLUSTER_LEASE, CLUSTER_LOOK_EVERY};
 
 use crate::InstanceId;
+
+/// An instance sends a heartbeat over Zenoh this often.
+pub const HEARTBEAT_EVERY: Duration = Duration::from_millis(100);
+/// One whose heartbeats have been missing for so long is silent: two may be late or lost.
+pub const HEARTBEATS_MISSING_AFTER: Duration = Duration::from_millis(300);
+/// Two looks at the heartbeats that are further apart say nothing together: who looks was held up, and the
+/// heartbeats of meanwhile still wait to be read.
+const LOOKS_APART_MAX: Duration = CLUSTER_LOOK_EVERY.saturating_mul(2);
 
 /// What an instance's link to Zenoh says of itself.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -11,4 +22,127 @@ pub struct LinkReport {
     pub linked: bool,
     /// Instances whose liveliness tokens stand.
     pub present: BTreeSet<InstanceId>,
+    /// When the latest heartbeat of each of these came, running time; an older program sends none.
+    heartbeats: BTreeMap<InstanceId, Duration>,
+}
+
+impl LinkReport {
+    /// Notes that the token of an instance stands, or is gone; gives whether this is new.
+    pub fn note_token(&mut self, instance: InstanceId, stands: bool) -> bool {
+        if stands {
+            return self.present.insert(instance);
+        }
+        self.heartbeats.remove(&instance);
+        self.present.remove(&instance)
+    }
+
+    /// Notes a heartbeat that came at `now`, running time. Without a token it is not noted.
+    pub fn note_heartbeat(&mut self, instance: InstanceId, now: Duration) {
+        if self.present.contains(&instance) {
+            self.heartbeats.insert(instance, now);
+        }
+    }
+
+    /// Whether the heartbeats of an instance are missing at `now`, running time, while its token stands:
+    /// where the transport closes nothing for a killed process, as QUIC, the token outlives it by
+    /// Zenoh's `lease`. After a lease of the cluster the database has decided, and what stands still is a
+    /// program that sends no heartbeats any more.
+    pub fn is_silent(&self, instance: &InstanceId, now: Duration) -> bool {
+        let missing_for = |at: &Duration| now.saturating_sub(*at);
+        let latest = self.heartbeats.get(instance).map(missing_for);
+        latest.is_some_and(|missing| (HEARTBEATS_MISSING_AFTER..CLUSTER_LEASE).contains(&missing))
+    }
+}
+
+/// The instances that were silent when it was looked last.
+#[derive(Debug, Default)]
+pub struct Silence {
+    looked_at: Duration,
+    silent: BTreeSet<InstanceId>,
+}
+
+impl Silence {
+    /// Takes those that are silent at `now`, running time; gives those that were silent shortly before
+    /// as well.
+    pub fn lasting(&mut self, silent: BTreeSet<InstanceId>, now: Duration) -> BTreeSet<InstanceId> {
+        let was_held_up = now.saturating_sub(self.looked_at) > LOOKS_APART_MAX;
+        let before = std::mem::replace(&mut self.silent, silent);
+        self.looked_at = now;
+        if was_held_up {
+            return BTreeSet::new();
+        }
+        self.silent.intersection(&before).cloned().collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HEARD_AT: Duration = Duration::from_secs(7);
+
+    fn b() -> InstanceId {
+        InstanceId::parse("b").unwrap()
+    }
+
+    /// A token stands, and a heartbeat came.
+    fn heard() -> LinkReport {
+        let mut report = LinkReport::default();
+        assert!(report.note_token(b(), true));
+        report.note_heartbeat(b(), HEARD_AT);
+        report
+    }
+
+    #[test]
+    fn an_instance_is_silent_once_its_heartbeats_are_missing() {
+        let mut report = heard();
+        let missing_at = HEARD_AT + HEARTBEATS_MISSING_AFTER;
+        assert!(!report.is_silent(&b(), missing_at - Duration::from_nanos(1)));
+        assert!(report.is_silent(&b(), missing_at));
+        report.note_heartbeat(b(), missing_at);
+        assert!(!report.is_silent(&b(), missing_at));
+    }
+
+    #[test]
+    fn an_instance_that_sends_no_heartbeats_is_judged_by_its_token() {
+        let mut report = LinkReport::default();
+        report.note_heartbeat(b(), HEARD_AT);
+        assert_eq!(report, LinkReport::default(), "no token: not noted");
+        report.note_token(b(), true);
+        assert!(!report.is_silent(&b(), HEARD_AT + HEARTBEATS_MISSING_AFTER));
+        // It was replaced by a former program under the same token.
+        assert!(!heard().is_silent(&b(), HEARD_AT + CLUSTER_LEASE));
+    }
+
+    #[test]
+    fn heartbeats_of_a_former_life_do_not_count() {
+        let mut report = heard();
+        assert!(report.note_token(b(), false));
+        report.note_token(b(), true);
+        assert!(!report.is_silent(&b(), HEARD_AT + HEARTBEATS_MISSING_AFTER));
+    }
+
+    #[test]
+    fn silence_lasts_over_two_looks_of_one_that_was_not_held_up() {
+        let mut silence = Silence::default();
+        let silent = || BTreeSet::from([b()]);
+        let mut now = HEARD_AT;
+        let mut look_after = |pause, silent| {
+            now += pause;
+            silence.lasting(silent, now)
+        };
+        let held_up = LOOKS_APART_MAX + Duration::from_nanos(1);
+        assert_eq!(look_after(CLUSTER_LOOK_EVERY, silent()), BTreeSet::new());
+        assert_eq!(
+            look_after(held_up, silent()),
+            BTreeSet::new(),
+            "it was held up"
+        );
+        assert_eq!(look_after(CLUSTER_LOOK_EVERY, silent()), silent());
+        assert_eq!(
+            look_after(CLUSTER_LOOK_EVERY, BTreeSet::new()),
+            BTreeSet::new()
+        );
+        assert_eq!(look_after(CLUSTER_LOOK_EVERY, silent()), BTreeSet::new());
+    }
 }

@@ -27,8 +27,8 @@ pub struct ClusterConfig {
     pub peer_root_certificates: Option<PathBuf>,
     /// Whether they may be asked without TLS.
     pub plaintext_peers: bool,
-    /// Whether an instance of which nothing is seen any more is taken for dead before its lease
-    /// ends.
+    /// Whether an instance is taken for dead before its lease ends, when its connection to the
+    /// database is gone and nothing is heard of it on Zenoh.
     pub fast_takeover: bool,
     /// The file of the key that all instances sign with; that of the data folder without it.
     pub signing_key: Option<PathBuf>,

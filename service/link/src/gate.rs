@@ -4,7 +4,7 @@ use fleetcal_clock::SharedClock;
 use fleetcal_cluster::{Duty, Membership};
 use fleetcal_proto::RobotId;
 
-/// Asked in the line before everything that leaves. Cheap to clone.
+/// Asked in the line before everything that leaves but heartbeats. Cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Gate {
     membership: Membership,

@@ -62,8 +62,8 @@ pub struct Look {
 pub enum TakeForDead<'a> {
     /// Those whose lease has ended by the database's clock.
     LeaseEnded,
-    /// Of these, whose liveliness token is gone, those whose connection to the database is gone as
-    /// well.
+    /// Of these, whose liveliness token is gone or whose heartbeats are missing, those whose
+    /// connection to the database is gone as well.
     Gone(&'a [InstanceId]),
 }
 

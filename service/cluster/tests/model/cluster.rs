@@ -36,6 +36,8 @@ pub enum Action {
     Thaw(usize),
     CutOff(usize),
     Heal(usize),
+    Kill(usize),
+    Restart(usize),
     Replicate,
     FailOver,
 }
@@ -46,6 +48,8 @@ pub struct Cluster {
     pub planted: Planted,
     pub instances: usize,
     pub moves: u8,
+    /// How many processes may be killed.
+    pub kills: u8,
     pub seconds_max: u64,
 }
 
@@ -90,6 +94,7 @@ impl Model for Cluster {
             freezes_left: 1,
             cuts_left: 1,
             moves_left: self.moves,
+            kills_left: self.kills,
             timeline: 1,
             instances: vec![Instance::default(); self.instances],
             ..World::default()
@@ -116,6 +121,16 @@ impl Model for Cluster {
         }
         for i in 0..self.instances {
             let instance = &world.instances[i];
+            if instance.killed {
+                actions.push(Action::Restart(i));
+                if instance.writing.is_some() {
+                    actions.push(Action::EndWrite(i));
+                }
+                continue;
+            }
+            if world.kills_left > 0 {
+                actions.push(Action::Kill(i));
+            }
             if instance.frozen {
                 actions.push(Action::Thaw(i));
                 continue;
@@ -217,6 +232,8 @@ impl Model for Cluster {
                 world.instances[i].cut_off = true;
             }
             Action::Heal(i) => world.instances[i].cut_off = false,
+            Action::Kill(i) => world.kill(i),
+            Action::Restart(i) => world.instances[i].killed = false,
             Action::Replicate => world.standby = world.database.clone(),
             Action::FailOver => world.fail_over(),
         }

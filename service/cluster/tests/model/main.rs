@@ -42,6 +42,7 @@ fn pair(planted: Planted) -> Cluster {
         planted,
         instances: 2,
         moves: 0,
+        kills: 0,
         seconds_max: 12,
     }
 }
@@ -51,6 +52,14 @@ fn with_a_move(instances: usize, planted: Planted) -> Cluster {
     Cluster {
         instances,
         moves: 1,
+        ..pair(planted)
+    }
+}
+
+/// Two instances, one of which may be killed once, and is replaced before its lease ends.
+fn with_a_kill(planted: Planted) -> Cluster {
+    Cluster {
+        kills: 1,
         ..pair(planted)
     }
 }
@@ -80,6 +89,11 @@ fn nor_while_a_robot_is_handed_over() {
 #[test]
 fn nor_among_three() {
     assert_nothing_goes_wrong(with_a_move(3, Planted::Nothing), steps(9));
+}
+
+#[test]
+fn nor_where_a_killed_instance_is_replaced_at_once() {
+    assert_nothing_goes_wrong(with_a_kill(Planted::Nothing), steps(11));
 }
 
 #[test]

@@ -50,6 +50,8 @@ pub struct Instance {
     pub handing_over: bool,
     pub frozen: bool,
     pub cut_off: bool,
+    /// Whether its process is gone, and not there again yet.
+    pub killed: bool,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
@@ -62,6 +64,7 @@ pub struct World {
     pub failovers_left: u8,
     pub freezes_left: u8,
     pub cuts_left: u8,
+    pub kills_left: u8,
     /// How many heirs may still be named.
     pub moves_left: u8,
     pub instances: Vec<Instance>,
@@ -96,7 +99,8 @@ impl World {
 
     /// Whether an instance gets an answer of the database.
     pub fn reaches(&self, i: usize) -> bool {
-        !self.instances[i].frozen && !self.instances[i].cut_off
+        let instance = &self.instances[i];
+        !instance.frozen && !instance.cut_off && !instance.killed
     }
 
     pub fn has_seat(&self, i: usize) -> bool {
@@ -136,12 +140,24 @@ impl World {
         }
     }
 
+    /// Its memory is gone. What the database has received of it is not: the connection that writes and
+    /// the one whose end the others see are two.
+    pub fn kill(&mut self, i: usize) {
+        self.kills_left -= 1;
+        self.instances[i] = Instance {
+            writing: self.instances[i].writing,
+            killed: true,
+            ..Instance::default()
+        };
+    }
+
+    /// With `fast_takeover` a killed instance is taken for dead before its lease ends.
     pub fn may_take_for_dead(&self, by: usize, whom: usize) -> bool {
         by != whom
             && self.reaches(by)
             && self.has_seat(by)
             && self.database.incarnations[whom] > 0
-            && self.database.expires_at_s[whom] <= self.now_s
+            && (self.database.expires_at_s[whom] <= self.now_s || self.instances[whom].killed)
             && self
                 .database
                 .row
@@ -235,7 +251,7 @@ impl World {
     }
 
     /// What comes of this world when nothing is hurt any more: whether the robot has an owner in
-    /// the end that knows it.
+    /// the end that knows it. What was killed does not come back.
     pub fn recovers(&self, planted: Planted) -> bool {
         let mut world = self.clone();
         for instance in &mut world.instances {
@@ -243,6 +259,9 @@ impl World {
         }
         for _ in 0..Self::lease_s() {
             for i in 0..world.instances.len() {
+                if world.instances[i].killed {
+                    continue;
+                }
                 if world.instances[i].incarnation.is_none() {
                     world.join(i);
                 }

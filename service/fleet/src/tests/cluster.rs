@@ -275,4 +275,7 @@ fn digests_are_cut_into_messages_of_bounded_size() {
     let read: Vec<_> = read.flat_map(|digest| digest.reports).collect();
     assert_eq!(read, reports);
     assert!(Digest::messages(&[]).unwrap().is_empty());
+    // As an instance reads it that knows of no heartbeats.
+    let heartbeat = Digest::read(Digest::HEARTBEAT).unwrap();
+    assert_eq!(heartbeat.reports, []);
 }

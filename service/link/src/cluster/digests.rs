@@ -1,6 +1,6 @@
 //! What instances tell each other of their robots.
 
-use fleetcal_cluster::InstanceId;
+use fleetcal_cluster::{HEARTBEAT_EVERY, InstanceId};
 use fleetcal_domain::limits;
 use fleetcal_fleet::{Digest, Reported};
 use fleetcal_proto::key::Key;
@@ -10,6 +10,7 @@ use tokio::time::MissedTickBehavior;
 use zenoh::Result;
 use zenoh::bytes::Encoding;
 use zenoh::pubsub::Subscriber;
+use zenoh::qos::Priority;
 use zenoh::sample::{Locality, Sample, SampleKind};
 
 use super::ClusterParts;
@@ -45,10 +46,31 @@ pub async fn tell(of: ClusterParts) {
     }
 }
 
+/// Sends heartbeats until the link ends. They say nothing of robots: the gate is not asked.
+pub async fn send_heartbeats(of: ClusterParts) {
+    let key = of.parts.keys.digest(of.cluster.instance());
+    let mut ticks = tokio::time::interval(HEARTBEAT_EVERY);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        tokio::select! {
+            () = of.parts.stop.cancelled() => return,
+            _ = ticks.tick() => {}
+        }
+        let put = of.parts.session.put(&key, Digest::HEARTBEAT);
+        let put = put.encoding(Encoding::APPLICATION_JSON);
+        // It must not wait behind data, or be batched with it.
+        let put = put.priority(Priority::RealTime).express(true);
+        if let Err(error) = put.await {
+            tracing::debug!(error, "a heartbeat was not sent");
+        }
+    }
+}
+
 /// Listens to the other instances. The callback runs on Zenoh's receiving threads and never blocks.
 pub async fn hear(of: &ClusterParts) -> Result<(Subscriber<()>, JoinHandle<()>)> {
     let (sender, waiting) = mpsc::channel(limits::DIGESTS_WAITING_MAX);
     let (keys, own) = (of.parts.keys.clone(), of.cluster.instance().clone());
+    let (report, clock) = (of.report.clone(), of.parts.clock.clone());
     let take = move |sample: Sample| {
         let payload = sample.payload();
         let fits = payload.len() <= limits::DIGEST_BYTES_MAX;
@@ -58,7 +80,16 @@ pub async fn hear(of: &ClusterParts) -> Result<(Subscriber<()>, JoinHandle<()>)>
         if sample.kind() != SampleKind::Put || instance == own || !fits {
             return;
         }
-        let message = payload.to_bytes().into_owned();
+        let message = payload.to_bytes();
+        if *message == *Digest::HEARTBEAT {
+            report.send_if_modified(|report| {
+                report.note_heartbeat(instance, clock.uptime());
+                // Nobody waits for the next one.
+                false
+            });
+            return;
+        }
+        let message = message.into_owned();
         if sender.try_send((instance, message)).is_err() {
             tracing::debug!("what another instance told found no room: it is told again");
         }

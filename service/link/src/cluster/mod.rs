@@ -51,6 +51,7 @@ impl ClusterLink {
         let tasks = vec![
             reading,
             tokio::spawn(digests::tell(of.clone())),
+            tokio::spawn(digests::send_heartbeats(of.clone())),
             tokio::spawn(answering::answer(of.clone())),
             tokio::spawn(presence::watch_link(of.clone())),
             tokio::spawn(discovery::listen(of)),

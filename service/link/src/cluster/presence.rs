@@ -22,13 +22,7 @@ pub async fn watch_services(of: &ClusterParts) -> Result<Subscriber<()>> {
             // What is left of the process before it.
             return;
         }
-        report.send_if_modified(|report| {
-            if stands {
-                report.present.insert(instance)
-            } else {
-                report.present.remove(&instance)
-            }
-        });
+        report.send_if_modified(|report| report.note_token(instance, stands));
     };
     let tokens = of.parts.session.liveliness();
     let tokens = tokens.declare_subscriber(of.parts.keys.service_of_all());

@@ -1,12 +1,15 @@
 //! Instances of a cluster and a robot, over a real router.
 
+mod frozen;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use fleetcal_clock::{Clock, MockClock};
 use fleetcal_cluster::{
-    ClaimId, Epoch, Incarnation, InstanceId, LinkReport, Membership, Seat, Tenure,
+    ClaimId, Epoch, HEARTBEATS_MISSING_AFTER, Incarnation, InstanceId, LinkReport, Membership,
+    Seat, Tenure,
 };
 use fleetcal_contract::TestDatabase;
 use fleetcal_domain::approval::Policy;
@@ -14,7 +17,7 @@ use fleetcal_domain::limits;
 use fleetcal_domain::robot::{RobotConfig, Wheelbase};
 use fleetcal_domain::streams::Ros2Settings;
 use fleetcal_estimator::EstimatorSettings;
-use fleetcal_fleet::{FleetHandle, FleetSetup, Keep};
+use fleetcal_fleet::{Digest, FleetHandle, FleetSetup, Keep};
 use fleetcal_model::VehicleModel;
 use fleetcal_operations::lifecycle::{Lifecycle, LifecycleSetup};
 use fleetcal_proto::RobotId;
@@ -82,6 +85,18 @@ struct Instance {
 
 impl Instance {
     async fn join(name: &str, router: &str) -> Self {
+        let open = async |setup, fleet, lifecycle, clock: Arc<MockClock>| {
+            Link::open(setup, fleet, lifecycle, clock).await.unwrap()
+        };
+        Self::linked_by(name, router, open).await
+    }
+
+    /// The same, whose link `open` opens.
+    async fn linked_by(
+        name: &str,
+        router: &str,
+        open: impl AsyncFnOnce(LinkSetup, FleetHandle, Lifecycle, Arc<MockClock>) -> Link,
+    ) -> Self {
         let name = InstanceId::parse(name).unwrap();
         let membership = Membership::of(name);
         let clock = MockClock::at(BEGIN_NS);
@@ -116,8 +131,7 @@ impl Instance {
             report: sender,
             ..LinkSetup::default()
         };
-        let link = Link::open(setup, fleet.clone(), lifecycle.clone(), clock.clone());
-        let link = link.await.unwrap();
+        let link = open(setup, fleet.clone(), lifecycle.clone(), clock.clone()).await;
         let instance = Self {
             membership,
             clock,
@@ -338,6 +352,48 @@ async fn each_instance_hears_its_robots_and_tells_the_others_of_them() {
     })
     .await;
     a.leave().await;
+    drop(router);
+}
+
+/// Over QUIC, Zenoh keeps the token of a killed process for the rest of its `lease`.
+#[tokio::test(flavor = "multi_thread", worker_threads = 4)]
+async fn an_instance_without_heartbeats_is_silent_while_its_token_stands() {
+    let endpoint = free_endpoint();
+    let router = session("router", "listen/endpoints", &endpoint).await;
+    let a = Instance::join("a", &endpoint).await;
+    let b = Instance::join("b", &endpoint).await;
+    // The clocks of the tests stand: heartbeats that have come are missing when they go on.
+    let has_fresh_heartbeat = |at: &Instance, name: &InstanceId| {
+        let (report, now) = (at.report.borrow(), at.clock.uptime());
+        !report.is_silent(name, now) && report.is_silent(name, now + HEARTBEATS_MISSING_AFTER)
+    };
+    until("heartbeats come", async || {
+        has_fresh_heartbeat(&a, &b.name()) && has_fresh_heartbeat(&b, &a.name())
+    })
+    .await;
+    let (keys, silent) = (Keys::default(), InstanceId::parse("c").unwrap());
+    let token = router.liveliness().declare_token(keys.service(&silent));
+    let _token = token.await.unwrap();
+    until("its heartbeat came", async || {
+        let heartbeat = router.put(keys.digest(&silent), Digest::HEARTBEAT);
+        heartbeat.await.unwrap();
+        has_fresh_heartbeat(&a, &silent)
+    })
+    .await;
+    // The last of them may still be under way.
+    until("its heartbeats are missing", async || {
+        a.pass(HEARTBEATS_MISSING_AFTER);
+        until("the others' go on", async || {
+            has_fresh_heartbeat(&a, &b.name())
+        })
+        .await;
+        let report = a.report.borrow();
+        assert!(report.present.contains(&silent));
+        report.is_silent(&silent, a.clock.uptime())
+    })
+    .await;
+    a.leave().await;
+    b.leave().await;
     drop(router);
 }
 

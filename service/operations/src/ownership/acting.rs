@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use fleetcal_cluster::{
-    ClaimId, Handover, InstanceId, Member, Plan, Seat, Snapshot, Takeover, Tenure, plan,
+    ClaimId, Handover, InstanceId, Member, Plan, Seat, Silence, Snapshot, Takeover, Tenure, plan,
 };
 use fleetcal_domain::limits;
 use fleetcal_fleet::Keep;
@@ -20,6 +20,7 @@ use super::Ownership;
 struct Memory {
     version: Option<RowsVersion>,
     rows: Snapshot,
+    silence: Silence,
     /// Whether the last look failed.
     failing: bool,
 }
@@ -72,7 +73,8 @@ impl Ownership {
             self.lose(memory).await;
             return Ok(());
         }
-        self.take_for_dead(&seat, &snapshot).await?;
+        self.take_for_dead(&seat, &snapshot, &mut memory.silence)
+            .await?;
         self.follow(&seat, &snapshot).await?;
         let plan = plan(&seat, &snapshot);
         self.perform(&seat, plan).await
@@ -97,7 +99,12 @@ impl Ownership {
     }
 
     /// Ends the lives of those that are gone.
-    async fn take_for_dead(&self, seat: &Seat, snapshot: &Snapshot) -> Result<(), StoreError> {
+    async fn take_for_dead(
+        &self,
+        seat: &Seat,
+        snapshot: &Snapshot,
+        silence: &mut Silence,
+    ) -> Result<(), StoreError> {
         let setup = &self.inner.setup;
         let others = || {
             snapshot
@@ -110,7 +117,7 @@ impl Ownership {
             let which = TakeForDead::LeaseEnded;
             ended.extend(self.inner.registry.take_for_dead(seat, which).await?);
         }
-        let gone = self.gone(others());
+        let gone = self.gone(others(), silence);
         if !gone.is_empty() {
             let which = TakeForDead::Gone(&gone);
             ended.extend(self.inner.registry.take_for_dead(seat, which).await?);
@@ -126,16 +133,31 @@ impl Ownership {
         Ok(())
     }
 
-    /// Instances that have a lease and no liveliness token, as far as this one can see.
-    fn gone<'a>(&self, others: impl Iterator<Item = &'a Member>) -> Vec<InstanceId> {
+    /// Instances that have a lease, and no liveliness token or no heartbeats, as far as this one can see.
+    fn gone<'a>(
+        &self,
+        others: impl Iterator<Item = &'a Member>,
+        silence: &mut Silence,
+    ) -> Vec<InstanceId> {
         let setup = &self.inner.setup;
         let link = setup.link.borrow();
         if !setup.fast_takeover || !link.linked {
             return Vec::new();
         }
-        let has_no_token = |member: &&Member| !link.present.contains(&member.seat.instance);
-        let gone = others.filter(|member| member.linked).filter(has_no_token);
-        gone.map(|member| member.seat.instance.clone()).collect()
+        let now = setup.clock.uptime();
+        let could_be = |member: &&Member| member.linked && member.is_live();
+        let others = others.filter(could_be);
+        let (present, absent): (BTreeSet<_>, BTreeSet<_>) = others
+            .map(|member| member.seat.instance.clone())
+            .partition(|instance| link.present.contains(instance));
+        let silent = present.into_iter();
+        let silent = silent.filter(|instance| link.is_silent(instance, now));
+        let silent = silence.lasting(silent.collect(), now);
+        // Who was cut off from the database, as all are when it fails over, takes the lock of its name
+        // again with its next renewal.
+        let may_judge = self.may_judge_others();
+        let silent = silent.into_iter().filter(|_| may_judge);
+        absent.into_iter().chain(silent).collect()
     }
 
     /// Takes on what the rows say is this instance's, and drops what is not.

@@ -42,8 +42,8 @@ pub struct OwnershipSetup {
     pub joining: Option<Joining>,
     /// What the link says.
     pub link: watch::Receiver<LinkReport>,
-    /// Whether an instance of which nothing is seen any more is taken for dead before its lease
-    /// ends.
+    /// Whether an instance is taken for dead before its lease ends, when its connection to the
+    /// database is gone and nothing is heard of it on Zenoh.
     pub fast_takeover: bool,
     /// Where chance comes from: names of tenures.
     pub draw: fn() -> Result<i64, NoEntropy>,
