@@ -97,7 +97,7 @@ mod tests {
     fn an_instance_is_silent_once_its_heartbeats_are_missing() {
         let mut report = heard();
         let missing_at = HEARD_AT + HEARTBEATS_MISSING_AFTER;
-        assert!(!report.is_silent(&b(), missing_at - Duration::from_nanos(1)));
+        assert!(!report.is_silent(&b(), missing_at.saturating_sub(Duration::from_nanos(1))));
         assert!(report.is_silent(&b(), missing_at));
         report.note_heartbeat(b(), missing_at);
         assert!(!report.is_silent(&b(), missing_at));

@@ -2,7 +2,7 @@
 
 use stateright::{Model, Property};
 
-use crate::world::{EPOCHS, Instance, Planted, STEP_S, World};
+use crate::world::{EPOCHS, Instance, Planted, Process, STEP_S, World};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
@@ -121,7 +121,7 @@ impl Model for Cluster {
         }
         for i in 0..self.instances {
             let instance = &world.instances[i];
-            if instance.killed {
+            if instance.process == Process::Killed {
                 actions.push(Action::Restart(i));
                 if instance.writing.is_some() {
                     actions.push(Action::EndWrite(i));
@@ -131,7 +131,7 @@ impl Model for Cluster {
             if world.kills_left > 0 {
                 actions.push(Action::Kill(i));
             }
-            if instance.frozen {
+            if instance.process == Process::Frozen {
                 actions.push(Action::Thaw(i));
                 continue;
             }
@@ -224,16 +224,15 @@ impl Model for Cluster {
             }
             Action::Freeze(i) => {
                 world.freezes_left -= 1;
-                world.instances[i].frozen = true;
+                world.instances[i].process = Process::Frozen;
             }
-            Action::Thaw(i) => world.instances[i].frozen = false,
+            Action::Thaw(i) | Action::Restart(i) => world.instances[i].process = Process::Running,
             Action::CutOff(i) => {
                 world.cuts_left -= 1;
                 world.instances[i].cut_off = true;
             }
             Action::Heal(i) => world.instances[i].cut_off = false,
             Action::Kill(i) => world.kill(i),
-            Action::Restart(i) => world.instances[i].killed = false,
             Action::Replicate => world.standby = world.database.clone(),
             Action::FailOver => world.fail_over(),
         }

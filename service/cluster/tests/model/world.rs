@@ -48,10 +48,18 @@ pub struct Instance {
     pub putting: Option<u64>,
     /// Whether it has ended its tenure in order to hand the robot over.
     pub handing_over: bool,
-    pub frozen: bool,
+    pub process: Process,
     pub cut_off: bool,
-    /// Whether its process is gone, and not there again yet.
-    pub killed: bool,
+}
+
+/// How an instance's process is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Process {
+    #[default]
+    Running,
+    Frozen,
+    /// Gone, and not there again yet.
+    Killed,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Default)]
@@ -100,7 +108,11 @@ impl World {
     /// Whether an instance gets an answer of the database.
     pub fn reaches(&self, i: usize) -> bool {
         let instance = &self.instances[i];
-        !instance.frozen && !instance.cut_off && !instance.killed
+        instance.process == Process::Running && !instance.cut_off
+    }
+
+    pub fn is_killed(&self, i: usize) -> bool {
+        self.instances[i].process == Process::Killed
     }
 
     pub fn has_seat(&self, i: usize) -> bool {
@@ -146,7 +158,7 @@ impl World {
         self.kills_left -= 1;
         self.instances[i] = Instance {
             writing: self.instances[i].writing,
-            killed: true,
+            process: Process::Killed,
             ..Instance::default()
         };
     }
@@ -157,7 +169,7 @@ impl World {
             && self.reaches(by)
             && self.has_seat(by)
             && self.database.incarnations[whom] > 0
-            && (self.database.expires_at_s[whom] <= self.now_s || self.instances[whom].killed)
+            && (self.database.expires_at_s[whom] <= self.now_s || self.is_killed(whom))
             && self
                 .database
                 .row
@@ -255,11 +267,14 @@ impl World {
     pub fn recovers(&self, planted: Planted) -> bool {
         let mut world = self.clone();
         for instance in &mut world.instances {
-            (instance.frozen, instance.cut_off) = (false, false);
+            if instance.process == Process::Frozen {
+                instance.process = Process::Running;
+            }
+            instance.cut_off = false;
         }
         for _ in 0..Self::lease_s() {
             for i in 0..world.instances.len() {
-                if world.instances[i].killed {
+                if world.is_killed(i) {
                     continue;
                 }
                 if world.instances[i].incarnation.is_none() {
