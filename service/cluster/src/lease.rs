@@ -9,7 +9,7 @@ use fleetcal_domain::limits::{CLUSTER_LEASE, CLUSTER_LEASE_MARGIN};
 /// the renewal; the instance stops acting [`CLUSTER_LEASE_MARGIN`] before that, counted from when it
 /// asked. Both run on clocks that go on while a machine sleeps.
 ///
-/// Shared by all that sends: whoever puts something asks [`Lease::holds`] in the line before.
+/// Shared by all that sends: whoever puts something about a robot asks [`Lease::holds`] in the line before.
 #[derive(Debug, Default)]
 pub struct Lease {
     /// Running time, ns; 0 while there is no lease.

@@ -45,8 +45,8 @@ impl LinkReport {
 
     /// Whether the heartbeats of an instance are missing at `now`, running time, while its token stands:
     /// where the transport closes nothing for a killed process, as QUIC, the token outlives it by
-    /// Zenoh's `lease`. After a lease of the cluster the database has decided, and what stands still is a
-    /// program that sends no heartbeats any more.
+    /// Zenoh's `lease`. After a lease of the cluster the database has decided: what still has a token then
+    /// is a program that sends no heartbeats.
     pub fn is_silent(&self, instance: &InstanceId, now: Duration) -> bool {
         let missing_for = |at: &Duration| now.saturating_sub(*at);
         let latest = self.heartbeats.get(instance).map(missing_for);
@@ -54,7 +54,7 @@ impl LinkReport {
     }
 }
 
-/// The instances that were silent when it was looked last.
+/// The instances that were silent at the last look.
 #[derive(Debug, Default)]
 pub struct Silence {
     looked_at: Duration,

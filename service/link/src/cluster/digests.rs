@@ -66,7 +66,8 @@ pub async fn send_heartbeats(of: ClusterParts) {
     }
 }
 
-/// Listens to the other instances. The callback runs on Zenoh's receiving threads and never blocks.
+/// Listens to the other instances. The callback runs on Zenoh's receiving threads and waits for nothing
+/// but the report's lock.
 pub async fn hear(of: &ClusterParts) -> Result<(Subscriber<()>, JoinHandle<()>)> {
     let (sender, waiting) = mpsc::channel(limits::DIGESTS_WAITING_MAX);
     let (keys, own) = (of.parts.keys.clone(), of.cluster.instance().clone());
