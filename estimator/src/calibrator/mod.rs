@@ -26,7 +26,6 @@ use session::Session;
 use crate::advice::ranking::{Floor, Ranked, rank};
 use crate::advice::{Advice, Knowledge, advise};
 use crate::change::ChangeWatch;
-use crate::change::detection::is_blind;
 use crate::drive_history::DriveHistory;
 use crate::estimate::{
     Change, Detection, DetectionState, Estimate, Parameter, ParameterEstimates, Segment,
@@ -446,8 +445,7 @@ impl Calibrator {
 
     /// Parameters of which a change would go unseen. A stored calibration is held against the session.
     fn blind(&self) -> [bool; Parameter::ALL.len()] {
-        let states = self.watch.detection();
-        Parameter::ALL.map(|p| self.held().is_none() && is_blind(p, &states))
+        Parameter::ALL.map(|p| self.held().is_none() && self.watch.is_blind(p))
     }
 
     /// The parameters as a filter of this session saw them.

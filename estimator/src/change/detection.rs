@@ -3,7 +3,7 @@
 //! A cause is watched while its parameters are known well enough to be held against, and while the
 //! smallest change that matters would speak louder than the scatter of this very robot: with the
 //! information `M` of the motion so far, a change by `d` is expected to give the evidence of the score
-//! `M d`.
+//! `M d`. Where that were too little for a robot that does not scatter either, the motion is what lacks.
 
 pub use fleetcal_model::DetectionState;
 
@@ -56,6 +56,17 @@ pub struct Visibility {
     /// The most evidence that the smallest change would have given so far, for each cause.
     evidence: [Option<f64>; CAUSES],
     visible: [bool; CAUSES],
+    /// Whether that evidence would be enough if this robot did not scatter.
+    moved_enough: [bool; CAUSES],
+}
+
+/// How much evidence a change of each cause takes.
+#[derive(Debug, Clone, Copy)]
+pub struct Required<'a> {
+    /// By how far this robot scatters.
+    pub of_this_robot: &'a Thresholds,
+    /// Of one that does not scatter.
+    pub without_scatter: &'a Thresholds,
 }
 
 impl Visibility {
@@ -76,7 +87,8 @@ impl Visibility {
     /// how much it takes.
     ///
     /// Few windows cannot tell that it would not be seen: more will show more.
-    pub fn see(&mut self, windows: usize, expected: &[f64; CAUSES], thresholds: &Thresholds) {
+    pub fn see(&mut self, windows: usize, expected: &[f64; CAUSES], required: Required) {
+        let thresholds = required.of_this_robot;
         for (i, hypothesis) in HYPOTHESES.iter().enumerate() {
             let is_promised = hypothesis
                 .parameters
@@ -94,6 +106,7 @@ impl Visibility {
                 1.0
             };
             self.visible[i] = !is_promised || most * margin >= thresholds.values()[i];
+            self.moved_enough[i] = most >= required.without_scatter.values()[i];
         }
     }
 
@@ -109,19 +122,72 @@ impl Visibility {
                 DetectionState::Accuracy
             } else if self.known.is_none() || self.evidence[i].is_none() {
                 DetectionState::Motion
-            } else if !self.visible[i] {
+            } else if self.visible[i] {
+                DetectionState::Watching
+            } else if self.moved_enough[i] {
                 DetectionState::Scatter
             } else {
-                DetectionState::Watching
+                DetectionState::Motion
             }
+        })
+    }
+
+    /// Whether a change of this parameter would go unseen for more than a few metres. Before that was asked
+    /// nothing says so.
+    pub fn is_blind(&self, parameter: Parameter) -> bool {
+        HYPOTHESES.iter().enumerate().any(|(i, hypothesis)| {
+            let is_unknown = self.known.is_some_and(|known| !known[i]);
+            let is_unseen = self.known.is_some() && self.evidence[i].is_some() && !self.visible[i];
+            hypothesis.parameters.contains(&parameter) && (is_unknown || is_unseen)
         })
     }
 }
 
-/// Whether a change of this parameter would go unseen for more than a few metres.
-pub fn is_blind(parameter: Parameter, states: &[DetectionState; CAUSES]) -> bool {
-    HYPOTHESES.iter().zip(states).any(|(hypothesis, state)| {
-        hypothesis.parameters.contains(&parameter)
-            && matches!(state, DetectionState::Accuracy | DetectionState::Scatter)
-    })
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::filter::Values;
+
+    const STEERING: usize = 0;
+    const MOUNT: usize = 1;
+
+    /// A robot whose scatter doubles the evidence that a change takes, by the share of what it takes without.
+    fn seen(windows: usize, share: f64) -> Visibility {
+        let without_scatter = Thresholds::for_false_alarm_hours(1000.0);
+        let of_this_robot = without_scatter.raised(&Values::repeat(2.0));
+        let mut expected = without_scatter.values().map(|threshold| 10.0 * threshold);
+        expected[MOUNT] = share * without_scatter.values()[MOUNT];
+        let mut visibility = Visibility::default();
+        let covariance = ParameterCovariance::identity() * 1e-9;
+        visibility.know(&covariance, &EstimatorSettings::default());
+        let required = Required {
+            of_this_robot: &of_this_robot,
+            without_scatter: &without_scatter,
+        };
+        visibility.see(windows, &expected, required);
+        visibility
+    }
+
+    #[test]
+    fn a_change_waits_for_motion_until_it_would_be_seen_without_scatter() {
+        for (share, state) in [
+            (0.9, DetectionState::Motion),
+            (1.1, DetectionState::Scatter),
+            (2.1, DetectionState::Watching),
+        ] {
+            let visibility = seen(BLIND_WINDOWS, share);
+            assert_eq!(visibility.states()[MOUNT], state, "{share}");
+            assert_eq!(visibility.states()[STEERING], DetectionState::Watching);
+            let is_blind = state != DetectionState::Watching;
+            assert_eq!(visibility.is_blind(Parameter::LidarX), is_blind, "{share}");
+            assert!(!visibility.is_blind(Parameter::SteeringOffset));
+        }
+    }
+
+    #[test]
+    fn few_windows_hold_nothing_back() {
+        let visibility = seen(BLIND_WINDOWS - 1, 0.9);
+        assert_eq!(visibility.states()[MOUNT], DetectionState::Motion);
+        assert!(!visibility.is_blind(Parameter::LidarX));
+    }
 }

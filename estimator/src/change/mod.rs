@@ -20,7 +20,7 @@ use crate::filter::{Filter, OdometryReading, Values};
 use crate::settings::EstimatorSettings;
 use crate::stream::RobotTime;
 use crate::vehicle::Vehicle;
-use detection::{DetectionState, Visibility, known_causes};
+use detection::{DetectionState, Required, Visibility, known_causes};
 use evidence::{CAUSES, HYPOTHESES, Thresholds};
 use fault::{Fault, FaultWatch};
 use long_run::LongRunVariance;
@@ -169,6 +169,11 @@ impl ChangeWatch {
         }
     }
 
+    /// Whether a change of this parameter would go unseen for more than a few metres.
+    pub fn is_blind(&self, parameter: Parameter) -> bool {
+        !self.has_fault() && self.visibility.is_blind(parameter)
+    }
+
     /// Whether a fault lasts: nothing may be learnt.
     pub fn has_fault(&self) -> bool {
         self.faults.active().is_some()
@@ -233,6 +238,19 @@ impl ChangeWatch {
         windows.partition_point(|window| !knows(window).contains(&true))
     }
 
+    /// Asks now and then whether changes would be seen.
+    fn see(&mut self, begin: usize, reference: &Reference, noise_scale: f64, required: Required) {
+        self.since_seen += 1;
+        if self.since_seen < SEE_EVERY || !self.long_run.is_well_known() {
+            return;
+        }
+        self.since_seen = 0;
+        let windows = self.remembered.range(begin..).map(|r| &r.window);
+        let count = windows.len();
+        let expected = expected_evidence(windows, reference, noise_scale);
+        self.visibility.see(count, &expected, required);
+    }
+
     fn judge(&mut self, settings: &EstimatorSettings) -> Option<Detected> {
         if !self.long_run.is_known() {
             return None;
@@ -247,20 +265,20 @@ impl ChangeWatch {
         let covariance = scatter.claim();
         let known = known_causes(&covariance, settings);
         let reference = Reference::new(known_before.values, &covariance)?;
-        let thresholds = Thresholds::for_false_alarm_hours(settings.false_alarm_hours);
-        let usual = thresholds.raised(&scatter.alarm_ratios(thresholds.least()));
+        let without_scatter = Thresholds::for_false_alarm_hours(settings.false_alarm_hours);
+        let usual = without_scatter.raised(&scatter.alarm_ratios(without_scatter.least()));
         // The limit of a single window grows with the thresholds, as it does with scatter.
         let thresholds = usual.raised(&Values::repeat(self.long_run.caution()));
+        let noise_scale = oldest.noise_scale();
+        let required = Required {
+            // Without the caution, which ends after some metres.
+            of_this_robot: &usual,
+            without_scatter: &without_scatter,
+        };
+        self.see(begin, &reference, noise_scale, required);
         let windows = || self.remembered.range(begin..).map(|r| &r.window);
-        self.since_seen += 1;
-        if self.since_seen >= SEE_EVERY && self.long_run.is_well_known() {
-            self.since_seen = 0;
-            let expected = expected_evidence(windows(), &reference, oldest.noise_scale());
-            // By the usual thresholds, since caution ends after some metres.
-            self.visibility.see(windows().len(), &expected, &usual);
-        }
         let mut search = Search {
-            noise_scale: oldest.noise_scale(),
+            noise_scale,
             window_chi2_max: thresholds.window_chi2_max(),
             every_onset: false,
         };

@@ -3,10 +3,12 @@
 use std::collections::BTreeSet;
 use std::fs;
 
-use fleetcal_estimator::estimate::{Cause, ChangeKind};
+use fleetcal_estimator::Parameter;
+use fleetcal_estimator::estimate::{Cause, ChangeKind, Detection, DetectionState, Status};
 use fleetcal_robot::simulator::{ImperfectionKind, Strength};
 
 use super::*;
+use crate::drive::drive;
 
 fn cell(scenario: Scenario) -> Cell {
     Cell {
@@ -423,5 +425,38 @@ fn a_filter_that_began_with_misled_poses_begins_again_elsewhere() {
         for (error, sigma) in last.errors.iter().zip(last.sigmas) {
             assert!(error.abs() < 4.0 * sigma && error.abs() < 0.05, "{last:?}");
         }
+    }
+}
+
+/// A robot without an imperfection does not scatter. On the straights of aisles its detection waits for the turns
+/// in which a LiDAR that moved shows, and until it has made them nothing is claimed of its place.
+#[test]
+fn where_turns_are_missing_detection_waits_for_motion_and_not_for_scatter() {
+    let cell = Cell {
+        flaw: Flaw::Clean,
+        ..cell(Scenario::Unchanged)
+    };
+    for seed in 501..=503 {
+        let (robot, _) = robot::robot(cell, seed, None);
+        let driven = drive(robot, 90.0).unwrap();
+        let estimates = || driven.estimates.iter().map(|(estimate, _)| estimate);
+        let states = || estimates().map(|estimate| estimate.detection);
+        let last = states().map(|state| state.lidar_mount).next_back();
+        assert_eq!(last, Some(DetectionState::Watching), "seed {seed}");
+        let scatters = states().any(|state| state.lidar_mount == DetectionState::Scatter);
+        assert!(!scatters, "seed {seed}");
+        // That of the steering is active: it was asked whether a change would be seen.
+        let waits = estimates().find(|estimate| {
+            let Detection {
+                steering,
+                lidar_mount,
+                ..
+            } = estimate.detection;
+            [steering, lidar_mount] == [DetectionState::Watching, DetectionState::Motion]
+        });
+        let x = waits
+            .expect("detection waits for turns")
+            .parameter(Parameter::LidarX);
+        assert_eq!(x.status, Status::Learning, "seed {seed}");
     }
 }
