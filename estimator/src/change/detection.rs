@@ -3,11 +3,11 @@
 //! A cause is watched while its parameters are known well enough to be held against, and while the
 //! smallest change that matters would speak louder than the scatter of this very robot: with the
 //! information `M` of the motion so far, a change by `d` is expected to give the evidence of the score
-//! `M d`. Where that were too little for a robot that does not scatter either, the motion is what lacks.
+//! `M d`. Where that would be too little even for a robot that does not scatter, it is motion that is missing.
 
 pub use fleetcal_model::DetectionState;
 
-use super::evidence::{CAUSES, HYPOTHESES, Hypothesis, Thresholds, least_change};
+use super::evidence::{CAUSES, HYPOTHESES, Hypothesis, least_change};
 use crate::estimate::Parameter;
 use crate::filter::ParameterCovariance;
 use crate::settings::EstimatorSettings;
@@ -56,17 +56,23 @@ pub struct Visibility {
     /// The most evidence that the smallest change would have given so far, for each cause.
     evidence: [Option<f64>; CAUSES],
     visible: [bool; CAUSES],
-    /// Whether that evidence would be enough if this robot did not scatter.
+    /// Whether the motion so far would have been enough for a robot that does not scatter.
     moved_enough: [bool; CAUSES],
 }
 
-/// How much evidence a change of each cause takes.
+/// What the motion of the last windows promises for each cause.
 #[derive(Debug, Clone, Copy)]
-pub struct Required<'a> {
-    /// By how far this robot scatters.
-    pub of_this_robot: &'a Thresholds,
-    /// Of one that does not scatter.
-    pub without_scatter: &'a Thresholds,
+pub struct Prospect {
+    /// Evidence that the smallest change is expected to give.
+    pub expected: [f64; CAUSES],
+    /// Evidence that it takes.
+    pub required: [f64; CAUSES],
+}
+
+impl Prospect {
+    fn is_enough(&self, cause: usize) -> bool {
+        self.expected[cause] >= self.required[cause]
+    }
 }
 
 impl Visibility {
@@ -83,30 +89,30 @@ impl Visibility {
         }));
     }
 
-    /// Notes how much evidence the smallest change of each cause would give by the motion of now, and
-    /// how much it takes.
+    /// Notes what the motion of now promises of this robot, and what it would promise of one that does not
+    /// scatter.
     ///
-    /// Few windows cannot tell that it would not be seen: more will show more.
-    pub fn see(&mut self, windows: usize, expected: &[f64; CAUSES], required: Required) {
-        let thresholds = required.of_this_robot;
+    /// Few windows cannot tell that a change would not be seen: more will show more.
+    pub fn see(&mut self, windows: usize, of_this_robot: &Prospect, without_scatter: &Prospect) {
         for (i, hypothesis) in HYPOTHESES.iter().enumerate() {
+            self.moved_enough[i] |= without_scatter.is_enough(i);
             let is_promised = hypothesis
                 .parameters
                 .iter()
                 .any(|&p| least_change(p).is_some());
-            let is_seen = expected[i] >= thresholds.values()[i];
-            if is_promised && !is_seen && windows < BLIND_WINDOWS && self.evidence[i].is_none() {
+            let is_few = windows < BLIND_WINDOWS && self.evidence[i].is_none();
+            if is_promised && is_few && !of_this_robot.is_enough(i) {
                 continue;
             }
-            let most = self.evidence[i].map_or(expected[i], |most| most.max(expected[i]));
+            let now = of_this_robot.expected[i];
+            let most = self.evidence[i].map_or(now, |most| most.max(now));
             self.evidence[i] = Some(most);
             let margin = if self.visible[i] {
                 WATCHED_HYSTERESIS * WATCHED_HYSTERESIS
             } else {
                 1.0
             };
-            self.visible[i] = !is_promised || most * margin >= thresholds.values()[i];
-            self.moved_enough[i] = most >= required.without_scatter.values()[i];
+            self.visible[i] = !is_promised || most * margin >= of_this_robot.required[i];
         }
     }
 
@@ -115,30 +121,36 @@ impl Visibility {
         self.known.is_some_and(|known| known.contains(&true))
     }
 
+    /// Whether the parameters of a cause are too little known to be held against.
+    fn is_unknown(&self, cause: usize) -> bool {
+        self.known.is_some_and(|known| !known[cause])
+    }
+
+    /// Whether it was asked if a change would be seen, and it would not be.
+    fn is_unseen(&self, cause: usize) -> bool {
+        self.evidence[cause].is_some() && !self.visible[cause]
+    }
+
     /// Where detection stands with each cause.
     pub fn states(&self) -> [DetectionState; CAUSES] {
         std::array::from_fn(|i| {
-            if self.known.is_some_and(|known| !known[i]) {
+            if self.is_unknown(i) {
                 DetectionState::Accuracy
-            } else if self.known.is_none() || self.evidence[i].is_none() {
-                DetectionState::Motion
-            } else if self.visible[i] {
-                DetectionState::Watching
-            } else if self.moved_enough[i] {
+            } else if self.is_unseen(i) && self.moved_enough[i] {
                 DetectionState::Scatter
-            } else {
+            } else if self.is_unseen(i) || self.evidence[i].is_none() {
                 DetectionState::Motion
+            } else {
+                DetectionState::Watching
             }
         })
     }
 
-    /// Whether a change of this parameter would go unseen for more than a few metres. Before that was asked
-    /// nothing says so.
+    /// Whether a change of this parameter would go unseen for more than a few metres: its values are too
+    /// little known, or it was asked and would not be seen.
     pub fn is_blind(&self, parameter: Parameter) -> bool {
         HYPOTHESES.iter().enumerate().any(|(i, hypothesis)| {
-            let is_unknown = self.known.is_some_and(|known| !known[i]);
-            let is_unseen = self.known.is_some() && self.evidence[i].is_some() && !self.visible[i];
-            hypothesis.parameters.contains(&parameter) && (is_unknown || is_unseen)
+            hypothesis.parameters.contains(&parameter) && (self.is_unknown(i) || self.is_unseen(i))
         })
     }
 }
@@ -146,48 +158,80 @@ impl Visibility {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::filter::Values;
 
     const STEERING: usize = 0;
     const MOUNT: usize = 1;
+    /// What a change takes of a robot that does not scatter; of this one it takes twice as much.
+    const REQUIRED: f64 = 30.0;
 
-    /// A robot whose scatter doubles the evidence that a change takes, by the share of what it takes without.
-    fn seen(windows: usize, share: f64) -> Visibility {
-        let without_scatter = Thresholds::for_false_alarm_hours(1000.0);
-        let of_this_robot = without_scatter.raised(&Values::repeat(2.0));
-        let mut expected = without_scatter.values().map(|threshold| 10.0 * threshold);
-        expected[MOUNT] = share * without_scatter.values()[MOUNT];
+    fn known(sigma: f64) -> Visibility {
         let mut visibility = Visibility::default();
-        let covariance = ParameterCovariance::identity() * 1e-9;
+        let covariance = ParameterCovariance::identity() * (sigma * sigma);
         visibility.know(&covariance, &EstimatorSettings::default());
-        let required = Required {
-            of_this_robot: &of_this_robot,
-            without_scatter: &without_scatter,
+        visibility
+    }
+
+    /// After a motion that promises this much of a LiDAR that moved, and enough of every other cause. What this
+    /// robot scatters by divides its evidence.
+    fn see(visibility: &mut Visibility, windows: usize, promised: f64, scatter: f64) {
+        let mut expected = [10.0 * REQUIRED; CAUSES];
+        expected[MOUNT] = promised;
+        let without_scatter = Prospect {
+            expected,
+            required: [REQUIRED; CAUSES],
         };
-        visibility.see(windows, &expected, required);
+        let of_this_robot = Prospect {
+            expected: expected.map(|evidence| evidence / scatter),
+            required: [2.0 * REQUIRED; CAUSES],
+        };
+        visibility.see(windows, &of_this_robot, &without_scatter);
+    }
+
+    fn seen(windows: usize, promised: f64, scatter: f64) -> Visibility {
+        let mut visibility = known(1e-5);
+        see(&mut visibility, windows, promised, scatter);
         visibility
     }
 
     #[test]
     fn a_change_waits_for_motion_until_it_would_be_seen_without_scatter() {
-        for (share, state) in [
-            (0.9, DetectionState::Motion),
-            (1.1, DetectionState::Scatter),
-            (2.1, DetectionState::Watching),
+        for (promised, scatter, state) in [
+            (0.9 * REQUIRED, 1.0, DetectionState::Motion),
+            (1.1 * REQUIRED, 1.0, DetectionState::Scatter),
+            (2.1 * REQUIRED, 1.0, DetectionState::Watching),
+            (2.1 * REQUIRED, 4.0, DetectionState::Scatter),
         ] {
-            let visibility = seen(BLIND_WINDOWS, share);
-            assert_eq!(visibility.states()[MOUNT], state, "{share}");
+            let visibility = seen(BLIND_WINDOWS, promised, scatter);
+            assert_eq!(visibility.states()[MOUNT], state, "{promised}");
             assert_eq!(visibility.states()[STEERING], DetectionState::Watching);
             let is_blind = state != DetectionState::Watching;
-            assert_eq!(visibility.is_blind(Parameter::LidarX), is_blind, "{share}");
+            assert_eq!(visibility.is_blind(Parameter::LidarX), is_blind);
             assert!(!visibility.is_blind(Parameter::SteeringOffset));
         }
     }
 
     #[test]
+    fn what_motion_has_shown_once_is_not_asked_of_it_again() {
+        let mut visibility = seen(BLIND_WINDOWS, 2.1 * REQUIRED, 1.0);
+        see(&mut visibility, BLIND_WINDOWS, 0.0, 1.0);
+        assert_eq!(visibility.states()[MOUNT], DetectionState::Watching);
+        let mut scattering = seen(BLIND_WINDOWS, 2.1 * REQUIRED, 4.0);
+        see(&mut scattering, BLIND_WINDOWS, 0.0, 4.0);
+        assert_eq!(scattering.states()[MOUNT], DetectionState::Scatter);
+    }
+
+    #[test]
     fn few_windows_hold_nothing_back() {
-        let visibility = seen(BLIND_WINDOWS - 1, 0.9);
+        let visibility = seen(BLIND_WINDOWS - 1, 0.9 * REQUIRED, 1.0);
         assert_eq!(visibility.states()[MOUNT], DetectionState::Motion);
         assert!(!visibility.is_blind(Parameter::LidarX));
+        assert!(!Visibility::default().is_blind(Parameter::LidarX));
+    }
+
+    #[test]
+    fn what_is_not_known_is_blind() {
+        let visibility = known(1.0);
+        assert_eq!(visibility.states(), [DetectionState::Accuracy; CAUSES]);
+        assert!(visibility.is_blind(Parameter::LidarX));
     }
 }

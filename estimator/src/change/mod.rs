@@ -20,7 +20,7 @@ use crate::filter::{Filter, OdometryReading, Values};
 use crate::settings::EstimatorSettings;
 use crate::stream::RobotTime;
 use crate::vehicle::Vehicle;
-use detection::{DetectionState, Required, Visibility, known_causes};
+use detection::{DetectionState, Prospect, Visibility, known_causes};
 use evidence::{CAUSES, HYPOTHESES, Thresholds};
 use fault::{Fault, FaultWatch};
 use long_run::LongRunVariance;
@@ -49,6 +49,15 @@ const UNEXPLAINED_WINDOWS: usize = 15;
 struct Remembered {
     window: Window,
     filter: Filter,
+}
+
+/// What a change has to stand out from.
+#[derive(Debug, Clone, Copy)]
+struct Bar<'a> {
+    reference: &'a Reference,
+    /// How many times larger the noise (as a variance) is than configured.
+    noise_scale: f64,
+    thresholds: &'a Thresholds,
 }
 
 /// A change that was detected.
@@ -169,7 +178,8 @@ impl ChangeWatch {
         }
     }
 
-    /// Whether a change of this parameter would go unseen for more than a few metres.
+    /// Whether a change of this parameter would go unseen for more than a few metres; not while a fault lasts, in
+    /// which nothing is withheld.
     pub fn is_blind(&self, parameter: Parameter) -> bool {
         !self.has_fault() && self.visibility.is_blind(parameter)
     }
@@ -238,17 +248,22 @@ impl ChangeWatch {
         windows.partition_point(|window| !knows(window).contains(&true))
     }
 
-    /// Asks now and then whether changes would be seen.
-    fn see(&mut self, begin: usize, reference: &Reference, noise_scale: f64, required: Required) {
+    /// Asks now and then whether changes would be seen, and whether they would be by the same motion of a
+    /// robot that does not scatter.
+    fn see(&mut self, begin: usize, of_this_robot: &Bar, without_scatter: &Bar) {
         self.since_seen += 1;
         if self.since_seen < SEE_EVERY || !self.long_run.is_well_known() {
             return;
         }
         self.since_seen = 0;
-        let windows = self.remembered.range(begin..).map(|r| &r.window);
-        let count = windows.len();
-        let expected = expected_evidence(windows, reference, noise_scale);
-        self.visibility.see(count, &expected, required);
+        let windows = || self.remembered.range(begin..).map(|r| &r.window);
+        let [of_this_robot, without_scatter] =
+            [of_this_robot, without_scatter].map(|bar| Prospect {
+                expected: expected_evidence(windows(), bar.reference, bar.noise_scale),
+                required: *bar.thresholds.values(),
+            });
+        let count = windows().len();
+        self.visibility.see(count, &of_this_robot, &without_scatter);
     }
 
     fn judge(&mut self, settings: &EstimatorSettings) -> Option<Detected> {
@@ -270,12 +285,18 @@ impl ChangeWatch {
         // The limit of a single window grows with the thresholds, as it does with scatter.
         let thresholds = usual.raised(&Values::repeat(self.long_run.caution()));
         let noise_scale = oldest.noise_scale();
-        let required = Required {
+        let of_this_robot = Bar {
+            reference: &reference,
+            noise_scale,
             // Without the caution, which ends after some metres.
-            of_this_robot: &usual,
-            without_scatter: &without_scatter,
+            thresholds: &usual,
         };
-        self.see(begin, &reference, noise_scale, required);
+        let without_scatter = Bar {
+            reference: &Reference::new(known_before.values, &known_before.covariance)?,
+            noise_scale: 1.0,
+            thresholds: &without_scatter,
+        };
+        self.see(begin, &of_this_robot, &without_scatter);
         let windows = || self.remembered.range(begin..).map(|r| &r.window);
         let mut search = Search {
             noise_scale,

@@ -53,7 +53,7 @@ pub enum DetectionState {
     Accuracy,
     /// Errors of this robot that come and go are as large as the changes that matter.
     Scatter,
-    /// The robot has not driven or turned enough: the motion so far would not show a change.
+    /// The robot has not driven or turned enough to tell, or to show a change.
     Motion,
     /// A fault lasts, in which nothing can be told.
     Fault,

@@ -15,7 +15,7 @@ describe('change detection', () => {
   });
 
   it('says once what is the same for all causes', () => {
-    expect(detectionText(all('motion'))).toBe('not yet, more driving with turns is needed');
+    expect(detectionText(all('motion'))).toBe('not yet, the robot has driven or turned too little');
     expect(isWatchingAll(all('motion'))).toBe(false);
   });
 

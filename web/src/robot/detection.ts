@@ -14,7 +14,7 @@ const STATES: Record<DetectionState, string> = {
   first_estimate: 'not before the first estimate of this session',
   accuracy: 'not yet, the estimate is not accurate enough',
   scatter: 'no, the errors of this robot vary as much as a change would',
-  motion: 'not yet, more driving with turns is needed',
+  motion: 'not yet, the robot has driven or turned too little',
   fault: 'not while a fault lasts',
 };
 
