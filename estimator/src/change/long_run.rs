@@ -46,6 +46,11 @@ const LASTING_MAX: f64 = 2.7;
 const STUDENT_BLOCKS: f64 = 8.0;
 /// Largest squared error of a block or a window, in its variances: a fault is no noise.
 const SQUARE_MAX: f64 = 400.0;
+/// A block whose squared error, of three degrees of freedom, is larger is wild: where there is nothing but noise,
+/// one of 136.
+const WILD_SQUARE: f64 = 12.0;
+/// What a lone wild block tells no scatter of. It does of slip, and of steering that does not obey the model.
+const OF_THE_MOUNT: [Parameter; 3] = [Parameter::LidarX, Parameter::LidarY, Parameter::LidarYaw];
 /// Mean squared residual of a block's windows beyond which the filter strays: five times what is expected, of
 /// 30 degrees of freedom (15 in a half block). One wild window is enough.
 const SURPRISE_MAX: f64 = 15.0;
@@ -162,6 +167,18 @@ struct Clusters {
     #[serde(serialize_with = "padded::half", deserialize_with = "padded::square")]
     expected: SMatrix<f64, PARAMETERS, PARAMETERS>,
     blocks: f64,
+    /// A wild block that is the only one so far.
+    #[serde(default)]
+    wild: Option<Wild>,
+}
+
+/// A wild block's part of the scatter, which counts for the LiDAR's mount once there is another one. A LiDAR that is
+/// moved jumps once. On a straight nothing else shows of it, and if the block of the jump counted as scatter before
+/// the next turn, the change would be taken for noise there.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Wild {
+    #[serde(serialize_with = "padded::half", deserialize_with = "padded::square")]
+    scatter: SMatrix<f64, PARAMETERS, PARAMETERS>,
 }
 
 impl Clusters {
@@ -190,10 +207,26 @@ impl Clusters {
         let score: SVector<f64, PARAMETERS> = block.jacobian.tr_mul(&weighed);
         let kept = 1.0 - 1.0 / MEMORY_BLOCKS;
         let weight = SQUARE_MAX / square.max(SQUARE_MAX) / (1.0 - self.leverage());
-        self.scatter = rounded(self.scatter * kept + score * score.transpose() * weight);
+        let own = score * score.transpose() * weight;
+        self.note_wild(&own, square, kept);
+        self.scatter = rounded(self.scatter * kept + own);
         let information = block.jacobian.tr_mul(&factor.solve(&block.jacobian));
         self.expected = rounded(self.expected * kept + symmetric(&information));
         self.blocks = self.blocks * kept + 1.0;
+    }
+
+    /// Notes whether a block is the only wild one of many.
+    fn note_wild(&mut self, own: &SMatrix<f64, PARAMETERS, PARAMETERS>, square: f64, kept: f64) {
+        let is_wild = square >= WILD_SQUARE && self.blocks >= FEW_BLOCKS;
+        self.wild = match self.wild.take() {
+            None if is_wild => Some(Wild {
+                scatter: rounded(*own),
+            }),
+            Some(wild) if !is_wild => Some(Wild {
+                scatter: rounded(wild.scatter * kept),
+            }),
+            _ => None,
+        };
     }
 
     /// Share of the next block in the values that it is held against: they were fitted to it too,
@@ -204,19 +237,33 @@ impl Clusters {
 
     /// For each parameter, the variance that is seen over the one that the filter's `covariance` says.
     fn seen_over_said(&self, covariance: &ParameterCovariance) -> Values {
-        Values::from_fn(|i, _| self.seen_over_said_of(i, covariance))
+        Values::from_fn(|i, _| self.over_said(&self.scatter, i, covariance))
     }
 
-    /// The same for one parameter.
-    fn seen_over_said_of(&self, i: usize, covariance: &ParameterCovariance) -> f64 {
-        let by = covariance.column(i).into_owned();
-        let [scatter, expected] = [&self.scatter, &self.expected].map(|sum| by.dot(&(sum * by)));
-        if expected > 0.0 {
-            scatter / expected
-        } else {
-            1.0
-        }
+    /// The same without a lone wild block.
+    fn tame_over_said(&self, covariance: &ParameterCovariance) -> Option<Values> {
+        let scatter = self.scatter - self.wild.as_ref()?.scatter;
+        Some(Values::from_fn(|i, _| {
+            self.over_said(&scatter, i, covariance)
+        }))
     }
+
+    fn over_said(
+        &self,
+        scatter: &SMatrix<f64, PARAMETERS, PARAMETERS>,
+        i: usize,
+        covariance: &ParameterCovariance,
+    ) -> f64 {
+        let by = covariance.column(i).into_owned();
+        let [seen, said] = [scatter, &self.expected].map(|sum| by.dot(&(sum * by)));
+        if said > 0.0 { seen / said } else { 1.0 }
+    }
+}
+
+/// With a share of the worst ratio for every parameter.
+fn shared(ratios: &Values) -> Values {
+    let least = (SHARED * ratios.max()).max(1.0);
+    ratios.map(|ratio| ratio.max(least))
 }
 
 /// To single precision, with which a checkpoint takes a fifth less: what some tens of blocks tell is
@@ -279,12 +326,18 @@ impl LongRunVariance {
 
 impl<'a> Scatter<'a> {
     fn new(long_run: &'a LongRunVariance, covariance: &'a ParameterCovariance) -> Self {
-        let ratios = long_run.whole.seen_over_said(covariance);
-        let least = (SHARED * ratios.max()).max(1.0);
+        let clusters = &long_run.whole;
+        let mut ratios = shared(&clusters.seen_over_said(covariance));
+        if let Some(tame) = clusters.tame_over_said(covariance) {
+            let tame = shared(&tame);
+            for i in OF_THE_MOUNT.map(Parameter::index) {
+                ratios[i] = tame[i];
+            }
+        }
         Self {
             long_run,
             covariance,
-            ratios: ratios.map(|ratio| ratio.max(least)),
+            ratios,
         }
     }
 
@@ -304,7 +357,7 @@ impl<'a> Scatter<'a> {
     fn lasting_slip(&self) -> f64 {
         let i = Parameter::SpeedScale.index();
         let [whole, half] = [&self.long_run.whole, &self.long_run.half]
-            .map(|clusters| clusters.seen_over_said_of(i, self.covariance));
+            .map(|clusters| clusters.over_said(&clusters.scatter, i, self.covariance));
         ((2.0 * whole - half) / self.ratios[i]).clamp(1.0, LASTING_MAX)
     }
 
@@ -514,6 +567,25 @@ mod tests {
         assert!((2.5..3.0).contains(&four_blocks), "{four_blocks}");
         assert!(published_over_claimed(2000, 1.0) < 1.2);
         assert!((published_over_claimed(4 * BLOCK, 0.1) - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn one_wild_block_of_many_is_no_scatter_of_the_mount_and_two_are() {
+        let jumps_at = |jumps: &'static [usize]| {
+            move |i: usize| {
+                if jumps.contains(&i) { 20.0 } else { 0.0 }
+            }
+        };
+        let ratio_of = |parameter: Parameter, blocks: usize, jumps: &'static [usize]| {
+            let variance = learnt_from(blocks * BLOCK, parameter, jumps_at(jumps));
+            variance.scatter(&ParameterCovariance::identity()).ratios()[parameter.index()]
+        };
+        let x = Parameter::LidarX;
+        assert!(ratio_of(x, 20, &[155]) < 1.05);
+        assert!(ratio_of(x, 20, &[125, 155]) > 3.0);
+        // Of few blocks, one tells too much of a robot that does not obey its model.
+        assert!(ratio_of(x, 9, &[55]) > 3.0);
+        assert!(ratio_of(Parameter::SteeringOffset, 20, &[155]) > 2.0);
     }
 
     #[test]
