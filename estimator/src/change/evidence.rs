@@ -89,6 +89,15 @@ impl Thresholds {
         raised
     }
 
+    /// Raised ones, with a limit of a single window that is at most so many times this one.
+    #[must_use]
+    pub fn limit_window(&self, raised: Self, ratio: f64) -> Self {
+        Self {
+            window_chi2_max: raised.window_chi2_max.min(self.window_chi2_max * ratio),
+            ..raised
+        }
+    }
+
     /// The lowest of them.
     pub fn least(&self) -> f64 {
         self.of_causes.into_iter().fold(f64::INFINITY, f64::min)

@@ -46,10 +46,12 @@ const LASTING_MAX: f64 = 2.7;
 const STUDENT_BLOCKS: f64 = 8.0;
 /// Largest squared error of a block or a window, in its variances: a fault is no noise.
 const SQUARE_MAX: f64 = 400.0;
-/// A block whose squared error, of three degrees of freedom, is larger is wild: where there is nothing but noise,
-/// one of 136.
+/// A block whose squared error (three degrees of freedom) is at least this is wild: of pure noise, about one in 135 is.
 const WILD_SQUARE: f64 = 12.0;
-/// What a lone wild block tells no scatter of. It does of slip, and of steering that does not obey the model.
+/// A wild block that weighs less waits no longer for another one: that would be chance.
+const WILD_WEIGHT_MIN: f64 = 0.5;
+/// Parameters whose changes a lone wild block does not hide. For the others it counts at once, as it may be slip, or
+/// steering that does not obey the model, and so it does for what is claimed of any.
 const OF_THE_MOUNT: [Parameter; 3] = [Parameter::LidarX, Parameter::LidarY, Parameter::LidarYaw];
 /// Mean squared residual of a block's windows beyond which the filter strays: five times what is expected, of
 /// 30 degrees of freedom (15 in a half block). One wild window is enough.
@@ -154,6 +156,8 @@ pub struct Scatter<'a> {
     long_run: &'a LongRunVariance,
     covariance: &'a ParameterCovariance,
     ratios: Values,
+    /// The ratios without a lone wild block; `None` where there is none.
+    tame: Option<Values>,
 }
 
 /// How blocks of one length scatter.
@@ -167,18 +171,20 @@ struct Clusters {
     #[serde(serialize_with = "padded::half", deserialize_with = "padded::square")]
     expected: SMatrix<f64, PARAMETERS, PARAMETERS>,
     blocks: f64,
-    /// A wild block that is the only one so far.
+    /// A wild block that waits for another one.
     #[serde(default)]
     wild: Option<Wild>,
 }
 
-/// A wild block's part of the scatter, which counts for the LiDAR's mount once there is another one. A LiDAR that is
-/// moved jumps once. On a straight nothing else shows of it, and if the block of the jump counted as scatter before
-/// the next turn, the change would be taken for noise there.
+/// A wild block's part of the scatter, which raises what a change of the LiDAR's mount takes once there is another
+/// one. A LiDAR that is moved jumps once. On a straight nothing else shows until the next turn, and if the block of
+/// the jump counted as scatter by then, the change would be taken for noise.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Wild {
     #[serde(serialize_with = "padded::half", deserialize_with = "padded::square")]
     scatter: SMatrix<f64, PARAMETERS, PARAMETERS>,
+    /// What is left of it in the memory.
+    weight: f64,
 }
 
 impl Clusters {
@@ -215,16 +221,20 @@ impl Clusters {
         self.blocks = self.blocks * kept + 1.0;
     }
 
-    /// Notes whether a block is the only wild one of many.
+    /// Keeps a wild block aside until the next one comes, or until it weighs less than half.
     fn note_wild(&mut self, own: &SMatrix<f64, PARAMETERS, PARAMETERS>, square: f64, kept: f64) {
         let is_wild = square >= WILD_SQUARE && self.blocks >= FEW_BLOCKS;
         self.wild = match self.wild.take() {
             None if is_wild => Some(Wild {
                 scatter: rounded(*own),
+                weight: 1.0,
             }),
-            Some(wild) if !is_wild => Some(Wild {
-                scatter: rounded(wild.scatter * kept),
-            }),
+            Some(Wild { scatter, weight }) if !is_wild && weight * kept > WILD_WEIGHT_MIN => {
+                Some(Wild {
+                    scatter: rounded(scatter * kept),
+                    weight: weight * kept,
+                })
+            }
             _ => None,
         };
     }
@@ -240,7 +250,7 @@ impl Clusters {
         Values::from_fn(|i, _| self.over_said(&self.scatter, i, covariance))
     }
 
-    /// The same without a lone wild block.
+    /// The same without a lone wild block; `None` where there is none.
     fn tame_over_said(&self, covariance: &ParameterCovariance) -> Option<Values> {
         let scatter = self.scatter - self.wild.as_ref()?.scatter;
         Some(Values::from_fn(|i, _| {
@@ -248,6 +258,7 @@ impl Clusters {
         }))
     }
 
+    /// The same of one parameter, by this scatter. Rounding may leave it below zero.
     fn over_said(
         &self,
         scatter: &SMatrix<f64, PARAMETERS, PARAMETERS>,
@@ -260,7 +271,7 @@ impl Clusters {
     }
 }
 
-/// With a share of the worst ratio for every parameter.
+/// The ratios, each at least [`SHARED`] of the worst, and at least 1.
 fn shared(ratios: &Values) -> Values {
     let least = (SHARED * ratios.max()).max(1.0);
     ratios.map(|ratio| ratio.max(least))
@@ -327,17 +338,13 @@ impl LongRunVariance {
 impl<'a> Scatter<'a> {
     fn new(long_run: &'a LongRunVariance, covariance: &'a ParameterCovariance) -> Self {
         let clusters = &long_run.whole;
-        let mut ratios = shared(&clusters.seen_over_said(covariance));
-        if let Some(tame) = clusters.tame_over_said(covariance) {
-            let tame = shared(&tame);
-            for i in OF_THE_MOUNT.map(Parameter::index) {
-                ratios[i] = tame[i];
-            }
-        }
         Self {
             long_run,
             covariance,
-            ratios,
+            ratios: shared(&clusters.seen_over_said(covariance)),
+            tame: clusters
+                .tame_over_said(covariance)
+                .map(|tame| shared(&tame)),
         }
     }
 
@@ -361,24 +368,40 @@ impl<'a> Scatter<'a> {
         ((2.0 * whole - half) / self.ratios[i]).clamp(1.0, LASTING_MAX)
     }
 
-    /// The ratios with the uncertainty of a scatter that is itself known from a few blocks only.
-    fn uncertain_ratios(&self) -> Values {
+    /// Ratios with the uncertainty of a scatter that is itself known from a few blocks only.
+    fn uncertain(&self, ratios: &Values) -> Values {
         let uncertainty = 1.0 + UNCERTAINTY_BLOCKS / self.blocks().max(1.0);
-        self.ratios.map(|ratio| 1.0 + uncertainty * (ratio - 1.0))
+        ratios.map(|ratio| 1.0 + uncertainty * (ratio - 1.0))
     }
 
     /// By how much the evidence for a change of each parameter has to be larger, before it passes a
     /// `threshold` that is meant for a scatter which is known well: by the ratios with their uncertainty. Slip
     /// looks like another wheel; where it was seen, evidence so rare is Student's, who knows the
-    /// scatter from `n` blocks alone: `t^2 = n (exp(z^2 / n) - 1)`.
+    /// scatter from `n` blocks alone: `t^2 = n (exp(z^2 / n) - 1)`. For the mount a lone wild block does not count.
     pub fn alarm_ratios(&self, threshold: f64) -> Values {
-        let mut ratios = self.uncertain_ratios();
+        let mut ratios = self.uncertain(&self.ratios);
+        if let Some(tame) = &self.tame {
+            let tame = self.uncertain(tame);
+            for i in OF_THE_MOUNT.map(Parameter::index) {
+                ratios[i] = tame[i];
+            }
+        }
         let i = Parameter::SpeedScale.index();
         let blocks = self.blocks().max(BLOCKS_MIN);
         let student = blocks / threshold * (threshold / blocks).exp_m1();
         let slipping = self.ratios[i] - 1.0;
         ratios[i] = ratios[i].max(1.0 + slipping * student);
         ratios
+    }
+
+    /// How many times as large the limit of a single window may be where a lone wild block does not count: else
+    /// what it adds to the other causes would let one window accuse the mount. Infinite where there is none.
+    pub fn window_ratio_max(&self) -> f64 {
+        self.tame.as_ref().map_or(f64::INFINITY, |tame| {
+            let tame = self.uncertain(tame);
+            let least = OF_THE_MOUNT.map(|parameter| tame[parameter.index()]);
+            least.into_iter().fold(f64::INFINITY, f64::min) / SHARED
+        })
     }
 
     /// The covariance that may be claimed.
@@ -388,7 +411,9 @@ impl<'a> Scatter<'a> {
         } else {
             UNPROVEN_RATIO
         };
-        let widths = self.uncertain_ratios().map(|ratio| ratio.max(least).sqrt());
+        let widths = self
+            .uncertain(&self.ratios)
+            .map(|ratio| ratio.max(least).sqrt());
         widened(self.covariance, &widths)
     }
 
@@ -413,7 +438,7 @@ fn widened(covariance: &ParameterCovariance, widths: &Values) -> ParameterCovari
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::change::evidence::{Evidence, Innovation};
+    use crate::change::evidence::{Evidence, Innovation, Thresholds};
     use crate::change::window::Track;
     use crate::filter::prior::Prior;
     use crate::settings::EstimatorSettings;
@@ -576,16 +601,36 @@ mod tests {
                 if jumps.contains(&i) { 20.0 } else { 0.0 }
             }
         };
-        let ratio_of = |parameter: Parameter, blocks: usize, jumps: &'static [usize]| {
+        let scatter_of = |parameter: Parameter, blocks: usize, jumps: &'static [usize]| {
             let variance = learnt_from(blocks * BLOCK, parameter, jumps_at(jumps));
-            variance.scatter(&ParameterCovariance::identity()).ratios()[parameter.index()]
+            let covariance = ParameterCovariance::identity();
+            let scatter = variance.scatter(&covariance);
+            let i = parameter.index();
+            (scatter.alarm_ratios(40.0)[i], scatter.claim()[(i, i)])
         };
         let x = Parameter::LidarX;
-        assert!(ratio_of(x, 20, &[155]) < 1.05);
-        assert!(ratio_of(x, 20, &[125, 155]) > 3.0);
+        let (alarm, claim) = scatter_of(x, 20, &[155]);
+        assert!(alarm < 1.05 && claim > 2.0, "{alarm}, {claim}");
+        assert!(scatter_of(x, 20, &[125, 155]).0 > 3.0);
+        assert!(scatter_of(Parameter::SteeringOffset, 20, &[155]).0 > 2.0);
         // Of few blocks, one tells too much of a robot that does not obey its model.
-        assert!(ratio_of(x, 9, &[55]) > 3.0);
-        assert!(ratio_of(Parameter::SteeringOffset, 20, &[155]) > 2.0);
+        assert!(scatter_of(x, 9, &[55]).0 > 3.0);
+        // One of long ago does not make another one count.
+        assert!(scatter_of(x, 90, &[155, 855]).0 < 2.5);
+    }
+
+    #[test]
+    fn one_window_accuses_no_mount_whose_lone_wild_block_does_not_count() {
+        let jump = |i: usize| if i == 155 { 20.0 } else { 0.0 };
+        let variance = learnt_from(20 * BLOCK, Parameter::SpeedScale, jump);
+        let covariance = ParameterCovariance::identity();
+        let scatter = variance.scatter(&covariance);
+        let thresholds = Thresholds::for_false_alarm_hours(1000.0);
+        let raised = thresholds.raised(&scatter.alarm_ratios(thresholds.least()));
+        let mount = 1;
+        assert!(raised.window_chi2_max() > raised.values()[mount]);
+        let limited = thresholds.limit_window(raised, scatter.window_ratio_max());
+        assert!(limited.window_chi2_max() < limited.values()[mount]);
     }
 
     #[test]

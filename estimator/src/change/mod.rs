@@ -281,7 +281,8 @@ impl ChangeWatch {
         let known = known_causes(&covariance, settings);
         let reference = Reference::new(known_before.values, &covariance)?;
         let without_scatter = Thresholds::for_false_alarm_hours(settings.false_alarm_hours);
-        let usual = without_scatter.raised(&scatter.alarm_ratios(without_scatter.least()));
+        let raised = without_scatter.raised(&scatter.alarm_ratios(without_scatter.least()));
+        let usual = without_scatter.limit_window(raised, scatter.window_ratio_max());
         // The limit of a single window grows with the thresholds, as it does with scatter.
         let thresholds = usual.raised(&Values::repeat(self.long_run.caution()));
         let noise_scale = oldest.noise_scale();
