@@ -7,15 +7,14 @@
 //! variance really is (the sandwich estimator with clusters, of White and of Liang and Zeger). It
 //! widens what is claimed and raises what a change has to show.
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
+use super::block::Block;
 use super::window::Window;
 use crate::estimate::Parameter;
-use crate::filter::constraint::ByParameters;
 use crate::filter::relevance::Known;
 use crate::filter::{Filter, PARAMETERS, ParameterCovariance, Values, apart, padded, symmetric};
-use crate::stream::RobotTime;
 
 /// Windows in a block: errors that last longer than some 5 m are for the change test to judge.
 const BLOCK: usize = 10;
@@ -53,9 +52,6 @@ const WILD_WEIGHT_MIN: f64 = 0.5;
 /// Parameters whose changes a lone wild block does not hide. For the others it counts at once, as it may be slip, or
 /// steering that does not obey the model, and so it does for what is claimed of any.
 const OF_THE_MOUNT: [Parameter; 3] = [Parameter::LidarX, Parameter::LidarY, Parameter::LidarYaw];
-/// Mean squared residual of a block's windows beyond which the filter strays: five times what is expected, of
-/// 30 degrees of freedom (15 in a half block). One wild window is enough.
-const SURPRISE_MAX: f64 = 15.0;
 
 /// What a filter expected before it took a window.
 #[derive(Debug, Clone, Copy)]
@@ -64,73 +60,6 @@ struct Expectation {
     scale: f64,
     /// [`surprise`].
     surprise: f64,
-}
-
-/// Windows without a gap between them, as one.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct Block {
-    end: RobotTime,
-    /// The parameters that the residual is by. A checkpoint holds no unfinished block; one of an earlier
-    /// estimator would not name them.
-    #[serde(default, deserialize_with = "padded::optional_vector")]
-    values: Option<Values>,
-    residual: Vector3<f64>,
-    /// The residual by the parameters as they were known when each window was counted.
-    #[serde(default)]
-    residual_as_told: Vector3<f64>,
-    /// Sum of the squared residuals of its windows, each as the filter expected it before it took the window.
-    #[serde(default)]
-    surprise: f64,
-    #[serde(deserialize_with = "padded::columns")]
-    jacobian: ByParameters,
-    /// Of the motion, and of the pose at its beginning.
-    covariance: Matrix3<f64>,
-    windows: usize,
-}
-
-impl Block {
-    /// A block of one window, by these parameters.
-    fn begin(window: &Window, values: &Values, surprise: f64) -> Self {
-        let residual = window.residual + window.jacobian * apart(&window.values, values);
-        Self {
-            end: window.end,
-            values: Some(*values),
-            residual,
-            residual_as_told: residual,
-            surprise,
-            jacobian: window.jacobian,
-            covariance: window.covariance - window.end_covariance,
-            windows: 1,
-        }
-    }
-
-    /// The LiDAR pose between two windows is in both and cancels. All windows are held against the same
-    /// parameters: while these are still found, they move by more than a block errs.
-    fn extended(&self, window: &Window, values: &Values, surprise: f64) -> Option<Self> {
-        let before = self.values.filter(|_| self.end == window.begin)?;
-        let residual = self.residual + self.jacobian * apart(&before, values);
-        let own = Self::begin(window, values, surprise);
-        let carry = window.carry;
-        Some(Self {
-            residual: carry * residual + own.residual,
-            residual_as_told: carry * self.residual_as_told + own.residual,
-            surprise: self.surprise + surprise,
-            jacobian: carry * self.jacobian + window.jacobian,
-            covariance: carry * self.covariance * carry.transpose() + window.motion_covariance,
-            windows: self.windows + 1,
-            ..own
-        })
-    }
-
-    /// What it errs by. A filter that its windows surprise strays, surer of itself than it may be: that the
-    /// parameters moved while the windows were counted is scatter then, too.
-    fn error(&self) -> &Vector3<f64> {
-        if self.surprise > SURPRISE_MAX * self.windows as f64 {
-            &self.residual_as_told
-        } else {
-            &self.residual
-        }
-    }
 }
 
 /// The squared residual of a window as a filter expected it before it took the window.
@@ -437,11 +366,15 @@ fn widened(covariance: &ParameterCovariance, widths: &Values) -> ParameterCovari
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector3;
+
     use super::*;
     use crate::change::evidence::{Evidence, Innovation, Thresholds};
     use crate::change::window::Track;
+    use crate::filter::constraint::ByParameters;
     use crate::filter::prior::Prior;
     use crate::settings::EstimatorSettings;
+    use crate::stream::RobotTime;
     use crate::vehicle::{Vehicle, VehicleModel};
 
     fn ratio(error: impl Fn(usize) -> f64) -> f64 {

@@ -3,6 +3,7 @@
 //! Windows of 0.4 m are compared with what the filter knew *before* them; the filter itself cannot
 //! be asked, because it absorbs a change within seconds.
 
+pub mod block;
 pub mod detection;
 pub mod evidence;
 pub mod fault;

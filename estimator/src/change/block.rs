@@ -1,0 +1,82 @@
+//! A block: windows without a gap between them, taken as one.
+
+use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
+
+use super::window::Window;
+use crate::filter::constraint::ByParameters;
+use crate::filter::{Values, apart, padded};
+use crate::stream::RobotTime;
+
+/// Mean squared residual of a block's windows beyond which the filter strays: five times what is expected, of
+/// 30 degrees of freedom (15 in a half block). One wild window is enough.
+const SURPRISE_MAX: f64 = 15.0;
+
+/// Windows without a gap between them, as one.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Block {
+    end: RobotTime,
+    /// The parameters that the residual is by. A checkpoint holds no unfinished block; one of an earlier
+    /// estimator would not name them.
+    #[serde(default, deserialize_with = "padded::optional_vector")]
+    values: Option<Values>,
+    residual: Vector3<f64>,
+    /// The residual by the parameters as they were known when each window was counted.
+    #[serde(default)]
+    residual_as_told: Vector3<f64>,
+    /// Sum of the squared residuals of its windows, each as the filter expected it before it took the window.
+    #[serde(default)]
+    surprise: f64,
+    /// Of the residual by the parameters.
+    #[serde(deserialize_with = "padded::columns")]
+    pub jacobian: ByParameters,
+    /// Of the motion, and of the pose at its beginning.
+    pub covariance: Matrix3<f64>,
+    /// How many they are.
+    pub windows: usize,
+}
+
+impl Block {
+    /// A block of one window, by these parameters.
+    pub fn begin(window: &Window, values: &Values, surprise: f64) -> Self {
+        let residual = window.residual + window.jacobian * apart(&window.values, values);
+        Self {
+            end: window.end,
+            values: Some(*values),
+            residual,
+            residual_as_told: residual,
+            surprise,
+            jacobian: window.jacobian,
+            covariance: window.covariance - window.end_covariance,
+            windows: 1,
+        }
+    }
+
+    /// The LiDAR pose between two windows is in both and cancels. All windows are held against the same
+    /// parameters: while these are still found, they move by more than a block errs.
+    pub fn extended(&self, window: &Window, values: &Values, surprise: f64) -> Option<Self> {
+        let before = self.values.filter(|_| self.end == window.begin)?;
+        let residual = self.residual + self.jacobian * apart(&before, values);
+        let own = Self::begin(window, values, surprise);
+        let carry = window.carry;
+        Some(Self {
+            residual: carry * residual + own.residual,
+            residual_as_told: carry * self.residual_as_told + own.residual,
+            surprise: self.surprise + surprise,
+            jacobian: carry * self.jacobian + window.jacobian,
+            covariance: carry * self.covariance * carry.transpose() + window.motion_covariance,
+            windows: self.windows + 1,
+            ..own
+        })
+    }
+
+    /// What it errs by. A filter that its windows surprise strays, surer of itself than it may be: that the
+    /// parameters moved while the windows were counted is scatter then, too.
+    pub fn error(&self) -> &Vector3<f64> {
+        if self.surprise > SURPRISE_MAX * self.windows as f64 {
+            &self.residual_as_told
+        } else {
+            &self.residual
+        }
+    }
+}
