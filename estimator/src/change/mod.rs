@@ -17,6 +17,7 @@ use std::collections::VecDeque;
 use crate::drive_history::DriveHistory;
 use crate::estimate::{Cause, ChangeKind, Parameter};
 use crate::filter::follow::Follower;
+use crate::filter::relevance::Known;
 use crate::filter::{Filter, OdometryReading, Values};
 use crate::settings::EstimatorSettings;
 use crate::stream::RobotTime;
@@ -251,12 +252,20 @@ impl ChangeWatch {
 
     /// Asks now and then whether changes would be seen, and whether they would be by the same motion of a
     /// robot that does not scatter.
-    fn see(&mut self, begin: usize, of_this_robot: &Bar, without_scatter: &Bar) {
+    fn see(&mut self, begin: usize, of_this_robot: &Bar, known: &Known, thresholds: &Thresholds) {
         self.since_seen += 1;
         if self.since_seen < SEE_EVERY || !self.long_run.is_well_known() {
             return;
         }
         self.since_seen = 0;
+        let Some(reference) = Reference::new(known.values, &known.covariance) else {
+            return;
+        };
+        let without_scatter = &Bar {
+            reference: &reference,
+            noise_scale: 1.0,
+            thresholds,
+        };
         let windows = || self.remembered.range(begin..).map(|r| &r.window);
         let [of_this_robot, without_scatter] =
             [of_this_robot, without_scatter].map(|bar| Prospect {
@@ -293,12 +302,7 @@ impl ChangeWatch {
             // Without the caution, which ends after some metres.
             thresholds: &usual,
         };
-        let without_scatter = Bar {
-            reference: &Reference::new(known_before.values, &known_before.covariance)?,
-            noise_scale: 1.0,
-            thresholds: &without_scatter,
-        };
-        self.see(begin, &of_this_robot, &without_scatter);
+        self.see(begin, &of_this_robot, &known_before, &without_scatter);
         let windows = || self.remembered.range(begin..).map(|r| &r.window);
         let mut search = Search {
             noise_scale,
