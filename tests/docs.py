@@ -67,7 +67,7 @@ def main() -> int:
     root = Path(__file__).resolve().parent.parent
     binary = Path(sys.argv[1]).resolve()
     named = [Path(name) for name in sys.argv[2:]]
-    pages = named or sorted((root / "docs").glob("*.md"))
+    pages = named or [root / "README.md", *sorted((root / "docs").glob("*.md"))]
     failed = 0
     for page in pages:
         if count := len(blocks(page)):
