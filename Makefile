@@ -9,6 +9,9 @@ BUILT := $(or $(CARGO_TARGET_DIR),target)
 BIN := $(BUILT)/release/fleetcal
 PYTHON := $(abspath $(BUILT))/python/bin/python
 ZENOHD := $(abspath $(BUILT))/zenohd/bin/zenohd
+# Steps of this run, with what each took: `.ci/run` has further ones behind those of `make test`.
+export FLEETCAL_STEPS ?= $(abspath $(BUILT))/steps.jsonl
+STEP = python3 tests/steps.py run
 export NPM_CONFIG_FUND = false
 export NPM_CONFIG_AUDIT = false
 export NPM_CONFIG_UPDATE_NOTIFIER = false
@@ -21,6 +24,7 @@ help: ## Lists the targets
 demo: announce dashboard rust ## Builds and starts service, router and six simulated robots: http://127.0.0.1:8080
 	@# With the features of all crates, as `make build` has them; their other binaries are left out.
 	$(CARGO) build --release --locked --workspace --bin fleetcal
+	@.ci/dependencies keep $(BUILT)
 	$(BIN) demo
 
 .PHONY: announce
@@ -30,6 +34,7 @@ announce:
 .PHONY: build
 build: dashboard rust ## Builds the dashboard and the binary
 	$(CARGO) build --release --locked --workspace
+	@.ci/dependencies keep $(BUILT)
 
 .PHONY: dashboard
 dashboard: web/dist/index.html ## Builds the dashboard's pages
@@ -39,7 +44,7 @@ web/dist/index.html: web/node_modules/.package-lock.json $(shell find web/src we
 	@touch $@
 
 web/node_modules/.package-lock.json: web/package.json web/package-lock.json | node
-	cd web && npm ci --no-progress
+	cd web && npm ci --no-progress --prefer-offline
 	@touch $@
 
 .PHONY: node
@@ -53,6 +58,7 @@ rust:
 	  || { echo "Rust is missing: install rustup, which reads rust-toolchain.toml, then run make again." >&2; exit 1; }
 	@command -v cc >/dev/null \
 	  || { echo "A C compiler is missing (SQLite is built from source): install gcc, then run make again." >&2; exit 1; }
+	@.ci/dependencies restore $(BUILT)
 
 .PHONY: chromium
 chromium:
@@ -87,9 +93,22 @@ $(BUILT)/python/ready: tests/requirements.txt
 	  || { echo "The packages of $< could not be installed: PyPI has to be reachable once for the Python example's test." >&2; exit 1; }
 	@touch $@
 
-# The crate graph is among the Rust tests.
+# The crate graph is among the Rust tests. Each step is a target of its own, timed.
+TEST_STEPS = packages dashboard format build-for-tests doc clippy check-web test-rust test-web-units test-browser
 .PHONY: test
-test: lint test-rust test-web ## Runs all checks and tests
+test: ## Runs all checks and tests, and prints what each step took
+	@command -v python3 >/dev/null || { echo "Python 3 is missing: install python3, then run make again." >&2; exit 1; }
+	@mkdir -p "$$(dirname $(FLEETCAL_STEPS))" && rm -f $(FLEETCAL_STEPS)
+	@failed=0; for step in $(TEST_STEPS); do \
+	  $(STEP) $$step $(MAKE) --no-print-directory $$step || { failed=1; break; }; \
+	done; python3 tests/steps.py table; exit $$failed
+
+.PHONY: packages
+packages: node rust chromium strace python web/node_modules/.package-lock.json ## Packages that the tests use, where they are missing
+
+.PHONY: quick
+quick: dashboard rust ## The inner loop: format, clippy and unit tests of what a change touches and of what is above it
+	.ci/quick $(CARGO)
 
 .PHONY: check
 check: lint ## Format, lints, types, documentation and the crate graph
@@ -97,17 +116,28 @@ check: lint ## Format, lints, types, documentation and the crate graph
 	$(CARGO) test --release --locked -p fleetcal-architecture -- --nocapture --test-threads 1
 
 .PHONY: lint
-lint: dashboard rust doc ## Format, lints, types and documentation
+lint: format doc clippy check-web ## Format, lints, types and documentation
+
+.PHONY: format
+format: rust
 	$(CARGO) fmt --check
+
+.PHONY: clippy
+clippy: dashboard rust
 	$(CARGO) clippy --release --locked --workspace --all-targets -- -D warnings
 	@# Tests that need a server are no target of the others.
 	$(CARGO) clippy --release --locked --workspace --test postgres -- -D warnings
+	@.ci/dependencies keep $(BUILT)
+
+.PHONY: check-web
+check-web: dashboard
 	cd web && npm run check --silent
 
 .PHONY: build-for-tests
 build-for-tests: dashboard rust
 	@# Binary and tests in one go: apart, their features differ and Zenoh is compiled twice.
 	$(CARGO) build --release --locked --workspace --bins --tests
+	@.ci/dependencies keep $(BUILT)
 
 # What needs recordings is `make test-recordings`: the rest passes with no folder beside it.
 .PHONY: test-rust
@@ -242,8 +272,14 @@ store-load: rust ## What 1,000 robots' telemetry costs SQLite and PostgreSQL, dr
 	done
 
 .PHONY: test-web
-test-web: build-for-tests chromium python ## The dashboard's unit tests, then the real binary in a browser
+test-web: test-web-units test-browser ## The dashboard's unit tests, then the real binary in a browser
+
+.PHONY: test-web-units
+test-web-units: dashboard
 	cd web && npm run test --silent
+
+.PHONY: test-browser
+test-browser: build-for-tests chromium python
 	cd web && FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) npm run e2e --silent
 
 .PHONY: docs
