@@ -108,8 +108,11 @@ def table() -> int:
 
 
 def file() -> Path:
-    """The file of the steps."""
-    return Path(os.environ["FLEETCAL_STEPS"])
+    """The file of the steps, made where it is missing."""
+    path = Path(os.environ["FLEETCAL_STEPS"])
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.touch()
+    return path
 
 
 def main(arguments: list[str]) -> int:
