@@ -1,4 +1,4 @@
-//! How often the change test cries wolf.
+//! Rate of false alarms of the change test.
 //!
 //! `false_alarms fit [WINDOWS]` measures the run length between false alarms at scaled-down
 //! thresholds, with noise alone in the windows, and fits the thresholds of

@@ -1,4 +1,4 @@
-//! What an estimator says about a robot: values, their sigmas, and what it does not know.
+//! Estimate of a robot: values, their sigmas, and the motion that is missing.
 
 pub use fleetcal_model::{
     CalibrationCovariance, Cause, ChangeKind, Consistency, Counts, Detection, DetectionState,

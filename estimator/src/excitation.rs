@@ -1,4 +1,4 @@
-//! Which motions a robot has made. Information decides what is known of it; this explains, and tells where
+//! Motions that a robot has made. Information decides what is known of it; this explains, and tells where
 //! all turns went to one side.
 
 use serde::{Deserialize, Serialize};

@@ -1,4 +1,4 @@
-//! What a user can set on an estimator. Each key is a key of `[estimator]` in `fleetcal.toml`.
+//! Settings of an estimator. Each key is a key of `[estimator]` in `fleetcal.toml`.
 
 mod given;
 

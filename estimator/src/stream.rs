@@ -1,4 +1,4 @@
-//! What goes into an estimator and what comes out: the only types its users exchange with it.
+//! Events into and effects out of an estimator: the only types its users exchange with it.
 //!
 //! Each type is checked where it is made, so that nothing behind it has to check again.
 

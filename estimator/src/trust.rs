@@ -1,4 +1,4 @@
-//! When a number may be trusted: per parameter, with the reason in words.
+//! Trust in a number: a status per parameter, with the reason in words.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! What a scanner gets wrong in every scan alike: its ranges, and the times of its beams.
+//! Systematic errors of a scanner: its ranges, and the times of its beams.
 
 #[expect(dead_code, reason = "the scene serves other tests too")]
 mod scene;

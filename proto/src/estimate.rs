@@ -1,4 +1,4 @@
-//! What the service says about a robot's calibration: one schema for `fleetcal calibrate --json`,
+//! Document of a robot's calibration: one schema for `fleetcal calibrate --json`,
 //! for `{root}/{robot}/estimate` and for the HTTP API.
 //!
 //! All numbers are finite; JSON has no other.

@@ -1,4 +1,4 @@
-//! What a robot or a tool says besides its streams: events, and how well it follows its path.
+//! Messages of a robot or a tool besides its streams: events, and cross-track errors.
 
 use fleetcal_model::{NoteKind, RobotTime};
 use serde::{Deserialize, Serialize};

@@ -1,4 +1,4 @@
-//! What travels: message types, CDR and JSON codecs, key expressions. No I/O.
+//! Wire formats: message types, CDR and JSON codecs, key expressions. No I/O.
 //!
 //! A robot's streams are ROS 2 messages, in CDR or in JSON. What the service answers is JSON: the
 //! same documents on Zenoh, over HTTP and from `fleetcal calibrate --json`. Units are SI and

@@ -1,4 +1,4 @@
-//! Which ROS 2 message a payload is, and how it is written.
+//! Type of a payload's ROS 2 message, and its spellings.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! How far the service got with a robot's streams, by which a sender paces itself.
+//! Progress of the service with a robot's streams, by which a sender paces itself.
 
 use fleetcal_model::RobotTime;
 use serde::{Deserialize, Serialize};

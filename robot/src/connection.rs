@@ -1,4 +1,4 @@
-//! How a robot reaches its service: endpoints, a native Zenoh configuration, or both.
+//! Connection of a robot to its service: endpoints, a native Zenoh configuration, or both.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! Why Zenoh refused a robot.
+//! Errors of Zenoh that refuse a robot.
 
 use std::path::PathBuf;
 

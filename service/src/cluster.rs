@@ -1,4 +1,4 @@
-//! What an instance says of itself, and knows of the others.
+//! Description of this instance for the others, and its knowledge of them.
 
 use std::net::SocketAddr;
 

@@ -1,4 +1,4 @@
-//! Where the records are kept, as a command is told: in the data folder, or in PostgreSQL.
+//! Place of the records, by a command's options: in the data folder, or in PostgreSQL.
 
 use std::path::{Path, PathBuf};
 

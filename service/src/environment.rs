@@ -1,4 +1,4 @@
-//! What libraries read from the environment alone, and at the start alone.
+//! Environment variables that libraries read at the start alone.
 //!
 //! Zenoh handles a declaration (of a key, a token, a subscriber) on the thread that has read it, under
 //! a lock that all sessions share, and for longer the more keys there are. On its own two threads, four

@@ -1,4 +1,4 @@
-//! What people read: the links among documents, the book's table of contents, and words that
+//! Documents that people read: the links among them, the book's table of contents, and words that
 //! nobody should have to decode.
 
 use std::collections::{BTreeMap, BTreeSet};

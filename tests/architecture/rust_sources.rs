@@ -1,4 +1,4 @@
-//! Which file of a crate uses which, read from its sources.
+//! Uses among the files of a crate, read from its sources.
 //!
 //! A file uses another when its code names something that is defined there; re-exports are followed
 //! to the definition. Left out are code under `#[cfg(test)]`; a module's re-exports of what is

@@ -1,4 +1,4 @@
-//! Which file of the dashboard imports which.
+//! Imports among the dashboard's files.
 
 use std::collections::BTreeMap;
 

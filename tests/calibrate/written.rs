@@ -1,4 +1,4 @@
-//! What `calibrate` writes besides its result: the page, and the session for Foxglove.
+//! Files that `calibrate` writes besides its result: the page, and the session for Foxglove.
 
 use std::fs;
 

@@ -1,4 +1,4 @@
-//! What is in order passes, and each thing that is not is found.
+//! Tests of the checker: it passes what is in order, and finds each thing that is not.
 
 use super::*;
 

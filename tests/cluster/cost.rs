@@ -1,4 +1,4 @@
-//! What a cluster costs above one service: CPU of its processes a second and robot.
+//! Cost of a cluster above one service: CPU of its processes a second and robot.
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! What a number of rounds says: quantiles, and how often at most something happens that was not seen.
+//! Figures of a number of rounds: quantiles, and the bound on an event that was not seen.
 
 /// The exact upper bound, with 95 % confidence, of the probability of something that was seen in
 /// `seen` of `rounds` independent rounds (Clopper and Pearson 1934, one-sided). With none seen it is

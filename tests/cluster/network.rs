@@ -1,4 +1,4 @@
-//! What lies between an instance and its database or its router, and how it fails: as a network
+//! Network between an instance and its database or its router, and how it fails: as a network
 //! that loses the packets of one direction or of both, or as one that is slow.
 
 use std::net::SocketAddr;

@@ -1,4 +1,4 @@
-//! What the database has seen: who had which robot, and who wrote what, each with the moment of its
+//! Records of the database: who had which robot, and who wrote what, each with the moment of its
 //! commit. Triggers note both in the transaction itself; an instance is known by its role.
 
 use std::net::IpAddr;

@@ -1,4 +1,4 @@
-//! What every change has to pass.
+//! Rounds that every change has to pass.
 
 use std::collections::BTreeMap;
 use std::time::Duration;

@@ -1,4 +1,4 @@
-//! What the deciding process tries next.
+//! Choices of the deciding process.
 
 use fleetcal_domain::approval::{
     Command, Deployment, DeploymentState, Evidence, Origin, Proposal, RobotLedger, Verification,

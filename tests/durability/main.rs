@@ -1,4 +1,4 @@
-//! What was acknowledged stays, whatever happens to the process or to the machine.
+//! Durability: what was acknowledged stays, whatever happens to the process or to the machine.
 
 #![expect(
     clippy::unwrap_used,

@@ -1,4 +1,4 @@
-//! Where the database of a test is: in a folder, or in a PostgreSQL.
+//! Place of a test's database: in a folder, or in a PostgreSQL.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! What a database holds of the life cycle, read past the store.
+//! Records of the life cycle in a database, read past the store.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! What the deciding process says, one line of JSON each, and whoever started it hears.
+//! Lines of the deciding process, one JSON document each, for the test that started it.
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;

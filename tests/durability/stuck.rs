@@ -1,4 +1,4 @@
-//! Whether `/healthz` tells a writer that is stuck from a database that takes no writes. Minutes:
+//! Distinction in `/healthz` of a stuck writer from a database that takes no writes. Minutes:
 //! `make hardening-store`.
 
 use std::fs;

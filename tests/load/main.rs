@@ -1,4 +1,4 @@
-//! How much a fleet costs: 50 robots at 100 Hz and 10 Hz × 1024 beams on one machine.
+//! Load of a fleet: 50 robots at 100 Hz and 10 Hz × 1024 beams on one machine.
 
 #![expect(
     clippy::unwrap_used,

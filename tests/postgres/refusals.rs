@@ -1,4 +1,4 @@
-//! What `fleetcal serve` says when it cannot have its database: a sentence and an exit status.
+//! Refusals of `fleetcal serve` without its database: a sentence and an exit status.
 
 use std::fs;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! What the recordings hold, message by message.
+//! Content of the recordings, message by message.
 
 use fleetcal_proto::ros::{AckermannDriveStamped, LaserScan, Odometry, RosMessage};
 use fleetcal_robot::recording::{AskedTopics, Recording, choose_scan_topic, choose_topics};

@@ -1,4 +1,4 @@
-//! What needs recordings of real robots, or those that figures are quoted for: `make
+//! Tests on recordings of real robots, and on those that figures are quoted for: `make
 //! test-recordings`. Every test finds them in the folder that `FLEETCAL_DATA` names, and says that
 //! it was skipped where that is not set.
 

@@ -1,4 +1,4 @@
-//! What robots must not be able to do to each other.
+//! Hostile robots, and what they must not be able to do to each other.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};

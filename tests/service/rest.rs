@@ -1,4 +1,4 @@
-//! What a maintenance tool does over REST, as the example script does it.
+//! Maintenance tool over REST, as the example script does it.
 
 use std::path::Path;
 use std::process::{Command, Output};

@@ -1,4 +1,4 @@
-//! What `fleetcal calibrate --json` prints, held against the truth.
+//! Report of `fleetcal calibrate --json`, held against the truth.
 
 /// Asserts that each parameter is as near to the truth as asked for, and inside `sigmas` of its
 /// own sigma and `uncertainty` of the truth's.

@@ -1,4 +1,4 @@
-//! What hostile sessions do: said to their process, and asked for by the tests.
+//! Kinds of hostile sessions, as their process is told and tests ask for.
 
 /// Each kind, in the order in which sessions take them when all is done at once.
 pub const KINDS: [&str; 8] = [

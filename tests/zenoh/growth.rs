@@ -1,4 +1,4 @@
-//! What a flood of each kind adds to database and log, beside what the fleet itself writes.
+//! Growth of database and log by a flood of each kind, beside what the fleet itself writes.
 //! `make hardening-growth`; `GROWTH_MINUTES` and `GROWTH_KINDS` shorten it.
 
 use super::flood_kinds::KINDS;

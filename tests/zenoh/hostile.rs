@@ -1,4 +1,4 @@
-//! What sessions of anybody who reaches the port can do.
+//! Hostile sessions of anybody who reaches the port.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};

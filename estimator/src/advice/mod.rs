@@ -1,4 +1,4 @@
-//! Which manoeuvre would tell most about a parameter: the information each would add for this robot
+//! Manoeuvres that would tell most about a parameter: the information each would add for this robot
 //! now, by the filter's own equations.
 
 pub mod manoeuvre;

@@ -1,4 +1,4 @@
-//! Which manoeuvre a robot should drive next: the library in the order of what each would add for
+//! Ranking of the manoeuvres a robot could drive next, in the order of what each would add for
 //! this robot now, for the way it takes and on the floor there is.
 
 use super::manoeuvre::Manoeuvre;

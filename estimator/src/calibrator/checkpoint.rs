@@ -1,4 +1,4 @@
-//! What is stored of a calibrator, and how it goes on from there.
+//! Stored state of a calibrator, from which another one goes on.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;

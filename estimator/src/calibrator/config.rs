@@ -1,4 +1,4 @@
-//! What a calibrator is told before it starts.
+//! Configuration of a calibrator.
 
 use serde::{Deserialize, Serialize};
 

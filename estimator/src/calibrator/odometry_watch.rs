@@ -1,4 +1,4 @@
-//! Whether the LiDAR odometry knows its way: a corridor leaves its axis open, a hall without features
+//! Supervision of the LiDAR odometry: a corridor leaves its axis open, a hall without features
 //! everything.
 
 use nalgebra::{Matrix3, Vector3};

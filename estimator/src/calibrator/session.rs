@@ -1,4 +1,4 @@
-//! What is counted over a session.
+//! Counters of a session.
 
 use std::collections::VecDeque;
 

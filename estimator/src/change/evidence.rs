@@ -1,4 +1,4 @@
-//! What windows of motion say about the parameters, and which causes of a change are told apart.
+//! Evidence of windows of motion about the parameters, and the causes of a change it tells apart.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 

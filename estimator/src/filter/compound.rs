@@ -1,4 +1,4 @@
-//! How probable it is that a robot has every imperfection of its steering at once.
+//! Probability that a robot has every imperfection of its steering at once.
 //!
 //! Most robots have no imperfection to speak of, or one; a robot that shows several may well have those
 //! that cannot be seen, too. With the posterior `N(m, V)` of the steering's imperfections under their

@@ -1,4 +1,4 @@
-//! How far a speed that is measured beside the axle's middle may have moved the LiDAR's `y`.
+//! Error of the LiDAR's `y` that a speed measured beside the axle's middle may cause.
 //!
 //! An encoder `y_e` beside the middle shifts `y_off` by `y_e`, and all that shows of it is a quadratic term
 //! of the steering's curve, `-y_e / L`: no motion tells the two apart, and where they cancel nothing shows

@@ -1,4 +1,4 @@
-//! What the filter knows: the parameters of a calibration and what a vehicle does beyond, where each stands,
+//! State of the filter: the parameters of a calibration and what a vehicle does beyond, where each stands,
 //! and what the vehicle model makes of them.
 
 use nalgebra::{SMatrix, SVector};

@@ -1,4 +1,4 @@
-//! What a filter believes before its first measurement.
+//! Prior of a filter, before its first measurement.
 
 use serde::{Deserialize, Serialize};
 

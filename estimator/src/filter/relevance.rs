@@ -1,4 +1,4 @@
-//! What a filter says once it is asked how much of the steering's curve its data need.
+//! Posterior of a filter with as much of the steering's curve as its data need.
 //!
 //! Most steerings are straight. Asymmetry and quadratic term have wide priors all the same, and where
 //! the motion does not tell them from the steering's zero (a figure-eight knows two angles only), the

@@ -1,4 +1,4 @@
-//! What the scene says about the pose: the direction it leaves open, and how sure the rest is.
+//! Covariance of a pose from the scene: the direction left open, and the certainty of the rest.
 
 use nalgebra::{Matrix2, Matrix3, Matrix6, Vector2, Vector6};
 

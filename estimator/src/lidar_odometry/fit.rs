@@ -1,4 +1,4 @@
-//! How well a scan fits the map, counted point by point.
+//! Fit of a scan to the map, counted point by point.
 
 /// Below this share the search is asked for a better pose, and the state is degraded.
 const EXPLAINED_GOOD: f32 = 0.6;

@@ -1,4 +1,4 @@
-//! What is known of the surroundings, and when a scan adds to it.
+//! Map of the surroundings, and the rule by which a scan adds to it.
 
 use std::sync::Arc;
 

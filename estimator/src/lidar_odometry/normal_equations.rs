@@ -1,4 +1,4 @@
-//! What one pass over the points says about pose and velocity, as a linear system.
+//! Normal equations for pose and velocity from one pass over the points.
 
 use nalgebra::{Matrix6, Vector6};
 

@@ -1,4 +1,4 @@
-//! What a scanner gets wrong in every scan alike, learnt from the surfaces that it sees twice:
+//! Systematic errors of a scanner, learnt from the surfaces that it sees twice:
 //! a bias of its ranges, and how long it takes for a scan whose beams carry no times.
 //!
 //! The measured range of a surface met at the incidence `phi` is taken as `r + b + c (1 - cos phi)`.

@@ -1,4 +1,4 @@
-//! How the residuals of an aligned scan move with what the scanner gets wrong.
+//! Sensitivity of an aligned scan's residuals to the scanner's systematic errors.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 

@@ -1,4 +1,4 @@
-//! What a person is shown of LiDAR odometry: the latest scan on the local map.
+//! Picture of the LiDAR odometry for people: the latest scan on the local map.
 
 use super::LidarOdometry;
 use super::point_to_line::LocalMotion;

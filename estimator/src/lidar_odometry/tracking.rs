@@ -1,4 +1,4 @@
-//! Whether a pose can be trusted: how the scan fits the map there, and what that makes of the state.
+//! Trust in a pose: the scan's fit to the map there, and the state that follows from it.
 
 use serde::{Deserialize, Serialize};
 

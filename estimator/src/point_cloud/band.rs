@@ -1,4 +1,4 @@
-//! What is taken of a cloud.
+//! Band of heights that is used of a cloud.
 
 use std::ops::RangeInclusive;
 

@@ -1,4 +1,4 @@
-//! Which beam of the fan a point belongs to, and when each beam looks.
+//! Beam of the fan that a point belongs to, and the time of each beam.
 
 use std::f64::consts::TAU;
 

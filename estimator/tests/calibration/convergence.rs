@@ -1,4 +1,4 @@
-//! How soon a robot that obeys the model is known, by its raw scans.
+//! Time to convergence of a robot that obeys the model, by its raw scans.
 
 use fleetcal_estimator::Status;
 use fleetcal_estimator::calibrator::CalibratorConfig;

@@ -1,4 +1,4 @@
-//! How soon a change is seen. The whole table: `cargo run --release -p fleetcal-estimator --example
+//! Delay of a detected change. The whole table: `cargo run --release -p fleetcal-estimator --example
 //! estimator_figures -- delays`.
 
 use fleetcal_estimator::calibrator::CalibratorConfig;

@@ -1,4 +1,4 @@
-//! What no calibration explains is flagged, and no number that is wrong is called converged.
+//! Disturbances that no calibration explains are flagged, and no wrong number is called converged.
 
 use fleetcal_estimator::estimate::{Cause, ChangeKind};
 use fleetcal_estimator::{Parameter, Status};

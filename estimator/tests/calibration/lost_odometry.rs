@@ -1,4 +1,4 @@
-//! Where a LiDAR sees nothing of its way, that is said: the vehicle is not blamed, and no value that
+//! LiDAR odometry that sees nothing of its way is named: the vehicle is not blamed, and no value that
 //! cannot be is told. A robot that was lifted away or towed is reported.
 
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! What a motion cannot show is not called known, and what is missing is said.
+//! Observability: a motion that cannot show a parameter leaves it unknown, with the missing motion named.
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::vehicle::SpeedMeasuredAt;

@@ -1,4 +1,4 @@
-//! What people are shown of a robot from above.
+//! Top view of a robot, as people see it.
 
 use fleetcal_estimator::Calibrator;
 use fleetcal_estimator::calibrator::{CalibratorConfig, TopViewLimits};

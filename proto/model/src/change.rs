@@ -1,4 +1,4 @@
-//! What happens to a vehicle: changes that the estimator detects, and notes of people and tools.
+//! Changes of a vehicle that the estimator detects, and notes of people and tools.
 
 use serde::{Deserialize, Serialize};
 use strum::IntoStaticStr;

@@ -1,4 +1,4 @@
-//! What `rmw_zenoh` attaches to each message.
+//! Attachment of `rmw_zenoh` to each message.
 
 /// Bytes of a publisher's id.
 pub const GID_BYTES: usize = 16;

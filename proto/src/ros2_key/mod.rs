@@ -1,4 +1,4 @@
-//! How ROS 2 robots name their topics in Zenoh: data keys, liveliness tokens, attachments.
+//! Names of ROS 2 topics in Zenoh: data keys, liveliness tokens, attachments.
 //!
 //! | layout | key |
 //! |---|---|

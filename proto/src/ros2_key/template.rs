@@ -1,4 +1,4 @@
-//! Where a robot's id stands in the paths of its topics.
+//! Place of a robot's id in the paths of its topics.
 
 use std::fmt;
 

@@ -1,4 +1,4 @@
-//! What happens to an agent, and what it wants done.
+//! Events of an agent, and the effects it asks for.
 
 use fleetcal_proto::calibration::{Applied, CalibrationValues, Confirmed, Envelope};
 use thiserror::Error;

@@ -1,4 +1,4 @@
-//! What a robot believes at all: its own limits, whoever signed.
+//! Limits of a robot's own on any calibration, whoever signed it.
 
 use fleetcal_proto::calibration::CalibrationValues;
 use serde::Deserialize;

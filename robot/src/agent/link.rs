@@ -1,4 +1,4 @@
-//! What an agent says and hears over a robot's Zenoh session.
+//! Link of an agent to the service over a robot's Zenoh session.
 //!
 //! The subscribers stand before the first question, so that nothing falls between the two. What is
 //! pushed is a hint: whatever is lost comes with the next question.

@@ -1,4 +1,4 @@
-//! Whether a document may be applied.
+//! Checks of a document before it is applied.
 
 use std::f64::consts::TAU;
 

@@ -1,4 +1,4 @@
-//! What an agent is told, and why it ends.
+//! Options of an agent, and the errors that end it.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! What an agent remembers, through restarts too.
+//! Memory of an agent, kept through restarts.
 
 use fleetcal_model::{Generation, Pose2, RobotTime};
 use fleetcal_proto::RobotId;

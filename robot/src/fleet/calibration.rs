@@ -1,4 +1,4 @@
-//! What a calibration means to a simulated robot.
+//! Effect of a calibration on a simulated robot.
 
 use fleetcal_model::RobotTime;
 use fleetcal_proto::RobotId;

@@ -1,4 +1,4 @@
-//! Why a recording can't be used.
+//! Errors of a recording that cannot be used.
 
 use std::io;
 use std::path::PathBuf;

@@ -1,4 +1,4 @@
-//! Which files hold a recording's messages, and of what kind they are.
+//! Files that hold a recording's messages, and their kinds.
 //!
 //! `rosbag2` writes a folder with a file of messages in it, as MCAP or as an SQLite database
 //! (`.db3`), either of which may be packed as a whole with zstd. A recording that was split has

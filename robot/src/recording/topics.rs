@@ -1,4 +1,4 @@
-//! Which topics of a recording to use.
+//! Topics of a recording to use.
 
 use fleetcal_proto::message_type::MessageType;
 use thiserror::Error;

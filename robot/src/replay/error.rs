@@ -1,4 +1,4 @@
-//! Why a replay was given up.
+//! Errors that end a replay.
 
 use fleetcal_model::RobotIdRefused;
 use fleetcal_proto::RobotId;

@@ -1,4 +1,4 @@
-//! What a replay is told.
+//! Options of a replay.
 
 use std::path::PathBuf;
 use std::str::FromStr;

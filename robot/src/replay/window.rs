@@ -1,4 +1,4 @@
-//! How far a sender may run ahead of the service.
+//! Distance that a sender may run ahead of the service.
 
 use fleetcal_proto::progress::Progress;
 

@@ -1,4 +1,4 @@
-//! What an imperfect scanner's beams meet and show.
+//! Beams of an imperfect scanner: their hits and readings.
 
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;

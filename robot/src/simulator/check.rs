@@ -1,4 +1,4 @@
-//! Which settings can be simulated.
+//! Checks of the settings of a simulation.
 
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;

@@ -1,4 +1,4 @@
-//! What a simulation is made of.
+//! Configuration of a simulation.
 
 use std::sync::Arc;
 

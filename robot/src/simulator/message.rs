@@ -1,4 +1,4 @@
-//! What comes out of the simulator: plain numbers, ready for any wire.
+//! Messages of the simulator: plain numbers, ready for any wire.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! Where the robot was during the last moments: a scan looks back at each beam's own time.
+//! Track of the robot during the last moments: a scan looks back at each beam's own time.
 
 use std::collections::VecDeque;
 

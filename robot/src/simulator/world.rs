@@ -1,4 +1,4 @@
-//! What the LiDAR sees: walls, round pillars, and where people may walk.
+//! World that the LiDAR sees: walls, round pillars, and where people may walk.
 
 use super::plane::Point;
 use super::ray::{Direction, RayIndex};

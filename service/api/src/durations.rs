@@ -1,4 +1,4 @@
-//! How long requests take, by route.
+//! Durations of requests, by route.
 
 use std::fmt;
 

@@ -1,4 +1,4 @@
-//! What happens to every request: limits, timeouts, security headers, compression.
+//! Layers around every request: limits, timeouts, security headers, compression.
 
 use std::any::Any;
 use std::time::Duration;

@@ -1,4 +1,4 @@
-//! What a request's header has to be before any route sees it: small enough, and for this host.
+//! Checks of a request's header before any route sees it: small enough, and for this host.
 
 use axum::extract::{Request, State};
 use axum::http::request::Parts;

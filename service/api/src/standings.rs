@@ -1,4 +1,4 @@
-//! How robots stand, and which of them a listener has to be told of.
+//! Standings of the robots, and the listeners that each change concerns.
 //!
 //! A standing follows from a robot's estimate, records and alerts, from the policy and from the
 //! clock: no one event carries all of its changes. So it is worked out for every robot once a

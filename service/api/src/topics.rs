@@ -1,4 +1,4 @@
-//! What a listener of the event stream has asked for: no page receives what it does not show.
+//! Topics of the event stream: no page receives what it does not show.
 
 use std::collections::BTreeSet;
 

@@ -1,4 +1,4 @@
-//! Who should estimate which robot: even shares, and as few moves as they allow.
+//! Assignment of robots to instances: even shares, and as few moves as they allow.
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;

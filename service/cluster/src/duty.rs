@@ -1,4 +1,4 @@
-//! What one instance does for the whole cluster.
+//! Duty that one instance has for the whole cluster.
 
 use strum::{EnumString, IntoStaticStr, VariantArray};
 

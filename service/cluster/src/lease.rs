@@ -1,4 +1,4 @@
-//! How long an instance may believe that it has its robots.
+//! Lease of an instance: the time for which it may believe that it has its robots.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;

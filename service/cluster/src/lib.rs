@@ -1,4 +1,4 @@
-//! Which instance of a cluster estimates which robot, decided from rows alone.
+//! Assignment of estimators to the instances of a cluster, decided from rows alone.
 //!
 //! Each process of `fleetcal serve` has one lease, and each robot one row that says who estimates
 //! it. The rows say who *may*; [`plan`] says who *should*. Exclusion rests on the database: a write

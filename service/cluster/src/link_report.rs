@@ -1,4 +1,4 @@
-//! What an instance's link to Zenoh says of itself and of the other instances.
+//! Report of an instance's link to Zenoh about itself and the other instances.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;

@@ -1,4 +1,4 @@
-//! What a process knows of its place in the cluster, shared by all of its parts.
+//! Membership of a process in the cluster, shared by all of its parts.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};

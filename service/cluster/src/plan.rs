@@ -1,4 +1,4 @@
-//! What an instance does about the rows it has read.
+//! Plan of an instance from the rows that it has read. Pure.
 
 use std::collections::BTreeMap;
 use std::time::Duration;

@@ -1,4 +1,4 @@
-//! What can be wrong with a cluster, as its rows say.
+//! Faults of a cluster that its rows show.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;

@@ -1,4 +1,4 @@
-//! What commands write: JSON and text on standard output, trajectories into files.
+//! Output of commands: JSON and text on standard output, trajectories into files.
 
 use std::fmt::Write as _;
 use std::fs::File;

@@ -1,4 +1,4 @@
-//! What a calibration showed on its way, for the report and the exported session.
+//! Record of a calibration's course, for the report and the exported session.
 
 use fleetcal_estimator::{Effect, Pose2, RobotTime};
 use fleetcal_fleet::document::estimate_document;

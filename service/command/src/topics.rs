@@ -1,4 +1,4 @@
-//! Which topics of a recording a command takes, by its flags or by a robot's configuration.
+//! Topics of a recording that a command uses, by its flags or by a robot's configuration.
 
 use clap::Args;
 use fleetcal_domain::robot::RobotConfig;

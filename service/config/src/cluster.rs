@@ -1,4 +1,4 @@
-//! What `fleetcal.toml` says of an instance of a cluster.
+//! Section `[cluster]` of `fleetcal.toml`.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;

@@ -1,4 +1,4 @@
-//! What an operator configures: `fleetcal.toml`, and each robot in it or in the API.
+//! Configuration of an operator: `fleetcal.toml`, and each robot in it or in the API.
 
 mod cluster;
 

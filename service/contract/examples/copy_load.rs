@@ -1,4 +1,4 @@
-//! How fast `fleetcal store copy` is: fills a data folder with the history of robots, and copies it
+//! Measures `fleetcal store copy`: fills a data folder with the history of robots, and copies it
 //! into a PostgreSQL, which `FLEETCAL_TEST_POSTGRES` names.
 //!
 //! `cargo run --release --example copy_load -- [ROBOTS] [SECONDS]`

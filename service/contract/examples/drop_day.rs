@@ -1,4 +1,4 @@
-//! What dropping a day of history costs those who write and read it meanwhile: an old day of many
+//! Measures what dropping a day of history costs writers and readers: an old day of many
 //! robots is there when a store opens on PostgreSQL, which `FLEETCAL_TEST_POSTGRES` names.
 //!
 //! `cargo run --release --example drop_day -- [ROBOTS]`: each has 86,400 seconds of some 170 bytes.

@@ -1,4 +1,4 @@
-//! What a fleet's telemetry costs a database: 1,000 calibrated robots' seconds for a while, with a
+//! Measures a database under a fleet's telemetry: 1,000 calibrated robots' seconds for a while, with a
 //! decision every 100 ms beside it, on SQLite and, where `FLEETCAL_TEST_POSTGRES` names a server of
 //! this machine, on PostgreSQL in the same run; there once more for a minute while robots learn.
 //!

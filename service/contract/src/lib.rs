@@ -1,4 +1,4 @@
-//! What tests of the store begin with: a database of their own, records and estimates.
+//! Fixtures of the store's tests: a database of their own, records and estimates.
 //!
 //! Tests that name no database run on SQLite, and once more on PostgreSQL when
 //! [`SERVER`] names a server that may be filled with databases.

@@ -1,4 +1,4 @@
-//! What the audit says was done. Its text, and the kind of record that it was done to, follow from
+//! Audit of an action. Its text, and the kind of record that it was done to, follow from
 //! one closed type.
 
 use strum::IntoStaticStr;

@@ -1,4 +1,4 @@
-//! What the service decides, without knowing any outside world: who may do what ([`access`]), how
+//! Decisions of the service, without any outside world: who may do what ([`access`]), how
 //! a calibration gets from a proposal to its robot ([`approval`]), what is wrong with a robot
 //! ([`alert`]), how it stands ([`standing`]) and who is told of it ([`webhook`]).
 //!

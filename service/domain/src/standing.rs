@@ -1,4 +1,4 @@
-//! How a robot stands, in one word: its estimate, the life cycle of its calibration and its alerts.
+//! Standing of a robot, in one word: its estimate, the life cycle of its calibration and its alerts.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -1,4 +1,4 @@
-//! How much of something may come: a budget that fills up again with time, and how often a loss is
+//! Budget that fills up again with time, and the rate at which a loss is
 //! logged.
 
 use std::collections::BTreeMap;

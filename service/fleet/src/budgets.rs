@@ -1,4 +1,4 @@
-//! What one robot may put into its history, so that no flood fills the disk.
+//! Budgets of one robot's history, so that no flood fills the disk.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;

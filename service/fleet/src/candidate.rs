@@ -1,4 +1,4 @@
-//! How long a robot's estimate has stood still, before it may be proposed.
+//! Candidate for a proposal: the time for which a robot's estimate has stood still.
 
 use fleetcal_domain::approval::{Policy, difference, exceeds, values_and_sigmas};
 use fleetcal_estimator::RobotTime;

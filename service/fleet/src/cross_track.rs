@@ -1,4 +1,4 @@
-//! How well a robot follows its path, as it says itself: one histogram for each calibration that
+//! Cross-track error that a robot reports itself: one histogram for each calibration that
 //! it has used.
 
 use std::collections::{BTreeMap, BTreeSet};

@@ -1,4 +1,4 @@
-//! What listeners of the event stream are told.
+//! Live updates for listeners of the event stream.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Where a robot's rear axle is, told once for each time at which that is known.
+//! Pose of a robot's rear axle, published once for each time at which it is known.
 
 use fleetcal_estimator::{Calibrator, Pose2, RobotTime};
 

@@ -1,4 +1,4 @@
-//! What an instance tells the others of its robots.
+//! Report of an instance about its robots, for the others.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

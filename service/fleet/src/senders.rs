@@ -1,4 +1,4 @@
-//! Whether two senders use one robot's id.
+//! Detection of two senders that use one robot's id.
 //!
 //! Zenoh does not say who put a sample, so stamps and connections have to tell. One robot's stamps of
 //! one stream go up, at a steady rate. Of two robots whose clocks differ, each message goes back

@@ -1,4 +1,4 @@
-//! What a robot's task goes on from after a restart of the service.
+//! Stored state from which a robot's task goes on after a restart of the service.
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::{Calibrator, Checkpoint, Pose2, Vehicle};

@@ -1,4 +1,4 @@
-//! What a robot sends, for those who record it.
+//! Tap of a robot's messages, for those who record it.
 //!
 //! The robot's task hands on what it takes and what came of it, and never waits: a reader that is
 //! too slow misses messages, which are counted.

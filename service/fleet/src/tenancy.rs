@@ -1,4 +1,4 @@
-//! Whether a robot has a task here, and how that is told to end.
+//! Tenancy of a robot: whether its task runs here, and how it is ended.
 
 use fleetcal_model::RobotId;
 use tokio::sync::watch;

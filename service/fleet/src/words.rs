@@ -1,4 +1,4 @@
-//! What documents say, in words for people.
+//! Words for people in documents.
 
 use fleetcal_model::Unit;
 use fleetcal_proto::estimate::ChangeDocument;

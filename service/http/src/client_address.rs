@@ -1,4 +1,4 @@
-//! Where a request comes from: the connection's address, or what trusted proxies say.
+//! Address of a request's client: the connection's, or the one that trusted proxies forward.
 
 use std::convert::Infallible;
 use std::net::{IpAddr, SocketAddr};

@@ -1,4 +1,4 @@
-//! Which connections and requests are served when more come than there are places.
+//! Places for connections and requests, when more come than are served.
 //!
 //! Places are shared by address. When all are taken, an address of which no connection waits for its
 //! peer gets one: that of the address with the most waiting connections that has waited longest

@@ -1,4 +1,4 @@
-//! Who has signed in from where, in bounded memory.
+//! Addresses from which each name has signed in, in bounded memory.
 
 use std::collections::HashMap;
 

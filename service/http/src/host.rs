@@ -1,4 +1,4 @@
-//! What a request's header says about itself: how long it is, and which host it is for.
+//! Host and length of a request's header.
 
 use std::net::IpAddr;
 

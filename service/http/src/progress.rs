@@ -1,4 +1,4 @@
-//! What a connection waits for: the service, or its peer, and since when.
+//! Progress of a connection: whether the service or its peer is waited for, and since when.
 
 use std::io;
 use std::pin::Pin;

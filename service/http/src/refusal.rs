@@ -1,4 +1,4 @@
-//! What connections and requests are turned away for.
+//! Refusals of connections and requests.
 
 use super::progress::Overdue;
 

@@ -1,4 +1,4 @@
-//! How often somebody may try to sign in.
+//! Limit of attempts to sign in.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;

@@ -1,4 +1,4 @@
-//! Whether a router would serve peers beyond this machine that have not shown who they are.
+//! Detection of a router that would serve unauthenticated peers beyond this machine.
 
 use std::net::IpAddr;
 

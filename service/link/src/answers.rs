@@ -1,4 +1,4 @@
-//! What robots answer.
+//! Answers of robots.
 
 use fleetcal_domain::limits;
 use fleetcal_operations::lifecycle::Lifecycle;

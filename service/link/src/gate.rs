@@ -1,4 +1,4 @@
-//! What this process may put on Zenoh now.
+//! Gate of all that this process may put on Zenoh now.
 
 use fleetcal_clock::SharedClock;
 use fleetcal_cluster::{Duty, Membership};

@@ -1,4 +1,4 @@
-//! What comes in: robots' streams and their liveliness tokens.
+//! Intake of robots' streams and of their liveliness tokens.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 

@@ -1,4 +1,4 @@
-//! What goes out: estimates once a second, and how far the service is with a robot's messages.
+//! Outgoing messages: estimates once a second, and the progress with a robot's messages.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! What robots ask over Zenoh and the database answers, with a limit.
+//! Queries of robots over Zenoh that the database answers, with a limit.
 
 use std::sync::Arc;
 

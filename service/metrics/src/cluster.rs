@@ -1,4 +1,4 @@
-//! What `/metrics` says of the instances of a cluster, as the instance that answers knows them.
+//! Metrics of the instances of a cluster, as the instance that answers knows them.
 
 use std::collections::BTreeMap;
 use std::fmt;

@@ -1,4 +1,4 @@
-//! How figures are written for Prometheus, as `OpenMetrics` text: families of the whole process, those
+//! Figures for Prometheus, as `OpenMetrics` text: families of the whole process, those
 //! of a [`cluster`], and those of [`robots`], of which there may be thousands.
 
 pub mod cluster;

@@ -1,4 +1,4 @@
-//! What `/metrics` says of each robot, as text that is made piece by piece.
+//! Metrics of each robot, as text that is made piece by piece.
 
 use std::fmt::{self, Write};
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! What an error came from.
+//! Cause of an error.
 
 /// An error with what it came from.
 pub(crate) fn whole(error: &dyn std::error::Error) -> String {

@@ -1,4 +1,4 @@
-//! What the service does by itself, between the fleet and the store.
+//! Operations of the service between the fleet and the store.
 //!
 //! Every write of a record is a [`fleetcal_store::Job`] here: it loads records, takes a pure step of
 //! `fleetcal-domain`, and saves, in one transaction. [`accounts`] and [`robots`] have those that

@@ -1,4 +1,4 @@
-//! What tests on the real database begin with.
+//! Fixtures of tests on the real database.
 
 use std::sync::Arc;
 

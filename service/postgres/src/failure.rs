@@ -1,4 +1,4 @@
-//! What a failure of PostgreSQL means for the transaction and for the connection.
+//! Failures of PostgreSQL, and what each means for transaction and connection.
 
 use std::fmt;
 

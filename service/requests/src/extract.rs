@@ -1,4 +1,4 @@
-//! What handlers take out of a request, with a problem document for all that does not fit.
+//! Extractors of a request's parts, with a problem document for each that does not fit.
 
 use axum::Json;
 use axum::body::Bytes;

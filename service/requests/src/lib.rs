@@ -1,4 +1,4 @@
-//! How requests are read and answers written: parameters, bodies, conditions, pages and problem
+//! Requests and answers: parameters, bodies, conditions, pages and problem
 //! documents. It knows no route.
 
 pub mod etag;

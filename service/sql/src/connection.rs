@@ -1,4 +1,4 @@
-//! What a driver has to do: run a statement with its values, and give rows.
+//! Connection of a driver: runs a statement with its values, and gives rows.
 
 use async_trait::async_trait;
 

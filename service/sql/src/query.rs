@@ -1,4 +1,4 @@
-//! How statements are made and run.
+//! Statements: their making and running.
 
 use std::borrow::Cow;
 use std::marker::PhantomData;

@@ -1,4 +1,4 @@
-//! What is asked of the life cycle's records.
+//! Queries of the life cycle's records.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! What every table shares: columns in and out of rows, and robots' keys.
+//! Rows of every table: columns in and out, and robots' keys.
 
 use std::collections::HashMap;
 

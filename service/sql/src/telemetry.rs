@@ -1,4 +1,4 @@
-//! What telemetry does to the tables.
+//! Statements of telemetry.
 
 use std::collections::BTreeSet;
 

@@ -1,4 +1,4 @@
-//! How a long-running command ends: the first signal asks, the second one insists.
+//! End of a long-running command: the first signal asks, the second one insists.
 
 use fleetcal_command::signals::Signals;
 use fleetcal_domain::limits::SHUTDOWN_TIMEOUT;

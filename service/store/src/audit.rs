@@ -1,4 +1,4 @@
-//! Who did what, as the store keeps it.
+//! Audit rows, as the store keeps them.
 
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::audit::Action;

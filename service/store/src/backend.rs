@@ -1,4 +1,4 @@
-//! What a database has to do for the store: one implementation of these traits per database.
+//! Traits of a database behind the store: one implementation per database.
 
 use std::collections::BTreeMap;
 use std::pin::Pin;

@@ -1,4 +1,4 @@
-//! What the two paths to the database have done.
+//! Counters of the two paths to the database.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};

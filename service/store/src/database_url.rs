@@ -1,4 +1,4 @@
-//! Where a PostgreSQL is: `postgres://user@host1,host2:5433/database?sslmode=verify-full`.
+//! URL of a PostgreSQL: `postgres://user@host1,host2:5433/database?sslmode=verify-full`.
 
 use std::fmt;
 use std::net::IpAddr;

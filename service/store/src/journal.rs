@@ -1,4 +1,4 @@
-//! What the fleet hands over to be kept.
+//! Journal of the fleet: records handed over to be kept.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! What outlives the service: robots, their history, events and estimators' states.
+//! Store of all that outlives the service: robots, their history, events and estimators' states.
 //!
 //! Two paths lead to the database. *Records* are changed by a [`Job`], which whoever asked waits
 //! for: [`Store::transact`]. *Telemetry* is gathered and written in batches, and nobody waits for

@@ -1,4 +1,4 @@
-//! Whether the tasks that write get on. A database that takes no writes is not their fault and mends
+//! Liveness of the tasks that write. A database that takes no writes is not their fault and mends
 //! without a restart; a task that does not write although the database would take it is stuck.
 
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! What the store keeps, free of any database.
+//! Records of the store, free of any database.
 
 use fleetcal_domain::robot::{CrossTrack, RobotConfig};
 use fleetcal_model::{

@@ -1,4 +1,4 @@
-//! When a task tries again after a commit that failed.
+//! Delay before a task tries again after a commit that failed.
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! Why an evaluation ends before its report.
+//! Errors that end an evaluation before its report.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! How much is driven: the whole evaluation, or a small one that shows the same in two minutes.
+//! Extent of an evaluation: the whole, or a small one that shows the same in two minutes.
 
 use crate::imperfect::ImperfectExtent;
 

@@ -1,4 +1,4 @@
-//! Where a robot was, over time.
+//! Path of a robot over time.
 
 use fleetcal_estimator::Vehicle;
 use fleetcal_estimator::geometry::Pose2;

@@ -1,4 +1,4 @@
-//! What a robot of `rmw_zenoh` sees in the graph of ROS 2: the calibration's topic, and no other
+//! Graph of ROS 2 as a robot of `rmw_zenoh` sees it: the calibration's topic, and no other
 //! robot.
 
 use std::collections::BTreeSet;

@@ -1,4 +1,4 @@
-//! Where space was seen free: what appears there later moves (a person, another robot).
+//! Free space that was seen: objects that appear there later move (a person, another robot).
 
 use std::ops::Range;
 

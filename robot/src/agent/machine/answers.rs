@@ -1,4 +1,4 @@
-//! What the agent answers, and how often.
+//! Answers of the agent, and their repetition.
 
 use std::time::Duration;
 

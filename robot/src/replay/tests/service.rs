@@ -1,4 +1,4 @@
-//! What a replay talks to in tests: a router with the service's subscribers, its progress
+//! Counterpart of a replay in tests: a router with the service's subscribers, its progress
 //! queryable, and a mailbox of its size that is worked through at a given pace.
 
 use std::collections::{BTreeSet, VecDeque};

@@ -1,4 +1,4 @@
-//! Which imperfections can be simulated.
+//! Checks of simulated imperfections.
 
 use std::f64::consts::PI;
 

@@ -1,4 +1,4 @@
-//! What a simulated robot does that the estimator's model of a robot does not know.
+//! Imperfections of a simulated robot, beyond the estimator's model of a robot.
 //!
 //! Everything here is zero by default, and a robot of zeros sends bit for bit what it sent before
 //! this type existed. Angles are in radians, shares are relative (0.01 is 1 %).

@@ -1,4 +1,4 @@
-//! Who calls: the credential of a request, and what stands behind it.
+//! Caller of a request: its credential, and the account behind it.
 
 use axum::extract::FromRequestParts;
 use axum::http::request::Parts;

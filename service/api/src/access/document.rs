@@ -1,4 +1,4 @@
-//! What the API says about users, sessions and tokens.
+//! Documents of users, sessions and tokens.
 
 use fleetcal_domain::access::{Authentication, Role, TokenState};
 use fleetcal_model::{TokenId, UserId, Version, WallTime};

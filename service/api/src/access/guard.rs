@@ -1,4 +1,4 @@
-//! What stands before every route: the table of permissions, and no orders from other sites.
+//! Guard before every route: the table of permissions, and no orders from other sites.
 
 use axum::body::Body;
 use axum::extract::{MatchedPath, Request, State};

@@ -1,4 +1,4 @@
-//! Who may call what: credentials, the table of permissions, and the routes about users, sessions
+//! Access to routes: credentials, the table of permissions, and the routes about users, sessions
 //! and tokens.
 
 mod caller;

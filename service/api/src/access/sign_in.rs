@@ -1,4 +1,4 @@
-//! Whether a name and a password belong together, and how often one may ask.
+//! Sign-in by name and password, with a limit of attempts.
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! What operators are called for, and who has taken it on.
+//! Routes of alerts: the reason an operator is called, and who has acknowledged it.
 
 mod list;
 mod one;

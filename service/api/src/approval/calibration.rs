@@ -1,4 +1,4 @@
-//! What robots pull over HTTP, and how they answer.
+//! Calibrations that robots pull over HTTP, and their answers.
 
 use axum::Json;
 use axum::extract::State;

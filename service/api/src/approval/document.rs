@@ -1,4 +1,4 @@
-//! What the API says about the life cycle.
+//! Documents of the life cycle.
 
 use fleetcal_domain::approval::{
     Approval, Closing, Deployment, DeploymentState, Evidence, ExpectedGain, GenerationRef, InUse,

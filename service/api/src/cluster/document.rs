@@ -1,4 +1,4 @@
-//! What the API says about the instances of a cluster.
+//! Documents of the instances of a cluster.
 
 use std::collections::BTreeMap;
 

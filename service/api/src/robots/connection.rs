@@ -1,4 +1,4 @@
-//! Whether a robot is heard: online, silent, or switched off on purpose.
+//! Connection of a robot: online, silent, or switched off on purpose.
 
 use axum::Json;
 use axum::extract::State;

@@ -1,4 +1,4 @@
-//! What the API says about a robot.
+//! Documents of a robot.
 
 use std::sync::Arc;
 

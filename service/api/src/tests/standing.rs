@@ -1,4 +1,4 @@
-//! How a robot stands: the same in the list, on its page, on the event stream and in webhooks, and
+//! Standing of a robot: the same in the list, on its page, on the event stream and in webhooks, and
 //! told whatever changes it.
 
 use std::time::Duration;

@@ -1,4 +1,4 @@
-//! What the log says of a request.
+//! Log lines of a request.
 
 use std::io;
 use std::sync::{Mutex, PoisonError};

@@ -1,4 +1,4 @@
-//! What may happen next, and what must hold whatever happens.
+//! Steps of the model, and the properties that hold whatever happens.
 
 use stateright::{Model, Property};
 

@@ -1,4 +1,4 @@
-//! What the database and the instances hold, and what each does in one step.
+//! State of the database and the instances, and the effect of each step.
 
 use std::time::Duration;
 

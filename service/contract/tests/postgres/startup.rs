@@ -1,4 +1,4 @@
-//! What a store says that cannot be opened, and who may do what.
+//! Errors of a store that cannot be opened, and the rights it needs.
 
 use std::error::Error as _;
 use std::fs;

@@ -1,4 +1,4 @@
-//! Who does something, for the audit.
+//! Actor of an action, for the audit.
 
 use strum::{IntoStaticStr, VariantArray};
 

@@ -1,4 +1,4 @@
-//! What a user or token was given: a role, and for the role of a robot the one robot.
+//! Grant of a user or token: a role, and for the role of a robot the one robot.
 
 use fleetcal_proto::RobotId;
 use thiserror::Error;

@@ -1,4 +1,4 @@
-//! Who may do what: roles, credentials and actors. Pure: randomness and time are arguments.
+//! Access: roles, credentials and actors. Pure: randomness and time are arguments.
 
 mod account;
 mod actor;

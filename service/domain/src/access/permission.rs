@@ -1,4 +1,4 @@
-//! What a route asks of its caller.
+//! Permission that a route requires.
 
 use super::{Grant, Role};
 

@@ -1,4 +1,4 @@
-//! What a person, tool or robot may do, in steps.
+//! Roles of a person, tool or robot, in steps.
 
 use serde::{Deserialize, Serialize};
 use strum::{EnumString, IntoStaticStr, VariantArray};

@@ -1,4 +1,4 @@
-//! Whether something is wrong, and for how long.
+//! Condition of an alert, and its duration.
 
 use fleetcal_model::WallTime;
 use serde::{Deserialize, Serialize};

@@ -1,4 +1,4 @@
-//! What can be wrong with a robot.
+//! Kinds of alerts about a robot.
 
 use serde::{Deserialize, Serialize};
 use strum::{EnumString, IntoStaticStr};

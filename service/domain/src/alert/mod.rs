@@ -1,4 +1,4 @@
-//! What operators are called for: which robot needs what, since when, and who has seen it.
+//! Alerts: which robot needs what, since when, and who has seen it.
 //!
 //! Pure: no clock, no database, no wire. [`sightings`] holds each rule against a robot's view and
 //! its records; [`group_silent`] makes one of robots that fall silent together; [`step`] takes what a rule saw and moves the one active [`Alert`] of that robot

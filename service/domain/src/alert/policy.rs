@@ -1,4 +1,4 @@
-//! What is alerted, and after how long.
+//! Policy of alerts: conditions, and the delay of each.
 
 use serde::{Deserialize, Serialize};
 

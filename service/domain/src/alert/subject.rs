@@ -1,4 +1,4 @@
-//! What an alert is about.
+//! Subject of an alert.
 
 use std::fmt;
 

@@ -1,4 +1,4 @@
-//! What a robot says it does with a document.
+//! Answer of a robot about a document.
 
 use fleetcal_model::{Generation, RevisionId, WallTime};
 use fleetcal_proto::calibration::{Applied, AppliedStatus};

@@ -1,4 +1,4 @@
-//! What people are asked for, and what they answer.
+//! Proposals to people, and their answers.
 
 use fleetcal_model::{ProposalId, Version};
 use fleetcal_proto::calibration::CalibrationValues;

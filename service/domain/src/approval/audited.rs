@@ -1,4 +1,4 @@
-//! What the audit keeps of a transition.
+//! Audit row of a transition.
 
 use serde::Serialize;
 use serde_json::Value;

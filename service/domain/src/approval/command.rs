@@ -1,4 +1,4 @@
-//! What can be asked of a robot's records, and why it may be refused.
+//! Commands on a robot's records, and the reasons to refuse them.
 
 use fleetcal_model::{DeploymentId, Generation, Pose2, ProposalId, Version, WallTime};
 use fleetcal_proto::calibration::{Applied, CalibrationValues};

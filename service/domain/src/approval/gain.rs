@@ -1,4 +1,4 @@
-//! What a proposal is expected to do for the path following of its robot.
+//! Gain that a proposal is expected to bring to its robot's path following.
 
 use fleetcal_proto::calibration::CalibrationValues;
 

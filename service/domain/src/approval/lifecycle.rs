@@ -1,4 +1,4 @@
-//! Which event leads from which state to which, of proposals and deployments.
+//! Transitions of the states of proposals and deployments.
 
 use super::deployment::{DeploymentEvent, DeploymentState};
 use super::proposal::{ProposalEvent, ProposalState};

@@ -1,4 +1,4 @@
-//! When something is proposed, who has to agree, and when it counts as proven.
+//! Policy of proposals, approvals and verification.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;

@@ -1,4 +1,4 @@
-//! What is asked of people.
+//! Proposal of a calibration to people.
 
 use fleetcal_model::{Generation, ProposalId, RevisionId, Version, WallTime};
 use fleetcal_proto::RobotId;

@@ -1,4 +1,4 @@
-//! Why a command was refused.
+//! Refusals of a command.
 
 use fleetcal_model::{DeploymentId, Generation, ProposalId, Version};
 use thiserror::Error;

@@ -1,4 +1,4 @@
-//! What was found, for ever.
+//! Revision of a calibration, kept for ever.
 
 use fleetcal_model::{CalibrationCovariance, Pose2, RevisionId, RobotTime, WallTime};
 use fleetcal_proto::RobotId;

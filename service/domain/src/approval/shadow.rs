@@ -1,4 +1,4 @@
-//! What a robot should use, and what it reported.
+//! Shadow of a robot: desired and reported calibration.
 
 use fleetcal_model::{Generation, RevisionId, RobotTime, Version, WallTime};
 use fleetcal_proto::RobotId;

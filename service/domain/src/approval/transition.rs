@@ -1,4 +1,4 @@
-//! What happened to a record. The audit's action, the entry in the robot's history, the live event
+//! Transition of a record. The audit's action, the entry in the robot's history, the live event
 //! and the webhook's message follow from it by exhaustive matches, so that a new transition which
 //! one of them does not know does not compile.
 

@@ -1,4 +1,4 @@
-//! How well a robot follows its path with one calibration.
+//! Cross-track error of a robot with one calibration.
 
 use serde::{Deserialize, Serialize};
 

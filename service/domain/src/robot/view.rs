@@ -1,4 +1,4 @@
-//! What the rest of the service sees of a robot.
+//! View of a robot for the rest of the service.
 
 use std::sync::Arc;
 

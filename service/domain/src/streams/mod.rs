@@ -1,4 +1,4 @@
-//! Which ROS 2 topics a robot's streams come on, and what its messages are.
+//! Topics of a robot's streams in ROS 2, and the types of its messages.
 
 mod settings;
 

@@ -1,4 +1,4 @@
-//! Where ROS 2 robots' topics are, unless a robot's own configuration says otherwise.
+//! Places of ROS 2 robots' topics, unless a robot's own configuration says otherwise.
 
 use fleetcal_proto::ros2_key::KeyTemplate;
 use serde::{Deserialize, Serialize};

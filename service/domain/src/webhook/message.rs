@@ -1,4 +1,4 @@
-//! What is told.
+//! Message to a webhook.
 
 use fleetcal_model::{ProposalId, Version, WallTime};
 use fleetcal_proto::RobotId;

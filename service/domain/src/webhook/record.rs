@@ -1,4 +1,4 @@
-//! Who is told.
+//! Record of a webhook.
 
 use fleetcal_model::{WallTime, WebhookId};
 use serde::{Deserialize, Serialize};

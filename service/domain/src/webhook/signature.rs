@@ -1,4 +1,4 @@
-//! Who a message is from: signatures by the Standard Webhooks scheme.
+//! Signatures of messages by the Standard Webhooks scheme.
 
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;

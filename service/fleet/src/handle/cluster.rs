@@ -1,4 +1,4 @@
-//! What instances of a cluster ask of the fleet: to begin and end estimating robots, to hear those
+//! Interface of the fleet for instances of a cluster: to begin and end estimating robots, to hear those
 //! that are to come, and to mirror those of others.
 
 use std::collections::{BTreeMap, BTreeSet};

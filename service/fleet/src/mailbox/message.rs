@@ -1,4 +1,4 @@
-//! What waits in a mailbox, and for whom.
+//! Message in a mailbox, and its receiver.
 
 use fleetcal_estimator::Note;
 use fleetcal_model::{RobotTime, Stream};

@@ -1,4 +1,4 @@
-//! What a mailbox keeps, drops and counts.
+//! Tests of a mailbox: messages kept, dropped and counted.
 
 use fleetcal_model::RobotTime;
 use fleetcal_proto::Encoding;

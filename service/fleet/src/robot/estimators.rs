@@ -1,4 +1,4 @@
-//! Which instance estimates a robot, and what another one reports of it.
+//! Instance that estimates a robot, and the report of another one about it.
 
 use std::time::Duration;
 

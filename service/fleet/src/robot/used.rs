@@ -1,4 +1,4 @@
-//! What a robot compensates with.
+//! Calibration that a robot compensates with.
 
 use fleetcal_estimator::RobotTime;
 use fleetcal_model::Generation;

@@ -1,4 +1,4 @@
-//! When a robot's estimator is stored, and what of it.
+//! Checkpoints of a robot's estimator: their times and content.
 
 use fleetcal_domain::limits::{
     CHECKPOINT_CALIBRATED_EVERY_S, CHECKPOINT_EVERY_S, CHECKPOINT_OF_CLUSTER_MIN_S,

@@ -1,4 +1,4 @@
-//! What a checkpoint of a simulated robot holds, and how large it is.
+//! Content and size of a simulated robot's checkpoint.
 
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::stream::ScanShape;

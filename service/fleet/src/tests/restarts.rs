@@ -1,4 +1,4 @@
-//! What a robot's task stores, how often, and what another one goes on from.
+//! Restarts of a robot's task: what is stored, how often, and where another one goes on.
 
 use fleetcal_domain::approval::Policy;
 use fleetcal_domain::robot::RobotState;

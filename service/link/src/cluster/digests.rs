@@ -1,4 +1,4 @@
-//! What instances tell each other of their robots.
+//! Digests of robots that instances exchange.
 
 use fleetcal_cluster::{HEARTBEAT_EVERY, InstanceId};
 use fleetcal_domain::limits;

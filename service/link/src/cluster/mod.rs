@@ -1,4 +1,4 @@
-//! What the link does where several instances carry the fleet: it hears the robots that this
+//! Link of an instance where several carry the fleet: it hears the robots that this
 //! instance has or is to have, tells the others of them, and says who is there.
 
 mod answering;

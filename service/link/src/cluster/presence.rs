@@ -1,4 +1,4 @@
-//! Which instances are there, and whether robots reach this one.
+//! Presence of the instances, and whether robots reach this one.
 
 use fleetcal_domain::limits::CLUSTER_LOOK_EVERY;
 use fleetcal_proto::key::Key;

@@ -1,4 +1,4 @@
-//! What the access list lets ROS 2 robots do: send their streams, announce their topics, hear what
+//! Access of ROS 2 robots: send their streams, announce their topics, hear what
 //! is approved, and see that topic in their graph.
 
 use fleetcal_proto::message_type::MessageType;

@@ -1,4 +1,4 @@
-//! What ROS 2 robots announce by liveliness tokens.
+//! Discovery of ROS 2 robots by liveliness tokens.
 
 use std::collections::{BTreeMap, BTreeSet};
 

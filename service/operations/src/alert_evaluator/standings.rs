@@ -1,4 +1,4 @@
-//! How the robots stand at one moment.
+//! Standings of the robots at one moment.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! What the lifecycle does differently where other instances decide as well.
+//! Lifecycle where other instances decide as well.
 
 use std::sync::{Arc, PoisonError};
 

@@ -1,4 +1,4 @@
-//! What is due, each second.
+//! Due work of the lifecycle, each second.
 
 use std::time::Duration;
 

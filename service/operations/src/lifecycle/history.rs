@@ -1,4 +1,4 @@
-//! What a transition is in a robot's history.
+//! Entry of a transition in a robot's history.
 
 use fleetcal_domain::approval::{
     DeploymentAction, DeploymentState, ProposalAction, ShadowAction, Transition,

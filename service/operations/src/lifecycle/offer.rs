@@ -1,4 +1,4 @@
-//! What robots get to see, and when.
+//! Delivery of approved calibrations to robots.
 
 use fleetcal_domain::access::Actor;
 use fleetcal_domain::approval::{

@@ -1,4 +1,4 @@
-//! What the instance does about the rows.
+//! Execution of an instance's plan: claims, releases and take-overs.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;

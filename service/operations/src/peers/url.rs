@@ -1,4 +1,4 @@
-//! Where another instance is.
+//! Address of another instance.
 
 use std::fmt;
 

@@ -1,4 +1,4 @@
-//! What is told to webhooks, until it was sent.
+//! Outbox of messages to webhooks, until each was sent.
 
 use fleetcal_domain::limits;
 use fleetcal_domain::webhook::{Delivery, Message};

@@ -1,4 +1,4 @@
-//! What an instance does first about the histories of robots that it has begun to estimate.
+//! First look of an instance at the histories of robots that it has begun to estimate.
 
 use fleetcal_model::WallTime;
 use fleetcal_store::{EventKind, EventSource, StoreError};

@@ -1,4 +1,4 @@
-//! How duties come to an instance and go from it.
+//! Duties of an instance: how they come and go.
 
 use fleetcal_cluster::{Duty, Seat};
 use fleetcal_store::StoreError;

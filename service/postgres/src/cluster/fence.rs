@@ -1,4 +1,4 @@
-//! What an instance writes of its robots, and not a row more.
+//! Fence of an instance's writes: its own robots' rows, and not one more.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -1,4 +1,4 @@
-//! How the life of an instance begins, goes on and ends.
+//! Life of an instance: its begin, renewal and end.
 
 use fleetcal_cluster::{Incarnation, InstanceId, Seat};
 use fleetcal_domain::limits;

@@ -1,4 +1,4 @@
-//! What the rows say at one moment.
+//! Snapshot of the cluster's rows at one moment.
 
 use std::collections::BTreeMap;
 use std::time::Duration;

@@ -1,4 +1,4 @@
-//! How robots come to an instance and go from it.
+//! Claims and releases of an instance's robots.
 
 use fleetcal_cluster::{ClaimId, Epoch, Seat, Tenure};
 use fleetcal_model::RobotId;

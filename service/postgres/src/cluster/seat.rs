@@ -1,4 +1,4 @@
-//! What a seat has, and that it is still its instance's.
+//! Seat of an instance, and the proof that it is still its own.
 
 use fleetcal_cluster::{InstanceId, Seat};
 use fleetcal_domain::limits;

@@ -1,4 +1,4 @@
-//! How often somebody may try to sign in, over all instances: the generic cell rate algorithm (ITU-T
+//! Limit of attempts to sign in, over all instances: the generic cell rate algorithm (ITU-T
 //! I.371), which keeps one time a key, by the database's clock.
 
 use std::time::Duration;

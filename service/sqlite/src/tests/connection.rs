@@ -1,4 +1,4 @@
-//! How a connection to the database is set.
+//! Settings of a connection to the database.
 
 use sqlx::ConnectOptions;
 

@@ -1,4 +1,4 @@
-//! What survives kills, locks, overload and versions.
+//! Durability through kills, locks, overload and versions.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};

@@ -1,4 +1,4 @@
-//! How SQLite takes jobs.
+//! Transactions of SQLite with several jobs.
 
 use fleetcal_contract::{AddUser, IsThere};
 use fleetcal_domain::access::Actor;

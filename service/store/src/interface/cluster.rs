@@ -1,4 +1,4 @@
-//! What an instance of a cluster asks the store.
+//! Requests of an instance of a cluster to the store.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! What the store is asked, a file for each kind of record.
+//! Requests to the store, a file for each kind of record.
 
 mod accounts;
 mod alerts;

@@ -1,4 +1,4 @@
-//! What one of several instances does of what one service does alone.
+//! Part of one of several instances in what one service does alone.
 
 use std::collections::BTreeSet;
 use std::mem;

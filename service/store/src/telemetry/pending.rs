@@ -1,4 +1,4 @@
-//! What waits for the next transaction.
+//! Telemetry that waits for the next transaction.
 
 use std::collections::HashMap;
 

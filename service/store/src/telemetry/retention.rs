@@ -1,4 +1,4 @@
-//! What retention takes for the age of a row: a stepped clock must not delete what is young.
+//! Age of a row for retention: a stepped clock must not delete what is young.
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! What is done in a transaction, and who waits for it.
+//! Job of a transaction, and the request that waits for it.
 
 use std::fmt;
 

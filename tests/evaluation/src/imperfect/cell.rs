@@ -1,4 +1,4 @@
-//! What is driven: one imperfection, one route, one scenario.
+//! Cell of the campaign: one imperfection, one route, one scenario.
 
 use std::fmt;
 use std::str::FromStr;

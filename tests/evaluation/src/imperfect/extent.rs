@@ -1,4 +1,4 @@
-//! How much of the campaign is driven.
+//! Extent of the campaign.
 
 use fleetcal_robot::simulator::{ImperfectionKind, Strength};
 

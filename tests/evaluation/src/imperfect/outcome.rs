@@ -1,4 +1,4 @@
-//! What one run ended with: small enough to be kept for every run of a campaign.
+//! Outcome of one run: small enough to be kept for every run of a campaign.
 
 use fleetcal_estimator::estimate::{Cause, ChangeKind};
 use fleetcal_estimator::{Estimate, Parameter, Status};

@@ -1,4 +1,4 @@
-//! What the runs of a cell ended with, pooled.
+//! Summary of a cell's runs, pooled.
 
 use fleetcal_estimator::estimate::{Cause, ChangeKind};
 

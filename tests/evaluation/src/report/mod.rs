@@ -1,4 +1,4 @@
-//! What a study has to say: words, tables, figures, and the figures it is held to.
+//! Report of a study: words, tables, figures, and the figures it is held to.
 
 mod markdown;
 

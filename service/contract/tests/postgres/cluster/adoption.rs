@@ -1,4 +1,4 @@
-//! What an instance goes on with of a robot that another one estimated before.
+//! Adoption of a robot that another instance estimated before.
 
 use fleetcal_contract::{NOW_S, record};
 use fleetcal_model::{AuditId, RobotTime};

@@ -1,4 +1,4 @@
-//! How robots and duties come to instances and go from one to another.
+//! Moves of robots and duties among instances.
 
 use std::collections::BTreeSet;
 

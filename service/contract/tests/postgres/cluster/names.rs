@@ -1,4 +1,4 @@
-//! Who may be an instance of a cluster, and under which name.
+//! Names of the instances of a cluster.
 
 use fleetcal_contract::{NOW_S, clock, instance, joining, open_instance, record};
 use fleetcal_postgres::Fencing;

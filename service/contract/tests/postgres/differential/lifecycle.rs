@@ -1,4 +1,4 @@
-//! What decisions leave of the life cycle's records, drawn at random.
+//! Records of the life cycle after decisions drawn at random.
 
 use fleetcal_domain::approval::{
     Deployment, DeploymentState, Evidence, GenerationRef, NextIds, Origin, OutboxEntry, Outcome,

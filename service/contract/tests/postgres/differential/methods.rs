@@ -1,4 +1,4 @@
-//! Which methods there are, read out of the traits, and which were called.
+//! Methods of the traits, read out of the sources, and those that were called.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};

@@ -1,4 +1,4 @@
-//! What time and the estimates ask for.
+//! Commands that time or a new estimate makes due.
 
 use fleetcal_model::{
     Consistency, Counts, DeploymentId, Generation, Parameter, ParameterStatus, Pose2, ProposalId,

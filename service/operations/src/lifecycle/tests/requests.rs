@@ -1,4 +1,4 @@
-//! What people, the policy and the deployment freeze decide.
+//! Decisions of people, the policy and the deployment freeze.
 
 use fleetcal_domain::approval::Tolerance;
 use fleetcal_model::{Generation, ProposalId, Version};
