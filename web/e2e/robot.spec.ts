@@ -1,4 +1,5 @@
 import { readFile } from 'node:fs/promises';
+import { letters } from './canvas';
 import { accessible, expect, test } from './fixtures';
 
 const CHARTS = ['Steering offset', 'LiDAR x', 'LiDAR y', 'LiDAR yaw'];
@@ -30,6 +31,34 @@ test('four charts have data, and the same numbers as a table', async ({ page }) 
     await expect(rows.nth(1)).toContainText(/\d{4}, \d\d:\d\d:\d\d \S+.*\d/);
     await figure.getByRole('button', { name: /^Show as table/ }).click();
     await expect(slider).toBeVisible();
+  }
+});
+
+test('the axes have letters of 12 px at every pixel ratio, and none is cut off', async ({
+  page,
+  browser,
+  service,
+}) => {
+  const robot = new URL(page.url()).pathname;
+  for (const ratio of [1, 2, 3]) {
+    const context = await browser.newContext({
+      baseURL: service.url,
+      storageState: await service.signedIn('operator'),
+      deviceScaleFactor: ratio,
+      viewport: ratio === 1 ? { width: 1440, height: 900 } : { width: 390, height: 844 },
+    });
+    const screen = await context.newPage();
+    const drawn = await letters(screen);
+    await screen.goto(robot);
+    await expect(screen.getByRole('figure')).toHaveCount(CHARTS.length);
+    await expect
+      .poll(async () => (await drawn()).filter(({ text }) => /^\d\d:\d\d/.test(text)).length)
+      .toBeGreaterThan(CHARTS.length);
+    for (const { text, size_px, right_px, width_px } of await drawn()) {
+      expect(size_px, `${text} at ratio ${ratio}`).toBe(12);
+      expect(right_px, `${text} at ratio ${ratio}`).toBeLessThanOrEqual(width_px);
+    }
+    await context.close();
   }
 });
 

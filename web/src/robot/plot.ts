@@ -2,14 +2,12 @@
 
 import uPlot from 'uplot';
 import { colour } from '../ui/theme.svelte';
-import { fixed } from '../units/format';
-import { type Columns, isolated } from './series';
+import { AXIS_FONT, PADDING, timeLabels, valueLabels } from './axes';
+import { type Columns, isolated, lonePlace } from './series';
 
 const AXIS_WIDTH = 58;
-const FONT = '11.5px "Inter Variable", system-ui, sans-serif';
 const MARK_SIZE = 4.5;
 const POINT_SIZE = 3.5;
-const DAY_S = 86_400;
 
 /** A mark of something that happened. */
 export interface EventMark {
@@ -27,6 +25,8 @@ export interface Levels {
 
 /** What a chart asks of its page. */
 export interface PlotHost {
+  /** How long a point stands for, s. */
+  bucket_s(): number;
   /** Lowest and highest value now. */
   values(): [number, number];
   marks(): readonly EventMark[];
@@ -35,28 +35,6 @@ export interface PlotHost {
   cursor(t_s: number | null): void;
   /** A stretch of time was cut out with the mouse. */
   cut(from_s: number, to_s: number): void;
-}
-
-const two = (value: number) => String(value).padStart(2, '0');
-
-/** Labels of a time axis: as fine as its steps are. */
-function timeLabels(splits: number[], step_s: number): string[] {
-  return splits.map((split) => {
-    const date = new Date(split * 1000);
-    const day = `${date.getDate()} ${date.toLocaleString('en-GB', { month: 'short' })}`;
-    if (step_s >= 300 * DAY_S) return String(date.getFullYear());
-    if (step_s >= DAY_S) return day;
-    const minute = `${two(date.getHours())}:${two(date.getMinutes())}`;
-    if (step_s >= 60) return minute === '00:00' ? day : minute;
-    return `${minute}:${two(date.getSeconds())}`;
-  });
-}
-
-/** Labels of a value axis: as many decimals as its steps need. */
-function valueLabels(splits: number[], step: number): string[] {
-  let decimals = 0;
-  while (decimals < 6 && Math.abs(step - Number(step.toFixed(decimals))) > step * 1e-6) decimals++;
-  return splits.map((split) => fixed(split, decimals));
 }
 
 /** Marks over the plot: a dashed line, and a shape at its top that tells them apart. */
@@ -88,10 +66,7 @@ function drawMarks(
 function drawLevels(plot: uPlot, { applied, proposed }: Levels, colours: LevelColours): void {
   const { ctx, bbox } = plot;
   const right = bbox.left + bbox.width;
-  ctx.save();
-  ctx.beginPath();
-  ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
-  ctx.clip();
+  clip(plot);
   ctx.lineWidth = 1.5 * devicePixelRatio;
   ctx.strokeStyle = colours.applied;
   ctx.beginPath();
@@ -123,19 +98,31 @@ function drawLevels(plot: uPlot, { applied, proposed }: Levels, colours: LevelCo
   ctx.restore();
 }
 
-/** Points without a neighbour, each with its band: a line would not show them. */
-function drawIsolated(plot: uPlot, stroke: string): void {
+/** Keeps what is drawn next inside the axes, until `restore`. */
+function clip({ ctx, bbox }: uPlot): void {
+  ctx.save();
+  ctx.beginPath();
+  ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+  ctx.clip();
+}
+
+/** Points without a neighbour, each with its band and bucket: a line would not show them. */
+function drawIsolated(plot: uPlot, bucket_s: number, stroke: string): void {
   const { ctx } = plot;
   const [times, top, bottom, , , mean] = plot.data as Columns;
-  ctx.save();
+  const end_s = plot.scales.x?.max ?? Number.POSITIVE_INFINITY;
+  clip(plot);
   ctx.fillStyle = ctx.strokeStyle = stroke;
   ctx.lineWidth = 1.5 * devicePixelRatio;
   for (const i of isolated(plot.data as Columns)) {
-    const x = plot.valToPos(times[i] ?? 0, 'x', true);
+    const place = lonePlace(times[i] ?? 0, bucket_s, end_s);
+    const [from, x, to] = place.map((t_s) => plot.valToPos(t_s, 'x', true)) as typeof place;
     const y = (value: number | null | undefined) => plot.valToPos(value ?? 0, 'y', true);
     ctx.beginPath();
     ctx.moveTo(x, y(top[i]));
     ctx.lineTo(x, y(bottom[i]));
+    ctx.moveTo(from, y(mean[i]));
+    ctx.lineTo(to, y(mean[i]));
     ctx.stroke();
     ctx.beginPath();
     ctx.arc(x, y(mean[i]), POINT_SIZE * devicePixelRatio, 0, 2 * Math.PI);
@@ -188,7 +175,7 @@ export function plot(
   const levelColours = { applied: colour('--ink'), proposed: colour('--accent') };
   const axis: uPlot.Axis = {
     stroke: colours.quiet,
-    font: FONT,
+    font: AXIS_FONT,
     grid: { stroke: colour('--line'), width: 1 },
     ticks: { show: false },
     gap: 6,
@@ -196,7 +183,7 @@ export function plot(
   const hidden: uPlot.Series = { width: 0, points: { show: false } };
   const options: uPlot.Options = {
     ...size,
-    padding: [8, 14, 0, 0],
+    padding: [...PADDING],
     legend: { show: false },
     scales: { x: { time: true }, y: { range: () => host.values() } },
     axes: [
@@ -233,7 +220,7 @@ export function plot(
     },
     hooks: {
       draw: [
-        (u) => drawIsolated(u, accent),
+        (u) => drawIsolated(u, host.bucket_s(), accent),
         (u) => drawLevels(u, host.levels(), levelColours),
         (u) => drawMarks(u, host.marks(), colours),
       ],

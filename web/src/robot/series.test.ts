@@ -5,6 +5,7 @@ import {
   columns,
   csv,
   isolated,
+  lonePlace,
   nearest,
   type Series,
   allSeries,
@@ -140,6 +141,12 @@ describe('a single stretch', () => {
     const gap = columns(series([0, 1, 20, 40, 41], [1, 1, 1, 1, 1]), 'lidar_x', 1);
     expect(isolated(gap).map((i) => gap[0][i])).toEqual([20]);
     expect(isolated(columns(series([], []), 'lidar_x', 1))).toEqual([]);
+  });
+
+  it('stands in the middle of its bucket, and never after the end of the chart', () => {
+    expect(lonePlace(7200, 7200, 20_000)).toEqual([7200, 10_800, 14_400]);
+    expect(lonePlace(7200, 7200, 9000)).toEqual([7200, 8100, 9000]);
+    expect(lonePlace(20, 1, 40)).toEqual([20, 20, 20]);
   });
 });
 

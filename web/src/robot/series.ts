@@ -125,6 +125,19 @@ export function isolated([, , , , , mean]: Columns): number[] {
   return mean.flatMap((_, i) => (known(i) && !known(i - 1) && !known(i + 1) ? [i] : []));
 }
 
+/**
+ * Where a lone point stands, s: `[from, middle, to]`. Its bucket says no more than that its values
+ * are from somewhere in it, so it reaches over the bucket as far as `end_s`, where the chart ends.
+ */
+export function lonePlace(
+  begin_s: number,
+  bucket_s: number,
+  end_s: number,
+): [from_s: number, middle_s: number, to_s: number] {
+  const to_s = bucket_s > 1 ? Math.max(begin_s, Math.min(begin_s + bucket_s, end_s)) : begin_s;
+  return [begin_s, (begin_s + to_s) / 2, to_s];
+}
+
 function push(out: Columns, row: [number, ...(number | null)[]]): void {
   out.forEach((column, i) => (column as Column).push(row[i] ?? null));
 }

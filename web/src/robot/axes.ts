@@ -1,0 +1,33 @@
+/** The axes of a chart: their font, their room and their labels. */
+
+import { fixed } from '../units/format';
+
+/** Whole pixels: the chart library multiplies the digits before `px` by the pixel ratio. */
+export const AXIS_FONT = '12px "Inter Variable", system-ui, sans-serif';
+
+/** Room around the plot, px: top, right, bottom, left. Half of a time with seconds fits to the right. */
+export const PADDING = [8, 30, 0, 0] as const;
+
+const DAY_S = 86_400;
+
+const two = (value: number) => String(value).padStart(2, '0');
+
+/** Labels of a time axis: as fine as its steps are. */
+export function timeLabels(splits: number[], step_s: number): string[] {
+  return splits.map((split) => {
+    const date = new Date(split * 1000);
+    const day = `${date.getDate()} ${date.toLocaleString('en-GB', { month: 'short' })}`;
+    if (step_s >= 300 * DAY_S) return String(date.getFullYear());
+    if (step_s >= DAY_S) return day;
+    const minute = `${two(date.getHours())}:${two(date.getMinutes())}`;
+    if (step_s >= 60) return minute === '00:00' ? day : minute;
+    return `${minute}:${two(date.getSeconds())}`;
+  });
+}
+
+/** Labels of a value axis: as many decimals as its steps need. */
+export function valueLabels(splits: number[], step: number): string[] {
+  let decimals = 0;
+  while (decimals < 6 && Math.abs(step - Number(step.toFixed(decimals))) > step * 1e-6) decimals++;
+  return splits.map((split) => fixed(split, decimals));
+}
