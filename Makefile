@@ -349,6 +349,17 @@ imperfect-robots: rust ## Claims and alarms of imperfect robots, 600 of each imp
 	$(dir $(BIN))imperfect_robots --report target/imperfect_robots/report.md --seeds $(SEEDS) --change-seeds $(CHANGE_SEEDS) \
 	  --results target/imperfect_robots/$$(git describe --always --dirty --exclude '*').jsonl
 
+.PHONY: results
+results: rust ## The pages of docs/results from the newest figures of each campaign
+	$(CARGO) run --release --locked -p fleetcal-evaluation --bin results
+
+.PHONY: results-imperfect-robots
+results-imperfect-robots: rust ## Figures of typical imperfections by poses, RESULT_SEEDS=20 robots a cell: half an hour
+	$(CARGO) build --release --locked -p fleetcal-evaluation --bin imperfect_robots --bin results
+	$(dir $(BIN))imperfect_robots --strength typical --sensor poses --seeds $${RESULT_SEEDS:-20} --change-seeds $${RESULT_CHANGE_SEEDS:-5} \
+	  --figures docs/results/data/imperfect_robots.jsonl --commit $$(git describe --always --dirty --exclude '*') --date $$(date +%F)
+	$(dir $(BIN))results
+
 .PHONY: load
 load: build ## 50 robots at once: prints the CPU time per robot-second and sample, and the share of the CPU
 	FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked -p fleetcal-tests --test load -- --nocapture

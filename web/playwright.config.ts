@@ -17,8 +17,8 @@ export const chromium = {
 export default defineConfig({
   testDir: 'e2e',
   testMatch: '*.spec.ts',
-  workers: 1,
-  // One demo is started for all: it takes a while until its robots are calibrated.
+  workers: Number(process.env.FLEETCAL_BROWSERS ?? 2),
+  // Each worker starts one browser and one demo: it takes a while until its robots are calibrated.
   fullyParallel: false,
   // Robots drive and decide while a test looks: what fails is run once more, on a service of its
   // own, and the list names it as flaky.

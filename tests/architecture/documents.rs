@@ -46,6 +46,21 @@ pub const MAY_USE: &[(&str, &str, &str)] = &[
     ("", "whoever", "only documents avoid it so far"),
 ];
 
+/// Abbreviated commit ids of a text: seven to ten hexadecimal digits, letters and figures, outside links.
+pub fn commits(text: &str) -> Vec<&str> {
+    let is_id = |word: &&str| {
+        (7..=10).contains(&word.len())
+            && word
+                .bytes()
+                .all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'))
+            && word.bytes().any(|byte| byte.is_ascii_digit())
+            && word.bytes().any(|byte| byte.is_ascii_lowercase())
+    };
+    let words = text.split_whitespace().filter(|word| !word.contains("://"));
+    let parts = words.flat_map(|word| word.split(|letter: char| !letter.is_ascii_alphanumeric()));
+    parts.filter(is_id).collect()
+}
+
 /// A document: where its links lead, and the anchors of its headings.
 #[derive(Debug, Default)]
 pub struct Document {

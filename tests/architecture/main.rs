@@ -333,6 +333,22 @@ fn every_link_of_a_document_leads_somewhere() {
     }
 }
 
+/// Figures of a campaign and the commit they are of belong into a generated page.
+#[test]
+fn no_document_but_a_generated_one_names_a_commit() {
+    for path in documents().keys() {
+        if path == Path::new("docs/evaluation.md") {
+            continue;
+        }
+        let text = fs::read_to_string(root().join(path)).unwrap();
+        let commits = documents::commits(&text);
+        assert!(commits.is_empty(), "{}: {commits:?}", path.display());
+    }
+    let planted =
+        "Of 600 robots (4c6d5ed) none; see https://example.org/a/4c6d5ed0, 1234567, defaced.";
+    assert_eq!(documents::commits(planted), ["4c6d5ed"]);
+}
+
 #[test]
 fn the_sources_that_architecture_names_are_there() {
     let named = &documents()[Path::new("ARCHITECTURE.md")].sources;

@@ -11,6 +11,7 @@ pub mod paper_filter;
 pub mod path;
 pub mod plot;
 pub mod report;
+pub mod results;
 pub mod robots;
 pub mod scripted;
 pub mod statistics;

@@ -95,6 +95,15 @@ pub struct Rate {
 }
 
 impl Rate {
+    /// The number in one hour; 0 in no time.
+    pub fn an_hour(&self) -> f64 {
+        if self.hours > 0.0 {
+            self.count as f64 / self.hours
+        } else {
+            0.0
+        }
+    }
+
     /// Upper end of the exact one-sided interval of 95 % for the number in one hour: with none in
     /// T hours about 3/T.
     pub fn upper_bound(&self) -> f64 {

@@ -1,14 +1,15 @@
 //! Runs the campaign of imperfect robots: one line for each cell as it finishes.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
 use fleetcal_evaluation::error::EvaluationError;
 use fleetcal_evaluation::imperfect::ImperfectExtent;
 use fleetcal_evaluation::imperfect::{
-    Campaign, Cell, Flaw, InjectedChange, Road, Scenario, Sensor, Summary, Watch,
+    Campaign, Cell, Flaw, InjectedChange, Place, Road, Scenario, Sensor, Summary, Watch,
 };
+use fleetcal_evaluation::results::{Figure, Origin, Results};
 use fleetcal_evaluation::study::imperfect_robots;
 use fleetcal_robot::simulator::Strength;
 
@@ -64,6 +65,15 @@ struct Arguments {
     /// Writes the tables of every imperfection and route into this file, as Markdown.
     #[arg(long, conflicts_with_all = ["only", "strength", "route", "scenario", "change", "sensor", "first_seed", "heard_from", "changed_within", "list"])]
     report: Option<PathBuf>,
+    /// Writes the figures of each cell into this file of `docs/results/data`, as JSON lines.
+    #[arg(long, requires = "commit", requires = "date")]
+    figures: Option<PathBuf>,
+    /// Commit that is measured, for the figures.
+    #[arg(long)]
+    commit: Option<String>,
+    /// Day of the run, for the figures.
+    #[arg(long)]
+    date: Option<String>,
     /// Lists the cells and runs none.
     #[arg(long)]
     list: bool,
@@ -196,6 +206,7 @@ fn campaign(arguments: &Arguments, cells: &[Cell]) -> Result<(), EvaluationError
         Some(path) => Campaign::resumed(watch, path)?,
         None => Campaign::new(watch),
     };
+    let mut pooled: Vec<(Place, Summary)> = Vec::new();
     for &cell in cells {
         if arguments.list {
             say(&cell.to_string());
@@ -203,6 +214,17 @@ fn campaign(arguments: &Arguments, cells: &[Cell]) -> Result<(), EvaluationError
         }
         let outcomes = campaign.outcomes(cell, &arguments.seeds_of(cell))?;
         say(&Summary::of(cell, &outcomes).line(cell));
+        let place = cell.place();
+        match pooled.iter_mut().find(|(known, _)| *known == place) {
+            Some((_, summary)) => summary.add(cell, &outcomes),
+            None => pooled.push((place, Summary::of(cell, &outcomes))),
+        }
+    }
+    if let Some(path) = &arguments.figures {
+        let figures = pooled
+            .iter()
+            .flat_map(|(place, summary)| summary.figures(place));
+        keep(arguments, path, figures.collect())?;
     }
     let Some(path) = &arguments.report else {
         return Ok(());
@@ -220,6 +242,28 @@ fn campaign(arguments: &Arguments, cells: &[Cell]) -> Result<(), EvaluationError
         path: path.clone(),
         source,
     })
+}
+
+/// Writes the figures, with where they come from.
+fn keep(arguments: &Arguments, path: &Path, figures: Vec<Figure>) -> Result<(), EvaluationError> {
+    let flags = std::env::args().skip(1).collect::<Vec<_>>().join(" ");
+    let command = flags.split(" --figures").next().unwrap_or_default();
+    let results = Results {
+        origin: Origin {
+            campaign: "imperfect_robots".to_owned(),
+            title: "Results on imperfect robots".to_owned(),
+            commit: arguments.commit.clone().unwrap_or_default(),
+            date: arguments.date.clone().unwrap_or_default(),
+            command: format!("imperfect_robots {command}"),
+        },
+        figures,
+    };
+    let failed = |source| EvaluationError::Written {
+        path: path.to_owned(),
+        source,
+    };
+    let lines = results.lines().map_err(|error| failed(error.into()))?;
+    std::fs::write(path, lines).map_err(failed)
 }
 
 #[expect(clippy::print_stdout, reason = "the lines are what the command is for")]

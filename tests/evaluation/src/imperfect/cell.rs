@@ -187,6 +187,15 @@ impl Speed {
     }
 }
 
+/// Place of a cell's figures among the results: cells of one place are pooled.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Place {
+    /// Caption of the table.
+    pub table: String,
+    /// Row of the table.
+    pub row: String,
+}
+
 /// What is looked at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -227,6 +236,31 @@ pub struct Cell {
     pub sensor: Sensor,
     /// What is looked at.
     pub scenario: Scenario,
+}
+
+impl Cell {
+    /// The place of its figures: unchanged robots by imperfection, changes by change, route and speed.
+    pub fn place(&self) -> Place {
+        let sensor = self.sensor.name();
+        match self.scenario {
+            Scenario::Unchanged => Place {
+                table: format!("Unchanged robots, by {sensor}"),
+                row: match self.flaw {
+                    Flaw::One(kind, Strength::Strong) => format!("{}, strong", kind.name()),
+                    flaw => flaw.name().to_owned(),
+                },
+            },
+            Scenario::Changed(change, speed) => Place {
+                table: format!("Changes, by {sensor}"),
+                row: format!(
+                    "{}, {}, {} m/s",
+                    change.name(),
+                    self.road.name(),
+                    speed.mps()
+                ),
+            },
+        }
+    }
 }
 
 impl fmt::Display for Cell {

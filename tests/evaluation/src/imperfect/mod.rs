@@ -15,7 +15,7 @@ pub mod tables;
 mod tests;
 
 pub use campaign::{Campaign, Finished};
-pub use cell::{Cell, Flaw, InjectedChange, Road, Scenario, Sensor, Speed};
+pub use cell::{Cell, Flaw, InjectedChange, Place, Road, Scenario, Sensor, Speed};
 pub use extent::ImperfectExtent;
 pub use outcome::{ChangeOutcome, ClaimsOutcome, Flagged, Outcome, Snapshot};
 pub use run::{Watch, run};

@@ -2,9 +2,10 @@
 
 use fleetcal_estimator::estimate::{Cause, ChangeKind};
 
-use super::cell::{Cell, InjectedChange, Scenario};
+use super::cell::{Cell, InjectedChange, Place, Scenario};
 use super::outcome::{ChangeOutcome, ClaimsOutcome, Flagged, Outcome, Snapshot};
 use super::run::CLAIMS_AT_S;
+use crate::results::{Figure, Value};
 use crate::statistics::{Proportion, Rate, mean};
 
 /// Errors that a robot with an imperfection may have after 180 s: x, y, yaw, steering offset.
@@ -180,6 +181,56 @@ impl Summary {
         Proportion::count(driven, |(_, run)| run.told_late[1] > 0)
     }
 
+    /// The figures of pooled cells, at their place among the results.
+    pub fn figures(&self, place: &Place) -> Vec<Figure> {
+        let figures = if self.changes.is_empty() {
+            self.claim_figures()
+        } else {
+            self.change_figures()
+        };
+        let figures = figures.into_iter().map(|(figure, value)| Figure {
+            table: place.table.clone(),
+            row: place.row.clone(),
+            figure: figure.to_owned(),
+            value,
+        });
+        figures.collect()
+    }
+
+    fn claim_figures(&self) -> Vec<(&'static str, Value)> {
+        let of = self.claims.len() as u64;
+        vec![
+            (
+                "false claim at 60, 120, 180 or 600 s",
+                share(self.false_claims()),
+            ),
+            ("false claim at any time", share(self.false_claims_ever())),
+            ("worst claim", quantity(self.worst_claim(), "σ", of)),
+            ("converged after 180 s", share(self.converged())),
+            (
+                "false changes an hour",
+                quantity(self.false_changes().an_hour(), "", of),
+            ),
+        ]
+    }
+
+    fn change_figures(&self) -> Vec<(&'static str, Value)> {
+        let of = self.changes.len() as u64;
+        vec![
+            (
+                "median way to the flag",
+                quantity(self.flagged_after_m(0.5), "m", of),
+            ),
+            ("95 %", quantity(self.flagged_after_m(0.95), "m", of)),
+            ("not flagged within 40 m", share(self.missed())),
+            ("another cause", share(self.wrong_cause())),
+            (
+                "false claim from 20 m on",
+                share(self.false_claims_after_change()),
+            ),
+        ]
+    }
+
     /// The cell in one line.
     pub fn line(&self, cell: Cell) -> String {
         match cell.scenario {
@@ -229,6 +280,21 @@ impl Summary {
             self.false_claims_after_change(),
             self.false_changes(),
         )
+    }
+}
+
+fn share(proportion: Proportion) -> Value {
+    Value::Share {
+        count: proportion.count,
+        of: proportion.of,
+    }
+}
+
+fn quantity(value: f64, unit: &str, of: u64) -> Value {
+    Value::Quantity {
+        value: Some(value).filter(|value| value.is_finite()),
+        unit: unit.to_owned(),
+        of,
     }
 }
 
