@@ -132,6 +132,7 @@ pub struct Scan {
     stamp: RobotTime,
     shape: ScanShape,
     ranges_m: Arc<[f32]>,
+    lacks_beam_times: bool,
 }
 
 impl Scan {
@@ -203,7 +204,22 @@ impl Scan {
             stamp,
             shape,
             ranges_m,
+            lacks_beam_times: false,
         })
+    }
+
+    /// Marks a scan made of points without times: not even the order of its beams is known.
+    #[must_use]
+    pub fn without_beam_times(self) -> Self {
+        Self {
+            lacks_beam_times: true,
+            ..self
+        }
+    }
+
+    /// Whether it was made of points without times.
+    pub fn lacks_beam_times(&self) -> bool {
+        self.lacks_beam_times
     }
 
     /// Time of the first beam.

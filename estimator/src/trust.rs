@@ -27,6 +27,9 @@ const OTHER_SIDE_OR_SPEED_PLACE: &str = "more driving with turns to both sides, 
 const ONE_SIDED: f64 = 0.5;
 /// An instruction stands for this long before it is worked out again, s of message time.
 const ADVICE_HOLDS_S: f64 = 10.0;
+/// What is said of the time offset of clouds whose points have no times.
+const POINT_TIMES: &str = "clouds whose points have a time, or ignore_times in point_cloud where they were all \
+    taken at once: without, nobody knows when in a turn the scanner looked where";
 /// What is said of a value that no vehicle has.
 const CHECK_VEHICLE: &str = "a look at the vehicle and its configuration: this cannot be";
 /// A value that was beyond its limit must come this far inside it to be believed again.
@@ -65,6 +68,8 @@ pub struct Grounds<'a> {
     pub knowledge: Knowledge<'a>,
     /// Parameters of which a change would go unseen.
     pub blind: [bool; REPORTED],
+    /// Whether scans are made of points without times.
+    pub lacks_beam_times: bool,
     /// Whether steering angles are sent that the vehicle cannot have.
     pub has_impossible_steering: bool,
     /// What of the variance of the LiDAR's `y` is there because nobody said where the speed is measured.
@@ -89,6 +94,7 @@ impl Grounds<'_> {
         let yaw = Parameter::LidarYaw.index();
         let has_circled = self.circling_variance_rad2 > 0.5 * self.knowledge.covariance[(yaw, yaw)];
         match parameter {
+            Parameter::TimeOffset if self.lacks_beam_times => Some(POINT_TIMES),
             Parameter::LidarYaw if has_circled => Some(MORE_DRIVING),
             Parameter::LidarY if self.is_open_by(self.encoder_variance.told_m2) => {
                 Some(if self.one_sidedness > ONE_SIDED {
@@ -134,6 +140,11 @@ impl Trust {
             let status = self.status(parameter, sigma, grounds.prior_sigma[i], settings);
             match status {
                 Status::Converged if grounds.blind[i] || !believed => Status::Learning,
+                Status::Converged
+                    if grounds.lacks_beam_times && parameter == Parameter::TimeOffset =>
+                {
+                    Status::Learning
+                }
                 status => status,
             }
         });
@@ -359,15 +370,16 @@ mod tests {
         let vehicle = Vehicle::new(VehicleModel::Bicycle, 1.2);
         let covariance = ParameterCovariance::identity() * 1e-9;
         let mut trust = Trust::default();
-        let mut judged = |offset_deg: f64| {
+        let mut judged = |offset_deg: f64, lacks_beam_times: bool| {
             let mut values = Values::zeros();
             values[Parameter::SpeedScale.index()] = 1.0;
             values[Parameter::SteeringOffset.index()] = offset_deg.to_radians();
             let prior_sigma = Values::repeat(1.0);
-            let [offset, lidar_x, ..] = trust.judge(&Grounds {
+            let estimates = trust.judge(&Grounds {
                 now: RobotTime(1),
                 prior_sigma: &prior_sigma,
                 blind: [false; REPORTED],
+                lacks_beam_times,
                 has_impossible_steering: false,
                 encoder_variance: EncoderVariance::default(),
                 circling_variance_rad2: 0.0,
@@ -379,14 +391,28 @@ mod tests {
                     settings: &settings,
                 },
             });
+            let of = |parameter: Parameter| estimates[parameter.index()].clone();
+            let offset = of(Parameter::SteeringOffset);
+            let lidar_x = of(Parameter::LidarX);
             assert_eq!(lidar_x.status, offset.status, "none is believed alone");
-            offset
+            (offset, of(Parameter::TimeOffset))
         };
-        assert_eq!(judged(14.9).status, Status::Converged);
-        let beyond = judged(15.1);
+        assert_eq!(judged(14.9, false).0.status, Status::Converged);
+        let beyond = judged(15.1, false).0;
         assert_eq!(beyond.status, Status::Learning);
         assert!(beyond.needs.unwrap().contains("look at the vehicle"));
-        assert_eq!(judged(14.5).status, Status::Learning);
-        assert_eq!(judged(13.5).status, Status::Converged);
+        assert_eq!(judged(14.5, false).0.status, Status::Learning);
+        assert_eq!(judged(13.5, false).0.status, Status::Converged);
+        // Of clouds without times, the time offset alone is not known.
+        assert_eq!(judged(0.0, false).1.status, Status::Converged);
+        let (offset, time_offset) = judged(0.0, true);
+        assert_eq!(offset.status, Status::Converged);
+        assert_eq!(time_offset.status, Status::Learning);
+        assert!(
+            time_offset
+                .needs
+                .unwrap()
+                .contains("clouds whose points have a time")
+        );
     }
 }

@@ -78,20 +78,26 @@ impl MessageType {
 
     /// Its name in the keys of `rmw_zenoh`, `sensor_msgs::msg::dds_::LaserScan_`.
     pub fn dds_type(self) -> String {
-        let (package, name) = self.ros_type().split_once("/msg/").unwrap_or_default();
+        let (package, name) = self.package_and_name();
         format!("{package}::msg::dds_::{name}_")
     }
 
-    /// Reads the name of a ROS 2 type in any of the spellings in use; `None` for any other.
+    /// Reads the name of a ROS 2 type in any of the spellings in use, or without its package; `None`
+    /// for any other, such as one of the same name in another package.
     pub fn of_ros_type(name: &str) -> Option<Self> {
-        let last = name.rsplit(['/', ':', '\u{a7}']).next().unwrap_or_default();
+        let mut parts = name.rsplit(['/', ':', '\u{a7}']);
+        let last = parts.next()?;
         let last = last.strip_suffix('_').unwrap_or(last);
-        Self::ALL.into_iter().find(|of| of.name() == last)
+        let package = parts.rfind(|part| !part.is_empty());
+        let is_it = |of: &Self| {
+            let (own_package, own_name) = of.package_and_name();
+            own_name == last && package.is_none_or(|package| package == own_package)
+        };
+        Self::ALL.into_iter().find(is_it)
     }
 
-    /// What stands behind the last slash of its type.
-    fn name(self) -> &'static str {
-        self.ros_type().rsplit('/').next().unwrap_or_default()
+    fn package_and_name(self) -> (&'static str, &'static str) {
+        self.ros_type().split_once("/msg/").unwrap_or_default()
     }
 }
 
@@ -210,7 +216,18 @@ mod tests {
             let json = serde_json::to_string(&message_type).unwrap();
             assert_eq!(json, format!("{ros_type:?}"));
         }
-        for name in ["", "_", "Scan", "sensor_msgs/msg/Image", "msg/"] {
+        for name in [
+            "",
+            "_",
+            "Scan",
+            "sensor_msgs/msg/Image",
+            "msg/",
+            "foxglove_msgs/msg/LaserScan",
+            "foxglove_msgs::msg::dds_::LaserScan_",
+            "foxglove_msgs\u{a7}msg\u{a7}LaserScan",
+            "foxglove.LaserScan",
+            "my_msgs/PoseStamped",
+        ] {
             assert_eq!(MessageType::of_ros_type(name), None, "{name}");
         }
     }

@@ -36,7 +36,7 @@ use crate::filter::follow::Follower;
 use crate::filter::prior::Prior;
 use crate::filter::{Filter, OdometryReading, ParameterCovariance, STEERING_PLAY, Values};
 use crate::geometry::Pose2;
-use crate::lidar_odometry::{LearntScanner, LidarOdometry, ScannerReport};
+use crate::lidar_odometry::{BeamTimes, LearntScanner, LidarOdometry, ScannerReport};
 use crate::merge::{Merged, Merger, MergerPosition};
 use crate::stream::{DriveSample, Dropped, Effect, Event, LidarPose, Note, NoteKind, RobotTime};
 use crate::trust::{Grounds, Trust, reported_covariance};
@@ -417,6 +417,7 @@ impl Calibrator {
             now: self.session.now,
             prior_sigma: &prior_sigma,
             blind: self.blind(),
+            lacks_beam_times: self.lacks_beam_times(),
             has_impossible_steering: self.session.has_impossible_steering(),
             encoder_variance: told.encoder_variance,
             circling_variance_rad2: told.circling_variance_rad2,
@@ -441,6 +442,11 @@ impl Calibrator {
             lidar_mount,
             vehicle,
         }
+    }
+
+    /// Whether the stamps of scans may be off by a part of a turn that nobody knows.
+    fn lacks_beam_times(&self) -> bool {
+        self.scanner().beam_times == BeamTimes::Missing
     }
 
     /// Parameters of which a change would go unseen. A stored calibration is held against the session.

@@ -83,6 +83,8 @@ pub enum BeamTimes {
     Unknown,
     /// The scans state none, and they are right: no motion shows within a scan.
     AtOnce,
+    /// The scans were made of points without times, of which not even the order is known.
+    Missing,
     /// The scans state none, and the scanner turns: a scan takes so long.
     Turning {
         /// From the first beam to the last, s.
@@ -147,6 +149,9 @@ pub struct Scanner {
     losses: u32,
     /// What a scan covers of a turn.
     part_of_turn: f64,
+    /// Whether its scans are made of points without times.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    lacks_beam_times: bool,
     /// By how much the pose of the last scan moves with each of the unknowns, in this map.
     #[serde(skip)]
     pose_by: Matrix3<f64>,
@@ -165,6 +170,7 @@ impl Default for Scanner {
             intervals: 0.0,
             losses: 0,
             part_of_turn: 1.0,
+            lacks_beam_times: false,
             pose_by: Matrix3::zeros(),
         }
     }
@@ -181,6 +187,7 @@ impl Scanner {
 
     /// Time from one beam of a scan to the next, s: what the scan says, else what was learnt.
     pub fn time_increment_s(&mut self, scan: &Scan) -> f64 {
+        self.lacks_beam_times = scan.lacks_beam_times();
         let stated_s = scan.shape().time_increment_s;
         if stated_s > 0.0 {
             self.timing = Timing::Stated;
@@ -200,6 +207,7 @@ impl Scanner {
         let sigma = self.sigmas();
         ScannerReport {
             beam_times: match self.timing {
+                _ if self.lacks_beam_times => BeamTimes::Missing,
                 Timing::Stated => BeamTimes::Stated,
                 Timing::Unknown => BeamTimes::Unknown,
                 Timing::AtOnce => BeamTimes::AtOnce,

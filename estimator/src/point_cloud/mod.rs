@@ -55,7 +55,8 @@ pub struct PointCloud {
 
 impl PlanarBand {
     /// The scan of a planar scanner at the LiDAR's height. A cloud whose points have times becomes
-    /// a rolling scan; one without was taken at once.
+    /// a rolling scan; one whose times are to be ignored was taken at once, and of one without nobody
+    /// knows.
     ///
     /// # Errors
     /// Names the field when the points' times are not those of a scanner that turns, and what a
@@ -101,7 +102,13 @@ impl PlanarBand {
             range_max_m: *self.range_m().end(),
         };
         let stamp = cloud.stamp.plus_seconds(turn.first_s);
-        Scan::new(stamp, shape, ranges_m.into())
+        let scan = Scan::new(stamp, shape, ranges_m.into())?;
+        let has_times = turn.time_increment_s > 0.0 || self.ignores_times();
+        Ok(if has_times {
+            scan
+        } else {
+            scan.without_beam_times()
+        })
     }
 }
 

@@ -182,7 +182,10 @@ fn the_points_times_make_a_rolling_scan() {
             (scan.stamp(), scan.shape().time_increment_s.to_bits()),
             (STAMP, 0)
         );
+        assert!(!scan.lacks_beam_times(), "nobody asks for them");
     }
+    let untimed = PlanarBand::default().scan(&cloud(LEVEL)).unwrap();
+    assert!(untimed.lacks_beam_times());
 }
 
 #[test]

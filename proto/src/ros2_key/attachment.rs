@@ -4,7 +4,7 @@
 pub const GID_BYTES: usize = 16;
 
 /// What a subscriber of `rmw_zenoh` needs beside a message: one without is dropped there. Here it
-/// is not asked for, in either of the layouts in use.
+/// only tells publishers apart, where it has the layout of today.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Attachment {
     /// Counts the publisher's messages.
@@ -25,6 +25,19 @@ impl Attachment {
         bytes.extend(self.gid);
         bytes
     }
+
+    /// Reads the layout of [`Self::to_bytes`]; `None` of any other.
+    pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        let (sequence, bytes) = bytes.split_first_chunk()?;
+        let (source_ns, bytes) = bytes.split_first_chunk()?;
+        let (&length, gid) = bytes.split_first()?;
+        let gid = gid.try_into().ok()?;
+        (usize::from(length) == GID_BYTES).then_some(Self {
+            sequence: i64::from_le_bytes(*sequence),
+            source_ns: i64::from_le_bytes(*source_ns),
+            gid,
+        })
+    }
 }
 
 #[cfg(test)]
@@ -44,5 +57,9 @@ mod tests {
         assert_eq!(&bytes[8..16], &[255; 8]);
         assert_eq!(bytes[16], 16);
         assert_eq!(&bytes[17..], &[7; 16]);
+        assert_eq!(Attachment::from_bytes(&bytes), Some(attachment));
+        for wrong in [&[][..], &bytes[..32], &[0; 33], &[16; 34]] {
+            assert_eq!(Attachment::from_bytes(wrong), None, "{wrong:?}");
+        }
     }
 }

@@ -371,6 +371,14 @@ impl<'a> Run<'a> {
                     .to_owned(),
             );
         }
+        for stream in self.intake.coarsely_stamped() {
+            remarks.push(format!(
+                "most messages of {} have the stamp of the one before, as where stamps are whole \
+                 seconds: of each stamp only the first message is used; stamp each message when it \
+                 was measured, to a millisecond or better",
+                stream.name()
+            ));
+        }
         let scanner = self.calibrator.scanner();
         if let Some(floor) = scanner.floor {
             remarks.push(format!(
@@ -380,12 +388,20 @@ impl<'a> Run<'a> {
                 floor.direction_rad().to_degrees().round() as i64
             ));
         }
-        if let BeamTimes::Turning { duration_s, .. } = scanner.beam_times {
-            remarks.push(format!(
+        match scanner.beam_times {
+            BeamTimes::Turning { duration_s, .. } => remarks.push(format!(
                 "the scans have time_increment 0, but the scanner turns: a scan takes {:.1} ms by \
                  its motion; set time_increment in the scanner's driver",
                 duration_s * 1e3
-            ));
+            )),
+            BeamTimes::Missing => remarks.push(
+                "the points of the clouds have no times: no field t, time, timestamp, time_stamp or \
+                 offset_time, or all the same; the time offset stays unknown and the LiDAR's pose \
+                 can be off; have the driver send the times, or set ignore_times in point_cloud for \
+                 clouds that were taken at once or deskewed"
+                    .to_owned(),
+            ),
+            BeamTimes::Stated | BeamTimes::Unknown | BeamTimes::AtOnce => {}
         }
         remarks
     }

@@ -7,7 +7,7 @@ use fleetcal_proto::ros::{CloudRefused, Column, PointCloud2, PointDatatype};
 use thiserror::Error;
 
 /// Names that drivers give to a point's time.
-const TIME_FIELDS: [&str; 4] = ["t", "time", "timestamp", "offset_time"];
+const TIME_FIELDS: [&str; 5] = ["t", "time", "timestamp", "time_stamp", "offset_time"];
 /// Times above this are seconds since 1970, s.
 const SINCE_1970_S: f64 = 1e8;
 /// Times above this are nanoseconds since 1970, ns.
@@ -136,6 +136,7 @@ mod tests {
         let clouds = [
             cloud("t", PointDatatype::Uint32, |t| (t * 1e9).round()),
             cloud("offset_time", PointDatatype::Uint32, |t| (t * 1e9).round()),
+            cloud("time_stamp", PointDatatype::Uint32, |t| (t * 1e9).round()),
             cloud("time", PointDatatype::Float32, |t| t),
             cloud("timestamp", PointDatatype::Float64, |t| t + stamp_s),
             cloud("timestamp", PointDatatype::Float64, |t| (t + stamp_s) * 1e9),
@@ -151,10 +152,12 @@ mod tests {
             assert!((scan.shape().time_increment_s * 360.0 - 0.1).abs() < 1e-4);
             let off_s = scan.stamp().seconds_since(RobotTime(STAMP.as_ns()));
             assert!(off_s.abs() < 1e-3, "{off_s}");
+            assert!(!scan.lacks_beam_times());
         }
         let untimed = cloud("intensity", PointDatatype::Float32, |t| t);
         let scan = scan(&untimed, &PlanarBand::default()).expect("taken at once");
         assert!(scan.shape().time_increment_s.abs() < 1e-12);
+        assert!(scan.lacks_beam_times());
     }
 
     #[test]

@@ -36,7 +36,7 @@ use crate::live::LiveUpdate;
 use crate::mailbox::Message;
 use crate::registry::{Counts, Fleet, FleetCounters, Step, new_robot, scan_durations};
 use crate::robot::Robot;
-use crate::senders::LinkId;
+use crate::senders::Origin;
 use crate::tap::{TapReader, Tapped};
 use crate::watch;
 
@@ -45,15 +45,15 @@ use crate::watch;
 pub struct Arrived {
     /// How it is written.
     pub form: Form,
-    /// The connection that it came over, where that is known.
-    pub link: Option<LinkId>,
+    /// Where it came from, where that is known.
+    pub origin: Option<Origin>,
 }
 
 impl<F: Into<Form>> From<F> for Arrived {
     fn from(form: F) -> Self {
         Self {
             form: form.into(),
-            link: None,
+            origin: None,
         }
     }
 }
@@ -408,11 +408,11 @@ impl FleetHandle {
         } else if !robot.is_configured() && !robot.is_awaited() {
             robot.mailbox.ignore(stream);
         } else {
-            let Arrived { form, link } = arrived.into();
+            let Arrived { form, origin } = arrived.into();
             robot.mailbox.push(Message {
                 stream,
                 form,
-                link,
+                origin,
                 payload: payload(),
             });
         }

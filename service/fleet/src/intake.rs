@@ -1,12 +1,15 @@
 //! From a robot's messages to its estimator's events, in the order in which they come. The live
 //! path and `fleetcal calibrate` both go through it.
 
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+
 use fleetcal_domain::robot::PairingReport;
 use fleetcal_estimator::{DriveSample, Event, RobotTime};
 use fleetcal_model::{Parameter, ParameterStatus, Stream};
 use fleetcal_proto::estimate::EstimateDocument;
 use fleetcal_proto::message_type::{Form, MessageType};
 
+use crate::coarse_stamps::StampWatch;
 use crate::commanded::SteeringWatch;
 use crate::decode::{Decoded, MessageRefused};
 use crate::pairing::Pairing;
@@ -17,6 +20,10 @@ use crate::reading::{self, Reading, ReadingSettings};
 pub struct Taken {
     /// Its header stamp.
     pub stamp: RobotTime,
+    /// A hash of its bytes.
+    pub content: u64,
+    /// The steering angle that it says, rad.
+    pub steering_rad: Option<f64>,
     /// What the estimator takes, which of half a drive sample may be nothing or several.
     pub events: Vec<Decoded>,
 }
@@ -29,6 +36,8 @@ pub struct Intake {
     pairing: Pairing,
     /// What tells a measured steering angle from a commanded one.
     steering: SteeringWatch,
+    /// What tells stamps that are too coarse.
+    stamps: StampWatch,
     /// The latest speed of a robot whose speed and steering come apart.
     speed_mps: f64,
 }
@@ -63,34 +72,48 @@ impl Intake {
         form: Form,
         payload: &[u8],
     ) -> Result<Taken, MessageRefused> {
-        let taken = match reading::read(stream, form, &self.settings, payload)? {
+        let reading = reading::read(stream, form, &self.settings, payload)?;
+        let (stamp, steering_rad, events) = match reading {
             Reading::Whole(decoded) => {
+                let mut steering_rad = None;
                 if let Event::WheelOdometry(sample) = &decoded.event {
                     self.steering.take(sample);
+                    steering_rad = Some(sample.steering_rad());
                 }
-                Taken {
-                    stamp: decoded.stamp,
-                    events: vec![decoded],
-                }
+                (decoded.stamp, steering_rad, vec![decoded])
             }
             Reading::Steering(angle) => {
                 self.steering.take_angle(angle.value, self.speed_mps);
                 let samples = self.pairing.take_steering(angle);
-                paired(angle.stamp, samples)
+                (angle.stamp, Some(angle.value), decoded(samples))
             }
             Reading::Speed(speed) => {
                 self.speed_mps = speed.value;
                 let samples = self.pairing.take_speed(speed);
-                paired(speed.stamp, samples)
+                (speed.stamp, None, decoded(samples))
             }
         };
-        Ok(taken)
+        let mut hasher = DefaultHasher::new();
+        payload.hash(&mut hasher);
+        let content = hasher.finish();
+        self.stamps.take(stream, stamp, content);
+        Ok(Taken {
+            stamp,
+            content,
+            steering_rad,
+            events,
+        })
     }
 
     /// How well steering and speed fit together, of a robot that sends them apart.
     pub fn pairing(&self) -> Option<PairingReport> {
         let report = self.pairing.report();
         (report != PairingReport::default()).then_some(report)
+    }
+
+    /// The streams whose stamps are coarser than their rate.
+    pub fn coarsely_stamped(&self) -> Vec<Stream> {
+        self.stamps.coarse()
     }
 
     /// Whether its steering angles look commanded, with what is known of it.
@@ -104,15 +127,12 @@ impl Intake {
     }
 }
 
-/// The samples that a half with this stamp has completed.
-fn paired(stamp: RobotTime, samples: Vec<DriveSample>) -> Taken {
+/// The samples that half of one has completed.
+fn decoded(samples: Vec<DriveSample>) -> Vec<Decoded> {
     let event = |sample: DriveSample| Decoded {
         stamp: sample.stamp(),
         event: Event::WheelOdometry(sample),
         note: None,
     };
-    Taken {
-        stamp,
-        events: samples.into_iter().map(event).collect(),
-    }
+    samples.into_iter().map(event).collect()
 }

@@ -536,7 +536,8 @@ impl Robot {
             }
         };
         let (connection, counters) = self.mirrored(connection, self.mailbox.counters());
-        let former_key = self.warning_of_former_key(clock);
+        let of_link = self.warning_of_former_key(clock).into_iter();
+        let of_link = of_link.chain(Warning::topic_blocked(&topics));
         let estimated_by = self.estimated_by();
         let status = lock(&self.status);
         RobotView {
@@ -549,7 +550,7 @@ impl Robot {
             counters,
             estimator_restarts: status.estimator_restarts,
             pairing: status.pairing,
-            warnings: status.warnings.iter().cloned().chain(former_key).collect(),
+            warnings: status.warnings.iter().cloned().chain(of_link).collect(),
             topics,
             estimated_by,
         }

@@ -4,7 +4,6 @@
 mod checkpoints;
 mod heard;
 
-use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -26,14 +25,14 @@ use crate::budgets::HistoryBudgets;
 use crate::candidate::Candidate;
 use crate::decode::{self, Decoded};
 use crate::document;
-use crate::intake::Intake;
+use crate::intake::{Intake, Taken};
 use crate::live::LiveUpdate;
 use crate::mailbox::{Item, Message, Outcome};
 use crate::pose::LatestPose;
 use crate::reading::ReadingSettings;
 use crate::registry::Fleet;
 use crate::robot::Robot;
-use crate::senders::{LinkId, Senders};
+use crate::senders::{Origin, Senders, Sent};
 use crate::stored::{self, Restored};
 use crate::tap::Tapped;
 use crate::top_view;
@@ -204,14 +203,14 @@ impl RobotTask {
         let Message {
             stream,
             form,
-            link,
+            origin,
             payload,
         } = message;
         let taken = match self.intake.take(*stream, *form, payload) {
             Ok(taken) => taken,
             Err(refused) => return Outcome::Refused(refused.to_string()),
         };
-        if self.is_of_two_senders(*stream, taken.stamp, payload, *link) {
+        if self.is_of_two_senders(*stream, &taken, *origin) {
             return Outcome::Refused("two senders use the robot's id".to_owned());
         }
         self.robot.taps.offer(|| {
@@ -248,17 +247,15 @@ impl RobotTask {
 
     /// Whether two senders use the robot's id at once: then nothing of either is used, and what was
     /// learnt while they were not told apart yet is given up.
-    fn is_of_two_senders(
-        &mut self,
-        stream: Stream,
-        stamp: RobotTime,
-        payload: &[u8],
-        link: Option<LinkId>,
-    ) -> bool {
+    fn is_of_two_senders(&mut self, stream: Stream, taken: &Taken, origin: Option<Origin>) -> bool {
         let were_two = self.senders.are_two();
-        let mut hasher = DefaultHasher::new();
-        payload.hash(&mut hasher);
-        let are_two = self.senders.take(stream, stamp, hasher.finish(), link);
+        let sent = Sent {
+            stamp: taken.stamp,
+            content: taken.content,
+            origin,
+            steering_rad: taken.steering_rad,
+        };
+        let are_two = self.senders.take(stream, &sent);
         let counts = &self.fleet.counts;
         let (missing, of_two) = (self.senders.missing(stream), u64::from(are_two));
         counts.missing.fetch_add(missing, Ordering::Relaxed);
@@ -370,10 +367,16 @@ impl RobotTask {
         if self.senders.are_two() {
             warnings.push(Warning::two_senders());
         }
+        let coarse = self.intake.coarsely_stamped();
+        if !coarse.is_empty() {
+            warnings.push(Warning::stamps_coarse(&coarse));
+        }
         if let Engine::Running(calibrator) = &self.engine {
             let scanner = calibrator.scanner();
-            if matches!(scanner.beam_times, BeamTimes::Turning { .. }) {
-                warnings.push(Warning::scan_beam_times_missing());
+            match scanner.beam_times {
+                BeamTimes::Turning { .. } => warnings.push(Warning::scan_beam_times_missing()),
+                BeamTimes::Missing => warnings.push(Warning::point_times_missing()),
+                BeamTimes::Stated | BeamTimes::Unknown | BeamTimes::AtOnce => {}
             }
             if let Some(floor) = scanner.floor {
                 let (distance_m, direction_rad) = (floor.distance_m(), floor.direction_rad());

@@ -27,6 +27,7 @@ mod checkpoints;
 mod cluster;
 mod moves;
 mod restarts;
+mod senders;
 
 use crate::live::LiveUpdate;
 

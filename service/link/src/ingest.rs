@@ -3,12 +3,13 @@
 use std::hash::{DefaultHasher, Hash, Hasher};
 
 use fleetcal_domain::limits;
-use fleetcal_fleet::{Arrived, FleetHandle, LinkId};
+use fleetcal_fleet::{Arrived, FleetHandle, Origin};
 use fleetcal_model::Stream;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::key::{Key, Keys, StreamKind};
 use fleetcal_proto::message_type::{Form, MessageType};
+use fleetcal_proto::ros2_key::Attachment;
 use zenoh::pubsub::Subscriber;
 use zenoh::sample::{Locality, Sample, SampleKind};
 use zenoh::{Result, Session};
@@ -102,7 +103,8 @@ pub fn offer(
                 message_type: message_type.or(form.message_type),
                 ..form
             };
-            let arrived = Arrived { form, link: link() };
+            let origin = origin(sample);
+            let arrived = Arrived { form, origin };
             let bytes = || payload.to_bytes().into_owned();
             fleet.receive(robot, stream, arrived, payload.len(), bytes);
         }
@@ -110,13 +112,20 @@ pub fn offer(
     }
 }
 
-/// The connection that brings what a callback is called with. Zenoh does not say; it receives each
-/// connection in a task of its own, which calls the callback.
-fn link() -> Option<LinkId> {
-    let task = tokio::task::try_id()?;
+/// Where a message comes from, as a callback is called with it: the connection, which Zenoh does not
+/// name, but receives in a task of its own that calls the callback; and the publisher, where
+/// `rmw_zenoh` attaches it, since one router may bring the messages of several.
+fn origin(sample: &Sample) -> Option<Origin> {
+    let task = tokio::task::try_id();
+    let attached = sample.attachment().map(|bytes| bytes.to_bytes());
+    let attachment = attached.and_then(|bytes| Attachment::from_bytes(&bytes));
+    let gid = attachment.map(|attachment| attachment.gid);
+    if task.is_none() && gid.is_none() {
+        return None;
+    }
     let mut hasher = DefaultHasher::new();
-    task.hash(&mut hasher);
-    Some(LinkId(hasher.finish()))
+    (task, gid).hash(&mut hasher);
+    Some(Origin(hasher.finish()))
 }
 
 fn take_cross_track_error(fleet: &FleetHandle, robot: &RobotId, sample: &Sample) {

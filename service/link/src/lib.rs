@@ -173,7 +173,10 @@ impl Link {
         lifecycle: Lifecycle,
         clock: SharedClock,
     ) -> Result<Self, LinkError> {
-        let table = RouteTable::new(&setup.ros2, setup.keys.root(), fleet.streams());
+        let mut table = RouteTable::new(&setup.ros2, setup.keys.root(), fleet.streams());
+        if setup.zenoh_config.is_none() {
+            table.close_access_list();
+        }
         let opened = session::open(&setup, &ros2::access::rules(&table)).await?;
         let session = opened.session;
         let stop = CancellationToken::new();

@@ -205,6 +205,9 @@ pub struct AnnouncedTopic {
     pub layout: KeyLayout,
     /// The streams that it could be.
     pub suited_for: Vec<Stream>,
+    /// Whether its robot is configured to use it, but the service's access list, which is made when
+    /// the service starts, lets nothing of it through.
+    pub blocked: bool,
 }
 
 /// Something that looks wrong with what a robot sends.
@@ -214,7 +217,7 @@ pub struct AnnouncedTopic {
 pub enum WarningKind {
     /// The steering angle has neither a sensor's noise nor its lag.
     SteeringLooksCommanded,
-    /// The scans state no beam times, and the scanner turns.
+    /// The scans state no beam times, and the scanner turns; or the points of its clouds have none.
     ScanBeamTimesMissing,
     /// The LiDAR's scanning plane is tilted: it sees the floor.
     ScannerSeesFloor,
@@ -222,6 +225,10 @@ pub enum WarningKind {
     TwoSenders,
     /// It sends on a key that is no longer used.
     FormerKey,
+    /// Stamps are coarser than the rate of their stream.
+    StampsCoarse,
+    /// A topic of a bridge is not on the access list.
+    TopicBlocked,
 }
 
 /// A warning, with words for people.
@@ -258,6 +265,34 @@ impl Warning {
         }
     }
 
+    /// The warning of [`WarningKind::StampsCoarse`]; of which streams.
+    pub fn stamps_coarse(streams: &[Stream]) -> Self {
+        Self {
+            kind: WarningKind::StampsCoarse,
+            text: format!(
+                "Most messages of {} have the stamp of the one before, as where stamps are whole \
+                 seconds: of each stamp only the first message is used, and nothing can be timed by \
+                 it. Stamp each message when it was measured, to a millisecond or better.",
+                names(streams)
+            ),
+        }
+    }
+
+    /// The warning of [`WarningKind::TopicBlocked`] for the topics of a robot that are blocked, if any.
+    pub fn topic_blocked(topics: &[AnnouncedTopic]) -> Option<Self> {
+        let blocked = topics.iter().filter(|topic| topic.blocked);
+        let names: Vec<&str> = blocked.map(|topic| topic.topic.as_str()).collect();
+        (!names.is_empty()).then(|| Self {
+            kind: WarningKind::TopicBlocked,
+            text: format!(
+                "The robot's bridge offers {}, but nothing of it arrives: the service's access list \
+                 was made when the service started, before anybody named it. Restart the service, \
+                 or name topics of robots to come in bridge_topics of [ros2].",
+                names.join(" and ")
+            ),
+        })
+    }
+
     /// The warning of [`WarningKind::FormerKey`]; `key` is the one to send to.
     pub fn former_key(key: &str) -> Self {
         Self {
@@ -286,7 +321,20 @@ impl Warning {
         }
     }
 
-    /// The warning of [`WarningKind::ScanBeamTimesMissing`].
+    /// The warning of [`WarningKind::ScanBeamTimesMissing`] where the scans are clouds.
+    pub fn point_times_missing() -> Self {
+        Self {
+            kind: WarningKind::ScanBeamTimesMissing,
+            text: "The points of the clouds have no times: no field t, time, timestamp, time_stamp \
+                   or offset_time, or all the same. A scanner that turns is taken as if it looked \
+                   everywhere at once, so the time offset stays unknown and the LiDAR's pose can be \
+                   off. Have the driver send the times; for a scanner that takes all points at \
+                   once, or clouds that were deskewed, set ignore_times in point_cloud."
+                .to_owned(),
+        }
+    }
+
+    /// The warning of [`WarningKind::ScanBeamTimesMissing`] where they are laser scans.
     pub fn scan_beam_times_missing() -> Self {
         Self {
             kind: WarningKind::ScanBeamTimesMissing,
@@ -296,4 +344,9 @@ impl Warning {
                 .to_owned(),
         }
     }
+}
+
+fn names(streams: &[Stream]) -> String {
+    let names: Vec<&str> = streams.iter().map(|stream| stream.name()).collect();
+    names.join(" and ")
 }

@@ -4,7 +4,7 @@ use fleetcal_estimator::Note;
 use fleetcal_model::{RobotTime, Stream};
 use fleetcal_proto::message_type::Form;
 
-use crate::senders::LinkId;
+use crate::senders::Origin;
 
 /// A message as it came in, not decoded yet.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -13,8 +13,8 @@ pub struct Message {
     pub stream: Stream,
     /// How it is written.
     pub form: Form,
-    /// The connection that it came over, where that is known.
-    pub link: Option<LinkId>,
+    /// Where it came from, where that is known.
+    pub origin: Option<Origin>,
     /// Its bytes.
     pub payload: Vec<u8>,
 }

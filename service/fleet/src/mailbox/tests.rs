@@ -10,7 +10,7 @@ fn message(stream: Stream, number: u32) -> Message {
     Message {
         stream,
         form: Encoding::Cdr.into(),
-        link: None,
+        origin: None,
         payload: number.to_le_bytes().to_vec(),
     }
 }

@@ -175,6 +175,13 @@ async fn reply(session: &Session, ros2: &Ros2, lifecycle: &Lifecycle, query: &Qu
     }
 }
 
+/// Whether a robot's topic is at that place. Of several robots at one place, one has it.
+pub fn is_home(table: &RouteTable, robot: &RobotId, prefix: &str, layout: KeyLayout) -> bool {
+    let path = format!("{prefix}/{TOPIC}");
+    let nearest = table.nearest(&path, layout);
+    nearest.is_some_and(|nearest| nearest.robot == *robot)
+}
+
 /// Whose topic a key is; nobody's when it names many.
 fn robot_of(ros2: &Ros2, key: &str) -> Option<RobotId> {
     if key.contains(['*', '$']) {
@@ -182,7 +189,7 @@ fn robot_of(ros2: &Ros2, key: &str) -> Option<RobotId> {
     }
     let key = TopicKey::parse(key);
     let table = ros2.table();
-    let placed = table.place(key.path, key.layout)?;
+    let placed = table.nearest(key.path, key.layout)?;
     (placed.topic == TOPIC).then_some(placed.robot)
 }
 

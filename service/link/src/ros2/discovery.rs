@@ -55,20 +55,19 @@ fn take(ros2: &Ros2, sample: &Sample) {
     let stands = sample.kind() == SampleKind::Put;
     let mut discovery = lock(&ros2.shared.discovery);
     let table = ros2.table();
-    let placed = table.place(&announced.path, announced.layout);
-    let robot = placed.map(|placed| placed.robot);
-    discovery.note(token, stands.then_some(announced.clone()), robot.as_ref());
+    let places = table.places(&announced.path, announced.layout).into_iter();
+    let robots: Vec<RobotId> = places.map(|placed| placed.robot).collect();
+    discovery.note(token, stands.then_some(announced.clone()), &robots);
     drop(table);
     if announced.layout == KeyLayout::BridgeRos2dds {
         // A bridge that was restarted announces itself again before its former token is gone.
-        let of = discovery.type_of(&announced.path, robot.as_ref());
+        let of = discovery.type_of(&announced.path, robots.first());
         ros2.change_table(|table| table.announce(&announced.path, of));
     }
-    let Some(robot) = robot else {
-        return;
-    };
-    let topics = discovery.topics_of(&ros2.table(), &robot);
-    tell(ros2, &mut discovery, &robot, topics);
+    for robot in robots {
+        let topics = discovery.topics_of(&ros2.table(), &robot);
+        tell(ros2, &mut discovery, &robot, topics);
+    }
 }
 
 /// Looks again whose each announced topic is: which robots there are, or their prefixes, changed.
@@ -100,30 +99,29 @@ pub fn place_anew(ros2: &Ros2) {
 }
 
 impl Discovery {
-    /// Takes a token of a robot, or of nobody; without an announcement it is gone.
-    fn note(&mut self, token: &str, announced: Option<Announcement>, robot: Option<&RobotId>) {
+    /// Takes a token of robots, or of nobody; without an announcement it is gone.
+    fn note(&mut self, token: &str, announced: Option<Announcement>, robots: &[RobotId]) {
         let Some(announced) = announced else {
             self.tokens.remove(token);
-            let Some(robot) = robot else {
-                return;
-            };
-            if let Some(tokens) = self.of_robots.get_mut(robot) {
-                tokens.remove(token);
-                if tokens.is_empty() {
-                    self.of_robots.remove(robot);
+            for robot in robots {
+                if let Some(tokens) = self.of_robots.get_mut(robot) {
+                    tokens.remove(token);
+                    if tokens.is_empty() {
+                        self.of_robots.remove(robot);
+                    }
                 }
             }
             return;
         };
-        let of_robot = robot.and_then(|robot| self.of_robots.get(robot));
         let is_full = |tokens: &BTreeSet<String>| {
             tokens.len() >= limits::ROS2_TOKENS_OF_ROBOT_MAX && !tokens.contains(token)
         };
-        if self.tokens.len() >= limits::ROS2_TOKENS_MAX || of_robot.is_some_and(is_full) {
+        let mut of_robots = robots.iter().filter_map(|robot| self.of_robots.get(robot));
+        if self.tokens.len() >= limits::ROS2_TOKENS_MAX || of_robots.any(is_full) {
             return;
         }
         self.tokens.insert(token.to_owned(), announced);
-        if let Some(robot) = robot {
+        for robot in robots {
             let tokens = self.of_robots.entry(robot.clone()).or_default();
             tokens.insert(token.to_owned());
         }
@@ -132,7 +130,7 @@ impl Discovery {
     fn place_all(&mut self, table: &RouteTable) {
         self.of_robots.clear();
         for (token, announced) in &self.tokens {
-            if let Some(placed) = table.place(&announced.path, announced.layout) {
+            for placed in table.places(&announced.path, announced.layout) {
                 let tokens = self.of_robots.entry(placed.robot).or_default();
                 if tokens.len() < limits::ROS2_TOKENS_OF_ROBOT_MAX {
                     tokens.insert(token.clone());
@@ -164,7 +162,9 @@ impl Discovery {
         let mut topics = Topics::default();
         let tokens = self.of_robots.get(robot).into_iter().flatten();
         for announced in tokens.filter_map(|token| self.tokens.get(token)) {
-            let Some(placed) = table.place(&announced.path, announced.layout) else {
+            let (path, layout) = (&announced.path, announced.layout);
+            let places = table.places(path, layout).into_iter();
+            let Some(placed) = places.into_iter().find(|placed| placed.robot == *robot) else {
                 continue;
             };
             let of = MessageType::of_ros_type(&announced.type_name);
@@ -174,6 +174,7 @@ impl Discovery {
                 type_name: announced.type_name.clone(),
                 layout: announced.layout,
                 suited_for: STREAMS_OF_TOPICS.into_iter().filter(suits).collect(),
+                blocked: table.is_blocked(&placed, path, layout),
             };
             if !topic.suited_for.is_empty() {
                 topics.home = Some((placed.prefix.to_owned(), announced.layout));

@@ -124,10 +124,16 @@ impl Ros2 {
             // Nothing is approved for a robot that nobody has registered.
             return false;
         }
+        let is_there = |home: &Home| home.prefix == prefix && home.layout == layout;
+        let homes = lock(&self.shared.homes);
+        let is_known = homes.get(robot).is_some_and(|of| of.iter().any(is_there));
+        drop(homes);
+        if is_known || !calibration::is_home(&self.table(), robot, prefix, layout) {
+            return false;
+        }
         let mut homes = lock(&self.shared.homes);
         let of_robot = homes.entry(robot.clone()).or_default();
-        let is_there = |home: &Home| home.prefix == prefix && home.layout == layout;
-        if of_robot.iter().any(is_there) || of_robot.len() >= limits::ROS2_HOMES_MAX {
+        if of_robot.len() >= limits::ROS2_HOMES_MAX {
             return false;
         }
         let prefix = prefix.to_owned();

@@ -2,6 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use zenoh::key_expr::{KeyExpr, OwnedKeyExpr};
+
 use fleetcal_domain::limits;
 use fleetcal_domain::streams::{RobotStreams, Ros2Settings, TopicRole, message_types};
 use fleetcal_model::Stream;
@@ -27,6 +29,9 @@ pub struct Route<'k> {
     pub expression: String,
 }
 
+/// A robot's topic, and the template that it was found by.
+type Claim<'p, 't> = (Matched<'p>, Option<&'t KeyTemplate>);
+
 /// See the module.
 #[derive(Debug, Clone)]
 pub struct RouteTable {
@@ -37,7 +42,7 @@ pub struct RouteTable {
     /// Topics of robots that are configured.
     roles: BTreeMap<RobotId, Vec<TopicRole>>,
     /// Robots whose keys follow no template, by what stands before their topics.
-    prefixes: BTreeMap<String, RobotId>,
+    prefixes: BTreeMap<String, BTreeSet<RobotId>>,
     /// The same by robot.
     prefix_of: BTreeMap<RobotId, String>,
     /// Configured robots that have announced a topic since this process began.
@@ -46,6 +51,9 @@ pub struct RouteTable {
     announced: BTreeMap<String, MessageType>,
     /// The robots to hear; `None` for all.
     heard: Option<BTreeSet<RobotId>>,
+    /// Key expressions of the bridge's topics that the access list lets through; `None` where this
+    /// service has none.
+    admitted: Option<Vec<OwnedKeyExpr>>,
 }
 
 impl RouteTable {
@@ -65,6 +73,7 @@ impl RouteTable {
             announcing: BTreeSet::new(),
             announced: BTreeMap::new(),
             heard: None,
+            admitted: None,
         };
         table.set_robots(robots);
         table
@@ -78,7 +87,8 @@ impl RouteTable {
         for (robot, streams) in robots {
             if let Some(prefix) = &streams.fields().prefix {
                 let prefix = prefix.as_str().to_owned();
-                self.prefixes.insert(prefix.clone(), robot.clone());
+                let below = self.prefixes.entry(prefix.clone()).or_default();
+                below.insert(robot.clone());
                 self.prefix_of.insert(robot.clone(), prefix);
             }
             self.roles.insert(robot, streams.roles(&self.settings));
@@ -97,6 +107,24 @@ impl RouteTable {
     /// topic and type of robots that are not on ROS 2 would cost Zenoh more than the robots do.
     pub fn set_heard(&mut self, heard: Option<BTreeSet<RobotId>>) {
         self.heard = heard;
+    }
+
+    /// Takes that the access list is made from the table as it is: what is configured later has to
+    /// do with that.
+    pub fn close_access_list(&mut self) {
+        let admitted = self.bridge_expressions().into_iter();
+        self.admitted = Some(admitted.filter_map(|text| text.try_into().ok()).collect());
+    }
+
+    /// Whether the access list keeps out what a robot is configured to send on a path.
+    pub fn is_blocked(&self, matched: &Matched<'_>, path: &str, layout: KeyLayout) -> bool {
+        let Some(admitted) = &self.admitted else {
+            return false;
+        };
+        let is_of_bridge = layout == KeyLayout::BridgeRos2dds;
+        let is_admitted = |key: &KeyExpr<'_>| admitted.iter().any(|one| one.includes(key));
+        let key = KeyExpr::try_from(path);
+        is_of_bridge && self.role(matched).is_some() && !key.is_ok_and(|key| is_admitted(&key))
     }
 
     /// Takes what a token of the bridge says about a path; `None` once it is gone.
@@ -127,10 +155,17 @@ impl RouteTable {
         key.starts_with(&self.root)
     }
 
-    /// Whose stream a key is; `None` when it is nobody's.
-    pub fn route<'k>(&self, key: &'k str) -> Option<Route<'k>> {
+    /// Whose streams a key is: of each robot whose prefix it is below, and of the one that a template
+    /// names, which has to be configured where there are others.
+    pub fn routes<'k>(&self, key: &'k str) -> Vec<Route<'k>> {
         let key = TopicKey::parse(key);
-        let (matched, template) = self.find(key.path, key.layout)?;
+        let claims = self.claims(key.path, key.layout).into_iter();
+        let routes = claims.filter_map(|claim| self.route(&key, claim));
+        routes.collect()
+    }
+
+    fn route<'k>(&self, key: &TopicKey<'k>, claim: Claim<'k, '_>) -> Option<Route<'k>> {
+        let (matched, template) = claim;
         let role = self.role(&matched)?;
         let path = match template {
             None => format!("{}/{}", matched.prefix, matched.topic),
@@ -157,48 +192,73 @@ impl RouteTable {
         })
     }
 
-    /// Robot and topic of a path.
-    pub fn place<'p>(&self, path: &'p str, layout: KeyLayout) -> Option<Matched<'p>> {
-        self.find(path, layout).map(|(matched, _)| matched)
+    /// Robots and topics of a path: of each robot that takes it, else of the one that it is nearest to.
+    pub fn places<'p>(&self, path: &'p str, layout: KeyLayout) -> Vec<Matched<'p>> {
+        let claims = self.claims(path, layout);
+        if claims.is_empty() {
+            return self.nearest(path, layout).into_iter().collect();
+        }
+        claims.into_iter().map(|(matched, _)| matched).collect()
     }
 
-    /// The same, with the template that it was found by; `None` of one that has a prefix.
-    fn find<'p>(
-        &self,
-        path: &'p str,
-        layout: KeyLayout,
-    ) -> Option<(Matched<'p>, Option<&KeyTemplate>)> {
+    /// Whose place a path without a stream is at: of robots at one place, the one that is named so, else
+    /// the first.
+    pub fn nearest<'p>(&self, path: &'p str, layout: KeyLayout) -> Option<Matched<'p>> {
         if self.is_own(path) {
             return None;
         }
+        let by_prefix = self.by_prefix(path).next();
+        let mut by_template = self.by_template(path, layout).map(|(matched, _)| matched);
+        let Some(by_prefix) = by_prefix else {
+            return by_template.next();
+        };
+        let is_named_so = |of: &Matched<'_>| self.knows(&of.robot) && of.prefix == by_prefix.prefix;
+        Some(by_template.find(is_named_so).unwrap_or(by_prefix))
+    }
+
+    /// Robots that take a path, each with the template that it was found by; `None` of one that has a
+    /// prefix.
+    fn claims<'p>(&self, path: &'p str, layout: KeyLayout) -> Vec<Claim<'p, '_>> {
+        if self.is_own(path) {
+            return Vec::new();
+        }
+        let takes = |matched: &Matched<'_>| self.role(matched).is_some();
+        let by_prefix = self.by_prefix(path).filter(takes);
+        let mut claims: Vec<Claim<'_, '_>> = by_prefix.map(|matched| (matched, None)).collect();
+        let is_alone = claims.is_empty();
+        let by_template = self
+            .by_template(path, layout)
+            .find(|(matched, _)| takes(matched) && (is_alone || self.knows(&matched.robot)));
+        claims.extend(by_template.map(|(matched, template)| (matched, Some(template))));
+        claims
+    }
+
+    /// Robots that a template names. One that has a prefix is found by that alone.
+    fn by_template<'p>(
+        &self,
+        path: &'p str,
+        layout: KeyLayout,
+    ) -> impl Iterator<Item = (Matched<'p>, &KeyTemplate)> {
         let templates = match layout {
             KeyLayout::BridgeRos2dds => &self.settings.bridge,
             KeyLayout::RmwZenoh | KeyLayout::RmwZenohWithoutHash => &self.settings.rmw_zenoh,
         };
-        let by_template = templates
+        templates
             .iter()
-            .filter_map(|template| Some((template.matched(path)?, Some(template))));
-        // One that has a prefix is found by that alone.
-        let by_template = by_template.filter(|(matched, _)| self.prefix(&matched.robot).is_none());
-        let by_prefix = self.by_prefix(path).map(|matched| (matched, None));
-        let mut first = None;
-        for found in by_prefix.chain(by_template) {
-            if self.role(&found.0).is_some() {
-                return Some(found);
-            }
-            first = first.or(Some(found));
-        }
-        first
+            .filter_map(|template| Some((template.matched(path)?, template)))
+            .filter(|(matched, _)| self.prefix(&matched.robot).is_none())
     }
 
     /// Robots of whose prefixes a path begins with one, the longest first: a short one, such as a
     /// domain, does not hide robots that have theirs below it.
     fn by_prefix<'p>(&self, path: &'p str) -> impl Iterator<Item = Matched<'p>> {
-        path.rmatch_indices('/').filter_map(|(at, _)| {
+        let prefixes = path.rmatch_indices('/').filter_map(|(at, _)| {
             let (prefix, topic) = (path.get(..at)?, path.get(at + 1..)?);
-            let robot = self.prefixes.get(prefix)?.clone();
-            Some(Matched {
-                robot,
+            Some((prefix, topic, self.prefixes.get(prefix)?))
+        });
+        prefixes.flat_map(|(prefix, topic, robots)| {
+            robots.iter().map(move |robot| Matched {
+                robot: robot.clone(),
                 prefix,
                 topic,
             })
@@ -314,214 +374,4 @@ fn expressions_under(prefix: &str, roles: &[TopicRole]) -> BTreeSet<String> {
 }
 
 #[cfg(test)]
-mod tests {
-    use zenoh::key_expr::KeyExpr;
-
-    use super::*;
-
-    fn table(robots: &[(&str, &str)]) -> RouteTable {
-        let robots = robots.iter().map(|(id, streams)| {
-            let streams: RobotStreams = toml::from_str(streams).unwrap();
-            (RobotId::parse(id).unwrap(), streams)
-        });
-        RouteTable::new(
-            &Ros2Settings::default(),
-            &KeyRoot::default(),
-            robots.collect(),
-        )
-    }
-
-    const SCAN: &str = "sensor_msgs::msg::dds_::LaserScan_";
-
-    fn routed(table: &RouteTable, key: &str) -> Option<(String, Stream)> {
-        let route = table.route(key)?;
-        Some((route.robot.as_str().to_owned(), route.stream))
-    }
-
-    #[test]
-    fn a_robot_that_nobody_knows_has_the_usual_topics() {
-        let table = table(&[]);
-        for key in [
-            format!("0/tugger_01/scan/{SCAN}/RIHS01_64c1"),
-            format!("7/tugger_01/scan/{SCAN}/TypeHashNotSupported"),
-            "tugger_01/scan".to_owned(),
-        ] {
-            let wanted = Some(("tugger_01".to_owned(), Stream::Scan));
-            assert_eq!(routed(&table, &key), wanted, "{key}");
-        }
-        for key in [
-            "fleet/tugger_01/scan",
-            "tugger_01/camera",
-            "0/tugger_01/x/scan",
-        ] {
-            assert_eq!(routed(&table, key), None, "{key}");
-        }
-    }
-
-    #[test]
-    fn a_configured_robot_has_its_own_topics_and_prefix() {
-        let table = table(&[
-            ("tugger_01", "scan = { topic = 'front/scan' }"),
-            ("tugger_02", "prefix = '7'\nscan = { topic = 'lidar/scan' }"),
-        ]);
-        let key = format!("0/tugger_01/front/scan/{SCAN}/RIHS01_64c1");
-        let route = table.route(&key).unwrap();
-        assert_eq!(route.prefix, "0/tugger_01");
-        assert_eq!(route.message_type, Some(MessageType::LaserScan));
-        assert_eq!(routed(&table, "tugger_01/scan"), None, "not its topic");
-        for key in [
-            format!("7/lidar/scan/{SCAN}/RIHS01_64c1"),
-            "7/lidar/scan".to_owned(),
-        ] {
-            let wanted = Some(("tugger_02".to_owned(), Stream::Scan));
-            assert_eq!(routed(&table, &key), wanted, "{key}");
-        }
-        let expressions = table.robot_expressions();
-        assert!(expressions.contains(&format!("*/tugger_01/front/scan/{SCAN}/*")));
-        assert!(expressions.contains("tugger_01/front/scan"));
-        assert!(expressions.contains("7/wheel_odometry"));
-        assert!(
-            !expressions
-                .iter()
-                .any(|text| text.ends_with("tugger_01/wheel_odometry"))
-        );
-    }
-
-    #[test]
-    fn a_short_prefix_hides_nobody_behind_it() {
-        let table = table(&[
-            ("lone", "prefix = '0'"),
-            ("site_cart", "prefix = '0/site/b'"),
-            ("tugger_01", ""),
-        ]);
-        for (key, robot) in [
-            (format!("0/scan/{SCAN}/RIHS01_64c1"), "lone"),
-            (format!("0/tugger_01/scan/{SCAN}/RIHS01_64c1"), "tugger_01"),
-            (format!("0/stranger/scan/{SCAN}/RIHS01_64c1"), "stranger"),
-            (format!("0/site/b/scan/{SCAN}/RIHS01_64c1"), "site_cart"),
-        ] {
-            let wanted = Some((robot.to_owned(), Stream::Scan));
-            assert_eq!(routed(&table, &key), wanted, "{key}");
-        }
-        let own = format!("0/lone/scan/{SCAN}/RIHS01_64c1");
-        assert_eq!(routed(&table, &own), None, "it has a prefix");
-    }
-
-    #[test]
-    fn each_key_is_taken_by_one_expression_of_the_table() {
-        let settings: Ros2Settings = toml::from_str(
-            "rmw_zenoh = ['{domain}/{robot}/{topic}', '{robot}/{topic}', '{robot}/{domain}/{topic}']",
-        )
-        .unwrap();
-        let robots = [
-            ("left", "scan = { topic = 'front/scan' }"),
-            // By its domain: the key is also one that the robot before it may have.
-            ("7", "scan = { topic = 'left/front/scan' }"),
-            // Its prefix lies below that domain.
-            ("cart", "prefix = '7/left'\nscan = { topic = 'rear/scan' }"),
-            (
-                "9",
-                "scan = { topic = 'scan' }
-wheel_odometry = { topic = '3/wheel_odometry' }",
-            ),
-        ];
-        let robots = robots.map(|(id, streams)| {
-            let streams: RobotStreams = toml::from_str(streams).unwrap();
-            (RobotId::parse(id).unwrap(), streams)
-        });
-        let table = RouteTable::new(&settings, &KeyRoot::default(), robots.into());
-        let mut all = table.usual_expressions();
-        all.extend(table.robot_expressions());
-        let drive = "ackermann_msgs::msg::dds_::AckermannDriveStamped_";
-        let mut matched_by_many = 0;
-        for (path, of, robot) in [
-            ("7/left/front/scan", SCAN, "left"),
-            ("8/left/front/scan", SCAN, "left"),
-            ("7/left/rear/scan", SCAN, "cart"),
-            ("7/left/wheel_odometry", drive, "cart"),
-            ("7/9/scan", SCAN, "9"),
-            ("9/7/scan", SCAN, "9"),
-            ("9/3/wheel_odometry", drive, "3"),
-            ("9/scan", SCAN, "9"),
-            ("stranger/4/scan", SCAN, "stranger"),
-        ] {
-            let key = format!("{path}/{of}/RIHS01_64c1");
-            let Some(route) = table.route(&key) else {
-                panic!("{key} is nobody's");
-            };
-            assert_eq!(route.robot.as_str(), robot, "{key}");
-            assert!(all.contains(&route.expression), "{}", route.expression);
-            let key = KeyExpr::try_from(key.as_str()).unwrap();
-            let includes =
-                |text: &&String| KeyExpr::try_from(text.as_str()).unwrap().includes(&key);
-            assert!(includes(&&route.expression), "{}", route.expression);
-            matched_by_many += usize::from(all.iter().filter(includes).count() > 1);
-        }
-        assert!(matched_by_many >= 2, "{matched_by_many}");
-        // Of a type that its robot does not take there.
-        assert!(
-            table
-                .route(&format!("7/left/front/scan/{drive}/RIHS01_64c1"))
-                .is_none()
-        );
-    }
-
-    #[test]
-    fn of_several_instances_each_hears_the_topics_of_its_robots() {
-        let mut table = table(&[
-            ("tugger_01", ""),
-            ("tugger_02", "prefix = '7'"),
-            ("tugger_03", ""),
-        ]);
-        let heard = ["tugger_01", "tugger_02"].map(|id| RobotId::parse(id).unwrap());
-        table.set_heard(Some(heard.clone().into()));
-        let of_tugger_01 = |text: &String| text.contains("tugger_01");
-        assert!(!table.wanted_expressions().iter().any(of_tugger_01));
-        assert!(table.note_announcing(&heard[0]));
-        assert!(!table.note_announcing(&heard[0]), "for the second time");
-        let wanted = table.wanted_expressions();
-        let is_heard = |key: &str| {
-            let key = KeyExpr::try_from(key).unwrap();
-            let mut wanted = wanted.iter();
-            wanted.any(|text| KeyExpr::try_from(text.as_str()).unwrap().includes(&key))
-        };
-        for (key, wanted) in [
-            (format!("0/tugger_01/scan/{SCAN}/RIHS01_64c1"), true),
-            ("tugger_01/scan".to_owned(), true),
-            (format!("7/scan/{SCAN}/RIHS01_64c1"), true),
-            (format!("0/tugger_03/scan/{SCAN}/RIHS01_64c1"), false),
-            ("tugger_03/scan".to_owned(), false),
-        ] {
-            assert_eq!(is_heard(&key), wanted, "{key}");
-            let expression = table.route(&key).unwrap().expression;
-            assert_eq!(
-                table.wanted_expressions().contains(&expression),
-                wanted,
-                "{key}"
-            );
-        }
-        table.set_heard(Some(BTreeSet::new()));
-        assert!(table.wanted_expressions().is_empty());
-    }
-
-    #[test]
-    fn a_token_says_what_a_key_of_the_bridge_does_not() {
-        let mut table = table(&[]);
-        let of = |table: &RouteTable| table.route("tugger_01/scan").unwrap().message_type;
-        assert_eq!(of(&table), None);
-        table.announce("tugger_01/scan", Some(MessageType::PointCloud2));
-        assert_eq!(of(&table), Some(MessageType::PointCloud2));
-        table.announce("tugger_01/scan", None);
-        assert_eq!(of(&table), None);
-    }
-
-    #[test]
-    fn every_expression_of_the_usual_topics_holds_a_type_or_is_the_bridges() {
-        let table = table(&[]);
-        let usual = table.usual_expressions();
-        assert!(usual.contains(&format!("*/*/scan/{SCAN}/*")), "{usual:?}");
-        assert!(usual.contains("*/wheel_odometry"));
-        let bridge: Vec<String> = table.bridge_expressions().into_iter().collect();
-        assert_eq!(bridge, ["*/lidar_odometry", "*/scan", "*/wheel_odometry"]);
-    }
-}
+mod tests;

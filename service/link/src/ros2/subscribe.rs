@@ -1,7 +1,8 @@
 //! One subscriber for each key expression that some robot's topics have.
 //!
 //! All have the same callback, which Zenoh calls in the order in which a robot has sent. Where
-//! several match a key, each is called: the table says which of them takes the message.
+//! several match a key, each is called: the table says which of them takes the message for which
+//! robot.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -75,22 +76,15 @@ fn take(ros2: &Ros2, expression: &str, sample: &Sample) {
     if table.is_own(key) {
         return;
     }
-    let Some(route) = table.route(key) else {
-        drop(table);
-        fleet.count_foreign_key();
-        return;
-    };
+    let routes = table.routes(key);
     drop(table);
-    if route.expression != expression {
-        // Another subscriber hears it too, and takes it.
-        return;
+    if routes.is_empty() {
+        fleet.count_foreign_key();
     }
-    ros2.seen_at(&route.robot, route.prefix, route.layout);
-    ingest::offer(
-        fleet,
-        &route.robot,
-        route.stream,
-        route.message_type,
-        sample,
-    );
+    // What has another expression is heard and taken by another subscriber.
+    for route in routes.iter().filter(|route| route.expression == expression) {
+        ros2.seen_at(&route.robot, route.prefix, route.layout);
+        let (robot, of) = (&route.robot, route.message_type);
+        ingest::offer(fleet, robot, route.stream, of, sample);
+    }
 }
