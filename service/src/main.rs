@@ -13,6 +13,7 @@ use fleetcal::command::{
 };
 use fleetcal::environment::{self, Peers};
 use fleetcal_clock::{Clock as _, SharedClock, SystemClock};
+use fleetcal_command::zenoh_words::{WithoutPlaces, without_places};
 use fleetcal_command::{agent, calibrate, odometry, replay, schema, simulate};
 use fleetcal_domain::limits::ZENOH_LOG_LINES_PER_HOUR_MAX;
 use fleetcal_fleet::budget::Budget;
@@ -51,7 +52,7 @@ fn main() -> ExitCode {
     match run(&cli.command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("fleetcal: {}", in_one_sentence(&error));
+            eprintln!("fleetcal: {}", without_places(&in_one_sentence(&error)));
             ExitCode::from(error.exit_status())
         }
     }
@@ -120,7 +121,7 @@ fn log() {
     });
     let lines = tracing_subscriber::fmt::layer()
         .with_ansi(std::io::stderr().is_terminal())
-        .with_writer(std::io::stderr)
+        .with_writer(|| WithoutPlaces(std::io::stderr()))
         .with_filter(chosen.and(within_budget));
     tracing_subscriber::registry().with(lines).init();
 }

@@ -280,6 +280,40 @@ async fn a_generated_list_lets_ten_queries_a_second_through() {
     assert!((15..=25).contains(&answered), "{answered} of {asked}");
 }
 
+/// The two lines of the README under "Connect a robot", where there is no file of passwords yet.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_list_with_passwords_needs_no_file_before() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("passwords.txt");
+    let (zenoh, file) = (free_port(), path.display().to_string());
+    let listen = format!("tcp/{zenoh}");
+    let identity = ["--identity", "user", "--passwords", &file];
+    let flags = [&["--robot", "robot_a"], &identity[..], &["-l", &listen]].concat();
+    let router = generated(folder.path(), &flags);
+    let text = fs::read_to_string(&path).unwrap();
+    let secret = text.trim().strip_prefix("robot_a:").unwrap();
+    let mode = fs::metadata(&path).unwrap().permissions().mode();
+    assert_eq!(mode & 0o777, 0o600);
+
+    let service = Service::start_on(zenoh, KNOWN, &["-c", &router]);
+    let shown = |secret: &str| robot::with_password(&service.endpoint(), "robot_a", secret);
+    assert!(robot::open(shown("another")).await.is_err());
+    let session = robot::open(shown(secret)).await.unwrap();
+    arriving(&service, &session, "robot_a").await;
+    drop((session, service));
+
+    fs::remove_file(&path).unwrap();
+    let data = folder.path().join("data").display().to_string();
+    let http = free_port().to_string();
+    let refused = binary::run(["serve", "-c", &router, "--data", &data, "--http", &http]);
+    let said = String::from_utf8_lossy(&refused.stderr);
+    assert_eq!(refused.status.code(), Some(2), "{said}");
+    for wanted in [&file, "No such file", "acl generate"] {
+        assert!(said.contains(wanted), "{said}");
+    }
+    assert!(!said.contains(".rs:"), "{said}");
+}
+
 #[test]
 fn a_file_of_passwords_that_everybody_can_read_is_warned_of() {
     let folder = TempDir::new().unwrap();

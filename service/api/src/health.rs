@@ -68,7 +68,8 @@ pub(super) struct Readiness {
     survives_machine_loss: Survival,
     /// Whether the database has this program's schema.
     migrations: Check,
-    /// Whether the Zenoh session is open and, of an instance of a cluster, reaches a router.
+    /// Whether the Zenoh session is open and, of an instance of a cluster, reaches a router. The detail
+    /// also says when all places of sessions are taken, and who has the most.
     zenoh: Check,
     /// Whether this instance is one of its cluster; absent where one service has all robots.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -217,12 +218,17 @@ pub(super) async fn readyz(
     };
     let is_in = cluster.as_ref().is_none_or(|check| check.ok);
     let ready = database.is_ok() && migrations.is_ok() && zenoh.is_ok() && is_in;
+    let mut zenoh = Check::of(zenoh);
+    if let Some(crowd) = api.fleet.peers().crowded().filter(|_| zenoh.ok) {
+        // Peers that have fewer still come in, and those that are there go on.
+        zenoh.detail = Some(format!("all places of Zenoh sessions are taken: {crowd}"));
+    }
     let document = Readiness {
         ready,
         database: Check::of(database),
         survives_machine_loss,
         migrations: Check::of(migrations),
-        zenoh: Check::of(zenoh),
+        zenoh,
         cluster,
     };
     let status = if ready {

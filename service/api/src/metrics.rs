@@ -14,7 +14,7 @@ use fleetcal_cluster::Membership;
 use fleetcal_domain::alert::{AlertKind, ConditionName};
 use fleetcal_domain::robot::ConnectionState;
 use fleetcal_domain::standing::Standing;
-use fleetcal_fleet::FleetCounters;
+use fleetcal_fleet::{FleetCounters, SessionClosed};
 use fleetcal_http::Turned;
 use fleetcal_metrics::robots::{self, RobotFigures};
 use fleetcal_metrics::{cluster, counter, counters, gauge, gauges};
@@ -94,6 +94,8 @@ struct Snapshot {
     /// `None` while the database does not say.
     waiting_deliveries: Option<u64>,
     link_open: bool,
+    sessions: usize,
+    sessions_closed: [(&'static str, u64); SessionClosed::ALL.len()],
     connections: usize,
     turned_away: [(&'static str, u64); Turned::ALL.len()],
 }
@@ -132,6 +134,8 @@ impl Snapshot {
             dispatcher: api.dispatcher.counters(),
             waiting_deliveries,
             link_open: *api.link_open.borrow(),
+            sessions: api.fleet.peers().open(),
+            sessions_closed: api.fleet.peers().closed(),
             connections: api.connections.open(),
             turned_away: api.connections.turned(),
         };
@@ -176,6 +180,24 @@ impl Snapshot {
             "fleetcal_zenoh_session_up",
             "Whether the Zenoh session is open",
             f64::from(self.link_open),
+        )?;
+        self.encode_peers(out)
+    }
+
+    fn encode_peers(&self, out: &mut DescriptorEncoder<'_>) -> fmt::Result {
+        gauge(
+            out,
+            "fleetcal_zenoh_sessions",
+            "Zenoh sessions of robots and others that are open",
+            self.sessions as f64,
+        )?;
+        let by_reason = self.sessions_closed.iter();
+        let by_reason = by_reason.map(|(reason, count)| ([("reason", *reason)], *count));
+        counters(
+            out,
+            "fleetcal_zenoh_sessions_closed",
+            "Zenoh sessions closed for want of a place, by reason",
+            by_reason,
         )
     }
 

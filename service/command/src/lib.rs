@@ -22,6 +22,7 @@ pub mod simulate;
 mod table;
 mod timing;
 mod topics;
+pub mod zenoh_words;
 
 use std::path::PathBuf;
 use std::pin::Pin;

@@ -4,8 +4,9 @@ use std::time::Duration;
 
 use fleetcal_model::Stream;
 
-/// Largest message that the Zenoh transport puts together, in bytes.
-pub const PAYLOAD_BYTES_MAX: usize = 4 * 1024 * 1024;
+/// Largest message that the Zenoh transport puts together, in bytes: the largest payload, its key and
+/// its attachment. A session can leave one unfinished on its reliable and one on its other channel.
+pub const ZENOH_MESSAGE_BYTES_MAX: usize = payload_bytes_max(Stream::Scan) + 64 * 1024;
 
 /// Largest payload taken from a robot on one stream, in bytes. A full mailbox of the largest ones
 /// stays under 24 MiB; the largest scan is a cloud of 32,768 points of 48 bytes and some more.
@@ -348,6 +349,17 @@ pub const ZENOH_CONFIG_BYTES_MAX: u64 = 64 * 1024 * 1024;
 pub const ZENOH_HANDSHAKES_MAX: usize = ROBOTS_MAX;
 /// A connection to the Zenoh port has said who it is within this time.
 pub const ZENOH_HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(3);
+/// Zenoh sessions of all peers together. When all places are taken, who has the most gives one to a
+/// peer that has fewer.
+pub const ZENOH_SESSIONS_MAX: usize = ROBOTS_MAX;
+/// Zenoh sessions of one address whose peers show no name: of a fleet behind one gateway.
+pub const ZENOH_SESSIONS_PER_ADDRESS_MAX: usize = ZENOH_SESSIONS_MAX / 4;
+/// Zenoh sessions of one name, by password or certificate: a robot has a few, a router one.
+pub const ZENOH_SESSIONS_PER_NAME_MAX: usize = 64;
+/// Sessions that Zenoh opens beyond, so that one can come whose place is another's still.
+pub const ZENOH_SESSIONS_OPENING_MAX: usize = 256;
+/// Log lines about places of Zenoh sessions, an hour.
+pub const ZENOH_SESSION_LINES_PER_HOUR_MAX: u32 = 60;
 /// Lines that Zenoh itself logs, an hour: peers can make it log at will.
 pub const ZENOH_LOG_LINES_PER_HOUR_MAX: u32 = 1_200;
 /// Opening the Zenoh session may take this long.

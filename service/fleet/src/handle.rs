@@ -34,6 +34,7 @@ use crate::cross_track::{self, UsedValues};
 use crate::decode;
 use crate::live::LiveUpdate;
 use crate::mailbox::Message;
+use crate::peers::PeerSessions;
 use crate::registry::{Counts, Fleet, FleetCounters, Step, new_robot, scan_durations};
 use crate::robot::Robot;
 use crate::senders::Origin;
@@ -139,6 +140,7 @@ impl FleetHandle {
             robots: RwLock::new(robots),
             live,
             counts: Counts::default(),
+            peers: PeerSessions::default(),
             scan_durations: scan_durations(),
             tasks: TaskTracker::new(),
             configured: watch_channel::Sender::new(0),
@@ -349,6 +351,11 @@ impl FleetHandle {
     /// Counters of the whole service.
     pub fn counters(&self) -> FleetCounters {
         self.fleet.counters()
+    }
+
+    /// The Zenoh sessions, as the link counts them.
+    pub fn peers(&self) -> &PeerSessions {
+        &self.fleet.peers
     }
 
     /// Whether a robot is sending.

@@ -18,6 +18,7 @@ use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
 use crate::live::LiveUpdate;
+use crate::peers::PeerSessions;
 use crate::robot::Robot;
 
 /// Upper bounds of the buckets of scans, s: a scan takes about a millisecond, and the next one comes
@@ -41,7 +42,7 @@ pub struct FleetCounters {
     pub received: u64,
     /// Messages on keys that name no robot or no stream.
     pub foreign_keys: u64,
-    /// Messages larger than [`fleetcal_domain::limits::PAYLOAD_BYTES_MAX`].
+    /// Messages larger than [`fleetcal_domain::limits::payload_bytes_max`].
     pub oversized: u64,
     /// Messages of robots beyond [`fleetcal_domain::limits::UNREGISTERED_ROBOTS_MAX`].
     pub beyond_robots_max: u64,
@@ -92,6 +93,8 @@ pub(crate) struct Fleet {
     pub(super) robots: RwLock<BTreeMap<RobotId, Arc<Robot>>>,
     pub(super) live: broadcast::Sender<LiveUpdate>,
     pub(crate) counts: Counts,
+    /// The Zenoh sessions of all robots and others.
+    pub(super) peers: PeerSessions,
     /// How long estimators took for a scan.
     pub(super) scan_durations: Histogram,
     pub(super) tasks: TaskTracker,

@@ -1,6 +1,7 @@
 //! Detection of a router that would serve unauthenticated peers beyond this machine.
 
 use std::net::IpAddr;
+use std::path::PathBuf;
 
 use serde_json::Value;
 use zenoh::Config;
@@ -8,7 +9,7 @@ use zenoh::Config;
 /// The first endpoint at which anybody beyond this machine could connect; `None` when peers have to
 /// show a password or a certificate everywhere, or none listens beyond loopback.
 pub fn open_endpoint(config: &Config) -> Option<String> {
-    if is_set(config, "transport/auth/usrpwd/dictionary_file") {
+    if password_file(config).is_some() {
         return None;
     }
     let asks_for_certificates = json(config, "transport/link/tls/enable_mtls") == Value::Bool(true);
@@ -47,10 +48,11 @@ fn is_loopback(address: &str) -> bool {
             .is_ok_and(|address| address.to_canonical().is_loopback())
 }
 
-fn is_set(config: &Config, key: &str) -> bool {
-    json(config, key)
-        .as_str()
-        .is_some_and(|text| !text.is_empty())
+/// The file of the passwords that peers have to show one of.
+pub fn password_file(config: &Config) -> Option<PathBuf> {
+    let file = json(config, "transport/auth/usrpwd/dictionary_file");
+    let file = file.as_str().filter(|file| !file.is_empty());
+    file.map(PathBuf::from)
 }
 
 fn json(config: &Config, key: &str) -> Value {

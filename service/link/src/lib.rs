@@ -3,15 +3,19 @@
 mod access;
 mod anonymous;
 mod answers;
+mod bounds;
 mod calibration;
 mod cluster;
 mod gate;
 mod heard;
 mod ingest;
 mod outgoing;
+pub mod password_file;
+mod places;
 mod questions;
 mod ros2;
 mod session;
+mod sessions;
 mod strict;
 
 use std::path::PathBuf;
@@ -28,6 +32,7 @@ use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 use zenoh::Session;
+use zenoh::internal::runtime::Runtime;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Subscriber;
 use zenoh::query::Queryable;
@@ -36,9 +41,13 @@ use cluster::{ClusterLink, ClusterParts};
 use fleetcal_operations::lifecycle::Lifecycle;
 use gate::Gate;
 use heard::HeardStreams;
+use password_file::PasswordFileRefused;
 use questions::Questions;
 use ros2::{Ros2, Ros2Link, RouteTable};
+use session::Opened;
+use sessions::Sessions;
 
+pub use places::Shares;
 pub use strict::{Identity, RouterCertificate, StrictRouter, is_robots_own};
 
 /// What the link is made with.
@@ -58,6 +67,8 @@ pub struct LinkSetup {
     pub keys: Keys,
     /// Where ROS 2 robots' topics are.
     pub ros2: Ros2Settings,
+    /// How many sessions peers may have.
+    pub shares: Shares,
     /// This process's place in a cluster.
     pub membership: Membership,
     /// Where the link of an instance of a cluster says how it is.
@@ -70,6 +81,12 @@ pub enum LinkError {
     /// The configuration was refused.
     #[error("the Zenoh configuration is refused: {0}")]
     Config(String),
+    /// The file of the passwords is not there or cannot be used.
+    #[error(
+        "the passwords of the Zenoh configuration: {0}; `fleetcal acl generate --identity user \
+         --passwords FILE` makes a file with a line `user:password` for each robot"
+    )]
+    Passwords(#[from] PasswordFileRefused),
     /// Anybody beyond this machine could connect.
     #[error(
         "Zenoh would take anybody who reaches {endpoint}, without authentication: give -c a \
@@ -115,6 +132,7 @@ pub type Boxed<T> = Pin<Box<dyn Future<Output = T> + Send>>;
 #[derive(Debug)]
 pub struct Link {
     session: Session,
+    runtime: Runtime,
     presence: Subscriber<()>,
     progress: Queryable<()>,
     /// Of a service that has all robots.
@@ -177,8 +195,9 @@ impl Link {
         if setup.zenoh_config.is_none() {
             table.close_access_list();
         }
-        let opened = session::open(&setup, &ros2::access::rules(&table)).await?;
-        let session = opened.session;
+        let sessions = Sessions::new(setup.shares, fleet.clone(), clock.clone());
+        let opened = session::open(&setup, &ros2::access::rules(&table), sessions).await?;
+        let session = opened.session.clone();
         let stop = CancellationToken::new();
         let parts = Parts {
             keys: setup.keys.clone(),
@@ -190,7 +209,7 @@ impl Link {
             clock,
             stop,
         };
-        parts.linked(table, setup, opened.listens).await
+        parts.linked(table, setup, opened).await
     }
 
     /// Whether the session is open.
@@ -224,7 +243,7 @@ impl Link {
         if let Err(error) = self.poster.await {
             tracing::error!(%error, "the sender of calibrations failed");
         }
-        session::close(self.session).await;
+        session::close(self.session, self.runtime).await;
     }
 }
 
@@ -261,7 +280,7 @@ impl Parts {
         self,
         table: RouteTable,
         setup: LinkSetup,
-        listens: bool,
+        opened: Opened,
     ) -> Result<Link, LinkError> {
         let (session, keys, fleet) = (&self.session, &self.keys, &self.fleet);
         let cluster = setup.membership.cluster().cloned();
@@ -297,7 +316,7 @@ impl Parts {
                 let parts = ClusterParts {
                     parts: self.clone(),
                     cluster,
-                    listens,
+                    listens: opened.listens,
                     report: setup.report,
                 };
                 let opened = ClusterLink::open(parts).await;
@@ -308,6 +327,7 @@ impl Parts {
         let (publisher, poster) = self.begin_to_send(ros2.shared());
         Ok(Link {
             session: self.session,
+            runtime: opened.runtime,
             presence,
             progress,
             all,

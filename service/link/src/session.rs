@@ -1,20 +1,26 @@
 //! Opens and closes the Zenoh session, which is a router.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use fleetcal_domain::limits;
 use fleetcal_proto::endpoint;
 use serde_json::Value;
 use tokio::sync::oneshot;
+use zenoh::internal::runtime::{DynamicRuntime, Runtime, RuntimeBuilder, ZRuntime};
+use zenoh::key_expr::OwnedKeyExpr;
 use zenoh::{Config, Session, Wait};
 
-use crate::{LinkError, LinkSetup, access, anonymous};
+use crate::sessions::Sessions;
+use crate::{LinkError, LinkSetup, access, anonymous, bounds, password_file};
 
 /// A session that was opened.
 #[derive(Debug)]
 pub struct Opened {
     /// The session.
     pub session: Session,
+    /// The runtime of Zenoh beneath it.
+    pub runtime: Runtime,
     /// Whether it is a router to which robots can connect; else they are reached over others.
     pub listens: bool,
 }
@@ -29,7 +35,11 @@ fn is_router_that_listens(config: &Config) -> bool {
 
 /// Opens the session on a thread of its own: `zenoh::open` may block for ever.
 /// The embedded router's access list has `more` rules beside those of our own keys.
-pub async fn open(setup: &LinkSetup, more: &[Value]) -> Result<Opened, LinkError> {
+pub async fn open(
+    setup: &LinkSetup,
+    more: &[Value],
+    sessions: Sessions,
+) -> Result<Opened, LinkError> {
     let config = configuration(setup, more)?;
     let listens = is_router_that_listens(&config);
     let endpoints = match &setup.zenoh_config {
@@ -38,15 +48,45 @@ pub async fn open(setup: &LinkSetup, more: &[Value]) -> Result<Opened, LinkError
     };
     let endpoints = endpoints.trim().to_owned();
     warn_without_list(&config, setup);
-    let opened = on_own_thread("zenoh-open", move || zenoh::open(config).wait());
+    let opened = on_own_thread("zenoh-open", move || opened_with(config, sessions));
     match tokio::time::timeout(limits::ZENOH_OPEN_TIMEOUT, opened).await {
-        Ok(Some(Ok(session))) => Ok(Opened { session, listens }),
+        Ok(Some(Ok((session, runtime)))) => Ok(Opened {
+            session,
+            runtime,
+            listens,
+        }),
         Ok(Some(Err(error))) => Err(LinkError::Open {
             endpoints,
             reason: error.to_string(),
         }),
         Ok(None) | Err(_) => Err(LinkError::Timeout { endpoints }),
     }
+}
+
+/// Opens a session as `zenoh::open` does, but so that `sessions` learns of every peer.
+fn opened_with(config: Config, sessions: Sessions) -> zenoh::Result<(Session, Runtime)> {
+    let aggregated = |key: &str| {
+        let keys = config.get_json(key).unwrap_or_default();
+        serde_json::from_str::<Vec<OwnedKeyExpr>>(&keys).unwrap_or_default()
+    };
+    let (subscribers, publishers) = (
+        aggregated("aggregation/subscribers"),
+        aggregated("aggregation/publishers"),
+    );
+    ZRuntime::Application.block_in_place(async move {
+        let mut runtime = RuntimeBuilder::new(config).build().await?;
+        let shared = DynamicRuntime::from(runtime.clone());
+        shared.new_handler(Arc::new(sessions));
+        let session = zenoh::session::init(shared)
+            .aggregated_subscribers(subscribers)
+            .aggregated_publishers(publishers)
+            .await?;
+        if let Err(error) = runtime.start().await {
+            drop(runtime.close().await);
+            return Err(error);
+        }
+        Ok((session, runtime))
+    })
 }
 
 /// The session's configuration, which lets nobody beyond this machine connect without showing who it
@@ -71,6 +111,9 @@ pub fn configuration(setup: &LinkSetup, more: &[Value]) -> Result<Config, LinkEr
             set(&mut config, key, &endpoints)?;
         }
     }
+    if let Some(passwords) = anonymous::password_file(&config) {
+        password_file::check(&passwords)?;
+    }
     match anonymous::open_endpoint(&config) {
         Some(endpoint) if !setup.allow_anonymous => Err(LinkError::Anonymous { endpoint }),
         _ => Ok(config),
@@ -78,8 +121,11 @@ pub fn configuration(setup: &LinkSetup, more: &[Value]) -> Result<Config, LinkEr
 }
 
 /// Closes the session; one that does not close in time is left to the end of the process.
-pub async fn close(session: Session) {
-    let closed = on_own_thread("zenoh-close", move || session.close().wait());
+pub async fn close(session: Session, runtime: Runtime) {
+    let closed = on_own_thread("zenoh-close", move || {
+        session.close().wait()?;
+        runtime.close().wait()
+    });
     match tokio::time::timeout(limits::ZENOH_CLOSE_TIMEOUT, closed).await {
         Ok(Some(Ok(()))) => {}
         Ok(Some(Err(error))) => tracing::warn!(error, "the Zenoh session did not close"),
@@ -147,8 +193,8 @@ fn set(config: &mut Config, key: &str, value: &serde_json::Value) -> Result<(), 
         .map_err(|error| LinkError::Config(format!("{key} is {value}: {error}")))
 }
 
-/// The embedded router: listens where it is told, finds nobody by itself, takes no message larger
-/// than [`limits::PAYLOAD_BYTES_MAX`], and lets through what the access list names.
+/// The embedded router: listens where it is told, finds nobody by itself, gives peers no more than
+/// [`bounds`] says, and lets through what the access list names.
 fn embedded(setup: &LinkSetup, more: &[Value]) -> Result<Config, LinkError> {
     let mut config = Config::default();
     let list = match setup.membership.cluster() {
@@ -161,22 +207,7 @@ fn embedded(setup: &LinkSetup, more: &[Value]) -> Result<Config, LinkError> {
         ("connect/endpoints", serde_json::json!(setup.connect)),
         ("scouting/multicast/enabled", serde_json::json!(false)),
         ("scouting/gossip/enabled", serde_json::json!(false)),
-        (
-            "transport/link/rx/max_message_size",
-            serde_json::json!(limits::PAYLOAD_BYTES_MAX),
-        ),
-        (
-            "transport/unicast/max_sessions",
-            serde_json::json!(limits::ROBOTS_MAX),
-        ),
-        (
-            "transport/unicast/accept_pending",
-            serde_json::json!(limits::ZENOH_HANDSHAKES_MAX),
-        ),
-        (
-            "transport/unicast/accept_timeout",
-            serde_json::json!(limits::ZENOH_HANDSHAKE_TIMEOUT.as_millis() as u64),
-        ),
+        ("transport", bounds::transport()),
         ("access_control", list),
     ];
     for (key, value) in settings {
@@ -209,6 +240,39 @@ mod tests {
         };
         let reason = embedded(&hostile, &[]).expect_err("refused").to_string();
         assert!(reason.contains("listen/endpoints"), "{reason}");
+    }
+
+    #[test]
+    fn a_password_file_is_there_has_its_form_and_a_user() {
+        let folder = tempfile::TempDir::new().unwrap();
+        let passwords = folder.path().join("passwords.txt");
+        let zenoh_config = folder.path().join("router.json5");
+        let file = passwords.display();
+        let text = format!(
+            "{{ mode: 'router', listen: {{ endpoints: ['tcp/0.0.0.0:7447'] }}, \
+             transport: {{ auth: {{ usrpwd: {{ dictionary_file: '{file}' }} }} }} }}"
+        );
+        std::fs::write(&zenoh_config, text).unwrap();
+        let setup = LinkSetup {
+            zenoh_config: Some(zenoh_config),
+            ..LinkSetup::default()
+        };
+        let refusal = || configuration(&setup, &[]).expect_err("refused").to_string();
+        let missing = refusal();
+        for part in [
+            "passwords.txt: No such file",
+            "acl generate",
+            "user:password",
+        ] {
+            assert!(missing.contains(part), "{missing}");
+        }
+        // Zenoh asks nobody for a password when it knows none.
+        std::fs::write(&passwords, "\n").unwrap();
+        assert!(refusal().contains("line 1: got no user"), "{}", refusal());
+        std::fs::write(&passwords, "tugger_01:secret\ntugger_02\n").unwrap();
+        assert!(refusal().contains("line 2: got no colon"), "{}", refusal());
+        std::fs::write(&passwords, "tugger_01:secret\n").unwrap();
+        assert!(configuration(&setup, &[]).is_ok());
     }
 
     #[test]

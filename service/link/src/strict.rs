@@ -13,6 +13,7 @@ use fleetcal_proto::{RobotId, endpoint};
 use serde_json::{Value, json};
 
 use crate::access::{ANSWERED, FROM_ROBOTS, FROM_SERVICE, rule};
+use crate::bounds;
 
 /// How a router knows who is at the other end of a connection.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -84,26 +85,15 @@ fn in_order(endpoints: &[String]) -> Vec<String> {
 impl StrictRouter {
     /// The whole configuration as Zenoh reads it. What the list does not name is denied.
     pub fn configuration(&self) -> Value {
-        let mut link = json!({ "rx": { "max_message_size": limits::PAYLOAD_BYTES_MAX } });
-        if let (Some(tls), Some(link)) = (&self.certificate, link.as_object_mut()) {
-            link.insert("tls".to_owned(), self.tls(tls));
+        let mut transport = bounds::transport();
+        if let Some(tls) = &self.certificate {
+            transport["link"]["tls"] = self.tls(tls);
         }
-        if let (true, Some(link)) = (self.service.is_some(), link.as_object_mut()) {
-            link.insert("tx".to_owned(), json!({ "lease": LEASE_MS }));
+        if self.service.is_some() {
+            transport["link"]["tx"] = json!({ "lease": LEASE_MS });
         }
-        let mut transport = json!({
-            "unicast": {
-                "max_sessions": limits::ROBOTS_MAX,
-                "accept_pending": limits::ZENOH_HANDSHAKES_MAX,
-                "accept_timeout": limits::ZENOH_HANDSHAKE_TIMEOUT.as_millis() as u64,
-            },
-            "link": link,
-        });
-        if let (Identity::User { passwords }, Some(transport)) =
-            (&self.identity, transport.as_object_mut())
-        {
-            let auth = json!({ "usrpwd": { "dictionary_file": passwords } });
-            transport.insert("auth".to_owned(), auth);
+        if let Identity::User { passwords } = &self.identity {
+            transport["auth"] = json!({ "usrpwd": { "dictionary_file": passwords } });
         }
         json!({
             "mode": "router",

@@ -11,7 +11,7 @@ use fleetcal_config::Config;
 use fleetcal_link::{Identity, RouterCertificate, StrictRouter, is_robots_own};
 use fleetcal_proto::{KeyRoot, Keys, RobotId};
 
-use crate::command::CommandError;
+use crate::command::{CommandError, passwords};
 
 /// The bit of a mode that lets everybody read.
 const READABLE_BY_ALL: u32 = 0o004;
@@ -74,7 +74,8 @@ pub struct GenerateArguments {
     /// The authority that signed the certificates of robots and service, PEM
     #[arg(long, value_name = "FILE", requires = "tls_certificate")]
     pub tls_ca: Option<PathBuf>,
-    /// The file with the passwords, `user:password` in each line
+    /// The file with the passwords, `user:password` in each line; who has none there gets one, and
+    /// the file is made where it is missing
     #[arg(long, value_name = "FILE", conflicts_with = "tls_ca")]
     pub passwords: Option<PathBuf>,
     /// For an external router: the name under which the service connects
@@ -107,14 +108,23 @@ pub struct GenerateArguments {
 pub fn run(arguments: &Arguments) -> Result<(), CommandError> {
     let Action::Generate(arguments) = &arguments.action;
     let router = router(arguments)?;
-    if let Identity::User { passwords } = &router.identity
-        && is_readable_by_all(passwords)
-    {
-        eprintln!(
-            "fleetcal: {} can be read by everybody on this machine, who then can be any robot: \
-             chmod o-r",
-            passwords.display()
-        );
+    if let Identity::User { passwords } = &router.identity {
+        let peers = router.robots.iter().map(RobotId::as_str);
+        let added = passwords::complete(passwords, peers.chain(router.service.as_deref()))?;
+        if !added.is_empty() {
+            eprintln!(
+                "fleetcal: {} has a new password for {}: each connects with its name as the user",
+                passwords.display(),
+                added.join(", ")
+            );
+        }
+        if is_readable_by_all(passwords) {
+            eprintln!(
+                "fleetcal: {} can be read by everybody on this machine, who then can be any robot: \
+                 chmod o-r",
+                passwords.display()
+            );
+        }
     }
     let names: Vec<&str> = router.robots.iter().map(RobotId::as_str).collect();
     let text = format!(
@@ -178,7 +188,7 @@ fn router(arguments: &GenerateArguments) -> Result<StrictRouter, CommandError> {
     })
 }
 
-/// Whether everybody may read a file. One that is not there is read elsewhere.
+/// Whether everybody may read a file.
 fn is_readable_by_all(path: &Path) -> bool {
     let mode = fs::metadata(path).map(|file| file.permissions().mode());
     mode.is_ok_and(|mode| mode & READABLE_BY_ALL != 0)

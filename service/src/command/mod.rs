@@ -6,12 +6,15 @@ pub mod check_config;
 pub mod completions;
 pub mod demo;
 pub mod man;
+mod passwords;
 pub mod restore;
 pub mod serve;
 mod stopping;
 pub mod store;
 pub mod token;
 pub mod user;
+
+use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 use fleetcal_command::{
@@ -150,6 +153,14 @@ pub enum CommandError {
         /// The flags it needs.
         needs: &'static str,
     },
+    /// The file of the passwords cannot be made or used.
+    #[error("--passwords: {}: {reason}", path.display())]
+    Passwords {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
     /// A key expression that is the same for all robots.
     #[error(
         "--stream: got {0:?}, expected a key expression in which one whole chunk is {{robot}}, for the robot's id"
@@ -183,7 +194,9 @@ impl CommandError {
         match self {
             Self::WithoutData(error) => error.exit_status(),
             Self::Service(
-                ServiceError::Link(LinkError::Config(_) | LinkError::Anonymous { .. })
+                ServiceError::Link(
+                    LinkError::Config(_) | LinkError::Passwords(_) | LinkError::Anonymous { .. },
+                )
                 | ServiceError::TooManyRobots { .. }
                 | ServiceError::NothingShared { .. }
                 | ServiceError::Peers(_),
@@ -211,6 +224,7 @@ impl CommandError {
             | Self::ServiceIsRobot(_)
             | Self::RouterIsRobot(_)
             | Self::StreamOfAll(_)
+            | Self::Passwords { .. }
             | Self::Identity { .. } => EXIT_USAGE,
             Self::Service(_) | Self::Store(_) | Self::Database(_) => EXIT_IO,
             Self::Hash(_) | Self::Entropy(_) => EXIT_FAILED,

@@ -1,0 +1,196 @@
+//! Places of Zenoh sessions, of which more may come than there are places.
+//!
+//! Places are shared by name, of peers that show a password or a certificate, and else by address.
+//! When all are taken, the newest session of whoever has the most goes for one of somebody who would
+//! have fewer. So one client cannot keep the others out, however many sessions it opens.
+
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::fmt;
+
+use fleetcal_domain::limits;
+use fleetcal_fleet::SessionClosed;
+
+/// Owner of a session.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Owner {
+    /// A user, or the common name of a certificate.
+    Name(String),
+    /// An address, of IPv6 a network.
+    Address(String),
+}
+
+impl fmt::Display for Owner {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Name(name) => f.write_str(name),
+            Self::Address(address) => f.write_str(address),
+        }
+    }
+}
+
+/// Numbers of sessions that there may be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Shares {
+    /// Of all together.
+    pub all: usize,
+    /// Of one address.
+    pub of_address: usize,
+    /// Of one name.
+    pub of_name: usize,
+}
+
+impl Default for Shares {
+    fn default() -> Self {
+        Self {
+            all: limits::ZENOH_SESSIONS_MAX,
+            of_address: limits::ZENOH_SESSIONS_PER_ADDRESS_MAX,
+            of_name: limits::ZENOH_SESSIONS_PER_NAME_MAX,
+        }
+    }
+}
+
+/// The sessions that are open, each with what closes it.
+#[derive(Debug)]
+pub struct Places<C> {
+    shares: Shares,
+    next: u64,
+    open: BTreeMap<u64, (Owner, C)>,
+    owners: HashMap<Owner, BTreeSet<u64>>,
+}
+
+impl<C> Places<C> {
+    /// All places are free.
+    pub fn new(shares: Shares) -> Self {
+        Self {
+            shares,
+            next: 0,
+            open: BTreeMap::new(),
+            owners: HashMap::new(),
+        }
+    }
+
+    /// Sessions that have a place.
+    pub fn taken(&self) -> usize {
+        self.open.len()
+    }
+
+    /// Owner of the most places, and their number.
+    pub fn greediest(&self) -> Option<(&Owner, usize)> {
+        let owners = self.owners.iter();
+        let counts = owners.map(|(owner, own)| (owner, own.len()));
+        counts.max_by(|one, other| one.1.cmp(&other.1).then_with(|| other.0.cmp(one.0)))
+    }
+
+    /// Returns whether no place is free.
+    pub fn are_all_taken(&self) -> bool {
+        self.open.len() >= self.shares.all
+    }
+
+    /// A place for a session, by its number; with what closes the one that goes for it.
+    ///
+    /// # Errors
+    /// When its owner has its share, or nobody has more.
+    pub fn admit(&mut self, owner: Owner, close: C) -> Result<(u64, Option<C>), SessionClosed> {
+        let own = self.owners.get(&owner).map_or(0, BTreeSet::len);
+        let share = match owner {
+            Owner::Name(_) => self.shares.of_name,
+            Owner::Address(_) => self.shares.of_address,
+        };
+        if own >= share {
+            return Err(SessionClosed::Share);
+        }
+        let evicted = if self.are_all_taken() {
+            Some(self.newest_of_others(own).ok_or(SessionClosed::Full)?)
+        } else {
+            None
+        };
+        let evicted = evicted.and_then(|number| self.leave(number));
+        let number = self.next;
+        self.next += 1;
+        self.owners.entry(owner.clone()).or_default().insert(number);
+        self.open.insert(number, (owner, close));
+        Ok((number, evicted))
+    }
+
+    /// The newest session of whoever has the most, if somebody with `own` and one more had fewer then.
+    fn newest_of_others(&self, own: usize) -> Option<u64> {
+        let (greediest, count) = self.greediest()?;
+        let newest = self.owners.get(greediest)?.last().copied();
+        newest.filter(|_| count > own + 1)
+    }
+
+    /// Frees a place; gives what closed its session.
+    pub fn leave(&mut self, number: u64) -> Option<C> {
+        let (owner, close) = self.open.remove(&number)?;
+        if let Some(own) = self.owners.get_mut(&owner) {
+            own.remove(&number);
+            if own.is_empty() {
+                self.owners.remove(&owner);
+            }
+        }
+        Some(close)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn places(all: usize) -> Places<&'static str> {
+        Places::new(Shares {
+            all,
+            of_address: 4,
+            of_name: 4,
+        })
+    }
+
+    fn at(address: &str) -> Owner {
+        Owner::Address(address.to_owned())
+    }
+
+    fn named(name: &str) -> Owner {
+        Owner::Name(name.to_owned())
+    }
+
+    #[test]
+    fn an_owner_has_its_share_and_no_more() {
+        let mut places = places(8);
+        for owner in [at("10.0.0.1"), named("robot_a")] {
+            for _ in 0..4 {
+                assert!(places.admit(owner.clone(), "idle").is_ok());
+            }
+            assert_eq!(places.admit(owner, ""), Err(SessionClosed::Share));
+        }
+        assert_eq!(places.taken(), 8);
+    }
+
+    #[test]
+    fn who_has_the_most_makes_room_for_others_until_all_have_as_many() {
+        let mut places = places(6);
+        for number in ["1", "2", "3", "4"] {
+            assert!(places.admit(at("10.0.0.1"), number).is_ok());
+        }
+        assert!(places.admit(at("10.0.0.2"), "b").is_ok());
+        assert!(places.admit(at("10.0.0.3"), "c").is_ok());
+        assert!(places.are_all_taken());
+        let mut closed = Vec::new();
+        for robot in ["robot_a", "robot_b"] {
+            let (_, evicted) = places.admit(named(robot), robot).unwrap();
+            closed.push(evicted.unwrap());
+        }
+        // The oldest stay: what was there before a flood goes on.
+        assert_eq!(closed, ["4", "3"]);
+        // A second one of the same would take the place of somebody who has no more.
+        assert_eq!(places.admit(named("robot_a"), ""), Err(SessionClosed::Full));
+        assert_eq!(places.taken(), 6);
+    }
+
+    #[test]
+    fn a_place_is_free_again_when_its_session_ends() {
+        let mut places = places(6);
+        let (number, _) = places.admit(at("10.0.0.1"), "first").unwrap();
+        assert_eq!(places.leave(number), Some("first"));
+        assert_eq!(places.leave(number), None);
+        assert_eq!((places.taken(), places.greediest()), (0, None));
+    }
+}

@@ -1,0 +1,88 @@
+//! Messages whose end never comes: what a session holds of them has a limit, and robots lose nothing.
+
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::time::Duration;
+
+use fleetcal_domain::limits;
+use fleetcal_tests::service::Service;
+use serde_json::json;
+use zenoh::pubsub::Publisher;
+
+use super::lists::{received, wait_until_received};
+use super::raw_peer::{Channel, RawPeer};
+use super::{robot, session};
+
+/// Samples of a robot beside each way of the sessions.
+const SAMPLES: u64 = 200;
+/// What a service may grow by beside the limit, while messages are copied and pages go back.
+const BESIDE_BYTES: u64 = 48 << 20;
+/// Number of long fragments, and the bytes of one, a batch nearly: together close to the largest message.
+const LONG: (u64, usize) = (40, 48_000);
+/// Sessions that begin messages on every channel there is.
+const SESSIONS: u128 = 12;
+/// Looks at the memory while messages are taken in.
+const LOOKS: u32 = 20;
+const LOOK_EVERY: Duration = Duration::from_millis(25);
+
+/// The usual channels of a session, and all of them.
+fn channels(priorities: &[Option<u8>]) -> Vec<Channel> {
+    let both = |&priority| {
+        [true, false].map(|is_reliable| Channel {
+            is_reliable,
+            priority,
+        })
+    };
+    priorities.iter().flat_map(both).collect()
+}
+
+/// How much a service grows by while so many sessions begin a message on each of these channels. One
+/// that is closed for it holds nothing.
+async fn grown(
+    service: &Service,
+    sessions: u8,
+    channels: &[Channel],
+    (fragments, bytes): (u64, usize),
+) -> u64 {
+    let endpoint = service.endpoint();
+    let to: SocketAddr = endpoint.trim_start_matches("tcp/").parse().unwrap();
+    let before = service.memory_bytes();
+    let mut peers = Vec::new();
+    for zid in 1..=sessions {
+        let from = IpAddr::V4(Ipv4Addr::LOCALHOST);
+        let mut peer = RawPeer::open(from, to, zid.into()).await.unwrap();
+        let begun = |&channel| peer.begin_message(channel, fragments, bytes);
+        drop(channels.iter().try_for_each(begun));
+        peers.push(peer);
+    }
+    let mut most = 0;
+    for _ in 0..LOOKS {
+        tokio::time::sleep(LOOK_EVERY).await;
+        most = most.max(service.memory_bytes().saturating_sub(before));
+    }
+    most
+}
+
+async fn send_beside(service: &Service, stream: &Publisher<'static>, sent: &mut u64) {
+    robot::send(stream, SAMPLES).await;
+    *sent += SAMPLES;
+    wait_until_received(service, "robot_a", *sent);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_a_session_begins_and_never_ends_is_bounded() {
+    let service = Service::start(&["robot_a"]);
+    let config = session::client(&service.endpoint(), &json!({}));
+    let session = session::open(config).await.unwrap();
+    let stream = robot::stream(&session, "robot_a").await;
+    let mut sent = 0;
+    send_beside(&service, &stream, &mut sent).await;
+
+    let every: Vec<Option<u8>> = [None].into_iter().chain((0..8).map(Some)).collect();
+    let grown = grown(&service, 1..1 + SESSIONS, &channels(&every), LONG).await;
+    println!("{SESSIONS} sessions: +{} MiB", grown >> 20);
+    send_beside(&service, &stream, &mut sent).await;
+    assert_eq!(received(&service, "robot_a"), sent);
+    // One message on the reliable channel of a session, and one on the other.
+    let most = 2 * SESSIONS as u64 * limits::ZENOH_MESSAGE_BYTES_MAX as u64 + BESIDE_BYTES;
+    assert!(grown <= most, "{grown} bytes, expected at most {most}");
+}
