@@ -2,7 +2,8 @@
 //!
 //! Streams reach us in bursts and not quite in order. The merger holds a message until message time
 //! has gone on by [`WINDOW_S`], so that the order in which streams arrive inside the window cannot
-//! change a single bit of the result. Only an explicit end of the session lets out the rest.
+//! change a single bit of the result. Only an explicit end of the session, or a note, lets out the rest:
+//! what came before a note is before it, whatever stamp people gave it.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -20,13 +21,10 @@ pub const JUMP_AHEAD_MIN_S: f64 = 60.0;
 /// Most messages held at once. Beyond it the oldest leaves before its time.
 pub const HELD_MAX: usize = 4096;
 
-/// Most notes that are stored of those that are held: a person writes one now and then.
-const NOTES_STORED_MAX: usize = 8;
-
 /// Order of messages with one stamp, and their place in the queue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Stream {
-    /// Notes.
+    /// Notes, which former versions held by their stamps. It stands in their checkpoints.
     #[serde(rename = "n")]
     Note,
     /// Drive samples.
@@ -45,6 +43,8 @@ pub enum Stream {
 pub enum Merged {
     /// Next in order.
     Event(RobotTime, Event),
+    /// A note: all that came before it has left before.
+    Note(Note),
     /// Left out.
     Dropped(Dropped),
     /// A new session begins with this stamp; what was held of the old one has left before.
@@ -67,32 +67,22 @@ pub struct Merger {
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct MergerPosition {
     left: Option<(RobotTime, Stream)>,
-    notes: Vec<RobotTime>,
 }
 
 impl MergerPosition {
-    /// Whether a message has left already, or is a note that is held.
+    /// Whether a message has left already. Of a note no stamp says that.
     pub fn covers(&self, event: &Event) -> bool {
-        let Some(place) = place(event) else {
-            return false;
-        };
-        let is_note = place.1 == Stream::Note;
-        self.left.is_some_and(|left| place <= left) || is_note && self.notes.contains(&place.0)
+        place(event).is_some_and(|place| self.left.is_some_and(|left| place <= left))
     }
 }
 
 impl Merger {
     /// A merger that goes on where another one was at this stamp: of what had left it, the last was
-    /// of the stream `left`, and it held `notes`. What was sent it has to be sent again.
-    pub fn resuming(now: RobotTime, left: Option<Stream>, notes: &[Note]) -> Self {
-        let held = notes.iter().map(|note| {
-            let place = (note.stamp, Stream::Note);
-            (place, Event::Note(note.clone()))
-        });
+    /// of the stream `left`. What it held has to be sent again.
+    pub fn resuming(now: RobotTime, left: Option<Stream>) -> Self {
         Self {
             newest: Some(now),
             left: left.map(|stream| (now, stream)),
-            held: held.collect(),
             ..Self::default()
         }
     }
@@ -102,27 +92,18 @@ impl Merger {
         self.left.map(|(_, stream)| stream)
     }
 
-    /// The notes that are held: nobody sends them again.
-    pub fn notes(&self) -> Vec<Note> {
-        let notes = self.held.values().filter_map(|event| match event {
-            Event::Note(note) => Some(note.clone()),
-            _ => None,
-        });
-        notes.take(NOTES_STORED_MAX).collect()
-    }
-
     /// Up to where messages have left.
     pub fn position(&self) -> MergerPosition {
-        MergerPosition {
-            left: self.left,
-            notes: self.notes().iter().map(|note| note.stamp).collect(),
-        }
+        MergerPosition { left: self.left }
     }
 
     /// Takes a message; puts what is in order now into `out`.
     pub fn push(&mut self, event: Event, out: &mut Vec<Merged>) {
         let Some((stamp, stream)) = place(&event) else {
             self.flush(out);
+            if let Event::Note(note) = event {
+                out.push(Merged::Note(note));
+            }
             return;
         };
         let Some(newest) = self.newest else {
@@ -132,11 +113,11 @@ impl Merger {
         };
         let ahead_s = stamp.seconds_since(newest);
         let usual = (-JUMP_BACK_MIN_S..=JUMP_AHEAD_MIN_S).contains(&ahead_s);
-        if stream != Stream::Note && !usual {
+        if !usual {
             self.jump(stamp, stream, event, out);
             return;
         }
-        if stream != Stream::Note && self.suspect.take().is_some() {
+        if self.suspect.take().is_some() {
             // The stream goes on where it was: the jump was one message's error.
             out.push(Merged::Dropped(Dropped::Late));
         }
@@ -144,7 +125,7 @@ impl Merger {
         self.release(out);
     }
 
-    /// Lets out everything that is held: the stream has ended.
+    /// Lets out everything that is held: what comes next, if anything, comes after it.
     pub fn flush(&mut self, out: &mut Vec<Merged>) {
         while let Some((key, event)) = self.held.pop_first() {
             self.left = Some(key);
@@ -209,14 +190,13 @@ impl Merger {
     }
 }
 
-/// Where a message stands in time; `None` for the end of a session.
+/// Where a message stands in time; `None` of what stands where it comes: a note, and the end of a session.
 fn place(event: &Event) -> Option<(RobotTime, Stream)> {
     match event {
         Event::WheelOdometry(sample) => Some((sample.stamp(), Stream::WheelOdometry)),
         Event::Scan(scan) => Some((scan.reference_stamp(), Stream::Scan)),
         Event::LidarPose(pose) => Some((pose.stamp(), Stream::LidarPose)),
-        Event::Note(note) => Some((note.stamp, Stream::Note)),
-        Event::EndOfSession => None,
+        Event::Note(_) | Event::EndOfSession => None,
     }
 }
 
@@ -245,6 +225,7 @@ mod tests {
             match merged {
                 Merged::Event(stamp, _) => stamps.push((stamp.0 - 1_000_000_000_000) / 1_000_000),
                 Merged::Dropped(_) => dropped += 1,
+                Merged::Note(_) => {}
                 Merged::SessionStarted(_) => sessions += 1,
             }
         }
@@ -267,34 +248,66 @@ mod tests {
     }
 
     #[test]
-    fn what_goes_on_from_a_stamp_takes_nothing_twice_and_keeps_notes() {
+    fn what_goes_on_from_a_stamp_takes_nothing_twice() {
         let mut out = Vec::new();
         let mut before = Merger::default();
-        let note = Note {
-            stamp: RobotTime(1_000_000_000_000 + 650_000_000),
-            kind: crate::stream::NoteKind::Reassembled,
-        };
         for event in [drive(0), drive(10), drive(600), drive(700)] {
             before.push(event, &mut out);
         }
-        before.push(Event::Note(note.clone()), &mut out);
         let position = before.position();
         assert!(position.covers(&drive(0)) && position.covers(&drive(10)));
         assert!(!position.covers(&drive(600)) && !position.covers(&drive(700)));
-        assert!(position.covers(&Event::Note(note.clone())), "it is held");
 
         let now = RobotTime(1_000_000_000_000 + 10_000_000);
-        let mut after = Merger::resuming(now, before.left(), &before.notes());
+        let mut after = Merger::resuming(now, before.left());
         out.clear();
         for event in [drive(10), drive(600), drive(700), drive(1_300)] {
             after.push(event, &mut out);
         }
         after.flush(&mut out);
-        let left = |event: Event| Merged::Event(place(&event).unwrap().0, event);
-        let events = [drive(600), Event::Note(note), drive(700), drive(1_300)];
         let mut expected = vec![Merged::Dropped(Dropped::Duplicate)];
-        expected.extend(events.map(left));
+        expected.extend([drive(600), drive(700), drive(1_300)].map(left));
         assert_eq!(out, expected);
+    }
+
+    fn left(event: Event) -> Merged {
+        Merged::Event(place(&event).unwrap().0, event)
+    }
+
+    proptest! {
+        /// Stamps of notes are people's words: before, inside and far beyond what the robot has sent,
+        /// by whatever clock, and twice the same.
+        #[test]
+        fn a_note_with_any_stamp_leaves_where_it_comes(
+            stamps in prop::collection::vec(
+                prop_oneof![Just(7), Just(1_000_000_050_000_000), any::<i64>()], 0..6),
+            at in prop::collection::vec(0_usize..60, 6),
+        ) {
+            let notes: Vec<_> = stamps.iter().zip(&at).map(|(stamp, at)| {
+                let kind = crate::stream::NoteKind::Reassembled;
+                (*at, Note { stamp: RobotTime(*stamp), kind })
+            }).collect();
+            let mut merger = Merger::default();
+            let mut out = Vec::new();
+            for i in 0..60 {
+                for (_, note) in notes.iter().filter(|(at, _)| *at == i) {
+                    merger.push(Event::Note(note.clone()), &mut out);
+                }
+                merger.push(drive(i as i64 * 10), &mut out);
+            }
+            merger.flush(&mut out);
+            let mut expected = Vec::new();
+            for i in 0..60 {
+                let of_now = notes.iter().filter(|(at, _)| *at == i);
+                expected.extend(of_now.map(|(_, note)| Merged::Note(note.clone())));
+                if i == 0 {
+                    let first = place(&drive(0)).unwrap().0;
+                    expected.push(Merged::SessionStarted(first));
+                }
+                expected.push(left(drive(i as i64 * 10)));
+            }
+            prop_assert_eq!(out, expected);
+        }
     }
 
     #[test]

@@ -87,6 +87,10 @@ pub struct EstimateDocument {
     pub distance_m: f64,
     /// The parameters.
     pub parameters: Parameters,
+    /// Whether somebody has reported a reassembly, and the calibration is not known again since; absent
+    /// unless it is so.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub reassembly_open: bool,
     /// How the errors of the four parameters of a calibration go together; absent in documents of
     /// services before it came.
     #[serde(default, skip_serializing_if = "Option::is_none")]

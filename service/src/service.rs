@@ -422,6 +422,8 @@ async fn start_fleet(
     membership: &Membership,
     clock: SharedClock,
 ) -> Result<FleetHandle, ServiceError> {
+    // Before the rest: later notes are brought to the estimators.
+    let audited = store.audit_last().await?;
     let mut robots: BTreeMap<RobotId, RobotConfig> = BTreeMap::new();
     for record in store.load_robots().await? {
         if let Some(stored) = record.config {
@@ -486,5 +488,6 @@ async fn start_fleet(
         checkpoints,
         last_heard,
         membership: membership.clone(),
+        audited,
     }))
 }

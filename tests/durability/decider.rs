@@ -100,6 +100,7 @@ async fn run(order: &Order, session: u64) {
         cross_tracks: BTreeMap::new(),
         checkpoints: BTreeMap::new(),
         last_heard: BTreeMap::new(),
+        audited: fleetcal_model::AuditId(0),
         membership: fleetcal_cluster::Membership::alone(),
     });
     let policy = Policy::default();

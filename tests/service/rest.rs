@@ -2,8 +2,10 @@
 
 use std::path::Path;
 use std::process::{Command, Output};
+use std::sync::Arc;
 
-use fleetcal_tests::service::Service;
+use fleetcal_tests::recording;
+use fleetcal_tests::service::{Service, wait_for};
 use tempfile::TempDir;
 
 use super::{recorded, sender};
@@ -11,14 +13,15 @@ use super::{recorded, sender};
 /// What a person types: quotes and all.
 const NOTE: &str = "LiDAR bracket 4\" replaced";
 
-fn maintain(service: &Service, token: &str) -> Output {
+fn maintain(service: &Service, token: &str, note: &str) -> Output {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     Command::new("sh")
         .arg(root.join("examples/rest/maintenance.sh"))
         .arg("tugger_01")
-        .arg(NOTE)
+        .arg(note)
         .env("FLEETCAL_URL", service.url())
         .env("FLEETCAL_TOKEN", token)
+        .env("FLEETCAL_WAIT_S", "120")
         .output()
         .unwrap()
 }
@@ -30,41 +33,75 @@ fn part<'a>(printed: &'a str, heading: &str) -> &'a str {
     part.split("\n== ").next().unwrap()
 }
 
+/// Has a tool maintain the robot, which is driven again once its reassembly is reported; gives what the tool
+/// printed.
+async fn maintained_and_driven(
+    service: &Arc<Service>,
+    token: &str,
+    note: &'static str,
+    drive: &Path,
+) -> String {
+    let (tool, token) = (Arc::clone(service), token.to_owned());
+    let tool = tokio::task::spawn_blocking(move || maintain(&tool, &token, note));
+    wait_for("the report reaches the estimator", || {
+        let estimate = service.robot("tugger_01")["estimate"].clone();
+        (estimate["reassembly_open"] == true).then_some(())
+    });
+    super::send(sender(service, drive, "tugger_01")).await;
+    let done = tool.await.unwrap();
+    let said = String::from_utf8(done.stdout).unwrap();
+    let errors = String::from_utf8_lossy(&done.stderr).into_owned();
+    assert!(done.status.success(), "{said}\n{errors}");
+    said
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_maintenance_tool_does_its_rounds_with_curl_alone() {
     let folder = TempDir::new().unwrap();
     let path = recorded(&folder, 90.0);
-    let service = Service::start(&["tugger_01"]);
+    let moved = folder.path().join("moved.mcap");
+    recording::simulated_with(&moved, 90.0, |config| {
+        config.vehicle.lidar_in_base.yaw_rad += 1.2_f64.to_radians();
+    });
+    let service = Arc::new(Service::start(&["tugger_01"]));
     let summary = super::send(sender(&service, &path, "tugger_01")).await;
     service.estimate_of("tugger_01", summary.drive_samples);
 
     let viewer = service.made_token(&["--role", "viewer", "--name", "wall"]);
-    let refused = maintain(&service, &viewer);
+    let refused = maintain(&service, &viewer, NOTE);
     let said = String::from_utf8_lossy(&refused.stdout).into_owned();
-    assert!(!refused.status.success(), "a viewer attaches no note");
-    assert!(part(&said, "note").contains("not_permitted"), "{said}");
+    assert!(!refused.status.success(), "a viewer reports nothing");
+    assert!(!said.contains("== verdict"), "{said}");
 
     let operator = service.made_token(&["--role", "operator", "--name", "maintenance"]);
-    let done = maintain(&service, &operator);
-    let said = String::from_utf8(done.stdout).unwrap();
-    let errors = String::from_utf8_lossy(&done.stderr).into_owned();
-    assert!(done.status.success(), "{said}\n{errors}");
+    let said = maintained_and_driven(&service, &operator, NOTE, &moved).await;
     assert!(part(&said, "robots whose vehicle").contains("\"items\""));
     let mut history = part(&said, "history").lines();
     assert!(history.next().unwrap().starts_with("time,"), "{said}");
     assert!(history.count() >= 2, "{said}");
-    let noted = part(&said, "note").to_owned();
+    let noted = part(&said, "report").to_owned();
     assert!(noted.contains(r#"LiDAR bracket 4\" replaced"#), "{noted}");
-    assert!(
-        part(&said, "proposal").contains("\"state\":\"proposed\""),
-        "{said}"
-    );
+    let verdict = part(&said, "verdict");
+    assert!(verdict.contains("calibration_changed"), "{said}");
+    assert!(verdict.contains("\"state\":\"proposed\""), "{said}");
     let audit = part(&said, "audit");
     assert!(audit.contains("proposal.create"), "{said}");
     assert!(audit.contains("maintenance"), "by whom: {said}");
 
-    // A second run of the same day notes nothing twice.
-    let again = maintain(&service, &operator);
+    // A second run of the same day reports nothing twice, and has the verdict at once.
+    let again = maintain(&service, &operator, NOTE);
     let said = String::from_utf8(again.stdout).unwrap();
-    assert_eq!(part(&said, "note"), noted);
+    assert_eq!(part(&said, "report"), noted);
+    assert!(
+        part(&said, "verdict").contains("calibration_changed"),
+        "{said}"
+    );
+
+    // Nothing has moved since.
+    let said = maintained_and_driven(&service, &operator, "LiDAR cleaned", &moved).await;
+    let verdict = part(&said, "verdict");
+    assert!(
+        verdict.contains("unchanged") && !verdict.contains("proposed"),
+        "{said}"
+    );
 }

@@ -4,6 +4,7 @@ use std::env;
 use std::path::{Path, PathBuf};
 
 use fleetcal_robot::fleet::{RecordedTruth, record, simulated_robots};
+use fleetcal_robot::simulator::SimulationConfig;
 
 /// A recording of the folder that `FLEETCAL_DATA` names. Says so when it is not set.
 ///
@@ -24,7 +25,20 @@ pub fn named(file: &str) -> Option<PathBuf> {
 /// # Panics
 /// When it cannot be written.
 pub fn simulated(path: &Path, duration_s: f64) -> RecordedTruth {
-    let robots = simulated_robots(1, 7).expect("one robot");
-    let robot = robots.first().expect("one robot");
+    simulated_with(path, duration_s, |_| {})
+}
+
+/// The same of a robot that is another one in some respect.
+///
+/// # Panics
+/// When it cannot be recorded.
+pub fn simulated_with(
+    path: &Path,
+    duration_s: f64,
+    change: impl FnOnce(&mut SimulationConfig),
+) -> RecordedTruth {
+    let mut robots = simulated_robots(1, 7).expect("one robot");
+    let robot = robots.first_mut().expect("one robot");
+    change(&mut robot.config);
     record(robot, duration_s, path).expect("a recording")
 }

@@ -176,6 +176,17 @@ export class Service {
     this.#robots = spawn(binary(), flags, { stdio: 'ignore' });
   }
 
+  /** Drives a recording of a simulated robot, `tugger_01`, drawn from `seed`; as fast as the service works. */
+  async drive(seed: number, duration_s: number): Promise<void> {
+    const path = join(this.#folder, `seed-${seed}.mcap`);
+    const record = ['--record', path, '--seed', String(seed), '--duration', String(duration_s)];
+    await once(spawn(binary(), ['simulate', ...record], { stdio: 'ignore' }), 'exit');
+    const replay = ['replay', path, '--rate', 'max', '--robot', 'tugger_01'];
+    const sent = spawn(binary(), [...replay, '--connect', this.zenoh], { stdio: 'ignore' });
+    const [status] = (await once(sent, 'exit')) as [number | null];
+    if (status !== 0) throw new Error(`the recording was not sent: ${status}`);
+  }
+
   /** The same of a robot that speaks ROS 2 alone, by `rmw_zenoh`. */
   simulateRos2(id: string): void {
     const python = process.env.FLEETCAL_PYTHON;

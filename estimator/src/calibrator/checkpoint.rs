@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::comparison::Comparison;
+use super::comparison::{Comparison, Occasion};
 use super::drift::Baseline;
 use super::session::Session;
 use super::{Calibrator, CalibratorConfig};
@@ -36,9 +36,12 @@ pub struct Checkpoint {
     /// goes on from here has taken that message, and those before it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     left: Option<Stream>,
-    /// Notes that the merger held.
+    /// Notes that the merger of a former version held until their stamps were reached.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     notes: Vec<Note>,
+    /// Whether a report of a reassembly waits for its verdict.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    reassembly_open: bool,
 }
 
 /// Why a checkpoint could not be used.
@@ -82,8 +85,7 @@ impl Calibrator {
             restored = restored.with_scanner(learnt);
         }
         if checkpoint.session.began.is_some() {
-            let (left, notes) = (checkpoint.left, &checkpoint.notes);
-            restored.merger = Merger::resuming(checkpoint.session.now, left, notes);
+            restored.merger = Merger::resuming(checkpoint.session.now, checkpoint.left);
         }
         restored.follower = checkpoint.filter.clone().map(|mut filter| {
             filter.set_motion_noise(&restored.config.settings);
@@ -97,6 +99,12 @@ impl Calibrator {
         restored.watch = ChangeWatch::with_long_run(checkpoint.long_run.clone());
         restored.comparison.clone_from(&checkpoint.comparison);
         restored.baseline.clone_from(&checkpoint.baseline);
+        let is_reassembled = |stored: &Comparison| stored.occasion == Occasion::Reassembled;
+        restored.reassembly_open = checkpoint.reassembly_open
+            || checkpoint.comparison.as_ref().is_some_and(is_reassembled);
+        for note in &checkpoint.notes {
+            restored.take_note(note, &mut Vec::new());
+        }
         Ok(restored)
     }
 
@@ -122,7 +130,8 @@ impl Calibrator {
             baseline: self.baseline.clone(),
             scanner: Some(self.learnt_scanner()),
             left: self.merger.left(),
-            notes: self.merger.notes(),
+            notes: Vec::new(),
+            reassembly_open: self.reassembly_open,
         }
     }
 }

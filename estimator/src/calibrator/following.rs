@@ -297,6 +297,7 @@ impl Calibrator {
             comparison.occasion = occasion;
         }
         if occasion == Occasion::Reassembled {
+            self.reassembly_open = true;
             self.trust.withdraw();
         }
         self.session.excitation = Excitation::default();
@@ -305,21 +306,28 @@ impl Calibrator {
         self.watch.restart();
     }
 
-    /// Holds the new session against the stored calibration, once it knows enough.
+    /// Holds the new session against the stored calibration, once it knows enough. Who reports a
+    /// reassembly of a robot without one learns then that there is nothing to compare with.
     fn compare(&mut self, effects: &mut Vec<Effect>) {
-        let (Some(comparison), Some(filter)) = (&self.comparison, self.filter()) else {
+        let Some(filter) = self.filter() else {
             return;
         };
+        if self.comparison.is_none() && !self.reassembly_open {
+            return;
+        }
         let settings = &self.config.settings;
         let (values, covariance) = self.known_of(filter);
         if !knows_enough(&covariance, settings) {
             return;
         }
-        let verdict = comparison.verdict(&values, &covariance, settings, &SESSIONS);
+        self.reassembly_open = false;
         let Some(stored) = self.comparison.take() else {
+            let kind = ChangeKind::CalibrationLearned;
+            self.report(kind, Cause::Unknown, 0.0, &[], effects);
             return;
         };
-        match verdict {
+        let settings = &self.config.settings;
+        match stored.verdict(&values, &covariance, settings, &SESSIONS) {
             Verdict::Same => {
                 if let Some(follower) = self.follower.as_mut() {
                     let filter = &mut follower.filter;

@@ -101,6 +101,8 @@ pub struct Calibrator {
     former_mount: Option<nalgebra::Vector3<f64>>,
     /// The stored calibration, while a new session has not been held against it.
     comparison: Option<Comparison>,
+    /// Whether somebody has reported a reassembly, and nothing was found since.
+    reassembly_open: bool,
     /// What the calibration of now is held against, to see slow drift.
     baseline: Option<Baseline>,
     session: Session,
@@ -126,6 +128,7 @@ impl Calibrator {
             failed_pass: None,
             former_mount: None,
             comparison: None,
+            reassembly_open: false,
             baseline: None,
             session: Session::default(),
             trust: Trust::default(),
@@ -159,9 +162,14 @@ impl Calibrator {
         &self.config
     }
 
-    /// Takes one event, in any order inside the merger's window, and says what has to be done.
+    /// Takes one event, in any order inside the merger's window, and says what has to be done. A note is
+    /// taken where it comes, whatever its stamp: what people say is never dropped for that.
     pub fn step(&mut self, event: Event) -> Vec<Effect> {
         let ends = event == Event::EndOfSession;
+        // Work that takes nothing apart is only remembered by people.
+        if matches!(&event, Event::Note(note) if note.kind == NoteKind::Maintenance) {
+            return Vec::new();
+        }
         // 1. Order by stamp.
         let mut merged = Vec::new();
         self.merger.push(event, &mut merged);
@@ -170,6 +178,7 @@ impl Calibrator {
         for merged in merged {
             match merged {
                 Merged::Event(stamp, event) => self.take(stamp, event, &mut effects),
+                Merged::Note(note) => self.take_note(&note, &mut effects),
                 Merged::Dropped(dropped) => self.drop_message(dropped, &mut effects),
                 Merged::SessionStarted(stamp) => self.start_session(stamp, &mut effects),
             }
@@ -271,8 +280,7 @@ impl Calibrator {
             Event::WheelOdometry(sample) => self.take_drive(sample),
             Event::Scan(scan) => self.take_scan(&scan, effects),
             Event::LidarPose(pose) => self.take_pose(&pose),
-            Event::Note(note) => self.take_note(&note),
-            Event::EndOfSession => {}
+            Event::Note(_) | Event::EndOfSession => {}
         }
         self.work_off(false, effects);
         let now = self.session.now;
@@ -294,12 +302,18 @@ impl Calibrator {
         self.drive.push(sample);
     }
 
-    fn take_note(&mut self, note: &Note) {
-        match note.kind {
-            NoteKind::Reassembled => self.begin_comparison(Occasion::Reassembled),
-            NoteKind::PowerOn => self.begin_comparison(Occasion::NewSession),
-            // Work that takes nothing apart is only remembered.
-            NoteKind::Maintenance => {}
+    fn take_note(&mut self, note: &Note, effects: &mut Vec<Effect>) {
+        let occasion = match note.kind {
+            NoteKind::Reassembled => Occasion::Reassembled,
+            NoteKind::PowerOn => Occasion::NewSession,
+            NoteKind::Maintenance => return,
+        };
+        // Poses of before tell nothing of after.
+        self.waiting.clear();
+        self.begin_comparison(occasion);
+        if self.session.began.is_some() {
+            // Nobody should use for another second what holds no more.
+            self.tell(effects);
         }
     }
 
@@ -402,6 +416,7 @@ impl Calibrator {
             distance_m: self.session.distance_m,
             covariance: reported_covariance(&parameters, &told.covariance),
             parameters,
+            reassembly_open: self.reassembly_open,
             detection: self.detection(),
             consistency: self.session.consistency(),
             counts: self.session.counts,

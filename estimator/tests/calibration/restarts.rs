@@ -155,3 +155,60 @@ fn what_no_driving_shows_is_no_narrower_after_a_power_cycle() {
         assert!(is_on_again);
     }
 }
+
+/// Stamps of notes are people's words, often those of an estimate that was published a second before. None
+/// of them may make the estimator miss that the robot was taken apart, or lose its place in time.
+#[test]
+fn a_reported_reassembly_counts_at_once_whatever_its_stamp() {
+    let mut config = SimulationConfig::figure_eight(9);
+    config.lidar = poses();
+    let calibrator = CalibratorConfig::of(vehicle_of(&config.vehicle, 1.2));
+    let run = drive(config.clone(), calibrator, 60.0);
+    let now_ns = run.calibrator.estimate().stamp.0;
+    let stamps_ns = [
+        now_ns,
+        now_ns - 1_000_000_000,
+        now_ns - 86_400_000_000_000,
+        now_ns + 200_000_000,
+        now_ns + 86_400_000_000_000,
+        7,
+    ];
+    for stamp_ns in stamps_ns {
+        let mut calibrator = run.calibrator.clone();
+        let is_known = |calibrator: &Calibrator| {
+            let estimate = calibrator.estimate();
+            FOUR.map(|one| estimate.parameter(one).status == Status::Converged)
+        };
+        assert_eq!(is_known(&calibrator), [true; 4]);
+        let note = |stamp_ns| {
+            let kind = NoteKind::Reassembled;
+            let stamp = RobotTime(stamp_ns);
+            Event::Note(Note { stamp, kind })
+        };
+        let effects = calibrator.step(note(stamp_ns));
+        assert_eq!(is_known(&calibrator), [false; 4], "{}", stamp_ns - now_ns);
+        let published = effects.iter().rev().find_map(|effect| match effect {
+            Effect::Estimate(estimate) => Some(estimate),
+            _ => None,
+        });
+        assert!(published.unwrap().stamp.0 <= now_ns + 1_000_000_000);
+        // A second one with the same stamp is no other.
+        calibrator.step(note(stamp_ns));
+        let mut simulation = Simulation::new(config.clone()).unwrap();
+        let mut kinds = Vec::new();
+        while kinds.is_empty() {
+            let emitted = simulation.advance();
+            let time_s = (emitted.sent_ns - config.start_stamp_ns) as f64 * 1e-9;
+            assert!(time_s < 120.0, "no verdict: {}", stamp_ns - now_ns);
+            let event = event_of(emitted.message).filter(|_| time_s > 60.0);
+            for effect in event.into_iter().flat_map(|event| calibrator.step(event)) {
+                match effect {
+                    Effect::Change(change) => kinds.push(change.kind),
+                    Effect::SessionStarted(_) => panic!("{}", stamp_ns - now_ns),
+                    _ => {}
+                }
+            }
+        }
+        assert_eq!(kinds, [ChangeKind::CalibrationConfirmed]);
+    }
+}

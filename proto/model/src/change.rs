@@ -12,6 +12,9 @@ pub enum ChangeKind {
     CalibrationChanged,
     /// The parts were reported as reassembled and the comparison came out equal.
     CalibrationConfirmed,
+    /// The parts were reported as reassembled, and the calibration is known for the first time: there was
+    /// nothing to compare it with.
+    CalibrationLearned,
     /// A sensor or the LiDAR odometry failed for a while.
     Fault,
 }

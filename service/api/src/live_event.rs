@@ -73,8 +73,16 @@ impl<'a> LiveEvent<'a> {
             LiveUpdate::Alert { alert, .. } => Self::Alert(AlertDocument::of(alert)),
             LiveUpdate::Freeze => Self::Freeze(NoData {}),
             LiveUpdate::Policy => Self::Policy(NoData {}),
-            LiveUpdate::Event { robot, event } => {
-                Self::Event(EventDocument::of(NewEvent::of(robot, event, now)))
+            LiveUpdate::Event {
+                robot,
+                event,
+                author,
+            } => {
+                let event = NewEvent::of(robot, event, now);
+                Self::Event(EventDocument::of(match author {
+                    Some(author) => event.noted_by(author.clone()),
+                    None => event,
+                }))
             }
         })
     }

@@ -26,6 +26,8 @@ pub const MAILBOX_WHEEL_ODOMETRY_MAX: usize = 1_024;
 pub const MAILBOX_SCANS_MAX: usize = 8;
 /// Notes and other rare messages that wait in a robot's mailbox.
 pub const MAILBOX_NOTES_MAX: usize = 64;
+/// Stored notes about a robot that are read at once to be brought to its estimator.
+pub const NOTES_BROUGHT_MAX: u32 = 64;
 /// A robot that sends has what has come worked off in rounds: waking its task for each message would
 /// cost more than the message. All robots have their rounds at the same moments.
 pub const TASK_ROUND: Duration = Duration::from_millis(20);

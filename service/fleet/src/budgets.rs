@@ -53,6 +53,10 @@ impl HistoryBudgets {
         let counts = &fleet.counts;
         counts.events_beyond_budget.fetch_add(1, Ordering::Relaxed);
         let (robot, event) = (robot.clone(), Arc::new(event));
-        fleet.announce(LiveUpdate::Event { robot, event });
+        fleet.announce(LiveUpdate::Event {
+            robot,
+            event,
+            author: None,
+        });
     }
 }

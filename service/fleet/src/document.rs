@@ -18,6 +18,7 @@ pub fn estimate_document(robot: &RobotId, estimate: &Estimate) -> EstimateDocume
         time_s: estimate.time_s,
         distance_m: estimate.distance_m,
         parameters: parameters(&estimate.parameters),
+        reassembly_open: estimate.reassembly_open,
         covariance: Some(estimate.covariance),
         detection: Some(estimate.detection),
         consistency: estimate.consistency,

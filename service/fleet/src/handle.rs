@@ -10,18 +10,15 @@ use fleetcal_clock::SharedClock;
 use fleetcal_cluster::Membership;
 use fleetcal_domain::approval::Policy;
 use fleetcal_domain::limits;
-use fleetcal_domain::robot::{
-    AnnouncedTopic, CrossTrack, HistoryEvent, Journal, RobotConfig, RobotView,
-};
+use fleetcal_domain::robot::{AnnouncedTopic, CrossTrack, Journal, RobotConfig, RobotView};
 use fleetcal_domain::streams::RobotStreams;
 use fleetcal_estimator::advice::ranking::Ranked;
 use fleetcal_estimator::calibrator::TopView;
 use fleetcal_estimator::{Calibrator, EstimatorSettings, Pose2};
-use fleetcal_model::{Generation, RobotTime, Stream, WallTime};
+use fleetcal_model::{AuditId, Generation, RobotTime, Stream, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::estimate::EstimateDocument;
-use fleetcal_proto::event::RobotEvent;
 use fleetcal_proto::message_type::Form;
 use fleetcal_proto::progress::Progress;
 use prometheus_client::metrics::histogram::Histogram;
@@ -31,14 +28,14 @@ use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
 use crate::cross_track::{self, UsedValues};
-use crate::decode;
 use crate::live::LiveUpdate;
 use crate::mailbox::Message;
+use crate::notes::Noted;
 use crate::peers::PeerSessions;
 use crate::registry::{Counts, Fleet, FleetCounters, Step, new_robot, scan_durations};
 use crate::robot::Robot;
 use crate::senders::Origin;
-use crate::tap::{TapReader, Tapped};
+use crate::tap::TapReader;
 use crate::watch;
 
 /// How a message came.
@@ -74,9 +71,6 @@ pub enum FleetRefused {
     /// The fleet is full.
     #[error("{} robots are configured, which is the limit", limits::ROBOTS_MAX)]
     RobotsMax,
-    /// The note's text is too long.
-    #[error("note: got {0} characters, expected {max} at most", max = limits::NOTE_CHARS_MAX)]
-    NoteTooLong(usize),
     /// The robot has too many notes that wait.
     #[error("robot {0} has {max} notes that wait", max = limits::MAILBOX_NOTES_MAX)]
     NotesMax(RobotId),
@@ -104,6 +98,8 @@ pub struct FleetSetup {
     pub last_heard: BTreeMap<RobotId, WallTime>,
     /// Whether this process has all robots, or those that it adopts.
     pub membership: Membership,
+    /// The newest row of the audit before anything of this was read.
+    pub audited: AuditId,
 }
 
 /// The fleet, cheap to clone.
@@ -145,6 +141,7 @@ impl FleetHandle {
             tasks: TaskTracker::new(),
             configured: watch_channel::Sender::new(0),
             membership: setup.membership,
+            audited: setup.audited,
             heard: watch_channel::Sender::new(0),
             subscribed: watch_channel::Sender::new(BTreeSet::new()),
         });
@@ -223,34 +220,58 @@ impl FleetHandle {
         Ok(())
     }
 
-    /// Tells a robot's estimator, in its turn, and every listener what a person noted. To store
-    /// the note is the caller's part. Nothing is done about a robot that another instance has.
+    /// Whether a note about a robot finds its estimator; to be asked before it is stored. One whose
+    /// estimator another instance has, or none at this moment, is brought it later.
     ///
     /// # Errors
-    /// When the robot is unknown, the text too long, or too many notes wait.
-    pub fn note(&self, id: &RobotId, note: &RobotEvent) -> Result<(), FleetRefused> {
-        let chars = note.note.chars().count();
-        if chars > limits::NOTE_CHARS_MAX {
-            return Err(FleetRefused::NoteTooLong(chars));
+    /// When the robot is unknown or has no estimator since nobody has registered it, or too many notes wait.
+    pub fn takes_notes(&self, id: &RobotId) -> Result<(), FleetRefused> {
+        let unknown = || FleetRefused::UnknownRobot(id.clone());
+        let robot = self.fleet.find(id.as_str()).ok_or_else(unknown)?;
+        if !robot.is_configured() {
+            return Err(FleetRefused::Unregistered(id.clone()));
         }
-        let robot = self
-            .fleet
-            .find(id.as_str())
-            .ok_or_else(|| FleetRefused::UnknownRobot(id.clone()))?;
-        if robot.is_configured() && !robot.is_here() {
-            // Its instance follows what is noted, and tells of it.
-            return Ok(());
-        }
-        if !robot.mailbox.push_note(decode::note(note)) {
+        if robot.is_here() && !robot.mailbox.has_room_for_note() {
             return Err(FleetRefused::NotesMax(id.clone()));
         }
-        robot.taps.offer(|| Some(Tapped::of_note(note)));
-        let event = Arc::new(HistoryEvent::Note(note.clone()));
-        self.fleet.announce(LiveUpdate::Event {
-            robot: id.clone(),
-            event,
-        });
         Ok(())
+    }
+
+    /// Brings a robot's estimator a note that is stored. One that it has taken already is left out.
+    ///
+    /// # Errors
+    /// When the robot is unknown, another instance has it, or too many notes wait: then it is to be brought
+    /// again.
+    pub fn note(&self, id: &RobotId, noted: Noted) -> Result<(), FleetRefused> {
+        let unknown = || FleetRefused::UnknownRobot(id.clone());
+        let robot = self.fleet.find(id.as_str()).ok_or_else(unknown)?;
+        if !robot.is_here() {
+            return Err(FleetRefused::Elsewhere(id.clone()));
+        }
+        if !robot.mailbox.push_note(noted) {
+            robot.want_notes();
+            return Err(FleetRefused::NotesMax(id.clone()));
+        }
+        Ok(())
+    }
+
+    /// Up to which note the estimator of a robot that is estimated here has taken them.
+    pub fn notes_taken(&self, id: &RobotId) -> Option<AuditId> {
+        let robot = self.fleet.find(id.as_str())?;
+        robot.notes_taken().filter(|_| robot.is_here())
+    }
+
+    /// Asks once more for the notes that a robot's estimator was not brought.
+    pub fn want_notes(&self, id: &RobotId) {
+        if let Some(robot) = self.fleet.find(id.as_str()) {
+            robot.want_notes();
+        }
+    }
+
+    /// Whether notes may be stored that a robot's estimator was not brought. Says so once.
+    pub fn wants_notes(&self, id: &RobotId) -> bool {
+        let robot = self.fleet.find(id.as_str());
+        robot.is_some_and(|robot| robot.is_here() && robot.wanted_notes())
     }
 
     /// Takes what a robot compensates with, oldest first, and the generation that a verification estimate

@@ -51,6 +51,9 @@ pub enum LiveUpdate {
         robot: RobotId,
         /// What.
         event: Arc<HistoryEvent>,
+        /// The person or tool of the site that noted it; `None` of what the robot, its estimator or the
+        /// service says.
+        author: Option<String>,
     },
 }
 

@@ -20,12 +20,13 @@ use fleetcal_domain::limits::{
     REFUSAL_CHARS_MAX, TASK_ROUND_SCANS_MAX, TASK_ROUND_WHEEL_ODOMETRY_MAX,
 };
 use fleetcal_domain::robot::Counters;
-use fleetcal_estimator::Note;
 use fleetcal_model::Stream;
 use fleetcal_proto::progress::Progress;
 use tokio::sync::Notify;
 
 use heard::{Class, Heard};
+
+use crate::notes::Noted;
 
 pub use message::{Item, Message, Outcome, Recipient};
 
@@ -282,7 +283,7 @@ impl Mailbox {
     }
 
     /// Puts a note behind what waits; `false` when too many wait.
-    pub fn push_note(&self, note: Note) -> bool {
+    pub fn push_note(&self, note: Noted) -> bool {
         {
             let mut queue = self.lock();
             if queue.notes >= MAILBOX_NOTES_MAX {
@@ -293,6 +294,11 @@ impl Mailbox {
         }
         self.wake();
         true
+    }
+
+    /// Whether another note finds room.
+    pub fn has_room_for_note(&self) -> bool {
+        self.lock().notes < MAILBOX_NOTES_MAX
     }
 
     /// Puts the end of the session behind what waits, unless it stands there already.

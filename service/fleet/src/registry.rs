@@ -10,7 +10,7 @@ use fleetcal_cluster::Membership;
 use fleetcal_domain::limits;
 use fleetcal_domain::robot::{HistoryEvent, Journal, RobotConfig};
 use fleetcal_estimator::{Calibrator, Effect, EstimatorSettings, Event};
-use fleetcal_model::{RobotId, Stream};
+use fleetcal_model::{AuditId, RobotId, Stream};
 use prometheus_client::metrics::histogram::Histogram;
 use serde::Serialize;
 use tokio::sync::{broadcast, watch as watch_channel};
@@ -102,6 +102,9 @@ pub(crate) struct Fleet {
     pub(super) configured: watch_channel::Sender<u64>,
     /// Whether this process has all robots, or those that it adopts.
     pub(crate) membership: Membership,
+    /// The newest row of the audit when this process began: notes before it are none of a robot of which
+    /// nothing is stored.
+    pub(crate) audited: AuditId,
     /// Moves when other robots' messages are wanted.
     pub(super) heard: watch_channel::Sender<u64>,
     /// The robots that the link is subscribed to.
@@ -134,6 +137,7 @@ impl Fleet {
         self.announce(LiveUpdate::Event {
             robot: robot.clone(),
             event,
+            author: None,
         });
     }
 

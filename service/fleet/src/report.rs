@@ -9,7 +9,7 @@ use fleetcal_domain::limits::{DIGEST_BYTES_MAX, REPORT_EVENTS_MAX};
 use fleetcal_domain::robot::{
     Counters, CrossTrack, HistoryEvent, PairingReport, RobotState, StreamView, Warning,
 };
-use fleetcal_model::{Generation, RobotId, WallTime};
+use fleetcal_model::{AuditId, Generation, RobotId, WallTime};
 use fleetcal_proto::estimate::EstimateDocument;
 use serde::{Deserialize, Serialize};
 use tokio::sync::broadcast;
@@ -33,6 +33,9 @@ pub struct RobotReport {
     /// Its latest estimate; absent when it was told before, or there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub estimate: Option<Box<EstimateDocument>>,
+    /// Up to which note of the audit its estimator has taken them; absent in reports of former versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub notes_taken: Option<AuditId>,
     /// All the rest, now and then.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub details: Option<Box<ReportDetails>>,
@@ -148,7 +151,12 @@ impl Reported {
         };
         loop {
             match live.try_recv() {
-                Ok(LiveUpdate::Event { robot, event }) => {
+                // What people note, every instance reads in the audit.
+                Ok(LiveUpdate::Event {
+                    robot,
+                    event,
+                    author: None,
+                }) => {
                     let of_robot = events.entry(robot).or_default();
                     if of_robot.len() < REPORT_EVENTS_MAX {
                         of_robot.push(HistoryEvent::clone(&event));

@@ -5,6 +5,7 @@ mod mirror;
 mod used;
 
 use std::collections::{BTreeMap, VecDeque};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -19,7 +20,7 @@ use fleetcal_domain::robot::{
 };
 use fleetcal_estimator::RobotTime;
 use fleetcal_estimator::advice::ranking::Ranked;
-use fleetcal_model::{Generation, Stream, Version, WallTime};
+use fleetcal_model::{AuditId, Generation, Stream, Version, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::estimate::EstimateDocument;
@@ -108,6 +109,10 @@ struct Status {
     manoeuvres: Arc<[Ranked]>,
     pairing: Option<PairingReport>,
     warnings: Vec<Warning>,
+    /// Whether a reported reassembly is open, also where there is no estimate yet.
+    reassembly_open: bool,
+    /// Up to which note its estimator has taken them; `None` until its task says so.
+    notes_taken: Option<AuditId>,
 }
 
 /// One robot of the fleet.
@@ -126,6 +131,8 @@ pub struct Robot {
     link: Mutex<Link>,
     status: Mutex<Status>,
     cross_tracks: Mutex<CrossTracks>,
+    /// Whether notes may be stored that its task was not brought.
+    wants_notes: AtomicBool,
     /// Which instance estimates it, and what that says.
     estimators: Mutex<Estimators>,
 }
@@ -173,7 +180,10 @@ impl Robot {
                 manoeuvres: Arc::from([]),
                 pairing: None,
                 warnings: Vec::new(),
+                reassembly_open: false,
+                notes_taken: None,
             }),
+            wants_notes: AtomicBool::new(false),
             cross_tracks: Mutex::default(),
             tenancy: Mutex::default(),
             estimators: Mutex::default(),
@@ -283,6 +293,31 @@ impl Robot {
         }
         self.quiet_for(clock)
             .is_none_or(|quiet| quiet >= STALE_AFTER)
+    }
+
+    /// Takes whether a reported reassembly is open.
+    pub fn set_reassembly_open(&self, is_open: bool) {
+        lock(&self.status).reassembly_open = is_open;
+    }
+
+    /// Takes up to which note its estimator has taken them: the estimate that it shows is no older.
+    pub fn set_notes_taken(&self, until: AuditId) {
+        lock(&self.status).notes_taken = Some(until);
+    }
+
+    /// Up to which note its estimator has taken them.
+    pub fn notes_taken(&self) -> Option<AuditId> {
+        lock(&self.status).notes_taken
+    }
+
+    /// Asks for the notes that its task was not brought.
+    pub fn want_notes(&self) {
+        self.wants_notes.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether somebody has asked for them since this was last asked.
+    pub fn wanted_notes(&self) -> bool {
+        self.wants_notes.swap(false, Ordering::Relaxed)
     }
 
     /// Where the robot stands.
@@ -551,6 +586,8 @@ impl Robot {
             estimator_restarts: status.estimator_restarts,
             pairing: status.pairing,
             warnings: status.warnings.iter().cloned().chain(of_link).collect(),
+            reassembly_open: status.reassembly_open,
+            notes_taken: status.notes_taken,
             topics,
             estimated_by,
         }

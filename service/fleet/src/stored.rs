@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::candidate::Candidate;
+use crate::notes::NotesTaken;
 use crate::packed::{self, Unreadable};
 use crate::verification_run::{StoredRun, VerificationRun};
 
@@ -27,6 +28,9 @@ pub struct Stored {
     /// The estimator of values in verification.
     #[serde(default)]
     pub verification_run: Option<StoredRun>,
+    /// Which notes the estimator has taken; absent in states of former versions.
+    #[serde(default)]
+    pub notes: Option<NotesTaken>,
 }
 
 impl Stored {
@@ -100,6 +104,8 @@ pub struct Restored {
     pub candidate: Candidate,
     /// The estimator of values in verification.
     pub verification_run: Option<VerificationRun>,
+    /// Which notes it has taken, where that is known.
+    pub notes: Option<NotesTaken>,
 }
 
 impl Restored {
@@ -110,6 +116,7 @@ impl Restored {
             changed: false,
             candidate: Candidate::default(),
             verification_run: None,
+            notes: None,
         }
     }
 }
@@ -136,6 +143,7 @@ pub fn restore(robot: &RobotId, config: &CalibratorConfig, bytes: &[u8]) -> Opti
             changed: stored.changed,
             candidate: stored.candidate,
             verification_run: run.transpose()?,
+            notes: stored.notes,
         })
     });
     restored

@@ -3,12 +3,13 @@
 
 mod checkpoints;
 mod heard;
+mod notes;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use fleetcal_domain::limits::{ADVICE_EVERY_S, ESTIMATOR_RESTARTS_MAX, NOTES_PER_HOUR_MAX};
+use fleetcal_domain::limits::{ADVICE_EVERY_S, ESTIMATOR_RESTARTS_MAX};
 use fleetcal_domain::robot::{
     HistoryEvent, Mount, RobotConfig, RobotState, ServiceEvent, ServiceEventKind, Warning,
     WheelOdometrySignal,
@@ -28,6 +29,7 @@ use crate::document;
 use crate::intake::{Intake, Taken};
 use crate::live::LiveUpdate;
 use crate::mailbox::{Item, Message, Outcome};
+use crate::notes::NotesTaken;
 use crate::pose::LatestPose;
 use crate::reading::ReadingSettings;
 use crate::registry::Fleet;
@@ -87,6 +89,8 @@ pub struct RobotTask {
     verification_run: Option<VerificationRun>,
     /// What of the messages that were heard before is known already.
     known: Option<Known>,
+    /// Which notes the estimator has taken.
+    notes: NotesTaken,
 }
 
 impl RobotTask {
@@ -106,8 +110,12 @@ impl RobotTask {
         let config = config.calibrator_config(&fleet.estimator);
         let restored = stored.and_then(|bytes| stored::restore(&robot.id, &config, bytes));
         let last_good = restored.as_ref().map(|one| one.calibrator.checkpoint());
-        let known = restored.as_ref().map(|one| Known::by(&one.calibrator));
         let restored = restored.unwrap_or_else(|| Restored::nothing(&config));
+        let notes = restored.notes;
+        let notes = notes.unwrap_or_else(|| NotesTaken::until(fleet.audited));
+        let known = last_good
+            .as_ref()
+            .map(|_| Known::by(&restored.calibrator, notes.of_robot.clone()));
         let task = Self {
             fleet,
             robot,
@@ -129,10 +137,15 @@ impl RobotTask {
             changed: restored.changed,
             verification_run: restored.verification_run,
             known,
+            notes,
         };
         if task.last_good.is_some() {
             task.show_restored(restored.candidate);
         }
+        // Those that came after it was stored, or while no task was there, are brought now.
+        task.robot.set_reassembly_open(task.is_reassembly_open());
+        task.robot.set_notes_taken(task.notes.until);
+        task.robot.want_notes();
         task
     }
 
@@ -160,8 +173,14 @@ impl RobotTask {
         if let Some((version, config)) = self.robot.versioned_config() {
             let (fleet, robot) = (Arc::clone(&self.fleet), Arc::clone(&self.robot));
             let budgets = std::mem::take(&mut self.budgets);
+            let (notes, is_open) = (self.notes.clone(), self.is_reassembly_open());
             *self = Self::start(fleet, robot, version, &config, None);
             self.budgets = budgets;
+            self.robot.set_notes_taken(notes.until);
+            self.notes = notes;
+            if is_open {
+                self.reopen_reassembly();
+            }
         }
     }
 
@@ -173,9 +192,7 @@ impl RobotTask {
                 self.take_and_count(&message);
             }
             Item::Heard(message) => self.take_and_count(&message),
-            Item::Note(note) => {
-                self.step(Event::Note(note));
-            }
+            Item::Note(noted) => self.take_noted(&noted),
             Item::EndOfSession => {
                 self.step(Event::EndOfSession);
                 self.save_checkpoint();
@@ -226,7 +243,9 @@ impl RobotTask {
         }
         let mut events = taken.events;
         if let Some(known) = &mut self.known {
-            known.hear(taken.stamp);
+            if *stream != Stream::Event {
+                known.hear(taken.stamp);
+            }
             let nothing_follows = events.is_empty() && known.has_half(taken.stamp);
             let count = events.len();
             events.retain(|decoded| !known.has(&decoded.event));
@@ -283,19 +302,13 @@ impl RobotTask {
 
     fn take_decoded(&mut self, decoded: Decoded) -> Outcome {
         let Decoded { stamp, event, note } = decoded;
+        if let Some(note) = note {
+            return self.take_robots_note(note);
+        }
         let event = match self.raw(event) {
             Ok(event) => event,
             Err(reason) => return Outcome::Refused(reason),
         };
-        if let Some(note) = note {
-            if !self.budgets.take_note(&self.fleet, &note) {
-                return Outcome::Refused(format!(
-                    "event: the robot's notes of this hour are used up, the limit is {NOTES_PER_HOUR_MAX}"
-                ));
-            }
-            self.robot.taps.offer(|| Some(Tapped::of_note(&note)));
-            self.fleet.record(&self.robot.id, HistoryEvent::Note(note));
-        }
         if !self.step(event) {
             return Outcome::Refused("the robot's estimator is stopped after a fault".to_owned());
         }
@@ -499,6 +512,7 @@ impl RobotTask {
         let taps = &self.robot.taps;
         taps.offer(|| Some(Tapped::Estimate(Arc::clone(&document))));
         self.robot.set_state(state);
+        self.robot.set_reassembly_open(document.reassembly_open);
         self.robot.set_estimate(Arc::clone(&document));
         self.fleet.journal.record_history(&self.robot.id, &document);
         let robot = self.robot.id.clone();

@@ -19,13 +19,14 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::sync::broadcast;
 
-use fleetcal_model::{Generation, NoteKind, RobotTime, Stream};
+use fleetcal_model::{AuditId, Generation, NoteKind, RobotTime, Stream};
 
 use super::registry::Step;
 use super::*;
 mod checkpoints;
 mod cluster;
 mod moves;
+mod notes;
 mod restarts;
 mod senders;
 
@@ -108,6 +109,7 @@ fn bench_in(
         robots,
         checkpoints,
         last_heard: BTreeMap::new(),
+        audited: fleetcal_model::AuditId(0),
         membership: membership.clone(),
     };
     Bench {
@@ -173,6 +175,20 @@ impl Bench {
             tokio::time::sleep(Duration::from_millis(1)).await;
         }
         panic!("{robot} shows no estimate");
+    }
+
+    /// Returns once the estimator has taken the notes up to a number.
+    async fn noted(&self, robot: &str, number: AuditId) {
+        for _ in 0..2_000 {
+            if self.fleet.notes_taken(&id(robot)) >= Some(number) {
+                return;
+            }
+            tokio::time::sleep(Duration::from_millis(1)).await;
+        }
+        panic!(
+            "{robot} has taken notes to {:?}",
+            self.fleet.notes_taken(&id(robot))
+        );
     }
 
     fn notes(&self) -> usize {
@@ -450,17 +466,19 @@ async fn a_note_goes_to_the_history_once_wherever_it_comes_from() {
     bench.worked_off("robot").await;
     assert_eq!(bench.notes(), 1, "from the wire: kept by the fleet");
     assert_eq!(next_note(&mut live).await, note);
-    bench.fleet.note(&id("robot"), &note).unwrap();
-    assert_eq!(next_note(&mut live).await, note);
+    let number = AuditId(1);
+    bench
+        .fleet
+        .note(
+            &id("robot"),
+            Noted {
+                number,
+                event: note,
+            },
+        )
+        .unwrap();
+    bench.noted("robot", number).await;
     assert_eq!(bench.notes(), 1, "from the API: kept by the API");
-    let long = RobotEvent {
-        note: "x".repeat(limits::NOTE_CHARS_MAX + 1),
-        ..note
-    };
-    assert!(matches!(
-        bench.fleet.note(&id("robot"), &long),
-        Err(FleetRefused::NoteTooLong(1_001))
-    ));
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

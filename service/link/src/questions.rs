@@ -66,6 +66,7 @@ mod tests {
             cross_tracks: BTreeMap::new(),
             checkpoints: BTreeMap::new(),
             last_heard: BTreeMap::new(),
+            audited: fleetcal_model::AuditId(0),
             membership: fleetcal_cluster::Membership::alone(),
         })
     }

@@ -3,21 +3,24 @@
 //! changes.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use fleetcal_cluster::{Duty, Membership};
 use fleetcal_domain::limits;
+use fleetcal_domain::robot::HistoryEvent;
 use fleetcal_fleet::FleetHandle;
-use fleetcal_model::{AuditId, NoteKind, RobotTime};
+use fleetcal_fleet::live::LiveUpdate;
+use fleetcal_model::AuditId;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::event::RobotEvent;
 use fleetcal_store::{AuditRow, Store, StoreError};
-use serde::Deserialize;
 use tokio::time::MissedTickBehavior;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
 use crate::alert_evaluator::AlertEvaluator;
 use crate::lifecycle::Lifecycle;
+use crate::notes;
 
 /// What is followed for whom.
 #[derive(Debug, Clone)]
@@ -87,15 +90,7 @@ struct Outdated {
     configurations: BTreeSet<RobotId>,
     freeze: bool,
     policy: bool,
-    notes: Vec<(RobotId, RobotEvent)>,
-}
-
-/// A note as the audit has it.
-#[derive(Debug, Deserialize)]
-struct Noted {
-    kind: NoteKind,
-    stamp_ns: RobotTime,
-    note: String,
+    notes: Vec<(RobotId, RobotEvent, String)>,
 }
 
 impl Outdated {
@@ -111,7 +106,11 @@ impl Outdated {
                 ("robot", Some(robot)) => {
                     outdated.configurations.insert(robot);
                 }
-                ("event", Some(robot)) => outdated.notes.extend(noted(row, robot)),
+                ("event", Some(robot)) => {
+                    let note = notes::event_of(row);
+                    let note = note.map(|note| (robot, note, row.actor.clone()));
+                    outdated.notes.extend(note);
+                }
                 ("freeze", _) => outdated.freeze = true,
                 ("policy", _) => outdated.policy = true,
                 _ => {}
@@ -119,21 +118,6 @@ impl Outdated {
         }
         outdated
     }
-}
-
-fn noted(row: &AuditRow, robot: RobotId) -> Option<(RobotId, RobotEvent)> {
-    let after = row.after.clone()?;
-    let Noted {
-        kind,
-        stamp_ns,
-        note,
-    } = serde_json::from_value(after).ok()?;
-    let event = RobotEvent {
-        kind,
-        stamp_ns,
-        note,
-    };
-    Some((robot, event))
 }
 
 impl FollowingSetup {
@@ -170,12 +154,15 @@ impl FollowingSetup {
         if outdated.policy {
             self.lifecycle.reload_policy().await?;
         }
-        for (robot, note) in outdated.notes {
-            if self.membership.has(&robot)
-                && let Err(refused) = self.fleet.note(&robot, &note)
-            {
-                tracing::error!(robot.id = %robot, %refused, "a note did not reach the estimator");
+        for (robot, note, author) in outdated.notes {
+            if self.membership.has(&robot) {
+                notes::bring(&self.store, &self.fleet, &robot).await?;
             }
+            self.fleet.announce(LiveUpdate::Event {
+                robot,
+                event: Arc::new(HistoryEvent::Note(note)),
+                author: Some(author),
+            });
         }
         Ok(())
     }
@@ -183,7 +170,7 @@ impl FollowingSetup {
 
 #[cfg(test)]
 mod tests {
-    use fleetcal_model::WallTime;
+    use fleetcal_model::{NoteKind, RobotTime, WallTime};
 
     use super::*;
 
@@ -228,7 +215,7 @@ mod tests {
             configurations: BTreeSet::from([a.clone()]),
             freeze: false,
             policy: true,
-            notes: vec![(a, event)],
+            notes: vec![(a, event, "ana".to_owned())],
         };
         assert_eq!(outdated, expected);
     }

@@ -18,6 +18,7 @@ mod cause;
 pub mod entropy;
 pub mod following;
 pub mod lifecycle;
+pub mod notes;
 pub mod ownership;
 pub mod peers;
 pub mod recording_export;

@@ -209,6 +209,7 @@ impl From<Refused> for Problem {
             Refused::Deployment { .. } | Refused::NotUnderway(_) => conflict("wrong_state"),
             Refused::Underway { .. } => conflict("deployment_underway"),
             Refused::Outdated(_) => conflict("proposal_outdated"),
+            Refused::ReassemblyOpen => conflict("reassembly_open"),
             Refused::NoMaintenance => conflict("not_in_maintenance"),
             Refused::OutOfLimits { field, .. } => value(field),
             Refused::ReasonMissing => value("reason"),
@@ -266,9 +267,6 @@ impl From<FleetRefused> for Problem {
                 Self::new(StatusCode::CONFLICT, "robot_unregistered", detail)
             }
             FleetRefused::RobotsMax => Self::new(StatusCode::CONFLICT, "fleet_full", detail),
-            FleetRefused::NoteTooLong(_) => {
-                Self::new(StatusCode::BAD_REQUEST, "value_refused", detail).of_field("note")
-            }
             FleetRefused::Elsewhere(_) => {
                 Self::new(StatusCode::SERVICE_UNAVAILABLE, "robot_elsewhere", detail)
             }

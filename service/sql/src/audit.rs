@@ -2,12 +2,13 @@
 
 use async_trait::async_trait;
 use fleetcal_cluster::{Duty, Seat, Tenure};
-use fleetcal_model::WallTime;
-use fleetcal_store::{AuditEntry, Records, StoreError};
+use fleetcal_model::{AuditId, RobotId, WallTime};
+use fleetcal_store::{AuditEntry, AuditRow, Records, StoreError};
 
 use super::connection::Connection;
 use super::dialect::Dialect;
 use super::query::{query, query_scalar};
+use super::records;
 use super::telemetry;
 use super::transaction::SqlRecords;
 
@@ -45,6 +46,15 @@ async fn append(connection: &mut dyn Connection, entry: &AuditEntry) -> Result<i
 impl Records for SqlRecords<'_> {
     async fn append_audit(&mut self, entry: &AuditEntry) -> Result<(), StoreError> {
         append(self.connection, entry).await.map(drop)
+    }
+
+    async fn notes_after(
+        &mut self,
+        robot: &RobotId,
+        after: AuditId,
+        limit: u32,
+    ) -> Result<Vec<AuditRow>, StoreError> {
+        records::notes_after(self.connection, robot, after, limit).await
     }
 
     async fn holds_tenure(&mut self, tenure: &Tenure) -> Result<bool, StoreError> {

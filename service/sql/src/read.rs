@@ -303,6 +303,15 @@ impl Reader for SqlReader {
         records::audit_rows_after(&mut self.connection(), after, limit).await
     }
 
+    async fn notes_after(
+        &self,
+        robot: &RobotId,
+        after: AuditId,
+        limit: u32,
+    ) -> Result<Vec<AuditRow>, StoreError> {
+        records::notes_after(&mut self.connection(), robot, after, limit).await
+    }
+
     async fn audit_last(&self) -> Result<AuditId, StoreError> {
         query_scalar("SELECT coalesce(max(id), 0) FROM audit")
             .fetch_one(&mut self.connection())

@@ -241,6 +241,25 @@ pub(super) async fn audit_rows_after(
         .collect()
 }
 
+/// Rows of the audit after a number that are notes about a robot, oldest first.
+pub(super) async fn notes_after(
+    connection: &mut dyn Connection,
+    robot: &RobotId,
+    after: AuditId,
+    limit: u32,
+) -> Result<Vec<AuditRow>, StoreError> {
+    let notes = query(AUDIT)
+        .push(" WHERE robot = $1 AND id > $2 AND subject = 'event' ORDER BY id LIMIT $3")
+        .bind(robot.as_str())
+        .bind(after.0)
+        .bind(limit);
+    let rows = notes.fetch_all(connection).await;
+    rows.map_err(StoreError::database("read the notes"))?
+        .iter()
+        .map(audit_row)
+        .collect()
+}
+
 /// Rows of the audit, newest first.
 pub(super) async fn audit_rows(
     connection: &mut dyn Connection,

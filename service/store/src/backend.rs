@@ -227,6 +227,14 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
     /// Rows of the audit after number `after`, oldest first, at most `limit`.
     async fn audit_after(&self, after: AuditId, limit: u32) -> Result<Vec<AuditRow>, StoreError>;
 
+    /// Rows of the audit after number `after` that are notes about a robot, oldest first, at most `limit`.
+    async fn notes_after(
+        &self,
+        robot: &RobotId,
+        after: AuditId,
+        limit: u32,
+    ) -> Result<Vec<AuditRow>, StoreError>;
+
     /// The number of the latest row of the audit; 0 while there is none.
     async fn audit_last(&self) -> Result<AuditId, StoreError>;
 

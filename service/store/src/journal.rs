@@ -77,6 +77,18 @@ impl NewEvent {
     }
 }
 
+impl NewEvent {
+    /// The same, noted by a person or a tool of the site.
+    #[must_use]
+    pub fn noted_by(self, author: String) -> Self {
+        Self {
+            source: EventSource::Person,
+            author: Some(author),
+            ..self
+        }
+    }
+}
+
 fn words(note: &str) -> Option<String> {
     (!note.is_empty()).then(|| note.to_owned())
 }
@@ -104,6 +116,7 @@ const fn kind_of_change(kind: ChangeKind) -> EventKind {
     match kind {
         ChangeKind::CalibrationChanged => EventKind::CalibrationChanged,
         ChangeKind::CalibrationConfirmed => EventKind::CalibrationConfirmed,
+        ChangeKind::CalibrationLearned => EventKind::CalibrationLearned,
         ChangeKind::Fault => EventKind::Fault,
     }
 }

@@ -175,6 +175,8 @@ pub enum EventKind {
     CalibrationChanged,
     /// After a reassembly the calibration came out equal.
     CalibrationConfirmed,
+    /// After a reassembly the calibration is known, and there was none before to compare it with.
+    CalibrationLearned,
     /// A sensor or the LiDAR odometry failed for a while.
     Fault,
     /// Parts were taken off and put back.

@@ -14,7 +14,10 @@ export interface Present {
   sigmas: number;
   /** That value. */
   moved: Compared['name'];
-  holds: boolean;
+  /** Null while the estimate is not known: then nobody can say. */
+  holds: boolean | null;
+  /** Whether a reported reassembly is open: nothing from before it holds. */
+  reassembled: boolean;
 }
 
 /**
@@ -41,5 +44,8 @@ export function presentOf({ revision }: Proposal, robot: Robot | undefined): Pre
   });
   const most = values.reduce((a, b) => ((b.sigmas ?? 0) > (a.sigmas ?? 0) ? b : a));
   const far = most.sigmas ?? 0;
-  return { values, sigmas: far, moved: most.name, holds: far <= OUTDATED_SIGMAS };
+  const reassembled = robot.estimate?.reassembly_open === true;
+  const known = !reassembled && robot.state === 'calibrated';
+  const holds = known ? far <= OUTDATED_SIGMAS : null;
+  return { values, sigmas: far, moved: most.name, holds, reassembled };
 }

@@ -116,11 +116,13 @@ describe('several proposals', () => {
 });
 
 describe('the present estimate', () => {
-  const robot = (offset: number): Robot => {
+  const robot = (offset: number, reassembly_open = false): Robot => {
     const parameter = (value: number) => ({ value, sigma: 0.0002 });
     return {
+      state: 'calibrated',
       calibration: { in_use: null },
       estimate: {
+        reassembly_open,
         parameters: {
           steering_offset: parameter(offset),
           lidar_x: parameter(1),
@@ -140,6 +142,15 @@ describe('the present estimate', () => {
       holds: false,
       moved: 'steering_offset',
     });
+  });
+
+  it('holds nothing against an estimate that is not known', () => {
+    expect(presentOf(proposed, robot(0.03, true))).toMatchObject({
+      holds: null,
+      reassembled: true,
+    });
+    const learning = { ...robot(0.0342), state: 'learning' as const };
+    expect(presentOf(proposed, learning)).toMatchObject({ holds: null, reassembled: false });
   });
 
   it('says nothing of values that nobody measured, or without an estimate', () => {

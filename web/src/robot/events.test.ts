@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
 import type { RobotEvent } from '../api/types';
-import { eventFace, eventMarks, eventText } from './events';
+import { eventFace, eventMarks, eventText, joined } from './events';
 
 const event: RobotEvent = {
   id: 1,
@@ -37,5 +37,37 @@ describe('an event', () => {
 
   it('marks its time on the charts', () => {
     expect(eventMarks([event])).toEqual([{ t_s: Date.parse(event.time) / 1000, tone: 'bad' }]);
+  });
+});
+
+describe('events of the stream', () => {
+  const event = (kind: RobotEvent['kind'], more: Partial<RobotEvent> = {}): RobotEvent => ({
+    kind,
+    robot: 'agv_1',
+    source: 'estimator',
+    time: '2026-01-01T12:00:00Z',
+    received: '2026-01-01T12:00:01Z',
+    ...more,
+  });
+
+  it('are shown before their rows are written, once, and complete', () => {
+    const before = event('fault', { id: 3, time: '2026-01-01T11:00:00Z' });
+    const heard = event('calibration_changed', { details: { cause: 'lidar_mount', change: {} } });
+    expect(joined([before], [heard])).toEqual([heard, before]);
+    const sized = { ...heard, details: { cause: 'lidar_mount', change: { lidar_yaw: 0.02 } } };
+    expect(joined([heard, before], [sized])).toEqual([sized, before]);
+    const row = { ...heard, id: 4, time: '2026-01-01T12:00:00.000000000Z' };
+    expect(joined([row, before], [sized])).toEqual([{ ...sized, id: 4 }, before]);
+  });
+
+  it('of two people are two', () => {
+    const one = event('reassembled', { source: 'person', note: 'bracket' });
+    const other = { ...one, note: 'wheel' };
+    expect(joined([one], [other])).toEqual([other, one]);
+  });
+
+  it('say what was found, and no cause of what has none', () => {
+    const confirmed = event('calibration_confirmed', { details: { cause: 'unknown', change: {} } });
+    expect(eventText(confirmed)).toBe('It agrees with the calibration of before.');
   });
 });

@@ -13,6 +13,7 @@ interface EventFace {
 const KINDS: Record<EventKind, EventFace> = {
   calibration_changed: { word: 'Calibration changed', tone: 'bad' },
   calibration_confirmed: { word: 'Calibration confirmed', tone: 'quiet' },
+  calibration_learned: { word: 'Calibration learned', tone: 'quiet' },
   fault: { word: 'Sensor fault', tone: 'bad' },
   reassembled: { word: 'Reassembled', tone: 'warn' },
   maintenance: { word: 'Maintenance', tone: 'warn' },
@@ -54,6 +55,12 @@ const FAULT_CAUSES: Record<string, string> = {
   unknown: 'Wheels and LiDAR disagree, and the data do not tell why.',
 };
 
+/** Of what has no cause, because nothing moved. */
+const FOUND: Partial<Record<EventKind, string>> = {
+  calibration_confirmed: 'It agrees with the calibration of before.',
+  calibration_learned: 'There was none before to compare it with.',
+};
+
 const SOURCES: Record<string, string> = {
   estimator: 'estimator',
   robot: 'robot',
@@ -75,7 +82,9 @@ export function eventText({ kind, details, note }: RobotEvent): string {
   const parts: string[] = [];
   const cause = details?.cause;
   const causes = kind === 'fault' ? FAULT_CAUSES : CAUSES;
-  if (typeof cause === 'string') parts.push(causes[cause] ?? cause);
+  const said = FOUND[kind];
+  if (said) parts.push(said);
+  else if (typeof cause === 'string') parts.push(causes[cause] ?? cause);
   const moved = changes(details?.change).map(([name, by]) => {
     const shown = SHOWN[name as ParameterName];
     if (!shown) return `${name} ${by}`;
@@ -101,4 +110,29 @@ export function eventMarks(events: readonly RobotEvent[]): EventMark[] {
     t_s: Date.parse(event.time) / 1000,
     tone: eventFace(event.kind).tone,
   }));
+}
+
+/** Whether two tell of the same event: one of the stream has no number, and may be complete later. */
+export function isSame(a: RobotEvent, b: RobotEvent): boolean {
+  return (
+    a.kind === b.kind &&
+    a.source === b.source &&
+    Date.parse(a.time) === Date.parse(b.time) &&
+    (a.source === 'estimator' || (a.note ?? '') === (b.note ?? ''))
+  );
+}
+
+/**
+ * The events of a list, the newest first, and those that were heard: what came by the stream may have no
+ * row yet, or say more than its row did when that was read.
+ */
+export function joined(list: readonly RobotEvent[], heard: readonly RobotEvent[]): RobotEvent[] {
+  const rest = [...heard];
+  const known = list.map((one) => {
+    const at = rest.findIndex((other) => isSame(one, other));
+    const [said] = at < 0 ? [] : rest.splice(at, 1);
+    // One of the stream has no number: that of the row stays.
+    return { ...one, ...said };
+  });
+  return [...rest, ...known];
 }

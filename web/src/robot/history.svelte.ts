@@ -5,6 +5,7 @@ import type { Estimate, EventPage, HistoryDocument, ParameterName, RobotEvent } 
 import { robotUrl } from '../fleet/fleet.svelte';
 import { now } from '../ui/time.svelte';
 import { CALIBRATED } from '../units/parameters';
+import { isSame, joined } from './events';
 import { allSeries, append, EMPTY, type Series } from './series';
 import { extent, LIVE_MAX_S, sameWindow, type Window } from './window';
 
@@ -13,6 +14,8 @@ const POINTS_MAX = 4000;
 /** A range too long to follow live is read again this often. */
 const REREAD_EVERY_MS = 60_000;
 const EVENTS_MAX = 100;
+/** Events of the stream that are kept until their rows are read. */
+const HEARD_MAX = 20;
 
 export class History {
   readonly id: string;
@@ -21,6 +24,7 @@ export class History {
   bucket_s = $state(1);
   loaded = $state<'loading' | 'ready' | 'failed'>('loading');
   problem = $state('');
+  /** What happened, the newest first: the rows of the service, and what the stream has brought since. */
   events = $state.raw<RobotEvent[]>([]);
   /** The time under the cursor of all charts, s since 1970. */
   cursor_s = $state<number | null>(null);
@@ -28,6 +32,8 @@ export class History {
   #window: Window;
   #reading: AbortController | undefined;
   #last_s: number | undefined;
+  /** Events of the stream, the newest first. */
+  #heard: RobotEvent[] = [];
 
   constructor(id: string, window: Window) {
     this.id = id;
@@ -84,10 +90,18 @@ export class History {
   async loadEvents(): Promise<void> {
     try {
       const path = `${robotUrl(this.id)}/events?limit=${EVENTS_MAX}`;
-      this.events = (await get<EventPage>(path)).body.items;
+      const { items } = (await get<EventPage>(path)).body;
+      this.events = joined(items, this.#heard);
     } catch {
       // The list stays as it is; the bar over the page says that the service is away.
     }
+  }
+
+  /** Takes an event that has just come. Its row may be written later. */
+  takeEvent(event: RobotEvent): void {
+    if (event.robot !== this.id) return;
+    this.#heard = [event, ...this.#heard.filter((one) => !isSame(one, event))].slice(0, HEARD_MAX);
+    this.events = joined(this.events, [event]);
   }
 
   /** Reads everything, and again now and then; returns how to stop. */

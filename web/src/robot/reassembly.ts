@@ -1,12 +1,12 @@
 /** What came of the latest reassembly: the same calibration as before, another, or not known yet. */
 
-import type { Robot, RobotEvent } from '../api/types';
+import type { EventKind, Robot, RobotEvent } from '../api/types';
 import type { Face } from '../ui/face';
 
-/** The estimator has taken a report in after this long, and says `learning`. */
+/** An estimate that is later than a report by this much knows of it. */
 const TAKEN_IN_MS = 10_000;
 
-export type Verdict = 'same' | 'changed' | 'open' | 'nothing_stored';
+export type Verdict = 'same' | 'changed' | 'open' | 'nothing_stored' | 'none';
 
 export interface Reassembly {
   /** What was reported. */
@@ -39,8 +39,23 @@ export const VERDICTS: Record<Verdict, Face> = {
     word: 'Nothing to compare with',
     shape: 'ring',
     tone: 'quiet',
-    meaning: 'No finished calibration was stored. The current one was learned from scratch.',
+    meaning:
+      'No finished calibration was stored when it was reported. The current one was learned since.',
   },
+  none: {
+    word: 'No verdict',
+    shape: 'ring',
+    tone: 'warn',
+    meaning:
+      'The estimator is comparing nothing now, and said nothing after this report. Report it again if nobody knows whether the calibration still holds.',
+  },
+};
+
+/** What the estimator says after a report, and its verdict. */
+const SAID: Partial<Record<EventKind, Verdict>> = {
+  calibration_confirmed: 'same',
+  calibration_changed: 'changed',
+  calibration_learned: 'nothing_stored',
 };
 
 /** The latest reassembly among a robot's events, the newest first; null when there was none. */
@@ -48,13 +63,12 @@ export function reassemblyOf(events: readonly RobotEvent[], robot: Robot): Reass
   const at = events.findIndex(({ kind }) => kind === 'reassembled');
   const event = events[at];
   if (!event) return null;
-  const by = events.slice(0, at).findLast(({ kind, source }) => {
-    return (
-      source === 'estimator' && (kind === 'calibration_confirmed' || kind === 'calibration_changed')
-    );
-  });
-  if (by) return { event, verdict: by.kind === 'calibration_confirmed' ? 'same' : 'changed', by };
-  const heard_ms = Date.parse(robot.last_seen ?? event.received) - Date.parse(event.received);
-  const found = robot.state === 'calibrated' && heard_ms > TAKEN_IN_MS;
-  return { event, verdict: found ? 'nothing_stored' : 'open', by: null };
+  for (const by of events.slice(0, at).reverse()) {
+    const verdict = by.source === 'estimator' ? SAID[by.kind] : undefined;
+    if (verdict) return { event, verdict, by };
+  }
+  const { estimate } = robot;
+  const later_ms = estimate ? estimate.stamp_ns / 1e6 - Date.parse(event.time) : 0;
+  const isOver = estimate && !estimate.reassembly_open && later_ms > TAKEN_IN_MS;
+  return { event, verdict: isOver ? 'none' : 'open', by: null };
 }

@@ -1,13 +1,16 @@
 //! `GET` and `POST /robots/{id}/events`: what happened to a robot.
 
+use std::sync::Arc;
+
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use fleetcal_domain::limits;
-use fleetcal_domain::robot::RobotView;
+use fleetcal_domain::robot::{HistoryEvent, RobotView};
+use fleetcal_fleet::live::LiveUpdate;
 use fleetcal_model::{NoteKind, RobotTime, WallTime};
-use fleetcal_operations::robots;
+use fleetcal_operations::{notes, robots};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::event::RobotEvent;
 use fleetcal_store::{EventKind, EventRecord, EventSource, NewEvent, kind_of_note};
@@ -125,7 +128,8 @@ pub(super) async fn list_events(
 pub(super) struct NewEventDocument {
     /// What happened. After `reassembled` the calibration is compared with the stored one.
     kind: NoteKind,
-    /// When, by the robot's clock; its latest estimate's time unless given.
+    /// When, by the robot's clock, as it is shown; its latest estimate's time unless given. It counts from
+    /// the moment at which it is noted.
     #[serde(default)]
     #[schema(value_type = Option<String>, format = DateTime)]
     time: Option<Timestamp>,
@@ -135,7 +139,8 @@ pub(super) struct NewEventDocument {
     note: String,
 }
 
-/// Attaches a note to a robot's history, such as "the LiDAR was taken off and put back". With an
+/// Attaches a note to a robot's history, such as "the LiDAR was taken off and put back". What is answered
+/// with 201 reaches the robot's estimator, also after a restart. With an
 /// `Idempotency-Key` a request that is sent again is answered with the same event.
 #[utoipa::path(
     post,
@@ -150,6 +155,8 @@ pub(super) struct NewEventDocument {
     responses(
         (status = CREATED, description = "The stored event", body = EventDocument),
         (status = NOT_FOUND, description = "The robot is unknown"),
+        (status = CONFLICT, description = "The robot is not registered: it has no estimator"),
+        (status = SERVICE_UNAVAILABLE, description = "Too many notes about the robot wait"),
         (status = UNPROCESSABLE_ENTITY,
             description = "The `Idempotency-Key` came with another request, or the body does not fit"),
     )
@@ -166,6 +173,8 @@ pub(super) async fn post_event(
     }: Body<NewEventDocument>,
 ) -> Result<Response, Problem> {
     let view = known(&api, &id)?;
+    // Once it is stored, it reaches the estimator whatever happens: what cannot is refused before.
+    api.fleet.takes_notes(&id)?;
     let key = idempotency_key(&headers, sha256)?;
     check_length("note", &body.note, limits::NOTE_CHARS_MAX)?;
     let stamp_ns = stamp_of(&body, &view, api.clock.now())?;
@@ -184,15 +193,21 @@ pub(super) async fn post_event(
         note: Some(note.note.clone()).filter(|note| !note.is_empty()),
         details: None,
     };
+    let author = caller.actor.name.clone();
     let record = robots::note(&api.store, event, caller.actor, key).await?;
-    // Of several instances, the one that has the robot takes it from the audit.
+    // Of several instances, the one that has the robot takes it from the audit, and all announce it.
     let is_alone = api.membership.cluster().is_none();
-    if is_alone
-        && !record.repeated
-        && let Err(refused) = api.fleet.note(&id, &note)
-    {
-        // It is stored, so the client must not send it again.
-        tracing::error!(robot.id = %id, %refused, "a note did not reach the estimator");
+    if is_alone && !record.repeated {
+        api.fleet.announce(LiveUpdate::Event {
+            robot: id.clone(),
+            event: Arc::new(HistoryEvent::Note(note)),
+            author: Some(author),
+        });
+        if let Err(error) = notes::bring(&api.store, &api.fleet, &id).await {
+            // It is stored: it is brought at the next look.
+            api.fleet.want_notes(&id);
+            tracing::error!(robot.id = %id, %error, "a note waits");
+        }
     }
     Ok((StatusCode::CREATED, Json(EventDocument::of_record(record))).into_response())
 }
@@ -203,7 +218,7 @@ fn known(api: &ApiState, id: &RobotId) -> Result<RobotView, Problem> {
         .ok_or_else(|| Problem::robot_unknown(id.as_str()))
 }
 
-/// When a note's event happened.
+/// When a note's event happened, for people: the estimator takes it where it comes.
 fn stamp_of(
     body: &NewEventDocument,
     view: &RobotView,

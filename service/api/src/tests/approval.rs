@@ -73,6 +73,49 @@ impl Bench {
 }
 
 #[tokio::test]
+async fn nothing_from_before_a_reassembly_is_proposed_or_approved() {
+    let bench = bench(&["a"]).await;
+    let ana = bench.person("ana", Role::Approver).await;
+    let bo = bench.person("bo", Role::Operator).await;
+    let before = bench.propose(&bo, "k1").await.json();
+    let events = "/api/v1/robots/a/events";
+    let body = r#"{"kind": "reassembled"}"#.to_owned();
+    assert_eq!(
+        bench.write(&bo, "POST", events, &[], body).await.told(),
+        "201"
+    );
+    // At once, and later.
+    for key in ["k2", "k3"] {
+        let told = bench.propose(&bo, key).await.told();
+        assert!(told.starts_with("409 reassembly_open"), "{told}");
+    }
+    let told = bench.approve(&ana, &before, Version(1)).await.told();
+    assert!(
+        told.starts_with("409 proposal_outdated") || told.starts_with("412"),
+        "{told}"
+    );
+    // The service closes what was proposed before.
+    let closed = async {
+        loop {
+            let uri = format!("/api/v1/proposals/{}", before["id"]);
+            let now = bench.get(&uri).await.json();
+            if now["state"] == "superseded" {
+                break now;
+            }
+            tokio::time::sleep(std::time::Duration::from_millis(20)).await;
+        }
+    };
+    let limit = std::time::Duration::from_secs(30);
+    let closed = tokio::time::timeout(limit, closed).await.unwrap();
+    let reason = closed["closing"]["reason"].as_str().unwrap();
+    assert!(reason.contains("reassembled"), "{closed}");
+    let events = bench.get(events).await.json();
+    let kinds = events["items"].as_array().unwrap().iter();
+    let kinds: Vec<_> = kinds.filter_map(|event| event["kind"].as_str()).collect();
+    assert!(kinds.contains(&"proposal_closed"), "{kinds:?}");
+}
+
+#[tokio::test]
 async fn a_calibration_goes_from_a_proposal_to_its_robot_and_back() {
     let bench = bench(&["a"]).await;
     let ana = bench.person("ana", Role::Approver).await;

@@ -114,6 +114,7 @@ async fn bench_of(robots: &[&str], last_heard: BTreeMap<RobotId, WallTime>) -> B
         cross_tracks: BTreeMap::new(),
         checkpoints: BTreeMap::new(),
         last_heard,
+        audited: fleetcal_model::AuditId(0),
         membership: fleetcal_cluster::Membership::alone(),
     });
     let lifecycle = Lifecycle::start(LifecycleSetup {

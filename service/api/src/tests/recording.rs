@@ -58,9 +58,16 @@ async fn what_came_is_in_the_file_which_ends_with_the_service() {
         stamp_ns: RobotTime(1_005_000_000_000),
         note: "greased".to_owned(),
     };
-    bench.fleet.note(&robot("a"), &note).unwrap();
+    let number = fleetcal_model::AuditId(1_000);
+    let noted = fleetcal_fleet::Noted {
+        number,
+        event: note,
+    };
+    bench.fleet.note(&robot("a"), noted).unwrap();
     let taking = async {
-        while bench.fleet.robot(&robot("a")).unwrap().counters.waiting > 0 {
+        while bench.fleet.robot(&robot("a")).unwrap().counters.waiting > 0
+            || bench.fleet.notes_taken(&robot("a")) < Some(number)
+        {
             tokio::task::yield_now().await;
         }
     };

@@ -445,6 +445,54 @@ async fn a_note_is_kept_once_and_listed() {
     assert_eq!(row["after"]["kind"], "reassembled");
 }
 
+/// What is answered with 201 the estimator takes, whatever else it has to do; what finds no room is refused
+/// before it is stored.
+#[tokio::test]
+async fn every_note_is_taken_or_refused() {
+    let bench = bench(&["a"]).await;
+    let uri = "/api/v1/robots/a/events";
+    let bodies = [
+        r#"{"kind": "reassembled"}"#,
+        r#"{"kind": "reassembled", "time": "1999-01-01T00:00:00Z"}"#,
+        r#"{"kind": "power_on", "time": "2199-01-01T00:00:00Z", "note": "LiDAR"}"#,
+    ];
+    let posts = (0..200).map(|number| {
+        let body = bodies[number % bodies.len()].to_owned();
+        bench.send_body("POST", uri, &[], body)
+    });
+    let mut stored = 0;
+    for answer in futures::future::join_all(posts).await {
+        match answer.status.as_u16() {
+            201 => stored += 1,
+            503 => assert!(answer.told().contains("robot_busy")),
+            other => panic!("{other}: {}", answer.told()),
+        }
+    }
+    let audit = bench
+        .get("/api/v1/audit?action=event.note&limit=1000")
+        .await;
+    let audit = audit.json();
+    let rows = audit["items"].as_array().unwrap();
+    assert_eq!(rows.len(), stored, "what is refused is not stored");
+    let last = rows[0]["id"].as_i64().unwrap();
+    let taken = async {
+        while bench
+            .fleet
+            .notes_taken(&robot("a"))
+            .is_none_or(|taken| taken.0 < last)
+        {
+            tokio::time::sleep(std::time::Duration::from_millis(5)).await;
+        }
+    };
+    let limit = std::time::Duration::from_secs(30);
+    tokio::time::timeout(limit, taken).await.unwrap();
+    let view = bench.fleet.robot(&robot("a")).unwrap();
+    assert!(view.reassembly_open);
+    let unregistered =
+        bench.send_body("POST", "/api/v1/robots/b/events", &[], bodies[0].to_owned());
+    assert_eq!(unregistered.await.status.as_u16(), 404);
+}
+
 #[tokio::test]
 async fn who_registered_and_configured_a_robot_stands_in_the_audit() {
     let bench = bench(&[]).await;

@@ -3,6 +3,8 @@
 use std::net::IpAddr;
 
 use fleetcal_domain::limits;
+use fleetcal_domain::robot::HistoryEvent;
+use fleetcal_fleet::live::LiveUpdate;
 use fleetcal_http::PeerAddress;
 use fleetcal_model::{NoteKind, RobotTime};
 
@@ -35,8 +37,13 @@ async fn a_listener_is_told_and_the_stream_ends_with_the_service() {
     };
     let told = of_event(&mut all).await;
     assert_eq!(
-        (&told["robot"], &told["note"]),
-        (&"a".into(), &"greased".into())
+        [
+            &told["robot"],
+            &told["note"],
+            &told["source"],
+            &told["author"]
+        ],
+        ["a", "greased", "person", "tester"]
     );
     assert_eq!(of_event(&mut all).await["robot"], "b");
     assert_eq!(of_event(&mut only_b).await["robot"], "b");
@@ -61,10 +68,15 @@ async fn who_lags_behind_is_told_to_read_again() {
         stamp_ns: RobotTime(1),
         note: String::new(),
     };
-    let mut told = 0;
-    while told < limits::LIVE_UPDATES_MAX + 100 {
-        told += usize::from(bench.fleet.note(&robot("a"), &note).is_ok());
-        tokio::task::yield_now().await;
+    let event = std::sync::Arc::new(HistoryEvent::Note(note));
+    for _ in 0..limits::LIVE_UPDATES_MAX + 100 {
+        let (robot, event) = (robot("a"), std::sync::Arc::clone(&event));
+        let author = None;
+        bench.fleet.announce(LiveUpdate::Event {
+            robot,
+            event,
+            author,
+        });
     }
     assert_eq!(next_event(&mut stream).await.0, "resync");
 }

@@ -195,6 +195,8 @@ pub(crate) fn view() -> RobotView {
         counters: Counters::default(),
         estimator_restarts: 0,
         pairing: None,
+        reassembly_open: false,
+        notes_taken: None,
         warnings: Vec::new(),
         topics: Arc::from([]),
         estimated_by: None,

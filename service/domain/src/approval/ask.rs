@@ -5,7 +5,7 @@ use fleetcal_proto::calibration::CalibrationValues;
 
 use super::draft::{Draft, after, fresh};
 use super::policy::Policy;
-use super::present::outdated;
+use super::present::{Present, outdated};
 use super::proposal::{Approval, Closing, Proposal, ProposalEvent, ProposalState, Refreshed};
 use super::refused::Refused;
 use super::revision::{Evidence, Origin, Revision};
@@ -26,6 +26,9 @@ impl Draft<'_> {
         reason: Option<String>,
     ) -> Result<(), Refused> {
         within_limits(&values, self.standing.policy)?;
+        if self.standing.present == Present::Reassembled {
+            return Err(Refused::ReassemblyOpen);
+        }
         self.nothing_underway()?;
         if let Some(open) = &self.outcome.ledger.open {
             let id = open.id;

@@ -21,6 +21,8 @@ pub struct Situation<'a> {
     pub now: WallTime,
     /// The latest estimate, if its vehicle is the one that was calibrated.
     pub estimate: Option<&'a EstimateDocument>,
+    /// Whether somebody has reported a reassembly, and the calibration is not known again since.
+    pub reassembly_open: bool,
     /// Whether the vehicle is no longer the one that was calibrated, and not known again yet.
     pub vehicle_changed: bool,
     /// Whether that estimate has stood still for [`Policy::stable_for_s`].
@@ -106,6 +108,9 @@ pub fn due(ledger: &RobotLedger, situation: &Situation<'_>, policy: &Policy) -> 
 impl Situation<'_> {
     /// What the estimator says at this moment.
     fn present(&self) -> Present {
+        if self.reassembly_open {
+            return Present::Reassembled;
+        }
         if self.vehicle_changed {
             return Present::VehicleChanged;
         }
@@ -128,7 +133,7 @@ fn brought_up_to_date(
     let proposed = ledger.revisions.get(&open.revision)?;
     let outdated = outdated(proposed, &situation.present())?;
     let close = |reason: String| Some(Command::Supersede { proposal, reason });
-    if outdated == Outdated::VehicleChanged {
+    if matches!(outdated, Outdated::VehicleChanged | Outdated::Reassembled) {
         return close(outdated.to_string());
     }
     let estimate = situation.estimate?;
@@ -270,6 +275,9 @@ fn disagreement(
     situation: &Situation<'_>,
     policy: &Policy,
 ) -> Option<String> {
+    if situation.reassembly_open {
+        return Some(Outdated::Reassembled.to_string());
+    }
     let revision = ledger.revisions.get(&revision)?;
     if revision.origin != Origin::Estimator {
         return None;
@@ -284,7 +292,7 @@ fn proposal_due(
     situation: &Situation<'_>,
     policy: &Policy,
 ) -> Option<Command> {
-    if !policy.propose || !situation.stable {
+    if !policy.propose || !situation.stable || situation.reassembly_open {
         return None;
     }
     let estimate = situation.estimate?;

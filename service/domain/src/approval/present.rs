@@ -17,6 +17,8 @@ pub(super) const REFRESH_EVERY_NS: i64 = 60 * 1_000_000_000;
 pub enum Present {
     /// Nothing that a proposal could be held against.
     Unknown,
+    /// Somebody has reported a reassembly, and nothing is known again since.
+    Reassembled,
     /// The vehicle is no longer the one that was calibrated, and its values are not known yet.
     VehicleChanged,
     /// These values.
@@ -31,6 +33,8 @@ pub enum Present {
 /// Why a proposal does not hold any more.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Outdated {
+    /// The robot was reassembled, and its calibration is not known again yet.
+    Reassembled,
     /// The vehicle is no longer the one that was calibrated.
     VehicleChanged,
     /// The present estimate is too far from it.
@@ -49,6 +53,9 @@ pub enum Outdated {
 impl fmt::Display for Outdated {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Reassembled => f.write_str(
+                "the robot was reassembled since, and its calibration is not known again yet",
+            ),
             Self::VehicleChanged => {
                 f.write_str("the vehicle is no longer the one that was calibrated")
             }
@@ -67,7 +74,8 @@ impl fmt::Display for Outdated {
 }
 
 /// Holds a revision against the present estimate; `None` while it holds, of values that nobody
-/// estimated, and while nothing is known.
+/// estimated, and while nothing is known. What is from before a reassembly does not hold, wherever it came
+/// from, until it is known what the robot is like now.
 ///
 /// The present estimate `n` contains the data of the proposal `p`, so that the covariance of the
 /// two is the variance of `n`, and the difference has the variance `sigma_p^2 - sigma_n^2`. That
@@ -83,10 +91,10 @@ pub fn outdated(revision: &Revision, present: &Present) -> Option<Outdated> {
         ("LiDAR y", 1e3, " mm"),
         ("LiDAR yaw", DEG, "°"),
     ];
-    if revision.origin != Origin::Estimator {
-        return None;
-    }
+    let is_estimated = revision.origin == Origin::Estimator;
     let (values, sigmas) = match present {
+        Present::Reassembled => return Some(Outdated::Reassembled),
+        _ if !is_estimated => return None,
         Present::Unknown => return None,
         Present::VehicleChanged => return Some(Outdated::VehicleChanged),
         Present::Known { values, sigmas } => (values, sigmas),

@@ -50,6 +50,12 @@ pub enum Refused {
     /// Nobody approves what the present estimate speaks against.
     #[error("{0}; it cannot be approved, and is refreshed or closed")]
     Outdated(Outdated),
+    /// Nothing is proposed while nobody knows what the robot is like.
+    #[error(
+        "the robot was reassembled, and its calibration is not known again yet: drive it until the \
+         comparison with the calibration of before has a verdict, and propose what it finds then"
+    )]
+    ReassemblyOpen,
     /// Another deployment is under way.
     #[error("deployment: got a second one, expected one at a time: {deployment} of this robot is {}", state.as_str())]
     Underway {

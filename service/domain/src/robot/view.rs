@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use fleetcal_model::{Generation, RobotId, Stream, WallTime};
+use fleetcal_model::{AuditId, Generation, RobotId, Stream, WallTime};
 use fleetcal_proto::estimate::{EstimateDocument, EstimatedBy};
 use fleetcal_proto::ros2_key::KeyLayout;
 use serde::{Deserialize, Serialize};
@@ -185,6 +185,10 @@ pub struct RobotView {
     pub pairing: Option<PairingReport>,
     /// What looks wrong with what it sends.
     pub warnings: Vec<Warning>,
+    /// Whether somebody has reported a reassembly, and the calibration is not known again since.
+    pub reassembly_open: bool,
+    /// Up to which note of the audit its estimator has taken them; `None` while nobody says so.
+    pub notes_taken: Option<AuditId>,
     /// The ROS 2 topics that it has announced, by name.
     pub topics: Arc<[AnnouncedTopic]>,
     /// Which instance of a cluster estimates it; `None` while none does, and where one service has

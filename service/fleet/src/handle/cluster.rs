@@ -234,6 +234,7 @@ impl FleetHandle {
             stale: connection.stale,
             last_seen_ns: connection.last_seen_ns,
             estimate: estimate.cloned().map(Box::new),
+            notes_taken: view.notes_taken,
             details: is_whole.then(|| Box::new(details(robot, &view))),
             events,
         })
@@ -270,7 +271,12 @@ impl FleetHandle {
             }
             for event in events {
                 let (robot, event) = (id(), Arc::new(event));
-                self.announce(LiveUpdate::Event { robot, event });
+                let author = None;
+                self.announce(LiveUpdate::Event {
+                    robot,
+                    event,
+                    author,
+                });
             }
         }
     }

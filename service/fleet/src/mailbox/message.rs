@@ -1,9 +1,9 @@
 //! Message in a mailbox, and its receiver.
 
-use fleetcal_estimator::Note;
 use fleetcal_model::{RobotTime, Stream};
 use fleetcal_proto::message_type::Form;
 
+use crate::notes::Noted;
 use crate::senders::Origin;
 
 /// A message as it came in, not decoded yet.
@@ -26,8 +26,8 @@ pub enum Item {
     Message(Message),
     /// One that came before the task began: it may be taken already by the task before.
     Heard(Message),
-    /// A note that came over the API: it is in the history already.
-    Note(Note),
+    /// A note of a person or a tool: it is in the history already.
+    Note(Noted),
     /// The robot's session has ended.
     EndOfSession,
     /// The robot has said what it uses: what stands behind this was sent later, or is in flight.

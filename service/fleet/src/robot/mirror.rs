@@ -35,6 +35,8 @@ impl Robot {
         estimators.by = by;
         let mirror = estimators.mirror.take();
         drop(estimators);
+        // What the instance before had taken may not be in the state that it has stored.
+        lock(&self.status).notes_taken = None;
         if let Some(mirror) = mirror {
             let mut link = lock(&self.link);
             let before = mirror.last_seen_ns.max(mirror.heard_before_ns);
@@ -95,7 +97,11 @@ impl Robot {
         }
         let mut status = lock(&self.status);
         status.state = report.state;
+        status.notes_taken = report.notes_taken.or(status.notes_taken);
         let estimate = report.estimate.map(|estimate| Arc::new(*estimate));
+        if let Some(estimate) = &estimate {
+            status.reassembly_open = estimate.reassembly_open;
+        }
         if estimate.is_some() || is_whole {
             status.estimate.clone_from(&estimate);
         }

@@ -5,6 +5,8 @@ use fleetcal_domain::limits::{
     CHECKPOINT_OF_CLUSTER_SHARE,
 };
 
+use fleetcal_model::RobotTime;
+
 use super::{Engine, RobotTask};
 use crate::stored::{Stored, StoredConfig};
 use crate::verification_run::VerificationRun;
@@ -32,7 +34,13 @@ impl RobotTask {
         let Engine::Running(calibrator) = &self.engine else {
             return;
         };
-        if self.newest.0 <= 0 {
+        // A robot may have been silent since the task began, and a note about it may have come.
+        let stamp = match self.newest {
+            RobotTime(0) => calibrator.estimate().stamp,
+            newest => newest,
+        };
+        // Of one that has never sent anything there is nothing to store but what people say.
+        if stamp.0 <= 0 && !self.is_reassembly_open() {
             return;
         }
         let checkpoint = calibrator.checkpoint();
@@ -45,6 +53,7 @@ impl RobotTask {
                 changed: self.changed,
                 candidate: self.robot.candidate(),
                 verification_run: run.map(VerificationRun::to_stored),
+                notes: Some(self.notes.clone()),
             };
             stored.to_bytes()
         });
@@ -52,7 +61,7 @@ impl RobotTask {
             Ok(state) => self
                 .fleet
                 .journal
-                .save_checkpoint(&self.robot.id, self.newest, state),
+                .save_checkpoint(&self.robot.id, stamp, state),
             Err(error) => {
                 tracing::error!(robot.id = %self.robot.id, %error, "checkpoint not written");
             }

@@ -87,6 +87,7 @@ impl Drive {
             changed: self.restored.changed,
             candidate: self.restored.candidate.clone(),
             verification_run: run.map(VerificationRun::to_stored),
+            notes: None,
         }
     }
 

@@ -182,7 +182,9 @@ async fn every_instance_shows_every_robot() {
         stamp_ns: RobotTime(BEGIN_NS),
         note: "greased".to_owned(),
     };
-    a.bench.fleet.note(&id("robot"), &note).unwrap();
+    let payload = serde_json::to_vec(&note).unwrap();
+    a.bench.send("robot", Stream::Event, &payload);
+    a.bench.worked_off("robot").await;
     assert_eq!(a.tell(&b, &mut told), 1);
     let (own, mirrored) = (a.bench.view("robot"), b.bench.view("robot"));
     assert_eq!(own.estimate, mirrored.estimate);
@@ -257,6 +259,7 @@ fn digests_are_cut_into_messages_of_bounded_size() {
         stale: false,
         last_seen_ns: None,
         estimate: None,
+        notes_taken: None,
         details: None,
         events: vec![HistoryEvent::Note(RobotEvent {
             kind: NoteKind::Maintenance,

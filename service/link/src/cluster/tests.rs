@@ -112,6 +112,7 @@ impl Instance {
             cross_tracks: BTreeMap::new(),
             checkpoints: BTreeMap::new(),
             last_heard: BTreeMap::new(),
+            audited: fleetcal_model::AuditId(0),
             membership: membership.clone(),
         });
         let lifecycle = Lifecycle::start(LifecycleSetup {

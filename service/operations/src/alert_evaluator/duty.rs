@@ -68,7 +68,7 @@ impl Memory {
     fn hear(&mut self, live: &mut broadcast::Receiver<LiveUpdate>, now: WallTime) {
         loop {
             match live.try_recv() {
-                Ok(LiveUpdate::Event { robot, event }) => {
+                Ok(LiveUpdate::Event { robot, event, .. }) => {
                     if let HistoryEvent::Change(change) = event.as_ref()
                         && change.kind == ChangeKind::Fault
                     {

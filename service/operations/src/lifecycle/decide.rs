@@ -11,10 +11,11 @@ use fleetcal_domain::approval::{
     Command, Outcome, Policy, Present, Proposal, Refused, Standing, Transition, audited, automatic,
     step,
 };
+use fleetcal_domain::limits;
 use fleetcal_domain::robot::RobotView;
 use fleetcal_domain::standing::{self, RobotAlerts, StandingBasis};
 use fleetcal_domain::webhook::Message;
-use fleetcal_model::{Pose2, ProposalId, RobotTime, WallTime};
+use fleetcal_model::{NoteKind, Pose2, ProposalId, RobotTime, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::signing::SigningKey;
 use fleetcal_store::transaction::AnswerScope;
@@ -24,6 +25,7 @@ use fleetcal_store::{
 
 use super::history;
 use crate::answers::{made_before, note_made};
+use crate::notes;
 use crate::webhook_dispatcher::outbox;
 
 /// A command on one robot's records, to be taken in one transaction.
@@ -115,7 +117,7 @@ impl Decide {
             now: self.now,
             frozen,
             rear_axle_in_base_link: self.rear_axle_in_base_link,
-            present: self.present,
+            present: self.present_beside_notes(records).await?,
         };
         match step(&ledger, self.command.clone(), ids, &standing) {
             Ok(outcome) => Ok(outcome),
@@ -125,6 +127,31 @@ impl Decide {
             }
             Err(refused) => Err(refused.into()),
         }
+    }
+
+    /// What the estimator says at this moment. Its latest estimate may be from before a reassembly that is
+    /// reported already: then nothing is known.
+    async fn present_beside_notes(&self, records: &mut dyn Records) -> Result<Present, StoreError> {
+        let asks_people = matches!(
+            self.command,
+            Command::Propose { .. } | Command::Refresh { .. } | Command::Approve { .. }
+        );
+        let taken = self.view.as_ref().and_then(|view| view.notes_taken);
+        let Some(taken) = taken.filter(|_| asks_people) else {
+            return Ok(self.present);
+        };
+        let rows = records
+            .notes_after(&self.robot, taken, limits::NOTES_BROUGHT_MAX)
+            .await?;
+        let notes = rows.iter().filter_map(notes::event_of);
+        let is_reassembled = notes
+            .into_iter()
+            .any(|note| note.kind == NoteKind::Reassembled);
+        Ok(if is_reassembled {
+            Present::Reassembled
+        } else {
+            self.present
+        })
     }
 
     /// The proposal with which the same request was answered before.

@@ -10,6 +10,7 @@ use fleetcal_store::StoreError;
 use tokio::time::MissedTickBehavior;
 
 use super::Lifecycle;
+use crate::notes;
 
 /// How often the records are looked at.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
@@ -35,6 +36,13 @@ impl Lifecycle {
         for view in self.inner.fleet.robots() {
             if !membership.has(&view.id) || !membership.may_act(self.inner.clock.uptime()) {
                 continue;
+            }
+            if self.inner.fleet.wants_notes(&view.id)
+                && let Err(error) =
+                    notes::bring(&self.inner.store, &self.inner.fleet, &view.id).await
+            {
+                self.inner.fleet.want_notes(&view.id);
+                tracing::error!(robot.id = %view.id, %error, "notes are not brought");
             }
             let Some(command) = self.due(&view, now) else {
                 continue;
@@ -70,6 +78,7 @@ impl Lifecycle {
         let situation = Situation {
             now,
             estimate,
+            reassembly_open: view.reassembly_open,
             vehicle_changed: view.state == RobotState::Changed,
             stable,
             verification: verification.map(|(_, estimate)| estimate.as_ref()),

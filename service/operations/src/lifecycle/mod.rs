@@ -281,6 +281,9 @@ impl Lifecycle {
         let Some(view) = self.inner.fleet.robot(robot) else {
             return Present::Unknown;
         };
+        if view.reassembly_open {
+            return Present::Reassembled;
+        }
         match view.state {
             RobotState::Changed => Present::VehicleChanged,
             RobotState::Calibrated => {

@@ -69,6 +69,19 @@ impl Store {
         self.shared.reader.audit_after(after, limit).await
     }
 
+    /// Rows of the audit after number `after` that are notes about a robot, oldest first, at most `limit`.
+    ///
+    /// # Errors
+    /// The database's failure.
+    pub async fn notes_after(
+        &self,
+        robot: &RobotId,
+        after: AuditId,
+        limit: u32,
+    ) -> Result<Vec<AuditRow>, StoreError> {
+        self.shared.reader.notes_after(robot, after, limit).await
+    }
+
     /// The number of the latest row of the audit; 0 while there is none.
     ///
     /// # Errors

@@ -14,7 +14,7 @@ mod webhooks;
 
 use async_trait::async_trait;
 use fleetcal_cluster::{Duty, Seat, Tenure};
-use fleetcal_model::WallTime;
+use fleetcal_model::{AuditId, RobotId, WallTime};
 
 pub use accounts::{AccountRecords, SessionRecords, TokenRecords};
 pub use alerts::AlertRecords;
@@ -25,6 +25,7 @@ pub use robots::RobotRecords;
 pub(crate) use task::{Asked, JobsTask};
 pub use webhooks::WebhookRecords;
 
+use crate::approvals::AuditRow;
 use crate::audit::AuditEntry;
 use crate::error::StoreError;
 
@@ -49,6 +50,14 @@ pub trait Records:
 {
     /// Appends a row to the audit.
     async fn append_audit(&mut self, entry: &AuditEntry) -> Result<(), StoreError>;
+
+    /// Rows of the audit after number `after` that are notes about a robot, oldest first, at most `limit`.
+    async fn notes_after(
+        &mut self,
+        robot: &RobotId,
+        after: AuditId,
+        limit: u32,
+    ) -> Result<Vec<AuditRow>, StoreError>;
 
     /// Whether a tenure has not ended, which it does not before the transaction has: so what an
     /// instance decides about its robot by itself is not written behind another one's back. Always

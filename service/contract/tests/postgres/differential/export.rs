@@ -211,6 +211,10 @@ impl Export<'_> {
         ask!(self, "audit_last", audit_last());
         ask!(self, "audit_after", audit_after(AuditId(0), MANY));
         ask!(self, "audit_after", audit_after(AuditId(3), 2));
+        for robot in robots() {
+            ask!(self, "notes_after", notes_after(&robot, AuditId(0), MANY));
+            ask!(self, "notes_after", notes_after(&robot, AuditId(3), 1));
+        }
     }
 
     async fn alerts(&mut self) {

@@ -9,7 +9,7 @@ use fleetcal_domain::access::Actor;
 use fleetcal_domain::approval::{Policy, ProposalAction};
 use fleetcal_domain::audit::Action;
 use fleetcal_model::WallTime;
-use fleetcal_model::{EventId, Generation, ProposalId, RobotTime, Version};
+use fleetcal_model::{AuditId, EventId, Generation, ProposalId, RobotTime, Version};
 use fleetcal_store::transaction::AnswerScope;
 use fleetcal_store::{
     AuditEntry, DeploymentFreeze, EventKind, EventSource, IdempotencyKey, Job, NewEvent, Records,
@@ -298,6 +298,9 @@ impl Run<'_> {
             reason: Some(words(chance)),
         };
         ask!(self, append_audit(&entry));
+        if let Some(robot) = &entry.robot {
+            ask!(self, notes_after(robot, AuditId(1), 7));
+        }
         ask!(self, prove_writable(now));
         // One service of a folder holds every tenure, and a server knows none here.
         self.records.holds_tenure(&tenure()).await?;

@@ -50,6 +50,7 @@ fn estimate(offset_rad: f64, second: i64) -> EstimateDocument {
             steering_gain: parameter(Parameter::SteeringGain),
         },
         covariance: None,
+        reassembly_open: false,
         detection: None,
         consistency: Consistency::default(),
         counts: Counts::default(),
@@ -120,6 +121,7 @@ impl Bench {
         let situation = Situation {
             now: self.now,
             estimate: estimate.filter(|_| !verification),
+            reassembly_open: false,
             vehicle_changed: false,
             stable: true,
             verification: estimate.filter(|_| verification),
@@ -256,6 +258,7 @@ fn a_proposal_that_brings_nothing_any_more_is_closed() {
     let changed = Situation {
         now: bench.now,
         estimate: None,
+        reassembly_open: false,
         vehicle_changed: true,
         stable: false,
         verification: None,

@@ -84,6 +84,7 @@ impl Bench {
             cross_tracks: BTreeMap::new(),
             checkpoints: stored.collect(),
             last_heard: BTreeMap::new(),
+            audited: fleetcal_model::AuditId(0),
             membership: fleetcal_cluster::Membership::alone(),
         });
         let lifecycle = Lifecycle::start(LifecycleSetup {

@@ -1,0 +1,93 @@
+//! Notes about a robot, on their way to its estimator.
+
+use fleetcal_domain::limits::NOTES_PER_HOUR_MAX;
+use fleetcal_domain::robot::HistoryEvent;
+use fleetcal_estimator::{Calibrator, Checkpoint, Event, Note};
+use fleetcal_model::NoteKind;
+use fleetcal_proto::event::RobotEvent;
+
+use super::{Engine, RobotTask};
+use crate::decode;
+use crate::mailbox::Outcome;
+use crate::notes::Noted;
+use crate::tap::Tapped;
+
+impl RobotTask {
+    /// Takes what a person or a tool has noted, once. It is stored, and is brought again until it is taken.
+    pub(super) fn take_noted(&mut self, noted: &Noted) {
+        if noted.number <= self.notes.until {
+            return;
+        }
+        if !self.step_note(&decode::note(&noted.event)) {
+            tracing::error!(robot.id = %self.robot.id, "a note waits: the robot's estimator is stopped");
+            return;
+        }
+        self.robot
+            .taps
+            .offer(|| Some(Tapped::of_note(&noted.event)));
+        self.notes.until = noted.number;
+        self.keep_with_note(&decode::note(&noted.event));
+        self.robot.set_notes_taken(noted.number);
+    }
+
+    /// Takes a note of the robot's own. It stands in the history once the state with it is on its way to
+    /// the store: what people see there, the estimator has taken.
+    pub(super) fn take_robots_note(&mut self, event: RobotEvent) -> Outcome {
+        if !self.budgets.take_note(&self.fleet, &event) {
+            return Outcome::Refused(format!(
+                "event: the robot's notes of this hour are used up, the limit is {NOTES_PER_HOUR_MAX}"
+            ));
+        }
+        let note = decode::note(&event);
+        if !self.step_note(&note) {
+            return Outcome::Refused("the robot's estimator is stopped after a fault".to_owned());
+        }
+        self.notes.remember(note.clone());
+        self.keep_with_note(&note);
+        self.robot.taps.offer(|| Some(Tapped::of_note(&event)));
+        self.fleet.record(&self.robot.id, HistoryEvent::Note(event));
+        // People's stamps say nothing of how far the robot's messages are taken.
+        Outcome::Processed {
+            stamp_ns: self.newest,
+        }
+    }
+
+    /// What is not known again after a reassembly is not known to an estimator that begins from nothing
+    /// either.
+    pub(super) fn reopen_reassembly(&mut self) {
+        let note = Note {
+            stamp: self.newest,
+            kind: NoteKind::Reassembled,
+        };
+        self.step_note(&note);
+    }
+
+    /// Whether a reported reassembly waits for its verdict.
+    pub(super) fn is_reassembly_open(&self) -> bool {
+        match &self.engine {
+            Engine::Running(calibrator) => calibrator.estimate().reassembly_open,
+            Engine::Stopped => false,
+        }
+    }
+
+    /// `false` when the estimator is stopped. One that fails on a note begins again, and takes it then.
+    fn step_note(&mut self, note: &Note) -> bool {
+        let event = Event::Note(note.clone());
+        self.step(event.clone()) || self.step(event)
+    }
+
+    /// Stores the state with a note, and puts it into the one before: whatever the task goes on from, the
+    /// note is in it.
+    fn keep_with_note(&mut self, note: &Note) {
+        self.robot.set_reassembly_open(self.is_reassembly_open());
+        self.save_checkpoint();
+        let earlier = self.earlier_good.take();
+        self.earlier_good = earlier.and_then(|earlier| self.with_note(&earlier, note));
+    }
+
+    fn with_note(&self, checkpoint: &Checkpoint, note: &Note) -> Option<Checkpoint> {
+        let mut calibrator = Calibrator::restore(self.config.clone(), checkpoint).ok()?;
+        calibrator.step(Event::Note(note.clone()));
+        Some(calibrator.checkpoint())
+    }
+}

@@ -1,0 +1,244 @@
+//! Notes of people and robots: whatever happens meanwhile, the estimator takes what it was said to have.
+
+use rand::rngs::StdRng;
+use rand::{Rng, SeedableRng};
+
+use super::*;
+
+const ROBOT: &str = "robot";
+
+/// What happens once the note is there.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Meanwhile {
+    /// The robot goes on.
+    Nothing,
+    /// The robot says nothing more.
+    Silence,
+    /// The service ends in order, and starts again.
+    Restart,
+    /// The service is killed, and starts again: of its state the latest that was stored is left.
+    Kill,
+    /// The estimator panics on a message, and begins again from what was stored.
+    Panic,
+    /// The robot's configuration is changed.
+    Configured,
+}
+
+const ALL: [Meanwhile; 6] = [
+    Meanwhile::Nothing,
+    Meanwhile::Silence,
+    Meanwhile::Restart,
+    Meanwhile::Kill,
+    Meanwhile::Panic,
+    Meanwhile::Configured,
+];
+
+/// A note at a random instant, with a random stamp, while something happens.
+struct Instant {
+    chance: StdRng,
+    bench: Bench,
+    /// The notes that are stored, as the audit has them.
+    stored: Vec<Noted>,
+    sent: i64,
+    /// Whether the history showed a note when the service was killed.
+    was_shown: bool,
+}
+
+impl Instant {
+    fn new(seed: u64) -> Self {
+        Self {
+            chance: StdRng::seed_from_u64(seed),
+            bench: bench_with(&[ROBOT], BTreeMap::new(), panicking),
+            stored: Vec::new(),
+            sent: 100,
+            was_shown: false,
+        }
+    }
+
+    /// Some messages, faster than the task takes them; the one that the estimator panics on is not among
+    /// them.
+    fn send(&mut self, most: i64) {
+        for _ in 0..self.chance.random_range(0..=most) {
+            self.bench
+                .send(ROBOT, Stream::WheelOdometry, &drive(self.sent));
+            self.sent += 1;
+        }
+    }
+
+    fn note(&mut self) -> RobotEvent {
+        let now_ns = BEGIN_NS + self.sent * 10_000_000;
+        let estimate = self.bench.view(ROBOT).estimate;
+        let stamp_ns = match self.chance.random_range(0..5) {
+            0 => estimate.map_or(now_ns, |estimate| estimate.stamp_ns.0),
+            1 => now_ns,
+            2 => now_ns - 3_600_000_000_000,
+            3 => now_ns + 86_400_000_000_000,
+            _ => 7,
+        };
+        RobotEvent {
+            kind: NoteKind::Reassembled,
+            stamp_ns: RobotTime(stamp_ns),
+            note: String::new(),
+        }
+    }
+
+    /// What the service does for robots that ask for notes.
+    fn bring(&self) {
+        let Some(taken) = self.bench.fleet.notes_taken(&id(ROBOT)) else {
+            return;
+        };
+        for noted in self.stored.iter().filter(|noted| noted.number > taken) {
+            drop(self.bench.fleet.note(&id(ROBOT), noted.clone()));
+        }
+    }
+
+    /// Goes on from what was stored.
+    async fn start_again(&mut self) {
+        // In this order: the state with a note is stored before the history shows it.
+        self.was_shown = self.bench.notes() > 0;
+        let checkpoints = self.bench.kept.checkpoints.lock().unwrap().clone();
+        let before = std::mem::replace(
+            &mut self.bench,
+            bench_with(&[ROBOT], checkpoints, panicking),
+        );
+        // A killed service writes nothing more; its tasks only have to end.
+        before.fleet.stop().await;
+    }
+
+    async fn happen(&mut self, meanwhile: Meanwhile) {
+        match meanwhile {
+            Meanwhile::Nothing | Meanwhile::Silence => {}
+            Meanwhile::Restart => {
+                self.bench.fleet.stop().await;
+                self.start_again().await;
+            }
+            Meanwhile::Kill => self.start_again().await,
+            Meanwhile::Panic => self.bench.send(ROBOT, Stream::WheelOdometry, &drive(13)),
+            Meanwhile::Configured => {
+                let config = RobotConfig {
+                    nominal_extrinsics: None,
+                    ..RobotConfig::of_vehicle(
+                        VehicleModel::Bicycle,
+                        Wheelbase::try_from(1.3).unwrap(),
+                    )
+                };
+                self.bench.fleet.configure(&id(ROBOT), config).unwrap();
+            }
+        }
+        if meanwhile != Meanwhile::Silence {
+            self.send(30);
+        }
+    }
+
+    /// Whether the estimator knows of the reassembly within a bounded time.
+    async fn is_known(&self) -> bool {
+        for _ in 0..3_000 {
+            if self.bench.fleet.wants_notes(&id(ROBOT)) {
+                self.bring();
+            }
+            let view = self.bench.view(ROBOT);
+            // What people see agrees with it.
+            let shown = view
+                .estimate
+                .is_none_or(|estimate| estimate.reassembly_open);
+            if view.reassembly_open && shown && view.counters.waiting == 0 {
+                return true;
+            }
+            tokio::time::sleep(Duration::from_millis(1)).await;
+        }
+        false
+    }
+}
+
+/// 200 notes at random instants of driving, overload and silence, before the first message, beside restarts,
+/// kills and faults: each reaches the estimator, or is refused at once.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn no_note_is_acknowledged_and_lost() {
+    let mut refused = 0;
+    for seed in 0..200 {
+        let mut instant = Instant::new(seed);
+        let meanwhile = ALL[instant.chance.random_range(0..ALL.len())];
+        let most = [0, 5, 100, 2_000][instant.chance.random_range(0..4)];
+        instant.send(most);
+        if instant.chance.random_bool(0.5) {
+            instant.bench.worked_off(ROBOT).await;
+        }
+        let note = instant.note();
+        let by_person = instant.chance.random_bool(0.5);
+        if by_person {
+            instant.bench.fleet.takes_notes(&id(ROBOT)).unwrap();
+            instant.stored.push(Noted {
+                number: AuditId(1),
+                event: note,
+            });
+            // The service may be killed between its answer and this.
+            if meanwhile != Meanwhile::Kill || instant.chance.random_bool(0.5) {
+                instant.bring();
+            }
+        } else {
+            let payload = serde_json::to_vec(&note).unwrap();
+            instant.bench.send(ROBOT, Stream::Event, &payload);
+        }
+        if instant.chance.random_bool(0.3) {
+            instant.send(200);
+        }
+        instant.happen(meanwhile).await;
+        // What no history shows when the service is killed, nobody was told is there.
+        let is_acknowledged = by_person || meanwhile != Meanwhile::Kill || instant.was_shown;
+        if !is_acknowledged {
+            refused += 1;
+            continue;
+        }
+        assert!(
+            instant.is_known().await,
+            "seed {seed}, {meanwhile:?}, by person {by_person}: {:?}",
+            instant.bench.view(ROBOT),
+        );
+        instant.bench.check_accounts(ROBOT);
+    }
+    assert!(refused < 40, "{refused} of 200 were not acknowledged");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_note_without_an_estimator_or_room_is_refused_at_once() {
+    let bench = bench(&[]);
+    let noted = |number| Noted {
+        number: AuditId(number),
+        event: RobotEvent {
+            kind: NoteKind::Reassembled,
+            stamp_ns: RobotTime(7),
+            note: String::new(),
+        },
+    };
+    let unknown = FleetRefused::UnknownRobot(id(ROBOT));
+    assert_eq!(bench.fleet.takes_notes(&id(ROBOT)), Err(unknown));
+    bench.send(ROBOT, Stream::WheelOdometry, &drive(0));
+    let unregistered = FleetRefused::Unregistered(id(ROBOT));
+    assert_eq!(bench.fleet.takes_notes(&id(ROBOT)), Err(unregistered));
+    let robot = bench.fleet.fleet.find(ROBOT).unwrap();
+    for number in 0..limits::MAILBOX_NOTES_MAX {
+        assert!(robot.mailbox.push_note(noted(number as i64)));
+    }
+    assert!(!robot.mailbox.has_room_for_note());
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn notes_with_one_stamp_are_both_taken_and_each_once() {
+    let bench = bench(&[ROBOT]);
+    bench.send(ROBOT, Stream::WheelOdometry, &drive(0));
+    bench.worked_off(ROBOT).await;
+    let event = |kind| RobotEvent {
+        kind,
+        stamp_ns: RobotTime(BEGIN_NS),
+        note: String::new(),
+    };
+    for kind in [NoteKind::PowerOn, NoteKind::Reassembled] {
+        let payload = serde_json::to_vec(&event(kind)).unwrap();
+        bench.send(ROBOT, Stream::Event, &payload);
+    }
+    bench.worked_off(ROBOT).await;
+    assert_eq!(bench.notes(), 2);
+    assert!(bench.view(ROBOT).estimate.unwrap().reassembly_open);
+    let counters = bench.view(ROBOT).counters;
+    assert_eq!((counters.processed, counters.refused), (3, 0));
+}
