@@ -6,12 +6,15 @@ use std::sync::Arc;
 use fleetcal_clock::SystemClock;
 use fleetcal_domain::access::{Actor, Authentication, Role};
 use fleetcal_domain::approval::{Command, Evidence, Origin, Policy, ProposalState, Refused};
+use fleetcal_domain::robot::{Mount, RobotConfig, Wheelbase};
+use fleetcal_estimator::{Pose2, VehicleModel};
 use fleetcal_model::{ProposalId, Version, WallTime};
 use fleetcal_operations::lifecycle::{Decide, Decided};
+use fleetcal_operations::robots::configure;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use fleetcal_proto::signing::SigningKey;
-use fleetcal_store::{ProposalFilter, Store, StoreError};
+use fleetcal_store::{Expected, ProposalFilter, Store, StoreError};
 
 use crate::place::Place;
 use crate::records;
@@ -52,6 +55,18 @@ async fn decide(
     store.transact(decision).await
 }
 
+/// Gives a robot the drawing that its changes are small from: one person approves them.
+async fn draw(store: &Store, robot: &RobotId) {
+    let wheelbase = Wheelbase::try_from(1.2).unwrap();
+    let config = RobotConfig {
+        nominal_extrinsics: Some(Mount::try_from(Pose2::new(0.434, 0.0, 0.0)).unwrap()),
+        ..RobotConfig::of_vehicle(VehicleModel::Bicycle, wheelbase)
+    };
+    configure(store, robot, &config, Expected::Any, Actor::service())
+        .await
+        .unwrap();
+}
+
 async fn propose(store: &Store, robot: &RobotId) -> (u64, Command) {
     let values = CalibrationValues {
         steering_offset_rad: 0.02,
@@ -63,7 +78,6 @@ async fn propose(store: &Store, robot: &RobotId) -> (u64, Command) {
         values,
         sigmas: CalibrationValues::default(),
         evidence: Evidence::default(),
-        nominal: None,
         reason: None,
     };
     let Ok(Decided::Taken(outcome)) = decide(store, robot, command, "carla").await else {
@@ -125,6 +139,7 @@ async fn of_two_approvers_at_once_exactly_one_wins() {
         let store = store.clone();
         races.spawn(async move {
             let robot = RobotId::parse(&format!("tugger_{number}")).unwrap();
+            draw(&store, &robot).await;
             let mut won_by_ana = 0;
             for _ in 0..PROPOSALS / ROBOTS {
                 won_by_ana += usize::from(race(&store, &robot).await == "ana");

@@ -41,16 +41,11 @@ fn propose(random: &mut StdRng) -> Command {
         lidar_yaw_rad: random.random_range(-0.05..0.05),
         ..CalibrationValues::default()
     };
-    let nominal = CalibrationValues {
-        lidar_x_m: 0.425,
-        ..CalibrationValues::default()
-    };
     Command::Propose {
         origin: Origin::Estimator,
         values,
         sigmas: CalibrationValues::default(),
         evidence: Evidence::default(),
-        nominal: Some(nominal),
         reason: None,
     }
 }

@@ -20,17 +20,19 @@ use std::sync::Arc;
 use fleetcal_clock::{SharedClock, SystemClock};
 use fleetcal_domain::access::{Actor, Authentication, Role};
 use fleetcal_domain::approval::{
-    self, NextIds, OutboxEntry, Outcome, Policy, Present, Standing, audited,
+    self, Drawing, NextIds, OutboxEntry, Outcome, Policy, Present, Standing, audited,
+    nominal_values,
 };
-use fleetcal_domain::robot::{RobotConfig, Wheelbase};
-use fleetcal_estimator::{EstimatorSettings, VehicleModel};
+use fleetcal_domain::robot::{Mount, RobotConfig, Wheelbase};
+use fleetcal_estimator::{EstimatorSettings, Pose2, VehicleModel};
 use fleetcal_fleet::{FleetHandle, FleetSetup};
 use fleetcal_model::{DeploymentId, ProposalId, RevisionId};
 use fleetcal_operations::lifecycle::{Decided, Lifecycle, LifecycleSetup};
+use fleetcal_operations::robots::configure;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::signing::SigningKey;
 use fleetcal_sqlite::Outlives;
-use fleetcal_store::StoreError;
+use fleetcal_store::{Expected, StoreError};
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
 
@@ -88,10 +90,17 @@ async fn run(order: &Order, session: u64) {
         .open(Arc::clone(&clock), order.outlives)
         .await
         .unwrap();
-    let vehicle =
-        || RobotConfig::of_vehicle(VehicleModel::Bicycle, Wheelbase::try_from(1.2).unwrap());
+    let vehicle = || RobotConfig {
+        nominal_extrinsics: Some(drawing()),
+        ..RobotConfig::of_vehicle(VehicleModel::Bicycle, Wheelbase::try_from(1.2).unwrap())
+    };
     let ids = (1..=order.robots).map(|number| RobotId::parse(&format!("tugger_{number}")).unwrap());
     let ids: Vec<_> = ids.collect();
+    for id in &ids {
+        configure(&store, id, &vehicle(), Expected::Any, Actor::service())
+            .await
+            .unwrap();
+    }
     let fleet = FleetHandle::start(FleetSetup {
         clock: Arc::clone(&clock),
         journal: Arc::new(store.clone()),
@@ -137,6 +146,11 @@ async fn run(order: &Order, session: u64) {
     say(&Said::Closed);
 }
 
+/// Where the robots' LiDARs are by drawing.
+fn drawing() -> Mount {
+    Mount::try_from(Pose2::new(0.425, 0.0, 0.0)).unwrap()
+}
+
 fn key() -> SigningKey {
     SigningKey::from_bytes(&[7; 32])
 }
@@ -162,6 +176,10 @@ impl Worker {
                 now: self.clock.now(),
                 frozen: false,
                 rear_axle_in_base_link: None,
+                drawing: Some(Drawing {
+                    values: nominal_values(&drawing().pose()),
+                    by: None,
+                }),
                 present: Present::Unknown,
             };
             // Numbers that the store gives to nothing.

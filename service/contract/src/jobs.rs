@@ -59,7 +59,7 @@ impl Job for KeepRobot {
         let version = records.robot(&robot("a")).await?.map_or(0, |a| a.version.0) + 1;
         let now = NOW_S * NS;
         records
-            .save_config(&robot("a"), config, Version(version), WallTime(now))
+            .save_config(&robot("a"), config, None, Version(version), WallTime(now))
             .await?;
         records.add_event(event).await
     }

@@ -25,10 +25,25 @@ pub struct UsedValues {
     pub values: CalibrationValues,
 }
 
+/// Errors this far apart make a bend, ns: a second, less what clocks jitter.
+const APART_NS: i64 = 900_000_000;
+/// And at most this far.
+const APART_MAX_NS: i64 = 2_500_000_000;
+
+/// The latest errors, about a second apart.
+#[derive(Debug, Clone, Copy)]
+struct Recent {
+    generation: Generation,
+    at_ns: i64,
+    error_m: f64,
+    before_m: Option<f64>,
+}
+
 /// The histograms of one robot, by generation; 0 is what it drove with before any was applied.
 #[derive(Debug, Clone, Default)]
 pub struct CrossTracks {
     by_generation: BTreeMap<Generation, CrossTrack>,
+    recent: Option<Recent>,
     /// Generations that have changed since they were last taken for the store.
     unsaved: BTreeSet<Generation>,
 }
@@ -38,16 +53,19 @@ impl CrossTracks {
     pub fn of(stored: BTreeMap<Generation, CrossTrack>) -> Self {
         Self {
             by_generation: stored,
+            recent: None,
             unsaved: BTreeSet::new(),
         }
     }
 
-    /// Takes an error of a robot that used `generation` then.
-    pub fn add(&mut self, generation: Generation, error_m: f64) {
-        self.by_generation
-            .entry(generation)
-            .or_default()
-            .add(error_m);
+    /// Takes an error at `at_ns` of a robot that used `generation` then.
+    pub fn add(&mut self, generation: Generation, at_ns: i64, error_m: f64) {
+        let bend = self.bend(generation, at_ns, error_m);
+        let errors = self.by_generation.entry(generation).or_default();
+        errors.add(error_m);
+        if let Some(bend) = bend {
+            errors.add_bend(bend);
+        }
         self.unsaved.insert(generation);
         // What it drove with at first stays: it is what all others are held against.
         while self.by_generation.len() > GENERATIONS_MAX {
@@ -62,6 +80,25 @@ impl CrossTracks {
             self.by_generation.remove(&oldest);
             self.unsaved.remove(&oldest);
         }
+    }
+
+    /// The three errors that this one makes a bend with.
+    fn bend(&mut self, generation: Generation, at_ns: i64, error_m: f64) -> Option<[f64; 3]> {
+        let recent = self.recent.filter(|recent| {
+            let after_ns = at_ns.saturating_sub(recent.at_ns);
+            recent.generation == generation && (0..=APART_MAX_NS).contains(&after_ns)
+        });
+        if recent.is_some_and(|recent| at_ns - recent.at_ns < APART_NS) {
+            return None;
+        }
+        self.recent = Some(Recent {
+            generation,
+            at_ns,
+            error_m,
+            before_m: recent.map(|recent| recent.error_m),
+        });
+        let recent = recent?;
+        Some([recent.before_m?, recent.error_m, error_m])
     }
 
     /// All of them.
@@ -104,6 +141,9 @@ pub fn read(encoding: Encoding, payload: &[u8]) -> Result<(Option<RobotTime>, f6
 }
 
 #[cfg(test)]
+mod simulated;
+
+#[cfg(test)]
 mod tests {
     use super::*;
 
@@ -125,7 +165,7 @@ mod tests {
     fn the_first_and_the_latest_calibrations_are_kept() {
         let mut tracks = CrossTracks::default();
         for generation in 0..20 {
-            tracks.add(Generation(generation), 0.1);
+            tracks.add(Generation(generation), 0, 0.1);
         }
         let kept: Vec<Generation> = tracks.all().keys().copied().collect();
         assert_eq!(kept, [0, 13, 14, 15, 16, 17, 18, 19].map(Generation));

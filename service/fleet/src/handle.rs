@@ -308,7 +308,10 @@ impl FleetHandle {
             return;
         };
         match cross_track::read(encoding, payload) {
-            Ok((stamp_ns, error_m)) => robot.take_cross_track_error(stamp_ns, error_m),
+            Ok((stamp, error_m)) => {
+                let received = self.fleet.clock.now();
+                robot.take_cross_track_error(stamp, received, error_m);
+            }
             Err(reason) => tracing::debug!(robot.id = %id, reason, "message refused"),
         }
     }

@@ -489,11 +489,17 @@ impl Robot {
         then.or(values.first()).map(|one| one.used)
     }
 
-    /// Takes how far the robot was off its path, m; without a stamp it is of now.
-    pub fn take_cross_track_error(&self, stamp: Option<RobotTime>, error_m: f64) {
+    /// Takes how far the robot was off its path, m; without a stamp it is of now, `received`.
+    pub fn take_cross_track_error(
+        &self,
+        stamp: Option<RobotTime>,
+        received: WallTime,
+        error_m: f64,
+    ) {
         let used = self.used_at(stamp.unwrap_or(RobotTime(i64::MAX)));
         let generation = used.map_or(Generation::FACTORY, |used| used.generation);
-        lock(&self.cross_tracks).add(generation, error_m);
+        let at_ns = stamp.map_or(received.0, |stamp| stamp.0);
+        lock(&self.cross_tracks).add(generation, at_ns, error_m);
     }
 
     /// How well it follows its path, by generation.

@@ -4,13 +4,14 @@
 mod tests;
 
 use async_trait::async_trait;
-use fleetcal_domain::access::Actor;
+use fleetcal_domain::access::{Actor, Authentication};
 use fleetcal_domain::audit::Action;
 use fleetcal_domain::robot::RobotConfig;
 use fleetcal_model::{EventId, RobotId, Version, WallTime};
 use fleetcal_store::transaction::AnswerScope;
 use fleetcal_store::{
-    AuditEntry, EventRecord, Expected, IdempotencyKey, Job, NewEvent, Records, Store, StoreError,
+    AuditEntry, EventRecord, Expected, IdempotencyKey, Job, NewEvent, Records, RobotRecord, Store,
+    StoreError,
 };
 use serde_json::Value;
 
@@ -86,8 +87,9 @@ impl Job for ConfigureRobot {
             });
         }
         let version = found.next();
+        let drawn_by = self.drawn_by(robot.as_ref());
         records
-            .save_config(&self.robot, &self.config, version, self.now)
+            .save_config(&self.robot, &self.config, drawn_by, version, self.now)
             .await?;
         let before = robot.and_then(|robot| robot.config);
         records.append_audit(&self.audit(before.as_ref())).await?;
@@ -96,6 +98,18 @@ impl Job for ConfigureRobot {
 }
 
 impl ConfigureRobot {
+    /// Who gave the drawing: who changes it, or who gave the one that stays.
+    fn drawn_by<'a>(&'a self, before: Option<&'a RobotRecord>) -> Option<&'a str> {
+        let drawing = self.config.nominal_extrinsics;
+        let stood = before.and_then(|before| before.config.as_ref()?.nominal_extrinsics);
+        if drawing == stood {
+            return before.and_then(|before| before.drawn_by.as_deref());
+        }
+        // The service itself configures what its configuration file says.
+        let by_person = self.actor.authentication != Authentication::Service;
+        (drawing.is_some() && by_person).then_some(self.actor.name.as_str())
+    }
+
     fn audit(&self, before: Option<&RobotConfig>) -> AuditEntry {
         AuditEntry {
             at_ns: self.now,

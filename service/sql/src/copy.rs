@@ -73,7 +73,7 @@ pub static TABLES: LazyLock<Vec<Table>> =
             numbered(
                 "robot",
                 1,
-                "key:n id:t config:t version:n created_ns:n updated_ns:n",
+                "key:n id:t config:t version:n created_ns:n updated_ns:n drawn_by:t",
             ),
             table(
                 "robot_current",

@@ -14,11 +14,11 @@ use super::value::Row;
 
 /// Reads every robot for [`robot_of`].
 pub(super) const SELECT_ALL: &str =
-    "SELECT id, config, version, created_ns, updated_ns FROM robot ORDER BY id";
+    "SELECT id, config, version, created_ns, updated_ns, drawn_by FROM robot ORDER BY id";
 
 /// Reads one robot.
 pub(super) const SELECT_ONE: &str =
-    "SELECT id, config, version, created_ns, updated_ns FROM robot WHERE id = $1";
+    "SELECT id, config, version, created_ns, updated_ns, drawn_by FROM robot WHERE id = $1";
 
 #[async_trait]
 impl RobotRecords for SqlRecords<'_> {
@@ -35,15 +35,19 @@ impl RobotRecords for SqlRecords<'_> {
         &mut self,
         id: &RobotId,
         config: &RobotConfig,
+        drawn_by: Option<&str>,
         version: Version,
         now: WallTime,
     ) -> Result<(), StoreError> {
         let key = self.key_of(id, now).await?;
-        query("UPDATE robot SET config = $2, version = $3, updated_ns = $4 WHERE key = $1")
+        let set = "UPDATE robot SET config = $2, version = $3, updated_ns = $4, drawn_by = $5
+             WHERE key = $1";
+        query(set)
             .bind(key)
             .bind(json("robot", config)?)
             .bind(version.0 as i64)
             .bind(now.0)
+            .bind(drawn_by)
             .execute(&mut *self.connection)
             .await
             .map_err(StoreError::database("write a robot's configuration"))?;
@@ -60,7 +64,7 @@ impl RobotRecords for SqlRecords<'_> {
     }
 }
 
-/// A robot out of `id, config, version, created_ns, updated_ns`.
+/// A robot out of `id, config, version, created_ns, updated_ns, drawn_by`.
 pub(super) fn robot_of(row: &Row) -> Result<RobotRecord, StoreError> {
     let config: Option<String> = column(row, "robot", 1)?;
     let version: i64 = column(row, "robot", 2)?;
@@ -70,5 +74,6 @@ pub(super) fn robot_of(row: &Row) -> Result<RobotRecord, StoreError> {
         version: Version(u64::try_from(version).map_err(corrupt("robot"))?),
         created_ns: wall_time(row, "robot", 3)?,
         updated_ns: wall_time(row, "robot", 4)?,
+        drawn_by: column(row, "robot", 5)?,
     })
 }

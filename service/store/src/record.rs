@@ -21,6 +21,8 @@ pub struct RobotRecord {
     pub config: Option<RobotConfig>,
     /// Goes up by one with every change of `config`; 0 while there is none.
     pub version: Version,
+    /// The person or tool that gave the drawing in `config`; `None` where the configuration file did.
+    pub drawn_by: Option<String>,
     /// When the store first heard of it, wall time.
     pub created_ns: WallTime,
     /// When `config` last changed, wall time.

@@ -47,6 +47,7 @@ export type PolicyRequest = Schemas['PolicyRequest'];
 export type Tolerance = Schemas['Tolerance'];
 export type Proposal = Schemas['Proposal'];
 export type ProposalState = Schemas['ProposalState'];
+export type SecondApprover = Schemas['SecondApprover'];
 export type ProposalPage = Schemas['ProposalPage'];
 export type SeveralApprovals = Schemas['SeveralApprovals'];
 export type SeveralAnswer = Schemas['SeveralAnswer'];

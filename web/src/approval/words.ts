@@ -1,7 +1,17 @@
 /** Where a proposal and a deployment stand, in words and shapes. */
 
-import type { DeploymentState, ProposalState } from '../api/types';
+import type { DeploymentState, ProposalState, SecondApprover } from '../api/types';
 import type { Face } from '../ui/face';
+
+/** Why two people have to approve a proposal. */
+export const SECOND: Record<SecondApprover, string> = {
+  beyond: 'the change is beyond the limit for one',
+  vehicle: 'a scale, the wheelbase or the time offset changes by much',
+  frame: 'base_link moves',
+  unknown: 'nothing was approved for this robot yet, and it has no drawing to compare with',
+  own_drawing:
+    'nothing was approved for this robot yet, and its drawing is of someone who proposes or approves',
+};
 
 export const PROPOSALS: Record<ProposalState, Face> = {
   proposed: {

@@ -3,7 +3,7 @@
 use fleetcal_domain::approval::{
     Approval, Closing, Deployment, DeploymentState, Evidence, ExpectedGain, GenerationRef, InUse,
     Origin, Outdated, Proposal, ProposalState, Reported, Revision, RobotLedger, RollBack,
-    Verification,
+    SecondApprover, Verification,
 };
 use fleetcal_model::{DeploymentId, Generation, Pose2, ProposalId, RevisionId, Version};
 use fleetcal_proto::RobotId;
@@ -136,8 +136,15 @@ pub(super) struct ProposalDocument {
     base: Option<CalibrationValues>,
     /// The generation of that.
     base_generation: Option<Generation>,
+    /// Author of the drawing that its size is measured from; absent when it is measured from what was
+    /// approved before, or the drawing is the configuration file's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    drawn_by: Option<String>,
     /// How many people have to agree.
     approvals_needed: u32,
+    /// Reason for which more than one has to; absent when one is enough.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    second_approver: Option<SecondApprover>,
     /// Who has agreed.
     approvals: Vec<DecisionDocument>,
     /// How it ended otherwise.
@@ -179,8 +186,11 @@ struct RefreshedDocument {
 struct GainDocument {
     /// Root mean square as the robot reported it with the values in use, m.
     measured_rms_m: f64,
-    /// Root mean square that is expected with the proposed values, m.
+    /// Root mean square that is expected with the proposed values when all that lasts comes from the
+    /// calibration, m.
     expected_rms_m: f64,
+    /// The same when nothing comes from it but the mean, m.
+    expected_rms_max_m: f64,
 }
 
 /// What is known of a proposal beside its record.
@@ -209,7 +219,9 @@ impl ProposalDocument {
             revision: RevisionDocument::of(revision),
             base: proposal.base,
             base_generation: proposal.base_generation,
+            drawn_by: proposal.drawn_by,
             approvals_needed: proposal.approvals_needed,
+            second_approver: proposal.second_approver,
             approvals: approvals.map(DecisionDocument::of_approval).collect(),
             closing: proposal.closing.map(DecisionDocument::of_closing),
             deployment: beside.deployment,
@@ -223,6 +235,7 @@ impl ProposalDocument {
             expected_gain: beside.gain.map(|gain| GainDocument {
                 measured_rms_m: gain.measured_rms_m,
                 expected_rms_m: gain.expected_rms_m,
+                expected_rms_max_m: gain.expected_rms_max_m,
             }),
         }
     }

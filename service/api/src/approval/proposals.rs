@@ -6,7 +6,7 @@ use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 use fleetcal_domain::approval::{
     Command, DeploymentState, Evidence, Origin, Proposal, ProposalState, Revision, expected_gain,
-    nominal_values, outdated, values_and_sigmas,
+    outdated, values_and_sigmas,
 };
 use fleetcal_domain::limits;
 use fleetcal_model::{Generation, ProposalId, Version};
@@ -166,9 +166,6 @@ fn proposed(api: &ApiState, value: &NewProposalDocument) -> Result<Command, Prob
         values,
         sigmas,
         evidence,
-        nominal: config
-            .nominal_extrinsics
-            .map(|mount| nominal_values(&mount.pose())),
         reason: Some(value.reason.clone()).filter(|reason| !reason.trim().is_empty()),
     })
 }

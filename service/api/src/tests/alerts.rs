@@ -239,7 +239,6 @@ async fn alerts_and_proposals_are_told_and_the_log_says_what_came_of_it() {
         values,
         sigmas: CalibrationValues::default(),
         evidence: Evidence::default(),
-        nominal: None,
         reason: Some("measured by hand".to_owned()),
     };
     let ada = Actor {

@@ -49,7 +49,6 @@ impl Bench {
             values: CalibrationValues::default(),
             sigmas: CalibrationValues::default(),
             evidence: Evidence::default(),
-            nominal: None,
             reason: Some("measured by hand".to_owned()),
         };
         let actor = Actor::service();

@@ -31,7 +31,7 @@ impl Job for AddRobot {
         let now = WallTime(NOW_S * NS);
         let id = robot(self.0);
         records
-            .save_config(&id, &config(1.0), Version(1), now)
+            .save_config(&id, &config(1.0), None, Version(1), now)
             .await
     }
 }

@@ -4,13 +4,14 @@ use fleetcal_model::{ProposalId, Version};
 use fleetcal_proto::calibration::CalibrationValues;
 
 use super::draft::{Draft, after, fresh};
+use super::four_eyes::approvals_needed;
 use super::policy::Policy;
 use super::present::{Present, outdated};
 use super::proposal::{Approval, Closing, Proposal, ProposalEvent, ProposalState, Refreshed};
 use super::refused::Refused;
-use super::revision::{Evidence, Origin, Revision};
+use super::revision::{Evidence, Origin};
 use super::transition::ProposalAction;
-use super::values::{added, difference, differs_beside, exceeds};
+use super::values::added;
 use crate::access::Authentication;
 
 /// Farthest from the rear axle that a LiDAR is believed to sit, m.
@@ -22,7 +23,6 @@ impl Draft<'_> {
         origin: Origin,
         (values, sigmas): (CalibrationValues, CalibrationValues),
         evidence: Evidence,
-        nominal: Option<CalibrationValues>,
         reason: Option<String>,
     ) -> Result<(), Refused> {
         within_limits(&values, self.standing.policy)?;
@@ -38,12 +38,8 @@ impl Draft<'_> {
         let rear_axle = self.standing.rear_axle_in_base_link;
         let revision = self.add_revision(origin, (values, sigmas), evidence, rear_axle);
         let shadow = &self.outcome.ledger.shadow;
-        let base = shadow
-            .in_use
-            .as_ref()
-            .map(|in_use| in_use.values)
-            .or(nominal);
-        let approvals_needed = self.approvers_needed(base.as_ref(), &revision);
+        let by = self.standing.actor.name.clone();
+        let second_approver = self.second_approver(&revision, &[&by]);
         let now = self.standing.now;
         let proposal = Proposal {
             id: self.ids.proposal,
@@ -52,13 +48,15 @@ impl Draft<'_> {
             state: ProposalState::Proposed,
             revision: revision.id,
             revision_sha256: revision.sha256,
-            proposed_by: self.standing.actor.name.clone(),
+            proposed_by: by,
             reason: reason.clone(),
             created_ns: now,
             expires_ns: after(now, self.standing.policy.expires_after_s),
-            base,
+            base: self.base(),
             base_generation: shadow.in_use.as_ref().map(|in_use| in_use.generation),
-            approvals_needed,
+            drawn_by: self.drawn_by(),
+            approvals_needed: approvals_needed(second_approver),
+            second_approver,
             approvals: Vec::new(),
             closing: None,
             refreshed: None,
@@ -74,7 +72,6 @@ impl Draft<'_> {
         id: ProposalId,
         found: (CalibrationValues, CalibrationValues),
         evidence: Evidence,
-        nominal: Option<CalibrationValues>,
         reason: &str,
     ) -> Result<(), Refused> {
         within_limits(&found.0, self.standing.policy)?;
@@ -82,7 +79,6 @@ impl Draft<'_> {
         let rear_axle = self.standing.rear_axle_in_base_link;
         let revision = self.add_revision(Origin::Estimator, found, evidence, rear_axle);
         let in_use = self.outcome.ledger.shadow.in_use.as_ref();
-        let base = in_use.map(|in_use| in_use.values).or(nominal);
         let base_generation = in_use.map(|in_use| in_use.generation);
         let now = self.standing.now;
         let voided: Vec<String> = before.approvals.iter().map(|one| one.by.clone()).collect();
@@ -91,14 +87,17 @@ impl Draft<'_> {
             names => format!("; void is the approval of {}", names.join(", ")),
         };
         let times = before.refreshed.as_ref().map_or(0, |last| last.times);
+        let second_approver = self.second_approver(&revision, &[&before.proposed_by]);
         let proposal = Proposal {
             version: before.version.next(),
             state: before.state.after(ProposalEvent::Refresh)?,
-            approvals_needed: self.approvers_needed(base.as_ref(), &revision),
+            approvals_needed: approvals_needed(second_approver),
+            second_approver,
             revision: revision.id,
             revision_sha256: revision.sha256,
-            base,
+            base: self.base(),
             base_generation,
+            drawn_by: self.drawn_by(),
             approvals: Vec::new(),
             expires_ns: after(now, self.standing.policy.expires_after_s),
             refreshed: Some(Refreshed {
@@ -112,6 +111,14 @@ impl Draft<'_> {
         let reason = Some(format!("{reason}{void}"));
         self.save_proposal(ProposalAction::Refresh, Some(&before), proposal, reason);
         Ok(())
+    }
+
+    /// What the robot uses, by its own word or else by its drawing.
+    fn base(&self) -> Option<CalibrationValues> {
+        let in_use = self.outcome.ledger.shadow.in_use.as_ref();
+        let drawing = self.standing.drawing.as_ref();
+        let drawn = || drawing.map(|drawing| drawing.values);
+        in_use.map(|in_use| in_use.values).or_else(drawn)
     }
 
     /// Nobody approves what the present estimate speaks against.
@@ -156,7 +163,9 @@ impl Draft<'_> {
         self.nothing_underway()?;
         self.still_holds(&before)?;
         let mut proposal = before.clone();
-        proposal.approvals_needed = self.approvers_needed_now(&before);
+        proposal.second_approver = self.second_approver_now(&before, &actor.name);
+        let needed = approvals_needed(proposal.second_approver);
+        proposal.approvals_needed = before.approvals_needed.max(needed);
         proposal.approvals.push(Approval {
             by: actor.name.clone(),
             at_ns: self.standing.now,
@@ -187,31 +196,6 @@ impl Draft<'_> {
             Some(step) if by_service => added(&ledger.shadow.automatic_sum, &step),
             _ => [0.0; 4],
         });
-    }
-
-    /// How many people have to approve a change.
-    fn approvers_needed(&self, base: Option<&CalibrationValues>, to: &Revision) -> u32 {
-        let limits = self.standing.policy.two_approvers_beyond.limits();
-        let large = base.is_some_and(|base| exceeds(&difference(base, &to.values), &limits));
-        let in_use = self.outcome.ledger.revision_in_use();
-        let moves_base =
-            in_use.is_some_and(|in_use| in_use.rear_axle_in_base_link != to.rear_axle_in_base_link);
-        if large || moves_base || differs_beside(base, &to.values) {
-            2
-        } else {
-            1
-        }
-    }
-
-    /// How many have to approve a proposal now: the rules may have changed since it was made, and
-    /// what the robot uses, so that the change is a larger one.
-    fn approvers_needed_now(&self, proposal: &Proposal) -> u32 {
-        let ledger = &self.outcome.ledger;
-        let in_use = ledger.shadow.in_use.as_ref().map(|in_use| in_use.values);
-        let base = in_use.or(proposal.base);
-        let proposed = ledger.revisions.get(&proposal.revision);
-        let now = proposed.map_or(1, |to| self.approvers_needed(base.as_ref(), to));
-        proposal.approvals_needed.max(now)
     }
 
     /// Ends a proposal otherwise than by approval.

@@ -5,6 +5,7 @@ use fleetcal_proto::calibration::{Applied, CalibrationValues};
 use fleetcal_proto::signing::SigningKey;
 
 use super::deployment::Verification;
+use super::four_eyes::Drawing;
 use super::policy::Policy;
 use super::present::Present;
 use super::revision::{Evidence, Origin};
@@ -23,8 +24,6 @@ pub enum Command {
         sigmas: CalibrationValues,
         /// What they rest on.
         evidence: Evidence,
-        /// What the robot uses if it has never said so.
-        nominal: Option<CalibrationValues>,
         /// Why.
         reason: Option<String>,
     },
@@ -79,8 +78,6 @@ pub enum Command {
         sigmas: CalibrationValues,
         /// What they rest on.
         evidence: Evidence,
-        /// What the robot uses if it has never said so.
-        nominal: Option<CalibrationValues>,
         /// In words.
         reason: String,
     },
@@ -166,6 +163,8 @@ pub struct Standing<'a> {
     pub frozen: bool,
     /// Where the robot's rear axle is in its `base_link`, where that is configured.
     pub rear_axle_in_base_link: Option<Pose2>,
+    /// The robot's drawing, where one is configured.
+    pub drawing: Option<Drawing>,
     /// What the estimator says at this moment: nobody approves what it speaks against.
     pub present: Present,
 }

@@ -156,7 +156,6 @@ fn brought_up_to_date(
         values,
         sigmas,
         evidence: Evidence::of(estimate),
-        nominal: situation.nominal,
         reason: outdated.to_string(),
     })
 }
@@ -190,7 +189,8 @@ pub fn automatic(ledger: &RobotLedger, policy: &Policy) -> Option<Command> {
     let desired = ledger.shadow.desired.as_ref();
     let chosen = desired.is_some_and(|desired| desired.chosen_by.is_some());
     // Somebody else may have answered in the robot's name: then nobody knows what it uses.
-    let for_people = chosen || ledger.shadow.contradicted.is_some();
+    // And a drawing that somebody gave is one person's word.
+    let for_people = chosen || ledger.shadow.contradicted.is_some() || open.drawn_by.is_some();
     (small && ours && same_frame && !for_people && ledger.live.is_none()).then(|| {
         Command::Approve {
             proposal: open.id,
@@ -315,7 +315,6 @@ fn proposal_due(
         values,
         sigmas,
         evidence: Evidence::of(estimate),
-        nominal: situation.nominal,
         reason: None,
     })
 }

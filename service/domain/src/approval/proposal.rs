@@ -6,6 +6,8 @@ use fleetcal_proto::calibration::CalibrationValues;
 use serde::{Deserialize, Serialize};
 use strum::{EnumString, IntoStaticStr, VariantArray};
 
+use super::four_eyes::SecondApprover;
+
 /// Where a proposal stands.
 #[derive(
     Debug,
@@ -142,8 +144,15 @@ pub struct Proposal {
     pub base: Option<CalibrationValues>,
     /// The generation of that.
     pub base_generation: Option<Generation>,
+    /// Author of the drawing that its size was measured from; absent when it was measured from what was
+    /// approved before, or the drawing is the configuration file's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drawn_by: Option<String>,
     /// How many people have to agree.
     pub approvals_needed: u32,
+    /// Reason for which more than one has to; absent in what older versions proposed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub second_approver: Option<SecondApprover>,
     /// Who has agreed.
     pub approvals: Vec<Approval>,
     /// How it ended otherwise.

@@ -29,9 +29,8 @@ pub fn step(
             values,
             sigmas,
             evidence,
-            nominal,
             reason,
-        } => draft.propose(origin, (values, sigmas), evidence, nominal, reason)?,
+        } => draft.propose(origin, (values, sigmas), evidence, reason)?,
         Command::Approve {
             proposal,
             version,
@@ -62,9 +61,8 @@ pub fn step(
             values,
             sigmas,
             evidence,
-            nominal,
             reason,
-        } => draft.refresh(proposal, (values, sigmas), evidence, nominal, &reason)?,
+        } => draft.refresh(proposal, (values, sigmas), evidence, &reason)?,
         Command::Offer { generation } => draft.offer(generation)?,
         Command::Offered { generation } => {
             draft.offered(generation);

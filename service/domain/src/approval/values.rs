@@ -37,14 +37,14 @@ const DELAY_CHANGE_MAX_S: f64 = 0.1;
 
 /// Whether what goes along with the four of a [`Change`] changes by much. A robot that has said
 /// nothing of a scale or a delay uses none; nobody knows which wheelbase it uses.
-pub(super) fn differs_beside(from: Option<&CalibrationValues>, to: &CalibrationValues) -> bool {
+pub(super) fn differs_beside(from: &CalibrationValues, to: &CalibrationValues) -> bool {
     type Part = fn(&CalibrationValues) -> Option<f64>;
     let far = |part: Part, none: f64, most: f64| {
-        let before = from.and_then(part).unwrap_or(none);
+        let before = part(from).unwrap_or(none);
         part(to).is_some_and(|value| (value - before).abs() > most)
     };
     let wheelbase = to.wheelbase_m.is_some_and(|value| {
-        let before = from.and_then(|from| from.wheelbase_m);
+        let before = from.wheelbase_m;
         before.is_none_or(|before| (value - before).abs() > WHEELBASE_CHANGE_MAX_M)
     });
     wheelbase

@@ -18,6 +18,12 @@ pub struct CrossTrack {
     pub sum_m: f64,
     /// Sum of their squares, m^2.
     pub sum_square_m2: f64,
+    /// How many bends there are: errors less the mean of the two a second before and after.
+    #[serde(default)]
+    pub bends: u64,
+    /// Sum of the squares of the bends, m^2.
+    #[serde(default)]
+    pub sum_square_bend_m2: f64,
     /// How many lie in each bin, from far right of the path to far left.
     pub bins: Vec<u64>,
 }
@@ -28,6 +34,8 @@ impl Default for CrossTrack {
             count: 0,
             sum_m: 0.0,
             sum_square_m2: 0.0,
+            bends: 0,
+            sum_square_bend_m2: 0.0,
             bins: vec![0; 2 * BINS_PER_SIDE],
         }
     }
@@ -45,6 +53,21 @@ impl CrossTrack {
         if let Some(count) = self.bins.get_mut(bin) {
             *count += 1;
         }
+    }
+
+    /// Takes the bend of three errors a second apart, m.
+    pub fn add_bend(&mut self, [before_m, error_m, after_m]: [f64; 3]) {
+        let bend_m = error_m - 0.5 * (before_m + after_m);
+        self.bends += 1;
+        self.sum_square_bend_m2 += bend_m * bend_m;
+    }
+
+    /// Variance of what changes from one second to the next, m^2; `None` while there are no bends.
+    ///
+    /// Errors that have nothing to do with each other and the variance `s` make bends of the mean
+    /// square `s + 2 s / 4`; what lasts for seconds makes none.
+    pub fn brief_m2(&self) -> Option<f64> {
+        (self.bends > 0).then(|| self.sum_square_bend_m2 / (1.5 * self.bends as f64))
     }
 
     /// Root mean square, m.

@@ -8,8 +8,8 @@ use fleetcal_cluster::Tenure;
 use fleetcal_domain::access::{Actor, Authentication, Role};
 use fleetcal_domain::alert::{AlertKind, Subject};
 use fleetcal_domain::approval::{
-    Command, Outcome, Policy, Present, Proposal, Refused, Standing, Transition, audited, automatic,
-    step,
+    Command, Drawing, Outcome, Policy, Present, Proposal, Refused, Standing, Transition, audited,
+    automatic, nominal_values, step,
 };
 use fleetcal_domain::limits;
 use fleetcal_domain::robot::RobotView;
@@ -20,7 +20,8 @@ use fleetcal_proto::RobotId;
 use fleetcal_proto::signing::SigningKey;
 use fleetcal_store::transaction::AnswerScope;
 use fleetcal_store::{
-    AuditEntry, EventKind, EventSource, IdempotencyKey, Job, NewEvent, Records, StoreError,
+    AuditEntry, EventKind, EventSource, IdempotencyKey, Job, NewEvent, Records, RobotRecord,
+    StoreError,
 };
 
 use super::history;
@@ -110,6 +111,7 @@ impl Decide {
             _ => false,
         };
         let ids = records.next_ids().await?;
+        let robot = records.robot(&self.robot).await?;
         let standing = Standing {
             policy,
             key: &self.key,
@@ -118,6 +120,7 @@ impl Decide {
             frozen,
             rear_axle_in_base_link: self.rear_axle_in_base_link,
             present: self.present_beside_notes(records).await?,
+            drawing: robot.and_then(drawing),
         };
         match step(&ledger, self.command.clone(), ids, &standing) {
             Ok(outcome) => Ok(outcome),
@@ -200,6 +203,15 @@ impl Decide {
         }
         Ok(())
     }
+}
+
+/// The drawing that a robot is configured with, and who gave it.
+fn drawing(robot: RobotRecord) -> Option<Drawing> {
+    let mount = robot.config?.nominal_extrinsics?;
+    Some(Drawing {
+        values: nominal_values(&mount.pose()),
+        by: robot.drawn_by,
+    })
 }
 
 impl Decide {

@@ -72,6 +72,41 @@ async fn a_configuration_is_changed_only_by_who_saw_it() {
 }
 
 #[tokio::test]
+async fn the_author_of_a_drawing_is_who_changed_it_last() {
+    let database = TestDatabase::new().await;
+    let store = open(&database, &clock()).await;
+    let author = async |x_m: Option<f64>, wheelbase_m: f64, by: &str| {
+        let mut config = config(wheelbase_m);
+        let drawing = x_m.map(|x_m| serde_json::json!({"x_m": x_m, "y_m": 0, "yaw_rad": 0}));
+        config.nominal_extrinsics = drawing.map(|one| serde_json::from_value(one).unwrap());
+        let mut actor = Actor::service();
+        if by != actor.name {
+            actor.authentication = Authentication::Session;
+            actor.name = by.to_owned();
+        }
+        let done = configure(&store, &robot("a"), &config, Expected::Any, actor).await;
+        done.unwrap();
+        let stored = store.load_robot(&robot("a")).await.unwrap().unwrap();
+        stored.drawn_by
+    };
+    assert_eq!(author(Some(0.4), 1.2, "fleetcal").await, None);
+    // Another part of the configuration is no drawing.
+    assert_eq!(author(Some(0.4), 1.3, "mallory").await, None);
+    for x_m in [2.5, 0.4] {
+        let by = author(Some(x_m), 1.3, "mallory").await;
+        assert_eq!(by.as_deref(), Some("mallory"));
+    }
+    let by = author(Some(0.4), 1.2, "carla").await;
+    assert_eq!(by.as_deref(), Some("mallory"));
+    assert_eq!(author(None, 1.2, "carla").await, None);
+    assert_eq!(
+        author(Some(0.4), 1.2, "carla").await.as_deref(),
+        Some("carla")
+    );
+    assert_eq!(author(Some(0.41), 1.2, "fleetcal").await, None);
+}
+
+#[tokio::test]
 async fn of_many_writers_with_the_same_version_one_wins() {
     let database = TestDatabase::new().await;
     let store = open(&database, &clock()).await;

@@ -13,11 +13,12 @@ pub trait RobotRecords {
     /// One robot; `None` when the store has never heard of it.
     async fn robot(&mut self, id: &RobotId) -> Result<Option<RobotRecord>, StoreError>;
 
-    /// Keeps a robot's configuration as `version`, changed at `now`.
+    /// Keeps a robot's configuration as `version`, changed at `now`, with who gave its drawing.
     async fn save_config(
         &mut self,
         id: &RobotId,
         config: &RobotConfig,
+        drawn_by: Option<&str>,
         version: Version,
         now: WallTime,
     ) -> Result<(), StoreError>;

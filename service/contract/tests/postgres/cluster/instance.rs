@@ -90,7 +90,7 @@ impl Job for KeepRobots {
         let now = WallTime(NOW_S * NS);
         for robot in &self.0 {
             records
-                .save_config(robot, &config(1.2), Version(1), now)
+                .save_config(robot, &config(1.2), None, Version(1), now)
                 .await?;
         }
         Ok(())

@@ -271,7 +271,9 @@ impl Run<'_> {
         let before = ask!(self, robot(&id));
         let version = before.map_or(Version(0), |before| before.version).next();
         let config = config(self.chance.random_range(0.5..3.0));
-        ask!(self, save_config(&id, &config, version, now));
+        let by = words(&mut self.chance);
+        let drawn_by = self.chance.random_bool(0.5).then_some(by.as_str());
+        ask!(self, save_config(&id, &config, drawn_by, version, now));
         ask!(self, robot(&id));
         Ok(())
     }

@@ -1,201 +1,14 @@
 //! Commands that time or a new estimate makes due.
 
-use fleetcal_model::{
-    Consistency, Counts, DeploymentId, Generation, Parameter, ParameterStatus, Pose2, ProposalId,
-    RevisionId, RobotTime, WallTime,
-};
-use fleetcal_proto::RobotId;
-use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationDocument, CalibrationValues};
-use fleetcal_proto::estimate::{EstimateDocument, ParameterDocument, Parameters};
-use fleetcal_proto::signing::SigningKey;
+use fleetcal_model::{Generation, Pose2, RobotTime, WallTime};
+use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};
 
-use crate::access::{Actor, Authentication, Role};
+use super::bench::{Bench, NOW_NS, estimate, factory};
+use crate::access::Actor;
 use crate::approval::{
-    Command, DeploymentState, Evidence, NextIds, Origin, Policy, Present, Refused, RobotLedger,
-    Situation, Standing, Tolerance, automatic, due, step, values_and_sigmas,
+    Command, DeploymentState, Evidence, Origin, Present, Refused, Situation, Tolerance, automatic,
+    due, values_and_sigmas,
 };
-
-const NOW_NS: i64 = 1_763_700_000_000_000_000;
-
-/// An estimate that has converged on this steering offset.
-fn estimate(offset_rad: f64, second: i64) -> EstimateDocument {
-    let parameter = |name: Parameter| ParameterDocument {
-        value: match name {
-            Parameter::SteeringOffset => offset_rad,
-            Parameter::LidarX => 0.434,
-            Parameter::LidarY | Parameter::LidarYaw | Parameter::TimeOffset => 0.0,
-            _ => 1.0,
-        },
-        sigma: 0.000_2,
-        unit: name.unit(),
-        status: match name {
-            Parameter::Wheelbase | Parameter::SteeringGain => ParameterStatus::Fixed,
-            _ => ParameterStatus::Converged,
-        },
-        needs: None,
-    };
-    EstimateDocument {
-        robot: RobotId::parse("tugger_01").unwrap(),
-        stamp_ns: RobotTime(NOW_NS + second * 1_000_000_000),
-        time_s: 100.0,
-        distance_m: 80.0,
-        parameters: Parameters {
-            steering_offset: parameter(Parameter::SteeringOffset),
-            lidar_x: parameter(Parameter::LidarX),
-            lidar_y: parameter(Parameter::LidarY),
-            lidar_yaw: parameter(Parameter::LidarYaw),
-            speed_scale: parameter(Parameter::SpeedScale),
-            wheelbase: parameter(Parameter::Wheelbase),
-            time_offset: parameter(Parameter::TimeOffset),
-            steering_gain: parameter(Parameter::SteeringGain),
-        },
-        covariance: None,
-        reassembly_open: false,
-        detection: None,
-        consistency: Consistency::default(),
-        counts: Counts::default(),
-        lidar_in_base_link: None,
-        estimated_by: None,
-    }
-}
-
-/// One robot whose commands are taken as the lifecycle takes them.
-struct Bench {
-    ledger: RobotLedger,
-    ids: NextIds,
-    policy: Policy,
-    /// What the configuration says now.
-    rear_axle: Option<Pose2>,
-    /// What was signed last.
-    signed: Option<CalibrationDocument>,
-    /// Wall time.
-    now: WallTime,
-    /// What the estimator says when somebody decides.
-    present: Present,
-}
-
-impl Bench {
-    fn new() -> Self {
-        Self {
-            ledger: RobotLedger::new(RobotId::parse("tugger_01").unwrap()),
-            ids: NextIds {
-                revision: RevisionId(1),
-                proposal: ProposalId(1),
-                deployment: DeploymentId(1),
-            },
-            policy: Policy::default(),
-            rear_axle: None,
-            signed: None,
-            now: WallTime(NOW_NS),
-            present: Present::Unknown,
-        }
-    }
-
-    fn take(&mut self, command: Command, actor: &Actor) {
-        self.try_to(command, actor).unwrap();
-    }
-
-    fn try_to(&mut self, command: Command, actor: &Actor) -> Result<(), Refused> {
-        let key = SigningKey::from_bytes(&[7; 32]);
-        let standing = Standing {
-            policy: &self.policy,
-            key: &key,
-            actor,
-            now: self.now,
-            frozen: false,
-            rear_axle_in_base_link: self.rear_axle,
-            present: self.present,
-        };
-        let outcome = step(&self.ledger, command, self.ids, &standing)?;
-        self.ids.revision = self.ids.revision.next();
-        self.ids.proposal = self.ids.proposal.next();
-        self.ids.deployment = self.ids.deployment.next();
-        if let Some((_, envelope)) = outcome.envelopes.last() {
-            self.signed = Some(serde_json::from_str(&envelope.document).unwrap());
-        }
-        self.ledger = outcome.ledger;
-        Ok(())
-    }
-
-    fn due(&self, estimate: Option<&EstimateDocument>, verification: bool) -> Option<Command> {
-        let situation = Situation {
-            now: self.now,
-            estimate: estimate.filter(|_| !verification),
-            reassembly_open: false,
-            vehicle_changed: false,
-            stable: true,
-            verification: estimate.filter(|_| verification),
-            nominal: Some(CalibrationValues {
-                lidar_x_m: 0.434,
-                ..CalibrationValues::default()
-            }),
-        };
-        due(&self.ledger, &situation, &self.policy)
-    }
-
-    /// Takes what is due by the service itself.
-    fn do_due(&mut self, estimate: &EstimateDocument, verification: bool) -> Option<&'static str> {
-        let command = self.due(Some(estimate), verification)?;
-        let name = match command {
-            Command::Propose { .. } => "propose",
-            Command::Supersede { .. } => "supersede",
-            Command::Refresh { .. } => "refresh",
-            Command::Void { .. } => "void",
-            Command::Judge { verification, .. } if verification.within => "verify",
-            Command::Judge { .. } => "fail",
-            _ => "another",
-        };
-        self.take(command, &Actor::service());
-        Some(name)
-    }
-
-    fn approve(&mut self) {
-        self.approve_as("ana").unwrap();
-    }
-
-    fn approve_as(&mut self, name: &str) -> Result<(), Refused> {
-        let open = self.ledger.open.clone().unwrap();
-        let person = Actor {
-            name: name.to_owned(),
-            authentication: Authentication::Session,
-            role: Some(Role::Approver),
-            request: None,
-        };
-        let command = Command::Approve {
-            proposal: open.id,
-            version: Some(open.version),
-            sha256: open.revision_sha256,
-            reason: None,
-        };
-        self.try_to(command, &person)
-    }
-
-    /// Time goes on until a proposal may be refreshed.
-    fn wait(&mut self) {
-        self.now.0 += 60 * 1_000_000_000;
-    }
-
-    /// Brings the deployment under way to the trial.
-    fn try_out(&mut self) {
-        let offer = self.ledger.live.clone().unwrap().offer;
-        let generation = offer.generation;
-        let applied = Applied {
-            generation,
-            sha256: offer.sha256,
-            status: AppliedStatus::Applied,
-            reason: None,
-            applied_at_ns: RobotTime(NOW_NS),
-            values: None,
-        };
-        self.take(Command::Offer { generation }, &Actor::service());
-        self.take(Command::Acknowledge(applied), &Actor::service());
-        self.take(Command::Confirmed { generation }, &Actor::service());
-    }
-
-    fn state(&self) -> Option<DeploymentState> {
-        self.ledger.live.as_ref().map(|live| live.state)
-    }
-}
 
 #[test]
 fn what_differs_from_what_is_used_is_proposed_once() {
@@ -298,7 +111,6 @@ fn values_of_a_person_are_held_against_no_estimate() {
         values: CalibrationValues::default(),
         sigmas: CalibrationValues::default(),
         evidence: Evidence::default(),
-        nominal: None,
         reason: None,
     };
     bench.take(command, &Actor::service());
@@ -485,22 +297,6 @@ fn what_a_robot_says_of_itself_makes_no_step_smaller() {
         None,
         "9 degrees from what was approved"
     );
-}
-
-/// An answer that the robot uses values of its own.
-fn factory(offset_rad: f64, at_ns: WallTime) -> Applied {
-    Applied {
-        generation: Generation(0),
-        sha256: String::new(),
-        status: AppliedStatus::Applied,
-        reason: None,
-        applied_at_ns: RobotTime(at_ns.0),
-        values: Some(CalibrationValues {
-            steering_offset_rad: offset_rad,
-            lidar_x_m: 0.434,
-            ..CalibrationValues::default()
-        }),
-    }
 }
 
 #[test]

@@ -12,8 +12,9 @@ use serde_json::Value;
 
 use crate::access::{Actor, Authentication};
 use crate::approval::{
-    Command, Deployment, DeploymentState, GenerationRef, NextIds, OutboxEntry, Outcome, Policy,
-    Proposal, ProposalState, Revision, RobotLedger, Shadow, Transition, audited, difference,
+    Command, Deployment, DeploymentState, Drawing, GenerationRef, NextIds, Origin, OutboxEntry,
+    Outcome, Policy, Proposal, ProposalState, Revision, RobotLedger, Shadow, Transition, audited,
+    difference,
 };
 
 /// The name under which the service itself acts.
@@ -36,6 +37,8 @@ pub struct Model {
     audited: BTreeMap<(&'static str, String), Value>,
     /// What waits to be sent, one of each kind.
     outbox: BTreeMap<&'static str, OutboxEntry>,
+    /// The drawing that the robot is configured with.
+    pub drawing: Option<Drawing>,
     used: Used,
     used_before: Used,
     /// The highest generation that the robot has named.
@@ -54,6 +57,7 @@ impl Model {
             deployments: BTreeMap::new(),
             audited: BTreeMap::new(),
             outbox: BTreeMap::new(),
+            drawing: None,
             used: None,
             used_before: None,
             heard: Generation(0),
@@ -231,14 +235,40 @@ impl Model {
             assert_eq!(proposal.state == ProposalState::Approved, enough);
             if proposal.state == ProposalState::Approved {
                 assert_eq!(proposal.approvals.last().unwrap().at_ns, now);
-                let used = self.used.map(|(_, values)| values).or(proposal.base);
-                let change = used.map(|used| difference(&used, &revision.values));
-                let two = change.is_some_and(|change| {
-                    let parts = change.iter().zip(self.policy.two_approvers_beyond.limits());
-                    parts.into_iter().any(|(part, limit)| part.abs() > limit)
-                });
-                assert!(!two || by.len() >= 2, "two have to approve a large change");
+                if by.len() < 2 {
+                    self.check_one_is_enough(proposal, revision);
+                }
             }
+        }
+    }
+
+    /// One person approves only what is near to all that the robot may use by what others say than
+    /// who proposed and who approved; and something has to say it.
+    fn check_one_is_enough(&self, proposal: &Proposal, revision: &Revision) {
+        let near = |from: &CalibrationValues| {
+            let change = difference(from, &revision.values);
+            let parts = change.iter().zip(self.policy.two_approvers_beyond.limits());
+            parts.into_iter().all(|(part, limit)| part.abs() <= limit)
+        };
+        assert!(self.used.is_none_or(|(_, values)| near(&values)));
+        let shadow = &self.ledger.shadow;
+        let approved = shadow.desired.iter();
+        let approved = approved.filter(|one| self.revisions[&one.revision].origin != Origin::Robot);
+        let mut vouched = approved.chain(shadow.verified.iter().rev());
+        if let Some(vouched) = vouched.next() {
+            let vouched = &self.revisions[&vouched.revision];
+            assert!(
+                near(&vouched.values),
+                "near to what was approved: {vouched:?}"
+            );
+            return;
+        }
+        let drawing = self.drawing.as_ref().expect("a drawing");
+        assert!(near(&drawing.values), "near to the drawing");
+        let approver = proposal.approvals.first().map(|one| one.by.as_str());
+        for by in [Some(proposal.proposed_by.as_str()), approver] {
+            assert!(drawing.by.is_none() || drawing.by.as_deref() != by);
+            assert!(proposal.drawn_by.is_none() || proposal.drawn_by.as_deref() != by);
         }
     }
 

@@ -11,8 +11,8 @@ use proptest::prelude::*;
 use super::model::Model;
 use crate::access::{Actor, Authentication, Role};
 use crate::approval::{
-    Command, DeploymentState, Evidence, Origin, Policy, Present, ProposalState, Refused, Standing,
-    Tolerance, Verification, step,
+    Command, DeploymentState, Drawing, Evidence, Origin, Policy, Present, ProposalState, Refused,
+    Standing, Tolerance, Verification, step,
 };
 
 /// Wall time at which the histories begin.
@@ -21,7 +21,9 @@ const BEGIN_NS: i64 = 1_763_700_000_000_000_000;
 /// Something that somebody tries; numbers are taken relative to what there is.
 #[derive(Debug, Clone)]
 enum Attempt {
-    Propose(Origin, CalibrationValues, Option<CalibrationValues>),
+    /// Somebody configures another drawing, or the configuration file does; or it is taken away.
+    Draw(Option<CalibrationValues>, bool),
+    Propose(Origin, CalibrationValues),
     Approve {
         right: bool,
     },
@@ -105,8 +107,9 @@ fn attempt() -> impl Strategy<Value = Attempt> {
     ];
     let answer = (status, back(), right(), option::weighted(0.2, reported()));
     prop_oneof![
-        4 => (origin, values(), option::of(reported()))
-            .prop_map(|(origin, values, nominal)| Attempt::Propose(origin, values, nominal)),
+        3 => (option::weighted(0.8, reported()), any::<bool>())
+            .prop_map(|(values, by_file)| Attempt::Draw(values, by_file)),
+        4 => (origin, values()).prop_map(|(origin, values)| Attempt::Propose(origin, values)),
         6 => right().prop_map(|right| Attempt::Approve { right }),
         1 => (right(), reason()).prop_map(|(right, reason)| Attempt::Reject { right, reason }),
         1 => right().prop_map(|right| Attempt::Withdraw { right }),
@@ -157,10 +160,10 @@ fn policy() -> impl Strategy<Value = Policy> {
     })
 }
 
-/// The command that an attempt is for these records.
+/// The command that an attempt is for these records; `None` of one that is none.
 #[expect(clippy::too_many_lines, reason = "one arm for each command")]
 #[expect(clippy::needless_pass_by_value, reason = "an attempt is used up")]
-fn command(attempt: Attempt, model: &Model, now: WallTime) -> Command {
+fn command(attempt: Attempt, model: &Model, now: WallTime) -> Option<Command> {
     let open = model.ledger.open.as_ref();
     let live = model.ledger.live.as_ref();
     let proposal = open.map_or(1, |open| open.id.0);
@@ -173,13 +176,13 @@ fn command(attempt: Attempt, model: &Model, now: WallTime) -> Command {
     let last = model.ledger.shadow.generation_last;
     let below = |back: u64| Generation(last.next().0.saturating_sub(back));
     let words = || "as it was tried".to_owned();
-    match attempt {
-        Attempt::Propose(origin, values, nominal) => Command::Propose {
+    Some(match attempt {
+        Attempt::Draw(..) => return None,
+        Attempt::Propose(origin, values) => Command::Propose {
             origin,
             values,
             sigmas: CalibrationValues::default(),
             evidence: Evidence::default(),
-            nominal,
             reason: None,
         },
         Attempt::Approve { right } => Command::Approve {
@@ -212,7 +215,6 @@ fn command(attempt: Attempt, model: &Model, now: WallTime) -> Command {
             values,
             sigmas: CalibrationValues::default(),
             evidence: Evidence::default(),
-            nominal: None,
             reason: words(),
         },
         Attempt::Offer(back) => Command::Offer {
@@ -254,7 +256,7 @@ fn command(attempt: Attempt, model: &Model, now: WallTime) -> Command {
             version: version(right, Some(model.ledger.shadow.version)),
             reason: reason.to_owned(),
         },
-    }
+    })
 }
 
 fn answer(
@@ -313,7 +315,13 @@ proptest! {
         let mut now = BEGIN_NS;
         for (attempt, actor, minutes, frozen) in attempts {
             now += minutes * minutes * 60_000_000_000;
-            let command = command(attempt, &model, WallTime(now));
+            if let Attempt::Draw(values, by_file) = &attempt {
+                let by = (!by_file).then(|| actor.name.clone());
+                model.drawing = values.map(|values| Drawing { values, by });
+            }
+            let Some(command) = command(attempt, &model, WallTime(now)) else {
+                continue;
+            };
             let standing = Standing {
                 policy: &policy,
                 key: &key,
@@ -321,6 +329,7 @@ proptest! {
                 now: WallTime(now),
                 frozen,
                 rear_axle_in_base_link: None,
+                drawing: model.drawing.clone(),
                 present: Present::Unknown,
             };
             let ledger = model.read_for(&command);

@@ -131,7 +131,7 @@ async fn a_robot_keeps_what_a_person_rolled_it_back_to_over_200_m() {
     heard.await.unwrap();
     driver.second(&bench).await;
     bench.propose_values(right, None).await;
-    bench.take(bench.approval(), person("ana")).await.unwrap();
+    bench.agree().await;
     bench.drive_in_verification().await;
     driver.metres(&bench, 90.0).await;
     assert_eq!(bench.latest().await.state, DeploymentState::Verified);
@@ -173,7 +173,7 @@ async fn values_of_a_lidar_far_from_the_axle_are_verified() {
     let mut driver = Driver::of(config);
     driver.second(&bench).await;
     bench.propose_values(driver.right_values(), None).await;
-    bench.take(bench.approval(), person("ana")).await.unwrap();
+    bench.agree().await;
     bench.drive_in_verification().await;
     driver.metres(&bench, 90.0).await;
     let latest = bench.latest().await;
@@ -199,7 +199,7 @@ async fn a_robot_is_verified_whatever_its_message_clock_shows() {
         let mut driver = Driver::with_clock(start_ns);
         driver.second(&bench).await;
         bench.propose_values(driver.right_values(), None).await;
-        bench.take(bench.approval(), person("ana")).await.unwrap();
+        bench.agree().await;
         bench.drive_in_verification().await;
         let before_m = driver.distance_m;
         driver.metres(&bench, 90.0).await;

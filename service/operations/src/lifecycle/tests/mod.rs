@@ -17,16 +17,17 @@ use fleetcal_domain::approval::{
     Command, Deployment, DeploymentState, Evidence, Origin, Outcome, Policy, ProposalState,
     Refused, Tolerance, Verification,
 };
-use fleetcal_domain::robot::{RobotConfig, Wheelbase};
-use fleetcal_estimator::{EstimatorSettings, VehicleModel};
+use fleetcal_domain::robot::{Mount, RobotConfig, Wheelbase};
+use fleetcal_estimator::{EstimatorSettings, Pose2, VehicleModel};
 use fleetcal_fleet::{FleetHandle, FleetSetup};
 use fleetcal_model::{Generation, RobotTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationDocument, CalibrationValues};
 use fleetcal_proto::signing::{SigningKey, TrustedKeys};
-use fleetcal_store::{EventKind, EventRecord, Store, StoreError};
+use fleetcal_store::{EventKind, EventRecord, Expected, Store, StoreError};
 
 use super::{Decided, Lifecycle, LifecycleSetup, OutboxMessage, SetFreeze, SetPolicy};
+use crate::robots::configure;
 
 const HOUR: Duration = Duration::from_hours(1);
 
@@ -61,6 +62,11 @@ fn values(steering_offset_rad: f64) -> CalibrationValues {
     }
 }
 
+fn vehicle() -> RobotConfig {
+    let wheelbase = Wheelbase::try_from(1.2).unwrap();
+    RobotConfig::of_vehicle(VehicleModel::Bicycle, wheelbase)
+}
+
 impl Bench {
     async fn open(policy: Policy) -> Self {
         let database = TestDatabase::new().await;
@@ -74,13 +80,11 @@ impl Bench {
         let stored = stored
             .into_iter()
             .map(|record| (record.robot, record.state));
-        let wheelbase = Wheelbase::try_from(1.2).unwrap();
-        let vehicle = RobotConfig::of_vehicle(VehicleModel::Bicycle, wheelbase);
         let fleet = FleetHandle::start(FleetSetup {
             clock: clock.clone(),
             journal: Arc::new(store.clone()),
             estimator: EstimatorSettings::default(),
-            robots: BTreeMap::from([(robot(), vehicle)]),
+            robots: BTreeMap::from([(robot(), vehicle())]),
             cross_tracks: BTreeMap::new(),
             checkpoints: stored.collect(),
             last_heard: BTreeMap::new(),
@@ -128,15 +132,30 @@ impl Bench {
     }
 
     async fn propose_values(&self, values: CalibrationValues, nominal: Option<CalibrationValues>) {
+        self.draw(nominal, Actor::service()).await;
         let command = Command::Propose {
             origin: Origin::Estimator,
             values,
             sigmas: CalibrationValues::default(),
             evidence: Evidence::default(),
-            nominal,
             reason: None,
         };
         self.take(command, Actor::service()).await.unwrap();
+    }
+
+    /// Gives the robot a drawing, or none; the service does what the configuration file says.
+    async fn draw(&self, nominal: Option<CalibrationValues>, actor: Actor) {
+        let place = |values: CalibrationValues| {
+            Pose2::new(values.lidar_x_m, values.lidar_y_m, values.lidar_yaw_rad)
+        };
+        let drawing = nominal.map(|values| Mount::try_from(place(values)).unwrap());
+        let config = RobotConfig {
+            nominal_extrinsics: drawing,
+            ..vehicle()
+        };
+        configure(&self.store, &robot(), &config, Expected::Any, actor)
+            .await
+            .unwrap();
     }
 
     fn approval(&self) -> Command {
@@ -149,10 +168,18 @@ impl Bench {
         }
     }
 
+    /// As many people approve as have to.
+    async fn agree(&self) {
+        self.take(self.approval(), person("ana")).await.unwrap();
+        if self.lifecycle.ledger(&robot()).open.is_some() {
+            self.take(self.approval(), person("bruno")).await.unwrap();
+        }
+    }
+
     /// Proposes and approves.
     async fn approve(&self, offset_rad: f64, nominal: Option<CalibrationValues>) {
         self.propose(offset_rad, nominal).await;
-        self.take(self.approval(), person("ana")).await.unwrap();
+        self.agree().await;
     }
 
     /// Sends everything that may be sent, as the link does; gives it.

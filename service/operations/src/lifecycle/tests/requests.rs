@@ -24,7 +24,7 @@ async fn a_proposal_expires_and_cannot_be_approved_at_its_last_moment() {
 #[tokio::test]
 async fn a_decision_is_seen_through_when_nobody_waits_for_it_any_more() {
     let bench = Bench::open(Policy::default()).await;
-    bench.propose(0.02, None).await;
+    bench.propose(0.02, Some(values(0.0))).await;
     let robot = robot();
     let asked = bench
         .lifecycle
@@ -146,6 +146,31 @@ async fn the_way_back_is_not_held() {
     bench.roll_back().await.unwrap();
     assert_eq!(bench.send_outbox().await.len(), 1);
     assert_eq!(bench.asked().await.unwrap().values, values(0.0));
+}
+
+#[tokio::test]
+async fn a_drawing_that_is_moved_for_a_proposal_does_not_save_an_approver() {
+    let bench = Bench::open(Policy::default()).await;
+    let far = CalibrationValues {
+        lidar_x_m: 2.5,
+        ..values(0.0)
+    };
+    let propose = Command::Propose {
+        origin: Origin::Person,
+        values: far,
+        sigmas: CalibrationValues::default(),
+        evidence: Evidence::default(),
+        reason: None,
+    };
+    let mallory = person("mallory");
+    bench.draw(Some(values(0.0)), Actor::service()).await;
+    bench.draw(Some(far), mallory.clone()).await;
+    bench.take(propose, mallory.clone()).await.unwrap();
+    bench.draw(Some(values(0.0)), mallory).await;
+    bench.take(bench.approval(), person("ana")).await.unwrap();
+    assert_eq!(bench.state(), None, "one of two has approved");
+    bench.take(bench.approval(), person("bruno")).await.unwrap();
+    assert_eq!(bench.state(), Some(DeploymentState::Queued));
 }
 
 #[tokio::test]

@@ -45,7 +45,7 @@ async fn a_verification_run_goes_on() {
     let mut driver = Driver::new(&bench);
     driver.second(&bench).await;
     bench.propose_values(driver.right_values(), None).await;
-    bench.take(bench.approval(), person("ana")).await.unwrap();
+    bench.agree().await;
     let generation = bench.drive_in_verification().await;
     driver.metres(&bench, 50.0).await;
     assert_eq!(bench.state(), Some(DeploymentState::Verifying));

@@ -1,0 +1,126 @@
+//! Number of approvers, by how far a change goes from what people here vouch for.
+//!
+//! 1. A change is measured from what was last approved here for its robot; before any approval from
+//!    the drawing. What a robot reports of itself is measured as well, so that it makes a change
+//!    larger and never smaller.
+//! 2. A drawing measures nothing for whoever gave it: of those who propose and approve, nobody moves
+//!    the mark that their own change is measured from.
+//! 3. With nothing to measure from, the change is as large as any.
+
+use fleetcal_proto::calibration::CalibrationValues;
+use serde::{Deserialize, Serialize};
+
+use super::draft::Draft;
+use super::ledger::RobotLedger;
+use super::proposal::Proposal;
+use super::revision::{Origin, Revision};
+use super::values::{difference, differs_beside, exceeds};
+
+/// Values of a robot that is built by its drawing, and the author of that drawing.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Drawing {
+    /// The values, as if it were built so.
+    pub values: CalibrationValues,
+    /// Person or tool that gave it; `None` where the configuration file does.
+    pub by: Option<String>,
+}
+
+/// Reason for which a proposal needs a second approver.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum SecondApprover {
+    /// The change is beyond `two_approvers_beyond`.
+    Beyond,
+    /// A scale, the wheelbase or a delay changes by much.
+    Vehicle,
+    /// It has another `base_link` than what the robot uses.
+    Frame,
+    /// Nothing was approved here yet, and there is no drawing.
+    Unknown,
+    /// Nothing was approved here yet, and the drawing is of somebody who proposes or approves.
+    OwnDrawing,
+}
+
+impl RobotLedger {
+    /// What people here vouch for: what they last approved, or what was verified. A return to what a
+    /// robot has said of itself is neither until it is verified.
+    fn vouched(&self) -> Option<&Revision> {
+        let revision = |id| self.revisions.get(id);
+        let desired = self.shadow.desired.iter();
+        let approved = desired.filter_map(|one| revision(&one.revision));
+        let verified = self.shadow.verified.iter().rev();
+        let verified = verified.filter_map(|one| revision(&one.revision));
+        let mut vouched = approved
+            .filter(|one| one.origin != Origin::Robot)
+            .chain(verified);
+        vouched.next()
+    }
+}
+
+impl Draft<'_> {
+    /// Who gave the drawing that changes of this robot are measured from now.
+    pub(super) fn drawn_by(&self) -> Option<String> {
+        let drawing = self.standing.drawing.as_ref();
+        let measures = self.outcome.ledger.vouched().is_none();
+        drawing.filter(|_| measures)?.by.clone()
+    }
+
+    /// Why a change that `involved` propose and approve needs a second approver, if it does.
+    pub(super) fn second_approver(
+        &self,
+        to: &Revision,
+        involved: &[&str],
+    ) -> Option<SecondApprover> {
+        let ledger = &self.outcome.ledger;
+        let drawing = self.standing.drawing.as_ref();
+        let others = drawing.filter(|drawing| !is_among(drawing.by.as_deref(), involved));
+        let vouched = ledger.vouched();
+        let mark = vouched.map(|vouched| &vouched.values);
+        let mark = mark.or(others.map(|drawing| &drawing.values));
+        let in_use = ledger.shadow.in_use.as_ref().map(|in_use| &in_use.values);
+        let limits = self.standing.policy.two_approvers_beyond.limits();
+        let beyond = |from| exceeds(&difference(from, &to.values), &limits);
+        let mut known = vouched.into_iter().chain(ledger.revision_in_use());
+        let moves = |known: &Revision| known.rear_axle_in_base_link != to.rear_axle_in_base_link;
+        let mut marks = mark.into_iter().chain(in_use);
+        if marks.clone().any(beyond) {
+            Some(SecondApprover::Beyond)
+        } else if marks.any(|from| differs_beside(from, &to.values)) {
+            Some(SecondApprover::Vehicle)
+        } else if known.any(moves) {
+            Some(SecondApprover::Frame)
+        } else if mark.is_some() {
+            None
+        } else if drawing.is_some() {
+            Some(SecondApprover::OwnDrawing)
+        } else {
+            Some(SecondApprover::Unknown)
+        }
+    }
+
+    /// Why a proposal needs a second approver when `by` approves it now: the rules, what the robot
+    /// uses and its drawing may have changed since it was made, but it never needs fewer.
+    pub(super) fn second_approver_now(
+        &self,
+        proposal: &Proposal,
+        by: &str,
+    ) -> Option<SecondApprover> {
+        let mut involved = vec![proposal.proposed_by.as_str(), by];
+        involved.extend(proposal.approvals.iter().map(|one| one.by.as_str()));
+        let own = is_among(proposal.drawn_by.as_deref(), &involved);
+        let proposed = self.outcome.ledger.revisions.get(&proposal.revision);
+        let now = || self.second_approver(proposed?, &involved);
+        let before = proposal.second_approver.or_else(now);
+        before.or(own.then_some(SecondApprover::OwnDrawing))
+    }
+}
+
+fn is_among(name: Option<&str>, involved: &[&str]) -> bool {
+    name.is_some_and(|name| involved.contains(&name))
+}
+
+/// How many people have to approve.
+pub(super) fn approvals_needed(second: Option<SecondApprover>) -> u32 {
+    if second.is_some() { 2 } else { 1 }
+}
