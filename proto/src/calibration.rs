@@ -162,7 +162,57 @@ pub struct Applied {
     pub values: Option<CalibrationValues>,
 }
 
+/// The schema a confirmation says it follows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum ConfirmationSchema {
+    /// The first.
+    #[default]
+    #[serde(rename = "fleetcal.confirmation/1")]
+    V1,
+}
+
+/// An acknowledgement that the service has stored: the content of [`Confirmed::signed`].
+///
+/// It names one acknowledgement and no other. Its time is the robot's own and was known to nobody
+/// before, so neither the confirmation of another computer's answer nor a recorded one fits.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ConfirmationDocument {
+    /// The schema it follows.
+    pub schema: ConfirmationSchema,
+    /// Whose acknowledgement it is.
+    pub robot: RobotId,
+    /// Generation of the document that was acknowledged.
+    pub generation: Generation,
+    /// SHA-256 of that document, lower-case hexadecimal.
+    pub sha256: String,
+    /// What the robot said became of it.
+    pub status: AppliedStatus,
+    /// The acknowledgement's `applied_at_ns`.
+    pub applied_at_ns: RobotTime,
+}
+
+impl ConfirmationDocument {
+    /// The confirmation of an acknowledgement.
+    pub fn of(robot: RobotId, applied: &Applied) -> Self {
+        Self {
+            schema: ConfirmationSchema::V1,
+            robot,
+            generation: applied.generation,
+            sha256: applied.sha256.clone(),
+            status: applied.status,
+            applied_at_ns: applied.applied_at_ns,
+        }
+    }
+
+    /// Whether it is about this acknowledgement.
+    pub fn confirms(&self, applied: &Applied) -> bool {
+        *self == Self::of(self.robot.clone(), applied)
+    }
+}
+
 /// The service stored the acknowledgement, on `{root}/{robot}/calibration/confirmed`.
+///
+/// Generation and hash beside the signed text are for agents of before: nobody signed them.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Confirmed {
@@ -170,6 +220,10 @@ pub struct Confirmed {
     pub generation: Generation,
     /// SHA-256 of the document, lower-case hexadecimal.
     pub sha256: String,
+    /// A signed text of schema `fleetcal.confirmation/1`, which repeats the acknowledgement's robot,
+    /// `generation`, `sha256`, `status` and `applied_at_ns`. Absent from services of before.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub signed: Option<Envelope>,
 }
 
 #[cfg(test)]

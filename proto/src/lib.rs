@@ -12,6 +12,7 @@ pub mod estimate;
 pub mod event;
 pub mod key;
 pub mod message_type;
+pub mod offer;
 pub mod progress;
 mod recording_topic;
 pub mod ros;

@@ -4,12 +4,13 @@ use std::net::TcpListener;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use fleetcal_model::{Generation, RevisionId};
+use fleetcal_model::{Generation, RevisionId, WallTime};
 use fleetcal_proto::calibration::{
     Applied, AppliedStatus, CalibrationDocument, CalibrationFrame, CalibrationSchema,
-    CalibrationValues, Confirmed, Envelope,
+    CalibrationValues, ConfirmationDocument, Confirmed, Envelope,
 };
-use fleetcal_proto::signing::{SigningKey, seal};
+use fleetcal_proto::offer::{OfferDocument, OfferSchema, Offered, Question};
+use fleetcal_proto::signing::{SigningKey, seal, sign};
 use fleetcal_proto::{Keys, RobotId, StreamKind};
 use tokio::sync::mpsc;
 use zenoh::{Session, Wait};
@@ -57,6 +58,24 @@ pub fn approved(generation: u64) -> Envelope {
     seal(&document, &key()).unwrap()
 }
 
+/// The document with the service's word that it is wanted, in answer to a question.
+fn wanted(envelope: &Envelope, question: Option<Question>) -> Offered {
+    let document = envelope.open(&key().public_key().into()).unwrap();
+    let offer = OfferDocument {
+        schema: OfferSchema::V1,
+        robot: document.robot,
+        generation: document.generation,
+        sha256: envelope.sha256.clone(),
+        offered_at_ns: WallTime(0),
+        valid_until_ns: WallTime(3_600_000_000_000),
+        question,
+    };
+    Offered {
+        envelope: envelope.clone(),
+        offer: Some(sign(&offer, &key()).unwrap()),
+    }
+}
+
 pub async fn until(what: &str, mut done: impl FnMut() -> bool) {
     let waited = tokio::time::timeout(PATIENCE, async {
         while !done() {
@@ -98,8 +117,11 @@ impl Service {
             stored: Arc::default(),
         };
         service.listen().await;
-        let document = |stored: &Stored| serde_json::to_vec(stored.approved.as_ref()?).ok();
-        let confirmed = |stored: &Stored| serde_json::to_vec(stored.confirmed.as_ref()?).ok();
+        let document = |stored: &Stored, question| {
+            let offered = wanted(stored.approved.as_ref()?, question);
+            serde_json::to_vec(&offered).ok()
+        };
+        let confirmed = |stored: &Stored, _| serde_json::to_vec(stored.confirmed.as_ref()?).ok();
         service
             .answer(StreamKind::CalibrationApproved, document)
             .await;
@@ -112,7 +134,7 @@ impl Service {
     pub async fn approve(&self, envelope: &Envelope) {
         self.stored.lock().unwrap().approved = Some(envelope.clone());
         let key = Keys::default().stream(&robot(), StreamKind::CalibrationApproved);
-        let payload = serde_json::to_vec(envelope).unwrap();
+        let payload = serde_json::to_vec(&wanted(envelope, None)).unwrap();
         self.session.put(key, payload).await.unwrap();
     }
 
@@ -142,12 +164,18 @@ impl Service {
         }
     }
 
-    async fn answer(&self, kind: StreamKind, payload: fn(&Stored) -> Option<Vec<u8>>) {
+    async fn answer(
+        &self,
+        kind: StreamKind,
+        payload: fn(&Stored, Option<Question>) -> Option<Vec<u8>>,
+    ) {
         let stored = Arc::clone(&self.stored);
         let key = Keys::default().stream(&robot(), kind);
         let queryable = self.session.declare_queryable(key.clone());
         let answering = queryable.complete(true).callback(move |query| {
-            if let Some(payload) = payload(&stored.lock().unwrap()) {
+            let asked = query.payload().and_then(|text| text.try_to_string().ok());
+            let question = asked.and_then(|text| Question::parse(&text).ok());
+            if let Some(payload) = payload(&stored.lock().unwrap(), question) {
                 query.reply(&key, payload).wait().unwrap();
             }
         });
@@ -164,9 +192,11 @@ impl Service {
             .declare_subscriber(key)
             .callback(move |sample| {
                 let answer: Applied = serde_json::from_slice(&sample.payload().to_bytes()).unwrap();
+                let document = ConfirmationDocument::of(robot(), &answer);
                 let confirmed = Confirmed {
                     generation: answer.generation,
                     sha256: answer.sha256.clone(),
+                    signed: Some(sign(&document, &key()).unwrap()),
                 };
                 let mut stored = stored.lock().unwrap();
                 stored.answers.push(answer);

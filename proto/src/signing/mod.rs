@@ -10,14 +10,18 @@ use std::str::FromStr;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use ed25519_dalek::{Signature, Signer as _};
-use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use thiserror::Error;
 
-use crate::calibration::{CalibrationDocument, CalibrationSchema, Envelope};
+use crate::calibration::{CalibrationDocument, ConfirmationDocument, Confirmed, Envelope};
+use crate::offer::{OfferDocument, Offered};
 
 /// Largest envelope that is read, bytes.
 pub const ENVELOPE_BYTES_MAX: usize = 64 * 1024;
+/// Largest envelope with an offer that is read, bytes.
+pub const OFFERED_BYTES_MAX: usize = ENVELOPE_BYTES_MAX + 4096;
 /// Most keys that are trusted at once: one in use, its predecessors and its successor.
 pub const TRUSTED_KEYS_MAX: usize = 8;
 /// Bytes of a secret and of a public key.
@@ -168,7 +172,26 @@ pub enum SealRefused {
     },
 }
 
-/// Writes a document once, and hashes and signs exactly what was written.
+/// A text that the service signs. The schema that it names keeps one kind from being taken for
+/// another.
+pub trait Statement: Serialize + DeserializeOwned {
+    /// Its schema.
+    const SCHEMA: &'static str;
+}
+
+impl Statement for CalibrationDocument {
+    const SCHEMA: &'static str = "fleetcal.calibration/1";
+}
+
+impl Statement for OfferDocument {
+    const SCHEMA: &'static str = "fleetcal.offer/1";
+}
+
+impl Statement for ConfirmationDocument {
+    const SCHEMA: &'static str = "fleetcal.confirmation/1";
+}
+
+/// Writes a calibration document once, and hashes and signs exactly what was written.
 ///
 /// # Errors
 /// When a number is not finite, or the whole is longer than [`ENVELOPE_BYTES_MAX`].
@@ -179,7 +202,15 @@ pub fn seal(document: &CalibrationDocument, key: &SigningKey) -> Result<Envelope
             return Err(SealRefused::NotFinite { field, value });
         }
     }
-    let document = serde_json::to_string(document)?;
+    sign(document, key)
+}
+
+/// Writes a text once, and hashes and signs exactly what was written.
+///
+/// # Errors
+/// When it cannot be written, or the whole is longer than [`ENVELOPE_BYTES_MAX`].
+pub fn sign<T: Statement>(statement: &T, key: &SigningKey) -> Result<Envelope, SealRefused> {
+    let document = serde_json::to_string(statement)?;
     let envelope = Envelope {
         sha256: sha256_hex(document.as_bytes()),
         key_id: key.public_key().id(),
@@ -201,12 +232,18 @@ pub fn sha256_hex(bytes: &[u8]) -> String {
 /// Why an envelope was not opened: which check failed.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum EnvelopeRefused {
-    /// Longer than [`ENVELOPE_BYTES_MAX`], and not looked at.
-    #[error("envelope: got {length} bytes, expected at most 65536")]
+    /// Longer than [`OFFERED_BYTES_MAX`], and not looked at.
+    #[error("envelope: got {length} bytes, expected at most 69632")]
     TooLarge {
         /// Its length in bytes.
         length: usize,
     },
+    /// There is none.
+    #[error(
+        "got none, expected one that the service has signed (services of before do not: upgrade \
+         the service before its agents)"
+    )]
+    Absent,
     /// The envelope itself is no JSON of its form.
     #[error("envelope: {0}")]
     Form(String),
@@ -235,10 +272,12 @@ pub enum EnvelopeRefused {
         fault: &'static str,
     },
     /// Signed and whole, but of a schema that is not known here.
-    #[error("schema: got {found}, expected \"fleetcal.calibration/1\"")]
+    #[error("schema: got {found}, expected {expected:?}")]
     Schema {
         /// What the document says, as JSON.
         found: String,
+        /// What was asked for.
+        expected: &'static str,
     },
     /// Signed and whole, but not a document of its schema.
     #[error("document: {0}")]
@@ -246,16 +285,12 @@ pub enum EnvelopeRefused {
 }
 
 impl Envelope {
-    /// Reads an envelope, without opening it.
+    /// Opens that of a calibration document.
     ///
     /// # Errors
-    /// When it is longer than [`ENVELOPE_BYTES_MAX`] or not an envelope in JSON.
-    pub fn from_json(payload: &[u8]) -> Result<Self, EnvelopeRefused> {
-        let length = payload.len();
-        if length > ENVELOPE_BYTES_MAX {
-            return Err(EnvelopeRefused::TooLarge { length });
-        }
-        read(payload).map_err(EnvelopeRefused::Form)
+    /// As [`Self::open_as`] does.
+    pub fn open(&self, trusted: &TrustedKeys) -> Result<CalibrationDocument, EnvelopeRefused> {
+        self.open_as(trusted)
     }
 
     /// Opens it: hash, key id, signature, schema and document are checked in this order, so that
@@ -263,7 +298,7 @@ impl Envelope {
     ///
     /// # Errors
     /// Which check failed, with what was found and what is accepted.
-    pub fn open(&self, trusted: &TrustedKeys) -> Result<CalibrationDocument, EnvelopeRefused> {
+    pub fn open_as<T: Statement>(&self, trusted: &TrustedKeys) -> Result<T, EnvelopeRefused> {
         let bytes = self.document.as_bytes();
         let found = sha256_hex(bytes);
         if found != self.sha256 {
@@ -292,17 +327,53 @@ impl Envelope {
     }
 }
 
+impl Offered {
+    /// Reads what a robot was given, without opening it.
+    ///
+    /// # Errors
+    /// When it is longer than [`OFFERED_BYTES_MAX`] or not an envelope in JSON.
+    pub fn from_json(payload: &[u8]) -> Result<Self, EnvelopeRefused> {
+        let length = payload.len();
+        if length > OFFERED_BYTES_MAX {
+            return Err(EnvelopeRefused::TooLarge { length });
+        }
+        read(payload).map_err(EnvelopeRefused::Form)
+    }
+
+    /// Opens the service's word that the document is wanted.
+    ///
+    /// # Errors
+    /// [`EnvelopeRefused::Absent`] without one; otherwise as [`Envelope::open_as`] does.
+    pub fn open_offer(&self, trusted: &TrustedKeys) -> Result<OfferDocument, EnvelopeRefused> {
+        let offer = self.offer.as_ref().ok_or(EnvelopeRefused::Absent)?;
+        offer.open_as(trusted)
+    }
+}
+
+impl Confirmed {
+    /// Opens what the service says that it has stored.
+    ///
+    /// # Errors
+    /// [`EnvelopeRefused::Absent`] when nobody signed it; otherwise as [`Envelope::open_as`] does.
+    pub fn open(&self, trusted: &TrustedKeys) -> Result<ConfirmationDocument, EnvelopeRefused> {
+        let signed = self.signed.as_ref().ok_or(EnvelopeRefused::Absent)?;
+        signed.open_as(trusted)
+    }
+}
+
 /// Only the schema, so that a document of a later one is refused for that and for nothing else.
 #[derive(Deserialize)]
 struct SchemaAlone {
     schema: serde_json::Value,
 }
 
-fn read_document(bytes: &[u8]) -> Result<CalibrationDocument, EnvelopeRefused> {
+fn read_document<T: Statement>(bytes: &[u8]) -> Result<T, EnvelopeRefused> {
     let SchemaAlone { schema } = read(bytes).map_err(EnvelopeRefused::Document)?;
-    let found = schema.to_string();
-    if serde_json::from_value::<CalibrationSchema>(schema).is_err() {
-        return Err(EnvelopeRefused::Schema { found });
+    if schema != T::SCHEMA {
+        return Err(EnvelopeRefused::Schema {
+            found: schema.to_string(),
+            expected: T::SCHEMA,
+        });
     }
     read(bytes).map_err(EnvelopeRefused::Document)
 }

@@ -1,9 +1,12 @@
-use fleetcal_model::{CalibrationCovariance, Generation, RevisionId};
+use fleetcal_model::{CalibrationCovariance, Generation, RevisionId, RobotTime, WallTime};
 use proptest::prelude::*;
 
 use super::*;
 use crate::RobotId;
-use crate::calibration::{CalibrationFrame, CalibrationValues};
+use crate::calibration::{
+    Applied, AppliedStatus, CalibrationFrame, CalibrationSchema, CalibrationValues,
+};
+use crate::offer::{OfferSchema, QUESTION_BYTES, Question};
 
 fn document() -> CalibrationDocument {
     CalibrationDocument {
@@ -53,13 +56,130 @@ fn sealed_text(document: &str) -> Envelope {
 fn what_is_sealed_opens_to_the_same_document() {
     let envelope = seal(&document(), &key()).unwrap();
     let payload = serde_json::to_vec(&envelope).unwrap();
-    let read = Envelope::from_json(&payload).unwrap();
+    let read = Offered::from_json(&payload).unwrap().envelope;
     assert_eq!(read.open(&trusted()).unwrap(), document());
     let both = TrustedKeys::new(vec![
         SigningKey::from_bytes(&[1; 32]).public_key(),
         key().public_key(),
     ]);
     assert_eq!(read.open(&both.unwrap()).unwrap(), document());
+}
+
+fn acknowledgement() -> Applied {
+    Applied {
+        generation: Generation(4),
+        sha256: "ab".to_owned(),
+        status: AppliedStatus::Applied,
+        reason: None,
+        applied_at_ns: RobotTime(7),
+        values: None,
+    }
+}
+
+fn confirmed(signed: Option<Envelope>) -> Confirmed {
+    Confirmed {
+        generation: Generation(4),
+        sha256: "ab".to_owned(),
+        signed,
+    }
+}
+
+#[test]
+fn a_confirmation_is_of_one_acknowledgement_alone() {
+    let robot = RobotId::parse("tugger_01").unwrap();
+    let said = acknowledgement();
+    let document = ConfirmationDocument::of(robot, &said);
+    let signed = sign(&document, &key()).unwrap();
+    assert_eq!(
+        signed.document,
+        concat!(
+            r#"{"schema":"fleetcal.confirmation/1","robot":"tugger_01","generation":4,"#,
+            r#""sha256":"ab","status":"applied","applied_at_ns":7}"#
+        )
+    );
+    let text = serde_json::to_string(&confirmed(Some(signed))).unwrap();
+    let read: Confirmed = serde_json::from_str(&text).unwrap();
+    let opened = read.open(&trusted()).unwrap();
+    assert!(opened.confirms(&said));
+    let refused = Applied {
+        status: AppliedStatus::Refused,
+        ..said.clone()
+    };
+    let later = Applied {
+        applied_at_ns: RobotTime(8),
+        ..said.clone()
+    };
+    let other = Applied {
+        sha256: "cd".to_owned(),
+        ..said.clone()
+    };
+    let older = Applied {
+        generation: Generation(3),
+        ..said
+    };
+    for answer in [refused, later, other, older] {
+        assert!(!opened.confirms(&answer), "{answer:?}");
+    }
+    // Of before: readable, and nobody's word.
+    let former: Confirmed = serde_json::from_str(r#"{"generation":4,"sha256":"ab"}"#).unwrap();
+    assert_eq!(former, confirmed(None));
+    assert_eq!(former.open(&trusted()), Err(EnvelopeRefused::Absent));
+}
+
+#[test]
+fn an_offer_stands_beside_the_document_and_former_agents_pass_it_over() {
+    let envelope = seal(&document(), &key()).unwrap();
+    let question = Question::from_bytes([0xa5; QUESTION_BYTES]);
+    let offer = OfferDocument {
+        schema: OfferSchema::V1,
+        robot: RobotId::parse("tugger_01").unwrap(),
+        generation: Generation(4),
+        sha256: envelope.sha256.clone(),
+        offered_at_ns: WallTime(1),
+        valid_until_ns: WallTime(2),
+        question: Some(question.clone()),
+    };
+    let offered = Offered {
+        envelope: envelope.clone(),
+        offer: Some(sign(&offer, &key()).unwrap()),
+    };
+    let text = serde_json::to_vec(&offered).unwrap();
+    let read = Offered::from_json(&text).unwrap();
+    assert_eq!(read.open_offer(&trusted()).unwrap(), offer);
+    assert_eq!(question.as_str(), "a5".repeat(QUESTION_BYTES));
+    let former: Envelope = serde_json::from_slice(&text).unwrap();
+    assert_eq!(former, envelope);
+    let without = Offered::from(envelope);
+    assert_eq!(without.open_offer(&trusted()), Err(EnvelopeRefused::Absent));
+    for text in ["", "a5", &"A5".repeat(16), &"a".repeat(33), &"g".repeat(32)] {
+        assert!(Question::parse(text).is_err(), "{text:?}");
+        let json = serde_json::to_string(text).unwrap();
+        assert!(serde_json::from_str::<Question>(&json).is_err());
+    }
+}
+
+/// A document is no confirmation, and a confirmation no offer, though one key signs them all.
+#[test]
+fn no_kind_of_signed_text_passes_for_another() {
+    let robot = RobotId::parse("tugger_01").unwrap();
+    let document = seal(&document(), &key()).unwrap();
+    let confirmation = ConfirmationDocument::of(robot, &acknowledgement());
+    let confirmation = sign(&confirmation, &key()).unwrap();
+    let sentence = confirmed(Some(document.clone()))
+        .open(&trusted())
+        .unwrap_err();
+    assert_eq!(
+        sentence.to_string(),
+        "schema: got \"fleetcal.calibration/1\", expected \"fleetcal.confirmation/1\""
+    );
+    let offered = Offered {
+        envelope: document,
+        offer: Some(confirmation.clone()),
+    };
+    let refused = offered.open_offer(&trusted());
+    assert!(matches!(refused, Err(EnvelopeRefused::Schema { .. })));
+    let refused = confirmation.open(&trusted());
+    assert!(matches!(refused, Err(EnvelopeRefused::Schema { .. })));
 }
 
 /// RFC 8032, section 7.1, test 1.
@@ -150,14 +270,14 @@ fn each_check_refuses_with_what_it_found() {
             "{wanted:?} is not in {sentence:?}"
         );
     }
-    let large = Envelope::from_json(&vec![b' '; ENVELOPE_BYTES_MAX + 1]).unwrap_err();
+    let large = Offered::from_json(&vec![b' '; OFFERED_BYTES_MAX + 1]).unwrap_err();
     assert_eq!(
         large,
         EnvelopeRefused::TooLarge {
-            length: ENVELOPE_BYTES_MAX + 1
+            length: OFFERED_BYTES_MAX + 1
         }
     );
-    let form = Envelope::from_json(b"{}").unwrap_err().to_string();
+    let form = Offered::from_json(b"{}").unwrap_err().to_string();
     assert!(form.contains("missing field `document`"), "{form}");
 }
 
@@ -264,8 +384,8 @@ proptest! {
 
     #[test]
     fn any_bytes_are_read_or_refused(payload in prop::collection::vec(any::<u8>(), 0..200)) {
-        if let Ok(envelope) = Envelope::from_json(&payload) {
-            prop_assert!(envelope.open(&trusted()).is_err());
+        if let Ok(offered) = Offered::from_json(&payload) {
+            prop_assert!(offered.envelope.open(&trusted()).is_err());
         }
     }
 }

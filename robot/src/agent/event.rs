@@ -1,6 +1,7 @@
 //! Events of an agent, and the effects it asks for.
 
-use fleetcal_proto::calibration::{Applied, CalibrationValues, Confirmed, Envelope};
+use fleetcal_proto::calibration::{Applied, CalibrationValues, Confirmed};
+use fleetcal_proto::offer::{Offered, Question};
 use thiserror::Error;
 
 use super::state::{Ending, Fallback, Offer, Phase};
@@ -13,9 +14,15 @@ pub enum Event {
         /// Whether the file says what was to be written when the process ended.
         written: bool,
     },
-    /// A document came, pushed or pulled.
-    Offered(Envelope),
-    /// The service stored an answer.
+    /// A document came.
+    Offered {
+        /// The document, and the service's word that it is wanted.
+        offered: Offered,
+        /// The agent's question that it came for; `None` of one that was pushed, which is a hint to
+        /// ask.
+        answers: Option<Question>,
+    },
+    /// The service says that it has stored an answer.
     Confirmed(Confirmed),
     /// A service came up.
     ServiceUp,
@@ -37,7 +44,7 @@ impl Event {
     fn name(&self) -> &'static str {
         match self {
             Self::Restarted { .. } => "a restart",
-            Self::Offered(_) => "an offer",
+            Self::Offered { .. } => "an offer",
             Self::Confirmed(_) => "a confirmation",
             Self::ServiceUp => "a service",
             Self::Tick => "a tick",

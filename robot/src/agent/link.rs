@@ -8,7 +8,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use fleetcal_proto::calibration::{Applied, Confirmed, Envelope};
+use fleetcal_proto::calibration::{Applied, Confirmed};
+use fleetcal_proto::offer::{Offered, QUESTION_BYTES, Question};
 use fleetcal_proto::signing::TrustedKeys;
 use fleetcal_proto::{Encoding, Keys, RobotId, StreamKind};
 use tokio::runtime::Handle;
@@ -18,7 +19,7 @@ use zenoh::pubsub::{Publisher, Subscriber};
 use zenoh::sample::{Sample, SampleKind};
 
 use super::event::Event;
-use super::question::{Asker, Read, hand_on};
+use super::question::{Answer, Asker, hand_on};
 use crate::session::{at_key, publisher};
 use crate::session_error::SessionError;
 
@@ -57,7 +58,7 @@ impl CalibrationLink {
         let link = Self {
             applied: publisher(session, keys, robot, applied, Encoding::Json).await?,
             _subscribers: [
-                subscribe(session, &approved_key, sender.clone(), offered).await?,
+                subscribe(session, &approved_key, sender.clone(), pushed).await?,
                 subscribe(session, &confirmed_key, sender.clone(), confirmed).await?,
                 watch_services(session, &keys.service_of_all(), robot, sender.clone()).await?,
             ],
@@ -84,23 +85,36 @@ impl CalibrationLink {
 
     /// Asks for the approved document; it arrives as [`Event::Offered`].
     pub async fn ask_approved(&self) -> Result<(), SessionError> {
-        self.asker.ask(&self.approved_key, offered).await
+        let key = &self.approved_key;
+        let mut bytes = [0; QUESTION_BYTES];
+        getrandom::fill(&mut bytes).map_err(|error| SessionError::Key {
+            key: key.clone(),
+            reason: error.to_string(),
+        })?;
+        let question = Question::from_bytes(bytes);
+        let answers = Some(question.clone());
+        let read = move |sample: &Sample| offered(sample, answers.clone());
+        self.asker.ask(key, Some(&question), read).await
     }
 
     /// Asks which answer is stored; it arrives as [`Event::Confirmed`].
     pub async fn ask_confirmed(&self) -> Result<(), SessionError> {
-        self.asker.ask(&self.confirmed_key, confirmed).await
+        self.asker.ask(&self.confirmed_key, None, confirmed).await
     }
 }
 
-fn offered(sample: &Sample) -> Result<Event, String> {
-    let envelope = Envelope::from_json(&sample.payload().to_bytes());
-    envelope
-        .map(Event::Offered)
-        .map_err(|error| error.to_string())
+fn pushed(sample: &Sample) -> Answer {
+    offered(sample, None)
 }
 
-fn confirmed(sample: &Sample) -> Result<Event, String> {
+fn offered(sample: &Sample, answers: Option<Question>) -> Answer {
+    match Offered::from_json(&sample.payload().to_bytes()) {
+        Ok(offered) => Ok(Event::Offered { offered, answers }),
+        Err(error) => Err(error.to_string()),
+    }
+}
+
+fn confirmed(sample: &Sample) -> Answer {
     let payload = sample.payload();
     if payload.len() > CONFIRMED_BYTES_MAX {
         let length = payload.len();
@@ -118,7 +132,7 @@ async fn subscribe(
     session: &Session,
     key: &str,
     sender: mpsc::Sender<Event>,
-    read: Read,
+    read: fn(&Sample) -> Answer,
 ) -> Result<Subscriber<()>, SessionError> {
     let subscribed = session.declare_subscriber(key.to_owned());
     let subscribed = subscribed.callback(move |sample| {

@@ -1,10 +1,12 @@
 //! Checks of a document before it is applied.
 
 use std::f64::consts::TAU;
+use std::time::Duration;
 
-use fleetcal_model::{Generation, Pose2};
+use fleetcal_model::{Generation, Pose2, RobotTime};
 use fleetcal_proto::RobotId;
-use fleetcal_proto::calibration::{CalibrationDocument, Envelope};
+use fleetcal_proto::calibration::CalibrationDocument;
+use fleetcal_proto::offer::{Offered, Question};
 use fleetcal_proto::signing::TrustedKeys;
 
 use super::limits::Limits;
@@ -34,6 +36,8 @@ pub(super) enum Verdict {
     Fit(Offer),
     /// It was decided upon before, or is in use.
     Known,
+    /// Signed and new, but nobody asked: it may have been recorded long ago.
+    Unasked,
     /// Signed, but not for now: it is answered and leaves no trace.
     Stale(Refusal),
     /// Signed and new, but not to be applied, now or later.
@@ -53,8 +57,16 @@ pub(super) struct Refusal {
     pub reason: String,
 }
 
-/// Judges an envelope: signature first, then robot, generation, what it was compared with, values.
-pub(super) fn judge(identity: &Identity, memory: &Memory, envelope: &Envelope) -> Verdict {
+/// Judges what came: signature first, then robot, generation, whether the service wants it now, what
+/// it was compared with, values. `answers` is the question that it came for.
+pub(super) fn judge(
+    identity: &Identity,
+    memory: &Memory,
+    offered: &Offered,
+    answers: Option<&Question>,
+    now: RobotTime,
+) -> Verdict {
+    let envelope = &offered.envelope;
     let sha256 = envelope.sha256.clone();
     let document = match envelope.open(&identity.trusted) {
         Ok(document) => document,
@@ -91,16 +103,63 @@ pub(super) fn judge(identity: &Identity, memory: &Memory, envelope: &Envelope) -
             memory.highest
         )));
     }
+    let Some(question) = answers else {
+        return Verdict::Unasked;
+    };
+    let lasts = match wanted_for(identity, offered, &document, question) {
+        Ok(lasts) => lasts,
+        Err(reason) => return Verdict::Stale(refusal(reason)),
+    };
     match objection(identity, memory, &document) {
         Some(reason) => Verdict::Unfit(refusal(reason)),
         None => Verdict::Fit(Offer {
             generation,
             sha256,
+            ends_ns: now.plus(lasts),
             confirm_within_s: document.confirm_within_s,
             values: document.values,
             rear_axle_in_base_link: document.rear_axle_in_base_link,
             document: envelope.document.clone(),
         }),
+    }
+}
+
+/// How long from now the service wants this document, by its signed word in answer to `question`;
+/// why it is not believed to.
+///
+/// The question makes the robot's clock needless: the word was given after the robot asked. So its
+/// end counts from now, on a clock that may be wrong by any time and only has to go on.
+fn wanted_for(
+    identity: &Identity,
+    offered: &Offered,
+    document: &CalibrationDocument,
+    question: &Question,
+) -> Result<Duration, String> {
+    let offer = offered
+        .open_offer(&identity.trusted)
+        .map_err(|error| format!("offer: {error}"))?;
+    let is_of_it = (&offer.robot, offer.generation) == (&document.robot, document.generation)
+        && offer.sha256 == offered.envelope.sha256;
+    if !is_of_it {
+        return Err(format!(
+            "offer: got that of generation {} of {}, expected that of this document",
+            offer.generation, offer.robot
+        ));
+    }
+    if offer.question.as_ref() != Some(question) {
+        return Err(
+            "offer.question: got another one, expected the one that was asked: it may be a \
+             recording of a document that was taken back since"
+                .to_owned(),
+        );
+    }
+    let lasts_ns = offer.valid_until_ns.ns_since(offer.offered_at_ns);
+    match u64::try_from(lasts_ns) {
+        Ok(lasts_ns) if lasts_ns > 0 => Ok(Duration::from_nanos(lasts_ns)),
+        _ => Err(format!(
+            "offer.valid_until_ns: got {}, expected a time after {}, when it was made",
+            offer.valid_until_ns.0, offer.offered_at_ns.0
+        )),
     }
 }
 

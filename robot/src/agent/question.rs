@@ -4,11 +4,13 @@
 use std::time::Duration;
 
 use fleetcal_model::Generation;
+use fleetcal_proto::offer::Question;
 use fleetcal_proto::signing::TrustedKeys;
 use tokio::sync::mpsc;
 use tokio::time::{Instant, sleep_until};
 use tracing::{debug, warn};
 use zenoh::Session;
+use zenoh::bytes::Encoding;
 use zenoh::query::{ConsolidationMode, QueryTarget};
 use zenoh::sample::Sample;
 
@@ -23,11 +25,8 @@ const OTHERS_WITHIN: Duration = Duration::from_millis(500);
 /// Answers that wait to be compared.
 const ANSWERS_MAX: usize = 16;
 
-/// Reads a message, or says why it cannot be read.
-pub(super) type Read = fn(&Sample) -> Result<Event, String>;
-
 /// What an instance said, or why that cannot be read.
-type Answer = Result<Event, String>;
+pub(super) type Answer = Result<Event, String>;
 
 /// Where answers go.
 #[derive(Debug, Clone)]
@@ -41,12 +40,23 @@ pub(super) struct Asker {
 }
 
 impl Asker {
-    /// Asks all instances; the newest answer arrives as an event.
-    pub async fn ask(&self, key: &str, read: Read) -> Result<(), SessionError> {
+    /// Asks all instances; the newest answer arrives as an event. A question with a number is
+    /// answered with that number, signed.
+    pub async fn ask(
+        &self,
+        key: &str,
+        question: Option<&Question>,
+        read: impl Fn(&Sample) -> Answer + Send + Sync + 'static,
+    ) -> Result<(), SessionError> {
         let (sender, answers) = mpsc::channel(ANSWERS_MAX);
         let asked = self.session.get(key).timeout(PULL_TIMEOUT);
         let asked = asked.target(QueryTarget::All);
-        let asked = asked.consolidation(ConsolidationMode::None);
+        let mut asked = asked.consolidation(ConsolidationMode::None);
+        if let Some(question) = question {
+            asked = asked
+                .payload(question.as_str())
+                .encoding(Encoding::TEXT_PLAIN);
+        }
         let asked = asked.callback(move |reply| {
             if let Ok(sample) = reply.result() {
                 // One that finds no room is of the seventeenth instance.
@@ -56,7 +66,7 @@ impl Asker {
         asked.await.map_err(at_key(key))?;
         let (sender, trusted) = (self.sender.clone(), self.trusted.clone());
         tokio::spawn(async move {
-            let rank = |answer: &Answer| generation(answer, trusted.as_ref());
+            let rank = |answer: &Answer| rank(answer, trusted.as_ref());
             hand_on_newest(answers, &sender, rank).await;
         });
         Ok(())
@@ -68,7 +78,7 @@ impl Asker {
 async fn hand_on_newest(
     mut answers: mpsc::Receiver<Answer>,
     sender: &mpsc::Sender<Event>,
-    rank: impl Fn(&Answer) -> Option<Generation>,
+    rank: impl Fn(&Answer) -> Option<Rank>,
 ) {
     let Some(mut newest) = answers.recv().await else {
         return;
@@ -95,17 +105,26 @@ async fn hand_on_newest(
     }
 }
 
-/// How new an answer is; `None` of one that cannot be believed.
-fn generation(answer: &Answer, trusted: Option<&TrustedKeys>) -> Option<Generation> {
+/// How much an answer counts: first whether the service says that it wants the document now, which
+/// an instance of before does not, then how new it is.
+type Rank = (bool, Generation);
+
+/// `None` of what cannot be believed.
+fn rank(answer: &Answer, trusted: Option<&TrustedKeys>) -> Option<Rank> {
     match answer.as_ref().ok()? {
-        Event::Offered(envelope) => Some(envelope.open(trusted?).ok()?.generation),
-        Event::Confirmed(confirmed) => Some(confirmed.generation),
+        Event::Offered { offered, answers } => {
+            let offer = offered.open_offer(trusted?).ok();
+            let is_wanted = offer.is_some_and(|offer| offer.question == *answers);
+            let generation = offered.envelope.open(trusted?).ok()?.generation;
+            Some((is_wanted, generation))
+        }
+        Event::Confirmed(confirmed) => Some((true, confirmed.open(trusted?).ok()?.generation)),
         _ => None,
     }
 }
 
 /// Zenoh's threads must never wait.
-pub(super) fn hand_on(sender: &mpsc::Sender<Event>, read: Result<Event, String>) {
+pub(super) fn hand_on(sender: &mpsc::Sender<Event>, read: Answer) {
     match read {
         Ok(event) => {
             if sender.try_send(event).is_err() {

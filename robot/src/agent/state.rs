@@ -70,6 +70,10 @@ pub struct Offer {
     pub generation: Generation,
     /// Its SHA-256.
     pub sha256: String,
+    /// When it may no longer come into use, ns since 1970 by the robot's clock. It came later: what an
+    /// agent of before remembers is asked for again.
+    #[serde(default)]
+    pub ends_ns: RobotTime,
     /// How long the robot waits for its confirmation, s.
     pub confirm_within_s: u32,
     /// What to compensate with.

@@ -232,7 +232,7 @@ impl Driver {
                 self.session.calibration.acknowledge(&answer).await?;
             }
             Effect::AskConfirmed => self.session.calibration.ask_confirmed().await?,
-            Effect::Pull => self.pull().await?,
+            Effect::Pull => self.ask().await?,
             Effect::Note(note) => debug!(robot.id = %robot, "{note}"),
         }
         Ok(None)
@@ -240,9 +240,14 @@ impl Driver {
 
     async fn pull(&self) -> Result<(), FleetError> {
         if self.agent.is_some() {
-            self.session.calibration.ask_confirmed().await?;
-            self.session.calibration.ask_approved().await?;
+            self.ask().await?;
         }
+        Ok(())
+    }
+
+    async fn ask(&self) -> Result<(), FleetError> {
+        self.session.calibration.ask_confirmed().await?;
+        self.session.calibration.ask_approved().await?;
         Ok(())
     }
 }

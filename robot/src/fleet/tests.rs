@@ -5,14 +5,15 @@ use std::net::TcpListener;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use fleetcal_model::{Generation, RevisionId};
+use fleetcal_model::{Generation, RevisionId, WallTime};
 use fleetcal_proto::calibration::{
     Applied as Acknowledgement, AppliedStatus, CalibrationDocument, CalibrationFrame,
-    CalibrationSchema, CalibrationValues, Confirmed, Envelope,
+    CalibrationSchema, CalibrationValues, ConfirmationDocument, Confirmed, Envelope,
 };
 use fleetcal_proto::event::CrossTrackError;
+use fleetcal_proto::offer::{OfferDocument, OfferSchema, Offered, Question};
 use fleetcal_proto::ros::{AckermannDriveStamped, LaserScan};
-use fleetcal_proto::signing::{SigningKey, seal};
+use fleetcal_proto::signing::{SigningKey, seal, sign};
 use fleetcal_proto::{Encoding, Keys, RosMessage};
 use tokio::time::timeout;
 use zenoh::sample::SampleKind;
@@ -87,7 +88,7 @@ fn key() -> SigningKey {
 }
 
 /// A signed calibration; generation 9 lies outside the robots' limits.
-fn envelope(robot: &str, generation: Generation, confirm_within_s: u32) -> Vec<u8> {
+fn envelope(robot: &str, generation: Generation, confirm_within_s: u32) -> Envelope {
     let values = CalibrationValues {
         steering_offset_rad: if generation == Generation(9) {
             0.5
@@ -107,7 +108,7 @@ fn envelope_of(
     robot: &str,
     generation: Generation,
     confirm_within_s: u32,
-) -> Vec<u8> {
+) -> Envelope {
     let document = CalibrationDocument {
         schema: CalibrationSchema::V1,
         robot: RobotId::parse(robot).unwrap(),
@@ -124,7 +125,56 @@ fn envelope_of(
         rear_axle_in_base_link: None,
         lidar_in_base_link: None,
     };
-    serde_json::to_vec(&seal(&document, &key()).unwrap()).unwrap()
+    seal(&document, &key()).unwrap()
+}
+
+const APPROVED: &str = "fleet/tugger_01/calibration/approved";
+
+/// A service's half of the approved calibration's key of `tugger_01`.
+struct Approved {
+    session: zenoh::Session,
+    wanted: Arc<Mutex<Option<Envelope>>>,
+}
+
+impl Approved {
+    async fn answering(session: &zenoh::Session) -> Self {
+        let wanted: Arc<Mutex<Option<Envelope>>> = Arc::default();
+        let stored = Arc::clone(&wanted);
+        let answer = move |query: zenoh::query::Query| {
+            let envelope = stored.lock().unwrap().clone();
+            let Some(envelope) = envelope else { return };
+            let question = query.payload().unwrap().try_to_string().unwrap();
+            let document = envelope.open(&key().public_key().into()).unwrap();
+            let offer = OfferDocument {
+                schema: OfferSchema::V1,
+                robot: document.robot,
+                generation: document.generation,
+                sha256: envelope.sha256.clone(),
+                offered_at_ns: WallTime(0),
+                valid_until_ns: WallTime(60_000_000_000),
+                question: Question::parse(&question).ok(),
+            };
+            let offer = Some(sign(&offer, &key()).unwrap());
+            let payload = serde_json::to_vec(&Offered { envelope, offer }).unwrap();
+            zenoh::Wait::wait(query.reply(APPROVED, payload)).unwrap();
+        };
+        let answering = session.declare_queryable(APPROVED).callback(answer);
+        answering.background().await.unwrap();
+        Self {
+            session: session.clone(),
+            wanted,
+        }
+    }
+
+    fn store(&self, envelope: &Envelope) {
+        *self.wanted.lock().unwrap() = Some(envelope.clone());
+    }
+
+    async fn approve(&self, envelope: &Envelope) {
+        self.store(envelope);
+        let payload = serde_json::to_vec(envelope).unwrap();
+        self.session.put(APPROVED, payload).await.unwrap();
+    }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -195,16 +245,8 @@ async fn robots_stream_drive_scan_and_cross_track_error() {
 async fn a_robot_pulls_applies_and_acknowledges_what_is_approved() {
     let (session, endpoint) = router().await;
     let answers = collect(&session, "fleet/*/calibration/applied", Encoding::Json).await;
-    let key = "fleet/tugger_01/calibration/approved";
-    session
-        .declare_queryable(key)
-        .callback(move |query| {
-            let reply = query.reply(key, envelope("tugger_01", Generation(3), 600));
-            zenoh::Wait::wait(reply).unwrap();
-        })
-        .background()
-        .await
-        .unwrap();
+    let approved = Approved::answering(&session).await;
+    approved.store(&envelope("tugger_01", Generation(3), 600));
     let stop = CancellationToken::new();
     let fleet = tokio::spawn(run_fleet(options(1, &endpoint), stop.clone()));
     let answered = || -> Vec<Acknowledgement> {
@@ -231,7 +273,7 @@ async fn a_robot_pulls_applies_and_acknowledges_what_is_approved() {
 
     // Without a confirmation the robot goes back to where it was, which nobody confirmed either.
     let pushed = envelope("tugger_01", Generation(4), 1);
-    session.put(key, pushed.clone()).await.unwrap();
+    approved.approve(&pushed).await;
     until("the pushed calibration is applied", || {
         applied(Generation(4))
     })
@@ -250,21 +292,21 @@ async fn a_robot_pulls_applies_and_acknowledges_what_is_approved() {
         "its factory calibration"
     );
 
-    let confirmed = envelope("tugger_01", Generation(5), 2);
-    session.put(key, confirmed.clone()).await.unwrap();
+    let next = envelope("tugger_01", Generation(5), 2);
+    approved.approve(&next).await;
     until("the next one is applied", || applied(Generation(5))).await;
-    let sha256 = serde_json::from_slice::<Envelope>(&confirmed)
-        .unwrap()
-        .sha256;
+    let said = ended(Generation(5), AppliedStatus::Applied).unwrap();
+    let document = ConfirmationDocument::of(RobotId::parse("tugger_01").unwrap(), &said);
     let confirmation = Confirmed {
         generation: Generation(5),
-        sha256,
+        sha256: next.sha256,
+        signed: Some(sign(&document, &key()).unwrap()),
     };
     let payload = serde_json::to_vec(&confirmation).unwrap();
     let confirmed_key = "fleet/tugger_01/calibration/confirmed";
     session.put(confirmed_key, payload).await.unwrap();
 
-    for (payload, generation, reason) in [
+    for (envelope, generation, reason) in [
         (
             envelope("tugger_02", Generation(7), 600),
             7,
@@ -277,7 +319,7 @@ async fn a_robot_pulls_applies_and_acknowledges_what_is_approved() {
             "steering_offset_rad: got 0.5",
         ),
     ] {
-        session.put(key, payload).await.unwrap();
+        approved.approve(&envelope).await;
         let refused = || {
             let refused = AppliedStatus::Refused;
             let about = |answer: &&Acknowledgement| {
@@ -335,9 +377,9 @@ async fn a_robot_stops_weaving_once_its_true_calibration_is_approved() {
         lidar_yaw_rad: mount.yaw_rad,
         ..CalibrationValues::default()
     };
-    let approved = envelope_of(values, "tugger_01", Generation(1), 600);
-    let key = "fleet/tugger_01/calibration/approved";
-    session.put(key, approved).await.unwrap();
+    let approved = Approved::answering(&session).await;
+    let envelope = envelope_of(values, "tugger_01", Generation(1), 600);
+    approved.approve(&envelope).await;
     let from = errors_m().len() + SETTLING;
     until("it drove with what was approved", || {
         errors_m().len() >= from + READINGS

@@ -4,6 +4,7 @@ use fleetcal_domain::limits;
 use fleetcal_operations::lifecycle::{Lifecycle, OutboxMessage};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::key::{Key, Keys, StreamKind};
+use fleetcal_proto::offer::{QUESTION_BYTES, Question};
 use serde::Serialize;
 use tokio_util::sync::CancellationToken;
 use zenoh::bytes::Encoding;
@@ -60,14 +61,23 @@ async fn reply_approved(lifecycle: Lifecycle, keys: Keys, query: Query) {
         // A question about all robots at once is nobody's own.
         return;
     };
-    match lifecycle.approved(&robot).await {
-        Ok(Some(envelope)) => {
+    match lifecycle.approved(&robot, question_of(&query)).await {
+        Ok(Some(offered)) => {
             let kind = StreamKind::CalibrationApproved;
-            reply(&query, &keys, &robot, kind, &envelope);
+            reply(&query, &keys, &robot, kind, &offered);
         }
         Ok(None) => {}
         Err(error) => tracing::error!(robot.id = %robot, %error, "a question was not answered"),
     }
+}
+
+/// The number that a robot asks with, which its answer repeats; agents of before have none.
+fn question_of(query: &Query) -> Option<Question> {
+    let payload = query.payload()?;
+    if payload.len() != 2 * QUESTION_BYTES {
+        return None;
+    }
+    Question::parse(&payload.try_to_string().ok()?).ok()
 }
 
 /// Answers which of a robot's answers is stored.
@@ -169,10 +179,10 @@ impl Post {
 
     /// On the robot's ROS 2 topic too. Who does not get it there asks for it.
     async fn also_to_ros2(&self, robot: &RobotId, message: &OutboxMessage) {
-        let OutboxMessage::Approved(envelope) = message else {
+        let OutboxMessage::Approved(offered) = message else {
             return;
         };
-        let told = ros2::calibration::publish(&self.session, &self.ros2, robot, envelope);
+        let told = ros2::calibration::publish(&self.session, &self.ros2, robot, offered);
         if let Err(error) = told.await {
             tracing::warn!(robot.id = %robot, error, "not sent to the robot's ROS 2 topic");
         }
@@ -182,9 +192,9 @@ impl Post {
     /// second.
     async fn put(&self, robot: &RobotId, message: &OutboxMessage) -> Result<()> {
         let (kind, json) = match message {
-            OutboxMessage::Approved(envelope) => (
+            OutboxMessage::Approved(offered) => (
                 StreamKind::CalibrationApproved,
-                serde_json::to_vec(envelope)?,
+                serde_json::to_vec(offered)?,
             ),
             OutboxMessage::Confirmed(confirmed) => (
                 StreamKind::CalibrationConfirmed,

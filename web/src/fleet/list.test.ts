@@ -19,7 +19,7 @@ function robot(state: RobotState, wanted: (string | null)[] = []): Robot {
   const [offset = null, x = null, y = null, yaw = null] = wanted;
   return {
     state,
-    calibration: { in_sync: true, verification_failed: false },
+    calibration: { in_sync: true, sync: 'in_sync', verification_failed: false },
     estimate: {
       parameters: {
         steering_offset: parameter(offset),

@@ -18,6 +18,7 @@ const POLICY: Policy = {
   lidar_distance_max_m: 30,
   expires_after_s: 86_400,
   confirm_within_s: 600,
+  offer_valid_s: 86_400,
   verify_within: tolerance(0.15, 10),
   verify_after_m: 60,
   verify_within_s: 86_400,

@@ -54,6 +54,18 @@ impl Agent {
         })]
     }
 
+    /// Says why a confirmation is not believed, and not more often than a refusal.
+    pub(super) fn doubt(&mut self, reason: &str, now: RobotTime) -> Vec<Effect> {
+        let said = self.doubted_ns;
+        if said.is_some_and(|at_ns| now < at_ns.plus(SAME_REFUSAL)) {
+            return Vec::new();
+        }
+        self.doubted_ns = Some(now);
+        vec![Effect::Note(format!(
+            "a confirmation is not believed: {reason}"
+        ))]
+    }
+
     /// Answers a signed document once and for all.
     pub(super) fn decide(
         &mut self,

@@ -23,6 +23,16 @@ impl Agent {
         now: RobotTime,
     ) -> Vec<Effect> {
         match answer {
+            HookAnswer::Go { .. } if now >= offer.ends_ns => {
+                let generation = offer.generation;
+                let mut effects = vec![Effect::Note(format!(
+                    "the offer of generation {generation} has ended while the hook was asked: the \
+                     service is asked again"
+                ))];
+                effects.extend(self.rest(rest));
+                effects.push(Effect::Pull);
+                effects
+            }
             HookAnswer::Go { before } => {
                 let write = Effect::Write(offer.values);
                 self.memory.phase = Phase::Writing {
@@ -33,7 +43,7 @@ impl Agent {
                 vec![write]
             }
             HookAnswer::Busy => {
-                self.busy_until_ns = Some(now.plus(BUSY_RETRY));
+                self.pull_at_ns = Some(now.plus(BUSY_RETRY));
                 self.rest(rest)
             }
             HookAnswer::Failed(reason) => {
@@ -215,7 +225,7 @@ impl Agent {
                 effects.extend(self.decide(generation, sha256, status, Some(reason), now));
             }
             Outcome::Later => {
-                self.busy_until_ns = Some(now.plus(BUSY_RETRY));
+                self.pull_at_ns = Some(now.plus(BUSY_RETRY));
                 effects.extend(told.err().map(Effect::Note));
             }
         }

@@ -9,7 +9,8 @@ mod applying;
 use std::time::Duration;
 
 use fleetcal_model::RobotTime;
-use fleetcal_proto::calibration::{Applied, AppliedStatus, Confirmed, Envelope};
+use fleetcal_proto::calibration::{AppliedStatus, Confirmed};
+use fleetcal_proto::offer::{Offered, Question};
 
 use super::event::{Effect, Event, TransitionRefused};
 use super::offer::{Identity, Refusal, Verdict, judge};
@@ -17,6 +18,8 @@ use super::state::{Memory, Phase, Rest, Trial};
 
 /// What a robot that was off while its deadline passed waits for the service, once.
 const RESTART_GRACE: Duration = Duration::from_secs(30);
+/// Pushed documents make an agent ask no more often.
+const ASK_PAUSE: Duration = Duration::from_secs(1);
 
 /// A robot's side of the life cycle.
 #[derive(Debug, Clone)]
@@ -25,10 +28,15 @@ pub struct Agent {
     memory: Memory,
     /// A document came while another one was in hand.
     pull_after: bool,
-    busy_until_ns: Option<RobotTime>,
+    /// When the service is asked again: the robot was busy, or more was pushed just after a question.
+    pull_at_ns: Option<RobotTime>,
+    /// When a pushed document is a reason to ask again.
+    hint_from_ns: RobotTime,
     restore_again_ns: Option<RobotTime>,
     repeat_at_ns: RobotTime,
     last_refusal: Option<(Refusal, RobotTime)>,
+    /// When it last said that a confirmation is not believed.
+    doubted_ns: Option<RobotTime>,
 }
 
 impl Agent {
@@ -38,10 +46,12 @@ impl Agent {
             identity,
             memory,
             pull_after: false,
-            busy_until_ns: None,
+            pull_at_ns: None,
+            hint_from_ns: RobotTime(i64::MIN),
             restore_again_ns: None,
             repeat_at_ns: RobotTime::default(),
             last_refusal: None,
+            doubted_ns: None,
         }
     }
 
@@ -58,14 +68,14 @@ impl Agent {
         let refused = TransitionRefused::new(&event, &self.memory.phase);
         match (event, self.memory.phase.clone()) {
             (Event::Restarted { written }, phase) => Ok(self.resume(phase, written, now)),
-            (Event::Offered(envelope), Phase::Resting(rest)) => {
-                Ok(self.consider(&envelope, rest, now))
+            (Event::Offered { offered, answers }, Phase::Resting(rest)) => {
+                Ok(self.consider(&offered, answers.as_ref(), rest, now))
             }
-            (Event::Offered(_), _) => {
+            (Event::Offered { .. }, _) => {
                 self.pull_after = true;
                 Ok(Vec::new())
             }
-            (Event::Confirmed(confirmed), _) => Ok(self.confirmed(&confirmed)),
+            (Event::Confirmed(confirmed), _) => Ok(self.confirmed(&confirmed, now)),
             (Event::ServiceUp, _) => Ok(self.report(now)),
             (Event::Tick, phase) => Ok(self.tick(phase, now)),
             (Event::HookAnswered(answer), Phase::Asking { offer, rest }) => {
@@ -144,15 +154,22 @@ impl Agent {
         Vec::new()
     }
 
-    fn consider(&mut self, envelope: &Envelope, rest: Rest, now: RobotTime) -> Vec<Effect> {
-        match judge(&self.identity, &self.memory, envelope) {
+    fn consider(
+        &mut self,
+        offered: &Offered,
+        answers: Option<&Question>,
+        rest: Rest,
+        now: RobotTime,
+    ) -> Vec<Effect> {
+        match judge(&self.identity, &self.memory, offered, answers, now) {
             Verdict::Fit(offer) => {
-                self.busy_until_ns = None;
+                self.pull_at_ns = None;
                 let ask = Effect::AskHook(offer.clone());
                 self.memory.phase = Phase::Asking { offer, rest };
                 vec![ask]
             }
-            Verdict::Known => self.remind(envelope, now),
+            Verdict::Known => self.remind(&offered.envelope, now),
+            Verdict::Unasked => self.ask_soon(now),
             Verdict::Unfit(refusal) => {
                 let Refusal {
                     generation,
@@ -174,11 +191,32 @@ impl Agent {
         }
     }
 
-    fn confirmed(&mut self, confirmed: &Confirmed) -> Vec<Effect> {
-        let Confirmed { generation, sha256 } = confirmed;
-        let is_it = |answer: &Applied| answer.generation == *generation && answer.sha256 == *sha256;
-        self.memory.unstored.retain(|answer| !is_it(answer));
-        if self.memory.held.is(*generation, sha256) {
+    /// Asks for what was pushed; who pushes much makes it ask once a second.
+    fn ask_soon(&mut self, now: RobotTime) -> Vec<Effect> {
+        if now < self.hint_from_ns {
+            let soon = self.hint_from_ns;
+            self.pull_at_ns = Some(self.pull_at_ns.map_or(soon, |at_ns| at_ns.min(soon)));
+            return Vec::new();
+        }
+        self.hint_from_ns = now.plus(ASK_PAUSE);
+        vec![Effect::Pull]
+    }
+
+    /// Believes what the service has signed alone: an answer is stored, and if it was that what is
+    /// held is in use, it stays.
+    fn confirmed(&mut self, confirmed: &Confirmed, now: RobotTime) -> Vec<Effect> {
+        let stored = match confirmed.open(&self.identity.trusted) {
+            Ok(stored) if stored.robot == self.identity.robot => stored,
+            Ok(stored) => {
+                return self.doubt(&format!("it is about {}", stored.robot), now);
+            }
+            Err(error) => return self.doubt(&error.to_string(), now),
+        };
+        self.memory
+            .unstored
+            .retain(|answer| !stored.confirms(answer));
+        let in_use = self.memory.held.acknowledgement();
+        if in_use.is_some_and(|in_use| stored.confirms(&in_use)) {
             *self.memory.phase.rest_mut() = Rest::Settled;
         }
         Vec::new()
@@ -196,8 +234,8 @@ impl Agent {
             }
             _ => {}
         }
-        if passed(self.busy_until_ns, now) {
-            self.busy_until_ns = None;
+        if passed(self.pull_at_ns, now) {
+            self.pull_at_ns = None;
             effects.push(Effect::Pull);
         }
         if !self.memory.unstored.is_empty() && now >= self.repeat_at_ns {

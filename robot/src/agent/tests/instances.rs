@@ -10,7 +10,7 @@ use tokio::time::Instant;
 use zenoh::Wait;
 use zenoh::query::{Query, Queryable};
 
-use super::service::{Service, until};
+use super::service::{Service, question_of, until};
 use super::wire::Robot;
 use super::*;
 
@@ -43,8 +43,11 @@ impl Other {
     /// One that has not heard of what was approved last.
     async fn behind(endpoint: &str, envelope: Envelope) -> Self {
         let key = Keys::default().stream(&robot(), StreamKind::CalibrationApproved);
-        let payload = serde_json::to_vec(&envelope).unwrap();
-        let answer = move |query: Query| query.reply(&key, payload.clone()).wait().unwrap();
+        let answer = move |query: Query| {
+            let offered = wanted(&envelope, question_of(&query));
+            let payload = serde_json::to_vec(&offered).unwrap();
+            query.reply(&key, payload).wait().unwrap();
+        };
         Self::answering(endpoint, answer).await
     }
 

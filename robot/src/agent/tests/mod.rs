@@ -1,20 +1,25 @@
 //! The agent alone, then over a real router.
 
 mod instances;
+mod replays;
 mod restarts;
 mod sequences;
 mod service;
 mod transitions;
 mod wire;
 
-use fleetcal_model::{Generation, RevisionId, RobotTime};
+use std::time::Duration;
+
+use fleetcal_model::{Generation, RevisionId, RobotTime, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::{
-    CalibrationDocument, CalibrationFrame, CalibrationSchema, CalibrationValues, Envelope,
+    Applied, CalibrationDocument, CalibrationFrame, CalibrationSchema, CalibrationValues,
+    ConfirmationDocument, Confirmed, Envelope,
 };
-use fleetcal_proto::signing::{SigningKey, seal};
+use fleetcal_proto::offer::{OfferDocument, OfferSchema, Offered, QUESTION_BYTES, Question};
+use fleetcal_proto::signing::{SigningKey, seal, sign};
 
-use super::{Held, Identity, Limits, Memory};
+use super::{Event, Held, Identity, Limits, Memory};
 
 /// When the tests' clocks begin, ns since 1970.
 pub(super) const START_NS: i64 = 1_795_000_000_000_000_000;
@@ -69,6 +74,51 @@ pub(super) fn document(generation: u64) -> CalibrationDocument {
 
 pub(super) fn sealed(document: &CalibrationDocument) -> Envelope {
     seal(document, &key()).unwrap()
+}
+
+/// What the agent of these tests has asked with.
+pub(super) fn question() -> Question {
+    Question::from_bytes([7; QUESTION_BYTES])
+}
+
+/// How long the service's word lasts.
+pub(super) const WANTED_FOR: Duration = Duration::from_hours(1);
+
+/// The service's word that a document is wanted, in answer to a question. Of what the service did not
+/// sign there is none.
+pub(super) fn wanted(envelope: &Envelope, question: Option<Question>) -> Offered {
+    let document = envelope.open(&key().public_key().into()).ok();
+    let offer = document.map(|document| OfferDocument {
+        schema: OfferSchema::V1,
+        robot: document.robot,
+        generation: document.generation,
+        sha256: envelope.sha256.clone(),
+        offered_at_ns: WallTime(5),
+        valid_until_ns: WallTime(5).plus(WANTED_FOR),
+        question,
+    });
+    Offered {
+        envelope: envelope.clone(),
+        offer: offer.map(|offer| sign(&offer, &key()).unwrap()),
+    }
+}
+
+/// The answer to the agent's own question.
+pub(super) fn answered(envelope: &Envelope) -> Event {
+    Event::Offered {
+        offered: wanted(envelope, Some(question())),
+        answers: Some(question()),
+    }
+}
+
+/// The service's confirmation of an acknowledgement.
+pub(super) fn confirmation_of(applied: &Applied) -> Confirmed {
+    let document = ConfirmationDocument::of(robot(), applied);
+    Confirmed {
+        generation: applied.generation,
+        sha256: applied.sha256.clone(),
+        signed: Some(sign(&document, &key()).unwrap()),
+    }
 }
 
 pub(super) fn identity() -> Identity {

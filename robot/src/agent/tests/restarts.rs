@@ -15,6 +15,7 @@ fn offer(generation: u64) -> Offer {
     Offer {
         generation: Generation(generation),
         sha256: envelope.sha256,
+        ends_ns: RobotTime(START_NS).plus(WANTED_FOR),
         confirm_within_s: 600,
         values: values(generation),
         rear_axle_in_base_link: None,

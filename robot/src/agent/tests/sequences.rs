@@ -3,11 +3,11 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use fleetcal_model::{Generation, RobotTime};
-use fleetcal_proto::calibration::{Applied, AppliedStatus, Confirmed};
+use fleetcal_proto::calibration::{Applied, AppliedStatus};
 use proptest::prelude::*;
 
 use super::*;
-use crate::agent::{Activation, Agent, Effect, Event, HookAnswer, Phase};
+use crate::agent::{Activation, Agent, Effect, Event, HookAnswer, Phase, Rest};
 
 /// What may happen from outside, and how the next questions to the surroundings end.
 #[derive(Debug, Clone)]
@@ -206,16 +206,27 @@ impl Robot {
                 document.base_generation = Some(Generation(base));
                 document.confirm_within_s = confirm_within_s;
                 let key = if good { key() } else { strange_key() };
-                self.take(Event::Offered(seal(&document, &key).unwrap()));
+                self.take(answered(&seal(&document, &key).unwrap()));
             }
             Step::Confirm { generation } => {
-                // What the service stored is what this robot answered.
-                let answer = self
-                    .answers
-                    .iter()
-                    .find(|answer| answer.generation == generation);
-                if let Some(sha256) = answer.map(|answer| answer.sha256.clone()) {
-                    self.take(Event::Confirmed(Confirmed { generation, sha256 }));
+                // What the service stored is what this robot answered, last or before.
+                let mut answers = self.answers.iter().rev();
+                let answer = answers.find(|answer| answer.generation == generation);
+                let Some(answer) = answer.cloned() else {
+                    return;
+                };
+                let before = self.agent.memory().clone();
+                self.take(Event::Confirmed(confirmation_of(&answer)));
+                let mut after = self.agent.memory().clone();
+                let was_on_trial = *before.phase.clone().rest_mut() != Rest::Settled;
+                let is_settled = *after.phase.rest_mut() == Rest::Settled;
+                if was_on_trial && is_settled && after.held == before.held {
+                    let held = before.held.acknowledgement();
+                    assert_eq!(
+                        Some(answer.applied_at_ns),
+                        held.map(|one| one.applied_at_ns)
+                    );
+                    assert_eq!(answer.status, AppliedStatus::Applied);
                 }
             }
             Step::ServiceUp => self.take(Event::ServiceUp),

@@ -16,7 +16,7 @@ use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use zenoh::Wait;
 use zenoh::liveliness::LivelinessToken;
-use zenoh::query::Queryable;
+use zenoh::query::{Query, Queryable};
 
 use super::*;
 
@@ -28,6 +28,12 @@ struct Stored {
     approved: Option<Envelope>,
     confirmed: Option<Confirmed>,
     answers: Vec<Applied>,
+}
+
+/// What a robot asks with.
+pub fn question_of(query: &Query) -> Option<Question> {
+    let payload = query.payload()?.try_to_string().ok()?;
+    Question::parse(&payload).ok()
 }
 
 /// A router, and a service in it once it was told to serve.
@@ -92,8 +98,11 @@ impl Service {
 
     /// Answers questions from now on, then shows its token.
     pub async fn serve(&mut self) {
-        let approved = |stored: &Stored| serde_json::to_vec(stored.approved.as_ref()?).ok();
-        let confirmed = |stored: &Stored| serde_json::to_vec(stored.confirmed.as_ref()?).ok();
+        let approved = |stored: &Stored, question| {
+            let offered = wanted(stored.approved.as_ref()?, question);
+            serde_json::to_vec(&offered).ok()
+        };
+        let confirmed = |stored: &Stored, _| serde_json::to_vec(stored.confirmed.as_ref()?).ok();
         self.answer(StreamKind::CalibrationApproved, approved).await;
         self.answer(StreamKind::CalibrationConfirmed, confirmed)
             .await;
@@ -119,7 +128,8 @@ impl Service {
     /// Stores it and pushes it.
     pub async fn approve(&self, envelope: &Envelope) {
         self.store(envelope);
-        self.push(serde_json::to_vec(envelope).unwrap()).await;
+        self.push(serde_json::to_vec(&wanted(envelope, None)).unwrap())
+            .await;
     }
 
     pub async fn push(&self, payload: Vec<u8>) {
@@ -154,13 +164,17 @@ impl Service {
         .await;
     }
 
-    async fn answer(&mut self, kind: StreamKind, payload: fn(&Stored) -> Option<Vec<u8>>) {
+    async fn answer(
+        &mut self,
+        kind: StreamKind,
+        payload: fn(&Stored, Option<Question>) -> Option<Vec<u8>>,
+    ) {
         let stored = Arc::clone(&self.stored);
         let queryable = self
             .session
             .declare_queryable(Keys::default().stream_of_all(kind));
         let queryable = queryable.complete(true).callback(move |query| {
-            if let Some(payload) = payload(&stored.lock().unwrap()) {
+            if let Some(payload) = payload(&stored.lock().unwrap(), question_of(&query)) {
                 let key = Keys::default().stream(&robot(), kind);
                 query.reply(key, payload).wait().unwrap();
             }
@@ -178,10 +192,7 @@ impl Service {
             .declare_subscriber(key)
             .callback(move |sample| {
                 let answer: Applied = serde_json::from_slice(&sample.payload().to_bytes()).unwrap();
-                let confirmed = Confirmed {
-                    generation: answer.generation,
-                    sha256: answer.sha256.clone(),
-                };
+                let confirmed = confirmation_of(&answer);
                 let mut stored = stored.lock().unwrap();
                 stored.answers.push(answer);
                 if confirms.load(Ordering::SeqCst) {

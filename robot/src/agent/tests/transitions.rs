@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use fleetcal_model::{Generation, RobotTime};
-use fleetcal_proto::calibration::{Applied, Confirmed, Envelope};
+use fleetcal_proto::calibration::{Applied, AppliedStatus, Confirmed, Envelope};
 use fleetcal_proto::signing::seal;
 
 use super::*;
@@ -15,16 +15,57 @@ fn go() -> Event {
     })
 }
 
-fn confirmation(generation: u64) -> Event {
-    let sha256 = sealed(&document(generation)).sha256;
-    Event::Confirmed(Confirmed {
+/// What the robot says of a generation, `seconds` after the start of its agent.
+fn said(generation: u64, status: AppliedStatus, seconds: i64) -> Applied {
+    Applied {
         generation: Generation(generation),
-        sha256,
-    })
+        sha256: sealed(&document(generation)).sha256,
+        status,
+        reason: None,
+        applied_at_ns: RobotTime(START_NS + seconds * SECOND_NS),
+        values: None,
+    }
+}
+
+fn confirmed(generation: u64, status: AppliedStatus, seconds: i64) -> Event {
+    Event::Confirmed(confirmation_of(&said(generation, status, seconds)))
+}
+
+/// The confirmation of what [`agents`] say when they have applied 3, and 4 after that.
+fn confirmation(generation: u64) -> Event {
+    let seconds = if generation == 3 { 4 } else { 9 };
+    confirmed(generation, AppliedStatus::Applied, seconds)
 }
 
 fn offered(generation: u64) -> Event {
-    Event::Offered(sealed(&document(generation)))
+    answered(&sealed(&document(generation)))
+}
+
+fn pushed(generation: u64) -> Event {
+    Event::Offered {
+        offered: wanted(&sealed(&document(generation)), None),
+        answers: None,
+    }
+}
+
+/// What answered somebody's question once: the document is genuine, and so was the answer.
+fn recorded(generation: u64) -> Event {
+    let earlier = Question::from_bytes([1; QUESTION_BYTES]);
+    Event::Offered {
+        offered: wanted(&sealed(&document(generation)), Some(earlier)),
+        answers: Some(question()),
+    }
+}
+
+/// An answer of generation 6 with this offer beside it.
+fn beside(offer: Option<Envelope>) -> Event {
+    Event::Offered {
+        offered: Offered {
+            envelope: sealed(&document(6)),
+            offer,
+        },
+        answers: Some(question()),
+    }
 }
 
 /// The agent after these events, a second apart.
@@ -102,12 +143,21 @@ fn agents() -> Vec<(&'static str, Vec<Event>)> {
     ]
 }
 
+fn ended_offer() -> Envelope {
+    let offer = wanted(&sealed(&document(6)), Some(question()))
+        .offer
+        .unwrap();
+    let mut offer: OfferDocument = offer.open_as(&identity().trusted).unwrap();
+    offer.valid_until_ns = offer.offered_at_ns;
+    sign(&offer, &key()).unwrap()
+}
+
 #[expect(clippy::too_many_lines, reason = "one line for each event")]
 fn events() -> Vec<(&'static str, Event)> {
     let altered = |generation| {
         let envelope = sealed(&document(generation));
         let document = envelope.document.replace("\"ana\"", "\"eve\"");
-        Event::Offered(Envelope {
+        answered(&Envelope {
             document,
             ..envelope
         })
@@ -129,20 +179,45 @@ fn events() -> Vec<(&'static str, Event)> {
         ("offered 4", offered(4)),
         ("offered 3", offered(3)),
         ("offered 2", offered(2)),
-        ("offered another 4", Event::Offered(sealed(&other_four))),
+        ("offered another 4", answered(&sealed(&other_four))),
         ("offered 6 altered", altered(6)),
         ("offered 3 altered", altered(3)),
         (
             "offered 6 by a stranger",
-            Event::Offered(seal(&document(6), &strange_key()).unwrap()),
+            answered(&seal(&document(6), &strange_key()).unwrap()),
         ),
-        ("offered 6 beyond limits", Event::Offered(sealed(&beyond))),
-        ("offered 6 on base 2", Event::Offered(sealed(&stale_base))),
-        ("offered 6 for 0 s", Event::Offered(sealed(&hasty))),
-        ("offered 6 of another", Event::Offered(sealed(&other_robot))),
+        ("offered 6 beyond limits", answered(&sealed(&beyond))),
+        ("offered 6 on base 2", answered(&sealed(&stale_base))),
+        ("offered 6 for 0 s", answered(&sealed(&hasty))),
+        ("offered 6 of another", answered(&sealed(&other_robot))),
+        ("pushed 6", pushed(6)),
+        ("pushed 4", pushed(4)),
+        ("pushed 2", pushed(2)),
+        ("recorded 6", recorded(6)),
+        ("offered 6, no offer", beside(None)),
+        (
+            "offered 6, offer of 7",
+            beside(wanted(&sealed(&document(7)), Some(question())).offer),
+        ),
+        ("offered 6, ended", beside(Some(ended_offer()))),
         ("confirmed 3", confirmation(3)),
         ("confirmed 4", confirmation(4)),
         ("confirmed 5", confirmation(5)),
+        (
+            "confirmed 4, refused",
+            confirmed(4, AppliedStatus::Refused, 9),
+        ),
+        (
+            "confirmed 4, earlier",
+            confirmed(4, AppliedStatus::Applied, 8),
+        ),
+        (
+            "confirmed 4, unsigned",
+            Event::Confirmed(Confirmed {
+                signed: None,
+                ..confirmation_of(&said(4, AppliedStatus::Applied, 9))
+            }),
+        ),
         ("service up", Event::ServiceUp),
         ("tick", Event::Tick),
         ("tick after 6 s", Event::Tick),

@@ -6,8 +6,9 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use fleetcal_domain::access::Role;
 use fleetcal_proto::RobotId;
-use fleetcal_proto::calibration::{Applied, Confirmed, Envelope};
-use serde::Serialize;
+use fleetcal_proto::calibration::{Applied, Confirmed};
+use fleetcal_proto::offer::{Offered, Question};
+use serde::{Deserialize, Serialize};
 
 use super::deployments::known;
 use crate::ApiState;
@@ -16,19 +17,31 @@ use crate::etag::client_has;
 use crate::extract::{Body, NoParameters, Parameters, RobotPath};
 use crate::problem::Problem;
 
+/// The number that a robot asks with.
+#[derive(Debug, Deserialize, utoipa::IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(super) struct CalibrationParameters {
+    /// A new random number, 32 lower-case hexadecimal digits, which the signed `offer` repeats: so the
+    /// robot knows that the answer is not a recording.
+    #[param(value_type = Option<String>)]
+    question: Option<Question>,
+}
+
 /// Gives the signed calibration that a robot should hold. The `ETag` is the document's SHA-256.
-/// Asked by the robot itself, it counts as offered.
+/// Asked by the robot itself, it counts as offered, and comes with an `offer`.
 #[utoipa::path(
     get,
     path = "/robots/{id}/calibration",
     tag = "approval",
     params(
         ("id" = RobotId, Path, description = "The robot."),
+        CalibrationParameters,
         ("If-None-Match" = Option<String>, Header,
             description = "The ETag of an earlier response."),
     ),
     responses(
-        (status = OK, description = "The signed calibration", body = Envelope,
+        (status = OK, description = "The signed calibration", body = Offered,
             headers(("ETag" = String, description = "SHA-256 of the document."))),
         (status = NOT_MODIFIED, description = "The client has the current calibration"),
         (status = NOT_FOUND, description = "The robot is unknown, or no calibration is approved"),
@@ -38,25 +51,25 @@ pub(super) async fn get_calibration(
     State(api): State<ApiState>,
     caller: Caller,
     RobotPath(id): RobotPath,
-    Parameters(NoParameters {}): Parameters<NoParameters>,
+    Parameters(CalibrationParameters { question }): Parameters<CalibrationParameters>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     known(&api, &id)?;
-    let envelope = if caller.actor.role == Some(Role::Robot) {
-        api.lifecycle.approved(&id).await?
+    let offered = if caller.actor.role == Some(Role::Robot) {
+        api.lifecycle.approved(&id, question).await?
     } else {
-        api.lifecycle.desired(&id).await?
+        api.lifecycle.desired(&id).await?.map(Offered::from)
     };
-    let envelope = envelope.ok_or_else(|| {
+    let offered = offered.ok_or_else(|| {
         let detail = format!("no calibration of {id} is approved");
         Problem::new(StatusCode::NOT_FOUND, "nothing_approved", detail)
     })?;
-    let tag = HeaderValue::from_str(&format!("\"{}\"", envelope.sha256));
+    let tag = HeaderValue::from_str(&format!("\"{}\"", offered.envelope.sha256));
     let tag = tag.unwrap_or(HeaderValue::from_static("\"\""));
     if client_has(&headers, &tag) {
         return Ok((StatusCode::NOT_MODIFIED, [(header::ETAG, tag)]).into_response());
     }
-    Ok(([(header::ETAG, tag)], Json(envelope)).into_response())
+    Ok(([(header::ETAG, tag)], Json(offered)).into_response())
 }
 
 /// Takes a robot's answer: what became of a document. It is stored when this returns.

@@ -3,7 +3,7 @@
 use fleetcal_domain::approval::{
     Approval, Closing, Deployment, DeploymentState, Evidence, ExpectedGain, GenerationRef, InUse,
     Origin, Outdated, Proposal, ProposalState, Reported, Revision, RobotLedger, RollBack,
-    SecondApprover, Verification,
+    SecondApprover, SyncState, Verification,
 };
 use fleetcal_model::{DeploymentId, Generation, Pose2, ProposalId, RevisionId, Version};
 use fleetcal_proto::RobotId;
@@ -431,6 +431,8 @@ pub(super) struct ShadowDocument {
     reported: Option<ReportedDocument>,
     /// Whether the robot holds what it should.
     in_sync: bool,
+    /// The same, and in which way it does not.
+    sync: SyncState,
     /// What the robot uses, as far as it has said.
     in_use: Option<InUseDocument>,
     /// What it used before.
@@ -448,6 +450,7 @@ impl ShadowDocument {
         let shadow = ledger.shadow.clone();
         Self {
             in_sync: shadow.in_sync(),
+            sync: shadow.sync(),
             robot: shadow.robot,
             version: shadow.version,
             desired: shadow.desired,
@@ -470,6 +473,8 @@ pub(crate) struct CalibrationSummary {
     reported_generation: Option<Generation>,
     /// Whether the robot holds what it should.
     in_sync: bool,
+    /// The same, and in which way it does not.
+    sync: SyncState,
     /// What the robot compensates with, as far as it has said.
     in_use: Option<CalibrationValues>,
     /// The proposal that waits.
@@ -490,6 +495,7 @@ impl CalibrationSummary {
             desired_generation: shadow.desired.as_ref().map(|desired| desired.generation),
             reported_generation: shadow.in_use.as_ref().map(|in_use| in_use.generation),
             in_sync: shadow.in_sync(),
+            sync: shadow.sync(),
             in_use: shadow.in_use.as_ref().map(|in_use| in_use.values),
             proposal: ledger.open.as_ref().map(|open| open.id),
             deployment: live.map(|live| live.state),

@@ -1,7 +1,8 @@
 //! Proposals, deployments, what robots hold, the deployment freeze, and the audit.
 
 use fleetcal_model::{Generation, Version};
-use fleetcal_proto::calibration::Envelope;
+use fleetcal_proto::calibration::{AppliedStatus, Confirmed, Envelope};
+use fleetcal_proto::offer::Offered;
 use fleetcal_proto::signing::{SigningKey, TrustedKeys};
 use serde_json::json;
 
@@ -139,17 +140,38 @@ async fn a_calibration_goes_from_a_proposal_to_its_robot_and_back() {
     assert_eq!(approved.told(), "200");
     assert_eq!(approved.json()["state"], "approved");
 
-    let uri = "/api/v1/robots/a/calibration";
-    let pulled = bench.write(&robot, "GET", uri, &[], String::new()).await;
-    let envelope: Envelope = serde_json::from_str(&pulled.body).unwrap();
+    let question = "0123456789abcdef0123456789abcdef";
+    let uri = format!("/api/v1/robots/a/calibration?question={question}");
+    let pulled = bench.write(&robot, "GET", &uri, &[], String::new()).await;
+    let offered: Offered = serde_json::from_str(&pulled.body).unwrap();
+    let envelope = &offered.envelope;
     assert_eq!(pulled.header("etag"), format!("\"{}\"", envelope.sha256));
     let key = SigningKey::from_bytes(&[7; 32]).public_key();
-    let document = envelope.open(&TrustedKeys::from(key)).unwrap();
+    let trusted = TrustedKeys::from(key);
+    let document = envelope.open(&trusted).unwrap();
     assert_eq!(
         (document.generation, document.approved_by.as_str()),
         (Generation(1), "ana")
     );
-    assert_eq!(bench.answer(&robot, &envelope, "applied").await.status, 200);
+    let offer = offered.open_offer(&trusted).unwrap();
+    assert_eq!(
+        (offer.generation, &offer.sha256),
+        (Generation(1), &envelope.sha256)
+    );
+    assert_eq!(offer.question.unwrap().as_str(), question);
+    // Who only looks is offered nothing, and a question has a form.
+    let shown: Offered = serde_json::from_str(&bench.get(&uri).await.body).unwrap();
+    assert_eq!(shown, Offered::from(envelope.clone()));
+    let refused = bench.get(&uri.replace('f', "F")).await;
+    assert!(refused.told().contains("hexadecimal"), "{}", refused.told());
+    let stored = bench.answer(&robot, envelope, "applied").await;
+    assert_eq!(stored.status, 200);
+    let confirmed: Confirmed = serde_json::from_str(&stored.body).unwrap();
+    let confirmed = confirmed.open(&trusted).unwrap();
+    assert_eq!(
+        (confirmed.status, confirmed.applied_at_ns.0),
+        (AppliedStatus::Applied, NOW_NS)
+    );
 
     let shadow = bench.get("/api/v1/robots/a/shadow").await;
     assert_eq!(shadow.json()["in_use"]["generation"], 1);
@@ -159,6 +181,7 @@ async fn a_calibration_goes_from_a_proposal_to_its_robot_and_back() {
     assert_eq!(decided["items"][0]["deployment"], "applied");
     let summary = bench.get("/api/v1/robots").await.json();
     assert_eq!(summary["items"][0]["calibration"]["in_sync"], true);
+    assert_eq!(shadow.json()["sync"], "in_sync");
 
     let back = json!({ "reason": "it weaves" }).to_string();
     let tag = [("if-match", shadow.header("etag"))];

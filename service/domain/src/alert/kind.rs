@@ -157,7 +157,9 @@ impl AlertKind {
             }
             Self::OutOfSync => {
                 "Find out who changed the calibration on the robot; roll it back or propose what \
-                 it should use."
+                 it should use. One that uses what was taken back goes back by itself unless that \
+                 was confirmed: if it does not, approve what it should use, and look at which \
+                 router and which agents it has."
             }
             Self::NoData => {
                 "Check that the robot is on and connected. Set maintenance on the page of one that \

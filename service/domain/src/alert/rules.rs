@@ -2,13 +2,15 @@
 
 use fleetcal_model::{Parameter, ParameterStatus, WallTime};
 use fleetcal_proto::RobotId;
-use fleetcal_proto::calibration::CalibrationValues;
+use fleetcal_proto::calibration::{AppliedStatus, CalibrationValues};
 use fleetcal_proto::estimate::EstimateDocument;
 
 use super::condition::Observation;
 use super::kind::AlertKind;
 use super::policy::AlertPolicy;
-use crate::approval::{self, Deployment, DeploymentState, RobotLedger, difference, nominal_values};
+use crate::approval::{
+    self, Contradicted, Deployment, DeploymentState, RobotLedger, difference, nominal_values,
+};
 use crate::robot::{RobotState, RobotView, WarningKind};
 use crate::timestamp;
 
@@ -206,13 +208,21 @@ fn is_warned(situation: &Situation<'_>, kind: WarningKind) -> bool {
 
 fn false_report(situation: &Situation<'_>) -> Seen {
     match &situation.ledger.shadow.contradicted {
-        Some(one) => Seen::Firing(format!(
-            "an answer said that the robot uses generation {}, and a later one about generation {} \
-             contradicts it: one of them was not the robot's",
-            one.generation, one.by_generation
-        )),
+        Some(one) => Seen::Firing(contradiction(one)),
         None => Seen::Clear,
     }
+}
+
+fn contradiction(one: &Contradicted) -> String {
+    let first = match one.status {
+        AppliedStatus::Applied | AppliedStatus::Reverted => "uses",
+        AppliedStatus::Refused | AppliedStatus::Failed => "did not take",
+    };
+    format!(
+        "an answer said that the robot {first} generation {}, and a later one about generation {} \
+         contradicts it: one of them was not the robot's",
+        one.generation, one.by_generation
+    )
 }
 
 fn not_applied(situation: &Situation<'_>) -> Seen {
@@ -220,6 +230,10 @@ fn not_applied(situation: &Situation<'_>) -> Seen {
     let Some(latest) = situation.latest else {
         return Seen::Clear;
     };
+    // What it uses, although that was given up, it did apply: that is another alert.
+    if situation.ledger.shadow.uses(latest.offer.generation) {
+        return Seen::Clear;
+    }
     let outcome = match latest.state {
         S::Refused => "was refused by the robot",
         S::Failed => "was not kept by the robot",
@@ -242,13 +256,22 @@ fn out_of_sync(situation: &Situation<'_>) -> Seen {
     let told_otherwise = situation
         .latest
         .is_some_and(|latest| latest.state == DeploymentState::RollbackFailed);
-    let Some(desired) = &ledger.shadow.desired else {
+    if ledger.live.is_some() || told_otherwise {
+        return Seen::Clear;
+    }
+    let shadow = &ledger.shadow;
+    if let Some(unwanted) = shadow.unwanted() {
+        return Seen::Firing(format!(
+            "the robot uses generation {unwanted} and should use none: it was taken back, or was \
+             never approved here"
+        ));
+    }
+    let Some(desired) = &shadow.desired else {
         return Seen::Clear;
     };
-    let wrong = ledger.live.is_none() && !ledger.shadow.in_sync() && !told_otherwise;
-    Seen::firing_if(wrong, || {
+    Seen::firing_if(!shadow.in_sync(), || {
         let should = desired.generation;
-        match &ledger.shadow.in_use {
+        match &shadow.in_use {
             Some(in_use) => format!(
                 "the robot should use generation {should} and uses {}",
                 in_use.generation

@@ -167,30 +167,28 @@ impl Draft<'_> {
 }
 
 /// Whether a robot's answer and the one before it cannot both be its own: it refused, or could not
-/// use, what it was said to have applied, it applied that at another time, or it goes on using since
-/// before what it was said to have replaced by its factory calibration.
+/// use, what it was said to have applied, or the other way round; it applied that at another time; or
+/// it goes on using since before what it was said to have replaced by its factory calibration.
 fn contradicts(shadow: &Shadow, answer: &Applied, now: WallTime) -> Option<Contradicted> {
     use AppliedStatus as S;
     let before = shadow.reported.as_ref()?;
-    if before.status != S::Applied {
-        return None;
-    }
     let same = answer.generation == before.generation && !before.generation.is_factory();
     let goes_on = |earlier: &InUse| {
         earlier.generation == answer.generation && earlier.since_ns == answer.applied_at_ns
     };
-    let cannot_be = match answer.status {
-        S::Refused | S::Failed => same,
-        S::Applied if same => answer.applied_at_ns != before.at_ns,
-        S::Applied => {
+    let cannot_be = match (before.status, answer.status) {
+        (S::Applied, S::Refused | S::Failed) | (S::Refused | S::Failed, S::Applied) => same,
+        (S::Applied, S::Applied) if same => answer.applied_at_ns != before.at_ns,
+        (S::Applied, S::Applied) => {
             before.generation.is_factory()
                 && !answer.generation.is_factory()
                 && shadow.before.as_ref().is_some_and(goes_on)
         }
-        S::Reverted => false,
+        _ => false,
     };
     cannot_be.then_some(Contradicted {
         generation: before.generation,
+        status: before.status,
         received_ns: before.received_ns,
         by_generation: answer.generation,
         by_status: answer.status,

@@ -46,7 +46,7 @@ pub use present::{Outdated, Present, outdated};
 pub use proposal::{Approval, Closing, Proposal, ProposalEvent, ProposalState, Refreshed};
 pub use refused::{Refused, may_change};
 pub use revision::{Evidence, Origin, Revision};
-pub use shadow::{Contradicted, Maintenance, Reported, Shadow};
+pub use shadow::{Contradicted, Maintenance, Reported, Shadow, SyncState};
 pub use step::step;
 pub use transition::{Changed, DeploymentAction, ProposalAction, ShadowAction, Transition};
 pub use values::{Change, difference, exceeds, nominal_values, values_and_sigmas};

@@ -93,6 +93,9 @@ pub struct Policy {
     pub expires_after_s: u32,
     /// A robot that hears no confirmation for so long after applying goes back by itself, s.
     pub confirm_within_s: u32,
+    /// The service's word that a document is wanted ends after so long, s; each answer to a robot has a
+    /// new one.
+    pub offer_valid_s: u32,
     /// Verified when what the robot now drives with differs from a verification estimate by less than
     /// this, twice the estimate's sigma included.
     pub verify_within: Tolerance,
@@ -117,6 +120,7 @@ impl Default for Policy {
             lidar_distance_max_m: 30.0,
             expires_after_s: 24 * 3_600,
             confirm_within_s: 600,
+            offer_valid_s: 24 * 3_600,
             verify_within: Tolerance::of(0.15, 0.2, 10.0),
             verify_after_m: 60.0,
             verify_within_s: 24 * 3_600,
@@ -172,6 +176,12 @@ impl Policy {
                 f64::from(self.confirm_within_s),
                 1.0,
                 86_400.0,
+            ),
+            (
+                "offer_valid_s",
+                f64::from(self.offer_valid_s),
+                60.0,
+                31_536_000.0,
             ),
             ("verify_after_m", self.verify_after_m, 1.0, 100_000.0),
             (

@@ -28,6 +28,20 @@ pub struct Reported {
     pub confirmed: bool,
 }
 
+/// Agreement between what a robot uses and what it should.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum SyncState {
+    /// It uses what it should; where nothing is approved, its factory calibration.
+    InSync,
+    /// It uses another calibration than it should, or has not said that it uses that.
+    OutOfSync,
+    /// It uses a calibration, and should use none: the approval was taken back, or is not in these
+    /// records.
+    Unwanted,
+}
+
 /// That a robot is switched off on purpose.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
@@ -87,12 +101,15 @@ pub struct Shadow {
     pub contradicted: Option<Contradicted>,
 }
 
-/// Two answers of a robot that cannot both be its own.
+/// Two answers in a robot's name that cannot both be its own.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Contradicted {
-    /// The generation that it was said to have applied.
+    /// The generation of the first.
     pub generation: Generation,
+    /// What the first says: that it is in use, or that the robot did not take it.
+    #[serde(default = "applied")]
+    pub status: AppliedStatus,
     /// When the service learnt of that, ns since 1970, wall time.
     pub received_ns: WallTime,
     /// The generation of the answer that contradicts it.
@@ -101,6 +118,11 @@ pub struct Contradicted {
     pub by_status: AppliedStatus,
     /// When the service learnt of that, ns since 1970, wall time.
     pub at_ns: WallTime,
+}
+
+/// Records of before know of no other.
+const fn applied() -> AppliedStatus {
+    AppliedStatus::Applied
 }
 
 fn is_zero(sum: &Change) -> bool {
@@ -135,12 +157,88 @@ impl Shadow {
         in_use.is_some_and(|in_use| in_use.generation == generation)
     }
 
+    /// The approved generation that the robot uses although it should use none. Of one that these
+    /// records do not know, the robot may not have said the values.
+    pub fn unwanted(&self) -> Option<Generation> {
+        if self.desired.is_some() {
+            return None;
+        }
+        let reported = self.reported.as_ref();
+        let reported = reported.filter(|last| last.status == AppliedStatus::Applied);
+        let said = self.in_use.as_ref().map(|in_use| in_use.generation);
+        let said = said.or(reported.map(|last| last.generation));
+        said.filter(|generation| !generation.is_factory())
+    }
+
+    /// Agreement between what the robot uses and what it should.
+    pub fn sync(&self) -> SyncState {
+        match &self.desired {
+            Some(desired) if self.uses(desired.generation) => SyncState::InSync,
+            Some(_) => SyncState::OutOfSync,
+            None if self.unwanted().is_some() => SyncState::Unwanted,
+            None => SyncState::InSync,
+        }
+    }
+
     /// Whether the robot holds what it should.
     pub fn in_sync(&self) -> bool {
-        match (&self.desired, &self.in_use) {
-            (None, _) => true,
-            (Some(desired), Some(in_use)) => desired.generation == in_use.generation,
-            (Some(_), None) => false,
+        self.sync() == SyncState::InSync
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fleetcal_proto::calibration::CalibrationValues;
+
+    use super::*;
+
+    #[test]
+    fn what_is_applied_and_not_wanted_is_a_state_of_its_own() {
+        let shadow = |desired: Option<u64>, in_use: Option<u64>| Shadow {
+            desired: desired.map(|generation| GenerationRef {
+                generation: Generation(generation),
+                sha256: String::new(),
+                revision: RevisionId(1),
+                chosen_by: None,
+            }),
+            in_use: in_use.map(|generation| InUse {
+                generation: Generation(generation),
+                revision: None,
+                values: CalibrationValues::default(),
+                since_ns: RobotTime(0),
+            }),
+            ..Shadow::new(RobotId::parse("tugger_01").unwrap())
+        };
+        for (desired, in_use, expected) in [
+            (None, None, SyncState::InSync),
+            (None, Some(0), SyncState::InSync),
+            (None, Some(1), SyncState::Unwanted),
+            (Some(2), Some(2), SyncState::InSync),
+            (Some(2), Some(1), SyncState::OutOfSync),
+            (Some(2), Some(0), SyncState::OutOfSync),
+            (Some(2), None, SyncState::OutOfSync),
+        ] {
+            let shadow = shadow(desired, in_use);
+            assert_eq!(shadow.sync(), expected, "{desired:?}, {in_use:?}");
+            assert_eq!(shadow.in_sync(), expected == SyncState::InSync);
+        }
+        // It has said that it uses one, and not with which values.
+        let mut unknown = shadow(None, None);
+        for (generation, status, expected) in [
+            (7, AppliedStatus::Applied, SyncState::Unwanted),
+            (7, AppliedStatus::Reverted, SyncState::InSync),
+            (0, AppliedStatus::Applied, SyncState::InSync),
+        ] {
+            unknown.reported = Some(Reported {
+                generation: Generation(generation),
+                sha256: String::new(),
+                status,
+                reason: None,
+                at_ns: RobotTime(0),
+                received_ns: WallTime(0),
+                confirmed: false,
+            });
+            assert_eq!(unknown.sync(), expected, "{generation} {status:?}");
         }
     }
 }

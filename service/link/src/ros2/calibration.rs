@@ -7,7 +7,7 @@
 
 use fleetcal_operations::lifecycle::Lifecycle;
 use fleetcal_proto::RobotId;
-use fleetcal_proto::calibration::Envelope;
+use fleetcal_proto::offer::Offered;
 use fleetcal_proto::ros::{RosMessage, StringMessage};
 use fleetcal_proto::ros2_key::{Attachment, GID_BYTES, KeyLayout, LatchedTopic, NO_HASH, TopicKey};
 use zenoh::bytes::Encoding;
@@ -98,14 +98,14 @@ pub async fn publish(
     session: &Session,
     ros2: &Ros2,
     robot: &RobotId,
-    envelope: &Envelope,
+    offered: &Offered,
 ) -> Result<()> {
     if !ros2.table().settings().publish_calibration {
         return Ok(());
     }
     for home in ros2.homes(robot) {
         let put = session
-            .put(home.key(), payload(envelope)?)
+            .put(home.key(), payload(offered)?)
             .encoding(Encoding::APPLICATION_CDR)
             .attachment(ros2.attachment(session))
             .congestion_control(CongestionControl::Block)
@@ -118,8 +118,8 @@ pub async fn publish(
     Ok(())
 }
 
-fn payload(envelope: &Envelope) -> Result<Vec<u8>> {
-    let data = serde_json::to_string(envelope)?;
+fn payload(offered: &Offered) -> Result<Vec<u8>> {
+    let data = serde_json::to_string(offered)?;
     Ok(StringMessage { data }.to_cdr())
 }
 
@@ -155,15 +155,15 @@ async fn reply(session: &Session, ros2: &Ros2, lifecycle: &Lifecycle, query: &Qu
     let Some(robot) = robot_of(ros2, key) else {
         return;
     };
-    let envelope = match lifecycle.approved(&robot).await {
-        Ok(Some(envelope)) => envelope,
+    let offered = match lifecycle.approved(&robot, None).await {
+        Ok(Some(offered)) => offered,
         Ok(None) => return,
         Err(error) => {
             tracing::error!(robot.id = %robot, %error, "a question was not answered");
             return;
         }
     };
-    let Ok(payload) = payload(&envelope) else {
+    let Ok(payload) = payload(&offered) else {
         return;
     };
     let reply = query

@@ -386,9 +386,9 @@ async fn tell(
         if !ros2.shared.gate.has(&robot) {
             continue;
         }
-        match lifecycle.approved(&robot).await {
-            Ok(Some(envelope)) => {
-                let put = calibration::publish(&session, &ros2, &robot, &envelope).await;
+        match lifecycle.approved(&robot, None).await {
+            Ok(Some(offered)) => {
+                let put = calibration::publish(&session, &ros2, &robot, &offered).await;
                 if let Err(error) = put {
                     tracing::warn!(robot.id = %robot, error, "not told the approved calibration");
                 }

@@ -4,9 +4,13 @@ use fleetcal_domain::access::Actor;
 use fleetcal_domain::approval::{
     Command, Deployment, DeploymentState, OutboxEntry, Refused, RobotLedger,
 };
+use std::time::Duration;
+
 use fleetcal_model::Generation;
 use fleetcal_proto::RobotId;
-use fleetcal_proto::calibration::{Confirmed, Envelope};
+use fleetcal_proto::calibration::{ConfirmationDocument, ConfirmationSchema, Confirmed, Envelope};
+use fleetcal_proto::offer::{OfferDocument, OfferSchema, Offered, Question};
+use fleetcal_proto::signing::{Statement, sign};
 use fleetcal_store::StoreError;
 
 use super::Lifecycle;
@@ -15,18 +19,22 @@ use super::Lifecycle;
 #[derive(Debug, Clone, PartialEq)]
 pub enum OutboxMessage {
     /// The approved document.
-    Approved(Box<Envelope>),
+    Approved(Box<Offered>),
     /// That its answer is stored.
     Confirmed(Confirmed),
 }
 
 impl Lifecycle {
-    /// The document that a robot should hold. One that nobody has seen yet counts as offered
-    /// before it is given out.
+    /// The document that a robot should hold, with the word, in answer to its question, that it should
+    /// hold it now. One that nobody has seen yet counts as offered before it is given out.
     ///
     /// # Errors
     /// The database's failure.
-    pub async fn approved(&self, robot: &RobotId) -> Result<Option<Envelope>, StoreError> {
+    pub async fn approved(
+        &self,
+        robot: &RobotId,
+        question: Option<Question>,
+    ) -> Result<Option<Offered>, StoreError> {
         let ledger = self.latest_ledger(robot).await?;
         let Some(mut generation) = self.shown(&ledger) else {
             return Ok(None);
@@ -39,7 +47,38 @@ impl Lifecycle {
                 None => return Ok(None),
             }
         }
-        self.inner.store.envelope(robot, generation).await
+        let envelope = self.inner.store.envelope(robot, generation).await?;
+        Ok(envelope.map(|envelope| self.offered(robot, generation, envelope, question)))
+    }
+
+    /// Signs that a document is wanted. The end is counted from now with each answer, so a robot that
+    /// was away for weeks finds one that holds.
+    fn offered(
+        &self,
+        robot: &RobotId,
+        generation: Generation,
+        envelope: Envelope,
+        question: Option<Question>,
+    ) -> Offered {
+        let now = self.inner.clock.now();
+        let lasts = Duration::from_secs(self.policy().offer_valid_s.into());
+        let offer = self.signed(&OfferDocument {
+            schema: OfferSchema::V1,
+            robot: robot.clone(),
+            generation,
+            sha256: envelope.sha256.clone(),
+            offered_at_ns: now,
+            valid_until_ns: now.plus(lasts),
+            question,
+        });
+        Offered { envelope, offer }
+    }
+
+    fn signed<T: Statement>(&self, statement: &T) -> Option<Envelope> {
+        let signed = sign(statement, &self.inner.key);
+        signed
+            .inspect_err(|error| tracing::error!(%error, schema = T::SCHEMA, "not signed"))
+            .ok()
     }
 
     /// The same for somebody else, to whom nothing is offered by looking.
@@ -70,6 +109,14 @@ impl Lifecycle {
         (reported.confirmed && !reported.generation.is_factory()).then(|| Confirmed {
             generation: reported.generation,
             sha256: reported.sha256.clone(),
+            signed: self.signed(&ConfirmationDocument {
+                schema: ConfirmationSchema::V1,
+                robot: robot.clone(),
+                generation: reported.generation,
+                sha256: reported.sha256.clone(),
+                status: reported.status,
+                applied_at_ns: reported.at_ns,
+            }),
         })
     }
 
@@ -110,7 +157,8 @@ impl Lifecycle {
                     return Ok(None);
                 }
                 let envelope = self.inner.store.envelope(robot, generation).await?;
-                Ok(envelope.map(|envelope| OutboxMessage::Approved(Box::new(envelope))))
+                let offered = |envelope| self.offered(robot, generation, envelope, None);
+                Ok(envelope.map(|envelope| OutboxMessage::Approved(Box::new(offered(envelope)))))
             }
             OutboxEntry::Confirmed(generation) => {
                 let confirmed = self.confirmed(robot);

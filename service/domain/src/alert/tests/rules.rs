@@ -228,6 +228,7 @@ fn a_failed_verification_clears_once_the_estimate_agrees_with_what_the_robot_use
                 sigma: [0.001; 4],
                 within: false,
             });
+            case.ledger.shadow.desired = Some(latest.offer.clone());
             case.latest = Some(latest);
             case.ledger.shadow.in_use = Some(in_use(Generation(2), 0.01));
             case.view.estimate = Some(Arc::new(estimate(estimated_rad, 0.0001, "converged")));
@@ -248,6 +249,24 @@ fn a_robot_that_uses_another_generation_is_out_of_sync_unless_one_is_on_its_way(
     assert_eq!(what, "the robot should use generation 2 and uses 1");
     apart.ledger.live = Some(deployment(DeploymentState::Offered));
     assert!(apart.firing().is_empty());
+}
+
+#[test]
+fn a_robot_that_uses_what_nobody_wants_is_out_of_sync_and_did_apply_it() {
+    let mut replayed = case();
+    replayed.latest = Some(deployment(DeploymentState::TimedOut));
+    assert_eq!(replayed.firing(), [AlertKind::NotApplied]);
+    replayed.ledger.shadow.in_use = Some(in_use(Generation(2), 0.0));
+    assert_eq!(replayed.firing(), [AlertKind::OutOfSync]);
+    let (_, what) = replayed.sight(AlertKind::OutOfSync);
+    assert!(
+        what.starts_with("the robot uses generation 2 and should use none"),
+        "{what}"
+    );
+    assert!(AlertKind::OutOfSync.advice().contains("taken back"));
+    // Its factory calibration is what it should use then.
+    replayed.ledger.shadow.in_use = Some(in_use(Generation(0), 0.0));
+    assert_eq!(replayed.firing(), [AlertKind::NotApplied]);
 }
 
 #[test]

@@ -6,7 +6,7 @@ use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};
 use super::bench::{Bench, NOW_NS, estimate, factory};
 use crate::access::Actor;
 use crate::approval::{
-    Command, DeploymentState, Evidence, Origin, Present, Refused, Situation, Tolerance, automatic,
+    Command, DeploymentState, Evidence, Origin, Present, Refused, Situation, SyncState, Tolerance, automatic,
     due, values_and_sigmas,
 };
 
@@ -333,6 +333,31 @@ fn an_answer_that_the_next_one_contradicts_is_kept_until_a_person_decides() {
         assert_eq!(forged.do_due(&estimate(0.05, 20), true), Some("verify"));
         forged.take(own(&forged, status, WallTime(at_ns)), &Actor::service());
         assert!(is_told(&forged), "{status:?}");
+    }
+    // Nor have applied what it was said to have refused.
+    for status in [AppliedStatus::Refused, AppliedStatus::Failed] {
+        let mut forged = Bench::new();
+        forged.do_due(&estimate(0.05, 0), false);
+        forged.approve();
+        let offer = forged.ledger.live.clone().unwrap().offer;
+        let generation = offer.generation;
+        forged.take(Command::Offer { generation }, &Actor::service());
+        let answer = |status| {
+            Command::Acknowledge(Applied {
+                generation: offer.generation,
+                sha256: offer.sha256.clone(),
+                status,
+                reason: None,
+                applied_at_ns: RobotTime(NOW_NS),
+                values: None,
+            })
+        };
+        forged.take(answer(status), &Actor::service());
+        assert!(!is_told(&forged));
+        assert_eq!(forged.ledger.shadow.sync(), SyncState::InSync);
+        forged.take(answer(AppliedStatus::Applied), &Actor::service());
+        assert!(is_told(&forged), "{status:?}");
+        assert_eq!(forged.ledger.shadow.sync(), SyncState::Unwanted);
     }
     // Nor go on using since then what it was said to have replaced.
     let mut forged = offered();

@@ -197,8 +197,8 @@ impl Bench {
     /// The document that the robot gets when it asks.
     async fn asked(&self) -> Option<CalibrationDocument> {
         let trusted = TrustedKeys::new(vec![self.lifecycle.public_key()]).unwrap();
-        let envelope = self.lifecycle.approved(&robot()).await.unwrap();
-        envelope.map(|envelope| envelope.open(&trusted).unwrap())
+        let offered = self.lifecycle.approved(&robot(), None).await.unwrap();
+        offered.map(|offered| offered.envelope.open(&trusted).unwrap())
     }
 
     /// The robot's answer about a generation that was given out.

@@ -2,6 +2,9 @@
 
 use fleetcal_model::{Generation, RobotTime};
 
+use fleetcal_domain::approval::SyncState;
+use fleetcal_proto::offer::Question;
+
 use super::*;
 
 #[tokio::test]
@@ -164,6 +167,74 @@ async fn an_old_answer_does_not_take_the_place_of_a_new_one() {
 }
 
 #[tokio::test]
+async fn a_robot_gets_a_word_of_now_however_long_it_was_away() {
+    let policy = Policy {
+        offer_valid_s: 3_600,
+        ..Policy::default()
+    };
+    let bench = Bench::open(policy).await;
+    bench.approve(0.02, None).await;
+    bench.drive_in_verification().await;
+    bench.verify(true).await;
+    let trusted = TrustedKeys::new(vec![bench.lifecycle.public_key()]).unwrap();
+    for weeks in [0, 10] {
+        bench.clock.advance(weeks * 7 * 24 * HOUR);
+        let question = Question::from_bytes([weeks as u8; 16]);
+        let asked = bench
+            .lifecycle
+            .approved(&robot(), Some(question.clone()))
+            .await;
+        let offered = asked.unwrap().unwrap();
+        let offer = offered.open_offer(&trusted).unwrap();
+        assert_eq!((&offer.robot, offer.generation), (&robot(), Generation(1)));
+        assert_eq!(offer.sha256, offered.envelope.sha256);
+        assert_eq!(offer.question, Some(question));
+        assert_eq!(offer.offered_at_ns, bench.clock.now());
+        assert_eq!(
+            offer.valid_until_ns.ns_since(offer.offered_at_ns),
+            3_600_000_000_000
+        );
+    }
+}
+
+/// Two computers with an agent of one robot: one refuses, the other one has applied.
+#[tokio::test]
+async fn a_confirmation_says_which_answer_is_stored() {
+    let bench = Bench::open(Policy::default()).await;
+    bench.approve(0.02, None).await;
+    let generation = bench.asked().await.unwrap().generation;
+    bench.send_outbox().await;
+    let trusted = TrustedKeys::new(vec![bench.lifecycle.public_key()]).unwrap();
+    let stored = |bench: &Bench| {
+        let confirmed = bench.lifecycle.confirmed(&robot());
+        confirmed.map(|one| one.open(&trusted).unwrap())
+    };
+    bench
+        .answer(generation, AppliedStatus::Refused)
+        .await
+        .unwrap();
+    let document = stored(&bench).unwrap();
+    assert_eq!(document.status, AppliedStatus::Refused);
+    assert_eq!(document.applied_at_ns, RobotTime(bench.clock.now().0));
+    bench.clock.advance(Duration::from_secs(1));
+    bench
+        .answer(generation, AppliedStatus::Applied)
+        .await
+        .unwrap();
+    // It was refused, so nobody wants it: the other computer goes back by itself.
+    assert_eq!(stored(&bench), None);
+    let shadow = bench.lifecycle.ledger(&robot()).shadow.clone();
+    assert_eq!(shadow.sync(), SyncState::Unwanted);
+    assert!(shadow.contradicted.is_some());
+    bench
+        .answer(generation, AppliedStatus::Reverted)
+        .await
+        .unwrap();
+    let shadow = bench.lifecycle.ledger(&robot()).shadow.clone();
+    assert_eq!(shadow.sync(), SyncState::InSync);
+}
+
+#[tokio::test]
 async fn a_robot_that_does_not_drive_is_inconclusive_after_a_day() {
     let bench = Bench::open(Policy::default()).await;
     bench.approve(0.02, None).await;
@@ -234,7 +305,7 @@ async fn what_no_robot_can_drive_with_is_not_believed() {
     let bench = Bench::open(Policy::default()).await;
     bench.approve(0.02, None).await;
     let sha256 = match bench.send_outbox().await.as_slice() {
-        [OutboxMessage::Approved(envelope)] => envelope.sha256.clone(),
+        [OutboxMessage::Approved(offered)] => offered.envelope.sha256.clone(),
         other => panic!("{other:?}"),
     };
     let applied = Applied {
