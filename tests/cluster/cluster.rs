@@ -101,6 +101,8 @@ pub struct Cluster {
     /// Where its routers listen.
     pub routers: Vec<String>,
     router_processes: Vec<Process>,
+    /// What each router reaches the other one by, where that can be cut.
+    between_routers: Vec<Proxy>,
     /// Outlives the processes in it.
     namespaces: Option<Namespaces>,
     /// The lines of `[cluster]` that name the peers.
@@ -196,6 +198,7 @@ impl Cluster {
             database: database.to_string(),
             program: binary::path(),
             router_processes: Vec::new(),
+            between_routers: Vec::new(),
             peers: plaintext_peers(&addresses),
             config: config(parts, folder.path()),
             routers,
@@ -218,7 +221,15 @@ impl Cluster {
 
     fn router(&self, number: usize) -> Process {
         let own = &self.routers[number];
-        let others = self.routers.iter().filter(|other| *other != own);
+        let others: Vec<_> = match self.between_routers.get(number) {
+            Some(line) => vec![format!("tcp/{}", line.address())],
+            None => self
+                .routers
+                .iter()
+                .filter(|other| *other != own)
+                .cloned()
+                .collect(),
+        };
         let test = env::current_exe().unwrap();
         let beside = test.ancestors().nth(2).unwrap().join("fleetcal-router");
         let log = self.folder.path().join(format!("router_{number}.log"));
@@ -257,6 +268,26 @@ impl Cluster {
         self.router_processes[router] = self.router(router);
         let address = self.routers[router].trim_start_matches("tcp/");
         wait_for("a router", || TcpStream::connect(address).ok());
+    }
+
+    /// Starts the routers again with lines between them that can be cut.
+    pub async fn part_routers(&mut self) -> Vec<Line> {
+        let servers = self.routers.iter().rev();
+        let servers: Vec<_> = servers
+            .map(|other| other.trim_start_matches("tcp/").to_owned())
+            .collect();
+        for server in servers {
+            self.between_routers.push(Proxy::before(server).await);
+        }
+        for router in 0..self.routers.len() {
+            self.kill_router(router);
+            self.start_router(router);
+        }
+        self.between_routers
+            .iter()
+            .cloned()
+            .map(Line::Proxy)
+            .collect()
     }
 
     /// The database as an instance reaches it: by its own line and in its own role.

@@ -47,6 +47,8 @@ fn values() -> Value {
 fn outcome(answer: Option<&Answer>) -> Outcome {
     match answer.map(|answer| answer.status) {
         Some(200..300) => Outcome::Acknowledged,
+        // Too much was changed at that instance: another one may take it.
+        Some(429) => Outcome::Unknown,
         Some(400..500) => Outcome::Refused,
         _ => Outcome::Unknown,
     }
@@ -111,14 +113,14 @@ pub struct Decider {
 }
 
 impl Decider {
-    /// Begins to decide about so many parked robots, for each one decision after another with this
-    /// pause.
-    pub fn start(desk: &Desk, parked: usize, seed: u64, pause: Duration) -> Self {
+    /// Begins to decide at each desk about a parked robot of its own, one decision after another with
+    /// this pause.
+    pub fn start(desks: Vec<Desk>, seed: u64, pause: Duration) -> Self {
         let (log, stop) = (Arc::<Mutex<Log>>::default(), Arc::<AtomicBool>::default());
-        for robot in 1..=parked {
-            let seed = seed * 100 + robot as u64;
+        for (robot, desk) in (1_u64..).zip(desks) {
+            let seed = seed * 100 + robot;
             let mut work = Work {
-                desk: desk.clone(),
+                desk,
                 seed,
                 random: StdRng::seed_from_u64(seed),
                 log: Arc::clone(&log),

@@ -106,7 +106,7 @@ impl Proxy {
     }
 
     /// Where it listens.
-    fn address(&self) -> String {
+    pub fn address(&self) -> String {
         self.address.to_string()
     }
 

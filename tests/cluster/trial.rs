@@ -89,8 +89,10 @@ impl Trial {
         // No robot moves after it has begun to drive: a scan matcher's map does not move with it.
         wait_until_even(&instances, DRIVING + parts.parked);
         let robots = cluster.drive();
-        let desk = desk(&cluster, names);
-        let decider = Decider::start(&desk, parts.parked, seed, pause);
+        // Each decides as somebody of its own: one caller may change no more than one thing a second
+        // for long.
+        let desks = (1..=parts.parked).map(|robot| desk(&cluster, names, &format!("_{robot}")));
+        let decider = Decider::start(desks.collect(), seed, pause);
         let trial = Self {
             instances,
             decider,
@@ -279,11 +281,11 @@ pub fn assert_rate(per_s: f64) {
     );
 }
 
-/// Where is decided, by whom.
-pub fn desk(cluster: &Cluster, names: &[&str]) -> Desk {
+/// Where is decided, and by whom, whose names end so.
+pub fn desk(cluster: &Cluster, names: &[&str], end: &str) -> Desk {
     Desk {
         instances: names.iter().map(|name| cluster.http(name)).collect(),
-        proposer: cluster.token_of("carla"),
-        approver: cluster.token_of("ana"),
+        proposer: cluster.token_of(&format!("carla{end}")),
+        approver: cluster.token_of(&format!("ana{end}")),
     }
 }

@@ -106,7 +106,8 @@ fn of_every_operation(path: &str) -> Vec<Shared> {
         Shared::new(StatusCode::SERVICE_UNAVAILABLE, "Unavailable", unavailable),
     ];
     if !health::is_probe(path) {
-        let many = "Too many requests from the client's address are under way";
+        let many = "Too many requests from the client's address are under way, or the user or token \
+            has changed too much";
         let many = Shared::new(StatusCode::TOO_MANY_REQUESTS, "TooManyRequests", many);
         found.push(many);
     }

@@ -12,9 +12,11 @@ mod cluster;
 mod dashboard;
 mod documentation;
 mod durations;
+mod export;
 mod forwarding;
 mod health;
 mod layers;
+mod listing;
 mod live_event;
 mod metrics;
 mod request_head;
@@ -57,6 +59,7 @@ pub use serving::serve;
 use access::AccessState;
 use durations::RequestDurations;
 use etag::tagged_json;
+use export::Exports;
 use extract::{NoParameters, Parameters};
 use health::ReadyProbe;
 use problem::Problem;
@@ -121,6 +124,7 @@ struct ApiState {
     peers: Peers,
     stream: StreamHub,
     recordings: robots::Recordings,
+    exports: Exports,
     connections: Connections,
     ready: ReadyProbe,
     access: AccessState,
@@ -133,6 +137,7 @@ impl ApiState {
             started_ns: setup.clock.now().minus(setup.clock.elapsed()),
             durations: RequestDurations::new(setup.clock.clone()),
             recordings: robots::Recordings::new(setup.stop.clone()),
+            exports: Exports::default(),
             stream: StreamHub::start(&setup),
             fleet: setup.fleet,
             lifecycle: setup.lifecycle,

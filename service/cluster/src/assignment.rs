@@ -26,12 +26,12 @@ pub struct Candidate<'a> {
 /// with room in the order of rendezvous hashing (Thaler and Ravishankar, 1998). All instances that
 /// have read the same rows come to the same result.
 ///
-/// `robots` says who has each robot now; `can_read` whether an instance can go on from a robot's
-/// stored state. A robot that no candidate can read is left out.
+/// `robots` says who has each robot now; `can_have` whether an instance can go on from a robot's
+/// stored state, and hears it. A robot that no candidate can have is left out.
 pub fn assign(
     candidates: &[Candidate<'_>],
     robots: &BTreeMap<RobotId, Option<&Seat>>,
-    can_read: impl Fn(&Seat, &RobotId) -> bool,
+    can_have: impl Fn(&Seat, &RobotId) -> bool,
 ) -> Assignment {
     let mut owned: BTreeMap<&Seat, Vec<&RobotId>> = BTreeMap::new();
     for candidate in candidates {
@@ -39,7 +39,8 @@ pub fn assign(
     }
     let mut homeless = Vec::new();
     for (robot, owner) in robots {
-        match owner.and_then(|seat| owned.get_mut(seat)) {
+        let keeps = owner.filter(|seat| can_have(seat, robot));
+        match keeps.and_then(|seat| owned.get_mut(seat)) {
             Some(of_owner) => of_owner.push(robot),
             None => homeless.push(robot),
         }
@@ -62,7 +63,7 @@ pub fn assign(
     // Step 2: the others go where there is room.
     homeless.sort_unstable();
     for robot in homeless {
-        let able = |seat: &&Seat| can_read(seat, robot);
+        let able = |seat: &&Seat| can_have(seat, robot);
         let suits = |seat: &&Seat| score(&seat.instance, robot.as_str());
         let with_room = room.iter().filter(|(_, left)| **left > 0);
         let best = with_room

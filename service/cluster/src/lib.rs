@@ -9,6 +9,7 @@
 
 mod assignment;
 mod duty;
+mod hearing;
 mod lease;
 mod link_report;
 mod member;
@@ -19,6 +20,7 @@ mod tenure;
 
 pub use assignment::{Assignment, assign};
 pub use duty::Duty;
+pub use hearing::{Hearing, Listening};
 pub use lease::Lease;
 pub use link_report::{HEARTBEAT_EVERY, HEARTBEATS_MISSING_AFTER, LinkReport, Silence};
 pub use member::Member;

@@ -11,6 +11,8 @@ use crate::InstanceId;
 pub const HEARTBEAT_EVERY: Duration = Duration::from_millis(100);
 /// One whose heartbeats have been missing for so long is silent: two may be late or lost.
 pub const HEARTBEATS_MISSING_AFTER: Duration = Duration::from_millis(300);
+/// What sends no heartbeat for so long and still has a token is a program that sends none.
+const TOKEN_OUTLIVES_CUT_MAX: Duration = Duration::from_secs(30);
 /// Two looks at the heartbeats that are further apart say nothing together: who looks was held up, and the
 /// heartbeats of meanwhile still wait to be read.
 const LOOKS_APART_MAX: Duration = CLUSTER_LOOK_EVERY.saturating_mul(2);
@@ -41,6 +43,17 @@ impl LinkReport {
         if self.present.contains(&instance) {
             self.heartbeats.insert(instance, now);
         }
+    }
+
+    /// Says whether an instance is heard at `now`, running time: its token stands, and its heartbeats come if
+    /// any has. A token outlives a cut of the routers by Zenoh's `lease`, ten seconds unless configured.
+    pub fn hears(&self, instance: &InstanceId, now: Duration) -> bool {
+        let missing_for = |at: &Duration| now.saturating_sub(*at);
+        let latest = self.heartbeats.get(instance).map(missing_for);
+        let is_missing = latest.is_some_and(|missing| {
+            (HEARTBEATS_MISSING_AFTER..TOKEN_OUTLIVES_CUT_MAX).contains(&missing)
+        });
+        self.present.contains(instance) && !is_missing
     }
 
     /// Whether the heartbeats of an instance are missing at `now`, running time, while its token stands:
@@ -112,6 +125,19 @@ mod tests {
         assert!(!report.is_silent(&b(), HEARD_AT + HEARTBEATS_MISSING_AFTER));
         // It was replaced by a former program under the same token.
         assert!(!heard().is_silent(&b(), HEARD_AT + CLUSTER_LEASE));
+    }
+
+    #[test]
+    fn an_instance_is_heard_by_token_and_heartbeats() {
+        let late = HEARD_AT + HEARTBEATS_MISSING_AFTER;
+        let heard = heard();
+        assert!(heard.hears(&b(), HEARD_AT));
+        assert!(!heard.hears(&b(), late));
+        assert!(!heard.hears(&b(), HEARD_AT + CLUSTER_LEASE));
+        let mut former = LinkReport::default();
+        assert!(!former.hears(&b(), HEARD_AT));
+        former.note_token(b(), true);
+        assert!(former.hears(&b(), late), "it sends no heartbeats");
     }
 
     #[test]

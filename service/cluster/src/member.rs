@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use fleetcal_domain::limits::CLUSTER_CLOCK_USED_UP_TO;
 
+use crate::hearing::Hearing;
 use crate::tenure::Seat;
 
 /// An instance as its row says.
@@ -21,6 +22,8 @@ pub struct Member {
     pub draining: bool,
     /// Whether it reaches a Zenoh router, so that robots reach it, and its clock is right enough.
     pub linked: bool,
+    /// Instances and robots that it hears on Zenoh.
+    pub hearing: Hearing,
     /// Where other instances reach its HTTP API.
     pub url: String,
     /// Version of its program.

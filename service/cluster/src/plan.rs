@@ -1,6 +1,6 @@
 //! Plan of an instance from the rows that it has read. Pure.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use fleetcal_domain::limits::{
@@ -11,6 +11,7 @@ use fleetcal_proto::RobotId;
 
 use crate::assignment::{Assignment, Candidate, assign, score};
 use crate::duty::Duty;
+use crate::hearing::Hearing;
 use crate::member::Member;
 use crate::tenure::{ClaimId, Epoch, Seat};
 
@@ -150,10 +151,54 @@ fn assignment(snapshot: &Snapshot, candidates: &[&Member]) -> Assignment {
         .collect();
     let owners = snapshot.robots.iter();
     let owners = owners.map(|(robot, row)| (robot.clone(), row.owner.as_ref()));
+    let reach = Reach::of(snapshot, candidates);
     assign(&of_candidates, &owners.collect(), |seat, robot| {
         let stored = snapshot.robots.get(robot).map(|row| row.checkpoint_format);
-        formats.get(seat).copied() >= stored
+        formats.get(seat).copied() >= stored && reach.permits(seat, robot)
     })
+}
+
+/// Robots that the candidates hear, while some of them do not hear each other.
+struct Reach<'a> {
+    snapshot: &'a Snapshot,
+    /// Empty while all of them hear each other.
+    candidates: BTreeMap<&'a Seat, &'a Hearing>,
+    /// Robots that one of them hears.
+    heard: BTreeSet<&'a RobotId>,
+}
+
+impl<'a> Reach<'a> {
+    fn of(snapshot: &'a Snapshot, candidates: &[&'a Member]) -> Self {
+        let is_cut = |member: &&Member| !member.hearing.unheard_instances.is_empty();
+        let hearing = candidates.iter().filter(|_| candidates.iter().any(is_cut));
+        let candidates: BTreeMap<_, _> = hearing
+            .map(|member| (&member.seat, &member.hearing))
+            .collect();
+        let robots = candidates.values().flat_map(|one| &one.heard_robots);
+        Self {
+            heard: robots.collect(),
+            snapshot,
+            candidates,
+        }
+    }
+
+    /// Says whether a candidate may have a robot: an owner that does not say that it does not hear it, and
+    /// who does hear it. What nobody hears stays where it is.
+    fn permits(&self, seat: &Seat, robot: &RobotId) -> bool {
+        let Some(hearing) = self.candidates.get(seat) else {
+            return true;
+        };
+        let owner = self.snapshot.robots.get(robot);
+        let owner = owner.and_then(|row| row.owner.as_ref());
+        let owner = owner.filter(|owner| self.candidates.contains_key(owner));
+        let is_owner = owner == Some(seat);
+        if self.heard.contains(robot) {
+            hearing.heard_robots.contains(robot)
+                || is_owner && !hearing.unheard_robots.contains(robot)
+        } else {
+            is_owner || owner.is_none()
+        }
+    }
 }
 
 /// What one instance sees.
@@ -249,21 +294,22 @@ fn handover(robot: &RobotId, to: &Seat) -> Handover {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::InstanceId;
+    use crate::hearing::Hearing;
     use crate::tenure::Incarnation;
 
     const NOW: WallTime = WallTime(1_000_000_000_000);
 
-    fn seat(name: &str) -> Seat {
+    pub(crate) fn seat(name: &str) -> Seat {
         Seat {
             instance: InstanceId::parse(name).unwrap(),
             incarnation: Incarnation(3),
         }
     }
 
-    fn robot(number: usize) -> RobotId {
+    pub(crate) fn robot(number: usize) -> RobotId {
         RobotId::parse(&format!("tugger_{number}")).unwrap()
     }
 
@@ -275,6 +321,7 @@ mod tests {
             capacity: 1,
             draining: false,
             linked: true,
+            hearing: Hearing::default(),
             url: String::new(),
             program: String::new(),
             checkpoint_format: 2,
@@ -301,7 +348,7 @@ mod tests {
     }
 
     /// A cluster in which the robots of each number are those of the instance at that place.
-    fn cluster(members: &[&str], owners: &[Option<&str>]) -> Snapshot {
+    pub(crate) fn cluster(members: &[&str], owners: &[Option<&str>]) -> Snapshot {
         let robots = owners.iter().enumerate();
         Snapshot {
             now: NOW,
@@ -379,6 +426,62 @@ mod tests {
         assert_eq!(plan(&seat("a"), &snapshot).give_up, [robot(0)]);
         snapshot.members[1].linked = false;
         assert_eq!(plan(&seat("a"), &snapshot), Plan::default());
+    }
+
+    /// Says whom an instance hears: these robots, and not those.
+    fn hears(snapshot: &mut Snapshot, member: usize, heard: &[usize], unheard: &[usize]) {
+        let robots = |numbers: &[usize]| numbers.iter().map(|number| robot(*number)).collect();
+        let other = snapshot.members[1 - member].seat.instance.clone();
+        snapshot.members[member].hearing = Hearing {
+            unheard_instances: BTreeSet::from([other]),
+            heard_robots: robots(heard),
+            unheard_robots: robots(unheard),
+        };
+    }
+
+    #[test]
+    fn a_robot_goes_to_who_hears_it_when_the_routers_are_cut() {
+        let mut snapshot = cluster(&["a", "b"], &[Some("a"), Some("a"), Some("b"), Some("b")]);
+        hears(&mut snapshot, 0, &[0, 2], &[1, 3]);
+        hears(&mut snapshot, 1, &[1, 3], &[0, 2]);
+        assert_eq!(
+            plan(&seat("a"), &snapshot).offer,
+            [handover(&robot(1), &seat("b"))]
+        );
+        assert_eq!(
+            plan(&seat("b"), &snapshot).offer,
+            [handover(&robot(2), &seat("a"))]
+        );
+        // All robots are at one side: shares do not move them back.
+        hears(&mut snapshot, 0, &[0, 1, 2, 3], &[]);
+        hears(&mut snapshot, 1, &[], &[0, 1, 2, 3]);
+        assert_eq!(plan(&seat("a"), &snapshot), Plan::default());
+        for number in [2, 3] {
+            row(&mut snapshot, number).owner = Some(seat("a"));
+        }
+        for name in ["a", "b"] {
+            assert_eq!(plan(&seat(name), &snapshot), Plan::default());
+        }
+        // The cut is over.
+        snapshot.members[0].hearing = Hearing::default();
+        snapshot.members[1].hearing = Hearing::default();
+        assert_eq!(plan(&seat("a"), &snapshot).offer.len(), 2);
+    }
+
+    #[test]
+    fn a_robot_that_nobody_hears_stays() {
+        let mut snapshot = cluster(&["a", "b"], &[Some("a"), Some("a"), Some("a"), None]);
+        hears(&mut snapshot, 0, &[], &[0, 1, 2, 3]);
+        hears(&mut snapshot, 1, &[], &[0, 1, 2, 3]);
+        let (of_a, of_b) = (plan(&seat("a"), &snapshot), plan(&seat("b"), &snapshot));
+        assert_eq!(of_a.offer, []);
+        let claims = of_a.claim.len() + of_b.claim.len();
+        assert_eq!(claims, 1, "what nobody has is taken all the same");
+        // Nor does one move whose owner has been frozen, and says nothing.
+        hears(&mut snapshot, 1, &[0, 1, 2], &[3]);
+        snapshot.members[0].hearing = Hearing::default();
+        let stays = plan(&seat("a"), &snapshot).offer;
+        assert!(stays.len() <= 1, "its share alone: {stays:?}");
     }
 
     #[test]

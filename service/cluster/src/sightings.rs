@@ -156,6 +156,7 @@ mod tests {
 
     use super::*;
     use crate::InstanceId;
+    use crate::hearing::Hearing;
     use crate::tenure::{ClaimId, Epoch, Incarnation, Seat};
 
     const S: i64 = 1_000_000_000;
@@ -175,6 +176,7 @@ mod tests {
             capacity: 1,
             draining: false,
             linked: true,
+            hearing: Hearing::default(),
             url: String::new(),
             program: String::new(),
             checkpoint_format: 2,

@@ -1,10 +1,12 @@
 //! Jobs that several tests run.
 
 use async_trait::async_trait;
-use fleetcal_domain::access::{AccountName, Grant, PasswordHash, Role};
+use fleetcal_domain::access::{AccountName, Actor, Grant, PasswordHash, Role};
+use fleetcal_domain::approval::DeploymentAction;
+use fleetcal_domain::audit::Action;
 use fleetcal_domain::robot::RobotConfig;
 use fleetcal_model::{EventId, UserId, Version, WallTime};
-use fleetcal_store::{Job, NewEvent, Records, StoreError, UserRecord};
+use fleetcal_store::{AuditEntry, Job, NewEvent, Records, StoreError, UserRecord};
 
 use crate::{NOW_S, NS, robot};
 
@@ -62,5 +64,31 @@ impl Job for KeepRobot {
             .save_config(&robot("a"), config, None, Version(version), WallTime(now))
             .await?;
         records.add_event(event).await
+    }
+}
+
+/// Appends so many rows about robot `a` to the audit, numbered from 0 on.
+#[derive(Debug)]
+pub struct AppendAudit(pub u32);
+
+#[async_trait]
+impl Job for AppendAudit {
+    type Done = ();
+
+    async fn run(&self, records: &mut dyn Records) -> Result<(), StoreError> {
+        for number in 0..self.0 {
+            let entry = AuditEntry {
+                at_ns: WallTime(NOW_S * NS),
+                actor: Actor::service(),
+                action: Action::Deployment(DeploymentAction::Offer),
+                subject_id: number.to_string(),
+                robot: Some(robot("a")),
+                before: None,
+                after: Some(serde_json::json!({ "state": "offered", "number": number })),
+                reason: Some("x;=1+1".to_owned()),
+            };
+            records.append_audit(&entry).await?;
+        }
+        Ok(())
     }
 }

@@ -316,6 +316,23 @@ pub const APPROVED_AT_ONCE_MAX: usize = 500;
 pub const APPROVED_WITHIN: Duration = Duration::from_secs(4);
 /// Rows of the audit in one file.
 pub const AUDIT_FILE_ROWS_MAX: u32 = 100_000;
+/// Rows of a list or a file that are read at once; the next ones once the client has taken these.
+pub const LIST_ROWS_AT_ONCE: u32 = 128;
+/// Files that are written at once.
+pub const EXPORTS_MAX: usize = 8;
+/// Files that are written at once for one user or token.
+pub const EXPORTS_PER_CALLER_MAX: usize = 2;
+/// A file has been taken whole within this time: 100,000 rows of the audit at 1 Mbit/s, uncompressed.
+pub const EXPORT_TAKEN_WITHIN: Duration = Duration::from_mins(15);
+/// Writes of one user or token at once: a fleet is registered in one stroke. One request that decides
+/// several proposals counts as so many.
+pub const CALLER_WRITES_BURST: u32 = 1_000;
+/// The time after which one more is let through: each may leave rows in the audit, which is kept.
+pub const CALLER_WRITES_EVERY: Duration = Duration::from_secs(1);
+/// Users and tokens whose writes are remembered.
+pub const CALLER_WRITES_KEYS_MAX: usize = 4_096;
+/// Refused writes of one user or token are logged this often.
+pub const CALLER_WRITES_LOGGED_EVERY: Duration = Duration::from_mins(1);
 /// Points of a chart's line that one request gets.
 pub const HTTP_POINTS_MAX: u32 = 5_000;
 /// Points of a chart's line unless asked for otherwise.
@@ -437,6 +454,12 @@ pub const CLUSTER_LEASE_MARGIN: Duration = Duration::from_secs(1);
 pub const CLUSTER_RENEW_EVERY: Duration = Duration::from_secs(2);
 /// How often an instance looks at the rows of the cluster.
 pub const CLUSTER_LOOK_EVERY: Duration = Duration::from_millis(250);
+/// An instance of which another one has heard nothing over Zenoh for so long is unheard by it: the
+/// routers between them are cut.
+pub const CLUSTER_UNHEARD_AFTER: Duration = Duration::from_secs(1);
+/// While instances do not hear each other: a robot to which one has listened for so long without a
+/// message is unheard by it.
+pub const CLUSTER_ROBOT_UNHEARD_AFTER: Duration = Duration::from_secs(2);
 /// What the instance that should have taken something has not taken by then, another one takes.
 pub const CLUSTER_CLAIM_OTHERS_AFTER: Duration = Duration::from_secs(2);
 /// Robots that an instance hands over at once.

@@ -5,6 +5,7 @@ mod cluster;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, PoisonError, RwLock};
+use std::time::Duration;
 
 use fleetcal_clock::SharedClock;
 use fleetcal_cluster::Membership;
@@ -384,9 +385,13 @@ impl FleetHandle {
 
     /// Whether a robot is sending.
     pub fn is_sending(&self, id: &RobotId) -> bool {
-        let robot = self.fleet.find(id.as_str());
-        let quiet = robot.and_then(|robot| robot.quiet_for(&*self.fleet.clock));
+        let quiet = self.quiet_for(id);
         quiet.is_some_and(|quiet| quiet < limits::SENDING_WITHIN)
+    }
+
+    /// The time since something of a robot came to this process; `None` when nothing ever has.
+    pub fn quiet_for(&self, id: &RobotId) -> Option<Duration> {
+        self.fleet.find(id.as_str())?.quiet_for(&*self.fleet.clock)
     }
 
     /// How long estimators took for a scan, all robots together.

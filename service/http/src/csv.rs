@@ -1,5 +1,6 @@
 //! Tables as files: CSV after RFC 4180.
 
+use axum::body::Body;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 
@@ -10,32 +11,42 @@ pub fn line<'a>(fields: impl IntoIterator<Item = &'a str>) -> String {
 }
 
 /// An answer that a browser saves under `name`.
-pub fn file(kind: &'static str, name: &str, text: String) -> Response {
+pub fn file(kind: &'static str, name: &str, body: Body) -> Response {
     let disposition = format!("attachment; filename=\"{name}\"");
     let headers = [
         (header::CONTENT_TYPE, kind.to_owned()),
         (header::CONTENT_DISPOSITION, disposition),
     ];
-    (headers, text).into_response()
+    (headers, body).into_response()
 }
 
 /// The media type.
 pub const CSV: &str = "text/csv; charset=utf-8";
 
-/// A field in quotes where it needs them. What a spreadsheet would take for a formula stays text;
-/// a number is none.
+/// What a spreadsheet that is not set to commas begins a field or a line after, in quotes or not.
+const OTHER_SEPARATORS: [char; 5] = [';', '\t', '|', '\n', '\r'];
+
+/// A field in quotes where it needs them. What a spreadsheet would take for a formula stays text,
+/// whatever separates its fields.
 fn quoted(field: &str) -> String {
-    let begins_so = field.starts_with(['=', '+', '-', '@', '\t', '\r']);
-    let formula = begins_so && field.parse::<f64>().is_err();
-    let text = if formula {
-        format!("'{field}")
-    } else {
-        field.to_owned()
-    };
-    if text.contains([',', '"', '\n', '\r']) {
+    let parts = field.split_inclusive(OTHER_SEPARATORS);
+    let text: String = parts.map(as_text).collect();
+    if text.contains(OTHER_SEPARATORS) || text.contains([',', '"']) {
         return format!("\"{}\"", text.replace('"', "\"\""));
     }
     text
+}
+
+/// A part of a field that begins no formula; a number is none.
+fn as_text(part: &str) -> String {
+    let content = part.trim_start_matches(['"', ' ']);
+    let begins_so = content.starts_with(['=', '+', '-', '@', '\t', '\r']);
+    let number = content.trim_end_matches(OTHER_SEPARATORS);
+    if begins_so && number.parse::<f64>().is_err() {
+        format!("'{part}")
+    } else {
+        part.to_owned()
+    }
 }
 
 #[cfg(test)]
@@ -50,6 +61,9 @@ mod tests {
         assert_eq!(quoted("=1+1"), "'=1+1");
         assert_eq!(quoted("-2, so"), "\"'-2, so\"");
         assert_eq!(quoted("-0.25"), "-0.25");
+        assert_eq!(quoted("x;=1+1"), "\"x;'=1+1\"");
+        assert_eq!(quoted("x\n\"=1+1\""), "\"x\n'\"\"=1+1\"\"\"");
+        assert_eq!(quoted("0.1;-0.25;+3"), "\"0.1;-0.25;+3\"");
         assert_eq!(line(["a", "", "b c"]), "a,,b c\r\n");
     }
 }

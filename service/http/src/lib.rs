@@ -2,6 +2,7 @@
 //! peer may take, and from which address a request comes. It knows no route.
 
 mod acceptor;
+mod caller_writes;
 mod client_address;
 pub mod compressed;
 mod connections;
@@ -19,6 +20,7 @@ mod throttle;
 mod trusted_proxies;
 
 pub use acceptor::listen;
+pub use caller_writes::{CallerWrites, WritesExceeded};
 pub use client_address::PeerAddress;
 pub use connections::Connections;
 pub use familiar::Familiar;

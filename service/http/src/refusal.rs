@@ -29,11 +29,15 @@ pub enum Turned {
     Host,
     /// Too many event streams: all together, of one caller, or of one address.
     Streams,
+    /// Too many files are written: all together, or of one caller.
+    Exports,
+    /// One user or token changes too much.
+    CallerWrites,
 }
 
 impl Turned {
     /// Every reason.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 14] = [
         Self::AddressConnections,
         Self::Places,
         Self::Evicted,
@@ -46,6 +50,8 @@ impl Turned {
         Self::HeaderBytes,
         Self::Host,
         Self::Streams,
+        Self::Exports,
+        Self::CallerWrites,
     ];
 
     /// Its name in `/metrics`.
@@ -63,6 +69,8 @@ impl Turned {
             Self::HeaderBytes => "header_bytes",
             Self::Host => "host",
             Self::Streams => "streams",
+            Self::Exports => "exports",
+            Self::CallerWrites => "caller_writes",
         }
     }
 }

@@ -30,15 +30,27 @@ impl Throttle {
     /// # Errors
     /// How long to wait when there were too many; the try does not count then.
     pub fn take(&mut self, key: &str, now: Duration) -> Result<(), Duration> {
+        self.take_several(key, 1, now)
+    }
+
+    /// Counts several tries at `now`, all of them or none. More than fit into the burst count as so
+    /// many.
+    ///
+    /// # Errors
+    /// How long to wait when there were too many.
+    pub fn take_several(&mut self, key: &str, tries: u32, now: Duration) -> Result<(), Duration> {
+        let tries = tries.min(self.burst);
         let worked_off = self.worked_off.get(key).copied().unwrap_or(now).max(now);
-        let full = self.every * self.burst.saturating_sub(1);
+        let full = self.every * self.burst.saturating_sub(tries);
         let ahead = worked_off.saturating_sub(now);
         if ahead > full {
             return Err(ahead.saturating_sub(full));
         }
         self.make_room(key, now);
-        self.worked_off
-            .insert(key.to_owned(), worked_off.saturating_add(self.every));
+        self.worked_off.insert(
+            key.to_owned(),
+            worked_off.saturating_add(self.every * tries),
+        );
         Ok(())
     }
 
@@ -81,6 +93,25 @@ mod tests {
         assert_eq!(throttle.take("a", 11 * S), Err(10 * S));
         throttle.forget("a");
         assert_eq!(throttle.take("a", 11 * S), Ok(()));
+    }
+
+    #[test]
+    fn several_tries_count_as_so_many() {
+        let mut throttle = Throttle::new(S, 10, 100);
+        assert_eq!(throttle.take_several("a", 8, S), Ok(()));
+        assert_eq!(
+            throttle.take_several("a", 8, S),
+            Err(6 * S),
+            "none of them counts"
+        );
+        assert_eq!(throttle.take_several("a", 2, S), Ok(()));
+        assert_eq!(throttle.take("a", S), Err(S));
+        assert_eq!(
+            throttle.take_several("a", 99, 20 * S),
+            Ok(()),
+            "the whole burst"
+        );
+        assert_eq!(throttle.take("a", 20 * S), Err(S));
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::sync::{PoisonError, RwLock};
 use std::time::Duration;
 
 use async_trait::async_trait;
-use fleetcal_cluster::{ClaimId, Duty, InstanceId, Seat, Snapshot, Tenure};
+use fleetcal_cluster::{ClaimId, Duty, Hearing, InstanceId, Seat, Snapshot, Tenure};
 use fleetcal_model::WallTime;
 use fleetcal_proto::RobotId;
 
@@ -31,7 +31,7 @@ pub struct Joining {
 }
 
 /// What an instance says of itself with each renewal.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Renewal {
     /// Whether it reaches a Zenoh router, and its clock is right enough.
     pub linked: bool,
@@ -39,6 +39,8 @@ pub struct Renewal {
     pub draining: bool,
     /// How far its wall clock was ahead of the database's at the renewal before, ns.
     pub clock_ahead_ns: i64,
+    /// Instances and robots that it hears on Zenoh.
+    pub hearing: Hearing,
 }
 
 /// How far the rows have come that a look has read.

@@ -40,8 +40,7 @@ impl Writer {
         let seat = registry.join(&joining(name)).await.unwrap();
         let renewal = Renewal {
             linked: true,
-            draining: false,
-            clock_ahead_ns: 0,
+            ..Renewal::default()
         };
         assert!(registry.renew(&seat, renewal).await.unwrap().is_some());
         Self {

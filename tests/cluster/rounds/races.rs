@@ -111,7 +111,7 @@ async fn of_approvals_at_two_to_five_instances_exactly_one_wins() {
         let instances = INSTANCES.iter().enumerate();
         let instances = instances.map(|(place, name)| cluster.start(name, place % 2));
         let _instances: Vec<_> = instances.collect();
-        let desk = desk(&cluster, &INSTANCES);
+        let desk = desk(&cluster, &INSTANCES, "");
         let second = cluster.token_of("bruno");
         let mut evidence = Evidence::default();
         for seed in open {

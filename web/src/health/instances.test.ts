@@ -13,10 +13,11 @@ describe('an instance', () => {
   });
 
   it('says what asks for a person', () => {
-    expect(concerns({ clock_ahead_s: 1, config_differs: false })).toEqual([]);
-    expect(concerns({ clock_ahead_s: -1.001, config_differs: true })).toEqual([
+    expect(concerns({ clock_ahead_s: 1, config_differs: false, unheard: [] })).toEqual([]);
+    expect(concerns({ clock_ahead_s: -1.001, config_differs: true, unheard: ['b', 'c'] })).toEqual([
       'clock off',
       'configuration differs',
+      'does not hear b, c',
     ]);
     expect(clockAhead({ clock_ahead_s: 0.0123 })).toBe('+0.012');
     expect(clockAhead({ clock_ahead_s: -2 })).toBe('\u22122.000');

@@ -53,10 +53,13 @@ export function instanceFace(
 }
 
 /** What of an instance asks for a person, each in some words. */
-export function concerns(instance: Pick<Instance, 'clock_ahead_s' | 'config_differs'>): string[] {
+export function concerns(
+  instance: Pick<Instance, 'clock_ahead_s' | 'config_differs' | 'unheard'>,
+): string[] {
   return [
     ...(Math.abs(instance.clock_ahead_s) > CLOCK_WARNED_BEYOND_S ? ['clock off'] : []),
     ...(instance.config_differs ? ['configuration differs'] : []),
+    ...(instance.unheard.length > 0 ? [`does not hear ${instance.unheard.join(', ')}`] : []),
   ];
 }
 

@@ -9,7 +9,7 @@ use fleetcal_domain::access::Access;
 use tower_http::csrf::{CsrfLayer, ProtectionError};
 
 use super::caller::{Asked, authenticate};
-use super::table;
+use super::{table, writes};
 use crate::ApiState;
 use crate::problem::Problem;
 use fleetcal_http::PublicUrl;
@@ -43,6 +43,9 @@ async fn admitted(api: &ApiState, request: Request) -> Result<Request, Problem> 
             let role = caller.grant.role().as_str();
             let detail = format!("your role: got {role}, expected {}", access.accepted());
             return Err(Problem::new(StatusCode::FORBIDDEN, "not_permitted", detail));
+        }
+        if !parts.method.is_safe() {
+            writes::count(api, &caller, 1)?;
         }
         parts.extensions.insert(caller);
     }

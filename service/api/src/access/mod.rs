@@ -12,6 +12,7 @@ mod sign_in;
 mod table;
 mod tokens;
 mod users;
+mod writes;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -22,7 +23,7 @@ use utoipa_axum::routes;
 
 use super::ApiState;
 use cookie::CookiePolicy;
-use fleetcal_http::{PublicUrl, SignInLimits};
+use fleetcal_http::{CallerWrites, PublicUrl, SignInLimits};
 use password::PasswordWork;
 
 pub(super) use caller::{Caller, permission_ended};
@@ -30,6 +31,7 @@ pub(super) use guard::{authorise, cross_origin_refused};
 #[cfg(test)]
 pub(super) use table::TABLE;
 pub(super) use table::access as of_route;
+pub(super) use writes::count as count_writes;
 
 /// What the API has to know about access besides the store.
 #[derive(Debug, Clone, Default)]
@@ -44,6 +46,7 @@ pub(super) struct AccessState {
     cookies: CookiePolicy,
     passwords: PasswordWork,
     limits: Arc<SignInLimits>,
+    writes: Arc<CallerWrites>,
     /// Whether there is a user; it stays so, since the last administrator cannot be removed.
     has_users: Arc<AtomicBool>,
 }
@@ -56,6 +59,7 @@ impl AccessState {
             cookies: CookiePolicy::new(https),
             passwords: PasswordWork::default(),
             limits: Arc::default(),
+            writes: Arc::default(),
             has_users: Arc::default(),
         }
     }

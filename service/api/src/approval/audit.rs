@@ -1,20 +1,23 @@
 //! `GET /audit`: who did what.
 
-use axum::Json;
 use axum::extract::State;
-use axum::response::{IntoResponse, Response};
+use axum::response::Response;
 use fleetcal_domain::limits;
-use fleetcal_http::csv::{CSV, file, line};
+use fleetcal_http::csv::{self, CSV};
 use fleetcal_model::{AuditId, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_store::{AuditFilter, AuditRow};
+use futures::FutureExt;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 
 use super::proposals::robot_named;
 use crate::ApiState;
+use crate::access::Caller;
+use crate::export::ExportPlace;
 use crate::extract::{Parameters, number_of, number_within, time as time_of};
-use crate::page::{cut, with_next};
+use crate::listing::{self, Layout, Rows};
+use crate::page::page_limit;
 use crate::problem::Problem;
 use crate::time;
 
@@ -99,7 +102,7 @@ impl AuditDocument {
 }
 
 /// A page of the audit, newest first.
-#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[derive(Serialize, utoipa::ToSchema)]
 pub(super) struct AuditPage {
     items: Vec<AuditDocument>,
     /// `cursor` of the next page; absent on the last one.
@@ -107,15 +110,18 @@ pub(super) struct AuditPage {
     next: Option<String>,
 }
 
-#[derive(Clone, Copy, PartialEq)]
-enum Format {
-    Page,
-    Csv,
-    Ndjson,
-}
+/// How the audit is written.
+type AuditLayout = Layout<AuditDocument>;
+
+const CSV_LAYOUT: AuditLayout = Layout::Csv {
+    head: "id,time,actor,authentication,role,request,action,subject,subject_id,robot,reason,\
+           before,after,address\r\n",
+    line: csv_line,
+};
 
 /// Lists who did what, newest first: every change of a proposal, deployment, shadow, user, token
-/// and of the deployment freeze, with the record before and after.
+/// and of the deployment freeze, with the record before and after. A file is written as it is taken:
+/// where it breaks off, the connection does.
 #[utoipa::path(
     get,
     path = "/audit",
@@ -123,41 +129,63 @@ enum Format {
     params(AuditParameters),
     responses(
         (status = OK, description = "A page of audit records; with `format` a file of them",
-
             content(
                 (AuditPage = "application/json"),
                 (String = "text/csv"),
                 (String = "application/x-ndjson"),
             )),
+        (status = TOO_MANY_REQUESTS,
+            description = "Too many files are written for the user or token"),
+        (status = SERVICE_UNAVAILABLE,
+            description = "Too many files are written, or the database is unavailable"),
     )
 )]
 pub(super) async fn list_audit(
     State(api): State<ApiState>,
     Parameters(query): Parameters<AuditParameters>,
+    caller: Caller,
 ) -> Result<Response, Problem> {
-    let format = match query.format.as_deref() {
-        None | Some("json") => Format::Page,
-        Some("csv") => Format::Csv,
-        Some("ndjson") => Format::Ndjson,
+    let file: Option<(AuditLayout, _, _)> = match query.format.as_deref() {
+        None | Some("json") => None,
+        Some("csv") => Some((CSV_LAYOUT, CSV, "audit.csv")),
+        Some("ndjson") => Some((Layout::Ndjson, "application/x-ndjson", "audit.ndjson")),
         Some(other) => return Err(Problem::refused("format", other, "json, csv or ndjson")),
     };
-    let (most, default) = match format {
-        Format::Page => (limits::HTTP_PAGE_MAX, limits::HTTP_PAGE_DEFAULT),
-        Format::Csv | Format::Ndjson => (limits::AUDIT_FILE_ROWS_MAX, limits::AUDIT_FILE_ROWS_MAX),
+    let Some((layout, kind, name)) = file else {
+        let limit = page_limit(query.limit.as_deref())?;
+        return listing::page(rows(&api, &query, limit)?).await;
     };
-    let limit = number_within("limit", query.limit.as_deref(), 1..=most, default)?;
-    let filter = filter_of(&query, with_next(limit))?;
-    let mut rows = api.store.audit(&filter).await?;
-    let next = cut(&mut rows, limit, |last| last.id.to_string());
-    let items: Vec<_> = rows.into_iter().map(AuditDocument::of).collect();
-    Ok(match format {
-        Format::Page => Json(AuditPage { items, next }).into_response(),
-        Format::Csv => file(CSV, "audit.csv", csv(&items)),
-        Format::Ndjson => file("application/x-ndjson", "audit.ndjson", ndjson(&items)),
-    })
+    let most = limits::AUDIT_FILE_ROWS_MAX;
+    let limit = number_within("limit", query.limit.as_deref(), 1..=most, most)?;
+    let rows = rows(&api, &query, limit)?;
+    let place = ExportPlace::take(&api, caller)?;
+    let pieces = listing::text(rows, layout).await?;
+    Ok(csv::file(kind, name, place.body(pieces)))
 }
 
-fn filter_of(query: &AuditParameters, limit: u32) -> Result<AuditFilter, Problem> {
+/// The rows that are asked for.
+fn rows(
+    api: &ApiState,
+    query: &AuditParameters,
+    limit: u32,
+) -> Result<Rows<AuditDocument>, Problem> {
+    let after = query.cursor.as_deref().map(number_of).transpose()?;
+    let filter = filter_of(query)?;
+    let store = api.store.clone();
+    let read = move |before, limit| {
+        let (store, mut filter) = (store.clone(), filter.clone());
+        (filter.before, filter.limit) = (before, limit);
+        let documents = async move {
+            let rows = store.audit(&filter).await?;
+            let numbered = |row: AuditRow| (row.id.0, AuditDocument::of(row));
+            Ok(rows.into_iter().map(numbered).collect())
+        };
+        documents.boxed()
+    };
+    Ok(Rows::new(after, limit, read))
+}
+
+fn filter_of(query: &AuditParameters) -> Result<AuditFilter, Problem> {
     let wall = |field, given: Option<&str>| -> Result<Option<WallTime>, Problem> {
         let time = time_of(field, given)?;
         Ok(time.map(|time| time::wall(time).unwrap_or(WallTime::MAX)))
@@ -168,45 +196,31 @@ fn filter_of(query: &AuditParameters, limit: u32) -> Result<AuditFilter, Problem
         action: query.action.clone(),
         from_ns: wall("from", query.from.as_deref())?,
         to_ns: wall("to", query.to.as_deref())?,
-        before: query.cursor.as_deref().map(number_of).transpose()?,
-        limit,
+        ..AuditFilter::default()
     })
 }
 
-fn ndjson(items: &[AuditDocument]) -> String {
-    let lines = items
-        .iter()
-        .filter_map(|item| serde_json::to_string(item).ok());
-    lines.map(|line| line + "\n").collect()
-}
-
-fn csv(items: &[AuditDocument]) -> String {
-    let mut text = String::from(
-        "id,time,actor,authentication,role,request,action,subject,subject_id,robot,reason,\
-         before,after,address\r\n",
-    );
-    for item in items {
-        let empty = String::new;
-        let json = |value: &Option<serde_json::Value>| {
-            value.as_ref().map_or_else(String::new, ToString::to_string)
-        };
-        let fields = [
-            item.id.to_string(),
-            item.time.to_string(),
-            item.actor.clone(),
-            item.authentication.clone(),
-            item.role.clone().unwrap_or_else(empty),
-            item.request.clone().unwrap_or_else(empty),
-            item.action.clone(),
-            item.subject.clone(),
-            item.subject_id.clone(),
-            item.robot.clone().unwrap_or_else(empty),
-            item.reason.clone().unwrap_or_else(empty),
-            json(&item.before),
-            json(&item.after),
-            item.address.clone().unwrap_or_else(empty),
-        ];
-        text.push_str(&line(fields.iter().map(String::as_str)));
-    }
-    text
+fn csv_line(item: &AuditDocument) -> String {
+    let json = |value: &Option<serde_json::Value>| {
+        value.as_ref().map_or_else(String::new, ToString::to_string)
+    };
+    let (id, time) = (item.id.to_string(), item.time.to_string());
+    let (before, after) = (json(&item.before), json(&item.after));
+    let or_empty = |text: &'_ Option<String>| text.clone().unwrap_or_default();
+    csv::line([
+        &*id,
+        &time,
+        &item.actor,
+        &item.authentication,
+        &or_empty(&item.role),
+        &or_empty(&item.request),
+        &item.action,
+        &item.subject,
+        &item.subject_id,
+        &or_empty(&item.robot),
+        &or_empty(&item.reason),
+        &before,
+        &after,
+        &or_empty(&item.address),
+    ])
 }

@@ -1,12 +1,12 @@
 //! `/robots/{id}/deployments`, `/shadow` and `/rollback`: where a robot's calibration stands.
 
-use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
-use fleetcal_domain::approval::Command;
+use fleetcal_domain::approval::{Command, Deployment};
 use fleetcal_domain::limits;
 use fleetcal_proto::RobotId;
+use futures::FutureExt;
 use serde::{Deserialize, Serialize};
 
 use super::document::{DeploymentDocument, ShadowDocument};
@@ -15,7 +15,8 @@ use crate::ApiState;
 use crate::access::Caller;
 use crate::etag::{expected_version, versioned_json};
 use crate::extract::{Body, NoParameters, Parameters, RobotPath, check_length, number_of};
-use crate::page::{cut, page_limit, with_next};
+use crate::listing::{self, Rows, number};
+use crate::page::page_limit;
 use crate::problem::Problem;
 
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
@@ -30,7 +31,7 @@ pub(super) struct DeploymentParameters {
 }
 
 /// A page of deployments, newest first.
-#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[derive(Serialize, utoipa::ToSchema)]
 pub(super) struct DeploymentPage {
     items: Vec<DeploymentDocument>,
     /// `cursor` of the next page; absent on the last one.
@@ -53,14 +54,21 @@ pub(super) async fn list_deployments(
     State(api): State<ApiState>,
     RobotPath(id): RobotPath,
     Parameters(query): Parameters<DeploymentParameters>,
-) -> Result<Json<DeploymentPage>, Problem> {
+) -> Result<Response, Problem> {
     let limit = page_limit(query.limit.as_deref())?;
     let before = query.cursor.as_deref().map(number_of).transpose()?;
     known(&api, &id)?;
-    let mut found = api.store.deployments(&id, before, with_next(limit)).await?;
-    let next = cut(&mut found, limit, |last| last.id.to_string());
-    let items = found.into_iter().map(DeploymentDocument::of).collect();
-    Ok(Json(DeploymentPage { items, next }))
+    let store = api.store.clone();
+    let read = move |before, limit| {
+        let (store, id) = (store.clone(), id.clone());
+        let documents = async move {
+            let found = store.deployments(&id, before, limit).await?;
+            let numbered = |one: Deployment| (number(one.id.0), DeploymentDocument::of(one));
+            Ok(found.into_iter().map(numbered).collect())
+        };
+        documents.boxed()
+    };
+    listing::page(Rows::new(before, limit, read)).await
 }
 
 /// Gives what a robot should hold and what it has reported. The `ETag` is the version.

@@ -1,6 +1,5 @@
 //! `/proposals`: what waits for people, and their decisions.
 
-use axum::Json;
 use axum::extract::{Path, State};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
@@ -13,7 +12,8 @@ use fleetcal_model::{Generation, ProposalId, Version};
 use fleetcal_operations::lifecycle::Decided;
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
-use fleetcal_store::ProposalFilter;
+use fleetcal_store::{ProposalFilter, StoreError};
+use futures::FutureExt;
 use serde::{Deserialize, Serialize};
 
 use super::document::{Beside, ProposalDocument};
@@ -21,7 +21,8 @@ use crate::ApiState;
 use crate::access::Caller;
 use crate::etag::{expected_version, versioned_json};
 use crate::extract::{Body, NoParameters, Parameters, check_length, idempotency_key, number_of};
-use crate::page::{cut, page_limit, with_next};
+use crate::listing::{self, Numbered, Rows, number};
+use crate::page::page_limit;
 use crate::problem::Problem;
 
 #[derive(Debug, Deserialize, utoipa::IntoParams)]
@@ -42,7 +43,7 @@ pub(super) struct ProposalParameters {
 }
 
 /// A page of proposals, newest first.
-#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[derive(Serialize, utoipa::ToSchema)]
 pub(super) struct ProposalPage {
     items: Vec<ProposalDocument>,
     /// `cursor` of the next page; absent on the last one.
@@ -63,26 +64,37 @@ pub(super) struct ProposalPage {
 pub(super) async fn list_proposals(
     State(api): State<ApiState>,
     Parameters(query): Parameters<ProposalParameters>,
-) -> Result<Json<ProposalPage>, Problem> {
+) -> Result<Response, Problem> {
     let limit = page_limit(query.limit.as_deref())?;
     let filter = ProposalFilter {
         robot: query.robot.as_deref().map(robot_named).transpose()?,
         state: query.state.as_deref().map(state_named).transpose()?,
-        before: query.cursor.as_deref().map(number_of).transpose()?,
-        limit: with_next(limit),
+        before: None,
+        limit,
     };
-    let mut found = api.store.proposals(&filter).await?;
-    let next = cut(&mut found, limit, |(last, _)| last.id.to_string());
+    let before = query.cursor.as_deref().map(number_of).transpose()?;
+    let read = move |before, limit| {
+        let (api, mut filter) = (api.clone(), filter.clone());
+        (filter.before, filter.limit) = (before, limit);
+        async move { documents(&api, &filter).await }.boxed()
+    };
+    listing::page(Rows::new(before, limit, read)).await
+}
+
+/// The proposals that a filter asks for.
+async fn documents(
+    api: &ApiState,
+    filter: &ProposalFilter,
+) -> Result<Numbered<ProposalDocument>, StoreError> {
+    let found = api.store.proposals(filter).await?;
     let ids: Vec<ProposalId> = found.iter().map(|(proposal, _)| proposal.id).collect();
     let followed = api.store.followed(&ids).await?;
-    let items = found
-        .into_iter()
-        .map(|(proposal, revision)| {
-            let deployment = followed.get(&proposal.id).copied();
-            document(&api, proposal, revision, deployment)
-        })
-        .collect();
-    Ok(Json(ProposalPage { items, next }))
+    let documents = found.into_iter().map(|(proposal, revision)| {
+        let id = proposal.id;
+        let deployment = followed.get(&id).copied();
+        (number(id.0), document(api, proposal, revision, deployment))
+    });
+    Ok(documents.collect())
 }
 
 /// What somebody wants to be approved.

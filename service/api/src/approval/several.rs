@@ -12,7 +12,7 @@ use tokio::time::Instant;
 
 use super::proposals::robot_of;
 use crate::ApiState;
-use crate::access::Caller;
+use crate::access::{Caller, count_writes};
 use crate::extract::{Body, NoParameters, Parameters, check_length};
 use crate::problem::Problem;
 
@@ -89,6 +89,9 @@ pub(super) async fn approve_several(
         let status = StatusCode::BAD_REQUEST;
         return Err(Problem::new(status, "value_refused", detail).of_field("proposals"));
     }
+    // The request itself counts as one.
+    let further = u32::try_from(count - 1).unwrap_or(u32::MAX);
+    count_writes(&api, &caller, further)?;
     check_length(
         "reason",
         value.reason.as_deref().unwrap_or(""),

@@ -60,6 +60,8 @@ struct InstanceDocument {
     lease_left_s: f64,
     /// Whether it reaches a Zenoh router, and its clock is right enough.
     linked: bool,
+    /// Other instances that it does not hear over Zenoh: the routers between them are cut.
+    unheard: Vec<String>,
     /// Whether it gives its robots away, because it is about to end.
     draining: bool,
     /// By how much its clock is ahead of the database's, s.
@@ -168,6 +170,7 @@ impl InstanceDocument {
             capacity: member.capacity,
             lease_left_s: member.lease_left.as_secs_f64(),
             linked: member.linked,
+            unheard: member.hearing.unheard_instances.iter().map(name).collect(),
             draining: member.draining,
             clock_ahead_s: member.clock_ahead_ns as f64 / 1e9,
             joined: time::of(WallTime(member.joined_ns)),

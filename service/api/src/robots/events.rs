@@ -14,6 +14,7 @@ use fleetcal_operations::{notes, robots};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::event::RobotEvent;
 use fleetcal_store::{EventKind, EventRecord, EventSource, NewEvent, kind_of_note};
+use futures::FutureExt;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 
@@ -22,7 +23,8 @@ use crate::access::Caller;
 use crate::extract::{
     Body, NoParameters, Parameters, RobotPath, check_length, idempotency_key, number_of,
 };
-use crate::page::{cut, page_limit, with_next};
+use crate::listing::{self, Rows};
+use crate::page::page_limit;
 use crate::problem::Problem;
 use crate::time;
 
@@ -77,7 +79,7 @@ impl EventDocument {
 }
 
 /// A page of events, newest first.
-#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[derive(Serialize, utoipa::ToSchema)]
 pub(super) struct EventPage {
     items: Vec<EventDocument>,
     /// `cursor` of the next page; absent on the last one.
@@ -111,14 +113,21 @@ pub(super) async fn list_events(
     State(api): State<ApiState>,
     RobotPath(id): RobotPath,
     Parameters(query): Parameters<EventParameters>,
-) -> Result<Json<EventPage>, Problem> {
+) -> Result<Response, Problem> {
     let limit = page_limit(query.limit.as_deref())?;
     let before = query.cursor.as_deref().map(number_of).transpose()?;
     known(&api, &id)?;
-    let mut records = api.store.events(&id, before, with_next(limit)).await?;
-    let next = cut(&mut records, limit, |last| last.id.to_string());
-    let items = records.into_iter().map(EventDocument::of_record).collect();
-    Ok(Json(EventPage { items, next }))
+    let store = api.store.clone();
+    let read = move |before, limit| {
+        let (store, id) = (store.clone(), id.clone());
+        let documents = async move {
+            let records = store.events(&id, before, limit).await?;
+            let numbered = |record: EventRecord| (record.id.0, EventDocument::of_record(record));
+            Ok(records.into_iter().map(numbered).collect())
+        };
+        documents.boxed()
+    };
+    listing::page(Rows::new(before, limit, read)).await
 }
 
 /// A note that a person or tool attaches to a robot's history. Its author is the caller.

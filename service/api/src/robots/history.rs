@@ -1,7 +1,8 @@
 //! `GET /robots/{id}/history`: how a robot's parameters went.
 
-use axum::Json;
+use axum::body::Body;
 use axum::extract::State;
+use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use fleetcal_domain::limits;
 use fleetcal_http::csv;
@@ -12,7 +13,10 @@ use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 
 use crate::ApiState;
+use crate::access::Caller;
+use crate::export::ExportPlace;
 use crate::extract::{self, Parameters, RobotPath, number_within};
+use crate::listing;
 use crate::problem::Problem;
 use crate::time;
 
@@ -40,7 +44,7 @@ pub(super) struct HistoryParameters {
 /// A robot's history in columns: entry `i` of every list is about the stretch of `bucket_s`
 /// seconds that begins at `time[i]`. Stretches without data are left out: where two times are
 /// further apart than `bucket_s`, there is a gap.
-#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[derive(Serialize, utoipa::ToSchema)]
 pub(super) struct HistoryDocument {
     robot: RobotId,
     /// Beginning of the span.
@@ -90,40 +94,89 @@ struct Series {
 
             content((HistoryDocument = "application/json"), (String = "text/csv"))),
         (status = NOT_FOUND, description = "The robot is unknown"),
+        (status = TOO_MANY_REQUESTS,
+            description = "Too many files are written for the user or token"),
+        (status = SERVICE_UNAVAILABLE,
+            description = "Too many files are written, or the database is unavailable"),
     )
 )]
 pub(super) async fn get_history(
     State(api): State<ApiState>,
     RobotPath(id): RobotPath,
     Parameters(query): Parameters<HistoryParameters>,
+    caller: Caller,
 ) -> Result<Response, Problem> {
     let as_csv = match query.format.as_deref() {
         None | Some("json") => false,
         Some("csv") => true,
         Some(other) => return Err(Problem::refused("format", other, "json or csv")),
     };
-    let parameters = match query.parameter.as_deref() {
-        None => Parameter::ALL.to_vec(),
-        Some(names) => names
-            .split(',')
-            .map(parameter_named)
-            .collect::<Result<_, _>>()?,
-    };
+    let parameters = parameters_of(query.parameter.as_deref())?;
     let points = query.max_points.as_deref();
     let range = 2..=limits::HTTP_POINTS_MAX;
     let points_max = number_within("max_points", points, range, limits::HTTP_POINTS_DEFAULT)?;
+    let (from_s, to_s) = span_of(&api, &id, &query).await?;
+    let query = HistoryQuery {
+        robot: id,
+        parameters,
+        from_s,
+        to_s,
+        points_max,
+    };
+    let place = as_csv
+        .then(|| ExportPlace::take(&api, caller))
+        .transpose()?;
+    let history = HistoryText {
+        history: api.store.history(&query).await?,
+        query,
+    };
+    Ok(match place {
+        Some(place) => {
+            let name = format!("{}_history.csv", history.query.robot);
+            let lines = listing::pieces(history.csv_pieces(), move |piece| history.csv(piece));
+            csv::file(csv::CSV, &name, place.body(lines))
+        }
+        None => {
+            let pieces = history.json_pieces();
+            let body = Body::from_stream(listing::pieces(pieces, move |piece| history.json(piece)));
+            ([(header::CONTENT_TYPE, "application/json")], body).into_response()
+        }
+    })
+}
+
+/// Those of these names, each once: a header has room for thousands.
+fn parameters_of(names: Option<&str>) -> Result<Vec<Parameter>, Problem> {
+    let Some(names) = names else {
+        return Ok(Parameter::ALL.to_vec());
+    };
+    let mut parameters = Vec::new();
+    for name in names.split(',') {
+        let parameter = parameter_named(name)?;
+        if parameters.contains(&parameter) {
+            return Err(Problem::refused("parameter", name, "each name once"));
+        }
+        parameters.push(parameter);
+    }
+    Ok(parameters)
+}
+
+/// Beginning and end that are asked for, s.
+async fn span_of(
+    api: &ApiState,
+    id: &RobotId,
+    query: &HistoryParameters,
+) -> Result<(i64, i64), Problem> {
     let from = extract::time("from", query.from.as_deref())?;
     let to = extract::time("to", query.to.as_deref())?;
-
     let view = api
         .fleet
-        .robot(&id)
+        .robot(id)
         .ok_or_else(|| Problem::robot_unknown(id.as_str()))?;
     let to_s = match (to, view.estimate) {
         (Some(to), _) => to.as_second() + i64::from(to.subsec_nanosecond() > 0),
         (None, Some(estimate)) => estimate.stamp_ns.whole_s() + 1,
         // Of a robot without data there is nothing, whatever the span.
-        (None, None) => match api.store.last_second(&id).await? {
+        (None, None) => match api.store.last_second(id).await? {
             Some(last_s) => last_s + 1,
             None => api.clock.now().whole_s() + 1,
         },
@@ -137,45 +190,104 @@ pub(super) async fn get_history(
         let accepted = format!("a time before `to`, {}", time::of_seconds(to_s));
         return Err(Problem::refused("from", &given, &accepted));
     }
-    let query = HistoryQuery {
-        robot: id,
-        parameters,
-        from_s,
-        to_s,
-        points_max,
-    };
-    let history = api.store.history(&query).await?;
-    let document = document(query, &history);
-    if as_csv {
-        let name = format!("{}_history.csv", document.robot);
-        return Ok(csv::file(csv::CSV, &name, document.csv()));
-    }
-    Ok(Json(document).into_response())
+    Ok((from_s, to_s))
 }
 
-impl HistoryDocument {
-    /// One line for each stretch; empty fields where nothing was estimated.
-    fn csv(&self) -> String {
+/// A history, of which the text is written piece by piece: that of all has megabytes.
+struct HistoryText {
+    query: HistoryQuery,
+    history: History,
+}
+
+/// Lines of a table in one piece.
+const LINES_AT_ONCE: usize = limits::LIST_ROWS_AT_ONCE as usize;
+
+impl HistoryText {
+    /// One piece of JSON before those of the parameters, and one after them.
+    fn json_pieces(&self) -> usize {
+        self.query.parameters.len() + 2
+    }
+
+    /// A [`HistoryDocument`], in this many pieces.
+    fn json(&self, piece: usize) -> serde_json::Result<String> {
+        let Some(index) = piece.checked_sub(1) else {
+            return self.json_head();
+        };
+        let Some(&parameter) = self.query.parameters.get(index) else {
+            return Ok("]}".to_owned());
+        };
+        let series = series(parameter, index, &self.history.stretches);
+        let comma = if index == 0 { "" } else { "," };
+        Ok(format!("{comma}{}", serde_json::to_string(&series)?))
+    }
+
+    /// Its beginning, up to the parameters.
+    fn json_head(&self) -> serde_json::Result<String> {
+        let HistoryQuery {
+            robot,
+            from_s,
+            to_s,
+            ..
+        } = &self.query;
+        let stretches = &self.history.stretches;
+        let time: Vec<_> = stretches
+            .iter()
+            .map(|one| time::of_seconds(one.t_s))
+            .collect();
+        let count: Vec<_> = stretches.iter().map(|one| one.count).collect();
+        let nis: Vec<_> = stretches.iter().map(|one| one.nis).collect();
+        Ok(format!(
+            "{{\"robot\":{},\"from\":{},\"to\":{},\"bucket_s\":{},\"time\":{},\"count\":{},\
+             \"nis\":{},\"series\":[",
+            serde_json::to_string(robot)?,
+            serde_json::to_string(&time::of_seconds(*from_s))?,
+            serde_json::to_string(&time::of_seconds(*to_s))?,
+            self.history.bucket_s,
+            serde_json::to_string(&time)?,
+            serde_json::to_string(&count)?,
+            serde_json::to_string(&nis)?,
+        ))
+    }
+
+    /// The line of names, and lines of stretches.
+    fn csv_pieces(&self) -> usize {
+        1 + self.history.stretches.len().div_ceil(LINES_AT_ONCE)
+    }
+
+    /// A table with one line for each stretch, in so many pieces; empty fields where nothing was
+    /// estimated.
+    fn csv(&self, piece: usize) -> serde_json::Result<String> {
+        let Some(chunk) = piece.checked_sub(1) else {
+            return Ok(self.csv_names());
+        };
+        let lines = self.history.stretches.chunks(LINES_AT_ONCE).nth(chunk);
+        let lines = lines.unwrap_or_default();
+        Ok(lines.iter().map(|one| self.csv_line(one)).collect())
+    }
+
+    fn csv_names(&self) -> String {
         let mut names = vec!["time".to_owned(), "seconds_of_data".to_owned()];
-        for series in &self.series {
-            let parameter = series.parameter.name();
-            let unit = series.unit.symbol();
+        for parameter in &self.query.parameters {
+            let (name, unit) = (parameter.name(), parameter.unit().symbol());
             for part in ["mean", "min", "max", "sigma"] {
-                names.push(format!("{parameter}_{part} ({unit})"));
+                names.push(format!("{name}_{part} ({unit})"));
             }
         }
-        let mut text = csv::line(names.iter().map(String::as_str));
-        for (index, (time, count)) in self.time.iter().zip(&self.count).enumerate() {
-            let mut fields = vec![time.to_string(), count.to_string()];
-            for series in &self.series {
-                for column in [&series.mean, &series.min, &series.max, &series.sigma] {
-                    let value = column.get(index).copied().flatten();
-                    fields.push(value.map_or_else(String::new, |value| value.to_string()));
-                }
-            }
-            text.push_str(&csv::line(fields.iter().map(String::as_str)));
+        csv::line(names.iter().map(String::as_str))
+    }
+
+    fn csv_line(&self, stretch: &Stretch) -> String {
+        let time = time::of_seconds(stretch.t_s).to_string();
+        let mut fields = vec![time, stretch.count.to_string()];
+        for index in 0..self.query.parameters.len() {
+            let cell = stretch.cells.get(index).and_then(Option::as_ref);
+            let values = cell.map(|cell| [cell.mean, cell.min, cell.max, cell.sigma]);
+            fields.extend(match values {
+                Some(values) => values.map(|value| value.to_string()),
+                None => [const { String::new() }; 4],
+            });
         }
-        text
+        csv::line(fields.iter().map(String::as_str))
     }
 }
 
@@ -187,29 +299,6 @@ fn parameter_named(name: &str) -> Result<Parameter, Problem> {
             let accepted = Parameter::ALL.map(Parameter::name).join(", ");
             Problem::refused("parameter", name, &format!("some of {accepted}"))
         })
-}
-
-fn document(query: HistoryQuery, history: &History) -> HistoryDocument {
-    let stretches = &history.stretches;
-    let series = query
-        .parameters
-        .iter()
-        .enumerate()
-        .map(|(index, &parameter)| series(parameter, index, stretches))
-        .collect();
-    HistoryDocument {
-        robot: query.robot,
-        from: time::of_seconds(query.from_s),
-        to: time::of_seconds(query.to_s),
-        bucket_s: history.bucket_s,
-        time: stretches
-            .iter()
-            .map(|stretch| time::of_seconds(stretch.t_s))
-            .collect(),
-        count: stretches.iter().map(|stretch| stretch.count).collect(),
-        nis: stretches.iter().map(|stretch| stretch.nis).collect(),
-        series,
-    }
 }
 
 fn series(parameter: Parameter, index: usize, stretches: &[Stretch]) -> Series {

@@ -4,7 +4,7 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use fleetcal_cluster::{
-    ClaimId, Duty, DutyOwnership, Epoch, Incarnation, InstanceId, Member, Ownership, Seat,
+    ClaimId, Duty, DutyOwnership, Epoch, Hearing, Incarnation, InstanceId, Member, Ownership, Seat,
     Snapshot, Takeover, Tenure,
 };
 use fleetcal_http::InstanceAddresses;
@@ -38,6 +38,7 @@ fn member(name: &str) -> Member {
         capacity: 1,
         draining: false,
         linked: true,
+        hearing: Hearing::default(),
         url: format!("https://{name}.example.com"),
         program: "1.2.3".to_owned(),
         checkpoint_format: 2,
@@ -166,6 +167,10 @@ async fn a_service_that_is_alone_has_no_instances() {
 #[tokio::test]
 async fn an_instance_tells_of_all() {
     let mut rows = snapshot(&[("agv_1", Some("a")), ("agv_2", Some("b")), ("agv_3", None)]);
+    rows.members[0]
+        .hearing
+        .unheard_instances
+        .insert(instance("b"));
     rows.members[1].clock_ahead_ns = -S;
     rows.members[1].config_sha256 = vec![2];
     let bench = bench(&["agv_1", "agv_2", "agv_3"]).await;
@@ -178,7 +183,8 @@ async fn an_instance_tells_of_all() {
     let told = bench.get("/api/v1/cluster").await.json();
     let of_a = serde_json::json!({
         "name": "a", "url": "https://a.example.com", "program": "1.2.3", "robots": 1,
-        "epoch_max": 1, "capacity": 1, "lease_left_s": 4.5, "linked": true, "draining": false,
+        "epoch_max": 1, "capacity": 1, "lease_left_s": 4.5, "linked": true, "unheard": ["b"],
+        "draining": false,
         "clock_ahead_s": 0.0, "joined": "2026-01-01T00:00:00Z", "config_differs": false,
     });
     let mut of_b = of_a.clone();
@@ -188,6 +194,7 @@ async fn an_instance_tells_of_all() {
         ("epoch_max", serde_json::json!(2)),
         ("clock_ahead_s", serde_json::json!(-1.0)),
         ("config_differs", serde_json::json!(true)),
+        ("unheard", serde_json::json!([])),
     ] {
         of_b[key] = value;
     }

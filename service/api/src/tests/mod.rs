@@ -5,6 +5,7 @@ mod alerts;
 mod approval;
 mod cluster;
 mod description;
+mod export;
 mod metrics;
 mod metrics_text;
 mod permission;
@@ -16,6 +17,7 @@ mod service;
 mod standing;
 mod stream;
 mod trace;
+mod writes;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -375,6 +375,7 @@ async fn history_refuses_by_name() {
     let told = async |rest: &str| bench.get(&format!("/api/v1/robots/{rest}")).await.told();
     assert_snapshot!(told("b/history").await, @"404 robot_unknown: no robot b is known");
     assert_snapshot!(told("a/history?parameter=colour").await, @r#"400 value_refused [parameter]: parameter: got "colour", expected some of steering_offset, lidar_x, lidar_y, lidar_yaw, speed_scale, wheelbase, time_offset, steering_gain"#);
+    assert_snapshot!(told("a/history?parameter=lidar_x,lidar_y,lidar_x").await, @r#"400 value_refused [parameter]: parameter: got "lidar_x", expected each name once"#);
     assert_snapshot!(told("a/history?parameter=").await, @r#"400 value_refused [parameter]: parameter: got "", expected some of steering_offset, lidar_x, lidar_y, lidar_yaw, speed_scale, wheelbase, time_offset, steering_gain"#);
     assert_snapshot!(told("a/history?from=yesterday").await, @r#"400 value_refused [from]: from: got "yesterday", expected RFC 3339, such as 2026-01-31T12:00:00Z"#);
     assert_snapshot!(told("a/history?from=2026-01-02T00:00:00Z&to=2026-01-01T00:00:00Z").await, @r#"400 value_refused [from]: from: got "2026-01-02T00:00:00Z", expected a time before `to`, 2026-01-01T00:00:00Z"#);

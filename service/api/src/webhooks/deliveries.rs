@@ -1,16 +1,18 @@
 //! `GET /webhooks/{id}/deliveries`: what became of what was told.
 
-use axum::Json;
 use axum::extract::{Path, State};
+use axum::response::Response;
 use fleetcal_domain::webhook::{Attempt, Delivery, DeliveryState, WebhookEvent, WebhookRefused};
 use fleetcal_model::DeliveryId;
+use futures::FutureExt;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 
 use super::one::webhook_number;
 use crate::ApiState;
 use crate::extract::{Parameters, number_of};
-use crate::page::{cut, page_limit, with_next};
+use crate::listing::{self, Rows, number};
+use crate::page::page_limit;
 use crate::problem::Problem;
 use crate::time;
 
@@ -93,7 +95,7 @@ impl DeliveryDocument {
 }
 
 /// A page of deliveries, newest first.
-#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[derive(Serialize, utoipa::ToSchema)]
 pub(super) struct DeliveryPage {
     items: Vec<DeliveryDocument>,
     /// `cursor` of the next page; absent on the last one.
@@ -117,7 +119,7 @@ pub(super) async fn list_deliveries(
     State(api): State<ApiState>,
     Path(id): Path<String>,
     Parameters(query): Parameters<DeliveryParameters>,
-) -> Result<Json<DeliveryPage>, Problem> {
+) -> Result<Response, Problem> {
     let id = webhook_number(&id)?;
     let limit = page_limit(query.limit.as_deref())?;
     let before = query.cursor.as_deref().map(number_of).transpose()?;
@@ -125,8 +127,15 @@ pub(super) async fn list_deliveries(
     if !webhooks.iter().any(|webhook| webhook.id == id) {
         return Err(WebhookRefused::Unknown(id).into());
     }
-    let mut found = api.store.deliveries(id, before, with_next(limit)).await?;
-    let next = cut(&mut found, limit, |last| last.id.to_string());
-    let items = found.into_iter().map(DeliveryDocument::of).collect();
-    Ok(Json(DeliveryPage { items, next }))
+    let store = api.store.clone();
+    let read = move |before, limit| {
+        let store = store.clone();
+        let documents = async move {
+            let found = store.deliveries(id, before, limit).await?;
+            let numbered = |one: Delivery| (number(one.id.0), DeliveryDocument::of(one));
+            Ok(found.into_iter().map(numbered).collect())
+        };
+        documents.boxed()
+    };
+    listing::page(Rows::new(before, limit, read)).await
 }

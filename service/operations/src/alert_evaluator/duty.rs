@@ -1,6 +1,6 @@
 //! The look around, each second.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -103,6 +103,22 @@ fn is_linked(cluster: &Cluster) -> bool {
     own.is_some_and(|own| own.linked)
 }
 
+/// Robots of instances that this one does not hear: nothing of how they do comes here.
+fn out_of_sight(cluster: &Cluster) -> BTreeSet<RobotId> {
+    let snapshot = cluster.snapshot();
+    let seat = cluster.seat();
+    let Some(own) = seat.as_ref().and_then(|seat| snapshot.member(seat)) else {
+        return BTreeSet::new();
+    };
+    let unheard = &own.hearing.unheard_instances;
+    let rows = snapshot.robots.iter();
+    let theirs = rows.filter(|(_, row)| {
+        let owner = row.owner.as_ref();
+        owner.is_some_and(|owner| unheard.contains(&owner.instance))
+    });
+    theirs.map(|(robot, _)| robot.clone()).collect()
+}
+
 impl AlertEvaluator {
     /// Whether the duty is this instance's and it sees the robots: one that no robot reaches would
     /// take all of them for silent.
@@ -130,7 +146,11 @@ impl AlertEvaluator {
         let mut standing = BTreeMap::new();
         let mut seen = Vec::new();
         let mut set_up = 0;
-        for view in self.inner.fleet.robots() {
+        let out_of_sight = cluster.map(|cluster| out_of_sight(cluster));
+        let out_of_sight = out_of_sight.unwrap_or_default();
+        let mut robots = self.inner.fleet.robots();
+        robots.retain(|view| !out_of_sight.contains(&view.id));
+        for view in robots {
             set_up += usize::from(view.config.is_some());
             let ledger = self.inner.lifecycle.ledger(&view.id);
             let latest = self.latest(memory, &view.id, &ledger).await?;

@@ -4,7 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use fleetcal_cluster::{
-    ClaimId, Handover, InstanceId, Member, Plan, Seat, Silence, Snapshot, Takeover, Tenure, plan,
+    ClaimId, Handover, InstanceId, Listening, Member, Plan, Seat, Silence, Snapshot, Takeover,
+    Tenure, plan,
 };
 use fleetcal_domain::limits;
 use fleetcal_fleet::Keep;
@@ -21,6 +22,7 @@ struct Memory {
     version: Option<RowsVersion>,
     rows: Snapshot,
     silence: Silence,
+    listening: Listening,
     /// Whether the last look failed.
     failing: bool,
 }
@@ -75,7 +77,8 @@ impl Ownership {
         }
         self.take_for_dead(&seat, &snapshot, &mut memory.silence)
             .await?;
-        self.follow(&seat, &snapshot).await?;
+        self.listen(&seat, &snapshot, &mut memory.listening);
+        self.follow(&seat, &snapshot, &memory.listening).await?;
         let plan = plan(&seat, &snapshot);
         self.perform(&seat, plan).await
     }
@@ -161,7 +164,12 @@ impl Ownership {
     }
 
     /// Takes on what the rows say is this instance's, and drops what is not.
-    async fn follow(&self, seat: &Seat, snapshot: &Snapshot) -> Result<(), StoreError> {
+    async fn follow(
+        &self,
+        seat: &Seat,
+        snapshot: &Snapshot,
+        listening: &Listening,
+    ) -> Result<(), StoreError> {
         let cluster = &self.inner.cluster;
         let own = snapshot.duties.iter();
         let own = own.filter(|(_, row)| row.owner.as_ref() == Some(seat));
@@ -203,7 +211,9 @@ impl Ownership {
             row.is_some_and(|row| row.heir.as_ref() == Some(seat))
         };
         let mut unneeded = self.inner.setup.fleet.heard().unwrap_or_default();
-        unneeded.retain(|robot| !is_own(robot) && !is_to_be(robot));
+        let is_needed =
+            |robot: &RobotId| is_own(robot) || is_to_be(robot) || listening.listens_to(robot);
+        unneeded.retain(|robot| !is_needed(robot));
         let unneeded: Vec<_> = unneeded.into_iter().collect();
         if !unneeded.is_empty() {
             self.inner.setup.fleet.unhear(&unneeded);

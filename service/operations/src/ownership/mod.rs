@@ -5,6 +5,7 @@
 //! looks and acts.
 
 mod acting;
+mod listening;
 mod renewing;
 
 use std::sync::Arc;
@@ -12,7 +13,7 @@ use std::sync::atomic::AtomicI64;
 use std::time::Duration;
 
 use fleetcal_clock::SharedClock;
-use fleetcal_cluster::{Cluster, LinkReport, Membership};
+use fleetcal_cluster::{Cluster, Hearing, LinkReport, Membership};
 use fleetcal_domain::limits;
 use fleetcal_fleet::FleetHandle;
 use fleetcal_store::cluster::{ClusterRegistry, Joining};
@@ -61,6 +62,8 @@ struct Inner {
     /// By how much its wall clock was ahead of the database's last, ns.
     clock_ahead_ns: AtomicI64,
     draining: watch::Sender<bool>,
+    /// Instances and robots that it hears, for its row.
+    hearing: watch::Sender<Hearing>,
     /// A renewal was refused: look at once.
     seat_lost: Notify,
     stop: CancellationToken,
@@ -97,6 +100,7 @@ impl Ownership {
                     connected_since: std::sync::Mutex::default(),
                     clock_ahead_ns: AtomicI64::new(0),
                     draining: watch::Sender::new(false),
+                    hearing: watch::Sender::default(),
                     seat_lost: Notify::new(),
                     stop: CancellationToken::new(),
                     tasks: TaskTracker::new(),

@@ -18,6 +18,7 @@ pub(super) async fn renew(ownership: Ownership) {
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut draining = ownership.inner.draining.subscribe();
     let mut link = ownership.inner.setup.link.clone();
+    let mut hearing = ownership.inner.hearing.subscribe();
     loop {
         // What others have to know at once does not wait for the next renewal.
         tokio::select! {
@@ -25,6 +26,7 @@ pub(super) async fn renew(ownership: Ownership) {
             _ = ticks.tick() => {}
             changed = draining.changed() => if changed.is_err() { return },
             changed = link.changed() => if changed.is_err() { return },
+            changed = hearing.changed() => if changed.is_err() { return },
         }
         let Some(seat) = ownership.inner.cluster.seat() else {
             continue;
@@ -46,6 +48,7 @@ impl Ownership {
             linked: setup.link.borrow().linked && self.has_right_time(),
             draining: *self.inner.draining.borrow(),
             clock_ahead_ns: self.inner.clock_ahead_ns.load(Ordering::Relaxed),
+            hearing: self.inner.hearing.borrow().clone(),
         };
         if let Some(database_now) = self.inner.registry.renew(seat, renewal).await? {
             let answered = setup.clock.now();

@@ -1,8 +1,10 @@
 //! Life of an instance: its begin, renewal and end.
 
+use std::collections::BTreeSet;
+
 use fleetcal_cluster::{Incarnation, InstanceId, Seat};
 use fleetcal_domain::limits;
-use fleetcal_model::WallTime;
+use fleetcal_model::{RobotId, WallTime};
 use fleetcal_store::StoreError;
 use fleetcal_store::cluster::{Joining, Renewal, TakeForDead};
 
@@ -27,7 +29,8 @@ pub(super) async fn join(
             joined_ns = excluded.joined_ns, url = excluded.url, capacity = excluded.capacity,
             draining = false, linked = false, program = excluded.program,
             checkpoint_format = excluded.checkpoint_format,
-            config_sha256 = excluded.config_sha256, clock_ahead_ns = 0
+            config_sha256 = excluded.config_sha256, clock_ahead_ns = 0,
+            unheard_instances = '{}', heard_robots = '{}', unheard_robots = '{}'
         RETURNING i.incarnation";
     agree_on_key(session, &joining.signing_key, database).await?;
     if let Some(former) = lock_former(session, &joining.instance).await? {
@@ -99,7 +102,7 @@ pub(super) async fn renew(
 ) -> Result<Option<(WallTime, i64)>, StoreError> {
     const RENEWED: &str = "
         UPDATE instance SET lease_ends_ns = clock_ns() + $3, linked = $4, draining = $5,
-            clock_ahead_ns = $6
+            clock_ahead_ns = $6, unheard_instances = $7, heard_robots = $8, unheard_robots = $9
         WHERE id = $1 AND incarnation = $2 AND ended_ns IS NULL
         RETURNING clock_ns(), order_floor()";
     let query = sqlx::query_as(RENEWED)
@@ -108,12 +111,22 @@ pub(super) async fn renew(
         .bind(lease_ns())
         .bind(renewal.linked)
         .bind(renewal.draining)
-        .bind(renewal.clock_ahead_ns);
+        .bind(renewal.clock_ahead_ns)
+        .bind(texts(
+            &renewal.hearing.unheard_instances,
+            InstanceId::as_str,
+        ))
+        .bind(texts(&renewal.hearing.heard_robots, RobotId::as_str))
+        .bind(texts(&renewal.hearing.unheard_robots, RobotId::as_str));
     let renewed: Vec<(i64, i64)> = session
         .fetch(query)
         .await
         .map_err(StoreError::database("renew a lease"))?;
     Ok(renewed.first().map(|(now, floor)| (WallTime(*now), *floor)))
+}
+
+fn texts<T>(all: &BTreeSet<T>, text: fn(&T) -> &str) -> Vec<String> {
+    all.iter().map(|one| text(one).to_owned()).collect()
 }
 
 /// Brings the epochs of own robots behind everything that a promotion of the database has forgotten:

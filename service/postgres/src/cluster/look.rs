@@ -1,10 +1,10 @@
 //! Snapshot of the cluster's rows at one moment.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use fleetcal_cluster::{
-    ClaimId, Duty, DutyOwnership, Epoch, Incarnation, Member, Ownership, Seat, Snapshot,
+    ClaimId, Duty, DutyOwnership, Epoch, Hearing, Incarnation, Member, Ownership, Seat, Snapshot,
 };
 use fleetcal_domain::limits;
 use fleetcal_model::{RobotId, WallTime};
@@ -29,7 +29,7 @@ pub(super) async fn look(session: &mut Session) -> Result<Look, StoreError> {
 pub(super) async fn glance(session: &mut Session) -> Result<Look, StoreError> {
     const GLANCE: &str = "
         SELECT v.version, clock_ns() AS now_ns, i.id, i.incarnation, i.capacity, i.draining, i.linked, i.url,
-            i.program, i.checkpoint_format, i.config_sha256, i.clock_ahead_ns, i.joined_ns, CASE
+            i.unheard_instances, i.heard_robots, i.unheard_robots, i.program, i.checkpoint_format, i.config_sha256, i.clock_ahead_ns, i.joined_ns, CASE
                 WHEN i.ended_ns IS NULL THEN greatest(i.lease_ends_ns - clock_ns(), 0) ELSE 0
             END AS lease_left_ns, i.ended_ns IS NOT NULL AS is_ended
         FROM cluster_rows AS v CROSS JOIN instance AS i
@@ -78,6 +78,9 @@ struct MemberRow {
     capacity: i64,
     draining: bool,
     linked: bool,
+    unheard_instances: Vec<String>,
+    heard_robots: Vec<String>,
+    unheard_robots: Vec<String>,
     url: String,
     program: String,
     checkpoint_format: i64,
@@ -87,6 +90,15 @@ struct MemberRow {
 }
 
 fn member(row: MemberRow) -> Result<Member, StoreError> {
+    let robots = |names: &[String]| -> Result<BTreeSet<RobotId>, StoreError> {
+        names.iter().map(|name| robot(name)).collect()
+    };
+    let instances = row.unheard_instances.iter().map(|name| instance(name));
+    let hearing = Hearing {
+        unheard_instances: instances.collect::<Result<_, _>>()?,
+        heard_robots: robots(&row.heard_robots)?,
+        unheard_robots: robots(&row.unheard_robots)?,
+    };
     Ok(Member {
         seat: Seat {
             instance: instance(&row.id)?,
@@ -97,6 +109,7 @@ fn member(row: MemberRow) -> Result<Member, StoreError> {
         capacity: u32::try_from(row.capacity).unwrap_or(1),
         draining: row.draining,
         linked: row.linked,
+        hearing,
         url: row.url,
         program: row.program,
         checkpoint_format: row.checkpoint_format,

@@ -48,8 +48,7 @@ async fn an_epoch_only_ascends_also_after_a_failover_that_forgot_the_latest() {
     for _ in 0..100 {
         let renewal = fleetcal_store::cluster::Renewal {
             linked: true,
-            draining: false,
-            clock_ahead_ns: 0,
+            ..fleetcal_store::cluster::Renewal::default()
         };
         renewed = matches!(a.registry.renew(&a.seat, renewal).await, Ok(Some(_)));
         if renewed {

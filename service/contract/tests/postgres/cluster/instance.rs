@@ -46,8 +46,7 @@ impl Instance {
     pub async fn renew(&self) -> bool {
         let renewal = Renewal {
             linked: true,
-            draining: false,
-            clock_ahead_ns: 0,
+            ..Renewal::default()
         };
         let renewed = self.registry.renew(&self.seat, renewal).await.unwrap();
         renewed.is_some()

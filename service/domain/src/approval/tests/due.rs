@@ -6,8 +6,8 @@ use fleetcal_proto::calibration::{Applied, AppliedStatus, CalibrationValues};
 use super::bench::{Bench, NOW_NS, estimate, factory};
 use crate::access::Actor;
 use crate::approval::{
-    Command, DeploymentState, Evidence, Origin, Present, Refused, Situation, SyncState, Tolerance, automatic,
-    due, values_and_sigmas,
+    Command, DeploymentState, Evidence, Origin, Present, Refused, Situation, SyncState, Tolerance,
+    automatic, due, values_and_sigmas,
 };
 
 #[test]
