@@ -7,7 +7,7 @@ use crate::estimate::{
     CalibrationCovariance, Estimate, Parameter, ParameterEstimate, ParameterEstimates, Status,
 };
 use crate::filter::encoder::EncoderVariance;
-use crate::filter::{ParameterCovariance, Values};
+use crate::filter::{ParameterCovariance, Values, padded};
 use crate::settings::{EstimatorSettings, Freedom};
 use crate::stream::RobotTime;
 
@@ -42,8 +42,10 @@ const HYSTERESIS: f64 = 1.2;
 /// The trust a robot's parameters have earned.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Trust {
+    #[serde(deserialize_with = "padded::published")]
     converged: [bool; Parameter::ALL.len()],
     /// Values beyond what a vehicle can be.
+    #[serde(deserialize_with = "padded::published")]
     impossible: [bool; Parameter::ALL.len()],
     advised: Option<Advised>,
 }

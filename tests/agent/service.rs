@@ -196,7 +196,7 @@ impl Service {
                 let confirmed = Confirmed {
                     generation: answer.generation,
                     sha256: answer.sha256.clone(),
-                    signed: Some(sign(&document, &key()).unwrap()),
+                    signed: Some(sign(&document, &self::key()).unwrap()),
                 };
                 let mut stored = stored.lock().unwrap();
                 stored.answers.push(answer);

@@ -61,13 +61,13 @@ pub(super) enum Occasion {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Comparison {
     pub occasion: Occasion,
-    #[serde(deserialize_with = "padded::vector")]
+    #[serde(with = "padded")]
     pub values: Values,
     /// Its covariance, with what averaging cannot take away.
-    #[serde(serialize_with = "padded::half", deserialize_with = "padded::square")]
+    #[serde(with = "padded")]
     pub covariance: ParameterCovariance,
     /// Variances that are told on top of it: what no driving shows, as it was when this was stored.
-    #[serde(default = "undriven_of_older", deserialize_with = "padded::vector")]
+    #[serde(default = "undriven_of_older", with = "padded")]
     pub undriven: Values,
 }
 

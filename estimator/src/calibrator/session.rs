@@ -45,7 +45,7 @@ pub(super) struct Session {
     pub changes: Vec<Change>,
     pub segments: Vec<Segment>,
     /// The parameters before the last change, to say how far they moved.
-    #[serde(default, deserialize_with = "padded::optional_vector")]
+    #[serde(default, with = "padded")]
     values_before: Option<Values>,
     /// Whether it was not said yet how far the last change went.
     #[serde(default)]

@@ -18,7 +18,7 @@ pub struct Block {
     end: RobotTime,
     /// The parameters that the residual is by. A checkpoint holds no unfinished block; one of an earlier
     /// estimator would not name them.
-    #[serde(default, deserialize_with = "padded::optional_vector")]
+    #[serde(default, with = "padded")]
     values: Option<Values>,
     residual: Vector3<f64>,
     /// The residual by the parameters as they were known when each window was counted.

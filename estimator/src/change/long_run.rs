@@ -94,10 +94,10 @@ pub struct Scatter<'a> {
 struct Clusters {
     block: Option<Block>,
     /// Sum of `J' S^-1 r r' S^-1 J` over the blocks.
-    #[serde(serialize_with = "padded::half", deserialize_with = "padded::square")]
+    #[serde(with = "padded")]
     scatter: SMatrix<f64, PARAMETERS, PARAMETERS>,
     /// Sum of `J' S^-1 J`: what the scatter should be.
-    #[serde(serialize_with = "padded::half", deserialize_with = "padded::square")]
+    #[serde(with = "padded")]
     expected: SMatrix<f64, PARAMETERS, PARAMETERS>,
     blocks: f64,
     /// A wild block that waits for another one.
@@ -110,7 +110,7 @@ struct Clusters {
 /// the jump counted as scatter by then, the change would be taken for noise.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Wild {
-    #[serde(serialize_with = "padded::half", deserialize_with = "padded::square")]
+    #[serde(with = "padded")]
     scatter: SMatrix<f64, PARAMETERS, PARAMETERS>,
     /// What is left of it in the memory.
     weight: f64,

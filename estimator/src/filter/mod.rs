@@ -136,14 +136,14 @@ pub struct Filter {
     /// As configured. A stored one is not read: a version may know settings that another does not.
     #[serde(deserialize_with = "as_configured")]
     noise: MotionNoise,
-    #[serde(deserialize_with = "padded::vector")]
+    #[serde(with = "padded")]
     values: Values,
-    #[serde(serialize_with = "padded::half", deserialize_with = "padded::square")]
+    #[serde(with = "padded")]
     covariance: Covariance,
     /// Parameters whose values the filter may not change (their uncertainty still counts).
-    #[serde(deserialize_with = "padded::flags")]
+    #[serde(with = "padded")]
     held: [bool; PARAMETERS],
-    #[serde(deserialize_with = "padded::vector")]
+    #[serde(with = "padded")]
     random_walk: Values,
     anchor: Option<Anchor>,
     body_in_anchor: Pose2,

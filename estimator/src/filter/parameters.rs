@@ -11,7 +11,7 @@ use crate::vehicle::{BY_SPEED_LEAD, DriveParameters, SteeringCurve, SteeringResp
 /// asymmetry, quadratic and cubic term, the lag and spread of its response, and half its play.
 pub const PARAMETERS: usize = Parameter::ALL.len() + 7;
 /// Where the side slip stands among them. It is no calibration and is not published, but what is not
-/// known of it goes into `x_off`: at a speed `v` it shifts the LiDAR by `c v^2`.
+/// known of it goes into `x_off`: at a speed `v` it shifts the LiDAR by `-c |v| v`.
 pub const SIDE_SLIP: usize = Parameter::ALL.len();
 /// Where the steering's asymmetry stands among them.
 pub const ASYMMETRY: usize = SIDE_SLIP + 1;
@@ -25,6 +25,25 @@ pub const STEERING_LAG: usize = SIDE_SLIP + 4;
 pub const STEERING_SPREAD: usize = SIDE_SLIP + 5;
 /// Where half the play of the steering stands among them.
 pub const STEERING_PLAY: usize = SIDE_SLIP + 6;
+/// Where the parameters stand, in the order in which checkpoints hold them: that in which they came to be known.
+/// Stored numbers have no names but their place, so a new one comes last here, published or not.
+pub(super) const STORED: [usize; PARAMETERS] = [
+    Parameter::SteeringOffset.index(),
+    Parameter::LidarX.index(),
+    Parameter::LidarY.index(),
+    Parameter::LidarYaw.index(),
+    Parameter::SpeedScale.index(),
+    Parameter::Wheelbase.index(),
+    Parameter::TimeOffset.index(),
+    Parameter::SteeringGain.index(),
+    SIDE_SLIP,
+    ASYMMETRY,
+    QUADRATIC,
+    CUBIC,
+    STEERING_LAG,
+    STEERING_SPREAD,
+    STEERING_PLAY,
+];
 /// No wheel is further behind its sensor, or before it, s.
 const STEERING_LAG_MAX_S: f64 = 0.5;
 /// Nor is its response wider, s^2.

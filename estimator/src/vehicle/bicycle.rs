@@ -5,7 +5,8 @@ use super::{DriveParameters, DriveReading, Motion, Steering, by_parameters};
 /// The paper's equations (2), in continuous time: `theta' = v tan(delta_true) / L`.
 ///
 /// A rear wheel `lateral_m` left of the centre rolls at `v (1 - lateral * kappa)` with the
-/// curvature `kappa = tan(delta_true) / L`; at the centre itself the factor is 1.
+/// curvature `kappa = tan(delta_true) / L`; at the centre itself the factor is 1. Reversed, that wheel rolls
+/// the same circle: `lateral` stays, and changes sign mirrored.
 pub(super) fn motion(
     drive: DriveReading,
     lateral_m: f64,

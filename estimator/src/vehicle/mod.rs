@@ -3,8 +3,15 @@
 //! A model is one file with one function, `motion`: it gives the rear axle's speed and yaw rate and
 //! their derivatives by the parameters. Everything else (prediction, initial guess, advice) is
 //! written on [`Motion`] and knows no model.
+//!
+//! Each term is named with what it does when the drive is *mirrored* (left for right: steering, yaw
+//! rate and side speed change sign) and when it is *reversed* (the same steering, the speed with the
+//! other sign). Geometry is the same both ways, so that speed and yaw rate change sign with the
+//! measured speed; tyres give way against a force, which `v theta'` does not turn with the speed.
 
 mod bicycle;
+#[cfg(test)]
+mod parity_tests;
 mod tricycle;
 
 pub use fleetcal_model::{SpeedMeasuredAt, VehicleModel};
@@ -62,25 +69,31 @@ impl DriveReading {
 /// The parameters a vehicle model depends on.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct DriveParameters {
-    /// `delta_off`, rad.
+    /// `delta_off`, rad. Mirrored it changes sign, as every angle to the left; reversed it stays: the
+    /// sensor does not know which way the wheels roll.
     pub steering_offset_rad: f64,
-    /// True speed over measured speed.
+    /// True speed over measured speed. Stays both ways: a wheel's size is one number.
     pub speed_scale: f64,
-    /// Wheelbase, m.
+    /// Wheelbase, m. Stays both ways.
     pub wheelbase_m: f64,
-    /// True steering angle over measured one, after the offset.
+    /// True steering angle over measured one, after the offset. Stays both ways.
     pub steering_gain: f64,
-    /// Slip angle of the rear axle, outwards, for each m/s^2 of lateral acceleration, rad.
+    /// Slip angle of the rear axle, outwards, for each m/s^2 of lateral acceleration, rad. Stays both
+    /// ways, and so does the side speed that it makes of a reversed drive: the force points into the
+    /// bend whichever way it is driven.
     pub side_slip_rad_per_mps2: f64,
     /// What the steering does beyond offset and gain.
     pub curve: SteeringCurve,
     /// How the wheel follows its sensor in time.
     pub response: SteeringResponse,
-    /// Half of the play between sensor and wheel, rad: the wheel stays behind by so much.
+    /// Half of the play between sensor and wheel, rad: the wheel stays behind by so much. Stays both
+    /// ways: friction holds the wheel where the sensor's side last pushed it. That a wheel with caster
+    /// lies on the other side of its play when it is pushed instead of pulled is not modelled.
     pub half_play_rad: f64,
 }
 
-/// How the wheel follows its sensor: the first two cumulants of its impulse response. A pure delay `d`
+/// How the wheel follows its sensor, in time and not along the way, so that it stays mirrored and
+/// reversed: the first two cumulants of its impulse response. A pure delay `d`
 /// has (d, 0), a first-order lag `t` (t, t^2); the wheel stands at
 /// `delta(t - lag) + spread / 2 delta''(t - lag)`, to third order in time.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -93,14 +106,16 @@ pub struct SteeringResponse {
 
 /// How a true steering angle departs from a straight line over the measured one. With `u` the
 /// measured angle less its offset, the true angle is
-/// `(gain + asymmetry sign(u)) u + quadratic u^2 + cubic u^3`.
+/// `(gain + asymmetry sign(u)) u + quadratic u^2 + cubic u^3`. Reversed it stays: it is the linkage's
+/// geometry, and no force is in it.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct SteeringCurve {
-    /// By how much the gain is larger to the left and smaller to the right.
+    /// By how much the gain is larger to the left and smaller to the right; even in `u`, so that it
+    /// changes sign mirrored.
     pub asymmetry: f64,
-    /// Quadratic term, 1/rad.
+    /// Quadratic term, 1/rad; even in `u`, so that it changes sign mirrored.
     pub quadratic_per_rad: f64,
-    /// Cubic term, 1/rad^2.
+    /// Cubic term, 1/rad^2; odd in `u`, so that it stays mirrored.
     pub cubic_per_rad2: f64,
 }
 
@@ -171,21 +186,22 @@ impl Vehicle {
     }
 }
 
-/// Tyres drift outwards by an angle that grows with the lateral acceleration `v theta'`:
-/// `v_y = -c v^2 theta'`.
+/// Tyres drift outwards by an angle that grows with the lateral acceleration `v theta'`, which points
+/// into the bend forwards and backwards alike; the ground passes under them at `|v|`:
+/// `v_y = -c |v| v theta'`, odd when mirrored, even when reversed.
 fn with_side_slip(rolling: &Motion, slip: f64) -> Motion {
     let (v, yaw_rate) = (rolling.speed_mps, rolling.yaw_rate_radps);
     let mut motion = *rolling;
-    motion.side_speed_mps = -slip * v * v * yaw_rate;
+    motion.side_speed_mps = -slip * v.abs() * v * yaw_rate;
     for (by, (speed_by, yaw_by)) in motion
         .side_speed_by
         .iter_mut()
         .zip(rolling.speed_by.iter().zip(&rolling.yaw_rate_by))
     {
-        *by = -slip * v * (2.0 * yaw_rate * speed_by + v * yaw_by);
+        *by = -slip * v.abs() * (2.0 * yaw_rate * speed_by + v * yaw_by);
     }
     let [_, _, _, _, by_slip, ..] = &mut motion.side_speed_by;
-    *by_slip = -v * v * yaw_rate;
+    *by_slip = -v.abs() * v * yaw_rate;
     motion
 }
 

@@ -2,7 +2,8 @@
 
 use super::{DriveParameters, DriveReading, Motion, Steering, by_parameters};
 
-/// `v = v_front cos(delta_true)`, `theta' = v_front sin(delta_true) / L`.
+/// `v = v_front cos(delta_true)`, `theta' = v_front sin(delta_true) / L`: odd in the speed, and mirrored
+/// the one is even, the other odd.
 pub(super) fn motion(
     drive: DriveReading,
     steering: Steering,

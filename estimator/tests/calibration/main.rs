@@ -25,6 +25,7 @@ mod nonsense;
 mod observability;
 mod restarts;
 mod restarts_in_motion;
+mod reversed;
 mod sigmas_after_restarts;
 mod starts_in_motion;
 #[expect(dead_code, reason = "an example measures each cause alone")]

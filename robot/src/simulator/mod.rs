@@ -14,6 +14,8 @@ mod drive_sensor;
 mod imperfections;
 mod lidar;
 mod message;
+#[cfg(test)]
+mod parity_tests;
 mod people;
 mod plane;
 mod pose_sensor;

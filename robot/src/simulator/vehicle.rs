@@ -181,19 +181,30 @@ impl Motion {
         self.step_sensor_side_rad = 0.5 * (sensor_side_before_rad + self.sensor_side_rad);
         self.step_wheel_speed_mps = 0.5 * (speed_before_mps + self.wheel_speed_mps);
         self.speed_mps = self.step_wheel_speed_mps * (1.0 + self.slip);
-        let understeer_m = imperfections.understeer_rad_per_mps2 * self.speed_mps * self.speed_mps;
-        let yaw_rate =
-            self.speed_mps * self.step_steering_rad.tan() / (vehicle.wheelbase_m + understeer_m);
-        self.step_yaw_rate_rad_per_s = yaw_rate;
+        self.step_yaw_rate_rad_per_s = self.yaw_rate_rad_per_s(vehicle, imperfections);
         let side_slip = vehicle.slip.lateral_rad_per_mps2 + imperfections.side_slip_rad_per_mps2;
-        let slip_angle_rad = -side_slip * self.speed_mps * yaw_rate;
+        let slip_angle_rad = -side_slip * self.speed_mps * self.step_yaw_rate_rad_per_s;
         let forward_m = self.speed_mps * step_s;
+        // The lateral acceleration points into the bend forwards and backwards alike.
         let arc = Pose2::arc(
             forward_m,
-            forward_m * slip_angle_rad.tan(),
-            yaw_rate * step_s,
+            forward_m.abs() * slip_angle_rad.tan(),
+            self.step_yaw_rate_rad_per_s * step_s,
         );
         self.base = self.base.compose(&arc);
+    }
+
+    /// A front axle that drifts outwards by more than the rear one widens a bend that is driven
+    /// forwards. Backwards it follows, and drifting outwards it narrows the bend:
+    /// `yaw_rate = v·tan(steering)/(wheelbase + understeer·|v|·v)`.
+    fn yaw_rate_rad_per_s(
+        &self,
+        vehicle: &VehicleTruth,
+        imperfections: &VehicleImperfections,
+    ) -> f64 {
+        let understeer_m =
+            imperfections.understeer_rad_per_mps2 * self.speed_mps.abs() * self.speed_mps;
+        self.speed_mps * self.step_steering_rad.tan() / (vehicle.wheelbase_m + understeer_m)
     }
 
     fn turn_steering(

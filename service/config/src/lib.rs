@@ -192,6 +192,13 @@ impl Config {
                 return Err(format!("robot {} is configured twice", robot.id));
             }
         }
+        for robot in &config.robots {
+            if let Some(own) = &robot.config.estimator {
+                let settings = own.over(&config.estimator);
+                settings
+                    .map_err(|refused| format!("estimator of robot {}: {refused}", robot.id))?;
+            }
+        }
         let mut prefixes = std::collections::BTreeMap::new();
         for robot in &config.robots {
             let Some(prefix) = &robot.config.streams.fields().prefix else {
@@ -330,6 +337,30 @@ mod tests {
         let read = Config::parse(former).expect("read");
         let today = former.replace("drive =", "wheel_odometry =");
         assert_eq!(Config::parse(&today), Ok(read));
+    }
+
+    #[test]
+    fn a_robot_has_the_settings_of_all_but_for_its_own() {
+        let text = "[estimator]\nanchor_distance_m = 4.0\nconverged_sigma = { lidar_y = 0.02 }\n\
+                    [[robot]]\nid = \"a\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n\
+                    [robot.estimator]\nfalse_alarm_hours = 500\nconverged_sigma = { lidar_x = 0.01 }\n";
+        let config = Config::parse(text).expect("accepted");
+        let robot = config.robots.first().expect("one robot");
+        let mut expected = config.estimator.clone();
+        expected.false_alarm_hours = 500.0;
+        expected.converged_sigma.lidar_x = 0.01;
+        assert_eq!(
+            robot.config.calibrator_config(&config.estimator).settings,
+            expected
+        );
+        let both = "[estimator]\nfree = { wheelbase = \"estimated\" }\n".to_owned()
+            + "[[robot]]\nid = \"a\"\nmodel = \"bicycle\"\nwheelbase_m = 1.2\n"
+            + "estimator = { free = { steering_gain = \"estimated\" } }\n";
+        assert!(
+            refusal(&both).contains("robot a: free.wheelbase"),
+            "{}",
+            refusal(&both)
+        );
     }
 
     #[test]

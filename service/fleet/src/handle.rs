@@ -34,7 +34,7 @@ use crate::mailbox::Message;
 use crate::notes::Noted;
 use crate::peers::PeerSessions;
 use crate::registry::{Counts, Fleet, FleetCounters, Step, new_robot, scan_durations};
-use crate::robot::Robot;
+use crate::robot::{Configured, Robot};
 use crate::senders::Origin;
 use crate::tap::TapReader;
 use crate::watch;
@@ -188,13 +188,18 @@ impl FleetHandle {
         Some(self.fleet.find(id.as_str())?.view(&*self.fleet.clock))
     }
 
-    /// Gives a robot its vehicle; it may be unknown, unregistered or configured already. A
-    /// configuration other than the one it has begins its estimate from nothing. To store the
+    /// The settings of `[estimator]`.
+    pub fn estimator(&self) -> &EstimatorSettings {
+        &self.fleet.estimator
+    }
+
+    /// Gives a robot its vehicle; it may be unknown, unregistered or configured already. Its estimate
+    /// begins from nothing where it rests on something else by the new configuration. To store the
     /// configuration is the caller's part. Of a robot that another instance has it is taken note of.
     ///
     /// # Errors
     /// When [`limits::ROBOTS_MAX`] others are configured.
-    pub fn configure(&self, id: &RobotId, config: RobotConfig) -> Result<(), FleetRefused> {
+    pub fn configure(&self, id: &RobotId, config: RobotConfig) -> Result<Configured, FleetRefused> {
         let robot = {
             let mut robots = self
                 .fleet
@@ -212,13 +217,14 @@ impl FleetHandle {
             let robot = || new_robot(&self.fleet.membership, id, None);
             Arc::clone(robots.entry(id.clone()).or_insert_with(robot))
         };
-        if robot.set_config(config).is_none() {
+        let configured = robot.set_config(config, &self.fleet.estimator);
+        if configured == Configured::First {
             self.begin_configured(&robot);
         } else {
             robot.mailbox.wake();
         }
         self.fleet.configured.send_modify(|changes| *changes += 1);
-        Ok(())
+        Ok(configured)
     }
 
     /// Whether a note about a robot finds its estimator; to be asked before it is stored. One whose

@@ -45,6 +45,7 @@ pub use pose::LatestPose;
 pub use reading::ReadingSettings;
 pub use registry::FleetCounters;
 pub use report::{Digest, ReportDetails, Reported, RobotReport};
+pub use robot::Configured;
 pub use senders::Origin;
 pub use stored::estimator_of;
 pub use tap::{TapReader, Tapped, Taps};

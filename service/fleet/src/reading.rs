@@ -1,6 +1,6 @@
 //! From any of the ROS 2 messages that a stream may be made of to what a robot's task takes.
 
-use fleetcal_domain::robot::ScanSettings;
+use fleetcal_domain::robot::{RobotConfig, ScanSettings};
 use fleetcal_domain::streams::{Joints, RobotStreams, message_types};
 use fleetcal_estimator::{DriveSample, Event, RobotTime};
 use fleetcal_model::Stream;
@@ -22,6 +22,14 @@ pub struct ReadingSettings {
 }
 
 impl ReadingSettings {
+    /// Those of a robot.
+    pub fn of(config: &RobotConfig) -> Self {
+        Self {
+            scans: config.scans(),
+            streams: config.streams.clone(),
+        }
+    }
+
     /// What a stream's messages are: what they say, else what is configured, else the usual.
     pub fn message_type(&self, stream: Stream, form: Form) -> Option<MessageType> {
         let usual = || match stream {

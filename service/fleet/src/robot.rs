@@ -18,8 +18,8 @@ use fleetcal_domain::robot::{
     AnnouncedTopic, Connection, CrossTrack, PairingReport, RobotConfig, RobotState, RobotView,
     StreamView, Warning,
 };
-use fleetcal_estimator::RobotTime;
 use fleetcal_estimator::advice::ranking::Ranked;
+use fleetcal_estimator::{EstimatorSettings, RobotTime};
 use fleetcal_model::{AuditId, Generation, Stream, Version, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
@@ -33,6 +33,17 @@ use crate::tenancy::Tenancy;
 use crate::top_view::TopViewAskers;
 use estimators::Estimators;
 use used::Used;
+
+/// What a configuration did to a robot.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Configured {
+    /// It had none.
+    First,
+    /// Its estimate goes on.
+    GoesOn,
+    /// Its estimate begins from nothing, because of these keys.
+    BeginsAgain(Vec<&'static str>),
+}
 
 /// Seconds over which a stream's rate is taken.
 const RATE_WINDOW_S: usize = 5;
@@ -346,21 +357,29 @@ impl Robot {
         lock(&self.status).estimate.clone()
     }
 
-    /// Gives the robot a configuration and says what it had before. The same one again changes
-    /// nothing.
-    pub fn set_config(&self, config: RobotConfig) -> Option<RobotConfig> {
+    /// Gives the robot a configuration. The same one again changes nothing, and the estimate goes on
+    /// where it rests on the same as before; `defaults` are the settings of `[estimator]`.
+    pub fn set_config(&self, config: RobotConfig, defaults: &EstimatorSettings) -> Configured {
         let mut status = lock(&self.status);
         if status.config.as_ref() == Some(&config) {
-            return status.config.clone();
+            return Configured::GoesOn;
         }
+        let basis = config.basis(defaults);
         status.config_version = status.config_version.next();
+        let Some(former) = status.config.replace(config) else {
+            return Configured::First;
+        };
+        let keys = basis.differs_in(&former.basis(defaults));
+        if keys.is_empty() {
+            return Configured::GoesOn;
+        }
         status.state = RobotState::NoData;
         status.estimate = None;
         status.candidate = Candidate::default();
         status.manoeuvres = Arc::from([]);
         status.pairing = None;
         status.warnings = Vec::new();
-        status.config.replace(config)
+        Configured::BeginsAgain(keys)
     }
 
     /// Takes what the robot's task has to say.

@@ -1,5 +1,6 @@
 //! Stored state from which a robot's task goes on after a restart of the service.
 
+use fleetcal_domain::robot::{Basis, Signals};
 use fleetcal_estimator::calibrator::CalibratorConfig;
 use fleetcal_estimator::{Calibrator, Checkpoint, Pose2, Vehicle};
 use fleetcal_model::RobotId;
@@ -49,6 +50,9 @@ pub struct StoredConfig {
     vehicle: Vehicle,
     nominal_lidar_in_base: Option<Pose2>,
     settings: Value,
+    /// What the robot's numbers meant; former versions did not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    signals: Option<Signals>,
 }
 
 impl StoredConfig {
@@ -56,18 +60,23 @@ impl StoredConfig {
     ///
     /// # Errors
     /// When it cannot be written as JSON.
-    pub fn of(config: &CalibratorConfig) -> Result<Self, Unreadable> {
+    pub fn of(basis: &Basis) -> Result<Self, Unreadable> {
+        let config = &basis.calibrator;
         Ok(Self {
             vehicle: config.vehicle,
             nominal_lidar_in_base: config.nominal_lidar_in_base,
             settings: serde_json::to_value(&config.settings)?,
+            signals: Some(basis.signals.clone()),
         })
     }
 
     /// Whether an estimator of this configuration goes on from the state. Settings that only one of the two
     /// versions knows do not count: instances of both may serve while a cluster is upgraded.
-    fn agrees_with(&self, config: &CalibratorConfig) -> bool {
-        self.vehicle == config.vehicle
+    fn agrees_with(&self, basis: &Basis) -> bool {
+        let config = &basis.calibrator;
+        let signals = self.signals.as_ref();
+        signals.is_none_or(|signals| *signals == basis.signals)
+            && self.vehicle == config.vehicle
             && self.nominal_lidar_in_base == config.nominal_lidar_in_base
             && serde_json::to_value(&config.settings).is_ok_and(|own| agree(&self.settings, &own))
     }
@@ -123,7 +132,7 @@ impl Restored {
 
 /// What was stored as `bytes`; `None`, which is logged, when they cannot be read or are of an
 /// estimator with another configuration.
-pub fn restore(robot: &RobotId, config: &CalibratorConfig, bytes: &[u8]) -> Option<Restored> {
+pub fn restore(robot: &RobotId, basis: &Basis, bytes: &[u8]) -> Option<Restored> {
     let stored: Stored = match packed::unpack(bytes) {
         Ok(stored) => stored,
         Err(error) => {
@@ -131,7 +140,8 @@ pub fn restore(robot: &RobotId, config: &CalibratorConfig, bytes: &[u8]) -> Opti
             return None;
         }
     };
-    if !stored.config.agrees_with(config) {
+    let config = &basis.calibrator;
+    if !stored.config.agrees_with(basis) {
         tracing::info!(robot.id = %robot, "configured otherwise: estimator begins from nothing");
         return None;
     }

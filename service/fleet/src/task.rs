@@ -11,10 +11,10 @@ use std::sync::atomic::Ordering;
 
 use fleetcal_domain::limits::{ADVICE_EVERY_S, ESTIMATOR_RESTARTS_MAX};
 use fleetcal_domain::robot::{
-    HistoryEvent, Mount, RobotConfig, RobotState, ServiceEvent, ServiceEventKind, Warning,
+    Basis, HistoryEvent, Mount, RobotConfig, RobotState, ServiceEvent, ServiceEventKind, Warning,
     WheelOdometrySignal,
 };
-use fleetcal_estimator::calibrator::{CalibratorConfig, TopView};
+use fleetcal_estimator::calibrator::TopView;
 use fleetcal_estimator::lidar_odometry::BeamTimes;
 use fleetcal_estimator::{Calibrator, Checkpoint, Effect, Event, RobotTime};
 use fleetcal_model::{ChangeKind, Parameter, ParameterStatus, Stream, Version};
@@ -64,9 +64,11 @@ pub struct RobotTask {
     pub(crate) robot: Arc<Robot>,
     version: Version,
     signal: WheelOdometrySignal,
+    reading: ReadingSettings,
     intake: Intake,
     rear_axle_in_base_link: Option<Mount>,
-    config: CalibratorConfig,
+    /// What the estimate rests on.
+    basis: Basis,
     engine: Engine,
     /// The last state that was stored, to go on from after a panic.
     pub(crate) last_good: Option<Checkpoint>,
@@ -103,14 +105,11 @@ impl RobotTask {
     ) -> Self {
         let signal = config.wheel_odometry;
         let rear_axle_in_base_link = config.rear_axle_in_base_link;
-        let intake = Intake::new(ReadingSettings {
-            scans: config.scans(),
-            streams: config.streams.clone(),
-        });
-        let config = config.calibrator_config(&fleet.estimator);
-        let restored = stored.and_then(|bytes| stored::restore(&robot.id, &config, bytes));
+        let reading = ReadingSettings::of(config);
+        let basis = config.basis(&fleet.estimator);
+        let restored = stored.and_then(|bytes| stored::restore(&robot.id, &basis, bytes));
         let last_good = restored.as_ref().map(|one| one.calibrator.checkpoint());
-        let restored = restored.unwrap_or_else(|| Restored::nothing(&config));
+        let restored = restored.unwrap_or_else(|| Restored::nothing(&basis.calibrator));
         let notes = restored.notes;
         let notes = notes.unwrap_or_else(|| NotesTaken::until(fleet.audited));
         let known = last_good
@@ -121,9 +120,10 @@ impl RobotTask {
             robot,
             version,
             signal,
-            intake,
+            intake: Intake::new(reading.clone()),
+            reading,
             rear_axle_in_base_link,
-            config,
+            basis,
             engine: Engine::Running(Box::new(restored.calibrator)),
             earlier_good: last_good.clone(),
             last_good,
@@ -158,19 +158,25 @@ impl RobotTask {
         if estimate.stamp.0 <= 0 {
             return;
         }
-        let document = document::estimate_document(&self.robot.id, &estimate);
+        let mut document = document::estimate_document(&self.robot.id, &estimate);
         if document::is_finite(&document) {
+            self.place_in_base_link(&mut document);
             let state = state_of(&document, self.changed);
             self.robot.restore(state, Arc::new(document), candidate);
         }
     }
 
-    /// Begins again when the robot was configured otherwise.
+    /// Begins again when the robot was configured otherwise, in what its estimate rests on. Where messages
+    /// come from and in which frames documents are is followed without.
     pub(crate) fn follow_config(&mut self) {
         if self.robot.config_version() == self.version {
             return;
         }
         if let Some((version, config)) = self.robot.versioned_config() {
+            if config.basis(&self.fleet.estimator) == self.basis {
+                self.go_on_by(version, &config);
+                return;
+            }
             let (fleet, robot) = (Arc::clone(&self.fleet), Arc::clone(&self.robot));
             let budgets = std::mem::take(&mut self.budgets);
             let (notes, is_open) = (self.notes.clone(), self.is_reassembly_open());
@@ -181,6 +187,21 @@ impl RobotTask {
             if is_open {
                 self.reopen_reassembly();
             }
+        }
+    }
+
+    fn go_on_by(&mut self, version: Version, config: &RobotConfig) {
+        self.version = version;
+        let reading = ReadingSettings::of(config);
+        if reading != self.reading {
+            self.intake = Intake::new(reading.clone());
+            self.reading = reading;
+        }
+        self.rear_axle_in_base_link = config.rear_axle_in_base_link;
+        if let Some(estimate) = self.robot.estimate() {
+            let mut document = EstimateDocument::clone(&estimate);
+            self.place_in_base_link(&mut document);
+            self.robot.set_estimate(Arc::new(document));
         }
     }
 
@@ -412,8 +433,8 @@ impl RobotTask {
         }
         let Some(values) = self.robot.values_at(sample.stamp()) else {
             return Err(
-                "drive: the robot is declared compensated and has not reported what it applies; \
-                 expected is wheel_odometry = \"raw\" until then"
+                "wheel_odometry: the robot is declared compensated and has not reported what it \
+                 applies; expected is wheel_odometry = \"raw\" until then"
                     .to_owned(),
             );
         };
@@ -431,7 +452,7 @@ impl RobotTask {
         self.verification_run = VerificationRun::follow(
             self.verification_run.take(),
             &self.robot,
-            &self.config,
+            &self.basis.calibrator,
             scanner,
         )
         .and_then(|verification_run| verification_run.take(&self.robot, &event));
@@ -502,10 +523,15 @@ impl RobotTask {
         true
     }
 
-    fn publish(&mut self, mut document: EstimateDocument) {
+    /// Says where the LiDAR is in the vehicle's own frame, where that is configured.
+    fn place_in_base_link(&self, document: &mut EstimateDocument) {
         let rear_axle = self.rear_axle_in_base_link.as_ref();
         document.lidar_in_base_link =
             rear_axle.map(|axle| document::lidar_in_base_link(axle, &document.parameters));
+    }
+
+    fn publish(&mut self, mut document: EstimateDocument) {
+        self.place_in_base_link(&mut document);
         let state = state_of(&document, self.changed);
         self.changed = state == RobotState::Changed;
         let document = Arc::new(document);
@@ -542,9 +568,10 @@ impl RobotTask {
 
     /// Goes on from a state, or from nothing when there is none that can be used.
     fn begin_from(&mut self, checkpoint: Option<Checkpoint>) {
-        let restored = checkpoint
-            .and_then(|checkpoint| Calibrator::restore(self.config.clone(), &checkpoint).ok());
-        let calibrator = restored.unwrap_or_else(|| Calibrator::new(self.config.clone()));
+        let restored = checkpoint.and_then(|checkpoint| {
+            Calibrator::restore(self.basis.calibrator.clone(), &checkpoint).ok()
+        });
+        let calibrator = restored.unwrap_or_else(|| Calibrator::new(self.basis.calibrator.clone()));
         self.engine = Engine::Running(Box::new(calibrator));
         self.top_view = None;
     }

@@ -286,7 +286,7 @@ fn copied(seconds: &BTreeMap<(i64, i64), &HistoryRow>) -> Vec<u8> {
         value.map_or_else(|| "\\N".to_owned(), |value| value.to_string())
     }
     let lines = seconds.iter().map(|(&(key, t_s), row)| {
-        let whole = [key, t_s, row.received_s, i64::from(row.status)];
+        let whole = [key, t_s, row.received_s, row.status.number()];
         let mut cells: Vec<String> = whole.iter().map(ToString::to_string).collect();
         cells.push(cell(row.nis));
         for cells_of_parameter in &row.cells {

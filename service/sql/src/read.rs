@@ -14,8 +14,8 @@ use fleetcal_proto::calibration::Envelope;
 use fleetcal_store::backend::{Cell, Reader, Stretch, Tier};
 use fleetcal_store::{
     AlertFilter, AlertMoment, AuditFilter, AuditRow, CheckpointRecord, CrossTrackRecord,
-    CurrentRecord, DeploymentFreeze, DueDelivery, EventRecord, ProposalFilter, RobotRecord,
-    StoreError, StoredPolicy,
+    CurrentRecord, DeploymentFreeze, DueDelivery, EventRecord, PackedStatus, ProposalFilter,
+    RobotRecord, StoreError, StoredPolicy,
 };
 
 use super::connection::{Connection, Pool, StatementError};
@@ -400,7 +400,7 @@ fn stretch_of(row: &Row, tier: Tier, parameters: usize) -> Result<Stretch, Store
     Ok(Stretch {
         t_s: column(row, table, 0)?,
         count: u32::try_from(count).map_err(corrupt(table))?,
-        status: u32::try_from(status).map_err(corrupt(table))?,
+        status: PackedStatus::stored(status).map_err(corrupt(table))?,
         nis: column(row, table, 3)?,
         cells,
     })

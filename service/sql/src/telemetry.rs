@@ -113,7 +113,7 @@ async fn put_second(
         .bind(t_s)
         .bind(key)
         .bind(row.received_s)
-        .bind(i64::from(row.status))
+        .bind(row.status.number())
         .bind(row.nis);
     for cell in &row.cells {
         query = query

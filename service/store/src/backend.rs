@@ -23,7 +23,9 @@ use super::approvals::{AuditFilter, AuditRow, DeploymentFreeze, ProposalFilter};
 use super::cluster::ClusterRegistry;
 use super::error::StoreError;
 use super::policy::StoredPolicy;
-use super::record::{CheckpointRecord, CrossTrackRecord, CurrentRecord, EventRecord, RobotRecord};
+use super::record::{
+    CheckpointRecord, CrossTrackRecord, CurrentRecord, EventRecord, PackedStatus, RobotRecord,
+};
 use super::webhooks::DueDelivery;
 
 pub use super::telemetry::{Aged, Batch, EventWrite, Repetition, TelemetryWriter};
@@ -97,8 +99,8 @@ pub struct Stretch {
     pub t_s: i64,
     /// Seconds of data in it.
     pub count: u32,
-    /// Status of every parameter at its end, see [`super::record::unpack_status`].
-    pub status: u32,
+    /// Status of every parameter at its end.
+    pub status: PackedStatus,
     /// Mean normalised innovation squared.
     pub nis: Option<f64>,
     /// The parameters that were asked for, in that order.

@@ -47,7 +47,7 @@ pub use journal::kind_of_note;
 pub use policy::StoredPolicy;
 pub use record::{
     CheckpointRecord, CrossTrackRecord, CurrentRecord, EventKind, EventRecord, EventSource,
-    Expected, HistoryRow, IdempotencyKey, NewEvent, RobotRecord, unpack_status,
+    Expected, HistoryRow, IdempotencyKey, NewEvent, PackedStatus, RobotRecord,
 };
 pub use transaction::{Job, Records};
 pub use webhooks::DueDelivery;

@@ -1,5 +1,7 @@
 //! Records of the store, free of any database.
 
+use std::num::TryFromIntError;
+
 use fleetcal_domain::robot::{CrossTrack, RobotConfig};
 use fleetcal_model::{
     EventId, Generation, Parameter, ParameterStatus, RobotTime, Version, WallTime,
@@ -96,8 +98,8 @@ pub struct HistoryRow {
     /// Value and sigma of each parameter that is estimated, in the order of
     /// [`Parameter::ALL`].
     pub cells: [Option<(f64, f64)>; PARAMETERS],
-    /// Status of each parameter, packed by `pack_status`.
-    pub status: u32,
+    /// Status of each parameter.
+    pub status: PackedStatus,
     /// Mean normalised innovation squared.
     pub nis: Option<f64>,
 }
@@ -119,37 +121,67 @@ impl HistoryRow {
             t_s: document.stamp_ns.whole_s(),
             received_s: received_ns.whole_s(),
             cells: Parameter::ALL.map(estimated),
-            status: pack_status(Parameter::ALL.map(|n| document.parameters.get(n).status)),
+            status: PackedStatus::of(Parameter::ALL.map(|n| document.parameters.get(n).status)),
             nis: (consistency.samples > 0).then_some(consistency.nis_mean),
         }
     }
 }
 
-/// Packs the status of every parameter into four bits each, the first one lowest.
-pub fn pack_status(status: [ParameterStatus; PARAMETERS]) -> u32 {
-    let code = |status| match status {
-        ParameterStatus::Off => 0,
-        ParameterStatus::Fixed => 1,
-        ParameterStatus::Learning => 2,
-        ParameterStatus::Unobservable => 3,
-        ParameterStatus::Converged => 4,
-    };
-    status
-        .into_iter()
-        .rev()
-        .fold(0, |packed, status| (packed << 4) | code(status))
-}
+/// Bits that one parameter's status has.
+const STATUS_BITS: usize = 4;
 
-/// One parameter's status out of a packed row; `None` for bits that `pack_status` never sets.
-pub fn unpack_status(packed: u32, parameter: Parameter) -> Option<ParameterStatus> {
-    let position = Parameter::ALL.iter().position(|&name| name == parameter)?;
-    match (packed >> (4 * position)) & 0xf {
-        0 => Some(ParameterStatus::Off),
-        1 => Some(ParameterStatus::Fixed),
-        2 => Some(ParameterStatus::Learning),
-        3 => Some(ParameterStatus::Unobservable),
-        4 => Some(ParameterStatus::Converged),
-        _ => None,
+/// Status of every parameter in one number of the database, four bits each, the first parameter lowest. A
+/// parameter that came later than a row has the bits of `Off` there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct PackedStatus(u64);
+
+impl PackedStatus {
+    /// The status of as many parameters as the database's signed number has room for; of more it does not
+    /// compile.
+    pub fn of<const N: usize>(status: [ParameterStatus; N]) -> Self {
+        const { assert!(N * STATUS_BITS < 64, "a column holds no more parameters") };
+        let code = |status| match status {
+            ParameterStatus::Off => 0,
+            ParameterStatus::Fixed => 1,
+            ParameterStatus::Learning => 2,
+            ParameterStatus::Unobservable => 3,
+            ParameterStatus::Converged => 4,
+        };
+        Self(
+            status
+                .into_iter()
+                .rev()
+                .fold(0, |packed, status| (packed << STATUS_BITS) | code(status)),
+        )
+    }
+
+    /// As the database has it.
+    ///
+    /// # Errors
+    /// When it is negative, which none is that was written.
+    pub fn stored(number: i64) -> Result<Self, TryFromIntError> {
+        u64::try_from(number).map(Self)
+    }
+
+    /// The number that is stored.
+    pub fn number(self) -> i64 {
+        self.0.cast_signed()
+    }
+
+    /// One parameter's status; `None` for bits that no status has.
+    pub fn get(self, parameter: Parameter) -> Option<ParameterStatus> {
+        self.at(parameter.index())
+    }
+
+    fn at(self, position: usize) -> Option<ParameterStatus> {
+        match (self.0 >> (STATUS_BITS * position)) & 0xf {
+            0 => Some(ParameterStatus::Off),
+            1 => Some(ParameterStatus::Fixed),
+            2 => Some(ParameterStatus::Learning),
+            3 => Some(ParameterStatus::Unobservable),
+            4 => Some(ParameterStatus::Converged),
+            _ => None,
+        }
     }
 }
 
@@ -330,11 +362,32 @@ mod tests {
             Learning,
             Converged,
         ];
-        let packed = pack_status(status);
+        let packed = PackedStatus::of(status);
+        assert_eq!(PackedStatus::stored(packed.number()), Ok(packed));
         for (name, expected) in Parameter::ALL.into_iter().zip(status) {
-            assert_eq!(unpack_status(packed, name), Some(expected), "{name:?}");
+            assert_eq!(packed.get(name), Some(expected), "{name:?}");
         }
-        assert_eq!(unpack_status(0xf, Parameter::SteeringOffset), None);
+        assert_eq!(PackedStatus(0xf).get(Parameter::SteeringOffset), None);
+    }
+
+    /// As many as are ever asked for: the ninth was lost, and the first eight were read of other bits.
+    #[test]
+    fn a_row_has_room_for_more_parameters_than_there_are() {
+        use ParameterStatus::{Converged, Fixed, Learning, Off};
+        let mut nine = [Learning; 9];
+        nine[8] = Converged;
+        let packed = PackedStatus::stored(PackedStatus::of(nine).number()).unwrap();
+        assert!((0..8).all(|position| packed.at(position) == Some(Learning)));
+        assert_eq!(packed.at(8), Some(Converged));
+        let most = PackedStatus::of([Fixed; 15]);
+        assert!(most.number() > 0);
+        assert_eq!(most.at(14), Some(Fixed));
+        assert_eq!(
+            PackedStatus::stored(0x2222_2222).unwrap().at(8),
+            Some(Off),
+            "a row of eight"
+        );
+        assert!(PackedStatus::stored(-1).is_err());
     }
 
     #[test]

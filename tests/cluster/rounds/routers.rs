@@ -103,7 +103,9 @@ async fn part(cluster: &Cluster, lines: &[Line], a: &Instance, seed: u64) -> f64
     // The robots are at the first router, and so is a.
     let watch = Watch::start(&cluster.routers[..1]).await;
     let cut = now();
-    lines.iter().for_each(|line| line.cut(Cut::Both));
+    for line in lines {
+        line.cut(Cut::Both);
+    }
     // What has come right after that was on its way.
     std::thread::sleep(Duration::from_millis(200));
     let since = now();
@@ -118,7 +120,9 @@ async fn part(cluster: &Cluster, lines: &[Line], a: &Instance, seed: u64) -> f64
     let moved = a.shares().unwrap();
     std::thread::sleep(CUT_FOR.saturating_sub(cut.elapsed()));
     assert_eq!(a.shares().unwrap(), moved, "robots go to and fro");
-    lines.iter().for_each(Line::heal);
+    for line in lines {
+        line.heal();
+    }
     println!("round {seed}: {named:?}, shares {moved:?}, all estimates again after {took:.2?}");
     took.as_secs_f64()
 }

@@ -33,6 +33,10 @@ pub struct Imperfections {
 }
 
 /// Imperfections of steering, wheels and tyres.
+///
+/// Each is named with what it does when the drive is *mirrored* (left for right) and *reversed* (the
+/// same steering, the speed with the other sign). Unless said otherwise it stays: what linkages, sensors
+/// and wheels do depends on angles and time, not on which way the wheels roll.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct VehicleImperfections {
@@ -40,10 +44,10 @@ pub struct VehicleImperfections {
     /// `steering_true = (1 + g + a·sign(u))·u + q·(u/20°)² + c·(u/20°)³`. Share.
     pub steering_gain: f64,
     /// Asymmetry `a` of the steering: the gain is larger by this to the left and smaller by it to
-    /// the right. Share.
+    /// the right. Share. Mirrored it changes sign.
     pub steering_asymmetry: f64,
     /// Quadratic term `q` of the steering: its deviation at 20°, rad. From 45° on the curve
-    /// continues straight.
+    /// continues straight. Mirrored it changes sign.
     pub steering_quadratic_rad: f64,
     /// Cubic term `c` of the steering: its deviation at 20°, rad. From 45° on the curve continues
     /// straight.
@@ -64,15 +68,19 @@ pub struct VehicleImperfections {
     pub wheelbase: f64,
     /// Unequal wheels `e`: the left rear wheel is larger by this share than the encoder assumes,
     /// the right one smaller. With half a track `h` of 0.4 wheelbases the mean of both shows
-    /// `(v + e·h·yaw_rate)/(1 - e²)`. A tricycle measures at one wheel and has no such mean.
+    /// `(v + e·h·yaw_rate)/(1 - e²)`. A tricycle measures at one wheel and has no such mean. Mirrored
+    /// it changes sign.
     pub wheel_sizes: f64,
     /// Where the speed is measured, to the left of the axle's middle, m:
-    /// `speed_shown = v - y·yaw_rate`.
+    /// `speed_shown = v - y·yaw_rate`. Mirrored it changes sign.
     pub speed_encoder_y_m: f64,
-    /// Slip angle of the rear axle for each m/s² of lateral acceleration, outwards, rad.
+    /// Slip angle of the rear axle for each m/s² of lateral acceleration, outwards, rad:
+    /// `side_speed = |v|·tan(-slip·v·yaw_rate)`, the same backwards as forwards, as the force on the
+    /// tyres points into the bend both times.
     pub side_slip_rad_per_mps2: f64,
     /// Slip angle of the front axle beyond the rear one's, for each m/s² of lateral acceleration,
-    /// rad: `yaw_rate = v·tan(steering)/(wheelbase + understeer·v²)`.
+    /// rad: `yaw_rate = v·tan(steering)/(wheelbase + understeer·|v|·v)`. The force is the same both
+    /// ways, but the axle that leads is not: backwards understeer narrows the bend.
     pub understeer_rad_per_mps2: f64,
 }
 

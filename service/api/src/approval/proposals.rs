@@ -157,8 +157,9 @@ pub(super) async fn post_proposal(
 fn proposed(api: &ApiState, value: &NewProposalDocument) -> Result<Command, Problem> {
     let id = &value.robot;
     let unknown = || Problem::robot_unknown(id.as_str());
-    let view = api.fleet.robot(id).ok_or_else(unknown)?;
-    let config = view.config.as_ref().ok_or_else(unknown)?;
+    let view = api.fleet.robot(id);
+    let configured = view.filter(|view| view.config.is_some());
+    let view = configured.ok_or_else(unknown)?;
     let (origin, (values, sigmas), evidence) = if let Some(values) = value.values {
         let unmeasured = CalibrationValues::default();
         (Origin::Person, (values, unmeasured), Evidence::default())

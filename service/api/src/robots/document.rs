@@ -8,6 +8,7 @@ use fleetcal_domain::robot::{
     Warning,
 };
 use fleetcal_domain::standing::Standing;
+use fleetcal_fleet::Configured;
 use fleetcal_fleet::document::vehicle_document;
 use fleetcal_model::{Stream, Version, WallTime};
 use fleetcal_proto::RobotId;
@@ -116,6 +117,11 @@ pub(super) struct RobotDocument {
     warnings: Vec<Warning>,
     /// The ROS 2 topics that it has announced, by name.
     topics: Vec<AnnouncedTopic>,
+    /// The keys of `config` because of whose change its estimate begins from nothing, in the answer to `PUT`;
+    /// absent where the estimate goes on.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[schema(required = false)]
+    estimate_begins_again_by: Vec<&'static str>,
 }
 
 impl RobotDocument {
@@ -140,8 +146,17 @@ impl RobotDocument {
             pairing: view.pairing,
             warnings: view.warnings.clone(),
             topics: view.topics.to_vec(),
+            estimate_begins_again_by: Vec::new(),
             summary: RobotSummary::of(view, ledger, standing, owners, now),
         }
+    }
+
+    /// With what a configuration did to the robot.
+    pub(super) fn configured(mut self, configured: Configured) -> Self {
+        if let Configured::BeginsAgain(keys) = configured {
+            self.estimate_begins_again_by = keys;
+        }
+        self
     }
 }
 

@@ -8,7 +8,7 @@ use fleetcal_domain::limits;
 use fleetcal_http::csv;
 use fleetcal_model::{Parameter, ParameterStatus, Unit};
 use fleetcal_proto::RobotId;
-use fleetcal_store::{Cell, History, HistoryQuery, Stretch, unpack_status};
+use fleetcal_store::{Cell, History, HistoryQuery, Stretch};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 
@@ -317,7 +317,7 @@ fn series(parameter: Parameter, index: usize, stretches: &[Stretch]) -> Series {
         sigma: column(|cell| cell.sigma),
         status: stretches
             .iter()
-            .map(|stretch| unpack_status(stretch.status, parameter))
+            .map(|stretch| stretch.status.get(parameter))
             .collect(),
     }
 }

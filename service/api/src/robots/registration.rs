@@ -7,7 +7,7 @@ use fleetcal_domain::access::Actor;
 use fleetcal_domain::limits;
 use fleetcal_domain::robot::RobotConfig;
 use fleetcal_domain::streams::RobotStreams;
-use fleetcal_fleet::FleetRefused;
+use fleetcal_fleet::{Configured, FleetRefused};
 use fleetcal_model::Version;
 use fleetcal_operations::robots::configure;
 use fleetcal_proto::RobotId;
@@ -39,12 +39,13 @@ pub(super) async fn get_robot(
     RobotPath(id): RobotPath,
     Parameters(NoParameters {}): Parameters<NoParameters>,
 ) -> Result<Response, Problem> {
-    answer(&api, &id, StatusCode::OK).await
+    answer(&api, &id, StatusCode::OK, Configured::GoesOn).await
 }
 
 /// Registers a robot or changes its configuration. The first configuration is sent with
-/// `If-None-Match: *`, a change with `If-Match` and the `ETag` of `GET`. A robot whose
-/// configuration changes begins its estimate again.
+/// `If-None-Match: *`, a change with `If-Match` and the `ETag` of `GET`. A robot's estimate begins again
+/// when its vehicle, nominal extrinsics, estimator settings, joints or the meaning of its steering angles
+/// change, which the answer then says; topics, scans and `rear_axle_in_base_link` leave it.
 #[utoipa::path(
     put,
     path = "/robots/{id}",
@@ -78,6 +79,7 @@ pub(super) async fn put_robot(
     let expected = expected(&headers)?;
     check_room(&api, &id)?;
     check_prefix(&api, &id, &config)?;
+    check_estimator(&api, &config)?;
     // A task of its own: what is stored reaches the fleet, even if the client goes away meanwhile.
     let registered = tokio::spawn(register(
         api.clone(),
@@ -86,16 +88,16 @@ pub(super) async fn put_robot(
         expected,
         caller.actor,
     ));
-    let version = registered.await.map_err(|_| Problem::panicked())??;
+    let (version, configured) = registered.await.map_err(|_| Problem::panicked())??;
     let status = if version == Version(1) {
         StatusCode::CREATED
     } else {
         StatusCode::OK
     };
-    answer(&api, &id, status).await
+    answer(&api, &id, status, configured).await
 }
 
-/// Stores the configuration and gives it to the fleet; gives its version. What replaces a stored
+/// Stores the configuration and gives it to the fleet; gives its version and what it did. What replaces a stored
 /// configuration without naming a topic for wheel odometry keeps the stored one's.
 async fn register(
     api: ApiState,
@@ -103,13 +105,13 @@ async fn register(
     mut config: RobotConfig,
     expected: Expected,
     actor: Actor,
-) -> Result<Version, Problem> {
+) -> Result<(Version, Configured), Problem> {
     if let Some(stored) = api.fleet.robot(&id).and_then(|robot| robot.config) {
         config.streams.keep_former_topic(&stored.streams);
     }
     let version = configure(&api.store, &id, &config, expected, actor).await?;
-    api.fleet.configure(&id, config)?;
-    Ok(version)
+    let configured = api.fleet.configure(&id, config)?;
+    Ok((version, configured))
 }
 
 /// Refuses a robot that the fleet would have no room for, before it is stored.
@@ -145,7 +147,24 @@ fn check_prefix(api: &ApiState, id: &RobotId, config: &RobotConfig) -> Result<()
     }
 }
 
-async fn answer(api: &ApiState, id: &RobotId, status: StatusCode) -> Result<Response, Problem> {
+/// Refuses estimator settings that contradict those of the service.
+fn check_estimator(api: &ApiState, config: &RobotConfig) -> Result<(), Problem> {
+    let Some(own) = &config.estimator else {
+        return Ok(());
+    };
+    let settings = own.over(api.fleet.estimator());
+    settings.map(|_| ()).map_err(|refused| {
+        let accepted = format!("settings that go with [estimator] of the service ({refused})");
+        Problem::refused("estimator", "others", &accepted)
+    })
+}
+
+async fn answer(
+    api: &ApiState,
+    id: &RobotId,
+    status: StatusCode,
+    configured: Configured,
+) -> Result<Response, Problem> {
     let record = api.store.load_robot(id).await?;
     let view = api
         .fleet
@@ -155,7 +174,8 @@ async fn answer(api: &ApiState, id: &RobotId, status: StatusCode) -> Result<Resp
     let standing = api.evaluator.standings().of(&view, &ledger);
     let now = api.clock.now();
     let owners = Owners::now(&api.membership);
-    let document = RobotDocument::of(view, record.as_ref(), &ledger, standing, &owners, now);
+    let document = RobotDocument::of(view, record.as_ref(), &ledger, standing, &owners, now)
+        .configured(configured);
     Ok(versioned_json(
         status,
         record.map_or(Version(0), |record| record.version),

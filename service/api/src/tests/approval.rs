@@ -73,6 +73,54 @@ impl Bench {
     }
 }
 
+/// A robot "a" with a drawing near to [`VALUES`] in the configuration file.
+async fn drawn() -> Bench {
+    let bench = bench(&["a"]).await;
+    let config = RobotConfig {
+        nominal_extrinsics: Some(serde_json::from_value(drawing()).unwrap()),
+        ..config()
+    };
+    let actor = Actor::service();
+    let done = configure(&bench.store, &robot("a"), &config, Expected::Any, actor);
+    done.await.unwrap();
+    bench
+}
+
+fn drawing() -> Value {
+    json!({ "x_m": 0.425, "y_m": 0.0, "yaw_rad": 0.0 })
+}
+
+#[tokio::test]
+async fn two_approve_what_is_measured_from_nothing_or_from_the_proposers_own_drawing() {
+    let bench = bench(&["a"]).await;
+    let ana = bench.person("ana", Role::Approver).await;
+    let bo = bench.person("bo", Role::Operator).await;
+    let asks = |proposal: &Value| {
+        let of = |name: &str| proposal[name].clone();
+        [
+            of("approvals_needed"),
+            of("second_approver"),
+            of("drawn_by"),
+        ]
+    };
+    let unknown = bench.propose(&bo, "k1").await.json();
+    assert_eq!(asks(&unknown), [json!(2), json!("unknown"), Value::Null]);
+    let config = RobotConfig {
+        nominal_extrinsics: Some(serde_json::from_value(drawing()).unwrap()),
+        ..config()
+    };
+    let body = serde_json::to_string(&config).unwrap();
+    let uri = "/api/v1/robots/a";
+    let put = bench.write(&bo, "PUT", uri, &[("if-match", "\"1\"")], body);
+    assert_eq!(put.await.told(), "200");
+    let own = bench.propose(&bo, "k2").await.json();
+    assert_eq!(asks(&own), [json!(2), json!("own_drawing"), json!("bo")]);
+    let once = bench.approve(&ana, &own, Version(1)).await.json();
+    assert_eq!(once["state"], "proposed");
+    let others = bench.propose(&ana, "k3").await.json();
+    assert_eq!(asks(&others), [json!(1), Value::Null, json!("bo")]);
+}
+
 #[tokio::test]
 async fn nothing_from_before_a_reassembly_is_proposed_or_approved() {
     let bench = bench(&["a"]).await;
@@ -118,7 +166,7 @@ async fn nothing_from_before_a_reassembly_is_proposed_or_approved() {
 
 #[tokio::test]
 async fn a_calibration_goes_from_a_proposal_to_its_robot_and_back() {
-    let bench = bench(&["a"]).await;
+    let bench = drawn().await;
     let ana = bench.person("ana", Role::Approver).await;
     let bo = bench.person("bo", Role::Operator).await;
     let robot = bench.person("robot", Role::Robot).await;
@@ -210,7 +258,7 @@ async fn a_calibration_goes_from_a_proposal_to_its_robot_and_back() {
 
 #[tokio::test]
 async fn a_decision_is_bound_to_what_was_looked_at() {
-    let bench = bench(&["a"]).await;
+    let bench = drawn().await;
     let ana = bench.person("ana", Role::Approver).await;
     let proposal = bench.propose(&ana, "k").await.json();
     let own = bench.approve(&ana, &proposal, Version(1)).await;
@@ -257,7 +305,7 @@ async fn a_decision_is_bound_to_what_was_looked_at() {
 
 #[tokio::test]
 async fn the_deployment_freeze_keeps_robots_from_what_they_have_not_seen() {
-    let bench = bench(&["a"]).await;
+    let bench = drawn().await;
     let ana = bench.person("ana", Role::Approver).await;
     let bo = bench.person("bo", Role::Operator).await;
     let robot = bench.person("robot", Role::Robot).await;
@@ -294,7 +342,7 @@ async fn the_deployment_freeze_keeps_robots_from_what_they_have_not_seen() {
 
 #[tokio::test]
 async fn several_are_approved_at_once_each_on_its_own() {
-    let bench = bench(&["a"]).await;
+    let bench = drawn().await;
     let ana = bench.person("ana", Role::Approver).await;
     let bo = bench.person("bo", Role::Operator).await;
     let proposal = bench.propose(&bo, "k").await.json();

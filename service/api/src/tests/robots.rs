@@ -226,6 +226,34 @@ async fn a_robot_is_registered_and_changed_with_conditions() {
 }
 
 #[tokio::test]
+async fn an_answer_says_whether_the_estimate_begins_again() {
+    let bench = bench(&[]).await;
+    let put = async |version: &str, body: &str| {
+        let condition = match version {
+            "*" => "if-none-match",
+            _ => "if-match",
+        };
+        let headers = [(condition, version)];
+        let path = "/api/v1/robots/a";
+        bench
+            .send_body("PUT", path, &headers, body.to_owned())
+            .await
+            .json()
+    };
+    let with = |more: &str| CONFIG.replace('}', &format!(", {more}}}"));
+    let key = "estimate_begins_again_by";
+    assert_eq!(put("*", CONFIG).await.get(key), None);
+    let axle = r#""rear_axle_in_base_link": {"x_m": -0.4, "y_m": 0, "yaw_rad": 0}"#;
+    assert_eq!(put("\"1\"", &with(axle)).await.get(key), None);
+    let topic = r#""streams": {"scan": {"topic": "front/scan"}}"#;
+    assert_eq!(put("\"2\"", &with(topic)).await.get(key), None);
+    let longer = CONFIG.replace("1.55", "1.6").replace("raw", "compensated");
+    let keys = json!(["wheelbase_m", "wheel_odometry"]);
+    assert_eq!(put("\"3\"", &longer).await[key], keys);
+    assert_eq!(bench.get("/api/v1/robots/a").await.json().get(key), None);
+}
+
+#[tokio::test]
 async fn former_names_of_wheel_odometry_are_accepted_and_answered_by_todays() {
     let bench = bench(&[]).await;
     let put = async |version: &str, body: &str| {

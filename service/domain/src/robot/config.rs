@@ -7,10 +7,10 @@ use fleetcal_estimator::point_cloud::PlanarBand;
 use fleetcal_estimator::vehicle::SpeedMeasuredAt;
 use fleetcal_estimator::{EstimatorSettings, Pose2, Vehicle, VehicleModel};
 use fleetcal_proto::message_type::ScanType;
-use serde::de::Error as _;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::own_settings::OwnSettings;
 use crate::streams::RobotStreams;
 #[cfg(feature = "openapi")]
 use {crate::streams::StreamsFields, fleetcal_estimator::point_cloud::BandFields};
@@ -211,15 +211,11 @@ pub struct RobotConfig {
     #[serde(default, skip_serializing_if = "RobotStreams::is_default")]
     #[cfg_attr(feature = "openapi", schema(required = false, value_type = StreamsFields))]
     pub streams: RobotStreams,
-    /// Settings of this robot's estimator, with the keys of `[estimator]` in `fleetcal.toml`; the
-    /// service's own unless given.
-    #[serde(
-        default,
-        skip_serializing_if = "Option::is_none",
-        deserialize_with = "checked_settings_if_any"
-    )]
+    /// Settings of this robot's estimator, with the keys of `[estimator]` in `fleetcal.toml`; each key
+    /// that is not given is as there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(nullable, required = false, value_type = Option<Object>))]
-    pub estimator: Option<EstimatorSettings>,
+    pub estimator: Option<OwnSettings>,
 }
 
 impl RobotConfig {
@@ -261,20 +257,12 @@ impl RobotConfig {
         CalibratorConfig {
             vehicle: self.vehicle(),
             nominal_lidar_in_base: self.nominal_extrinsics.map(|mount| mount.pose()),
-            settings: self.estimator.clone().unwrap_or_else(|| defaults.clone()),
+            settings: match &self.estimator {
+                Some(own) => own.in_use(defaults),
+                None => defaults.clone(),
+            },
         }
     }
-}
-
-/// Settings that an estimator can work with, where there are any.
-fn checked_settings_if_any<'de, D: Deserializer<'de>>(
-    from: D,
-) -> Result<Option<EstimatorSettings>, D::Error> {
-    let settings = Option::<EstimatorSettings>::deserialize(from)?;
-    if let Some(settings) = &settings {
-        settings.check().map_err(D::Error::custom)?;
-    }
-    Ok(settings)
 }
 
 #[cfg(all(test, feature = "openapi"))]

@@ -1,17 +1,21 @@
 //! A robot as the whole service names it: what is configured of it, what is seen of it, and what
 //! stands in its history. Below everything that decides, stores, shows or sends.
 
+mod basis;
 mod config;
 mod cross_track;
 mod history;
+mod own_settings;
 mod view;
 
+pub use basis::{Basis, Signals};
 pub use config::{
     MOUNT_MAX_M, Mount, RobotConfig, ScanSettings, ValueRefused, WHEELBASE_MAX_M,
     WheelOdometrySignal, Wheelbase,
 };
 pub use cross_track::{BIN_WIDTH_M, BINS_PER_SIDE, CrossTrack, GENERATIONS_MAX};
 pub use history::{HistoryEvent, Journal, ServiceEvent, ServiceEventKind};
+pub use own_settings::OwnSettings;
 pub use view::{
     AnnouncedTopic, Connection, ConnectionState, Counters, PairingReport, RobotState, RobotView,
     StreamView, Warning, WarningKind,

@@ -46,7 +46,7 @@ impl RobotTask {
         let checkpoint = calibrator.checkpoint();
         self.earlier_good = self.last_good.replace(checkpoint.clone());
         let run = self.verification_run.as_ref();
-        let bytes = StoredConfig::of(&self.config).and_then(|config| {
+        let bytes = StoredConfig::of(&self.basis).and_then(|config| {
             let stored = Stored {
                 config,
                 calibrator: checkpoint,

@@ -86,7 +86,7 @@ impl RobotTask {
     }
 
     fn with_note(&self, checkpoint: &Checkpoint, note: &Note) -> Option<Checkpoint> {
-        let mut calibrator = Calibrator::restore(self.config.clone(), checkpoint).ok()?;
+        let mut calibrator = Calibrator::restore(self.basis.calibrator.clone(), checkpoint).ok()?;
         calibrator.step(Event::Note(note.clone()));
         Some(calibrator.checkpoint())
     }

@@ -1,6 +1,6 @@
 //! Content and size of a simulated robot's checkpoint.
 
-use fleetcal_estimator::calibrator::CalibratorConfig;
+use fleetcal_domain::robot::Basis;
 use fleetcal_estimator::stream::ScanShape;
 use fleetcal_estimator::{Checkpoint, DriveSample, LidarPose, Note, NoteKind, Pose2, Scan};
 use fleetcal_robot::simulator::{
@@ -25,18 +25,18 @@ const VERIFYING_BYTES_MAX: usize = 20_000;
 struct Drive {
     simulation: Simulation,
     robot: Robot,
-    config: CalibratorConfig,
+    basis: Basis,
     restored: Restored,
 }
 
 impl Drive {
     fn new(simulation: SimulationConfig) -> Self {
-        let config = vehicle().calibrator_config(&EstimatorSettings::default());
+        let basis = vehicle().basis(&EstimatorSettings::default());
         Self {
             simulation: Simulation::new(simulation).unwrap(),
             robot: Robot::new(id("robot"), Some(vehicle())),
-            restored: Restored::nothing(&config),
-            config,
+            restored: Restored::nothing(&basis.calibrator),
+            basis,
         }
     }
 
@@ -48,7 +48,7 @@ impl Drive {
         let calibrator = &self.restored.calibrator;
         let scanner = || Some(calibrator.learnt_scanner());
         self.restored.verification_run =
-            VerificationRun::follow(None, &self.robot, &self.config, scanner);
+            VerificationRun::follow(None, &self.robot, &self.basis.calibrator, scanner);
     }
 
     /// Says that the robot was switched on: what is known waits to be held against what is found.
@@ -82,7 +82,7 @@ impl Drive {
     fn stored(&self) -> Stored {
         let run = self.restored.verification_run.as_ref();
         Stored {
-            config: StoredConfig::of(&self.config).unwrap(),
+            config: StoredConfig::of(&self.basis).unwrap(),
             calibrator: self.restored.calibrator.checkpoint(),
             changed: self.restored.changed,
             candidate: self.restored.candidate.clone(),
@@ -193,13 +193,14 @@ fn a_restored_task_has_every_bit_of_the_one_that_was_stored() {
     drive.drive(30.0);
     drive.restored.changed = true;
     let (bytes, before) = (drive.bytes(), drive.stored());
-    let restored = stored::restore(&id("robot"), &drive.config, &bytes).unwrap();
+    let restored = stored::restore(&id("robot"), &drive.basis, &bytes).unwrap();
     assert!(restored.changed);
     // Goes on from the state itself, which was no bytes in between.
-    let mut kept = Restored::nothing(&drive.config);
-    kept.calibrator = Calibrator::restore(drive.config.clone(), &before.calibrator).unwrap();
+    let mut kept = Restored::nothing(&drive.basis.calibrator);
+    kept.calibrator =
+        Calibrator::restore(drive.basis.calibrator.clone(), &before.calibrator).unwrap();
     let run = before.verification_run.unwrap();
-    kept.verification_run = Some(VerificationRun::restore(&drive.config, &run).unwrap());
+    kept.verification_run = Some(VerificationRun::restore(&drive.basis.calibrator, &run).unwrap());
     kept.changed = true;
 
     drive.restored = restored;
@@ -220,7 +221,7 @@ fn text_of_a_former_version_is_gone_on_from() {
     let former = serde_json::json!({"config": stored.config, "calibrator": stored.calibrator});
     let restored = stored::restore(
         &id("robot"),
-        &drive.config,
+        &drive.basis,
         &serde_json::to_vec(&former).unwrap(),
     );
     let restored = restored.unwrap();
@@ -235,23 +236,31 @@ fn another_format_or_configuration_begins_from_nothing() {
     let mut drive = Drive::new(poses());
     drive.drive(10.0);
     let bytes = drive.bytes();
-    let restore = |config: &CalibratorConfig, bytes: &[u8]| {
-        stored::restore(&id("robot"), config, bytes).is_some()
-    };
+    let restore =
+        |config: &Basis, bytes: &[u8]| stored::restore(&id("robot"), config, bytes).is_some();
     assert_eq!(bytes.first(), Some(&packed::FORMAT));
-    assert!(restore(&drive.config, &bytes));
+    assert!(restore(&drive.basis, &bytes));
     let mut later = bytes.clone();
     later[0] += 1;
-    assert!(!restore(&drive.config, &later));
-    assert!(!restore(&drive.config, b"nonsense"));
+    assert!(!restore(&drive.basis, &later));
+    assert!(!restore(&drive.basis, b"nonsense"));
     let longer = RobotConfig {
         wheelbase_m: Wheelbase::try_from(1.3).unwrap(),
         ..vehicle()
     };
-    let longer = longer.calibrator_config(&EstimatorSettings::default());
+    let longer = longer.basis(&EstimatorSettings::default());
     assert!(!restore(&longer, &bytes));
-    let mut unsure = drive.config.clone();
-    unsure.settings.false_alarm_hours *= 2.0;
+    let compensated = RobotConfig {
+        wheel_odometry: WheelOdometrySignal::Compensated,
+        ..vehicle()
+    };
+    let compensated = compensated.basis(&EstimatorSettings::default());
+    assert!(
+        !restore(&compensated, &bytes),
+        "its angles meant something else"
+    );
+    let mut unsure = drive.basis.clone();
+    unsure.calibrator.settings.false_alarm_hours *= 2.0;
     assert!(!restore(&unsure, &bytes));
 }
 
@@ -270,7 +279,7 @@ fn a_setting_that_one_version_alone_knows_loses_no_state() {
         noise["of_the_next_version"] = 0.5.into();
     }
     let bytes = packed::pack(&content).unwrap();
-    let restored = stored::restore(&id("robot"), &drive.config, &bytes).unwrap();
+    let restored = stored::restore(&id("robot"), &drive.basis, &bytes).unwrap();
     assert!(restored.calibrator.filter().is_some());
 }
 

@@ -4,6 +4,7 @@ use fleetcal_domain::approval::Policy;
 use fleetcal_domain::robot::RobotState;
 use fleetcal_estimator::Status;
 use fleetcal_estimator::estimate::{Cause, Change, ChangeKind};
+use fleetcal_model::Parameter;
 
 use super::cluster::Instance;
 use super::*;
@@ -34,6 +35,69 @@ fn calibrated_after_100_s(calibrator: &mut Calibrator, event: Event) -> Vec<Effe
     };
     calibrator.step(event);
     vec![estimate_of(calibrator, stamp, status)]
+}
+
+/// Takes the place of an estimator: knows everything, and says how long its session is as its steering offset.
+fn counting(calibrator: &mut Calibrator, event: Event) -> Vec<Effect> {
+    let Event::WheelOdometry(sample) = &event else {
+        return Vec::new();
+    };
+    let stamp = sample.stamp();
+    calibrator.step(event);
+    let mut effect = estimate_of(calibrator, stamp, CALIBRATED);
+    if let Effect::Estimate(estimate) = &mut effect
+        && let Some(first) = estimate.parameters.first_mut()
+    {
+        first.value = calibrator.duration_s();
+    }
+    vec![effect]
+}
+
+fn session_s(bench: &Bench) -> Option<f64> {
+    let estimate = bench.view("robot").estimate?;
+    Some(estimate.parameters.get(Parameter::SteeringOffset).value)
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_edit_of_a_frame_or_a_topic_keeps_the_calibration_and_one_of_the_vehicle_does_not() {
+    let bench = bench_with(&["robot"], BTreeMap::new(), counting);
+    seconds(&bench, 0, 100).await;
+    let before_s = session_s(&bench).unwrap();
+    assert!(before_s > 90.0, "{before_s} s");
+    let edit = |edited: &str| -> RobotConfig {
+        let mut config = serde_json::to_value(vehicle()).unwrap();
+        let edited: serde_json::Value = serde_json::from_str(edited).unwrap();
+        let both = (config.as_object_mut(), edited.as_object());
+        if let (Some(config), Some(edited)) = both {
+            config.extend(edited.clone());
+        }
+        serde_json::from_value(config).unwrap()
+    };
+    let axle = r#"{"rear_axle_in_base_link": {"x_m": -0.4, "y_m": 0, "yaw_rad": 0}}"#;
+    let topic = r#"{"streams": {"scan": {"topic": "front/scan"}}}"#;
+    for (number, edited) in [(0, axle), (1, topic)] {
+        let configured = bench.fleet.configure(&id("robot"), edit(edited));
+        assert_eq!(configured, Ok(Configured::GoesOn), "{edited}");
+        let view = bench.view("robot");
+        assert_eq!(view.state, RobotState::Calibrated, "{edited}");
+        assert!(view.estimate.is_some(), "{edited}");
+        seconds(&bench, 100 + number, 101 + number).await;
+        assert!(session_s(&bench).unwrap() > before_s, "{edited}");
+        let in_base_link = bench.view("robot").estimate.unwrap().lidar_in_base_link;
+        assert_eq!(in_base_link.is_some(), edited == axle, "{edited}");
+    }
+    // So does a restart of the service, by the edited configuration.
+    let bench = restarted(bench, counting).await;
+    seconds(&bench, 103, 104).await;
+    assert!(session_s(&bench).unwrap() > before_s);
+
+    let configured = bench
+        .fleet
+        .configure(&id("robot"), edit(r#"{"wheelbase_m": 1.3}"#));
+    assert_eq!(configured, Ok(Configured::BeginsAgain(vec!["wheelbase_m"])));
+    assert_eq!(bench.view("robot").state, RobotState::NoData);
+    seconds(&bench, 104, 106).await;
+    assert!(session_s(&bench).unwrap() < 5.0);
 }
 
 /// Takes the place of an estimator: every message shows a change of the calibration.

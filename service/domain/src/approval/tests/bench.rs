@@ -153,7 +153,6 @@ impl Bench {
             Command::Supersede { .. } => "supersede",
             Command::Refresh { .. } => "refresh",
             Command::Void { .. } => "void",
-            Command::Void { .. } => "void",
             Command::Judge { verification, .. } if verification.within => "verify",
             Command::Judge { .. } => "fail",
             _ => "another",

@@ -334,31 +334,6 @@ fn an_answer_that_the_next_one_contradicts_is_kept_until_a_person_decides() {
         forged.take(own(&forged, status, WallTime(at_ns)), &Actor::service());
         assert!(is_told(&forged), "{status:?}");
     }
-    // Nor have applied what it was said to have refused.
-    for status in [AppliedStatus::Refused, AppliedStatus::Failed] {
-        let mut forged = Bench::new();
-        forged.do_due(&estimate(0.05, 0), false);
-        forged.approve();
-        let offer = forged.ledger.live.clone().unwrap().offer;
-        let generation = offer.generation;
-        forged.take(Command::Offer { generation }, &Actor::service());
-        let answer = |status| {
-            Command::Acknowledge(Applied {
-                generation: offer.generation,
-                sha256: offer.sha256.clone(),
-                status,
-                reason: None,
-                applied_at_ns: RobotTime(NOW_NS),
-                values: None,
-            })
-        };
-        forged.take(answer(status), &Actor::service());
-        assert!(!is_told(&forged));
-        assert_eq!(forged.ledger.shadow.sync(), SyncState::InSync);
-        forged.take(answer(AppliedStatus::Applied), &Actor::service());
-        assert!(is_told(&forged), "{status:?}");
-        assert_eq!(forged.ledger.shadow.sync(), SyncState::Unwanted);
-    }
     // Nor go on using since then what it was said to have replaced.
     let mut forged = offered();
     assert_eq!(forged.do_due(&estimate(0.05, 20), true), Some("verify"));
@@ -379,4 +354,37 @@ fn an_answer_that_the_next_one_contradicts_is_kept_until_a_person_decides() {
     forged.do_due(&estimate(0.12, 30), false);
     forged.approve();
     assert!(!is_told(&forged));
+}
+
+/// Two agents of one robot: one refuses, the other one has applied.
+#[test]
+fn what_was_refused_and_is_in_use_contradicts_itself_and_is_not_wanted() {
+    for status in [AppliedStatus::Refused, AppliedStatus::Failed] {
+        let mut forged = Bench::new();
+        forged.do_due(&estimate(0.05, 0), false);
+        forged.approve();
+        let offer = forged.ledger.live.clone().unwrap().offer;
+        let generation = offer.generation;
+        forged.take(Command::Offer { generation }, &Actor::service());
+        let answer = |status| {
+            Command::Acknowledge(Applied {
+                generation: offer.generation,
+                sha256: offer.sha256.clone(),
+                status,
+                reason: None,
+                applied_at_ns: RobotTime(NOW_NS),
+                values: Some(CalibrationValues::default()),
+            })
+        };
+        forged.take(answer(status), &Actor::service());
+        assert_eq!(forged.ledger.shadow.contradicted, None);
+        assert_eq!(forged.ledger.shadow.sync(), SyncState::InSync);
+        forged.take(answer(AppliedStatus::Applied), &Actor::service());
+        let contradicted = forged.ledger.shadow.contradicted.clone().unwrap();
+        assert_eq!(
+            (contradicted.status, contradicted.by_status),
+            (status, AppliedStatus::Applied)
+        );
+        assert_eq!(forged.ledger.shadow.sync(), SyncState::Unwanted);
+    }
 }
