@@ -36,13 +36,18 @@ const fn member(package: &'static str, folder: &'static str, uses: &'static str)
 }
 
 /// The crates, lowest first.
-pub const CRATES: [Member; 24] = [
+pub const CRATES: [Member; 25] = [
     member("fleetcal-model", "proto/model", ""),
     member("fleetcal-proto", "proto", "model"),
     member("fleetcal-estimator", "estimator", "model"),
     member("fleetcal-robot", "robot", "model proto"),
     member("fleetcal-clock", "service/clock", "model"),
-    member("fleetcal-domain", "service/domain", "estimator model proto"),
+    member("fleetcal-limits", "service/limits", "model"),
+    member(
+        "fleetcal-domain",
+        "service/domain",
+        "estimator limits model proto",
+    ),
     member("fleetcal-cluster", "service/cluster", "domain model proto"),
     member(
         "fleetcal-store",

@@ -221,6 +221,7 @@ fn the_domain_decides_and_knows_no_outside_world() {
             "argon2",
             "base64",
             "fleetcal-estimator",
+            "fleetcal-limits",
             "fleetcal-model",
             "fleetcal-proto",
             "hex",
@@ -263,6 +264,7 @@ fn pure_crates_touch_no_outside_world() {
         "proto/model",
         "service/cluster",
         "service/domain",
+        "service/limits",
     ] {
         for word in [
             "std::fs",

@@ -10,9 +10,10 @@ pub mod access;
 pub mod alert;
 pub mod approval;
 pub mod audit;
-pub mod limits;
 pub mod robot;
 pub mod standing;
 pub mod streams;
 pub mod timestamp;
 pub mod webhook;
+
+pub use fleetcal_limits as limits;

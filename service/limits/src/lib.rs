@@ -307,6 +307,8 @@ pub const HTTP_STREAM_RETRY: Duration = Duration::from_secs(2);
 pub const HTTP_HEADER_BYTES_MAX: usize = 32 * 1024;
 /// Entries of a page of a list.
 pub const HTTP_PAGE_MAX: u32 = 1_000;
+/// Most deployments, and most returns to earlier values, read for a page of proposals.
+pub const FOLLOWED_MAX: u32 = 10_000;
 /// Entries of a page of a list unless asked for otherwise.
 pub const HTTP_PAGE_DEFAULT: u32 = 100;
 /// Proposals that one request approves.
