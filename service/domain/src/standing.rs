@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use fleetcal_model::WallTime;
+use fleetcal_model::{ParameterStatus, WallTime};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::CalibrationValues;
 use serde::{Deserialize, Serialize};
@@ -34,7 +34,8 @@ use crate::robot::{RobotState, RobotView};
 pub enum Standing {
     /// The previous calibration was not restored.
     RollbackFailed,
-    /// The estimate differs significantly from the calibration in use.
+    /// The estimate differs significantly from the approved calibration in use, or the vehicle has
+    /// changed.
     Drift,
     /// A verification estimate disagrees with the calibration that was applied.
     VerificationFailed,
@@ -62,7 +63,8 @@ pub enum Standing {
     AwaitingApproval,
     /// New values are approved and are being sent, applied or verified.
     Deploying,
-    /// It uses its factory values, which differ significantly from the estimate.
+    /// The estimate is outside the tolerance around the values in use, and they have not, or not yet,
+    /// been shown to have drifted.
     Uncalibrated,
     /// Some parameters have not converged.
     Learning,
@@ -114,6 +116,26 @@ impl Standing {
             | S::Kept => None,
         }
     }
+
+    /// `None` of an alert that says nothing of a robot.
+    const fn of_alert(kind: AlertKind) -> Option<Self> {
+        Some(match kind {
+            AlertKind::RollbackFailed => Self::RollbackFailed,
+            AlertKind::Drift => Self::Drift,
+            AlertKind::VerificationFailed => Self::VerificationFailed,
+            AlertKind::TwoSenders => Self::TwoSenders,
+            AlertKind::FormerKey => Self::FormerKey,
+            AlertKind::FalseReport => Self::FalseReport,
+            AlertKind::EstimatorFailed => Self::EstimatorFailed,
+            AlertKind::NoInstance => Self::NoInstance,
+            AlertKind::NotApplied => Self::NotApplied,
+            AlertKind::OutOfSync => Self::OutOfSync,
+            AlertKind::NoData => Self::NoData,
+            AlertKind::Fault => Self::Fault,
+            AlertKind::Uncalibrated => Self::Uncalibrated,
+            AlertKind::ConfigurationsDiffer | AlertKind::ClockOff => return None,
+        })
+    }
 }
 
 /// The kinds of a robot's alerts that say how it stands.
@@ -160,8 +182,6 @@ impl RobotAlerts {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StandingBasis {
     without_alerts: Standing,
-    /// What a drift alert says of it: what was never calibrated cannot have drifted.
-    drift: Standing,
     /// Whether its last estimate is outside the tolerance around what it uses.
     is_beyond: bool,
 }
@@ -187,15 +207,13 @@ impl StandingBasis {
                 .filter(|verdict| !verdict.within)
                 .map(|_| Standing::VerificationFailed),
             ledger.open.as_ref().map(|_| Standing::AwaitingApproval),
+            // Nobody looks after a robot that stands well beside a value that is off.
+            (view.state == RobotState::Calibrated && is_off(view, ledger, propose_beyond))
+                .then_some(Standing::Uncalibrated),
         ];
         let least = so.into_iter().flatten().min();
-        let in_use = shadow.in_use.as_ref();
         Self {
             without_alerts: least.unwrap_or(Standing::Learning),
-            drift: match in_use {
-                Some(in_use) if !in_use.generation.is_factory() => Standing::Drift,
-                _ => Standing::Uncalibrated,
-            },
             is_beyond: is_beyond(view, ledger, propose_beyond),
         }
     }
@@ -203,56 +221,64 @@ impl StandingBasis {
     /// How the robot stands with these alerts: the most urgent of what is so.
     pub fn with(self, alerts: &RobotAlerts) -> Standing {
         let alerting = alerts.alerting.iter();
-        let alerting = alerting.filter_map(|kind| self.of_alert(*kind));
+        let alerting = alerting.filter_map(|kind| Standing::of_alert(*kind));
         // The values of a silent robot can be compared without it: of those inside the tolerance
-        // nobody says any more that they drifted.
+        // nobody says any more that they are wrong.
         let stale = alerts.stale.iter();
-        let stale = stale.filter(|kind| **kind != AlertKind::Drift || self.is_beyond);
-        let stale = stale.filter_map(|kind| self.of_alert(*kind));
+        let stale = stale.filter(|kind| {
+            let compares = matches!(kind, AlertKind::Drift | AlertKind::Uncalibrated);
+            !compares || self.is_beyond
+        });
+        let stale = stale.filter_map(|kind| Standing::of_alert(*kind));
         let least = alerting.chain(stale).min();
         least.map_or(self.without_alerts, |least| least.min(self.without_alerts))
-    }
-
-    /// `None` of an alert that says nothing of a robot.
-    const fn of_alert(self, kind: AlertKind) -> Option<Standing> {
-        Some(match kind {
-            AlertKind::RollbackFailed => Standing::RollbackFailed,
-            AlertKind::Drift => self.drift,
-            AlertKind::VerificationFailed => Standing::VerificationFailed,
-            AlertKind::TwoSenders => Standing::TwoSenders,
-            AlertKind::FormerKey => Standing::FormerKey,
-            AlertKind::FalseReport => Standing::FalseReport,
-            AlertKind::EstimatorFailed => Standing::EstimatorFailed,
-            AlertKind::NoInstance => Standing::NoInstance,
-            AlertKind::NotApplied => Standing::NotApplied,
-            AlertKind::OutOfSync => Standing::OutOfSync,
-            AlertKind::NoData => Standing::NoData,
-            AlertKind::Fault => Standing::Fault,
-            AlertKind::ConfigurationsDiffer | AlertKind::ClockOff => return None,
-        })
     }
 }
 
 /// Whether a part of the last estimate is outside the tolerance around what the robot uses; also
 /// where there is none to compare.
 fn is_beyond(view: &RobotView, ledger: &RobotLedger, tolerance: &Tolerance) -> bool {
-    let Some(estimate) = view.estimate.as_deref() else {
-        return true;
-    };
-    let Some(in_use) = &ledger.shadow.in_use else {
+    view.estimate.is_none() || any_part(view, ledger, tolerance, |_| true)
+}
+
+/// Whether a value that is known is outside the tolerance around what the robot uses.
+fn is_off(view: &RobotView, ledger: &RobotLedger, tolerance: &Tolerance) -> bool {
+    any_part(view, ledger, tolerance, |status| {
+        status == ParameterStatus::Converged
+    })
+}
+
+/// Whether one of the four values that `counts` by its status is outside the tolerance around what
+/// the robot uses.
+fn any_part(
+    view: &RobotView,
+    ledger: &RobotLedger,
+    tolerance: &Tolerance,
+    counts: impl Fn(ParameterStatus) -> bool,
+) -> bool {
+    let (Some(estimate), Some(in_use)) = (view.estimate.as_deref(), &ledger.shadow.in_use) else {
         return false;
     };
     let parameters = &estimate.parameters;
+    let four = [
+        &parameters.steering_offset,
+        &parameters.lidar_x,
+        &parameters.lidar_y,
+        &parameters.lidar_yaw,
+    ];
+    let [steering_offset_rad, lidar_x_m, lidar_y_m, lidar_yaw_rad] = four.map(|one| one.value);
     let estimated = CalibrationValues {
-        steering_offset_rad: parameters.steering_offset.value,
-        lidar_x_m: parameters.lidar_x.value,
-        lidar_y_m: parameters.lidar_y.value,
-        lidar_yaw_rad: parameters.lidar_yaw.value,
+        steering_offset_rad,
+        lidar_x_m,
+        lidar_y_m,
+        lidar_yaw_rad,
         ..CalibrationValues::default()
     };
     let change = difference(&in_use.values, &estimated);
-    let mut parts = change.iter().zip(tolerance.limits());
-    parts.any(|(part, limit)| part.abs() > limit)
+    let parts = four.iter().zip(change).zip(tolerance.limits());
+    parts
+        .filter(|((one, _), _)| counts(one.status))
+        .any(|((_, part), limit)| part.abs() > limit)
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 /** What an alert is about and where it stands, in words and shapes. */
 
-import type { Alert, AlertKind, AlertState, Robot } from '../api/types';
+import type { Alert, AlertKind, AlertState } from '../api/types';
 import { STANDINGS } from '../fleet/standing';
-import { type Face, faceOf } from '../ui/face';
+import type { Face } from '../ui/face';
 
 /**
  * A kind that is about robots is a way for a robot to stand, and looks like that. No kind has the
@@ -21,6 +21,7 @@ export const KINDS: Record<AlertKind, Face> = {
   out_of_sync: STANDINGS.out_of_sync,
   no_data: STANDINGS.no_data,
   fault: STANDINGS.fault,
+  uncalibrated: STANDINGS.uncalibrated,
   configurations_differ: {
     word: 'Configurations differ',
     shape: 'not-equal',
@@ -74,13 +75,4 @@ export function subjectOf({ robot, robots }: Pick<Alert, 'robot' | 'robots'>): s
   if (robot != null) return robot;
   if (robots.length === 0) return 'Instances of the service';
   return robots.length === 1 ? '1 robot' : `${robots.length} robots`;
-}
-
-/** What an alert is about, by the name that the fleet's list has for it. */
-export function kindFace({ kind }: Pick<Alert, 'kind'>, robot: Robot | undefined): Face {
-  // What was never calibrated cannot have drifted.
-  if (kind === 'drift' && robot && !robot.calibration.reported_generation) {
-    return STANDINGS.uncalibrated;
-  }
-  return faceOf(KINDS, kind);
 }

@@ -15,7 +15,7 @@ export const STANDINGS: Record<Standing, Face> = {
     word: 'Drift',
     shape: 'diamond',
     tone: 'bad',
-    meaning: 'The estimate differs significantly from the calibration in use.',
+    meaning: 'The estimate differs significantly from the approved calibration in use.',
   },
   verification_failed: {
     word: 'Verification failed',
@@ -99,7 +99,7 @@ export const STANDINGS: Record<Standing, Face> = {
     word: 'Needs calibration',
     shape: 'ring-dot',
     tone: 'warn',
-    meaning: 'It uses its factory values, which differ significantly from the estimate.',
+    meaning: 'The estimate differs from the calibration in use by more than the tolerance.',
   },
   learning: {
     word: 'Calibrating',

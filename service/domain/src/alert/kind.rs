@@ -24,7 +24,7 @@ use strum::{EnumString, IntoStaticStr};
 pub enum AlertKind {
     /// The former calibration should have come back and did not.
     RollbackFailed,
-    /// The vehicle is significantly not as its calibration says.
+    /// The vehicle is significantly not as its approved calibration says, or has changed.
     Drift,
     /// A verification estimate disagreed with the calibration that was applied.
     VerificationFailed,
@@ -46,6 +46,8 @@ pub enum AlertKind {
     NoData,
     /// A sensor or the LiDAR odometry failed for a while.
     Fault,
+    /// The robot uses values that no estimate was approved for, and they are significantly wrong.
+    Uncalibrated,
     /// Instances of the cluster have different configurations.
     ConfigurationsDiffer,
     /// The clock of an instance is not that of the database.
@@ -54,7 +56,7 @@ pub enum AlertKind {
 
 impl AlertKind {
     /// All of them.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 15] = [
         Self::RollbackFailed,
         Self::Drift,
         Self::VerificationFailed,
@@ -67,12 +69,13 @@ impl AlertKind {
         Self::OutOfSync,
         Self::NoData,
         Self::Fault,
+        Self::Uncalibrated,
         Self::ConfigurationsDiffer,
         Self::ClockOff,
     ];
 
     /// Those that a robot's view and records say.
-    pub const OF_ROBOT: [Self; 11] = [
+    pub const OF_ROBOT: [Self; 12] = [
         Self::RollbackFailed,
         Self::Drift,
         Self::VerificationFailed,
@@ -84,6 +87,7 @@ impl AlertKind {
         Self::OutOfSync,
         Self::NoData,
         Self::Fault,
+        Self::Uncalibrated,
     ];
 
     /// The name in documents and in the database.
@@ -111,6 +115,7 @@ impl AlertKind {
             | Self::OutOfSync
             | Self::NoData
             | Self::Fault
+            | Self::Uncalibrated
             | Self::ConfigurationsDiffer
             | Self::ClockOff => Severity::Warning,
         }
@@ -167,6 +172,10 @@ impl AlertKind {
             }
             Self::Fault => {
                 "Look at the LiDAR and its cable, and for surroundings in which it sees too little."
+            }
+            Self::Uncalibrated => {
+                "Decide on the robot's proposal once there is one, or propose the present estimate. \
+                 Acknowledge it where the values in use are meant to stay."
             }
             Self::ConfigurationsDiffer => {
                 "Give all instances the same fleetcal.toml but for name and addresses, and start \

@@ -54,6 +54,7 @@ impl AlertPolicy {
         };
         match kind {
             AlertKind::Drift
+            | AlertKind::Uncalibrated
             | AlertKind::OutOfSync
             | AlertKind::NoData
             | AlertKind::ConfigurationsDiffer

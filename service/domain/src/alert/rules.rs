@@ -105,6 +105,7 @@ fn look(kind: AlertKind, situation: &Situation<'_>) -> Seen {
     match kind {
         AlertKind::RollbackFailed => rollback_failed(situation),
         AlertKind::Drift => drift(situation),
+        AlertKind::Uncalibrated => uncalibrated(situation),
         AlertKind::VerificationFailed => verification_failed(situation),
         AlertKind::TwoSenders => two_senders(situation),
         AlertKind::FormerKey => former_key(situation),
@@ -315,8 +316,8 @@ fn drift(situation: &Situation<'_>) -> Seen {
     }
     let changed = view.state == RobotState::Changed;
     match (compared(situation), changed) {
-        (Compared::Far(parts), false) => {
-            Seen::Firing(format!("{parts} away from what the robot uses"))
+        (Compared::Far(parts), false) if situation.ledger.uses_approved() => {
+            Seen::Firing(parts_away(&parts))
         }
         (Compared::Far(parts), true) => Seen::Firing(format!(
             "the vehicle is no longer the one that was calibrated: {parts} away from what the \
@@ -327,9 +328,30 @@ fn drift(situation: &Situation<'_>) -> Seen {
              learnt"
                 .to_owned(),
         ),
-        (Compared::Near, false) => Seen::Clear,
+        // What no estimate was approved for cannot have drifted.
+        (Compared::Near | Compared::Far(_), false) => Seen::Clear,
         (Compared::NotYet, false) => Seen::Unknown,
     }
+}
+
+/// The values that a robot has from its factory, or that people brought back, against the estimate.
+fn uncalibrated(situation: &Situation<'_>) -> Seen {
+    let view = situation.view;
+    if situation.ledger.uses_approved() || view.state == RobotState::Changed {
+        return Seen::Clear;
+    }
+    if is_silent(situation) || matches!(view.state, RobotState::NoData | RobotState::Failed) {
+        return Seen::Unknown;
+    }
+    match compared(situation) {
+        Compared::Far(parts) => Seen::Firing(parts_away(&parts)),
+        Compared::Near => Seen::Clear,
+        Compared::NotYet => Seen::Unknown,
+    }
+}
+
+fn parts_away(parts: &str) -> String {
+    format!("{parts} away from what the robot uses")
 }
 
 /// Whether the robot has sent nothing for so long that its estimate is no longer of now. A gap of

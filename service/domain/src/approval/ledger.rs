@@ -9,7 +9,7 @@ use fleetcal_proto::calibration::Envelope;
 use super::deployment::Deployment;
 use super::generation::GenerationRef;
 use super::proposal::Proposal;
-use super::revision::Revision;
+use super::revision::{Origin, Revision};
 use super::shadow::Shadow;
 use super::transition::Transition;
 use super::values::{Change, difference};
@@ -52,6 +52,19 @@ impl RobotLedger {
         let named = offers.chain(&shadow.desired).chain(&shadow.verified);
         let mut named = named.chain(&self.answered);
         named.find(|one| one.generation == generation)
+    }
+
+    /// Whether the robot uses values that were approved for it: neither its factory calibration, even
+    /// where that came back to it, nor what a person rolled it back to.
+    pub fn uses_approved(&self) -> bool {
+        let in_use = self.shadow.in_use.as_ref();
+        let Some(in_use) = in_use.filter(|one| !one.generation.is_factory()) else {
+            return false;
+        };
+        let reference = self.reference(in_use.generation);
+        let is_chosen = reference.is_some_and(|one| one.chosen_by.is_some());
+        let revision = self.revision_in_use();
+        !is_chosen && revision.is_none_or(|revision| revision.origin != Origin::Robot)
     }
 
     /// What the robot uses, where it was approved here.

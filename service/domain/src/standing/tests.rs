@@ -127,18 +127,39 @@ fn a_verdict_against_the_values_in_use_is_a_failed_verification() {
 #[test]
 fn nothing_has_drifted_as_long_as_nothing_was_applied() {
     use RobotState as R;
-    let drift = |case: Case| case.alerting(AlertKind::Drift).stands();
-    assert_eq!(drift(case(R::Calibrated)), Standing::Uncalibrated);
+    let uncalibrated = |case: Case| case.alerting(AlertKind::Uncalibrated).stands();
     let factory = case(R::Calibrated).using(Generation(0), 0.0);
-    assert_eq!(drift(factory), Standing::Uncalibrated);
+    assert_eq!(uncalibrated(factory), Standing::Uncalibrated);
     let proposed = case(R::Calibrated).proposed();
-    assert_eq!(drift(proposed), Standing::AwaitingApproval);
-    assert_eq!(
-        drift(case(R::Calibrated).using(Generation(1), 0.0)),
-        Standing::Drift
-    );
+    assert_eq!(uncalibrated(proposed), Standing::AwaitingApproval);
     // The estimator has seen it move: that it did.
-    assert_eq!(drift(case(R::Changed)), Standing::Drift);
+    assert_eq!(uncalibrated(case(R::Changed)), Standing::Drift);
+}
+
+#[test]
+fn nothing_stands_well_beside_a_value_that_is_off() {
+    let of = |state, offset_rad| case(state).using(Generation(1), offset_rad);
+    let off_rad = 0.045;
+    // No alert yet: it has to last.
+    let off = of(RobotState::Calibrated, off_rad);
+    assert_eq!(off.stands(), Standing::Uncalibrated);
+    assert_eq!(
+        off.alerting(AlertKind::Drift).stands(),
+        Standing::Drift,
+        "proven"
+    );
+    let within = of(RobotState::Calibrated, 0.002);
+    assert_eq!(within.stands(), Standing::Calibrated);
+    let deploying = of(RobotState::Calibrated, off_rad).deployed(DeploymentState::Applied);
+    assert_eq!(deploying.stands(), Standing::Deploying);
+    // What is not known is not off.
+    let mut unknown = of(RobotState::Calibrated, off_rad);
+    unknown.view.estimate = Some(Arc::new(estimate(0.0, 0.1, "unobservable")));
+    assert_eq!(unknown.stands(), Standing::Calibrated);
+    assert_eq!(
+        of(RobotState::Learning, off_rad).stands(),
+        Standing::Learning
+    );
 }
 
 #[test]
@@ -191,6 +212,7 @@ fn every_alert_is_a_way_to_stand() {
         S::OutOfSync,
         S::NoData,
         S::Fault,
+        S::Uncalibrated,
         // What is wrong with instances is no state of a robot.
         S::Calibrated,
         S::Calibrated,

@@ -1,7 +1,7 @@
 //! Every rule: what it sees of a robot, its records and its newest deployment.
 
 use super::*;
-use crate::approval::{Maintenance, Policy, RobotLedger, Verification};
+use crate::approval::{Evidence, Maintenance, Origin, Policy, Revision, RobotLedger, Verification};
 use crate::robot::Warning;
 
 /// One case of a rule: what it is given, and what it sees.
@@ -65,6 +65,12 @@ fn a_robot_on_a_former_key_is_told_of_until_it_stops() {
 
 #[test]
 fn drift_is_sure_and_far_or_a_vehicle_that_changed() {
+    // It uses what was approved for it.
+    let case = || {
+        let mut case = case();
+        case.ledger.shadow.in_use = Some(in_use(Generation(1), 0.0));
+        case
+    };
     let drift = |change: fn(&mut Case)| {
         let mut case = case();
         change(&mut case);
@@ -118,6 +124,7 @@ fn drift_is_sure_and_far_or_a_vehicle_that_changed() {
     assert_eq!(gap.0, Observation::Clear);
     // Nobody knows what it uses: there is nothing to have drifted from.
     let unknown_base = drift(|case| {
+        case.ledger.shadow.in_use = None;
         case.view.estimate = Some(Arc::new(estimate(0.1, 0.0001, "converged")));
         case.view.config = case.view.config.take().map(|config| RobotConfig {
             nominal_extrinsics: None,
@@ -125,6 +132,74 @@ fn drift_is_sure_and_far_or_a_vehicle_that_changed() {
         });
     });
     assert_eq!(unknown_base.0, Observation::Clear);
+}
+
+#[test]
+fn what_no_estimate_was_approved_for_needs_a_calibration_and_has_not_drifted() {
+    let using = |in_use: Option<InUse>| {
+        let mut case = case();
+        case.view.estimate = Some(Arc::new(estimate(0.01, 0.0005, "converged")));
+        case.ledger.shadow.in_use = in_use;
+        case
+    };
+    // Its drawing, its factory calibration, and what was approved.
+    assert_eq!(using(None).firing(), [AlertKind::Uncalibrated]);
+    let factory = using(Some(in_use(Generation(0), 0.0)));
+    assert_eq!(factory.firing(), [AlertKind::Uncalibrated]);
+    assert_eq!(
+        factory.sight(AlertKind::Uncalibrated).1,
+        "steering offset +0.57° (sigma 0.03°) away from what the robot uses"
+    );
+    let second = |revision| {
+        Some(InUse {
+            revision: Some(RevisionId(revision)),
+            ..in_use(Generation(2), 0.0)
+        })
+    };
+    let mut approved = using(second(1));
+    assert_eq!(approved.firing(), [AlertKind::Drift]);
+    // A person rolled it back to that, also while the next one is on its way.
+    let mut chosen = deployment(DeploymentState::Verified).offer;
+    chosen.chosen_by = Some("ada".to_owned());
+    approved.ledger.shadow.desired = Some(chosen.clone());
+    assert_eq!(approved.firing(), [AlertKind::Uncalibrated]);
+    let mut next = deployment(DeploymentState::Queued);
+    next.offer.generation = Generation(3);
+    approved.ledger.shadow.desired = Some(next.offer.clone());
+    next.desired_before = Some(chosen);
+    approved.ledger.live = Some(next);
+    assert_eq!(approved.firing(), [AlertKind::Uncalibrated]);
+    // The factory calibration that came back by itself.
+    let mut returned = using(second(7));
+    let revision = revision(7, Origin::Robot);
+    returned.ledger.revisions.insert(RevisionId(7), revision);
+    assert_eq!(returned.firing(), [AlertKind::Uncalibrated]);
+    // Whatever it uses, a vehicle that changed has changed.
+    let mut changed = factory;
+    changed.view.state = RobotState::Changed;
+    assert_eq!(changed.firing(), [AlertKind::Drift]);
+    // Of a robot that sends nothing nobody knows.
+    let mut silent = using(None);
+    silent.view.state = RobotState::NoData;
+    assert_eq!(
+        silent.sight(AlertKind::Uncalibrated).0,
+        Observation::Unknown
+    );
+}
+
+fn revision(id: u64, origin: Origin) -> Revision {
+    Revision {
+        id: RevisionId(id),
+        robot: robot(),
+        origin,
+        values: in_use(Generation(0), 0.0).values,
+        sigmas: CalibrationValues::default(),
+        estimator: String::new(),
+        evidence: Evidence::default(),
+        created_ns: WallTime(0),
+        rear_axle_in_base_link: None,
+        sha256: String::new(),
+    }
 }
 
 #[test]
