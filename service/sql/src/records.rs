@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use fleetcal_domain::approval::{
     Deployment, DeploymentState, OutboxEntry, Proposal, Revision, RobotLedger, Shadow,
 };
+use fleetcal_domain::limits;
 use fleetcal_model::{AuditId, Generation, ProposalId, Version};
 use fleetcal_proto::RobotId;
 use fleetcal_proto::calibration::Envelope;
@@ -172,33 +173,45 @@ pub(super) async fn deployments(
         .collect()
 }
 
-/// Where the deployments of some proposals stand, by the proposal.
+/// State of what was approved, by the proposal: that of its deployment, unless a return that followed
+/// has undone it.
 pub(super) async fn followed(
     connection: &mut dyn Connection,
     proposals: &[ProposalId],
 ) -> Result<BTreeMap<ProposalId, DeploymentState>, StoreError> {
-    let failed = || StoreError::database("read what followed from proposals");
-    let mut deployments = query("SELECT proposal, state FROM deployment WHERE proposal IN (NULL");
+    let deployments = "SELECT record FROM deployment WHERE proposal IN (NULL";
+    let deployments = approved(connection, deployments, proposals, ")").await?;
+    let returns = "SELECT record FROM deployment WHERE proposal IS NULL AND robot IN \
+                   (SELECT robot FROM deployment WHERE proposal IN (NULL";
+    let returns = approved(connection, returns, proposals, "))").await?;
+    let followed = deployments.iter().filter_map(|one| {
+        let proposal = one.proposal?;
+        Some((proposal, one.state_after(&returns)))
+    });
+    Ok(followed.collect())
+}
+
+/// Deployments that a statement finds for a list of proposals, newest first.
+async fn approved(
+    connection: &mut dyn Connection,
+    before: &'static str,
+    proposals: &[ProposalId],
+    after: &'static str,
+) -> Result<Vec<Deployment>, StoreError> {
+    let mut found = query(before);
     for id in proposals {
         let id = i64::try_from(id.0).unwrap_or(i64::MAX);
-        deployments = deployments.push(", ").push_bind(id);
+        found = found.push(", ").push_bind(id);
     }
-    let rows = deployments
-        .push(") ORDER BY id")
+    let rows = found
+        .push(after)
+        .push(" ORDER BY id DESC LIMIT ")
+        .push_bind(i64::from(limits::FOLLOWED_MAX))
         .fetch_all(connection)
         .await
-        .map_err(failed())?;
+        .map_err(StoreError::database("read what followed from proposals"))?;
     rows.iter()
-        .map(|row| {
-            let proposal: i64 = column(row, "deployment", 0)?;
-            let state: String = column(row, "deployment", 1)?;
-            let state = DeploymentState::parse(&state).ok_or_else(|| StoreError::Corrupt {
-                table: "deployment",
-                reason: format!("state {state:?} is unknown"),
-            })?;
-            let proposal = u64::try_from(proposal).unwrap_or_default();
-            Ok((ProposalId(proposal), state))
-        })
+        .map(|row| record(row, "deployment", 0))
         .collect()
 }
 

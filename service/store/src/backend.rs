@@ -211,7 +211,8 @@ pub trait Reader: AccountReader + std::fmt::Debug + Send + Sync + 'static {
         limit: u32,
     ) -> Result<Vec<Deployment>, StoreError>;
 
-    /// Where the deployments of some proposals stand, by the proposal.
+    /// State of what was approved, by the proposal: that of its deployment, unless a return that
+    /// followed has undone it.
     async fn followed(
         &self,
         proposals: &[ProposalId],

@@ -149,7 +149,8 @@ pub(super) struct ProposalDocument {
     approvals: Vec<DecisionDocument>,
     /// How it ended otherwise.
     closing: Option<DecisionDocument>,
-    /// Where the deployment stands that followed from its approval; absent without one.
+    /// State of the deployment that followed from its approval, and `rolled_back` once a person has
+    /// returned the robot to earlier values since; absent without one.
     #[serde(skip_serializing_if = "Option::is_none")]
     deployment: Option<DeploymentState>,
     /// That the present estimate took the place of what was proposed; absent unless it did.

@@ -135,6 +135,27 @@ impl DeploymentState {
         Self::ALL.into_iter().find(|state| state.as_str() == name)
     }
 
+    /// State of what an ended deployment brought, once a person has had it taken back by another one
+    /// that stands so. What the robot would not take back stays.
+    const fn taken_back_by(self, returned: Self) -> Self {
+        if !matches!(self, Self::Verified | Self::Inconclusive) {
+            return self;
+        }
+        match returned {
+            // A robot that was away still takes what a person chose.
+            Self::Queued | Self::Offered | Self::TimedOut => Self::RollingBack,
+            Self::Applied | Self::Verifying | Self::Verified | Self::Inconclusive | Self::Kept => {
+                Self::RolledBack
+            }
+            Self::Refused
+            | Self::Failed
+            | Self::Withdrawn
+            | Self::RollingBack
+            | Self::RolledBack
+            | Self::RollbackFailed => self,
+        }
+    }
+
     /// Whether it can still change; a robot has at most one of these.
     pub const fn is_live(self) -> bool {
         matches!(
@@ -227,5 +248,19 @@ impl Deployment {
     /// stands behind it, and only people end it early.
     pub const fn is_return(&self) -> bool {
         self.proposal.is_none()
+    }
+
+    /// State of what it brought to the robot, after the returns to earlier values that people have
+    /// asked for since.
+    pub fn state_after(&self, returns: &[Self]) -> DeploymentState {
+        let leaving = returns.iter().filter(|one| {
+            let left = one.base.as_ref().and_then(|base| base.revision);
+            one.is_return()
+                && one.robot == self.robot
+                && one.id > self.id
+                && left == Some(self.offer.revision)
+        });
+        let last = leaving.max_by_key(|one| one.id);
+        last.map_or(self.state, |one| self.state.taken_back_by(one.state))
     }
 }

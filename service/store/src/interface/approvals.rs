@@ -76,7 +76,8 @@ impl Store {
         self.shared.reader.deployments(robot, before, limit).await
     }
 
-    /// Where the deployments of some proposals stand, by the proposal.
+    /// State of what was approved, by the proposal: that of its deployment, unless a return that
+    /// followed has undone it.
     ///
     /// # Errors
     /// The database's failure.

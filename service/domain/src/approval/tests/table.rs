@@ -2,7 +2,13 @@
 
 use std::collections::BTreeSet;
 
-use crate::approval::{DeploymentEvent, DeploymentState, ProposalEvent, ProposalState, Refused};
+use fleetcal_model::{DeploymentId, Generation, ProposalId, RevisionId};
+use fleetcal_proto::RobotId;
+
+use crate::alert::tests::{deployment, in_use};
+use crate::approval::{
+    Deployment, DeploymentEvent, DeploymentState, InUse, ProposalEvent, ProposalState, Refused,
+};
 
 /// What a proposal becomes; `-` where the event is refused.
 const PROPOSAL: &str = "
@@ -145,4 +151,49 @@ fn exactly_the_states_that_can_change_are_live() {
             .any(|event| state.after(event).is_ok());
         assert_eq!(state.is_live(), can_change, "{state:?}");
     }
+}
+
+#[test]
+fn what_a_person_goes_back_from_is_rolled_back_whatever_it_had_proven() {
+    use DeploymentState as S;
+    let approved = deployment(S::Verified);
+    let from = |id, revision, state| Deployment {
+        id: DeploymentId(id),
+        proposal: None,
+        base: Some(InUse {
+            revision: Some(RevisionId(revision)),
+            ..in_use(Generation(2), 0.0)
+        }),
+        ..deployment(state)
+    };
+    assert_eq!(approved.state_after(&[]), S::Verified);
+    for state in S::ALL {
+        let expected = match state {
+            S::Queued | S::Offered | S::TimedOut => S::RollingBack,
+            S::Applied | S::Verifying | S::Verified | S::Inconclusive | S::Kept => S::RolledBack,
+            _ => S::Verified,
+        };
+        assert_eq!(
+            approved.state_after(&[from(6, 1, state)]),
+            expected,
+            "{state:?}"
+        );
+    }
+    // From other values, before it, to another robot, or by an approval: nothing of it is undone.
+    let mut elsewhere = from(6, 1, S::Verified);
+    elsewhere.robot = RobotId::parse("tugger_02").unwrap();
+    let mut newer = from(6, 1, S::Verified);
+    newer.proposal = Some(ProposalId(9));
+    let others = [
+        from(6, 2, S::Verified),
+        from(4, 1, S::Verified),
+        elsewhere,
+        newer,
+    ];
+    assert_eq!(approved.state_after(&others), S::Verified);
+    // The last one counts, and what never was in use is not taken back.
+    let both = [from(7, 1, S::Verified), from(6, 1, S::Refused)];
+    assert_eq!(approved.state_after(&both), S::RolledBack);
+    let refused = deployment(S::Refused);
+    assert_eq!(refused.state_after(&both), S::Refused);
 }

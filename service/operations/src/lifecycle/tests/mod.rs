@@ -278,6 +278,14 @@ impl Bench {
             .map(|live| live.state)
     }
 
+    /// What has become of every approved proposal, the first first.
+    async fn followed(&self) -> Vec<DeploymentState> {
+        let deployments = self.store.deployments(&robot(), None, 100).await.unwrap();
+        let proposals: Vec<_> = deployments.iter().filter_map(|one| one.proposal).collect();
+        let followed = self.store.followed(&proposals).await.unwrap();
+        followed.into_values().collect()
+    }
+
     /// The latest deployment, ended or not.
     async fn latest(&self) -> Deployment {
         let deployments = self.store.deployments(&robot(), None, 1).await.unwrap();

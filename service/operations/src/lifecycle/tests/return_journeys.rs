@@ -335,11 +335,25 @@ async fn going_back_twice_does_not_return_to_what_was_left() {
         bench.drive_in_verification().await;
         bench.verify(true).await;
     }
-    for offset_rad in [0.05, 0.02] {
+    use DeploymentState::{RolledBack, RollingBack, Verified};
+    for (offset_rad, under_way, after) in [
+        (
+            0.05,
+            [Verified, Verified, RollingBack],
+            [Verified, Verified, RolledBack],
+        ),
+        (
+            0.02,
+            [Verified, RollingBack, RolledBack],
+            [Verified, RolledBack, RolledBack],
+        ),
+    ] {
         bench.roll_back().await.unwrap();
         assert_eq!(bench.asked().await.unwrap().values, values(offset_rad));
+        assert_eq!(bench.followed().await, under_way);
         bench.drive_in_verification().await;
         bench.verify(true).await;
+        assert_eq!(bench.followed().await, after);
     }
     assert_eq!(
         bench.roll_back().await.unwrap_err(),
