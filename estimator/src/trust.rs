@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::advice::{Knowledge, advise, best_for};
+use crate::advice::Knowledge;
+use crate::advice::ranking::{first_for, rank};
 use crate::estimate::{
     CalibrationCovariance, Estimate, Parameter, ParameterEstimate, ParameterEstimates, Status,
 };
@@ -185,11 +186,12 @@ impl Trust {
         let open = |status: &Status| matches!(status, Status::Learning | Status::Unobservable);
         // What to drive is worked out only for a robot that still has to learn something.
         let covariance = grounds.driven_covariance();
-        let advice = if statuses.iter().any(open) {
-            advise(&Knowledge {
+        let ranked = if statuses.iter().any(open) {
+            let knowledge = Knowledge {
                 covariance: &covariance,
                 ..grounds.knowledge
-            })
+            };
+            rank(&knowledge, None)
         } else {
             Vec::new()
         };
@@ -206,10 +208,10 @@ impl Trust {
                 return Some(waits_for.to_owned());
             }
             let sigma_now = covariance[(i, i)].sqrt();
-            let best = best_for(parameter, sigma_now, &advice);
-            Some(best.map_or_else(
+            let first = first_for(parameter, sigma_now, &ranked);
+            Some(first.map_or_else(
                 || MORE_DRIVING.to_owned(),
-                |best| best.manoeuvre.instruction.clone(),
+                |first| first.manoeuvre.instruction.clone(),
             ))
         });
         self.advised = Some(Advised {

@@ -6,7 +6,6 @@ pub mod ranking;
 
 use nalgebra::Vector3;
 
-use crate::estimate::Parameter;
 use crate::filter::constraint::LidarMotion;
 use crate::filter::prediction::PredictedMotion;
 use crate::filter::{PARAMETERS, ParameterCovariance, Values, drive_parameters, lidar_in_base};
@@ -19,8 +18,6 @@ use manoeuvre::{Manoeuvre, library};
 const WINDOW_READINGS: usize = 12;
 /// Noise of the LiDAR's motion over one window: a scan matcher's, at both ends.
 const WINDOW_SIGMA: [f64; 3] = [0.003, 0.003, 0.000_7];
-/// A manoeuvre is worth asking for when it takes this share of a parameter's uncertainty away.
-const WORTH_SHARE: f64 = 0.1;
 /// Way that a manoeuvre costs before it begins, m: short ones are not free.
 const APPROACH_M: f64 = 5.0;
 
@@ -29,7 +26,8 @@ const APPROACH_M: f64 = 5.0;
 pub struct Advice {
     /// The manoeuvre.
     pub manoeuvre: Manoeuvre,
-    /// Standard deviations afterwards, in the order of [`Parameter::ALL`].
+    /// Standard deviations afterwards, in the order of
+    /// [`Parameter::ALL`](crate::estimate::Parameter::ALL).
     pub sigma_after: Values,
     /// Their whole covariance.
     pub covariance_after: ParameterCovariance,
@@ -61,19 +59,6 @@ pub fn advise(knowledge: &Knowledge) -> Vec<Advice> {
             })
         })
         .collect()
-}
-
-/// The manoeuvre that takes most uncertainty from a parameter for each metre driven; `None` when none
-/// takes a tenth of it.
-pub fn best_for(parameter: Parameter, sigma_now: f64, advice: &[Advice]) -> Option<&Advice> {
-    let gain = |advice: &Advice| {
-        let share = advice.sigma_after[parameter.index()] / sigma_now;
-        (-share.ln()) / (APPROACH_M + advice.manoeuvre.distance_m())
-    };
-    advice
-        .iter()
-        .filter(|advice| advice.sigma_after[parameter.index()] < (1.0 - WORTH_SHARE) * sigma_now)
-        .max_by(|a, b| gain(a).total_cmp(&gain(b)))
 }
 
 /// `P_after = (P^-1 + sum J' S^-1 J)^-1` over the manoeuvre's windows.
@@ -119,46 +104,9 @@ fn inverse(knowledge: &Knowledge) -> Option<ParameterCovariance> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::estimate::Parameter;
     use crate::filter::prior::Prior;
     use crate::vehicle::VehicleModel;
-
-    fn best(parameter: Parameter, known: &[(Parameter, f64)]) -> &'static str {
-        let vehicle = Vehicle::new(VehicleModel::Bicycle, 1.2);
-        let settings = EstimatorSettings::default();
-        let mut prior = Prior::cold(&vehicle, None, &settings);
-        for (parameter, sigma) in known {
-            prior.covariance[(parameter.index(), parameter.index())] = sigma * sigma;
-        }
-        let advice = advise(&Knowledge {
-            vehicle: &vehicle,
-            values: &prior.values,
-            covariance: &prior.covariance,
-            settings: &settings,
-        });
-        let i = parameter.index();
-        let sigma = prior.covariance[(i, i)].sqrt();
-        best_for(parameter, sigma, &advice).unwrap().manoeuvre.name
-    }
-
-    #[test]
-    fn a_mount_needs_turns_and_a_clock_needs_changing_speed() {
-        let known = [
-            (Parameter::SteeringOffset, 0.001),
-            (Parameter::LidarYaw, 0.001),
-        ];
-        assert!(
-            ["left_turn", "right_turn", "s_curve", "left_circle"]
-                .contains(&best(Parameter::LidarX, &known))
-        );
-        let mount = [
-            (Parameter::SteeringOffset, 1e-4),
-            (Parameter::LidarX, 1e-3),
-            (Parameter::LidarY, 1e-3),
-            (Parameter::LidarYaw, 1e-4),
-            (Parameter::SpeedScale, 1e-3),
-        ];
-        assert_eq!(best(Parameter::TimeOffset, &mount), "stop_and_go");
-    }
 
     #[test]
     fn straight_driving_does_not_tell_where_the_lidar_sits() {

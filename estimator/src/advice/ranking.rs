@@ -7,6 +7,9 @@ use crate::estimate::Parameter;
 use crate::filter::{ParameterCovariance, Values};
 use crate::settings::{EstimatorSettings, Freedom};
 
+/// A manoeuvre is worth asking for when it takes this share of a parameter's uncertainty away.
+const WORTH_SHARE: f64 = 0.1;
+
 /// Free floor, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Floor {
@@ -83,6 +86,15 @@ pub fn rank(knowledge: &Knowledge, floor: Option<Floor>) -> Vec<Ranked> {
             .then(a.surface_m2().total_cmp(&b.surface_m2()))
     });
     ranked
+}
+
+/// The first manoeuvre of a ranking that is worth driving for a parameter; `None` when none takes a
+/// tenth of its uncertainty. All parameters so ask for what the ranking has first, where that helps
+/// them: nobody is sent to drive one thing for each.
+pub fn first_for(parameter: Parameter, sigma_now: f64, ranked: &[Ranked]) -> Option<&Advice> {
+    let i = parameter.index();
+    let mut advice = ranked.iter().map(|one| &one.advice);
+    advice.find(|advice| advice.sigma_after[i] < (1.0 - WORTH_SHARE) * sigma_now)
 }
 
 /// How far the estimated parameters' standard deviations are above their limits for `converged`, as
@@ -165,6 +177,59 @@ mod tests {
             found.next().unwrap().advice.sigma_after[Parameter::LidarX.index()]
         };
         assert!(sigma_x("straight") > 0.09 && sigma_x(best) < 0.03);
+    }
+
+    /// What a parameter asks for, of a tugger of which this is known.
+    fn asked(parameter: Parameter, known: &[(Parameter, f64)]) -> &'static str {
+        let ranked = ranked(known, None);
+        let sigma_now = known.iter().find(|(one, _)| *one == parameter);
+        let prior = Prior::cold(
+            &Vehicle::new(VehicleModel::Bicycle, 1.2),
+            Some(Pose2::new(0.434, 0.0, 0.0)),
+            &EstimatorSettings::default(),
+        );
+        let i = parameter.index();
+        let sigma_now = sigma_now.map_or(prior.covariance[(i, i)].sqrt(), |(_, sigma)| *sigma);
+        let first = first_for(parameter, sigma_now, &ranked).unwrap();
+        first.manoeuvre.name
+    }
+
+    #[test]
+    fn a_mount_needs_turns_and_a_clock_needs_changing_speed() {
+        let known = [
+            (Parameter::SteeringOffset, 0.001),
+            (Parameter::LidarYaw, 0.001),
+        ];
+        assert!(
+            ["left_turn", "right_turn", "s_curve", "left_circle"]
+                .contains(&asked(Parameter::LidarX, &known))
+        );
+        let mount = [
+            (Parameter::SteeringOffset, 1e-4),
+            (Parameter::LidarX, 1e-3),
+            (Parameter::LidarY, 1e-3),
+            (Parameter::LidarYaw, 1e-4),
+            (Parameter::SpeedScale, 1e-3),
+        ];
+        assert_eq!(asked(Parameter::TimeOffset, &mount), "stop_and_go");
+    }
+
+    #[test]
+    fn every_parameter_asks_for_what_the_ranking_has_first_where_that_helps() {
+        let [first, ..] = &ranked(&[], None)[..] else {
+            panic!("nothing is ranked");
+        };
+        let first = first.advice.manoeuvre.name;
+        for parameter in [
+            Parameter::SteeringOffset,
+            Parameter::LidarX,
+            Parameter::LidarY,
+            Parameter::LidarYaw,
+            Parameter::SpeedScale,
+        ] {
+            assert_eq!(asked(parameter, &[]), first, "{parameter:?}");
+        }
+        assert!(first_for(Parameter::LidarX, 1e-9, &ranked(&[], None)).is_none());
     }
 
     #[test]

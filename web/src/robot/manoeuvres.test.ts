@@ -1,5 +1,9 @@
 import { describe, expect, it } from 'vitest';
-import { introduction } from './manoeuvres';
+import type { Manoeuvres } from '../api/types';
+import { introduction, nothingToDrive, telling } from './manoeuvres';
+
+const manoeuvre = (name: string, uncertainty_taken: number, information_bits: number) =>
+  ({ name, uncertainty_taken, information_bits }) as Manoeuvres['items'][number];
 
 describe('the recommended manoeuvres', () => {
   it('say that nothing is missing only when no parameter still needs motion', () => {
@@ -9,5 +13,16 @@ describe('the recommended manoeuvres', () => {
       'Not converged yet: LiDAR x, LiDAR y. Ranked by information per metre.',
     );
     expect(introduction([], true)).not.toContain('converged');
+  });
+
+  it('leave out what would tell nothing', () => {
+    const names = (...items: Manoeuvres['items']) => telling(items).map(({ name }) => name);
+    const [turn, stop] = [manoeuvre('turn', 0, 0.31), manoeuvre('stop', 0, 0.04)];
+    expect(names(turn, stop)).toEqual(['turn']);
+    expect(names(stop)).toEqual([]);
+    expect(nothingToDrive([])).toMatch(/^All parameters converged/);
+    expect(nothingToDrive(['lidar_x'])).toMatch(/^Not converged yet: LiDAR x\./);
+    // While sigmas are too large, what does not make them smaller is no help.
+    expect(names(manoeuvre('circle', 0.4, 0.1), turn)).toEqual(['circle']);
   });
 });
