@@ -38,6 +38,17 @@ fn the_report_needs_nothing_else_and_the_session_holds_what_was_found() {
         assert!(!html.contains(foreign), "{foreign}");
     }
     assert!(html.contains("default-src 'none'"));
+    // Letters of the figures are readable where a phone shows the figure as narrow as it may be.
+    let number = |text: &str| -> f64 {
+        let end = text.find(|c: char| c != '.' && !c.is_ascii_digit());
+        text[..end.unwrap()].parse().unwrap()
+    };
+    let after = |mark: &str| number(html.split_once(mark).expect(mark).1);
+    let shown = after("svg{min-width:") / after("viewBox=\"0 0 ");
+    let letters: Vec<f64> = html.split("font-size=\"").skip(1).map(number).collect();
+    assert!(letters.len() > 50);
+    let smallest_px = letters.into_iter().fold(f64::MAX, f64::min) * shown;
+    assert!(smallest_px > 11.9, "{smallest_px} px");
 
     let session = Recording::open(&session).unwrap();
     let original = Recording::open(&path).unwrap();

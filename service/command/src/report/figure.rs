@@ -11,12 +11,20 @@ use crate::CommandError;
 use crate::session_record::SessionRecord;
 use crate::table::title;
 
+/// Width of every figure, pixels: about what a phone has, so that no screen shrinks its labels much.
+const WIDTH: u32 = 440;
 /// Width and height of a figure, pixels.
-const SIZE: (u32, u32) = (900, 260);
+const SIZE: (u32, u32) = (WIDTH, 250);
 /// The path's, which shows both axes to the same scale.
-const PATH_SIZE: (u32, u32) = (640, 640);
-/// Size of the labels.
-const LABEL: (&str, i32) = ("sans-serif", 13);
+const PATH_SIZE: (u32, u32) = (WIDTH, WIDTH);
+/// Height of the letters, pixels.
+const LETTERS: u32 = 15;
+/// Font that the drawing library is asked for: it divides the size by 1.24.
+const LABEL: (&str, f64) = ("sans-serif", 1.24 * 15.0);
+/// Least width at which a page may show a figure, pixels: its letters are 12 pixels high then.
+pub const WIDTH_MIN: u32 = WIDTH * 12 / LETTERS;
+/// Labels of an axis: as many as do not touch each other.
+const LABELS_MAX: usize = 5;
 /// Colours that a colour-blind reader tells apart (Okabe and Ito).
 const BLUE_LINE: RGBColor = RGBColor(0, 114, 178);
 const ORANGE_LINE: RGBColor = RGBColor(213, 94, 0);
@@ -178,12 +186,14 @@ fn draw(svg: &mut String, size: (u32, u32), shown: &Chart) -> Result<(), Box<dyn
     root.fill(&WHITE)?;
     let mut chart = ChartBuilder::on(&root)
         .margin(8)
-        .x_label_area_size(36)
+        .x_label_area_size(46)
         .y_label_area_size(64)
         .build_cartesian_2d(shown.x.clone(), shown.y.clone())?;
     chart
         .configure_mesh()
         .light_line_style(TRANSPARENT)
+        .x_labels(LABELS_MAX)
+        .y_labels(LABELS_MAX)
         .label_style(LABEL)
         .axis_desc_style(LABEL)
         .x_desc(shown.x_name)

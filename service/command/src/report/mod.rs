@@ -21,7 +21,9 @@ const HEAD: &str = "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\"
 body{font:15px/1.45 sans-serif;max-width:960px;margin:2em auto;padding:0 1em;color:#222}\
 table{border-collapse:collapse}th,td{text-align:left;padding:.25em 1em .25em 0;border-bottom:1px solid #ddd}\
 td.number{text-align:right;font-variant-numeric:tabular-nums}\
-figure{margin:1.5em 0}figcaption{color:#555}svg{max-width:100%;height:auto}\
+figure,.table{margin:0;overflow-x:auto}figcaption{color:#555}svg{width:100%;height:auto}\
+.figures{display:grid;gap:1.5em 1em;margin:1.5em 0;\
+grid-template-columns:repeat(auto-fill,minmax(min(100%,440px),1fr))}\
 </style>\n";
 
 /// Writes the page.
@@ -75,20 +77,23 @@ fn page(
         }
         page.push_str("</ul>\n");
     }
+    let least = figure::WIDTH_MIN;
+    let figures = format!("<style>svg{{min-width:{least}px}}</style>\n<div class=\"figures\">\n");
+    page.push_str(&figures);
     for (caption, svg) in figure::figures(report, session)? {
         let shown = format!(
-            "<figure>\n<figcaption>{}</figcaption>\n{svg}\n</figure>\n",
+            "<figure tabindex=\"0\">\n<figcaption>{}</figcaption>\n{svg}\n</figure>\n",
             escaped(caption)
         );
         page.push_str(&shown);
     }
-    page.push_str("</html>\n");
+    page.push_str("</div>\n</html>\n");
     Ok(page)
 }
 
 fn parameters(report: &CalibrationReport) -> String {
     let mut table =
-        "<table>\n<tr><th>Parameter<th>Value<th>± 2 sigma<th>Status<th>Needs</tr>\n".to_owned();
+        "<div class=\"table\" tabindex=\"0\">\n<table>\n<tr><th>Parameter<th>Value<th>± 2 sigma<th>Status<th>Needs</tr>\n".to_owned();
     for (name, parameter) in report.parameters.iter() {
         if parameter.status == ParameterStatus::Off {
             continue;
@@ -102,7 +107,7 @@ fn parameters(report: &CalibrationReport) -> String {
         );
         table.push_str(&row);
     }
-    table.push_str("</table>\n");
+    table.push_str("</table>\n</div>\n");
     table
 }
 
