@@ -143,10 +143,14 @@ test('an open dialog never changes its action', async ({ page, browser, service 
     });
     expect(answer.status()).toBe(200);
   };
+  const resume = dialog.getByRole('button', { name: 'Resume deployments' });
+  const painted = () => resume.evaluate((button) => getComputedStyle(button).backgroundColor);
+  const enabled = await painted();
   await set(false);
   await expect(dialog.getByRole('alert')).toContainText('approver resumed deployments meanwhile.');
   await expect(dialog.getByRole('heading')).toHaveText('Resume deployments');
-  await expect(dialog.getByRole('button', { name: 'Resume deployments' })).toBeDisabled();
+  await expect(resume).toBeDisabled();
+  expect(await painted(), 'a disabled button looks so').not.toBe(enabled);
   await expect(dialog.getByRole('button', { name: 'Freeze' })).toHaveCount(0);
   await accessible(other);
   await dialog.getByRole('button', { name: 'Cancel' }).click();

@@ -1,5 +1,5 @@
 import { waiting } from './decisions';
-import { accessible, expect, test } from './fixtures';
+import { accessible, expect, sideways, test } from './fixtures';
 
 test.use({ as: 'admin' });
 
@@ -18,6 +18,8 @@ const PAGES = [
 ] as const;
 
 const PHONE = { width: 390, height: 844 };
+/** A window of 1280 px at 400 %. */
+const NARROWEST = { width: 320, height: 640 };
 
 for (const colorScheme of ['light', 'dark'] as const) {
   test(`every page is accessible, wide and on a phone, ${colorScheme}`, async ({ page }) => {
@@ -34,13 +36,34 @@ for (const colorScheme of ['light', 'dark'] as const) {
       await test.step(`${path} wide`, () => accessible(page));
       await page.setViewportSize(PHONE);
       await test.step(`${path} on a phone`, () => accessible(page));
-      const sideways = await page.evaluate(
-        () => document.documentElement.scrollWidth - document.documentElement.clientWidth,
-      );
-      expect(sideways, `${path} scrolls sideways on a phone`).toBe(0);
+      for (const size of [PHONE, NARROWEST]) {
+        await page.setViewportSize(size);
+        expect(await sideways(page), `${path} scrolls sideways at ${size.width} px`).toBe(0);
+      }
     }
   });
 }
+
+test('the table of proposals fits a screen of 1440 px, with ids of twelve letters', async ({
+  page,
+}) => {
+  await waiting(page.request, 1);
+  await page.route(/\/api\/v1\/proposals\b/, async (route) => {
+    const response = await route.fetch();
+    await route.fulfill({ response, body: (await response.text()).replaceAll('_0', '_hall') });
+  });
+  await page.setViewportSize({ width: 1440, height: 900 });
+  await page.goto('/approvals');
+  const table = page.getByRole('table');
+  const id = table.getByRole('rowheader').first();
+  await expect(id).toHaveText(/^\w{12}$/);
+  const cut = await table.evaluate(
+    (element) => element.scrollWidth - (element.parentElement?.clientWidth ?? 0),
+  );
+  expect(cut).toBeLessThanOrEqual(0);
+  // On one line.
+  expect((await id.getByRole('link').boundingBox())?.height).toBeLessThan(30);
+});
 
 test('the pages are reached by keyboard, each with its heading in focus', async ({ page }) => {
   await page.goto('/');

@@ -8,6 +8,7 @@ import {
   lastDone,
   stillChosen,
   whyNotMine,
+  withoutBase,
 } from './proposal';
 import { presentOf } from './present';
 
@@ -112,6 +113,14 @@ describe('several proposals', () => {
       ['lidar_x', 'a'],
     ]);
     expect(largest[0]?.change).toBeCloseTo(-0.03);
+  });
+
+  it('name those of which nobody knows how much they change', () => {
+    const of = (robot: string, base: ReturnType<typeof values> | null) =>
+      proposal({ robot, base, revision: revision(values(0.01)) });
+    const both = [of('a', null), of('b', values(0))];
+    expect(withoutBase(both).map(({ robot }) => robot)).toEqual(['a']);
+    expect(largestOf([of('a', null)])).toEqual([]);
   });
 });
 

@@ -98,6 +98,11 @@ export function decidedOf(proposals: readonly Proposal[]): Proposal[] {
   return decided.toSorted((a, b) => decidedAt_ms(b) - decidedAt_ms(a) || b.id - a.id);
 }
 
+/** Proposals for robots of which nobody knows what they use: how much they change is not known. */
+export function withoutBase(proposals: readonly Proposal[]): Proposal[] {
+  return proposals.filter(({ base }) => base == null);
+}
+
 /** The largest change of one parameter among several proposals. */
 export interface Largest {
   name: ParameterName;

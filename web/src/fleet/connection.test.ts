@@ -25,9 +25,15 @@ describe('a robot in maintenance', () => {
     expect(connectionOf(heard(false, 'calibrated', until), NOW_MS)).toBe('online');
   });
 
-  it('says until when, who says so and why', () => {
-    const { meaning } = connectionFace(heard(true, 'calibrated', until), NOW_MS);
-    expect(meaning).toContain('says ada: parked.');
+  it('says until when, who says so and why, also while it drives', () => {
+    const face = (stale: boolean) => connectionFace(heard(stale, 'calibrated', until), NOW_MS);
+    for (const stale of [true, false]) {
+      expect(face(stale).meaning).toMatch(/In maintenance until .+ 2026.+, says ada: parked\.$/);
+    }
+    expect(face(true).word).toBe('In maintenance');
+    expect(face(false).word).toBe('Online, in maintenance');
+    expect(face(false).meaning).toContain('sends data');
+    expect(connectionFace(heard(false, 'calibrated'), NOW_MS)).toBe(CONNECTIONS.online);
   });
 });
 

@@ -26,8 +26,15 @@ export const CONNECTIONS: Record<Connection, Face> = {
     word: 'In maintenance',
     shape: 'dash',
     tone: 'quiet',
-    meaning: 'The robot is switched off on purpose and raises no alert for sending nothing.',
+    meaning: 'The robot is in maintenance and raises no alert for sending nothing.',
   },
+};
+
+/** What is known of a robot in maintenance beside that. */
+const CONNECTED: Record<Connection, string> = {
+  online: 'The robot sends data.',
+  silent: 'The robot sends nothing.',
+  maintenance: 'The robot sends nothing, and raises no alert for that.',
 };
 
 /** The maintenance that a robot is in at `now_ms`. */
@@ -42,15 +49,19 @@ export function connectionOf(robot: Heard, now_ms: number): Connection {
   return maintenanceOf(robot, now_ms) ? 'maintenance' : 'silent';
 }
 
-/** How a robot is heard, as a face; of a silent one whether it is still connected. */
+/**
+ * How a robot is heard, as a face: with its maintenance, also while it drives, and of a silent one
+ * whether it is still connected.
+ */
 export function connectionFace(robot: Heard & Pick<Robot, 'alive'>, now_ms: number): Face {
   const connection = connectionOf(robot, now_ms);
   const face = CONNECTIONS[connection];
   const maintenance = maintenanceOf(robot, now_ms);
-  if (connection === 'maintenance' && maintenance) {
+  if (maintenance) {
     const until = formatTime(Date.parse(maintenance.until));
-    const why = `Until ${until}, says ${maintenance.by}: ${maintenance.reason}.`;
-    return { ...face, meaning: `${face.meaning} ${why}` };
+    const why = `In maintenance until ${until}, says ${maintenance.by}: ${maintenance.reason}.`;
+    const word = connection === 'online' ? `${face.word}, in maintenance` : face.word;
+    return { ...face, word, meaning: `${CONNECTED[connection]} ${why}` };
   }
   if (connection !== 'silent' || !robot.alive) return face;
   return { ...face, meaning: 'The robot is connected, but sends no data.' };

@@ -6,7 +6,7 @@ import type { Estimate, LiveEvent, Robot, RobotRow, RobotStateUpdate } from '../
 import type { Route } from '../routes.svelte';
 import { now } from '../ui/time.svelte';
 import { CALIBRATED } from '../units/parameters';
-import { connectionOf } from './connection';
+import { connectionOf, maintenanceOf } from './connection';
 import type { FleetListener } from './listener';
 
 /** Updates are shown together this often, however many robots send. */
@@ -27,6 +27,8 @@ export class RobotEntry {
   robot = $state.raw() as Robot;
   /** Whether it is heard, of its own so that lists are only sorted again when it changes. */
   readonly connection = $derived(connectionOf(this.robot, now.ms));
+  /** Whether it is in maintenance, also while it drives. */
+  readonly maintained = $derived(maintenanceOf(this.robot, now.ms) !== undefined);
   /** Of its own, so that lists are only sorted again when it changes. */
   readonly standing = $derived(this.robot.standing);
 

@@ -32,11 +32,12 @@ function robot(state: RobotState, wanted: (string | null)[] = []): Robot {
   } as Robot;
 }
 
-const entry = (id: string, standing: Standing, connection: Connection = 'online'): Listed => ({
-  id,
-  standing,
-  connection,
-});
+const entry = (
+  id: string,
+  standing: Standing,
+  connection: Connection = 'online',
+  maintained = connection === 'maintenance',
+): Listed => ({ id, standing, connection, maintained });
 
 const listed = (robots: Listed[], filter: Filter) =>
   robots.filter((robot) => matches(robot, filter)).toSorted(compare);
@@ -55,6 +56,18 @@ describe('the list of robots', () => {
       entry('f', 'estimator_failed'),
     ];
     expect(listed(robots, every).map(({ id }) => id)).toEqual('e f c d b a9 a10'.split(' '));
+  });
+
+  it('has robots in maintenance among those, also while they drive', () => {
+    const robots = [
+      entry('driving', 'calibrated', 'online', true),
+      entry('off', 'learning', 'maintenance'),
+      entry('other', 'calibrated'),
+    ];
+    const heard = (connection: string) =>
+      listed(robots, { ...every, connection }).map(({ id }) => id);
+    expect(heard('maintenance')).toEqual(['off', 'driving']);
+    expect(heard('online')).toEqual(['driving', 'other']);
   });
 
   it('is filtered by state and by part of an id', () => {

@@ -10,6 +10,8 @@ export interface Listed {
   id: string;
   standing: Standing;
   connection: Connection;
+  /** Whether it is in maintenance, also while it drives. */
+  maintained: boolean;
 }
 
 /** What the reader asked to see; it stands in the address. */
@@ -31,8 +33,13 @@ export function filterOf(query: URLSearchParams): Filter {
 /** Whether a robot passes a filter. */
 export function matches(robot: Listed, filter: Filter): boolean {
   if (filter.state !== null && robot.standing !== filter.state) return false;
-  if (filter.connection !== null && robot.connection !== filter.connection) return false;
+  if (filter.connection !== null && !isHeardAs(robot, filter.connection)) return false;
   return robot.id.toLowerCase().includes(filter.text.toLowerCase());
+}
+
+/** Whether a robot counts among those that are heard so. One in maintenance does, also if it drives. */
+export function isHeardAs(robot: Listed, connection: string): boolean {
+  return connection === 'maintenance' ? robot.maintained : robot.connection === connection;
 }
 
 const byId = new Intl.Collator('en', { numeric: true });

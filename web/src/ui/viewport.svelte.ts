@@ -10,8 +10,8 @@ class Narrow {
   }
 }
 
-/** For one of eight columns. */
-export const narrow = new Narrow(1_120);
+/** For that of proposals, which has eleven. */
+export const narrowForProposals = new Narrow(1_419);
 
 /** For the fleet's, which has ten. */
 export const narrowForFleet = new Narrow(1_259);

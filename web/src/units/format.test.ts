@@ -1,5 +1,13 @@
 import { describe, expect, it } from 'vitest';
-import { fixed, formatAge, formatEstimate, formatSigma, formatValue, signed } from './format';
+import {
+  fixed,
+  formatAge,
+  formatEstimate,
+  formatMoment,
+  formatSigma,
+  formatValue,
+  signed,
+} from './format';
 
 describe('numbers', () => {
   it('has a true minus sign and no negative zero', () => {
@@ -28,6 +36,17 @@ describe('numbers', () => {
     expect(formatSigma('lidar_x', 2)).toBe('2000');
     expect(formatSigma('lidar_x', 50)).toBe('> 9999');
     expect(formatSigma('lidar_yaw', 0.4)).toBe('22.9');
+  });
+});
+
+describe('moments', () => {
+  it('of the past are never ahead, and what is due never in 0 s', () => {
+    expect(formatMoment(1_400, 1_000, false)).toBe('now');
+    expect(formatMoment(5_000, 1_000, false)).toBe('now');
+    expect(formatMoment(1_000, 91_000, false)).toBe('1 min ago');
+    expect(formatMoment(1_400, 1_000, true)).toBe('in 1 s');
+    expect(formatMoment(61_000, 1_000, true)).toBe('in 60 s');
+    expect(formatMoment(1_000, 11_000, true)).toBe('10 s ago');
   });
 });
 

@@ -68,9 +68,14 @@ export function formatAge(age_ms: number, fresh_ms = 3000): string {
   return `${Math.floor(hours / 24)} d ago`;
 }
 
-/** How long from now, in the largest unit that says something. */
-export function formatAhead(ahead_ms: number): string {
-  return `in ${formatSpan(ahead_ms)}`;
+/**
+ * When something was, or when it `isDue`. What has happened is never ahead, however the clocks of
+ * the service and of the reader differ; what is due may be over.
+ */
+export function formatMoment(time_ms: number, now_ms: number, isDue: boolean): string {
+  const ahead_ms = time_ms - now_ms;
+  if (isDue && ahead_ms > 0) return `in ${formatSpan(Math.max(ahead_ms, 1000))}`;
+  return formatAge(-ahead_ms);
 }
 
 /** How long something lasts, in the largest unit that says something. */
