@@ -144,7 +144,7 @@ build-for-tests: dashboard rust
 test-rust: build-for-tests strace python ## Rust tests, end-to-end ones included
 	if $(CARGO) nextest --version >/dev/null 2>&1; then \
 	  env -u FLEETCAL_DATA FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) \
-	    $(CARGO) nextest run --release --locked --workspace -E 'not binary(recordings) and (not binary(cluster) or test(/^(checker|figures|progress)::/))'; \
+	    $(CARGO) nextest run --release --locked --workspace --bins --tests -E 'not binary(recordings) and (not binary(cluster) or test(/^(checker|figures|progress)::/))'; \
 	else \
 	  env -u FLEETCAL_DATA FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) \
 	    $(CARGO) test --release --locked --workspace -- --test-threads 2 \

@@ -217,7 +217,7 @@ impl Scan {
         }
     }
 
-    /// Whether it was made of points without times.
+    /// Says whether it was made of points without times.
     pub fn lacks_beam_times(&self) -> bool {
         self.lacks_beam_times
     }

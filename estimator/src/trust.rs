@@ -71,7 +71,7 @@ pub struct Grounds<'a> {
     pub knowledge: Knowledge<'a>,
     /// Parameters of which a change would go unseen.
     pub blind: [bool; REPORTED],
-    /// Whether scans are made of points without times.
+    /// Says that scans are made of points without times.
     pub lacks_beam_times: bool,
     /// Whether steering angles are sent that the vehicle cannot have.
     pub has_impossible_steering: bool,

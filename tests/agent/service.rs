@@ -186,10 +186,10 @@ impl Service {
     async fn listen(&self) {
         let (sender, mut to_confirm) = mpsc::channel::<Confirmed>(64);
         let stored = Arc::clone(&self.stored);
-        let key = Keys::default().stream(&robot(), StreamKind::CalibrationApplied);
+        let applied = Keys::default().stream(&robot(), StreamKind::CalibrationApplied);
         let subscriber = self
             .session
-            .declare_subscriber(key)
+            .declare_subscriber(applied)
             .callback(move |sample| {
                 let answer: Applied = serde_json::from_slice(&sample.payload().to_bytes()).unwrap();
                 let document = ConfirmationDocument::of(robot(), &answer);

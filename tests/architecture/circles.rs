@@ -129,8 +129,10 @@ pub const CRATES: [Member; 25] = [
     ),
 ];
 
-/// Lines of a crate of the service, tests left out.
-const SERVICE_CRATE_LINES_MAX: usize = 8_500;
+/// Lines of a crate of the service, tests left out. It is a size at which to look for a border, and no
+/// border by itself: 8,500 would have cut routes from the documents that they answer with, and
+/// decisions about proposals from those about alerts.
+const SERVICE_CRATE_LINES_MAX: usize = 9_500;
 
 /// Texts of the files below a folder that end in one of `endings`, by their paths below it.
 fn texts(folder: &Path, endings: &[&str]) -> BTreeMap<String, String> {

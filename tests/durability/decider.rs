@@ -146,7 +146,7 @@ async fn run(order: &Order, session: u64) {
     say(&Said::Closed);
 }
 
-/// Where the robots' LiDARs are by drawing.
+/// Drawing of every robot: the mount of its LiDAR.
 fn drawing() -> Mount {
     Mount::try_from(Pose2::new(0.425, 0.0, 0.0)).unwrap()
 }

@@ -131,9 +131,11 @@ async fn complaints(reader: &mut Reader) -> Result<Vec<String>, sqlx::Error> {
     Ok(found)
 }
 
+/// The audit of the life cycle: the deciding process registers its robots, too.
 async fn audit(reader: &mut Reader) -> Result<BTreeMap<String, Vec<Audited>>, sqlx::Error> {
     let mut found: BTreeMap<String, Vec<Audited>> = BTreeMap::new();
-    let sql = "SELECT robot, action, subject, subject_id, before, after FROM audit ORDER BY id";
+    let sql = "SELECT robot, action, subject, subject_id, before, after FROM audit
+        WHERE subject <> 'robot' ORDER BY id";
     for mut row in reader.texts(sql).await? {
         let audited = Audited {
             before: row[4].as_deref().map(json),

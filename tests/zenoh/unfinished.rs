@@ -1,6 +1,7 @@
 //! Messages whose end never comes: what a session holds of them has a limit, and robots lose nothing.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::ops::Range;
 use std::time::Duration;
 
 use fleetcal_domain::limits;
@@ -35,11 +36,10 @@ fn channels(priorities: &[Option<u8>]) -> Vec<Channel> {
     priorities.iter().flat_map(both).collect()
 }
 
-/// How much a service grows by while so many sessions begin a message on each of these channels. One
-/// that is closed for it holds nothing.
+/// Growth of a service while each of these sessions begins a message on each of these channels.
 async fn grown(
     service: &Service,
-    sessions: u8,
+    zids: Range<u128>,
     channels: &[Channel],
     (fragments, bytes): (u64, usize),
 ) -> u64 {
@@ -47,9 +47,9 @@ async fn grown(
     let to: SocketAddr = endpoint.trim_start_matches("tcp/").parse().unwrap();
     let before = service.memory_bytes();
     let mut peers = Vec::new();
-    for zid in 1..=sessions {
+    for zid in zids {
         let from = IpAddr::V4(Ipv4Addr::LOCALHOST);
-        let mut peer = RawPeer::open(from, to, zid.into()).await.unwrap();
+        let mut peer = RawPeer::open(from, to, zid).await.unwrap();
         let begun = |&channel| peer.begin_message(channel, fragments, bytes);
         drop(channels.iter().try_for_each(begun));
         peers.push(peer);

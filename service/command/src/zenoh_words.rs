@@ -21,16 +21,13 @@ pub fn without_places(text: &str) -> String {
             path.contains('/') && !path.contains(char::is_whitespace)
         });
         let behind = line.trim_start_matches(|sign: char| sign.is_ascii_digit());
-        match begins {
-            Some(at) => {
-                said.push_str(before.get(..at).unwrap_or_default());
-                rest = behind.strip_prefix('.').unwrap_or(behind);
-            }
-            None => {
-                said.push_str(before);
-                said.push_str(ENDING);
-                rest = line;
-            }
+        if let Some(at) = begins {
+            said.push_str(before.get(..at).unwrap_or_default());
+            rest = behind.strip_prefix('.').unwrap_or(behind);
+        } else {
+            said.push_str(before);
+            said.push_str(ENDING);
+            rest = line;
         }
     }
     said.push_str(rest);

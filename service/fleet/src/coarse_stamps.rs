@@ -1,4 +1,4 @@
-//! Whether the stamps of a stream are coarser than its rate, such as whole seconds.
+//! Detection of stamps that are coarser than their stream's rate, such as whole seconds.
 
 use fleetcal_estimator::RobotTime;
 use fleetcal_model::Stream;
@@ -46,7 +46,7 @@ impl StampWatch {
         }
     }
 
-    /// The streams whose stamps are coarse.
+    /// Streams whose stamps are coarse.
     pub fn coarse(&self) -> Vec<Stream> {
         let is_coarse = |stream: &Stream| {
             let latest = self.streams.get(stream.index());

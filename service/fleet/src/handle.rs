@@ -44,7 +44,7 @@ use crate::watch;
 pub struct Arrived {
     /// How it is written.
     pub form: Form,
-    /// Where it came from, where that is known.
+    /// Origin, where that is known.
     pub origin: Option<Origin>,
 }
 

@@ -20,9 +20,9 @@ use crate::reading::{self, Reading, ReadingSettings};
 pub struct Taken {
     /// Its header stamp.
     pub stamp: RobotTime,
-    /// A hash of its bytes.
+    /// Hash of its bytes.
     pub content: u64,
-    /// The steering angle that it says, rad.
+    /// Steering angle that it says, rad.
     pub steering_rad: Option<f64>,
     /// What the estimator takes, which of half a drive sample may be nothing or several.
     pub events: Vec<Decoded>,
@@ -111,7 +111,7 @@ impl Intake {
         (report != PairingReport::default()).then_some(report)
     }
 
-    /// The streams whose stamps are coarser than their rate.
+    /// Streams whose stamps are coarser than their rate.
     pub fn coarsely_stamped(&self) -> Vec<Stream> {
         self.stamps.coarse()
     }

@@ -2,10 +2,11 @@
 
 mod estimators;
 mod mirror;
+mod notes;
 mod used;
 
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -304,31 +305,6 @@ impl Robot {
         }
         self.quiet_for(clock)
             .is_none_or(|quiet| quiet >= STALE_AFTER)
-    }
-
-    /// Takes whether a reported reassembly is open.
-    pub fn set_reassembly_open(&self, is_open: bool) {
-        lock(&self.status).reassembly_open = is_open;
-    }
-
-    /// Takes up to which note its estimator has taken them: the estimate that it shows is no older.
-    pub fn set_notes_taken(&self, until: AuditId) {
-        lock(&self.status).notes_taken = Some(until);
-    }
-
-    /// Up to which note its estimator has taken them.
-    pub fn notes_taken(&self) -> Option<AuditId> {
-        lock(&self.status).notes_taken
-    }
-
-    /// Asks for the notes that its task was not brought.
-    pub fn want_notes(&self) {
-        self.wants_notes.store(true, Ordering::Relaxed);
-    }
-
-    /// Whether somebody has asked for them since this was last asked.
-    pub fn wanted_notes(&self) -> bool {
-        self.wants_notes.swap(false, Ordering::Relaxed)
     }
 
     /// Where the robot stands.

@@ -39,21 +39,21 @@ const STEPS_WINDOW: usize = 20;
 /// A longer pause is one, ns: a robot that stopped sending has lost nothing.
 const PAUSE_NS: i64 = 10_000_000_000;
 
-/// Where a message came from: its connection, as long as that lasts, and its publisher, where the
-/// message names one.
+/// Connection that a message came by, as long as that lasts, and its publisher, where the message
+/// names one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Origin(pub u64);
 
-/// What tells of a message's sender.
+/// Evidence of a message's sender.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sent {
     /// Its stamp.
     pub stamp: RobotTime,
-    /// A hash of its bytes.
+    /// Hash of its bytes.
     pub content: u64,
-    /// Where it came from, where that is known.
+    /// Origin, where that is known.
     pub origin: Option<Origin>,
-    /// The steering angle that it says, rad.
+    /// Steering angle that it says, rad.
     pub steering_rad: Option<f64>,
 }
 

@@ -2,6 +2,7 @@
 //! estimator asks for.
 
 mod checkpoints;
+mod configuration;
 mod heard;
 mod notes;
 
@@ -163,45 +164,6 @@ impl RobotTask {
             self.place_in_base_link(&mut document);
             let state = state_of(&document, self.changed);
             self.robot.restore(state, Arc::new(document), candidate);
-        }
-    }
-
-    /// Begins again when the robot was configured otherwise, in what its estimate rests on. Where messages
-    /// come from and in which frames documents are is followed without.
-    pub(crate) fn follow_config(&mut self) {
-        if self.robot.config_version() == self.version {
-            return;
-        }
-        if let Some((version, config)) = self.robot.versioned_config() {
-            if config.basis(&self.fleet.estimator) == self.basis {
-                self.go_on_by(version, &config);
-                return;
-            }
-            let (fleet, robot) = (Arc::clone(&self.fleet), Arc::clone(&self.robot));
-            let budgets = std::mem::take(&mut self.budgets);
-            let (notes, is_open) = (self.notes.clone(), self.is_reassembly_open());
-            *self = Self::start(fleet, robot, version, &config, None);
-            self.budgets = budgets;
-            self.robot.set_notes_taken(notes.until);
-            self.notes = notes;
-            if is_open {
-                self.reopen_reassembly();
-            }
-        }
-    }
-
-    fn go_on_by(&mut self, version: Version, config: &RobotConfig) {
-        self.version = version;
-        let reading = ReadingSettings::of(config);
-        if reading != self.reading {
-            self.intake = Intake::new(reading.clone());
-            self.reading = reading;
-        }
-        self.rear_axle_in_base_link = config.rear_axle_in_base_link;
-        if let Some(estimate) = self.robot.estimate() {
-            let mut document = EstimateDocument::clone(&estimate);
-            self.place_in_base_link(&mut document);
-            self.robot.set_estimate(Arc::new(document));
         }
     }
 

@@ -375,8 +375,8 @@ pub const ZENOH_HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(3);
 pub const ZENOH_SESSIONS_MAX: usize = ROBOTS_MAX;
 /// Zenoh sessions of one address whose peers show no name: of a fleet behind one gateway.
 pub const ZENOH_SESSIONS_PER_ADDRESS_MAX: usize = ZENOH_SESSIONS_MAX / 4;
-/// Zenoh sessions of one name, by password or certificate: a robot has a few, a router one.
-pub const ZENOH_SESSIONS_PER_NAME_MAX: usize = 64;
+/// Zenoh sessions of one name, by password or certificate: of a fleet whose robots share one.
+pub const ZENOH_SESSIONS_PER_NAME_MAX: usize = ZENOH_SESSIONS_MAX / 4;
 /// Sessions that Zenoh opens beyond, so that one can come whose place is another's still.
 pub const ZENOH_SESSIONS_OPENING_MAX: usize = 256;
 /// Log lines about places of Zenoh sessions, an hour.

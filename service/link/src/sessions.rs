@@ -51,7 +51,7 @@ impl Sessions {
 }
 
 impl Inner {
-    fn admit(&self, owner: Owner, transport: &TransportUnicast) -> Option<u64> {
+    fn admit(&self, owner: &Owner, transport: &TransportUnicast) -> Option<u64> {
         let mut places = self.places.lock().unwrap_or_else(PoisonError::into_inner);
         let admitted = places.admit(owner.clone(), transport.clone());
         self.report(&places);
@@ -66,7 +66,7 @@ impl Inner {
             }
             Err(reason) => {
                 drop(places);
-                self.close(transport.clone(), reason, Some(&owner));
+                self.close(transport.clone(), reason, Some(owner));
                 None
             }
         }
@@ -118,7 +118,7 @@ impl TransportEventHandler for Sessions {
         peer: TransportPeer,
         transport: TransportUnicast,
     ) -> Result<Arc<dyn TransportPeerEventHandler>> {
-        let place = self.0.admit(owner(&peer, &transport), &transport);
+        let place = self.0.admit(&owner(&peer, &transport), &transport);
         Ok(Arc::new(Opened {
             sessions: Arc::clone(&self.0),
             place,
@@ -202,7 +202,11 @@ mod tests {
 
     /// Longest time anything may take.
     const PATIENCE: Duration = Duration::from_secs(20);
-    const SHARES: Shares = Shares { all: 8, own: 6 };
+    const SHARES: Shares = Shares {
+        all: 8,
+        of_address: 6,
+        of_name: 6,
+    };
 
     async fn until(what: &str, done: impl Fn() -> bool) {
         let waited = tokio::time::timeout(PATIENCE, async {
@@ -244,6 +248,7 @@ mod tests {
             checkpoints: BTreeMap::new(),
             last_heard: BTreeMap::new(),
             membership: fleetcal_cluster::Membership::alone(),
+            audited: fleetcal_model::AuditId(0),
         });
         let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
         let port = free.local_addr().unwrap().port();
@@ -257,12 +262,12 @@ mod tests {
 
         // Zenoh connects a client again and again, as an attacker would.
         let mut idle = Vec::new();
-        for _ in 0..=SHARES.own {
+        for _ in 0..=SHARES.of_address {
             idle.push(client(port, "127.0.0.2").await);
         }
         let closed = |reason: SessionClosed| fleet.peers().closed()[reason as usize].1;
         until("one is too many", || closed(SessionClosed::Share) > 0).await;
-        assert!(fleet.peers().open() <= SHARES.own);
+        assert!(fleet.peers().open() <= SHARES.of_address);
 
         let mut robots = Vec::new();
         for from in ["127.0.0.3", "127.0.0.4", "127.0.0.5", "127.0.0.6"] {

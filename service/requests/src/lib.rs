@@ -3,6 +3,7 @@
 
 pub mod etag;
 pub mod extract;
+pub mod listing;
 pub mod page;
 pub mod problem;
 pub mod time;

@@ -55,12 +55,12 @@ impl Agent {
     }
 
     /// Says why a confirmation is not believed, and not more often than a refusal.
-    pub(super) fn doubt(&mut self, reason: &str, now: RobotTime) -> Vec<Effect> {
-        let said = self.doubted_ns;
+    pub(super) fn disbelieve(&mut self, reason: &str, now: RobotTime) -> Vec<Effect> {
+        let said = self.disbelieved_ns;
         if said.is_some_and(|at_ns| now < at_ns.plus(SAME_REFUSAL)) {
             return Vec::new();
         }
-        self.doubted_ns = Some(now);
+        self.disbelieved_ns = Some(now);
         vec![Effect::Note(format!(
             "a confirmation is not believed: {reason}"
         ))]

@@ -36,7 +36,7 @@ pub struct Agent {
     repeat_at_ns: RobotTime,
     last_refusal: Option<(Refusal, RobotTime)>,
     /// When it last said that a confirmation is not believed.
-    doubted_ns: Option<RobotTime>,
+    disbelieved_ns: Option<RobotTime>,
 }
 
 impl Agent {
@@ -51,7 +51,7 @@ impl Agent {
             restore_again_ns: None,
             repeat_at_ns: RobotTime::default(),
             last_refusal: None,
-            doubted_ns: None,
+            disbelieved_ns: None,
         }
     }
 
@@ -208,9 +208,9 @@ impl Agent {
         let stored = match confirmed.open(&self.identity.trusted) {
             Ok(stored) if stored.robot == self.identity.robot => stored,
             Ok(stored) => {
-                return self.doubt(&format!("it is about {}", stored.robot), now);
+                return self.disbelieve(&format!("it is about {}", stored.robot), now);
             }
-            Err(error) => return self.doubt(&error.to_string(), now),
+            Err(error) => return self.disbelieve(&error.to_string(), now),
         };
         self.memory
             .unstored

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::proposals::robot_named;
 use crate::ApiState;
 use crate::access::Caller;
-use crate::export::ExportPlace;
+use crate::export::Export;
 use crate::extract::{Parameters, number_of, number_within, time as time_of};
 use crate::listing::{self, Layout, Rows};
 use crate::page::page_limit;
@@ -158,9 +158,9 @@ pub(super) async fn list_audit(
     let most = limits::AUDIT_FILE_ROWS_MAX;
     let limit = number_within("limit", query.limit.as_deref(), 1..=most, most)?;
     let rows = rows(&api, &query, limit)?;
-    let place = ExportPlace::take(&api, caller)?;
+    let export = Export::begin(&api, caller)?;
     let pieces = listing::text(rows, layout).await?;
-    Ok(csv::file(kind, name, place.body(pieces)))
+    Ok(csv::file(kind, name, export.body(pieces)))
 }
 
 /// The rows that are asked for.

@@ -184,6 +184,7 @@ struct RefreshedDocument {
 /// Cross-track error with the values in use, and what is expected of it with the proposed ones.
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = ExpectedGain)]
+#[expect(clippy::struct_field_names, reason = "units stand last in names")]
 struct GainDocument {
     /// Root mean square as the robot reported it with the values in use, m.
     measured_rms_m: f64,

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::ApiState;
 use crate::access::Caller;
-use crate::export::ExportPlace;
+use crate::export::Export;
 use crate::extract::{self, Parameters, RobotPath, number_within};
 use crate::listing;
 use crate::problem::Problem;
@@ -123,24 +123,19 @@ pub(super) async fn get_history(
         to_s,
         points_max,
     };
-    let place = as_csv
-        .then(|| ExportPlace::take(&api, caller))
-        .transpose()?;
+    let export = as_csv.then(|| Export::begin(&api, caller)).transpose()?;
     let history = HistoryText {
         history: api.store.history(&query).await?,
         query,
     };
-    Ok(match place {
-        Some(place) => {
-            let name = format!("{}_history.csv", history.query.robot);
-            let lines = listing::pieces(history.csv_pieces(), move |piece| history.csv(piece));
-            csv::file(csv::CSV, &name, place.body(lines))
-        }
-        None => {
-            let pieces = history.json_pieces();
-            let body = Body::from_stream(listing::pieces(pieces, move |piece| history.json(piece)));
-            ([(header::CONTENT_TYPE, "application/json")], body).into_response()
-        }
+    Ok(if let Some(export) = export {
+        let name = format!("{}_history.csv", history.query.robot);
+        let lines = listing::pieces(history.csv_pieces(), move |piece| Ok(history.csv(piece)));
+        csv::file(csv::CSV, &name, export.body(lines))
+    } else {
+        let pieces = history.json_pieces();
+        let body = Body::from_stream(listing::pieces(pieces, move |piece| history.json(piece)));
+        ([(header::CONTENT_TYPE, "application/json")], body).into_response()
     })
 }
 
@@ -256,13 +251,13 @@ impl HistoryText {
 
     /// A table with one line for each stretch, in so many pieces; empty fields where nothing was
     /// estimated.
-    fn csv(&self, piece: usize) -> serde_json::Result<String> {
+    fn csv(&self, piece: usize) -> String {
         let Some(chunk) = piece.checked_sub(1) else {
-            return Ok(self.csv_names());
+            return self.csv_names();
         };
         let lines = self.history.stretches.chunks(LINES_AT_ONCE).nth(chunk);
         let lines = lines.unwrap_or_default();
-        Ok(lines.iter().map(|one| self.csv_line(one)).collect())
+        lines.iter().map(|one| self.csv_line(one)).collect()
     }
 
     fn csv_names(&self) -> String {

@@ -19,8 +19,8 @@ const SIZE: (u32, u32) = (WIDTH, 250);
 const PATH_SIZE: (u32, u32) = (WIDTH, WIDTH);
 /// Height of the letters, pixels.
 const LETTERS: u32 = 15;
-/// Font that the drawing library is asked for: it divides the size by 1.24.
-const LABEL: (&str, f64) = ("sans-serif", 1.24 * 15.0);
+/// Font that the drawing library is asked for: it takes a whole size and divides it by 1.24.
+const LABEL: (&str, f64) = ("sans-serif", 19.0);
 /// Least width at which a page may show a figure, pixels: its letters are 12 pixels high then.
 pub const WIDTH_MIN: u32 = WIDTH * 12 / LETTERS;
 /// Labels of an axis: as many as do not touch each other.

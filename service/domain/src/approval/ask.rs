@@ -4,12 +4,12 @@ use fleetcal_model::{ProposalId, Version};
 use fleetcal_proto::calibration::CalibrationValues;
 
 use super::draft::{Draft, after, fresh};
-use super::four_eyes::approvals_needed;
 use super::policy::Policy;
 use super::present::{Present, outdated};
 use super::proposal::{Approval, Closing, Proposal, ProposalEvent, ProposalState, Refreshed};
 use super::refused::Refused;
 use super::revision::{Evidence, Origin};
+use super::second_approver::approvals_needed;
 use super::transition::ProposalAction;
 use super::values::added;
 use crate::access::Authentication;

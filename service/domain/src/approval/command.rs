@@ -5,10 +5,10 @@ use fleetcal_proto::calibration::{Applied, CalibrationValues};
 use fleetcal_proto::signing::SigningKey;
 
 use super::deployment::Verification;
-use super::four_eyes::Drawing;
 use super::policy::Policy;
 use super::present::Present;
 use super::revision::{Evidence, Origin};
+use super::second_approver::Drawing;
 use crate::access::Actor;
 
 /// What is asked of one robot's records.

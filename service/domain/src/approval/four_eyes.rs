@@ -7,40 +7,12 @@
 //!    the mark that their own change is measured from.
 //! 3. With nothing to measure from, the change is as large as any.
 
-use fleetcal_proto::calibration::CalibrationValues;
-use serde::{Deserialize, Serialize};
-
 use super::draft::Draft;
 use super::ledger::RobotLedger;
 use super::proposal::Proposal;
 use super::revision::{Origin, Revision};
+use super::second_approver::SecondApprover;
 use super::values::{difference, differs_beside, exceeds};
-
-/// Values of a robot that is built by its drawing, and the author of that drawing.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Drawing {
-    /// The values, as if it were built so.
-    pub values: CalibrationValues,
-    /// Person or tool that gave it; `None` where the configuration file does.
-    pub by: Option<String>,
-}
-
-/// Reason for which a proposal needs a second approver.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
-#[serde(rename_all = "snake_case")]
-pub enum SecondApprover {
-    /// The change is beyond `two_approvers_beyond`.
-    Beyond,
-    /// A scale, the wheelbase or a delay changes by much.
-    Vehicle,
-    /// It has another `base_link` than what the robot uses.
-    Frame,
-    /// Nothing was approved here yet, and there is no drawing.
-    Unknown,
-    /// Nothing was approved here yet, and the drawing is of somebody who proposes or approves.
-    OwnDrawing,
-}
 
 impl RobotLedger {
     /// What people here vouch for: what they last approved, or what was verified. A return to what a
@@ -118,9 +90,4 @@ impl Draft<'_> {
 
 fn is_among(name: Option<&str>, involved: &[&str]) -> bool {
     name.is_some_and(|name| involved.contains(&name))
-}
-
-/// How many people have to approve.
-pub(super) fn approvals_needed(second: Option<SecondApprover>) -> u32 {
-    if second.is_some() { 2 } else { 1 }
 }

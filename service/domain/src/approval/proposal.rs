@@ -6,7 +6,7 @@ use fleetcal_proto::calibration::CalibrationValues;
 use serde::{Deserialize, Serialize};
 use strum::{EnumString, IntoStaticStr, VariantArray};
 
-use super::four_eyes::SecondApprover;
+use super::second_approver::SecondApprover;
 
 /// Where a proposal stands.
 #[derive(

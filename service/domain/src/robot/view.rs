@@ -209,7 +209,7 @@ pub struct AnnouncedTopic {
     pub layout: KeyLayout,
     /// The streams that it could be.
     pub suited_for: Vec<Stream>,
-    /// Whether its robot is configured to use it, but the service's access list, which is made when
+    /// Says that its robot is configured to use it, but the service's access list, which is made when
     /// the service starts, lets nothing of it through.
     pub blocked: bool,
 }

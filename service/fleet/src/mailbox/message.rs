@@ -13,7 +13,7 @@ pub struct Message {
     pub stream: Stream,
     /// How it is written.
     pub form: Form,
-    /// Where it came from, where that is known.
+    /// Origin, where that is known.
     pub origin: Option<Origin>,
     /// Its bytes.
     pub payload: Vec<u8>,

@@ -175,7 +175,7 @@ async fn reply(session: &Session, ros2: &Ros2, lifecycle: &Lifecycle, query: &Qu
     }
 }
 
-/// Whether a robot's topic is at that place. Of several robots at one place, one has it.
+/// Says whether a robot's topic is at that place. Of several robots at one place, one has it.
 pub fn is_home(table: &RouteTable, robot: &RobotId, prefix: &str, layout: KeyLayout) -> bool {
     let path = format!("{prefix}/{TOPIC}");
     let nearest = table.nearest(&path, layout);

@@ -116,7 +116,7 @@ impl RouteTable {
         self.admitted = Some(admitted.filter_map(|text| text.try_into().ok()).collect());
     }
 
-    /// Whether the access list keeps out what a robot is configured to send on a path.
+    /// Says whether the access list keeps out what a robot is configured to send on a path.
     pub fn is_blocked(&self, matched: &Matched<'_>, path: &str, layout: KeyLayout) -> bool {
         let Some(admitted) = &self.admitted else {
             return false;
@@ -155,7 +155,7 @@ impl RouteTable {
         key.starts_with(&self.root)
     }
 
-    /// Whose streams a key is: of each robot whose prefix it is below, and of the one that a template
+    /// Streams that a key is: of each robot whose prefix it is below, and of the one that a template
     /// names, which has to be configured where there are others.
     pub fn routes<'k>(&self, key: &'k str) -> Vec<Route<'k>> {
         let key = TopicKey::parse(key);
@@ -201,8 +201,8 @@ impl RouteTable {
         claims.into_iter().map(|(matched, _)| matched).collect()
     }
 
-    /// Whose place a path without a stream is at: of robots at one place, the one that is named so, else
-    /// the first.
+    /// Robot that a path without a stream belongs to: of robots at one place, the one that is named so,
+    /// else the first.
     pub fn nearest<'p>(&self, path: &'p str, layout: KeyLayout) -> Option<Matched<'p>> {
         if self.is_own(path) {
             return None;

@@ -161,10 +161,12 @@ async fn forget_migrations(raw: &mut sqlx::SqliteConnection, from: i64) {
         .execute(&mut *raw)
         .await
         .unwrap();
-    sqlx::query("DROP TABLE setup_code")
-        .execute(raw)
-        .await
-        .unwrap();
+    for added in [
+        "DROP TABLE setup_code",
+        "ALTER TABLE robot DROP COLUMN drawn_by",
+    ] {
+        sqlx::query(added).execute(&mut *raw).await.unwrap();
+    }
 }
 
 /// Writes robots as a database of earlier versions has them, by id and what more their

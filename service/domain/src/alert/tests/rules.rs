@@ -1,7 +1,9 @@
 //! Every rule: what it sees of a robot, its records and its newest deployment.
 
 use super::*;
-use crate::approval::{Evidence, Maintenance, Origin, Policy, Revision, RobotLedger, Verification};
+use crate::approval::{
+    Evidence, GenerationRef, Maintenance, Origin, Policy, Revision, RobotLedger, Verification,
+};
 use crate::robot::Warning;
 
 /// One case of a rule: what it is given, and what it sees.
@@ -139,6 +141,13 @@ fn what_no_estimate_was_approved_for_needs_a_calibration_and_has_not_drifted() {
     let using = |in_use: Option<InUse>| {
         let mut case = case();
         case.view.estimate = Some(Arc::new(estimate(0.01, 0.0005, "converged")));
+        let approved = in_use
+            .as_ref()
+            .filter(|in_use| in_use.generation > Generation(0));
+        case.ledger.shadow.desired = approved.map(|in_use| GenerationRef {
+            generation: in_use.generation,
+            ..deployment(DeploymentState::Verified).offer
+        });
         case.ledger.shadow.in_use = in_use;
         case
     };

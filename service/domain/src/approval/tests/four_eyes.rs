@@ -17,6 +17,7 @@ fn moved(by_m: f64) -> CalibrationValues {
     }
 }
 
+#[expect(clippy::unnecessary_wraps, reason = "a robot may have none")]
 fn drawing(by_m: f64, by: Option<&str>) -> Option<Drawing> {
     Some(Drawing {
         values: moved(by_m),

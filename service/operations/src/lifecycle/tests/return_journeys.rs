@@ -329,13 +329,13 @@ async fn a_failed_deployment_returns_to_what_a_person_chose_as_that_persons_choi
 
 #[tokio::test]
 async fn going_back_twice_does_not_return_to_what_was_left() {
+    use DeploymentState::{RolledBack, RollingBack, Verified};
     let bench = Bench::open(Policy::default()).await;
     for offset_rad in [0.02, 0.05, 0.08] {
         bench.approve(offset_rad, None).await;
         bench.drive_in_verification().await;
         bench.verify(true).await;
     }
-    use DeploymentState::{RolledBack, RollingBack, Verified};
     for (offset_rad, under_way, after) in [
         (
             0.05,

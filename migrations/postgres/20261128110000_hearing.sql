@@ -4,4 +4,4 @@ ALTER TABLE instance
     ADD COLUMN unheard_instances TEXT[] NOT NULL DEFAULT '{}',
     ADD COLUMN heard_robots TEXT[] NOT NULL DEFAULT '{}',
     ADD COLUMN unheard_robots TEXT[] NOT NULL DEFAULT '{}';
-INSERT INTO schema_compatible (version, oldest) VALUES (20261128100000, 20261124160000);
+INSERT INTO schema_compatible (version, oldest) VALUES (20261128110000, 20261124160000);

@@ -14,22 +14,22 @@ use futures::future::BoxFuture;
 use futures::{Stream, StreamExt, stream};
 use serde::Serialize;
 
-use crate::page::{cut, with_next};
-use crate::problem::Problem;
+use super::page::{cut, with_next};
+use super::problem::Problem;
 
 /// Rows of a database, each with the number by which the next one is found.
-pub(crate) type Numbered<Row> = Vec<(i64, Row)>;
+pub type Numbered<Row> = Vec<(i64, Row)>;
 
 /// The number of a record as databases have it.
-pub(crate) fn number(id: u64) -> i64 {
+pub fn number(id: u64) -> i64 {
     i64::try_from(id).unwrap_or(i64::MAX)
 }
 
 /// Rows that are being read.
-pub(crate) type Reading<Row> = BoxFuture<'static, Result<Numbered<Row>, StoreError>>;
+pub type Reading<Row> = BoxFuture<'static, Result<Numbered<Row>, StoreError>>;
 
 /// The rows of a list, in the order of their numbers.
-pub(crate) struct Rows<Row> {
+pub struct Rows<Row> {
     /// Reads at most so many rows after a number.
     read: Box<dyn FnMut(Option<i64>, u32) -> Reading<Row> + Send>,
     after: Option<i64>,
@@ -40,13 +40,15 @@ pub(crate) struct Rows<Row> {
 /// Some of the rows.
 struct Chunk<Row> {
     rows: Vec<Row>,
-    /// Whether the list ends with them, and where it would go on.
-    end: Option<Option<String>>,
+    /// True if the list ends with them.
+    is_last: bool,
+    /// Number at which the list would go on after its end.
+    next: Option<String>,
 }
 
 impl<Row> Rows<Row> {
     /// The rows after a number, `limit` at most.
-    pub(crate) fn new(
+    pub fn new(
         after: Option<i64>,
         limit: u32,
         read: impl FnMut(Option<i64>, u32) -> Reading<Row> + Send + 'static,
@@ -68,13 +70,14 @@ impl<Row> Rows<Row> {
         let is_last = next.is_none() || self.left == 0;
         Ok(Chunk {
             rows: rows.into_iter().map(|(_, row)| row).collect(),
-            end: is_last.then_some(next),
+            is_last,
+            next: next.filter(|_| is_last),
         })
     }
 }
 
 /// How rows are written.
-pub(crate) enum Layout<Row> {
+pub enum Layout<Row> {
     /// A page as JSON: `items`, and `next` unless it is the last one.
     Page,
     /// One row as JSON in each line.
@@ -111,9 +114,9 @@ impl<Row: Serialize> Layout<Row> {
                     }
                     text.push_str(&serde_json::to_string(row)?);
                 }
-                if let Some(next) = &chunk.end {
+                if chunk.is_last {
                     text.push(']');
-                    if let Some(next) = next {
+                    if let Some(next) = &chunk.next {
                         text.push_str(",\"next\":");
                         text.push_str(&serde_json::to_string(next)?);
                     }
@@ -141,7 +144,7 @@ impl<Row: Serialize> Layout<Row> {
 ///
 /// # Errors
 /// [`Problem`] when the first rows cannot be read.
-pub(crate) async fn page<Row>(rows: Rows<Row>) -> Result<Response, Problem>
+pub async fn page<Row>(rows: Rows<Row>) -> Result<Response, Problem>
 where
     Row: Serialize + Send + 'static,
 {
@@ -155,7 +158,7 @@ where
 ///
 /// # Errors
 /// [`Problem`] when the first rows cannot be read.
-pub(crate) async fn text<Row>(
+pub async fn text<Row>(
     mut rows: Rows<Row>,
     layout: Layout<Row>,
 ) -> Result<impl Stream<Item = io::Result<Bytes>> + Send + 'static, Problem>
@@ -175,7 +178,7 @@ where
                     Some(chunk) => chunk,
                     None => rows.next().await.map_err(broken_off)?,
                 };
-                let is_last = chunk.end.is_some();
+                let is_last = chunk.is_last;
                 // Off the threads on which everybody is answered.
                 let writing = tokio::task::spawn_blocking(move || layout.text(&chunk, is_first));
                 let text = writing.await.map_err(broken_off)?.map_err(broken_off)?;
@@ -188,7 +191,7 @@ where
 
 /// Writes `count` pieces of a text as they are asked for, each off the threads on which everybody is
 /// answered.
-pub(crate) fn pieces(
+pub fn pieces(
     count: usize,
     write: impl Fn(usize) -> serde_json::Result<String> + Send + Sync + 'static,
 ) -> impl Stream<Item = io::Result<Bytes>> + Send + 'static {
@@ -258,8 +261,8 @@ mod tests {
         let at_once = limits::LIST_ROWS_AT_ONCE;
         for total in [0, 1, at_once - 1, at_once, at_once + 1, 3 * at_once, 1_000] {
             let lines = whole(total, 10_000, Layout::Ndjson).await;
-            let expected: String = (0..total).map(|number| format!("{number}\n")).collect();
-            assert_eq!(lines, expected);
+            let expected: Vec<_> = (0..total).map(|number| number.to_string()).collect();
+            assert_eq!(lines.lines().collect::<Vec<_>>(), expected);
             for limit in [1, at_once, at_once + 1, 500] {
                 let page = whole(total, limit, Layout::Page).await;
                 let page: serde_json::Value = serde_json::from_str(&page).unwrap();

@@ -1,0 +1,35 @@
+//! Reason for a second approver, and the drawing that a change may be measured from.
+
+use fleetcal_proto::calibration::CalibrationValues;
+use serde::{Deserialize, Serialize};
+
+/// Values of a robot that is built by its drawing, and the author of that drawing.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Drawing {
+    /// The values, as if it were built so.
+    pub values: CalibrationValues,
+    /// Person or tool that gave it; `None` where the configuration file does.
+    pub by: Option<String>,
+}
+
+/// Reason for which a proposal needs a second approver.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum SecondApprover {
+    /// The change is beyond `two_approvers_beyond`.
+    Beyond,
+    /// A scale, the wheelbase or a delay changes by much.
+    Vehicle,
+    /// It has another `base_link` than what the robot uses.
+    Frame,
+    /// Nothing was approved here yet, and there is no drawing.
+    Unknown,
+    /// Nothing was approved here yet, and the drawing is of somebody who proposes or approves.
+    OwnDrawing,
+}
+
+/// How many people have to approve.
+pub(super) fn approvals_needed(second: Option<SecondApprover>) -> u32 {
+    if second.is_some() { 2 } else { 1 }
+}

@@ -1,0 +1,116 @@
+//! Files that are written while they are taken: how many at once, and until when.
+
+use std::io;
+use std::sync::Arc;
+
+use axum::body::Bytes;
+use fleetcal_domain::limits;
+use futures::{Stream, StreamExt, stream};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+
+use crate::{Share, Shares};
+
+/// The places for files that are being written.
+#[derive(Debug, Clone)]
+pub struct Exports {
+    all: Arc<Semaphore>,
+    of_callers: Shares,
+}
+
+/// The place of one file, which is free again when this goes.
+#[derive(Debug)]
+pub struct ExportPlace {
+    _all: OwnedSemaphorePermit,
+    _share: Share,
+}
+
+/// The reason why a file has no place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ExportRefused {
+    /// Its caller has as many as it may have.
+    OfCaller,
+    /// All together are as many as there may be.
+    Full,
+}
+
+impl Default for Exports {
+    fn default() -> Self {
+        Self {
+            all: Arc::new(Semaphore::new(limits::EXPORTS_MAX)),
+            of_callers: Shares::new(limits::EXPORTS_PER_CALLER_MAX),
+        }
+    }
+}
+
+impl Exports {
+    /// Takes a place for a file of this caller.
+    ///
+    /// # Errors
+    /// [`ExportRefused`] when there is none.
+    pub fn take(&self, caller: String) -> Result<ExportPlace, ExportRefused> {
+        let share = self.of_callers.take(caller);
+        let share = share.ok_or(ExportRefused::OfCaller)?;
+        let all = Arc::clone(&self.all).try_acquire_owned();
+        let all = all.map_err(|_| ExportRefused::Full)?;
+        Ok(ExportPlace {
+            _all: all,
+            _share: share,
+        })
+    }
+}
+
+/// The pieces of a file until `end` says why there are no more; then an error, which breaks the connection
+/// off. Until then `held` is.
+pub fn until<Held: Send + 'static>(
+    end: impl Future<Output = &'static str> + Send + 'static,
+    pieces: impl Stream<Item = io::Result<Bytes>> + Send + 'static,
+    held: Held,
+) -> impl Stream<Item = io::Result<Bytes>> + Send + 'static {
+    let writing = (Box::pin(pieces), Box::pin(end), held);
+    stream::unfold(Some(writing), |writing| async {
+        let (mut pieces, mut end, held) = writing?;
+        tokio::select! {
+            biased;
+            cause = &mut end => {
+                tracing::warn!(cause, "a file was broken off");
+                Some((Err(io::Error::other(cause)), None))
+            }
+            piece = pieces.next() => match piece? {
+                Ok(piece) => Some((Ok(piece), Some((pieces, end, held)))),
+                Err(error) => Some((Err(error), None)),
+            },
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use tokio::sync::oneshot;
+
+    use super::*;
+
+    #[tokio::test]
+    async fn a_file_that_is_not_whole_ends_with_an_error_and_leaves_its_place() {
+        let (ended, end) = oneshot::channel();
+        let end = async { end.await.unwrap_or("gone") };
+        let piece = || Ok(Bytes::from_static(b"a row"));
+        let place = Arc::new(());
+        let pieces = stream::iter([piece(), piece(), piece()]);
+        let mut file = Box::pin(until(end, pieces, Arc::clone(&place)));
+        assert!(file.next().await.unwrap().is_ok());
+        assert_eq!(Arc::strong_count(&place), 2);
+        ended.send("the permission has ended").unwrap();
+        let broken = file.next().await.unwrap().unwrap_err();
+        assert_eq!(broken.to_string(), "the permission has ended");
+        assert!(file.next().await.is_none());
+        assert_eq!(Arc::strong_count(&place), 1);
+    }
+
+    #[tokio::test]
+    async fn a_whole_file_ends_without_an_error() {
+        let pieces = stream::iter([Ok(Bytes::from_static(b"a row"))]);
+        let file = until(std::future::pending(), pieces, ());
+        let file: Vec<_> = file.collect().await;
+        assert!(file.len() == 1 && file[0].is_ok());
+    }
+}
