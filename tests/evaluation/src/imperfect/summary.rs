@@ -209,7 +209,7 @@ impl Summary {
             ("converged after 180 s", share(self.converged())),
             (
                 "false changes an hour",
-                quantity(self.false_changes().an_hour(), "", of),
+                quantity(self.false_changes().an_hour(), "/h", of),
             ),
         ]
     }
