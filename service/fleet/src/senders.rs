@@ -100,6 +100,13 @@ impl Turns {
         is_other && self.are_taken()
     }
 
+    /// True if the latest messages came from more than one origin.
+    fn are_of_several(&self) -> bool {
+        let mut origins = self.messages.iter().map(|message| message.origin);
+        let first = origins.next();
+        origins.any(|origin| Some(origin) != first)
+    }
+
     fn are_taken(&self) -> bool {
         let own = || self.messages.iter().filter(|message| !message.is_shared);
         let mut newest = None;
@@ -240,9 +247,10 @@ impl Latest {
             .steering_rad
             .is_some_and(|angle| self.angles.take(angle));
         match (turns, rows) {
-            (_, true) => CALM_MESSAGES_BY_ANGLES,
-            (true, false) => CALM_MESSAGES,
             (false, false) => 0,
+            // Two origins go on telling while both drive straight ahead.
+            (false, true) if !self.turns.are_of_several() => CALM_MESSAGES_BY_ANGLES,
+            _ => CALM_MESSAGES,
         }
     }
 }
