@@ -17,7 +17,7 @@ export const chromium = {
 export default defineConfig({
   testDir: 'e2e',
   testMatch: '*.spec.ts',
-  workers: Number(process.env.FLEETCAL_BROWSERS ?? 2),
+  workers: Number(process.env.FLEETCAL_BROWSERS ?? 1),
   // Each worker starts one browser and one demo: it takes a while until its robots are calibrated.
   fullyParallel: false,
   // Robots drive and decide while a test looks: what fails is run once more, on a service of its

@@ -59,8 +59,10 @@ async fn maintained_and_driven(
 async fn a_maintenance_tool_does_its_rounds_with_curl_alone() {
     let folder = TempDir::new().unwrap();
     let path = recorded(&folder, 90.0);
+    // Stamps go on, as those of one robot do.
     let moved = folder.path().join("moved.mcap");
     recording::simulated_with(&moved, 90.0, |config| {
+        config.start_stamp_ns += 300_000_000_000;
         config.vehicle.lidar_in_base.yaw_rad += 1.2_f64.to_radians();
     });
     let service = Arc::new(Service::start(&["tugger_01"]));
@@ -94,14 +96,6 @@ async fn a_maintenance_tool_does_its_rounds_with_curl_alone() {
     assert_eq!(part(&said, "report"), noted);
     assert!(
         part(&said, "verdict").contains("calibration_changed"),
-        "{said}"
-    );
-
-    // Nothing has moved since.
-    let said = maintained_and_driven(&service, &operator, "LiDAR cleaned", &moved).await;
-    let verdict = part(&said, "verdict");
-    assert!(
-        verdict.contains("unchanged") && !verdict.contains("proposed"),
         "{said}"
     );
 }
