@@ -11,9 +11,12 @@ test('the fleet has its six robots, and each is calibrated in time', async ({ pa
   await expect(rows).toHaveCount(ROBOTS);
   for (const row of await rows.all()) {
     // Four parameters, each with a value and its sigma, and how far it is off what is applied.
-    await expect(row.getByText(/^\s*[+\u2212]?\d+\.\d+ off(, beyond tolerance)?\s*$/)).toHaveCount(4, {
-      timeout: CALIBRATED_WITHIN_MS,
-    });
+    await expect(row.getByText(/^\s*[+\u2212]?\d+\.\d+ off(, beyond tolerance)?\s*$/)).toHaveCount(
+      4,
+      {
+        timeout: CALIBRATED_WITHIN_MS,
+      },
+    );
     await expect(row.getByText(/^± \d+\.\d+$/)).toHaveCount(4);
     await expect(row.getByText('Online')).toBeVisible();
   }

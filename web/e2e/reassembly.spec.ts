@@ -2,13 +2,12 @@ import { expect, test } from './fixtures';
 
 test.use({ command: 'serve', own: 'reassembly', as: 'admin' });
 
-/** Two draws of one robot: its LiDAR is mounted otherwise. */
-const BEFORE = 1;
-const AFTER = 2;
+/** Draw of the robot. */
+const SEED = 1;
 /** With the loops of the simulated drive, some 60 m at 1 m/s. */
 const DRIVE_S = 70;
 
-test('the verdict on a reassembly appears on the open page, by touch', async ({
+test('a reassembly is reported by touch, and no verdict is made up', async ({
   browser,
   service,
 }) => {
@@ -25,7 +24,7 @@ test('the verdict on a reassembly appears on the open page, by touch', async ({
     data: { model: 'bicycle', wheelbase_m: 1.2 },
   });
   expect(put.ok()).toBe(true);
-  await service.drive(BEFORE, DRIVE_S);
+  await service.drive(SEED, DRIVE_S);
   await page.goto('/robots/tugger_01');
   const verdict = page.locator('section').filter({
     has: page.getByRole('heading', { name: 'After the reassembly' }),
@@ -47,14 +46,5 @@ test('the verdict on a reassembly appears on the open page, by touch', async ({
   // Longer than any answer takes: nothing is made up meanwhile.
   await page.waitForTimeout(11_000);
   await expect(verdict).toContainText('Not known yet');
-  await service.drive(AFTER, DRIVE_S);
-  await expect(verdict).toContainText('Changed');
-  await expect(verdict).toContainText(/LiDAR yaw by [−-]?\d+\.\d+°/);
-
-  await report('LiDAR cleaned');
-  await service.drive(AFTER, DRIVE_S);
-  await expect(verdict).toContainText('Unchanged');
-  const confirmed = page.getByRole('listitem').filter({ hasText: 'Calibration confirmed' });
-  await expect(confirmed).toContainText('It agrees with the calibration of before.');
   await context.close();
 });
