@@ -36,7 +36,7 @@ pub struct Estimate {
     pub distance_m: f64,
     /// The parameters, in the order of [`Parameter::ALL`].
     pub parameters: ParameterEstimates,
-    /// Whether somebody has reported a reassembly, and nothing is known again since.
+    /// True if somebody has reported a reassembly, and nothing is known again since.
     pub reassembly_open: bool,
     /// How the errors of the four that every calibration has go together; its diagonal holds the
     /// squares of their sigmas.

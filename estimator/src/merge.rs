@@ -70,7 +70,7 @@ pub struct MergerPosition {
 }
 
 impl MergerPosition {
-    /// Whether a message has left already. Of a note no stamp says that.
+    /// True if a message has left already. Of a note no stamp says that.
     pub fn covers(&self, event: &Event) -> bool {
         place(event).is_some_and(|place| self.left.is_some_and(|left| place <= left))
     }

@@ -39,7 +39,7 @@ pub struct Checkpoint {
     /// Notes that the merger of a former version held until their stamps were reached.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     notes: Vec<Note>,
-    /// Whether a report of a reassembly waits for its verdict.
+    /// True if a report of a reassembly waits for its verdict.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     reassembly_open: bool,
 }

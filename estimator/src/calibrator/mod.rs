@@ -101,7 +101,7 @@ pub struct Calibrator {
     former_mount: Option<nalgebra::Vector3<f64>>,
     /// The stored calibration, while a new session has not been held against it.
     comparison: Option<Comparison>,
-    /// Whether somebody has reported a reassembly, and nothing was found since.
+    /// True if somebody has reported a reassembly, and nothing was found since.
     reassembly_open: bool,
     /// What the calibration of now is held against, to see slow drift.
     baseline: Option<Baseline>,
@@ -459,7 +459,7 @@ impl Calibrator {
         }
     }
 
-    /// Whether the stamps of scans may be off by a part of a turn that nobody knows.
+    /// True if the stamps of scans may be off by a part of a turn that nobody knows.
     fn lacks_beam_times(&self) -> bool {
         self.scanner().beam_times == BeamTimes::Missing
     }

@@ -149,7 +149,7 @@ pub struct Scanner {
     losses: u32,
     /// What a scan covers of a turn.
     part_of_turn: f64,
-    /// Whether its scans are made of points without times.
+    /// True if its scans are made of points without times.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     lacks_beam_times: bool,
     /// By how much the pose of the last scan moves with each of the unknowns, in this map.

@@ -275,7 +275,7 @@ impl FleetHandle {
         }
     }
 
-    /// Whether notes may be stored that a robot's estimator was not brought. Says so once.
+    /// True if notes may be stored that a robot's estimator was not brought. Says so once.
     pub fn wants_notes(&self, id: &RobotId) -> bool {
         let robot = self.fleet.find(id.as_str());
         robot.is_some_and(|robot| robot.is_here() && robot.wanted_notes())

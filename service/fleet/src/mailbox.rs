@@ -296,7 +296,7 @@ impl Mailbox {
         true
     }
 
-    /// Whether another note finds room.
+    /// True if another note finds room.
     pub fn has_room_for_note(&self) -> bool {
         self.lock().notes < MAILBOX_NOTES_MAX
     }

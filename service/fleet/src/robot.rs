@@ -121,7 +121,7 @@ struct Status {
     manoeuvres: Arc<[Ranked]>,
     pairing: Option<PairingReport>,
     warnings: Vec<Warning>,
-    /// Whether a reported reassembly is open, also where there is no estimate yet.
+    /// True if a reported reassembly is open, also where there is no estimate yet.
     reassembly_open: bool,
     /// Up to which note its estimator has taken them; `None` until its task says so.
     notes_taken: Option<AuditId>,

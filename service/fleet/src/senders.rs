@@ -63,7 +63,7 @@ struct Brought {
     stamp: RobotTime,
     content: u64,
     origin: Origin,
-    /// Whether another origin brought the same.
+    /// True if another origin brought the same.
     is_shared: bool,
 }
 

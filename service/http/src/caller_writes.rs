@@ -20,7 +20,7 @@ pub struct CallerWrites {
 pub struct WritesExceeded {
     /// The wait until as much is let through again.
     pub wait: Duration,
-    /// Whether it is to be logged: the first time, and once in a while after that.
+    /// True if it is to be logged: the first time, and once in a while after that.
     pub is_news: bool,
 }
 

@@ -21,7 +21,7 @@ pub struct Situation<'a> {
     pub now: WallTime,
     /// The latest estimate, if its vehicle is the one that was calibrated.
     pub estimate: Option<&'a EstimateDocument>,
-    /// Whether somebody has reported a reassembly, and the calibration is not known again since.
+    /// True if somebody has reported a reassembly, and the calibration is not known again since.
     pub reassembly_open: bool,
     /// Whether the vehicle is no longer the one that was calibrated, and not known again yet.
     pub vehicle_changed: bool,

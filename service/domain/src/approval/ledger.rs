@@ -54,7 +54,7 @@ impl RobotLedger {
         named.find(|one| one.generation == generation)
     }
 
-    /// Whether the robot uses values that were approved for it: neither its factory calibration, even
+    /// True if the robot uses values that were approved for it: neither its factory calibration, even
     /// where that came back to it, nor what a person rolled it back to.
     pub fn uses_approved(&self) -> bool {
         let in_use = self.shadow.in_use.as_ref();

@@ -103,7 +103,7 @@ fn promised_and_measured(config: SimulationConfig) -> (ExpectedGain, f64) {
     (promise, tracks.all()[&Generation(1)].rms_m())
 }
 
-/// Whether the forecast holds for a robot on a route, `expected_rms_m` itself or the span above it;
+/// True if the forecast holds for a robot on a route, `expected_rms_m` itself or the span above it;
 /// and whether what it is off by is of any use to mend, where that is a degree or more.
 fn check(seed: u64, route: &Route, off: Off, is_near: fn(&ExpectedGain, f64) -> bool) {
     let (promise, after_m) = promised_and_measured(robot(seed, route.clone(), off));

@@ -62,7 +62,7 @@ impl RobotTask {
         self.step_note(&note);
     }
 
-    /// Whether a reported reassembly waits for its verdict.
+    /// True if a reported reassembly waits for its verdict.
     pub(super) fn is_reassembly_open(&self) -> bool {
         match &self.engine {
             Engine::Running(calibrator) => calibrator.estimate().reassembly_open,

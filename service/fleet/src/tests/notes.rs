@@ -40,7 +40,7 @@ struct Instant {
     /// The notes that are stored, as the audit has them.
     stored: Vec<Noted>,
     sent: i64,
-    /// Whether the history showed a note when the service was killed.
+    /// True if the history showed a note when the service was killed.
     was_shown: bool,
 }
 
@@ -130,7 +130,7 @@ impl Instant {
         }
     }
 
-    /// Whether the estimator knows of the reassembly within a bounded time.
+    /// True if the estimator knows of the reassembly within a bounded time.
     async fn is_known(&self) -> bool {
         for _ in 0..3_000 {
             if self.bench.fleet.wants_notes(&id(ROBOT)) {
