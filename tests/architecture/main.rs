@@ -8,6 +8,7 @@
 )]
 
 mod circles;
+mod dependencies;
 mod documents;
 mod rust_sources;
 mod web_sources;

@@ -1,0 +1,56 @@
+//! Dependencies kept outside the checkout: they serve a checkout at any other place.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// A folder below Cargo's own for tests, empty at first.
+fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    if folder.exists() {
+        fs::remove_dir_all(&folder).expect("removes the former run's folder");
+    }
+    fs::create_dir_all(&folder).expect("makes the folder");
+    folder
+}
+
+/// Runs `.ci/dependencies` on a target folder.
+fn dependencies(action: &str, target: &Path, kept: &Path) {
+    let status = Command::new(super::root().join(".ci/dependencies"))
+        .arg(action)
+        .arg(target)
+        .env("FLEETCAL_DEPENDENCIES", kept)
+        .status()
+        .expect("runs the script");
+    assert!(status.success(), "{action}: {status}");
+}
+
+/// Writes a crate's library, its build script's output and the fingerprint of that run.
+fn built(target: &Path, name: &str, output: &str) {
+    let release = target.join("release");
+    for (path, content) in [
+        (format!("deps/lib{name}.rlib"), "compiled"),
+        (format!("build/{name}-0/out/generated.rs"), output),
+        (format!(".fingerprint/{name}-0/run-build-script"), "0"),
+    ] {
+        let path = release.join(path);
+        fs::create_dir_all(path.parent().expect("has a parent")).expect("makes the folder");
+        fs::write(path, content).expect("writes a file of the crate");
+    }
+}
+
+#[test]
+fn what_names_its_own_target_folder_is_built_again_elsewhere() {
+    let (kept, here, there) = (folder("kept"), folder("here"), folder("there"));
+    built(&here, "plain", "const A: u8 = 0;");
+    let own = here.join("release/build/bound-0/out/page.js");
+    built(&here, "bound", &format!("include_bytes!({own:?})"));
+    dependencies("keep", &here, &kept);
+    dependencies("restore", &there, &kept);
+    let restored = |path: &str| there.join("release").join(path).exists();
+    assert!(restored("deps/libplain.rlib") && restored("deps/libbound.rlib"));
+    assert!(restored("build/plain-0/out/generated.rs"));
+    assert!(restored(".fingerprint/plain-0/run-build-script"));
+    assert!(!restored("build/bound-0/out/generated.rs"));
+    assert!(!restored(".fingerprint/bound-0/run-build-script"));
+}
