@@ -19,6 +19,7 @@ pub(super) enum Stream {
     Jitter,
     Losses,
     MixedPixels,
+    WrongInputs,
 }
 
 /// The generator of one part.

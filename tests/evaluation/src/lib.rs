@@ -6,6 +6,7 @@ pub mod drive;
 pub mod error;
 pub mod extent;
 pub mod imperfect;
+pub mod joining;
 pub mod paper;
 pub mod paper_filter;
 pub mod path;

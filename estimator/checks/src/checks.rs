@@ -1,0 +1,522 @@
+//! The checks of one robot.
+
+use fleetcal_estimator::lidar_odometry::{OdometryPose, Tracking};
+use fleetcal_estimator::{Scan, VehicleModel};
+use fleetcal_model::{Pose2, RobotTime, Stream};
+
+use crate::cause::{Cause, Check};
+use crate::finding::{Finding, Moment, Patience, State, Suspicion};
+use crate::grid::{Channel, Grid};
+use crate::motion::Motion;
+use crate::naming::{self, Known};
+use crate::pose_watch::PoseWatch;
+use crate::scan_watch::ScanWatch;
+use crate::stamps::AgeWatch;
+use crate::steering_wrap::SteeringWrap;
+use crate::stream::{StreamReport, StreamWatch, away_s};
+
+/// The LiDAR's way from one look at the motion to the next, m.
+const LOOK_EVERY_M: f64 = 2.5;
+/// The same where the LiDAR stands: the way of the wheels, m.
+const LOOK_EVERY_WHEELS_M: f64 = 5.0;
+/// Time from one look at the streams to the next, s.
+const LOOK_EVERY_S: f64 = 1.0;
+/// Time of both streams from which their ages are compared, s, and messages of each.
+const ALIGNED_AFTER_S: f64 = 3.0;
+const ALIGNED_MESSAGES_MIN: u64 = 10;
+/// Streams of which the ages differ by more are compared by arrival, s.
+const ALIGN_MIN_S: f64 = 1.0;
+/// Longest time between two poses that say how the LiDAR moved, s.
+const MOTION_GAP_MAX_S: f64 = 1.0;
+/// Wait for a stream that does not come, s.
+const MISSING_AFTER_S: f64 = 10.0;
+
+/// The vehicle as it was described.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Described {
+    /// How it steers.
+    pub model: VehicleModel,
+    /// Distance between the axles, m.
+    pub wheelbase_m: f64,
+    /// Yaw of the LiDAR by the drawing, rad, where there is one.
+    pub nominal_yaw_rad: Option<f64>,
+}
+
+/// What all messages have.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Head<'m> {
+    /// The stream that carries it.
+    pub stream: Stream,
+    /// Its header stamp.
+    pub stamp: RobotTime,
+    /// Name of its frame: of a pose, that of what is at the pose.
+    pub frame: &'m str,
+    /// When it arrived, ns, by a clock that is the same for all streams.
+    pub arrival_ns: i64,
+}
+
+/// The checks of one robot, message by message.
+#[derive(Debug, Clone)]
+pub struct Checks {
+    described: Described,
+    streams: [Option<StreamWatch>; Stream::COUNT],
+    began_ns: Option<i64>,
+    now_ns: i64,
+    looked_at_ns: i64,
+    /// Whether the streams are such that their motion can be judged.
+    is_sound: bool,
+    ages: AgeWatch,
+    scans: ScanWatch,
+    poses: PoseWatch,
+    wrap: SteeringWrap,
+    /// What the LiDAR's stamps are shifted by, s, once it is known.
+    aligned_s: Option<f64>,
+    origin: Option<RobotTime>,
+    grid: Grid,
+    last_pose: Option<(RobotTime, Pose2)>,
+    way_m: f64,
+    wheels_way_m: f64,
+    last_speed: Option<(RobotTime, f64)>,
+    looked_way_m: f64,
+    looked_wheels_way_m: f64,
+    motion: Option<Motion>,
+    patience: Patience,
+}
+
+impl Checks {
+    /// Checks of a vehicle that has sent nothing yet.
+    pub fn new(described: Described) -> Self {
+        Self {
+            described,
+            streams: Default::default(),
+            began_ns: None,
+            now_ns: 0,
+            looked_at_ns: 0,
+            is_sound: true,
+            ages: AgeWatch::default(),
+            scans: ScanWatch::default(),
+            poses: PoseWatch::default(),
+            wrap: SteeringWrap::default(),
+            aligned_s: None,
+            origin: None,
+            grid: Grid::default(),
+            last_pose: None,
+            way_m: 0.0,
+            wheels_way_m: 0.0,
+            last_speed: None,
+            looked_way_m: 0.0,
+            looked_wheels_way_m: 0.0,
+            motion: None,
+            patience: Patience::default(),
+        }
+    }
+
+    /// Takes speed, steering angle or both as they were sent, in whatever unit.
+    pub fn take_wheels(&mut self, head: &Head<'_>, speed: Option<f64>, steering: Option<f64>) {
+        self.arrive(head);
+        if let Some(speed) = speed.filter(|speed| speed.is_finite()) {
+            self.ages.take(1, head.stamp, head.arrival_ns);
+            if let Some((before, last)) = self.last_speed {
+                let time_s = head
+                    .stamp
+                    .seconds_since(before)
+                    .clamp(0.0, MOTION_GAP_MAX_S);
+                self.wheels_way_m += 0.5 * (speed + last).abs() * time_s;
+                self.scans.moved_to(self.wheels_way_m);
+            }
+            self.last_speed = Some((head.stamp, speed));
+            if let Some(time_s) = self.grid_time_s(head.stamp) {
+                self.grid.take(Channel::Speed, time_s, speed);
+            }
+        }
+        if let Some(angle) = steering.filter(|angle| angle.is_finite()) {
+            if self.wrap.take(angle) {
+                self.grid.forget_steering();
+            }
+            if let Some(time_s) = self.grid_time_s(head.stamp) {
+                self.grid
+                    .take(Channel::Steering, time_s, self.wrap.unwrapped(angle));
+            }
+        }
+        if self.wheels_way_m > self.looked_wheels_way_m + LOOK_EVERY_WHEELS_M {
+            self.look_at_motion();
+        }
+    }
+
+    /// Takes a scan, and the time from one scan to the next that it states, s (0 for none). Its pose
+    /// follows by [`Checks::take_odometry`].
+    pub fn take_scan(&mut self, head: &Head<'_>, scan: &Scan, scan_time_s: f64) {
+        self.arrive(head);
+        self.ages.take(0, head.stamp, head.arrival_ns);
+        self.scans.take(scan, scan_time_s);
+    }
+
+    /// Takes the pose that LiDAR odometry gives a scan.
+    pub fn take_odometry(&mut self, pose: &OdometryPose) {
+        if pose.tracking == Tracking::Lost || pose.map_restarted || pose.misled_by.is_some() {
+            self.lose_motion();
+            if pose.tracking == Tracking::Lost {
+                return;
+            }
+        }
+        self.move_to(pose.stamp, pose.lidar_in_odom);
+    }
+
+    /// Takes a pose that the robot sends for its LiDAR, and the tilt of the pose's z axis, rad.
+    pub fn take_pose(&mut self, head: &Head<'_>, pose: Pose2, tilt_rad: f64) {
+        self.arrive(head);
+        self.ages.take(0, head.stamp, head.arrival_ns);
+        let speed = self.last_speed.map_or(0.0, |(_, speed)| speed);
+        self.poses.take(head.stamp, pose, tilt_rad, speed);
+        self.move_to(head.stamp, pose);
+    }
+
+    /// Notes that a message was refused, and why.
+    pub fn refuse(&mut self, stream: Stream, arrival_ns: i64, reason: &str) {
+        self.pass_to(arrival_ns);
+        if let Some(watch) = self.watch(stream, arrival_ns) {
+            watch.refuse(reason);
+        }
+    }
+
+    /// What each check has come to: every cause that is named, in the order of the checks, and one entry
+    /// for each check that names none.
+    pub fn findings(&self) -> Vec<Finding> {
+        let named: Vec<Finding> = self.patience.named().collect();
+        let mut findings = Vec::new();
+        for check in Check::ALL {
+            let of_check = named.iter().filter(|finding| finding.check == check);
+            let before = findings.len();
+            findings.extend(of_check.cloned());
+            if findings.len() == before {
+                findings.extend(self.unnamed(check));
+            }
+        }
+        findings
+    }
+
+    /// What is known of each stream that came.
+    pub fn streams(&self) -> Vec<StreamReport> {
+        self.streams
+            .iter()
+            .flatten()
+            .map(StreamWatch::report)
+            .collect()
+    }
+
+    /// The LiDAR's way so far, m.
+    pub fn way_m(&self) -> f64 {
+        self.way_m
+    }
+
+    /// Bytes held for this robot.
+    pub fn memory_bytes(&self) -> usize {
+        let streams = self.streams.iter().flatten().map(StreamWatch::memory_bytes);
+        size_of::<Self>()
+            + streams.sum::<usize>()
+            + self.grid.memory_bytes()
+            + self.scans.memory_bytes()
+            + self.ages.memory_bytes()
+            + self.patience.memory_bytes()
+    }
+
+    fn watch(&mut self, stream: Stream, arrival_ns: i64) -> Option<&mut StreamWatch> {
+        let place = self.streams.get_mut(stream.index())?;
+        Some(place.get_or_insert_with(|| StreamWatch::new(stream, arrival_ns)))
+    }
+
+    fn arrive(&mut self, head: &Head<'_>) {
+        self.pass_to(head.arrival_ns);
+        if let Some(watch) = self.watch(head.stream, head.arrival_ns) {
+            watch.take(head.stamp, head.frame, head.arrival_ns);
+        }
+        if self.aligned_s.is_none() {
+            self.aligned_s = self.alignment_s();
+        }
+    }
+
+    /// Looks at the streams when it is time.
+    fn pass_to(&mut self, arrival_ns: i64) {
+        self.began_ns.get_or_insert(arrival_ns);
+        self.now_ns = self.now_ns.max(arrival_ns);
+        if away_s(self.looked_at_ns, self.now_ns) < LOOK_EVERY_S {
+            return;
+        }
+        self.looked_at_ns = self.now_ns;
+        let found = self.stream_suspicions();
+        self.is_sound = !found.iter().any(|of| of.cause.spoils_motion());
+        self.patience
+            .look(self.moment(), |cause| !is_of_motion(cause), found);
+    }
+
+    fn moment(&self) -> Moment {
+        Moment {
+            way_m: self
+                .way_m
+                .max(self.wheels_way_m.min(self.way_m + 2.0 * LOOK_EVERY_M)),
+            time_s: away_s(self.began_ns.unwrap_or_default(), self.now_ns),
+        }
+    }
+
+    fn of(&self, streams: &[Stream]) -> Option<&StreamWatch> {
+        let of = |stream: &Stream| self.streams.get(stream.index())?.as_ref();
+        streams.iter().find_map(of)
+    }
+
+    fn lidar(&self) -> Option<&StreamWatch> {
+        self.of(&[Stream::Scan, Stream::LidarOdometry])
+    }
+
+    fn wheels(&self) -> Option<&StreamWatch> {
+        self.of(&[Stream::WheelOdometry, Stream::Speed])
+    }
+
+    /// How much later the LiDAR's messages arrive after their stamps than those of the wheels, s.
+    fn ages_apart_s(&self) -> Option<f64> {
+        Some(self.lidar()?.stamps.age_s()? - self.wheels()?.stamps.age_s()?)
+    }
+
+    /// What the LiDAR's stamps are to be shifted by, once both streams have come for long enough.
+    fn alignment_s(&self) -> Option<f64> {
+        let (lidar, wheels) = (self.lidar()?, self.wheels()?);
+        let enough = |watch: &StreamWatch| watch.messages >= ALIGNED_MESSAGES_MIN;
+        let time_s = away_s(self.began_ns?, self.now_ns);
+        if time_s < ALIGNED_AFTER_S || !enough(lidar) || !enough(wheels) {
+            return None;
+        }
+        let apart_s = self.ages_apart_s()?;
+        Some(if apart_s.abs() > ALIGN_MIN_S {
+            apart_s
+        } else {
+            0.0
+        })
+    }
+
+    /// Time in the grid of a stamp of the wheels.
+    fn grid_time_s(&mut self, stamp: RobotTime) -> Option<f64> {
+        self.aligned_s?;
+        Some(stamp.seconds_since(*self.origin.get_or_insert(stamp)))
+    }
+
+    fn lose_motion(&mut self) {
+        if let Some((stamp, _)) = self.last_pose.take()
+            && let Some(aligned_s) = self.aligned_s
+            && let Some(time_s) = self.grid_time_s(stamp.plus_seconds(aligned_s))
+        {
+            self.grid.lose_motion(None, time_s);
+        }
+    }
+
+    fn move_to(&mut self, stamp: RobotTime, pose: Pose2) {
+        let Some((before, last)) = self.last_pose.replace((stamp, pose)) else {
+            return;
+        };
+        let time_s = stamp.seconds_since(before);
+        if time_s <= 0.0 || time_s > MOTION_GAP_MAX_S {
+            return;
+        }
+        let step = last.between(&pose).log();
+        self.way_m += step.x.hypot(step.y);
+        self.scans.moved_to(self.way_m);
+        self.scans.turned_to(pose.yaw_rad);
+        let Some(aligned_s) = self.aligned_s else {
+            return;
+        };
+        let from = self.grid_time_s(before.plus_seconds(aligned_s));
+        let to = self.grid_time_s(stamp.plus_seconds(aligned_s));
+        if let (Some(from_s), Some(to_s)) = (from, to) {
+            let velocity = [step.x, step.y, step.z].map(|length| length / time_s);
+            self.grid.take_motion(from_s, to_s, velocity);
+        }
+        if self.way_m > self.looked_way_m + LOOK_EVERY_M {
+            self.look_at_motion();
+        }
+    }
+
+    fn look_at_motion(&mut self) {
+        self.looked_way_m = self.way_m;
+        self.looked_wheels_way_m = self.wheels_way_m;
+        if !self.is_sound {
+            return;
+        }
+        let Some(motion) = Motion::of(&self.grid, self.described.wheelbase_m) else {
+            return;
+        };
+        let known = Known {
+            model: self.described.model,
+            wheelbase_m: self.described.wheelbase_m,
+            nominal_yaw_rad: self.described.nominal_yaw_rad,
+            aligned_s: self.aligned_s.unwrap_or_default(),
+            way_m: self.way_m,
+            wheels_way_m: self.wheels_way_m,
+            sends_poses: self.of(&[Stream::LidarOdometry]).is_some(),
+        };
+        let found = naming::suspicions(&motion, &known);
+        self.motion = Some(motion);
+        self.patience.look(self.moment(), is_of_motion, found);
+    }
+
+    /// What streams and messages point to without any motion.
+    fn stream_suspicions(&self) -> Vec<Suspicion> {
+        let mut found: Vec<Suspicion> = Vec::new();
+        for watch in self.streams.iter().flatten() {
+            found.extend(watch.suspicions());
+        }
+        found.extend(self.missing());
+        found.extend(self.ages.suspicion());
+        let lidar = self.lidar();
+        let frames = found
+            .iter()
+            .filter(|of| of.cause == Cause::SeveralFrames)
+            .count();
+        found.extend(
+            self.scans
+                .suspicion(lidar.and_then(|of| of.stamps.period_s()), frames == 0),
+        );
+        let repeats_scans = found.iter().any(|of| of.cause == Cause::RepeatedScans);
+        found.retain(|of| !(repeats_scans && of.cause == Cause::ReceptionStamps));
+        if !found.iter().any(|of| of.cause.spoils_motion()) {
+            found.extend(self.poses.suspicions());
+        }
+        if let Some(turn) = self.wrap.turn() {
+            let seen =
+                format!("angles run from 0 to {turn:.4}: those to the right come as nearly that");
+            found.push(Suspicion::new(Cause::SteeringWrap, seen));
+        }
+        let repeats = found.iter().any(|of| of.cause == Cause::RepeatedStamps);
+        let aligned_s = self
+            .aligned_s
+            .filter(|shift_s| shift_s.abs() > ALIGN_MIN_S && !repeats);
+        // Once the motion tells how far clocks are apart, it decides.
+        if let Some(apart_s) =
+            aligned_s.filter(|_| self.motion.as_ref().is_none_or(|of| of.steering.is_none()))
+        {
+            let seen = format!(
+                "scans are stamped {:+.2} s against wheels that arrive with them{}",
+                -apart_s,
+                naming::explanation(apart_s)
+            );
+            found.push(Suspicion::new(Cause::StampsApart, seen));
+        }
+        // Of one cause there is one word, of the stream that shows it first.
+        found.sort_by_key(|of| of.cause.index());
+        found.dedup_by_key(|of| of.cause);
+        found
+    }
+
+    fn missing(&self) -> Vec<Suspicion> {
+        let since_s = |watch: Option<&StreamWatch>| {
+            let last_ns = watch.map_or(self.began_ns.unwrap_or_default(), |of| of.last_arrival_ns);
+            away_s(last_ns, self.now_ns)
+        };
+        let (wheels, lidar) = (self.wheels(), self.lidar());
+        let (wheels_s, lidar_s) = (since_s(wheels), since_s(lidar));
+        let seen = |what: &str, away_s: f64| format!("no {what} for {away_s:.0} s");
+        let mut found = Vec::new();
+        if wheels_s > MISSING_AFTER_S {
+            found.push(Suspicion::new(
+                Cause::WheelOdometryMissing,
+                seen("wheel odometry", wheels_s),
+            ));
+        }
+        if lidar_s > MISSING_AFTER_S {
+            found.push(Suspicion::new(
+                Cause::LidarMissing,
+                seen("scan or pose of the LiDAR", lidar_s),
+            ));
+        }
+        found
+    }
+
+    /// The entry of a check that names no cause.
+    fn unnamed(&self, check: Check) -> Option<Finding> {
+        let (state, seen) = self.state_of(check)?;
+        Some(Finding {
+            check,
+            state,
+            cause: None,
+            seen,
+            after_m: 0.0,
+            after_s: 0.0,
+        })
+    }
+
+    fn state_of(&self, check: Check) -> Option<(State, String)> {
+        let ok = |seen: String| Some((State::Ok, seen));
+        let not_yet = |what: &str| Some((State::NotYet, what.to_owned()));
+        let motion = self.motion.as_ref();
+        let mount = motion.and_then(|of| of.mount);
+        let steering = motion
+            .and_then(|of| of.steering.as_ref())
+            .filter(|of| of.explained > 0.6);
+        match check {
+            Check::Streams if self.lidar().is_some() && self.wheels().is_some() => {
+                ok(String::new())
+            }
+            Check::Streams => not_yet("waits for wheel odometry and scans"),
+            Check::Stamps if self.aligned_s.is_some() => ok(String::new()),
+            Check::Stamps => not_yet("waits for 3 s of both streams"),
+            Check::Scan if self.of(&[Stream::Scan]).is_none() => None,
+            Check::Scan if self.scans.is_judged() => ok(format!(
+                "{:.0} % of the beams have a return",
+                100.0 * self.scans.returns()
+            )),
+            Check::Scan => not_yet("waits for 40 scans"),
+            Check::Pose if self.of(&[Stream::LidarOdometry]).is_none() => None,
+            Check::Pose if self.poses.is_judged() => ok(String::new()),
+            Check::Pose => not_yet("drive 5 m"),
+            Check::Clocks => {
+                match motion.filter(|of| of.by_speed.sigma_s.min(of.by_steering.sigma_s) < 0.2) {
+                    Some(of) => ok(format!("{:+.0} ms by the motion", -1e3 * of.used_lag_s)),
+                    None => not_yet("drive at changing speed"),
+                }
+            }
+            Check::Speed => match mount {
+                Some(of) => ok(format!("{:.3} m for each reported metre", of.scale)),
+                None => not_yet("drive 10 m"),
+            },
+            Check::Steering => match steering {
+                Some(of) => ok(format!(
+                    "turns {:.3} times as much as the angle says",
+                    of.curve.slope()
+                )),
+                None => not_yet("drive turns"),
+            },
+            Check::Wheelbase => match steering {
+                Some(of) if of.both_sides => ok(String::new()),
+                _ => not_yet("turn to the left and to the right"),
+            },
+            Check::Model => match motion.and_then(Motion::model) {
+                Some(VehicleModel::Bicycle) => ok("speed of the fixed axle".to_owned()),
+                Some(VehicleModel::Tricycle) => ok("speed of the steered wheel".to_owned()),
+                None => not_yet("drive narrow turns"),
+            },
+            Check::Delay => {
+                match motion.filter(|of| of.by_speed.sigma_s.hypot(of.by_steering.sigma_s) < 0.06) {
+                    Some(_) => ok(String::new()),
+                    None => not_yet("drive turns at changing speed"),
+                }
+            }
+            Check::Vehicle => match mount {
+                Some(of) => ok(format!(
+                    "mount about x {:.2} m, y {:.2} m, yaw {:.1} degrees, without the steering",
+                    of.x_m,
+                    of.y_m,
+                    of.yaw_rad.to_degrees()
+                )),
+                None => not_yet("drive 10 m"),
+            },
+        }
+    }
+}
+
+/// Whether a cause is looked for in the motion, and not in the streams.
+fn is_of_motion(cause: Cause) -> bool {
+    match cause.check() {
+        Check::Streams | Check::Stamps | Check::Scan => false,
+        Check::Clocks => cause != Cause::StampsApart,
+        Check::Steering => cause != Cause::SteeringWrap,
+        Check::Pose => cause == Cause::BasePose,
+        Check::Speed | Check::Wheelbase | Check::Model | Check::Delay | Check::Vehicle => true,
+    }
+}

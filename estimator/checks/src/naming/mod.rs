@@ -1,0 +1,43 @@
+//! From evidence to causes: each part reads what the motion shows and names what contradicts it.
+
+mod clocks;
+mod speed;
+mod steering;
+
+use fleetcal_estimator::VehicleModel;
+
+use crate::finding::Suspicion;
+use crate::motion::Motion;
+
+/// What the checks know beside the motion.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Known {
+    pub model: VehicleModel,
+    pub wheelbase_m: f64,
+    /// Yaw by the drawing, rad, where there is one.
+    pub nominal_yaw_rad: Option<f64>,
+    /// What the stamps of the LiDAR were shifted by already, s.
+    pub aligned_s: f64,
+    /// The LiDAR's way, m.
+    pub way_m: f64,
+    /// The wheels' way as sent, m.
+    pub wheels_way_m: f64,
+    /// Whether the robot sends poses instead of scans.
+    pub sends_poses: bool,
+}
+
+/// What the motion points to.
+pub(crate) use clocks::explanation;
+
+pub(crate) fn suspicions(motion: &Motion, known: &Known) -> Vec<Suspicion> {
+    let mut found = Vec::new();
+    let is_apart = clocks::suspicions(motion, known, &mut found);
+    if clocks::are_of_two(motion, known, &mut found) {
+        return found;
+    }
+    let is_usable = speed::suspicions(motion, known, &mut found);
+    if is_usable {
+        steering::suspicions(motion, known, is_apart, &mut found);
+    }
+    found
+}
