@@ -360,6 +360,13 @@ results-imperfect-robots: rust ## Figures of typical imperfections by poses, RES
 	  --figures docs/results/data/imperfect_robots.jsonl --commit $$(git describe --always --dirty --exclude '*') --date $$(date +%F)
 	$(dir $(BIN))results
 
+.PHONY: results-joining-checks
+results-joining-checks: rust ## Wrong inputs and what is named of them, and of 735 robots whose inputs are right: some minutes
+	$(CARGO) build --release --locked -p fleetcal-evaluation --bin joining_checks --bin results
+	$(dir $(BIN))joining_checks --figures docs/results/data/joining_checks.jsonl \
+	  --commit $$(git describe --always --dirty --exclude '*') --date $$(date +%F)
+	$(dir $(BIN))results
+
 .PHONY: load
 load: build ## 50 robots at once: prints the CPU time per robot-second and sample, and the share of the CPU
 	FLEETCAL_BIN=$(abspath $(BIN)) $(CARGO) test --release --locked -p fleetcal-tests --test load -- --nocapture

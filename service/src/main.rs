@@ -14,7 +14,7 @@ use fleetcal::command::{
 use fleetcal::environment::{self, Peers};
 use fleetcal_clock::{Clock as _, SharedClock, SystemClock};
 use fleetcal_command::zenoh_words::{WithoutPlaces, without_places};
-use fleetcal_command::{agent, calibrate, odometry, replay, schema, simulate};
+use fleetcal_command::{agent, calibrate, doctor, odometry, replay, schema, simulate};
 use fleetcal_domain::limits::ZENOH_LOG_LINES_PER_HOUR_MAX;
 use fleetcal_fleet::budget::Budget;
 use tracing_subscriber::filter::{EnvFilter, FilterExt as _, dynamic_filter_fn};
@@ -62,6 +62,7 @@ fn run(command: &Command) -> Result<(), CommandError> {
     let clock: SharedClock = Arc::new(SystemClock::start());
     match command {
         Command::Calibrate(arguments) => Ok(calibrate::run(arguments, &*clock)?),
+        Command::Doctor(arguments) => Ok(doctor::run(arguments)?),
         Command::Odometry(arguments) => Ok(odometry::run(arguments, &*clock)?),
         Command::Serve(arguments) => on_runtime(serve::run(arguments, clock)),
         Command::Replay(arguments) => on_runtime(replay::run(arguments)),

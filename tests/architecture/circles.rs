@@ -36,10 +36,11 @@ const fn member(package: &'static str, folder: &'static str, uses: &'static str)
 }
 
 /// The crates, lowest first.
-pub const CRATES: [Member; 25] = [
+pub const CRATES: [Member; 26] = [
     member("fleetcal-model", "proto/model", ""),
     member("fleetcal-proto", "proto", "model"),
     member("fleetcal-estimator", "estimator", "model"),
+    member("fleetcal-checks", "estimator/checks", "estimator model"),
     member("fleetcal-robot", "robot", "model proto"),
     member("fleetcal-clock", "service/clock", "model"),
     member("fleetcal-limits", "service/limits", "model"),
@@ -78,7 +79,7 @@ pub const CRATES: [Member; 25] = [
     member(
         "fleetcal-fleet",
         "service/fleet",
-        "clock cluster domain estimator model proto",
+        "checks clock cluster domain estimator model proto",
     ),
     member(
         "fleetcal-operations",
@@ -114,7 +115,7 @@ pub const CRATES: [Member; 25] = [
     member(
         "fleetcal-command",
         "service/command",
-        "clock config domain estimator fleet model operations proto robot",
+        "checks clock config domain estimator fleet model operations proto robot",
     ),
     member(
         "fleetcal",
@@ -125,7 +126,7 @@ pub const CRATES: [Member; 25] = [
     member(
         "fleetcal-evaluation",
         "tests/evaluation",
-        "estimator model robot",
+        "checks estimator model robot",
     ),
 ];
 

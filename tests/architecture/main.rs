@@ -78,6 +78,14 @@ fn the_estimator_is_pure() {
 }
 
 #[test]
+fn the_joining_checks_are_pure() {
+    assert_only(
+        "fleetcal-checks",
+        &["fleetcal-estimator", "fleetcal-model", "nalgebra"],
+    );
+}
+
+#[test]
 fn the_vocabulary_is_pure() {
     assert_only(
         "fleetcal-model",
@@ -261,6 +269,7 @@ fn one_module_knows_each_outside_world_within_a_crate() {
 fn pure_crates_touch_no_outside_world() {
     for folder in [
         "estimator",
+        "estimator/checks",
         "proto",
         "proto/model",
         "service/cluster",

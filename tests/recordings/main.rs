@@ -6,6 +6,7 @@
 
 mod calibrate;
 mod decode;
+mod doctor;
 mod error;
 mod odometry;
 mod one_sided;

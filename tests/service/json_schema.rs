@@ -29,7 +29,7 @@ fn published(command: &str) -> PathBuf {
 
 #[test]
 fn the_published_schemas_are_those_of_the_binary() {
-    for command in ["calibrate", "odometry"] {
+    for command in ["calibrate", "odometry", "doctor"] {
         let printed = binary::run_json(["schema", command]);
         let file: Value =
             serde_json::from_str(&fs::read_to_string(published(command)).unwrap()).unwrap();

@@ -18,7 +18,7 @@ const UNKNOWN_S: f64 = 9.0;
 /// How much later a second series shows what a first one does.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Lag {
-    pub lag_s: f64,
+    pub late_s: f64,
     /// Its standard deviation, s.
     pub sigma_s: f64,
     /// Correlation at that lag, 0 to 1.
@@ -29,7 +29,7 @@ pub(crate) struct Lag {
 
 /// A lag of which nothing is known.
 pub(crate) const UNKNOWN: Lag = Lag {
-    lag_s: 0.0,
+    late_s: 0.0,
     sigma_s: UNKNOWN_S,
     correlation: 0.0,
     unshifted: 0.0,
@@ -102,7 +102,7 @@ pub(crate) fn best(first: &Vectors, second: &Numbers, reach_s: f64) -> Lag {
         return UNKNOWN;
     };
     let mut lag = Lag {
-        lag_s: shift as f64 * CELL_S,
+        late_s: shift as f64 * CELL_S,
         sigma_s: UNKNOWN_S,
         correlation: peak,
         unshifted: at(0),
@@ -113,7 +113,7 @@ pub(crate) fn best(first: &Vectors, second: &Numbers, reach_s: f64) -> Lag {
     let (before, after) = (at(shift - 1), at(shift + 1));
     let bend = before - 2.0 * peak + after;
     if bend < 0.0 {
-        lag.lag_s += 0.5 * (before - after) / bend * CELL_S;
+        lag.late_s += 0.5 * (before - after) / bend * CELL_S;
     }
     let (low, high) = ((shift - BEND).max(-reach), (shift + BEND).min(reach));
     let half_s = 0.5 * (high - low) as f64 * CELL_S;
@@ -141,7 +141,7 @@ mod tests {
         for wanted_s in [-3.37, -0.04, 0.0, 0.213, 5.5] {
             let second: Numbers = times().map(|t| motion(t - wanted_s) as f32).collect();
             let lag = best(&first, &second, 8.0);
-            assert!((lag.lag_s - wanted_s).abs() < 0.02, "{wanted_s}: {lag:?}");
+            assert!((lag.late_s - wanted_s).abs() < 0.02, "{wanted_s}: {lag:?}");
             assert!(lag.correlation > 0.98 && lag.sigma_s < 0.05, "{lag:?}");
         }
     }

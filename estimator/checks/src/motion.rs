@@ -215,9 +215,8 @@ impl Motion {
         if let Some(steering) = &motion.steering
             && steering.explained > 0.8
         {
-            motion.by_speed = lags
-                .at_mount(&series, &mount, are_radians)
-                .unwrap_or(motion.by_speed);
+            motion.by_speed =
+                Lags::at_mount(&series, &mount, are_radians).unwrap_or(motion.by_speed);
         }
         Some(motion)
     }
@@ -275,7 +274,7 @@ impl Lags {
             by_speed,
             by_steering,
             used_s: if used.correlation > 0.85 {
-                used.lag_s
+                used.late_s
             } else {
                 0.0
             },
@@ -283,7 +282,7 @@ impl Lags {
     }
 
     /// The lag of the speed behind that of the vehicle itself, which the mount's lever is taken off.
-    fn at_mount(&self, series: &Series, mount: &Mount, are_radians: bool) -> Option<Lag> {
+    fn at_mount(series: &Series, mount: &Mount, are_radians: bool) -> Option<Lag> {
         let lever = (mount.x_m.hypot(mount.y_m) < 20.0).then(|| mount.lever())?;
         let base = |((x, y), (w, _)): (&(f32, f32), &(f32, f32))| {
             let at_base = Complex::new(f64::from(*x), f64::from(*y)) - lever * f64::from(*w);
@@ -433,6 +432,12 @@ fn bends(moving: &[Row], mount: &Mount, wheelbase_m: f64, cosine: impl Fn(&Row) 
 }
 
 impl Steering {
+    /// The turn driven over that which angle and wheelbase say, without a gear.
+    pub fn turns(&self) -> f64 {
+        self.wheelbase
+            .map_or_else(|| self.curve.slope(), |line| line.slope())
+    }
+
     fn of(bends: &Bends) -> Option<Self> {
         let curve = bends.free()?;
         let spread = bends.spread().max(1e-9);

@@ -151,7 +151,7 @@ mod tests {
             [Cause::RepeatedPoses]
         );
         let map = |number: u32| {
-            let turned = Pose2::new(0.2, 0.0, 2f64.to_radians());
+            let turned = Pose2::new(0.4, 0.0, 2f64.to_radians());
             if number / 100 % 2 == 1 {
                 turned.compose(&along(number))
             } else {

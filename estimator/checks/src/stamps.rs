@@ -331,7 +331,7 @@ mod tests {
         );
         let micro = |number: u32| even(number).floor() + 1e-3 * even(number).fract();
         assert_eq!(causes(micro), [Cause::NanosecondField]);
-        let uneven = |number: u32| even(number) + 0.09 * random(number).abs();
+        let uneven = |number: u32| even(number) + 0.16 * random(number).abs();
         assert_eq!(causes(uneven), [Cause::ReceptionStamps]);
         let stepped = |number: u32| even(number) - 0.05 * f64::from(number % 20) / 20.0;
         assert_eq!(causes(stepped), [Cause::SteppedClock]);

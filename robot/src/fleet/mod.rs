@@ -27,7 +27,7 @@ pub use crate::session_error::SessionError;
 pub use message::{StampRefused, drive_message, lidar_pose_message, scan_message, truth_message};
 pub use record::{
     RECORD_DURATION_MAX_S, RecordError, RecordedTruth, RecordedVehicle, TrueSegment, record,
-    truth_path,
+    record_wrong, truth_path,
 };
 pub use robots::{ROBOTS_MAX, SimulatedRobot, TooManyRobots, simulated_robots};
 

@@ -53,9 +53,21 @@ impl RecordingWriter {
         &mut self,
         message: &AckermannDriveStamped,
     ) -> Result<(), RecordingError> {
-        let stamp_ns = message.header.stamp.as_ns();
+        self.wheel_odometry_at(message, message.header.stamp.as_ns())
+    }
+
+    /// Writes a drive sample, logged when it arrived, ns.
+    ///
+    /// # Errors
+    /// When it can't be written.
+    pub fn wheel_odometry_at(
+        &mut self,
+        message: &AckermannDriveStamped,
+        arrival_ns: i64,
+    ) -> Result<(), RecordingError> {
+        let times_ns = [arrival_ns, message.header.stamp.as_ns()];
         self.file
-            .write(self.wheel_odometry, [stamp_ns; 2], &message.to_cdr())
+            .write(self.wheel_odometry, times_ns, &message.to_cdr())
     }
 
     /// Writes a scan, which is stamped at its first beam and logged when its last was taken.
@@ -63,11 +75,18 @@ impl RecordingWriter {
     /// # Errors
     /// When it can't be written.
     pub fn scan(&mut self, message: &LaserScan) -> Result<(), RecordingError> {
-        let stamp_ns = message.header.stamp.as_ns();
         let scan_s = f64::from(message.time_increment) * message.ranges.len() as f64;
-        let log_time_ns = stamp_ns.saturating_add((scan_s * 1e9) as i64);
-        self.file
-            .write(self.scan, [log_time_ns, stamp_ns], &message.to_cdr())
+        let stamp_ns = message.header.stamp.as_ns();
+        self.scan_at(message, stamp_ns.saturating_add((scan_s * 1e9) as i64))
+    }
+
+    /// Writes a scan, logged when it arrived, ns.
+    ///
+    /// # Errors
+    /// When it can't be written.
+    pub fn scan_at(&mut self, message: &LaserScan, arrival_ns: i64) -> Result<(), RecordingError> {
+        let times_ns = [arrival_ns, message.header.stamp.as_ns()];
+        self.file.write(self.scan, times_ns, &message.to_cdr())
     }
 
     /// Writes the true pose of `base` in the world, logged at its stamp.

@@ -104,7 +104,7 @@ wrong_inputs! {
     FewReturns, "few_returns", "Ranges beyond 1 m are lost";
     OneRange, "one_range", "No return sent as 29.96 m";
     OwnBody, "own_body", "Seven beams in ten hit the robot";
-    BeamTimes, "beam_times", "time_increment a third of the truth";
+    BeamTimes, "beam_times", "Time from beam to beam a third of the truth";
     RepeatedScans, "repeated_scans", "Each scan twice, under two stamps";
     TwoFrames, "two_frames", "Two scanners on one topic, of two frames";
     Segments, "segments", "A topic of segments of 30°";

@@ -6,6 +6,7 @@
 pub mod agent;
 pub mod calibrate;
 mod connection;
+pub mod doctor;
 mod height_band;
 mod known_map;
 pub mod map_server;
@@ -15,6 +16,7 @@ mod progress;
 mod recording;
 pub mod replay;
 mod report;
+mod robot_arguments;
 pub mod schema;
 mod session_record;
 pub mod signals;
@@ -45,6 +47,8 @@ use crate::map_server::MapRefused;
 /// A command at work. It is compiled in this crate, and not in the one that awaits it.
 pub type Boxed<'a> = Pin<Box<dyn Future<Output = Result<(), CommandError>> + 'a>>;
 
+/// What the shell is told when a check named a cause.
+pub const EXIT_FOUND: u8 = 1;
 /// What the shell is told when the caller can mend it.
 pub const EXIT_USAGE: u8 = 2;
 /// What the shell is told when a recording cannot be used.
@@ -192,6 +196,12 @@ pub enum CommandError {
     /// A task of the command ended early.
     #[error("a task of the command ended early: {0}")]
     Task(#[from] tokio::task::JoinError),
+    /// The joining checks named causes, which were printed.
+    #[error("{causes} found wrong with the recording")]
+    Found {
+        /// How many.
+        causes: usize,
+    },
     /// The document could not be written as JSON.
     #[error("cannot write the result: {0}")]
     Json(#[from] serde_json::Error),
@@ -229,6 +239,7 @@ impl CommandError {
             | Self::OneRobot { .. }
             | Self::Record(_)
             | Self::OverRecording(_) => EXIT_USAGE,
+            Self::Found { .. } => EXIT_FOUND,
             Self::Task(_) | Self::Figure(_) => EXIT_FAILED,
             Self::Unusable { .. } => EXIT_DATA,
         }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use fleetcal_fleet::decode::MessageRefused;
 use fleetcal_fleet::{Intake, Taken};
 use fleetcal_model::Stream;
 use fleetcal_proto::RecordingTopic;
@@ -77,17 +78,36 @@ impl RecordedStream {
 
     /// Decodes and checks a message; `None` when it is refused, which is counted.
     pub fn take(&mut self, intake: &mut Intake, message: &RecordedMessage) -> Option<Taken> {
+        self.read(intake, message).ok()
+    }
+
+    /// The same, with the reason of a refusal.
+    ///
+    /// # Errors
+    /// One sentence: the stream, the field, its value and what is accepted.
+    pub fn read(
+        &mut self,
+        intake: &mut Intake,
+        message: &RecordedMessage,
+    ) -> Result<Taken, MessageRefused> {
         self.messages += 1;
-        match intake.take(self.stream, self.form, &message.payload) {
-            Ok(taken) => Some(taken),
-            Err(refused) => {
-                self.refused += 1;
-                if self.first_refusal.is_none() {
-                    self.first_refusal = Some(refused.to_string());
-                }
-                None
-            }
+        let taken = intake.take(self.stream, self.form, &message.payload);
+        if let Err(refused) = &taken {
+            self.refused += 1;
+            self.first_refusal
+                .get_or_insert_with(|| refused.to_string());
         }
+        taken
+    }
+
+    /// Its topic.
+    pub fn topic(&self) -> &str {
+        &self.topic
+    }
+
+    /// The stream, and the form of its messages.
+    pub fn kind(&self) -> (Stream, Form) {
+        (self.stream, self.form)
     }
 
     /// How many were refused and why, in one sentence; `None` when none was.

@@ -6,6 +6,7 @@ use serde_json::{Map, Value, json};
 use utoipa::ToSchema;
 
 use crate::CommandError;
+use crate::doctor::DoctorReport;
 use crate::odometry::OdometrySummary;
 use crate::output::print_json;
 
@@ -28,6 +29,8 @@ pub enum JsonOutput {
     Calibrate,
     /// `fleetcal odometry --json`.
     Odometry,
+    /// `fleetcal doctor --json`.
+    Doctor,
 }
 
 /// Prints the schema (JSON Schema, draft 2020-12).
@@ -50,6 +53,7 @@ fn schema_of(output: JsonOutput) -> Result<Value, CommandError> {
         JsonOutput::Odometry => {
             document::<OdometrySummary>("odometry", OdometrySummary::SCHEMA_VERSION)
         }
+        JsonOutput::Doctor => document::<DoctorReport>("doctor", DoctorReport::SCHEMA_VERSION),
     }
 }
 

@@ -10,9 +10,10 @@ use fleetcal_proto::signing::{PublicKey, TrustedKeys};
 use fleetcal_proto::{KeyRoot, Keys};
 use fleetcal_robot::Connection;
 use fleetcal_robot::fleet::{
-    FleetOptions, RobotSummary, SimulatedRobot, record, run_fleet, simulated_robots, truth_path,
+    FleetOptions, RobotSummary, SimulatedRobot, record_wrong, run_fleet, simulated_robots,
+    truth_path,
 };
-use fleetcal_robot::simulator::Imperfections;
+use fleetcal_robot::simulator::{Imperfections, WrongInput};
 use tokio_util::sync::CancellationToken;
 
 use crate::output::print_text;
@@ -63,6 +64,10 @@ pub struct Arguments {
     /// it; a recording's truth names it
     #[arg(long, value_name = "FILE")]
     pub imperfections: Option<PathBuf>,
+    /// Wrong inputs of the recording by name, as an integrator makes them: `steering_sign,degrees`; its
+    /// truth names them
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', requires = "record", value_parser = wrong_input)]
+    pub wrong: Vec<WrongInput>,
     /// First chunk of every key
     #[arg(long, value_name = "CHUNK", default_value = "fleet", value_parser = KeyRoot::parse)]
     pub root: KeyRoot,
@@ -85,9 +90,20 @@ async fn perform(arguments: &Arguments, clock: SharedClock) -> Result<(), Comman
         return print_text(&robots.iter().map(entry).collect::<String>());
     }
     match &arguments.record {
-        Some(path) => record_one(&robots, arguments.duration, path.clone()).await,
+        Some(path) => record_one(&robots, arguments, path.clone()).await,
         None => drive(robots, arguments, clock).await,
     }
+}
+
+/// A wrong input that shows in a recording of scans.
+fn wrong_input(name: &str) -> Result<WrongInput, String> {
+    let is_of_scans = |input: &WrongInput| input.needs_scans() != Some(false);
+    let found = WrongInput::by_name(name).filter(is_of_scans);
+    found.ok_or_else(|| {
+        let all = WrongInput::ALL.iter().filter(|input| is_of_scans(input));
+        let names: Vec<&str> = all.map(|input| input.name()).collect();
+        format!("expected one of {}", names.join(", "))
+    })
 }
 
 /// A robot's part of `fleetcal.toml`.
@@ -130,7 +146,7 @@ fn make_imperfect(robots: &mut [SimulatedRobot], path: &Path) -> Result<(), Comm
 
 async fn record_one(
     robots: &[SimulatedRobot],
-    duration_s: f64,
+    arguments: &Arguments,
     path: PathBuf,
 ) -> Result<(), CommandError> {
     let [robot] = robots else {
@@ -139,8 +155,10 @@ async fn record_one(
         });
     };
     let (robot, recorded) = (robot.clone(), path.clone());
+    let (duration_s, wrong) = (arguments.duration, arguments.wrong.clone());
     let recording =
-        tokio::task::spawn_blocking(move || record(&robot, duration_s, &recorded)).await?;
+        tokio::task::spawn_blocking(move || record_wrong(&robot, duration_s, &recorded, &wrong))
+            .await?;
     let truth = recording?;
     print_text(&format!(
         "{}: {duration_s} s of {}, wheelbase {} m; the truth is in {}\n",

@@ -14,6 +14,7 @@ use crate::commanded::SteeringWatch;
 use crate::decode::{Decoded, MessageRefused};
 use crate::pairing::Pairing;
 use crate::reading::{self, Reading, ReadingSettings};
+use crate::sighting::Sighting;
 
 /// What one message came to.
 #[derive(Debug, Clone, PartialEq)]
@@ -103,6 +104,11 @@ impl Intake {
             steering_rad,
             events,
         })
+    }
+
+    /// What a message says before it is checked; `None` of one that cannot be decoded or is a note.
+    pub fn sight(&self, stream: Stream, form: Form, payload: &[u8]) -> Option<Sighting> {
+        reading::sight(stream, form, &self.settings, payload)
     }
 
     /// How well steering and speed fit together, of a robot that sends them apart.

@@ -7,10 +7,12 @@ use fleetcal_model::Stream;
 use fleetcal_proto::encoding::Encoding;
 use fleetcal_proto::message_type::{Form, MessageType};
 use fleetcal_proto::ros::{
-    AckermannDriveStamped, Header, JointState, Odometry, PoseStamped, RosMessage, TwistStamped,
+    AckermannDriveStamped, Header, JointState, LaserScan, Odometry, PointCloud2, PoseStamped,
+    RosMessage, TwistStamped,
 };
 
 use crate::decode::{self, Decoded, MessageRefused};
+use crate::sighting::{Sighted, Sighting};
 
 /// What a robot's messages are, where they do not say so themselves.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -101,6 +103,23 @@ pub fn read(
     }
 }
 
+/// What a payload says, whatever it is worth; `None` of one that cannot be decoded or is a note.
+pub fn sight(
+    stream: Stream,
+    form: Form,
+    settings: &ReadingSettings,
+    payload: &[u8],
+) -> Option<Sighting> {
+    let of = settings.message_type(stream, form)?;
+    let message = Message {
+        stream,
+        encoding: form.encoding,
+        payload,
+        joints: settings.streams.joints(),
+    };
+    message.sighting(of).ok()
+}
+
 /// A payload and what is needed to read it.
 struct Message<'m> {
     stream: Stream,
@@ -116,8 +135,9 @@ impl Message<'_> {
             .map_err(|source| MessageRefused::Payload { stream, source })
     }
 
-    fn steering(&self, of: MessageType) -> Result<Half, MessageRefused> {
-        let (header, angle_rad) = match of {
+    /// The steering angle as it was sent.
+    fn sent_steering(&self, of: MessageType) -> Result<(Header, f64), MessageRefused> {
+        Ok(match of {
             MessageType::JointState => {
                 let message: JointState = self.decoded()?;
                 let angle_rad = self.steering_of(&message)?;
@@ -128,16 +148,12 @@ impl Message<'_> {
                 (message.header, f64::from(message.drive.steering_angle))
             }
             other => return Err(MessageRefused::of_type(self.stream, other)),
-        };
-        let sample = self.sample(&header, 0.0, angle_rad)?;
-        Ok(Half {
-            stamp: sample.stamp(),
-            value: angle_rad,
         })
     }
 
-    fn speed(&self, of: MessageType) -> Result<Half, MessageRefused> {
-        let (header, speed_mps) = match of {
+    /// The speed as it was sent.
+    fn sent_speed(&self, of: MessageType) -> Result<(Header, f64), MessageRefused> {
+        Ok(match of {
             MessageType::Odometry => {
                 let message: Odometry = self.decoded()?;
                 (message.header, message.twist.twist.linear.x)
@@ -156,7 +172,20 @@ impl Message<'_> {
                 (message.header, f64::from(message.drive.speed))
             }
             other => return Err(MessageRefused::of_type(self.stream, other)),
-        };
+        })
+    }
+
+    fn steering(&self, of: MessageType) -> Result<Half, MessageRefused> {
+        let (header, angle_rad) = self.sent_steering(of)?;
+        let sample = self.sample(&header, 0.0, angle_rad)?;
+        Ok(Half {
+            stamp: sample.stamp(),
+            value: angle_rad,
+        })
+    }
+
+    fn speed(&self, of: MessageType) -> Result<Half, MessageRefused> {
+        let (header, speed_mps) = self.sent_speed(of)?;
         let sample = self.sample(&header, speed_mps, 0.0)?;
         Ok(Half {
             stamp: sample.stamp(),
@@ -172,6 +201,46 @@ impl Message<'_> {
             stamp: sample.stamp(),
             event: Event::WheelOdometry(sample),
             note: None,
+        })
+    }
+
+    fn sighting(&self, of: MessageType) -> Result<Sighting, MessageRefused> {
+        Ok(match self.stream {
+            Stream::Steering => {
+                let (header, steering) = self.sent_steering(of)?;
+                Sighting::of_wheels(&header, None, Some(steering))
+            }
+            Stream::Speed => {
+                let (header, speed) = self.sent_speed(of)?;
+                Sighting::of_wheels(&header, Some(speed), None)
+            }
+            Stream::WheelOdometry => {
+                let (header, steering) = self.sent_steering(of)?;
+                let (_, speed) = self.sent_speed(of)?;
+                Sighting::of_wheels(&header, Some(speed), Some(steering))
+            }
+            Stream::Scan if of == MessageType::LaserScan => {
+                let message: LaserScan = self.decoded()?;
+                let scan_time_s = f64::from(message.scan_time);
+                Sighting::of(&message.header, Sighted::Scan { scan_time_s })
+            }
+            Stream::Scan => {
+                let message: PointCloud2 = self.decoded()?;
+                Sighting::of(&message.header, Sighted::Scan { scan_time_s: 0.0 })
+            }
+            Stream::LidarOdometry if of == MessageType::PoseStamped => {
+                let message: PoseStamped = self.decoded()?;
+                Sighting::of_pose(&message.header, &message.header.frame_id, &message.pose)
+            }
+            Stream::LidarOdometry => {
+                let message: Odometry = self.decoded()?;
+                Sighting::of_pose(&message.header, &message.child_frame_id, &message.pose.pose)
+            }
+            Stream::Event => {
+                return Err(MessageRefused::Alone {
+                    stream: Stream::Event,
+                });
+            }
         })
     }
 

@@ -18,7 +18,7 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 use fleetcal_command::{
-    EXIT_FAILED, EXIT_IO, EXIT_USAGE, agent, calibrate, odometry, replay, schema, simulate,
+    EXIT_FAILED, EXIT_IO, EXIT_USAGE, agent, calibrate, doctor, odometry, replay, schema, simulate,
 };
 use fleetcal_config::ConfigError;
 use fleetcal_domain::access::{
@@ -51,6 +51,8 @@ pub struct Cli {
 pub enum Command {
     /// Calibrates the robot of a recording
     Calibrate(calibrate::Arguments),
+    /// Names what is wrong with the inputs of a recording
+    Doctor(doctor::Arguments),
     /// Writes the LiDAR's trajectory of a recording, by LiDAR odometry alone
     Odometry(odometry::Arguments),
     /// Runs the service

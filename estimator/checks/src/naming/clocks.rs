@@ -28,8 +28,8 @@ pub(super) fn suspicions(motion: &Motion, known: &Known, found: &mut Vec<Suspici
     let by_steering = steering.correlation > 0.85
         && (steering.sigma_s < speed.sigma_s || speed.correlation < 0.7);
     let used = if by_steering { steering } else { speed };
-    let apart_s = known.aligned_s + used.lag_s;
-    let both = (speed.lag_s - steering.lag_s).abs()
+    let apart_s = known.aligned_s + used.late_s;
+    let both = (speed.late_s - steering.late_s).abs()
         < 0.1 + 2.0 * (speed.sigma_s + steering.sigma_s)
         && speed.sigma_s < 0.2
         && speed.correlation > 0.8;
@@ -37,7 +37,7 @@ pub(super) fn suspicions(motion: &Motion, known: &Known, found: &mut Vec<Suspici
         let unexplained = |correlation: f64| 1.0 - correlation * correlation;
         let is_better =
             unexplained(lag.unshifted) > LESS_UNEXPLAINED * unexplained(lag.correlation);
-        lag.correlation > AGREES && (is_better || lag.lag_s.abs() < APART_MIN_S)
+        lag.correlation > AGREES && (is_better || lag.late_s.abs() < APART_MIN_S)
     };
     let is_apart = apart_s.abs() > APART_MIN_S && both && agrees(used);
     if is_apart {

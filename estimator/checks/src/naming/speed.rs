@@ -36,102 +36,110 @@ const EXPLAINED: f64 = 0.85;
 const BACKWARDS_RAD: f64 = 2.1;
 /// Shares of driving against the sign that are neither noise nor all of it.
 const FLIPPED: std::ops::Range<f64> = 0.01..0.99;
+/// No LiDAR is mounted so near the rear axle's middle, m and rad.
+const BASE_MAX: f64 = 0.01;
 /// A drawing's yaw is wrong by no more, rad.
 const NOMINAL_OFF_RAD: f64 = 0.5 * PI;
 
 /// Names what is wrong with the speed; says whether the rest can be judged by it.
 pub(super) fn suspicions(motion: &Motion, known: &Known, found: &mut Vec<Suspicion>) -> bool {
-    let mut say = |cause, seen| found.push(Suspicion::new(cause, seen));
-    let is_moving = motion.fast_mps > STANDS_MPS;
-    if is_moving && motion.sent_largest_mps < 1e-3 {
-        say(
-            Cause::SpeedZero,
-            "the LiDAR moves and the speed is 0 all the time".to_owned(),
-        );
+    if let Some(dead) = dead(motion, known) {
+        found.push(dead);
         return false;
     }
-    if !is_moving {
-        let ahead_m = known.wheels_way_m - known.way_m;
-        if motion.sent_largest_mps > 0.1 && motion.fast_mps < 0.02 && ahead_m > STANDS_WAY_MIN_M {
-            let (wheels_m, way_m) = (known.wheels_way_m, known.way_m);
-            say(
-                Cause::LidarStands,
-                format!(
-                    "the wheels drove {wheels_m:.1} m and the LiDAR {way_m:.1} m, and it stands"
-                ),
-            );
-        }
-        return false;
-    }
-    let is_steady = motion.sent_spread_mps < 1e-3 * motion.sent_mean_mps.abs();
-    if is_steady && motion.speed_spread_mps > 0.1 * motion.fast_mps {
-        let speed = motion.sent_mean_mps;
-        say(
-            Cause::SpeedStuck,
-            format!("the speed stays at {speed:.3} while the LiDAR's changes"),
-        );
-        return false;
-    }
-    let Some(mount) = motion.mount else {
+    let Some(mount) = motion.mount.filter(|_| motion.fast_mps > STANDS_MPS) else {
         return false;
     };
     if mount.blind > 0.1 && mount.blind_rows >= 15 {
         let below = mount.blind_below_mps;
-        say(
-            Cause::SpeedBlind,
-            format!("the speed is 0 while the LiDAR moves at up to {below:.2} m/s"),
-        );
+        let seen = format!("the speed is 0 while the LiDAR moves at up to {below:.2} m/s");
+        found.push(Suspicion::new(Cause::SpeedBlind, seen));
     }
-    if let Some(seen) = unit(&mount) {
-        say(Cause::SpeedUnit, seen);
-    }
-    let flips =
-        FLIPPED.contains(&mount.flipped) && mount.flipped * mount.straight_rows as f64 > 8.0;
-    if flips && motion.sent_negative < 0.002 && mount.explained > 0.3 {
-        let share = 100.0 * mount.flipped;
-        say(
-            Cause::SpeedUnsigned,
-            format!(
-                "in {share:.0} % of the driving the LiDAR goes backwards, and the speed is never negative"
-            ),
-        );
+    found.extend(unit(&mount).map(|seen| Suspicion::new(Cause::SpeedUnit, seen)));
+    if let Some(unsigned) = unsigned(motion, &mount) {
+        found.push(unsigned);
         return false;
     }
-    let yaw_deg = mount.yaw_rad.to_degrees();
-    let is_drawn_otherwise =
-        |yaw_rad: f64| wrap_angle_rad(mount.yaw_rad - yaw_rad).abs() > NOMINAL_OFF_RAD;
-    let seems_backwards = mount.explained > EXPLAINED_NEAR
-        && known
-            .nominal_yaw_rad
-            .map_or(mount.yaw_rad.abs() > BACKWARDS_RAD, is_drawn_otherwise);
-    let parity = motion
+    found.extend(direction(motion, &mount, known));
+    found.extend(of_base(&mount, known));
+    true
+}
+
+/// A speed that stays the same, or a LiDAR that does.
+fn dead(motion: &Motion, known: &Known) -> Option<Suspicion> {
+    let is_moving = motion.fast_mps > STANDS_MPS;
+    let ahead_m = known.wheels_way_m - known.way_m;
+    let stands =
+        motion.fast_mps < 0.02 && motion.sent_largest_mps > 0.1 && ahead_m > STANDS_WAY_MIN_M;
+    let is_steady = motion.sent_spread_mps < 1e-3 * motion.sent_mean_mps.abs();
+    let (cause, seen) = if stands {
+        let (wheels_m, way_m) = (known.wheels_way_m, known.way_m);
+        let seen =
+            format!("the wheels drove {wheels_m:.1} m and the LiDAR {way_m:.1} m, and it stands");
+        (Cause::LidarStands, seen)
+    } else if is_moving && motion.sent_largest_mps < 1e-3 {
+        let seen = "the LiDAR moves and the speed is 0 all the time".to_owned();
+        (Cause::SpeedZero, seen)
+    } else if is_moving && is_steady && motion.speed_spread_mps > 0.1 * motion.fast_mps {
+        let speed = motion.sent_mean_mps;
+        let seen = format!("the speed stays at {speed:.3} while the LiDAR's changes");
+        (Cause::SpeedStuck, seen)
+    } else {
+        return None;
+    };
+    Some(Suspicion::new(cause, seen))
+}
+
+fn unsigned(motion: &Motion, mount: &Mount) -> Option<Suspicion> {
+    let flips =
+        FLIPPED.contains(&mount.flipped) && mount.flipped * mount.straight_rows as f64 > 8.0;
+    let is_so = flips && motion.sent_negative < 0.002 && mount.explained > 0.3;
+    is_so.then(|| {
+        let share = 100.0 * mount.flipped;
+        let seen = format!("in {share:.0} % of the driving the LiDAR goes backwards, and the speed is never negative");
+        Suspicion::new(Cause::SpeedUnsigned, seen)
+    })
+}
+
+/// A LiDAR that moves against the speed: by the speed's sign, by both signs, or since it looks backwards.
+fn direction(motion: &Motion, mount: &Mount, known: &Known) -> Option<Suspicion> {
+    let steering = motion
         .steering
         .as_ref()
-        .filter(|steering| steering.explained > 0.6);
-    if let Some(steering) = parity.filter(|_| seems_backwards) {
-        let seen = format!(
-            "the LiDAR moves backwards when the speed is positive (yaw {yaw_deg:.1} degrees)"
-        );
-        if steering.curve.slope() < 0.0 {
-            say(Cause::SpeedSign, seen);
-        } else {
-            say(
-                Cause::Backwards,
-                format!("{seen}, and the steering goes with it"),
-            );
-        }
+        .filter(|steering| steering.explained > 0.6)?;
+    let is_drawn_otherwise =
+        |yaw_rad: f64| wrap_angle_rad(mount.yaw_rad - yaw_rad).abs() > NOMINAL_OFF_RAD;
+    let seems_backwards = known
+        .nominal_yaw_rad
+        .map_or(mount.yaw_rad.abs() > BACKWARDS_RAD, is_drawn_otherwise);
+    if !seems_backwards || mount.explained < EXPLAINED_NEAR {
+        return None;
     }
-    let is_base = mount.x_m.abs() < 0.01 && mount.y_m.abs() < 0.01 && mount.yaw_rad.abs() < 0.01;
-    if known.sends_poses && is_base && mount.explained > EXPLAINED {
-        let (x, y) = (mount.x_m, mount.y_m);
-        say(
-            Cause::BasePose,
-            format!(
-                "the poses move as the rear axle does: x {x:.3} m, y {y:.3} m, yaw {yaw_deg:.2} degrees"
-            ),
-        );
+    let yaw_deg = mount.yaw_rad.to_degrees();
+    let seen =
+        format!("the LiDAR moves backwards when the speed is positive (yaw {yaw_deg:.1} degrees)");
+    Some(if steering.curve.slope() < 0.0 {
+        Suspicion::new(Cause::SpeedSign, seen)
+    } else {
+        Suspicion::new(
+            Cause::Backwards,
+            format!("{seen}, and the steering goes with it"),
+        )
+    })
+}
+
+/// Poses that move as the rear axle does.
+fn of_base(mount: &Mount, known: &Known) -> Option<Suspicion> {
+    let is_base =
+        mount.x_m.abs() < BASE_MAX && mount.y_m.abs() < BASE_MAX && mount.yaw_rad.abs() < BASE_MAX;
+    if !known.sends_poses || !is_base || mount.explained < EXPLAINED {
+        return None;
     }
-    true
+    let (x, y, yaw_deg) = (mount.x_m, mount.y_m, mount.yaw_rad.to_degrees());
+    let seen = format!(
+        "the poses move as the rear axle does: x {x:.3} m, y {y:.3} m, yaw {yaw_deg:.2} degrees"
+    );
+    Some(Suspicion::new(Cause::BasePose, seen))
 }
 
 fn unit(mount: &Mount) -> Option<String> {

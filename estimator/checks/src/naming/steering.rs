@@ -4,6 +4,7 @@ use fleetcal_estimator::VehicleModel;
 
 use super::Known;
 use crate::cause::Cause;
+use crate::curve::Curve;
 use crate::finding::Suspicion;
 use crate::motion::{Motion, Steering};
 
@@ -104,16 +105,22 @@ fn size(motion: &Motion, steering: &Steering, known: &Known) -> Option<Suspicion
     }
     let (gear, wheelbase) = (steering.gear?, steering.wheelbase?);
     let best = steering.curve.rms;
+    let is_as_good = |curve: &Curve| curve.rms < AS_GOOD * best;
+    // The slope of the freest curve is little worth where the angles were alike.
+    let is_right = |curve: &Curve, turns: f64| is_as_good(curve) && accepted.contains(&turns);
+    if is_right(&gear, gear.gear.abs()) || is_right(&wheelbase, wheelbase.c.abs()) {
+        return None;
+    }
     let lead = (wheelbase.rms / gear.rms).ln();
     let wheelbase_m = known.wheelbase_m / wheelbase.c.abs();
-    let (cause, seen) = if turns < 0.2 || (lead > BETTER && gear.rms < AS_GOOD * best) {
+    let (cause, seen) = if turns < 0.2 || (lead > BETTER && is_as_good(&gear)) {
         let seen = format!(
             "the vehicle turns {:.4} times as much as the angle says: that of a column or motor, gear {:.2}",
             gear.gear.abs(),
             1.0 / gear.gear.abs()
         );
         (Cause::SteeringGear, seen)
-    } else if lead < -BETTER && wheelbase.rms < AS_GOOD * best {
+    } else if lead < -BETTER && is_as_good(&wheelbase) {
         let seen = format!(
             "the vehicle turns like one of {wheelbase_m:.2} m, not {:.2} m{}",
             known.wheelbase_m,
@@ -211,12 +218,12 @@ fn delay(motion: &Motion, steering: &Steering) -> Option<Suspicion> {
     if !is_clear {
         return None;
     }
-    let leads_s = speed.lag_s - angle.lag_s;
+    let leads_s = speed.late_s - angle.late_s;
     let beyond = |least_s: f64, delay_s: f64| delay_s - DELAY_SIGMAS * sigma_s > least_s;
     let both_ms = |delay_s: f64| (1e3 * delay_s, 2e3 * sigma_s);
-    let speed_is_alone = angle.lag_s.abs() < 0.06 && speed.lag_s.abs() > 0.08;
+    let speed_is_alone = angle.late_s.abs() < 0.06 && speed.late_s.abs() > 0.08;
     let (cause, seen) = if speed_is_alone && beyond(SPEED_LATE_MIN_S, leads_s.abs()) {
-        let (late, sigma) = both_ms(speed.lag_s);
+        let (late, sigma) = both_ms(speed.late_s);
         (
             Cause::SpeedLate,
             format!("the speed shows each change {late:.0} ± {sigma:.0} ms after LiDAR and angle"),

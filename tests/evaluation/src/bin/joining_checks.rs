@@ -17,7 +17,7 @@ struct Arguments {
     #[arg(long, default_value_t = 5)]
     seeds: u64,
     /// Robots of each imperfection and route.
-    #[arg(long, default_value_t = 4)]
+    #[arg(long, default_value_t = 5)]
     correct_seeds: u64,
     /// Imperfections by name; every one when none is given.
     #[arg(long, value_delimiter = ',')]
