@@ -113,6 +113,11 @@ impl Patience {
         self.suspected.sort_by_key(|one| one.cause.index());
     }
 
+    /// Whether a cause is suspected that is not named yet.
+    pub fn suspects(&self) -> bool {
+        self.suspected.iter().any(|one| one.named.is_none())
+    }
+
     /// Causes that are named.
     pub fn named(&self) -> impl Iterator<Item = Finding> {
         self.suspected.iter().filter_map(|one| {

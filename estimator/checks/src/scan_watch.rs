@@ -1,7 +1,6 @@
 //! Content of scans: units, returns, own body, repetition and the times of beams.
 
 use std::f64::consts::TAU;
-use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 
 use fleetcal_estimator::Scan;
 
@@ -56,11 +55,7 @@ impl ScanWatch {
     /// Takes a scan and the time from one scan to the next that it states, s (0 for none).
     pub fn take(&mut self, scan: &Scan, scan_time_s: f64) {
         let shape = scan.shape();
-        let mut hasher = DefaultHasher::new();
-        for range in scan.ranges_m() {
-            range.to_bits().hash(&mut hasher);
-        }
-        let content = hasher.finish();
+        let content = content_of(scan.ranges_m());
         let is_turned = (shape.angle_min_rad - self.first_beam_rad).abs() > SEGMENT_STEP_RAD;
         if self.scans > 0 {
             self.repeated += u64::from(content == self.last_content);
@@ -218,6 +213,14 @@ impl ScanWatch {
     pub fn memory_bytes(&self) -> usize {
         self.body.beams.capacity() * size_of::<Spread>()
     }
+}
+
+/// A number that is another one where a range is.
+fn content_of(ranges_m: &[f32]) -> u64 {
+    let mix = |content: u64, range: &f32| {
+        (content.rotate_left(5) ^ u64::from(range.to_bits())).wrapping_mul(0x9e37_79b9_7f4a_7c15)
+    };
+    ranges_m.iter().fold(0, mix)
 }
 
 /// Beams that are followed.

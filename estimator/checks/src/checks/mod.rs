@@ -17,11 +17,12 @@ use crate::stamps::AgeWatch;
 use crate::steering_wrap::SteeringWrap;
 use crate::stream::{StreamReport, StreamWatch, away_s};
 
-/// The LiDAR's way from one look at the motion to the next, m.
-const LOOK_EVERY_M: f64 = 2.5;
+/// The LiDAR's way from one look at the motion to the next, m: nearer ones while a cause is suspected.
+const LOOK_EVERY_M: f64 = 5.0;
+const LOOK_EVERY_SUSPECTED_M: f64 = 2.5;
 /// The same where the LiDAR stands: the way of the wheels, m.
 const LOOK_EVERY_WHEELS_M: f64 = 5.0;
-/// Time from one look at the streams to the next, s.
+/// Time from one look at the streams or the motion to the next, s.
 const LOOK_EVERY_S: f64 = 1.0;
 /// Time of both streams from which their ages are compared, s, and messages of each.
 const ALIGNED_AFTER_S: f64 = 3.0;
@@ -65,6 +66,7 @@ pub struct Checks {
     began_ns: Option<i64>,
     now_ns: i64,
     looked_at_ns: i64,
+    looked_at_motion_ns: i64,
     /// Whether the streams are such that their motion can be judged.
     is_sound: bool,
     ages: AgeWatch,
@@ -94,6 +96,7 @@ impl Checks {
             began_ns: None,
             now_ns: 0,
             looked_at_ns: 0,
+            looked_at_motion_ns: 0,
             is_sound: true,
             ages: AgeWatch::default(),
             scans: ScanWatch::default(),
@@ -255,7 +258,7 @@ impl Checks {
         Moment {
             way_m: self
                 .way_m
-                .max(self.wheels_way_m.min(self.way_m + 2.0 * LOOK_EVERY_M)),
+                .max(self.wheels_way_m.min(self.way_m + LOOK_EVERY_M)),
             time_s: away_s(self.began_ns.unwrap_or_default(), self.now_ns),
         }
     }
@@ -330,12 +333,21 @@ impl Checks {
             let velocity = [step.x, step.y, step.z].map(|length| length / time_s);
             self.grid.take_motion(from_s, to_s, velocity);
         }
-        if self.way_m > self.looked_way_m + LOOK_EVERY_M {
+        let way_m = if self.patience.suspects() {
+            LOOK_EVERY_SUSPECTED_M
+        } else {
+            LOOK_EVERY_M
+        };
+        if self.way_m > self.looked_way_m + way_m {
             self.look_at_motion();
         }
     }
 
     fn look_at_motion(&mut self) {
+        if away_s(self.looked_at_motion_ns, self.now_ns) < LOOK_EVERY_S {
+            return;
+        }
+        self.looked_at_motion_ns = self.now_ns;
         self.looked_way_m = self.way_m;
         self.looked_wheels_way_m = self.wheels_way_m;
         if !self.is_sound {

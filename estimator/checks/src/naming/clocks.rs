@@ -39,8 +39,9 @@ pub(super) fn suspicions(motion: &Motion, known: &Known, found: &mut Vec<Suspici
             unexplained(lag.unshifted) > LESS_UNEXPLAINED * unexplained(lag.correlation);
         lag.correlation > AGREES && (is_better || lag.late_s.abs() < APART_MIN_S)
     };
-    let is_apart = apart_s.abs() > APART_MIN_S && both && agrees(used);
-    if is_apart {
+    // What was aligned by arrival already is named by that.
+    let is_apart = used.late_s.abs() > APART_MIN_S && both && agrees(used);
+    if is_apart && apart_s.abs() > APART_MIN_S {
         let seen = format!(
             "scans are stamped {:+.2} s against the wheels: the motion agrees then ({:.2}){}",
             -apart_s,
