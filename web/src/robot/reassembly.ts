@@ -21,7 +21,8 @@ export const VERDICTS: Record<Verdict, Face> = {
     word: 'Unchanged',
     shape: 'check',
     tone: 'good',
-    meaning: 'What was learnt since agrees with what was known just before, within its uncertainty.',
+    meaning:
+      'What was learnt since agrees with what was known just before, within its uncertainty.',
   },
   changed: {
     word: 'Changed',
