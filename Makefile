@@ -173,8 +173,10 @@ test-postgres-contract: build-for-tests ## What PostgreSQL has to do, as SQLite 
 test-postgres: build-for-tests python ## Unit tests and end-to-end tests with all services on PostgreSQL: 10 minutes
 	env -u FLEETCAL_DATA FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) \
 	  tests/postgres/with_server.sh $(CARGO) test --release --locked --workspace --no-fail-fast \
-	  --lib --test store --test postgres --test end_to_end -- --test-threads 2 --skip calibrate:: --skip durability:: \
-	  --skip lidar_odometry:: --skip load:: --skip recordings:: --skip a_backup_of_a_running_service_can_be_served \
+	  --lib --test store --test postgres -- --test-threads 2 --skip only_its_owner_reads_the_database
+	env -u FLEETCAL_DATA FLEETCAL_BIN=$(abspath $(BIN)) FLEETCAL_PYTHON=$(PYTHON) \
+	  tests/postgres/with_server.sh $(CARGO) test --release --locked --workspace --no-fail-fast --test end_to_end -- \
+	  --test-threads 2 service:: http:: agent:: zenoh:: plain_robots:: --skip a_backup_of_a_running_service_can_be_served \
 	  --skip a_database_whose_log_is_gone --skip a_signing_key_without_its_database \
 	  --skip only_its_owner_reads_the_database
 
