@@ -62,7 +62,7 @@ pub struct Arguments {
         requires = "record"
     )]
     pub start_stamp: i32,
-    /// Turn the robots' LiDARs by so much to the left, in degrees: the same robots after a knock or
+    /// Turn each robot's LiDAR by so much to the left, in degrees: the same robot after a knock or
     /// a reassembly
     #[arg(
         long,
