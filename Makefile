@@ -329,6 +329,11 @@ OLD ?= e58c1a8
 cost-ratio: rust ## CPU time of odometry, filter and detection against the commit OLD, in the same run
 	estimator/benches/cost_ratio.sh $(OLD) HEAD
 
+.PHONY: same-bits
+same-bits: OLD = main
+same-bits: rust ## Every value, sigma, status and event against the commit or program OLD, bit for bit, on DRIVES=49 simulated drives and on recordings (FLEETCAL_DATA): a minute beside the builds
+	CARGO=$(CARGO) tests/evaluation/same_bits.sh $(OLD) $(DRIVES)
+
 .PHONY: evaluation
 evaluation: rust ## The paper's evaluation and more: writes docs/evaluation.md, half an hour on two cores
 	$(CARGO) build --release --locked -p fleetcal --bin fleetcal
