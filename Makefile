@@ -304,8 +304,8 @@ audit: rust ## Dependencies: unmaintained ones with reasons, licences, bans, sou
 	fi
 
 .PHONY: bench
-bench: rust ## Benchmarks of the estimator's stages
-	$(CARGO) bench --locked -p fleetcal-estimator
+bench: rust ## Benchmarks of the odometry's and the estimator's stages
+	$(CARGO) bench --locked -p fleetcal-odometry -p fleetcal-estimator
 
 .PHONY: build-loop
 build-loop: rust ## The developer's loop on an idle machine: touches a file, builds the binary, prints the time
