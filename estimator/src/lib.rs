@@ -34,7 +34,7 @@ pub use fleetcal_odometry::{
     LidarOdometry, OccupancyGrid, lidar_odometry, occupancy_grid, point_cloud,
 };
 pub use merge::{JUMP_BACK_MIN_S, MergerPosition};
-pub use settings::{EstimatorSettings, Freedom, Measurement};
+pub use settings::{EstimatorSettings, Freedom};
 pub use stream::{DriveSample, Effect, Event, LidarPose, Note, NoteKind, RobotTime, Scan};
 pub use trust::without_range_scale;
 pub use vehicle::{Vehicle, VehicleModel};
