@@ -30,7 +30,7 @@ pub use record::{
     RECORD_DURATION_MAX_S, RecordError, RecordedTruth, RecordedVehicle, TrueSegment, record,
     truth_path,
 };
-pub use robots::{ROBOTS_MAX, SimulatedRobot, TooManyRobots, simulated_robots};
+pub use robots::{ROBOTS_MAX, START_STAMP_S, SimulatedRobot, TooManyRobots, simulated_robots};
 
 use crate::agent::TransitionRefused;
 use crate::connection::Connection;

@@ -7,7 +7,7 @@ use axum::Json;
 use axum::extract::State;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
-use fleetcal_cluster::{Cluster, Member, Membership};
+use fleetcal_cluster::{Cluster, InstanceId, Member, Membership};
 use fleetcal_domain::limits;
 use fleetcal_store::Store;
 use serde::Serialize;
@@ -71,7 +71,8 @@ pub(super) struct Readiness {
     /// Whether the Zenoh session is open and, of an instance of a cluster, reaches a router. The detail
     /// also says when all places of sessions are taken, and who has the most.
     zenoh: Check,
-    /// Whether this instance is one of its cluster; absent where one service has all robots.
+    /// Whether this instance is one of its cluster; absent where one service has all robots. The detail also
+    /// names the instances that it does not hear over Zenoh.
     #[serde(skip_serializing_if = "Option::is_none")]
     cluster: Option<Check>,
 }
@@ -170,6 +171,13 @@ fn joined(cluster: &Cluster, membership: &Membership) -> Result<(), String> {
     }
 }
 
+/// Instances that this one does not hear, in words.
+fn unheard(membership: &Membership) -> Option<String> {
+    let unheard = own_member(membership)?.hearing.unheard_instances;
+    let names: Vec<_> = unheard.iter().map(InstanceId::as_str).collect();
+    (!names.is_empty()).then(|| format!("not heard over Zenoh: {}", names.join(", ")))
+}
+
 /// This instance as its row says.
 fn own_member(membership: &Membership) -> Option<Member> {
     let cluster = membership.cluster()?;
@@ -210,7 +218,11 @@ pub(super) async fn readyz(
     };
     let zenoh = zenoh(&api);
     let cluster = api.membership.cluster();
-    let cluster = cluster.map(|cluster| Check::of(joined(cluster, &api.membership)));
+    let mut cluster = cluster.map(|cluster| Check::of(joined(cluster, &api.membership)));
+    if let Some(check) = cluster.as_mut().filter(|check| check.ok) {
+        // Robots go to whoever hears them: it is ready all the same.
+        check.detail = unheard(&api.membership);
+    }
     let survives_machine_loss = if answers {
         survival(&api.store).await
     } else {

@@ -135,7 +135,7 @@ pub(super) async fn list_events(
 #[schema(as = NewEvent)]
 #[serde(deny_unknown_fields)]
 pub(super) struct NewEventDocument {
-    /// What happened. After `reassembled` the calibration is compared with the stored one.
+    /// What happened. After `reassembled` the calibration is compared with the one known just before.
     kind: NoteKind,
     /// When, by the robot's clock, as it is shown; its latest estimate's time unless given. It counts from
     /// the moment at which it is noted.

@@ -31,7 +31,7 @@ pub enum DeploymentState {
     Failed,
     /// No robot took it in time.
     TimedOut,
-    /// It was taken back before any robot could see it.
+    /// It was taken back before the robot had applied it.
     Withdrawn,
     /// The former values are on their way to the robot.
     RollingBack,
@@ -71,11 +71,13 @@ pub enum DeploymentEvent {
     TimeOut,
     /// The former values shall come back.
     RollBack,
+    /// It shall not be applied: the robot goes on with what it uses.
+    Withdraw,
 }
 
 impl DeploymentEvent {
     /// All of them.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Offer,
         Self::Applied,
         Self::Refused,
@@ -88,6 +90,7 @@ impl DeploymentEvent {
         Self::TooLittleMotion,
         Self::TimeOut,
         Self::RollBack,
+        Self::Withdraw,
     ];
 }
 

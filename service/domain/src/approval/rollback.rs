@@ -171,19 +171,13 @@ impl Draft<'_> {
         let Some(before) = self.outcome.ledger.live.clone() else {
             return self.return_to_verified(reason);
         };
-        let action = DeploymentAction::RollBack;
-        if before.state == DeploymentState::Queued {
-            return self.withdraw_queued(&before, rollback, reason);
-        }
-        let state = before.state.after(DeploymentEvent::RollBack)?;
-        let Some(base) = before.base.clone() else {
-            if before.state == DeploymentState::Offered {
-                // A robot that has taken it goes back by itself: nobody confirms it.
-                let event = DeploymentEvent::TimeOut;
-                return self.advance(&before, before.clone(), event, action, Some(reason));
+        let base = match (before.state, before.base.clone()) {
+            (DeploymentState::Queued, _) | (DeploymentState::Offered, None) => {
+                return self.withdraw(&before, rollback, reason);
             }
-            return Err(Refused::NothingToReturnTo);
+            (_, base) => base.ok_or(Refused::NothingToReturnTo)?,
         };
+        let state = before.state.after(DeploymentEvent::RollBack)?;
         let approved = before.earlier.first().unwrap_or(&before.offer).revision;
         self.decline(approved);
         let revision = self.revision_of(&base, Some(approved));
@@ -207,13 +201,14 @@ impl Draft<'_> {
             &before,
             live,
             DeploymentEvent::RollBack,
-            action,
+            DeploymentAction::RollBack,
             Some(reason),
         )
     }
 
-    /// Takes back what no robot has seen: it goes on with the values that it uses.
-    fn withdraw_queued(
+    /// Takes back what no robot has seen, or what has no way back: the robot goes on with the values that it
+    /// uses. One that has taken it meanwhile goes back by itself: nobody confirms it.
+    fn withdraw(
         &mut self,
         before: &Deployment,
         rollback: Rollback,
@@ -227,7 +222,7 @@ impl Draft<'_> {
             reason: reason.clone(),
             values: base.values,
         });
-        let (event, action) = (DeploymentEvent::RollBack, DeploymentAction::RollBack);
+        let (event, action) = (DeploymentEvent::Withdraw, DeploymentAction::RollBack);
         self.advance(before, live, event, action, Some(reason))
     }
 
