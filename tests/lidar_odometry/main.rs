@@ -7,7 +7,7 @@ use fleetcal_tests::odometry::{messages, odometry};
 use fleetcal_tests::{binary, recording};
 use tempfile::TempDir;
 
-/// Every scan of a simulated drive fits.
+/// Checks that every scan of a simulated drive fits.
 #[test]
 fn every_simulated_scan_is_tracked() {
     let folder = TempDir::new().expect("a folder");
@@ -24,8 +24,9 @@ fn every_simulated_scan_is_tracked() {
     }
 }
 
-/// CPU time of a scan of 1024 beams, from its message to its pose, deskew and map upkeep included:
-/// a tenth of `small_gicp`'s, which `estimator/benches/peers/compare.py` measures in the same run.
+/// Measures the CPU time of a scan of 1024 beams, from its message to its pose, deskew and map
+/// upkeep included: a tenth of `small_gicp`'s, which `estimator/benches/peers/compare.py` measures
+/// in the same run.
 #[test]
 fn a_scan_takes_no_more_than_a_tenth_of_the_next_best_engines_time() {
     const MEDIAN_MAX_MS: f64 = 0.137;

@@ -13,16 +13,16 @@ type State = SVector<f64, 7>;
 type Covariance = SMatrix<f64, 7, 7>;
 type Jacobian = SMatrix<f64, 3, 7>;
 
-/// How the measurement is written.
+/// Form of the measurement's equations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Equations {
     /// The paper's expanded equations, letter by letter.
     AsPrinted,
-    /// Its compact equation `X^-1 B_0^-1 B_k X`, expanded rightly.
+    /// Its compact equation `X^-1 B_0^-1 B_k X`, expanded correctly.
     Compact,
 }
 
-/// What the paper calls tunable.
+/// Tunable parameters of the paper.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tuning {
     /// Standard deviation of a speed, m/s.
@@ -37,7 +37,7 @@ pub struct Tuning {
     pub yaw_rad: f64,
 }
 
-/// What is believed at the start: the mount, its uncertainty (m and rad) and that of the steering offset.
+/// Belief at the start: the mount, its uncertainty (m and rad) and that of the steering offset.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Start {
     /// The mount.
@@ -50,7 +50,7 @@ pub struct Start {
     pub steering_rad: f64,
 }
 
-/// The filter.
+/// The paper's filter.
 #[derive(Debug, Clone)]
 pub struct PaperFilter {
     equations: Equations,
@@ -63,7 +63,7 @@ pub struct PaperFilter {
 }
 
 impl PaperFilter {
-    /// A filter before its first LiDAR pose.
+    /// Makes a filter before its first LiDAR pose.
     pub fn new(equations: Equations, tuning: Tuning, start: &Start, wheelbase_m: f64) -> Self {
         let Start {
             mount,
@@ -90,17 +90,18 @@ impl PaperFilter {
         }
     }
 
-    /// Extrinsics (m, m, rad) and steering offset (rad).
+    /// Returns extrinsics (m, m, rad) and steering offset (rad).
     pub fn values(&self) -> [f64; 4] {
         [self.state[3], self.state[4], self.state[5], self.state[6]]
     }
 
-    /// Their covariance.
+    /// Returns their covariance.
     pub fn covariance(&self) -> SMatrix<f64, 4, 4> {
         self.covariance.fixed_view::<4, 4>(3, 3).into_owned()
     }
 
-    /// The paper's prediction over `step_s`: `P = F P F' + G Q G'`. Nothing before the first pose.
+    /// Predicts over `step_s` as in the paper: `P = F P F' + G Q G'`. It does nothing before the
+    /// first pose.
     pub fn predict(&mut self, drive: DriveReading, step_s: f64) {
         if self.first.is_none() {
             return;
@@ -139,7 +140,7 @@ impl PaperFilter {
         }
     }
 
-    /// The paper's update with a LiDAR pose in its odometry frame; the first one is `L_0`.
+    /// Updates with a LiDAR pose in its odometry frame as in the paper; the first one is `L_0`.
     pub fn update(&mut self, lidar_in_odom: &Pose2) {
         let Some(first) = self.first else {
             self.first = Some(*lidar_in_odom);
@@ -169,7 +170,7 @@ impl PaperFilter {
         self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
     }
 
-    /// `h` and `H` as printed, with `B_0` the origin.
+    /// Returns `h` and `H` as printed, with `B_0` the origin.
     fn as_printed(&self) -> (Vector3<f64>, Jacobian) {
         let [dx, dy, turned, x, y, yaw, _] = self.state.data.0[0];
         let (sin_turned, cos_turned) = turned.sin_cos();
@@ -205,7 +206,7 @@ impl PaperFilter {
         (predicted, jacobian)
     }
 
-    /// `h` and `H` of `X^-1 B_k X`, with `B_0` the origin.
+    /// Returns `h` and `H` of `X^-1 B_k X`, with `B_0` the origin.
     fn compact(&self) -> (Vector3<f64>, Jacobian) {
         let [dx, dy, turned, x, y, yaw, _] = self.state.data.0[0];
         let (sin_turned, cos_turned) = turned.sin_cos();
@@ -296,7 +297,8 @@ mod tests {
         }
     }
 
-    /// A noiseless figure-eight by the filter's own Euler steps: it must find its own truth.
+    /// Drives a noiseless figure-eight by the filter's own Euler steps, on which it must find its
+    /// own truth.
     #[test]
     fn it_finds_a_mount_on_data_of_its_own_model() {
         let (mount, offset_rad) = (Pose2::new(0.434, 0.02, 0.05), 0.02);
