@@ -445,6 +445,10 @@ screenshots: build chromium ## Takes the pictures in docs/ from the running demo
 release: dashboard rust ## Static binary, Debian package, container image, notices, SBOM and checksums in target/packages
 	packaging/release.sh
 
+.PHONY: sbom
+sbom: node rust ## Bills of materials (CycloneDX) of the program and its dashboard, in target/sbom (compiles cargo-cyclonedx once)
+	packaging/sbom.sh target/sbom
+
 .PHONY: test-packages
 test-packages: ## Installs, upgrades and removes what `make release` made, and runs its container (root, Debian)
 	packaging/test_packages.sh
