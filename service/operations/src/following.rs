@@ -75,8 +75,8 @@ async fn follow(setup: FollowingSetup, mut last: AuditId, stop: CancellationToke
         }
         let followed = setup.step(&mut last).await;
         match (&followed, failing) {
-            (Err(error), false) => tracing::error!(%error, "what others decide is not seen"),
-            (Ok(()), true) => tracing::info!("what others decide is seen again"),
+            (Err(error), false) => tracing::error!(%error, "others' decisions cannot be read"),
+            (Ok(()), true) => tracing::info!("others' decisions are read again"),
             _ => {}
         }
         failing = followed.is_err();
@@ -143,7 +143,7 @@ impl FollowingSetup {
             if let Some(config) = record.and_then(|record| record.config)
                 && let Err(refused) = self.fleet.configure(robot, config)
             {
-                tracing::error!(robot.id = %robot, %refused, "a robot finds no room here");
+                tracing::error!(robot.id = %robot, %refused, "the robots exceed the limit");
             }
         }
         let ledgers: Vec<_> = outdated.ledgers.into_iter().collect();

@@ -114,7 +114,7 @@ pub enum StoreError {
         source: DriverError,
     },
     /// Failure of a commit, whose outcome is unknown.
-    #[error("the database could not commit what was written; it may or may not have kept it")]
+    #[error("the commit failed; the database may or may not have stored it")]
     Commit(#[source] DriverError),
     /// Robot that another instance estimates by now.
     #[error("robot {0} is estimated by another instance by now")]

@@ -118,7 +118,7 @@ impl<J, T> Liveness<J, T> {
             let for_s = overtaken_for.as_secs();
             tracing::error!(
                 for_s,
-                "the writer does not write, though the database takes writes"
+                "the writer does not write, though the database accepts writes"
             );
         }
     }

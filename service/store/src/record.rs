@@ -221,7 +221,7 @@ pub enum EventKind {
     PowerOn,
     /// New session, as the robot's clock jumped back.
     SessionStarted,
-    /// First or new configuration of the robot: its estimator started anew.
+    /// First or new configuration of the robot: its estimator started from scratch.
     Configured,
     /// Restart of the robot's estimator after a failure.
     EstimatorRestarted,

@@ -98,7 +98,7 @@ fn words(alert: &Alert) -> String {
     match alert.condition.name() {
         ConditionName::Pending | ConditionName::Alerting => what.clone(),
         ConditionName::Recovering => format!("not seen any more: {what}"),
-        ConditionName::NoData => format!("when the robot was last heard: {what}"),
+        ConditionName::NoData => format!("at the robot's last message: {what}"),
         ConditionName::Normal => format!("over; it was: {what}"),
     }
 }

@@ -125,7 +125,7 @@ fn look(kind: AlertKind, situation: &Situation<'_>) -> Seen {
                 let since_ns = situation.now.ns_since(at_ns);
                 let lasts = (0..FAULT_LASTS_NS).contains(&since_ns);
                 Seen::firing_if(lasts, || {
-                    format!("the estimator told a fault of the {cause}")
+                    format!("the estimator reported a fault of the {cause}")
                 })
             }
             None => Seen::Clear,

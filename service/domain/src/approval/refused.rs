@@ -11,7 +11,7 @@ use super::proposal::{Proposal, ProposalState};
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Refused {
     /// Proposal that is decided.
-    #[error("proposal: got a {} one, expected an open one", state.as_str())]
+    #[error("the proposal is {}", state.as_str())]
     ProposalClosed {
         /// State of the proposal.
         state: ProposalState,
@@ -57,7 +57,7 @@ pub enum Refused {
     )]
     ReassemblyOpen,
     /// Second deployment while another is under way.
-    #[error("deployment: got a second one, expected one at a time: {deployment} of this robot is {}", state.as_str())]
+    #[error("deployment {deployment} of this robot is {} already; one at a time is possible", state.as_str())]
     Underway {
         /// Deployment under way.
         deployment: DeploymentId,
@@ -78,7 +78,7 @@ pub enum Refused {
     #[error("reason: got nothing, expected why, in words")]
     ReasonMissing,
     /// Roll-back without known former values.
-    #[error("nothing is known that the robot could go back to; propose values instead")]
+    #[error("no earlier values of the robot are known; propose values instead")]
     NothingToReturnTo,
     /// Roll-back without an earlier verified calibration.
     #[error("the robot has no earlier verified calibration than the one it uses")]

@@ -41,7 +41,7 @@ impl RobotConfig {
 }
 
 impl Basis {
-    /// Keys of a robot's configuration that differ from `other` and make its estimate start anew;
+    /// Keys of a robot's configuration that differ from `other` and restart its estimate;
     /// empty if it continues.
     pub fn differs_in(&self, other: &Self) -> Vec<&'static str> {
         let (own, others) = (&self.calibrator, &other.calibrator);

@@ -108,7 +108,7 @@ impl TryFrom<Pose2> for Mount {
 #[cfg(feature = "openapi")]
 #[derive(utoipa::ToSchema)]
 #[schema(as = Mount)]
-#[expect(dead_code, reason = "what OpenAPI says of the limits of a Mount")]
+#[expect(dead_code, reason = "the OpenAPI schema of a Mount's limits")]
 struct MountSchema {
     /// Position forward of the frame's origin, m.
     #[schema(minimum = -30.0, maximum = 30.0)]
@@ -125,7 +125,7 @@ struct MountSchema {
 #[cfg(feature = "openapi")]
 #[derive(utoipa::ToSchema)]
 #[schema(as = SpeedMeasuredAt, rename_all = "snake_case")]
-#[expect(dead_code, reason = "what OpenAPI says of SpeedMeasuredAt")]
+#[expect(dead_code, reason = "the OpenAPI schema of SpeedMeasuredAt")]
 enum SpeedMeasuredAtSchema {
     /// Centre of the rear axle.
     RearAxle,
@@ -139,7 +139,7 @@ enum SpeedMeasuredAtSchema {
 #[cfg(feature = "openapi")]
 #[derive(utoipa::ToSchema)]
 #[schema(as = RearWheel)]
-#[expect(dead_code, reason = "what OpenAPI says of SpeedMeasuredAt")]
+#[expect(dead_code, reason = "the OpenAPI schema of SpeedMeasuredAt")]
 struct RearWheelSchema {
     /// Distance of the wheel to the left of the axle's centre, m.
     lateral_m: f64,

@@ -16,7 +16,7 @@ use super::cross_track::CrossTrack;
 pub enum ServiceEventKind {
     /// New session, as the robot's clock jumped back by more than 5 s.
     SessionStarted,
-    /// First or new configuration of the robot: its estimator starts anew.
+    /// First or new configuration of the robot: its estimator starts from scratch.
     Configured,
     /// Restart of the estimator after a panic.
     EstimatorRestarted,

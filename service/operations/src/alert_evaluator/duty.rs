@@ -58,7 +58,7 @@ pub(super) async fn watch(evaluator: AlertEvaluator, mut live: broadcast::Receiv
         };
         match seen.await {
             Ok(()) => had_duty = true,
-            Err(error) => tracing::error!(%error, "the alerts could not be brought up to date"),
+            Err(error) => tracing::error!(%error, "the alerts could not be updated"),
         }
     }
 }
@@ -77,7 +77,7 @@ impl Memory {
                 }
                 Ok(_) => {}
                 Err(TryRecvError::Lagged(lost)) => {
-                    tracing::warn!(lost, "live updates passed the alert evaluator by");
+                    tracing::warn!(lost, "the alert evaluator missed live updates");
                 }
                 Err(TryRecvError::Empty | TryRecvError::Closed) => return,
             }

@@ -68,7 +68,7 @@ impl Job for Observe {
         {
             tracing::info!(
                 instance = seat.instance.as_str(),
-                "another instance watches for alerts now"
+                "another instance evaluates the alerts now"
             );
             return Ok(Vec::new());
         }

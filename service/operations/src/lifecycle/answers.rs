@@ -22,7 +22,7 @@ impl Lifecycle {
         let now = self.inner.clock.elapsed();
         if !self.inner.answers.put(robot, applied, now) {
             self.inner.lost_answers.fetch_add(1, Ordering::Relaxed);
-            self.log_loss(robot, "an answer was lost beyond the robot's limit", "");
+            self.log_loss(robot, "an answer beyond the robot's limit was dropped", "");
         }
     }
 
@@ -98,7 +98,7 @@ pub(super) async fn hear(lifecycle: Lifecycle) {
         };
         if !lifecycle.may_store(&robot, &applied) {
             lifecycle.inner.lost_answers.fetch_add(1, Ordering::Relaxed);
-            lifecycle.log_loss(&robot, "an answer was lost beyond the robot's limit", "");
+            lifecycle.log_loss(&robot, "an answer beyond the robot's limit was dropped", "");
             continue;
         }
         let actor = Actor::robot(&robot);

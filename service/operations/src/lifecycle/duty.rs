@@ -42,7 +42,7 @@ impl Lifecycle {
                     notes::bring(&self.inner.store, &self.inner.fleet, &view.id).await
             {
                 self.inner.fleet.want_notes(&view.id);
-                tracing::error!(robot.id = %view.id, %error, "notes are not brought");
+                tracing::error!(robot.id = %view.id, %error, "notes cannot be passed on");
             }
             let Some(command) = self.due(&view, now) else {
                 continue;
@@ -52,10 +52,10 @@ impl Lifecycle {
                 Ok(_) => {}
                 // Somebody was faster; the next look sees what is due then.
                 Err(refused @ (StoreError::Refused(_) | StoreError::Fenced(_))) => {
-                    tracing::debug!(robot.id = %view.id, %refused, "what was due does not fit");
+                    tracing::debug!(robot.id = %view.id, %refused, "a due command does not fit");
                 }
                 Err(error) => {
-                    tracing::error!(robot.id = %view.id, %error, "what was due was not done");
+                    tracing::error!(robot.id = %view.id, %error, "a due command failed");
                 }
             }
         }

@@ -129,7 +129,7 @@ impl Ownership {
             let of_ended = |row: &&fleetcal_cluster::Ownership| row.owner.as_ref() == Some(&ended);
             let robots = snapshot.robots.values().filter(of_ended).count();
             let from = ended.instance.clone();
-            tracing::warn!(instance = %from.as_str(), robots, "an instance was taken for dead");
+            tracing::warn!(instance = %from.as_str(), robots, "an instance was declared dead");
             let at = setup.clock.now();
             self.inner.cluster.took_over(Takeover { from, at, robots });
         }
@@ -281,7 +281,7 @@ impl Ownership {
             setup.lifecycle.tell_fleet_again(&tenure.robot);
         }
         setup.store.adopted(&robots);
-        tracing::info!(robots = robots.len(), "robots taken on");
+        tracing::info!(robots = robots.len(), "robots taken over");
         Ok(())
     }
 
@@ -296,7 +296,7 @@ impl Ownership {
             let subscribed = setup.fleet.subscribed(robot);
             let in_time = tokio::time::timeout(limits::CLUSTER_SUBSCRIBED_WITHIN, subscribed);
             if in_time.await.is_err() {
-                tracing::warn!(robot.id = %robot, "not subscribed to in time, and tried again");
+                tracing::warn!(robot.id = %robot, "subscribing took too long, and is tried again");
                 return Ok(());
             }
         }
@@ -342,7 +342,7 @@ impl Ownership {
         self.end(&robots).await?;
         tracing::warn!(
             robots = robots.len(),
-            "robots given up: no router is reached, or the clock is too far from the database's"
+            "robots released: no router is connected, or the clock is too far off the database's"
         );
         self.inner.registry.free(seat, &robots).await
     }
@@ -368,7 +368,7 @@ impl Ownership {
         self.note_connected(None);
         tracing::warn!(
             robots = had.len(),
-            "this instance was taken for dead, and joins again"
+            "this instance was declared dead, and joins again"
         );
         self.drop_robots(&had.keys().collect::<Vec<_>>()).await;
     }

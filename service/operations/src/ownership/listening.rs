@@ -32,12 +32,12 @@ impl Ownership {
 fn note_unheard(unheard: &BTreeSet<InstanceId>) {
     let names: Vec<_> = unheard.iter().map(InstanceId::as_str).collect();
     if names.is_empty() {
-        tracing::info!("all other instances are heard over Zenoh again");
+        tracing::info!("all other instances are received over Zenoh again");
         return;
     }
     let instances = names.join(", ");
     tracing::warn!(
         instances,
-        "other instances are not heard over Zenoh: robots go to who hears them"
+        "other instances are not received over Zenoh: robots go to one that receives them"
     );
 }

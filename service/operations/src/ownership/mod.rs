@@ -128,7 +128,7 @@ impl Ownership {
         self.inner.tasks.close();
         self.inner.tasks.wait().await;
         if let Err(error) = self.give_up_everything().await {
-            tracing::warn!(%error, "the cluster was not left in order: it waits for the lease's end");
+            tracing::warn!(%error, "the instance did not leave the cluster: its lease has to end");
         }
     }
 

@@ -50,6 +50,6 @@ async fn look_up(url: &PeerUrl, addresses: &mut BTreeSet<IpAddr>) {
         Ok(found) => {
             *addresses = found.map(|address| address.ip().to_canonical()).collect();
         }
-        Err(error) => tracing::warn!(%url, %error, "where an instance is could not be looked up"),
+        Err(error) => tracing::warn!(%url, %error, "an instance's address was not resolved"),
     }
 }

@@ -131,7 +131,7 @@ impl WebhookDispatcher {
                         busy.remove(&webhook);
                     }
                     Err(error) => {
-                        tracing::error!(%error, "an attempt to tell a webhook failed");
+                        tracing::error!(%error, "an attempt at a delivery failed");
                         // Which one it was is not said; none is sent to twice meanwhile.
                         if under_way.is_empty() {
                             busy.clear();
@@ -149,7 +149,7 @@ impl WebhookDispatcher {
             let due = match self.inner.store.due_deliveries(now).await {
                 Ok(due) => due,
                 Err(error) => {
-                    tracing::error!(%error, "what is to be told could not be read");
+                    tracing::error!(%error, "the due deliveries could not be read");
                     continue;
                 }
             };
@@ -167,7 +167,7 @@ impl WebhookDispatcher {
         let webhook = due.delivery.webhook;
         let attempt = self.attempt(&due).await;
         if let Err(error) = self.write_down(&due, attempt).await {
-            tracing::error!(%error, "an attempt to tell a webhook was not written down");
+            tracing::error!(%error, "an attempt at a delivery was not stored");
             // Not at once again: the database is in trouble.
             tokio::time::sleep(limits::WEBHOOK_LOOK_EVERY).await;
         }

@@ -47,7 +47,7 @@ impl Post {
     pub(super) fn new() -> Self {
         let client = tls().map_err(|error| error.to_string()).map(client);
         if let Err(error) = &client {
-            tracing::error!(%error, "webhooks cannot be told: there is no TLS");
+            tracing::error!(%error, "webhooks cannot be sent: TLS is unavailable");
         }
         Self { client }
     }

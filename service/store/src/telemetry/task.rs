@@ -235,7 +235,7 @@ impl<W: TelemetryWriter> TelemetryTask<W> {
 
 fn answer(reply: Reply, result: Result<(), StoreError>) {
     if reply.send(result).is_err() {
-        tracing::debug!("nobody waited for the end of a write any more");
+        tracing::debug!("the caller of a write no longer waits for its end");
     }
 }
 

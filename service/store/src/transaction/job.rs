@@ -117,7 +117,7 @@ impl<J: Job> Attempt for Asked<J> {
         let done = self.done.unwrap_or(Err(StoreError::Closed));
         let answer = committed.and(done);
         if self.reply.send(answer).is_err() {
-            tracing::debug!("nobody waited for the end of a job any more");
+            tracing::debug!("the caller of a job no longer waits for its end");
         }
     }
 }

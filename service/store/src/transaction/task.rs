@@ -75,7 +75,7 @@ impl<W: RecordWriter> JobsTask<W> {
         }
         for closer in self.closers {
             if closer.send(closed.clone()).is_err() {
-                tracing::debug!("nobody waited for the store to close");
+                tracing::debug!("the caller no longer waits for the store to close");
             }
         }
     }
