@@ -1,4 +1,4 @@
-//! Due work of the lifecycle, each second.
+//! Due commands of the lifecycle, each second.
 
 use std::time::Duration;
 
@@ -12,10 +12,10 @@ use tokio::time::MissedTickBehavior;
 use super::Lifecycle;
 use crate::notes;
 
-/// How often the records are looked at.
+/// Interval of the checks of the records.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 
-/// Looks at every robot's records until the lifecycle stops.
+/// Checks every robot's records until the lifecycle stops.
 pub(super) async fn attend(lifecycle: Lifecycle) {
     let mut ticks = tokio::time::interval(LOOK_EVERY);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -29,7 +29,7 @@ pub(super) async fn attend(lifecycle: Lifecycle) {
 }
 
 impl Lifecycle {
-    /// Looks once at every robot's records and does what is due.
+    /// Checks every robot's records once, and applies due commands.
     pub(super) async fn look(&self) {
         let now = self.inner.clock.now();
         let membership = &self.inner.membership;
