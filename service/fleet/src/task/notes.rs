@@ -60,6 +60,7 @@ impl RobotTask {
             kind: NoteKind::Reassembled,
         };
         self.step_note(&note);
+        self.robot.set_reassembly_open(self.is_reassembly_open());
     }
 
     /// True if a reported reassembly waits for its verdict.

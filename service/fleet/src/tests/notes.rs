@@ -242,3 +242,33 @@ async fn notes_with_one_stamp_are_both_taken_and_each_once() {
     let counters = bench.view(ROBOT).counters;
     assert_eq!((counters.processed, counters.refused), (3, 0));
 }
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_open_reassembly_is_shown_after_another_configuration_before_any_message() {
+    let bench = bench(&[ROBOT]);
+    bench.send(ROBOT, Stream::WheelOdometry, &drive(0));
+    let event = RobotEvent {
+        kind: NoteKind::Reassembled,
+        stamp_ns: RobotTime(BEGIN_NS),
+        note: String::new(),
+    };
+    let payload = serde_json::to_vec(&event).unwrap();
+    bench.send(ROBOT, Stream::Event, &payload);
+    bench.worked_off(ROBOT).await;
+    let wheelbase = Wheelbase::try_from(1.3).unwrap();
+    let config = RobotConfig::of_vehicle(VehicleModel::Bicycle, wheelbase);
+    bench.fleet.configure(&id(ROBOT), config).unwrap();
+    let is_shown = || {
+        let view = bench.view(ROBOT);
+        view.estimate.is_none() && view.reassembly_open
+    };
+    for _ in 0..1_000 {
+        if is_shown() {
+            break;
+        }
+        tokio::time::sleep(Duration::from_millis(1)).await;
+    }
+    // It stays so: the task has begun again by then.
+    tokio::time::sleep(Duration::from_millis(50)).await;
+    assert!(is_shown(), "{:?}", bench.view(ROBOT));
+}
