@@ -24,6 +24,9 @@ impl Store {
     }
 
     /// True if there is any user.
+    ///
+    /// # Errors
+    /// The database's failure.
     pub async fn has_users(&self) -> Result<bool, StoreError> {
         Ok(!self.shared.reader.users(0, 1).await?.is_empty())
     }
