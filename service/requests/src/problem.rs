@@ -80,7 +80,7 @@ impl Problem {
 
     /// Makes the problem of a request whose handler failed.
     pub fn panicked() -> Self {
-        let detail = "the request made the service fail; its log says more";
+        let detail = "the service failed; its log has the details";
         Self::new(StatusCode::INTERNAL_SERVER_ERROR, "failed", detail)
     }
 
