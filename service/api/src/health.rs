@@ -175,8 +175,14 @@ fn joined(cluster: &Cluster, membership: &Membership) -> Result<(), String> {
     }
 }
 
-/// Check that this instance is a member of its cluster; absent for a single service. The detail also names
-/// the instances that this one does not receive over Zenoh.
+/// Instances that this one does not receive over Zenoh, as a sentence.
+fn unheard(membership: &Membership) -> Option<String> {
+    let unheard = own_member(membership)?.hearing.unheard_instances;
+    let names: Vec<_> = unheard.iter().map(InstanceId::as_str).collect();
+    (!names.is_empty()).then(|| format!("not heard over Zenoh: {}", names.join(", ")))
+}
+
+/// This instance's row.
 fn own_member(membership: &Membership) -> Option<Member> {
     let cluster = membership.cluster()?;
     cluster.snapshot().member(&cluster.seat()?).cloned()
