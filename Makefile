@@ -308,8 +308,8 @@ audit: rust ## Dependencies: unmaintained ones with reasons, licences, bans, sou
 	fi
 
 .PHONY: bench
-bench: rust ## Benchmarks of the estimator's stages
-	$(CARGO) bench --locked -p fleetcal-estimator
+bench: rust ## Benchmarks of the odometry's and the estimator's stages
+	$(CARGO) bench --locked -p fleetcal-odometry -p fleetcal-estimator
 
 .PHONY: build-loop
 build-loop: rust ## The developer's loop on an idle machine: touches a file, builds the binary, prints the time
@@ -332,6 +332,11 @@ OLD ?= e58c1a8
 .PHONY: cost-ratio
 cost-ratio: rust ## CPU time of odometry, filter and detection against the commit OLD, in the same run
 	estimator/benches/cost_ratio.sh $(OLD) HEAD
+
+.PHONY: same-bits
+same-bits: OLD = main
+same-bits: rust ## Every value, sigma, status and event against the commit or program OLD, bit for bit, on DRIVES=49 simulated drives and on recordings (FLEETCAL_DATA): a minute beside the builds
+	CARGO=$(CARGO) tests/evaluation/same_bits.sh $(OLD) $(DRIVES)
 
 .PHONY: evaluation
 evaluation: rust ## The paper's evaluation and more: writes docs/evaluation.md, half an hour on two cores

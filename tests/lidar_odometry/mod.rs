@@ -25,7 +25,7 @@ fn every_simulated_scan_is_tracked() {
 }
 
 /// CPU time of a scan of 1024 beams, from its message to its pose, deskew and map upkeep included:
-/// a tenth of `small_gicp`'s, which `estimator/benches/peers/compare.py` measures in the same run.
+/// a tenth of `small_gicp`'s, which `odometry/benches/peers/compare.py` measures in the same run.
 #[test]
 fn a_scan_takes_no_more_than_a_tenth_of_the_next_best_engines_time() {
     const MEDIAN_MAX_MS: f64 = 0.137;

@@ -12,7 +12,6 @@ use crate::filter::prior::Prior;
 use crate::filter::{Filter, OdometryReading, ParameterCovariance, Values};
 use crate::initial_guess::{agrees_with, initial_guess};
 use crate::lidar_odometry::MisledBy;
-use crate::settings::Measurement;
 use crate::stream::{Effect, RobotTime};
 use crate::trust::Trust;
 use crate::vehicle::SteeringResponse;
@@ -209,9 +208,7 @@ impl Calibrator {
         self.former_mount = None;
         self.failed_pass = None;
         self.session.began_in_motion = self.drove_throughout();
-        // The paper's filter knows none of what goes wrong on the way, and keeps its first anchor for ever.
-        let is_clone = config.settings.measurement == Measurement::Clone;
-        if self.session.began_in_motion && is_clone {
+        if self.session.began_in_motion {
             self.plan_second_pass(prior);
         }
         self.follow_again(Follower::new(filter), None);

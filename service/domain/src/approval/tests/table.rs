@@ -10,7 +10,7 @@ use crate::approval::{
     Deployment, DeploymentEvent, DeploymentState, InUse, ProposalEvent, ProposalState, Refused,
 };
 
-/// What a proposal becomes; `-` where the event is refused.
+/// States of a proposal after each event; `-` where it is refused.
 const PROPOSAL: &str = "
              ApproveInPart  Approve   Reject    Expire   Withdraw   Supersede   Refresh
 proposed     proposed       approved  rejected  expired  withdrawn  superseded  proposed
@@ -21,7 +21,7 @@ withdrawn    -              -         -         -        -          -           
 superseded   -              -         -         -        -          -           -
 ";
 
-/// What a deployment becomes; `-` where the event is refused.
+/// States of a deployment after each event; `-` where it is refused.
 const DEPLOYMENT: &str = "
                  Offer    Applied      Refused          Failed           Reverted
 queued           offered  -            -                -                -
@@ -72,7 +72,7 @@ rollback_failed  -                -             -
 kept             -                -             -
 ";
 
-/// The cells of a table: state, event, and what becomes of the state.
+/// Cells of a table: state, event, and the state after it.
 fn cells(text: &'static str) -> Vec<(&'static str, &'static str, &'static str)> {
     let mut cells = Vec::new();
     for block in text.split("\n\n") {

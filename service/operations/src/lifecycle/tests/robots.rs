@@ -197,7 +197,7 @@ async fn a_robot_gets_a_word_of_now_however_long_it_was_away() {
     }
 }
 
-/// Two computers with an agent of one robot: one refuses, the other one has applied.
+/// Case of two computers with an agent of one robot: one refuses, the other one has applied.
 #[tokio::test]
 async fn a_confirmation_says_which_answer_is_stored() {
     let bench = Bench::open(Policy::default()).await;
