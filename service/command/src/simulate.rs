@@ -1,5 +1,6 @@
 //! `fleetcal simulate`: closed-loop simulated robots on the wire, or a recording of one.
 
+use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -59,6 +60,9 @@ pub struct Arguments {
     /// What the robots' faults and the sensors' noise are drawn from
     #[arg(long, value_name = "S", default_value_t = 1)]
     pub seed: u64,
+    /// Seconds that pass for the robots in one of real time
+    #[arg(long, value_name = "TIMES", default_value_t = NonZeroU32::MIN, conflicts_with = "record")]
+    pub rate: NonZeroU32,
     /// What the estimator's model does not know of the robots, as examples/imperfections.toml lists
     /// it; a recording's truth names it
     #[arg(long, value_name = "FILE")]
@@ -170,6 +174,7 @@ async fn drive(
         keys: Keys::new(arguments.root.clone()),
         trusted,
         start_stamp_ns: clock.now().0,
+        rate: arguments.rate,
     };
     let stop = CancellationToken::new();
     let fleet = run_fleet(options, stop.clone());
