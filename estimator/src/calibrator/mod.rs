@@ -19,7 +19,7 @@ pub use top_view::{TopView, TopViewLimits, TrajectoryPoint};
 use comparison::{Comparison, Occasion};
 use drift::Baseline;
 use following::Waiting;
-use odometry_watch::OdometryWatch;
+use odometry_watch::{OdometryWatch, is_guess, of_open_direction};
 use second_pass::SecondPass;
 use session::Session;
 
@@ -28,7 +28,8 @@ use crate::advice::{Advice, Knowledge, advise};
 use crate::change::ChangeWatch;
 use crate::drive_history::DriveHistory;
 use crate::estimate::{
-    Change, Detection, DetectionState, Estimate, Parameter, ParameterEstimates, Segment,
+    Cause, Change, ChangeKind, Detection, DetectionState, Estimate, Parameter, ParameterEstimates,
+    Segment,
 };
 use crate::excitation::Excitation;
 use crate::filter::encoder::EncoderVariance;
@@ -36,9 +37,11 @@ use crate::filter::follow::Follower;
 use crate::filter::prior::Prior;
 use crate::filter::{Filter, OdometryReading, ParameterCovariance, STEERING_PLAY, Values};
 use crate::geometry::Pose2;
-use crate::lidar_odometry::{BeamTimes, LearntScanner, LidarOdometry, ScannerReport};
+use crate::lidar_odometry::{BeamTimes, LearntScanner, LidarOdometry, ScannerReport, Tracking};
 use crate::merge::{Merged, Merger, MergerPosition};
-use crate::stream::{DriveSample, Dropped, Effect, Event, LidarPose, Note, NoteKind, RobotTime};
+use crate::stream::{
+    DriveSample, Dropped, Effect, Event, LidarPose, Note, NoteKind, RobotTime, Scan,
+};
 use crate::trust::{Grounds, Trust, reported_covariance};
 
 /// How far back drive samples and LiDAR poses are kept, s.
@@ -317,6 +320,37 @@ impl Calibrator {
         }
     }
 
+    fn take_scan(&mut self, scan: &Scan, effects: &mut Vec<Effect>) {
+        let pose = self.lidar_odometry.process(scan);
+        let pose = pose.filter(|pose| pose.tracking != Tracking::Lost);
+        let is_guess = pose.as_ref().is_none_or(is_guess);
+        let (distance_m, time_s) = (self.session.distance_m, self.session.duration_s());
+        let lost_since_s = self.odometry_watch.note(is_guess, distance_m, time_s);
+        if let Some(onset_s) = lost_since_s
+            && !self.watch.has_fault()
+        {
+            self.report(ChangeKind::Fault, Cause::Odometry, onset_s, &[], effects);
+        }
+        let Some(pose) = pose else {
+            self.drop_message(Dropped::UnusableScan, effects);
+            return;
+        };
+        if let Some(by) = pose.misled_by {
+            self.unlearn(by);
+        }
+        let reading = OdometryReading {
+            stamp: pose.stamp,
+            lidar_in_odom: pose.lidar_in_odom,
+            covariance: pose.covariance + of_open_direction(pose.unconstrained_rad),
+        };
+        let restarted = pose.map_restarted || pose.tracking == Tracking::Recovered;
+        self.wait(Waiting {
+            reading,
+            is_guess,
+            restarted,
+            in_new_map: pose.map_restarted,
+        });
+    }
     fn take_pose(&mut self, pose: &LidarPose) {
         let settings = &self.config.settings;
         let own = nalgebra::Vector3::new(
