@@ -255,6 +255,23 @@ fn a_kidnap_within_the_map_is_said_and_found() {
 }
 
 #[test]
+fn after_the_clock_went_back_the_robot_is_looked_for_in_the_map_again() {
+    let drive = simulated(10, 7, 60);
+    let start = drive.scans[0].1;
+    let grid = drawn(&drive.world, 0.05, ALONG_AXES, start);
+    let mut odometry = LidarOdometry::with_map(&grid, start).unwrap();
+    driven(&mut odometry, &drive);
+    assert_eq!(odometry.process(&drive.scans[0].0), None);
+    odometry.begin_anew();
+    let again = driven(&mut odometry, &drive);
+    let is_found = |(pose, _): &(OdometryPose, _)| pose.tracking != Tracking::Lost;
+    let found = again.iter().position(is_found).unwrap();
+    assert!(found <= 16, "{found}");
+    let (_, largest_m, _) = errors(&again[found..]);
+    assert!(largest_m < 0.02, "{largest_m}");
+}
+
+#[test]
 fn what_the_map_lacks_is_learnt_beside_it() {
     let drive = simulated(3, 8, 400);
     let start = drive.scans[0].1;

@@ -6,6 +6,7 @@ mod bags;
 mod imperfect;
 mod known_map;
 mod messages;
+mod recorded;
 mod written;
 
 use std::fs;

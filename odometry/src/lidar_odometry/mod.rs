@@ -297,6 +297,24 @@ impl LidarOdometry {
         self
     }
 
+    /// Forgets where the LiDAR was and what it saw: the next scan may be of any time and from any place. The
+    /// scanner stays, and so does a map that was made before, in which the LiDAR is looked for around where
+    /// it was last.
+    pub fn begin_anew(&mut self) {
+        self.map.clear();
+        self.first_scan = None;
+        self.last_stamp = None;
+        self.floor.break_off();
+        let is_known = self.map.submap.known().is_some();
+        let last = self.motion.take().filter(|_| is_known);
+        self.motion = last.map(|last| Motion::searched(last.pose, None));
+        self.track = if is_known {
+            Track::in_known_map()
+        } else {
+            Track::default()
+        };
+    }
+
     /// The scanner's range noise as measured so far, m (one sigma).
     pub fn range_noise_m(&self) -> f64 {
         f64::from(self.range_noise_m)

@@ -6,27 +6,26 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Map, Value};
 
-/// Key that stored robots may have and nobody may give: the estimator makes one measurement alone.
+/// Key of stored robots that is refused in new settings: the estimator has a single form of measurement.
 const FORMER: &str = "measurement";
 
-/// The settings of `[estimator]` that one robot has otherwise: the keys that were given, each of which an
-/// estimator can work with.
+/// Settings of one robot that differ from `[estimator]`: the given keys, each checked to be valid.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(transparent)]
 pub struct OwnSettings(Map<String, Value>);
 
 impl OwnSettings {
-    /// These settings, and those of `usual` for every key that is not given.
+    /// Overlays these settings on `usual`, which gives every other key.
     ///
     /// # Errors
-    /// When the two contradict each other.
+    /// If the two contradict each other.
     pub fn over(&self, usual: &EstimatorSettings) -> Result<EstimatorSettings, SettingsRefused> {
         let settings = self.laid_over(usual);
         settings.check().map(|()| settings)
     }
 
-    /// What this robot's estimator works with. Where `[estimator]` came to contradict what the robot was given,
-    /// the program's own settings stand behind it instead.
+    /// Settings in use by this robot's estimator. If `[estimator]` has come to contradict the
+    /// robot's own settings, the program's defaults replace it.
     pub fn in_use(&self, usual: &EstimatorSettings) -> EstimatorSettings {
         let mut known = self.clone();
         known.0.remove(FORMER);
@@ -57,7 +56,7 @@ impl<'de> Deserialize<'de> for OwnSettings {
     }
 }
 
-/// Puts every value that is given in the place of the usual one, tables key by key.
+/// Overlays every given value on the usual one, tables key by key.
 fn lay(given: &Value, over: &mut Value) {
     match (given, over) {
         (Value::Null, _) => {}
