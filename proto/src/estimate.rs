@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use fleetcal_model::{
     CalibrationCovariance, Cause, ChangeKind, Consistency, Counts, Detection, Parameter,
-    ParameterStatus, Pose2, RobotId, RobotTime, Unit, VehicleModel,
+    ParameterStatus, Pose2, RobotId, RobotTime, SigmaTerm, Unit, VehicleModel,
 };
 use serde::{Deserialize, Serialize};
 
@@ -199,6 +199,9 @@ pub struct CalibrationReport {
     pub parameters: Parameters,
     /// Covariance of the errors of the four parameters of a calibration.
     pub covariance: CalibrationCovariance,
+    /// Terms of each sigma in `parameters`: why it is as wide as it is. None of a parameter that is off.
+    #[serde(default)]
+    pub sigma_terms: BTreeMap<Parameter, Vec<SigmaTerm>>,
     /// State of the detection of changes at the end, by cause.
     pub detection: Detection,
     /// Consistency of the filter.
@@ -268,6 +271,7 @@ mod tests {
             scans_rejected: 5,
             parameters: parameters(),
             covariance: CalibrationCovariance::default(),
+            sigma_terms: BTreeMap::new(),
             detection: Detection::of_all(DetectionState::Watching),
             consistency: Consistency::default(),
             events: vec![ChangeDocument {
@@ -304,6 +308,7 @@ mod tests {
                 "scans_rejected",
                 "schema_version",
                 "segments",
+                "sigma_terms",
                 "timing",
                 "vehicle"
             ]

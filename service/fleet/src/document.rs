@@ -67,6 +67,7 @@ pub fn report(robot: &RobotId, calibrator: &Calibrator, timing: Timing) -> Calib
         scans_rejected: estimate.counts.scans_rejected,
         parameters: parameters(&estimate.parameters),
         covariance: estimate.covariance,
+        sigma_terms: calibrator.sigma_terms(),
         detection: estimate.detection,
         consistency: estimate.consistency,
         events: calibrator.changes().iter().map(change_document).collect(),
